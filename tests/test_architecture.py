@@ -21,6 +21,7 @@ HEAVY = {
     "scipy": {
         "modal.eigen.product",
         "modal.statespace.hoisting",
+        "modal.statespace.travels",
         "modal.statespace.sampling",
         "modal.statespace.transfer",
         "modal.vibration",

@@ -6,7 +6,7 @@ with `style` and `layout`; each of the other modules makes one kind of figure.
 """
 
 from modal.plotting.coupling import coupling_figure, draw_coupling
-from modal.plotting.curves import draw_curves, pick
+from modal.plotting.curves import draw_curves, envelope, is_blob, pick
 from modal.plotting.films import MovingFigure, form_problems, frame_rate, require_writer, write_film
 from modal.plotting.free_body import free_body_tikz, plot_free_body
 from modal.plotting.hoisting import draw_hoist
@@ -31,61 +31,68 @@ from modal.plotting.layout import (
     mark_modes,
     side_by_side,
 )
-from modal.plotting.loci import axis_words, draw_loci, scale
+from modal.plotting.loci import draw_loci, scale
 from modal.plotting.modal_films import LOOP, film_modes
 from modal.plotting.response import bode_figure, draw_bode, draw_impulse
-from modal.plotting.shapes import MOST_PANELS, draw_shapes, shapes_figure
+from modal.plotting.shapes import MOST_PANELS, USUAL_PANELS, draw_shapes, shapes_figure
 from modal.plotting.sketches import sketch_figure
 from modal.plotting.sliders import slide
 from modal.plotting.style import (
-    DASHES,
+    COMPUTED,
     HUES,
+    MARKED,
     MOST_CURVES,
+    PREDICTED,
     QUIET,
+    UNSTABLE,
     WIDE,
     WIDTH,
     Picture,
     any_letters,
     colour,
-    dash,
     in_both_themes,
     ink,
     mixed,
     muted,
     narrowing,
     paper,
+    predicted,
     rest,
     save,
     shade,
     sheet,
+    spots,
     theme,
     thickness,
 )
-from modal.plotting.themes import Pair, pair_of, show_both_themes
+from modal.plotting.themes import ThemedPicture, pair_of, show_both_themes
+from modal.plotting.travels import draw_travel, travel_figure
 from modal.plotting.tuning import draw_tuning, tuning_figure
 
 __all__ = [
-    "DASHES",
+    "COMPUTED",
     "HUES",
     "LOOP",
+    "MARKED",
     "MOST_CURVES",
     "MOST_PANELS",
     "NUMBER",
+    "PREDICTED",
     "QUIET",
     "SMALL",
+    "UNSTABLE",
+    "USUAL_PANELS",
     "WIDE",
     "WIDTH",
     "MovingFigure",
-    "Pair",
     "Picture",
+    "ThemedPicture",
     "any_letters",
     "assurance_figure",
-    "axis_words",
     "bode_figure",
     "caption",
     "colour",
     "coupling_figure",
-    "dash",
     "draw_assurance",
     "draw_bode",
     "draw_coupling",
@@ -96,7 +103,9 @@ __all__ = [
     "draw_mode_fit",
     "draw_poles",
     "draw_shapes",
+    "draw_travel",
     "draw_tuning",
+    "envelope",
     "evenly",
     "film_modes",
     "form_problems",
@@ -106,6 +115,7 @@ __all__ = [
     "headline",
     "in_both_themes",
     "ink",
+    "is_blob",
     "key",
     "legend",
     "log_ticks",
@@ -119,6 +129,7 @@ __all__ = [
     "pick",
     "plot_free_body",
     "poles_figure",
+    "predicted",
     "require_writer",
     "rest",
     "save",
@@ -130,8 +141,10 @@ __all__ = [
     "side_by_side",
     "sketch_figure",
     "slide",
+    "spots",
     "theme",
     "thickness",
+    "travel_figure",
     "tuning_figure",
     "write_film",
 ]

@@ -14,7 +14,7 @@ from matplotlib.lines import Line2D
 from modal.coupling import Coupling, Family, StructureCoupling, family_name
 from modal.plotting.layout import SMALL, headline, key
 from modal.plotting.structure_coupling import structure_figure
-from modal.plotting.style import WIDE, colour, ink, muted, paper, save, sheet
+from modal.plotting.style import MARKED, WIDE, colour, ink, muted, paper, save, sheet
 from modal.scene import title_of
 from modal.types import Floats
 
@@ -25,10 +25,14 @@ TOP = 2.2
 """Range of the mass axis over the total mass."""
 LOGARITHMIC = 30.0
 """Ratio of frequencies from which their axis is logarithmic."""
+MOST_HEAVY, THINNEST = 8, 0.5
+"""Most poles whose lines have their full width, and the least part of it that lines of more have."""
+LOOSE = 0.5
+"""Strength of coupling up to which an enlargement about a pole shows its zero and no other."""
 FELT = r"dynamic mass $m_\mathrm{dyn}$ (kg)"
 MASSES = 81
-RISE = 2.5
-"""Top of the lower panel over the highest frequency of the scene, where a curve rises without limit."""
+RISE, LOW_RISE = 2.5, 1.4
+"""Top of the lower panel over the highest frequency of the scene, where a curve rises without limit; of many modes."""
 CART_MASS = r"mass of the cart $m_c$ (kg)"
 
 
@@ -57,9 +61,9 @@ def _finish(figure: Figure, coupling: Coupling) -> None:
     headline(figure, title_of(coupling.scene), what)
     entries = {
         "dynamic mass": Line2D([], [], color=curve()),
-        "poles: the cart stands still": Line2D([], [], color=pole(), ls="--", lw=1.1),
+        "poles: the cart stands still": Line2D([], [], color=pole(), ls=MARKED, lw=1.4),
         "zeros: the cart moves": Line2D([], [], color=zero(), marker="o", mec=paper()),
-        "mass for a fast push": Line2D([], [], color=muted(), ls=":", lw=0.9),
+        "mass for a fast push": Line2D([], [], color=muted(), ls=MARKED, lw=0.9),
     }
     entries = entries if coupling.on_cart else dict(list(entries.items())[:3])
     key(figure, list(entries.values()), list(entries))
@@ -93,7 +97,7 @@ def name(index: int) -> str:
 def crowded(coupling: Coupling) -> bool:
     """Whether poles are too close to be drawn one by one: more than MANY, or a band without room for their lines."""
     poles = coupling.dynamic.omega
-    low, high, wide = span(np.append(poles, [mode.omega for mode in coupling.cart_modes]))
+    low, high, wide = span(np.append(poles, [mode.omega for mode in coupling.cart_modes]), poles)
     share = np.ptp(np.log(poles)) / np.log(high / low) if wide else np.ptp(poles) / (high - low)
     return len(poles) > MANY or (len(poles) > 4 and bool(share < CLOSEST * len(poles)))
 
@@ -102,7 +106,7 @@ def draw_mass(axis: Axes, coupling: Coupling) -> None:
     """m_dyn over ω, its poles above and its zeros on the line m_dyn = 0."""
     dynamic, poles, whole = coupling.dynamic, coupling.dynamic.omega, coupling.dynamic.at_rest
     zeros = np.array([mode.omega for mode in coupling.cart_modes])
-    low, high, wide = span(np.concatenate([poles, zeros]))
+    low, high, wide = span(np.concatenate([poles, zeros]), poles)
     if not wide and dynamic(low)[0] > TOP * whole:
         low, high = 0.0, 1.5 * high
     axis.set(xlim=(low, high), ylim=(-1.2 * whole, TOP * whole), xscale="log" if wide else "linear")
@@ -110,13 +114,14 @@ def draw_mass(axis: Axes, coupling: Coupling) -> None:
     axis.yaxis.set_major_formatter("{x:g}")
     axis.axhline(0.0, color=ink(), lw=0.8)
     if coupling.on_cart:
-        axis.axhline(dynamic.at_infinity, color=muted(), lw=0.9, ls=":")
+        axis.axhline(dynamic.at_infinity, color=muted(), lw=0.9, ls=MARKED)
     crowd = crowded(coupling)
     omega = _grid(poles, zeros, low, high, wide)
     omega = omega[(omega <= poles[0]) | (omega >= poles[-1])] if crowd else omega
     mass = np.clip(dynamic(omega), -20 * whole, 20 * whole)
     mass[np.isin(omega, poles)] = np.nan
-    axis.plot(omega, mass, color=curve(), zorder=3)
+    thin = _thinner(len(poles))
+    axis.plot(omega, mass, color=curve(), lw=1.6 * thin, zorder=3)
     if crowd:
         axis.axvspan(poles[0], poles[-1], color=pole(), alpha=0.18, lw=0)
         middle = float(np.sqrt(poles[0] * poles[-1]))
@@ -124,20 +129,32 @@ def draw_mass(axis: Axes, coupling: Coupling) -> None:
         zeros = zeros[(zeros < poles[0]) | (zeros > poles[-1])]
     else:
         for value in poles:
-            axis.axvline(value, color=pole(), ls="--", lw=1.1)
+            axis.axvline(value, color=pole(), ls=MARKED, lw=1.4 * thin)
         _labels(axis, poles, [f"{name(k)} {value:.5g}" for k, value in enumerate(poles)], pole(), above=True)
-    axis.plot(zeros, 0 * zeros, "o", color=zero(), ms=6, zorder=4, mec=paper(), mew=0.8)
+    axis.plot(zeros, 0 * zeros, "o", color=zero(), ms=6 * thin, zorder=4, mec=paper(), mew=0.8 * thin)
     _labels(axis, zeros, [f"{value:.5g}" for value in zeros], zero(), above=False)
 
 
-def span(omega: Floats) -> tuple[float, float, bool]:
+def span(omega: Floats, poles: Floats) -> tuple[float, float, bool]:
     """Both ends of the frequency axis and whether it is logarithmic."""
     smallest, largest = float(omega.min()), float(omega.max())
-    wide = largest > LOGARITHMIC * smallest
+    wide = largest > LOGARITHMIC * smallest and not _fits_linear(poles)
     if wide:
         return smallest / 3, largest * 3, True
     extent = largest - smallest
     return max(0.0, smallest - max(1.5 * extent, smallest / 5)), largest + max(extent / 4, largest / 12), False
+
+
+def _fits_linear(poles: Floats) -> bool:
+    """Whether the closest of many poles are further apart on a linear axis than on a logarithmic one."""
+    even = np.unique(poles)
+    apart = [np.diff(scale).min() / np.ptp(scale) for scale in (even, np.log(even))] if len(even) > 1 else [0.0, 0.0]
+    return len(even) > MOST_HEAVY and bool(apart[0] > apart[1])
+
+
+def _thinner(count: int) -> float:
+    """The width of each of so many lines over that of a few."""
+    return float(np.clip(MOST_HEAVY / max(count, 1), THINNEST, 1.0))
 
 
 def _grid(poles: Floats, zeros: Floats, low: float, high: float, wide: bool) -> Floats:
@@ -175,7 +192,7 @@ def _labels(axis: Axes, places: Floats, words: Sequence[str], hue: str, *, above
 def close_families(coupling: Coupling) -> list[int]:
     """The families shown enlarged, ascending: the most strongly coupled ones that are isolated."""
     families = () if crowded(coupling) else coupling.families
-    alone = [number for number, family in enumerate(families) if family.splitting and _is_alone(coupling, family)]
+    alone = [number for number, family in enumerate(families) if _is_close(coupling, family)]
     return sorted(sorted(alone, key=lambda number: -abs(families[number].strength))[:MOST_CLOSE])
 
 
@@ -185,8 +202,10 @@ def _window(family: Family) -> tuple[float, float]:
     return (-0.8 * split, 2.6 * split) if split > 0 else (2.6 * split, -0.8 * split)
 
 
-def _is_alone(coupling: Coupling, family: Family) -> bool:
-    """Whether no other pole lies in the enlargement."""
+def _is_close(coupling: Coupling, family: Family) -> bool:
+    """Whether the zero is so close to the pole that both are seen better enlarged, and no other pole lies beside."""
+    if not family.splitting or abs(family.strength) > LOOSE:
+        return False
     apart = coupling.dynamic.omega - family.omega
     low, high = _window(family)
     return not np.any((apart != 0) & (apart > low) & (apart < high))
@@ -201,15 +220,15 @@ def draw_close(axis: Axes, coupling: Coupling, number: int) -> None:
         mass = _beside(coupling, number, share * split)
         axis.plot(share * split, np.where(np.abs(mass) < 30 * scale, mass, np.nan), color=curve())
     axis.axhline(0.0, color=ink(), lw=0.8)
-    axis.axvline(0.0, color=pole(), ls="--", lw=1.1)
+    axis.axvline(0.0, color=pole(), ls=MARKED, lw=1.4)
     axis.plot([split], [0.0], "o", color=zero(), ms=6, mec=paper(), mew=0.8, zorder=4)
     arrow = {"arrowstyle": "<->", "color": ink(), "lw": 0.9, "shrinkA": 0, "shrinkB": 0}
     axis.annotate("", (split, -2.2 * scale), (0.0, -2.2 * scale), arrowprops=arrow)
-    words = f"Δω = {split:.4g} rad/s" + (f"\nbeat {family.beat:.5g} s" if family.beat else "")
+    words = f"Δω = {split:.4g} rad/s".replace("-", "−") + (f"\nbeat {family.beat:.5g} s" if family.beat else "")
     side = "left" if split > 0 else "right"
     axis.text(1.1 * split, -2.2 * scale, words, fontsize=SMALL, va="center", ha=side, bbox=plain())
     axis.set(xlim=_window(family), ylim=(-3.2 * scale, 3.2 * scale), xlabel=f"ω − {name(number)} (rad/s)", ylabel=FELT)
-    axis.set_title(f"close to {name(number)}: coupling ε = {family.strength:.3g}")
+    axis.set_title(f"close to {name(number)}: coupling ε = {family.strength:.3g}".replace("-", "−"))
     axis.locator_params(axis="x", nbins=4)
     axis.yaxis.set_major_formatter("{x:g}")
 
@@ -217,9 +236,9 @@ def draw_close(axis: Axes, coupling: Coupling, number: int) -> None:
 def _beside(coupling: Coupling, number: int, apart: Floats) -> Floats:
     """m_dyn at these distances from the pole of a family."""
     family, dynamic = coupling.families[number], coupling.dynamic
-    own = family.mass * (family.omega / apart) * (family.omega / (2 * family.omega + apart))
+    pole_part = family.mass * (family.omega / apart) * (family.omega / (2 * family.omega + apart))
     marked = np.tile(np.arange(len(dynamic.omega)) == number, (len(apart), 1))
-    return dynamic(family.omega + apart, left_out=marked) - own
+    return dynamic(family.omega + apart, left_out=marked) - pole_part
 
 
 def draw_limits(axis: Axes, coupling: Coupling) -> None:
@@ -252,9 +271,10 @@ def draw_limits(axis: Axes, coupling: Coupling) -> None:
         words = f"band: {len(poles)} poles" + (f", with {held} modes that move the cart between them" if held else "")
         axis.text(0.98, 0.92, words, transform=axis.transAxes, ha="right", va="top", fontsize=SMALL, bbox=plain())
     else:
-        axis.hlines(poles, low, high, color=pole(), ls="--", lw=1.0, alpha=0.8)
-    axis.plot(masses, omega[:, chosen], color=zero(), lw=1.6)
-    _here(axis, here, spot, now[chosen[chosen < len(now)]], size=6)
+        axis.hlines(poles, low, high, color=pole(), ls=MARKED, lw=1.2 * _thinner(len(poles)))
+    thin = _thinner(len(chosen))
+    axis.plot(masses, omega[:, chosen], color=zero(), lw=1.6 * thin)
+    _here(axis, here, spot, now[chosen[chosen < len(now)]], size=6 * thin)
     if not crowd:
         _ends(axis, low, [(value, f"{value:.5g}") for value in light[np.isfinite(light)].tolist()], zero(), (4, 4))
         _ends(axis, high, [(value, name(k)) for k, value in enumerate(poles.tolist())], pole(), (5, -3))
@@ -265,14 +285,19 @@ def _reach(poles: Floats, now: Floats, omega: Floats, light: Floats) -> tuple[fl
     """Both ends of the frequency axis of the limits and whether it is logarithmic.
 
     They hold all poles, the scene's own modes and the finite limits of a light cart; where a mode of a light cart has
-    no limit, the axis goes as far as it rises on an axis of the same kind, up to RISE times the highest of these.
+    no limit, the axis goes as far as it rises on an axis of the same kind, up to RISE times the highest of these,
+    of many LOW_RISE times.
     """
-    bottom, top, wide = span(np.concatenate([poles, now, light[np.isfinite(light)]]))
+    bottom, top, wide = span(np.concatenate([poles, now, light[np.isfinite(light)]]), poles)
     known = np.concatenate((poles, now))
     lowest = float(min(known.min(), omega.min()))
     rises = float(omega.max()) > top
-    top = min(float(omega.max()) * 1.05, RISE * float(known.max())) if rises else top
-    wide = wide or top > LOGARITHMIC * lowest
+    top = (
+        min(float(omega.max()) * 1.05, (RISE if len(poles) <= MOST_HEAVY else LOW_RISE) * float(known.max()))
+        if rises
+        else top
+    )
+    wide = wide or (top > LOGARITHMIC * lowest and not _fits_linear(poles))
     room = 0.12 * (top - lowest)
     return (lowest / 1.5 if wide else max(0.0, bottom, lowest - room)), top, wide
 
@@ -307,7 +332,7 @@ def _here(axis: Axes, here: float, spot: float, now: Floats, *, size: float) -> 
     """The scene's own cart, and its frequencies as dots."""
     where = "a massless cart" if here == 0 else "a fixed support" if np.isinf(here) else f"{here:.6g} kg"
     late = spot > np.sqrt(np.prod(axis.get_xlim()))
-    axis.axvline(spot, color=ink(), lw=1.2, ls=":")
+    axis.axvline(spot, color=ink(), lw=1.2, ls=MARKED)
     if now.size:
         spots = np.full(len(now), spot)
         axis.plot(spots, now, "o", color=zero(), ms=size, mec=paper(), mew=size / 8, zorder=4, clip_on=False)

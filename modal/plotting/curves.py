@@ -1,4 +1,8 @@
-"""Curves of one panel, so that each is seen: those that coincide are named together or alternate in dashes."""
+"""Curves of one panel, so that each is seen.
+
+Those that coincide are named together or are stripes of both colours; one that swings faster than a line can show is
+the band between its least and its largest values.
+"""
 
 from __future__ import annotations
 
@@ -8,31 +12,41 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.colors import to_rgba
 
 from modal.plotting.layout import evenly
-from modal.plotting.style import colour, dash, thickness
+from modal.plotting.style import colour, spots, thickness
 from modal.types import Booleans, Floats, Ints
 
 CLOSE = 0.004
 """Largest distance of curves that coincide, as a fraction of the range of all: less than the width of a line."""
 INSTANTS = 400
 """Points at which curves are compared."""
-CELLS = 300, 100
-"""Cells of a panel across and up, about a point each; curves in the same cells are upon each other."""
+LEAST_CELLS = 40
+"""Least cells of a panel across and up, which are a point each; curves in the same cells are upon each other."""
 MOST_POINTS = 60_000
 """Most points at which the cells of a curve are looked up."""
 AWHILE = 15.0
 """Length in cells from which curves are upon each other and do not just cross."""
-DASH = 3.5
-"""Length of such a dash in points."""
+GAP = 3.0
+"""Length in cells up to which curves upon each other may part."""
+STRIPE = 3.5
+"""Length of a stripe in points."""
 SLOTS = {1: (1, 2), 2: (0, 4), 3: (1, 4), 4: (2, 8), 5: (3, 8)}
-"""By how many curves lie below: the place of a dash and the length of the pattern, in dashes; no pattern hides all of
-another."""
+"""By how many curves lie below: the place of a stripe and the length of the pattern, in stripes; no pattern hides all
+of another."""
 SMALLER = 0.6
 """Size of marks upon others, over theirs."""
 LONGEST = 30
 """Most letters of the names of curves that coincide."""
 NUMBERS = re.compile(r"\d+")
+MOST_TURNS, TALL = 2.0, 0.04
+"""Turns within the width of its line from which a curve is a blob, and its band is drawn; least height of a band, over
+the panel's."""
+PER_COLUMN, BAND = 8, 0.3
+"""Least samples in each column of a band on an average, and its opacity."""
+RANGE = "least to most"
+"""What the legend says of a band."""
 
 
 def coinciding(curves: Floats) -> list[list[int]]:
@@ -65,23 +79,23 @@ def together(names: Sequence[str]) -> str:
 
 def _runs(names: Sequence[str]) -> list[str]:
     """Names that differ in one number as ranges of it, what stands before the number said once."""
-    parts = [(NUMBERS.split(name), [int(found) for found in NUMBERS.findall(name)]) for name in names]
-    numbers = {len(found) for _, found in parts}
+    parts = [(NUMBERS.split(name), [int(labels) for labels in NUMBERS.findall(name)]) for name in names]
+    numbers = {len(labels) for _, labels in parts}
     if len({tuple(words) for words, _ in parts}) > 1 or numbers == {0}:
         return list(names)
-    table = np.array([found for _, found in parts])
+    table = np.array([labels for _, labels in parts])
     varied = np.flatnonzero(np.ptp(table, axis=0) > 0)
     if len(varied) != 1:
         return list(names)
     breaks = np.flatnonzero(np.diff(table[:, varied[0]]) != 1) + 1
-    place = [found.span() for found in NUMBERS.finditer(names[0])][varied[0]]
+    place = [labels.span() for labels in NUMBERS.finditer(names[0])][varied[0]]
     head = names[0][: place[0]]
     said = head if head.endswith(" ") else ""
-    found = []
+    labels = []
     for run in np.split(np.arange(len(names)), breaks):
         ends = [names[run[0]], names[run[-1]]][: len(run)]
-        found.append("–".join(end.removeprefix(said) for end in ends))
-    return [said + found[0], *found[1:]]
+        labels.append("–".join(end.removeprefix(said) for end in ends))
+    return [said + labels[0], *labels[1:]]
 
 
 def pick(curves: Floats, names: Sequence[str], most: int) -> tuple[Ints, list[str], int]:
@@ -105,40 +119,103 @@ def draw_curves(
     numbers: Sequence[int] = (),
     first: float = 2.0,
     log: str = "",
+    bands: bool = False,
     **style: Any,
-) -> None:
-    """Curves (x, y) in the colours of their numbers, dashed where they are upon those drawn before.
+) -> bool:
+    """Curves (x, y) in the colours of their numbers, as stripes where they are upon those drawn before.
 
-    Up to six curves on the same place all show.  `log` names the axes to be read as logarithmic, "x" or "y" or
-    "xy"; `style` goes to `Axes.plot`.
+    Up to six curves on the same place all show; a legend shows each as a solid line.  `log` names the axes to be read
+    as logarithmic, "x" or "y" or "xy"; `style` goes to `Axes.plot`.  With `bands`, curves that would be blobs over
+    ascending x are bands, as their names say.  Returns whether there is a band.
     """
-    places = _places([(_read(x, log="x" in log), _read(y, log="y" in log)) for x, y in curves])
-    cells = [_cells(place) for place in places]
+    size = _size(axis)
+    read = [(_read(x, log="x" in log), _read(y, log="y" in log)) for x, y in curves]
+    ends = [(np.nanmin(y), np.nanmax(y)) for _, y in read if np.isfinite(y).any()] if bands else []
+    extent = max((high for _, high in ends), default=0.0) - min((low for low, _ in ends), default=0.0)
+    extent = max(extent, float(np.ptp(axis.get_ylim()))) if axis.has_data() and "y" not in log else extent
+    numbers = numbers or range(len(curves))
+    widths = [float(style.get("lw", thickness(number, first))) for number in numbers]
+    dense = [bands and is_blob(y, size[0] / width, extent) for (_, y), width in zip(read, widths, strict=True)]
+    placed = iter(_places([curve for curve, is_dense in zip(read, dense, strict=True) if not is_dense], size))
+    places = [np.zeros((2, 0)) if is_dense else next(placed) for is_dense in dense]
+    cells = [_cells(place, size) for place in places]
     for k, (x, y) in enumerate(curves):
-        number = numbers[k] if numbers else k
-        upon = _upon(places[k], cells[:k])
-        own = _numbered(places[k][:, upon])
-        below = sum(2 * int(np.isin(own, other).sum()) >= len(own) for other in cells[:k]) if upon.any() else 0
+        number = numbers[k]
+        if dense[k]:
+            edges, low, high = envelope(x, read[k][1], size[0])
+            both = (np.exp(low), np.exp(high)) if "y" in log else (low, high)
+            _band(axis, edges, both, names[k] if names else "", style.get("color", colour(number)))
+            continue
+        upon = _upon(places[k], cells[:k], size)
+        shared = _numbered(places[k][:, upon], size)
+        below = sum(2 * int(np.isin(shared, other).sum()) >= len(shared) for other in cells[:k]) if upon.any() else 0
         width = thickness(number, first)
-        unit, (slot, period) = DASH / width, SLOTS.get(below, (0, 1))
+        unit, (slot, period) = STRIPE / width, SLOTS.get(below, (0, 1))
         broken = ((period - slot) * unit, (unit, (period - 1) * unit))
-        size = {"ms": style["ms"] * SMALLER**below} if "ms" in style else {}
-        look: dict[str, Any] = {"color": colour(number), "lw": width, **style, **size}
+        marks = {"ms": style["ms"] * SMALLER**below} if "ms" in style else {}
+        look: dict[str, Any] = {"color": colour(number), "lw": width, **style, **marks, **spots(number)}
         label = names[k] if names else f"_{k}"
         if period == 1 or not upon.any():
-            axis.plot(x, y, label=label, ls=dash(number), **look)
+            axis.plot(x, y, label=label, **look)
             continue
-        if not upon.all():
-            axis.plot(x, np.where(_widened(~upon), y, np.nan), label=label, ls=dash(number), **look)
-            label = f"_{label}"
-        axis.plot(x, np.where(upon, y, np.nan), label=label, ls=broken, dash_capstyle="butt", **look)
+        axis.plot(x, np.where(_widened(~upon), y, np.nan), label=label, **look)
+        axis.plot(x, np.where(upon, y, np.nan), label=f"_{label}", ls=broken, dash_capstyle="butt", **look)
+    return any(dense)
+
+
+def _size(axis: Axes) -> tuple[int, int]:
+    """The width and the height of an axis in points, nearly: it has its place before the figure is laid out."""
+    inches = np.array(axis.get_window_extent().size) / axis.figure.dpi
+    across, up = np.maximum(np.rint(72 * inches), LEAST_CELLS).astype(int)
+    return int(across), int(up)
+
+
+def is_blob(y: Floats, columns: float, extent: float) -> bool:
+    """Whether a curve turns more than MOST_TURNS times in each of so many columns, and not only by a trifle.
+
+    `extent` is the height of the panel in the units of the curve.
+    """
+    known = np.asarray(y, dtype=np.float64)[np.isfinite(y)]
+    way = np.sign(np.diff(known))
+    way = way[way != 0]
+    if np.count_nonzero(way[1:] != way[:-1]) <= MOST_TURNS * columns:
+        return False
+    _, low, high = envelope(np.arange(len(known), dtype=np.float64), known, int(columns))
+    return bool(np.median(high - low) > TALL * extent)
+
+
+def envelope(x: Floats, y: Floats, columns: int) -> tuple[Floats, Floats, Floats]:
+    """The edges (C + 1,) of at most so many columns of ascending x, and below and above all samples there.
+
+    Straight lines between the edges have every sample between them.
+    """
+    known = np.isfinite(x) & np.isfinite(y)
+    x, y = np.asarray(x)[known], np.asarray(y)[known]
+    count = max(1, min(columns, len(x) // PER_COLUMN))
+    edges = np.linspace(x[0], x[-1], count + 1)
+    column = np.clip(np.searchsorted(edges, x, "right") - 1, 0, count - 1)
+    bounds = []
+    for least in (np.minimum, np.maximum):
+        ends = np.full(count, np.nan)
+        ends[column] = y
+        least.at(ends, column, y)
+        filled = np.flatnonzero(np.isfinite(ends))
+        ends = np.interp(np.arange(count), filled, ends[filled])
+        bounds.append(least(np.append(ends[:1], ends), np.append(ends, ends[-1:])))
+    return edges, bounds[0], bounds[1]
+
+
+def _band(axis: Axes, edges: Floats, ends: tuple[Floats, Floats], name: str, hue: str) -> None:
+    """The band of a curve, with its edges in full colour."""
+    label = f"{name}: {RANGE}" if name else f"_{RANGE}"
+    axis.fill_between(edges, *ends, facecolor=to_rgba(hue, BAND), edgecolor=hue, lw=0.7, label=label)
 
 
 def _read(values: Floats, *, log: bool) -> Floats:
     return np.log(np.where(values > 0, values, np.nan)) if log else values
 
 
-def _places(curves: Sequence[tuple[Floats, Floats]]) -> list[Floats]:
+def _places(curves: Sequence[tuple[Floats, Floats]], size: tuple[int, int]) -> list[Floats]:
     """The points of curves in cells of their panel, (2, T) each."""
     both = [np.stack(np.broadcast_arrays(*curve)) for curve in curves]
     known = [curve[:, np.isfinite(curve).all(0)] for curve in both]
@@ -146,24 +223,24 @@ def _places(curves: Sequence[tuple[Floats, Floats]]) -> list[Floats]:
     if not whole.size:
         return both
     low, extent = whole.min(1, keepdims=True), np.maximum(np.ptp(whole, axis=1, keepdims=True), 1e-300)
-    return [(curve - low) / extent * (np.array([CELLS]).T - 1) for curve in both]
+    return [(curve - low) / extent * (np.array([size]).T - 1) for curve in both]
 
 
-def _numbered(place: Floats) -> Ints:
+def _numbered(place: Floats, size: tuple[int, int]) -> Ints:
     """The number of the cell of each point; −1 for what is not finite."""
     known = np.isfinite(place).all(axis=0)
     x, y = np.round(np.where(known, place, 0.0)).astype(np.int64)
-    return np.where(known, x * CELLS[1] + y, -1)
+    return np.where(known, x * size[1] + y, -1)
 
 
-def _cells(place: Floats) -> Ints:
+def _cells(place: Floats, size: tuple[int, int]) -> Ints:
     """The cells through which a curve goes."""
     points = place[:, np.isfinite(place).all(axis=0)]
     if not points.size:
         return np.zeros(0, dtype=np.int64)
     along = _along(points)
     fine = np.linspace(0.0, along[-1], int(min(2 * along[-1], MOST_POINTS)) + 2)
-    return np.unique(_numbered(np.stack([np.interp(fine, along, row) for row in points])))
+    return np.unique(_numbered(np.stack([np.interp(fine, along, row) for row in points]), size))
 
 
 def _along(points: Floats) -> Floats:
@@ -172,24 +249,24 @@ def _along(points: Floats) -> Floats:
     return np.concatenate(([0.0], np.cumsum(steps)))
 
 
-def _upon(place: Floats, others: Sequence[Ints]) -> Booleans:
+def _upon(place: Floats, others: Sequence[Ints], size: tuple[int, int]) -> Booleans:
     """Where a curve is upon others for a while, which excludes crossings."""
     if not others or not place.shape[1]:
         return np.zeros(place.shape[1], dtype=bool)
-    upon = np.isin(_numbered(place), np.concatenate(others))
+    upon = np.isin(_numbered(place, size), np.concatenate(others))
     along = _along(place)
-    for kind in (False, True):
+    for kind, awhile in ((False, GAP), (True, AWHILE)):
         breaks = np.flatnonzero(np.diff(upon)) + 1
         for run in np.split(np.arange(len(upon)), breaks):
             whole = along[min(run[-1] + 1, len(along) - 1)] - along[max(run[0] - 1, 0)]
-            if upon[run[0]] == kind and whole < AWHILE and len(run) < len(upon):
+            if upon[run[0]] == kind and whole < awhile and len(run) < len(upon):
                 upon[run] = not kind
     return upon
 
 
 def _widened(where: Booleans) -> Booleans:
     """The same and the points beside, so that pieces of a curve meet."""
-    found = where.copy()
-    found[1:] |= where[:-1]
-    found[:-1] |= where[1:]
-    return found
+    wider = where.copy()
+    wider[1:] |= where[:-1]
+    wider[:-1] |= where[1:]
+    return wider

@@ -53,10 +53,10 @@ def _settings(name: str) -> dict[str, Any]:
 def _twins() -> dict[str, tuple[float, float, float]]:
     """What each colour of the light style is in the dark one."""
     light, dark = map(_settings, ("light", "dark"))
-    pairs = list(zip(*(one["axes.prop_cycle"].by_key()["color"] for one in (light, dark)), strict=True))
+    pairs = list(zip(*(twin["axes.prop_cycle"].by_key()["color"] for twin in (light, dark)), strict=True))
     names = ("figure.facecolor", "text.color", "axes.edgecolor", "grid.color", "hatch.color")
     pairs += [(light[name], dark[name]) for name in names]
-    return {to_hex(one): to_rgb(other) for one, other in pairs}
+    return {to_hex(twin): to_rgb(other) for twin, other in pairs}
 
 
 @cache
@@ -113,7 +113,7 @@ def _twin(face: Any) -> Any:
 
 
 def _twins_of(colours: Any) -> Floats | None:
-    return None if colours is None else np.array([dark_twin(one) for one in colours]).reshape(-1, 4)
+    return None if colours is None else np.array([dark_twin(single) for single in colours]).reshape(-1, 4)
 
 
 class FigureCanvas(FigureCanvasAgg):

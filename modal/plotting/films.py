@@ -183,9 +183,9 @@ def _failed(executable: str, words: str) -> ComputationError:
 
 def find_ffmpeg() -> str:
     """The program on the path, or the one provided by the extra; ComputationError without either."""
-    found = shutil.which("ffmpeg")
-    if found:
-        return found
+    program = shutil.which("ffmpeg")
+    if program:
+        return program
     try:
         from imageio_ffmpeg import get_ffmpeg_exe
 

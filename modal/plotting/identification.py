@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from modal.plotting.layout import SMALL, evenly, headline, legend
-from modal.plotting.style import WIDTH, colour, ink, muted, paper, rest, save, sheet
+from modal.plotting.style import MARKED, WIDTH, colour, ink, muted, paper, rest, save, sheet
 from modal.scene import title_of
 from modal.types import Floats
 
@@ -22,35 +22,35 @@ MOST_WRITTEN = 12  # modes of a matrix whose entries are written, and numbers al
 MOST_TICKS = 8  # fitted modes that are named
 
 
-def draw_poles(found: Identified, stream: IO[bytes], kind: str = "png", title: str = "") -> None:
+def draw_poles(identified: Identified, stream: IO[bytes], kind: str = "png", title: str = "") -> None:
     """Write the picture of `poles_figure` as png, svg or pdf."""
-    save(poles_figure(found, title), stream, kind)
+    save(poles_figure(identified, title), stream, kind)
 
 
-def poles_figure(found: Identified, title: str = "") -> Figure:
+def poles_figure(identified: Identified, title: str = "") -> Figure:
     """Poles over the order of the model, the stable ones filled, above the damping ratios with error bars."""
     figure = sheet(WIDTH, 6.0)
     top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
     for stable, face, words in ((False, "none", "new at this order"), (True, colour(0), "stable")):
-        own = [one for one in found.stabilization if one.stable == stable]
+        poles = [pole for pole in identified.stabilization if pole.stable == stable]
         top.plot(
-            [one.frequency for one in own],
-            [one.order for one in own],
+            [pole.frequency for pole in poles],
+            [pole.order for pole in poles],
             "o",
             ms=4.5,
             mfc=face,
             mec=colour(0) if stable else muted(),
             label=words,
         )
-    for mode in found.modes:
+    for mode in identified.modes:
         for axis in (top, bottom):
             axis.axvline(mode.frequency, color=colour(1), lw=1.0, zorder=0)
-    frequency = [mode.frequency for mode in found.modes]
+    frequency = [mode.frequency for mode in identified.modes]
     bottom.errorbar(
         frequency,
-        [mode.damping_ratio for mode in found.modes],
-        BARS * np.array([mode.damping_ratio_std for mode in found.modes]),
-        BARS * np.array([mode.frequency_std for mode in found.modes]),
+        [mode.damping_ratio for mode in identified.modes],
+        BARS * np.array([mode.damping_ratio_std for mode in identified.modes]),
+        BARS * np.array([mode.frequency_std for mode in identified.modes]),
         fmt="o",
         color=colour(1),
         capsize=3,
@@ -63,51 +63,51 @@ def poles_figure(found: Identified, title: str = "") -> Figure:
     legend(top, 2)
     bottom.set_ylim(min(0.0, low), high)
     legend(bottom, least=1)
-    headline(figure, title, f"poles of {'free decays' if found.excitation == 'free' else 'random responses'}")
+    headline(figure, title, f"poles of {'free decays' if identified.excitation == 'free' else 'random responses'}")
     return figure
 
 
-def draw_assurance(found: Assurance, stream: IO[bytes], kind: str = "png") -> None:
+def draw_assurance(assurance: Assurance, stream: IO[bytes], kind: str = "png") -> None:
     """Write the picture of `assurance_figure` as png, svg or pdf."""
-    save(assurance_figure(found), stream, kind)
+    save(assurance_figure(assurance), stream, kind)
 
 
-def assurance_figure(found: Assurance) -> Figure:
+def assurance_figure(assurance: Assurance) -> Figure:
     """The MAC matrix in shades, where there are shapes, beside measured over computed frequencies."""
-    shaped = bool(np.isfinite(found.mac).any())
+    shaped = bool(np.isfinite(assurance.mac).any())
     figure = sheet(WIDTH + 1.5 * shaped, 4.4)
     panels = figure.subplots(1, 1 + shaped, squeeze=False)[0]
     if shaped:
-        _matrix(figure, panels[0], found)
+        _matrix(figure, panels[0], assurance)
     axis = panels[-1]
-    computed = np.array([pair.frequency for pair in found.pairs])
-    measured = np.array([pair.measured.frequency for pair in found.pairs])
-    std = np.array([pair.measured.std for pair in found.pairs])
+    computed = np.array([pair.frequency for pair in assurance.pairs])
+    measured = np.array([pair.measured.frequency for pair in assurance.pairs])
+    std = np.array([pair.measured.std for pair in assurance.pairs])
     most = 1.1 * float(max(computed.max(), measured.max()))
-    axis.plot([0, most], [0, most], color=muted(), label="equal")
+    axis.plot([0, most], [0, most], color=muted(), ls=MARKED, label="equal")
     axis.errorbar(computed, measured, BARS * std, fmt="o", color=colour(0), capsize=3, label="pair ± 2 std")
-    for pair in found.pairs:
+    for pair in assurance.pairs:
         words = f"{100 * pair.error:+.2g} %"
         at = (pair.frequency, pair.measured.frequency)
         beside = {"ha": "right", "xytext": (-8, 4)} if pair.frequency > most / 2 else {"ha": "left", "xytext": (8, -11)}
         axis.annotate(words, at, textcoords="offset points", fontsize=SMALL, color=ink(), **beside)
     axis.set(xlabel="computed frequency (Hz)", ylabel="measured frequency (Hz)", xlim=(0, most), ylim=(0, most))
     axis.legend(loc="upper left")
-    headline(figure, title_of(found.modes.scene), "measured beside computed modes")
+    headline(figure, title_of(assurance.modes.scene), "measured beside computed modes")
     return figure
 
 
-def _matrix(figure: Figure, axis: Axes, found: Assurance) -> None:
-    shown: Floats = np.ma.masked_invalid(found.mac)
+def _matrix(figure: Figure, axis: Axes, assurance: Assurance) -> None:
+    shown: Floats = np.ma.masked_invalid(assurance.mac)
     mesh = axis.imshow(shown, cmap="cividis", vmin=0, vmax=1, aspect="auto")
-    columns, rows = ([str(one.number) for one in modes] for modes in (found.rows, found.measured.modes))
+    columns, rows = ([str(mode.number) for mode in modes] for modes in (assurance.rows, assurance.measured.modes))
     axis.set_xticks(*_thinned(columns))
     axis.set_yticks(*_thinned(rows))
     axis.set(xlabel="computed mode (–)", ylabel="measured mode (–)")
     axis.grid(visible=False)
-    if max(found.mac.shape) <= MOST_WRITTEN:
-        for r, own in enumerate(found.mac):
-            for s, value in enumerate(own):
+    if max(assurance.mac.shape) <= MOST_WRITTEN:
+        for r, row in enumerate(assurance.mac):
+            for s, value in enumerate(row):
                 if np.isfinite(value):
                     patch = {"facecolor": paper(), "edgecolor": "none", "pad": 1.5}
                     axis.text(s, r, f"{value:.2f}", ha="center", va="center", fontsize=SMALL, bbox=patch)
@@ -122,31 +122,31 @@ def _thinned(words: list[str], most: int = MOST_WRITTEN) -> tuple[list[int], lis
     return places, [words[k] for k in places]
 
 
-def draw_mode_fit(found: ModeFit, stream: IO[bytes], kind: str = "png") -> None:
+def draw_mode_fit(fit: ModeFit, stream: IO[bytes], kind: str = "png") -> None:
     """Write the picture of `mode_fit_figure` as png, svg or pdf."""
-    save(mode_fit_figure(found), stream, kind)
+    save(mode_fit_figure(fit), stream, kind)
 
 
-def mode_fit_figure(found: ModeFit) -> Figure:
+def mode_fit_figure(fit: ModeFit) -> Figure:
     """Deviations of fitted from measured frequencies, and damping ratios, in standard deviations."""
     figure = sheet(WIDTH, 4.2)
     axis = figure.subplots()
-    at = np.arange(len(found.modes))
+    at = np.arange(len(fit.modes))
     axis.axhspan(-BARS, BARS, color=rest(), alpha=0.4, lw=0)
     axis.axhline(0.0, color=muted(), lw=0.8)
-    axis.plot(at, [one.deviation for one in found.modes], "o", ms=8, color=colour(0), label="frequency")
-    damped = [(k, one) for k, one in enumerate(found.modes) if one.damping_ratio_std]
+    axis.plot(at, [mode.deviation for mode in fit.modes], "o", ms=8, color=colour(0), label="frequency")
+    damped = [(k, mode) for k, mode in enumerate(fit.modes) if mode.damping_ratio_std]
     if damped:
-        own = [
-            (one.damping_ratio - (one.measured.damping_ratio or 0.0)) / (one.damping_ratio_std or 1)
-            for _, one in damped
+        ratios = [
+            (mode.damping_ratio - (mode.measured.damping_ratio or 0.0)) / (mode.damping_ratio_std or 1)
+            for _, mode in damped
         ]
-        axis.plot([k for k, _ in damped], own, "s", ms=6, mfc=paper(), mec=colour(1), mew=2, label="damping ratio")
-    most = max(3.0, 1.2 * max(abs(one.deviation) for one in found.modes))
-    names = [f"mode {one.measured.number}\n{one.measured.frequency:.4g} Hz" for one in found.modes]
+        axis.plot([k for k, _ in damped], ratios, "s", ms=6, mfc=paper(), mec=colour(1), mew=2, label="damping ratio")
+    most = max(3.0, 1.2 * max(abs(mode.deviation) for mode in fit.modes))
+    names = [f"mode {mode.measured.number}\n{mode.measured.frequency:.4g} Hz" for mode in fit.modes]
     axis.set_xticks(*_thinned(names, MOST_TICKS))
     axis.set(ylabel="fitted − measured (standard deviations)", ylim=(-most, most), xlim=(-0.5, len(at) - 0.5))
     axis.legend(loc="upper right", ncols=2)
-    words = f"fit to measured modes, chi-square {found.chi_square:.3g} with {found.freedom} degrees of freedom"
-    headline(figure, title_of(found.given), words)
+    words = f"fit to measured modes, chi-square {fit.chi_square:.3g} with {fit.freedom} degrees of freedom"
+    headline(figure, title_of(fit.given), words)
     return figure

@@ -18,7 +18,7 @@ from matplotlib.legend import Legend
 from matplotlib.text import Text
 from matplotlib.ticker import LogLocator, NullFormatter
 
-from modal.plotting.style import Picture, any_letters, muted
+from modal.plotting.style import MARKED, Picture, any_letters, muted
 from modal.report import visible
 from modal.types import Floats, Ints
 
@@ -203,7 +203,7 @@ def mark_modes(axis: Axes, omega: Sequence[tuple[int, float]], *, numbered: bool
     last = -1.0
     for (number, value), place in zip(omega, places, strict=True):
         if place - last > INDISTINCT:
-            axis.axvline(value, color=muted(), ls=":", lw=0.9, zorder=0)
+            axis.axvline(value, color=muted(), ls=MARKED, lw=0.9, zorder=0)
             last = place
         near = groups and place - groups[-1][-1][1] < CLOSEST
         groups = [*groups[:-1], [*groups[-1], (number, place)]] if near else [*groups, [(number, place)]]

@@ -11,9 +11,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from modal.errors import ComputationError
-from modal.plotting.layout import NUMBER, headline, key, log_ticks
-from modal.plotting.style import MOST_CURVES, WIDTH, colour, dash, ink, paper, save, sheet
-from modal.scene import title_of
+from modal.plotting.layout import headline, key, log_ticks
+from modal.plotting.style import MOST_CURVES, WIDTH, colour, ink, paper, save, sheet, spots
+from modal.scene import number_label, title_of
 from modal.scene.parameters import Variation
 
 if TYPE_CHECKING:
@@ -24,37 +24,38 @@ MOST_NAMED = 6
 """Most encounters that the legend lists individually."""
 
 
-def draw_loci(found: Loci, stream: IO[bytes], form: str = "png") -> None:
+def draw_loci(loci: Loci, stream: IO[bytes], form: str = "png") -> None:
     """Write the picture as png, svg or pdf."""
-    save(loci_figure(found), stream, form)
+    save(loci_figure(loci), stream, form)
 
 
-def loci_figure(found: Loci) -> Figure:
+def loci_figure(loci: Loci) -> Figure:
     """ω (rad/s) of every locus against the parameter, one colour each, crosses at crossings, gaps ringed at veerings.
 
     A rigid translation, ω = 0 throughout, is omitted.  Raises ComputationError for more loci than one picture holds and
     where none oscillates.
     """
-    shown = np.flatnonzero(found.omega.any(axis=0)).tolist()
+    shown = np.flatnonzero(loci.omega.any(axis=0)).tolist()
     if not 1 <= len(shown) <= MOST_CURVES:
         raise ComputationError(f"{len(shown)} loci do not fit in a figure: from 1 to {MOST_CURVES}")
     figure = sheet(WIDTH, 6.0)
     axis = figure.subplots()
-    lines = [_locus(axis, found, k) for k in shown]
-    for meeting in found.encounters:
+    lines = [_locus(axis, loci, k) for k in shown]
+    for meeting in loci.encounters:
         _mark(axis, meeting)
-    values = found.variation.values
-    axis.set(xlabel=axis_words(found.variation), ylabel="angular frequency ω (rad/s)", xlim=(values[0], values[-1]))
-    scale(axis, "x", found.variation)
-    headline(figure, title_of(found.scene), "frequency loci")
-    key(figure, [*lines, *_named(found)], columns=2 if len(shown) <= MOST_NAMED else 4)
+    values = loci.variation.values
+    axis.set(xlabel=number_label(loci.scene, loci.variation.path), ylabel="angular frequency ω (rad/s)")
+    axis.set_xlim(values[0], values[-1])
+    scale(axis, "x", loci.variation)
+    headline(figure, title_of(loci.scene), "frequency loci")
+    key(figure, [*lines, *_named(loci)], columns=2 if len(shown) <= MOST_NAMED else 4)
     return figure
 
 
-def _locus(axis: Axes, found: Loci, k: int) -> Line2D:
-    fold = f" ({found.multiplicity[k]}-fold)" if found.multiplicity[k] > 1 else ""
-    label = f"locus {found.names[k]}{fold}"
-    return axis.plot(found.values, found.omega[:, k], color=colour(k), ls=dash(k), zorder=3, label=label)[0]
+def _locus(axis: Axes, loci: Loci, k: int) -> Line2D:
+    fold = f" ({loci.multiplicity[k]}-fold)" if loci.multiplicity[k] > 1 else ""
+    label = f"locus {loci.names[k]}{fold}"
+    return axis.plot(loci.values, loci.omega[:, k], color=colour(k), zorder=3, label=label, **spots(k))[0]
 
 
 def _mark(axis: Axes, meeting: CloseApproach) -> None:
@@ -69,26 +70,20 @@ def _sign(kind: str, x: Sequence[float], y: Sequence[float], label: str = "") ->
     return Line2D(x, y, ls="", marker=MARKS[kind], mfc=face, mec=edge, ms=size, mew=1.1, zorder=5, label=label)
 
 
-def _named(found: Loci) -> list[Line2D]:
+def _named(loci: Loci) -> list[Line2D]:
     """Encounters individually where they are few, else the number of each kind."""
-    meetings = found.encounters
+    meetings = loci.encounters
     if len(meetings) <= MOST_NAMED:
-        return [_sign(meeting.kind, [], [], encounter_words(meeting, found)) for meeting in meetings]
+        return [_sign(meeting.kind, [], [], encounter_words(meeting, loci)) for meeting in meetings]
     counts = {kind: sum(meeting.kind == kind for meeting in meetings) for kind in MARKS}
     return [_sign(kind, [], [], f"{count} × {kind}") for kind, count in counts.items() if count]
 
 
-def encounter_words(meeting: CloseApproach, found: Loci) -> str:
+def encounter_words(meeting: CloseApproach, loci: Loci) -> str:
     """An encounter in one line."""
-    a, b = (found.names[number] for number in meeting.loci)
+    a, b = (loci.names[number] for number in meeting.loci)
     gap = "" if meeting.kind == "crossing" else f", gap {meeting.gap:.4g} rad/s"
-    return f"{meeting.kind} {a} · {b} at {meeting.value:.5g} {found.variation.unit}".rstrip() + gap
-
-
-def axis_words(variation: Variation) -> str:
-    """The label of an axis over a variation."""
-    unit = variation.unit or ("Hz" if variation.path.endswith("_hz") else NUMBER)
-    return f"{variation.path} ({unit})"
+    return f"{meeting.kind} {a} · {b} at {meeting.value:.5g} {loci.variation.unit}".rstrip() + gap
 
 
 def scale(axis: Axes, which: Literal["x", "y"], variation: Variation) -> None:

@@ -21,8 +21,10 @@ from modal.plotting.films import FORMS, MovingFigure, Report, form_problems, fra
 from modal.plotting.layout import caption, headline
 from modal.plotting.profiles import levels_of, number_pendula
 from modal.plotting.shapes import (
+    AMPLITUDE_DEG,
     MOST_PANELS,
-    Layout,
+    USUAL_PANELS,
+    ShapeLayout,
     arranged,
     draw_rest,
     draw_swing,
@@ -32,6 +34,7 @@ from modal.plotting.shapes import (
     layout_of,
     panel_words,
     set_apart,
+    some_words,
 )
 from modal.plotting.style import any_letters, colour, sheet
 from modal.report import silent
@@ -46,15 +49,21 @@ HIGHEST, LARGEST = 3.0, 11.0
 """Most height of a panel and most width of a film (inches)."""
 DECAYING, FOLDS = 0.8, 4.0
 """The part of a loop in which a mode decays or grows, and by how many factors of e."""
-AMPLITUDE_DEG = 25.0
 MOST_LEVELS = 3
 """Links of every pendulum, from the top, whose angles are drawn over the number of the pendulum."""
 
 
 class ModalFilm(MovingFigure):
-    """A panel for each of the modes with these indices (from 0), over one loop of `count` frames."""
+    """A panel for each of the modes with these indices (from 0), over one loop of `count` frames; `first` is a note."""
 
-    def __init__(self, modes: Modes, numbers: Sequence[int], rate: float, amplitude_deg: float = AMPLITUDE_DEG) -> None:
+    def __init__(
+        self,
+        modes: Modes,
+        numbers: Sequence[int],
+        rate: float,
+        amplitude_deg: float = AMPLITUDE_DEG,
+        first: str = "",
+    ) -> None:
         rows, many = list(modes.rows(numbers)), is_crowded(modes.scene)
         layout = None if many else layout_of(modes)
         (columns, lines), width, height = _sizes(len(rows), layout)
@@ -75,7 +84,7 @@ class ModalFilm(MovingFigure):
             axis.set_title(text, linespacing=1.3)
         for axis in axes.flat[len(rows) :]:
             axis.remove()
-        words = [_caption(modes, rows)]
+        words = [first + _caption(modes, rows)]
         if layout is not None and layout.scaffold is not None:
             words += set_apart(layout.scaffold, modes.scene.n_pendula)
         caption(figure, "; ".join(words))
@@ -115,7 +124,7 @@ class _Panel:
         self.drawn = [artist for artist in self.axis.get_children() if artist not in before]
 
 
-def _panel(axis: Axes, modes: Modes, row: Mode, layout: Layout | None, amplitude: float) -> _Panel:
+def _panel(axis: Axes, modes: Modes, row: Mode, layout: ShapeLayout | None, amplitude: float) -> _Panel:
     """The panel of a mode, with what stands still in it; layout is None where angles are drawn over pendula."""
     shape = modes.shape(modes.index_of(row))
     real = replace(shape, cart=complex(shape.cart).real, angles=shape.angles.real, supports=np.real(shape.supports))
@@ -172,7 +181,7 @@ def _profile(axis: Axes, modes: Modes, amplitude: float) -> Callable[[Axes, Shap
     return draw
 
 
-def _sizes(count: int, layout: Layout | None) -> tuple[tuple[int, int], float, float]:
+def _sizes(count: int, layout: ShapeLayout | None) -> tuple[tuple[int, int], float, float]:
     """The columns and lines of panels, and the width and height of one (inches)."""
     ratio = 1.5 if layout is None else 2 * layout.half_width / (layout.top - layout.bottom)
     columns, lines = arranged(count, ratio)
@@ -213,13 +222,13 @@ def film_modes(
     """
     if problems := form_problems(form, fps):
         raise SceneError(problems)
-    chosen = range(min(len(modes), MOST_PANELS)) if numbers is None else numbers
+    chosen = range(min(len(modes), USUAL_PANELS)) if numbers is None else numbers
     if len(chosen) > MOST_PANELS:
         raise ComputationError(f"{len(chosen)} modes do not fit in one film: choose at most {MOST_PANELS} modes")
     rate = frame_rate(form, fps)
     require_writer(form, round(LOOP * rate))
     with any_letters():
-        film = ModalFilm(modes, chosen, rate, amplitude_deg)
+        film = ModalFilm(modes, chosen, rate, amplitude_deg, some_words(modes, numbers))
         write_film(film, stream, form, report)
     return film
 

@@ -26,12 +26,12 @@ DOTS = 120  # pendula up to which dots are large
 
 
 def profiles_figure(
-    modes: Modes, rows: Sequence[Mode], words: Callable[[Mode, int], str], amplitude_deg: float
+    modes: Modes, rows: Sequence[Mode], words: Callable[[Mode, int], str], amplitude_deg: float, first: str = ""
 ) -> Figure:
     """One panel for each row: angles (°) over the number of the pendulum, a curve for every level of links.
 
     The shape is linear and to scale, the largest angle of any link `amplitude_deg`; `words` titles a row in lines of so
-    many letters.
+    many letters; `first` is the first of the notes below.
     """
     lines = -(-len(rows) // COLUMNS)
     columns = -(-len(rows) // lines)
@@ -48,7 +48,7 @@ def profiles_figure(
         axis.remove()
     local = any(np.ptp(axis.get_xlim()) < len(levels) - 1 for axis in axes.flat[: len(rows)])
     headline(figure, title_of(modes.scene), "mode shapes")
-    notes = _notes(modes, rows, levels, drawn, amplitude_deg, local=local)
+    notes = first + _notes(modes, rows, levels, drawn, amplitude_deg, local=local)
     if len(drawn) > 1:
         marks = [Line2D([], [], color=colour(k), marker="o", ms=3) for k in range(len(drawn))]
         key(figure, marks, [f"link {level + 1}" for level in drawn], columns=HUES, notes=notes)
@@ -60,11 +60,11 @@ def profiles_figure(
 def levels_of(scene: Scene) -> Ints:
     """The index of the link of each pendulum (rows) at each level (columns), −1 where it has none."""
     counts = [sum(link.count for link in pendulum.links) for pendulum in scene.pendulum for _ in range(pendulum.count)]
-    found = np.full((len(counts), max(counts)), -1, dtype=np.int64)
+    levels = np.full((len(counts), max(counts)), -1, dtype=np.int64)
     first = np.cumsum([0, *counts[:-1]])
     for k, (start, count) in enumerate(zip(first.tolist(), counts, strict=True)):
-        found[k, :count] = start + np.arange(count)
-    return found
+        levels[k, :count] = start + np.arange(count)
+    return levels
 
 
 def _panel(axis: Axes, modes: Modes, row: Mode, levels: Ints, amplitude_deg: float) -> str:

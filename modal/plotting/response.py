@@ -14,14 +14,16 @@ from matplotlib.ticker import MaxNLocator, MultipleLocator
 
 from modal.errors import ComputationError
 from modal.modes import UNCERTAIN
-from modal.plotting.curves import draw_curves
+from modal.plotting.curves import RANGE, draw_curves
 from modal.plotting.layout import LONGEST, headline, key, log_ticks, mark_modes
-from modal.plotting.style import MOST_CURVES, WIDTH, colour, dash, muted, save, sheet, thickness
+from modal.plotting.style import MOST_CURVES, WIDTH, colour, muted, save, sheet, spots, thickness
 from modal.scene import title_of
 from modal.statespace import ModalForm, Signal, frequency_response, impulse_response, impulse_times
 from modal.types import Complexes, Floats
 
 POINTS = 2000
+TURN = 2 * np.pi
+"""rad/s of 1 Hz: the command that draws responses also prints them at frequencies in Hz."""
 Spread = Callable[[Floats], Floats]
 DEEP, BEYOND = 240.0, 5.0
 """Most decibels that a picture goes down; decibels by which cut curves go on beyond it."""
@@ -65,7 +67,9 @@ def bode_figure(
     band: tuple[float, float] | None = None,
     std: Spread | None = None,
 ) -> Figure:
-    """Magnitude and phase of G(iω) from input `source` to these outputs (indices; by default all) over a band (rad/s).
+    """Magnitude and phase of G(2πif) from input `source` to these outputs (indices; by default all), over f in Hz.
+
+    `band` is in rad/s, by default from below the lowest mode to above the highest.
 
     Dotted lines with numbers mark the modes, the fixed-base ones where the cart's motion is prescribed.  Every peak and
     trough of a damped mode has its own height, found between the points of the grid; peaks of undamped modes are
@@ -80,40 +84,41 @@ def bode_figure(
     bottom, top, infinite = _limits(form, omega, size)
     figure = sheet(WIDTH, 6.0 + ROW * max(0, len(shown) - 6))
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
-    heights = [_whole(omega, response, bottom - BEYOND, top + BEYOND) for response in G]
+    each = [_whole(omega, response, bottom - BEYOND, top + BEYOND) for response in G]
+    heights, hertz = [(w / TURN, y) for w, y in each], omega / TURN
     cut = any(bool(np.any(y < bottom)) for _, y in heights)
     draw_curves(upper, heights, first=FIRST, log="x")
-    draw_curves(lower, [(omega, _phase(response)) for response in G], first=FIRST, log="x")
-    given = form.model.inputs[source]
+    draw_curves(lower, [(hertz, _phase(response)) for response in G], first=FIRST, log="x")
+    pushed = form.model.inputs[source]
     upper.set(xscale="log", ylabel=_magnitude(_units(form, shown, source)), ylim=(bottom, top))
     if std is not None:
-        _shade(upper, omega, size, std(omega)[shown, source])
+        _shade(upper, hertz, size, std(omega)[shown, source])
     upper.yaxis.set_major_locator(MaxNLocator(8, steps=[1, 2, 4, 5, 10]))
-    lower.set(ylabel="phase (°)", xlabel="angular frequency ω (rad/s)", xlim=(low, high), ylim=(-195, 195))
+    lower.set(ylabel="phase (°)", xlabel="frequency (Hz)", xlim=(low / TURN, high / TURN), ylim=(-195, 195))
     lower.yaxis.set_major_locator(MultipleLocator(90))
     log_ticks(lower.xaxis, high / low)
-    inside = [(k, omega) for k, omega in enumerate(form.modes.omega.tolist(), 1) if low <= omega <= high]
+    inside = [(k, rate / TURN) for k, rate in enumerate(form.modes.omega.tolist(), 1) if low <= rate <= high]
     mark_modes(upper, inside)
     mark_modes(lower, inside, numbered=False)
     held = ", with the fixed-base modes" if form.is_held else ""
-    words = f"response to {_named(given)}{held}"
+    words = f"response to {_named(pushed)}{held}"
     notes = [f"peaks of undamped modes are infinite and cut at {top:g} dB".replace("-", "−")] if infinite else []
     notes += [f"zeros cut at {bottom:g} dB".replace("-", "−")] if cut else []
-    names = [f"{_named(form.model.outputs[output])} / {_named(given)}" for output in shown]
+    names = [f"{_named(form.model.outputs[output])} / {_named(pushed)}" for output in shown]
     if max(map(len, names)) > LONGEST:  # the title names the input, too
         names = [_named(form.model.outputs[output]) for output in shown]
     _finish(figure, form, names, words + (", ± 2 standard deviations" if std else ""), "; ".join(notes))
     return figure
 
 
-def _shade(axis: Axes, omega: Floats, size: Floats, spread: Floats) -> None:
+def _shade(axis: Axes, hertz: Floats, size: Floats, spread: Floats) -> None:
     """Two standard deviations to either side of every curve."""
     low, high = axis.get_ylim()
     least = 10 ** (low / 20)
-    for k, (own, std) in enumerate(zip(size, spread, strict=True)):
+    for k, (magnitude, std) in enumerate(zip(size, spread, strict=True)):
         with np.errstate(all="ignore"):
-            below, above = (np.clip(_decibel(np.maximum(own + sign * std, least)), low, high) for sign in (-2, 2))
-        axis.fill_between(omega, below, above, color=colour(k), alpha=0.22, lw=0)
+            below, above = (np.clip(_decibel(np.maximum(magnitude + sign * std, least)), low, high) for sign in (-2, 2))
+        axis.fill_between(hertz, below, above, color=colour(k), alpha=0.22, lw=0)
 
 
 def draw_impulse(
@@ -143,15 +148,19 @@ def impulse_figure(
     units = list(dict.fromkeys(form.model.outputs[output].unit for output in shown))
     figure = sheet(WIDTH, 1.4 + 2.2 * len(units))
     panels = figure.subplots(len(units), 1, sharex=True, squeeze=False)[:, 0]
+    bands = False
     for panel, unit in zip(panels, units, strict=True):
-        own = [k for k, output in enumerate(shown) if form.model.outputs[output].unit == unit]
-        draw_curves(panel, [(t, h[k]) for k in own], numbers=own, first=FIRST)
+        outputs_of_unit = [k for k, output in enumerate(shown) if form.model.outputs[output].unit == unit]
+        bands |= draw_curves(
+            panel, [(t, h[k]) for k in outputs_of_unit], numbers=outputs_of_unit, first=FIRST, bands=True
+        )
     for panel, unit in zip(panels, units, strict=True):
         panel.set_ylabel(f"response ({unit} per {form.model.inputs[source].unit} s)")
         panel.axhline(0.0, color=muted(), lw=0.8, zorder=0)
     panels[-1].set(xlabel="time t (s)", xlim=(0.0, t[-1]))
     names = [_named(form.model.outputs[output]) for output in shown]
-    _finish(figure, form, names, f"impulse response to {_named(form.model.inputs[source])}")
+    notes = f"bands: {RANGE} of what swings faster than lines can show" if bands else ""
+    _finish(figure, form, names, f"impulse response to {_named(form.model.inputs[source])}", notes)
     return figure
 
 
@@ -265,7 +274,7 @@ def _limits(form: ModalForm, omega: Floats, size: Floats) -> tuple[float, float,
 
 def _finish(figure: Figure, form: ModalForm, names: Sequence[str], title: str, notes: str = "") -> None:
     headline(figure, title_of(form.modes.scene), title)
-    handles = [Line2D([], [], color=colour(k), ls=dash(k), lw=thickness(k, FIRST)) for k in range(len(names))]
+    handles = [Line2D([], [], color=colour(k), lw=thickness(k, FIRST), **spots(k)) for k in range(len(names))]
     key(figure, handles, names, notes=notes)
 
 

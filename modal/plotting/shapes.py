@@ -17,7 +17,7 @@ from modal.modes import Mode, Modes, Shape
 from modal.plotting.carriers import draw_pieces
 from modal.plotting.layout import caption, evenly, headline, side_by_side
 from modal.plotting.profiles import profiles_figure
-from modal.plotting.style import QUIET, WIDE, colour, ink, mixed, muted, paper, rest, save, sheet
+from modal.plotting.style import MARKED, QUIET, WIDE, colour, ink, mixed, muted, paper, rest, save, sheet
 from modal.scene import AnyLink, Bob, Rod, Scene, title_of
 from modal.scene.doors import require_type
 from modal.structure import Scaffold
@@ -25,14 +25,23 @@ from modal.types import Floats
 
 FARTHEST = 0.3  # largest displacement of the cart over the picture's depth
 LINE, LETTER = 0.2, 0.08  # height of a title line and width of a letter (inches)
-MOST_PANELS, MOST_PENDULA, MOST_MARKS = 24, 12, 40
+MOST_PANELS, USUAL_PANELS, MOST_PENDULA, MOST_MARKS = 24, 12, 12, 40
+"""Most panels that can be asked for, and that are drawn unasked; most pendula as they hang; most links with marks."""
+FEW_LINKS = 6
+"""Links of a chain up to which its angles are drawn; a longer one is drawn by its displacements, with thin links."""
+AMPLITUDE_DEG = 25.0
+"""Largest angle of a drawing, and what stands for full displacement of a long chain."""
+SIDEWAYS = 0.4
+"""Largest displacement of a long chain over the picture's depth."""
 MARK, SMALLEST = 11.0, 3.5  # width of the heaviest bob and of the lightest (points)
+APART = 0.55  # width of the heaviest bob over the length of a short link
+THICK, THIN = 1.6, 1.0  # width of the links of a few, and of a long chain (points)
 FAINTEST = 0.3  # part of the colour in a motion that has faded
 LEAST, WIDEST = 4.6, 1.4  # least width of a picture (inches); width over height of panels, four in a row
 
 
 @dataclass(frozen=True, eq=False)
-class Layout:
+class ShapeLayout:
     """The pendula drawn, their links' angles at equilibrium, the index of the first link of each, and their pivots.
 
     In metres: the longest chain, the extent below and above the rail, and half the width, about `middle`.  What hangs
@@ -51,11 +60,18 @@ class Layout:
     middle: float = 0.0
     mark: float = MARK
 
-    def within(self, width: float) -> Layout:
-        """The same with marks small enough for pendula on a structure in a panel of this width (inches)."""
-        if self.scaffold is None:
-            return self
-        return replace(self, mark=min(MARK, 0.4 * self.depth * 72 * width / (2 * self.half_width)))
+    def within(self, width: float) -> ShapeLayout:
+        """The same with marks small enough for structures and long chains, in a panel of this width (inches)."""
+        points = 72 * width / (2 * self.half_width)
+        mark = MARK if self.scaffold is None else min(MARK, 0.4 * self.depth * points)
+        if self.is_linear:
+            mark = min(mark, APART * points * min(link.length for links in self.links for link in links))
+        return replace(self, mark=mark)
+
+    @property
+    def is_linear(self) -> bool:
+        """Whether displacements are drawn, exaggerated, and not angles: of a chain of more than FEW_LINKS."""
+        return max(map(len, self.links)) > FEW_LINKS
 
     @property
     def bottom(self) -> float:
@@ -81,17 +97,25 @@ class Layout:
 
 
 def draw_shapes(
-    modes: Modes, numbers: Sequence[int], stream: IO[bytes], *, amplitude_deg: float = 25.0, form: str = "png"
+    modes: Modes,
+    numbers: Sequence[int] | None,
+    stream: IO[bytes],
+    *,
+    amplitude_deg: float = AMPLITUDE_DEG,
+    form: str = "png",
 ) -> None:
     """Write the picture as png, svg or pdf."""
     require_type("modes", modes, "Modes")
     save(shapes_figure(modes, numbers, amplitude_deg=amplitude_deg), stream, form)
 
 
-def shapes_figure(modes: Modes, numbers: Sequence[int] | None = None, *, amplitude_deg: float = 25.0) -> Figure:
-    """The modes with these indices (from 0), by default the first ones, one panel each.
+def shapes_figure(
+    modes: Modes, numbers: Sequence[int] | None = None, *, amplitude_deg: float = AMPLITUDE_DEG
+) -> Figure:
+    """The modes with these indices (from 0), by default the first USUAL_PANELS, one panel each.
 
-    The largest angle of each is `amplitude_deg`.
+    The largest angle of each is `amplitude_deg`.  Chains of more than FEW_LINKS are drawn by their displacements: that
+    of each mode is exaggerated until its largest is the same part of the picture, SIDEWAYS at 25°.
 
     Up to MOST_PENDULA pendula are drawn as they hang; of more, the angles over the number of the pendulum.  An
     overdamped mode is drawn where it begins and after one and two time constants.
@@ -99,12 +123,13 @@ def shapes_figure(modes: Modes, numbers: Sequence[int] | None = None, *, amplitu
     Raises ComputationError for more modes than one picture holds.
     """
     require_type("modes", modes, "Modes")
-    numbers = range(min(len(modes), MOST_PANELS)) if numbers is None else numbers
+    first = some_words(modes, numbers)
+    numbers = range(min(len(modes), USUAL_PANELS)) if numbers is None else numbers
     if len(numbers) > MOST_PANELS:
         raise ComputationError(f"{len(numbers)} modes do not fit in one figure: choose at most {MOST_PANELS} modes")
     rows = list(modes.rows(numbers))
     if is_crowded(modes.scene):
-        return profiles_figure(modes, rows, panel_words, amplitude_deg)
+        return profiles_figure(modes, rows, panel_words, amplitude_deg, first)
     layout = layout_of(modes)
     panel = 2 * layout.half_width / (0.955 * (layout.top - layout.bottom))
     columns, lines = arranged(len(rows), panel)
@@ -121,8 +146,13 @@ def shapes_figure(modes: Modes, numbers: Sequence[int] | None = None, *, amplitu
         axis.set_title(text, linespacing=1.3)
     for axis in axes.flat[len(rows) :]:
         axis.remove()
-    caption(figure, _caption(modes, rows, layout, amplitude_deg))
+    caption(figure, f"{first}{_caption(modes, rows, layout, amplitude_deg)}")
     return figure
+
+
+def some_words(modes: Modes, numbers: Sequence[int] | None) -> str:
+    """What is left out where no modes are asked for, "" where none is."""
+    return f"the first {USUAL_PANELS} of {len(modes)} modes; " if numbers is None and len(modes) > USUAL_PANELS else ""
 
 
 def is_crowded(scene: Scene) -> bool:
@@ -139,7 +169,7 @@ def arranged(count: int, ratio: float) -> tuple[int, int]:
     return -(-count // lines), lines
 
 
-def layout_of(modes: Modes) -> Layout:
+def layout_of(modes: Modes) -> ShapeLayout:
     """What is drawn of the pendula, and where."""
     hanging: list[tuple[tuple[AnyLink, ...], Floats, int]] = []
     first, angles = 0, modes.rig.rest_angles
@@ -162,26 +192,26 @@ def layout_of(modes: Modes) -> Layout:
     if modes.rig.leans:
         below = max(sum(link.length for link in chain) for chain in chains)
         half_width += aside + 0.2 * depth
-    return Layout(chains, rests, offsets, pivots, depth, below, above, half_width)
+    return ShapeLayout(chains, rests, offsets, pivots, depth, below, above, half_width)
 
 
-def _on_structure(modes: Modes, hanging: list[tuple[tuple[AnyLink, ...], Floats, int]]) -> Layout:
+def _on_structure(modes: Modes, hanging: list[tuple[tuple[AnyLink, ...], Floats, int]]) -> ShapeLayout:
     """The layout of pendula on a structure: as it is drawn at rest, with room for it to move."""
     structure = modes.rig.structure
     assert structure is not None
-    first = np.cumsum([0, *(one.n_links for one in modes.scene.pendulum for _ in range(one.count))])
+    first = np.cumsum([0, *(pendulum.n_links for pendulum in modes.scene.pendulum for _ in range(pendulum.count))])
     chains, rests, offsets = (tuple(column) for column in zip(*hanging, strict=True))
     depth = max(float(np.ptp(_placed(chain, np.ones(len(chain))))) for chain in chains)
     drawn = np.searchsorted(first, offsets)
     scaffold = Scaffold(structure, drawn, first, depth)
-    layout = Layout(chains, rests, offsets, np.zeros(0), depth, 0.0, 0.0, 0.0, scaffold)
+    layout = ShapeLayout(chains, rests, offsets, np.zeros(0), depth, 0.0, 0.0, 0.0, scaffold)
     still = np.zeros((1, structure.size))
     pivots = scaffold.pivots(still)[0]
     hung = [_hung(chain, rest, pivot)[None] for chain, rest, pivot in zip(chains, rests, pivots, strict=True)]
     pieces = scaffold.pieces(still, dict(zip(drawn.tolist(), hung, strict=True)))
     points = np.concatenate([part.reshape(-1, 2) for part in (*hung, *(piece.points for piece in pieces))])
     (left, low), (right, high) = points.min(0), points.max(0)
-    rises = 0.3 * any(own.kind in {"tilt", "heave", "platform", "modal"} for own in structure.carriers)
+    rises = 0.3 * any(carrier.kind in {"tilt", "heave", "platform", "modal"} for carrier in structure.carriers)
     return replace(
         layout,
         below=-float(low) + rises * depth,
@@ -204,7 +234,7 @@ def _placed(links: tuple[AnyLink, ...], way: Floats) -> Floats:
     return np.concatenate([joints, joints[:-1] + way * [link.centre for link in links]])
 
 
-def _panel(axis: Axes, modes: Modes, row: Mode, layout: Layout, amplitude: float) -> None:
+def _panel(axis: Axes, modes: Modes, row: Mode, layout: ShapeLayout, amplitude: float) -> None:
     shape = modes.shape(modes.index_of(row))
     if np.iscomplexobj(shape.angles):
         shape = replace(
@@ -225,7 +255,7 @@ def _panel(axis: Axes, modes: Modes, row: Mode, layout: Layout, amplitude: float
         draw_swing(axis, modes, layout, shape, amplitude, {"color": colour(0)})
 
 
-def draw_rest(axis: Axes, modes: Modes, layout: Layout, shape: Shape) -> None:
+def draw_rest(axis: Axes, modes: Modes, layout: ShapeLayout, shape: Shape) -> None:
     """The rail and everything at equilibrium, on an axis with the limits of the layout."""
     axis.set_xlim(*layout.ends)
     axis.set_ylim(layout.bottom, layout.top)
@@ -235,7 +265,7 @@ def draw_rest(axis: Axes, modes: Modes, layout: Layout, shape: Shape) -> None:
     draw_swing(axis, modes, layout, shape, 0.0, {"color": rest(), "gid": QUIET})
 
 
-def draw_translation(axis: Axes, layout: Layout) -> None:
+def draw_translation(axis: Axes, layout: ShapeLayout) -> None:
     """The sign of a rigid translation."""
     reach, height = 0.3 * layout.depth, 0.13 * layout.depth
     if layout.scaffold is not None:
@@ -256,20 +286,23 @@ def panel_words(row: Mode, letters: int) -> str:
     return f"mode {row.number}{frequency}\n{fill(rate, letters)}\n{fill(row.family, letters)}"
 
 
-def fitting_amplitude(layout: Layout, shape: Shape, amplitude: float) -> float:
+def fitting_amplitude(layout: ShapeLayout, shape: Shape, amplitude: float) -> float:
     """A reduced amplitude where the cart would leave the picture; long chains are drawn linearly, by displacement."""
-    if max(map(len, layout.links)) > MOST_MARKS:
+    if layout.is_linear:
+        cart = float(np.real(shape.cart))
         reach = [
-            np.abs(np.cumsum([link.length for link in links] * shape.angles[first : first + len(links)])).max()
+            np.abs(cart + np.cumsum([link.length for link in links] * shape.angles[first : first + len(links)])).max()
             for links, first in zip(layout.links, layout.offsets, strict=True)
         ]
-        amplitude = FARTHEST * layout.depth / max(*reach, 1e-300)
+        amplitude *= SIDEWAYS * layout.depth / (np.radians(AMPLITUDE_DEG) * max(*reach, abs(cart), 1e-300))
     if layout.scaffold is not None:
         return float(min(amplitude, FARTHEST * layout.depth / max(layout.scaffold.reach(shape.supports), 1e-300)))
     return float(min(amplitude, FARTHEST * layout.depth / max(abs(shape.cart), 1e-300)))
 
 
-def draw_swing(axis: Axes, modes: Modes, layout: Layout, shape: Shape, amplitude: float, look: dict[str, Any]) -> None:
+def draw_swing(
+    axis: Axes, modes: Modes, layout: ShapeLayout, shape: Shape, amplitude: float, look: dict[str, Any]
+) -> None:
     """A real shape times an amplitude (rad)."""
     places, still = layout.places(shape, amplitude), layout.places(shape, 0.0)
     joints = {}
@@ -278,16 +311,16 @@ def draw_swing(axis: Axes, modes: Modes, layout: Layout, shape: Shape, amplitude
         length = np.array([link.length for link in links])
         sin, cos = np.sin(angle), np.cos(angle)
         lean = np.sin(angle + angles), np.cos(angle + angles)
-        if len(links) > MOST_MARKS:
+        if layout.is_linear:
             lean = sin + angles * cos, cos - angles * sin
         x, y = (np.concatenate([[0.0], np.cumsum(length * part)]) for part in lean)
         x, y = places[k, 0] + x, places[k, 1] - y
         joints[k] = np.column_stack((x, y))
         if amplitude != 0 and np.array_equal(places[k], still[k]) and not angles.any():
             continue
-        axis.plot(x, y, **look, lw=1.6, zorder=2)
+        axis.plot(x, y, **look, lw=THIN if layout.is_linear else THICK, zorder=2)
         if len(links) <= MOST_MARKS:
-            _marks(axis, links, x, y, look, layout.mark)
+            _marks(axis, links, x, y, look, layout)
     if layout.scaffold is None:
         _support(axis, modes, layout, float(shape.cart.real) * amplitude, look, filled=amplitude == 0)
         return
@@ -298,25 +331,31 @@ def draw_swing(axis: Axes, modes: Modes, layout: Layout, shape: Shape, amplitude
     draw_pieces(axis, pieces, look, rests=amplitude == 0)
 
 
-def _marks(axis: Axes, links: Sequence[AnyLink], x: Floats, y: Floats, look: dict[str, Any], most: float) -> None:
-    heaviest = max(link.mass for link in links)
+def _marks(
+    axis: Axes, links: Sequence[AnyLink], x: Floats, y: Floats, look: dict[str, Any], layout: ShapeLayout
+) -> None:
+    heaviest, most = max(link.mass for link in links), layout.mark
     for i, link in enumerate(links):
         part = link.centre / link.length
         centre = (x[i] + part * (x[i + 1] - x[i]), y[i] + part * (y[i + 1] - y[i]))
         if part > 1:
-            axis.plot([x[i + 1], centre[0]], [y[i + 1], centre[1]], ":", **look, lw=1.2, zorder=2)
+            axis.plot([x[i + 1], centre[0]], [y[i + 1], centre[1]], ls=MARKED, **look, lw=1.2, zorder=2)
         if isinstance(link, Rod):
             axis.plot(x[i : i + 2], y[i : i + 2], **look, lw=min(4.0, 0.6 * most), zorder=3)
         else:
             size = most * (link.mass / heaviest) ** (1 / 3)
             marker = "o" if isinstance(link, Bob) else "D"
             axis.plot(*centre, marker, ms=max(size, min(SMALLEST, most)), **look, mec=paper(), mew=0.7, zorder=4)
+    if layout.is_linear:
+        return
     axis.plot(
         x[:-1], y[:-1], "o", ms=min(2.6, 0.4 * most), **look | {"color": paper()}, mec=look["color"], mew=0.9, zorder=5
     )
 
 
-def _support(axis: Axes, modes: Modes, layout: Layout, shift: float, look: dict[str, Any], *, filled: bool) -> None:
+def _support(
+    axis: Axes, modes: Modes, layout: ShapeLayout, shift: float, look: dict[str, Any], *, filled: bool
+) -> None:
     left, right = layout.pivots[0] - 0.16 * layout.depth, layout.pivots[-1] + 0.16 * layout.depth
     height = 0.075 * layout.depth
     if modes.rig.cart is None:
@@ -327,8 +366,7 @@ def _support(axis: Axes, modes: Modes, layout: Layout, shift: float, look: dict[
     axis.add_patch(FancyBboxPatch((left + shift, 0.0), right - left, height, fc=face, ec=look["color"], **style))
 
 
-def _caption(modes: Modes, rows: Sequence[Mode], layout: Layout, amplitude_deg: float) -> str:
-    linear = max(map(len, layout.links)) > MOST_MARKS
+def _caption(modes: Modes, rows: Sequence[Mode], layout: ShapeLayout, amplitude_deg: float) -> str:
     words = ["grey: rest"]
     if any(row.oscillates for row in rows):
         words += ["blue and orange: the two ends of the swing"]
@@ -336,7 +374,8 @@ def _caption(modes: Modes, rows: Sequence[Mode], layout: Layout, amplitude_deg: 
         words += ["of growing modes: the two ways they leave it"]
     if any(row.is_overdamped for row in rows):
         words += ["fading blue: an overdamped mode at the start, after one and after two time constants"]
-    words += ["sideways motion exaggerated" if linear else f"drawn with angles up to {amplitude_deg:g}°"]
+    sideways, angles = "each mode exaggerated sideways to the same width", f"drawn with angles up to {amplitude_deg:g}°"
+    words += [sideways if layout.is_linear else angles]
     if any(row.multiplicity > 1 for row in rows):
         words += ["one shape of each repeated mode"]
     if layout.scaffold is not None:

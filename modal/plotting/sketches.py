@@ -19,7 +19,7 @@ from matplotlib.patches import Arc, Circle, FancyArrowPatch, FancyBboxPatch
 from modal.errors import ComputationError
 from modal.plotting.carriers import draw_pieces
 from modal.plotting.structure_sketches import labels_of, schematic
-from modal.plotting.style import colour, ink, muted, paper, shade, sheet
+from modal.plotting.style import MARKED, colour, ink, muted, paper, shade, sheet
 from modal.scene import AnyLink, Bob, Rod, Scene, validate_scene
 from modal.types import Floats
 
@@ -38,7 +38,7 @@ OBLIQUE = 0.55 * np.array([np.cos(np.radians(35)), np.sin(np.radians(35))])
 
 
 @dataclass(frozen=True)
-class _Drawn:
+class _SketchedLink:
     """One link: its upper and lower joint and its centre in the picture, its tilt (rad), its symbols' numbers."""
 
     link: AnyLink
@@ -71,9 +71,9 @@ def sketch_figure(scene: Scene, angles_deg: Sequence[float] | None = None, *, pu
     if scene.is_structured:
         return _structured(scene, chains, tilts)
     pendula = _placed(scene, chains, tilts)
-    links = [one for chain in pendula for one in chain]
-    weighed = [one.centre - np.array([0, WEIGHT]) for one in links]
-    points = np.array([*weighed, *(point for one in links for point in (one.joint, one.end))])
+    links = [drawn for chain in pendula for drawn in chain]
+    weighed = [drawn.centre - np.array([0, WEIGHT]) for drawn in links]
+    points = np.array([*weighed, *(point for drawn in links for point in (drawn.joint, drawn.end))])
     (left, bottom), (right, top) = points.min(axis=0), points.max(axis=0)
     pivots = np.array([chain[0].joint[0] for chain in pendula])
     gravity = max(right + 0.2, pivots.max() + OVERHANG + 0.5)
@@ -83,8 +83,8 @@ def sketch_figure(scene: Scene, angles_deg: Sequence[float] | None = None, *, pu
     _say(axis, "g", gravity + 0.13, 0.0)
     _support(axis, scene, pivots, push)
     for chain in pendula:
-        for one, below in zip(chain, [*chain[1:], None], strict=True):
-            _link(axis, one, below, _symbols(scene))
+        for drawn, below in zip(chain, [*chain[1:], None], strict=True):
+            _link(axis, drawn, below, _symbols(scene))
     return figure
 
 
@@ -102,15 +102,15 @@ def _structured(scene: Scene, chains: list[list[AnyLink]], tilts: list[Floats]) 
         centres = [min(link.centre / link.length, 1.4) for link in chain]
         drawn.append(
             [
-                _Drawn(link, start, end, start + centre * (end - start), float(angle), number)
+                _SketchedLink(link, start, end, start + centre * (end - start), float(angle), number)
                 for link, start, end, centre, angle, number in zip(
                     chain, joints[p], joints[p][1:], centres, angles, named, strict=False
                 )
             ]
         )
-    pieces = scaffold.pieces(still, {p: own[None] for p, own in joints.items()})
+    pieces = scaffold.pieces(still, {p: places[None] for p, places in joints.items()})
     told = list(labels_of(scaffold, pieces))
-    weights = [one.centre - np.array([0, WEIGHT]) for own in drawn for one in own]
+    weights = [link.centre - np.array([0, WEIGHT]) for chain in drawn for link in chain]
     points = np.concatenate(
         [piece.points.reshape(-1, 2) for piece in pieces]
         + list(joints.values())
@@ -121,9 +121,9 @@ def _structured(scene: Scene, chains: list[list[AnyLink]], tilts: list[Floats]) 
     _arrow(axis, (right + 0.45, WEIGHT / 2), (right + 0.45, -WEIGHT / 2), ink())
     _say(axis, "g", right + 0.58, 0.0)
     draw_pieces(axis, pieces, {"color": shade(0.6)}, rests=True)
-    for own in drawn:
-        for one, below in zip(own, [*own[1:], None], strict=True):
-            _link(axis, one, below, _symbols(scene))
+    for links in drawn:
+        for link, below in zip(links, [*links[1:], None], strict=True):
+            _link(axis, link, below, _symbols(scene))
     for label in told:
         x, y = label.place
         if label.arrow:
@@ -156,11 +156,11 @@ def _tilts(chains: list[list[AnyLink]], angles_deg: Sequence[float] | None) -> l
     count = sum(map(len, chains))
     if angles_deg is not None and len(angles_deg) != count:
         raise ComputationError(f"{len(angles_deg)} angles for {count} links")
-    given = np.concatenate([TILTS[: len(chain)] for chain in chains]) if angles_deg is None else np.array(angles_deg)
-    return np.split(np.radians(given), np.cumsum([len(chain) for chain in chains])[:-1])
+    angles = np.concatenate([TILTS[: len(chain)] for chain in chains]) if angles_deg is None else np.array(angles_deg)
+    return np.split(np.radians(angles), np.cumsum([len(chain) for chain in chains])[:-1])
 
 
-def _placed(scene: Scene, chains: list[list[AnyLink]], tilts: list[Floats]) -> list[list[_Drawn]]:
+def _placed(scene: Scene, chains: list[list[AnyLink]], tilts: list[Floats]) -> list[list[_SketchedLink]]:
     """Every link in its place; pendula as far apart as their extents ask for."""
     longest = max(link.length for chain in chains for link in chain)
     shapes = []
@@ -174,7 +174,7 @@ def _placed(scene: Scene, chains: list[list[AnyLink]], tilts: list[Floats]) -> l
     named = iter(numbers)
     return [
         [
-            _Drawn(
+            _SketchedLink(
                 link,
                 joints[i] + (place, 0),
                 joints[i + 1] + (place, 0),
@@ -190,7 +190,7 @@ def _placed(scene: Scene, chains: list[list[AnyLink]], tilts: list[Floats]) -> l
 
 def _number(scene: Scene, pendulum: int, link: int) -> str:
     """The subscript of a link's symbols: none, its number, that of its pendulum, or both."""
-    single = all(one.n_links == 1 for one in scene.pendulum)
+    single = all(entry.n_links == 1 for entry in scene.pendulum)
     if len(_chains(scene)) == 1:
         return "" if single else f"{link}"
     return f"{pendulum}" if single else f"{pendulum},{link}"
@@ -262,44 +262,44 @@ def _cart(axis: Axes, left: float, right: float, push: str) -> None:
         _say(axis, push, right + 0.24, 0.14, color=colour(4))
 
 
-def _link(axis: Axes, one: _Drawn, below: _Drawn | None, differ: dict[str, bool]) -> None:
+def _link(axis: Axes, drawn: _SketchedLink, below: _SketchedLink | None, differ: dict[str, bool]) -> None:
     """One link with its angle, length and centre, and the weight at its centre of mass."""
-    side = 1.0 if one.tilt >= 0 else -1.0
-    across, hue = side * np.array([np.cos(one.tilt), np.sin(one.tilt)]), colour(0)
-    thick = isinstance(one.link, Rod) or not isinstance(one.link, Bob)
+    side = 1.0 if drawn.tilt >= 0 else -1.0
+    across, hue = side * np.array([np.cos(drawn.tilt), np.sin(drawn.tilt)]), colour(0)
+    thick = isinstance(drawn.link, Rod) or not isinstance(drawn.link, Bob)
     axis.plot(
-        *np.transpose([one.joint, one.end]), color=hue, lw=5.5 if thick else 1.8, solid_capstyle="round", zorder=3
+        *np.transpose([drawn.joint, drawn.end]), color=hue, lw=5.5 if thick else 1.8, solid_capstyle="round", zorder=3
     )
-    axis.plot(*one.joint, "o", ms=4, color=paper(), mec=ink(), mew=1.1, zorder=7)
-    _angle(axis, one, side)
-    along, middle = one.end - one.joint, one.link.centre / one.link.length
+    axis.plot(*drawn.joint, "o", ms=4, color=paper(), mec=ink(), mew=1.1, zorder=7)
+    _angle(axis, drawn, side)
+    along, middle = drawn.end - drawn.joint, drawn.link.centre / drawn.link.length
     at = 0.5 if not thick else 0.8 if middle < 0.65 else 0.32
-    _say(axis, _symbol("l", one, differ["length"]), *(one.joint + at * along + 0.17 * across))
+    _say(axis, _symbol("l", drawn, differ["length"]), *(drawn.joint + at * along + 0.17 * across))
     if thick:
-        axis.plot(*one.centre, "o", ms=5, color=ink(), zorder=6)
-        _arrow(axis, one.joint + 0.08 * across, one.centre + 0.08 * across, muted(), "<->")
-        place = one.joint + 0.85 * (one.centre - one.joint) + 0.19 * across
-        _say(axis, _symbol("c", one, differ["centre"]), *place)
+        axis.plot(*drawn.centre, "o", ms=5, color=ink(), zorder=6)
+        _arrow(axis, drawn.joint + 0.08 * across, drawn.centre + 0.08 * across, muted(), "<->")
+        place = drawn.joint + 0.85 * (drawn.centre - drawn.joint) + 0.19 * across
+        _say(axis, _symbol("c", drawn, differ["centre"]), *place)
     else:
-        axis.plot(*one.end, "o", ms=13, color=hue, mec=paper(), mew=0.8, zorder=4)
-    _arrow(axis, one.centre, one.centre - (0, WEIGHT), colour(4))
+        axis.plot(*drawn.end, "o", ms=13, color=hue, mec=paper(), mew=0.8, zorder=4)
+    _arrow(axis, drawn.centre, drawn.centre - (0, WEIGHT), colour(4))
     away = -side if thick or (below is not None and below.tilt * side >= 0) else side
-    x, y = one.centre - (-0.2 * away, WEIGHT - (0.0 if thick else 0.06))
-    _say(axis, f"{_symbol('m', one, differ['mass'])} g", x, y, color=colour(4))
+    x, y = drawn.centre - (-0.2 * away, WEIGHT - (0.0 if thick else 0.06))
+    _say(axis, f"{_symbol('m', drawn, differ['mass'])} g", x, y, color=colour(4))
 
 
-def _symbol(letter: str, one: _Drawn, numbered: bool) -> str:
-    return f"{letter}_{{{one.number}}}" if numbered and one.number else letter
+def _symbol(letter: str, drawn: _SketchedLink, numbered: bool) -> str:
+    return f"{letter}_{{{drawn.number}}}" if numbered and drawn.number else letter
 
 
-def _angle(axis: Axes, one: _Drawn, side: float) -> None:
+def _angle(axis: Axes, drawn: _SketchedLink, side: float) -> None:
     """The vertical through the upper joint, and the arc of θ."""
-    x, y = one.joint
-    axis.plot([x, x], [y, y - 0.54], "--", color=muted(), lw=1.0, zorder=1)
-    degrees = np.sort([270.0, 270.0 + np.degrees(one.tilt)])
+    x, y = drawn.joint
+    axis.plot([x, x], [y, y - 0.54], ls=MARKED, color=muted(), lw=1.0, zorder=1)
+    degrees = np.sort([270.0, 270.0 + np.degrees(drawn.tilt)])
     axis.add_patch(Arc((x, y), 2 * ARC, 2 * ARC, theta1=degrees[0], theta2=degrees[1], color=ink(), lw=1.2, zorder=2))
-    half = one.tilt / 2
-    symbol = rf"\theta_{{{one.number}}}" if one.number else r"\theta"
+    half = drawn.tilt / 2
+    symbol = rf"\theta_{{{drawn.number}}}" if drawn.number else r"\theta"
     _say(axis, symbol, x + (ARC + 0.14) * np.sin(half), y - (ARC + 0.14) * np.cos(half))
 
 
@@ -324,8 +324,8 @@ def _in_space() -> Figure:
     _say(axis, "l", *(0.55 * tip + (0.1, 0.1)))
     _arrow(axis, tip, tip - (0, WEIGHT), colour(4))
     _say(axis, "m g", tip[0] + 0.2, tip[1] - WEIGHT + 0.06, color=colour(4))
-    axis.plot(*np.transpose([foot, tip]), "--", color=muted(), lw=1.0)
-    axis.plot(*np.transpose([foot, foot + np.array([0.75, 0])]), "--", color=muted(), lw=1.0)
+    axis.plot(*np.transpose([foot, tip]), ls=MARKED, color=muted(), lw=1.0)
+    axis.plot(*np.transpose([foot, foot + np.array([0.75, 0])]), ls=MARKED, color=muted(), lw=1.0)
     lean, turn = np.linspace(0, theta, 30), np.linspace(0, phi, 30)
     axis.plot(*seen(ARC, lean, phi), color=ink(), lw=1.2)
     _say(axis, r"\theta", *seen(ARC + 0.14, theta / 2, phi))

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from matplotlib.figure import Figure
 
-from modal.plotting.themes import CHOICE, Pair, pair_of
+from modal.plotting.themes import CHOICE, ThemedPicture, pair_of
 from modal.report import html
 
 PAGE = """{choice}
@@ -32,7 +32,7 @@ class Slider:
 
     label: str
     values: tuple[str, ...]
-    pictures: tuple[Pair, ...]
+    pictures: tuple[ThemedPicture, ...]
     at: int
 
     def html(self) -> str:
@@ -71,7 +71,7 @@ def slide(draw: Callable[[float], Figure], values: Sequence[float], label: str, 
     return Slider(label, names, made, first)
 
 
-def _pictured(figure: Figure, words: str) -> Pair:
+def _pictured(figure: Figure, words: str) -> ThemedPicture:
     from matplotlib import pyplot
 
     pair = pair_of(figure, words)

@@ -12,7 +12,7 @@ from matplotlib.lines import Line2D
 
 from modal.coupling import StructureCoupling, family_name
 from modal.plotting.layout import SMALL, headline, key, shortened
-from modal.plotting.style import QUIET, WIDE, colour, ink, mixed, paper, sheet
+from modal.plotting.style import MARKED, QUIET, WIDE, colour, ink, mixed, paper, sheet
 from modal.scene import title_of
 from modal.types import Floats
 
@@ -45,9 +45,9 @@ def structure_figure(coupling: StructureCoupling) -> Figure:
     headline(figure, title_of(coupling.scene), what if panels else "levels of pendula alone and together")
     entries = {
         "mass that a push feels": Line2D([], [], color=colour(2)),
-        "pendula alone, all else held": Line2D([], [], color=colour(0), ls="--", lw=1.2),
+        "pendula alone, all else held": Line2D([], [], color=colour(0), ls=MARKED, lw=1.4),
         "modes of the scene": Line2D([], [], color=colour(4), marker="o", mec=paper()),
-        "the structure alone, pendula stiff": Line2D([], [], color=colour(1), ls="-.", lw=1.4),
+        "the structure alone, pendula stiff": Line2D([], [], color=colour(1), ls=MARKED, lw=1.4),
     }
     chosen = entries if panels else {name: entries[name] for name in list(entries)[1:3]}
     key(figure, list(chosen.values()), list(chosen))
@@ -57,7 +57,7 @@ def structure_figure(coupling: StructureCoupling) -> Figure:
 def _span(coupling: StructureCoupling) -> tuple[float, float, bool]:
     """Both ends of the frequency axis, and whether it is logarithmic."""
     every = np.concatenate(
-        [coupling.omega, [own.omega for own in coupling.families], [mode.omega for mode in coupling.modes]]
+        [coupling.omega, [family.omega for family in coupling.families], [mode.omega for mode in coupling.modes]]
     )
     every = every[every > 0]
     low, high = float(every.min()), float(every.max())
@@ -72,7 +72,7 @@ def _felt(axis: Axes, coupling: StructureCoupling, s: int, span: tuple[float, fl
     low, high, wide = span
     mode = coupling.modes[s]
     zeros = np.array([omega for omega, share in _shares(coupling, s) if share > LEAST and omega > 0])
-    marked = np.concatenate([zeros, [own.omega for own in coupling.families]])
+    marked = np.concatenate([zeros, [family.omega for family in coupling.families]])
     aside = np.geomspace(1e-6, 0.03, 60)
     near = np.outer(marked, np.concatenate([1 - aside, 1 + aside])).ravel()
     even = np.geomspace(low, high, POINTS) if wide else np.linspace(max(low, high / POINTS), high, POINTS)
@@ -83,11 +83,11 @@ def _felt(axis: Axes, coupling: StructureCoupling, s: int, span: tuple[float, fl
     felt[:-1][leaps] = np.nan
     axis.plot(omega, np.clip(felt, -20 * mode.mass, 20 * mode.mass), color=colour(2), zorder=3)
     axis.axhline(0.0, color=ink(), lw=0.8)
-    for own, family in enumerate(coupling.families):
-        axis.axvline(family.omega, color=colour(0), ls="--", lw=1.1, zorder=1)
-        if own < 6:
+    for r, family in enumerate(coupling.families):
+        axis.axvline(family.omega, color=colour(0), ls=MARKED, lw=1.4, zorder=1)
+        if r < 6:
             axis.annotate(
-                rf"ω$_\mathrm{{{family_name(own)}}}$",
+                rf"ω$_\mathrm{{{family_name(r)}}}$",
                 (family.omega, 1.0),
                 (0, 2),
                 axis.get_xaxis_transform(),
@@ -97,7 +97,7 @@ def _felt(axis: Axes, coupling: StructureCoupling, s: int, span: tuple[float, fl
                 color=colour(0),
             ).set_annotation_clip(False)
     if mode.omega:
-        axis.axvline(mode.omega, color=colour(1), ls="-.", lw=1.2, zorder=1)
+        axis.axvline(mode.omega, color=colour(1), ls=MARKED, lw=1.4, zorder=1)
     axis.plot(zeros, 0 * zeros, "o", color=colour(4), ms=6, mec=paper(), mew=0.8, zorder=4)
     axis.set(xlim=(low, high), ylim=(-1.2 * mode.mass, TOP * mode.mass), xscale="log" if wide else "linear")
     axis.set(xlabel="angular frequency ω (rad/s)", ylabel="mass felt (kg)")
@@ -108,7 +108,7 @@ def _felt(axis: Axes, coupling: StructureCoupling, s: int, span: tuple[float, fl
 
 def _shares(coupling: StructureCoupling, s: int) -> list[tuple[float, float]]:
     """ω of the scene's moving modes, and the share of own mode s of the structure in their kinetic energy."""
-    branches = [(branch.omega, branch.motion) for own in coupling.families for branch in own.branches]
+    branches = [(branch.omega, branch.motion) for family in coupling.families for branch in family.branches]
     return [
         (omega, float(coupling.modes[s].mass * motion[s] ** 2))
         for omega, motion in (*branches, *coupling.structure_modes)
@@ -121,7 +121,7 @@ def _levels(axis: Axes, coupling: StructureCoupling, wide: bool) -> None:
     middle = (1.6, 2.4)
     told: dict[str, list[tuple[float, str]]] = {"left": [], "middle": [], "right": []}
     for r, family in enumerate(coupling.families):
-        axis.plot(left, [family.omega] * 2, color=colour(0), ls="--", lw=1.6)
+        axis.plot(left, [family.omega] * 2, color=colour(0), lw=1.8)
         told["left"].append((family.omega, rf"ω$_\mathrm{{{family_name(r)}}}$ {family.omega:.5g}"))
         if family.still:
             _level(axis, middle, family.omega, left[1], family.omega, colour(0))
@@ -135,7 +135,7 @@ def _levels(axis: Axes, coupling: StructureCoupling, wide: bool) -> None:
         _level(axis, middle, omega, right[0], coupling.modes[s].omega, colour(1))
         told["middle"].append((omega, f"{omega:.5g}"))
     for s, mode in enumerate(coupling.modes):
-        axis.plot(right, [mode.omega] * 2, color=colour(1), ls="-.", lw=1.6)
+        axis.plot(right, [mode.omega] * 2, color=colour(1), lw=1.8)
         told["right"].append((mode.omega, f"s{s + 1} {mode.omega:.5g}"))
     axis.set(
         xlim=(-0.75, 4.75 if coupling.modes else 3.2),
@@ -161,13 +161,13 @@ def _level(axis: Axes, middle: tuple[float, float], omega: float, side: float, b
 
 def _matched(coupling: StructureCoupling) -> list[int]:
     """The structure's own mode that each mode of the scene that belongs to it is mostly of, none twice."""
-    left, found = set(range(len(coupling.modes))), list[int]()
+    left, matches = set(range(len(coupling.modes))), list[int]()
     for _, motion in coupling.structure_modes:
         energy: Floats = np.array([mode.mass for mode in coupling.modes]) * motion**2
         best = max(left, key=lambda s, energy=energy: float(energy[s]))  # type: ignore[misc]
         left.remove(best)
-        found.append(best)
-    return found
+        matches.append(best)
+    return matches
 
 
 def _words(axis: Axes, told: list[tuple[float, str]], x: float, ha: str) -> None:

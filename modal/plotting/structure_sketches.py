@@ -55,16 +55,16 @@ def schematic(scene: Scene, lengths: list[Floats]) -> Scaffold:
     sizes = [pendulum.n_links for pendulum in scene.pendulum]
     factors = [_factor(structure, k, pivots, longest) for k in range(len(structure.carriers))]
     carriers = tuple(
-        replace(own, position=(0.0, 0.0), length=ROD, centre=(own.centre[0] * by, own.centre[1] * by))
-        for own, by in zip(structure.carriers, factors, strict=True)
+        replace(carrier, position=(0.0, 0.0), length=ROD, centre=(carrier.centre[0] * by, carrier.centre[1] * by))
+        for carrier, by in zip(structure.carriers, factors, strict=True)
     )
     placed = tuple(Pivot(pivot.carrier, _scaled(pivot.where, factors[pivot.carrier])) for pivot in pivots)
     first = np.cumsum([0, *sizes])
     springs = tuple(
         spring for each in structure.springs if (spring := _kept(each, scene, factors, first, lengths)) is not None
     )
-    found = Structure(carriers, placed, tuple(dict.fromkeys(springs)))
-    return Scaffold(found, np.arange(len(placed)), first, 1.0, GAP)
+    drawn = Structure(carriers, placed, tuple(dict.fromkeys(springs)))
+    return Scaffold(drawn, np.arange(len(placed)), first, 1.0, GAP)
 
 
 def _factor(structure: Structure, k: int, pivots: list[Pivot], longest: float) -> float:
@@ -121,17 +121,17 @@ def _links(links: tuple[AnyLink, ...]) -> list[AnyLink]:
 def labels_of(scaffold: Scaffold, pieces: list[Piece]) -> Iterator[Label]:
     """The symbols of carriers with their coordinates, and of springs."""
     still = np.zeros((1, scaffold.structure.size))
-    named = sum(own.size > 0 for own in scaffold.structure.carriers) > 1
-    for k, own in enumerate(scaffold.structure.carriers):
-        if not own.size or own.points is not None:
+    named = sum(carrier.size > 0 for carrier in scaffold.structure.carriers) > 1
+    for k, carrier in enumerate(scaffold.structure.carriers):
+        if not carrier.size or carrier.points is not None:
             continue
-        index = rf"_\mathrm{{{own.name.replace('_', chr(92) + '_')}}}" if named else ""
+        index = rf"_\mathrm{{{carrier.name.replace('_', chr(92) + '_')}}}" if named else ""
         left, right, level = scaffold.body(k)
-        platform = own.kind == "platform"
+        platform = carrier.kind == "platform"
         (x, y), (end, _) = (scaffold.place(k, (s, level), still)[0].tolist() for s in (left, right))
-        yield Label("m" + (index or "_s"), _beside(own.kind, x, y))
+        yield Label("m" + (index or "_s"), _beside(carrier.kind, x, y))
         start = x + 0.2 if platform else (x + end) / 2 + 0.06
-        for number, symbol in enumerate(COORDINATES[own.kind]):
+        for number, symbol in enumerate(COORDINATES[carrier.kind]):
             place = (start, y + 0.2 if not platform else y + 0.16)
             way = {"x": (0.3, 0.0), "z": (0.0, 0.3)}.get(symbol)
             if symbol == r"\varphi":

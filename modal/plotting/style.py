@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from io import BytesIO
 from pathlib import Path
-from typing import IO
+from typing import IO, Any
 
 import numpy as np
 from matplotlib import rc_context, rcParams, style
@@ -23,8 +23,24 @@ WIDTH, WIDE = 8.0, 10.5
 """Width in inches of a figure of one column, and of several."""
 KEPT = ("axes", "figure", "font", "grid", "hatch", "lines", "mathtext", "patch", "savefig", "text", "xtick", "ytick")
 """Groups of settings that a picture keeps: matplotlib creates ticks only when a figure is drawn."""
-HUES, DASHES = 6, ("-", "--", ":")
-MOST_CURVES = HUES * len(DASHES)
+HUES = 6
+COMPUTED = "-"
+"""The line of what the model gives, or what was measured: solid."""
+PREDICTED = "--"
+"""The line of what a simpler theory says beside it (small angles, κ, averaged equations, regular motion): dashed."""
+DASH = 3.7
+"""Length of such a dash over the width of its line."""
+MARKED = ":"
+"""The line of a value, of an instant or of a construction, where there is no curve: dotted."""
+UNSTABLE = "-."
+"""The line of a motion that exists and does not last: dash-dotted.
+
+These four mean the same in every figure, and a test reads that no module of figures writes another.  Curves that need
+telling apart differ in colour, then in `spots`, never in dashes.  Two curves on one place are stripes of both colours
+without a gap: see `draw_curves`.
+"""
+SPOTS = ("", "o", "s")
+MOST_CURVES = HUES * len(SPOTS)
 """Most curves that can be distinguished on one axis."""
 QUIET = "quiet"
 """The gid of deliberately faint elements: an equilibrium position, a broad band."""
@@ -92,9 +108,16 @@ def colour(k: int) -> str:
     return to_hex(cycle[k % HUES % len(cycle)])
 
 
-def dash(k: int) -> str:
-    """The dashes of curve k: a different kind each time the colours repeat."""
-    return DASHES[k // HUES % len(DASHES)]
+def spots(k: int) -> dict[str, Any]:
+    """The style of the sparse hollow marks of curve k: none, circles, squares, another each time the colours repeat."""
+    marker = SPOTS[k // HUES % len(SPOTS)]
+    every = (0.02 * (k % HUES), 0.14)
+    return {"marker": marker, "ms": 4.5, "mfc": paper(), "mew": 1.1, "markevery": every} if marker else {}
+
+
+def predicted(k: int) -> tuple[float, tuple[float, float]]:
+    """The dashes of prediction k: of two on one place each shows in the gaps of the other."""
+    return (DASH * (k % 2), (DASH, DASH))
 
 
 def thickness(k: int, first: float = 2.4) -> float:
@@ -115,7 +138,7 @@ def shade(part: float) -> str:
 
 def mixed(hue: str, part: float) -> str:
     """A mixture of a colour and paper: 1 is the colour, 0 is paper."""
-    inked, plain = (np.array(to_rgb(one)) for one in (hue, paper()))
+    inked, plain = (np.array(to_rgb(end)) for end in (hue, paper()))
     return to_hex(tuple((part * inked + (1 - part) * plain).tolist()))
 
 

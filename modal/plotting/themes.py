@@ -40,13 +40,13 @@ SHOWN = '<img class="{where}" src="data:image/{form};base64,{data}" alt="{words}
 
 
 @dataclass(frozen=True)
-class Pair:
+class ThemedPicture:
     """The same picture on light and on dark paper, as a notebook or a page shows it.
 
     `words` say what it shows where it cannot be seen; `form` is "png" or "gif".
 
-    >>> Pair(b"light", b"dark", "an angle over time", "gif")
-    Pair('an angle over time', gif)
+    >>> ThemedPicture(b"light", b"dark", "an angle over time", "gif")
+    ThemedPicture('an angle over time', gif)
     """
 
     light: bytes
@@ -71,10 +71,10 @@ class Pair:
         return {"text/html": self.html(), **picture, "text/plain": repr(self)}
 
     def __repr__(self) -> str:
-        return f"Pair({self.words!r}, {self.form})"
+        return f"ThemedPicture({self.words!r}, {self.form})"
 
 
-def pair_of(figure: Figure, words: str = "") -> Pair:
+def pair_of(figure: Figure, words: str = "") -> ThemedPicture:
     """A figure of the light style as it is and as `modal.plotting.dark` draws it.
 
     `words` describe it; without them its labels do.
@@ -85,7 +85,7 @@ def pair_of(figure: Figure, words: str = "") -> Pair:
     ...     axis = (figure := Figure()).subplots()
     ...     _ = axis.set(xlabel="time (s)", ylabel="angle (rad)")
     ...     pair_of(figure)
-    Pair('angle (rad) over time (s)', png)
+    ThemedPicture('angle (rad) over time (s)', png)
     """
     with any_letters():
         figure.draw_without_rendering()
@@ -98,7 +98,7 @@ def pair_of(figure: Figure, words: str = "") -> Pair:
             figure.savefig(buffer, format="png", dpi=figure.dpi, backend=backend)
         made.append(_reduced(buffer))
     figure.set_layout_engine(layout)
-    return Pair(made[0], made[1], words or _described(figure))
+    return ThemedPicture(made[0], made[1], words or _described(figure))
 
 
 def _reduced(picture: BytesIO) -> bytes:
@@ -115,11 +115,11 @@ def _reduced(picture: BytesIO) -> bytes:
 
 def _described(figure: Figure) -> str:
     """The title of a figure and what its axes show."""
-    found = [figure.get_suptitle()]
+    phrases = [figure.get_suptitle()]
     for axis in figure.axes:
         up, across = (" ".join(words.split()) for words in (axis.get_ylabel(), axis.get_xlabel()))
-        found += [axis.get_title(), f"{up} over {across}" if up and across else up or across]
-    return "; ".join(dict.fromkeys(words for words in found if words)) or "a figure"
+        phrases += [axis.get_title(), f"{up} over {across}" if up and across else up or across]
+    return "; ".join(dict.fromkeys(words for words in phrases if words)) or "a figure"
 
 
 def show_both_themes() -> None:

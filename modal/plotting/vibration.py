@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from modal.errors import ComputationError
+from modal.errors import ComputationError, SceneError
+from modal.plotting.curves import RANGE, draw_curves
 from modal.plotting.layout import framed, headline, legend, log_ticks, mark_modes
-from modal.plotting.style import MOST_CURVES, WIDTH, colour, dash, ink, muted, save, sheet, thickness
-from modal.scene import title_of
+from modal.plotting.style import MARKED, MOST_CURVES, WIDTH, colour, ink, muted, save, sheet, spots, thickness
+from modal.scene import Scene, number_words, title_of
 from modal.statespace import Signal
 from modal.types import Floats
 
@@ -38,33 +40,33 @@ MOST_LEVEL = 5
 """Most names of outputs that stand level below their bars."""
 
 
-def draw_random(found: RandomResponse, stream: IO[bytes], kind: str = "png") -> None:
+def draw_random(response: RandomResponse, stream: IO[bytes], kind: str = "png") -> None:
     """Write the picture of `random_figure` as png, svg or pdf."""
-    save(random_figure(found), stream, kind)
+    save(random_figure(response), stream, kind)
 
 
-def random_figure(found: RandomResponse) -> Figure:
+def random_figure(response: RandomResponse) -> Figure:
     """The PSD of the support's acceleration or of a force, and below it those of the outputs, one panel for each unit.
 
     Raises ComputationError for more outputs than a picture holds.
     """
     from modal.vibration.report import named_modes, response_frequencies
 
-    units = _units(found.outputs)
-    f = response_frequencies(found)
-    psd = found.psd(f)
+    units = _units(response.outputs)
+    f = response_frequencies(response)
+    psd = response.psd(f)
     figure = sheet(WIDTH, 1.8 + 2.3 * len(units))
     panels = figure.subplots(len(units) + 1, 1, sharex=True, height_ratios=(2, *[3] * len(units)))
-    panels[0].plot(f, np.where(found.input_psd(f) > 0, found.input_psd(f), np.nan), color=ink())
-    source = found.source
+    panels[0].plot(f, np.where(response.input_psd(f) > 0, response.input_psd(f), np.nan), color=ink())
+    source = response.source
     words = "acceleration of the support" if source.name == "support_acceleration" else source.name
     framed(panels[0], "", f"PSD ({_per_hertz(source.unit)})", words)
     for axis, unit in zip(panels[1:], units, strict=True):
-        shown = [k for k, signal in enumerate(found.outputs) if signal.unit == unit]
+        shown = [k for k, signal in enumerate(response.outputs) if signal.unit == unit]
         for place, k in enumerate(shown):
-            words = f"{found.outputs[k].name}, RMS {_size(found.rms[k])} {unit}"
+            words = f"{response.outputs[k].name}, RMS {_size(response.rms[k])} {unit}"
             drawn = np.where((psd[k] > 0) & np.isfinite(psd[k]), psd[k], np.nan)
-            axis.plot(f, drawn, color=colour(place), ls=dash(place), lw=thickness(place, 1.8), label=words)
+            axis.plot(f, drawn, color=colour(place), lw=thickness(place, 1.8), label=words, **spots(place))
         sizes = psd[shown][np.isfinite(psd[shown])]
         if sizes.size and sizes.max() > 0:
             axis.set_ylim(bottom=max(sizes[sizes > 0].min() / 2, DEEPEST * sizes.max()))
@@ -75,18 +77,18 @@ def random_figure(found: RandomResponse) -> Figure:
     _logarithmic(panels[0])
     panels[0].set(xscale="log", xlim=(f[0], f[-1]))
     log_ticks(panels[-1].xaxis, f[-1] / f[0])
-    inside = [(number, rate) for number, rate in named_modes(found.modes) if f[0] <= rate <= f[-1]]
+    inside = [(number, rate) for number, rate in named_modes(response.modes) if f[0] <= rate <= f[-1]]
     for axis in panels[1:]:
         mark_modes(axis, inside, numbered=False)
-    headline(figure, title_of(found.modes.scene), "random vibration")
+    headline(figure, title_of(response.modes.scene), "random vibration")
     return figure
 
 
 def draw_thermal(
-    found: tuple[ThermalNoise, RandomResponse | None, Sequence[float]], stream: IO[bytes], kind: str = "png"
+    noise: tuple[ThermalNoise, RandomResponse | None, Sequence[float]], stream: IO[bytes], kind: str = "png"
 ) -> None:
     """Write the picture of `thermal_figure` as png, svg or pdf."""
-    save(thermal_figure(*found), stream, kind)
+    save(thermal_figure(*noise), stream, kind)
 
 
 def thermal_figure(noise: ThermalNoise, beside: RandomResponse | None = None, at: Sequence[float] = ()) -> Figure:
@@ -109,8 +111,8 @@ def thermal_figure(noise: ThermalNoise, beside: RandomResponse | None = None, at
         axis.plot(f, _drawn(whole), color=ink(), lw=2.0, label="thermal noise")
         most = np.argsort(-np.nan_to_num((parts[:, k] / np.where(whole > 0, whole, 1.0)).max(-1)))[:MOST_PLACES]
         for place, j in enumerate(sorted(most.tolist())):
-            line = {"color": colour(place), "ls": dash(place + 1), "lw": 1.3}
-            axis.plot(f, _drawn(parts[j, k]), label=noise.places[j], **line)
+            line = {"color": colour(place), "lw": 1.3}
+            axis.plot(f, _drawn(parts[j, k]), label=_place_words(noise.scene, noise.places[j]), **line)
         if driven is not None and beside is not None:
             words = f"from the PSD of {beside.source.name.replace('_', ' ')}"
             axis.plot(f, _drawn(driven[k]), color=muted(), lw=1.6, label=words)
@@ -128,60 +130,68 @@ def thermal_figure(noise: ThermalNoise, beside: RandomResponse | None = None, at
     return figure
 
 
+def _place_words(scene: Scene, place: str) -> str:
+    """What dissipates there: a number of the scene by its name, else the place as it is."""
+    with suppress(SceneError):
+        return number_words(scene, place)
+    return place
+
+
 def _drawn(values: Floats) -> Floats:
     """The finite ones above 0."""
     return np.where((values > 0) & np.isfinite(values), values, np.nan)
 
 
-def draw_shock(found: ShockResponse, stream: IO[bytes], kind: str = "png") -> None:
+def draw_shock(response: ShockResponse, stream: IO[bytes], kind: str = "png") -> None:
     """Write the picture of `shock_figure` as png, svg or pdf."""
-    save(shock_figure(found), stream, kind)
+    save(shock_figure(response), stream, kind)
 
 
-def shock_figure(found: ShockResponse) -> Figure:
+def shock_figure(response: ShockResponse) -> Figure:
     """The support's acceleration, the histories of the outputs by unit, and SRSS and CQC over the exact peaks.
 
     Raises ComputationError for more outputs than a picture holds.
     """
-    units = _units(found.outputs)
-    combined = np.flatnonzero(~found.follows_support & (found.peaks[:, 0] > 0)).tolist()
-    rows = slice(None, None, -(-len(found.times) // POINTS))
-    times = found.times[rows]
+    units = _units(response.outputs)
+    combined = np.flatnonzero(~response.follows_support & (response.peaks[:, 0] > 0)).tolist()
+    rows = slice(None, None, -(-len(response.times) // POINTS))
+    times = response.times[rows]
     figure = sheet(WIDTH, 1.6 + 2.0 * len(units) + 2.0 * bool(combined))
     panels = figure.subplots(1 + len(units) + bool(combined), 1, squeeze=False)[:, 0]
     histories = panels[: 1 + len(units)]
-    histories[0].plot(times, found.record.acceleration(times), color=ink(), lw=1.0)
-    framed(histories[0], "", "acceleration (m/s²)", "support")
+    shaken = [(times, response.record.acceleration(times))]
+    has_band = draw_curves(histories[0], shaken, bands=True, color=ink(), lw=1.0)
+    framed(histories[0], "", "acceleration (m/s²)", "support" + f", {RANGE}" * has_band)
     for axis, unit in zip(histories[1:], units, strict=True):
-        for place, k in enumerate(k for k, signal in enumerate(found.outputs) if signal.unit == unit):
-            line = {"color": colour(place), "ls": dash(place), "lw": thickness(place, 1.5)}
-            axis.plot(times, found.history[k, rows], label=found.outputs[k].name, **line)
+        shown = [k for k, signal in enumerate(response.outputs) if signal.unit == unit]
+        names = [response.outputs[k].name for k in shown]
+        draw_curves(axis, [(times, response.history[k, rows]) for k in shown], names=names, first=1.5, bands=True)
         framed(axis, "", f"{QUANTITIES.get(unit, '')} ({_pretty(unit)})".strip(), "response")
         legend(axis)
     for axis in histories:
         axis.set_xlim(times[0], times[-1])
-        axis.axvline(found.record.last, color=muted(), ls=":", lw=0.9)
+        axis.axvline(response.record.last, color=muted(), ls=MARKED, lw=0.9)
     for axis in histories[:-1]:
         axis.tick_params(labelbottom=False)
     histories[-1].set_xlabel("time, with the end of the record dotted (s)")
     if combined:
-        _combinations(panels[-1], found, combined)
-    headline(figure, title_of(found.modes.scene), "response to a record")
+        _combinations(panels[-1], response, combined)
+    headline(figure, title_of(response.modes.scene), "response to a record")
     return figure
 
 
-def _combinations(axis: Axes, found: ShockResponse, shown: list[int]) -> None:
+def _combinations(axis: Axes, response: ShockResponse, shown: list[int]) -> None:
     """SRSS and CQC of the peaks of the modes over the peak of their exact sum."""
     places = np.arange(len(shown))
-    for k, (name, values) in enumerate((("SRSS", found.srss), ("CQC", found.cqc))):
-        ratios = values[shown] / found.peaks[shown, 0]
+    for k, (name, values) in enumerate((("SRSS", response.srss), ("CQC", response.cqc))):
+        ratios = values[shown] / response.peaks[shown, 0]
         hatch = ("", "//")[k]
         axis.bar(places + (k - 0.5) * BAR, ratios, BAR, color=colour(k), hatch=hatch, label=name)
     axis.axhline(1.0, color=ink(), lw=1.0)
     turned: dict[str, Any] = (
         {"rotation": 30, "ha": "right", "rotation_mode": "anchor"} if len(shown) > MOST_LEVEL else {}
     )
-    axis.set_xticks(places, [found.outputs[k].name for k in shown], **turned)
+    axis.set_xticks(places, [response.outputs[k].name for k in shown], **turned)
     framed(axis, "", "over exact peak (–)", "peaks of modes, combined")
     legend(axis)
 

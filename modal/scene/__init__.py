@@ -8,7 +8,8 @@ Start with `model`, whose pendula are chains of `links` and hang from `supports`
 the loss angles of both, `structures` tells what is wrong with supports and springs, `support_arrays` reads those of
 linear structures; `motion` moves a support and acts on `points`, `periods` tells when that repeats, `records` reads its
 records, `hoist` changes a length; `files` reads and writes scenes, `sealed` detects damaged files, `validation` checks
-every part and words the messages, `parameters` finds and varies numbers by path, `contents` reads files, `doors` checks
+every part and words the messages, `parameters` finds and varies numbers by path, `number_names` calls them in words,
+`contents` reads files, `doors` checks
 arguments, `titles` says what hangs in a scene
 without a title, `free_bodies` takes it apart, `summary` what a scene shows of itself.
 """
@@ -44,6 +45,7 @@ from modal.scene.motion import (
     SweepForce,
     SweepMotion,
 )
+from modal.scene.number_names import number_label, number_unit, number_words
 from modal.scene.parameters import parse_variations
 from modal.scene.periods import DrivePeriod, drive_period, frequencies_of, sines_of
 from modal.scene.points import places_of
@@ -106,6 +108,9 @@ __all__ = [
     "left_out",
     "load",
     "name_of",
+    "number_label",
+    "number_unit",
+    "number_words",
     "one_by_one",
     "parse",
     "parse_variations",

@@ -5,7 +5,7 @@ frequency and impulse responses, reduced models, sampled models, input shapers.
 
     z' = A z + B u,    y = C z + D u,    z = (q, q')
 
-Start with `model` and `signals`.  `sampling` and `transfer` need SciPy and are imported by their
+Start with `model` and `signals`.  `sampling`, `transfer`, `hoisting` and `travels` need SciPy and are imported by their
 own paths.
 """
 

@@ -76,7 +76,7 @@ def frequencies_along(scene: Scene, samples: int = 21, drive: Drive = "cart_forc
         (p, i) for p, pendulum in enumerate(scene.pendulum) for i, link in enumerate(pendulum.links) if link.hoist
     ]
     lengths = np.array([[scene.pendulum[p].links[i].length_at(time) for p, i in places] for time in times.tolist()])
-    held = _is_held(scene, drive)
+    held = is_held(scene, drive)
     each = [
         [np.repeat(part, copies, axis=1) for part in _followed(alone, times)]
         for alone, copies in _uncoupled(scene, held)
@@ -149,7 +149,7 @@ def _names(scene: Scene, omega: Floats, held: bool) -> tuple[str, ...]:
     return labelled(table_numbers(on_support, table)[nearest].tolist())
 
 
-def _is_held(scene: Scene, drive: Drive) -> bool:
+def is_held(scene: Scene, drive: Drive) -> bool:
     """Whether the cart moves as prescribed."""
     return scene.cart is not None and drive != "cart_force"
 
@@ -195,6 +195,12 @@ class Travel:
         """In m/s²; 0 before and after."""
         s = (time - self.begin) / self.duration
         return self.distance / self.duration**2 * 60 * s * (1 - s) * (1 - 2 * s) if 0 < s < 1 else 0.0
+
+    def motion(self, times: Floats) -> Floats:
+        """X (m), x' (m/s) and x'' (m/s²) at these times (T,), (3, T)."""
+        s, T = np.clip((times - self.begin) / self.duration, 0.0, 1.0), self.duration
+        x = s**3 * (10 - 15 * s + 6 * s**2)
+        return self.distance * np.array([x, 30 * (s * (1 - s)) ** 2 / T, 60 * s * (1 - s) * (1 - 2 * s) / T**2])
 
 
 @dataclass(frozen=True)
@@ -291,7 +297,7 @@ def _left(scene: Scene, command: Pulse, stops: Sequence[float]) -> float:
     knots = hoisting.breaks if hoisting else ()
     end = max(*stops, *knots)
     y = _integrated(scene, rest, [begin, *stops, *knots, end], command, held=True, size=size)
-    return _amplitude(scene.at(end), y, held=True)
+    return largest_swing(scene.at(end), y, held=True)
 
 
 def shaper_residual(scene: Scene, shaper: Shaper, drive: Drive = "cart_acceleration") -> float:
@@ -304,13 +310,13 @@ def shaper_residual(scene: Scene, shaper: Shaper, drive: Drive = "cart_accelerat
     hoisting = hoisting_of(scene)
     if hoisting is None:
         raise no_hoist(scene)
-    begin, held = hoisting.breaks[0], _is_held(scene, drive)
+    begin, held = hoisting.breaks[0], is_held(scene, drive)
     if not held:
         refuse_no_inertia(matrices_along(scene)(begin).M)
     last = max(hoisting.breaks[-1], begin + shaper.duration)
     pushed = None if held else drives_of(scene).index(drive)
     left = [
-        _amplitude(scene.at(last), _impelled(scene, begin + times, amplitudes, last, pushed), held=held)
+        largest_swing(scene.at(last), _impelled(scene, begin + times, amplitudes, last, pushed), held=held)
         for times, amplitudes in ((shaper.times, shaper.amplitudes), (np.zeros(1), np.ones(1)))
     ]
     return left[0] / left[1]
@@ -320,11 +326,11 @@ def _impelled(scene: Scene, times: Floats, amplitudes: Floats, last: float, push
     """(q, q') after impulses from rest: of a force on a coordinate, or (None) of the speed of a cart that is held."""
     hoisting, along, held = hoisting_of(scene), matrices_along(scene), pushed is None
     knots = [time for time in hoisting.breaks if time > times[0]] if hoisting else []
-    start = _pushed(along(float(times[0])), held, pushed or 0)[1]
+    start = pushed_by(along(float(times[0])), held, pushed or 0)[1]
     n, size = len(start), float(np.abs(start).max())
     y = np.zeros(2 * n)
     for time, after, amplitude in zip(times.tolist(), [*times[1:].tolist(), last], amplitudes.tolist(), strict=True):
-        y[n:] += amplitude * _pushed(along(time), held, pushed or 0)[1]
+        y[n:] += amplitude * pushed_by(along(time), held, pushed or 0)[1]
         stops = [time, *(knot for knot in knots if time < knot < after), after]
         y = _integrated(scene, y, stops, None, held=held, size=size)
     return y
@@ -339,22 +345,22 @@ def _integrated(
     """
     along, hoisting, n = matrices_along(scene), hoisting_of(scene), len(y) // 2
     spans = [getattr(law, "breaks", (-np.inf, np.inf)) for _, law in hoisting.laws] if hoisting else []
-    constant = None if hoisting else _pushed(along(0.0), held)
+    constant = None if hoisting else pushed_by(along(0.0), held)
 
     def slope(time: float, state: Floats) -> Floats:
-        A, B = constant or _pushed(along(time), held)
+        A, B = constant or pushed_by(along(time), held)
         pull = A @ state
         return np.concatenate((state[n:], pull + B * command(time) if command else pull))
 
     for begin, end in pairwise(sorted(set(stops))):
         looks = np.linspace(begin, end, PUSHES + 2)[1:-1].tolist()
         if not any(breaks[0] < end and begin < breaks[-1] for breaks in spans):
-            A, B = constant or _pushed(along(looks[0]), held)
+            A, B = constant or pushed_by(along(looks[0]), held)
             pushes = [command(time) for time in looks] if command else [0.0] * PUSHES
             y = _advanced(A, B, pushes, y, end - begin)
             continue
         before = float(np.nextafter(end, begin))
-        swings = (end - begin) * float(np.linalg.norm(_pushed(along(begin), held)[0][:, :n], 2)) ** 0.5 / (2 * np.pi)
+        swings = (end - begin) * float(np.linalg.norm(pushed_by(along(begin), held)[0][:, :n], 2)) ** 0.5 / (2 * np.pi)
         if not swings <= MOST_SWINGS:
             raise ComputationError(f"the hoist takes {swings:.3g} swings: at most {MOST_SWINGS:g} are followed")
         solution = scipy.integrate.solve_ivp(
@@ -391,7 +397,7 @@ def _advanced(A: Floats, B: Floats, pushes: Sequence[float], y: Floats, duration
     return np.asarray((scipy.linalg.expm(whole) @ state)[: 2 * n], dtype=np.float64)
 
 
-def _pushed(linear: Matrices, held: bool, pushed: int = 0) -> tuple[Floats, Floats]:
+def pushed_by(linear: Matrices, held: bool, pushed: int = 0) -> tuple[Floats, Floats]:
     """A (n, 2n) and B (n,) of q'' = A (q, q') + B u, u the acceleration of a cart that is held, else a force.
 
     The force acts on the coordinate `pushed`, a cart's if there is one.
@@ -404,7 +410,7 @@ def _pushed(linear: Matrices, held: bool, pushed: int = 0) -> tuple[Floats, Floa
     return solved[:, :-1], solved[:, -1]
 
 
-def _amplitude(scene: Scene, y: Floats, *, held: bool) -> float:
+def largest_swing(scene: Scene, y: Floats, *, held: bool) -> float:
     """The largest angle (rad) that the swings of all frequencies can add up to in any link, about the rest of (q, q').
 
     Under drag that is the rest beside a cart that moves on.

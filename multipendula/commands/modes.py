@@ -136,17 +136,17 @@ def shapes(options: argparse.Namespace) -> None:
     form = picture(options.output, kinds=PICTURES + FILMS)
     modes, numbers = _modes(options)
     about(noted(modes.scene, "mode shapes"))
-    from modal.plotting import LOOP, MOST_PANELS, draw_shapes, film_modes
+    from modal.plotting import LOOP, USUAL_PANELS, draw_shapes, film_modes
 
-    shown = numbers[:MOST_PANELS] if options.modes is None else numbers
+    asked = None if options.modes is None else numbers
     with drawn(options.output, options.theme) as stream:
         if form in FILMS:
             with bar(LOOP) as report:
-                film_modes(modes, stream, form, shown, amplitude_deg=options.amplitude, report=report)
+                film_modes(modes, stream, form, asked, amplitude_deg=options.amplitude, report=report)
         else:
-            draw_shapes(modes, shown, stream, amplitude_deg=options.amplitude, form=form)
-    if len(shown) < len(numbers):
-        remark(f"drew the first {len(shown)} of {len(numbers)} modes; choose with --modes")
+            draw_shapes(modes, asked, stream, amplitude_deg=options.amplitude, form=form)
+    if asked is None and len(numbers) > USUAL_PANELS:
+        remark(f"drew the first {USUAL_PANELS} of {len(numbers)} modes; choose with --modes")
 
 
 def _shapes_arguments(page: Page) -> None:

@@ -8,7 +8,19 @@ from typing import TYPE_CHECKING
 from modal.exports import FORMATS
 from multipendula.command import Command
 from multipendula.commands.models import add_signals, model_of, scene_at, scene_of
-from multipendula.commands.shared import about, drawn, estimate_of, listed, noted, output, picture, remark, say
+from multipendula.commands.shared import (
+    about,
+    draw_in,
+    drawn,
+    estimate_of,
+    listed,
+    noted,
+    output,
+    picture,
+    picture_in_place,
+    remark,
+    say,
+)
 from multipendula.options import (
     add_covariance,
     add_format,
@@ -16,6 +28,7 @@ from multipendula.options import (
     add_option,
     add_output,
     add_outputs,
+    add_picture,
     add_report,
     add_sample_time,
     add_scene,
@@ -23,6 +36,7 @@ from multipendula.options import (
     add_shaper,
     add_switch,
     add_text,
+    add_travel,
     add_words,
     number,
     whole,
@@ -173,10 +187,15 @@ def _response_arguments(page: Page) -> None:
 
 def shaper(options: argparse.Namespace) -> None:
     """Print an input shaper that suppresses residual swing in the slowest modes of a crane."""
+    from modal.errors import SceneError
     from modal.report import csv_rows, folded
     from modal.scene import load
     from modal.statespace import shaper_for, swing_words, usual_drive
 
+    picture_in_place(options)
+    alone = {"--picture": options.picture, "--over": options.over} if options.travel is None else {}
+    if problems := [f"{flag} {value}: needs --travel METRES" for flag, value in alone.items() if value is not None]:
+        raise SceneError(problems)
     scene = noted(load(options.scene), "a shaper")
     drive = options.drive or usual_drive(scene)
     estimate = estimate_of(scene, options.covariance)
@@ -192,6 +211,12 @@ def shaper(options: argparse.Namespace) -> None:
         from modal.statespace.hoisting import residual_words
 
         remarks += residual_words(scene, options.count, options.kind, drive, shaped_command)
+    if options.travel is not None:
+        from modal.statespace.travels import shaped_travel
+
+        travel = shaped_travel(scene, shaped_command, options.travel, options.over, drive)
+        remarks += list(travel.words())
+        draw_in(options, options.picture, "modal.plotting", "draw_travel", travel)
     impulses = zip(shaped_command.times.tolist(), shaped_command.amplitudes.tolist(), strict=True)
     with output(options.output) as write:
         write("".join(folded(f"# {words}", mark="# ") + "\n" for words in remarks))
@@ -218,7 +243,12 @@ def _shaper_arguments(page: Page) -> None:
     )
     add_words(page.asked, "--drive", drives, more, comma="")
     page.rephrase(r"^drive = '(\S+)':", r"--drive \1:")
-    add_text(page)
+    more = ": tells the swing that is left with and without the shaper"
+    add_travel(page, more)
+    page.rephrase(r"^distance (\S+):", r"--travel \1:")
+    page.rephrase(r"^duration (\S+):", r"--over \1:")
+    add_text(page, drawn=True)
+    add_picture(page)
 
 
 COMMANDS = (
@@ -296,6 +326,7 @@ COMMANDS = (
             ("shaper crane-hook", "for the slowest mode"),
             ("shaper crane-hook --kind zvd --count 2", "for both modes, tolerant of errors in cable length"),
             ("shaper crane-hook --kind ei --discrete 0.02", "for a controller that samples at 50 Hz"),
+            ("shaper crane-hook --travel 20 -o before_after.png", "a picture of the swing with and without the shaper"),
         ),
     ),
 )

@@ -19,12 +19,12 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, FancyBboxPatch, Polygon, Rectangle
 from matplotlib.ticker import MaxNLocator
 
-from modal.plotting import QUIET, SMALL, colour, ink, muted, paper, shade
+from modal.plotting import MARKED, QUIET, SMALL, colour, ink, muted, paper, shade
 from modal.plotting.carriers import ORDER, WIDTHS
 from modal.scene import Bob, Rod
 from modal.structure import Piece
 from modal.types import Floats
-from nonlinear.plotting.scene import DETAIL, OBLIQUE, Actor, Energies, Stage
+from nonlinear.plotting.scene import DETAIL, OBLIQUE, Actor, FilmEnergies, Stage
 
 BODY, FLOOR, SHADOW = 0.14, 0.05, 0.2  # fractions of ink in their colours
 MOST_MARKS = 40
@@ -35,7 +35,7 @@ FEWEST, LETTERS = 6, 28
 
 
 @dataclass(frozen=True)
-class Limits:
+class ViewLimits:
     """The limits of a panel relative to the camera (m)."""
 
     left: float
@@ -49,12 +49,12 @@ class Limits:
         return self.right - self.left
 
 
-def limits_of(stage: Stage, ratio: float) -> Limits:
-    """Limits that contain everything that moves, with a margin, in a panel of aspect ratio `ratio`."""
+def limits_of(stage: Stage, ratio: float) -> ViewLimits:
+    """ViewLimits that contain everything that moves, with a margin, in a panel of aspect ratio `ratio`."""
     low, high = stage.extent
     middle, half = (low + high) / 2, (1 + 2 * MARGIN) * (high - low) / 2
     half = np.maximum(half, (half[1] * ratio, half[0] / ratio))
-    return Limits(middle[0] - half[0], middle[0] + half[0], middle[1] - half[1], middle[1] + half[1])
+    return ViewLimits(middle[0] - half[0], middle[0] + half[0], middle[1] - half[1], middle[1] + half[1])
 
 
 class Scenery:
@@ -100,7 +100,7 @@ class Scenery:
             player.show(frame)
 
 
-def _points_per_metre(axis: Axes, limits: Limits) -> float:
+def _points_per_metre(axis: Axes, limits: ViewLimits) -> float:
     pixels = axis.get_window_extent().width
     return float(72 * pixels / axis.figure.dpi / limits.width)
 
@@ -204,7 +204,7 @@ def _piece(axis: Axes, piece: Piece) -> Polygon | Line2D:
     look: dict[str, Any] = {"color": ink() if piece.role in {"ground", "line"} else muted(), "lw": width}
     if piece.role == "dot":
         look = {"marker": "o", "ms": 4.0, "color": paper(), "mec": ink(), "mew": 1.2, "ls": ""}
-    look |= {"ls": "--"} if piece.role == "guide" else {}
+    look |= {"ls": MARKED} if piece.role == "guide" else {}
     return axis.plot(*points.T, **look, solid_joinstyle="round", zorder=order)[0]
 
 
@@ -240,7 +240,7 @@ class _Player:
         self.wake = _wake(axis, hue, self.trail)
         self.line = axis.plot([], [], lw=min(2.2, thick), **round_ended, zorder=4)[0]
         self.bars = axis.plot([], [], lw=thick, **round_ended, zorder=5)[0]
-        self.reach = axis.plot([], [], ":", lw=1.2, color=hue, zorder=4)[0]
+        self.reach = axis.plot([], [], ls=MARKED, lw=1.2, color=hue, zorder=4)[0]
         self.discs = _dots(axis, "o", self._sizes(self.bobs, shortest), hue, 6)
         self.diamonds = _dots(axis, "D", 0.5 * self._sizes(self.bodies, shortest), hue, 6)
         size = min(2.8, 0.6 * thick) if marked else 0.0
@@ -295,7 +295,7 @@ def _pieces(line: Line2D, starts: Floats, ends: Floats) -> None:
 class Gauges:
     """Bars of kinetic below potential energy on one axis, the totals against time (s) on the other."""
 
-    def __init__(self, bars: Axes, line: Axes, energies: Energies, times: Floats) -> None:
+    def __init__(self, bars: Axes, line: Axes, energies: FilmEnergies, times: Floats) -> None:
         self.energies, self.times, self.axes = energies, times, (bars, line)
         self.bars = _bars(bars, energies)
         self.lines, self.dot = _lines(line, energies, times)
@@ -330,7 +330,7 @@ def _top(values: Floats) -> float:
     return 1.06 * float(values.max()) or 1.0
 
 
-def _bars(axis: Axes, energies: Energies) -> tuple[list[Rectangle], list[Rectangle]]:
+def _bars(axis: Axes, energies: FilmEnergies) -> tuple[list[Rectangle], list[Rectangle]]:
     kinetic, potential = energies.kinetic, energies.potential
     count = kinetic.shape[1]
     _decorate(axis, "energy of each (J)", 5)
@@ -346,11 +346,11 @@ def _bars(axis: Axes, energies: Energies) -> tuple[list[Rectangle], list[Rectang
     return list(lower), list(upper)
 
 
-def _lines(axis: Axes, energies: Energies, times: Floats) -> tuple[list[Line2D], Line2D]:
+def _lines(axis: Axes, energies: FilmEnergies, times: Floats) -> tuple[list[Line2D], Line2D]:
     kinetic, potential = energies.whole
     _decorate(axis, "energy of all (J)", 17)
-    looks = (("kinetic", KINETIC, "--"), ("potential", POTENTIAL, "-"), ("total", 1.0, "-"))
-    drawn = [axis.plot([], [], dash, color=shade(part), label=name)[0] for name, part, dash in looks]
+    looks = (("kinetic", KINETIC, 1.0), ("potential", POTENTIAL, 1.8), ("total", 1.0, 1.8))
+    drawn = [axis.plot([], [], lw=width, color=shade(part), label=name)[0] for name, part, width in looks]
     dot = axis.plot([], [], "o", ms=4.5, color=ink())[0]
     span = max(float(times[-1] - times[0]), 1e-300)
     axis.set(xlim=(times[0], times[-1] + 0.03 * span), ylim=(0, 1.08 * _top(kinetic + potential)))

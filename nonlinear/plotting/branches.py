@@ -10,8 +10,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from modal.errors import ComputationError
-from modal.plotting import HUES, WIDTH, axis_words, headline, key, save, scale, sheet
-from modal.scene import title_of
+from modal.plotting import HUES, WIDTH, headline, key, save, scale, sheet
+from modal.scene import number_label, title_of
 from modal.types import Floats
 from nonlinear.plotting.stability import branch_keys, draw_branch, mark, stability_keys
 
@@ -21,39 +21,41 @@ if TYPE_CHECKING:
 MOST_CURVES = HUES
 
 
-def draw_branches(found: Branches, stream: IO[bytes], form: str = "png") -> None:
-    """Write the picture as png, svg or pdf: solid lines where a branch is stable, broken ones where it is not.
+def draw_branches(branches: Branches, stream: IO[bytes], form: str = "png") -> None:
+    """Write the picture as png, svg or pdf: solid lines where a branch is stable, dash-dotted ones where it is not.
 
     Circles are critical values.  Raises ComputationError for no branch and for more than MOST_CURVES.
     """
-    save(branches_figure(found), stream, form)
+    save(branches_figure(branches), stream, form)
 
 
-def branches_figure(found: Branches) -> Figure:
+def branches_figure(branches: Branches) -> Figure:
     """The same as a figure."""
-    if not 1 <= len(found.branches) <= MOST_CURVES:
-        raise ComputationError(f"{len(found.branches)} configurations do not fit in a figure: from 1 to {MOST_CURVES}")
+    if not 1 <= len(branches.branches) <= MOST_CURVES:
+        raise ComputationError(
+            f"{len(branches.branches)} configurations do not fit in a figure: from 1 to {MOST_CURVES}"
+        )
     figure = sheet(WIDTH, 7.0)
     upper, lower = figure.subplots(2, 1, sharex=True)
-    values = found.variation.values
-    for number, one in enumerate(found.branches):
-        _curve(upper, one, np.rad2deg(one.angle), number)
-        _curve(lower, one, one.omega, number)
+    values = branches.variation.values
+    for number, branch in enumerate(branches.branches):
+        _curve(upper, branch, np.rad2deg(branch.angle), number)
+        _curve(lower, branch, branch.omega, number)
     upper.set(ylabel="largest angle (°)", xlim=(values[0], values[-1]))
     upper.set_ylim(0, 1.05 * upper.get_ylim()[1])
-    lower.set(xlabel=axis_words(found.variation), ylabel="angular frequency ω (rad/s)")
-    scale(lower, "x", found.variation)
-    headline(figure, title_of(found.scene), "steady oscillations")
-    key(figure, _handles(found), columns=2)
+    lower.set(xlabel=number_label(branches.scene, branches.variation.path), ylabel="angular frequency ω (rad/s)")
+    scale(lower, "x", branches.variation)
+    headline(figure, title_of(branches.scene), "steady oscillations")
+    key(figure, _handles(branches), columns=2)
     return figure
 
 
-def _curve(axis: Axes, one: EquilibriumBranch, y: Floats, number: int) -> None:
-    draw_branch(axis, one.values, y, one.is_stable, number)
-    critical = [change.value for change in one.changes]
-    axis.plot(critical, np.interp(critical, one.values, y), **mark())
+def _curve(axis: Axes, branch: EquilibriumBranch, y: Floats, number: int) -> None:
+    draw_branch(axis, branch.values, y, branch.is_stable, number)
+    critical = [change.value for change in branch.changes]
+    axis.plot(critical, np.interp(critical, branch.values, y), **mark())
 
 
-def _handles(found: Branches) -> list[Line2D]:
-    lines = branch_keys([one.words for one in found.branches])
+def _handles(branches: Branches) -> list[Line2D]:
+    lines = branch_keys([branch.words for branch in branches.branches])
     return [*lines, *stability_keys(), Line2D([], [], label="critical value", **mark())]

@@ -10,8 +10,8 @@ from matplotlib.colors import BoundaryNorm, ListedColormap, LogNorm, Normalize, 
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from modal.plotting import WIDTH, axis_words, colour, headline, legend, rest, save, scale, sheet, thickness
-from modal.scene import title_of
+from modal.plotting import WIDTH, colour, headline, legend, rest, save, scale, sheet, thickness
+from modal.scene import number_label, number_words, title_of
 from modal.types import Floats
 from nonlinear.plotting.sweeps import edges, label
 
@@ -32,87 +32,85 @@ TITLES = {
 }
 
 
-def draw_basins(found: Basins, stream: IO[bytes], kind: str = "png") -> None:
+def draw_basins(basins: Basins, stream: IO[bytes], kind: str = "png") -> None:
     """Write the picture of `basins_figure` as png, svg or pdf."""
-    save(basins_figure(found), stream, kind)
+    save(basins_figure(basins), stream, kind)
 
 
-def basins_figure(found: Basins) -> Figure:
+def basins_figure(basins: Basins) -> Figure:
     """The measure over both numbers: a colour each for configurations, else shades; what never happens stays blank."""
     figure = sheet(WIDTH, 6.6)
     axis = figure.subplots()
-    y, x = found.axes
-    axis.patch.set(edgecolor=rest(), hatch="" if found.column == "first_turn_s" else "////", lw=0)
-    (_kinds if found.names else _shades)(figure, axis, found)
+    scene, (y, x) = basins.ensemble.question.scene, basins.axes
+    axis.patch.set(edgecolor=rest(), hatch="" if basins.column == "first_turn_s" else "////", lw=0)
+    (_kinds if basins.names else _shades)(figure, axis, basins)
     scale(axis, "x", x)
     scale(axis, "y", y)
-    axis.set(xlabel=axis_words(x), ylabel=axis_words(y))
+    axis.set(xlabel=number_label(scene, x.path), ylabel=number_label(scene, y.path))
     axis.grid(visible=False)
-    words = TITLES.get(found.column, label(found.column))
-    headline(
-        figure, title_of(found.ensemble.question.scene), f"{words}, within {found.ensemble.question.duration:.3g} s"
-    )
+    words = TITLES.get(basins.column, label(basins.column))
+    headline(figure, title_of(scene), f"{words}, within {basins.ensemble.question.duration:.3g} s")
     return figure
 
 
-def _kinds(figure: Figure, axis: Axes, found: Basins) -> None:
-    y, x = found.axes
-    kinds = len(found.names)
+def _kinds(figure: Figure, axis: Axes, basins: Basins) -> None:
+    y, x = basins.axes
+    kinds = len(basins.names)
     hues = [rest(), *(colour(k) for k in range(kinds - 1))]
     norm = BoundaryNorm(np.arange(kinds + 1) - 0.5, kinds)
-    shown = np.ma.masked_invalid(found.values)
+    shown = np.ma.masked_invalid(basins.values)
     axis.pcolormesh(
         edges(x), edges(y), shown, cmap=ListedColormap([to_rgb(hue) for hue in hues]), norm=norm, rasterized=True
     )
-    shares = found.shares()
+    shares = basins.shares()
     handles = [
         Patch(color=hue, label=f"{name}: {100 * shares[name]:.3g} %")
-        for hue, name in zip(hues, found.names, strict=True)
+        for hue, name in zip(hues, basins.names, strict=True)
     ]
     longest = max(len(str(handle.get_label())) for handle in handles)
     figure.legend(handles=handles, loc="outside lower center", ncols=min(3 if longest < LONG else 2, kinds))
 
 
-def _shades(figure: Figure, axis: Axes, found: Basins) -> None:
-    y, x = found.axes
-    shown = np.ma.masked_invalid(found.values)
+def _shades(figure: Figure, axis: Axes, basins: Basins) -> None:
+    y, x = basins.axes
+    shown = np.ma.masked_invalid(basins.values)
     known = shown.compressed()
     if not known.size:
         return
     low, high = float(known.min()), float(known.max())
-    if found.column == "first_turn_s":
+    if basins.column == "first_turn_s":
         low = max(low, high / WIDEST)
     ratio = low > 0 and high > DECADES * low
     norm = (LogNorm if ratio else Normalize)(low, high)
     mesh = axis.pcolormesh(edges(x), edges(y), shown, norm=norm, rasterized=True, lw=0)
     bar = figure.colorbar(mesh, ax=axis, pad=0.02)
-    bar.set_label(label(found.column))
+    bar.set_label(label(basins.column))
     bar.outline.set_visible(False)
     if ratio:
         bar.ax.yaxis.set_major_formatter("{x:g}")
         bar.ax.yaxis.set_minor_formatter("{x:g}")
 
 
-def draw_section(found: PoincareSection, stream: IO[bytes], kind: str = "png") -> None:
+def draw_section(section: PoincareSection, stream: IO[bytes], kind: str = "png") -> None:
     """Write the picture of `section_figure` as png, svg or pdf."""
-    save(section_figure(found), stream, kind)
+    save(section_figure(section), stream, kind)
 
 
-def section_figure(found: PoincareSection) -> Figure:
+def section_figure(section: PoincareSection) -> Figure:
     """Every crossing as a dot, a colour for each motion."""
     figure = sheet(WIDTH, 5.6)
     axis = figure.subplots()
-    angle, rate = found.points()
-    orbit = found.orbit.astype(int)
+    angle, rate = section.points()
+    orbit = section.orbit.astype(int)
     size = float(np.clip(4000 / max(len(orbit), 1), 1.8, 6.0))
-    for number in range(found.ensemble.size):
-        own = orbit == number
-        axis.plot(angle[own], rate[own], ".", ms=size, mew=0, color=colour(number))
-    name = _coordinate(found.shown)
-    unit = ("m", "m/s") if found.shown == "x" else ("°", "°/s")
+    for number in range(section.ensemble.size):
+        on_orbit = orbit == number
+        axis.plot(angle[on_orbit], rate[on_orbit], ".", ms=size, mew=0, color=colour(number))
+    name = _coordinate(section.shown)
+    unit = ("m", "m/s") if section.shown == "x" else ("°", "°/s")
     axis.set(xlabel=f"{name} ({unit[0]})", ylabel=f"rate of {name} ({unit[1]})")
-    words = f"Poincaré section at {_passed(found.coordinate)}, energy {found.energy:.4g} J"
-    headline(figure, title_of(found.ensemble.question.scene), words)
+    words = f"Poincaré section at {_passed(section.coordinate)}, energy {section.energy:.4g} J"
+    headline(figure, title_of(section.ensemble.question.scene), words)
     return figure
 
 
@@ -127,47 +125,47 @@ def _passed(text: str) -> str:
     return f"{told} = {value.strip()}{' m' if told == 'x' else '°'}{way}"
 
 
-def draw_spread(found: Spread, stream: IO[bytes], kind: str = "png") -> None:
+def draw_spread(spread: Spread, stream: IO[bytes], kind: str = "png") -> None:
     """Write the picture of `spread_figure` as png, svg or pdf."""
-    save(spread_figure(found), stream, kind)
+    save(spread_figure(spread), stream, kind)
 
 
-def spread_figure(found: Spread) -> Figure:
+def spread_figure(spread: Spread) -> Figure:
     """The deviation of every frequency with what explains it, and above it bands of the motion where there is one."""
-    motion = found.ensemble is not None
+    motion = spread.ensemble is not None
     figure = sheet(WIDTH, 4.4 + 3.4 * motion)
     panels = np.atleast_1d(figure.subplots(1 + motion, 1))
     if motion:
-        _bands(panels[0], found)
-    _deviations(panels[-1], found)
-    headline(figure, title_of(found.scene), f"spread of {found.size} members")
+        _bands(panels[0], spread)
+    _deviations(panels[-1], spread)
+    headline(figure, title_of(spread.scene), f"spread of {spread.size} members")
     return figure
 
 
-def _bands(axis: Axes, found: Spread) -> None:
-    for link in range(min(found.scene.n_links, MOST_BANDS)):
-        low, middle, high = found.bands[..., link]
-        axis.fill_between(found.times, low, high, color=colour(link), alpha=0.25, lw=0)
+def _bands(axis: Axes, spread: Spread) -> None:
+    for link in range(min(spread.scene.n_links, MOST_BANDS)):
+        low, middle, high = spread.bands[..., link]
+        axis.fill_between(spread.times, low, high, color=colour(link), alpha=0.25, lw=0)
         axis.plot(
-            found.times,
+            spread.times,
             middle,
             color=colour(link),
             lw=thickness(link, 1.8),
             label=f"link {link + 1}: median, 5 to 95 %",
         )
-    axis.set(xlabel="time (s)", ylabel="angle (°)", xlim=(0, found.times[-1]))
+    axis.set(xlabel="time (s)", ylabel="angle (°)", xlim=(0, spread.times[-1]))
     legend(axis, 2)
 
 
-def _deviations(axis: Axes, found: Spread) -> None:
-    records = found.frequencies[:FEW_MODES]
+def _deviations(axis: Axes, spread: Spread) -> None:
+    records = spread.frequencies[:FEW_MODES]
     at, bottom = np.arange(len(records)), np.zeros(len(records))
-    deviation = np.array([one["standard_deviation_rad_per_s"] / one["omega_rad_per_s"] for one in records])
-    for k, path in enumerate(found.values):
+    deviation = np.array([record["standard_deviation_rad_per_s"] / record["omega_rad_per_s"] for record in records])
+    for k, path in enumerate(spread.values):
         part = deviation * _parts(records, path)
-        axis.bar(at, part, bottom=bottom, width=0.6, color=colour(k), label=path)
+        axis.bar(at, part, bottom=bottom, width=0.6, color=colour(k), label=number_words(spread.scene, path))
         bottom = bottom + part
-    axis.set_xticks(at, [f"mode {one['mode']}\n{one['omega_rad_per_s']:.4g} rad/s" for one in records])
+    axis.set_xticks(at, [f"mode {record['mode']}\n{record['omega_rad_per_s']:.4g} rad/s" for record in records])
     axis.set(
         ylabel="relative standard deviation of ω (–)", ylim=(0, 1.3 * max(float(deviation.max(initial=0.0)), 1e-12))
     )
@@ -177,5 +175,5 @@ def _deviations(axis: Axes, found: Spread) -> None:
 
 def _parts(records: list[dict[str, dict[str, float]]], path: str) -> Floats:
     """Of each frequency's deviation, in proportion to the shares of its variance."""
-    totals = [sum(one["shares"].values()) or 1.0 for one in records]
-    return np.array([one["shares"][path] / total for one, total in zip(records, totals, strict=True)])
+    totals = [sum(record["shares"].values()) or 1.0 for record in records]
+    return np.array([record["shares"][path] / total for record, total in zip(records, totals, strict=True)])

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib import rcParams
 from matplotlib.figure import Figure
 
-from modal.plotting import WIDTH, colour, headline, legend, rest, save, sheet
+from modal.plotting import MARKED, WIDTH, colour, headline, legend, rest, save, sheet
 from modal.scene import title_of
 
 if TYPE_CHECKING:
@@ -22,37 +22,37 @@ SHOWN, MISSED = {"rad": "°", "m": "mm", "1": "1"}, {"rad": "mrad", "m": "mm", "
 GAP = 0.06  # between segments, as part of the longest
 
 
-def draw_fit(found: Fit, stream: IO[bytes], kind: str = "png") -> None:
+def draw_fit(fit: Fit, stream: IO[bytes], kind: str = "png") -> None:
     """Write the picture of `fit_figure` as png, svg or pdf."""
-    save(fit_figure(found), stream, kind)
+    save(fit_figure(fit), stream, kind)
 
 
-def fit_figure(found: Fit) -> Figure:
+def fit_figure(fit: Fit) -> Figure:
     """A panel for each sensor with the record (dots) and the fitted motion (line), and below all residuals.
 
     Of many segments the first ones are drawn, side by side.
     """
-    recording = found.recording
+    recording = fit.recording
     sensors, segments = recording.sensors[:MOST_SENSORS], recording.segments[:MOST_SEGMENTS]
     figure = sheet(WIDTH, 1.6 + 1.5 * len(sensors) + 1.5)
     axes = figure.subplots(len(sensors) + 1, 1, sharex=True, gridspec_kw={"hspace": 0.12})
-    longest = max(one.times[-1] - one.times[0] for one in segments)
+    longest = max(segment.times[-1] - segment.times[0] for segment in segments)
     at = 0.0
-    for s, one in enumerate(segments):
-        times = at + one.times - one.times[0]
+    for s, segment in enumerate(segments):
+        times = at + segment.times - segment.times[0]
         at = times[-1] + GAP * longest
         for c, sensor in enumerate(sensors):
             factor = FACTORS[sensor.unit]
             label = {"label": "measured"} if s == c == 0 else {}
-            axes[c].plot(times, factor * one.values[:, c], ".", ms=2.5, color=rcParams["text.color"], **label)
+            axes[c].plot(times, factor * segment.values[:, c], ".", ms=2.5, color=rcParams["text.color"], **label)
             label = {"label": "fitted"} if s == c == 0 else {}
-            axes[c].plot(times, factor * found.readings[s][:, c], color=colour(c), lw=1.1, **label)
-            missed = one.values[:, c] - found.readings[s][:, c]
+            axes[c].plot(times, factor * fit.readings[s][:, c], color=colour(c), lw=1.1, **label)
+            missed = segment.values[:, c] - fit.readings[s][:, c]
             label = {"label": sensor.name} if s == 0 else {}
             axes[-1].plot(times, 1e3 * missed, color=colour(c), lw=0.8, **label)
         if s:
             for axis in axes:
-                axis.axvline(times[0] - GAP * longest / 2, color=rest(), lw=0.6, ls=":")
+                axis.axvline(times[0] - GAP * longest / 2, color=rest(), lw=0.6, ls=MARKED)
     for axis, sensor in zip(axes, sensors, strict=False):
         axis.set_ylabel(f"{sensor.name} ({SHOWN[sensor.unit]})")
     legend(axes[0], 2)
@@ -61,10 +61,10 @@ def fit_figure(found: Fit) -> Figure:
     legend(axes[-1], 3)
     many = len(recording.segments) > len(segments)
     axes[-1].set_xlabel("time since the first sample (s)" + (", segments side by side" if len(segments) > 1 else ""))
-    words = f"fit to measured motions, rms residual {found.rms_all:.3g} rad"
+    words = f"fit to measured motions, rms residual {fit.rms_all:.3g} rad"
     headline(
         figure,
-        title_of(found.given),
+        title_of(fit.given),
         words + (f" (first {len(segments)} segments of {len(recording.segments)})" if many else ""),
     )
     return figure

@@ -5,7 +5,7 @@ from __future__ import annotations
 from io import BytesIO
 from typing import Any
 
-from modal.plotting import Pair, theme
+from modal.plotting import ThemedPicture, theme
 from modal.report import visible
 from modal.scene import title_of
 from modal.scene.doors import require_type
@@ -13,7 +13,7 @@ from nonlinear.integration import Trajectory
 from nonlinear.plotting.animation import animate
 
 
-def show_film(trajectory: Trajectory, words: str = "", **options: Any) -> Pair:
+def show_film(trajectory: Trajectory, words: str = "", **options: Any) -> ThemedPicture:
     """A film of a motion as a GIF on light and on dark paper, to be the last line of a cell.
 
     `words` say what is seen, by default the scene's title; the options are those of `animate`, such as `speed`,
@@ -22,7 +22,7 @@ def show_film(trajectory: Trajectory, words: str = "", **options: Any) -> Pair:
     >>> from modal import load
     >>> from nonlinear import simulate
     >>> show_film(simulate(load("chain-1"), 1.0), "a pendulum swings", seconds=0.2)
-    Pair('a pendulum swings', gif)
+    ThemedPicture('a pendulum swings', gif)
     """
     require_type("trajectory", trajectory, "Trajectory")
     films = []
@@ -31,4 +31,4 @@ def show_film(trajectory: Trajectory, words: str = "", **options: Any) -> Pair:
         with theme(name):
             animate(trajectory, buffer, "gif", **options)
         films.append(buffer.getvalue())
-    return Pair(films[0], films[1], words or visible(title_of(trajectory.scene)), "gif")
+    return ThemedPicture(films[0], films[1], words or visible(title_of(trajectory.scene)), "gif")

@@ -13,8 +13,8 @@ from matplotlib.lines import Line2D
 
 from modal.errors import ComputationError, SceneError
 from modal.modes import Mode, natural_modes
-from modal.plotting import HUES, WIDTH, axis_words, headline, key, muted, save, scale, sheet
-from modal.scene import Scene, title_of
+from modal.plotting import HUES, MARKED, PREDICTED, WIDTH, headline, key, muted, save, scale, sheet
+from modal.scene import Scene, number_label, title_of
 from modal.scene.parameters import Variation, vary
 from modal.types import Floats
 from nonlinear.plotting.stability import branch_keys, draw_branch, mark, stability_keys
@@ -42,7 +42,7 @@ def orbits_figure(scene: Scene, branches: Sequence[Branch], mode: Mode | None = 
     if not 1 <= len(branches) <= HUES:
         raise ComputationError(f"{len(branches)} branches do not fit in a figure: from 1 to {HUES}")
     forced = branches[0].is_forced
-    figure = _backbones(branches, mode) if mode else _resonance(scene, branches) if forced else _along(branches)
+    figure = _backbones(branches, mode) if mode else _resonance(scene, branches) if forced else _along(scene, branches)
     headline(figure, title_of(scene), "periodic motions under drives" if forced else "periodic orbits")
     beside = [line for line in figure.axes[0].lines if not str(line.get_label()).startswith("_")] if forced else []
     lines = [Line2D([], [], color=line.get_color(), ls=line.get_linestyle(), label=line.get_label()) for line in beside]
@@ -61,14 +61,14 @@ def _backbones(branches: Sequence[Branch], mode: Mode) -> Figure:
     slow, fast = axis.get_xlim()
     fast = max(fast, mode.omega + 0.1 * (mode.omega - slow), slow + NARROW * mode.omega)
     slow = min(slow, mode.omega - 0.1 * (fast - mode.omega))
-    axis.axvline(mode.omega, color=muted(), lw=1.1, ls=":", zorder=1)
-    axis.plot(mode.omega * (1 + mode.kappa * a**2), np.rad2deg(a), color=muted(), lw=1.3, ls="--", zorder=2)
+    axis.axvline(mode.omega, color=muted(), lw=1.1, ls=MARKED, zorder=1)
+    axis.plot(mode.omega * (1 + mode.kappa * a**2), np.rad2deg(a), color=muted(), lw=1.3, ls=PREDICTED, zorder=2)
     axis.set(xlim=(slow, fast), ylim=(0, 1.05 * np.rad2deg(widest)))
     axis.set(xlabel="angular frequency ω (rad/s)", ylabel="largest angle of any link (°)")
     return figure
 
 
-def _along(branches: Sequence[Branch]) -> Figure:
+def _along(scene: Scene, branches: Sequence[Branch]) -> Figure:
     figure = sheet(WIDTH, 7.0)
     upper, lower = figure.subplots(2, 1, sharex=True)
     variation = branches[0].variation
@@ -78,7 +78,7 @@ def _along(branches: Sequence[Branch]) -> Figure:
         _curve(lower, branch, branch.value, branch.omega, number)
     upper.set(ylabel="largest angle (°)", xlim=(variation.values[0], variation.values[-1]))
     upper.set_ylim(0, 1.05 * upper.get_ylim()[1])
-    lower.set(xlabel=axis_words(variation), ylabel="angular frequency ω (rad/s)")
+    lower.set(xlabel=number_label(scene, variation.path), ylabel="angular frequency ω (rad/s)")
     scale(lower, "x", variation)
     return figure
 
@@ -104,13 +104,13 @@ def _resonance(scene: Scene, branches: Sequence[Branch]) -> Figure:
     clock = getattr(branches[0].problem, "clock", None)
     is_frequency = clock is not None and clock.value is not None
     values, linear = _linear(scene, variation)
-    upper.plot(values, linear, color=muted(), lw=1.1, ls=":", zorder=1, label="linear response")
+    upper.plot(values, linear, color=muted(), lw=1.3, ls=PREDICTED, zorder=1, label="linear response")
     for k, (hertz, angles) in enumerate(_backbones_of(scene, variation, widest) if is_frequency else ()):
-        upper.plot(hertz, angles, color=muted(), lw=1.3, ls="--", zorder=2, label="_" if k else "backbone")
+        upper.plot(hertz, angles, color=muted(), lw=1.0, zorder=2, label="_" if k else "backbone")
     upper.set(
         ylabel="largest angle (°)", xlim=(variation.values[0], variation.values[-1]), ylim=(0, 1.08 * widest or 1)
     )
-    words = "frequency of the drive (Hz)" if is_frequency else axis_words(variation)
+    words = "frequency of the drive (Hz)" if is_frequency else number_label(scene, variation.path)
     lower.set(xlabel=words, ylabel="phase against the drive (°)")
     scale(lower, "x", variation)
     return figure
@@ -121,11 +121,11 @@ def _linear(scene: Scene, variation: Variation) -> tuple[Floats, Floats]:
     from nonlinear.orbits import linear_response
 
     space = np.geomspace if variation.log else np.linspace
-    values, found = space(variation.values[0], variation.values[-1], POINTS), np.full(POINTS, np.nan)
+    values, angles = space(variation.values[0], variation.values[-1], POINTS), np.full(POINTS, np.nan)
     for k, value in enumerate(values.tolist()):
         with suppress(ComputationError, SceneError):
-            found[k] = np.rad2deg(linear_response(vary(scene, {variation.path: value})).amplitude)
-    return values, found
+            angles[k] = np.rad2deg(linear_response(vary(scene, {variation.path: value})).amplitude)
+    return values, angles
 
 
 def _backbones_of(scene: Scene, variation: Variation, widest: float) -> Iterator[tuple[Floats, Floats]]:
@@ -161,7 +161,7 @@ def _read(special: Special, branch: Branch, values: Floats) -> float:
 def _drawn(branches: Sequence[Branch], mode: Mode | None) -> list[Line2D]:
     styles = stability_keys({fate for branch in branches for fate in branch.is_stable})
     if mode:
-        styles.append(Line2D([], [], color=muted(), ls=":", label=f"linear, {mode.omega:.5g} rad/s"))
-        styles.append(Line2D([], [], color=muted(), ls="--", label=f"κ = {mode.kappa:.4g}".replace("-", "−")))
+        styles.append(Line2D([], [], color=muted(), ls=MARKED, label=f"linear, {mode.omega:.5g} rad/s"))
+        styles.append(Line2D([], [], color=muted(), ls=PREDICTED, label=f"κ = {mode.kappa:.4g}".replace("-", "−")))
     kinds = dict.fromkeys(special.kind for branch in branches for special in branch.special)
     return [*styles, *(Line2D([], [], label=kind, **mark(MARKS[kind])) for kind in kinds)]

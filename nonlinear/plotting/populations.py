@@ -11,8 +11,8 @@ from matplotlib.lines import Line2D
 
 from modal.errors import ComputationError
 from modal.plotting import (
+    PREDICTED,
     WIDTH,
-    axis_words,
     colour,
     framed,
     headline,
@@ -24,7 +24,7 @@ from modal.plotting import (
     scale,
     sheet,
 )
-from modal.scene import title_of
+from modal.scene import number_label, title_of
 from nonlinear.plotting.stability import mark
 
 if TYPE_CHECKING:
@@ -33,45 +33,52 @@ if TYPE_CHECKING:
 BAR = 5.0  # points, the width of the line along 0 where a motion is stable
 
 
-def draw_populations(found: PopulationDiagram, stream: IO[bytes], form: str = "png") -> None:
+def draw_populations(diagram: PopulationDiagram, stream: IO[bytes], form: str = "png") -> None:
     """Write the picture as png, svg or pdf; ComputationError where no motion was found."""
-    save(populations_figure(found), stream, form)
+    save(populations_figure(diagram), stream, form)
 
 
-def populations_figure(found: PopulationDiagram) -> Figure:
-    """Growth rates of every motion: solid by Floquet multipliers, broken by the averaged equations.
+def populations_figure(diagram: PopulationDiagram) -> Figure:
+    """Growth rates of every motion: solid by Floquet multipliers, dashed by the averaged equations.
 
     A thick line along 0 tells where the motion is stable; circles are thresholds, squares where it begins or ends.
     """
-    branches = [one for one in found.branches if len(one.values)]
+    branches = [branch for branch in diagram.branches if len(branch.values)]
     if not branches:
         raise ComputationError("no symmetric motion of the populations exists in this range")
     figure = sheet(WIDTH, 3.4 * len(branches) + 0.8)
     axes = figure.subplots(len(branches), 1, sharex=True, squeeze=False)[:, 0]
-    names = list(dict.fromkeys(name for one in branches for name in one.sectors))
+    names = list(dict.fromkeys(name for branch in branches for name in branch.sectors))
     for axis, branch in zip(axes, branches, strict=True):
-        _panel(axis, found, branch, names)
-    axes[-1].set(xlabel=axis_words(found.variation), xlim=(found.variation.values[0], found.variation.values[-1]))
-    scale(axes[-1], "x", found.variation)
-    headline(figure, title_of(found.scene), "motions of populations")
-    key(figure, _handles(names, any(not one.sector for one in found.thresholds)), columns=3)
+        _panel(axis, diagram, branch, names)
+    axes[-1].set(
+        xlabel=number_label(diagram.scene, diagram.variation.path),
+        xlim=(diagram.variation.values[0], diagram.variation.values[-1]),
+    )
+    scale(axes[-1], "x", diagram.variation)
+    headline(figure, title_of(diagram.scene), "motions of populations")
+    key(figure, _handles(names, any(not threshold.sector for threshold in diagram.thresholds)), columns=3)
     return figure
 
 
-def _panel(axis: Axes, found: PopulationDiagram, branch: MotionBranch, names: list[str]) -> None:
+def _panel(axis: Axes, diagram: PopulationDiagram, branch: MotionBranch, names: list[str]) -> None:
     axis.axhline(0.0, color=muted(), lw=0.8, zorder=1)
-    for low, high in found.intervals(branch):
+    for low, high in diagram.intervals(branch):
         axis.plot([low, high], [0.0, 0.0], color=muted(), lw=BAR, solid_capstyle="butt", zorder=2)
-    windows = [(branch.values >= low) & (branch.values <= high) for low, high in found.windows(branch)]
+    windows = [(branch.values >= low) & (branch.values <= high) for low, high in diagram.windows(branch)]
     for number, name in enumerate(names):
         look: dict[str, Any] = {"color": colour(number), "zorder": 4}
         exact, averaged = branch.growth(name), branch.averaged_growth(name)
-        for own in windows if name in branch.sectors else ():
-            x = branch.values[own]
-            axis.plot(x, exact[own], lw=narrowing(number), label=f"_{name}", **look)
-            axis.plot(x, averaged[own], ls=(0, (2, 2)), lw=1.0, label=f"_{name} averaged", **look)
+        for window in windows if name in branch.sectors else ():
+            x = branch.values[window]
+            axis.plot(x, exact[window], lw=narrowing(number), label=f"_{name}", **look)
+            axis.plot(x, averaged[window], ls=PREDICTED, lw=1.0, label=f"_{name} averaged", color=ink(), zorder=5)
     for begins, shape in ((False, "o"), (True, "s")):
-        at = [one.value for one in found.thresholds if one.pattern == branch.name and begins == (not one.sector)]
+        at = [
+            threshold.value
+            for threshold in diagram.thresholds
+            if threshold.pattern == branch.name and begins == (not threshold.sector)
+        ]
         axis.plot(at, np.zeros(len(at)), **mark(shape))
     framed(axis, "", "growth rate (1/s)", branch.name.capitalize())
 
@@ -80,7 +87,7 @@ def _handles(names: list[str], ends: bool) -> list[Line2D]:
     lines = [Line2D([], [], color=colour(k), lw=narrowing(k), label=name) for k, name in enumerate(names)]
     return [
         *lines,
-        Line2D([], [], color=ink(), lw=1.0, ls=(0, (2, 2)), label="averaged equations"),
+        Line2D([], [], color=ink(), lw=1.0, ls=PREDICTED, label="averaged equations"),
         Line2D([], [], color=muted(), lw=BAR, label="stable"),
         Line2D([], [], label="threshold", **mark()),
         *[Line2D([], [], label="the motion itself begins or ends", **mark("s"))] * ends,

@@ -12,13 +12,16 @@ from matplotlib.figure import Figure
 from modal.errors import ComputationError, MultipendulaError
 from modal.modes import natural_modes
 from modal.plotting import (
+    MARKED,
     WIDE,
     caption,
+    colour,
     draw_curves,
     evenly,
     framed,
     headline,
     ink,
+    is_blob,
     legend,
     muted,
     pick,
@@ -37,6 +40,8 @@ MOST_LINES, MOST_MARKS, FEWEST = 6, 24, 32
 MOST_MODES = 480  # links of a scene whose natural frequencies are computed for the spectrum
 POINTS, MOST_SMOOTHED = 6000, 200  # points drawn, and links of a scene up to which a run is interpolated
 FAINT = 1e-6  # power of note over the strongest line, where no frequency says how far a spectrum goes
+PORTRAIT = 100  # swings from which on a portrait is drawn as dots
+STILL, ROOM = 1e-9, 1e-3  # motion (m) of a cart that is at rest but for rounding, and the room about it
 DEEPEST = 1e-10  # smallest power shown in a spectrum over the strongest line
 
 
@@ -47,7 +52,7 @@ def draw_run(trajectory: Trajectory, stream: IO[bytes], *, kind: str = "png") ->
 
 
 @dataclass(frozen=True)
-class _Drawn:
+class _DrawnLinks:
     """The links drawn, from 0, their names, and how many links they stand for, with those that coincide with them."""
 
     links: list[int]
@@ -55,7 +60,7 @@ class _Drawn:
     stand_for: int
 
     @classmethod
-    def of(cls, trajectory: Trajectory) -> _Drawn:
+    def of(cls, trajectory: Trajectory) -> _DrawnLinks:
         """Of many links some evenly spaced."""
         links, names, stand_for = pick(degrees(trajectory)[0].T, _names(trajectory), MOST_LINES)
         return cls(links.tolist(), names, stand_for)
@@ -68,14 +73,14 @@ def run_figure(trajectory: Trajectory) -> Figure:
     """
     if len(trajectory.times) < 2:
         raise ComputationError("a run with a single sample cannot be drawn")
-    carried = _carried(trajectory)
+    carried = _carried(trajectory) + _prescribed(trajectory)
     figure = sheet(WIDE, 7.2 + 1.4 * len(carried))
     rows = 6 if len(carried) < 2 else 2 * (2 + len(carried))
     grid = figure.add_gridspec(rows, 2, width_ratios=(3, 2))
     tall = 2 if carried else 3
     angles = figure.add_subplot(grid[:tall, 0])
     energies = figure.add_subplot(grid[-tall:, 0], sharex=angles)
-    drawn = _Drawn.of(trajectory)
+    drawn = _DrawnLinks.of(trajectory)
     smooth = _smooth(trajectory)
     _angles(angles, smooth, drawn)
     for k, (title, unit, curves) in enumerate(carried):
@@ -128,15 +133,16 @@ def _range(axis: Axes, times: Floats, values: Floats, what: str) -> None:
     axis.fill_between(times, values.min(1), values.max(1), label=f"range of all {values.shape[1]} {what}", **style)
 
 
-def _angles(axis: Axes, trajectory: Trajectory, drawn: _Drawn) -> None:
+def _angles(axis: Axes, trajectory: Trajectory, drawn: _DrawnLinks) -> None:
     values, times = degrees(trajectory)[0], trajectory.times
-    draw_curves(axis, [(times, values[:, link]) for link in drawn.links], names=drawn.names)
+    curves = [(times, values[:, link]) for link in drawn.links]
+    has_band = draw_curves(axis, curves, names=drawn.names, bands=True)
     single = trajectory.system.n_pendula in (1, trajectory.system.n_links)
     if drawn.stand_for < values.shape[1]:
         _range(axis, times, values, "pendula" if single and trajectory.system.n_pendula > 1 else "links")
     from_what = "from the vertical" if trajectory.system.spatial else "from the downward vertical"
     framed(axis, "time (s)", "angle (°)", f"Angles {from_what}" + ("" if single else ", by pendulum.link"))
-    legend(axis)
+    legend(axis, least=1 if has_band else 2)
 
 
 def _carried(trajectory: Trajectory) -> list[tuple[str, str, dict[str, Floats]]]:
@@ -144,26 +150,51 @@ def _carried(trajectory: Trajectory) -> list[tuple[str, str, dict[str, Floats]]]
     system, motion = trajectory.system, trajectory.motion
     if system.cart is not None:
         return [("Cart", "position x (m)", {"x": motion.cart})]
-    found: dict[str, dict[str, Floats]] = {}
+    carriers: dict[str, dict[str, Floats]] = {}
     for name, values in zip(system.labels, motion.supports.T, strict=False):
         unit = "rad" if name.endswith("_rad") else "m" if name == "x" or name.endswith("_m") else "each unit"
         shown = np.rad2deg(values) if unit == "rad" else values
-        found.setdefault(unit, {})[name.removesuffix(f"_{unit}").replace("_", " ")] = shown
+        carriers.setdefault(unit, {})[name.removesuffix(f"_{unit}").replace("_", " ")] = shown
     words = {"rad": "angle (°)", "m": "displacement (m)", "each unit": "coordinate (each unit)"}
-    return [("Structure", words[unit], curves) for unit, curves in found.items()]
+    return [("Structure", words[unit], curves) for unit, curves in carriers.items()]
+
+
+def _prescribed(trajectory: Trajectory) -> list[tuple[str, str, dict[str, Floats]]]:
+    """What moves as prescribed, the support or the ground and hoisted lengths: as in `_carried`."""
+    system, times, panels = trajectory.system, trajectory.times, []
+    if system.support:
+        along, *_, down = system.support.displacements(times, 2).T
+        ways = {"to the right": along, "upwards": -down}
+        curves = {name: values for name, values in ways.items() if np.any(values)}
+        owner = "Ground" if system.structure is not None else "Support"
+        panels.append((f"{owner}, as prescribed", "displacement (m)", curves or {"to the right": along}))
+    if system.hoisting is not None:
+        lengths, moving = system.hoisting.at(times)[0], system.hoisting.moving
+        names = [name if name.startswith(("link", "pendulum")) else f"link {name}" for name in _names(trajectory)]
+        curves = {names[link]: lengths[:, link] for link in np.flatnonzero(moving).tolist()}
+        panels.append(("Hoist, as prescribed", "length (m)", curves))
+    return panels
 
 
 def _moved(axis: Axes, trajectory: Trajectory, title: str, label: str, curves: dict[str, Floats]) -> None:
     if title == "Cart":
-        axis.plot(trajectory.times, *curves.values(), color=ink(), lw=1.2)
+        has_band = _carrier(axis, trajectory.times, curves["x"], "x")
         framed(axis, "time (s)", label, title)
+        if np.ptp(curves["x"]) < STILL:
+            axis.set_ylim(curves["x"][0] - ROOM, curves["x"][0] + ROOM)
+        legend(axis, least=1 if has_band else 2)
         return
     numbers, names, stand_for = pick(np.array(list(curves.values())), list(curves), MOST_LINES)
     values = list(curves.values())
-    draw_curves(axis, [(trajectory.times, values[k]) for k in numbers], names=names)
-    part = f": {stand_for} of {len(curves)} coordinates" if stand_for < len(curves) else ""
+    draw_curves(axis, [(trajectory.times, values[k]) for k in numbers], names=names, bands=True)
+    part = f": {stand_for} of {len(curves)}" if stand_for < len(curves) else ""
     framed(axis, "time (s)", label, title + part)
-    legend(axis, least=1)
+    legend(axis, least=2 if "prescribed" in title else 1)
+
+
+def _carrier(axis: Axes, times: Floats, values: Floats, name: str) -> bool:
+    """The curve of what carries the pendula, in ink; whether it is a band."""
+    return draw_curves(axis, [(times, values)], names=[name], bands=True, color=ink(), lw=1.2)
 
 
 def _energies(axis: Axes, trajectory: Trajectory) -> None:
@@ -179,9 +210,9 @@ def _energies(axis: Axes, trajectory: Trajectory) -> None:
         each = kinetic + potential
         numbers, labels, stand_for = pick(each.T, [f"pendulum {k}" for k in range(1, each.shape[1] + 1)], MOST_LINES)
         curves, left_out = dict(zip(labels, each[:, numbers].T, strict=True)), stand_for < each.shape[1]
-    draw_curves(axis, [(times, energy) for energy in curves.values()], names=list(curves))
+    draw_curves(axis, [(times, energy) for energy in curves.values()], names=list(curves), bands=True)
     if carried:
-        axis.plot(times, mechanics.cart_kinetic + mechanics.cart_potential, color=ink(), lw=1.2, label=carried)
+        _carrier(axis, times, mechanics.cart_kinetic + mechanics.cart_potential, carried)
     if left_out:
         _range(axis, times, kinetic + potential, "pendula")
     framed(axis, "time (s)", "energy (J)", "Energy above equilibrium")
@@ -189,14 +220,21 @@ def _energies(axis: Axes, trajectory: Trajectory) -> None:
     legend(axis)
 
 
-def _portrait(axis: Axes, trajectory: Trajectory, drawn: _Drawn) -> None:
+def _portrait(axis: Axes, trajectory: Trajectory, drawn: _DrawnLinks) -> None:
     if trajectory.system.spatial:
         _top_view(axis, trajectory)
         return
     (angles, rates), rests = degrees(trajectory), np.where(trajectory.system.by_link("sigma") > 0, 0.0, 180.0)
     curves = [_around(angles[:, link], rates[:, link], rests[link]) for link in drawn.links]
-    draw_curves(axis, curves, names=drawn.names, first=1.4)
-    framed(axis, "angle (°)", "rate (°/s)", "Phase portraits of the links drawn above")
+    if any(is_blob(angles[:, link], PORTRAIT, np.ptp(angles[:, link])) for link in drawn.links):
+        for k, (curve, name) in enumerate(zip(curves, drawn.names, strict=True)):
+            axis.plot(*curve, ls="", marker=".", ms=1.6, mew=0, color=colour(k), label="_dots", rasterized=True)
+            axis.plot([], [], ls="", marker="o", ms=5, color=colour(k), label=name)
+        words = "Phase portraits of the links drawn above,\nsamples as dots"
+    else:
+        draw_curves(axis, curves, names=drawn.names, first=1.4)
+        words = "Phase portraits of the links drawn above"
+    framed(axis, "angle (°)", "rate (°/s)", words)
     legend(axis, 3)
 
 
@@ -218,7 +256,7 @@ def _top_view(axis: Axes, trajectory: Trajectory) -> None:
     legend(axis, 3)
 
 
-def _spectrum(axis: Axes, trajectory: Trajectory, drawn: _Drawn) -> None:
+def _spectrum(axis: Axes, trajectory: Trajectory, drawn: _DrawnLinks) -> None:
     framed(axis, "angular frequency ω (rad/s)", "power (°² s)")
     times = trajectory.times
     even = len(times) >= FEWEST and np.ptp(np.diff(times)) < 1e-6 * (times[1] - times[0])
@@ -226,14 +264,14 @@ def _spectrum(axis: Axes, trajectory: Trajectory, drawn: _Drawn) -> None:
         axis.set_title("Spectrum", loc="left")
         axis.text(0.5, 0.5, "too few or uneven samples", ha="center", color=muted(), transform=axis.transAxes)
         return
-    found = [_power(trajectory, link) for link in drawn.links]
-    omega, highest = found[0][0], max(float(power.max()) for _, power in found)
+    spectra = [_power(trajectory, link) for link in drawn.links]
+    omega, highest = spectra[0][0], max(float(power.max()) for _, power in spectra)
     marks = _linear(trajectory, float(omega[-1]))
-    last = min(omega[-1], max(3 * max(marks) if marks else _reach(found), 2 * resolution(times)))
+    last = min(omega[-1], max(3 * max(marks) if marks else _reach(spectra), 2 * resolution(times)))
     seen = omega <= 1.1 * last
     lowest = highest * DEEPEST
-    powers = [np.where((power > 0) & seen, np.maximum(power, lowest / 10), np.nan) for _, power in found]
-    draw_curves(axis, [(omega, power) for power in powers], first=1.7, log="y")
+    powers = [np.where((power > 0) & seen, np.maximum(power, lowest / 10), np.nan) for _, power in spectra]
+    has_band = draw_curves(axis, [(omega[seen], power[seen]) for power in powers], first=1.7, log="y", bands=True)
     axis.set_xlim(0, last)
     if highest > 0:
         axis.set_yscale("log")
@@ -245,7 +283,8 @@ def _spectrum(axis: Axes, trajectory: Trajectory, drawn: _Drawn) -> None:
     else:
         words = f"; dotted: modes{_without(trajectory.scene)}" if marks else ""
         for mark in marks:
-            axis.axvline(mark, color=ink(), ls=":", lw=1.0, zorder=1)
+            axis.axvline(mark, color=ink(), ls=MARKED, lw=1.0, zorder=1)
+    words += "; bands: least to most" if has_band else ""
     axis.set_title(f"Spectrum{words}\n{WINDOW_NAME} window, resolution {resolution(times):.2g} rad/s", loc="left")
 
 
@@ -256,10 +295,10 @@ def _without(scene: Scene) -> str:
     return " without dry friction" if scene.has_friction else ""
 
 
-def _reach(found: list[tuple[Floats, Floats]]) -> float:
+def _reach(spectra: list[tuple[Floats, Floats]]) -> float:
     """The angular frequency (rad/s) above which no power of note is seen."""
-    highest = max(float(power.max()) for _, power in found)
-    return max(float(omega[power >= FAINT * highest].max(initial=0.0)) for omega, power in found)
+    highest = max(float(power.max()) for _, power in spectra)
+    return max(float(omega[power >= FAINT * highest].max(initial=0.0)) for omega, power in spectra)
 
 
 def _power(trajectory: Trajectory, link: int) -> tuple[Floats, Floats]:
@@ -283,7 +322,7 @@ def _linear(trajectory: Trajectory, most: float) -> list[float]:
     return [float(value) for value in swinging if 0 < value < most]
 
 
-def _caption(trajectory: Trajectory, drawn: _Drawn) -> str:
+def _caption(trajectory: Trajectory, drawn: _DrawnLinks) -> str:
     run, momentum = trajectory.run, trajectory.momentum_drift()
     words = [f"{run.method} at tolerance {run.tolerance:g}, {run.steps} steps"]
     words.append(f"energy drift {trajectory.energy_drift():.1e}")

@@ -46,7 +46,7 @@ class Actor:
 
 
 @dataclass(frozen=True, eq=False)
-class Energies:
+class FilmEnergies:
     """Kinetic energy and potential energy above equilibrium (J) of the named bodies (F, B) and of the whole (F,)."""
 
     names: tuple[str, ...]
@@ -192,16 +192,16 @@ def _links(trajectory: Trajectory, pendulum: int) -> tuple[AnyLink, ...]:
     return tuple(link for link in entry.links for _ in range(link.count))
 
 
-def energies_of(trajectory: Trajectory, at: Floats) -> Energies:
+def energies_of(trajectory: Trajectory, at: Floats) -> FilmEnergies:
     """The energies of the drawn pendula, then of what carries them, and of everything, at the times `at` (F,) in s."""
     rows = max(1, CLAUSE // trajectory.system.n_links)
     parts = [_energies(trajectory, at[first : first + rows]) for first in range(0, len(at), rows)]
     kinetic, potential = (np.concatenate([part[k] for part in parts]) for k in (0, 1))
-    own, carried = chosen(trajectory.system), carrier_name(trajectory.system)
-    bars = np.append(own, trajectory.system.n_pendula) if carried else own
-    carried = SHORT.get(carried, carried) if len(own) > FEW else carried
-    names = (*map(str, own + 1), *[carried] * bool(carried))
-    return Energies(names, kinetic[:, bars], potential[:, bars], (kinetic.sum(1), potential.sum(1)))
+    shown, carried = chosen(trajectory.system), carrier_name(trajectory.system)
+    bars = np.append(shown, trajectory.system.n_pendula) if carried else shown
+    carried = SHORT.get(carried, carried) if len(shown) > FEW else carried
+    names = (*map(str, shown + 1), *[carried] * bool(carried))
+    return FilmEnergies(names, kinetic[:, bars], potential[:, bars], (kinetic.sum(1), potential.sum(1)))
 
 
 def carrier_name(system: System) -> str:
@@ -216,6 +216,6 @@ def carrier_name(system: System) -> str:
 
 def _energies(trajectory: Trajectory, at: Floats) -> tuple[Floats, Floats]:
     """Kinetic energy and potential energy above equilibrium of every pendulum and, last, of cart or structure."""
-    found = Mechanics(trajectory.system, resample(trajectory.times, trajectory.motion, at), at)
-    kinetic, potential = found.of_pendula(found.kinetic), found.of_pendula(found.potential)
-    return np.column_stack((kinetic, found.cart_kinetic)), np.column_stack((potential, found.cart_potential))
+    mechanics = Mechanics(trajectory.system, resample(trajectory.times, trajectory.motion, at), at)
+    kinetic, potential = mechanics.of_pendula(mechanics.kinetic), mechanics.of_pendula(mechanics.potential)
+    return np.column_stack((kinetic, mechanics.cart_kinetic)), np.column_stack((potential, mechanics.cart_potential))

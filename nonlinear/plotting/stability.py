@@ -1,4 +1,4 @@
-"""Branches of steady and periodic motions: solid where stable, broken where not, their special points marked."""
+"""Branches of steady and periodic motions: solid where stable, dash-dotted where not, their special points marked."""
 
 from __future__ import annotations
 
@@ -10,20 +10,23 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
-from modal.plotting import colour, ink, narrowing, paper
+from modal.plotting import COMPUTED, UNSTABLE, colour, ink, narrowing, paper
 from modal.types import Floats
 
-LINES: dict[bool, Any] = {True: "-", False: (0, (3, 2))}
+LINES: dict[bool, Any] = {True: COMPUTED, False: UNSTABLE}
 """Of what is stable, and of what is not."""
+THINNER = 0.6
+"""Width of a branch where it is unstable, over that where it is stable."""
 
 
 def draw_branch(axis: Axes, x: Floats, y: Floats, is_stable: Sequence[bool], number: int) -> None:
-    """One branch, in pieces of equal stability that meet."""
+    """One branch, in pieces of equal stability that meet; unstable ones are thinner."""
     fates = np.array(is_stable)
     breaks = [0, *(np.flatnonzero(np.diff(fates)) + 1), len(fates)]
     for start, stop in pairwise(breaks):
         piece = slice(max(start - 1, 0), stop)
-        look = {"color": colour(number), "ls": LINES[bool(fates[start])], "lw": narrowing(number)}
+        fate = bool(fates[start])
+        look = {"color": colour(number), "ls": LINES[fate], "lw": narrowing(number) * (1.0 if fate else THINNER)}
         axis.plot(x[piece], y[piece], **look, zorder=3, label=f"_{number}")
 
 

@@ -8,8 +8,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from modal.plotting import NUMBER, WIDTH, colour, headline, save, scale, sheet
-from modal.scene import title_of
+from modal.plotting import WIDTH, colour, headline, save, scale, sheet
+from modal.scene import number_label, title_of
 from nonlinear.ensembles import BifurcationDiagram, StroboscopicSection
 
 FEWEST, MOST = 2.0, 6.0  # points across a dot, by how many there are
@@ -17,53 +17,53 @@ ROOM = 4000  # dots over their width
 WHOLE = 350.0  # degrees of angles from which a whole turn is shown
 
 
-def draw_strobes(found: StroboscopicSection, stream: IO[bytes], kind: str = "png") -> None:
+def draw_strobes(section: StroboscopicSection, stream: IO[bytes], kind: str = "png") -> None:
     """Write the picture of `strobes_figure` as png, svg or pdf."""
-    save(strobes_figure(found), stream, kind)
+    save(strobes_figure(section), stream, kind)
 
 
-def strobes_figure(found: StroboscopicSection) -> Figure:
+def strobes_figure(section: StroboscopicSection) -> Figure:
     """The rate of every named link over its angle, once a period, a colour for each motion."""
-    figure = sheet(WIDTH, 0.8 + 4.8 * len(found.shown))
-    axes = np.atleast_1d(figure.subplots(len(found.shown), 1))
-    for axis, link in zip(axes, found.shown, strict=True):
-        angles, rates = found.points(link)
+    figure = sheet(WIDTH, 0.8 + 4.8 * len(section.shown))
+    axes = np.atleast_1d(figure.subplots(len(section.shown), 1))
+    for axis, link in zip(axes, section.shown, strict=True):
+        angles, rates = section.points(link)
         size = _size(angles.size)
         for number, (angle, rate) in enumerate(zip(angles, rates, strict=True)):
             axis.plot(angle, rate, ".", ms=size, mew=0, color=colour(number), rasterized=True)
-        name = link_name(found, link)
+        name = link_name(section, link)
         axis.set(xlabel=f"{name} (°)", ylabel=f"rate of {name} (°/s)")
         _turn(axis, "x", angles)
-    words = f"stroboscopic section, once in {found.period:.4g} s at {found.phase_deg:g}° of the drives"
-    headline(figure, title_of(found.ensemble.question.scene), words)
+    words = f"stroboscopic section, once in {section.period:.4g} s at {section.phase_deg:g}° of the drives"
+    headline(figure, title_of(section.ensemble.question.scene), words)
     return figure
 
 
-def draw_bifurcations(found: BifurcationDiagram, stream: IO[bytes], kind: str = "png") -> None:
+def draw_bifurcations(diagram: BifurcationDiagram, stream: IO[bytes], kind: str = "png") -> None:
     """Write the picture of `bifurcation_figure` as png, svg or pdf."""
-    save(bifurcation_figure(found), stream, kind)
+    save(bifurcation_figure(diagram), stream, kind)
 
 
-def bifurcation_figure(found: BifurcationDiagram) -> Figure:
+def bifurcation_figure(diagram: BifurcationDiagram) -> Figure:
     """The angles of every named link at the last strobes, over the number that is varied."""
-    figure = sheet(WIDTH, 0.8 + 3.8 * len(found.shown))
-    axes = np.atleast_1d(figure.subplots(len(found.shown), 1, sharex=True))
-    for axis, link in zip(axes, found.shown, strict=True):
-        values, angles = found.points(link)
+    figure = sheet(WIDTH, 0.8 + 3.8 * len(diagram.shown))
+    axes = np.atleast_1d(figure.subplots(len(diagram.shown), 1, sharex=True))
+    for axis, link in zip(axes, diagram.shown, strict=True):
+        values, angles = diagram.points(link)
         axis.plot(values, angles, ".", ms=_size(angles.size), mew=0, color=colour(0), rasterized=True)
-        axis.set(ylabel=f"{link_name(found, link)} at {found.phase_deg:g}° of the drives (°)")
+        axis.set(ylabel=f"{link_name(diagram, link)} at {diagram.phase_deg:g}° of the drives (°)")
         _turn(axis, "y", angles)
-    scale(axes[-1], "x", found.variation)
-    axes[-1].set(xlabel=f"{found.variation.path} ({found.unit or NUMBER})")
+    scale(axes[-1], "x", diagram.variation)
+    axes[-1].set(xlabel=number_label(diagram.scene, diagram.variation.path))
     headline(
-        figure, title_of(found.scene), f"bifurcation diagram: the last {found.times.shape[1]} strobes of each value"
+        figure, title_of(diagram.scene), f"bifurcation diagram: the last {diagram.times.shape[1]} strobes of each value"
     )
     return figure
 
 
-def link_name(found: StroboscopicSection | BifurcationDiagram, link: int) -> str:
+def link_name(strobes: StroboscopicSection | BifurcationDiagram, link: int) -> str:
     """How a figure calls a link: θ with its pendulum and number."""
-    label = found.system.labels[found.system.first + link]
+    label = strobes.system.labels[strobes.system.first + link]
     return label.replace("theta[", r"θ$_{").replace("]", "}$")
 
 

@@ -18,7 +18,6 @@ from modal.plotting import (
     NUMBER,
     WIDE,
     WIDTH,
-    axis_words,
     colour,
     draw_curves,
     headline,
@@ -34,7 +33,7 @@ from modal.plotting import (
     sheet,
 )
 from modal.report import deferred
-from modal.scene import title_of
+from modal.scene import number_label, title_of
 from modal.scene.parameters import Variation
 from modal.types import Floats
 from modal.vibration import KINDS
@@ -144,7 +143,9 @@ def _curves(sweep: Sweep, known: list[str]) -> Figure:
             over = boundary.frequency_hz if variation.path.endswith("_hz") else boundary.amplitude
             axis.axvline(over[0], color=rest(), lw=1.0, zorder=0)
     scale(axes[-1], "x", variation)
-    axes[-1].set(xlabel=axis_words(variation), xlim=(variation.values[0], variation.values[-1]))
+    axes[-1].set(
+        xlabel=number_label(sweep.study.scene, variation.path), xlim=(variation.values[0], variation.values[-1])
+    )
     return figure
 
 
@@ -176,10 +177,10 @@ def _maps(sweep: Sweep, known: list[str]) -> Figure:
     y, x = sweep.study.variations
     for place, (axis, name) in enumerate(zip(panels, known, strict=False)):
         _map(figure, axis, sweep, name)
-        axis.set(xlabel=axis_words(x), ylabel=axis_words(y))
+        axis.set(xlabel=number_label(sweep.study.scene, x.path), ylabel=number_label(sweep.study.scene, y.path))
         axis.label_outer()
         if place + columns >= len(known):
-            axis.set_xlabel(axis_words(x))
+            axis.set_xlabel(number_label(sweep.study.scene, x.path))
             axis.tick_params(which="both", labelbottom=True)
     for axis in panels[len(known) :]:
         axis.remove()

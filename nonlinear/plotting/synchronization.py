@@ -106,10 +106,10 @@ def _swings(begin: Axes, end: Axes, trajectory: Trajectory, period: float, shown
 
 def _tops(trajectory: Trajectory) -> Ints:
     """The index of every pendulum's top link, (N,)."""
-    found = np.empty(trajectory.system.n_pendula, dtype=np.int64)
+    tops = np.empty(trajectory.system.n_pendula, dtype=np.int64)
     for group in trajectory.system.groups:
-        found[group.pendula] = group.index[0]
-    return found
+        tops[group.pendula] = group.index[0]
+    return tops
 
 
 def _close(trajectory: Trajectory, links: Ints, start: float, width: float) -> tuple[Floats, Floats]:
@@ -130,8 +130,8 @@ def _order(axis: Axes, phases: Phases) -> None:
     axis.plot(phases.times, phases.order[:, phases.leading], color=ink(), lw=1.4, label="all")
     populations = population_phases(phases)
     if populations is not None and 1 < len(populations.populations) < MOST_LINES:
-        names = [f"population {k + 1}, {one.name}" for k, one in enumerate(populations.populations)]
-        draw_curves(axis, [(phases.times, one) for one in populations.order.T], names=names, first=FIRST)
+        names = [f"population {k + 1}, {population.name}" for k, population in enumerate(populations.populations)]
+        draw_curves(axis, [(phases.times, order) for order in populations.order.T], names=names, first=FIRST)
         legend(axis, 3)
     axis.set(xlim=(phases.times[0], phases.times[-1]), ylim=(-0.03, 1.03))
     which = f" (fixed-base mode {phases.leading + 1})" if phases.omega.shape[1] > 1 else ""
@@ -142,37 +142,37 @@ def _shares(axis: Axes, trajectory: Trajectory) -> None:
     framed(axis, "time (s)", "share of the energy (–)", "Modes that hold the energy")
     axis.set(xlim=(trajectory.times[0], trajectory.times[-1]), ylim=(-0.03, 1.03))
     try:
-        found = find_survival(trajectory)
+        survival = find_survival(trajectory)
     except ComputationError as error:
         style: dict[str, Any] = {"ha": "center", "fontsize": SMALL, "color": muted(), "wrap": True}
         axis.text(0.5, 0.5, str(error), transform=axis.transAxes, **style)
         return
-    rows, rest = _largest(found)
-    curves = [(found.times, found.share[:, row]) for row in rows]
-    draw_curves(axis, curves, names=_names(found, rows), first=FIRST)
+    rows, rest = _largest(survival)
+    curves = [(survival.times, survival.share[:, row]) for row in rows]
+    draw_curves(axis, curves, names=_names(survival, rows), first=FIRST)
     if rest.size:
         words = counted(rest.size, "other", "others")
-        axis.plot(found.times, found.share[:, rest].sum(1), "--", color=muted(), lw=1.2, label=words)
+        axis.plot(survival.times, survival.share[:, rest].sum(1), color=muted(), lw=1.2, label=words)
     axis.set_yticks(np.linspace(0, 1, 6))
     legend(axis, 2)
 
 
-def _largest(found: Survival) -> tuple[list[int], Ints]:
+def _largest(survival: Survival) -> tuple[list[int], Ints]:
     """The rows drawn separately, in the table's order, and the others."""
-    peaks = np.nan_to_num(found.share).max(axis=0)
+    peaks = np.nan_to_num(survival.share).max(axis=0)
     strongest = np.argsort(-peaks, kind="stable")[: MOST_LINES - 1]
     rows = sorted(int(row) for row in strongest if peaks[row] >= UNSEEN)
     return rows, np.setdiff1d(np.arange(peaks.size), rows)
 
 
-def _names(found: Survival, rows: Sequence[int]) -> list[str]:
+def _names(survival: Survival, rows: Sequence[int]) -> list[str]:
     """Each row in words, or by its number in the table where the words are the same for two."""
-    at = [int(found.row[row]) - 1 for row in rows]
-    modes = list(found.modes.rows(at))
+    at = [int(survival.row[row]) - 1 for row in rows]
+    modes = list(survival.modes.rows(at))
     names = [mode_words(mode) for mode in modes]
     if len(set(names)) == len(names):
         return names
-    numbers = table_numbers(found.scene, found.modes)[at]
+    numbers = table_numbers(survival.scene, survival.modes)[at]
     return [f"mode {number}, {_frequency(mode)}" for number, mode in zip(numbers, modes, strict=True)]
 
 
@@ -193,7 +193,7 @@ def _energies(axis: Axes, phases: Phases, shown: Ints) -> None:
     """Means over a period: of each pendulum, or the range with the median."""
     times, energy = phases.times, smooth(phases.times, phases.energy, _period(phases))
     if len(shown) == energy.shape[1]:
-        draw_curves(axis, [(times, one) for one in energy.T], first=FIRST)
+        draw_curves(axis, [(times, mean) for mean in energy.T], first=FIRST)
     else:
         axis.fill_between(times, energy.min(1), energy.max(1), color=rest(), lw=0, label="least to most")
         axis.plot(times, np.median(energy, axis=1), color=ink(), lw=1.4, label="median")
@@ -212,9 +212,9 @@ def _circle(axis: Axes, phases: Phases, shown: Ints) -> None:
     axis.scatter(angle, size, s=14, color=muted(), alpha=0.5, lw=0, gid=QUIET)
     for k, pendulum in enumerate(shown):
         wide, narrow = LARGEST - RING * k, max(HAND * 0.65**k, 0.8)
-        own: dict[str, Any] = {"color": colour(k), "label": f"_pendulum {pendulum + 1}"}
-        axis.plot([0, angle[pendulum]], [0, size[pendulum]], **own, lw=narrow, zorder=2 + k / 10)
-        axis.plot(angle[pendulum], size[pendulum], "o", **own, ms=wide, mec=paper(), mew=0.6, zorder=4 + k)
+        look: dict[str, Any] = {"color": colour(k), "label": f"_pendulum {pendulum + 1}"}
+        axis.plot([0, angle[pendulum]], [0, size[pendulum]], **look, lw=narrow, zorder=2 + k / 10)
+        axis.plot(angle[pendulum], size[pendulum], "o", **look, ms=wide, mec=paper(), mew=0.6, zorder=4 + k)
     axis.set_ylim(0, 1.15 * float(size.max()) or 1.0)
     axis.yaxis.set_major_locator(MaxNLocator(4))
     axis.set_title("Phases at the end, from pendulum 1's;\nradius: amplitude (°)")

@@ -13,19 +13,20 @@ from matplotlib.lines import Line2D
 
 from modal.errors import ComputationError
 from modal.plotting import (
-    DASHES,
     HUES,
+    MARKED,
+    PREDICTED,
     QUIET,
     SMALL,
     WIDTH,
     colour,
-    dash,
     headline,
     key,
     log_ticks,
     mark_modes,
     muted,
     paper,
+    predicted,
     save,
     sheet,
 )
@@ -42,18 +43,18 @@ DEEPEST = 1e-5  # smallest amplitude shown in a spectrum over the strongest line
 PADDING = 4
 
 
-def draw_check(found: Check, stream: IO[bytes], form: str = "png") -> None:
+def draw_check(check: Check, stream: IO[bytes], form: str = "png") -> None:
     """Write the picture as png, svg or pdf."""
-    save(check_figure(found), stream, form)
+    save(check_figure(check), stream, form)
 
 
-def check_figure(found: Check) -> Figure:
-    """|ω(a)/ω − 1| against the largest angle on logarithmic axes: marks are runs, thin lines κa², wide ones orbits.
+def check_figure(check: Check) -> Figure:
+    """|ω(a)/ω − 1| against the largest angle on logarithmic axes: marks are runs, dashed lines κa², wide ones orbits.
 
     The level of 1 % is marked, with the angle measured for it; hollow marks are frequencies that rise with amplitude.
     Irregular runs are omitted.  Raises ComputationError where there is nothing to draw or too much.
     """
-    rows = [row for row in found.rows if any(not run.irregular and run.shift for run in row.measurements)]
+    rows = [row for row in check.rows if any(not run.irregular and run.shift for run in row.measurements)]
     if not rows:
         raise ComputationError("no mode was measured: there is nothing to draw")
     if len(rows) > MOST_CURVES:
@@ -66,14 +67,14 @@ def check_figure(found: Check) -> Figure:
         _shifts(axis, row, low, high, k)
     sizes = [abs(run.shift) for row in rows for run in row.measurements if not run.irregular]
     bottom, top = min(min(sizes) / BEYOND**2, ONE_PERCENT / 20), min(2 * max(*sizes, 2 * ONE_PERCENT), 1.0)
-    axis.axhline(ONE_PERCENT, color=muted(), lw=0.9, ls=":", zorder=0)
+    axis.axhline(ONE_PERCENT, color=muted(), lw=0.9, ls=MARKED, zorder=0)
     behind = {"facecolor": paper(), "edgecolor": "none", "pad": 1.0, "alpha": 0.85}
     style: dict[str, Any] = {"fontsize": SMALL, "bbox": behind, "zorder": 5}
     axis.annotate("1 %", (0.004, ONE_PERCENT), (0, 4), axis.get_yaxis_transform(), "offset points", **style)
     axis.set(xscale="log", yscale="log", xlim=(low, high), ylim=(bottom, top))
     axis.set(xlabel="largest angle a (°)", ylabel="shift of frequency |ω(a)/ω − 1| (–)")
     log_ticks(axis.xaxis, high / low)
-    headline(figure, title_of(found.scene), "frequency against amplitude")
+    headline(figure, title_of(check.scene), "frequency against amplitude")
     key(figure, [_handle(k) for k in range(len(rows))], [_named(row) for row in rows], columns=2, notes=_notes(rows))
     return figure
 
@@ -86,16 +87,16 @@ def _decade(low: float, high: float) -> tuple[float, float]:
 def _notes(rows: Sequence[ModeCheck]) -> str:
     """What the marks and lines of a check are."""
     rising = any(run.shift > 0 and not run.irregular for row in rows for run in row.measurements)
-    words = ["marks: measured" + (", hollow where the frequency rises" if rising else ""), "thin lines: κa²"]
+    words = ["marks: measured" + (", hollow where the frequency rises" if rising else ""), "dashed: κa²"]
     words += ["wide lines: periodic orbits"] if any(row.backbone for row in rows) else []
     words += ["ticks: measured 1 %"] if any(np.isfinite(row.one_percent_deg) for row in rows) else []
     return "; ".join(words)
 
 
 def _shifts(axis: Axes, row: ModeCheck, low: float, high: float, k: int) -> None:
-    """One mode: κa² as a line, periodic orbits as a wide one, runs as marks, the measured 1 % as a tick."""
+    """One mode: κa² dashed, periodic orbits as a wide one, runs as marks, the measured 1 % as a tick."""
     a = np.geomspace(low, high, POINTS)
-    axis.plot(a, np.abs(row.mode.kappa) * np.radians(a) ** 2, color=colour(k), ls=DASHES[k % 2], lw=1.3, zorder=2)
+    axis.plot(a, np.abs(row.mode.kappa) * np.radians(a) ** 2, color=colour(k), ls=predicted(k), lw=1.3, zorder=2)
     if row.backbone and row.backbone.linear:
         size, shift = np.rad2deg(row.backbone.amplitude), np.abs(row.backbone.omega / row.backbone.linear - 1)
         axis.plot(size, shift, color=colour(k), lw=2.4, alpha=0.35, gid=QUIET, zorder=1.5)
@@ -109,40 +110,40 @@ def _shifts(axis: Axes, row: ModeCheck, low: float, high: float, k: int) -> None
         axis.plot(row.one_percent_deg, ONE_PERCENT, "|", ms=15, mew=1.8, color=colour(k), zorder=3)
 
 
-def draw_spectrum(found: Comparison, stream: IO[bytes], form: str = "png") -> None:
+def draw_spectrum(comparison: Comparison, stream: IO[bytes], form: str = "png") -> None:
     """Write the picture as png, svg or pdf."""
-    save(spectrum_figure(found), stream, form)
+    save(spectrum_figure(comparison), stream, form)
 
 
-def spectrum_figure(found: Comparison) -> Figure:
+def spectrum_figure(comparison: Comparison) -> Figure:
     """Amplitude spectra of the modal coordinates that move, the strongest of a mode's copies, on a logarithmic scale.
 
     Dotted lines with numbers mark the table's frequencies.  Raises ComputationError where nothing oscillates.
     """
-    rows = _strongest(found)
+    rows = _strongest(comparison)
     figure = sheet(WIDTH, 5.4)
     axis = figure.subplots()
-    omega, sizes = _spectra(found, rows)
+    omega, sizes = _spectra(comparison, rows)
     top = float(sizes.max())
     for k, size in enumerate(sizes):
-        axis.plot(omega, size, color=colour(k), ls=dash(k), lw=1.3, zorder=3)
-    low, high = found.swinging.min() / 2, min(float(omega[-1]), 1.6 * float(found.swinging.max()))
+        axis.plot(omega, size, color=colour(k), lw=1.3, zorder=3)
+    low, high = comparison.swinging.min() / 2, min(float(omega[-1]), 1.6 * float(comparison.swinging.max()))
     axis.set(xlim=(low, high), yscale="log", ylim=(top * DEEPEST, top * 3))
     axis.set(xlabel="angular frequency ω (rad/s)", ylabel="amplitude of the modal coordinate (°)")
-    inside = enumerate(np.abs(found.modes.eigenvalue.imag).tolist(), 1)
+    inside = enumerate(np.abs(comparison.modes.eigenvalue.imag).tolist(), 1)
     mark_modes(axis, [(number, omega) for number, omega in inside if low < omega < high])
-    handles = [Line2D([], [], color=colour(k), ls=dash(k)) for k in range(len(rows))]
+    handles = [Line2D([], [], color=colour(k)) for k in range(len(rows))]
     names = [f"mode {row.mode.number}: {row.mode.omega:.5g} rad/s" for row in rows]
-    headline(figure, title_of(found.modes.scene), "spectra of the modal coordinates")
+    headline(figure, title_of(comparison.modes.scene), "spectra of the modal coordinates")
     notes = f"window (1 + cos πs)^{ORDER}, s from −1 to 1 over the motion, with zeros to {PADDING} times its length"
     key(figure, handles, names, notes=notes)
     return figure
 
 
-def _strongest(found: Comparison) -> list[ModeInMotion]:
+def _strongest(comparison: Comparison) -> list[ModeInMotion]:
     """The strongest copy of every oscillating mode, limited to the largest of these."""
     best: dict[int, ModeInMotion] = {}
-    for row in found.rows:
+    for row in comparison.rows:
         if row.mode.oscillates and row.largest > best.get(row.mode.number, row).largest * (row.mode.number in best):
             best[row.mode.number] = row
     kept = sorted(best.values(), key=lambda row: -row.largest)[:HUES]
@@ -151,14 +152,14 @@ def _strongest(found: Comparison) -> list[ModeInMotion]:
     return sorted(kept, key=lambda row: row.mode.number)
 
 
-def _spectra(found: Comparison, rows: Sequence[ModeInMotion]) -> tuple[Floats, Floats]:
+def _spectra(comparison: Comparison, rows: Sequence[ModeInMotion]) -> tuple[Floats, Floats]:
     """ω (W,) and amplitudes (rows, W) in degrees, in the window of `nonlinear.postprocessing.frequencies`."""
-    count = len(found.times)
-    places = list(zip(found.motion.number.tolist(), found.motion.copy.tolist(), strict=True))
-    chosen = found.motion.coordinate[:, [places.index((row.mode.number - 1, row.copy)) for row in rows]]
+    count = len(comparison.times)
+    places = list(zip(comparison.motion.number.tolist(), comparison.motion.copy.tolist(), strict=True))
+    chosen = comparison.motion.coordinate[:, [places.index((row.mode.number - 1, row.copy)) for row in rows]]
     window = (1 + np.cos(pi * np.linspace(-1, 1, count))) ** ORDER
     sizes = np.abs(np.fft.rfft((window / window.sum())[:, None] * chosen, PADDING * count, axis=0)).T
-    omega = 2 * pi * np.fft.rfftfreq(PADDING * count, float(found.times[1] - found.times[0]))
+    omega = 2 * pi * np.fft.rfftfreq(PADDING * count, float(comparison.times[1] - comparison.times[0]))
     return np.asarray(omega, dtype=np.float64), np.degrees(2 * sizes)
 
 
@@ -170,7 +171,7 @@ def _marker(k: int) -> str:
 
 
 def _handle(k: int) -> Line2D:
-    return Line2D([], [], color=colour(k), ls=DASHES[k % 2], marker=_marker(k), ms=_size(k), mec=paper())
+    return Line2D([], [], color=colour(k), ls=PREDICTED, marker=_marker(k), ms=_size(k), mec=paper())
 
 
 def _size(k: int) -> float:

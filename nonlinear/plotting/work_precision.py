@@ -17,38 +17,38 @@ if TYPE_CHECKING:
     from nonlinear.accuracy import Candidate, WorkPrecision, WorkPrecisionRow
 
 METHODS = dict(zip(("RK45", "taylor", "LSODA", "Radau", "DOP853", "RK23"), range(HUES), strict=True))
-LOOKS = {"minimal": ("o", "-"), "spatial": ("o", "-"), "compiled": ("D", "--"), "maximal": ("s", ":")}
+MARKERS = {"minimal": "o", "spatial": "o", "compiled": "D", "maximal": "s"}
 MODAL = {LINEAR: "P", CORRECTED: "*"}
 BEYOND = 2.5  # margin factor of the axes beyond the outermost candidate
 
 
-def draw_tradeoff(found: WorkPrecision, stream: IO[bytes], form: str = "png") -> None:
+def draw_tradeoff(work_precision: WorkPrecision, stream: IO[bytes], form: str = "png") -> None:
     """Write the picture as png, svg or pdf."""
-    save(tradeoff_figure(found), stream, form)
+    save(tradeoff_figure(work_precision), stream, form)
 
 
-def tradeoff_figure(found: WorkPrecision) -> Figure:
+def tradeoff_figure(work_precision: WorkPrecision) -> Figure:
     """The largest error (rad) of every candidate against its time (s) on logarithmic axes, one line per family.
 
     The broad line is the Pareto front; in the shaded part the reference cannot resolve errors, and candidates that
     reach it are drawn on its edge.  Raises ComputationError where no candidate was measured.
     """
-    rows = [row for row in found.rows if row.candidate != found.reference.candidate]
+    rows = [row for row in work_precision.rows if row.candidate != work_precision.reference.candidate]
     if not rows:
         raise ComputationError("no candidate was measured: there is nothing to draw")
     figure = sheet(WIDTH, 6.0)
     axis = figure.subplots()
-    _bounds(axis, found, rows)
-    _front(axis, found)
+    _bounds(axis, work_precision, rows)
+    _front(axis, work_precision)
     for _, members in groupby(rows, key=lambda row: row.candidate.family):
-        _family(axis, found, list(members))
-    _decorate(figure, axis, found)
+        _family(axis, work_precision, list(members))
+    _decorate(figure, axis, work_precision)
     return figure
 
 
-def _bounds(axis: Axes, found: WorkPrecision, rows: list[WorkPrecisionRow]) -> None:
-    times, errors = [row.seconds for row in rows], [found.judged(row) for row in rows]
-    bottom, floor = min(errors) / BEYOND**2, found.reference.floor
+def _bounds(axis: Axes, work_precision: WorkPrecision, rows: list[WorkPrecisionRow]) -> None:
+    times, errors = [row.seconds for row in rows], [work_precision.judged(row) for row in rows]
+    bottom, floor = min(errors) / BEYOND**2, work_precision.reference.floor
     axis.set(xscale="log", yscale="log", xlim=(min(times) / BEYOND, max(times) * BEYOND))
     axis.set(ylim=(bottom, max(errors) * BEYOND))
     if floor > bottom:
@@ -58,35 +58,38 @@ def _bounds(axis: Axes, found: WorkPrecision, rows: list[WorkPrecisionRow]) -> N
         axis.text(*place, "below the resolution of the reference", transform=axis.get_yaxis_transform(), **style)
 
 
-def _front(axis: Axes, found: WorkPrecision) -> None:
-    points = [(row.seconds, found.judged(row)) for row in found.pareto]
+def _front(axis: Axes, work_precision: WorkPrecision) -> None:
+    points = [(row.seconds, work_precision.judged(row)) for row in work_precision.pareto]
     look: dict[str, Any] = {"color": rest(), "lw": 8, "drawstyle": "steps-post", "gid": QUIET}
     axis.plot(*zip(*points, strict=True), zorder=1, label="Pareto front", **look)
 
 
-def _family(axis: Axes, found: WorkPrecision, rows: list[WorkPrecisionRow]) -> None:
-    points, candidate = zip(*((row.seconds, found.judged(row)) for row in rows), strict=True), rows[0].candidate
+def _family(axis: Axes, work_precision: WorkPrecision, rows: list[WorkPrecisionRow]) -> None:
+    points, candidate = (
+        zip(*((row.seconds, work_precision.judged(row)) for row in rows), strict=True),
+        rows[0].candidate,
+    )
     if candidate.modal:
         axis.plot(*points, MODAL[candidate.kind], color=ink(), ms=11, mec=paper(), label=candidate.kind, zorder=5)
         return
-    marker, line = LOOKS["compiled" if candidate.compiled else candidate.kind]
+    marker = MARKERS["compiled" if candidate.compiled else candidate.kind]
     hue = colour(METHODS[candidate.method])
     look: dict[str, Any] = {"color": hue, "mfc": paper() if candidate.compiled else hue, "ms": 6, "lw": 1.4}
-    axis.plot(*points, line, marker=marker, label=_named(candidate), zorder=4, **look)
+    axis.plot(*points, marker=marker, label=_named(candidate), zorder=4, **look)
 
 
 def _named(candidate: Candidate) -> str:
     return candidate.family.replace("taylor", "Taylor")
 
 
-def _decorate(figure: Figure, axis: Axes, found: WorkPrecision) -> None:
+def _decorate(figure: Figure, axis: Axes, work_precision: WorkPrecision) -> None:
     horizon, tolerances = (
-        found.reference.horizon,
-        [row.candidate.tolerance for row in found.rows[1:] if not row.candidate.modal],
+        work_precision.reference.horizon,
+        [row.candidate.tolerance for row in work_precision.rows[1:] if not row.candidate.modal],
     )
     axis.set(xlabel="time of a run, once prepared (s)", ylabel=f"largest error of an angle in {horizon:.4g} s (rad)")
     if tolerances:
         words = f"along each line: tolerances from {max(tolerances):.0e} to at most {min(tolerances):.0e}"
         axis.set_title(words, loc="right")
-    headline(figure, title_of(found.scene), "time against accuracy")
+    headline(figure, title_of(work_precision.scene), "time against accuracy")
     key(figure, *axis.get_legend_handles_labels())

@@ -20,7 +20,7 @@ from PIL import Image
 
 import modal
 from modal import natural_modes
-from modal.plotting import Pair, pair_of, shapes_figure, show_both_themes
+from modal.plotting import ThemedPicture, pair_of, shapes_figure, show_both_themes
 from modal.plotting.dark import dark_twin
 from modal.plotting.style import theme
 from modal.types import Floats
@@ -92,7 +92,7 @@ def test_images_keep_their_colours() -> None:
 
 
 def test_a_page_has_both_and_its_words() -> None:
-    page = Pair(b"one", b"two", "ω < 2").html()
+    page = ThemedPicture(b"one", b"two", "ω < 2").html()
     assert [b64decode(data) for data in re.findall(r"base64,([^\"]*)", page)] == [b"one", b"two"]
     assert re.findall(r'class="(.*?)"', page) == ["in-light", "in-dark"]
     assert page.count('alt="ω &lt; 2"') == 2

@@ -156,7 +156,10 @@ def test_a_picture_has_a_panel_for_each_output_and_a_line_for_each_place() -> No
         thermal_figure(noise)
     figure = thermal_figure(thermal_noise(SUSPENSION, 290.0))
     (axis,) = figure.axes
-    assert [line.get_label() for line in axis.lines[:2]] == ["thermal noise", "pendulum[0].links[0].wire_loss"]
+    assert [line.get_label() for line in axis.lines[:2]] == [
+        "thermal noise",
+        "loss angle of the wire of link 1 of pendulum 1",
+    ]
     assert axis.get_ylabel() == "position (m/√Hz)"
     f = thermal_frequencies(thermal_noise(SUSPENSION, 290.0), at=[1e3])
     assert f[-1] == 1e3

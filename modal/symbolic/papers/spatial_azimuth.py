@@ -136,18 +136,33 @@ def azimuth_acceleration(i: int, n: int, *, read: bool = False) -> Equation:
     s, c = waves(i)
     push = sp.Add(*(inertia(i, j, n) * _swing(i, j) for j in others(i, n)))
     corrected = -2 * theta(i).v * phi(i).v * c / s - push / (inertia(i, i, n) * s)
-    numbers = "12-13" if i == 1 else "15" if i == n else "14"
+    number, single, copy = _PRINTED["first" if i == 1 else "last" if i == n else "inner"]
     ends = sp.Symbol("l_1") * sp.Symbol("m_1") if i == 1 else sp.Symbol("l") * sp.Symbol("m")
     return Equation(
         PAPER,
-        numbers,
+        number,
         f"azimuth of link {i} of {n}",
         equal(phi(i).a, _constant_momenta(i, n, read=read) / ends),
         equal(phi(i).a, corrected),
-        "for one link, in the limit of small angles, with θ' read into the numerator",
+        f"never with the letters as they are; with θ' read into the numerators, {single} for equal links while all "
+        "azimuths are equal, their rates are equal, and so are all θ_i'/θ_i, in the limit of small angles",
         sp.false,
-        "dimensionally wrong without its dots; both forms are singular at θ = 0, the rest itself: use unit vectors",
+        f"{copy}; dimensionally wrong without its dots; both forms are singular at θ = 0, the rest itself: use unit "
+        "vectors",
     )
+
+
+_ONE_LINK = "not for one link (−4 c θ'/θ³ for −2 c θ'/θ³), but"
+_PRINTED = {
+    "first": ("12-13", "for one link, and", "the copy's exponents s and N are read as 3 and 2, its e_1 as c_1"),
+    "inner": ("14", _ONE_LINK, "the copy's exponent of θ_i under −4 c_i is illegible and read as 3"),
+    "last": (
+        "15",
+        f"and θ_n for θ_n² in its first term, {_ONE_LINK}",
+        "the copy's exponent 5 of θ_n is read as 3",
+    ),
+}
+"""The number of (12)-(15) by the place of the link, how it does for one link, and what the copy blurs."""
 
 
 def _swing(i: int, j: int) -> Any:

@@ -1,0 +1,94 @@
+"""A travel of a crane before and after shaping: the command, and the swing of every link with its residual."""
+
+from __future__ import annotations
+
+from typing import IO, TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from modal.plotting.curves import draw_curves, pick
+from modal.plotting.layout import SMALL, framed, headline, legend
+from modal.plotting.style import MARKED, WIDTH, colour, ink, muted, paper, save, sheet
+from modal.scene import title_of
+
+if TYPE_CHECKING:
+    from modal.statespace.travels import ShapedTravel
+
+MOST_LINKS = 6
+FIRST = 2.0
+"""Width of the first curve in points."""
+ROOM = 1.35
+"""Of an axis over the largest angle or residual."""
+ROWS = ("as it is", "shaped")
+
+
+def draw_travel(travel: ShapedTravel, stream: IO[bytes], form: str = "png") -> None:
+    """Write the picture of `travel_figure` as png, svg or pdf."""
+    save(travel_figure(travel), stream, form)
+
+
+def travel_figure(travel: ShapedTravel) -> Figure:
+    """The command as it is and shaped, under a force what it moves too, and the angles (°) of the links for each.
+
+    Dotted lines bound the residual swing from the time on at which the command is over.
+    """
+    is_forced = travel.unit != "m"
+    panels = 4 if is_forced else 3
+    figure = sheet(WIDTH, 1.2 + 2.1 * panels)
+    axes = figure.subplots(panels, 1, sharex=True)
+    axes[-1].sharey(axes[-2])
+    titles = ("Force", "Moved coordinate") if is_forced else ("Cart, as prescribed",)
+    force = f"torque ({travel.unit})" if travel.unit == "N m" else f"force ({travel.unit})"
+    place = "angle (°)" if travel.unit == "N m" else "position (m)"
+    shown = np.degrees(travel.moved) if travel.unit == "N m" else travel.moved
+    values = ((travel.command, force), (shown, place)) if is_forced else ((travel.command, place),)
+    for axis, (rows, label), title in zip(axes, values, titles, strict=False):
+        _command(axis, travel, rows)
+        framed(axis, "", label, title)
+        legend(axis)
+    degrees = np.degrees(travel.angles)
+    numbers, names, _ = pick(np.concatenate(list(degrees)).T, _names(travel), MOST_LINKS)
+    most = ROOM * max(float(np.abs(degrees).max()), float(np.degrees(travel.residual).max()), 1e-9)
+    for row, axis in enumerate(axes[-2:]):
+        curves = [(travel.times, degrees[row, :, link]) for link in numbers]
+        draw_curves(axis, curves, names=names, first=FIRST, bands=True)
+        axis.set(xlim=(travel.times[0], travel.times[-1]), ylim=(-most, most))
+        framed(axis, "", "angle (°)", f"Swing, {ROWS[row]}")
+        _residual(axis, travel, row)
+    legend(axes[-2], least=1)
+    axes[-1].set_xlabel("time (s)")
+    headline(figure, title_of(travel.scene), f"a travel of {travel.distance:g} m, as it is and shaped")
+    return figure
+
+
+def _command(axis: Axes, travel: ShapedTravel, rows: np.ndarray) -> None:
+    curves = [(travel.times, values) for values in rows]
+    draw_curves(axis, curves, names=ROWS, numbers=(4, 2), lw=1.8)
+    for row, over in enumerate(travel.over.tolist()):
+        axis.axvline(over, color=colour((4, 2)[row]), ls=MARKED, lw=1.0, zorder=0)
+
+
+def _residual(axis: Axes, travel: ShapedTravel, row: int) -> None:
+    """Two dotted lines that bound the swing after the command, and how large it is."""
+    angle, over = float(np.degrees(travel.residual[row])), float(travel.over[row])
+    for sign in (-1, 1):
+        axis.plot([over, travel.times[-1]], [sign * angle] * 2, color=muted(), ls=MARKED, lw=1.4)
+    axis.axvline(over, color=muted(), ls=MARKED, lw=1.0, zorder=0)
+    words = f"residual swing {angle:.3g}°" if angle >= 5e-4 else "no residual swing"
+    look: dict[str, Any] = {
+        "fontsize": SMALL,
+        "color": ink(),
+        "bbox": {"facecolor": paper(), "edgecolor": "none", "pad": 1},
+    }
+    axis.annotate(words, (over, angle), xytext=(5, 4), textcoords="offset points", va="bottom", **look)
+
+
+def _names(travel: ShapedTravel) -> list[str]:
+    """Pendulum and link, or the one of which there are several."""
+    counts = [pendulum.n_links for pendulum in travel.scene.pendulum for _ in range(pendulum.count)]
+    places = [(p, i) for p, count in enumerate(counts, 1) for i in range(1, count + 1)]
+    if len(counts) == 1:
+        return [f"link {i}" for _, i in places]
+    return [f"pendulum {p}" if max(counts) == 1 else f"pendulum {p}, link {i}" for p, i in places]

@@ -1,0 +1,192 @@
+"""What the numbers of a scene are called where people read: "length of link 1 of pendulum 1 (m)", not a path from 0.
+
+Pendula and links are counted from 1 as they hang, with all copies, as the table and the films count them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import accumulate
+
+from modal.scene.model import Scene
+from modal.scene.parameters import Place, Step, find_places, unit_at
+
+QUANTITIES = {
+    "angle_deg": "angle",
+    "angles_deg": "angle",
+    "azimuths_deg": "azimuth",
+    "begin": "begin",
+    "centre": "distance of the centre of mass",
+    "count": "number of copies",
+    "damping_ratio": "damping ratio",
+    "drag": "linear drag",
+    "duration": "duration",
+    "frequency_hz": "frequency",
+    "friction": "dry friction",
+    "friction_coefficient": "coefficient of friction",
+    "from_hz": "first frequency",
+    "inertia": "moment of inertia",
+    "length_m": "length",
+    "loss": "loss angle",
+    "phase_deg": "phase",
+    "quadratic_drag": "quadratic drag",
+    "ramp": "share of the ramps",
+    "rate_deg": "rate",
+    "rates_deg": "rate",
+    "roll_deg": "roll",
+    "roll_rate_deg": "rate of roll",
+    "time_s": "time",
+    "to": "length at the end",
+    "to_hz": "last frequency",
+    "wire_loss": "loss angle of the wire",
+}
+"""Of keys whose names do not say it."""
+CARRIERS = {
+    "cart": "cart",
+    "fixed": "support",
+    "heave": "heaving support",
+    "modal": "linear structure",
+    "moved": "support",
+    "platform": "platform",
+    "swing": "swing",
+    "tilt": "tilting board",
+}
+"""A support in a word."""
+WAYS = {"position": ("position to the right", "position downwards"), "centre": ("centre to the right", "centre below")}
+"""The two numbers of a pair."""
+ANGLES = {"loss", "wire_loss"}
+"""Keys of angles in rad."""
+ENDINGS = {"_rate_deg": "°/s", "_deg": "°", "_hz": "Hz"}
+"""Units that keys tell by their endings."""
+DIMENSIONLESS = "–"
+
+
+def number_label(scene: Scene, path: str) -> str:
+    """The number at a path in words with its unit, a dash for one without dimension; SceneError where there is none.
+
+    >>> from modal import load
+    >>> number_label(load("crane-hook"), "pendulum[0].links[0].length")
+    'length of link 1 of pendulum 1 (m)'
+    >>> number_label(load("crane-hook"), "support.mass")
+    'mass of the cart (kg)'
+    """
+    return f"{number_words(scene, path)} ({number_unit(scene, path)})"
+
+
+def number_words(scene: Scene, path: str) -> str:
+    """The same without its unit.
+
+    >>> from modal import load
+    >>> number_words(load("two-swings"), "spring[0].stiffness")
+    'stiffness of spring 1'
+    >>> number_words(load("chain-3"), "pendulum[0].links[*].damping")
+    'damping of links 1–3 of pendulum 1'
+    """
+    places = find_places(scene, path)
+    first = places[0]
+    what, *owners = _parts(scene, first, places)
+    return " ".join([what, *(f"of {owner}" for owner in owners)]) + " at the start" * ("start" in first)
+
+
+def number_unit(scene: Scene, path: str) -> str:
+    """Its unit, of a force N and of a torque N m; a dash for a number without dimension.
+
+    >>> from modal import load
+    >>> number_unit(load("crane-hook"), "gravity"), number_unit(load("crane-hook"), "damping_ratio")
+    ('m/s²', '–')
+    """
+    place = find_places(scene, path)[0]
+    if place[0] == "force" and place[-1] == "amplitude":
+        return "N m" if scene.force[int(place[1])].direction == "torque" else "N"
+    if ANGLES & {step for step in place if isinstance(step, str)}:
+        return "rad"
+    name = str(place[-1])
+    return unit_at(scene, place) or next((unit for end, unit in ENDINGS.items() if name.endswith(end)), DIMENSIONLESS)
+
+
+def _parts(scene: Scene, place: Place, places: Sequence[Place]) -> list[str]:
+    """What a number is, and what it belongs to, from the inside out."""
+    match place:
+        case ("pendulum", entry, *inner):
+            pendula = _run(_pendula(scene, {at[1] for at in places}), "pendulum", "pendula")
+            return [*_of_pendulum(scene, int(entry), inner, places), pendula]
+        case ("support", *inner):
+            return _of_support(scene, inner)
+        case ("spring" | "force" as kind, _, *inner):
+            word = "torque" if kind == "force" and scene.force[int(place[1])].direction == "torque" else str(kind)
+            return [_quantity(inner), _run(sorted({int(at[1]) + 1 for at in places}), word, f"{word}s")]
+        case ("ground", "motion", *inner):
+            return [*_of_motion(inner), "the ground"]
+        case (name, int(row)):
+            return [_quantity([name]), f"mode {row + 1}"]
+    return [_quantity(place)]
+
+
+def _of_pendulum(scene: Scene, entry: int, inner: Sequence[Step], places: Sequence[Place]) -> list[str]:
+    match inner:
+        case ("links", _, *rest):
+            shown = {int(at[3]) for at in places if at[1] == entry}
+            link = _run(_links(scene, entry, shown), "link", "links")
+            owners = {"hoist": "the hoist", "drive": "the drive"}
+            return [_quantity(rest), *(owners[str(step)] for step in rest[:1] if step in owners), link]
+        case ("start", name, int(_)):
+            shown = {int(at[4]) + 1 for at in places if at[1] == entry}
+            return [_quantity([name]), _run(sorted(shown), "link", "links")]
+    return [_quantity(inner)]
+
+
+def _of_support(scene: Scene, inner: Sequence[Step]) -> list[str]:
+    several = isinstance(scene.support, tuple)
+    support = scene.supports[int(inner[0])] if several else scene.supports[0]
+    inner = inner[1:] if several else inner
+    name = getattr(support, "name", "")
+    owner = f"the {CARRIERS[support.kind]}" + f" {name}" * bool(name)
+    if inner[0] == "motion":
+        return [*_of_motion(inner[1:]), owner]
+    return [_quantity(inner), owner]
+
+
+def _of_motion(inner: Sequence[Step]) -> list[str]:
+    """A number of a motion; of several ones the first is counted 1."""
+    if isinstance(inner[0], int):
+        return [_quantity(inner[1:]), f"motion {inner[0] + 1}"]
+    return [_quantity(inner), "the motion"]
+
+
+def _quantity(steps: Sequence[Step]) -> str:
+    """What the last key names: of a number of a platform its way, too, and which of a list."""
+    names = [str(step) for step in steps if isinstance(step, str)]
+    number = steps[-1] if isinstance(steps[-1], int) else None
+    if names[-1] in WAYS and number is not None:
+        return WAYS[names[-1]][number]
+    if names[-2:-1] in (["stiffness"], ["damping"]):
+        return f"{names[-2]} in {names[-1]}"
+    words = QUANTITIES.get(names[-1], names[-1].replace("_", " "))
+    if names[-1].endswith("_rate"):
+        words = f"rate of {names[-1].removesuffix('_rate')}"
+    counted = number is not None and names[-1] not in {"angles_deg", "rates_deg", "azimuths_deg"}
+    return f"{words} {number + 1}" if counted and number is not None else words
+
+
+def _pendula(scene: Scene, entries: set[Step]) -> list[int]:
+    """The pendula, from 1, that these entries of a file describe."""
+    ends = [0, *accumulate(pendulum.count for pendulum in scene.pendulum)]
+    return [number for entry in sorted(map(int, entries)) for number in range(ends[entry] + 1, ends[entry + 1] + 1)]
+
+
+def _links(scene: Scene, entry: int, links: set[int]) -> list[int]:
+    """The links, from 1, that these links of an entry describe."""
+    ends = [0, *accumulate(link.count for link in scene.pendulum[entry].links)]
+    return [number for link in sorted(links) for number in range(ends[link] + 1, ends[link + 1] + 1)]
+
+
+def _run(numbers: Sequence[int], one: str, several: str) -> str:
+    """What ascending numbers count, those in a row as a range: links 1–3, 7."""
+    runs: list[list[int]] = []
+    for number in numbers:
+        if runs and number == runs[-1][-1] + 1:
+            runs[-1].append(number)
+        else:
+            runs.append([number])
+    joined = ", ".join(f"{run[0]}" if len(run) == 1 else f"{run[0]}–{run[-1]}" for run in runs)
+    return f"{one if len(numbers) == 1 else several} {joined}"

@@ -1,0 +1,235 @@
+"""A travel of a crane in the linear model, as it is and with an input shaper: the command and the swing over time.
+
+A prescribed motion of the cart is x = d (10 s³ − 15 s⁴ + 6 s⁵), s from 0 to 1.  A force, on a cart or on a coordinate j
+of a structure, is what moves the coordinate so far along the shape φ in which the scene follows it slowly, φ_j = 1:
+
+    F = m x'' + c x' + k x,     m = φᵀMφ,  c = φᵀDφ,  k = φᵀKφ,
+
+so that the force on a free cart is that on all masses, and on a ship at its moorings ends in their pull at d.  A shaped
+command is Σ A_i u(t − t_i).  Between its corners a command is a quintic polynomial, whose response at constant
+lengths is a matrix exponential; along a hoist the equations are integrated.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import scipy
+
+from modal.assembly import hoisting_of, matrices_along, rig_of
+from modal.errors import ComputationError, SceneError
+from modal.report import Displayed, Summary, deferred, tabulated
+from modal.scene import Scene, refusals
+from modal.scene.doors import checked, checked_number
+from modal.statespace.hoisting import Travel, is_held, largest_swing, pushed_by
+from modal.statespace.shapers import Drive, Shaper, drives_of, swings_of
+from modal.types import Floats, Ints
+
+SAMPLES = 600
+"""Times of a history."""
+SWINGS = 2.5
+"""Periods of the slowest mode that a history goes on after the command."""
+POWERS = 6
+"""Coefficients of a quintic."""
+BRISK = 0.1
+"""Largest acceleration of a travel whose duration is not given, over that of gravity."""
+SLOWLY = 1e-10
+"""ω² of a slow push over that of the fastest mode."""
+TOLERANCE = 1e-10
+SHORTEST, LONGEST = 1e-6, 1e6  # m, and s
+Command = Callable[[Floats], Floats]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ShapedTravel(Displayed):
+    """A travel of `distance` (m) under a `drive`, as it is (row 0) and shaped (row 1), at `times` (T,) in s.
+
+    `command` (2, T) is the place of a cart whose motion is prescribed (m) or a force in `unit`; `moved` (2, T) the
+    coordinate that it moves, in m or rad; `angles` (2, T, L) those of the links (rad); `residual` (2,) the largest
+    angle (rad) to which the swings of all frequencies add up when command and hoist are over, from `over` (2,) in s on.
+    """
+
+    scene: Scene
+    drive: Drive
+    distance: float
+    times: Floats
+    command: Floats
+    moved: Floats
+    angles: Floats
+    residual: Floats
+    over: Floats
+    unit: str
+
+    def plot(self) -> Any:
+        """The figure of `modal.plotting.travels.travel_figure`."""
+        return deferred("modal.plotting.travels:travel_figure")(self)
+
+    def words(self) -> Iterator[str]:
+        """What the travel leaves as it is and shaped, a line each."""
+        for name, angle in zip(("as it is", "shaped"), np.degrees(self.residual).tolist(), strict=True):
+            yield f"a travel of {self.distance:g} m {name}: residual swing {angle:.4g}°"
+
+    def _summary(self) -> Summary:
+        largest = np.degrees(np.abs(self.angles).max((1, 2)))
+        columns = {
+            "command": ["as it is", "shaped"],
+            "over at (s)": [f"{time:.4g}" for time in self.over],
+            "largest angle (°)": [f"{angle:.4g}" for angle in largest],
+            "residual swing (°)": [f"{angle:.4g}" for angle in np.degrees(self.residual)],
+        }
+        return tabulated(f"Travel of {self.distance:g} m", [], columns)
+
+
+@checked
+def shaped_travel(
+    scene: Scene,
+    shaper: Shaper,
+    distance: float,
+    duration: float | None = None,
+    drive: Drive = "cart_acceleration",
+) -> ShapedTravel:
+    """The travel by `distance` (m) over `duration` (s), as it is and shaped, from the begin of the hoist or 0 s on.
+
+    By default it lasts as long as the hoist; without one a period of the slowest swing, or so long that its
+    acceleration is at most BRISK of gravity's.  Raises what `shaper_for` does, and SceneError for a distance that is
+    not a positive number.
+
+    >>> from modal import load
+    >>> from modal.statespace import shaper_for
+    >>> crane = load("crane-hook")
+    >>> travel = shaped_travel(crane, shaper_for(crane, 2), 20.0)
+    >>> bool(travel.residual[0] > 0.1), bool(travel.residual[1] < 1e-9)
+    (True, True)
+    """
+    checked_number("distance", distance, SHORTEST, LONGEST)
+    if duration is not None:
+        checked_number("duration", duration, SHORTEST, LONGEST)
+    if problems := refusals(scene, "a shaper"):
+        raise SceneError(problems)
+    hoisting = hoisting_of(scene)
+    breaks = hoisting.breaks if hoisting else (0.0, 0.0)
+    slowest = swings_of(scene.at(breaks[0]), drive)[0].omega
+    brisk = np.sqrt(10 / np.sqrt(3) * distance / (BRISK * scene.gravity))
+    length = float(duration or (breaks[-1] - breaks[0]) or max(2 * np.pi / slowest, brisk))
+    travel = Travel(distance, breaks[0], length)
+    ends = travel.begin + length + np.array([0.0, shaper.duration])
+    over = np.maximum(ends, breaks[-1])
+    times = np.linspace(travel.begin, over[1] + SWINGS * 2 * np.pi / slowest, SAMPLES)
+    held, pushed = is_held(scene, drive), drives_of(scene).index(drive) if not is_held(scene, drive) else 0
+    parts = np.array([0.0, 0.0, 1.0]) if held else _slow_push(scene, travel.begin, pushed)
+    trains = [(np.zeros(1), np.ones(1)), (shaper.times, shaper.amplitudes)]
+    commands, histories, residual = [], [], []
+    for (delays, amplitudes), end in zip(trains, over.tolist(), strict=True):
+        weights = list(zip(delays.tolist(), amplitudes.tolist(), strict=True))
+
+        def shaped(at: Floats, weights: list[tuple[float, float]] = weights) -> Floats:
+            return np.asarray(sum(a * travel.motion(at - delay) for delay, a in weights))
+
+        def command(at: Floats, shaped: Command = shaped) -> Floats:
+            return np.asarray(parts @ shaped(at))
+
+        stops = [travel.begin + start + delay for delay, _ in weights for start in (0.0, length)]
+        instants = np.union1d(times, [*stops, *breaks, end])
+        states = _history(scene, command, instants, stops, held=held, pushed=pushed)
+        commands.append(shaped(times)[0] if held else command(times))
+        histories.append(states[np.searchsorted(instants, times)])
+        left = states[np.searchsorted(instants, end)]
+        if not held:
+            left[: len(left) // 2] -= _leaning(scene, end, pushed) * command(np.array([end]))
+        residual.append(largest_swing(scene.at(end), left, held=held))
+    lead = 1 if scene.cart is not None else rig_of(scene).leading
+    angles = np.array([states[:, lead : states.shape[1] // 2] for states in histories])
+    moved = np.array([states[:, pushed] for states in histories])
+    unit = "m" if held else "N m" if _turns(scene, pushed) else "N"
+    return ShapedTravel(
+        scene, drive, distance, times, np.array(commands), moved, angles, np.array(residual), over, unit
+    )
+
+
+def _leaning(scene: Scene, time: float, pushed: int) -> Floats:
+    """Where everything is at rest under a constant force of 1 on a coordinate, (n,)."""
+    stiffness = matrices_along(scene)(time).K
+    return np.asarray(np.linalg.pinv(stiffness, hermitian=True)[:, pushed])
+
+
+def _turns(scene: Scene, coordinate: int) -> bool:
+    """Whether a coordinate that a force moves is an angle."""
+    from modal.statespace.signals import coordinates_of
+    from modal.structure import structure_of
+
+    return scene.is_structured and coordinates_of(structure_of(scene))[coordinate].unit == "rad"
+
+
+def _slow_push(scene: Scene, begin: float, pushed: int) -> Floats:
+    """(k, c, m) of the coordinate along the shape in which everything follows it slowly."""
+    constant = matrices_along(scene)(begin)
+    fastest = float(np.abs(scipy.linalg.eigvalsh(constant.K, constant.M)).max())
+    shape = np.linalg.solve(constant.K + SLOWLY * fastest * constant.M, np.eye(len(constant.M))[pushed])
+    shape /= shape[pushed]
+    slow = np.array([shape @ matrix @ shape for matrix in (constant.K, constant.D, constant.M)])
+    return np.where(np.abs(slow) > SLOWLY * fastest * slow[2] * 10, slow, 0.0)
+
+
+def _history(
+    scene: Scene, command: Command, times: Floats, stops: Sequence[float], *, held: bool, pushed: int
+) -> Floats:
+    """(q, q') (T, 2n) at ascending times (T,) from rest at the first on, the `stops` of the command among them."""
+    along, hoisting = matrices_along(scene), hoisting_of(scene)
+    breaks = hoisting.breaks if hoisting else ()
+    spans = [getattr(law, "breaks", (-np.inf, np.inf)) for _, law in hoisting.laws] if hoisting else []
+    states = np.zeros((len(times), 2 * len(along(float(times[0])).M)))
+    n, size = states.shape[1] // 2, float(np.abs(command(times)).max()) or 1.0
+    corners = np.unique([times[0], *stops, *breaks, times[-1]])
+    for begin, end in pairwise(corners[(corners >= times[0]) & (corners <= times[-1])].tolist()):
+        rows = np.flatnonzero((times >= begin) & (times <= end))
+        if not any(span[0] < end and begin < span[-1] for span in spans):
+            _advance(states, times, rows, pushed_by(along((begin + end) / 2), held, pushed), command)
+            continue
+
+        def slope(time: float, state: Floats, last: float = float(np.nextafter(end, begin))) -> Floats:
+            A, B = pushed_by(along(min(time, last)), held, pushed)
+            return np.concatenate((state[n:], A @ state + B * command(np.array([time]))[0]))
+
+        solved = scipy.integrate.solve_ivp(
+            slope,
+            (begin, end),
+            states[rows[0]],
+            method="DOP853",
+            t_eval=times[rows],
+            rtol=TOLERANCE,
+            atol=TOLERANCE * 1e-3 * size,
+        )
+        if not solved.success:
+            raise ComputationError(f"the motion along the hoist cannot be integrated: {solved.message}")
+        states[rows] = solved.y.T
+    return states
+
+
+def _advance(states: Floats, times: Floats, rows: Ints, equations: tuple[Floats, Floats], command: Command) -> None:
+    """Fill in the states at these rows but the first, of constant equations and a command without a corner."""
+    known: dict[float, tuple[Floats, Floats]] = {}
+    for row in rows[1:].tolist():
+        begin, end = times[row - 1], times[row]
+        step = round(float(end - begin), 12)
+        if step not in known:
+            known[step] = _step(*equations, float(end - begin))
+        free, driven = known[step]
+        states[row] = free @ states[row - 1] + driven @ command(np.linspace(begin, end, POWERS + 2)[1:-1])
+
+
+def _step(A: Floats, B: Floats, duration: float) -> tuple[Floats, Floats]:
+    """What becomes of (q, q') (2n, 2n), and of a quintic by its values inside (2n, POWERS), in a time."""
+    n = len(B)
+    whole = np.zeros((2 * n + POWERS,) * 2)
+    whole[:n, n : 2 * n] = np.eye(n) * duration
+    whole[n : 2 * n, : 2 * n] = A * duration
+    whole[n : 2 * n, 2 * n] = B * duration
+    whole[2 * n :, 2 * n :] = np.eye(POWERS, k=1)
+    moved = scipy.linalg.expm(whole)[: 2 * n]
+    inside = np.linspace(0.0, 1.0, POWERS + 2)[1:-1]
+    rows = inside[:, None] ** np.arange(POWERS) / scipy.special.factorial(np.arange(POWERS))
+    return moved[:, : 2 * n], np.linalg.solve(rows.T, moved[:, 2 * n :].T).T
