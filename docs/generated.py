@@ -350,7 +350,7 @@ def gallery() -> str:
     sections = dict.fromkeys(picture["section"] for picture in pictures.values())
     return "\n\n".join(
         f"## {section.capitalize()}\n\n"
-        + "\n\n".join(_figure(name, one) for name, one in pictures.items() if one["section"] == section)
+        + "\n\n".join(_figure(name, picture) for name, picture in pictures.items() if picture["section"] == section)
         for section in sections
     )
 

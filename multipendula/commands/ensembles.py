@@ -52,9 +52,11 @@ def basins(options: argparse.Namespace) -> None:
     if begins_in_mode(scene, axes):
         tell_of_start("every member begins in the shape of the first mode that swings")
     with _engine(options, scene, prod(len(axis.values) for axis in axes)) as more:
-        found = find_basins(scene, options.duration, vary=axes, measure=options.measure, folder=options.folder, **more)
-    say(basins_table(found, options.format), options.format)
-    draw_in(options, options.output, "nonlinear.plotting", "draw_basins", found)
+        outcome = find_basins(
+            scene, options.duration, vary=axes, measure=options.measure, folder=options.folder, **more
+        )
+    say(basins_table(outcome, options.format), options.format)
+    draw_in(options, options.output, "nonlinear.plotting", "draw_basins", outcome)
 
 
 def _basins_arguments(page: Page) -> None:
@@ -88,13 +90,13 @@ def _crossings(options: argparse.Namespace, scene: Scene) -> None:
     refuse(options, BY_STROBES, "needs a scene that is driven by a sine: a force or a moved support")
     members = options.members or MOTIONS
     with _engine(options, scene, members) as more:
-        found = find_section(
+        section = find_section(
             scene, options.duration, energy=options.energy, at=options.crossing, orbits=members, **more
         )
     if options.energy is None and not has_start(scene):
         tell_of_start("its energy is that of the first mode that swings", "--energy chooses another")
-    say(section_table(found, options.format), options.format)
-    draw_in(options, options.output, "nonlinear.plotting", "draw_section", found)
+    say(section_table(section, options.format), options.format)
+    draw_in(options, options.output, "nonlinear.plotting", "draw_section", section)
 
 
 def _strobes(options: argparse.Namespace, scene: Scene) -> None:
@@ -108,9 +110,9 @@ def _strobes(options: argparse.Namespace, scene: Scene) -> None:
     asked |= {"settle": options.settle, "seed": options.seed, "of": names_of(options)}
     with _engine(options, scene, options.members or MOTIONS) as more:
         more |= {name: value for name, value in asked.items() if value is not None}
-        found = find_strobes(scene, options.duration, **more)
-    say(strobes_table(found, options.format), options.format)
-    draw_in(options, options.output, "nonlinear.plotting", "draw_strobes", found)
+        strobes = find_strobes(scene, options.duration, **more)
+    say(strobes_table(strobes, options.format), options.format)
+    draw_in(options, options.output, "nonlinear.plotting", "draw_strobes", strobes)
 
 
 def refuse(options: argparse.Namespace, names: Sequence[str], why: str) -> None:
@@ -156,11 +158,11 @@ def spread(options: argparse.Namespace) -> None:
         if more["estimate"] is None and not options.uncertain:
             raise SceneError(["spread needs --uncertain PLACE=WIDTH or --covariance FIT.json"])
         start = start_of(scene, None, elsewhere=ELSEWHERE) if options.duration else None
-        found = find_spread(
+        spreads = find_spread(
             scene, options.uncertain or (), options.duration, members=members, seed=seed, start=start, **more
         )
-    say(spread_table(found, options.format), options.format)
-    draw_in(options, options.output, "nonlinear.plotting", "draw_spread", found)
+    say(spread_table(spreads, options.format), options.format)
+    draw_in(options, options.output, "nonlinear.plotting", "draw_spread", spreads)
 
 
 def _spread_arguments(page: Page) -> None:

@@ -82,8 +82,8 @@ class RunOptions:
     @classmethod
     def of(cls, options: argparse.Namespace) -> RunOptions:
         """Those of a command line."""
-        given = {name: value for name in ("duration", *ADDERS) if (value := getattr(options, name, None))}
-        return cls(options.scene, options.duration or options.usual, given, options.output)
+        arguments = {name: value for name in ("duration", *ADDERS) if (value := getattr(options, name, None))}
+        return cls(options.scene, options.duration or options.usual, arguments, options.output)
 
     @property
     def how(self) -> dict[str, Any]:
@@ -300,10 +300,10 @@ def _in_mode(scene: Scene, number: int, degrees: float, *, undamped: bool) -> St
         raise SceneError([f"--start mode:{number}:{degrees:g}: the largest angle must be a number of at most 180 deg"])
     row = number - 1
     if undamped:
-        found = np.flatnonzero(table_numbers(scene) == number)
-        if not found.size:
+        rows = np.flatnonzero(table_numbers(scene) == number)
+        if not rows.size:
             raise SceneError([f"--start mode:{number}: is a mode of the dampers alone, which does not oscillate"])
-        scene, row = scene.conservative, int(found[0])
+        scene, row = scene.conservative, int(rows[0])
         modes = modes_of(scene)
     state = start_in_mode(scene, modes, row, copy_along(modes, row), radians(degrees))
     return state if scene.space == "plane" else of_plane(state)

@@ -100,21 +100,21 @@ def _map(options: argparse.Namespace, kind: str) -> None:
         tell_of_start("every point begins in the shape of its first mode that swings")
     with _journal(options, study) as kept:
         with _crew(options) as crew, bar(study.size, "point") as report:
-            found = swept(study, journal=kept, workers=options.workers, crew=crew, report=report)
-        if len(found.failures) == study.size:
+            outcome = swept(study, journal=kept, workers=options.workers, crew=crew, report=report)
+        if len(outcome.failures) == study.size:
             kept.finish()
-            raise ComputationError("\n".join(["every point of the sweep failed", *reasons(found)]))
-        say(sweep_text(found))
-        if found.interrupted:
+            raise ComputationError("\n".join(["every point of the sweep failed", *reasons(outcome)]))
+        say(sweep_text(outcome))
+        if outcome.interrupted:
             if _has_journal(options):
                 print(f"repeat the command to resume from {visible(options.output)}.journal", file=sys.stderr)
             raise KeyboardInterrupt
         if options.output:
-            save(found, options.output)
+            save(outcome, options.output)
             kept.finish()
     if options.picture:
         with drawn(options.picture, options.theme) as stream:
-            draw_sweep(found, stream, kind)
+            draw_sweep(outcome, stream, kind)
 
 
 def _has_journal(options: argparse.Namespace) -> bool:
@@ -163,16 +163,16 @@ def _loci(options: argparse.Namespace, kind: str) -> None:
         raise SceneError(problems)
     scene, (variation,) = load(options.scene), parse_variations(options.vary)
     with bar(len(variation.values), "value") as report:
-        found = follow_loci(scene, variation, report)
-    say(loci_text(found))
+        loci = follow_loci(scene, variation, report)
+    say(loci_text(loci))
     if options.output:
         with whole_file(options.output) as stream:
-            stream.write(loci_csv(found).encode())
+            stream.write(loci_csv(loci).encode())
     if options.picture:
         from modal.plotting import draw_loci
 
         with drawn(options.picture, options.theme) as stream:
-            draw_loci(found, stream, kind)
+            draw_loci(loci, stream, kind)
 
 
 def _strobes(options: argparse.Namespace, kind: str) -> None:
@@ -194,17 +194,17 @@ def _strobes(options: argparse.Namespace, kind: str) -> None:
         tell_of_start("every value begins in the shape of its first mode that swings")
     more = {"phase_deg": options.phase_deg or 0.0, "settle": options.settle, "of": names_of(options)}
     with _crew(options) as crew, bar(len(variation.values), "value") as report:
-        found = find_bifurcations(scene, variation, workers=options.workers, crew=crew, report=report, **more)
+        strobes = find_bifurcations(scene, variation, workers=options.workers, crew=crew, report=report, **more)
     if options.output != STANDARD:
-        say(bifurcation_table(found, "text"))
+        say(bifurcation_table(strobes, "text"))
     if form:
         with whole_file(options.output) as stream:
-            stream.write(bifurcation_table(found, "csv" if form == "csv" else "json").encode())
+            stream.write(bifurcation_table(strobes, "csv" if form == "csv" else "json").encode())
     if options.picture:
         from nonlinear.plotting import draw_bifurcations
 
         with drawn(options.picture, options.theme) as stream:
-            draw_bifurcations(found, stream, kind)
+            draw_bifurcations(strobes, stream, kind)
 
 
 COMMANDS = (

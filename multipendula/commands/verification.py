@@ -38,13 +38,13 @@ def check(options: argparse.Namespace) -> None:
     from modal.scene import load
 
     kind, scene = _kind(options), load(_scene(options))
-    found, table, draw = _general(options, scene) if options.general else _mode_by_mode(options, scene)
-    say(table(found, options.format), options.format)
-    if getattr(found, "interrupted", False):
+    outcome, table, draw = _general(options, scene) if options.general else _mode_by_mode(options, scene)
+    say(table(outcome, options.format), options.format)
+    if getattr(outcome, "interrupted", False):
         raise KeyboardInterrupt
     if options.output:
         with drawn(options.output, options.theme) as stream:
-            draw(found, stream, kind)
+            draw(outcome, stream, kind)
 
 
 def _check_arguments(page: Page) -> None:
@@ -65,8 +65,8 @@ def _mode_by_mode(options: argparse.Namespace, scene: Scene) -> tuple[Any, Any, 
     _refuse(options, "needs", tuple(RunOptions.of(options).given))
     numbers = chosen(options.modes, len(natural_modes(scene)))
     with bar(len(numbers), "mode") as report:
-        found = checked(scene, list(numbers), options.amplitudes or AMPLITUDES_DEG, report=report)
-    return found, check_table, deferred("nonlinear.plotting:draw_check")
+        outcome = checked(scene, list(numbers), options.amplitudes or AMPLITUDES_DEG, report=report)
+    return outcome, check_table, deferred("nonlinear.plotting:draw_check")
 
 
 def _general(options: argparse.Namespace, scene: Scene) -> tuple[Any, Any, Any]:
@@ -133,17 +133,17 @@ def _exponent(options: argparse.Namespace) -> Drawn:
     members, start = options.members or 16, start_of(scene, None, elsewhere=ELSEWHERE)
     with bar((1 + TRANSIENT) * duration) as report:
         told = forewarning(report, scene, (1 + TRANSIENT) * duration, members)
-        found = lyapunov_exponent(scene, duration, ensemble=members, start=start, report=told)
+        exponent = lyapunov_exponent(scene, duration, ensemble=members, start=start, report=told)
 
     def draw(stream: IO[bytes], kind: str) -> None:
         from nonlinear.plotting import draw_running
 
-        draw_running(found, stream, kind=kind)
+        draw_running(exponent, stream, kind=kind)
 
-    if found.interrupted:
-        say(f"{found.text()}\n")
+    if exponent.interrupted:
+        say(f"{exponent.text()}\n")
         raise KeyboardInterrupt
-    return found.text(), draw
+    return exponent.text(), draw
 
 
 def _claims(options: argparse.Namespace) -> Drawn:
@@ -173,15 +173,15 @@ def tradeoff(options: argparse.Namespace) -> None:
     kind, scene = _kind(options), load(_scene(options))
     start = start_of(scene, options.start)
     with bar(len(list_candidates(scene)) + 1, "candidate") as report:
-        found = compared(scene, options.duration, start=start, report=report)
-    say(tradeoff_table(found, options.format), options.format)
-    if found.interrupted:
+        comparison = compared(scene, options.duration, start=start, report=report)
+    say(tradeoff_table(comparison, options.format), options.format)
+    if comparison.interrupted:
         raise KeyboardInterrupt
     if options.output:
         from nonlinear.plotting import draw_tradeoff
 
         with drawn(options.output, options.theme) as stream:
-            draw_tradeoff(found, stream, kind)
+            draw_tradeoff(comparison, stream, kind)
 
 
 def _tradeoff_arguments(page: Page) -> None:

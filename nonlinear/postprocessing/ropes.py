@@ -132,8 +132,8 @@ def words_of(links: Sequence[PushingLink], scene: Scene) -> list[str]:
     """A sentence for each link that pushes in a run of a scene."""
     several = sum(pendulum.count for pendulum in scene.pendulum) > 1
     words = [
-        f"link {own.link}{f' of pendulum {own.pendulum}' * several} {own.when}: a rope would be slack there"
-        for own in links[:MOST_LINKS]
+        f"link {link.link}{f' of pendulum {link.pendulum}' * several} {link.when}: a rope would be slack there"
+        for link in links[:MOST_LINKS]
     ]
     more = len(links) - MOST_LINKS
     return words + ([f"{counted(more, 'more link pushes', 'more links push')}"] if more > 0 else [])
@@ -214,8 +214,8 @@ def _pushing(
         if pushes[-1, number]:
             edges.append(float(grid[-1]))
         intervals = tuple(zip(edges[::2], edges[1::2], strict=True))
-        pendulum, own = map(int, places[link])
-        links.append(PushingLink(pendulum, own, intervals, float(rounding[link] - values[:, number].min())))
+        pendulum, place = map(int, places[link])
+        links.append(PushingLink(pendulum, place, intervals, float(rounding[link] - values[:, number].min())))
     return links
 
 

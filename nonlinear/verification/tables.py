@@ -63,13 +63,13 @@ def _paragraph(sentences: list[str], form: str) -> str:
     return " ".join(map(markdown, sentences)) if form == "markdown" else "\n".join(sentences)
 
 
-def check_verdict(found: Check) -> list[str]:
+def check_verdict(check: Check) -> list[str]:
     """How right the table is: at the smallest angle, at the largest with and without κa², and its angles of 1 %."""
-    runs = [(row, run) for row in found.rows for run in row.measurements]
+    runs = [(row, run) for row in check.rows for run in row.measurements]
     regular = [(row, run) for row, run in runs if not run.irregular]
     sentences = []
-    several = len(found.rows) > 1
-    what = f"the frequencies of {len(found.rows)} modes are up to" if several else "the frequency is"
+    several = len(check.rows) > 1
+    what = f"the frequencies of {len(check.rows)} modes are up to" if several else "the frequency is"
     if regular:
         small, large = (choose(run.amplitude for _, run in regular) for choose in (min, max))
         off = max(abs(run.shift) for _, run in regular if run.amplitude == small)
@@ -81,8 +81,8 @@ def check_verdict(found: Check) -> list[str]:
             they, up = ("they are", "up to ") if several else ("it is", "")
             near = f"{up}{_off(mended)} off ω (1 + κa²)"
             sentences.append(f"At {degrees(large):.3g}° {they} {up}{_off(plain)} off the table, and {near}.")
-    angles = [(row.mode.linear_to_1_percent_deg, row.one_percent_deg) for row in found.rows]
-    if misses := [abs(own / measured - 1) for own, measured in angles if isfinite(own) and isfinite(measured)]:
+    angles = [(row.mode.linear_to_1_percent_deg, row.one_percent_deg) for row in check.rows]
+    if misses := [abs(stated / measured - 1) for stated, measured in angles if isfinite(stated) and isfinite(measured)]:
         which = "angles at which a frequency is 1 % off are up to" if several else "angle at which it is 1 % off is"
         sentences.append(f"The {which} {_off(max(misses))} off the table.")
     if odd := sorted({row.mode.number for row, run in runs if run.irregular}):
@@ -96,9 +96,9 @@ def _off(share: float) -> str:
     return percent(share) if share >= SMALL else f"{share:.1e}"
 
 
-def comparison_verdict(found: Comparison) -> list[str]:
+def comparison_verdict(comparison: Comparison) -> list[str]:
     """Which modes carry the energy, and how far their lines are from the table."""
-    rows = sorted((row for row in found.rows if isfinite(row.share)), key=lambda row: -row.share)
+    rows = sorted((row for row in comparison.rows if isfinite(row.share)), key=lambda row: -row.share)
     if not rows:
         return ["Nothing moves."]
     first, *others = rows[:MOST_SHARES]

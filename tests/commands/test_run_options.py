@@ -37,9 +37,9 @@ def test_every_motion_takes_the_same_options() -> None:
 
 
 def test_a_figure_is_of_the_run_that_simulate_makes(tmp_path: Path) -> None:
-    given = {"start": "mode:1:20", "samples": 50, "keep_modes": 2}
-    run = RunOptions("chain-3", 2.0, given).run()
-    shown = RunOptions("chain-3", 2.0, given).shown()
+    arguments = {"start": "mode:1:20", "samples": 50, "keep_modes": 2}
+    run = RunOptions("chain-3", 2.0, arguments).run()
+    shown = RunOptions("chain-3", 2.0, arguments).shown()
     np.testing.assert_array_equal(run.motion.links, shown.motion.links)
     assert main(["plot", "chain-3", "--keep-modes", "2", "--duration", "1", "-o", str(tmp_path / "few.png")]) == 0
     assert (tmp_path / "few.png").read_bytes().startswith(b"\x89PNG")
@@ -64,9 +64,9 @@ def test_advice_is_what_simulate_does(name: str, degrees: float, accuracy: float
     row = int(np.flatnonzero(modes.omega > 0)[0])
     start: State = start_in_mode(scene, modes, row, 0, np.radians(degrees))
     advice, run = advise(scene, 3.0, accuracy, start=start), simulate(scene, 3.0, accuracy=accuracy, start=start)
-    one, other = advice.trajectory.run, run.run
+    line, other = advice.trajectory.run, run.run
     settings = ("form", "method", "reason", "tolerance", "steps", "error")
-    assert [getattr(one, setting) for setting in settings] == [getattr(other, setting) for setting in settings]
+    assert [getattr(line, setting) for setting in settings] == [getattr(other, setting) for setting in settings]
     np.testing.assert_array_equal(advice.trajectory.motion.links, run.motion.links)
     assert f"no angle is off by more than {other.error:.2g} rad" in advice_table(advice, "text")
     assert f"no angle is off by more than {other.error:.2g} rad" in summary.text(run)

@@ -119,16 +119,16 @@ def test_reports_say_it() -> None:
     assert json.loads(comparison_table(general, "json"))["pushing"][0]["link"] == 1
     twins = scene.replace(pendulum=[scene.pendulum[0].replace(count=2)])
     pair = slack_words(simulate(twins, 1.0, start=state_at_rest(twins, [120.0, 10.0])))
-    assert [own.startswith("link 1 of pendulum 1 pushes") for own in pair] == [True]
+    assert [sentence.startswith("link 1 of pendulum 1 pushes") for sentence in pair] == [True]
 
 
 @pytest.mark.slow
 def test_a_check_says_it() -> None:
-    found = check(bob(), [0], [30.0, 120.0], periods=10)
-    runs = json.loads(check_table(found, "json"))["modes"][0]["runs"]
+    checked = check(bob(), [0], [30.0, 120.0], periods=10)
+    runs = json.loads(check_table(checked, "json"))["modes"][0]["runs"]
     assert [len(run["pushing"]) for run in runs] == [0, 1]
     assert runs[1]["pushing"][0]["intervals_s"][0] == pytest.approx([0.0, float(slack_until(120.0, None))], abs=1e-6)
-    assert "mode 1 at 120°: link 1 pushes from 0 to" in check_table(found, "text")
+    assert "mode 1 at 120°: link 1 pushes from 0 to" in check_table(checked, "text")
 
 
 def test_accelerations_side_by_side_are_those_one_by_one() -> None:

@@ -25,7 +25,7 @@ CHAIN = load("chain-2")
 
 
 @cache
-def found() -> Sweep:
+def swept() -> Sweep:
     return chaos_by_energy(CHAIN, ENERGIES, SECONDS, members=MEMBERS, seed=SEED, workers=1)
 
 
@@ -69,28 +69,28 @@ def test_quantiles_are_those_of_exponents_of_the_same_starts() -> None:
         starts = starts_at(CHAIN, joules, MEMBERS, seed=(SEED, index))
         expected = lyapunov_exponent(CHAIN, SECONDS, starts=starts).members
         for name, part in (("q05", 0.05), ("median", 0.5), ("q95", 0.95)):
-            column = found().values(f"lyapunov_{name}_per_s")
+            column = swept().values(f"lyapunov_{name}_per_s")
             assert column[index] == pytest.approx(np.quantile(expected, part), abs=1e-3)
         limit = regular_exponent(CHAIN, SECONDS)
-        assert found().values("chaotic_share")[index] == np.mean(expected > limit)
+        assert swept().values("chaotic_share")[index] == np.mean(expected > limit)
 
 
 def test_small_motion_is_regular_and_large_is_chaotic() -> None:
     limit = regular_exponent(CHAIN, SECONDS)
-    assert found().values("chaotic_share").tolist() == [0.0, 1.0]
-    assert abs(found().values("lyapunov_median_per_s")[0]) < limit / 2
-    assert found().values("lyapunov_q05_per_s")[1] > limit
+    assert swept().values("chaotic_share").tolist() == [0.0, 1.0]
+    assert abs(swept().values("lyapunov_median_per_s")[0]) < limit / 2
+    assert swept().values("lyapunov_q05_per_s")[1] > limit
 
 
 def test_the_seed_determines_the_starts(tmp_path: Path) -> None:
     """Whoever computes them; and files keep it."""
-    study = found().study
+    study = swept().study
     again = sweep(study, workers=1)
-    assert [row.numbers for row in again.rows] == [row.numbers for row in found().rows]
+    assert [row.numbers for row in again.rows] == [row.numbers for row in swept().rows]
     other = chaos_by_energy(CHAIN, ENERGIES[:1], SECONDS, members=MEMBERS, seed=SEED + 1, workers=1)
-    assert other.rows[0].numbers != found().rows[0].numbers
+    assert other.rows[0].numbers != swept().rows[0].numbers
     for name in ("energies.npz", "energies.csv"):
-        save(found(), tmp_path / name)
+        save(swept(), tmp_path / name)
         kept = loaded(tmp_path / name)
         assert kept.study.fingerprint == study.fingerprint
         assert kept.values("chaotic_share").tolist() == [0.0, 1.0]
@@ -131,7 +131,7 @@ def test_energy_goes_beside_numbers_of_the_scene() -> None:
 
 
 def test_the_picture_shows_the_band_and_the_share() -> None:
-    figure = found().plot()
+    figure = swept().plot()
     assert [axis.get_ylabel() for axis in figure.axes] == ["largest Lyapunov exponent (1/s)", "chaotic starts (%)"]
     assert figure.axes[1].lines[0].get_ydata() == pytest.approx([0.0, 100.0])
-    draw_sweep(found(), BytesIO(), "svg")
+    draw_sweep(swept(), BytesIO(), "svg")

@@ -35,22 +35,22 @@ def swept(scene: Scene, text: str) -> dict[str, float]:
 
 def mapped(scene: Scene, text: str) -> dict[str, float]:
     angles = [pendulum.start.angles_deg for pendulum in scene.pendulum if pendulum.start]
-    places = [f"pendulum[{p}].start.angles_deg[{k}]" for p, own in enumerate(angles) for k in range(len(own))]
+    places = [f"pendulum[{p}].start.angles_deg[{k}]" for p, links in enumerate(angles) for k in range(len(links))]
     axes = [f"{place}={angle!r}" for place, angle in zip(places, np.concatenate(angles).tolist(), strict=True)]
-    found = find_basins(scene, vary=axes[:2], measure=text, tolerance=1e-7, check=0, workers=1, engine="numpy")
-    return {found.column: float(found.values.ravel()[0])}
+    basins = find_basins(scene, vary=axes[:2], measure=text, tolerance=1e-7, check=0, workers=1, engine="numpy")
+    return {basins.column: float(basins.values.ravel()[0])}
 
 
 def spread(scene: Scene, text: str) -> dict[str, float]:
-    found = find_spread(scene, ["gravity=0.01"], members=3, measures=[text])
-    return {name: nominal for name, (nominal, _) in found.measured.items()}
+    spreads = find_spread(scene, ["gravity=0.01"], members=3, measures=[text])
+    return {name: nominal for name, (nominal, _) in spreads.measured.items()}
 
 
 def member(scene: Scene, text: str) -> dict[str, float]:
     name, _, seconds = text.partition(":")
     same = {"gravity": [scene.gravity]}
-    found = ensemble(scene, float(seconds), vary=same, measures=[name], engine="numpy", check=0, tolerance=1e-7)
-    return {column: float(found.column(column)[0]) for column in columns_of(name, found.columns)}
+    members = ensemble(scene, float(seconds), vary=same, measures=[name], engine="numpy", check=0, tolerance=1e-7)
+    return {column: float(members.column(column)[0]) for column in columns_of(name, members.columns)}
 
 
 ROUTES = {"sweep": swept, "basins": mapped, "spread": spread, "ensemble": member}
@@ -90,9 +90,9 @@ def test_all_verbs_have_the_same_numbers(name: str) -> None:
     numbers = {verb: ROUTES[verb](chain(), f"{name}:{SECONDS:g}") for verb in VERBS if verb in ROUTES}
     first = numbers["sweep"]
     assert {*first} == {*columns_of(name, list(first))}
-    for verb, own in numbers.items():
+    for verb, value in numbers.items():
         expected = {"first_turn_s": min(first.values())} if (verb, name) == ("basins", "first_turn") else first
-        assert own == {column: pytest.approx(number, rel=2e-4, abs=2e-4) for column, number in expected.items()}, verb
+        assert value == {column: pytest.approx(number, rel=2e-4, abs=2e-4) for column, number in expected.items()}, verb
 
 
 @pytest.mark.slow
@@ -108,14 +108,14 @@ def test_what_belongs_to_a_scene_is_the_same_for_a_sweep_and_a_spread() -> None:
 
 def test_what_is_drawn_is_measured_as_a_sweep_measures_it() -> None:
     """Member by member, and a number explains its share of the variance."""
-    found = find_spread(chain(), ["gravity=5%", "pendulum[0].links[0].mass=1%"], members=8, measures=["beat:1"])
-    (column, (_, beats)), gravity = next(iter(found.measured.items())), found.values["gravity"]
-    masses = found.values["pendulum[0].links[0].mass"]
+    drawn = find_spread(chain(), ["gravity=5%", "pendulum[0].links[0].mass=1%"], members=8, measures=["beat:1"])
+    (column, (_, beats)), gravity = next(iter(drawn.measured.items())), drawn.values["gravity"]
+    masses = drawn.values["pendulum[0].links[0].mass"]
     for beat, g, mass in zip(beats, gravity, masses, strict=True):
         scene = vary(chain(), {"gravity": g, "pendulum[0].links[0].mass": mass})
         assert swept(scene, "beat:1")[column] == pytest.approx(beat, rel=1e-12)
-    assert found.quantities[0]["matters_most"] == "gravity"
-    assert found.to_dict()[column] is beats
+    assert drawn.quantities[0]["matters_most"] == "gravity"
+    assert drawn.to_dict()[column] is beats
 
 
 def test_the_number_of_a_map_is_its_duration() -> None:
