@@ -6,7 +6,7 @@ Start with `summary`.
 
 from nonlinear.postprocessing.averages import last, smooth
 from nonlinear.postprocessing.extents import Extent, angles_of, extent_of, largest_angle, places_of
-from nonlinear.postprocessing.frequencies import LEAST_PERIODS, ORDER, Line, attention, line, lines
+from nonlinear.postprocessing.frequencies import LEAST_PERIODS, ORDER, SpectralLine, attention, line, lines
 from nonlinear.postprocessing.reaction_forces import reaction_forces_of
 from nonlinear.postprocessing.resampling import extremes, picked, resample
 from nonlinear.postprocessing.ropes import PushingLink, pushing_links, slack_words, words_of
@@ -18,8 +18,8 @@ __all__ = [
     "ORDER",
     "WINDOW_NAME",
     "Extent",
-    "Line",
     "PushingLink",
+    "SpectralLine",
     "angles_of",
     "attention",
     "extent_of",

@@ -19,7 +19,7 @@ from modal.scene import require
 from modal.scene.doors import checked
 from modal.types import Floats
 from nonlinear.integration import Trajectory
-from nonlinear.postprocessing import Line, PushingLink, lines
+from nonlinear.postprocessing import PushingLink, SpectralLine, lines
 from nonlinear.reduction import ModalMotion, modal_motion
 from nonlinear.verification.measurement import pushing_in
 
@@ -38,7 +38,7 @@ class ModeInMotion(Displayed):
     copy: int
     largest: float
     share: float
-    lines: tuple[Line, ...]
+    lines: tuple[SpectralLine, ...]
     note: str
 
 
@@ -58,7 +58,7 @@ class Comparison(Displayed):
         omega = np.abs(self.modes.eigenvalue.imag)
         return np.asarray(omega[omega > 0])
 
-    def nearest(self, line: Line) -> tuple[int, float]:
+    def nearest(self, line: SpectralLine) -> tuple[int, float]:
         """The mode (from 1) with the frequency nearest to a line, and the line's relative distance from it."""
         omega = np.abs(self.modes.eigenvalue.imag)
         number = int(np.argmin(np.where(omega > 0, np.abs(line.omega - omega), np.inf)))
@@ -87,7 +87,7 @@ def compare(trajectory: Trajectory, numbers: Sequence[int] | None = None, *, cou
     return Comparison(modes, trajectory.times, motion, tuple(rows), pushing_in(trajectory))
 
 
-def _lines(times: Floats, eta: Floats, value: complex, count: int) -> tuple[tuple[Line, ...], str]:
+def _lines(times: Floats, eta: Floats, value: complex, count: int) -> tuple[tuple[SpectralLine, ...], str]:
     if not value.imag:
         return (), "does not oscillate"
     try:

@@ -92,16 +92,16 @@ def link_balances(p: int) -> list[Equation]:
 
 def constraints(n: int) -> list[Equation]:
     """The 4n + 1 accelerations that ground and pivots allow: the paper swaps x and y, and omits the cart."""
-    found = [correct(PAPER, "IV.B", "cart constraint", equal(Y.a, 0))]
+    equations = [correct(PAPER, "IV.B", "cart constraint", equal(Y.a, 0))]
     for p in range(1, n + 1):
         down, across = sp.Integer(0), sp.Integer(0)
         for j, link in enumerate(double_pendulum(p), 1):
             sink, swing = _accelerations_along(link.theta, link.l)
             title = f"constraint of link {j} of pendulum {p}"
-            found.append(_constraint(f"{title} along ĵ", (link.y, link.x), across + swing / 2, X.a))
-            found.append(_constraint(f"{title} along î", (link.x, link.y), down + sink / 2, sp.Integer(0)))
+            equations.append(_constraint(f"{title} along ĵ", (link.y, link.x), across + swing / 2, X.a))
+            equations.append(_constraint(f"{title} along î", (link.x, link.y), down + sink / 2, sp.Integer(0)))
             down, across = down + sink, across + swing
-    return found
+    return equations
 
 
 def _accelerations_along(theta: Coordinate, l: Any) -> tuple[Any, Any]:

@@ -65,9 +65,9 @@ def momentum_rate(i: int, n: int) -> Equation:
     """(9) dp_i/dt; the printed sums run from k = 1, those of (8) and (10) from k = i and k = max(i, j)."""
     moving = coordinates(n)
     total = sp.Add(*(mass(k) for k in upto(n)))
-    own = length(i) ** 2 * time_derivative(phi(i).v * waves(i)[0] ** 2, moving)
+    alone = length(i) ** 2 * time_derivative(phi(i).v * waves(i)[0] ** 2, moving)
     cross = [length(j) * time_derivative(phi(j).v * waves(i)[0] * waves(j)[0], moving) for j in others(i, n)]
-    printed = total * (own + length(i) * sp.Add(*cross))
+    printed = total * (alone + length(i) * sp.Add(*cross))
     corrected = time_derivative(momentum(i, n).corrected.rhs, moving)
     name, words = sp.Symbol(f"pdot_{i}"), "for one link"
     form = equal(name, printed), equal(name, corrected)
@@ -175,10 +175,10 @@ def _swing(i: int, j: int) -> Any:
 def _constant_momenta(i: int, n: int, *, read: bool) -> Any:
     """The braces of (12)-(15), with the exponents s, N and 5 of the copy as 3, 2 and 3."""
     ti, c = theta(i).q, [sp.Symbol(f"c_{j}") for j in range(n + 1)]
-    own = -(2 if i == 1 else 4) * c[i] * (theta(i).v if read else 1) / ti**3
+    alone = -(2 if i == 1 else 4) * c[i] * (theta(i).v if read else 1) / ti**3
     power = 2 if i == n and not read else 1  # (15) has θ_n² where (14) has θ_n
     pairs = []
     for j in {i - 1, i + 1} & set(upto(n)):
         tj, (rate_i, rate_j) = theta(j).q, ((theta(k).v if read else theta(k).q) for k in (i, j))
         pairs.append(c[j] * (rate_j / (tj**2 * ti**power) + rate_i / (tj * ti**2)))
-    return sp.Add(own, *pairs)
+    return sp.Add(alone, *pairs)
