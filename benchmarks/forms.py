@@ -152,7 +152,7 @@ def derivative_time(equations: Equations, start: State) -> float:
 
 def started(scene: Scene, angles: Sequence[float], azimuths: Sequence[float] | None = None) -> Scene:
     start = InitialCondition(angles_deg=tuple(angles), azimuths_deg=None if azimuths is None else tuple(azimuths))
-    return scene.replace(pendulum=tuple(one.replace(start=start) for one in scene.pendulum))
+    return scene.replace(pendulum=tuple(pendulum.replace(start=start) for pendulum in scene.pendulum))
 
 
 def chain_in_space(links: int) -> Scene:
@@ -176,7 +176,7 @@ def main() -> None:
     compared += [(f"{n} bobs in space", chain_in_space(n)) for n in ((2,) if quick else (2, 5, 20))]
     if not quick:
         compared.append(("paper's cart, two double rods", load("paper-cart-2")))
-    rows = [one for name, scene in compared for one in in_forms(name, scene, 0.5 if quick else 5.0)]
+    rows = [line for name, scene in compared for line in in_forms(name, scene, 0.5 if quick else 5.0)]
     heads = (
         "scene",
         "form",

@@ -8,7 +8,7 @@ A page holds a comment where a part belongs; what stands there is Markdown:
     <!-- modules: modal.loci modal.gains -->    whole modules
     <!-- shipped -->                            the scenes that come with the package
     <!-- formats -->                            what a model can be written as
-    <!-- measures -->                           what a sweep can measure
+    <!-- measures -->                           what can be measured, and by whom
     <!-- options -->                            every option with its metavar and its one meaning
     <!-- functions -->                          every command with its functions in Python
     <!-- combinations -->                       what a scene has by what takes it
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 ROOT = Path(__file__).parent.parent
 REFERENCE = ROOT / "docs" / "reference"
 PLACE = re.compile(
-    r"^<!-- (commands|groups|names|modules|shipped|formats|ensemble_measures|measures|options|functions|combinations"
+    r"^<!-- (commands|groups|names|modules|shipped|formats|measures|options|functions|combinations"
     r"|gallery|play|live):?([^>]*) -->$",
     flags=re.MULTILINE,
 )
@@ -197,21 +197,25 @@ def formats() -> str:
 
 
 def measures() -> str:
-    """What a sweep can ask of every scene, and what its number means."""
-    from nonlinear.sweeps import MEASURES
+    """All measures: what each is, its columns, what it needs, what N is, who takes it; then why others do not."""
+    from nonlinear.measures import MEASURES, VERBS
 
-    usual = {measure: f"{measure.usual:g}" if measure.usual else "" for measure in MEASURES.values()}
-    rows = [f"`{measure.name}` | {_escaped(measure.words)} | {number}" for measure, number in usual.items()]
-    return _table("measure | what it is | N unless told", rows)
-
-
-def ensemble_measures() -> str:
-    """What can be measured of every member of an ensemble."""
-    from nonlinear.ensembles import MEASURES
-
-    return _table(
-        "measure | what it is", [f"`{measure.name}` | {_escaped(measure.words)}" for measure in MEASURES.values()]
-    )
+    rows, whys = [], dict[str, dict[str, list[str]]]()
+    for measure in MEASURES.values():
+        usual = f"{measure.counts} ({measure.usual:g})" if measure.usual else measure.counts
+        takes = ["" if verb in measure.refused else "yes" for verb in VERBS]
+        columns = ", ".join(f"`{column}`" for column in measure.columns)
+        told = [f"`{measure.name}`", _escaped(measure.words), columns, measure.needs, usual, *takes]
+        rows.append(" | ".join(told))
+        for verb, why in measure.refused.items():
+            whys.setdefault(why, {}).setdefault(verb, []).append(f"`{measure.name}`")
+    head = " | ".join(["measure", "what it is", "columns", "needs", "N (unless told)", *VERBS])
+    sentences = []
+    for why, verbs in whys.items():
+        names = dict.fromkeys(name for each in verbs.values() for name in each)
+        where = " and ".join(f"`{verb}`" for verb in verbs)
+        sentences.append(f"- {', '.join(names)}, not in {where}: {_escaped(why)}.")
+    return "\n\n".join([_table(head, rows), "\n".join(sentences)])
 
 
 def options() -> str:
@@ -346,7 +350,7 @@ def gallery() -> str:
     sections = dict.fromkeys(picture["section"] for picture in pictures.values())
     return "\n\n".join(
         f"## {section.capitalize()}\n\n"
-        + "\n\n".join(_figure(name, one) for name, one in pictures.items() if one["section"] == section)
+        + "\n\n".join(_figure(name, picture) for name, picture in pictures.items() if picture["section"] == section)
         for section in sections
     )
 

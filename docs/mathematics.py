@@ -56,7 +56,7 @@ SERVED = {**OPTIONS, "loader": {**OPTIONS["loader"], "paths": {"fonts": "[mathja
 """With the font beside MathJax."""
 
 
-def found() -> dict[str, Path] | None:
+def packages_of() -> dict[str, Path] | None:
     """The folder of each package; None where they are not to be had."""
     named = os.environ.get("MATHJAX")
     for folder in [Path(named)] if named else [ROOT / "node_modules" / "mathjax", FETCHED / "mathjax"]:
@@ -107,7 +107,7 @@ def unpacked(npm: str, package: str, digest: str, folder: Path) -> bool:
 
 def choose(app: Sphinx, config: Config) -> None:
     """Where the pages load MathJax from."""
-    packages = found()
+    packages = packages_of()
     config.mathjax_path = "mathjax/tex-svg.js" if packages else ELSEWHERE
     config.mathjax4_config = SERVED if packages else OPTIONS
     if packages is None:

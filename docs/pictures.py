@@ -62,5 +62,5 @@ if __name__ == "__main__":
     asked = sys.argv[1:] or list(known)
     if unknown := [name for name in asked if name not in known]:
         raise SystemExit(f"no picture is called {', '.join(unknown)}: choose from {', '.join(known)}")
-    for one in asked:
-        make(one, known[one])
+    for name in asked:
+        make(name, known[name])

@@ -99,5 +99,5 @@ def meant(word: str, known: Iterable[str], most: int = 1, near: float = 0.6) -> 
     """
     from difflib import get_close_matches
 
-    found = get_close_matches(word, list(known), most, near)
-    return f" (did you mean {' or '.join(found)}?)" if found else ""
+    similar = get_close_matches(word, list(known), most, near)
+    return f" (did you mean {' or '.join(similar)}?)" if similar else ""

@@ -112,6 +112,11 @@ def add_samples(page: Page) -> None:
     page.rephrase(r", (\d+) samples$", r", --samples \1")
 
 
+def add_count(group: argparse._ActionsContainer, flag: str, most: int, more: str = "") -> None:
+    """An option with a whole number."""
+    add_option(group, flag, more, type=whole(most))
+
+
 def add_members(page: Page, more: str, most: int) -> None:
     """The size of an ensemble."""
     add_option(page.asked, "--members", more, type=whole(most))

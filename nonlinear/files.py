@@ -144,9 +144,9 @@ def as_csv(header: dict[str, Any], rows: Iterable[Iterable[Any]]) -> bytes:
 
 def from_csv(path: str | os.PathLike[str]) -> tuple[dict[str, Any], str]:
     """The header of a CSV file and the text below it."""
-    found = sealed.content(path)
-    sealed.verify_sealed_text(found, COMMENT)
-    first, _, rest = found.decode().partition("\n")
+    content = sealed.content(path)
+    sealed.verify_sealed_text(content, COMMENT)
+    first, _, rest = content.decode().partition("\n")
     header: dict[str, Any] = json.loads(first.removeprefix("# "))
     del header["sha256"]
     return header, rest
@@ -210,8 +210,8 @@ def _trajectory(header: dict[str, Any], times: Floats, parts: dict[str, Floats])
     return Trajectory(scene, system, times, motion, run, events, kicks, friction, driven=header["driven"])
 
 
-def _run(found: dict[str, Any], system: System, scene: Scene) -> SolverInfo:
-    run = SolverInfo(**found)
+def _run(record: dict[str, Any], system: System, scene: Scene) -> SolverInfo:
+    run = SolverInfo(**record)
     values = [(getattr(run, field.name), field.type) for field in fields(SolverInfo)]
     if any(type(value).__name__ != kind or (kind == "float" and isnan(value)) for value, kind in values):
         raise TypeError
@@ -236,26 +236,26 @@ def _happening(event: dict[str, Any], shape: tuple[int, ...], system: System) ->
     return EventRecord(str(event["name"]), time, state)
 
 
-def _kicks(found: dict[str, Any], n_links: int) -> Kicks:
-    require_keys(found, *NO_KICKS._fields)
-    size = len(found["time"])
-    link = np.array([index(own, n_links) for own in found["link"]], dtype=np.int64)
+def _kicks(record: dict[str, Any], n_links: int) -> Kicks:
+    require_keys(record, *NO_KICKS._fields)
+    size = len(record["time"])
+    link = np.array([index(number, n_links) for number in record["link"]], dtype=np.int64)
     if len(link) != size:
         raise ValueError
-    return Kicks(link=link, **{name: finite_array(found[name], size) for name in ("time", "impulse", "energy")})
+    return Kicks(link=link, **{name: finite_array(record[name], size) for name in ("time", "impulse", "energy")})
 
 
-def _friction(found: dict[str, Any], system: System) -> Friction:
-    require_keys(found, *NO_FRICTION._fields)
+def _friction(record: dict[str, Any], system: System) -> Friction:
+    require_keys(record, *NO_FRICTION._fields)
     link, places = (
-        np.array([index(own + 1, system.n_links + 1) - 1 for own in found[name]], dtype=np.int64)
+        np.array([index(number + 1, system.n_links + 1) - 1 for number in record[name]], dtype=np.int64)
         for name in ("link", "places")
     )
     if not np.array_equal(places, links_of_contacts(system)) or not np.all(np.isin(link, places)):
         raise ValueError
-    begin, end = (finite_array(found[name], len(link)) for name in ("begin", "end"))
-    work = finite_array(found["work"], len(places))
-    rest = nan if found["rest"] is None else float(finite_array([found["rest"]], 1)[0])
+    begin, end = (finite_array(record[name], len(link)) for name in ("begin", "end"))
+    work = finite_array(record["work"], len(places))
+    rest = nan if record["rest"] is None else float(finite_array([record["rest"]], 1)[0])
     return Friction(link, begin, end, places, work, rest)
 
 

@@ -136,9 +136,9 @@ def simulate(
     used = USUAL if tolerance is None else tolerance
     more: dict[str, Any] = {"method": method, "form": form, "events": events, "before": before, "report": report}
     more |= {"load": load, "breaks": breaks, "max_step": max_step, "hoist": hoist}
-    request = _request(scene, duration, used, accuracy, output, start, start_time, more)
     if accuracy is not None:
-        return certain(seek_accuracy(Goal(request, float(accuracy))))
+        return certain(advise(scene, duration, accuracy, output=output, start=start, start_time=start_time, **more))
+    request = _request(scene, duration, used, None, output, start, start_time, more)
     return request.run(request.choice(float(used)))
 
 
@@ -155,8 +155,8 @@ def advise(
 ) -> Advice:
     """The cheapest method by which no angle is off by more than `accuracy` (rad), and all attempts.
 
-    The other arguments are those of `simulate`.  Raises SceneError for invalid arguments, SimulationError where an
-    integrator fails.
+    It is what `simulate` does with an accuracy, whose other arguments these are.  Raises SceneError for invalid
+    arguments, SimulationError where an integrator fails.
     """
     return seek_accuracy(
         Goal(_request(scene, duration, USUAL, accuracy, output, start, start_time, more), float(accuracy))

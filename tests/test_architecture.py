@@ -6,6 +6,7 @@ import ast
 import re
 import subprocess
 import sys
+from collections.abc import Iterable, Iterator
 from functools import cache
 from pathlib import Path
 
@@ -395,3 +396,48 @@ def test_a_second_tableau_would_be_found(source: str) -> None:
 
 def test_other_numbers_are_none_of_the_tableau() -> None:
     assert coefficients_in("x = system.A + 0.2 * block.B - 0.0833333 + DOP853.order") == []
+
+
+# --------------------------------------------------------------------------------------------------------- names
+
+
+SAYS_NOTHING = {"found", "one", "own"}
+
+
+def vague_names(source: str) -> Iterator[str]:
+    """Bindings, arguments, fields and functions of a text of Python whose names say nothing of what they are."""
+    for node in ast.walk(ast.parse(source)):
+        match node:
+            case ast.Name(id=name, ctx=ast.Store()) | ast.arg(arg=name) | ast.FunctionDef(name=name):
+                if name in SAYS_NOTHING:
+                    yield name
+
+
+@pytest.mark.parametrize("folder", [*PACKAGES, "benchmarks", "docs", "tests"])
+def test_results_are_named_for_what_they_are(folder: str) -> None:
+    vague = {
+        str(path.relative_to(ROOT)): names
+        for path in (ROOT / folder).rglob("*.py")
+        if (names := sorted(vague_names(path.read_text(encoding="utf-8"))))
+    }
+    assert not vague
+
+
+@pytest.mark.parametrize("source", ["one = 1", "def own(): ...", "f = lambda found: found", "for one in range(3): ..."])
+def test_a_vague_name_would_be_seen(source: str) -> None:
+    assert [*vague_names(source)]
+
+
+def class_names(paths: Iterable[Path]) -> list[str]:
+    trees = (ast.parse(path.read_text(encoding="utf-8")) for path in paths)
+    return [node.name for tree in trees for node in ast.walk(tree) if isinstance(node, ast.ClassDef)]
+
+
+def test_the_name_of_a_class_has_one_meaning(tmp_path: Path) -> None:
+    names = class_names(sources().values())
+    assert len(names) > 500
+    assert not {name for name in names if names.count(name) > 1}
+    twice = [tmp_path / "a.py", tmp_path / "b.py"]
+    for path in twice:
+        path.write_text("class Point: ...", encoding="utf-8")
+    assert class_names(twice) == ["Point", "Point"]

@@ -16,7 +16,7 @@ from hostility.judge import TEMPORARY, contents, wrong_words
 COMMANDS = (
     "sweep paper-cart-2 --vary support.mass=1:1000:3000log --workers 2 -o sweep.csv",
     "sweep paper-cart-2 --vary support.mass=1:1000:3000log --workers 2 -o sweep.csv",
-    "sweep chain-2 --vary gravity=1:10:40 --measure amplitude -o sweep.npz",
+    "sweep chain-2 --vary gravity=1:10:40 --measure largest_angle -o sweep.npz",
     "simulate paper-cart-3 --duration 2000 -o run.npz",
     "simulate chain-3 --duration 500 --form maximal -o run.csv",
     "animate paper-cart-2 --duration 3 -o film.gif",

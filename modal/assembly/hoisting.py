@@ -200,7 +200,7 @@ def matrices_along(scene: Scene) -> Callable[[float], Matrices]:
 def no_hoist(scene: Scene) -> SceneError:
     """The error of a scene without a hoist, which says what to write, and where, to give it one."""
     none = "hoist: no link of this scene has one"
-    places = ((p, i, link) for p, own in enumerate(scene.pendulum) for i, link in enumerate(own.links))
+    places = ((p, i, link) for p, pendulum in enumerate(scene.pendulum) for i, link in enumerate(pendulum.links))
     for p, i, link in places:
         if isinstance(link, Bob):
             key = f"hoist = {{ to = {link.length / 2:g}, duration = 10.0 }}"

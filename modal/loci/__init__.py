@@ -7,7 +7,8 @@ In: a `Scene` and a `Variation`.  Out: `Loci`: each mode followed by its shape, 
 Start with `following`; `tracking` pairs the modes of neighbouring values, `crossings` finds crossings and veerings.
 """
 
+from modal.loci.columns import followed_columns
 from modal.loci.crossings import CloseApproach
 from modal.loci.following import Loci, follow_loci, loci_csv, loci_text
 
-__all__ = ["CloseApproach", "Loci", "follow_loci", "loci_csv", "loci_text"]
+__all__ = ["CloseApproach", "Loci", "follow_loci", "followed_columns", "loci_csv", "loci_text"]

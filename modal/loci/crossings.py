@@ -18,7 +18,7 @@ from typing import Literal
 
 import numpy as np
 
-from modal.loci.tracking import Point, follow, overlaps
+from modal.loci.tracking import LociPoint, follow, overlaps
 from modal.report import Displayed
 from modal.types import Floats, Ints
 
@@ -32,7 +32,7 @@ SHARPNESS = 3e-9
 
 Kind = Literal["crossing", "veering"]
 Pair = tuple[int, int]
-Solve = Callable[[float], Point]
+Solve = Callable[[float], LociPoint]
 
 
 @dataclass(frozen=True, repr=False)
@@ -52,28 +52,28 @@ class CloseApproach(Displayed):
 
 
 def find_close_approaches(
-    points: Sequence[Point], tracks: Ints, solve: Solve
-) -> tuple[list[CloseApproach], list[Point]]:
+    points: Sequence[LociPoint], tracks: Ints, solve: Solve
+) -> tuple[list[CloseApproach], list[LociPoint]]:
     """All meetings of these K tracks, with `loci` counted among them, and the points of the smallest gaps.
 
     `points` ascend and have all tracks in the same order; `solve` gives the modes at another value.
     """
     omega, group = (np.array([getattr(point, name)[tracks] for point in points]) for name in ("omega", "group"))
-    found: list[tuple[CloseApproach, Point]] = []
+    close: list[tuple[CloseApproach, LociPoint]] = []
     for a, b in combinations(range(len(tracks)), 2):
         signed = np.where(group[:, a] == group[:, b], 0.0, omega[:, a] - omega[:, b])
         pair = int(tracks[a]), int(tracks[b])
         for kind, nearest, exchange in (*_crossings(points, signed, pair), *_veerings(points, signed, pair, solve)):
             middle = float(nearest.omega[list(pair)].mean())
-            found.append((CloseApproach(kind, (a, b), nearest.value, middle, _gap(nearest, pair), exchange), nearest))
-    found.sort(key=lambda entry: entry[0].value)
-    return [meeting for meeting, _ in found], [point for meeting, point in found if meeting.kind == "veering"]
+            close.append((CloseApproach(kind, (a, b), nearest.value, middle, _gap(nearest, pair), exchange), nearest))
+    close.sort(key=lambda entry: entry[0].value)
+    return [meeting for meeting, _ in close], [point for meeting, point in close if meeting.kind == "veering"]
 
 
-Found = Iterator[tuple[Kind, Point, float]]
+Found = Iterator[tuple[Kind, LociPoint, float]]
 
 
-def _crossings(points: Sequence[Point], signed: Floats, pair: Pair) -> Found:
+def _crossings(points: Sequence[LociPoint], signed: Floats, pair: Pair) -> Found:
     """Sign changes of ω_a − ω_b, which is 0 where error bounds cannot separate the two."""
     for i, j in pairwise(np.flatnonzero(signed).tolist()):
         if signed[i] * signed[j] < 0:
@@ -81,7 +81,7 @@ def _crossings(points: Sequence[Point], signed: Floats, pair: Pair) -> Found:
             yield "crossing", closest, _exchange(points[i], points[j], pair)
 
 
-def _veerings(points: Sequence[Point], signed: Floats, pair: Pair, solve: Solve) -> Found:
+def _veerings(points: Sequence[LociPoint], signed: Floats, pair: Pair, solve: Solve) -> Found:
     """Places where the gap is smallest and shapes interchange, with the smallest gap located exactly."""
     size = np.abs(signed)
     lowest = (size[1:-1] < size[:-2]) & (size[1:-1] <= size[2:]) & (signed[1:-1] * signed[:-2] > 0)
@@ -95,14 +95,14 @@ def _veerings(points: Sequence[Point], signed: Floats, pair: Pair, solve: Solve)
                 yield "veering", _nearest(points[i - 1 : i + 2], pair, solve), exchange
 
 
-def _between(before: Point, here: Point, after: Point, pair: Pair) -> bool:
+def _between(before: LociPoint, here: LociPoint, after: LociPoint, pair: Pair) -> bool:
     """Whether a third mode lies between the two and interacts, unlike one that crosses both."""
     low, high = sorted(here.omega[list(pair)])
     others = np.flatnonzero((here.omega > low) & (here.omega < high))
     return any(_exchange(before, after, (track, int(other))) >= APART for other in others for track in pair)
 
 
-def _nearest(three: Sequence[Point], pair: Pair, solve: Solve) -> Point:
+def _nearest(three: Sequence[LociPoint], pair: Pair, solve: Solve) -> LociPoint:
     """The smallest gap near the middle one of three points, by golden section of the interval between the others."""
     low, best, high = three[0].value, three[1], three[2].value
     least = SHARPNESS * (high - low)
@@ -119,15 +119,15 @@ def _nearest(three: Sequence[Point], pair: Pair, solve: Solve) -> Point:
     return best
 
 
-def _by(pair: Pair) -> Callable[[Point], float]:
+def _by(pair: Pair) -> Callable[[LociPoint], float]:
     return lambda point: _gap(point, pair)
 
 
-def _gap(point: Point, pair: Pair) -> float:
+def _gap(point: LociPoint, pair: Pair) -> float:
     return float(abs(point.omega[pair[0]] - point.omega[pair[1]]))
 
 
-def _exchange(before: Point, after: Point, pair: Pair) -> float:
+def _exchange(before: LociPoint, after: LociPoint, pair: Pair) -> float:
     a, b = pair
     overlap = overlaps(before, after)
     return float(max(overlap[a, b] ** 2, overlap[b, a] ** 2))

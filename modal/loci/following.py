@@ -16,7 +16,7 @@ import numpy as np
 
 from modal.errors import ComputationError, SceneError
 from modal.loci.crossings import CloseApproach, find_close_approaches
-from modal.loci.tracking import Point, follow, solve_at
+from modal.loci.tracking import LociPoint, follow, solve_at
 from modal.modes import labelled
 from modal.report import Displayed, Summary, counted, csv_rows, deferred, grid, silent, tabulated, with_unit
 from modal.scene import Scene, left_out, name_of
@@ -59,7 +59,7 @@ class Loci(Displayed):
         >>> list(follow_loci(load("crane-two-loads"), axis).to_dict())
         ['pendulum[0].links[0].length_m', 'omega_1_rad_per_s', 'omega_2_rad_per_s', 'omega_3_rad_per_s']
         """
-        loci = {f"omega_{name}_rad_per_s": own for name, own in zip(self.names, self.omega.T, strict=True)}
+        loci = {f"omega_{name}_rad_per_s": omega for name, omega in zip(self.names, self.omega.T, strict=True)}
         return {self.variation.column: self.values, **loci}
 
     def plot(self) -> Figure:
@@ -89,22 +89,22 @@ def follow_loci(scene: Scene, variation: Variation, report: Report = silent) -> 
     validate_variations(scene, [variation])
     if len(variation.values) < 2 or variation.path.endswith("count"):
         raise SceneError([f"{variation.path}: loci need two or more values of a continuous parameter"])
-    walk, own = _Walk(scene, variation), _own_value(scene, variation)
-    points = walk.whole(own, report)
+    walk, value = _Walk(scene, variation), _own_value(scene, variation)
+    points = walk.whole(value, report)
     first, multiplicity = _distinct(np.array([point.group for point in points]))
-    names = labelled(next(1 + point.row[first] for point in points if point.value == own).tolist())
-    found, nearest = find_close_approaches(points, first, walk.at)
+    names = labelled(next(1 + point.row[first] for point in points if point.value == value).tolist())
+    approaches, nearest = find_close_approaches(points, first, walk.at)
     points = sorted((*points, *nearest), key=lambda point: point.value)
     values, omega = np.array([point.value for point in points]), np.array([point.omega[first] for point in points])
-    return Loci(scene, variation, values, omega, multiplicity, names, own, tuple(found))
+    return Loci(scene, variation, values, omega, multiplicity, names, value, tuple(approaches))
 
 
 def _own_value(scene: Scene, variation: Variation) -> float:
     """The scene's own value, if it lies within the range, else the first one."""
-    own = {number_at(scene, place) for place in find_places(scene, variation.path)}
-    value = own.pop()
+    values = {number_at(scene, place) for place in find_places(scene, variation.path)}
+    value = values.pop()
     first, last = variation.values[0], variation.values[-1]
-    return value if not own and first <= value <= last else first
+    return value if not values and first <= value <= last else first
 
 
 def _distinct(groups: Ints) -> tuple[Ints, Ints]:
@@ -120,7 +120,7 @@ class _Walk:
     def __init__(self, scene: Scene, variation: Variation) -> None:
         self.scene, self.variation, self.solved = scene, variation, 0
 
-    def at(self, value: float) -> Point:
+    def at(self, value: float) -> LociPoint:
         """The modes at a value, in ascending order."""
         self.solved += 1
         if self.solved > MOST_SOLVED + len(self.variation.values):
@@ -129,32 +129,32 @@ class _Walk:
             )
         return solve_at(self.scene, self.variation.path, value)
 
-    def whole(self, own: float, report: Report) -> list[Point]:
+    def whole(self, own_value: float, report: Report) -> list[LociPoint]:
         """All points, including that at `own`, each in the order of the first."""
-        values = sorted({*self.variation.values, own})
+        values = sorted({*self.variation.values, own_value})
         points = [self.at(values[0])]
         for done, value in enumerate(values[1:], start=2):
             points += self.between(points[-1], self.at(value), DEEPEST)
             report(done)
         return points
 
-    def between(self, before: Point, after: Point, depth: int) -> list[Point]:
+    def between(self, before: LociPoint, after: LociPoint, depth: int) -> list[LociPoint]:
         """The points after one up to and including the next."""
-        found, sure = follow(before, after)
-        exchanged = _swapped(before, found) if sure else None
+        point, sure = follow(before, after)
+        exchanged = _swapped(before, point) if sure else None
         if sure and exchanged is None:
-            return [found]
-        middle = self._middle(before, found, exchanged if depth % 2 else None)
+            return [point]
+        middle = self._middle(before, point, exchanged if depth % 2 else None)
         if depth == 0 or not before.value < middle < after.value:
             if sure:
-                return [found]
+                return [point]
             raise ComputationError(
                 f"{self.variation.path}: a mode cannot be followed at {before.value:.17g}: its shape changes"
             )
         half = self.between(before, self.at(middle), depth - 1)
         return half + self.between(half[-1], after, depth - 1)
 
-    def _middle(self, before: Point, after: Point, pair: tuple[int, int] | None) -> float:
+    def _middle(self, before: LociPoint, after: LociPoint, pair: tuple[int, int] | None) -> float:
         """Where the gap of a pair closes by linear interpolation, or the middle of the interval."""
         a, b = before.value, after.value
         if pair:
@@ -163,7 +163,7 @@ class _Walk:
         return sqrt(a) * sqrt(b) if self.variation.log else a + (b - a) / 2
 
 
-def _swapped(before: Point, after: Point) -> tuple[int, int] | None:
+def _swapped(before: LociPoint, after: LociPoint) -> tuple[int, int] | None:
     """The first pair of modes whose order differs, distinct at both ends."""
     order = np.argsort(before.omega, kind="stable")
     later = after.omega[order]
@@ -177,31 +177,31 @@ def _swapped(before: Point, after: Point) -> tuple[int, int] | None:
     return None
 
 
-def loci_text(found: Loci) -> str:
+def loci_text(loci: Loci) -> str:
     """One line per meeting of two loci; the gap of a crossing is rounding error."""
-    values = found.variation.values
-    where = f"{found.variation.path} = {values[0]:.6g} to {values[-1]:.6g} {found.variation.unit}".rstrip()
-    added = len(found.values) - len(values)
+    values = loci.variation.values
+    where = f"{loci.variation.path} = {values[0]:.6g} to {values[-1]:.6g} {loci.variation.unit}".rstrip()
+    added = len(loci.values) - len(values)
     between = f" and {added} between" if added else ""
-    at = f"{found.numbered_at:.6g} {found.variation.unit}".rstrip()
-    head = f"{found.omega.shape[1]} loci over {where}, {len(values)} values{between}, numbered as in the table at {at}"
+    at = f"{loci.numbered_at:.6g} {loci.variation.unit}".rstrip()
+    head = f"{loci.omega.shape[1]} loci over {where}, {len(values)} values{between}, numbered as in the table at {at}"
     rows = [
         (
             meeting.kind,
-            " · ".join(found.names[number] for number in meeting.loci),
+            " · ".join(loci.names[number] for number in meeting.loci),
             f"{meeting.value:.10g}",
             f"{meeting.omega:.8g}",
             f"{meeting.gap:.6g}",
             f"{meeting.exchange:.2f}",
         )
-        for meeting in found.encounters
+        for meeting in loci.encounters
     ]
-    headers = ("meeting", "loci", with_unit("at", found.variation.unit), "ω (rad/s)", "gap (rad/s)", "exchange (MAC)")
-    return "\n".join([head, grid(rows, headers) or "none meet", *left_out(found.scene), ""])
+    headers = ("meeting", "loci", with_unit("at", loci.variation.unit), "ω (rad/s)", "gap (rad/s)", "exchange (MAC)")
+    return "\n".join([head, grid(rows, headers) or "none meet", *left_out(loci.scene), ""])
 
 
-def loci_csv(found: Loci) -> str:
+def loci_csv(loci: Loci) -> str:
     """One row per value: the parameter, then ω of every locus."""
-    head = [found.variation.column, *(f"locus_{name}_rad_per_s" for name in found.names)]
-    rows = zip(found.values.tolist(), found.omega.tolist(), strict=True)
+    head = [loci.variation.column, *(f"omega_{name}_rad_per_s" for name in loci.names)]
+    rows = zip(loci.values.tolist(), loci.omega.tolist(), strict=True)
     return csv_rows([head, *((value, *omega) for value, omega in rows)])

@@ -26,7 +26,7 @@ SURE = 0.97
 
 
 @dataclass(frozen=True, eq=False)
-class Point:
+class LociPoint:
     """All R modes at one value of the parameter, one for each independent shape.
 
     `omega` (R,) in rad/s; `shapes` (planes, n, R) with φᵀMφ = 1 over the coordinates of `M` (n, n), along the rail and,
@@ -41,12 +41,12 @@ class Point:
     row: Ints
     M: Floats
 
-    def reordered(self, order: Ints, shapes: Floats) -> Point:
+    def reordered(self, order: Ints, shapes: Floats) -> LociPoint:
         """The same modes in another order, with shapes that span the same spaces."""
         return replace(self, omega=self.omega[order], group=self.group[order], row=self.row[order], shapes=shapes)
 
 
-def solve_at(scene: Scene, path: str, value: float) -> Point:
+def solve_at(scene: Scene, path: str, value: float) -> LociPoint:
     """The modes of the scene with this value at a path, in ascending order.
 
     Raises ComputationError for damped or growing modes, uncertain ones and more than MOST_MODES.
@@ -65,7 +65,7 @@ def solve_at(scene: Scene, path: str, value: float) -> Point:
         )
     fold = modes.multiplicity
     group, row = (np.repeat(each, fold) for each in (_groups(modes), np.arange(len(modes))))
-    return Point(value, np.repeat(modes.omega, fold), _shapes(modes), group, row, modes.matrices.M)
+    return LociPoint(value, np.repeat(modes.omega, fold), _shapes(modes), group, row, modes.matrices.M)
 
 
 def _groups(modes: Modes) -> Ints:
@@ -81,7 +81,7 @@ def _shapes(modes: Modes) -> Floats:
     return np.array([phi.shapes * (phi.across == plane) for plane in range(planes)])
 
 
-def overlaps(before: Point, after: Point) -> Floats:
+def overlaps(before: LociPoint, after: LociPoint) -> Floats:
     """φᵀMχ of unit shapes: (R, R'), rows for the modes of `after`, columns for those of `before`."""
     M = (before.M + after.M) / 2
     left, right = (
@@ -90,7 +90,7 @@ def overlaps(before: Point, after: Point) -> Floats:
     return np.asarray(np.sum(left.swapaxes(1, 2) @ M @ right, axis=0))
 
 
-def follow(before: Point, after: Point) -> tuple[Point, bool]:
+def follow(before: LociPoint, after: LociPoint) -> tuple[LociPoint, bool]:
     """The modes of `after` in the order of `before`, with signs and bases aligned to it; and whether this is certain.
 
     Raises ComputationError where the number of modes has changed.
@@ -112,7 +112,7 @@ def follow(before: Point, after: Point) -> tuple[Point, bool]:
     return after.reordered(order, shapes), sure
 
 
-def _turn(before: Point, after: Point, rows: Ints, tracks: Ints) -> Floats:
+def _turn(before: LociPoint, after: LociPoint, rows: Ints, tracks: Ints) -> Floats:
     """The rotation (G, G) of a group's shapes that aligns them with the followed ones, projected on their span."""
     M, basis = (before.M + after.M) / 2, after.shapes[..., rows]
     products = (np.sum(basis.swapaxes(1, 2) @ M @ s, axis=0) for s in (basis, before.shapes[..., tracks]))

@@ -139,9 +139,9 @@ def free_body_tikz(scene: Scene, letters: str = "own", parts: str = "") -> str:
             lines.append(rf"\node[right] at ({LEFT:.3f},{HIGH:.3f}) {{{diagram.title}}};")
             lines += [_tikz(stroke) for stroke in diagram.strokes]
             lines += [
-                rf"\node[{_ANCHORS[one.side]}inner sep=1pt, text=fb{one.look}] "
-                rf"at ({one.x:.3f},{one.y:.3f}) {{{one.text}}};"
-                for one in diagram.words
+                rf"\node[{_ANCHORS[lettering.side]}inner sep=1pt, text=fb{lettering.look}] "
+                rf"at ({lettering.x:.3f},{lettering.y:.3f}) {{{lettering.text}}};"
+                for lettering in diagram.words
             ]
             lines.append(r"\end{scope}")
             at += diagram.columns
@@ -211,7 +211,7 @@ def _rows(shown: Sequence[Diagram]) -> list[list[Diagram]]:
     rows: list[list[Diagram]] = [[]]
     for diagram in shown:
         begins = several and diagram.title.startswith("pendulum")
-        if rows[-1] and (begins or sum(one.columns for one in rows[-1]) + diagram.columns > COLUMNS):
+        if rows[-1] and (begins or sum(other.columns for other in rows[-1]) + diagram.columns > COLUMNS):
             rows.append([])
         rows[-1].append(diagram)
     return rows
@@ -226,7 +226,7 @@ def written(name: str, letters: str = "own") -> str:
     >>> written("m_1_2 g")
     'm_{1,2}\\,g'
     """
-    return r"\,".join(_letter(one, letters) for one in name.split())
+    return r"\,".join(_letter(letter, letters) for letter in name.split())
 
 
 def _letter(name: str, letters: str) -> str:
@@ -435,7 +435,7 @@ def _on_pins(bodies: FreeBodies, height: float) -> Iterator[Stroke | Lettering]:
     shown, places = _pins(bodies)
     for p, x in zip(shown, places, strict=True):
         pin = np.array([x, height])
-        for effort in (one for one in bodies.support.efforts if one.at == "support" and one.pendulum == p):
+        for effort in (acting for acting in bodies.support.efforts if acting.at == "support" and acting.pendulum == p):
             if effort.kind == "applied":
                 yield from _turn(pin, -38.0, 60.0, effort.sign > 0, written(effort.turning), "force", radius=0.38)
                 continue
@@ -475,7 +475,7 @@ def _cart(bodies: FreeBodies) -> Diagram:
 
 def _on_cart(bodies: FreeBodies, right: float, height: float) -> Iterator[Stroke | Lettering]:
     """What pushes the cart along the rail from its right end: H of its spring and damper, forces of the scene."""
-    names = [one.along for one in bodies.support.efforts if one.kind in {"held", "applied"} and one.along]
+    names = [effort.along for effort in bodies.support.efforts if effort.kind in {"held", "applied"} and effort.along]
     for k, name in enumerate(names):
         place = np.array([right, height + 0.2 * (k - (len(names) - 1) / 2)])
         yield from _force(place, np.array([1.0, 0.0]), True, written(name), "force")
@@ -562,13 +562,13 @@ def _pendulum(bodies: FreeBodies, chain: Sequence[FreeBody]) -> Diagram:
     top = np.array([0.3, 0.62])
     pieces, centres, _ = _chain(chain, top, scale)
     first = chain[0]
-    for effort in (one for one in first.efforts if one.at == "upper"):
+    for effort in (acting for acting in first.efforts if acting.at == "upper"):
         if effort.turning:
             pieces += _turn(top, -42.0, 75.0, effort.sign > 0, written(effort.turning), "joint")
             continue
         pieces += _force(top, np.array([0.0, 1.0]), effort.sign < 0, written(effort.down), "joint")
         pieces += _force(top, np.array([-1.0, 0.0]), effort.sign < 0, written(effort.along), "joint")
-    along = any(one.kind == "applied" and one.along for part in chain for one in part.efforts)
+    along = any(acting.kind == "applied" and acting.along for part in chain for acting in part.efforts)
     pieces += _weights(chain, centres, TILT if along else radians(5.0))
     return _diagram(f"pendulum {first.place[0] + 1}", pieces)
 
@@ -579,7 +579,7 @@ def _whole(bodies: FreeBodies) -> Diagram:
     longest = max(map(len, pendula))
     scale = min(0.62, 1.3 / sum(cos(tilt) for tilt in TILTS[:longest]))
     reach = scale * sum(sin(tilt) for tilt in TILTS[:longest])
-    pushed = any(one.kind in {"drag", "applied"} for part in bodies.parts[1:] for one in part.efforts)
+    pushed = any(effort.kind in {"drag", "applied"} for part in bodies.parts[1:] for effort in part.efforts)
     places = [(reach + (1.0 if pushed else 0.5)) * k for k in range(len(pendula))]
     left, right, high = -1.3, places[-1] + reach + (1.0 if pushed else 0.6), 0.85
     pieces: list[Stroke | Lettering] = [_raised(piece, high) for piece in _box((right - left) / 2, (left + right) / 2)]

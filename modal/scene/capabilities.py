@@ -193,6 +193,19 @@ FORCED_ORBIT = Capability(
     needs={DRIVEN_IN_TIME: 'nothing drives this scene: give it a [[force]], or a support of kind = "moved"'},
 )
 
+SECTIONED = Capability(
+    "a Poincaré section",
+    SHAPE | STRUCTURED,
+    refuses={
+        **STILL,
+        **_each(_of("moved_support force"), "needs a motion that keeps its energy: find_strobes takes it"),
+        **CONSTANT,
+        **PLANE,
+        **_each(LOSS | DRAG | FRICTION | DRIVES, "needs a motion that keeps its energy"),
+    },
+    unless=ENDS,
+    beside=UNLOADED,
+)
 STROBED = Capability(
     "a stroboscopic section",
     SHAPE | LOSS | DRAG | FRICTION | DRIVES | FORCED | STRUCTURED | {"moved_support"},
@@ -496,18 +509,14 @@ CAPABILITIES: dict[str, Capability] = {
             apart=UNRUBBED,
             beside=UNLOADED,
         ),
-        Capability(
-            "a Poincaré section",
-            SHAPE | STRUCTURED,
+        SECTIONED,
+        replace(
+            SECTIONED,
+            name="a start by its energy",
             refuses={
-                **STILL,
-                **_each(_of("moved_support force"), "needs a motion that keeps its energy: find_strobes takes it"),
-                **CONSTANT,
-                **PLANE,
-                **_each(LOSS | DRAG | FRICTION | DRIVES, "needs a motion that keeps its energy"),
+                **SECTIONED.refuses,
+                **_each(_of("moved_support force"), "needs a motion that keeps its energy"),
             },
-            unless=ENDS,
-            beside=UNLOADED,
         ),
         STROBED,
         replace(

@@ -172,9 +172,9 @@ def _applied(scene: Scene, places: list[tuple[int, int]]) -> dict[int, list[Effo
         if not spots:
             efforts.setdefault(-1, []).append(Effort("applied", "centre", 1, along=name))
         for link, above, below in spots:
-            own = efforts.setdefault(link, [])
+            acting = efforts.setdefault(link, [])
             if force.direction == "torque":
-                own.append(Effort("applied", "upper" if below is None else "centre", 1, turning=name))
+                acting.append(Effort("applied", "upper" if below is None else "centre", 1, turning=name))
                 if below is None:
                     at: Where = "lower" if above >= 0 else "support"
                     pendulum = places[link][0]
@@ -183,9 +183,9 @@ def _applied(scene: Scene, places: list[tuple[int, int]]) -> dict[int, list[Effo
             reach = {} if below is None else {"reach": f"s_{number}", "below": below}
             at = "centre" if below is None else "point"
             if force.direction == "horizontal":
-                own.append(Effort("applied", at, 1, along=name, **reach))  # type: ignore[arg-type]
+                acting.append(Effort("applied", at, 1, along=name, **reach))  # type: ignore[arg-type]
             else:
-                own.append(Effort("applied", at, -1, down=name, **reach))  # type: ignore[arg-type]
+                acting.append(Effort("applied", at, -1, down=name, **reach))  # type: ignore[arg-type]
     return efforts
 
 
@@ -227,7 +227,7 @@ def _link(
     if link.drag or link.quadratic_drag:
         efforts.append(Effort("drag", "centre", 1, along=f"D_x_{tail}", down=f"D_{_down(letters)}_{tail}"))
     words = f"link {i + 1} of pendulum {p + 1}" if several else f"link {i + 1}"
-    own = link.kind == "body"
+    is_body = link.kind == "body"
     return FreeBody(
         words,
         link.kind,
@@ -236,8 +236,8 @@ def _link(
         tuple(efforts),
         f"m_{tail}",
         f"l_{tail}",
-        f"c_{tail}" if own else "",
-        f"I_{tail}" if own else "",
+        f"c_{tail}" if is_body else "",
+        f"I_{tail}" if is_body else "",
         link,
         i > 0,
     )
@@ -287,7 +287,7 @@ def joint_law(bodies: FreeBodies, part: FreeBody) -> JointLaw | None:
     link: Any = part.link
     if link is None or not has_moment(link):
         return None
-    pendula = [one for one in bodies.scene.pendulum for _ in range(one.count)]
+    pendula = [pendulum for pendulum in bodies.scene.pendulum for _ in range(pendulum.count)]
     ways = [int(way == "up") for way in pendula[part.place[0]].ways]
     i = part.place[1]
     drives = isinstance(link.drive, VanDerPol)

@@ -180,7 +180,7 @@ def _links(scene: Scene, entry: int, links: set[int]) -> list[int]:
     return [number for link in sorted(links) for number in range(ends[link] + 1, ends[link + 1] + 1)]
 
 
-def _run(numbers: Sequence[int], one: str, several: str) -> str:
+def _run(numbers: Sequence[int], single: str, several: str) -> str:
     """What ascending numbers count, those in a row as a range: links 1–3, 7."""
     runs: list[list[int]] = []
     for number in numbers:
@@ -189,4 +189,4 @@ def _run(numbers: Sequence[int], one: str, several: str) -> str:
         else:
             runs.append([number])
     joined = ", ".join(f"{run[0]}" if len(run) == 1 else f"{run[0]}–{run[-1]}" for run in runs)
-    return f"{one if len(numbers) == 1 else several} {joined}"
+    return f"{single if len(numbers) == 1 else several} {joined}"

@@ -49,6 +49,7 @@ UNITS = {
     "angles_deg": "°",
     "azimuths_deg": "°",
     "rates_deg": "°/s",
+    "energy": "J",
     "position": "m",
     "to": "m",
     "begin": "s",

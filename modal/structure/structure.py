@@ -102,7 +102,7 @@ class Structure:
         angles = (self.angle_of(carrier) for carrier in range(len(self.carriers)))
         return tuple(angle for angle in angles if angle is not None)
 
-    def own(self, carrier: int, values: Sequence[Any]) -> Sequence[Any]:
+    def part(self, carrier: int, values: Sequence[Any]) -> Sequence[Any]:
         """Those of η that belong to a carrier."""
         return values[self.offsets[carrier] : self.offsets[carrier + 1]]
 

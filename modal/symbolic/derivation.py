@@ -68,17 +68,17 @@ def derive(
 def _lagrangian(system: SymbolicSystem) -> Section:
     if system.spatial and _has_joints(system):
         return Section("Lagrangian", [Line(NOT_IN_SPACE)])
-    found = derive_lagrangian(system)
+    cartesian = derive_lagrangian(system)
     T = in_angles(system) if system.spatial else in_plane(system)
     lines = [Line("kinetic energy in $θ$ and $φ$" if system.spatial else "kinetic energy", equal(sp.Symbol("T"), T))]
     if system.spatial:
         lines.insert(0, Line("kinetic energy with unit vectors u_i", equal(sp.Symbol("T"), in_vectors(system))))
-    lines.append(Line("potential energy", equal(sp.Symbol("V"), gathered(found.V))))
-    if found.R != 0:
-        lines.append(Line("dissipation function", equal(sp.Symbol("R"), found.R)))
+    lines.append(Line("potential energy", equal(sp.Symbol("V"), gathered(cartesian.V))))
+    if cartesian.R != 0:
+        lines.append(Line("dissipation function", equal(sp.Symbol("R"), cartesian.R)))
     lines.append(Line("Lagrangian", equal(sp.Symbol("L"), sp.Symbol("T") - sp.Symbol("V"))))
     if len(system.links) <= (CHECKED_IN_SPACE if system.spatial else CHECKED_UP_TO):
-        _require(vanishes(found.T - T))
+        _require(vanishes(cartesian.T - T))
         lines.append(
             Line("$T$ equals the kinetic energy from the Cartesian velocities of all masses: checked term by term")
         )
@@ -93,11 +93,11 @@ def _equations(system: SymbolicSystem) -> Section:
     title = "Equations of motion"
     if system.spatial:
         return Section(title, _spatial_equations(system))
-    found = system.equations()
-    lines = [Line(f"of {c.q}", equal(form, 0)) for c, form in zip(system.coordinates, found, strict=True)]
+    equations = system.equations()
+    lines = [Line(f"of {c.q}", equal(form, 0)) for c, form in zip(system.coordinates, equations, strict=True)]
     if len(system.links) <= CHECKED_UP_TO:
         derived = derive_lagrangian(system).equations
-        _require(all(vanishes(a - b) for a, b in zip(derived, found, strict=True)))
+        _require(all(vanishes(a - b) for a, b in zip(derived, equations, strict=True)))
         lines.append(Line("these are Lagrange's equations of the Cartesian $L$: checked term by term"))
     return Section(title, lines)
 

@@ -233,7 +233,7 @@ def modes_section(system: SymbolicSystem | SymbolicStructure, scene: Scene | Non
     polynomials = eigen_polynomials(system, scene)
     if isinstance(polynomials, str):
         return Section("Modes", [Line(f"{polynomials}; see the table, or prove digits with enclose")])
-    described = [one for eigen in polynomials for one in _modes_of(eigen)]
+    described = [mode for eigen in polynomials for mode in _modes_of(eigen)]
     computed = [mode for mode in described if isinstance(mode, ComputedMode)]
     lines = _numbered(computed) if len(computed) == len(described) else map(_unnumbered, described)
     return Section("Modes", [*lines, *_remarks(system, polynomials)])

@@ -282,16 +282,19 @@ def _in_space(system: SymbolicSystem) -> Iterator[Line]:
     tails = [angle.q.name.split("_")[1:] for angle in system.angles]
     u, pi, P, s = ([coordinate(letter, *tail) for tail in tails] for letter in ("u", "pi", "P", "s"))
     yield Line("u_i points along link i and e_z down; a product of two vectors is their dot product")
-    rows = [one.q for one in P]
+    rows = [total.q for total in P]
     if cart:
         rows.insert(0, sp.Symbol("P_x"))
         e_x, e_y, e_z = sp.symbols("e_x e_y e_z")
         whole = sp.Symbol("p_x") * e_x + sp.Symbol("s_y") * e_y + sp.Symbol("s_z") * e_z
         yield Line("momentum of the cart", equal(rows[0], whole))
-    for free, own, part, one in zip(P, pi, s, u, strict=True):
-        yield Line(f"momentum {own.q} across and {part.q} along {one.q}", equal(free.q, own.q + part.q * one.q))
+    for total, across, along, direction in zip(P, pi, s, u, strict=True):
+        yield Line(
+            f"momentum {across.q} across and {along.q} along {direction.q}",
+            equal(total.q, across.q + along.q * direction.q),
+        )
     yield from _constants(system, W)
-    potential = [-system.gravity * b * one.q * sp.Symbol("e_z") for b, one in zip(system.b, u, strict=True)]
+    potential = [-system.gravity * b * direction.q * sp.Symbol("e_z") for b, direction in zip(system.b, u, strict=True)]
     potential += [cart.stiffness * system.coordinates[0].q ** 2 / 2] if cart else []
     kinetic = [w * rows[i] * rows[j] / (2 if i == j else 1) for i, row in _rows(W) for j, w in row if j <= i]
     yield Line("H", equal(sp.Symbol("H"), sp.Add(*kinetic, *potential)))
@@ -301,10 +304,10 @@ def _in_space(system: SymbolicSystem) -> Iterator[Line]:
         yield Line("of x, along e_x", equal(x.v * sp.Symbol("e_x"), forms[0]))
         yield Line("of p_x", equal(sp.Symbol("pdot_x"), -cart.stiffness * x.q - cart.damping * x.v))
     yield Line("of the rates the parts along e_y, e_z and u_i vanish: linear equations of the s")
-    for one, form in zip(u, forms[1 if cart else 0 :], strict=True):
-        yield Line(f"of {one.q}", equal(one.v, form))
-    for one, own, part, b in zip(u, pi, s, system.b, strict=True):
-        words = f"of {own.q}, F - (u F) u - s u' - (u' {own.q}) u with u = {one.q}, s = {part.q} and"
+    for direction, form in zip(u, forms[1 if cart else 0 :], strict=True):
+        yield Line(f"of {direction.q}", equal(direction.v, form))
+    for direction, across, along, b in zip(u, pi, s, system.b, strict=True):
+        words = f"of {across.q}, F - (u F) u - s u' - (u' {across.q}) u with u = {direction.q}, s = {along.q} and"
         yield Line(words, equal(sp.Symbol("F"), system.gravity * b * sp.Symbol("e_z")))
     if len(system.links) == 1 and not cart:
         yield from _of_one_link(system)

@@ -120,8 +120,8 @@ def _at_joints(system: SymbolicSystem, name: str, part: str) -> Any:
     for chain in system.chains:
         above = sp.S.Zero
         for strength, sign in zip(getattr(chain, name), chain.sigma, strict=True):
-            own = getattr(next(angle), part) - (sp.pi if sign < 0 and part == "q" else 0)
-            energy, above = energy + strength * (own - above) ** 2 / 2, own
+            turned = getattr(next(angle), part) - (sp.pi if sign < 0 and part == "q" else 0)
+            energy, above = energy + strength * (turned - above) ** 2 / 2, turned
     return energy
 
 

@@ -99,8 +99,8 @@ def of_kinds(kinds: Sequence[Kind], gravity: Any, *, cart: Any = None, variable:
     d, N = [field.one], [field.zero]
     for (below, force), count in chains:
         d, N = product(d, below), total(product(N, below), scaled(count, product(d, force)))
-    found = total(scaled(field.from_expr(m_c), d), N)
-    return _collected(found, g, variable)
+    moving = total(scaled(field.from_expr(m_c), d), N)
+    return _collected(moving, g, variable)
 
 
 def _recursion(kind: Kind, field: FracField, gravity: Any) -> tuple[list[Any], list[Any]]:

@@ -245,8 +245,8 @@ class SymbolicStructure(Displayed, OfChains):
         above = self.carriers[self.hung[p].carrier].angle
         upper, relative = getattr(above, part) if above is not None else sp.S.Zero, []
         for angle, sign in zip(self._of_chain(p), self.chains[p].sigma, strict=True):
-            own = getattr(angle, part)
-            straight = own - (sp.pi if sign < 0 and part == "q" else 0)
+            value = getattr(angle, part)
+            straight = value - (sp.pi if sign < 0 and part == "q" else 0)
             relative.append(straight - upper)
             upper = straight
         return relative

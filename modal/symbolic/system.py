@@ -135,7 +135,7 @@ class SymbolicSystem(OfChains):
         """Expressions that vanish in a plane motion, one for each of `coordinates`."""
         x = self.coordinates[0] if self.cart else Coordinate(0, 0, 0)
         joints = self.joint_moments()
-        found = [
+        equations = [
             sum(
                 A * (sp.cos(theta.q - other.q) * other.a + sp.sin(theta.q - other.q) * other.v**2)
                 for A, other in zip(self.A.row(i), self.angles, strict=True)
@@ -149,8 +149,8 @@ class SymbolicSystem(OfChains):
             pulls = zip(self.b, self.angles, strict=True)
             inertial = sum(b * (sp.cos(theta.q) * theta.a - sp.sin(theta.q) * theta.v**2) for b, theta in pulls)
             held = self.cart.damping * x.v + self.cart.stiffness * x.q
-            found.insert(0, self.total_mass * x.a + inertial + held)
-        return found
+            equations.insert(0, self.total_mass * x.a + inertial + held)
+        return equations
 
     def joint_moments(self) -> Any:
         """What the springs and dampers of joints take from each angle (N m): less the generalized forces."""
@@ -167,15 +167,15 @@ class SymbolicSystem(OfChains):
             raise SceneError(["joint springs and dampers in space: not implemented in unit vectors"])
         e_x, e_z, x = sp.Symbol("e_x"), sp.Symbol("e_z"), coordinate("x")
         u = [coordinate("u", *angle.q.name.split("_")[1:]) for angle in self.angles]
-        found = []
+        equations = []
         if self.cart:
-            moved = sum(b * own.a for b, own in zip(self.b, u, strict=True))
+            moved = sum(b * direction.a for b, direction in zip(self.b, u, strict=True))
             held = self.cart.damping * x.v + self.cart.stiffness * x.q
-            found.append((e_x, e_x * (self.total_mass * x.a + held) + moved))
-        for i, (own, b) in enumerate(zip(u, self.b, strict=True)):
+            equations.append((e_x, e_x * (self.total_mass * x.a + held) + moved))
+        for i, (direction, b) in enumerate(zip(u, self.b, strict=True)):
             F = sum(A * other.a for A, other in zip(self.A.row(i), u, strict=True)) - self.gravity * b * e_z
-            found.append((own.q, F + (b * x.a * e_x if self.cart else 0)))
-        return found
+            equations.append((direction.q, F + (b * x.a * e_x if self.cart else 0)))
+        return equations
 
 
 def chain(n: int, kind: str = "bob", symbolic: tuple[str, ...] = (), sigma: tuple[int, ...] = ()) -> SymbolicSystem:

@@ -62,8 +62,8 @@ def plain(formula: Any) -> str:
     return written.replace("**", "^").replace("*", " ")
 
 
-def _symbol(found: re.Match[str]) -> str:
-    name, dots, index = found.groups()
+def _symbol(matched: re.Match[str]) -> str:
+    name, dots, index = matched.groups()
     marks = {"dot": "'", "ddot": "''", None: ""}[dots]
     numbered = index.removeprefix("_").replace("_", ",")
     return GREEK.get(name, name) + (numbered if numbered.replace(",", "").isdigit() else index) + marks
@@ -185,9 +185,11 @@ def _inline(words: str) -> str:
 
 def _named(words: str) -> str:
     """Coordinates, other named symbols and letters with an index in words, as mathematics."""
-    words = _NAME.sub(lambda found: f"${_tex(sp.Symbol(found[0]))}$" if found[0] not in "psxyzu" else found[0], words)
+    words = _NAME.sub(
+        lambda matched: f"${_tex(sp.Symbol(matched[0]))}$" if matched[0] not in "psxyzu" else matched[0], words
+    )
     words = re.sub(r"\bof ([psxyzu])$", r"of $\1$", words)
-    words = _INDEXED.sub(lambda found: f"${LETTERS.get(found[1], found[1])}_{{{found[2]}}}$", words)
+    words = _INDEXED.sub(lambda matched: f"${LETTERS.get(matched[1], matched[1])}_{{{matched[2]}}}$", words)
     return words.replace("q''", r"$\ddot{q}$").replace("q'", r"$\dot{q}$")
 
 

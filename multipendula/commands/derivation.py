@@ -33,18 +33,18 @@ def derive(options: argparse.Namespace) -> None:
     from modal.symbolic.papers import catalogue
 
     show, symbols, ways = (listed(getattr(options, name)) for name in ("show", "symbolic", "equilibrium"))
-    known = (*derivation.SECTIONS, *ALONE)
-    if unknown := [word for word in show if word not in known]:
+    of_paper, known = options.target.startswith("paper:"), (*derivation.SECTIONS, *ALONE)
+    if unknown := [word for word in show if not of_paper and word not in known]:
         raise SceneError([f"--show {word}: must be one of {', '.join(known)}" for word in unknown])
-    if "freebody" in show:
+    if "freebody" in show and not of_paper:
         _take_apart(options, show)
         return
     if problems := list(_of_free_bodies(options)):
         raise SceneError(problems)
-    if options.target.startswith("paper:"):
-        if show or symbols or ways or options.links != "bob":
-            raise SceneError([f"{options.target}: takes none of --show, --symbolic, --links and --equilibrium"])
-        title, sections = catalogue.paper(options.target.removeprefix("paper:"))
+    if of_paper:
+        if symbols or ways or options.links != "bob":
+            raise SceneError([f"{options.target}: takes none of --symbolic, --links and --equilibrium"])
+        title, sections = catalogue.paper(options.target.removeprefix("paper:"), show)
     else:
         system, scene = derivation.target(options.target, options.links, symbols, ways)
         title = system.title
@@ -116,8 +116,12 @@ def _derive_arguments(page: Page) -> None:
     more = f", one for each link, shared by copies: {','.join(symbols)}"
     add_words(page.asked, "--symbolic", symbols, more)
     sections = ("lagrangian", "equations", "matrices", "polynomial", "modes")
-    more = f" that are shown (default all): {','.join(sections)}; and where they are named: {','.join(ALONE)}"
+    more = (
+        f" that are shown (default all): {','.join(sections)}; where they are named: {','.join(ALONE)}; of a paper its "
+        "equations, such as 4,12"
+    )
     add_words(page.written, "--show", (*sections, *ALONE), more)
+    page.rephrase(r"^show(?= )", "--show")
     page.rephrase(r"choose polynomial and modes alone$", "choose --show polynomial,modes")
     page.rephrase(r"^symbolic(?= )", "--symbolic")
     page.rephrase(r"^parts(?= )", "--parts")
@@ -166,7 +170,7 @@ COMMANDS = (
         examples=(
             ("derive chain:3", "three bobs: Lagrangian, equations, M and K, polynomial, modes"),
             ("derive chain:2 --symbolic masses,lengths --format latex", "with a symbol for every mass and length"),
-            ("derive paper:002", "the equations of a paper, as printed and corrected"),
+            ("derive paper:002 --show 4,11", "two equations of a paper, as printed and corrected"),
             ("derive chain:3 --show hamiltonian", "Hamilton's equations, of neighbours alone"),
             (
                 "derive paper-cart-2 --show freebody --names paper -o parts.svg",

@@ -39,7 +39,6 @@ TOLERANCE, MOTIONS = 1e-9, 24
 """Of the integrator, and of a section, unless told."""
 FORMATS = ("text", "csv", "json")
 ENGINES = ("auto", "numpy", "numba", "heyoka", "simulate")
-RHYTHMS = ("configuration", "first_turn", "lyapunov", "order", "largest_angle", "attractor")
 BY_ENERGY, BY_STROBES = ("energy", "crossing"), ("phase_deg", "spread", "settle", "of", "seed")
 """Options of a section at an energy, and of a stroboscopic one."""
 
@@ -53,18 +52,23 @@ def basins(options: argparse.Namespace) -> None:
     if begins_in_mode(scene, axes):
         tell_of_start("every member begins in the shape of the first mode that swings")
     with _engine(options, scene, prod(len(axis.values) for axis in axes)) as more:
-        found = find_basins(scene, options.duration, vary=axes, measure=options.measure, folder=options.folder, **more)
-    say(basins_table(found, options.format), options.format)
-    draw_in(options, options.output, "nonlinear.plotting", "draw_basins", found)
+        outcome = find_basins(
+            scene, options.duration, vary=axes, measure=options.measure, folder=options.folder, **more
+        )
+    say(basins_table(outcome, options.format), options.format)
+    draw_in(options, options.output, "nonlinear.plotting", "draw_basins", outcome)
 
 
 def _basins_arguments(page: Page) -> None:
+    from nonlinear.measures import taken_by
+
     add_scene(page)
     more = ", such as pendulum[0].start.angles_deg[0]=-180:180:512; two of them (default two angles, or angle and rate)"
     add_vary(page, more)
     page.rephrase(r"by find_bifurcations$", "by sweep --strobe")
-    more = f": {', '.join(RHYTHMS)} (default configuration of a scene with drives, else first_turn)"
-    add_words(page.asked, "--measure", RHYTHMS, more, comma="", choices=RHYTHMS, action=Repeated, most=1)
+    more = f": {', '.join(taken_by('basins'))} (default configuration of a scene with drives, else first_turn)"
+    add_words(page.asked, "--measure", taken_by("basins"), more, comma="", action=Repeated, most=1)
+    page.rephrase(r"^measure (\S+): cannot be combined with a duration$", r"--measure \1: has its own --duration")
     more = " (default 30 sqrt(l/g), for a rhythm as long as sync needs, for attractors ten slowest decays)"
     add_duration(page, more)
     _add_engine(page)
@@ -86,13 +90,13 @@ def _crossings(options: argparse.Namespace, scene: Scene) -> None:
     refuse(options, BY_STROBES, "needs a scene that is driven by a sine: a force or a moved support")
     members = options.members or MOTIONS
     with _engine(options, scene, members) as more:
-        found = find_section(
+        section = find_section(
             scene, options.duration, energy=options.energy, at=options.crossing, orbits=members, **more
         )
     if options.energy is None and not has_start(scene):
         tell_of_start("its energy is that of the first mode that swings", "--energy chooses another")
-    say(section_table(found, options.format), options.format)
-    draw_in(options, options.output, "nonlinear.plotting", "draw_section", found)
+    say(section_table(section, options.format), options.format)
+    draw_in(options, options.output, "nonlinear.plotting", "draw_section", section)
 
 
 def _strobes(options: argparse.Namespace, scene: Scene) -> None:
@@ -106,9 +110,9 @@ def _strobes(options: argparse.Namespace, scene: Scene) -> None:
     asked |= {"settle": options.settle, "seed": options.seed, "of": names_of(options)}
     with _engine(options, scene, options.members or MOTIONS) as more:
         more |= {name: value for name, value in asked.items() if value is not None}
-        found = find_strobes(scene, options.duration, **more)
-    say(strobes_table(found, options.format), options.format)
-    draw_in(options, options.output, "nonlinear.plotting", "draw_strobes", found)
+        strobes = find_strobes(scene, options.duration, **more)
+    say(strobes_table(strobes, options.format), options.format)
+    draw_in(options, options.output, "nonlinear.plotting", "draw_strobes", strobes)
 
 
 def refuse(options: argparse.Namespace, names: Sequence[str], why: str) -> None:
@@ -144,23 +148,26 @@ def _section_arguments(page: Page) -> None:
 def spread(options: argparse.Namespace) -> None:
     """Propagate tolerances of a scene's numbers to its frequencies and its motion by Monte Carlo."""
     from modal.errors import SceneError
-    from nonlinear.ensembles import find_spread, spread_table
+    from nonlinear.sweeps import find_spread, spread_table
 
     scene = _scene(options)
     members, seed = options.members or 1000, options.seed or 5
     with _engine(options, scene, members) as more:
+        more["measures"] = options.measure or ()
         more["estimate"] = estimate_of(scene, options.covariance)
         if more["estimate"] is None and not options.uncertain:
             raise SceneError(["spread needs --uncertain PLACE=WIDTH or --covariance FIT.json"])
         start = start_of(scene, None, elsewhere=ELSEWHERE) if options.duration else None
-        found = find_spread(
+        spreads = find_spread(
             scene, options.uncertain or (), options.duration, members=members, seed=seed, start=start, **more
         )
-    say(spread_table(found, options.format), options.format)
-    draw_in(options, options.output, "nonlinear.plotting", "draw_spread", found)
+    say(spread_table(spreads, options.format), options.format)
+    draw_in(options, options.output, "nonlinear.plotting", "draw_spread", spreads)
 
 
 def _spread_arguments(page: Page) -> None:
+    from nonlinear.measures import taken_by
+
     add_scene(page)
     more = (
         ": its standard deviation, support.mass=0.5 or support.mass=2%%, or its interval, gravity=9.8:9.83; repeat for "
@@ -170,6 +177,8 @@ def _spread_arguments(page: Page) -> None:
     add_covariance(page, "draws its numbers together")
     add_members(page, ": scenes drawn (default 1000)", 10_000_000)
     add_seed(page)
+    more = f": {', '.join(taken_by('spread'))} (default all frequencies); repeat for several"
+    add_words(page.asked, "--measure", taken_by("spread"), more, comma="", action=Repeated)
     add_duration(page, " from the scene's own start (default none: frequencies only)")
     _add_engine(page)
     add_format(page, FORMATS)

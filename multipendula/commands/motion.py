@@ -8,14 +8,7 @@ from time import perf_counter
 from typing import TYPE_CHECKING
 
 from multipendula.command import Command
-from multipendula.commands.runs import (
-    add_run_arguments,
-    in_few_modes,
-    run_of,
-    shown_of,
-    start_of,
-    whole,
-)
+from multipendula.commands.runs import RunOptions, start_of, whole
 from multipendula.commands.shared import bar, drawn, estimate_of, film_form, in_a_folder, output, picture, remark, say
 from multipendula.options import (
     FILMS,
@@ -33,7 +26,6 @@ from multipendula.options import (
     add_tolerance,
     number,
 )
-from multipendula.options import whole as whole_number
 from multipendula.parser import Page
 
 if TYPE_CHECKING:
@@ -52,9 +44,9 @@ def simulate(options: argparse.Namespace) -> None:
     from nonlinear.postprocessing import summary
 
     band = _banded(options)
-    begun, run = perf_counter(), in_few_modes if options.keep_modes else run_of
+    begun = perf_counter()
     try:
-        trajectory = run(options, lambda: options.output and checked_kind(options.output))
+        trajectory = RunOptions.of(options).run(lambda: options.output and checked_kind(options.output))
     except SimulationError as error:
         if options.output:
             recordings.save(error.trajectory, options.output)
@@ -63,7 +55,7 @@ def simulate(options: argparse.Namespace) -> None:
     if options.output:
         recordings.save(trajectory, options.output)
     target = "standard output" if options.output == STANDARD else options.output
-    say(f"{summary.text(trajectory)}\n")
+    say(f"{summary.text(trajectory, ropes=not options.quiet)}\n")
     say(f"computed in {spent:.3g} s" + (f", saved in {visible(target)}\n" if options.output else "\n"))
     if band is not None and not trajectory.run.interrupted:
         _print_band(options, *band)
@@ -96,7 +88,7 @@ def _banded(options: argparse.Namespace) -> tuple[Estimate, str] | None:
 
 def _print_band(options: argparse.Namespace, estimate: Estimate, kind: str) -> None:
     """How wide the motion is where the numbers vary by their covariance."""
-    from nonlinear.ensembles import find_spread, motion_words
+    from nonlinear.sweeps import find_spread, motion_words
 
     scene, duration = estimate.scene, options.duration or options.usual
     start = start_of(scene, options.start, told=True)
@@ -115,12 +107,11 @@ def _print_band(options: argparse.Namespace, estimate: Estimate, kind: str) -> N
 
 
 def _simulate_arguments(page: Page) -> None:
-    add_run_arguments(page, 60.0)
+    RunOptions.add(page, 60.0)
     add_covariance(page, "adds the band of the motion over the fitted numbers")
     add_file(page, "--band", "", PICTURES)
     add_theme(page)
     add_motion(page)
-    add_option(page.computed, "--keep-modes", "", type=whole_number(100_000))
     add_explain(page)
 
 
@@ -128,13 +119,13 @@ def plot(options: argparse.Namespace) -> None:
     """Draw a run: angles, cart, energies, phase portrait, and spectrum with the linear frequencies."""
     from nonlinear.plotting import draw_run
 
-    trajectory = shown_of(options, lambda: picture(options.output))
+    trajectory = RunOptions.of(options).shown(lambda: picture(options.output))
     with drawn(options.output, options.theme) as stream:
         draw_run(trajectory, stream, kind=picture(options.output))
 
 
 def _plot_arguments(page: Page) -> None:
-    add_run_arguments(page, 20.0)
+    RunOptions.add(page, 20.0)
     add_output(page, "the figure", PICTURES, required=True)
     add_theme(page)
 
@@ -143,7 +134,8 @@ def animate(options: argparse.Namespace) -> None:
     """Make a film of a run: the pendula, their trails and their energies."""
     from nonlinear.plotting import animate as film
 
-    trajectory, form = shown_of(options, lambda: film_form(options.output)), film_form(options.output)
+    trajectory = RunOptions.of(options).shown(lambda: film_form(options.output))
+    form = film_form(options.output)
     with drawn(options.output, options.theme) as stream, bar(options.seconds or 20.0) as report:
         shown = film(
             trajectory, stream, form, fps=options.fps, speed=options.speed, seconds=options.seconds, report=report
@@ -154,7 +146,7 @@ def animate(options: argparse.Namespace) -> None:
 
 
 def _animate_arguments(page: Page) -> None:
-    add_run_arguments(page, 10.0)
+    RunOptions.add(page, 10.0)
     add_output(page, "the film", FILMS, required=True)
     add_option(page.written, "--fps", "", type=number("frames a second from 1 to 60", 60, 1))
     times = number("times real time from 0.001 to 1000", 1000, 0.001)

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from multipendula.commands.shared import bar, forewarning, in_a_folder, remark
 from multipendula.options import (
     RUNS,
     add_accuracy,
+    add_count,
     add_duration,
     add_run,
     add_samples,
+    add_scene,
     add_start,
     add_tolerance,
     add_words,
@@ -22,30 +26,162 @@ from multipendula.parser import Page
 
 if TYPE_CHECKING:
     from modal.scene import Scene
+    from nonlinear.accuracy import Advice
     from nonlinear.integration import Trajectory
     from nonlinear.system import State
 
-"""Largest angle of a scene without a start."""
 START = (
     ": scene (default; without one mode:R:5, R the first that swings), mode:R:DEG, orbit:R:DEG (a periodic orbit), "
     "orbit (the motion that repeats with the drives) or angles:A,B,... (deg, at rest)"
 )
+METHODS = ("auto", "DOP853", "RK45", "RK23", "Radau", "BDF", "LSODA", "taylor")
+FORMS = ("auto", "minimal", "maximal", "hamiltonian", "spatial")
+Check = Callable[[], object]
+Computed = TypeVar("Computed")
+
+
+def _add_words(page: Page, flag: str, words: tuple[str, ...]) -> None:
+    add_words(page.computed, flag, words, f": {', '.join(words)} (default auto)", comma="")
+
+
+ADDERS: dict[str, Callable[[Page], None]] = {
+    "start": lambda page: add_start(page, START),
+    "samples": add_samples,
+    "method": lambda page: _add_words(page, "--method", METHODS),
+    "form": lambda page: _add_words(page, "--form", FORMS),
+    "tolerance": add_tolerance,
+    "accuracy": lambda page: add_accuracy(page, ", instead of a tolerance"),
+    "keep_modes": lambda page: add_count(page.computed, "--keep-modes", 100_000),
+}
+"""The options of a motion beside its duration, by name: every command that simulates one takes them from here."""
 HOW = ("method", "form", "tolerance", "accuracy")
 
 
-def add_run_arguments(page: Page, duration: float) -> None:
-    """A scene or a saved run, and how to simulate it, by default for `duration` (s)."""
-    add_run(page)
-    add_duration(page, f" (default {duration:g})")
-    page.set_defaults(usual=duration)
-    add_start(page, START)
-    methods = ("auto", "DOP853", "RK45", "RK23", "Radau", "BDF", "LSODA", "taylor")
-    add_words(page.computed, "--method", methods, f": {', '.join(methods)} (default auto)", comma="")
-    forms = ("auto", "minimal", "maximal", "hamiltonian", "spatial")
-    add_words(page.computed, "--form", forms, f": {', '.join(forms)} (default auto)", comma="")
-    add_tolerance(page)
-    add_accuracy(page, ", instead of a tolerance")
-    add_samples(page)
+@dataclass(frozen=True)
+class RunOptions:
+    """What a command was told of a motion: a scene or a saved run, its duration (s), and options by name, if given.
+
+    `output` is the file that the command writes, whose folder is looked for before anything is computed.
+    """
+
+    scene: str
+    duration: float
+    given: Mapping[str, Any]
+    output: str | None = None
+
+    @classmethod
+    def add(cls, page: Page, duration: float, *, runs: bool = True, without: Sequence[str] = ()) -> None:
+        """The arguments on a page: a scene, or with `runs` a saved run, too, and all options but some."""
+        (add_run if runs else add_scene)(page)
+        add_duration(page, f" (default {duration:g})")
+        page.set_defaults(usual=duration)
+        for name, add in ADDERS.items():
+            if name not in without:
+                add(page)
+
+    @classmethod
+    def of(cls, options: argparse.Namespace) -> RunOptions:
+        """Those of a command line."""
+        arguments = {name: value for name in ("duration", *ADDERS) if (value := getattr(options, name, None))}
+        return cls(options.scene, options.duration or options.usual, arguments, options.output)
+
+    @property
+    def how(self) -> dict[str, Any]:
+        """How a motion is computed: arguments of `simulate`."""
+        return {name: self.given[name] for name in HOW if name in self.given}
+
+    def run(self, *checks: Check) -> Trajectory:
+        """A new run of a scene, or the continuation of a saved one, once the `checks` have passed."""
+        if "keep_modes" in self.given:
+            return self._in_few_modes(*checks)
+        if recorded(self.scene):
+            return self._continued(*checks)
+        from nonlinear.simulation import simulate
+
+        return self._computed(simulate, checks)
+
+    def advice(self, *checks: Check) -> Advice:
+        """The cheapest method for the accuracy, which `run` takes as well, with everything that was tried."""
+        from nonlinear.simulation import advise
+
+        return self._computed(advise, checks)
+
+    def shown(self, *checks: Check) -> Trajectory:
+        """A saved run unchanged, or a new complete run of a scene."""
+        from modal.errors import SceneError
+        from nonlinear import files as recordings
+        from nonlinear.integration import validate
+
+        if not recorded(self.scene):
+            return whole(self.run(*checks))
+        if self.given:
+            raise SceneError([f"--{name.replace('_', '-')}: cannot change a saved run" for name in self.given])
+        trajectory: Trajectory = validate(*checks, self._place, lambda: recordings.load(self.scene))[-1]
+        return trajectory
+
+    def _place(self) -> None:
+        in_a_folder(self.output)
+
+    def _bar(self, scene: Scene) -> AbstractContextManager[Callable[[float], object]]:
+        """A progress bar, and a word on motions that take days."""
+        return forewarned(scene, self.duration)
+
+    def _computed(self, function: Callable[..., Computed], checks: Sequence[Check]) -> Computed:
+        """What a function that takes the arguments of `simulate` makes of a scene and its start."""
+        from modal.scene import load
+        from nonlinear.integration import validate, validate_method
+
+        scene = load(self.scene)
+        words = {name: self.given.get(name, "auto") for name in ("method", "form")}
+        *_, start, _ = validate(
+            *checks,
+            self._place,
+            lambda: start_of(scene, self.given.get("start")),
+            lambda: validate_method(scene, **words),
+        )
+        with self._bar(scene) as report:
+            samples = self.given.get("samples")
+            return function(scene, self.duration, start=start, output=samples, report=report, **self.how)
+
+    def _continued(self, *checks: Check) -> Trajectory:
+        from nonlinear import files as recordings
+        from nonlinear.integration import validate
+        from nonlinear.simulation import resume
+
+        *_, before = validate(*checks, self._place, self._unstarted, lambda: recordings.load(self.scene))
+        with self._bar(before.scene) as report:
+            return resume(before, self.duration, output=self.given.get("samples"), report=report, **self.how)
+
+    def _unstarted(self) -> None:
+        from modal.errors import SceneError
+
+        if "start" in self.given:
+            raise SceneError(["--start: a saved run continues from its last state"])
+
+    def _in_few_modes(self, *checks: Check) -> Trajectory:
+        """A new run of a scene, restricted to its lowest modes by --keep-modes."""
+        from modal.scene import load
+        from nonlinear.integration import validate
+        from nonlinear.reduction import simulate_truncated
+
+        *_, scene = validate(*checks, self._place, self._whole_scene, lambda: load(self.scene))
+        how = {name: self.given[name] for name in ("method", "tolerance") if name in self.given}
+        start, samples = start_of(scene, self.given.get("start")), self.given.get("samples")
+        modes = self.given["keep_modes"]
+        with bar(self.duration) as report:
+            reduced = simulate_truncated(scene, self.duration, modes, start=start, output=samples, report=report, **how)
+        return reduced.trajectory
+
+    def _whole_scene(self) -> None:
+        """SceneError for what --keep-modes does not go with."""
+        from modal.errors import SceneError
+
+        asked = [name for name in ("form", "accuracy") if name in self.given]
+        problems = [f"--{name}: cannot be combined with --keep-modes" for name in asked]
+        if recorded(self.scene):
+            problems.append(f"{self.scene}: is a saved run, and --keep-modes needs a scene")
+        if problems:
+            raise SceneError(problems)
 
 
 def recorded(name: str) -> bool:
@@ -53,75 +189,11 @@ def recorded(name: str) -> bool:
     return name.lower().endswith(endings(RUNS))
 
 
-def run_of(options: argparse.Namespace, target: Callable[[], object]) -> Trajectory:
-    """A new run of a scene, or the continuation of a saved one, once `target` has accepted the file to write."""
-    from modal.scene import load
-    from nonlinear import files as recordings
-    from nonlinear.integration import validate, validate_method
-    from nonlinear.simulation import resume
-    from nonlinear.simulation import simulate as run
-
-    duration = options.duration or options.usual
-    given = {name: getattr(options, name) for name in HOW if getattr(options, name)}
-    if recorded(options.scene):
-        before = validate(
-            target,
-            lambda: in_a_folder(options.output),
-            lambda: _unstarted(options),
-            lambda: recordings.load(options.scene),
-        )[-1]
-        with bar(duration) as report:
-            told = forewarning(report, before.scene, duration)
-            return resume(before, duration, output=options.samples, report=told, **given)
-    scene = load(options.scene)
-    words = {name: given.get(name, "auto") for name in ("method", "form")}
-    *_, start, _ = validate(
-        target,
-        lambda: in_a_folder(options.output),
-        lambda: start_of(scene, options.start),
-        lambda: validate_method(scene, **words),
-    )
+@contextmanager
+def forewarned(scene: Scene, duration: float) -> Iterator[Callable[[float], object]]:
+    """A progress bar of a motion, and a word on one that takes days."""
     with bar(duration) as report:
-        told = forewarning(report, scene, duration)
-        return run(scene, duration, start=start, output=options.samples, report=told, **given)
-
-
-def in_few_modes(options: argparse.Namespace, target: Callable[[], object]) -> Trajectory:
-    """A new run of a scene, restricted to its lowest modes by --keep-modes."""
-    from modal.errors import SceneError
-    from modal.scene import load
-    from nonlinear.integration import validate
-    from nonlinear.reduction import simulate_truncated
-
-    def fitting() -> None:
-        problems = [
-            f"--{name}: cannot be combined with --keep-modes" for name in ("form", "accuracy") if getattr(options, name)
-        ]
-        if recorded(options.scene):
-            problems.append(f"{options.scene}: is a saved run, and --keep-modes needs a scene")
-        if problems:
-            raise SceneError(problems)
-
-    *_, scene = validate(target, lambda: in_a_folder(options.output), fitting, lambda: load(options.scene))
-    duration = options.duration or options.usual
-    given = {name: getattr(options, name) for name in ("method", "tolerance") if getattr(options, name)}
-    with bar(duration) as report:
-        return simulate_truncated(
-            scene,
-            duration,
-            options.keep_modes,
-            start=start_of(scene, options.start),
-            output=options.samples,
-            report=report,
-            **given,
-        ).trajectory
-
-
-def _unstarted(options: argparse.Namespace) -> None:
-    from modal.errors import SceneError
-
-    if options.start:
-        raise SceneError(["--start: a saved run continues from its last state"])
+        yield forewarning(report, scene, duration)
 
 
 ELSEWHERE = "another one: start = { angles_deg = [...] } in an entry of the file"
@@ -228,30 +300,13 @@ def _in_mode(scene: Scene, number: int, degrees: float, *, undamped: bool) -> St
         raise SceneError([f"--start mode:{number}:{degrees:g}: the largest angle must be a number of at most 180 deg"])
     row = number - 1
     if undamped:
-        found = np.flatnonzero(table_numbers(scene) == number)
-        if not found.size:
+        rows = np.flatnonzero(table_numbers(scene) == number)
+        if not rows.size:
             raise SceneError([f"--start mode:{number}: is a mode of the dampers alone, which does not oscillate"])
-        scene, row = scene.conservative, int(found[0])
+        scene, row = scene.conservative, int(rows[0])
         modes = modes_of(scene)
     state = start_in_mode(scene, modes, row, copy_along(modes, row), radians(degrees))
     return state if scene.space == "plane" else of_plane(state)
-
-
-def shown_of(options: argparse.Namespace, target: Callable[[], object]) -> Trajectory:
-    """A saved run unchanged, or a new complete run of a scene."""
-    from modal.errors import SceneError
-    from nonlinear import files as recordings
-    from nonlinear.integration import validate
-
-    if not recorded(options.scene):
-        return whole(run_of(options, target))
-    asked = [name for name in ("start", "duration", *HOW, "samples") if getattr(options, name)]
-    if asked:
-        raise SceneError([f"--{name}: cannot change a saved run" for name in asked])
-    found: Trajectory = validate(target, lambda: in_a_folder(options.output), lambda: recordings.load(options.scene))[
-        -1
-    ]
-    return found
 
 
 def whole(trajectory: Trajectory) -> Trajectory:

@@ -17,9 +17,11 @@ from multipendula.options import (
     RUNS,
     Repeated,
     add_crew,
+    add_members,
     add_output,
     add_picture,
     add_scene,
+    add_seed,
     add_strobes,
     add_switch,
     add_vary,
@@ -32,6 +34,8 @@ if TYPE_CHECKING:
 
 
 BY_STROBES = ("phase_deg", "settle", "of")
+BY_ENERGY, DRAWN = "start.energy", ("members", "seed")
+"""What is varied where starts are drawn at random, and the options of that."""
 
 
 def sweep(options: argparse.Namespace) -> None:
@@ -39,23 +43,26 @@ def sweep(options: argparse.Namespace) -> None:
     kind = picture_in_place(options)
     if not options.strobe:
         refuse(options, BY_STROBES, "needs --strobe")
+    if not any(text.partition("=")[0].strip() == BY_ENERGY for text in options.vary):
+        refuse(options, DRAWN, f"needs --vary {BY_ENERGY}=VALUES")
     (_loci if options.loci else _strobes if options.strobe else _map)(options, kind)
 
 
 def _sweep_arguments(page: Page) -> None:
+    from nonlinear.measures import taken_by
+
     add_scene(page)
-    more = ": support.mass=1:1000:50log, gravity=1:10:5 or pendulum[*].links[0].length=0.9,1,1.1; one to three of them"
-    add_vary(page, more, required=True)
-    measures = (
-        *("frequencies", "damping", "splitting", "beat", "amplitude", "energy_drift", "lyapunov"),
-        *("order", "survivor", "locking", "pendulum_energy", "floquet"),
-    )
     more = (
-        ": frequencies (default), damping, splitting or beat of the modes, amplitude, energy_drift or lyapunov of a "
-        "run, order, survivor, locking or pendulum_energy of a scene with drives, floquet under a vertical sine; "
-        "repeat for several"
+        ": support.mass=1:1000:50log, gravity=1:10:5 or pendulum[*].links[0].length=0.9,1,1.1; one to three of them; "
+        "start.energy=1:20:40 (J above rest) draws --members starts at every energy"
     )
-    add_words(page.asked, "--measure", measures, more, comma="", action=Repeated)
+    add_vary(page, more, required=True)
+    more = f": {', '.join(taken_by('sweep'))} (default frequencies, over energies lyapunov); repeat for several"
+    add_words(page.asked, "--measure", taken_by("sweep"), more, comma="", action=Repeated)
+    add_members(page, ": starts drawn at every start.energy (default 50)", 100_000)
+    add_seed(page, " (default 0)")
+    page.rephrase(r"find_bifurcations follows them$", "--strobe follows them")
+    page.rephrase(r"^start\.energy: needs members", "start.energy: needs --members")
     add_switch(page.asked, "--loci")
     page.rephrase(r"(loci need an undamped scene .*)$", r"\1; without --loci, --measure frequencies takes dampers")
     add_switch(page.asked, "--strobe", ", along one --vary: a bifurcation diagram of the last 50 (-o: .csv, .json)")
@@ -72,40 +79,42 @@ def _map(options: argparse.Namespace, kind: str) -> None:
     from modal.scene import kind_of, load
     from modal.scene.parameters import parse_variations
     from nonlinear.integration import validate
-    from nonlinear.sweeps import KINDS, Study, parse_measures, reasons, save, sweep_text
+    from nonlinear.sweeps import KINDS, LYAPUNOV, MEMBERS, Study, parse_measures, reasons, save, sweep_text
     from nonlinear.sweeps import sweep as swept
     from nonlinear.system import has_start
 
+    by_energy = any(text.partition("=")[0].strip() == BY_ENERGY for text in options.vary)
     _, scene, axes, measures = validate(
         lambda: kind_of(options.output, KINDS) if options.output else "",
         lambda: load(options.scene),
         lambda: parse_variations(options.vary),
-        lambda: parse_measures(options.measure or ["frequencies"]),
+        lambda: parse_measures(options.measure or [LYAPUNOV if by_energy else "frequencies"]),
     )
-    study = Study(scene, axes, measures)
+    drawn_starts = (options.members or MEMBERS, options.seed or 0) if by_energy else ()
+    study = Study(scene, axes, measures, *drawn_starts)
     if options.picture:
         from nonlinear.plotting import draw_sweep, validate_axes
 
         validate_axes(axes)
-    if any(one.measure.runs for one in measures) and not has_start(scene):
+    if not by_energy and any(request.computation.runs for request in measures) and not has_start(scene):
         tell_of_start("every point begins in the shape of its first mode that swings")
     with _journal(options, study) as kept:
         with _crew(options) as crew, bar(study.size, "point") as report:
-            found = swept(study, journal=kept, workers=options.workers, crew=crew, report=report)
-        if len(found.failures) == study.size:
+            outcome = swept(study, journal=kept, workers=options.workers, crew=crew, report=report)
+        if len(outcome.failures) == study.size:
             kept.finish()
-            raise ComputationError("\n".join(["every point of the sweep failed", *reasons(found)]))
-        say(sweep_text(found))
-        if found.interrupted:
+            raise ComputationError("\n".join(["every point of the sweep failed", *reasons(outcome)]))
+        say(sweep_text(outcome))
+        if outcome.interrupted:
             if _has_journal(options):
                 print(f"repeat the command to resume from {visible(options.output)}.journal", file=sys.stderr)
             raise KeyboardInterrupt
         if options.output:
-            save(found, options.output)
+            save(outcome, options.output)
             kept.finish()
     if options.picture:
         with drawn(options.picture, options.theme) as stream:
-            draw_sweep(found, stream, kind)
+            draw_sweep(outcome, stream, kind)
 
 
 def _has_journal(options: argparse.Namespace) -> bool:
@@ -143,7 +152,8 @@ def _loci(options: argparse.Namespace, kind: str) -> None:
     from modal.scene import STANDARD, load, whole_file
     from modal.scene.parameters import parse_variations
 
-    asked = [name for name in ("measure", "strobe", "workers", "scheduler", "fresh") if getattr(options, name)]
+    unwanted = ("measure", "strobe", "workers", "scheduler", "fresh", "members")
+    asked = [name for name in unwanted if getattr(options, name)]
     problems = [f"--{name}: cannot be combined with --loci" for name in asked]
     if len(options.vary) != 1:
         problems.append("--loci: needs exactly one --vary")
@@ -153,16 +163,16 @@ def _loci(options: argparse.Namespace, kind: str) -> None:
         raise SceneError(problems)
     scene, (variation,) = load(options.scene), parse_variations(options.vary)
     with bar(len(variation.values), "value") as report:
-        found = follow_loci(scene, variation, report)
-    say(loci_text(found))
+        loci = follow_loci(scene, variation, report)
+    say(loci_text(loci))
     if options.output:
         with whole_file(options.output) as stream:
-            stream.write(loci_csv(found).encode())
+            stream.write(loci_csv(loci).encode())
     if options.picture:
         from modal.plotting import draw_loci
 
         with drawn(options.picture, options.theme) as stream:
-            draw_loci(found, stream, kind)
+            draw_loci(loci, stream, kind)
 
 
 def _strobes(options: argparse.Namespace, kind: str) -> None:
@@ -184,17 +194,17 @@ def _strobes(options: argparse.Namespace, kind: str) -> None:
         tell_of_start("every value begins in the shape of its first mode that swings")
     more = {"phase_deg": options.phase_deg or 0.0, "settle": options.settle, "of": names_of(options)}
     with _crew(options) as crew, bar(len(variation.values), "value") as report:
-        found = find_bifurcations(scene, variation, workers=options.workers, crew=crew, report=report, **more)
+        strobes = find_bifurcations(scene, variation, workers=options.workers, crew=crew, report=report, **more)
     if options.output != STANDARD:
-        say(bifurcation_table(found, "text"))
+        say(bifurcation_table(strobes, "text"))
     if form:
         with whole_file(options.output) as stream:
-            stream.write(bifurcation_table(found, "csv" if form == "csv" else "json").encode())
+            stream.write(bifurcation_table(strobes, "csv" if form == "csv" else "json").encode())
     if options.picture:
         from nonlinear.plotting import draw_bifurcations
 
         with drawn(options.picture, options.theme) as stream:
-            draw_bifurcations(found, stream, kind)
+            draw_bifurcations(strobes, stream, kind)
 
 
 COMMANDS = (
@@ -207,10 +217,12 @@ COMMANDS = (
             "One to three numbers of a scene, named by their place in the file, are set to every combination of "
             "values, on all cores. Finished points are saved beside --output; after Ctrl-C the same command resumes. "
             "With --loci the frequencies are followed by their mode shapes along one number, and crossings are "
-            "distinguished from veerings. With --strobe every value has a run of its own, of which, after a transient, "
-            "50 states are kept, one in each period of the drives: one point is a motion of that period, two and four "
-            "are doublings of it, many chaos. With --measure floquet over the amplitude and the frequency of a "
-            "vertical sine, the boundaries of growth are traced and drawn."
+            "distinguished from veerings (orbits --vary follows motions at large angles, sync --vary the steady "
+            "oscillations of a scene with drives). With --strobe every value has a run of its own, of which, after a "
+            "transient, 50 states are kept, one in each period of the drives: one point is a motion of that period, "
+            "two and four are doublings of it, many chaos. With start.energy, --members starts are drawn at random on "
+            "each energy, and of what is measured quantiles are kept. With --measure floquet over the amplitude and "
+            "the frequency of a vertical sine, the boundaries of growth are traced and drawn."
         ),
         examples=(
             (
@@ -231,8 +243,8 @@ COMMANDS = (
                 "where an inverted pendulum is held up, with the boundaries of growth",
             ),
             (
-                "sweep chain-2 --vary gravity=1:10:4 --vary 'pendulum[*].links[*].mass=1,2,3' --picture map.png",
-                "a map over two numbers; [*] means all entries",
+                "sweep chain-2 --vary start.energy=1:20:8 --members 10 --measure lyapunov:20 --picture chaos.png",
+                "how many of ten starts at each energy are chaotic, and how much",
             ),
         ),
     ),

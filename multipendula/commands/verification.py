@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import IO, TYPE_CHECKING, Any
 
 from multipendula.command import Command
-from multipendula.commands.runs import ELSEWHERE, recorded, start_of, whole
+from multipendula.commands.runs import ELSEWHERE, RunOptions, recorded, start_of, whole
 from multipendula.commands.shared import bar, chosen, drawn, forewarning, in_a_folder, picture, say, warned
 from multipendula.options import (
     REPORTS,
@@ -19,7 +19,6 @@ from multipendula.options import (
     add_motion,
     add_option,
     add_report,
-    add_samples,
     add_scene,
     add_start,
     add_switch,
@@ -39,22 +38,20 @@ def check(options: argparse.Namespace) -> None:
     from modal.scene import load
 
     kind, scene = _kind(options), load(_scene(options))
-    found, table, draw = _general(options, scene) if options.general else _mode_by_mode(options, scene)
-    say(table(found, options.format), options.format)
-    if getattr(found, "interrupted", False):
+    outcome, table, draw = _general(options, scene) if options.general else _mode_by_mode(options, scene)
+    say(table(outcome, options.format), options.format)
+    if getattr(outcome, "interrupted", False):
         raise KeyboardInterrupt
     if options.output:
         with drawn(options.output, options.theme) as stream:
-            draw(found, stream, kind)
+            draw(outcome, stream, kind)
 
 
 def _check_arguments(page: Page) -> None:
-    add_scene(page)
+    RunOptions.add(page, USUAL, runs=False, without=("keep_modes",))
     add_modes(page)
     add_option(page.asked, "--amplitudes", " (default 1,5,10,30)", type=angles)
     add_switch(page.asked, "--general")
-    add_start(page, ", with --general, as in simulate")
-    add_duration(page, f", with --general (default {USUAL:g})")
     add_format(page, REPORTS)
     add_report(page, REPORTS)
 
@@ -65,24 +62,21 @@ def _mode_by_mode(options: argparse.Namespace, scene: Scene) -> tuple[Any, Any, 
     from nonlinear.verification import AMPLITUDES_DEG, check_table
     from nonlinear.verification import check as checked
 
-    _refuse(options, "needs", ("start", "duration"))
+    _refuse(options, "needs", tuple(RunOptions.of(options).given))
     numbers = chosen(options.modes, len(natural_modes(scene)))
     with bar(len(numbers), "mode") as report:
-        found = checked(scene, list(numbers), options.amplitudes or AMPLITUDES_DEG, report=report)
-    return found, check_table, deferred("nonlinear.plotting:draw_check")
+        outcome = checked(scene, list(numbers), options.amplitudes or AMPLITUDES_DEG, report=report)
+    return outcome, check_table, deferred("nonlinear.plotting:draw_check")
 
 
 def _general(options: argparse.Namespace, scene: Scene) -> tuple[Any, Any, Any]:
     from modal.report import deferred
     from modal.scene import require
-    from nonlinear.simulation import simulate as run
     from nonlinear.verification import compare, comparison_table
 
     _refuse(options, "cannot be combined with", ("modes", "amplitudes"))
     require(scene, "a comparison with modes")
-    duration = options.duration or USUAL
-    with bar(duration) as report:
-        trajectory = whole(run(scene, duration, start=start_of(scene, options.start), report=report))
+    trajectory = RunOptions.of(options).shown()
     return compare(trajectory), comparison_table, deferred("nonlinear.plotting:draw_spectrum")
 
 
@@ -139,17 +133,17 @@ def _exponent(options: argparse.Namespace) -> Drawn:
     members, start = options.members or 16, start_of(scene, None, elsewhere=ELSEWHERE)
     with bar((1 + TRANSIENT) * duration) as report:
         told = forewarning(report, scene, (1 + TRANSIENT) * duration, members)
-        found = lyapunov_exponent(scene, duration, ensemble=members, start=start, report=told)
+        exponent = lyapunov_exponent(scene, duration, ensemble=members, start=start, report=told)
 
     def draw(stream: IO[bytes], kind: str) -> None:
         from nonlinear.plotting import draw_running
 
-        draw_running(found, stream, kind=kind)
+        draw_running(exponent, stream, kind=kind)
 
-    if found.interrupted:
-        say(f"{found.text()}\n")
+    if exponent.interrupted:
+        say(f"{exponent.text()}\n")
         raise KeyboardInterrupt
-    return found.text(), draw
+    return exponent.text(), draw
 
 
 def _claims(options: argparse.Namespace) -> Drawn:
@@ -179,15 +173,15 @@ def tradeoff(options: argparse.Namespace) -> None:
     kind, scene = _kind(options), load(_scene(options))
     start = start_of(scene, options.start)
     with bar(len(list_candidates(scene)) + 1, "candidate") as report:
-        found = compared(scene, options.duration, start=start, report=report)
-    say(tradeoff_table(found, options.format), options.format)
-    if found.interrupted:
+        comparison = compared(scene, options.duration, start=start, report=report)
+    say(tradeoff_table(comparison, options.format), options.format)
+    if comparison.interrupted:
         raise KeyboardInterrupt
     if options.output:
         from nonlinear.plotting import draw_tradeoff
 
         with drawn(options.output, options.theme) as stream:
-            draw_tradeoff(found, stream, kind)
+            draw_tradeoff(comparison, stream, kind)
 
 
 def _tradeoff_arguments(page: Page) -> None:
@@ -200,22 +194,13 @@ def _tradeoff_arguments(page: Page) -> None:
 
 def advise(options: argparse.Namespace) -> None:
     """Find the cheapest method that meets an accuracy, with evidence that it does."""
-    from modal.scene import load
     from nonlinear import files as recordings
     from nonlinear.accuracy import advice_table
     from nonlinear.files import checked_kind
-    from nonlinear.integration import validate
-    from nonlinear.simulation import advise as advised
     from nonlinear.simulation import certain
 
-    scene = load(_scene(options))
-    *_, start = validate(
-        lambda: options.output and checked_kind(options.output),
-        lambda: in_a_folder(options.output),
-        lambda: start_of(scene, options.start),
-    )
-    with bar(options.duration) as report:
-        advice = advised(scene, options.duration, options.accuracy, start=start, output=options.samples, report=report)
+    _scene(options)
+    advice = RunOptions.of(options).advice(lambda: options.output and checked_kind(options.output))
     say(advice_table(advice, options.format), options.format)
     if options.output:
         recordings.save(advice.certain, options.output)
@@ -223,11 +208,8 @@ def advise(options: argparse.Namespace) -> None:
 
 
 def _advise_arguments(page: Page) -> None:
-    add_scene(page)
+    RunOptions.add(page, 60.0, runs=False, without=("tolerance", "accuracy", "keep_modes"))
     add_accuracy(page, required=True)
-    add_duration(page, " (default 60)", 60.0)
-    add_start(page)
-    add_samples(page)
     add_format(page, REPORTS)
     add_motion(page)
 

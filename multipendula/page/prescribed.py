@@ -78,7 +78,7 @@ def _source(motion: PrescribedMotion) -> dict[str, Any]:
     from modal.vibration import RandomProcess, Record, SweptSine
 
     if isinstance(motion, Record):
-        return {"kind": "record", "orders": [_listed(own) for own in _polynomials(motion)]}
+        return {"kind": "record", "orders": [_listed(pieces) for pieces in _polynomials(motion)]}
     if isinstance(motion, RandomProcess):
         return {
             "kind": "random",

@@ -14,15 +14,15 @@ from nonlinear.accuracy.attempts import Goal
 from nonlinear.accuracy.candidates import Candidate, Question, list_candidates
 from nonlinear.accuracy.references import choose_references
 from nonlinear.accuracy.tables import advice_table, tradeoff_table
-from nonlinear.accuracy.work_precision import Row, WorkPrecision, measure_work_precision
+from nonlinear.accuracy.work_precision import WorkPrecision, WorkPrecisionRow, measure_work_precision
 
 __all__ = [
     "Advice",
     "Candidate",
     "Goal",
     "Question",
-    "Row",
     "WorkPrecision",
+    "WorkPrecisionRow",
     "advice_table",
     "choose_references",
     "list_candidates",

@@ -34,7 +34,7 @@ import numpy as np
 
 from modal.report import Displayed
 from modal.types import Floats
-from nonlinear.accuracy.attempts import AIM, Attempt, Found, Goal, in_closed_form, in_few_modes
+from nonlinear.accuracy.attempts import AIM, Attempt, Goal, TriedRun, in_closed_form, in_few_modes
 from nonlinear.integration import LOOSEST, SMALLEST, Choice, Request, SimulationError, Trajectory, rounded
 from nonlinear.system import apart
 
@@ -85,7 +85,7 @@ class Advice(Displayed):
         kept = self.trajectory.times <= self.horizon
         stopped = f"{self.accuracy:g} rad cannot be met beyond {self.horizon:.9g} s"
         run = replace(self.trajectory.run, error=float(self.errors[kept][-1]), stopped=stopped)
-        happenings = tuple(one for one in self.trajectory.happenings if one.time <= self.horizon)
+        happenings = tuple(happening for happening in self.trajectory.happenings if happening.time <= self.horizon)
         return replace(self.trajectory.at(kept), run=run, happenings=happenings)
 
 
@@ -96,26 +96,26 @@ def seek_accuracy(goal: Goal) -> Advice:
     the integrator fails at the finest tolerance too: a loose run may fail where a tighter one does not.
     """
     attempts: list[Attempt] = []
-    for found in chain(in_closed_form(goal), in_few_modes(goal), _integrated(goal)):
-        attempts.append(found.attempt)
-        if found.errors[-1] <= goal.accuracy or found.trajectory.run.interrupted:
+    for tried in chain(in_closed_form(goal), in_few_modes(goal), _integrated(goal)):
+        attempts.append(tried.attempt)
+        if tried.errors[-1] <= goal.accuracy or tried.trajectory.run.interrupted:
             break
-    if found.gave_up:
-        raise found.gave_up
-    alone = found
-    if not found.trajectory.run.interrupted and (beside := rounded(goal.looked_at)):
-        found = _with_twin(found, beside)
-        attempts[-1] = found.attempt
-    run = replace(found.trajectory.run, error=found.attempt.error)
-    times, last = found.trajectory.times, max(int(np.sum(found.errors <= goal.accuracy)) - 1, 0)
+    if tried.gave_up:
+        raise tried.gave_up
+    alone = tried
+    if not tried.trajectory.run.interrupted and (beside := rounded(goal.looked_at)):
+        tried = _with_twin(tried, beside)
+        attempts[-1] = tried.attempt
+    run = replace(tried.trajectory.run, error=tried.attempt.error)
+    times, last = tried.trajectory.times, max(int(np.sum(tried.errors <= goal.accuracy)) - 1, 0)
     kept = np.isin(times, goal.request.times)
     kept[[last, -1]] = True
-    trajectory = replace(found.trajectory, run=run).at(kept)
+    trajectory = replace(tried.trajectory, run=run).at(kept)
     parted = last + 1 < len(times) and bool(alone.errors[last + 1] <= goal.accuracy)
-    return Advice(goal.accuracy, trajectory, found.errors[kept], tuple(attempts), float(times[last]), parted)
+    return Advice(goal.accuracy, trajectory, tried.errors[kept], tuple(attempts), float(times[last]), parted)
 
 
-def _integrated(goal: Goal) -> Iterator[Found]:
+def _integrated(goal: Goal) -> Iterator[TriedRun]:
     """Runs at tighter and tighter tolerances, each compared with those before."""
     asked = goal.looked_at
     choice = asked.choice(min(max(goal.tolerance, SMALLEST), LOOSEST / RATIO))
@@ -131,7 +131,7 @@ def _integrated(goal: Goal) -> Iterator[Found]:
         choice = tighter
 
 
-def _run(asked: Request, choice: Choice) -> Found:
+def _run(asked: Request, choice: Choice) -> TriedRun:
     begun, gave_up = perf_counter(), None
     try:
         trajectory = asked.run(choice)
@@ -140,36 +140,36 @@ def _run(asked: Request, choice: Choice) -> Found:
     words = " ".join(part for part in (choice.form, choice.method, "compiled" * choice.compiled) if part)
     attempt = Attempt(words, choice.tolerance, perf_counter() - begun, trajectory.run.calls, inf)
     errors = np.full(len(trajectory.times), inf)
-    return Found(trajectory, errors, attempt, lambda other: other.run(other.choice(choice.tolerance)), gave_up)
+    return TriedRun(trajectory, errors, attempt, lambda other: other.run(other.choice(choice.tolerance)), gave_up)
 
 
-def _with_twin(found: Found, beside: Request) -> Found:
+def _with_twin(tried: TriedRun, beside: Request) -> TriedRun:
     """A run that is compared with its twin as well."""
     begun = perf_counter()
-    trajectory, twin = found.trajectory, found.again(beside)
-    errors = np.maximum(found.errors, PARTED * _difference(trajectory, twin))
+    trajectory, twin = tried.trajectory, tried.again(beside)
+    errors = np.maximum(tried.errors, PARTED * _difference(trajectory, twin))
     if twin.run.interrupted:
         run = replace(trajectory.run, interrupted=True, stopped=twin.run.stopped)
         trajectory = replace(trajectory.at(trajectory.times <= twin.times[-1]), run=run)
-    spent, calls = found.attempt.seconds + perf_counter() - begun, found.attempt.calls + twin.run.calls
-    attempt = replace(found.attempt, seconds=spent, calls=calls, error=float(errors[-1]))
-    return replace(found, trajectory=trajectory, errors=errors[: len(trajectory.times)], attempt=attempt)
+    spent, calls = tried.attempt.seconds + perf_counter() - begun, tried.attempt.calls + twin.run.calls
+    attempt = replace(tried.attempt, seconds=spent, calls=calls, error=float(errors[-1]))
+    return replace(tried, trajectory=trajectory, errors=errors[: len(trajectory.times)], attempt=attempt)
 
 
-def _beside(found: Found, runs: Sequence[Found], rounding: float) -> Found:
+def _beside(tried: TriedRun, runs: Sequence[TriedRun], rounding: float) -> TriedRun:
     """A run with its errors, estimated from looser runs, plus what rounding (rad) adds where they differ at all."""
     before = runs[-1]
-    if found.gave_up:
-        return found
-    difference = _difference(found.trajectory, before.trajectory)
+    if tried.gave_up:
+        return tried
+    difference = _difference(tried.trajectory, before.trajectory)
     credit = np.full(len(difference), 1 / SAFETY)
     if len(runs) > 1:
-        ratio = min(before.attempt.tolerance / found.attempt.tolerance, FARTHEST)
-        fallen = _difference(found.trajectory, runs[-2].trajectory), difference
+        ratio = min(before.attempt.tolerance / tried.attempt.tolerance, FARTHEST)
+        fallen = _difference(tried.trajectory, runs[-2].trajectory), difference
         order = _order(*fallen, runs[-2].attempt.tolerance / before.attempt.tolerance)
         credit = np.maximum(ratio**order / SAFETY, 1 / JUDGED)
     errors = np.maximum.accumulate(difference / credit) + rounding * (difference > 0)
-    return replace(found, errors=errors, attempt=replace(found.attempt, error=float(errors[-1])))
+    return replace(tried, errors=errors, attempt=replace(tried.attempt, error=float(errors[-1])))
 
 
 def _order(looser: Floats, tighter: Floats, ratio: float) -> Floats:
@@ -184,27 +184,27 @@ def _order(looser: Floats, tighter: Floats, ratio: float) -> Floats:
     return np.where(known[last], np.clip(order[last], 0.0, 1.0), 0.0)
 
 
-def _difference(one: Trajectory, other: Trajectory) -> Floats:
+def _difference(run: Trajectory, other: Trajectory) -> Floats:
     """The largest angle (rad) so far between two runs at the times of the first, (T,), as far as both go.
 
     It is inf where it is meaningless: where the runs have parted or are identical, or the other ended long before.
     Where an event ends both at slightly different times, the last samples take the difference before them.
     """
-    both = min(len(one.times), len(other.times))
-    both = int(np.sum(one.times[:both] == other.times[:both]))
+    both = min(len(run.times), len(other.times))
+    both = int(np.sum(run.times[:both] == other.times[:both]))
     rows = slice(both)
-    gone = np.maximum.accumulate(apart(one.motion.at(rows), other.motion.at(rows)))
+    gone = np.maximum.accumulate(apart(run.motion.at(rows), other.motion.at(rows)))
     gone[gone > LOST] = inf
-    if not gone.any() and np.ptp(one.motion.links, axis=0).any():
+    if not gone.any() and np.ptp(run.motion.links, axis=0).any():
         gone[:] = inf
-    beyond = len(one.times) - both
+    beyond = len(run.times) - both
     return np.pad(gone, (0, beyond), constant_values=inf if beyond > TOGETHER else gone[-1])
 
 
-def _next(goal: Goal, found: Found, before: Found) -> float:
+def _next(goal: Goal, tried: TriedRun, before: TriedRun) -> float:
     """The tolerance expected to meet the accuracy; the finest only after one close enough to be compared with it."""
-    tolerance = found.attempt.tolerance
-    difference = float(_difference(found.trajectory, before.trajectory)[-1])
+    tolerance = tried.attempt.tolerance
+    difference = float(_difference(tried.trajectory, before.trajectory)[-1])
     if difference == inf:
         near = FARTHEST * SMALLEST
         return near if LEAP * tolerance < near < tolerance / NEAREST else LEAP * tolerance

@@ -58,7 +58,7 @@ class Attempt:
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
+class TriedRun:
     """A trajectory, the error bound of its angles up to each of its times (T,) in rad, and its cost.
 
     `again` repeats the method from another start; `gave_up` is the error of an integrator that failed, of whose run
@@ -116,7 +116,7 @@ class Goal(Displayed):
         return asked.method == asked.form == "auto" and not (acted_on or prescribed)
 
 
-def in_closed_form(goal: Goal) -> Iterator[Found]:
+def in_closed_form(goal: Goal) -> Iterator[TriedRun]:
     """Linear and corrected modes, where their error can be estimated."""
     if not goal.free or CURVED * goal.request.size**3 > goal.accuracy or goal.request.system.n_links > LARGEST:
         return
@@ -128,12 +128,12 @@ def in_closed_form(goal: Goal) -> Iterator[Found]:
     except ComputationError:
         return
     for kind, each in ((LINEAR, motion.linear), (CORRECTED, motion)):
-        if found := _superposed(goal, kind, each, begun):
-            yield found
+        if tried := _superposed(goal, kind, each, begun):
+            yield tried
         begun = perf_counter()
 
 
-def _superposed(goal: Goal, kind: str, motion: Superposition, begun: float) -> Found | None:
+def _superposed(goal: Goal, kind: str, motion: Superposition, begun: float) -> TriedRun | None:
     asked = goal.looked_at
     estimate = defect_error(motion, asked.duration)
     if estimate is None:
@@ -148,10 +148,10 @@ def _superposed(goal: Goal, kind: str, motion: Superposition, begun: float) -> F
         moved = superpose(other.scene, other.start, corrected=kind == CORRECTED)
         return replace(trajectory, motion=moved(elapsed))
 
-    return Found(trajectory, errors, Attempt(kind, nan, perf_counter() - begun, 0, float(errors[-1])), again)
+    return TriedRun(trajectory, errors, Attempt(kind, nan, perf_counter() - begun, 0, float(errors[-1])), again)
 
 
-def in_few_modes(goal: Goal) -> Iterator[Found]:
+def in_few_modes(goal: Goal) -> Iterator[TriedRun]:
     """The lowest modes of a long scene that starts in them."""
     asked = goal.looked_at
     if not goal.free or asked.system.spatial or asked.system.n_links < LONG:
@@ -165,12 +165,12 @@ def in_few_modes(goal: Goal) -> Iterator[Found]:
     if survey.columns(modes) > SHARE * asked.system.n_links:
         return
     tolerance = min(goal.tolerance, LOOSEST)
-    found = in_modes(survey, modes, asked.times, tolerance=tolerance, report=asked.report)
-    run, way = found.trajectory.run, f"{len(found.kept)} mode shapes"
+    reduced = in_modes(survey, modes, asked.times, tolerance=tolerance, report=asked.report)
+    run, way = reduced.trajectory.run, f"{len(reduced.kept)} mode shapes"
 
     def again(other: Request) -> Trajectory:
         beside = replace(survey, start=other.start)
         return in_modes(beside, modes, other.times, tolerance=tolerance, report=other.report).trajectory
 
-    attempt = Attempt(way, run.tolerance, perf_counter() - begun, run.calls, found.error)
-    yield Found(found.trajectory, found.errors, attempt, again)
+    attempt = Attempt(way, run.tolerance, perf_counter() - begun, run.calls, reduced.error)
+    yield TriedRun(reduced.trajectory, reduced.errors, attempt, again)

@@ -95,10 +95,10 @@ class Candidate:
         run = SolverInfo(self.kind, CLOSED, "one level of fidelity of several", inf)
 
         def task() -> Trajectory:
-            found = motion(times)
-            if not np.all(np.isfinite(found.links)):
+            states = motion(times)
+            if not np.all(np.isfinite(states.links)):
                 raise ComputationError("the modes overflow")
-            return Trajectory(scene, system, times, found, run)
+            return Trajectory(scene, system, times, states, run)
 
         return task
 
@@ -113,12 +113,12 @@ class Candidate:
 
         def task() -> Trajectory:
             try:
-                found = ready.go(report=_impatient(question))
+                run = ready.go(report=_impatient(question))
             except TimeoutError as error:
                 raise GivenUpError(str(error)) from None
-            if found.run.interrupted:
+            if run.run.interrupted:
                 raise KeyboardInterrupt
-            return found
+            return run
 
         return task
 

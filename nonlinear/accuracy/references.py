@@ -64,8 +64,8 @@ class Reference(Displayed):
     @property
     def floor(self) -> float:
         """The smallest error (rad) that can be measured up to the horizon."""
-        own = self.trajectory
-        size = Question(own.scene, own.motion[0], own.times).request.size
+        run = self.trajectory
+        size = Question(run.scene, run.motion[0], run.times).request.size
         return float(max(self.difference[-1], self.candidate.tolerance * self.growth[-1] * size) / SHARE)
 
     @property
@@ -82,13 +82,13 @@ def reference_of(question: Question) -> Reference:
     tolerable = SHARE * JUDGED * size
     growth = _growth(question)
     question = _cut(question, finest.tolerance * growth * size < tolerable)
-    found, other = (candidate.prepare(question)() for candidate in (finest, check))
-    difference = np.maximum.accumulate(apart(found.motion, other.motion))
+    solution, other = (candidate.prepare(question)() for candidate in (finest, check))
+    difference = np.maximum.accumulate(apart(solution.motion, other.motion))
     shorter = _cut(question, difference < tolerable)
     if len(shorter.times) < len(question.times):
-        found = finest.prepare(shorter)()
+        solution = finest.prepare(shorter)()
     count = len(shorter.times)
-    return Reference(finest, check, found, difference[:count], growth[:count], duration)
+    return Reference(finest, check, solution, difference[:count], growth[:count], duration)
 
 
 def choose_references(scene: Scene) -> tuple[Candidate, Candidate]:
@@ -110,8 +110,8 @@ def _growth(question: Question) -> Floats:
     candidate = TWIN if question.scene.space == "plane" else replace(TWIN, kind="spatial")
     system = system_of(question.scene)
     twin = replace(question, start=aside(system, question.start, slightly(system, question.start)))
-    one, other = (candidate.prepare(each)().motion for each in (question, twin))
-    gone = np.maximum.accumulate(apart(one, other))
+    motion, other = (candidate.prepare(each)().motion for each in (question, twin))
+    gone = np.maximum.accumulate(apart(motion, other))
     return np.asarray(gone / gone[0])
 
 

@@ -11,7 +11,7 @@ from modal.scene.doors import checked
 from nonlinear.accuracy.advice import Advice
 from nonlinear.accuracy.attempts import Attempt
 from nonlinear.accuracy.references import Reference
-from nonlinear.accuracy.work_precision import LAST, Row, WorkPrecision
+from nonlinear.accuracy.work_precision import LAST, WorkPrecision, WorkPrecisionRow
 
 ROWS = (
     "Pareto",
@@ -28,29 +28,32 @@ TRIED = ("way", "tolerance", "time (ms)", "derivatives", "error (rad)")
 
 
 @checked
-def tradeoff_table(found: WorkPrecision, form: Form) -> str:
+def tradeoff_table(result: WorkPrecision, form: Form) -> str:
     """Every candidate as text, markdown, csv (one line per candidate) or json, as `form` says."""
-    records = [_record(found, row) for row in found.rows]
+    records = [_record(result, row) for row in result.rows]
     if form == "json":
-        return as_json(_whole(found, records))
+        return as_json(_whole(result, records))
     if form == "csv":
         return as_csv(records)
-    cells = [_cells(found, row) for row in found.rows]
+    cells = [_cells(result, row) for row in result.rows]
     return titled(
-        title_of(found.scene), "time against accuracy", [grid(cells, ROWS, form), "\n".join(_notes(found))], form
+        title_of(result.scene),
+        "time against accuracy",
+        [grid(cells, ROWS, form), "\n".join(_notes(result))],
+        form,
     )
 
 
-def _cells(found: WorkPrecision, row: Row) -> list[str]:
+def _cells(precision: WorkPrecision, row: WorkPrecisionRow) -> list[str]:
     candidate = row.candidate
     return [
-        "*" if row in found.pareto else "",
+        "*" if row in precision.pareto else "",
         candidate.family,
         NOTHING if candidate.modal else f"{candidate.tolerance:.1e}".replace(".0e", "e"),
         f"{1e3 * row.seconds:.3g}",
         f"{1e3 * row.prepared:.3g}",
         str(row.calls),
-        f"{row.error:.1e}" if row.error > found.reference.floor else f"<{found.reference.floor:.1e}",
+        f"{row.error:.1e}" if row.error > precision.reference.floor else f"<{precision.reference.floor:.1e}",
         _signed(row.shift),
         _signed(row.drift),
     ]
@@ -60,15 +63,15 @@ def _signed(value: float) -> str:
     return f"{value:.1e}" if isfinite(value) else NOTHING
 
 
-def _notes(found: WorkPrecision) -> list[str]:
-    reference = found.reference
+def _notes(precision: WorkPrecision) -> list[str]:
+    reference = precision.reference
     notes = [
         f"reference: {reference.candidate.name}, checked against {reference.check.name}: they differ by "
         f"{reference.difference[-1]:.1e} rad, and a small error grows {reference.growth[-1]:.2g} times, so no error "
         f"below {reference.floor:.1e} rad can be resolved.",
         f"all {reference.horizon:g} s are compared." if reference.whole else _cut_short(reference),
     ]
-    notes += [f"{name} was left out: {reason}." for name, reason in found.skipped]
+    notes += [f"{name} was left out: {reason}." for name, reason in precision.skipped]
     notes.append(
         "*: on the Pareto front: no other is both faster and more accurate. time: a run, once prepared; derivatives: "
         "right-hand sides, or series of Taylor methods. error: the largest of any link, modulo whole turns, so never "
@@ -89,7 +92,7 @@ def _cut_short(reference: Reference) -> str:
     )
 
 
-def _record(found: WorkPrecision, row: Row) -> dict[str, Any]:
+def _record(precision: WorkPrecision, row: WorkPrecisionRow) -> dict[str, Any]:
     """One candidate, units in the names; None where a value has no meaning."""
     return {
         "kind": row.candidate.kind,
@@ -100,17 +103,17 @@ def _record(found: WorkPrecision, row: Row) -> dict[str, Any]:
         "prepared_seconds": row.prepared,
         "derivatives": row.calls,
         "error_rad": row.error,
-        "certain": row.error > found.reference.floor,
+        "certain": row.error > precision.reference.floor,
         "late_s": finite(row.shift),
         "energy_drift": finite(row.drift),
-        "pareto": row in found.pareto,
+        "pareto": row in precision.pareto,
     }
 
 
-def _whole(found: WorkPrecision, records: list[dict[str, Any]]) -> dict[str, Any]:
-    reference = found.reference
+def _whole(precision: WorkPrecision, records: list[dict[str, Any]]) -> dict[str, Any]:
+    reference = precision.reference
     return {
-        "scene": describe(found.scene),
+        "scene": describe(precision.scene),
         "reference": reference.candidate.name,
         "held_against": reference.check.name,
         "difference_rad": float(reference.difference[-1]),
@@ -119,7 +122,7 @@ def _whole(found: WorkPrecision, records: list[dict[str, Any]]) -> dict[str, Any
         "horizon_s": reference.horizon,
         "growth": float(reference.growth[-1]),
         "rungs": records,
-        "skipped": [{"rung": name, "reason": reason} for name, reason in found.skipped],
+        "skipped": [{"rung": name, "reason": reason} for name, reason in precision.skipped],
     }
 
 
@@ -153,7 +156,7 @@ def _advice_notes(advice: Advice) -> list[str]:
     if run.interrupted:
         verdict = f"{run.stopped}: no accuracy is guaranteed."
     elif advice.met:
-        verdict = f"{last.way}: no angle is off by more than {last.error:.1e} rad until {times[-1]:.9g} s."
+        verdict = f"{last.way}: no angle is off by more than {last.error:.2g} rad until {times[-1]:.9g} s."
     else:
         verdict = f"{advice.limit}."
     return [

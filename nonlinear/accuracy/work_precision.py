@@ -50,7 +50,7 @@ INTERRUPTED = "interrupted"
 
 
 @dataclass(frozen=True, repr=False)
-class Row(Displayed):
+class WorkPrecisionRow(Displayed):
     """One candidate up to the horizon: seconds of preparation, median seconds of a run, right-hand sides.
 
     `error` (rad), `shift` in time (s, NaN where undefined), `drift` of energy (relative, NaN for modes with dampers,
@@ -72,7 +72,7 @@ class WorkPrecision(Displayed):
 
     scene: Scene
     reference: Reference
-    rows: tuple[Row, ...]
+    rows: tuple[WorkPrecisionRow, ...]
     skipped: tuple[tuple[str, str], ...]
 
     @property
@@ -80,14 +80,14 @@ class WorkPrecision(Displayed):
         """Whether Ctrl-C ended it before all candidates were done."""
         return any(reason == INTERRUPTED for _, reason in self.skipped)
 
-    def judged(self, row: Row) -> float:
+    def judged(self, row: WorkPrecisionRow) -> float:
         """The error (rad) as far as it can be measured: not below the reference's floor."""
         return max(row.error, self.reference.floor)
 
     @property
-    def pareto(self) -> tuple[Row, ...]:
+    def pareto(self) -> tuple[WorkPrecisionRow, ...]:
         """The candidates, without the reference, that no other beats in both time and error, fastest first."""
-        front: list[Row] = []
+        front: list[WorkPrecisionRow] = []
         candidates = [row for row in self.rows if row.candidate != self.reference.candidate]
         for row in sorted(candidates, key=lambda row: (row.seconds, self.judged(row))):
             if not front or self.judged(row) < self.judged(front[-1]):
@@ -146,9 +146,9 @@ def _samples(scene: Scene, duration: float) -> Floats:
 
 def _climbed(
     candidates: Sequence[Candidate], question: Question, reference: Reference, report: Callable[[float], object]
-) -> tuple[list[Row], dict[str, str]]:
+) -> tuple[list[WorkPrecisionRow], dict[str, str]]:
     """Every candidate that can be measured, and why the others were not."""
-    rows: list[Row] = []
+    rows: list[WorkPrecisionRow] = []
     skipped: dict[str, str] = {}
     for done, candidate in enumerate(candidates):
         try:
@@ -165,7 +165,7 @@ def _climbed(
     return rows, skipped
 
 
-def measure(candidate: Candidate, question: Question, reference: Reference) -> Row:
+def measure(candidate: Candidate, question: Question, reference: Reference) -> WorkPrecisionRow:
     """One candidate, run several times; ComputationError where it fails or takes too long."""
     prepared: list[float] = []
     seconds: list[float] = []
@@ -173,19 +173,19 @@ def measure(candidate: Candidate, question: Question, reference: Reference) -> R
         begun = perf_counter()
         task = candidate.prepare(question)
         ready = perf_counter()
-        found = task()
+        solution = task()
         prepared.append(ready - begun)
         seconds.append(perf_counter() - ready)
     finest = reference.trajectory
-    error = float(apart(found.motion, finest.motion).max())
-    return Row(
+    error = float(apart(solution.motion, finest.motion).max())
+    return WorkPrecisionRow(
         candidate,
         prepared=prepared[0],
         seconds=median(seconds),
-        calls=found.run.calls,
+        calls=solution.run.calls,
         error=error,
-        shift=late(found.motion, finest) if error > reference.floor else nan,
-        drift=nan if candidate.modal and found.system.works else found.energy_drift(),
+        shift=late(solution.motion, finest) if error > reference.floor else nan,
+        drift=nan if candidate.modal and solution.system.works else solution.energy_drift(),
     )
 
 
@@ -194,7 +194,7 @@ def late(motion: Motion, reference: Trajectory) -> float:
     last = reference.times >= (1 - LAST) * reference.times[-1]
     if apart(motion, reference.motion)[last].max() > LOST:
         return nan
-    (q, _), (sure, rate) = (_flat(one, reference.system, last) for one in (motion, reference.motion))
+    (q, _), (sure, rate) = (_flat(states, reference.system, last) for states in (motion, reference.motion))
     shift = 0.0 - float(np.sum(rate * (q - sure)) / (np.sum(rate**2) or 1.0))
     return shift if abs(shift) <= LAST * reference.times[-1] else nan
 

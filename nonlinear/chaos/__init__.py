@@ -8,17 +8,28 @@ Start with `lyapunov`.
 """
 
 from nonlinear.chaos.claims import study, text
-from nonlinear.chaos.lyapunov import TRANSIENT, Exponent, lyapunov_exponent, usual_duration
+from nonlinear.chaos.lyapunov import (
+    TOLERANCE,
+    TRANSIENT,
+    Exponent,
+    lyapunov_exponent,
+    regular_exponent,
+    usual_duration,
+    validate_duration,
+)
 from nonlinear.chaos.studies import Case, Finding, measure
 
 __all__ = [
+    "TOLERANCE",
     "TRANSIENT",
     "Case",
     "Exponent",
     "Finding",
     "lyapunov_exponent",
     "measure",
+    "regular_exponent",
     "study",
     "text",
     "usual_duration",
+    "validate_duration",
 ]

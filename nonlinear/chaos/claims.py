@@ -18,14 +18,14 @@ from tabulate import tabulate
 
 from modal.errors import SceneError
 from modal.scene import Bob, Cart, Fixed, Pendulum, Rod, Scene
-from nonlinear.chaos.studies import DECISIVE, Case, Finding, Study, compare_starts, scaled
+from nonlinear.chaos.studies import DECISIVE, Case, ChaosStudy, Finding, compare_starts, scaled
 
 Kind = type[Bob] | type[Rod]
 Table = tuple[Sequence[str], list[list[str]]]
 GRAVITY, PAPER_CART = 9.81, 100.0
 
 
-def study(paper: str, *, quick: bool = False) -> Study:
+def study(paper: str, *, quick: bool = False) -> ChaosStudy:
     """The study of paper 000 or 001, or a short version of it; SceneError for any other paper."""
     if paper not in _STUDIES:
         raise SceneError([f"paper:{paper}: must be one of {', '.join(f'paper:{known}' for known in _STUDIES)}"])
@@ -51,7 +51,7 @@ def text(finding: Finding) -> str:
 # ------------------------------------------------------------------------------------------- paper 001: longer chains
 
 
-def _chains(quick: bool) -> Study:
+def _chains(quick: bool) -> ChaosStudy:
     kinds: dict[str, Kind] = {"bobs": Bob} if quick else {"bobs": Bob, "rods": Rod}
     cases = tuple(
         Case(name, n, Scene(title=f"chain of {name}: {n}", gravity=GRAVITY, pendulum=(_hung(kind, n),)))
@@ -59,7 +59,7 @@ def _chains(quick: bool) -> Study:
         for n in range(1, 5 if quick else 6)
     )
     claim = "chaos increases with the number of links"
-    return Study("001", claim, cases, 15.0 if quick else 60.0, 24 if quick else 48)
+    return ChaosStudy("001", claim, cases, 15.0 if quick else 60.0, 24 if quick else 48)
 
 
 def _hung(kind: Kind, links: int, copies: int = 1) -> Pendulum:
@@ -68,8 +68,8 @@ def _hung(kind: Kind, links: int, copies: int = 1) -> Pendulum:
 
 def _chain_table(finding: Finding) -> Table:
     rows = []
-    for series, found in finding.series().items():
-        for case, exponent in found:
+    for series, exponents in finding.series().items():
+        for case, exponent in exponents:
             links, rate = exponent.scene.n_links, sqrt(GRAVITY)
             units = (1.0, rate, rate / sqrt(links))
             chaotic = f"{exponent.chaotic}/{exponent.ensemble}"
@@ -79,9 +79,9 @@ def _chain_table(finding: Finding) -> Table:
 
 def _chain_verdicts(finding: Finding) -> list[str]:
     words = []
-    for series, found in finding.series().items():
+    for series, exponents in finding.series().items():
         for name, power in (("links of one length", 0.0), ("one total length", 0.5)):
-            values = [scaled(exponent, exponent.scene.n_links**power) for _, exponent in found]
+            values = [scaled(exponent, exponent.scene.n_links**power) for _, exponent in exponents]
             words.append(f"{series}, {name}: {_growing(values)}")
     return words
 
@@ -96,12 +96,12 @@ def _growing(values: Sequence[tuple[float, float]]) -> str:
 # ----------------------------------------------------------------------------------------------- paper 000: on a cart
 
 
-def _carts(quick: bool) -> Study:
+def _carts(quick: bool) -> ChaosStudy:
     masses = (None, PAPER_CART, 4.0) if quick else (None, 1000.0, PAPER_CART, 10.0, 4.0, 1.0)
     numbers = (1, 2) if quick else (1, 2, 3)
     cases = tuple(Case(_double(n), mass, _on_cart(n, mass)) for n in numbers for mass in masses)
     claim = "sharing a cart makes double pendula more predictable"
-    return Study("000", claim, cases, 15.0 if quick else 60.0, 24 if quick else 48)
+    return ChaosStudy("000", claim, cases, 15.0 if quick else 60.0, 24 if quick else 48)
 
 
 def _double(number: int) -> str:
@@ -117,11 +117,11 @@ def _on_cart(number: int, mass: float | None) -> Scene:
 
 def _against_fixed(finding: Finding) -> dict[str, list[int]]:
     """For every cart of a series −1 where λ is below that on the fixed support, 1 where it is above, else 0."""
-    found = {}
+    signs = {}
     for name, cases in finding.series().items():
         fixed = scaled(next(exponent for case, exponent in cases if case.at is None), 1)
-        found[name] = [compare_starts(fixed, scaled(exponent, 1)) for case, exponent in cases if case.at is not None]
-    return found
+        signs[name] = [compare_starts(fixed, scaled(exponent, 1)) for case, exponent in cases if case.at is not None]
+    return signs
 
 
 def _cart_table(finding: Finding) -> Table:

@@ -32,7 +32,7 @@ from nonlinear.integration.crowds import switching
 from nonlinear.integration.lanes import LaneTask, integrate
 from nonlinear.integration.pacing import longest_first, units_of
 from nonlinear.integration.switches import numbers_of as switching_numbers
-from nonlinear.integration.watches import GrowthSamples
+from nonlinear.integration.watches import GrowthSamples, tangent_direction
 from nonlinear.system import State, initial_state, numbers_of, system_of, validate_state
 
 TRANSIENT = 0.5
@@ -137,8 +137,7 @@ class Exponent(Displayed):
 
     def regular(self, since: Any) -> Any:
         """The apparent λ of regular motion (1/s), `since` seconds after the transient: |v| grows to e sqrt(g/l) t."""
-        rate = sqrt(self.scene.gravity / min(link.length for link in self.scene.links()))
-        return (1 + np.log(rate * (self.transient + since))) / since
+        return _apparent(self.scene, self.transient, since)
 
     @property
     def floor(self) -> float:
@@ -212,6 +211,24 @@ class Exponent(Displayed):
         return "\n".join(lines)
 
 
+def _apparent(scene: Scene, transient: float, since: Any) -> Any:
+    """The λ (1/s) that regular motion shows, `since` seconds after a transient."""
+    rate = sqrt(scene.gravity / min(link.length for link in scene.links()))
+    return (1 + np.log(rate * (transient + since))) / since
+
+
+@checked
+def regular_exponent(scene: Scene, duration: float) -> float:
+    """The apparent λ (1/s) of regular motion in so many seconds after the transient: what is above it is chaotic.
+
+    >>> from modal import load
+    >>> from nonlinear.chaos import regular_exponent
+    >>> f"{regular_exponent(load('chain-2'), 100.0):.4f}"
+    '0.0715'
+    """
+    return float(_apparent(scene, TRANSIENT * duration, duration))
+
+
 @checked
 def lyapunov_exponent(
     scene: Scene,
@@ -243,14 +260,14 @@ def lyapunov_exponent(
         lambda: validate_whole(1, ensemble=ensemble),
         lambda: validate_whole(0, seed=seed),
     )
-    _check(scene, duration, SHORTEST / USUAL * usual_duration(scene))
+    validate_duration(scene, duration)
     tangent = Tangent(system_of(scene))
     _refuse_endless(duration, float(tangent.scale[-1, 0]), ensemble if starts is None else len(starts))
     rng = np.random.default_rng(seed)
     states = starts if starts is not None else nearby(start or initial_state(scene), ensemble, spread, rng)
     y = np.stack([tangent.equations.begin(validate_state(state, tangent.system)) for state in states], axis=1)
     least = TRANSIENT * duration + SHORTEST / USUAL * usual_duration(scene)
-    times, growth, last = _grown(scene, tangent, y, rng, (1 + TRANSIENT) * duration, tolerance, least, report)
+    times, growth, last = _grown(scene, tangent, y, (1 + TRANSIENT) * duration, tolerance, least, report)
     return Exponent(scene, times, growth, TRANSIENT * duration, _energy_drift(tangent, y, last))
 
 
@@ -267,12 +284,12 @@ def nearby(state: State, ensemble: int, spread: float, rng: np.random.Generator)
     return [replace(state, links=state.links + aside) for aside in asides]
 
 
-def _check(scene: Scene, duration: float, least: float) -> None:
-    problems = []
+def validate_duration(scene: Scene, duration: float) -> None:
+    """SceneError for a duration (s) that is too short to tell growth from regular motion."""
+    least = SHORTEST / USUAL * usual_duration(scene)
     if not least <= duration < float("inf"):
-        problems.append(f"duration {duration!r}: must be at least {least:.3g} s for this scene, {SHORTEST:g} sqrt(l/g)")
-    if problems:
-        raise SceneError(problems)
+        words = f"must be at least {least:.3g} s for this scene, {SHORTEST:g} sqrt(l/g)"
+        raise SceneError([f"duration {duration!r}: {words}"])
 
 
 def _refuse_endless(duration: float, scale: float, members: int) -> None:
@@ -286,7 +303,6 @@ def _grown(
     scene: Scene,
     tangent: Tangent,
     y: Floats,
-    rng: np.random.Generator,
     end: float,
     tolerance: float,
     least: float,
@@ -300,9 +316,8 @@ def _grown(
     numbers = replace(numbers, switching=switching_numbers(tangent.system))
     count, members = THIRDS * ceil(end * float(tangent.scale[-1, 0]) / THIRDS), y.shape[1]
     times = np.linspace(0.0, end, count + 1)
-    v = rng.standard_normal(y.shape) * tangent.scale
     units = np.broadcast_to(tangent.scale, y.shape)
-    both = np.concatenate((y, v / tangent.norm(v)))
+    both = np.concatenate((y, units * tangent_direction(len(y))))
     absolute = tolerance * np.concatenate((units, units))
     first = longest_first(units_of(numbers).rate, members)
     task = LaneTask(Lanes(numbers, tangent=True), numbers, both, end, np.full(members, tolerance), absolute, first)

@@ -35,7 +35,7 @@ class Case(Displayed):
 
 
 @dataclass(frozen=True)
-class Study:
+class ChaosStudy:
     """A claim in one sentence, the scenes that test it, seconds for each start and the number of starts."""
 
     paper: str
@@ -49,26 +49,26 @@ class Study:
 class Finding(Displayed):
     """A study with the exponents of its cases."""
 
-    study: Study
+    study: ChaosStudy
     exponents: tuple[Exponent, ...]
 
     def series(self) -> dict[str, list[tuple[Case, Exponent]]]:
         """The cases with their exponents, series by series."""
-        found: dict[str, list[tuple[Case, Exponent]]] = {}
+        cases: dict[str, list[tuple[Case, Exponent]]] = {}
         for case, exponent in zip(self.study.cases, self.exponents, strict=True):
-            found.setdefault(case.series, []).append((case, exponent))
-        return found
+            cases.setdefault(case.series, []).append((case, exponent))
+        return cases
 
 
-def measure(study: Study, report: Callable[[float], object] = silent) -> Finding:
+def measure(study: ChaosStudy, report: Callable[[float], object] = silent) -> Finding:
     """The exponents of a study; `report` is called with the number of cases done."""
-    require_type("study", study, "Study")
-    found = []
+    require_type("study", study, "ChaosStudy")
+    exponents = []
     for done, case in enumerate(study.cases, 1):
         starts = level_starts(case.scene, study.ensemble)
-        found.append(lyapunov_exponent(case.scene, study.duration, starts=starts))
+        exponents.append(lyapunov_exponent(case.scene, study.duration, starts=starts))
         report(done)
-    return Finding(study, tuple(found))
+    return Finding(study, tuple(exponents))
 
 
 def level_starts(scene: Scene, ensemble: int, seed: int = 0) -> list[State]:

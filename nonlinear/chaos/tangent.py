@@ -43,8 +43,8 @@ class Tangent:
 
     def product(self, y: Floats, v: Floats) -> tuple[Floats, Floats]:
         """f(y) and J(y) v, each (size, E)."""
-        found = np.array(np.broadcast_arrays(*self.equations.tangent([*y, *v])))
-        return found[: len(y)], found[len(y) :]
+        rates = np.array(np.broadcast_arrays(*self.equations.tangent([*y, *v])))
+        return rates[: len(y)], rates[len(y) :]
 
     def norm(self, v: Floats) -> Floats:
         """|v| in natural units, (E,)."""

@@ -25,7 +25,7 @@ from nonlinear.dynamics.lanes import Lanes
 from nonlinear.dynamics.links import link_steps, sine_steps, support_steps
 from nonlinear.dynamics.maximal import Maximal
 from nonlinear.dynamics.mechanics import Mechanics, Reactions, vectors
-from nonlinear.dynamics.minimal import Arranged, Body, Minimal, Recursion
+from nonlinear.dynamics.minimal import Arranged, GroupBody, Minimal, Recursion
 from nonlinear.dynamics.spatial import Spatial, SpatialRecursion
 from nonlinear.dynamics.spatial_hamiltonian import SpatialHamiltonian
 from nonlinear.dynamics.structure_steps import StructureSteps, structure_steps
@@ -36,13 +36,13 @@ from nonlinear.dynamics.text import Module, sincos
 __all__ = [
     "Arranged",
     "Banded",
-    "Body",
     "Contacts",
     "Dense",
     "Elimination",
     "Form",
     "Frictional",
     "Generated",
+    "GroupBody",
     "Hamiltonian",
     "HoistedMaximal",
     "Inputs",

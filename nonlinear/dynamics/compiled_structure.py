@@ -15,7 +15,7 @@ from modal.structure import CarrierEnd, End, LinkEnd
 from modal.structure.carriers import swung, turned
 from modal.types import Booleans, Floats, Ints
 from nonlinear.dynamics.joints import joint_law
-from nonlinear.dynamics.recursion import Answer, Link, Turn, driven, ended, hung, passed
+from nonlinear.dynamics.recursion import Answer, RecursiveLink, Turn, driven, ended, hung, passed
 from nonlinear.dynamics.springs import slack, stretched, versed
 from nonlinear.dynamics.structure import Carriers, along_arc, eliminate, swayed
 from nonlinear.dynamics.text import sincos
@@ -300,7 +300,7 @@ def _begun(F, y, half, gravity):  # type: ignore[no-untyped-def]
 @in_place
 def link_at(links, i):  # type: ignore[no-untyped-def]
     """The numbers of a link, as the text of one step along its chain takes them."""
-    return Link(links[i, 0], links[i, 1], links[i, 2], links[i, 3], links[i, 4], links[i, 5], links[i, 6])
+    return RecursiveLink(links[i, 0], links[i, 1], links[i, 2], links[i, 3], links[i, 4], links[i, 5], links[i, 6])
 
 
 @in_place

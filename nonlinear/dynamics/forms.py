@@ -18,7 +18,7 @@ from modal.structure import End, GroundEnd, LinkEnd
 from modal.types import Ints
 from nonlinear.dynamics.dense import Elimination, loses_digits
 from nonlinear.dynamics.inputs import Inputs
-from nonlinear.dynamics.minimal import Body, Minimal, Recursion
+from nonlinear.dynamics.minimal import GroupBody, Minimal, Recursion
 from nonlinear.dynamics.spatial import Spatial, SpatialRecursion
 from nonlinear.dynamics.tape import Tape, along, partials
 from nonlinear.dynamics.text import Module
@@ -183,7 +183,7 @@ class Symbolic:
     def __init__(self, form: Form) -> None:
         self.tape = Tape()
         self.system = self._with_symbols(form)
-        self.bodies: tuple[Body, ...] = tuple(
+        self.bodies: tuple[GroupBody, ...] = tuple(
             (SpatialRecursion if form.spatial else Elimination if dense else Recursion)(group)
             for group, (_, _, dense) in zip(self.system.groups, form.chains, strict=True)
         )
@@ -202,7 +202,7 @@ class Symbolic:
         return with_prescribed(system_with(form.system, entries), [*ratios, *p])
 
 
-class Equations(Symbolic):
+class TapedEquations(Symbolic):
     """The rates y' of a form on a tape, from the symbols y, of the inputs u and of the numbers p."""
 
     def __init__(self, form: Form) -> None:
@@ -238,7 +238,7 @@ def _unknown(time: float, state: Any) -> AppliedForces:
 @lru_cache(maxsize=64)
 def module_of(form: Form, *, tangent: bool = False) -> Module:
     """The function "rates" of a form: y', or with `tangent` (y', J v), both from (y, v) as one vector."""
-    equations = Equations(form)
+    equations = TapedEquations(form)
     if not tangent:
         return Module(equations.tape, {"rates": equations.rates})
     v = equations.tape.inputs("y", len(equations.y))
@@ -248,14 +248,14 @@ def module_of(form: Form, *, tangent: bool = False) -> Module:
 @lru_cache(maxsize=64)
 def jacobian_of(form: Form) -> tuple[Module, Ints, Ints]:
     """The function "jacobian" of a form: y', then the entries of ∂y'/∂y that are not always 0, at these places."""
-    equations = Equations(form)
+    equations = TapedEquations(form)
     slopes = partials(equations.tape, equations.held, equations.y)
     places = np.array([(row, column) for row, each in enumerate(slopes) for column in each]).reshape(-1, 2)
     entries = [slope for each in slopes for slope in each.values()]
     return Module(equations.tape, {"jacobian": [*equations.held, *entries]}), places[:, 0], places[:, 1]
 
 
-def responding(equations: Equations, form: Form) -> list[Any]:
+def responding(equations: TapedEquations, form: Form) -> list[Any]:
     """The y' of a form with `contacts` without friction, then M⁻¹Jᵀ (half, J) row by row.
 
     Where the rail has a coefficient N and ∂N/∂τ (J,) follow.

@@ -31,7 +31,7 @@ from modal.scene import SineMotion
 from modal.vibration import prescribed_motion
 from nonlinear.dynamics.drag import drag_law
 from nonlinear.dynamics.joints import inertial_law, joint_law
-from nonlinear.dynamics.recursion import Answer, Link, Turn, hung, passed
+from nonlinear.dynamics.recursion import Answer, RecursiveLink, Turn, hung, passed
 from nonlinear.dynamics.tape import Tape, along
 from nonlinear.dynamics.text import Module
 
@@ -63,7 +63,7 @@ def _answered(link: Any, y: Any, u: Any, v: Any) -> list[Any]:
     dragged = c * (link.length * tx + link.centre * fx) - s * (link.length * tz + link.centre * fz)
     rest = link.length - link.centre
     static, moved = link.mass * link.centre, link.mass * rest * rest
-    constants = Link(
+    constants = RecursiveLink(
         link.mass,
         link.length,
         static,

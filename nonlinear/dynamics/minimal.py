@@ -30,7 +30,7 @@ from nonlinear.dynamics.structure import Carriers, CarriersAt, inverted_on_carri
 from nonlinear.system import Group, Layout, Load, Motion, State, System
 
 
-class Body(Protocol):
+class GroupBody(Protocol):
     """Solver of one group of pendula: first its pull on the cart, then the accelerations of its links under x''."""
 
     def pull(self, links: Any, rates: Any, torques: Any, gravity: float) -> tuple[Any, Any, Any]:
@@ -132,7 +132,7 @@ class Suspended(Arranged):
     """
 
     system: System
-    bodies: tuple[Body | None, ...]
+    bodies: tuple[GroupBody | None, ...]
     load: Load | None = None
     counts_work: bool = True
 
@@ -155,7 +155,7 @@ class Suspended(Arranged):
     def dragged(self, group: Group, links: Any, rates: Any, cart_rate: Any, support: Any, speed: Any) -> External:
         """The drag of a group's links."""
 
-    def hung(self, instant: Instant) -> list[tuple[Group, Body]]:
+    def hung(self, instant: Instant) -> list[tuple[Group, GroupBody]]:
         """Every group and its solver at an instant."""
         return [(group, body) for group, body in zip(self.system.groups, self.bodies, strict=True) if body]
 
@@ -306,7 +306,7 @@ class Suspended(Arranged):
 
 def inverted(
     system: System,
-    solvers: Sequence[tuple[Group, Body]],
+    solvers: Sequence[tuple[Group, GroupBody]],
     q: Any,
     p: Any,
     places: Sequence[Ints] | None = None,
@@ -406,12 +406,12 @@ class Minimal(Suspended):
         """Positions of every group's angles (n, P) among those of all links."""
         return tuple(group.index for group in self.system.groups)
 
-    def hung(self, instant: Instant) -> list[tuple[Group, Body]]:
+    def hung(self, instant: Instant) -> list[tuple[Group, GroupBody]]:
         """Every group and its solver, those whose ropes change their length with the lengths of this instant."""
         groups = zip(self.system.groups, self.bodies or [None] * len(self.system.groups), strict=True)
         return [(group, body) if body else self._strung(group, instant) for group, body in groups]
 
-    def _strung(self, group: Group, instant: Instant) -> tuple[Group, Body]:
+    def _strung(self, group: Group, instant: Instant) -> tuple[Group, GroupBody]:
         assert instant.lengths is not None
         lengthened = self._lengthened(group, instant.lengths)
         return lengthened, Recursion(lengthened, winding=[part[group.index] for part in instant.lengths[1:]])

@@ -27,7 +27,7 @@ from typing import Any, NamedTuple
 from nonlinear.system import Group
 
 
-class Link(NamedTuple):
+class RecursiveLink(NamedTuple):
     """The constants of one link, or of one link of many pendula."""
 
     m: Any  # mass (kg)
@@ -73,18 +73,18 @@ class Turn(NamedTuple):
     rate: Any
 
 
-def links_of(group: Group) -> list[Link]:
+def links_of(group: Group) -> list[RecursiveLink]:
     """The constants of every link of a group, top first, each (P,)."""
     block = group.block
     rest = block.length - block.centre
     far = block.inertia + block.mass * rest**2
     cross = block.inertia - group.static * rest
     rows = zip(block.mass, block.length, group.static, group.moment, block.inertia, far, cross, strict=True)
-    return [Link(*row) for row in rows]
+    return [RecursiveLink(*row) for row in rows]
 
 
 def upward(
-    links: Sequence[Link],
+    links: Sequence[RecursiveLink],
     sin: Sequence[Any],
     cos: Sequence[Any],
     rate: Sequence[Any],
@@ -106,7 +106,7 @@ def upward(
     return below, turns[::-1]
 
 
-def ended(link: Link, s: Any, c: Any, w: Any, Q: Any, bias: Bias | None = None) -> tuple[Answer, Turn]:
+def ended(link: RecursiveLink, s: Any, c: Any, w: Any, Q: Any, bias: Bias | None = None) -> tuple[Answer, Turn]:
     """The same as `passed` of the last link, below which there is nothing."""
     if bias is not None:
         Q = Q - link.mc * bias.across
@@ -124,7 +124,9 @@ def ended(link: Link, s: Any, c: Any, w: Any, Q: Any, bias: Bias | None = None) 
     return answer, Turn(c * link.mc, -s * link.mc, -Q, link.J, s, c, w)
 
 
-def passed(link: Link, below: Answer, s: Any, c: Any, w: Any, Q: Any, bias: Bias | None = None) -> tuple[Answer, Turn]:
+def passed(
+    link: RecursiveLink, below: Answer, s: Any, c: Any, w: Any, Q: Any, bias: Bias | None = None
+) -> tuple[Answer, Turn]:
     """The response at the upper joint of one link from that at its lower one, and its `Turn`."""
     l, mc, twice = link.l, link.mc, 2 * s * c * below.xz
     nn = c * c * below.xx - twice + s * s * below.zz
@@ -156,7 +158,7 @@ def passed(link: Link, below: Answer, s: Any, c: Any, w: Any, Q: Any, bias: Bias
 
 
 def downward(
-    links: Sequence[Link], turns: Sequence[Turn], ax: Any, az: Any, bias: Sequence[Bias] | None = None
+    links: Sequence[RecursiveLink], turns: Sequence[Turn], ax: Any, az: Any, bias: Sequence[Bias] | None = None
 ) -> list[Any]:
     """θ'' (rad/s²) of every link, top first, under the acceleration ã = (ax, az) of the first joint."""
     turned = []
@@ -167,7 +169,7 @@ def downward(
     return turned
 
 
-def hung(link: Link, turn: Turn, ax: Any, az: Any, bias: Bias | None = None) -> tuple[Any, Any, Any]:
+def hung(link: RecursiveLink, turn: Turn, ax: Any, az: Any, bias: Bias | None = None) -> tuple[Any, Any, Any]:
     """θ'' of one link under the acceleration ã of its upper joint, and that of its lower one."""
     alpha = -(turn.hx * ax + turn.hz * az + turn.e) / turn.D
     ww = turn.rate * turn.rate

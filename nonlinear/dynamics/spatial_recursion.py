@@ -32,7 +32,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from nonlinear.dynamics.recursion import Link
+from nonlinear.dynamics.recursion import RecursiveLink
 from nonlinear.dynamics.tape import where
 
 NEXT, LAST = [1, 2, 0], [2, 0, 1]
@@ -41,14 +41,14 @@ ONE = np.eye(2)
 ADJOINT = np.array([[1.0, -1.0], [-1.0, 1.0]])
 
 
-class Answer(NamedTuple):
+class SpatialAnswer(NamedTuple):
     """The force f = M ã + p of everything below a joint: M (3, 3, ...) in kg, p (3, ...) in N."""
 
     M: Any
     p: Any
 
 
-class Turn(NamedTuple):
+class SpatialTurn(NamedTuple):
     """The reflection of a link, and the terms of α = −D⁻¹ ((m c + l N) ã_T + l r ã_u + e) in its basis."""
 
     v: Any
@@ -74,20 +74,24 @@ def facing(u: Any) -> Any:
     return where(u[2], 1.0, -1.0)
 
 
-def upward(links: Sequence[Link], u: Any, w: Any, torque: Any, sign: Any) -> tuple[Answer, list[Turn]]:
-    """The upward pass: the response at the first joint, and the `Turn` of every link, top first.
+def upward(
+    links: Sequence[RecursiveLink], u: Any, w: Any, torque: Any, sign: Any
+) -> tuple[SpatialAnswer, list[SpatialTurn]]:
+    """The upward pass: the response at the first joint, and the `SpatialTurn` of every link, top first.
 
     u, w and `torque` (N m; the generalized force on u, across it, gravity excepted) are (3, n, ...), `sign` (n, ...).
     """
-    below = Answer(0 * u[:, None, -1] * u[None, :, -1], 0 * u[:, -1])
-    turns: list[Turn] = []
+    below = SpatialAnswer(0 * u[:, None, -1] * u[None, :, -1], 0 * u[:, -1])
+    turns: list[SpatialTurn] = []
     for i in reversed(range(len(links))):
         below, turn = _passed(links[i], below, u[:, i], w[:, i], torque[:, i], sign[i])
         turns.append(turn)
     return below, turns[::-1]
 
 
-def _passed(link: Link, below: Answer, u: Any, w: Any, Q: Any, sign: Any) -> tuple[Answer, Turn]:
+def _passed(
+    link: RecursiveLink, below: SpatialAnswer, u: Any, w: Any, Q: Any, sign: Any
+) -> tuple[SpatialAnswer, SpatialTurn]:
     l, ll, mc, J = link.l, link.l * link.l, link.mc, link.J
     v = u + sign * _like(DOWN, u)
     beta = sign / v[2]
@@ -106,11 +110,11 @@ def _passed(link: Link, below: Answer, u: Any, w: Any, Q: Any, sign: Any) -> tup
     answered[2, 2] = link.m + (mu - ll * (r[0] * rho[0] + r[1] * rho[1]))
     force[:2] = _pair(inverse, link.cross * y + mc * Q + l * _pair(N, Q))
     force[2] = p[2] + inward * (mc + l * mu) - l * (rho[0] * e[0] + rho[1] * e[1])
-    answer = Answer(_mirrored_form(v, beta, answered), _mirrored(v, beta, force))
-    return answer, Turn(v, beta, inverse, M[:, :2], e, inward)
+    answer = SpatialAnswer(_mirrored_form(v, beta, answered), _mirrored(v, beta, force))
+    return answer, SpatialTurn(v, beta, inverse, M[:, :2], e, inward)
 
 
-def downward(links: Sequence[Link], turns: Sequence[Turn], a: Any) -> list[Any]:
+def downward(links: Sequence[RecursiveLink], turns: Sequence[SpatialTurn], a: Any) -> list[Any]:
     """The acceleration u'' (3, ...) of every link, top first, under the acceleration ã = a of the first joint."""
     turned = []
     for link, turn in zip(links, turns, strict=True):

@@ -185,7 +185,7 @@ class Carriers:
     def moving(self, number: int, where: Any, eta: Sequence[Any], rates: Sequence[Any]) -> Moving:
         """How a point of a carrier moves."""
         structure = self.structure
-        carrier, place, speeds = structure.carriers[number], structure.own(number, eta), structure.own(number, rates)
+        carrier, place, speeds = structure.carriers[number], structure.part(number, eta), structure.part(number, rates)
         return carrier.moving(where, place, speeds)
 
     def where(self, bundle: Bundle, eta: Sequence[Any]) -> Any:
@@ -226,7 +226,7 @@ class CarriersAt(Bearing):
 
     def _begin(self, number: int, carrier: CarrierNumbers) -> None:
         """A carrier's own inertia, its springs, dampers and weight."""
-        eta, rates = self.structure.own(number, self.eta), self.structure.own(number, self.rates)
+        eta, rates = self.structure.part(number, self.eta), self.structure.part(number, self.rates)
         centre = None if carrier.M is not None else self.carriers.centre(number, self.eta, self.rates)
         self.blocks.append(inertia(carrier, centre))  # type: ignore[arg-type]
         if self.bare:
@@ -248,7 +248,7 @@ class CarriersAt(Bearing):
         """Kinetic energy (J) of the carriers, before anything has been taken."""
         energy: Any = 0.0
         for number, block in enumerate(self.blocks):
-            rates = self.structure.own(number, self.rates)
+            rates = self.structure.part(number, self.rates)
             for k, row in enumerate(block):
                 for j, inertia in enumerate(row):
                     share = inertia * (rates[k] * rates[j])
@@ -263,7 +263,7 @@ class CarriersAt(Bearing):
         """
         energy: Any = 0.0
         for number, carrier in enumerate(self.structure.carriers):
-            eta = self.structure.own(number, self.eta)
+            eta = self.structure.part(number, self.eta)
             kept, _ = held(carrier, eta, eta)
             for k, (value, force) in enumerate(zip(eta, kept, strict=True)):
                 weight = self.carriers.weights[self.structure.offsets[number] + k]
@@ -280,7 +280,7 @@ class CarriersAt(Bearing):
         for number, carrier in enumerate(self.structure.carriers):
             if carrier.M is None and carrier.size:
                 moving = self.carriers.centre(number, self.eta, self.rates)
-                momentum = momentum + carrier.mass * moving.velocity(self.structure.own(number, self.rates))[0]
+                momentum = momentum + carrier.mass * moving.velocity(self.structure.part(number, self.rates))[0]
         return momentum
 
     def tensions(self, q: Any, v: Any) -> list[tuple[Ints, Tension]]:
@@ -316,13 +316,13 @@ class CarriersAt(Bearing):
         for bundle in self.carriers.bundles[group]:
             where = self.carriers.where(bundle, self.eta)
             places.append(
-                displacement(structure.carriers[bundle.carrier], where, structure.own(bundle.carrier, self.eta))
+                displacement(structure.carriers[bundle.carrier], where, structure.part(bundle.carrier, self.eta))
             )
         return tuple(self._joined(group, [each[k] for each in places]) for k in (0, 1)), self._velocities(group)
 
     def point(self, end: CarrierEnd) -> tuple[Vector, Moving, Vector]:
         """The displacement of a point of a carrier, how it moves, and its velocity."""
-        eta, rates = (self.structure.own(end.carrier, values) for values in (self.eta, self.rates))
+        eta, rates = (self.structure.part(end.carrier, values) for values in (self.eta, self.rates))
         moving = self.carriers.moving(end.carrier, end.where, self.eta, self.rates)
         return displacement(self.structure.carriers[end.carrier], end.where, eta), moving, moving.velocity(rates)
 
@@ -339,7 +339,7 @@ class CarriersAt(Bearing):
 
     def _velocities(self, group: int) -> Vector:
         velocities = [
-            moving.velocity(self.structure.own(bundle.carrier, self.rates))
+            moving.velocity(self.structure.part(bundle.carrier, self.rates))
             for bundle, moving in zip(self.carriers.bundles[group], self.moves[group], strict=True)
         ]
         return tuple(self._joined(group, [each[k] for each in velocities]) for k in (0, 1))
@@ -368,7 +368,7 @@ class CarriersAt(Bearing):
             self._add(bundle, moving, block, force, pulled)
             self._react(bundle, reaction, external)
             if mass is not None:
-                vx, vz = moving.velocity(self.structure.own(bundle.carrier, self.rates))
+                vx, vz = moving.velocity(self.structure.part(bundle.carrier, self.rates))
                 along, down = self.instant.support
                 dragged = mass[:, bundle.columns].sum(0) * (along * vx + down * vz)
                 self.power = self.power - dragged.sum(0)
@@ -421,19 +421,19 @@ class CarriersAt(Bearing):
         moving = self.carriers.moving(end.carrier, end.where, self.eta, self.rates)
         force = direction[0] * size, direction[1] * size
         self.push(end.carrier, moving, force)
-        vx, vz = moving.velocity(self.structure.own(end.carrier, self.rates))
+        vx, vz = moving.velocity(self.structure.part(end.carrier, self.rates))
         self.power = self.power + (force[0] * vx + force[1] * vz)
 
     def answered(self) -> list[Any]:
         """The solution of the carriers' equations, block by block."""
         solution: list[Any] = []
         for number, block in enumerate(self.blocks):
-            solution += eliminated(block, list(self.structure.own(number, self.right)))
+            solution += eliminated(block, list(self.structure.part(number, self.right)))
         return solution
 
     def fall(self, group: int) -> Any:
         """Under the accelerations of its pivots."""
-        pushes = [self.structure.own(bundle.carrier, self.solution) for bundle in self.carriers.bundles[group]]
+        pushes = [self.structure.part(bundle.carrier, self.solution) for bundle in self.carriers.bundles[group]]
         return self.taken[group].fall(pushes, self._accelerations(group, self.felt))
 
     def start(self, group: int, gravity: Any) -> tuple[Any, Any]:
@@ -443,7 +443,7 @@ class CarriersAt(Bearing):
     def _accelerations(self, group: int, felt: Vector) -> tuple[Any, Any]:
         accelerations = []
         for bundle, moving in zip(self.carriers.bundles[group], self.moves[group], strict=True):
-            ax, az = moving.velocity(self.structure.own(bundle.carrier, self.solution))
+            ax, az = moving.velocity(self.structure.part(bundle.carrier, self.solution))
             accelerations.append((ax + (moving.bias[0] + felt[0]), az + (moving.bias[1] + felt[1])))
         return self._joined(group, [each[0] for each in accelerations]), self._joined(
             group, [each[1] for each in accelerations]

@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from nonlinear.dynamics.energies import energies_on_carriers
-from nonlinear.dynamics.forms import Equations, Form, form_of
+from nonlinear.dynamics.forms import Form, TapedEquations, form_of
 from nonlinear.dynamics.inputs import QUIET
 from nonlinear.dynamics.minimal import Minimal
 from nonlinear.dynamics.structure import Carriers, inverted_on_carriers
@@ -65,7 +65,7 @@ class StructureSteps:
     @cached_property
     def module(self) -> Module:
         """The functions, written."""
-        equations = Equations(self.form)
+        equations = TapedEquations(self.form)
         tape, half = equations.tape, equations.minimal.layout.half
         y, (q, v) = equations.y, (equations.y[:half], equations.y[half : 2 * half])
         x, z = ([tape.symbol("in", kind, k) for k in range(half)] for kind in "uv")
@@ -98,7 +98,7 @@ def structure_steps(system: System) -> StructureSteps:
     return StructureSteps(system)
 
 
-def _without(equations: Equations, names: Sequence[str]) -> System:
+def _without(equations: TapedEquations, names: Sequence[str]) -> System:
     """The system of these equations with 0 for these numbers of links."""
     entries, links = [*equations.entries], equations.system.n_links
     for name in names:

@@ -19,7 +19,7 @@ from functools import lru_cache
 from typing import Any
 
 from nonlinear.dynamics.contacts import Gripping, contacts_of
-from nonlinear.dynamics.forms import Equations, Form, responding
+from nonlinear.dynamics.forms import Form, TapedEquations, responding
 from nonlinear.dynamics.tape import along
 from nonlinear.dynamics.text import Module
 
@@ -55,7 +55,7 @@ def switching_of(form: Form, kicks: Pairs = ()) -> Module:
     direction being y'; y after impulses, which stand in place of the sides ("kick"), and the change of it along the
     direction ("kicked", 2 size).
     """
-    equations = Equations(form)
+    equations = TapedEquations(form)
     tape, minimal, y, u = equations.tape, equations.minimal, equations.y, equations.u
     size, half, contacts = len(y), minimal.layout.half, len(form.contacts)
     timed = len(u) - 2 * contacts
@@ -116,7 +116,7 @@ def _of_kicks(kicks: Pairs, rows: tuple[Any, Any], sides: Any, numbers: Any) -> 
     return right + left, rates + [s.where(0.0, -r) for s, r in zip(sides, speed, strict=True)]
 
 
-def _after(equations: Equations, kicks: Pairs, impulses: Sequence[Any]) -> list[Any]:
+def _after(equations: TapedEquations, kicks: Pairs, impulses: Sequence[Any]) -> list[Any]:
     """The y after impulses, the work of which is Σ P (γ'₋ + γ'₊)/2."""
     layout, y = equations.minimal.layout, equations.y
     half, v = layout.half, y[layout.half : 2 * layout.half]

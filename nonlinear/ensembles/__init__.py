@@ -5,8 +5,8 @@ of every member, with its energy drift and horizon, in chunks that may be files 
 
     y_s' = f(y_s, p_s),    s = 1 … S
 
-Start with `running`; `measures` says what can be measured, `lanes`, `compiled` and `series` are the engines, and
-`plain` takes one by one what these do not; `basins`, `sections` and `spread` are what ensembles are run for most, of
+Start with `running`; `measures` says how measures are computed, `lanes`, `compiled` and `series` are the engines, and
+`plain` takes one by one what these do not; `basins` and `sections` are what ensembles are run for most, of
 scenes that are driven in time `strobes`, `attractors` and `bifurcations`; `executors` and `cluster` share the work
 among processes.  `preparing` compiles ahead of time what a scene can use.
 """
@@ -15,18 +15,18 @@ from nonlinear.ensembles.attractors import Attractor
 from nonlinear.ensembles.basins import Basins, basins_table, begins_in_mode, find_basins, grid_of
 from nonlinear.ensembles.bifurcations import BifurcationDiagram, bifurcation_table, find_bifurcations
 from nonlinear.ensembles.costs import ENGINES
-from nonlinear.ensembles.measures import MEASURES
+from nonlinear.ensembles.measures import validate_measures
 from nonlinear.ensembles.members import Members, members_of
+from nonlinear.ensembles.plain import measured_run
 from nonlinear.ensembles.preparing import Compilation, CompiledCode, compilation_table, compile_engines
 from nonlinear.ensembles.running import Ensemble, ensemble
-from nonlinear.ensembles.runs import run_together
+from nonlinear.ensembles.runs import measured_together, run_together, times_of
 from nonlinear.ensembles.sections import PoincareSection, find_section, section_table
-from nonlinear.ensembles.spread import Spread, find_spread, motion_words, spread_table
 from nonlinear.ensembles.strobes import StroboscopicSection, find_strobes, strobes_table
+from nonlinear.ensembles.surfaces import energy_of, starts_at
 
 __all__ = [
     "ENGINES",
-    "MEASURES",
     "Attractor",
     "Basins",
     "BifurcationDiagram",
@@ -35,24 +35,26 @@ __all__ = [
     "Ensemble",
     "Members",
     "PoincareSection",
-    "Spread",
     "StroboscopicSection",
     "basins_table",
     "begins_in_mode",
     "bifurcation_table",
     "compilation_table",
     "compile_engines",
+    "energy_of",
     "ensemble",
     "find_basins",
     "find_bifurcations",
     "find_section",
-    "find_spread",
     "find_strobes",
     "grid_of",
+    "measured_run",
+    "measured_together",
     "members_of",
-    "motion_words",
     "run_together",
     "section_table",
-    "spread_table",
+    "starts_at",
     "strobes_table",
+    "times_of",
+    "validate_measures",
 ]

@@ -89,24 +89,24 @@ def find_attractors(
     if last < KEPT:
         raise SceneError([f"duration {duration:g} s: an attractor takes {KEPT} periods of {period:.4g} s"])
     times = strobe_times(period, settle=(last - KEPT + 1) * period)
-    found = ensemble(scene, max(duration, times[-1]), vary=axes, output=times.tolist(), report=report, **options)
-    if found.interrupted:
+    ensembled = ensemble(scene, max(duration, times[-1]), vary=axes, output=times.tolist(), report=report, **options)
+    if ensembled.interrupted:
         raise KeyboardInterrupt
-    if len(found.failures) == found.size:
-        raise SceneError([f"every start failed: {next(iter(found.failures.values()))}"])
-    states = [found.column(name)[:, -KEPT:] for name in strobe_columns(found.question.system)]
-    strobes = natural_units(found.question.system, states)
-    repeats, turns = repetition(strobes, found.question.system.n_links)
+    if len(ensembled.failures) == ensembled.size:
+        raise SceneError([f"every start failed: {next(iter(ensembled.failures.values()))}"])
+    states = [ensembled.column(name)[:, -KEPT:] for name in strobe_columns(ensembled.question.system)]
+    strobes = natural_units(ensembled.question.system, states)
+    repeats, turns = repetition(strobes, ensembled.question.system.n_links)
     labels, members = clustered(strobes, repeats, turns)
     attractors = [
-        _attractor(scene, period, int(repeats[k]), tuple(turns[k].tolist()), [own[k, -1] for own in states])
+        _attractor(scene, period, int(repeats[k]), tuple(turns[k].tolist()), [rows[k, -1] for rows in states])
         for k in members
     ]
     order = _order(attractors)
     rank = np.zeros(len(order) + 1)
     rank[1 + np.array(order, dtype=int)] = 1 + np.arange(len(order))
     numbers = np.where(np.isnan(strobes).any((1, 2)), nan, rank[labels])
-    return found, tuple(attractors[k] for k in order), numbers
+    return ensembled, tuple(attractors[k] for k in order), numbers
 
 
 def clustered(strobes: Floats, period: Ints, turns: Ints) -> tuple[Ints, list[int]]:
@@ -130,9 +130,9 @@ def clustered(strobes: Floats, period: Ints, turns: Ints) -> tuple[Ints, list[in
     return labels, members
 
 
-def _apart(one: Floats, other: Floats, links: int) -> Floats:
+def _apart(strobes: Floats, other: Floats, links: int) -> Floats:
     """The largest difference between strobes (S, p, D) and (p, D), angles modulo whole turns, (S,)."""
-    change = one - other
+    change = strobes - other
     change[..., :links] -= 2 * np.pi * np.round(change[..., :links] / (2 * np.pi))
     return np.asarray(np.abs(change).max((1, 2)))
 
@@ -146,11 +146,12 @@ def _attractor(scene: Scene, period: float, p: int, turns: tuple[int, ...], last
 
 def _order(attractors: list[Attractor]) -> list[int]:
     """By period, turns and largest angle; equal ones by the angles of their strobe."""
-    sizes = np.nan_to_num([one.largest_angle_deg for one in attractors])
+    sizes = np.nan_to_num([each.largest_angle_deg for each in attractors])
     rising = np.argsort(sizes, kind="stable")
     group = np.zeros(len(attractors), dtype=int)
     group[rising] = np.cumsum(np.diff(sizes[rising], prepend=sizes[rising[:1]]) > EQUAL)
     keys = [
-        (one.period, any(one.turns), group[k], one.turns, one.state.links.tolist()) for k, one in enumerate(attractors)
+        (each.period, any(each.turns), group[k], each.turns, each.state.links.tolist())
+        for k, each in enumerate(attractors)
     ]
     return sorted(range(len(attractors)), key=keys.__getitem__)

@@ -27,6 +27,7 @@ from nonlinear.ensembles.measures import configurations
 from nonlinear.ensembles.running import Ensemble, ensemble
 from nonlinear.ensembles.runs import form_of
 from nonlinear.ensembles.strobes import MOST as LONGEST
+from nonlinear.measures import requested
 from nonlinear.reduction import usual_start
 from nonlinear.synchronization import agreement
 from nonlinear.synchronization.study import theory_of_scene
@@ -36,8 +37,6 @@ from nonlinear.system import has_start
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-RHYTHMS = ("configuration", "first_turn", "lyapunov", "order", "largest_angle", "attractor")
-"""Measures with one number a member, or one a link, of which the earliest is taken; attractors are found from all."""
 SIZE, WIDEST = 64, 170.0  # places along each angle, and how far from hanging (deg), where nobody says
 SIZE_ONE_BY_ONE = 12  # where each takes as long as a run of its own
 EARLIEST = "first_turn_s"
@@ -68,20 +67,20 @@ class Basins(Displayed):
     @cached_property
     def values(self) -> Floats:
         """The measure over the grid; inf of a start from which no link turns over, NaN of one that failed."""
-        found = self.ensemble
+        members = self.ensemble
         if self.attractor is not None:
-            return self.attractor.reshape(found.members.shape)
+            return self.attractor.reshape(members.members.shape)
         if self.column != EARLIEST:
-            return found.grid(self.column)
+            return members.grid(self.column)
         return np.asarray(
-            np.min([found.grid(name) for name in found.columns if name.startswith("first_turn_")], axis=0)
+            np.min([members.grid(name) for name in members.columns if name.startswith("first_turn_")], axis=0)
         )
 
     def to_dict(self) -> dict[str, Floats]:
         """The two numbers that are varied and the measure at every start, (S,)."""
-        axes = np.meshgrid(*(own.values for own in self.axes), indexing="ij")
-        found = {own.column: grid.ravel() for own, grid in zip(self.axes, axes, strict=True)}
-        return {**found, self.column: self.values.ravel()}
+        axes = np.meshgrid(*(axis.values for axis in self.axes), indexing="ij")
+        columns = {axis.column: grid.ravel() for axis, grid in zip(self.axes, axes, strict=True)}
+        return {**columns, self.column: self.values.ravel()}
 
     def plot(self) -> Figure:
         """A matplotlib figure of the map."""
@@ -107,22 +106,22 @@ class Basins(Displayed):
 
     def record(self) -> dict[str, Any]:
         """Everything, for JSON: the values row by row, None for inf and NaN."""
-        found = self.ensemble
+        members = self.ensemble
         return {
-            "scene": describe(found.question.scene),
+            "scene": describe(members.question.scene),
             "axes": [{"place": axis.path, "unit": axis.unit, "values": list(axis.values)} for axis in self.axes],
-            "duration_s": found.question.duration,
-            "tolerance": found.question.tolerance,
-            "engine": found.engine,
-            "members": found.size,
-            "failed": len(found.failures),
-            "beyond_horizon": int(np.count_nonzero(found.beyond)),
-            "largest_energy_drift": finite(float(np.nanmax(found.energy_drift))),
-            "largest_difference_rad": finite(found.largest_difference),
+            "duration_s": members.question.duration,
+            "tolerance": members.question.tolerance,
+            "engine": members.engine,
+            "members": members.size,
+            "failed": len(members.failures),
+            "beyond_horizon": int(np.count_nonzero(members.beyond)),
+            "largest_energy_drift": finite(float(np.nanmax(members.energy_drift))),
+            "largest_difference_rad": finite(members.largest_difference),
             "shares": self.shares(),
             "names": list(self.names),
-            **({"attractors": [one.record() for one in self.attractors]} if self.attractor is not None else {}),
-            self.column: [[finite(float(own)) for own in row] for row in self.values],
+            **({"attractors": [each.record() for each in self.attractors]} if self.attractor is not None else {}),
+            self.column: [[finite(float(value)) for value in row] for row in self.values],
         }
 
 
@@ -138,22 +137,21 @@ def find_basins(
 ) -> Basins:
     """The measure over two numbers of a scene, by default the first angles of its first two pendula or links.
 
-    Where no start is given or varied, all begin in the usual one of the scene.  `measure` is one of RHYTHMS, `options`
-    are those of `ensemble`.  SceneError for anything else.
+    Where no start is given or varied, all begin in the usual one of the scene.  `measure` is one that `basins` takes in
+    `nonlinear.measures`, NAME or NAME:N for so many seconds in place of a `duration`; `options` are those of
+    `ensemble`.  SceneError for anything else.
     """
     axes = grid_of(scene, vary)
-    measure = measure or ("configuration" if scene.is_driven else "first_turn")
+    measure, duration = _measure_of(scene, measure, duration)
     require(scene, "an attractor" if measure == ATTRACTOR else "an ensemble")
-    if measure not in RHYTHMS:
-        raise SceneError([f"measure {measure}: must be one of {', '.join(RHYTHMS)}"])
     if measure == ATTRACTOR:
         members, attractors, numbers = find_attractors(with_starts(scene, axes), axes, duration, report, **options)
-        return Basins(members, ATTRACTOR, (NONE, *(one.name for one in attractors)), attractors, numbers)
-    own, starts = with_starts(scene, axes), None
+        return Basins(members, ATTRACTOR, (NONE, *(attractor.name for attractor in attractors)), attractors, numbers)
+    started, starts = with_starts(scene, axes), None
     if begins_in_mode(scene, axes):
-        own, starts = scene, [usual_start(scene)] * prod(len(axis.values) for axis in axes)
-    found = ensemble(
-        own,
+        started, starts = scene, [usual_start(scene)] * prod(len(axis.values) for axis in axes)
+    mapped = ensemble(
+        started,
         usual_duration(scene, measure) if duration is None else duration,
         starts=starts,
         vary=axes,
@@ -161,26 +159,38 @@ def find_basins(
         report=report,
         **options,
     )
-    if found.interrupted:
+    if mapped.interrupted:
         raise KeyboardInterrupt
-    if len(found.failures) == found.size:
-        raise SceneError([f"every start failed: {next(iter(found.failures.values()))}"])
-    names = _names(own) if measure == "configuration" else ()
-    column = EARLIEST if measure == "first_turn" else next(name for name in found.columns if name.startswith(measure))
-    return Basins(found, column, names)
+    if len(mapped.failures) == mapped.size:
+        raise SceneError([f"every start failed: {next(iter(mapped.failures.values()))}"])
+    names = _names(started) if measure == "configuration" else ()
+    column = EARLIEST if measure == "first_turn" else next(name for name in mapped.columns if name.startswith(measure))
+    return Basins(mapped, column, names)
+
+
+def _measure_of(scene: Scene, text: str | None, duration: float | None) -> tuple[str, float | None]:
+    """The name of the measure in a text, and for how long (s), None where nothing says so."""
+    if text is None:
+        return "configuration" if scene.is_driven else "first_turn", duration
+    measure, seconds = requested("basins", text)
+    if ":" not in text:
+        return measure.name, duration
+    if duration is not None:
+        raise SceneError([f"measure {text}: cannot be combined with a duration"])
+    return measure.name, seconds
 
 
 def _names(scene: Scene) -> tuple[str, ...]:
     """What a configuration is called, by its number."""
-    return (NONE, *(f"{agreement(one)}, mode {one.number}" for one in configurations(scene)))
+    return (NONE, *(f"{agreement(state)}, mode {state.number}" for state in configurations(scene)))
 
 
 @checked
 def grid_of(scene: Scene, vary: Sequence[str] | Sequence[Variation] = ()) -> tuple[Variation, ...]:
     """The two numbers that are varied; SceneError where there are more or fewer."""
-    given = vary or usual_axes(scene)
-    texts = [own for own in given if isinstance(own, str)]
-    axes = parse_variations(texts) if texts else tuple(own for own in given if isinstance(own, Variation))
+    wanted = vary or usual_axes(scene)
+    texts = [axis for axis in wanted if isinstance(axis, str)]
+    axes = parse_variations(texts) if texts else tuple(axis for axis in wanted if isinstance(axis, Variation))
     if len(axes) != 2:
         raise SceneError([f"basins need two numbers to vary, not {len(axes)}"])
     return axes
@@ -204,12 +214,12 @@ def with_starts(scene: Scene, axes: Sequence[Variation] = ()) -> Scene:
     """The scene with a start of every pendulum; those without one are at rest, with rates where these are varied."""
     rates = any(".start.rates_deg" in axis.path for axis in axes)
 
-    def started(one: Pendulum) -> Pendulum:
-        angles = tuple(0.0 if way == "down" else 180.0 for way in one.ways)
-        start = one.start or InitialCondition(angles_deg=angles)
+    def started(pendulum: Pendulum) -> Pendulum:
+        angles = tuple(0.0 if way == "down" else 180.0 for way in pendulum.ways)
+        start = pendulum.start or InitialCondition(angles_deg=angles)
         if rates and start.rates_deg is None:
-            start = start.replace(rates_deg=(0.0,) * one.n_links)
-        return one.replace(start=start)
+            start = start.replace(rates_deg=(0.0,) * pendulum.n_links)
+        return pendulum.replace(start=start)
 
     return scene.replace(pendulum=tuple(map(started, scene.pendulum)))
 
@@ -237,39 +247,39 @@ def usual_axes(scene: Scene) -> list[str]:
 
 
 @checked
-def basins_table(found: Basins, form: Form) -> str:
+def basins_table(basins: Basins, form: Form) -> str:
     """As text, csv (one line a start) or json, the `form`."""
     if form == "json":
-        return as_json(found.record())
+        return as_json(basins.record())
     if form == "csv":
-        return as_csv(_records(found))
-    scene = found.ensemble.question.scene
-    rows = [(f"{100 * share:.3g}", name) for name, share in found.shares().items()]
-    parts = [grid(rows, ("starts (%)", "description")), _ends(found), _none(found), found.ensemble.words()]
+        return as_csv(_records(basins))
+    scene = basins.ensemble.question.scene
+    rows = [(f"{100 * share:.3g}", name) for name, share in basins.shares().items()]
+    parts = [grid(rows, ("starts (%)", "description")), _ends(basins), _none(basins), basins.ensemble.words()]
     return titled(title_of(scene), "where starts end", parts, "text")
 
 
-def _none(found: Basins) -> str:
+def _none(basins: Basins) -> str:
     """How long each ran, and what those do that have not reached a configuration."""
-    words = f"each simulated for {found.ensemble.question.duration:.4g} s"
-    if not found.names or not found.shares()[NONE]:
+    words = f"each simulated for {basins.ensemble.question.duration:.4g} s"
+    if not basins.names or not basins.shares()[NONE]:
         return words
-    if found.attractor is not None:
+    if basins.attractor is not None:
         return f"{words}; {NONE}: not settled yet, or not periodic within {LONGEST} periods of the drives"
     return f"{words}; {NONE}: at rest, not settled yet, or in another motion"
 
 
-def _ends(found: Basins) -> str:
-    known = found.values[np.isfinite(found.values)]
-    if found.names or not known.size:
+def _ends(basins: Basins) -> str:
+    known = basins.values[np.isfinite(basins.values)]
+    if basins.names or not known.size:
         return ""
-    return f"{found.column}: from {known.min():.4g} to {known.max():.4g}, median {np.median(known):.4g}"
+    return f"{basins.column}: from {known.min():.4g} to {known.max():.4g}, median {np.median(known):.4g}"
 
 
-def _records(found: Basins) -> list[dict[str, Any]]:
-    y, x = found.axes
+def _records(basins: Basins) -> list[dict[str, Any]]:
+    y, x = basins.axes
     return [
-        {y.column: one, x.column: other, found.column: float(found.values[i, j])}
-        for i, one in enumerate(y.values)
+        {y.column: row, x.column: other, basins.column: float(basins.values[i, j])}
+        for i, row in enumerate(y.values)
         for j, other in enumerate(x.values)
     ]

@@ -151,8 +151,8 @@ def find_bifurcations(
     states = [np.full((*times.shape, *tail), np.nan) for tail in ((scene.n_links,), (scene.n_links,), (), ())]
     for part in _parts(periods, known):
         rows, failed = _strobed(scene, variation, part, times[part], partial(_further, report, done), options)
-        for own, row in zip(states, rows, strict=True):
-            own[part] = row
+        for state, row in zip(states, rows, strict=True):
+            state[part] = row
         reasons |= failed
         done += len(part)
     if len(reasons) == len(times):
@@ -172,15 +172,15 @@ def _variation(scene: Scene, vary: str | Variation) -> Variation:
 def _in_time(scene: Scene, variation: Variation, settle: float | None) -> tuple[Floats, Floats, dict[int, str]]:
     """At every value the period and the transient (s), NaN where there is none, and why not."""
     variable, reasons = Variable(scene, [variation.path]), dict[int, str]()
-    found = np.full((2, len(variation.values)), np.nan)
+    seconds = np.full((2, len(variation.values)), np.nan)
     for k, value in enumerate(variation.values):
         try:
-            own = variable.at({variation.path: value})
-            period = drive_period(own).seconds
-            found[:, k] = period, settling_time(own, period) if settle is None else settle
+            scene_there = variable.at({variation.path: value})
+            period = drive_period(scene_there).seconds
+            seconds[:, k] = period, settling_time(scene_there, period) if settle is None else settle
         except MultipendulaError as error:
             reasons[k] = " ".join(str(error).split())
-    return found[0], found[1], reasons
+    return seconds[0], seconds[1], reasons
 
 
 def _parts(periods: Floats, known: Ints) -> Iterator[Ints]:
@@ -208,68 +208,68 @@ def _strobed(
     vary = {variation.path: np.array(variation.values)[part]}
     starts = None if ".start." in variation.path else [usual_start(scene)] * len(part)
     more: dict[str, Any] = {"check": 0, **options}
-    found = ensemble(scene, every[-1], starts=starts, vary=vary, output=every.tolist(), report=report, **more)
-    if found.interrupted:
+    strobed = ensemble(scene, every[-1], starts=starts, vary=vary, output=every.tolist(), report=report, **more)
+    if strobed.interrupted:
         raise KeyboardInterrupt
-    reasons = {int(part[k]): reason for k, reason in found.failures.items()}
+    reasons = {int(part[k]): reason for k, reason in strobed.failures.items()}
     if len(reasons) == len(part):
-        return [np.array(np.nan)] * len(strobe_columns(found.question.system)), reasons
-    rows = len(found.question.times) - len(every) + np.searchsorted(every, times)
+        return [np.array(np.nan)] * len(strobe_columns(strobed.question.system)), reasons
+    rows = len(strobed.question.times) - len(every) + np.searchsorted(every, times)
     members = np.arange(len(part))[:, None]
-    return [found.column(name)[members, rows] for name in strobe_columns(found.question.system)], reasons
+    return [strobed.column(name)[members, rows] for name in strobe_columns(strobed.question.system)], reasons
 
 
 # ------------------------------------------------------------------------------------------------------- as text
 
 
 @checked
-def bifurcation_table(found: BifurcationDiagram, form: Form) -> str:
+def bifurcation_table(shown: BifurcationDiagram, form: Form) -> str:
     """As text, csv (one line a strobe) or json, the `form`."""
     if form == "csv":
-        return as_csv(_records(found))
+        return as_csv(_records(shown))
     if form == "json":
-        return as_json(_whole(found))
-    values, settle = found.variation.values, found.settle[np.isfinite(found.settle)]
+        return as_json(_whole(shown))
+    values, settle = shown.variation.values, shown.settle[np.isfinite(shown.settle)]
     lines = [
-        f"{counted(len(values), 'value', 'values')} of {found.variation.path} from {values[0]:g} to {values[-1]:g}",
-        f"the last {KEPT} strobes of each, at {found.phase_deg:g}° of the drives, after a transient of "
+        f"{counted(len(values), 'value', 'values')} of {shown.variation.path} from {values[0]:g} to {values[-1]:g}",
+        f"the last {KEPT} strobes of each, at {shown.phase_deg:g}° of the drives, after a transient of "
         + (f"{settle.min():.4g} s" if np.ptp(settle) == 0 else f"{settle.min():.4g} to {settle.max():.4g} s"),
     ]
-    lines += [f"{counted(count, 'value', 'values')} × {why}" for why, count in Counter(found.reasons.values()).items()]
-    table = grid(_ranges(found), ("repeats after (periods)", "values", "from", "to"))
-    return titled(title_of(found.scene), "bifurcation diagram", [table, "\n".join(lines)], "text")
+    lines += [f"{counted(count, 'value', 'values')} × {why}" for why, count in Counter(shown.reasons.values()).items()]
+    table = grid(_ranges(shown), ("repeats after (periods)", "values", "from", "to"))
+    return titled(title_of(shown.scene), "bifurcation diagram", [table, "\n".join(lines)], "text")
 
 
-def _ranges(found: BifurcationDiagram) -> list[tuple[str, ...]]:
+def _ranges(diagram: BifurcationDiagram) -> list[tuple[str, ...]]:
     """What motions of each period there are, and at which values."""
-    known = np.isfinite(found.times[:, 0]) & ~np.isin(np.arange(len(found.times)), list(found.reasons))
-    rows, values = list[tuple[str, ...]](), np.array(found.variation.values)
-    for period in sorted(set(found.repeats[known].tolist()), key=lambda own: own or MOST + 1):
-        own = values[known & (found.repeats == period)]
+    known = np.isfinite(diagram.times[:, 0]) & ~np.isin(np.arange(len(diagram.times)), list(diagram.reasons))
+    rows, values = list[tuple[str, ...]](), np.array(diagram.variation.values)
+    for period in sorted(set(diagram.repeats[known].tolist()), key=lambda some: some or MOST + 1):
+        some = values[known & (diagram.repeats == period)]
         name = str(period) if period else f"not within {MOST}, or not yet"
-        rows.append((name, str(len(own)), f"{own.min():.6g}", f"{own.max():.6g}"))
+        rows.append((name, str(len(some)), f"{some.min():.6g}", f"{some.max():.6g}"))
     return rows
 
 
-def _records(found: BifurcationDiagram) -> list[dict[str, Any]]:
-    values, repeats = found.variation.values, found.repeats.tolist()
+def _records(diagram: BifurcationDiagram) -> list[dict[str, Any]]:
+    values, repeats = diagram.variation.values, diagram.repeats.tolist()
     return [
-        {found.variation.column: values[k], "repeats_after_periods": repeats[k], "time_s": time} | record
-        for k, times in enumerate(found.times.tolist())
-        if k not in found.reasons
-        for time, record in zip(times, state_records(found.system, [own[k] for own in found.states]), strict=True)
+        {diagram.variation.column: values[k], "repeats_after_periods": repeats[k], "time_s": time} | record
+        for k, times in enumerate(diagram.times.tolist())
+        if k not in diagram.reasons
+        for time, record in zip(times, state_records(diagram.system, [part[k] for part in diagram.states]), strict=True)
     ]
 
 
-def _whole(found: BifurcationDiagram) -> dict[str, Any]:
+def _whole(diagram: BifurcationDiagram) -> dict[str, Any]:
     return {
-        "scene": describe(found.scene),
-        "place": found.variation.path,
-        "unit": found.unit,
-        "values": list(found.variation.values),
-        "phase_deg": found.phase_deg,
-        "settle_s": [finite(own) for own in found.settle.tolist()],
-        "repeats_after_periods": found.repeats.tolist(),
-        "failed": {str(k): reason for k, reason in sorted(found.reasons.items())},
-        "strobes": [{name: finite(value) for name, value in one.items()} for one in _records(found)],
+        "scene": describe(diagram.scene),
+        "place": diagram.variation.path,
+        "unit": diagram.unit,
+        "values": list(diagram.variation.values),
+        "phase_deg": diagram.phase_deg,
+        "settle_s": [finite(seconds) for seconds in diagram.settle.tolist()],
+        "repeats_after_periods": diagram.repeats.tolist(),
+        "failed": {str(k): reason for k, reason in sorted(diagram.reasons.items())},
+        "strobes": [{name: finite(value) for name, value in record.items()} for record in _records(diagram)],
     }

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -11,12 +11,13 @@ import numpy as np
 from modal.eigen.compiling import available
 from modal.errors import ComputationError, MissingExtraError
 from modal.types import Floats, Ints
+from nonlinear.chaos import TRANSIENT
 from nonlinear.dynamics import Lanes, undisturbed
 from nonlinear.dynamics.friction import JAMMED as STUCK
 from nonlinear.dynamics.inputs import Inputs
 from nonlinear.dynamics.lanes import Rates
-from nonlinear.ensembles.found import Found, Wanted
 from nonlinear.ensembles.lanes import Watches, stretched, task_of, watches_of
+from nonlinear.ensembles.results import MemberResults, Wanted
 from nonlinear.integration.crowds import Crowd, RailWork
 from nonlinear.integration.kernels import module_of, source
 from nonlinear.integration.lanes import NOT_FINITE, TOO_SHORT, LaneTask, Watch
@@ -46,7 +47,7 @@ class Ran:
     reasons: dict[int, str] = field(default_factory=dict)
 
 
-def run(numbers: Numbers, y: Floats, wanted: Wanted) -> Found:
+def run(numbers: Numbers, y: Floats, wanted: Wanted) -> MemberResults:
     """Members with these numbers from y (size, S) on; MissingExtraError without numba."""
     lanes = Lanes(numbers)
     task, scale, local = task_of(lanes, numbers, y, wanted)
@@ -55,14 +56,16 @@ def run(numbers: Numbers, y: Floats, wanted: Wanted) -> Found:
     rubbing = [RailWork(crowd, y.shape[1])] if numbers.switching and crowd.presses else []
     ran = integrate(task, scale, local, watches, grows=not numbers.switching, beside=rubbing)
     rubs = numbers.switching and not lanes.layout.works
-    rubbed = crowd.work(ran.y, ran.state) + sum(own.work for own in rubbing) if rubs else 0.0
-    found = watches.found(Found(ran.y, ran.error, ran.horizon, ran.reasons, rubbed=rubbed))
+    rubbed = crowd.work(ran.y, ran.state) + sum(watch.work for watch in rubbing) if rubs else 0.0
+    results = watches.added_to(MemberResults(ran.y, ran.error, ran.horizon, ran.reasons, rubbed=rubbed))
     if wanted.stretching:
         task, scale = stretched(numbers, y[: 2 * lanes.layout.half], wanted)
-        gain = integrate(task, np.concatenate((scale, scale)), np.zeros(y.shape[1]), None, grows=False)
-        gain.gain[[*gain.reasons]] = np.nan
-        found.stretching = gain.gain
-    return found
+        units, none = np.concatenate((scale, scale)), np.zeros(y.shape[1])
+        ends = [wanted.duration * TRANSIENT, task.end]
+        before, gain = (integrate(replace(task, end=end), units, none, None, grows=False) for end in ends)
+        gain.gain[[*gain.reasons, *before.reasons]] = np.nan
+        results.stretching = gain.gain - before.gain
+    return results
 
 
 def integrate(
@@ -76,7 +79,7 @@ def integrate(
     module = module_of(source(task.lanes, crowd))
     size, count = task.begun.shape
     constants = crowd.constants() if crowd else task.lanes.constants(task.numbers)
-    given, members = _given(constants, count), np.full(WIDTH, -1)
+    numbers, members = _given(constants, count), np.full(WIDTH, -1)
     times = np.array(watches.samples.times if watches and watches.samples else ())
     if len(times) and times[0] == 0:
         times = times[1:]
@@ -96,9 +99,9 @@ def integrate(
     spread = np.ascontiguousarray(np.broadcast_to(scale, (size, scale.shape[1])))
     ends, tables = np.append(task.breaks, task.end), _tables(task.lanes.inputs)
     arguments = (
-        (task.begun, given, task.relative, task.absolute, task.first, ends, task.longest, spread, local, tables),
+        (task.begun, numbers, task.relative, task.absolute, task.first, ends, task.longest, spread, local, tables),
         *(times, wants, section.level if section else 0.0, members, np.zeros(1, dtype=np.int64), front, *lanes),
-        *(np.zeros((STAGES + 1, size, WIDTH)), np.zeros((max(len(given), 1), WIDTH)), np.zeros(WIDTH)),
+        *(np.zeros((STAGES + 1, size, WIDTH)), np.zeros((max(len(numbers), 1), WIDTH)), np.zeros(WIDTH)),
         *(np.ones((size, WIDTH)), np.ones((size, WIDTH)), np.zeros(WIDTH)),
         *(np.zeros((size, WIDTH)) for _ in range(3)),
         *(np.zeros(WIDTH) for _ in range(3)),
@@ -112,7 +115,7 @@ def integrate(
             filled = module.run(*arguments)
         kept = filled if filled >= 0 else -1 - filled
         if watches and kept:
-            seen = (own[..., :kept] for own in (marks, before, after, stages, acting))
+            seen = (rows[..., :kept] for rows in (marks, before, after, stages, acting))
             _see(task, [*beside, *watches.all], rates, which[:kept], *seen)
     if watches and watches.largest:
         watches.largest.angle = np.maximum(watches.largest.angle, ran.largest)
@@ -127,33 +130,33 @@ def integrate(
 def _switching(switches: Switches | None, final: Floats) -> tuple[Any, ...]:
     """What of a module's arguments belongs to switches, whose states at the end go into `final`."""
     count = final.shape[1]
-    own = (switches.constants, switches.numbers) if switches else ((), ())
-    given, numbers = (_given(each, count) for each in own)
+    entries = (switches.constants, switches.numbers) if switches else ((), ())
+    constants, numbers = (_given(each, count) for each in entries)
     rows = switches.module.sizes["v"] if switches else 1
-    lanes = [np.zeros((len(each), WIDTH)) for each in (given, numbers, final)]
+    lanes = [np.zeros((len(each), WIDTH)) for each in (constants, numbers, final)]
     values = np.zeros((len(LOOKS), 2 * switches.count if switches else 0, WIDTH))
     sought = [np.full(WIDTH, -1) for _ in range(2)]
     lengths = [np.zeros(WIDTH) for _ in range(4)]
-    return (given, numbers, *lanes, np.zeros((rows, WIDTH)), values, *sought, *lengths, final)
+    return (constants, numbers, *lanes, np.zeros((rows, WIDTH)), values, *sought, *lengths, final)
 
 
 def _tables(inputs: Inputs) -> tuple[Ints, Floats, Floats, Floats, Floats]:
     """The polynomials of all inputs as arrays: first piece of each, knots, origins, coefficients (d last), periods."""
-    if (own := inputs.polynomials) is None:
+    if (polynomials := inputs.polynomials) is None:
         raise ComputationError("engine numba cannot follow this function of time: take engine numpy")
-    first = np.cumsum([0, *(len(one.origins) for one in own)])
-    degree = max((one.coefficients.shape[1] for one in own), default=1)
+    first = np.cumsum([0, *(len(polynomial.origins) for polynomial in polynomials)])
+    degree = max((polynomial.coefficients.shape[1] for polynomial in polynomials), default=1)
     knots, origins, coefficients = np.zeros(first[-1]), np.zeros(first[-1]), np.zeros((first[-1], degree))
-    for one, at, stop in zip(own, first, first[1:], strict=False):
-        knots[at : stop - 1], origins[at:stop] = one.knots, one.origins
-        coefficients[at:stop, degree - one.coefficients.shape[1] :] = one.coefficients[:, ::-1]
-    return first, knots, origins, coefficients, np.array([one.period for one in own])
+    for polynomial, at, stop in zip(polynomials, first, first[1:], strict=False):
+        knots[at : stop - 1], origins[at:stop] = polynomial.knots, polynomial.origins
+        coefficients[at:stop, degree - polynomial.coefficients.shape[1] :] = polynomial.coefficients[:, ::-1]
+    return first, knots, origins, coefficients, np.array([polynomial.period for polynomial in polynomials])
 
 
 def _given(values: Sequence[Any], count: int) -> Floats:
     """Numbers of members (C, S), or (C, 1) where members do not differ."""
-    width = count if any(np.ndim(own) for own in values) else 1
-    return np.array([np.broadcast_to(own, width) for own in values]).reshape(len(values), width)
+    width = count if any(np.ndim(value) for value in values) else 1
+    return np.array([np.broadcast_to(value, width) for value in values]).reshape(len(values), width)
 
 
 def _see(
@@ -170,8 +173,8 @@ def _see(
     """Show steps to watches."""
 
     def rates_of(columns: Any) -> Rates:
-        own = rates(task.numbers.at(which[columns]))
-        return own if not len(acting) else lambda y, times=0.0: own(y, times, acting[:, columns])
+        rates_there = rates(task.numbers.at(which[columns]))
+        return rates_there if not len(acting) else lambda y, times=0.0: rates_there(y, times, acting[:, columns])
 
     taken = np.ones(len(which), dtype=bool)
     step = Step(which, taken, marks[0], marks[1], before, after, stages, rates_of(slice(None)), rates_of)

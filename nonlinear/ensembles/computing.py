@@ -12,16 +12,16 @@ from modal.types import Floats
 from nonlinear.dynamics import Lanes
 from nonlinear.ensembles import lanes, plain
 from nonlinear.ensembles.energies import Accounts
-from nonlinear.ensembles.found import Found, Wanted
-from nonlinear.ensembles.measures import Columns, Context
-from nonlinear.ensembles.members import RATIO, Block, Part
+from nonlinear.ensembles.measures import COLUMNS, Columns, Context
+from nonlinear.ensembles.members import RATIO, MemberBlock, MemberPart
 from nonlinear.ensembles.plain import state_columns
-from nonlinear.ensembles.question import COMPILED, LANES, PLAIN, Question
+from nonlinear.ensembles.question import COMPILED, LANES, PLAIN, EnsembleRequest
+from nonlinear.ensembles.results import MemberResults, Wanted
 from nonlinear.integration.readiness import reproducible
 from nonlinear.simulation import simulate
 from nonlinear.system import Layout, Numbers, apart, numbers_of
 
-Engine = Callable[[Numbers, Floats, Wanted], Found]
+Engine = Callable[[Numbers, Floats, Wanted], MemberResults]
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,82 +52,91 @@ def engine_of(name: str) -> Engine:
     return series.run
 
 
-def compute(question: Question, part: Part) -> Chunk:
+def compute(question: EnsembleRequest, part: MemberPart) -> Chunk:
     """A chunk of a question."""
     if question.engine == PLAIN:
         return _one_by_one(question, part)
     layout = _layout(question)
     block = part.block(layout)
-    found = engine_of(question.engine)(block.numbers, block.y, question.wanted)
+    results = engine_of(question.engine)(block.numbers, block.y, question.wanted)
     context = Context(question.scene, question.system, block.numbers, layout, block.y, question.wanted)
-    drift = Accounts(block.numbers, layout).drift(block.y, found.y, question.duration, found.rubbed)
-    return _chunk(question, part, block, context, found, drift)
+    drift = Accounts(block.numbers, layout).drift(block.y, results.y, question.duration, results.rubbed)
+    return _chunk(question, part, block, context, results, drift)
 
 
-def _layout(question: Question) -> Layout:
+def _layout(question: EnsembleRequest) -> Layout:
     """The parts of y; work is counted where any member might do any."""
     differing = {place: np.ones(1) for place in question.members.part(0, 1).places if "start" not in place}
-    found = Lanes(numbers_of(question.scene, differing, question.system)).layout
-    return replace(found, works=found.works or any(place[0] == RATIO for place in differing))
+    layout = Lanes(numbers_of(question.scene, differing, question.system)).layout
+    return replace(layout, works=layout.works or any(place[0] == RATIO for place in differing))
 
 
-def _chunk(question: Question, part: Part, block: Block, context: Context, found: Found, drift: Floats) -> Chunk:
-    ending, kept = _rows(question, found)
-    columns: Columns = {"energy_drift": drift, "error_rad": found.error, "horizon_s": found.horizon}
-    for measure in question.measures.measures:
-        columns |= measure.columns(context, found, ending)
+def _chunk(
+    question: EnsembleRequest,
+    part: MemberPart,
+    block: MemberBlock,
+    context: Context,
+    results: MemberResults,
+    drift: Floats,
+) -> Chunk:
+    ending, kept = _rows(question, results)
+    columns: Columns = {"energy_drift": drift, "error_rad": results.error, "horizon_s": results.horizon}
+    for name in question.measures.names:
+        columns |= COLUMNS[name](context, results, ending)
     if question.keeps_end:
-        columns |= states(context.layout, found.y.T)
+        columns |= states(context.layout, results.y.T)
     if question.times:
         columns |= states(context.layout, kept)
-    failed = [*found.reasons]
-    for own in columns.values():
-        own[failed] = np.nan
-    reasons = block.reasons | {int(block.places[k]): reason for k, reason in found.reasons.items()}
-    whole = {name: _placed(own, block, part.size) for name, own in columns.items()}
-    if found.crossed is not None:
-        whole |= _crossings(context.layout, part, block, found)
-    differences = _differences(question, part, block, context.layout, found)
+    failed = [*results.reasons]
+    for values in columns.values():
+        values[failed] = np.nan
+    reasons = block.reasons | {int(block.places[k]): reason for k, reason in results.reasons.items()}
+    whole = {name: _placed(values, block, part.size) for name, values in columns.items()}
+    if results.crossed is not None:
+        whole |= _crossings(context.layout, part, block, results)
+    differences = _differences(question, part, block, context.layout, results)
     numbered = {part.first + place: reason for place, reason in sorted(reasons.items())}
     return Chunk(part.first, part.size, whole, numbered, differences)
 
 
-def _rows(question: Question, found: Found) -> tuple[Floats, Floats]:
+def _rows(question: EnsembleRequest, results: MemberResults) -> tuple[Floats, Floats]:
     """Samples of the last tenth and those to keep, (S, K, size) each."""
-    if found.rows is None:
-        none = np.empty((found.y.shape[1], 0, len(found.y)))
+    if results.rows is None:
+        none = np.empty((results.y.shape[1], 0, len(results.y)))
         return none, none
     times = np.array(question.wanted.times)
-    pick = (np.searchsorted(times, own) for own in (question.ending, question.times))
-    ending, kept = (found.rows[:, rows] for rows in pick)
+    pick = (np.searchsorted(times, moments) for moments in (question.ending, question.times))
+    ending, kept = (results.rows[:, rows] for rows in pick)
     return ending, kept
 
 
 def states(layout: Layout, rows: Floats) -> Columns:
     """The parts of y (..., size) as columns."""
     motion = layout.read(rows.reshape(-1, rows.shape[-1]))
-    found = {column: getattr(motion, part) for part, column in state_columns(layout.is_structured).items()}
-    return {name: own.reshape(*rows.shape[:-1], *own.shape[1:]).copy() for name, own in found.items()}
+    parts = {column: getattr(motion, part) for part, column in state_columns(layout.is_structured).items()}
+    return {name: values.reshape(*rows.shape[:-1], *values.shape[1:]).copy() for name, values in parts.items()}
 
 
-def _placed(own: Floats, block: Block, size: int) -> Floats:
+def _placed(values: Floats, block: MemberBlock, size: int) -> Floats:
     """A column of those members that can be among all."""
     if len(block.places) == size:
-        return own
-    whole = np.full((size, *own.shape[1:]), np.nan)
-    whole[block.places] = own
+        return values
+    whole = np.full((size, *values.shape[1:]), np.nan)
+    whole[block.places] = values
     return whole
 
 
-def _crossings(layout: Layout, part: Part, block: Block, found: Found) -> Columns:
-    assert found.crossed is not None
-    members, times, rows = found.crossed
+def _crossings(layout: Layout, part: MemberPart, block: MemberBlock, results: MemberResults) -> Columns:
+    assert results.crossed is not None
+    members, times, rows = results.crossed
     numbers = (part.first + block.places[members]).astype(float)
     crossed = {"member": numbers, "time_s": times} | states(layout, rows)
-    return {f"crossing_{name}": own for name, own in crossed.items()}
+    return {f"crossing_{name}": values for name, values in crossed.items()}
 
 
-def _differences(question: Question, part: Part, block: Block, layout: Layout, found: Found) -> dict[int, float]:
+def _differences(
+    question: EnsembleRequest, part: MemberPart, block: MemberBlock, layout: Layout, results: MemberResults
+) -> dict[int, float]:
     """The largest angle at the end between members that are checked and runs by themselves."""
     result = {}
     for number in question.checked:
@@ -135,7 +144,7 @@ def _differences(question: Question, part: Part, block: Block, layout: Layout, f
         if not 0 <= place < part.size or place not in set(block.places.tolist()):
             continue
         column = int(np.searchsorted(block.places, place))
-        if column in found.reasons:
+        if column in results.reasons:
             continue
         try:
             with reproducible():
@@ -149,38 +158,38 @@ def _differences(question: Question, part: Part, block: Block, layout: Layout, f
         except ComputationError:
             result[number] = float("nan")
             continue
-        known = not found.horizon[column] < question.duration
-        distance = apart(layout.read(found.y[None, :, column]), run.motion.at(slice(-1, None)))
+        known = not results.horizon[column] < question.duration
+        distance = apart(layout.read(results.y[None, :, column]), run.motion.at(slice(-1, None)))
         result[number] = float(distance[0]) if known else float("nan")
     return result
 
 
-def _one_by_one(question: Question, part: Part) -> Chunk:
+def _one_by_one(question: EnsembleRequest, part: MemberPart) -> Chunk:
     """Every member by `simulate`."""
     rows: list[Columns | None] = []
     reasons: dict[int, str] = {}
     crossings: list[Columns] = []
     for place in range(part.size):
         try:
-            one = plain.columns(question, part.scene_of(place), part.state_of(place))
-            crossings.append(_of_member(part.first + place, one))
-            rows.append(one)
+            member = plain.columns(question, part.scene_of(place), part.state_of(place))
+            crossings.append(_of_member(part.first + place, member))
+            rows.append(member)
         except MultipendulaError as error:
             reasons[part.first + place] = " ".join(str(error).split())
             rows.append(None)
-    first = next((one for one in rows if one is not None), {})
+    first = next((member for member in rows if member is not None), {})
     columns = {
-        name: np.array([np.full_like(own, np.nan) if one is None else one[name] for one in rows])
-        for name, own in first.items()
+        name: np.array([np.full_like(values, np.nan) if member is None else member[name] for member in rows])
+        for name, values in first.items()
     }
     if crossings and crossings[0]:
-        columns |= {name: np.concatenate([one[name] for one in crossings]) for name in crossings[0]}
+        columns |= {name: np.concatenate([member[name] for member in crossings]) for name in crossings[0]}
     return Chunk(part.first, part.size, columns, reasons, {})
 
 
 def _of_member(number: int, columns: Columns) -> Columns:
     """The crossings of a run by itself, taken out of its columns."""
-    found = {name: columns.pop(name) for name in [*columns] if name.startswith("crossing_")}
-    if found:
-        found = {"crossing_member": np.full(len(found["crossing_time_s"]), float(number)), **found}
-    return found
+    crossings = {name: columns.pop(name) for name in [*columns] if name.startswith("crossing_")}
+    if crossings:
+        crossings = {"crossing_member": np.full(len(crossings["crossing_time_s"]), float(number)), **crossings}
+    return crossings

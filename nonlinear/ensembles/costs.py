@@ -14,7 +14,16 @@ from nonlinear.dynamics import Lanes
 from nonlinear.dynamics.inputs import Inputs
 from nonlinear.dynamics.lanes import WRITTEN
 from nonlinear.ensembles.members import Members
-from nonlinear.ensembles.question import COMPILED, LANES, ONE_BY_ONE, PLAIN, SERIES, Question, seconds_each, steps_of
+from nonlinear.ensembles.question import (
+    COMPILED,
+    LANES,
+    ONE_BY_ONE,
+    PLAIN,
+    SERIES,
+    EnsembleRequest,
+    seconds_each,
+    steps_of,
+)
 from nonlinear.ensembles.series import SEEN, series_of
 from nonlinear.integration import kernels, taylor_takes
 from nonlinear.integration.crowds import Crowd
@@ -64,8 +73,8 @@ def choose_engine(
         raise SceneError([f"engine {asked}: must be one of auto, {', '.join(ENGINES)}"])
     if asked == PLAIN:
         return Decision(PLAIN, "as asked for, one by one")
-    if asked != "auto" and (found := refusals(members.scene, f"engine {asked}", *members.varied)):
-        raise SceneError(found)
+    if asked != "auto" and (reasons := refusals(members.scene, f"engine {asked}", *members.varied)):
+        raise SceneError(reasons)
     if why_not:
         if asked != "auto":
             raise SceneError([f"engine {asked}: {why_not}; simulate takes its members one by one"])
@@ -140,7 +149,7 @@ def code_of(name: str, numbers: Numbers, tolerance: float, measures: Sequence[st
     return series_of(lanes, tolerance, SEEN & set(measures))
 
 
-def seconds_of(question: Question, chunks: int) -> float:
+def seconds_of(question: EnsembleRequest, chunks: int) -> float:
     """Seconds of work in so many chunks, on one core."""
     count = min(chunks * question.chunk, question.members.size)
     if question.engine == PLAIN:

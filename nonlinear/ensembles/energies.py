@@ -19,7 +19,7 @@ from nonlinear.integration.trajectory import NOISE
 from nonlinear.system import Group, Layout, Numbers
 
 
-class Energies(NamedTuple):
+class MemberEnergies(NamedTuple):
     """Kinetic and potential energy (J) of every pendulum, (N, S), and of the cart, (S,).
 
     On a structure the latter are those of the carriers and of all springs between points.
@@ -59,7 +59,7 @@ class Accounts:
         cart = (y[0], y[half]) if first and not self.layout.is_structured else (none, none)
         return y[first:half], y[half + first : 2 * half], *cart
 
-    def energies(self, y: Floats, coasting: Floats | float = 0.0, time: float = 0.0) -> Energies:
+    def energies(self, y: Floats, coasting: Floats | float = 0.0, time: float = 0.0) -> MemberEnergies:
         """Seen from where the cart's speed is less by `coasting` (m/s), with the lengths of this time (s)."""
         angles, rates, x, speed = self._parts(y)
         system, speed = self.numbers.arrays, speed - coasting
@@ -68,21 +68,21 @@ class Accounts:
         if system.structure is not None:
             bearing = CarriersAt(Carriers(system), y[:half], y[half : 2 * half], bare=True)
         for number, group in enumerate(system.groups):
-            own, turning, down, base = angles[group.index], rates[group.index], 0.0, None
+            turned, turning, down, base = angles[group.index], rates[group.index], 0.0, None
             velocity: Any = speed
             if bearing is not None:
                 (_, down), velocity = bearing.pivots(number)
                 base = bearing.joints(number).base
-            kinetic[group.pendula] = kinetic_energy(*self._hung(group, time), own, turning, velocity)
+            kinetic[group.pendula] = kinetic_energy(*self._hung(group, time), turned, turning, velocity)
             potential[group.pendula] = potential_energy(
-                self._hung(group, time)[0], group, own, system.gravity, down, base and base[0]
+                self._hung(group, time)[0], group, turned, system.gravity, down, base and base[0]
             )
         if bearing is not None:
-            stored = sum((one.energy.sum(0) for _, one in bearing.tensions(y[:half], y[half : 2 * half])), 0.0)
+            stored = sum((spring.energy.sum(0) for _, spring in bearing.tensions(y[:half], y[half : 2 * half])), 0.0)
             carried = bearing.kinetic, bearing.potential + stored
-            return Energies(kinetic, potential, *(np.asarray(part + 0.0 * x) for part in carried))
+            return MemberEnergies(kinetic, potential, *(np.asarray(part + 0.0 * x) for part in carried))
         mass, _, stiffness = system.cart or (0.0, 0.0, 0.0)
-        return Energies(kinetic, potential, np.asarray(mass * speed**2 / 2), np.asarray(stiffness * x**2 / 2))
+        return MemberEnergies(kinetic, potential, np.asarray(mass * speed**2 / 2), np.asarray(stiffness * x**2 / 2))
 
     def _hung(self, group: Group, time: float) -> tuple[Group, Any]:
         """A group with the lengths of a time, and their speeds (n, P, 1)."""
@@ -101,9 +101,9 @@ class Accounts:
         angles, rates, _, speed = self._parts(y)
         mass, momentum = cart.mass, cart.mass * speed
         for group in system.groups:
-            block, own = group.block, np.cos(angles[group.index]) * rates[group.index]
+            block, speeds = group.block, np.cos(angles[group.index]) * rates[group.index]
             mass = mass + block.mass.sum((0, 1))
-            momentum = momentum + (block.mass.sum(0) * speed).sum(0) + (block.b * own).sum((0, 1))
+            momentum = momentum + (block.mass.sum(0) * speed).sum(0) + (block.b * speeds).sum((0, 1))
         return np.asarray(momentum / mass)
 
     @property
@@ -122,9 +122,9 @@ class Accounts:
         changed by, and the work.
         """
         coasting = self.coasting(before)
-        one, two = self.energies(before, coasting), self.energies(after, coasting, end)
-        work = (after[-1] if self.layout.works else 0.0 * one.total) + rubbed
-        above = one.total - self.lowest
-        ranges = [above, one.moving, two.moving, abs(two.stored - one.stored), abs(work), NOISE * abs(one.stored)]
+        first, two = self.energies(before, coasting), self.energies(after, coasting, end)
+        work = (after[-1] if self.layout.works else 0.0 * first.total) + rubbed
+        above = first.total - self.lowest
+        ranges = [above, first.moving, two.moving, abs(two.stored - first.stored), abs(work), NOISE * abs(first.stored)]
         scale = np.max(np.broadcast_arrays(*ranges), axis=0)
-        return np.asarray(np.abs(two.total - one.total - work) / np.where(scale > 0, scale, 1.0))
+        return np.asarray(np.abs(two.total - first.total - work) / np.where(scale > 0, scale, 1.0))

@@ -7,25 +7,32 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from modal.types import Floats
+from nonlinear.chaos import TRANSIENT
 from nonlinear.dynamics import Lanes
-from nonlinear.ensembles.found import Found, Wanted
+from nonlinear.ensembles.results import MemberResults, Wanted
 from nonlinear.integration import pacing
 from nonlinear.integration.crowds import RailWork, switching
 from nonlinear.integration.lanes import LaneTask, Watch, integrate
-from nonlinear.integration.watches import Crossings, FirstTurns, Growth, Largest, Samples, Stretching
+from nonlinear.integration.watches import (
+    Crossings,
+    FirstTurns,
+    Growth,
+    GrowthSamples,
+    Largest,
+    Samples,
+    tangent_direction,
+)
 from nonlinear.integration.within import fill
 from nonlinear.system import Layout, Numbers
 
-SEED = 0  # of the direction of tangent vectors
 
-
-def run(numbers: Numbers, y: Floats, wanted: Wanted) -> Found:
+def run(numbers: Numbers, y: Floats, wanted: Wanted) -> MemberResults:
     """Members with these numbers from y (size, S) on."""
     plain = Lanes(numbers)
-    found = _run(plain, numbers, y, wanted)
+    results = _run(plain, numbers, y, wanted)
     if wanted.stretching:
-        found.stretching = stretching(numbers, y[: 2 * plain.layout.half], wanted)
-    return found
+        results.stretching = stretching(numbers, y[: 2 * plain.layout.half], wanted)
+    return results
 
 
 def task_of(lanes: Lanes, numbers: Numbers, y: Floats, wanted: Wanted) -> tuple[LaneTask, Floats, Floats]:
@@ -54,10 +61,10 @@ class Watches:
         """Those that there are."""
         return [watch for watch in (self.samples, self.turns, self.largest, self.section) if watch is not None]
 
-    def found(self, found: Found) -> Found:
+    def added_to(self, results: MemberResults) -> MemberResults:
         """With what these have found."""
         return replace(
-            found,
+            results,
             rows=self.samples.rows if self.samples else None,
             first_turns=self.turns.times if self.turns else None,
             largest=self.largest.angle if self.largest else None,
@@ -84,42 +91,45 @@ def slope_of(lanes: Lanes, numbers: Numbers, y: Floats) -> Floats:
     return slope
 
 
-def _run(lanes: Lanes, numbers: Numbers, y: Floats, wanted: Wanted) -> Found:
+def _run(lanes: Lanes, numbers: Numbers, y: Floats, wanted: Wanted) -> MemberResults:
     layout = lanes.layout
     task, scale, local = task_of(lanes, numbers, y, wanted)
     growth, watches = Growth(layout, scale, local), watches_of(lanes, numbers, y, wanted)
     if not numbers.switching:
         outcome = integrate(task, [growth, *watches.all])
-        return watches.found(Found(outcome.y, growth.error, growth.horizon, outcome.reasons))
+        return watches.added_to(MemberResults(outcome.y, growth.error, growth.horizon, outcome.reasons))
     task, none = switching(task), np.full(y.shape[1], np.nan)
     rubbing = [RailWork(task.lanes, y.shape[1])] if task.lanes.presses else []
     outcome = integrate(task, [*rubbing, *watches.all])
-    rubbed = 0.0 if layout.works else task.lanes.work(outcome.y, outcome.state) + sum(own.work for own in rubbing)
-    return watches.found(Found(outcome.y, none, none.copy(), outcome.reasons, rubbed=rubbed))
+    rubbed = 0.0 if layout.works else task.lanes.work(outcome.y, outcome.state) + sum(watch.work for watch in rubbing)
+    return watches.added_to(MemberResults(outcome.y, none, none.copy(), outcome.reasons, rubbed=rubbed))
 
 
 def stretching(numbers: Numbers, y: Floats, wanted: Wanted) -> Floats:
-    """What ln |v| gains of a tangent vector in a direction drawn at random, the same for all, (S,)."""
+    """What ln |v| gains of a tangent vector in so many seconds after a transient, (S,).
+
+    It begins in a direction drawn at random, the same for all.
+    """
     task, scale = stretched(numbers, y, wanted)
-    watch = Stretching(scale, y.shape[1])
+    watch = GrowthSamples(scale, np.array([TRANSIENT, 1 + TRANSIENT]) * wanted.duration, y, lambda elapsed: None)
     outcome = integrate(switching(task), [watch])
-    watch.growth[[*outcome.reasons]] = np.nan
-    return watch.growth
+    growth = watch.rows[1] - watch.rows[0]
+    growth[[*outcome.reasons]] = np.nan
+    return np.asarray(growth)
 
 
 def stretched(numbers: Numbers, y: Floats, wanted: Wanted) -> tuple[LaneTask, Floats]:
-    """The task of y and a tangent vector, and natural units of this."""
+    """The task of y and a tangent vector, the transient included, and natural units of this."""
     lanes = Lanes(numbers, tangent=True)
     layout = replace(lanes.layout, works=False)
     scale = shortest_scale(numbers, layout)
-    v = np.random.default_rng(SEED).standard_normal((layout.size, 1)) * scale
-    v = np.broadcast_to(v / np.sqrt(np.sum((v / scale) ** 2, axis=0)), y.shape)
+    v = np.broadcast_to(tangent_direction(layout.size) * scale, y.shape)
     both, units = np.concatenate((y, v)), np.broadcast_to(scale, y.shape)
     absolute = wanted.tolerance * np.concatenate((units, units))
     members = y.shape[1]
     first = pacing.longest_first(pacing.units_of(numbers).rate, members)
     relative = np.full(members, wanted.tolerance)
-    return LaneTask(lanes, numbers, both, wanted.duration, relative, absolute, first), scale
+    return LaneTask(lanes, numbers, both, (1 + TRANSIENT) * wanted.duration, relative, absolute, first), scale
 
 
 def shortest_scale(numbers: Numbers, layout: Layout) -> Floats:

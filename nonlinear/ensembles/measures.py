@@ -1,6 +1,7 @@
-"""What can be measured of every member, on the way or at its end, so that nothing else need be kept.
+"""How members side by side are measured, on the way or at their ends, so that nothing else need be kept.
 
-A measure is asked for by its name, a section with what is passed: `section:theta[1,1]=0`.
+What there is to measure is listed in `nonlinear.measures`.  A measure is asked for by its name, a section with what is
+passed: `section:theta[1,1]=0`.
 """
 
 from __future__ import annotations
@@ -14,13 +15,15 @@ from typing import cast
 
 import numpy as np
 
-from modal.errors import ComputationError, SceneError, meant
-from modal.scene import Scene
+from modal.errors import ComputationError, SceneError
+from modal.scene import Scene, require
 from modal.types import Complexes, Floats
 from nonlinear.averaging import AveragedEquations, RelativeEquilibrium, average, likeness, relative_equilibria
+from nonlinear.chaos import validate_duration
 from nonlinear.ensembles.energies import Accounts
-from nonlinear.ensembles.found import Found, Section, Wanted
+from nonlinear.ensembles.results import MemberResults, Passing, Wanted
 from nonlinear.integration import estimate_timescales
+from nonlinear.measures import measure_for, taken_by
 from nonlinear.synchronization import ENDING
 from nonlinear.synchronization.phases import from_rest, own_shapes
 from nonlinear.system import Layout, Numbers, System
@@ -45,16 +48,6 @@ class Context:
     wanted: Wanted
 
 
-@dataclass(frozen=True)
-class Measure:
-    """A measure: `words` say what it is; `ends` whether it is read from samples of the last tenth."""
-
-    name: str
-    words: str
-    columns: Callable[[Context, Found, Floats], Columns]
-    ends: bool = False
-
-
 def ending_times(scene: Scene, duration: float) -> tuple[float, ...]:
     """Samples (s) of the last tenth, some for each of the fastest periods."""
     periods = ENDING * duration * estimate_timescales(scene).swing / (2 * pi)
@@ -62,9 +55,11 @@ def ending_times(scene: Scene, duration: float) -> tuple[float, ...]:
     return tuple(np.linspace((1 - ENDING) * duration, duration, count).tolist())
 
 
-def _first_turn(context: Context, found: Found, ending: Floats) -> Columns:
-    assert found.first_turns is not None
-    return {f"first_turn_{place}_s": own for place, own in zip(places(context.system), found.first_turns, strict=True)}
+def _first_turn(context: Context, results: MemberResults, ending: Floats) -> Columns:
+    assert results.first_turns is not None
+    return {
+        f"first_turn_{place}_s": turn for place, turn in zip(places(context.system), results.first_turns, strict=True)
+    }
 
 
 def places(system: System) -> list[str]:
@@ -73,28 +68,37 @@ def places(system: System) -> list[str]:
     return [label[len("theta") :].strip("[]").replace(",", "_") for label in labels]
 
 
-def _lyapunov(context: Context, found: Found, ending: Floats) -> Columns:
-    assert found.stretching is not None
-    return {"lyapunov_per_s": found.stretching / context.wanted.duration}
+def _lyapunov(context: Context, results: MemberResults, ending: Floats) -> Columns:
+    assert results.stretching is not None
+    return {"lyapunov_per_s": results.stretching / context.wanted.duration}
 
 
-def _largest_angle(context: Context, found: Found, ending: Floats) -> Columns:
-    assert found.largest is not None
-    return {"largest_angle_deg": np.degrees(found.largest)}
+def _largest_angle(context: Context, results: MemberResults, ending: Floats) -> Columns:
+    assert results.largest is not None
+    return {"largest_angle_deg": np.degrees(results.largest)}
 
 
-def _pendulum_energy(context: Context, found: Found, ending: Floats) -> Columns:
+def _pendulum_energy(context: Context, results: MemberResults, ending: Floats) -> Columns:
     sums: Floats = np.zeros((context.system.n_pendula, len(ending)))
+    carried: Floats = np.zeros(len(ending))
     accounts = Accounts(context.numbers, context.layout)
     times = ending_times(context.scene, context.wanted.duration) if context.system.hoisting else ()
     for k in range(ending.shape[1]):
         rows = np.ascontiguousarray(ending[:, k].T)
         energies = accounts.energies(rows, time=times[k] if times else 0.0)
         sums += energies.kinetic + energies.potential
-    return {f"pendulum_{p}_energy_J": own / ending.shape[1] for p, own in enumerate(sums, 1)}
+        carried += energies.cart_kinetic + energies.cart_potential
+    return energy_columns(context.system, sums / ending.shape[1], carried / ending.shape[1])
 
 
-def _order(context: Context, found: Found, ending: Floats) -> Columns:
+def energy_columns(system: System, pendula: Floats, carried: Floats) -> Columns:
+    """The energies (J) of all pendula, of each, (N, ...), and of the cart or the structure, (...)."""
+    columns = {"pendula_energy_J": np.asarray(pendula.sum(0))}
+    columns |= {f"pendulum_{p}_energy_J": energy for p, energy in enumerate(pendula, 1)}
+    return columns | ({"cart_energy_J": np.asarray(carried)} if system.cart or system.structure else {})
+
+
+def _order(context: Context, results: MemberResults, ending: Floats) -> Columns:
     z, weights = own_amplitudes(context, ending)
     size = np.abs(z)
     leading = np.argmax(np.sum(weights * np.mean(size**2, axis=1), axis=1), axis=1)
@@ -117,14 +121,14 @@ def own_amplitudes(context: Context, rows: Floats) -> tuple[Complexes, Floats]:
     z = np.empty((len(flat), system.n_pendula, count), dtype=np.complex128)
     weights = np.empty((system.n_pendula, count))
     for group in system.groups:
-        own = own_shapes(group, system.gravity, count)
-        eta, rate = (np.einsum("tnp,pnb->tpb", part[:, group.index], own.dual) for part in (turned, rates))
-        z[:, group.pendula] = eta - 1j * rate / own.omega
-        weights[group.pendula] = own.mass * own.omega**2
+        shapes = own_shapes(group, system.gravity, count)
+        eta, rate = (np.einsum("tnp,pnb->tpb", part[:, group.index], shapes.dual) for part in (turned, rates))
+        z[:, group.pendula] = eta - 1j * rate / shapes.omega
+        weights[group.pendula] = shapes.mass * shapes.omega**2
     return z.reshape(members, times, *z.shape[1:]), weights
 
 
-def _configuration(context: Context, found: Found, ending: Floats) -> Columns:
+def _configuration(context: Context, results: MemberResults, ending: Floats) -> Columns:
     known = configurations(context.scene)
     if not known:
         return {"configuration": np.zeros(len(ending))}
@@ -160,69 +164,65 @@ def _modal(averaged: AveragedEquations, context: Context, rows: Floats) -> Compl
     return np.asarray((q @ averaged.dual - 1j * (v @ averaged.dual) / averaged.omega).T)
 
 
-def _section(context: Context, found: Found, ending: Floats) -> Columns:
+def _section(context: Context, results: MemberResults, ending: Floats) -> Columns:
     return {}
 
 
-MEASURES = {
-    measure.name: measure
-    for measure in (
-        Measure("first_turn", "the time at which each link first goes over the top, inf where none does", _first_turn),
-        Measure("lyapunov", "the largest Lyapunov exponent over the duration", _lyapunov),
-        Measure("configuration", "the relative equilibrium of sync at the end, 0 for none", _configuration, True),
-        Measure("order", "the order parameter, its mean over the last tenth", _order, True),
-        Measure("largest_angle", "the largest angle of any link", _largest_angle),
-        Measure("pendulum_energy", "the mean energy of each pendulum over the last tenth", _pendulum_energy, True),
-        Measure("section", "the states at which an angle or the cart passes a value", _section),
-    )
+COLUMNS: dict[str, Callable[[Context, MemberResults, Floats], Columns]] = {
+    "largest_angle": _largest_angle,
+    "first_turn": _first_turn,
+    "lyapunov": _lyapunov,
+    "order": _order,
+    "pendulum_energy": _pendulum_energy,
+    "configuration": _configuration,
+    "section": _section,
 }
+"""How each measure that an ensemble takes is read off what was found and samples of the last tenth."""
+ENDS = {"order", "pendulum_energy", "configuration"}
+"""Those that are read off these samples."""
+IN_SPACE = {"largest_angle", "pendulum_energy"}
+"""Those that mean something in space."""
 
 
 @dataclass(frozen=True)
-class Asked:
+class RequestedMeasures:
     """The measures asked for, by their names, and the section."""
 
     names: tuple[str, ...]
-    section: Section | None = None
-
-    @property
-    def measures(self) -> list[Measure]:
-        """Those."""
-        return [MEASURES[name] for name in self.names]
+    section: Passing | None = None
 
     @property
     def ends(self) -> bool:
         """Whether the last tenth is sampled."""
-        return any(measure.ends for measure in self.measures)
+        return bool(ENDS & {*self.names})
 
 
-def asked(texts: Sequence[str], system: System) -> Asked:
+def requested_measures(texts: Sequence[str], system: System) -> RequestedMeasures:
     """The measures in texts; SceneError names every mistake."""
-    if not isinstance(given := cast("object", texts), list | tuple) or not all(isinstance(one, str) for one in given):
-        raise SceneError([f"measures {texts!r}: must be a list of names, of {', '.join(MEASURES)}"])
+    if not isinstance(texts, list | tuple) or not all(isinstance(text, str) for text in cast("list[object]", texts)):
+        raise SceneError([f"measures {texts!r}: must be a list of names, of {', '.join(taken_by('ensemble'))}"])
     names: list[str] = []
-    problems, section = [], None
+    problems: list[str] = []
+    section = None
     for text in texts:
         name = text.partition(":")[0]
-        if name not in MEASURES:
-            hint = meant(name, MEASURES) or f" (must be one of {', '.join(MEASURES)})"
-            problems.append(f"{text}: no such measure{hint}")
-        elif name in names:
-            problems.append(f"{text}: {name} is requested twice")
-        elif name == "section":
-            try:
+        try:
+            measure_for("ensemble", text)
+            if name in names:
+                raise SceneError([f"{text}: {name} is requested twice"])
+            if name == "section":
                 section = section_of(text, system)
-            except SceneError as error:
-                problems += error.problems
-        elif name != text:
-            problems.append(f"{text}: {name} takes no number")
+            elif name != text:
+                raise SceneError([f"{text}: {name} takes no number here: the duration is that of the ensemble"])
+        except SceneError as error:
+            problems += error.problems
         names.append(name)
     if problems:
         raise SceneError(problems)
-    return Asked(tuple(names), section)
+    return RequestedMeasures(tuple(names), section)
 
 
-def section_of(text: str, system: System) -> Section:
+def section_of(text: str, system: System) -> Passing:
     """The section in a text such as "section:theta[1,1]=0", with > upwards only, with < downwards only (deg or m)."""
     match, known = SECTION.fullmatch(text), [*system.labels]
     if not match or match[1] not in known:
@@ -236,17 +236,29 @@ def section_of(text: str, system: System) -> Section:
         raise SceneError([f'{text}: "{match[3]}" is not a number'])
     row = known.index(match[1])
     turns = row >= system.first or (system.structure is not None and row in system.structure.turning)
-    return Section(row, radians(value) if turns else value, DIRECTIONS[match[2]])
+    return Passing(row, radians(value) if turns else value, DIRECTIONS[match[2]])
 
 
-def validate_measures(wanted: Asked, scene: Scene) -> None:
-    """SceneError where a measure is none of such a scene."""
-    if "order" in wanted.names and scene.is_hoisted:
-        raise SceneError(["order: needs constant lengths, since modes change with them"])
-    if "configuration" in wanted.names:
-        if not scene.is_driven:
-            raise SceneError(["configuration: no drive keeps this scene swinging"])
+def validate_measures(names: Sequence[str], scene: Scene, seconds: float | None = None) -> None:
+    """SceneError where a measure is none of such a scene, or not from so many seconds."""
+    problems: list[str] = []
+    if scene.space == "space":
+        problems += [f"{name}: only for motion in the plane" for name in names if name not in IN_SPACE]
+    if "order" in names and scene.is_hoisted:
+        problems.append("order: needs constant lengths, since modes change with them")
+    if "lyapunov" in names and not problems:
         try:
+            if seconds is not None:
+                require(scene, "a Lyapunov exponent")
+                validate_duration(scene, seconds)
+        except SceneError as error:
+            problems += [f"lyapunov: {problem}" for problem in error.problems]
+    if "configuration" in names and not problems:
+        try:
+            if not scene.is_driven:
+                raise SceneError(["no drive keeps this scene swinging"])
             configurations(scene)
-        except ComputationError as error:
-            raise SceneError([f"configuration: {error}"]) from None
+        except (ComputationError, SceneError) as error:
+            problems.append(f"configuration: {error}")
+    if problems:
+        raise SceneError(problems)

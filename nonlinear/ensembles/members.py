@@ -1,7 +1,7 @@
 """The members of an ensemble: a scene with other starts, or with other numbers at some of its places.
 
-Members of a grid are counted with the last place running fastest.  A `Part` is what a worker needs to know of some of
-them that follow each other.
+Members of a grid are counted with the last place running fastest.  A `MemberPart` is what a worker needs to know of
+some of them that follow each other.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ NONE_GIVEN = "members: give starts, or what to vary"
 
 
 @dataclass(frozen=True, eq=False)
-class Block:
+class MemberBlock:
     """Members whose numbers can be: their places in the part, numbers and y (size, S); why others cannot, by place."""
 
     places: Ints
@@ -51,7 +51,7 @@ class Block:
 
 
 @dataclass(frozen=True, eq=False)
-class Part:
+class MemberPart:
     """Some members that follow each other, of a scene: `first` is the number of the first of them.
 
     `values` are (S,) by their paths; `states` (S rows) stand in the place of the scene's own start.
@@ -69,7 +69,7 @@ class Part:
 
     def scene_of(self, place: int) -> Scene:
         """The scene of one member; SceneError where its numbers cannot be."""
-        return self._variable.at({path: float(own[place]) for path, own in self.values.items()})
+        return self._variable.at({path: float(numbers[place]) for path, numbers in self.values.items()})
 
     def state_of(self, place: int) -> State:
         """The start of one member."""
@@ -82,63 +82,63 @@ class Part:
 
     @cached_property
     def _at(self) -> dict[Place, Floats]:
-        return {place: own for path, own in self.values.items() for place in find_places(self.scene, path)}
+        return {place: numbers for path, numbers in self.values.items() for place in find_places(self.scene, path)}
 
-    def block(self, layout: Layout) -> Block:
+    def block(self, layout: Layout) -> MemberBlock:
         """The members in arrays."""
         reasons = self._reasons()
         good = np.array([place for place in range(self.size) if place not in reasons], dtype=np.int64)
-        given, numbers = {place: own[good] for place, own in self._at.items()}, self.numbers(good)
-        states = self.states.at(good) if self.states is not None else self._begun(given, len(good))
+        differing, numbers = {place: values[good] for place, values in self._at.items()}, self.numbers(good)
+        states = self.states.at(good) if self.states is not None else self._begun(differing, len(good))
         begun = replace(states, work=np.zeros(len(good)))
         y = np.ascontiguousarray(layout.rows(begun).T)
-        return Block(good, numbers, y, reasons)
+        return MemberBlock(good, numbers, y, reasons)
 
     def numbers(self, good: Ints) -> Numbers:
         """The numbers of the members at these places; SceneError where switches cannot be."""
-        others = {place: own[good] for place, own in self._at.items() if "start" not in place}
-        entries = {place: own for place, own in others.items() if not is_of_switch(place)}
+        others = {place: values[good] for place, values in self._at.items() if "start" not in place}
+        entries = {place: values for place, values in others.items() if not is_of_switch(place)}
         numbers = numbers_of(self.scene, entries, modal=self._dampers(entries, good))
         if (system := numbers.system).kicked or system.rubs:
             every = [self.scene_of(int(place)) for place in good] if others else [self.scene]
-            own = np.array([switching_of(system_of(scene)) for scene in every]).T
-            numbers = replace(numbers, switching=tuple(own if others else own[:, 0]))
+            values = np.array([switching_of(system_of(scene)) for scene in every]).T
+            numbers = replace(numbers, switching=tuple(values if others else values[:, 0]))
         return numbers
 
     def _dampers(self, others: Mapping[Place, Floats], good: Ints) -> Floats | None:
         """D_modal (S, n, n) where it belongs to what differs between these members, else None."""
         if not others or not (self.scene.has_modal_damping or any(place[0] == RATIO for place in others)):
             return None
-        own = [system_of(self.scene_of(int(place))).modal_damping for place in good]
+        dampers = [system_of(self.scene_of(int(place))).modal_damping for place in good]
         size = system_of(self.scene).n_links + (self.scene.cart is not None)
         none = np.zeros((size, size))
-        return np.array([none if D is None else D for D in own]).reshape(len(own), size, size)
+        return np.array([none if D is None else D for D in dampers]).reshape(len(dampers), size, size)
 
     def _reasons(self) -> dict[int, str]:
         """Why members cannot be, of those whose numbers differ in more than the start."""
         if all("start" in place for place in self._at):
             return {}
-        found = {}
+        reasons = {}
         for place in range(self.size):
             try:
                 self.scene_of(place)
             except SceneError as error:
-                found[place] = " ".join(str(error).split())
-        return found
+                reasons[place] = " ".join(str(error).split())
+        return reasons
 
-    def _begun(self, given: Mapping[Place, Floats], size: int) -> Motion:
+    def _begun(self, differing: Mapping[Place, Floats], size: int) -> Motion:
         """The starts of the scene, with other numbers at some places."""
         begun = initial_state(self.scene)
-        parts = [np.repeat(own[None], size, axis=0) for own in (begun.links, begun.link_rates)]
-        at = np.cumsum([0, *(one.count * one.n_links for one in self.scene.pendulum)])
-        for place, own in given.items():
+        parts = [np.repeat(values[None], size, axis=0) for values in (begun.links, begun.link_rates)]
+        at = np.cumsum([0, *(pendulum.count * pendulum.n_links for pendulum in self.scene.pendulum)])
+        for place, values in differing.items():
             if "start" in place:
                 _, p, _, name, link = place
-                one = self.scene.pendulum[int(p)]
-                columns = at[int(p)] + int(link) + one.n_links * np.arange(one.count)
-                parts[STARTING[str(name)]][:, columns] = np.deg2rad(own)[:, None]
+                pendulum = self.scene.pendulum[int(p)]
+                columns = at[int(p)] + int(link) + pendulum.n_links * np.arange(pendulum.count)
+                parts[STARTING[str(name)]][:, columns] = np.deg2rad(values)[:, None]
         cart = np.full(size, begun.cart), np.full(size, begun.cart_rate)
-        carried = (np.repeat(own[None], size, axis=0) for own in (begun.supports, begun.support_rates))
+        carried = (np.repeat(values[None], size, axis=0) for values in (begun.supports, begun.support_rates))
         return Motion(parts[0], parts[1], *cart, np.zeros(size), *carried)
 
 
@@ -185,13 +185,13 @@ class Members(Displayed):
         grid = self._grid(np.arange(self.size))
         return {**dict(zip([axis.path for axis in self.axes], grid, strict=True)), **(self.lists or {})}
 
-    def part(self, first: int, stop: int) -> Part:
+    def part(self, first: int, stop: int) -> MemberPart:
         """Those from one number on until before another."""
         members = np.arange(first, min(stop, self.size))
         values = dict(zip([axis.path for axis in self.axes], self._grid(members), strict=True))
-        values |= {path: own[members] for path, own in (self.lists or {}).items()}
+        values |= {path: numbers[members] for path, numbers in (self.lists or {}).items()}
         states = None if self.states is None else self.states.at(members)
-        return Part(self.scene, first, len(members), values, states)
+        return MemberPart(self.scene, first, len(members), values, states)
 
     def _grid(self, members: Ints) -> list[Floats]:
         if not self.axes:
@@ -202,12 +202,12 @@ class Members(Displayed):
     def header(self) -> dict[str, Any]:
         """What they are, for a file."""
         axes = [{"path": axis.path, "values": axis.values, "log": axis.log} for axis in self.axes]
-        found: dict[str, Any] = {"scene": describe(self.scene), "axes": axes, "size": self.size}
+        header: dict[str, Any] = {"scene": describe(self.scene), "axes": axes, "size": self.size}
         arrays = [*(self.lists or {}).values(), *(vars(self.states).values() if self.states is not None else ())]
         if arrays:
-            found["given"] = list(self.lists or ())
-            found["sha256"] = sha256(b"".join(np.ascontiguousarray(own).tobytes() for own in arrays)).hexdigest()
-        return found
+            header["given"] = list(self.lists or ())
+            header["sha256"] = sha256(b"".join(np.ascontiguousarray(array).tobytes() for array in arrays)).hexdigest()
+        return header
 
 
 def members_of(scene: Scene, starts: Starts | None, vary: Vary | None) -> Members:
@@ -218,24 +218,24 @@ def members_of(scene: Scene, starts: Starts | None, vary: Vary | None) -> Member
     states, (axes, lists) = validate(
         lambda: None if starts is None else _states(scene, starts), lambda: _varied(scene, vary, starts is not None)
     )
-    found = Members(scene, axes, lists, states)
-    if states is not None and (axes or lists) and len({found.size, len(states.links)}) > 1:
-        raise SceneError([f"starts: are {len(states.links)} for {found.size} members"])
+    members = Members(scene, axes, lists, states)
+    if states is not None and (axes or lists) and len({members.size, len(states.links)}) > 1:
+        raise SceneError([f"starts: are {len(states.links)} for {members.size} members"])
     if states is None:
         initial_state(scene)
-    return found
+    return members
 
 
 def _varied(scene: Scene, vary: Vary | None, started: bool) -> tuple[tuple[Variation, ...], dict[str, Floats]]:
     if not vary:
         return (), {}
     axes, arrays = parse_vary(scene, vary)
-    lists = {path: own.ravel() for path, own in arrays.items()}
-    if lists and (len({len(own) for own in lists.values()}) != 1 or not len(next(iter(lists.values())))):
+    lists = {path: numbers.ravel() for path, numbers in arrays.items()}
+    if lists and (len({len(numbers) for numbers in lists.values()}) != 1 or not len(next(iter(lists.values())))):
         raise SceneError(["vary: needs as many values at every place, at least one"])
     paths = (*(axis.path for axis in axes), *lists)
-    if started and (own := [path for path in paths if ".start." in path]):
-        raise SceneError([f"{path}: cannot be varied where starts are given" for path in own])
+    if started and (numbers := [path for path in paths if ".start." in path]):
+        raise SceneError([f"{path}: cannot be varied where starts are given" for path in numbers])
     return axes, lists
 
 
@@ -244,9 +244,9 @@ def _states(scene: Scene, starts: Starts) -> Motion:
     if isinstance(starts, Motion):
         return starts
     if isinstance(starts, Sequence) and len(starts) and isinstance(starts[0], State):
-        states = [validate_state(own, system) for own in starts]  # type: ignore[arg-type]
+        states = [validate_state(state, system) for state in starts]  # type: ignore[arg-type]
         links, rates, cart, speed, *carried = (
-            np.array([getattr(own, part) for own in states])
+            np.array([getattr(state, part) for state in states])
             for part in ("links", "link_rates", "cart", "cart_rate", "supports", "support_rates")
         )
         return Motion(links, rates, cart, speed, np.zeros(len(states)), *carried)

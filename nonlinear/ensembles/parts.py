@@ -17,8 +17,8 @@ from modal.scene.contents import content_of, text_of
 from modal.scene.sealed import UNREADABLE
 from nonlinear.ensembles.computing import Chunk
 from nonlinear.ensembles.measures import Columns
-from nonlinear.ensembles.members import Part
-from nonlinear.ensembles.question import Question
+from nonlinear.ensembles.members import MemberPart
+from nonlinear.ensembles.question import EnsembleRequest
 from nonlinear.files import as_npz, from_npz
 
 HEADER = "ensemble.json"
@@ -45,15 +45,17 @@ def _is(path: Path, content: bytes) -> bool:
         raise SceneError([f"{path}: {problem}" for problem in error.problems]) from None
 
 
-def _refuse_unlike(columns: Columns, reasons: Mapping[int, str], differences: Mapping[int, float], part: Part) -> None:
+def _refuse_unlike(
+    columns: Columns, reasons: Mapping[int, str], differences: Mapping[int, float], part: MemberPart
+) -> None:
     """ValueError for columns that are no numbers of these members, and for members that are not among them."""
     if not {*reasons, *differences} <= {*range(part.first, part.first + part.size)}:
         raise ValueError
     if JUDGED not in columns and (columns or len(reasons) < part.size):
         raise ValueError
-    crossed = {len(own) for name, own in columns.items() if name.startswith(CROSSING)}
-    whole = {len(own) for name, own in columns.items() if not name.startswith(CROSSING)}
-    if len(crossed) > 1 or not whole <= {part.size} or any(own.dtype.kind not in "fib" for own in columns.values()):
+    crossed = {len(rows) for name, rows in columns.items() if name.startswith(CROSSING)}
+    whole = {len(rows) for name, rows in columns.items() if not name.startswith(CROSSING)}
+    if len(crossed) > 1 or not whole <= {part.size} or any(rows.dtype.kind not in "fib" for rows in columns.values()):
         raise ValueError
 
 
@@ -63,7 +65,7 @@ class Parts:
     Raises SceneError for a folder that holds another ensemble, OSError where it cannot be written.
     """
 
-    def __init__(self, folder: str | os.PathLike[str], question: Question) -> None:
+    def __init__(self, folder: str | os.PathLike[str], question: EnsembleRequest) -> None:
         self.folder, self.question = Path(folder), question
         self.folder.mkdir(parents=True, exist_ok=True)
         header = json.dumps({"multipendula_ensemble": question.fingerprint, **question.header()}, indent=1) + "\n"
@@ -92,7 +94,7 @@ class Parts:
             "first": chunk.first,
             "size": chunk.size,
             "reasons": {str(member): reason for member, reason in chunk.reasons.items()},
-            "differences_rad": {str(member): own.hex() for member, own in chunk.differences.items()},
+            "differences_rad": {str(member): difference.hex() for member, difference in chunk.differences.items()},
         }
         with whole_file(self.path(number)) as stream:
             stream.write(as_npz(header, chunk.columns))
@@ -103,7 +105,7 @@ class Parts:
             header, columns = from_npz(self.path(number))
             self._refuse_other(number, header)
             reasons = {int(member): str(reason) for member, reason in header["reasons"].items()}
-            differences = {int(k): float.fromhex(own) for k, own in header["differences_rad"].items()}
+            differences = {int(k): float.fromhex(difference) for k, difference in header["differences_rad"].items()}
             _refuse_unlike(columns, reasons, differences, self.question.part(number))
             return Chunk(int(header["first"]), int(header["size"]), columns, reasons, differences)
         except SceneError as error:
@@ -115,8 +117,8 @@ class Parts:
         """SceneError for the header of a chunk that does not stand in this place of this ensemble."""
         part = self.question.part(number)
         why = ""
-        if (found := header.get("multipendula_ensemble")) != self.question.fingerprint:
-            why = "does not name its ensemble" if found is None else "is a chunk of another ensemble"
+        if (fingerprint := header.get("multipendula_ensemble")) != self.question.fingerprint:
+            why = "does not name its ensemble" if fingerprint is None else "is a chunk of another ensemble"
         elif (header["first"], header["size"]) != (part.first, part.size):
             last = int(header["first"]) + int(header["size"]) - 1
             why = f"holds members {header['first']} to {last}, not {part.first} to {part.first + part.size - 1}"

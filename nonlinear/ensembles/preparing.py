@@ -16,7 +16,7 @@ from modal.report import Displayed, Form, Summary, as_json, by_column, grid, tab
 from modal.scene import Scene, refusals, title_of, validate_scene
 from modal.scene.doors import checked
 from nonlinear.ensembles.costs import code_of, first_numbers
-from nonlinear.ensembles.measures import asked, validate_measures
+from nonlinear.ensembles.measures import requested_measures, validate_measures
 from nonlinear.ensembles.members import members_of
 from nonlinear.ensembles.question import COMPILED, SERIES
 from nonlinear.ensembles.running import USUAL, ensemble
@@ -103,8 +103,8 @@ def compile_engines(scene: Scene, tolerance: float = USUAL, measures: Sequence[s
     """
     validate_scene(scene)
     system = system_of(scene)
-    wanted, _ = validate(lambda: asked(measures, system), lambda: validate_numbers(1.0, tolerance, 0.0))
-    validate_measures(wanted, scene)
+    wanted, _ = validate(lambda: requested_measures(measures, system), lambda: validate_numbers(1.0, tolerance, 0.0))
+    validate_measures(wanted.names, scene)
     return Compilation(scene, tuple(_codes(scene, float(tolerance), measures)))
 
 
@@ -126,7 +126,7 @@ def _codes(scene: Scene, tolerance: float, measures: Sequence[str]) -> Iterator[
     if system.kicked and system.n_links <= WRITTEN:
         problems += [f"escapement: kicks of up to {WRITTEN} links are found by plain DOP853"]
     carriers = system.structure.carriers if system.structure else ()
-    problems += [f"support.{one.name}: modal supports are not compiled" for one in carriers if one.M is not None]
+    problems += [f"support.{each.name}: modal supports are not compiled" for each in carriers if each.M is not None]
     kernel = partial(integrator, structured=system.structure is not None)
     yield _ready(ONE, COMPILED, problems, kernel, compiled)
     yield _ready(ONE, SERIES, refusals(scene, "method taylor"), series, expanded)
@@ -164,7 +164,7 @@ def _ready(
 
 
 @checked
-def compilation_table(found: Compilation, form: Form) -> str:
+def compilation_table(compilation: Compilation, form: Form) -> str:
     """As text or json, the `form`.
 
     >>> from modal import load
@@ -173,11 +173,11 @@ def compilation_table(found: Compilation, form: Form) -> str:
     Chain of 2 equal bobs: compiled code
     """
     if form == "json":
-        return as_json({"scene": found.scene.title or None, "codes": [vars(code) for code in found.codes]})
-    ready = [code for code in found.codes if code.action]
+        return as_json({"scene": compilation.scene.title or None, "codes": [vars(code) for code in compilation.codes]})
+    ready = [code for code in compilation.codes if code.action]
     rows = [(code.runs, code.engine, code.action, f"{code.seconds:.2g}") for code in ready]
     homes = dict.fromkeys(code.kept_in for code in ready if code.kept_in)
     parts = [grid(rows, ("runs", "engine", "action", "seconds"))]
-    parts += ["\n".join(f"{code.runs} by {code.engine}: {code.why_not}" for code in found.codes if code.why_not)]
+    parts += ["\n".join(f"{code.runs} by {code.engine}: {code.why_not}" for code in compilation.codes if code.why_not)]
     parts += ["\n".join(["kept in", *(f"  {home}" for home in homes)]) if homes else ""]
-    return titled(title_of(found.scene), "compiled code", parts, form)
+    return titled(title_of(compilation.scene), "compiled code", parts, form)

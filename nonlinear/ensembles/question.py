@@ -18,9 +18,9 @@ from modal.report import Displayed
 from modal.scene import Scene, one_by_one
 from modal.scene.features import FRICTION
 from modal.scene.parameters import Place, find_places, is_of_switch
-from nonlinear.ensembles.found import Wanted
-from nonlinear.ensembles.measures import Asked, ending_times
-from nonlinear.ensembles.members import Members, Part
+from nonlinear.ensembles.measures import RequestedMeasures, ending_times
+from nonlinear.ensembles.members import MemberPart, Members
+from nonlinear.ensembles.results import Wanted
 from nonlinear.integration import choose, estimate_timescales
 from nonlinear.integration.costs import PER_PERIOD
 from nonlinear.system import System, system_of
@@ -35,7 +35,7 @@ SEED = 19
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Question(Displayed):
+class EnsembleRequest(Displayed):
     """Members, for how long (s), to which tolerance, what to keep and to measure, and by which engine.
 
     `times` (s) are samples that are kept, `keeps_end` says whether the last state is; `checked` are the numbers of the
@@ -46,7 +46,7 @@ class Question(Displayed):
     duration: float
     tolerance: float
     engine: str
-    measures: Asked
+    measures: RequestedMeasures
     times: tuple[float, ...] = ()
     keeps_end: bool = False
     checked: tuple[int, ...] = ()
@@ -86,7 +86,7 @@ class Question(Displayed):
         """How many chunks there are."""
         return -(-self.members.size // self.chunk)
 
-    def part(self, number: int) -> Part:
+    def part(self, number: int) -> MemberPart:
         """The members of a chunk."""
         return self.members.part(number * self.chunk, (number + 1) * self.chunk)
 
@@ -165,8 +165,8 @@ def _switching(scene: Scene, members: Members, places: list[Place]) -> str:
     if not switching:
         return ""
     if switching - scene.features or any(
-        is_of_switch(place) and np.any(own == 0)
-        for path, own in members.values.items()
+        is_of_switch(place) and np.any(values == 0)
+        for path, values in members.values.items()
         for place in find_places(scene, path)
     ):
         return "some members have no such kicks or friction"

@@ -27,11 +27,11 @@ from modal.types import Floats
 from nonlinear.ensembles.computing import Chunk, compute, engine_of
 from nonlinear.ensembles.costs import Decision, choose_engine, seconds_of
 from nonlinear.ensembles.executors import DIED, WorkerPool, cores, processes, spread
-from nonlinear.ensembles.measures import asked, validate_measures
+from nonlinear.ensembles.measures import requested_measures, validate_measures
 from nonlinear.ensembles.members import Members, Starts, members_of
 from nonlinear.ensembles.parts import Parts, engine_of_folder
 from nonlinear.ensembles.plain import state_columns, validate_plain
-from nonlinear.ensembles.question import CHECKED, PLAIN, Question, chunk_of, refused, sample_of
+from nonlinear.ensembles.question import CHECKED, PLAIN, EnsembleRequest, chunk_of, refused, sample_of
 from nonlinear.integration import sample_times, validate, validate_numbers, validate_whole
 from nonlinear.integration.readiness import Forgone, lose, rented
 from nonlinear.system import Motion, system_of
@@ -57,7 +57,7 @@ class Ensemble(Displayed):
     (2, True)
     """
 
-    question: Question
+    question: EnsembleRequest
     chunks: Sequence[Chunk] | Parts
     reason: str
     interrupted: bool = False
@@ -88,19 +88,19 @@ class Ensemble(Displayed):
             raise SceneError([f"{name}: was not kept; there are {', '.join(self.columns)}"])
         if name.startswith("crossing_"):
             return np.concatenate([chunk.columns[name] for chunk in self.chunks if name in chunk.columns])
-        found: Floats | None = None
+        whole: Floats | None = None
         for chunk in self.chunks:
-            if (own := chunk.columns.get(name)) is not None:
-                if found is None:
-                    found = np.full((self.size, *own.shape[1:]), np.nan)
-                found[chunk.first : chunk.first + chunk.size] = own
-        assert found is not None
-        return found
+            if (values := chunk.columns.get(name)) is not None:
+                if whole is None:
+                    whole = np.full((self.size, *values.shape[1:]), np.nan)
+                whole[chunk.first : chunk.first + chunk.size] = values
+        assert whole is not None
+        return whole
 
     def grid(self, name: str) -> Floats:
         """One quantity over the grid of what was varied."""
-        own = self.column(name)
-        return own.reshape(*self.members.shape, *own.shape[1:])
+        values = self.column(name)
+        return values.reshape(*self.members.shape, *values.shape[1:])
 
     @cached_property
     def failures(self) -> dict[int, str]:
@@ -120,18 +120,18 @@ class Ensemble(Displayed):
     @cached_property
     def differences(self) -> dict[int, float]:
         """The largest angle (rad) at the end between members and runs by themselves; NaN beyond the horizon."""
-        return {member: own for chunk in self.chunks for member, own in chunk.differences.items()}
+        return {member: difference for chunk in self.chunks for member, difference in chunk.differences.items()}
 
     @property
     def largest_difference(self) -> float:
         """The largest of them; NaN where none was checked within its horizon."""
-        return max((own for own in self.differences.values() if not isnan(own)), default=float("nan"))
+        return max((angle for angle in self.differences.values() if not isnan(angle)), default=float("nan"))
 
     @property
     def final(self) -> Motion:
         """The last states of all members; SceneError where they were not kept."""
-        own = state_columns(self.question.system.structure is not None)
-        parts = {part: self.column(column) for part, column in own.items()}
+        columns = state_columns(self.question.system.structure is not None)
+        parts = {part: self.column(column) for part, column in columns.items()}
         return Motion(**parts, work=np.full(self.size, np.nan))
 
     def to_dict(self) -> dict[str, Floats]:
@@ -142,10 +142,10 @@ class Ensemble(Displayed):
         >>> found.to_dict()["gravity"].tolist()
         [9.8, 1.6]
         """
-        given = self.members.values
+        varied = self.members.values
         single = [name for name in self.columns if not name.startswith("crossing_")]
-        found = {name: own for name in single if (own := self.column(name)).ndim == 1}
-        return {**given, **found}
+        measured = {name: values for name in single if (values := self.column(name)).ndim == 1}
+        return {**varied, **measured}
 
     def _summary(self) -> Summary:
         members, question = counted(self.size, "member", "members"), self.question
@@ -164,7 +164,7 @@ class Ensemble(Displayed):
         lines = [f"{self.size} members by {self.engine}: {self.reason}"]
         if len(known):
             lines.append(f"energy drift at most {known.max():.1e}, {told}")
-        if count := sum(not isnan(own) for own in self.differences.values()):
+        if count := sum(not isnan(difference) for difference in self.differences.values()):
             lines.append(f"{count} members run by themselves differ by at most {self.largest_difference:.1e} rad")
         if self.failures:
             lines.append(f"{len(self.failures)} failed")
@@ -210,7 +210,7 @@ def ensemble(
     tolerance
         That of `simulate`, for every member.
     measures
-        Names of what is computed on the way (`MEASURES`).
+        Names of what is computed on the way (`nonlinear.measures`).
     engine
         "auto", "numpy", "numba" (extra `fast`), "heyoka" (extra `taylor`), or "simulate": one by one, which takes every
         scene.
@@ -262,10 +262,10 @@ def ensemble(
     return _run(question, decision, parts, left, workers, crew, report)
 
 
-def _left(question: Question, parts: Parts | None, share: tuple[int, int] | None) -> list[int]:
+def _left(question: EnsembleRequest, parts: Parts | None, share: tuple[int, int] | None) -> list[int]:
     """The chunks to compute."""
-    one, of = share or (0, 1)
-    return [number for number in range(one, question.chunks, of) if not (parts and parts.done(number))]
+    first, of = share or (0, 1)
+    return [number for number in range(first, question.chunks, of) if not (parts and parts.done(number))]
 
 
 def _validate_share(share: object) -> None:
@@ -273,9 +273,9 @@ def _validate_share(share: object) -> None:
     if share is None:
         return
     try:
-        one, of = cast("tuple[int, int]", share)
-        validate_whole(0, k=one, n=of)
-        fits = one < of
+        first, of = cast("tuple[int, int]", share)
+        validate_whole(0, k=first, n=of)
+        fits = first < of
     except (TypeError, ValueError):
         fits = False
     if not fits:
@@ -299,13 +299,13 @@ def _question(
     choice: Callable[..., Decision],
     check: int,
     chunk: int | None,
-) -> tuple[Question, Decision]:
+) -> tuple[EnsembleRequest, Decision]:
     """What is asked and why by this engine; SceneError names every mistake."""
     require(scene, "an ensemble")
     system = system_of(scene)
     members, wanted, times, *_ = validate(
         lambda: members_of(scene, starts, vary),
-        lambda: asked(measures, system),
+        lambda: requested_measures(measures, system),
         lambda: _times(scene, duration, output),
         lambda: validate_numbers(duration, tolerance, 0.0),
     )
@@ -314,13 +314,13 @@ def _question(
     decision = choice(why_not, members, duration, tolerance, wanted.names)
     chosen = decision.engine
     if chosen == PLAIN:
-        validate_plain(wanted.names, scene)
+        validate_plain(wanted.names)
     if chosen != PLAIN:
         engine_of(chosen)
-    validate_measures(wanted, scene)
+    validate_measures(wanted.names, scene)
     keeps_end = output == END if isinstance(output, str) else output is None and not measures
     checked = () if chosen == PLAIN else sample_of(members.size, check)
-    question = Question(members, duration, tolerance, chosen, wanted, times, keeps_end, checked)
+    question = EnsembleRequest(members, duration, tolerance, chosen, wanted, times, keeps_end, checked)
     fitting = chunk or chunk_of(scene, duration, tolerance, len(question.wanted.times), chosen)
     if (numbers := members.size * len(times) * 2 * scene.n_links) > MOST_NUMBERS:
         raise SceneError([f"output: {numbers:.3g} numbers are too many to keep: use fewer samples, or measures"])
@@ -336,7 +336,7 @@ def _times(scene: Scene, duration: float, output: Output) -> tuple[float, ...]:
 
 
 def _run(
-    question: Question,
+    question: EnsembleRequest,
     decision: Decision,
     parts: Parts | None,
     left: Sequence[int],
@@ -349,8 +349,8 @@ def _run(
     report(done)
     interrupted = False
     try:
-        with closing(_chunks(question, decision.forgone, left, workers, crew)) as found:
-            for number, chunk in found:
+        with closing(_chunks(question, decision.forgone, left, workers, crew)) as chunks:
+            for number, chunk in chunks:
                 if parts:
                     parts.keep(number, chunk)
                 else:
@@ -362,12 +362,12 @@ def _run(
     return Ensemble(question, parts or [kept[number] for number in sorted(kept)], decision.reason, interrupted)
 
 
-def _size(question: Question, number: int) -> int:
+def _size(question: EnsembleRequest, number: int) -> int:
     return min(question.chunk, question.members.size - number * question.chunk)
 
 
 def _chunks(
-    question: Question, forgone: Forgone, left: Sequence[int], workers: int | None, crew: WorkerPool | None
+    question: EnsembleRequest, forgone: Forgone, left: Sequence[int], workers: int | None, crew: WorkerPool | None
 ) -> Generator[Numbered, None, None]:
     """The chunks that are left, by their numbers, as they come, without what an engine that is not ready would save."""
     count = min(workers or cores(), max(len(left), 1))
@@ -379,7 +379,7 @@ def _chunks(
             yield number, chunk
         return
     lose(forgone, seconds_of(question, len(left)) / count)
-    tasks: Iterator[Task] = (Task(number, _lean(question), question.part(number)) for number in left)
+    tasks: Iterator[ChunkTask] = (ChunkTask(number, _lean(question), question.part(number)) for number in left)
     while True:
         with nullcontext(crew) if crew else processes(count) as used:
             lost = yield from _shared(tasks, used)
@@ -392,42 +392,42 @@ def _chunks(
 
 
 @dataclass(frozen=True, eq=False)
-class Task:
+class ChunkTask:
     """A chunk for a worker: its number, the question without other members' numbers, its own members."""
 
     number: int
-    question: Question
+    question: EnsembleRequest
     part: Any
 
 
-def work(task: Task) -> Numbered:
+def work(task: ChunkTask) -> Numbered:
     """What a worker does."""
     return task.number, compute(task.question, task.part)
 
 
-def _lean(question: Question) -> Question:
+def _lean(question: EnsembleRequest) -> EnsembleRequest:
     """The question with one member's worth of what may be many."""
     members = question.members
-    lists = {path: own[:1] for path, own in (members.lists or {}).items()}
+    lists = {path: numbers[:1] for path, numbers in (members.lists or {}).items()}
     states = None if members.states is None else members.states.at(slice(0, 1))
     small = Members(members.scene, members.axes, lists, states)
     return replace(question, members=small)
 
 
-def _shared(tasks: Iterator[Task], crew: WorkerPool) -> Generator[Numbered, None, list[Task]]:
-    with closing(spread(partial(work), tasks, crew)) as found:
+def _shared(tasks: Iterator[ChunkTask], crew: WorkerPool) -> Generator[Numbered, None, list[ChunkTask]]:
+    with closing(spread(partial(work), tasks, crew)) as results:
         while True:
             try:
-                yield next(found)[1]
+                yield next(results)[1]
             except StopIteration as end:
                 return list(end.value) + (list(tasks) if end.value else [])
 
 
-def _alone(tasks: Sequence[Task]) -> Generator[Numbered, None, None]:
+def _alone(tasks: Sequence[ChunkTask]) -> Generator[Numbered, None, None]:
     """One chunk after another, each in a process that may die without harm to others."""
     for task in tasks:
-        with processes(1) as one:
-            lost = yield from _shared(iter([task]), one)
+        with processes(1) as worker:
+            lost = yield from _shared(iter([task]), worker)
         if lost:
             numbers = range(task.part.first, task.part.first + task.part.size)
             yield task.number, Chunk(task.part.first, task.part.size, {}, dict.fromkeys(numbers, DIED), {})

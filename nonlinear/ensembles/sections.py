@@ -1,7 +1,6 @@
 """Poincaré sections at an energy: where many motions of a conservative scene pass one value of one coordinate.
 
-Starts lie on the section and have the energy: angles and the direction of the rates are drawn at random, and the rates
-scaled so that kinetic energy makes up what potential energy leaves.
+Starts lie on the section and have the energy (`nonlinear.ensembles.surfaces`).
 """
 
 from __future__ import annotations
@@ -13,28 +12,23 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from modal.errors import SceneError
 from modal.report import Displayed, Form, Summary, as_csv, as_json, by_column, deferred, finite, silent, titled
 from modal.scene import Scene, describe, name_of, require, title_of
 from modal.scene.doors import checked, checked_index, checked_number
 from modal.types import Floats
-from nonlinear.dynamics import Lanes
-from nonlinear.ensembles.energies import Accounts
-from nonlinear.ensembles.found import Section
 from nonlinear.ensembles.measures import section_of
 from nonlinear.ensembles.plain import CARRIED
+from nonlinear.ensembles.results import Passing
 from nonlinear.ensembles.running import Ensemble, ensemble
-from nonlinear.integration import estimate_timescales
+from nonlinear.ensembles.surfaces import energy_of, starts_at
 from nonlinear.reduction import usual_start
-from nonlinear.system import State, System, numbers_of, system_of
+from nonlinear.system import System, system_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 ORBITS, PERIODS = 24, 200.0  # motions, and how long each goes on in sqrt(l/g), where nobody says
-TRIES = 20_000  # starts drawn for each one that has the energy
-SEED, MOST_ORBITS = 7, 100_000
-FASTEST = 1e4  # of the scene's fastest swing: a motion with faster links takes days
+MOST_ORBITS = 100_000
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -43,7 +37,7 @@ class PoincareSection(Displayed):
 
     ensemble: Ensemble
     energy: float
-    section: Section
+    section: Passing
     coordinate: str
     shown: str
 
@@ -67,12 +61,12 @@ class PoincareSection(Displayed):
         return figure
 
     def _summary(self) -> Summary:
-        own = self.ensemble
-        title = f"Poincaré section of {name_of(own.question.scene)} at {self.coordinate}"
+        members = self.ensemble
+        title = f"Poincaré section of {name_of(members.question.scene)} at {self.coordinate}"
         facts = [
             ("crossings", str(len(self.orbit))),
-            ("motions", str(own.size)),
-            ("duration", f"{own.question.duration:g} s"),
+            ("motions", str(members.size)),
+            ("duration", f"{members.question.duration:g} s"),
             ("energy", f"{self.energy:.6g} J above rest"),
         ]
         return Summary(title, facts)
@@ -112,108 +106,75 @@ def find_section(
     text = at or f"{system.labels[system.first]}>0"
     section = section_of(f"section:{text}", system)
     energy = energy_of(scene, usual_start(scene)) if energy is None else checked_number("energy", energy)
-    starts = starts_at(scene, section, energy, orbits)
+    starts = starts_at(scene, energy, orbits, section=section)
     length = PERIODS * sqrt(max(link.length for link in scene.links()) / scene.gravity)
-    found = ensemble(scene, duration or length, starts=starts, measures=[f"section:{text}"], report=report, **options)
-    if found.interrupted:
+    members = ensemble(scene, duration or length, starts=starts, measures=[f"section:{text}"], report=report, **options)
+    if members.interrupted:
         raise KeyboardInterrupt
     crossed = system.labels[section.row]
     others = [label for label in system.labels[system.first :] if label != crossed]
-    return PoincareSection(found, energy, section, text, (others or [crossed])[0])
-
-
-def energy_of(scene: Scene, state: State) -> float:
-    """Of a state (J), above the scene's rest."""
-    numbers = numbers_of(scene)
-    layout = Lanes(numbers).layout
-    return float(Accounts(numbers, layout).energies(layout.begin(state)[:, None]).total[0])
-
-
-def starts_at(scene: Scene, section: Section, energy: float, count: int) -> list[State]:
-    """So many states on a section with this energy (J); SceneError where none is found."""
-    numbers = numbers_of(scene)
-    layout = Lanes(numbers).layout
-    rng, first, half = np.random.default_rng(SEED), layout.first, layout.half
-    found: list[State] = []
-    pace = estimate_timescales(scene).swing
-    for _ in range(20):
-        y = np.zeros((layout.size, TRIES // 20 * max(1, count // 10)))
-        y[first:half] = rng.uniform(-np.pi, np.pi, (half - first, y.shape[1]))
-        y[section.row] = section.level
-        y[half : 2 * half] = rng.standard_normal((half, y.shape[1]))
-        if section.direction:
-            y[half + section.row] = section.direction * np.abs(y[half + section.row])
-        energies = Accounts(numbers, layout).energies(y)
-        left = energy - energies.stored
-        good = np.flatnonzero(left >= 0)
-        y = y[:, good]
-        y[half : 2 * half] *= np.sqrt(left[good] / energies.moving[good])
-        if (fastest := float(np.abs(y[half + first : 2 * half]).max(initial=0.0))) > FASTEST * pace:
-            told = f"links would turn at {fastest:.3g} rad/s, over {FASTEST:g} times as fast as the scene swings"
-            raise SceneError([f"energy {energy:g} J: {told}"])
-        motion = layout.read(y.T)
-        found += [motion[k] for k in range(min(len(good), count - len(found)))]
-        if len(found) == count:
-            return found
-    raise SceneError([f"energy {energy:g} J: no motion of this energy passes the section"])
+    return PoincareSection(members, energy, section, text, (others or [crossed])[0])
 
 
 @checked
-def section_table(found: PoincareSection, form: Form) -> str:
+def section_table(section: PoincareSection, form: Form) -> str:
     """As text, csv (one line a crossing) or json, the `form`."""
     if form == "csv":
-        return as_csv(_records(found))
+        return as_csv(_records(section))
     if form == "json":
-        return as_json(_whole(found))
-    scene, counts = found.ensemble.question.scene, np.bincount(found.orbit.astype(int), minlength=found.ensemble.size)
+        return as_json(_whole(section))
+    scene, counts = (
+        section.ensemble.question.scene,
+        np.bincount(section.orbit.astype(int), minlength=section.ensemble.size),
+    )
     lines = [
-        f"{len(found.orbit)} crossings of {found.coordinate} by {found.ensemble.size} motions "
-        f"of {found.ensemble.question.duration:.4g} s, {counts.min()} to {counts.max()} each",
-        f"energy {found.energy:.6g} J above the scene's rest",
-        found.ensemble.words(),
+        f"{len(section.orbit)} crossings of {section.coordinate} by {section.ensemble.size} motions "
+        f"of {section.ensemble.question.duration:.4g} s, {counts.min()} to {counts.max()} each",
+        f"energy {section.energy:.6g} J above the scene's rest",
+        section.ensemble.words(),
     ]
     return titled(title_of(scene), "Poincaré section", ["\n".join(lines)], "text")
 
 
-def _records(found: PoincareSection) -> list[dict[str, Any]]:
-    labels = found.system.labels[found.system.first :]
+def _records(section: PoincareSection) -> list[dict[str, Any]]:
+    labels = section.system.labels[section.system.first :]
     places = [label[len("theta") :].strip("[]").replace(",", "_") for label in labels]
-    column = found.ensemble.column
+    column = section.ensemble.column
     rows = zip(
-        found.orbit.astype(int).tolist(),
+        section.orbit.astype(int).tolist(),
         column("crossing_time_s").tolist(),
         column("crossing_links_rad").tolist(),
         column("crossing_link_rates_rad_per_s").tolist(),
-        _carried(found),
+        _carried(section),
         strict=True,
     )
     return [
         {"motion": motion + 1, "time_s": time}
-        | {f"theta_{place}_rad": own for place, own in zip(places, links, strict=True)}
-        | {f"theta_dot_{place}_rad_per_s": own for place, own in zip(places, rates, strict=True)}
+        | {f"theta_{place}_rad": value for place, value in zip(places, links, strict=True)}
+        | {f"theta_dot_{place}_rad_per_s": value for place, value in zip(places, rates, strict=True)}
         | carried
         for motion, time, links, rates, carried in rows
     ]
 
 
-def _carried(found: PoincareSection) -> list[dict[str, float]]:
+def _carried(section: PoincareSection) -> list[dict[str, float]]:
     """The cart, or the coordinates of a structure, at every crossing."""
-    own = ("cart_m", "cart_rate_m_per_s") if found.system.structure is None else CARRIED.values()
-    columns = [found.ensemble.column(f"crossing_{name}") for name in own]
-    rows = np.hstack([each.reshape(len(found.orbit), -1) for each in columns]).tolist()
-    return [dict(zip(found.system.first_columns, row, strict=True)) for row in rows]
+    names = ("cart_m", "cart_rate_m_per_s") if section.system.structure is None else CARRIED.values()
+    columns = [section.ensemble.column(f"crossing_{name}") for name in names]
+    rows = np.hstack([each.reshape(len(section.orbit), -1) for each in columns]).tolist()
+    return [dict(zip(section.system.first_columns, row, strict=True)) for row in rows]
 
 
-def _whole(found: PoincareSection) -> dict[str, Any]:
-    own = found.ensemble
+def _whole(section: PoincareSection) -> dict[str, Any]:
+    members = section.ensemble
     return {
-        "scene": describe(own.question.scene),
-        "section": found.coordinate,
-        "energy_J": found.energy,
-        "motions": own.size,
-        "duration_s": own.question.duration,
-        "engine": own.engine,
-        "failed": len(own.failures),
-        "largest_energy_drift": finite(float(np.nanmax(own.energy_drift))),
-        "crossings": _records(found),
+        "scene": describe(members.question.scene),
+        "section": section.coordinate,
+        "energy_J": section.energy,
+        "motions": members.size,
+        "duration_s": members.question.duration,
+        "engine": members.engine,
+        "failed": len(members.failures),
+        "largest_energy_drift": finite(float(np.nanmax(members.energy_drift))),
+        "crossings": _records(section),
     }

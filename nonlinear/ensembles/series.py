@@ -15,11 +15,12 @@ from typing import Any
 import numpy as np
 
 from modal.types import Floats, Ints
+from nonlinear.chaos import TRANSIENT
 from nonlinear.dynamics import Lanes
 from nonlinear.dynamics.inputs import at_time
 from nonlinear.ensembles.energies import Accounts
-from nonlinear.ensembles.found import Found, Wanted, merged
 from nonlinear.ensembles.lanes import slope_of, stretched, task_of
+from nonlinear.ensembles.results import MemberResults, Wanted, merged
 from nonlinear.integration import taylor
 from nonlinear.integration.lanes import LaneTask
 from nonlinear.integration.passages import Level, Passages, counted, level_of, starts_of
@@ -73,23 +74,23 @@ class Events:
 
     def passing(self, level: Level, most: float = inf) -> Callable[..., None]:
         """For a level, of which each member's first so many passages are kept."""
-        found, kept = self.passed.setdefault(level, []), np.zeros(self.begun.shape[1])
+        passages, kept = self.passed.setdefault(level, []), np.zeros(self.begun.shape[1])
 
         def seen(integrator: Any, time: float, sign: int, lane: int) -> None:
             if lane < self.count and kept[member := self.first + lane] < most:
                 y = _at(integrator, time, lane)
                 number = float(level.number(y[level.row]))
                 kept[member] += 1
-                found.append((member, time, y, number, -sign if level.turns and number % 2 else sign))
+                passages.append((member, time, y, number, -sign if level.turns and number % 2 else sign))
 
         return seen
 
-    def found(self, level: Level, direction: int = 0) -> Passages:
+    def passages(self, level: Level, direction: int = 0) -> Passages:
         """The passages that count, member by member in the order of time."""
-        own = self.passed[level]
-        members = np.array([one[0] for one in own], dtype=np.int64)
-        rows = np.array([one[2] for one in own]).reshape(len(own), self.layout.size)
-        time, number, way = (np.array([one[k] for one in own], dtype=float) for k in (1, 3, 4))
+        passages = self.passed[level]
+        members = np.array([passage[0] for passage in passages], dtype=np.int64)
+        rows = np.array([passage[2] for passage in passages]).reshape(len(passages), self.layout.size)
+        time, number, way = (np.array([passage[k] for passage in passages], dtype=float) for k in (1, 3, 4))
         starts = starts_of(level, self.layout, self.begun, self.slope)
         return counted(Passages(members, time, rows, number, way), starts, self.begun, direction)
 
@@ -97,9 +98,9 @@ class Events:
     def turns(self) -> Floats:
         """The times (s) at which links first go over the top, (L, S), inf where they never do."""
         times = np.full((self.layout.links, self.begun.shape[1]), inf)
-        for link, own in enumerate(times):
-            found = self.found(self.top(link))
-            np.minimum.at(own, found.member, found.time)
+        for link, earliest in enumerate(times):
+            passages = self.passages(self.top(link))
+            np.minimum.at(earliest, passages.member, passages.time)
         return times
 
 
@@ -110,7 +111,7 @@ def _at(integrator: Any, time: float, lane: int) -> Floats:
     return np.array(integrator.update_d_output(times)[:, lane])
 
 
-def run(numbers: Numbers, y: Floats, wanted: Wanted) -> Found:
+def run(numbers: Numbers, y: Floats, wanted: Wanted) -> MemberResults:
     """Members with these numbers from y (size, S) on; MissingExtraError without heyoka.
 
     Small motions, and those of links that have turned often, need finer series than the others, which then go by
@@ -120,8 +121,8 @@ def run(numbers: Numbers, y: Floats, wanted: Wanted) -> Found:
     fine = _fineness(task, local, y) < 1
     if not 0 < np.count_nonzero(fine) < len(fine):
         return _run(numbers, y, wanted)
-    groups = [np.flatnonzero(own) for own in (~fine, fine)]
-    return merged([(own, _run(numbers.at(own), np.ascontiguousarray(y[:, own]), wanted)) for own in groups])
+    groups = [np.flatnonzero(some) for some in (~fine, fine)]
+    return merged([(some, _run(numbers.at(some), np.ascontiguousarray(y[:, some]), wanted)) for some in groups])
 
 
 def _fineness(task: LaneTask, local: Floats, y: Floats) -> Floats:
@@ -130,7 +131,7 @@ def _fineness(task: LaneTask, local: Floats, y: Floats) -> Floats:
     return np.asarray(np.minimum(np.maximum(size, FINEST) / SPARED, 1.0) * np.minimum(FAR / np.maximum(far, FAR), 1.0))
 
 
-def _run(numbers: Numbers, y: Floats, wanted: Wanted) -> Found:
+def _run(numbers: Numbers, y: Floats, wanted: Wanted) -> MemberResults:
     lanes = Lanes(numbers)
     task, scale, local = task_of(lanes, numbers, y, wanted)
     events = Events(lanes.layout, y, slope_of(lanes, numbers, y))
@@ -141,28 +142,30 @@ def _run(numbers: Numbers, y: Floats, wanted: Wanted) -> Found:
     tolerance = wanted.tolerance * 10.0 ** floor(log10(np.min(_fineness(task, local, y), initial=1.0)))
     spared = max(tolerance, taylor.TIGHTEST) / (wanted.tolerance * FAR)
     judge = Judge(numbers, lanes.layout, scale, local, spared)
-    found = Found(np.empty_like(y), np.zeros(y.shape[1]), np.full(y.shape[1], inf))
+    results = MemberResults(np.empty_like(y), np.zeros(y.shape[1]), np.full(y.shape[1], inf))
     if wanted.times:
-        found.rows = np.empty((y.shape[1], len(wanted.times), len(y)))
+        results.rows = np.empty((y.shape[1], len(wanted.times), len(y)))
     integrator = _integrator(task, tolerance, events, wanted)
     for first in range(0, y.shape[1], AT_ONCE):
-        own = slice(first, min(first + AT_ONCE, y.shape[1]))
-        rows = _propagated(integrator, task, own, grid, events, found)
-        found.y[:, own] = rows[-1]
-        if found.rows is not None:
-            found.rows[own] = rows[kept].transpose(2, 0, 1)
-        judge.see(own, places, rows[seen], pace, found)
+        members = slice(first, min(first + AT_ONCE, y.shape[1]))
+        rows = _propagated(integrator, task, members, grid, events, results)
+        results.y[:, members] = rows[-1]
+        if results.rows is not None:
+            results.rows[members] = rows[kept].transpose(2, 0, 1)
+        judge.see(members, places, rows[seen], pace, results)
     if wanted.first_turns:
-        found.first_turns = events.turns
+        results.first_turns = events.turns
     if wanted.largest:
         half, start = lanes.layout.half, lanes.layout.first
-        found.largest = np.max([np.abs(own[start:half]).max(0) for own in (y, found.y)] + [events.largest], axis=0)
+        results.largest = np.max(
+            [np.abs(members[start:half]).max(0) for members in (y, results.y)] + [events.largest], axis=0
+        )
     if wanted.section:
         section = wanted.section
-        found.crossed = events.found(level_of(lanes.layout, section.row, section.level), section.direction)[:3]
+        results.crossed = events.passages(level_of(lanes.layout, section.row, section.level), section.direction)[:3]
     if wanted.stretching:
-        found.stretching = _stretching(numbers, y[: 2 * lanes.layout.half], wanted)
-    return found
+        results.stretching = _stretching(numbers, y[: 2 * lanes.layout.half], wanted)
+    return results
 
 
 def series_of(lanes: Lanes, tolerance: float, seen: Set[str] = frozenset()) -> Code:
@@ -209,14 +212,14 @@ def _integrator(task: LaneTask, tolerance: float, events: Events | None, wanted:
 
 
 def _propagated(
-    integrator: Any, task: LaneTask, own: slice, grid: Floats, events: Events | None, found: Found
+    integrator: Any, task: LaneTask, some: slice, grid: Floats, events: Events | None, results: MemberResults
 ) -> Floats:
     """The y (K, size, members) of some members at the times of a grid, whose first is the start."""
-    members = np.arange(own.start, own.stop)
+    members = np.arange(some.start, some.stop)
     width = integrator.state.shape[1]
     rows = np.empty((len(grid), len(task.begun), len(members)))
-    given = task.lanes.constants(task.numbers.at(members))
-    constants = np.array([np.broadcast_to(one, len(members)) for one in given]).reshape(len(given), len(members))
+    numbers = task.lanes.constants(task.numbers.at(members))
+    constants = np.array([np.broadcast_to(x, len(members)) for x in numbers]).reshape(len(numbers), len(members))
     stretches, pieces = [*_stretches(grid, np.array(task.lanes.inputs.breaks()))], taylor.pieces_of(task.lanes)
     for at in range(0, len(members), width):
         taken = np.minimum(np.arange(at, at + width), len(members) - 1)
@@ -225,14 +228,16 @@ def _propagated(
             events.first, events.count = int(members[at]), count
         integrator.set_time(float(grid[0]))
         integrator.state[:] = task.begun[:, members[taken]]
-        integrator.pars[: len(given)] = constants[:, taken]
+        integrator.pars[: len(numbers)] = constants[:, taken]
         for times, inside, kept in stretches:
-            integrator.pars[len(given) :] = np.array(at_time(pieces, (times[0] + times[-1]) / 2))[:, None]
+            integrator.pars[len(numbers) :] = np.array(at_time(pieces, (times[0] + times[-1]) / 2))[:, None]
             found_rows = integrator.propagate_grid(np.repeat(times[:, None], width, axis=1))[1]
             rows[inside, :, at : at + count] = found_rows[kept, :, :count]
     for lane in np.flatnonzero(~np.isfinite(rows[-1]).all(0)):
         known = int(np.isfinite(rows[..., lane]).all(1).sum())
-        found.reasons[int(members[lane])] = f"taylor stopped after {grid[max(known - 1, 0)]:.9g} s: its series overflow"
+        results.reasons[int(members[lane])] = (
+            f"taylor stopped after {grid[max(known - 1, 0)]:.9g} s: its series overflow"
+        )
     return rows
 
 
@@ -260,13 +265,13 @@ class Judge:
         self.pieces, self.timed = taylor.pieces_of(lanes), lanes.inputs.count > 0
         self.rates = taylor.evaluator(lanes.module, lanes.size, self.pieces)
 
-    def see(self, own: slice, grid: Floats, rows: Floats, pace: float, found: Found) -> None:
+    def see(self, some: slice, grid: Floats, rows: Floats, pace: float, results: MemberResults) -> None:
         """Members with y (K, size, S) at evenly spaced times (s), of a motion of this pace (rad/s)."""
         size, members = self.size, rows.shape[2]
-        scale = self.scale if self.scale.shape[1] == 1 else self.scale[:, own]
-        given = np.array([np.broadcast_to(one[own] if np.ndim(one) else one, members) for one in self.constants])
+        scale = self.scale if self.scale.shape[1] == 1 else self.scale[:, some]
+        numbers = np.array([np.broadcast_to(x[some] if np.ndim(x) else x, members) for x in self.constants])
         varying = np.zeros((len(at_time(self.pieces, 0.0)), members))
-        given = np.concatenate((given.reshape(len(self.constants), members), varying))
+        numbers = np.concatenate((numbers.reshape(len(self.constants), members), varying))
         steps = max(1, ceil((grid[1] - grid[0]) * pace / STEP))
         step = (grid[1] - grid[0]) / steps
         both, tried = np.empty((2, 2 * size, members))
@@ -277,29 +282,29 @@ class Judge:
             for k in range(1, len(grid)):
                 both[:size] = rows[k - 1, :size]
                 for part in range(steps):
-                    self._go(grid[k - 1] + part * step, step, both, tried, slopes, given)
+                    self._go(grid[k - 1] + part * step, step, both, tried, slopes, numbers)
                 v = both[size:]
                 grown = np.sqrt(np.sum((v / scale) ** 2, axis=0))
                 v /= grown
                 far = np.abs(rows[k, self.angles]).max(0)
-                erring = np.maximum(self.local[own] * np.maximum(1.0, self.spared * far), ROUNDING * far)
+                erring = np.maximum(self.local[some] * np.maximum(1.0, self.spared * far), ROUNDING * far)
                 error = error * grown + steps * STEPS * erring
                 horizon = np.where((error > UNKNOWN) & (horizon == inf), grid[k], horizon)
-        found.error[own], found.horizon[own] = error, horizon
+        results.error[some], results.horizon[some] = error, horizon
 
-    def _rates(self, time: float, both: Floats, slope: Floats, given: Floats) -> None:
+    def _rates(self, time: float, both: Floats, slope: Floats, numbers: Floats) -> None:
         if self.pieces:
-            given[len(self.constants) :] = np.array(at_time(self.pieces, time))[:, None]
+            numbers[len(self.constants) :] = np.array(at_time(self.pieces, time))[:, None]
         more = {"time": np.full(both.shape[1], time)} if self.timed else {}
-        self.rates(inputs=both, outputs=slope, pars=given, **more)
+        self.rates(inputs=both, outputs=slope, pars=numbers, **more)
 
-    def _go(self, time: float, step: float, both: Floats, tried: Floats, slopes: Floats, given: Floats) -> None:
+    def _go(self, time: float, step: float, both: Floats, tried: Floats, slopes: Floats, numbers: Floats) -> None:
         """One step of y and v together, in place."""
-        self._rates(time, both, slopes[0], given)
+        self._rates(time, both, slopes[0], numbers)
         for stage, part in ((1, step / 2), (2, step / 2), (3, step)):
             np.multiply(slopes[stage - 1], part, out=tried)
             tried += both
-            self._rates(time + part, tried, slopes[stage], given)
+            self._rates(time + part, tried, slopes[stage], numbers)
         slopes[1] += slopes[2]
         slopes[1] *= 2
         slopes[0] += slopes[1]
@@ -309,21 +314,22 @@ class Judge:
 
 
 def _stretching(numbers: Numbers, y: Floats, wanted: Wanted) -> Floats:
-    """What ln |v| gains, as `nonlinear.ensembles.lanes.stretching` has it."""
+    """What ln |v| gains after the transient, as `nonlinear.ensembles.lanes.stretching` has it."""
     task, scale = stretched(numbers, y, wanted)
     integrator = _integrator(task, wanted.tolerance, None, wanted)
     half, members = len(y), y.shape[1]
-    pieces = max(1, ceil(wanted.duration * _swing(numbers) / SEGMENT))
-    grid = np.linspace(0.0, wanted.duration, pieces + 1)
-    found = Found(np.empty_like(task.begun), np.zeros(members), np.zeros(members))
+    pieces = max(1, ceil(TRANSIENT * wanted.duration * _swing(numbers) / SEGMENT))
+    whole = round(pieces * (1 + TRANSIENT) / TRANSIENT)
+    grid = np.linspace(0.0, task.end, whole + 1)
+    results = MemberResults(np.empty_like(task.begun), np.zeros(members), np.zeros(members))
     gained = np.zeros(members)
     for first in range(0, members, AT_ONCE):
-        own = slice(first, min(first + AT_ONCE, members))
-        units = scale[:, own] if scale.shape[1] > 1 else scale
-        for k in range(pieces):
-            rows = _propagated(integrator, task, own, grid[k : k + 2], None, found)
+        some = slice(first, min(first + AT_ONCE, members))
+        units = scale[:, some] if scale.shape[1] > 1 else scale
+        for k in range(whole):
+            rows = _propagated(integrator, task, some, grid[k : k + 2], None, results)
             length = np.sqrt(np.sum((rows[-1, half:] / units) ** 2, axis=0))
-            gained[own] += np.log(length)
-            task.begun[:half, own], task.begun[half:, own] = rows[-1, :half], rows[-1, half:] / length
-    gained[[*found.reasons]] = np.nan
+            gained[some] += np.log(length) * (k >= pieces)
+            task.begun[:half, some], task.begun[half:, some] = rows[-1, :half], rows[-1, half:] / length
+    gained[[*results.reasons]] = np.nan
     return gained

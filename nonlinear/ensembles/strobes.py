@@ -121,14 +121,14 @@ def repetition_words(period: Ints) -> str:
     >>> repetition_words(np.array([1, 2, 2, 0]))
     '1 motion has period 1, 2 motions have period 2, 1 motion does not repeat within 16, or not yet'
     """
-    found = [
+    lines = [
         f"{counted(count, 'motion has', 'motions have')} period {p}"
         for p, count in sorted(Counter(period.tolist()).items())
         if p
     ]
     if count := int(np.count_nonzero(period == 0)):
-        found.append(f"{counted(count, 'motion does', 'motions do')} not repeat within {MOST}, or not yet")
-    return ", ".join(found)
+        lines.append(f"{counted(count, 'motion does', 'motions do')} not repeat within {MOST}, or not yet")
+    return ", ".join(lines)
 
 
 # ------------------------------------------------------------------------------------------------------- the section
@@ -165,12 +165,12 @@ class StroboscopicSection(Displayed):
     @property
     def repeats(self) -> Ints:
         """After how many periods each motion repeats, by its last strobes, (S,); 0 for none."""
-        states = [own[:, -KEPT:] for own in self.states]
+        states = [rows[:, -KEPT:] for rows in self.states]
         return repetition(natural_units(self.system, states), self.system.n_links)[0]
 
     def points(self, link: int) -> tuple[Floats, Floats]:
         """The angle of a link in (−180°, 180°] and its rate in °/s, (S, K) each."""
-        angle, rate = (np.degrees(own[..., link]) for own in self.states[:2])
+        angle, rate = (np.degrees(rows[..., link]) for rows in self.states[:2])
         return within_a_turn(angle), rate
 
     def to_dict(self) -> dict[str, Any]:
@@ -245,10 +245,10 @@ def find_strobes(
     if not len(times):
         raise SceneError([f"duration {until:g} s: no strobe comes after {settle:g} s, at a period of {period:.4g} s"])
     starts = nearby(usual_start(scene), orbits, radians(spread_deg), np.random.default_rng(seed))
-    found = ensemble(scene, max(until, times[-1]), starts=starts, output=times.tolist(), report=report, **options)
-    if found.interrupted:
+    members = ensemble(scene, max(until, times[-1]), starts=starts, output=times.tolist(), report=report, **options)
+    if members.interrupted:
         raise KeyboardInterrupt
-    return StroboscopicSection(found, times, period, phase_deg, spread_deg, settle, shown)
+    return StroboscopicSection(members, times, period, phase_deg, spread_deg, settle, shown)
 
 
 def links_named(names: Sequence[str], system: System) -> tuple[int, ...]:
@@ -272,57 +272,57 @@ def validate_strobes(*, phase_deg: float, spread_deg: float = 0.0, settle: float
 
 
 @checked
-def strobes_table(found: StroboscopicSection, form: Form) -> str:
+def strobes_table(section: StroboscopicSection, form: Form) -> str:
     """As text, csv (one line a strobe) or json, the `form`."""
     if form == "csv":
-        return as_csv(_records(found))
+        return as_csv(_records(section))
     if form == "json":
-        return as_json(_whole(found))
-    motions, times = counted(found.ensemble.size, "motion", "motions"), counted(len(found.times), "time", "times")
+        return as_json(_whole(section))
+    motions, times = counted(section.ensemble.size, "motion", "motions"), counted(len(section.times), "time", "times")
     lines = [
-        f"{motions} of {found.ensemble.question.duration:.4g} s, looked at once a period of {found.period:.6g} s, at "
-        f"{found.phase_deg:g}°, {times} from {found.times[0]:.4g} s on",
-        f"starts within {found.spread_deg:g}° of the scene's",
-        repetition_words(found.repeats),
-        found.ensemble.words(),
+        f"{motions} of {section.ensemble.question.duration:.4g} s, looked at once a period of {section.period:.6g} s, "
+        f"at {section.phase_deg:g}°, {times} from {section.times[0]:.4g} s on",
+        f"starts within {section.spread_deg:g}° of the scene's",
+        repetition_words(section.repeats),
+        section.ensemble.words(),
     ]
-    return titled(title_of(found.ensemble.question.scene), "stroboscopic section", ["\n".join(lines)], "text")
+    return titled(title_of(section.ensemble.question.scene), "stroboscopic section", ["\n".join(lines)], "text")
 
 
 def state_records(system: System, states: Sequence[Floats]) -> Iterator[dict[str, float]]:
     """Of states (links, their rates, cart, its rate), (N, ...), a record each."""
     named = places(system)
-    for links, rates, x, speed, *carried in zip(*(own.tolist() for own in states), strict=True):
+    for links, rates, x, speed, *carried in zip(*(part.tolist() for part in states), strict=True):
         yield (
-            {f"theta_{place}_rad": own for place, own in zip(named, links, strict=True)}
-            | {f"theta_dot_{place}_rad_per_s": own for place, own in zip(named, rates, strict=True)}
+            {f"theta_{place}_rad": part for place, part in zip(named, links, strict=True)}
+            | {f"theta_dot_{place}_rad_per_s": part for place, part in zip(named, rates, strict=True)}
             | ({"x_m": x, "x_dot_m_per_s": speed} if system.cart is not None else {})
             | (dict(zip(system.first_columns, (*carried[0], *carried[1]), strict=True)) if carried else {})
         )
 
 
-def _records(found: StroboscopicSection) -> list[dict[str, Any]]:
-    times, states = found.times.tolist(), found.states
+def _records(section: StroboscopicSection) -> list[dict[str, Any]]:
+    times, states = section.times.tolist(), section.states
     return [
         {"motion": motion + 1, "time_s": time} | record
-        for motion in range(found.ensemble.size)
-        for time, record in zip(times, state_records(found.system, [own[motion] for own in states]), strict=True)
+        for motion in range(section.ensemble.size)
+        for time, record in zip(times, state_records(section.system, [part[motion] for part in states]), strict=True)
     ]
 
 
-def _whole(found: StroboscopicSection) -> dict[str, Any]:
-    own = found.ensemble
+def _whole(section: StroboscopicSection) -> dict[str, Any]:
+    members = section.ensemble
     return {
-        "scene": describe(own.question.scene),
-        "period_s": found.period,
-        "phase_deg": found.phase_deg,
-        "spread_deg": found.spread_deg,
-        "settle_s": found.settle,
-        "motions": own.size,
-        "duration_s": own.question.duration,
-        "engine": own.engine,
-        "failed": len(own.failures),
-        "largest_energy_drift": finite(float(np.nanmax(own.energy_drift))),
-        "repeats_after_periods": found.repeats.tolist(),
-        "strobes": [{name: finite(value) for name, value in one.items()} for one in _records(found)],
+        "scene": describe(members.question.scene),
+        "period_s": section.period,
+        "phase_deg": section.phase_deg,
+        "spread_deg": section.spread_deg,
+        "settle_s": section.settle,
+        "motions": members.size,
+        "duration_s": members.question.duration,
+        "engine": members.engine,
+        "failed": len(members.failures),
+        "largest_energy_drift": finite(float(np.nanmax(members.energy_drift))),
+        "repeats_after_periods": section.repeats.tolist(),
+        "strobes": [{name: finite(value) for name, value in record.items()} for record in _records(section)],
     }

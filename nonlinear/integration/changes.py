@@ -279,7 +279,7 @@ def names_in(at: Places) -> dict[str, Any]:
 
 
 def _complementarity() -> list[str]:
-    return [inspect.getsource(one) for one in vars(complementarity).values() if inspect.isfunction(one)]
+    return [inspect.getsource(function) for function in vars(complementarity).values() if inspect.isfunction(function)]
 
 
 def switching_source() -> str:

@@ -141,7 +141,7 @@ def meet(
 def meeting_source() -> str:
     """The functions of this module, but this one, as a text of Python; what they have from outside is in `MEETING`."""
     every: list[Callable[..., Any]] = [rises, swells, seen, bent, highest, cubic, passing, meet]
-    return "\n".join(inspect.getsource(one) for one in every)
+    return "\n".join(inspect.getsource(function) for function in every)
 
 
 MEETING = {"STANDS": STANDS, "AGAIN": AGAIN, "MET": MET, "NEAR": NEAR, "DIGIT": DIGIT, "SURE": SURE, "NONE": NONE}

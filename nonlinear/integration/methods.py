@@ -11,10 +11,10 @@ from modal.errors import SceneError
 from modal.scene import CAPABILITIES, Scene, refusals, validate_scene
 from nonlinear.dynamics import (
     Arranged,
-    Body,
     Dense,
     Frictional,
     Generated,
+    GroupBody,
     Minimal,
     Recursion,
     Reduced,
@@ -185,7 +185,7 @@ def taylor_takes(scene: Scene) -> bool:
     return taylor.takes(system_of(scene))
 
 
-def body_of(group: Group, system: System) -> Body:
+def body_of(group: Group, system: System) -> GroupBody:
     """The solver of one group in NumPy: dense matrices for short chains, a band for long ones, else the recursion."""
     if loses_digits(group, system):
         return Recursion(group)

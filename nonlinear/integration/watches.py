@@ -245,13 +245,20 @@ class GrowthSamples:
         due, until = (np.searchsorted(self.times, time, side="right") for time in (step.start, end))
         for columns, sample, inside in _instants(step, due, until):
             part = (self.times[sample] - step.start[columns]) / step.length[columns]
-            length = np.sqrt(np.sum((inside.at(part)[half:] / self.scale) ** 2, axis=0))
+            scale = self.scale if self.scale.shape[1] == 1 else self.scale[:, step.member[columns]]
+            length = np.sqrt(np.sum((inside.at(part)[half:] / scale) ** 2, axis=0))
             self.rows[sample, step.member[columns]] = self._whole.growth[step.member[columns]] + np.log(length)
         self._whole.see(step)
         members = step.member[step.taken]
         self.last[:, members] = step.after[:half, step.taken]
         self._reached[members] = end[step.taken]
         self.report(float(self._reached.min()))
+
+
+def tangent_direction(size: int) -> Floats:
+    """The direction of length 1, (size, 1), in which tangent vectors begin, in natural units: drawn once for all."""
+    drawn = np.random.default_rng(0).standard_normal((size, 1))
+    return np.asarray(drawn / np.linalg.norm(drawn))
 
 
 @dataclass(eq=False)

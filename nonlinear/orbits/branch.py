@@ -87,11 +87,11 @@ class Branch(Displayed):
         }
         return {
             **along,
-            "amplitude_deg": np.degrees(self.amplitude),
-            **(driven if orbits else {}),
-            "energy_J": self.energy,
             "omega_rad_per_s": self.omega,
             "stable": np.array(self.is_stable),
+            "largest_angle_deg": np.degrees(self.amplitude),
+            **(driven if orbits else {}),
+            "energy_J": self.energy,
             "residual": np.array([orbit.residual for orbit in self.orbits]),
         }
 

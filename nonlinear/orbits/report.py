@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from modal.loci import followed_columns
 from modal.report import as_csv, counted, finite, grid, line_width, listed, titled
 from modal.scene import Scene, title_of, validate_scene
 from nonlinear.orbits.branch import Branch
@@ -83,20 +84,29 @@ def orbits_csv(branches: Sequence[Branch]) -> str:
     return as_csv(
         [
             {
+                **_followed(branch, orbit),
                 "branch": number + 1,
                 "from": branch.origin,
-                (branch.variation.column if branch.variation else "parameter"): _parameter(branch, orbit),
-                "amplitude_deg": degrees(orbit.amplitude),
                 **_columns(_driven(orbit)),
                 "energy_J": orbit.energy,
-                "omega_rad_per_s": orbit.omega,
-                "stable": orbit.is_stable,
                 "largest_multiplier": _largest(orbit),
                 "residual": orbit.residual,
             }
             for number, branch in enumerate(branches)
             for orbit in branch.orbits
         ]
+    )
+
+
+def _followed(branch: Branch, orbit: Orbit) -> dict[str, Any]:
+    """What is told of whatever is followed; growth rates of orbits that no drives force."""
+    return followed_columns(
+        branch.variation,
+        _parameter(branch, orbit),
+        orbit.omega,
+        stable=orbit.is_stable,
+        angle_deg=degrees(orbit.amplitude),
+        growth=growth(orbit) if branch.variation and not branch.is_forced else None,
     )
 
 
@@ -133,9 +143,9 @@ def _headings(branch: Branch, linear: float | None) -> list[str]:
     head = [f"{branch.variation.path} ({branch.variation.unit or '–'})"] if branch.variation else []
     shift = ["ω/ω₀ − 1"] if linear else []
     if branch.is_forced:
-        return [*head, "largest (°)", "phase (°)", "fed (J)", "stable", "largest |μ|"]
+        return [*head, "largest angle (°)", "phase (°)", "fed (J)", "stable", "largest |μ|"]
     grows = ["growth (1/s)"] if branch.variation else []
-    return [*head, "largest (°)", "ω (rad/s)", *shift, "energy (J)", "stable", "largest |μ|", *grows]
+    return [*head, "largest angle (°)", "ω (rad/s)", *shift, "energy (J)", "stable", "largest |μ|", *grows]
 
 
 def _cells(branch: Branch, orbit: Orbit, linear: float | None) -> list[str]:

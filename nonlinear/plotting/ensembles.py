@@ -16,7 +16,8 @@ from modal.types import Floats
 from nonlinear.plotting.sweeps import edges, label
 
 if TYPE_CHECKING:
-    from nonlinear.ensembles import Basins, PoincareSection, Spread
+    from nonlinear.ensembles import Basins, PoincareSection
+    from nonlinear.sweeps import Spread
 
 DECADES = 5.0  # the ratio of largest to smallest from which colours go by ratios
 WIDEST = 60.0  # and no more of first turns, some of which begin at the top

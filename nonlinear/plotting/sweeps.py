@@ -32,6 +32,7 @@ from modal.plotting import (
     shade,
     sheet,
 )
+from modal.report import deferred
 from modal.scene import number_label, title_of
 from modal.scene.parameters import Variation
 from modal.types import Floats
@@ -86,8 +87,12 @@ def sweep_figure(sweep: Sweep) -> Figure:
     if len(known) > most:
         raise ComputationError(f"{len(known)} quantities do not fit in a figure: measure at most {most}")
     drawn = [name for name in known if name != "largest_multiplier"]  # its map is that of the growth rate
-    figure = _curves(sweep, known) if len(axes) == 1 else _maps(sweep, drawn)
-    headline(figure, title_of(sweep.study.scene), "sweep")
+    if sweep.study.members and len(axes) == 1:
+        figure: Figure = deferred("nonlinear.plotting.energies:energies_figure")(sweep)
+    else:
+        figure = _curves(sweep, known) if len(axes) == 1 else _maps(sweep, drawn)
+    words = f"{sweep.study.members} starts at random on each energy" if sweep.study.members else "sweep"
+    headline(figure, title_of(sweep.study.scene), words)
     return figure
 
 

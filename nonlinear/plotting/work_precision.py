@@ -14,7 +14,7 @@ from modal.scene import title_of
 from nonlinear.reduction import CORRECTED, LINEAR
 
 if TYPE_CHECKING:
-    from nonlinear.accuracy import Candidate, Row, WorkPrecision
+    from nonlinear.accuracy import Candidate, WorkPrecision, WorkPrecisionRow
 
 METHODS = dict(zip(("RK45", "taylor", "LSODA", "Radau", "DOP853", "RK23"), range(HUES), strict=True))
 MARKERS = {"minimal": "o", "spatial": "o", "compiled": "D", "maximal": "s"}
@@ -46,7 +46,7 @@ def tradeoff_figure(work_precision: WorkPrecision) -> Figure:
     return figure
 
 
-def _bounds(axis: Axes, work_precision: WorkPrecision, rows: list[Row]) -> None:
+def _bounds(axis: Axes, work_precision: WorkPrecision, rows: list[WorkPrecisionRow]) -> None:
     times, errors = [row.seconds for row in rows], [work_precision.judged(row) for row in rows]
     bottom, floor = min(errors) / BEYOND**2, work_precision.reference.floor
     axis.set(xscale="log", yscale="log", xlim=(min(times) / BEYOND, max(times) * BEYOND))
@@ -64,7 +64,7 @@ def _front(axis: Axes, work_precision: WorkPrecision) -> None:
     axis.plot(*zip(*points, strict=True), zorder=1, label="Pareto front", **look)
 
 
-def _family(axis: Axes, work_precision: WorkPrecision, rows: list[Row]) -> None:
+def _family(axis: Axes, work_precision: WorkPrecision, rows: list[WorkPrecisionRow]) -> None:
     points, candidate = (
         zip(*((row.seconds, work_precision.judged(row)) for row in rows), strict=True),
         rows[0].candidate,

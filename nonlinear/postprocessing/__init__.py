@@ -6,9 +6,10 @@ Start with `summary`.
 
 from nonlinear.postprocessing.averages import last, smooth
 from nonlinear.postprocessing.extents import Extent, angles_of, extent_of, largest_angle, places_of
-from nonlinear.postprocessing.frequencies import LEAST_PERIODS, ORDER, Line, attention, line, lines
+from nonlinear.postprocessing.frequencies import LEAST_PERIODS, ORDER, SpectralLine, attention, line, lines
 from nonlinear.postprocessing.reaction_forces import reaction_forces_of
 from nonlinear.postprocessing.resampling import extremes, picked, resample
+from nonlinear.postprocessing.ropes import PushingLink, pushing_links, slack_words, words_of
 from nonlinear.postprocessing.spectra import WINDOW_NAME, power_spectrum, resolution
 from nonlinear.postprocessing.summary import run_inventory
 
@@ -17,7 +18,8 @@ __all__ = [
     "ORDER",
     "WINDOW_NAME",
     "Extent",
-    "Line",
+    "PushingLink",
+    "SpectralLine",
     "angles_of",
     "attention",
     "extent_of",
@@ -29,9 +31,12 @@ __all__ = [
     "picked",
     "places_of",
     "power_spectrum",
+    "pushing_links",
     "reaction_forces_of",
     "resample",
     "resolution",
     "run_inventory",
+    "slack_words",
     "smooth",
+    "words_of",
 ]

@@ -39,7 +39,7 @@ NEAR = 0.25
 
 
 @dataclass(frozen=True)
-class Line:
+class SpectralLine:
     """A cos(ωt + φ): `omega` (rad/s) to within `error`, `amplitude` in the signal's unit, `phase` φ at t = 0 (rad)."""
 
     omega: float
@@ -128,7 +128,7 @@ class _Signal:
         return np.asarray(np.sqrt(2) * np.array(level) / (waves.amplitude * np.sum(self.window * self.s**2)))
 
 
-def line(times: ArrayLike, values: ArrayLike, near: float | None = None) -> Line:
+def line(times: ArrayLike, values: ArrayLike, near: float | None = None) -> SpectralLine:
     """The strongest line, or the strongest within a quarter of `near` (rad/s), with companion lines removed.
 
     `times` (N,) in s, evenly spaced; `values` (N,).  `error` bounds the error of `omega` in practice: it sums the
@@ -139,7 +139,7 @@ def line(times: ArrayLike, values: ArrayLike, near: float | None = None) -> Line
     return _found(times, values, 1 + COMPANIONS, near)[0]
 
 
-def lines(times: ArrayLike, values: ArrayLike, count: int) -> tuple[Line, ...]:
+def lines(times: ArrayLike, values: ArrayLike, count: int) -> tuple[SpectralLine, ...]:
     """At most `count` lines, the strongest first, only those that stand out.  Arguments and errors as for `line`."""
     strongest = _found(times, values, count + COMPANIONS, None)
     return tuple(sorted(strongest, key=lambda line: -line.amplitude)[:count])
@@ -156,7 +156,7 @@ def attention(count: int) -> Floats:
     return np.asarray(weight / weight.sum())
 
 
-def _found(times: ArrayLike, values: ArrayLike, most: int, near: float | None) -> list[Line]:
+def _found(times: ArrayLike, values: ArrayLike, most: int, near: float | None) -> list[SpectralLine]:
     t, f = np.asarray(times, dtype=float), np.asarray(values, dtype=float)
     half = _half_length(t, f)
     band = (0.0, np.inf) if near is None else tuple(near * half * side for side in (1 - NEAR, 1 + NEAR))
@@ -165,7 +165,7 @@ def _found(times: ArrayLike, values: ArrayLike, most: int, near: float | None) -
     error = signal.noise(waves) * SIGMAS + _spread(signal, waves) + 8 * np.finfo(float).eps * waves.x
     middle = float(t[0] + half)
     return [
-        Line(x / half, hypot(a, b), _turned(atan2(-b, a) - x / half * middle), e / half)
+        SpectralLine(x / half, hypot(a, b), _turned(atan2(-b, a) - x / half * middle), e / half)
         for x, a, b, e in zip(*(part.tolist() for part in (*waves[1:], error)), strict=True)
     ]
 

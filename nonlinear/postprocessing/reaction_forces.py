@@ -7,9 +7,9 @@ import numpy as np
 from modal.errors import ComputationError
 from modal.scene.doors import require_type
 from modal.types import Floats
-from nonlinear.dynamics import Frictional, Reactions, vectors
+from nonlinear.dynamics import Frictional, Lanes, Reactions, vectors
 from nonlinear.integration import Choice, Trajectory, equations_of
-from nonlinear.system import Motion
+from nonlinear.system import Layout, Motion, numbers_of
 
 
 def reaction_forces_of(trajectory: Trajectory) -> Reactions:
@@ -33,11 +33,27 @@ def reaction_forces_of(trajectory: Trajectory) -> Reactions:
     return Reactions(np.full_like(normal, np.nan) if system.structure is not None else normal, pivots, tops)
 
 
-def _accelerations(trajectory: Trajectory, motion: Motion) -> tuple[Floats, Floats]:
-    """The cart's x'' (T,), or those of every pivot of a structure (T, L, 2); second derivatives of unit vectors.
+def side_by_side(trajectory: Trajectory) -> bool:
+    """Whether the accelerations at all states are computed at once: in the plane, by equations that the scene tells."""
+    system = trajectory.system
+    load = trajectory.equations.load if trajectory.equations else None
+    return not (system.spatial or system.rubs or system.hoisting or load or trajectory.driven)
 
-    The latter are (T, L, d).
-    """
+
+def accelerated(trajectory: Trajectory) -> tuple[Layout, Floats, Floats]:
+    """The parts of y, y and y' at all samples, (T, size) each, of a run whose accelerations are computed at once."""
+    numbers = numbers_of(trajectory.scene, system=trajectory.system)
+    lanes = Lanes(numbers)
+    rows = lanes.layout.rows(trajectory.motion)
+    slopes = np.empty_like(rows)
+    rates = lanes.rates(numbers)(np.ascontiguousarray(rows.T), trajectory.times)
+    for column, rate in zip(slopes.T, rates, strict=True):
+        column[:] = rate
+    return lanes.layout, rows, slopes
+
+
+def _one_by_one(trajectory: Trajectory, motion: Motion) -> Motion:
+    """The rates of all states, by the equations of a run of its own."""
     system = trajectory.system
     load = trajectory.equations.load if trajectory.equations else None
     form = "spatial" if system.spatial else "minimal"
@@ -48,7 +64,20 @@ def _accelerations(trajectory: Trajectory, motion: Motion) -> tuple[Floats, Floa
         if isinstance(equations, Frictional):
             equations.release(time, y)
         rows.append(equations.derivative(time, y))
-    accelerations = equations.read(np.array(rows))
+    return equations.read(np.array(rows))
+
+
+def _accelerations(trajectory: Trajectory, motion: Motion) -> tuple[Floats, Floats]:
+    """The cart's x'' (T,), or those of every pivot of a structure (T, L, 2); second derivatives of unit vectors.
+
+    The latter are (T, L, d).
+    """
+    system = trajectory.system
+    if side_by_side(trajectory):
+        layout, _, slopes = accelerated(trajectory)
+        accelerations = layout.read(slopes)
+    else:
+        accelerations = _one_by_one(trajectory, motion)
     if system.spatial:
         return accelerations.cart_rate, accelerations.link_rates
     u, _ = vectors(motion)

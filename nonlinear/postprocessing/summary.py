@@ -21,6 +21,7 @@ from nonlinear.dynamics import Dense, Generated, Reduced, Small, is_unstable_equ
 from nonlinear.integration import CLOSED, EXPLICIT, SCIPY, TRUNCATED, SolverInfo, Trajectory, departure
 from nonlinear.postprocessing.extents import Extent, extent_of, places_of
 from nonlinear.postprocessing.resampling import extremes
+from nonlinear.postprocessing.ropes import slack_words
 from nonlinear.reduction import CORRECTED, LINEAR
 from nonlinear.system import System
 
@@ -41,9 +42,9 @@ UNITS = {"rad": (degrees(1.0), "deg"), "m": (1.0, "m")}
 IMPLICIT = tuple(method for method in SCIPY if method not in EXPLICIT)
 
 
-def text(trajectory: Trajectory) -> str:
-    """The lines, ready to print."""
-    lines = list(_lines(trajectory))
+def text(trajectory: Trajectory, *, ropes: bool = True) -> str:
+    """The lines, ready to print; with `ropes` also which links of bobs push, which takes another look at the run."""
+    lines = [*_lines(trajectory), *(_ropes(trajectory) if ropes else ())]
     width = max(len(name) for name, _ in lines)
     title = title_of(trajectory.scene)
     return "\n".join(map(visible, [title, *(f"{name:<{width}}  {words}" for name, words in lines)]))
@@ -76,6 +77,12 @@ def _lines(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
         yield "event", f"{happening.name} at {happening.time:.12g} s"
     if (more := len(trajectory.happenings) - MOST_EVENTS) > 0:
         yield "", f"and {more} more"
+
+
+def _ropes(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
+    """Which links of bobs push, where that can be told."""
+    for number, words in enumerate(slack_words(trajectory)):
+        yield ("" if number else "ropes"), words
 
 
 def _friction(trajectory: Trajectory) -> Iterator[tuple[str, str]]:

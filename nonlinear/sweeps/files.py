@@ -58,7 +58,7 @@ class _Kept(NamedTuple):
 
     @property
     def axes(self) -> list[str]:
-        return [own.column for own in self.study.variations]
+        return [variation.column for variation in self.study.variations]
 
     def sweep(self, table: Floats) -> Sweep:
         """The sweep with these numbers (size, columns) over the whole grid."""
@@ -74,8 +74,8 @@ class _Kept(NamedTuple):
 def _kept(header: dict[str, Any]) -> _Kept:
     require_keys(header, "multipendula_sweep", "columns", "failed", "done")
     study, columns, done = study_from(header["multipendula_sweep"]), tuple(header["columns"]), header["done"]
-    indices = tuple(range(study.size) if done is None else (index(own, study.size) for own in done))
-    failed = {int(own): reason for own, reason in header["failed"].items()}
+    indices = tuple(range(study.size) if done is None else (index(number, study.size) for number in done))
+    failed = {int(number): reason for number, reason in header["failed"].items()}
     kept = _Kept(study, columns, indices, failed, done is None)
     names, reasons = [*kept.axes, *columns], list(failed.values())
     in_order = all(earlier < later for earlier, later in pairwise(indices)) and failed.keys() <= set(indices)
@@ -88,7 +88,7 @@ def _kept(header: dict[str, Any]) -> _Kept:
 
 
 def _npz(sweep: Sweep) -> bytes:
-    axes = {own.column: np.array(own.values) for own in sweep.study.variations}
+    axes = {variation.column: np.array(variation.values) for variation in sweep.study.variations}
     return as_npz(_header(sweep), axes | {name: sweep.values(name) for name in sweep.columns})
 
 
@@ -97,10 +97,10 @@ def _read_npz(name: str) -> Sweep:
     kept = _kept(header)
     require_keys(arrays, *kept.axes, *kept.columns)
     axes = zip(kept.axes, kept.study.variations, strict=True)
-    if not all(np.array_equal(arrays[axis], own.values) for axis, own in axes):
+    if not all(np.array_equal(arrays[axis], each.values) for axis, each in axes):
         raise ValueError
     numbers = [arrays[column] for column in kept.columns]
-    if any(own.dtype != float or own.shape != kept.study.shape for own in numbers):
+    if any(each.dtype != float or each.shape != kept.study.shape for each in numbers):
         raise ValueError
     return kept.sweep(np.reshape(numbers, (len(numbers), kept.study.size)).T)
 
@@ -109,7 +109,7 @@ def _read_npz(name: str) -> Sweep:
 
 
 def _csv(sweep: Sweep) -> bytes:
-    rows: list[list[Any]] = [[*(own.column for own in sweep.study.variations), *sweep.columns, REASON]]
+    rows: list[list[Any]] = [[*(variation.column for variation in sweep.study.variations), *sweep.columns, REASON]]
     for row in sweep.rows:
         numbers = [row.numbers.get(name, np.nan) for name in sweep.columns]
         rows.append([*sweep.study.point(row.index).values(), *numbers, row.reason])
@@ -137,7 +137,7 @@ def _read_csv(name: str) -> Sweep:
 
 def _json(sweep: Sweep) -> bytes:
     """The header, every column over the grid, and the boundaries of `floquet`."""
-    columns = {name: [finite(float(one)) for one in values] for name, values in sweep.to_dict().items()}
+    columns = {name: [finite(float(value)) for value in values] for name, values in sweep.to_dict().items()}
     boundaries = [boundary.to_dict() for boundary in sweep.boundaries]
     more = {"kinds": {str(number): words for number, words in STABILITY.items()}} if "kind" in columns else {}
     return as_json(_header(sweep) | {"data": columns, **more, "boundaries": boundaries}).encode()

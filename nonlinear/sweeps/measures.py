@@ -1,8 +1,8 @@
-"""Measures: named quantities that a sweep computes at every point.
+"""How a sweep computes the measures of `nonlinear.measures` at a point: of a scene, or of a run from its start.
 
 The name of a quantity ends in its unit, `omega_1_rad_per_s`, unless it is dimensionless, `damping_ratio_1`.  Some are
 computed from the oscillating modes, Im λ ≠ 0, others from a run of some seconds from the scene's own start, or else,
-at every point, that of `nonlinear.reduction.usual_start`.
+at every point, that of `nonlinear.reduction.usual_start`.  What an ensemble measures too is its function, here too.
 
 All points of a sweep number their modes as in the table of the original scene, so that curves continue smoothly where
 dampers appear and where frequencies become equal: the k-th oscillating mode, counting copies, is the k-th there, and
@@ -17,83 +17,78 @@ from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import islice
-from math import inf, isfinite, nan, pi
+from math import inf, nan, pi
 from threading import local
 
 import numpy as np
 from numpy.typing import NDArray
 
 from modal.assembly import can_stack
-from modal.errors import ComputationError, SceneError, meant
+from modal.errors import ComputationError, SceneError
 from modal.modes import UNCERTAIN, labelled, natural_frequencies, natural_modes
 from modal.report import counted
-from modal.scene import Scene
-from modal.types import Floats
-from modal.vibration import KINDS, ParametricStability, parametric_stability, stabilities, vertical_sine
-from nonlinear.chaos import lyapunov_exponent
-from nonlinear.ensembles import run_together
+from modal.scene import Scene, require
+from modal.vibration import ParametricStability, parametric_stability, stabilities, vertical_sine
+from nonlinear.chaos import usual_duration
+from nonlinear.ensembles import measured_run, measured_together, run_together, times_of, validate_measures
 from nonlinear.integration import Trajectory
-from nonlinear.postprocessing import extremes, largest_angle, last
+from nonlinear.measures import MEASURES, Measure, requested
+from nonlinear.postprocessing import extremes
+from nonlinear.postprocessing import largest_angle as widest
 from nonlinear.reduction import usual_start
 from nonlinear.simulation import simulate
-from nonlinear.synchronization import ENDING, Phases, Survival, find_survival, phases_of
+from nonlinear.synchronization import Survival, find_survival
 
 Values = NDArray[np.complex128]
-FEW = 4  # pendula up to which each energy is reported
-USUAL, LONGEST = 100.0, 1e6  # seconds
 
 
 @dataclass(frozen=True)
-class Measure:
-    """A function of a scene and one number, `usual` by default (0: it chooses one itself).
+class Computation:
+    """How a measure is computed: a function of a scene and N, 0 where it chooses one itself.
 
-    `words` describe the result. The function is at module level, so that other processes can import it.  `whole` marks
-    a number that counts something, `numbered` a function whose third argument is the scene in whose table the modes are
-    numbered, `runs` one that reads a run of so many seconds.  With `most` 0 it takes no number.
-    `door` refuses a scene before anything is computed; `together` computes what the function needs of several scenes.
+    The function is at module level, so that other processes can import it.  `numbered` marks one whose third argument
+    is the scene in whose table the modes are numbered, `runs` one that reads a run of so many seconds.  `door` refuses
+    a scene before anything is computed; `together` computes what the function needs of several scenes, for N.
     """
 
-    name: str
+    measure: Measure
     function: Callable[..., dict[str, float]]
-    usual: float
-    words: str
-    whole: bool = True
-    most: float = 1000
     numbered: bool = False
     runs: bool = False
     door: Callable[[Scene], object] | None = None
-    together: Callable[[Sequence[Scene]], object] | None = None
+    together: Callable[[Sequence[Scene], float], object] | None = None
+
+    @property
+    def name(self) -> str:
+        """Of the measure."""
+        return self.measure.name
 
 
 @dataclass(frozen=True)
 class RequestedMeasure:
-    """A measure with its number."""
+    """A measure's computation with its number."""
 
-    measure: Measure
+    computation: Computation
     number: float
 
     def __post_init__(self) -> None:
-        if self.number != self.measure.usual:
-            self.validate()
+        if self.number != self.computation.measure.usual:
+            self.computation.measure.validate(self.number)
 
-    def validate(self) -> RequestedMeasure:
-        """The measure itself; SceneError where its number is out of range."""
-        if not self.measure.most:
-            raise SceneError([f"{self.measure.name}:{self.number:g}: {self.measure.name} takes no number"])
-        kind = f"a {'whole ' * self.measure.whole}number above 0 and at most {self.measure.most:g}"
-        fits = isfinite(self.number) and 0 < self.number <= self.measure.most
-        if not fits or (self.measure.whole and self.number != int(self.number)):
-            raise SceneError([f"{self.measure.name}:{self.number:g}: must have {kind}"])
-        return self
+    @property
+    def name(self) -> str:
+        """Of the measure."""
+        return self.computation.name
 
     @property
     def text(self) -> str:
         """The text of the request: `frequencies:4`."""
-        return f"{self.measure.name}:{self.number:g}" if self.number else self.measure.name
+        return f"{self.name}:{self.number:g}" if self.number else self.name
 
     def of(self, scene: Scene, table: Scene | None = None) -> dict[str, float]:
         """Its values for a scene; modes are numbered as in the table of `table`, by default of the scene itself."""
-        return self.measure.function(scene, self.number, *([table or scene] if self.measure.numbered else []))
+        more = [table or scene] if self.computation.numbered else []
+        return self.computation.function(scene, self.number, *more)
 
 
 Swinging = tuple[Values, tuple[int, ...]]
@@ -106,6 +101,7 @@ class Known(local):
         self.runs: dict[tuple[Scene, float], Trajectory] = {}
         self.modes: dict[Scene, Swinging] = {}
         self.stability: dict[Scene, ParametricStability] = {}
+        self.members: dict[tuple[str, float], dict[Scene, dict[str, float]]] = {}
 
 
 _KNOWN = Known()
@@ -128,8 +124,8 @@ def find_together(scenes: Sequence[Scene]) -> None:
     except ComputationError:
         return
     numbers = np.cumsum(np.diff(omega, axis=1, prepend=np.nan) != 0, axis=1)
-    for scene, row, own in zip(scenes, omega, numbers, strict=True):
-        _KNOWN.modes[scene] = 1j * row[row > 0], tuple(own[row > 0].tolist())
+    for scene, row, labels in zip(scenes, omega, numbers, strict=True):
+        _KNOWN.modes[scene] = 1j * row[row > 0], tuple(labels[row > 0].tolist())
 
 
 def swinging(scene: Scene) -> Swinging:
@@ -147,8 +143,8 @@ def _swinging(scene: Scene) -> Swinging:
 
 def numbers_in(scene: Scene, table: Scene) -> tuple[int, ...]:
     """The numbers of a scene's oscillating modes in the table of another, or in its own if their counts differ."""
-    own, given = swinging(scene)[1], swinging(table)[1]
-    return given if len(own) == len(given) else own
+    numbers, wanted = swinging(scene)[1], swinging(table)[1]
+    return wanted if len(numbers) == len(wanted) else numbers
 
 
 def frequencies(scene: Scene, count: float, table: Scene) -> dict[str, float]:
@@ -183,7 +179,7 @@ def _gap(scene: Scene, number: int, table: Scene) -> tuple[int, float]:
     order = np.argsort(values, kind="stable")
     omega, numbers = values[order], [listed[place] for place in order]
     number = number or next(iter(numbers), 0)
-    last = max((place for place, own in enumerate(numbers) if own == number), default=-1)
+    last = max((place for place, listed_number in enumerate(numbers) if listed_number == number), default=-1)
     if last < 0:
         raise ComputationError(f"mode {number} of the table does not oscillate: {_those(numbers)}")
     if last + 1 == len(numbers):
@@ -196,15 +192,6 @@ def _those(numbers: list[int]) -> str:
     return counted(len(numbers), "mode oscillates", "modes oscillate") + range_of
 
 
-NEXT = "mode N (default: the first oscillating mode) and the next"
-MODAL = (
-    Measure("frequencies", frequencies, 4, "the frequencies of the N slowest oscillating modes", numbered=True),
-    Measure("damping", damping, 4, "the damping ratios of the N slowest oscillating modes", numbered=True),
-    Measure("splitting", splitting, 0, f"the gap between the frequencies of {NEXT}", numbered=True),
-    Measure("beat", beat, 0, f"the beat period of {NEXT}", numbered=True),
-)
-
-
 def run_of(scene: Scene, seconds: float) -> Trajectory:
     """The run, cached for the next measure of the same scene; KeyboardInterrupt where Ctrl-C cut it short."""
     return _KNOWN.runs.get((scene, seconds)) or _run_of(scene, seconds)
@@ -212,7 +199,7 @@ def run_of(scene: Scene, seconds: float) -> Trajectory:
 
 @lru_cache(maxsize=1)
 def _run_of(scene: Scene, seconds: float) -> Trajectory:
-    trajectory = simulate(scene, seconds, start=usual_start(scene))
+    trajectory = simulate(scene, seconds, start=usual_start(scene), output=times_of(scene, seconds))
     if trajectory.run.interrupted:
         raise KeyboardInterrupt
     return trajectory
@@ -223,33 +210,46 @@ def energy_drift(scene: Scene, seconds: float) -> dict[str, float]:
     return {"energy_drift": run_of(scene, seconds).energy_drift()}
 
 
-def amplitude(scene: Scene, seconds: float) -> dict[str, float]:
-    """The largest angle of any link from the downward vertical and the peak-to-peak travel of the cart.
+def largest_angle(scene: Scene, seconds: float) -> dict[str, float]:
+    """The largest angle of any link from the downward vertical, also at turning points between the samples."""
+    return {"largest_angle_deg": float(np.degrees(widest(run_of(scene, seconds))))}
 
-    Both are evaluated at the turning points between the samples.
-    """
+
+def cart_travel(scene: Scene, seconds: float) -> dict[str, float]:
+    """The peak-to-peak travel of the cart, also at turning points between the samples."""
     run = run_of(scene, seconds)
     left, right = extremes(run.times, run.motion.cart, run.motion.cart_rate)
-    return {"largest_angle_deg": float(np.degrees(largest_angle(run))), "cart_travel_m": float(right - left)}
+    return {"cart_travel_m": float(right - left)}
+
+
+def side_by_side(name: str, scenes: Sequence[Scene], seconds: float) -> None:
+    """Have a measure of ensembles at hand for these scenes from their usual starts."""
+    _KNOWN.members[name, seconds] = measured_together(scenes, seconds, name)
+
+
+def turn_together(scenes: Sequence[Scene], seconds: float) -> None:
+    """The first turns of these scenes."""
+    side_by_side("first_turn", scenes, seconds)
+
+
+def first_turn(scene: Scene, seconds: float) -> dict[str, float]:
+    """When each link first goes over the top."""
+    known = _KNOWN.members.get(("first_turn", seconds), {})
+    return known.get(scene) or measured_together([scene], seconds, "first_turn")[scene]
+
+
+def diverge_together(scenes: Sequence[Scene], seconds: float) -> None:
+    """The exponents of these scenes, each over its usual duration where that is 0."""
+    for duration in dict.fromkeys(seconds or usual_duration(scene) for scene in scenes):
+        alike = [scene for scene in scenes if seconds or usual_duration(scene) == duration]
+        side_by_side("lyapunov", alike, duration)
 
 
 def lyapunov(scene: Scene, seconds: float) -> dict[str, float]:
     """The largest Lyapunov exponent of the usual start, measured for so long after a transient of half that time."""
-    return {"lyapunov_per_s": lyapunov_exponent(scene, seconds or None, start=usual_start(scene), ensemble=1).value}
-
-
-RUNS = (
-    Measure("energy_drift", energy_drift, 10.0, "the relative drift of energy in N seconds", False, 1e6, runs=True),
-    Measure(
-        "amplitude", amplitude, 10.0, "the largest angle and the cart's travel in N seconds", False, 1e6, runs=True
-    ),
-    Measure("lyapunov", lyapunov, 0, "the largest Lyapunov exponent, from N seconds of the motion", False, 1e6),
-)
-
-
-@lru_cache(maxsize=1)
-def _phases(scene: Scene, seconds: float) -> Phases:
-    return phases_of(run_of(scene, seconds))
+    duration = seconds or usual_duration(scene)
+    known = _KNOWN.members.get(("lyapunov", duration), {})
+    return known.get(scene) or measured_together([scene], duration, "lyapunov")[scene]
 
 
 @lru_cache(maxsize=1)
@@ -259,17 +259,16 @@ def _survival(scene: Scene, seconds: float) -> Survival:
 
 def order(scene: Scene, seconds: float) -> dict[str, float]:
     """The order parameter of the leading fixed-base mode, its mean over the last tenth."""
-    phases = _phases(scene, seconds)
-    return {"order": float(_ending(phases, phases.order)[phases.leading])}
+    return measured_run(run_of(scene, seconds), "order")
 
 
 def survivor(scene: Scene, seconds: float, table: Scene) -> dict[str, float]:
     """The number in the table of the mode with most energy at the end, and its share."""
-    found = _survival(scene, seconds)
-    number, own = found.number, swinging(scene)[1]
-    if number in own:
-        number = numbers_in(scene, table)[own.index(number)]
-    return {"survivor": float(number), "survivor_share": found.survivor_share}
+    survival = _survival(scene, seconds)
+    number, numbers = survival.number, swinging(scene)[1]
+    if number in numbers:
+        number = numbers_in(scene, table)[numbers.index(number)]
+    return {"survivor": float(number), "survivor_share": survival.survivor_share}
 
 
 def locking(scene: Scene, seconds: float) -> dict[str, float]:
@@ -280,33 +279,15 @@ def locking(scene: Scene, seconds: float) -> dict[str, float]:
 
 def pendulum_energy(scene: Scene, seconds: float) -> dict[str, float]:
     """Mean energies over the last tenth: of all pendula, of each where they are few, and of the cart."""
-    phases = _phases(scene, seconds)
-    mechanics = phases.trajectory.mechanics
-    each = _ending(phases, phases.energy)
-    found = {"pendula_energy_J": float(each.sum())}
-    if len(each) <= FEW:
-        found |= {f"pendulum_{number}_energy_J": float(value) for number, value in enumerate(each, 1)}
-    if scene.cart is not None:
-        found["cart_energy_J"] = float(_ending(phases, mechanics.cart_kinetic + mechanics.cart_potential))
-    return found
+    return measured_run(run_of(scene, seconds), "pendulum_energy")
 
 
-def _ending(phases: Phases, values: Floats) -> Floats:
-    return np.asarray(values[last(phases.times, ENDING)].mean(axis=0))
+def configuration(scene: Scene, seconds: float) -> dict[str, float]:
+    """The number of the relative equilibrium of `sync` at the end, 0 for none."""
+    return measured_run(run_of(scene, seconds), "configuration")
 
 
-SYNC = tuple(
-    Measure(function.__name__, function, USUAL, words, False, LONGEST, function is survivor, runs=True)
-    for function, words in (
-        (order, "the order parameter of the phases after N seconds, from 0 to 1"),
-        (survivor, "the mode with most energy after N seconds, and its share"),
-        (locking, "the time from which it has 99 %, within N seconds"),
-        (pendulum_energy, "the mean energies of pendula and cart after N seconds"),
-    )
-)
-
-
-def multiply_together(scenes: Sequence[Scene]) -> None:
+def multiply_together(scenes: Sequence[Scene], number: float) -> None:
     """Compute and cache the Floquet multipliers of these scenes, together where they differ in their motion alone."""
     _KNOWN.stability = {}
     with suppress(SceneError, ComputationError):  # each tells its own reason
@@ -323,52 +304,67 @@ def floquet(scene: Scene, number: float) -> dict[str, float]:
     }
 
 
-FLOQUET = Measure(
-    "floquet",
-    floquet,
-    0,
-    "the largest Floquet multiplier of a vertical sine, its growth rate, and what small motion does: "
-    + ", ".join(f"{number} {words}" for number, words in KINDS.items()),
-    most=0,
-    door=vertical_sine,
-    together=multiply_together,
-)
-MEASURES: dict[str, Measure] = {measure.name: measure for measure in (*MODAL, *RUNS, *SYNC, FLOQUET)}
+def in_plane(scene: Scene) -> None:
+    """SceneError where no link of a scene goes over the top."""
+    validate_measures(("first_turn",), scene)
 
 
-def parse_measures(texts: Sequence[str]) -> tuple[RequestedMeasure, ...]:
+def of_growth(scene: Scene) -> None:
+    """SceneError where a scene has no Lyapunov exponent."""
+    require(scene, "a Lyapunov exponent")
+
+
+def of_phases(scene: Scene) -> None:
+    """SceneError where the pendula of a scene have no order parameter."""
+    validate_measures(("order",), scene)
+
+
+def of_drives(scene: Scene) -> None:
+    """SceneError where a scene has no steady oscillations."""
+    validate_measures(("configuration",), scene)
+
+
+FLOQUET = "floquet"
+COMPUTATIONS: dict[str, Computation] = {
+    computation.name: computation
+    for computation in (
+        *(
+            Computation(MEASURES[function.__name__], function, numbered=True)
+            for function in (frequencies, damping, splitting, beat)
+        ),
+        Computation(MEASURES[FLOQUET], floquet, door=vertical_sine, together=multiply_together),
+        *(
+            Computation(MEASURES[function.__name__], function, runs=True)
+            for function in (largest_angle, cart_travel, energy_drift, pendulum_energy, locking)
+        ),
+        Computation(MEASURES["first_turn"], first_turn, door=in_plane, together=turn_together),
+        Computation(MEASURES["lyapunov"], lyapunov, door=of_growth, together=diverge_together),
+        Computation(MEASURES["order"], order, runs=True, door=of_phases),
+        Computation(MEASURES["survivor"], survivor, runs=True, numbered=True),
+        Computation(MEASURES["configuration"], configuration, runs=True, door=of_drives),
+    )
+}
+"""How each measure that a sweep takes is computed."""
+
+
+def parse_measures(texts: Sequence[str], verb: str = "sweep") -> tuple[RequestedMeasure, ...]:
     """The measures in texts such as "frequencies" or "frequencies:6"; SceneError names every mistake.
 
-    >>> [one.text for one in parse_measures(["frequencies:6", "beat"])]
+    >>> [request.text for request in parse_measures(["frequencies:6", "beat"])]
     ['frequencies:6', 'beat']
     """
-    found: dict[str, RequestedMeasure] = {}
+    requests: dict[str, RequestedMeasure] = {}
     problems: list[str] = []
     for text in texts:
         try:
-            one = _asked(text)
-            name = one.text if one.measure.whole else one.measure.name
-            if name in found:
+            measure, number = requested(verb, text)
+            request = RequestedMeasure(COMPUTATIONS[measure.name], number)
+            name = request.text if measure.whole else measure.name
+            if name in requests:
                 raise SceneError([f"{text}: {name} is requested twice"])
-            found[name] = one
+            requests[name] = request
         except SceneError as error:
             problems += error.problems
     if problems:
         raise SceneError(problems)
-    return tuple(found.values())
-
-
-def _asked(text: str) -> RequestedMeasure:
-    name, colon, number = text.partition(":")
-    if name not in MEASURES:
-        hint = meant(name, MEASURES) or f" (must be one of {', '.join(MEASURES)})"
-        raise SceneError([f"{text}: no such measure{hint}"])
-    measure = MEASURES[name]
-    try:
-        return (
-            RequestedMeasure(measure, float(number)).validate() if colon else RequestedMeasure(measure, measure.usual)
-        )
-    except ValueError as error:
-        if isinstance(error, SceneError):
-            raise
-        raise SceneError([f'{text}: "{number}" is not a number']) from None
+    return tuple(requests.values())

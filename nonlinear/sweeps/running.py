@@ -17,15 +17,16 @@ import numpy as np
 from modal.errors import ComputationError, SceneError
 from modal.report import HTML_ROWS, Displayed, Summary, brief, deferred, grid, silent, visible
 from modal.scene import Scene, SineMotion, left_out, name_of
-from modal.scene.doors import require_type
-from modal.scene.parameters import Place, Variable, find_places
+from modal.scene.doors import checked, require_type
+from modal.scene.parameters import Place, Variable, Variation, find_places
 from modal.types import Floats
 from modal.vibration import Boundary, tongues, vertical_sine
 from nonlinear.ensembles.executors import DIED, WorkerPool, cores, processes, spread
 from nonlinear.integration import validate_whole
 from nonlinear.sweeps.checkpoint import Checkpoint
-from nonlinear.sweeps.measures import FLOQUET
-from nonlinear.sweeps.study import Point, Points, Row, Study, Task, measure_each, measure_points
+from nonlinear.sweeps.energies import ENERGY, LYAPUNOV
+from nonlinear.sweeps.measures import FLOQUET, parse_measures
+from nonlinear.sweeps.study import Point, Points, Row, Study, SweepTask, measure_each, measure_points
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -40,7 +41,12 @@ BRIEF, BRIEF_RUNS = 0.05, 2.0
 """Seconds per portion above which portions no longer grow; of runs, which are faster side by side."""
 TOGETHER, CHUNK_OF_RUNS = 64, 1024
 """Points of the first portion of runs, and the most of any."""
-MOST_REASONS = 5
+MEMBERS = 50
+"""Starts drawn at every energy, where nobody says how many."""
+LANES = 512
+"""Members of the first portion where starts are drawn."""
+MOST_REASONS, MOST_LINES = 5, 100
+DRAWN = "At every energy {} starts at random (seed {}): q05, median and q95 are quantiles over them."
 NUMBERED = "Modes are numbered as in the table of the original scene."
 Report = Callable[[float], object]
 Rows = Generator[list[Row], None, None]
@@ -72,9 +78,9 @@ class Sweep(Displayed):
 
     def to_dict(self) -> dict[str, Floats]:
         """The values of the axes and every quantity at every point of the grid, the last axis varying fastest."""
-        axes = np.meshgrid(*(own.values for own in self.study.variations), indexing="ij")
-        found = {own.column: grid.ravel() for own, grid in zip(self.study.variations, axes, strict=True)}
-        return found | {name: self.values(name).ravel() for name in self.columns}
+        axes = np.meshgrid(*(variation.values for variation in self.study.variations), indexing="ij")
+        columns = {variation.column: grid.ravel() for variation, grid in zip(self.study.variations, axes, strict=True)}
+        return columns | {name: self.values(name).ravel() for name in self.columns}
 
     @cached_property
     def boundaries(self) -> tuple[Boundary, ...]:
@@ -83,15 +89,15 @@ class Sweep(Displayed):
         Traced by continuation from the grid of the sweep, accurate beyond it; amplitudes in m, frequencies in Hz.
         """
         study = self.study
-        if FLOQUET not in [one.measure for one in study.measures]:
+        if FLOQUET not in [request.name for request in study.measures]:
             return ()
         sine, places = vertical_sine(study.scene), vertical_places(study.scene)
         values: dict[str, Any] = {"amplitude": sine.amplitude, "frequency_hz": sine.frequency_hz}
-        for own in study.variations:
-            varied = set(find_places(study.scene, own.path)) & places.keys()
+        for variation in study.variations:
+            varied = set(find_places(study.scene, variation.path)) & places.keys()
             if not varied:
                 return ()
-            values |= {places[place]: own.values for place in varied}
+            values |= {places[place]: variation.values for place in varied}
         return tongues(study.scene, **values).boundaries
 
     def plot(self) -> Figure:
@@ -100,7 +106,9 @@ class Sweep(Displayed):
         return figure
 
     def _summary(self) -> Summary:
-        facts = [(own.path, f"{own.values[0]:g} to {own.values[-1]:g} {own.unit}") for own in self.study.variations]
+        facts = [
+            (axis.path, f"{axis.values[0]:g} to {axis.values[-1]:g} {axis.unit}") for axis in self.study.variations
+        ]
         done = f"{len(self.rows)} of {self.study.size} points"
         failed = f", {len(self.failures)} failed" if self.failures else ""
         first = self.rows[:HTML_ROWS]
@@ -109,15 +117,15 @@ class Sweep(Displayed):
             [*place, *(brief(row.numbers.get(name, np.nan)) for name in self.columns)]
             for place, row in zip(axes, first, strict=True)
         ]
-        headings = [*(own.column for own in self.study.variations), *self.columns]
+        headings = [*(axis.column for axis in self.study.variations), *self.columns]
         return Summary(f"Sweep of {name_of(self.study.scene)}: {done}{failed}", facts, headings, rows, len(self.rows))
 
     def values(self, column: str) -> Floats:
         """One quantity over the grid, in the study's shape, NaN where it is unknown."""
-        found = np.full(self.study.size, np.nan)
+        values = np.full(self.study.size, np.nan)
         for row in self.rows:
-            found[row.index] = row.numbers.get(column, np.nan)
-        return found.reshape(self.study.shape)
+            values[row.index] = row.numbers.get(column, np.nan)
+        return values.reshape(self.study.shape)
 
 
 def vertical_places(scene: Scene) -> dict[Place, str]:
@@ -150,8 +158,8 @@ def sweep(
     interrupted = False
     report(len(rows))
     try:
-        with closing(_found(study, left, workers, crew)) as found:
-            for portion in found:
+        with closing(_found(study, left, workers, crew)) as portions:
+            for portion in portions:
                 kept.add(portion)
                 rows |= {row.index: row for row in portion}
                 report(len(rows))
@@ -160,13 +168,68 @@ def sweep(
     return Sweep(study, tuple(rows[index] for index in sorted(rows)), interrupted)
 
 
+@checked
+def chaos_by_energy(
+    scene: Scene,
+    energies: Sequence[float],
+    seconds: float | None = None,
+    *,
+    members: int = MEMBERS,
+    seed: int = 0,
+    workers: int | None = None,
+    report: Report = lambda done: None,
+) -> Sweep:
+    """The largest Lyapunov exponents of starts drawn at random on surfaces of energy.
+
+    Parameters
+    ----------
+    scene
+        A plane scene that keeps its energy.
+    energies
+        In J above the scene's rest, ascending.
+    seconds
+        The time over which each exponent is measured, after half as many; by default 200 sqrt(l/g) of the longest link.
+    members
+        Number of starts on each energy.
+    seed
+        Of the random numbers.
+    workers
+        A number of processes, 1 to stay in this one.
+    report
+        Is called with the number of energies done.
+
+    Returns
+    -------
+    Sweep
+        Median and quantiles of 5 and 95 %, and the share of starts whose exponent is too large for regular motion
+        (`nonlinear.chaos.regular_exponent`); an energy out of reach has its reason in `failures`.
+
+    Raises
+    ------
+    SceneError
+        The scene does not keep its energy, or the time is too short.
+
+    Examples
+    --------
+    >>> from modal import load
+    >>> from nonlinear.sweeps import chaos_by_energy
+    >>> found = chaos_by_energy(load("chain-1"), [0.5, 1.0], 8.0, members=2, workers=1)
+    >>> found.columns, found.values("chaotic_share").tolist()
+    (('lyapunov_q05_per_s', 'lyapunov_median_per_s', 'lyapunov_q95_per_s', 'chaotic_share'), [0.0, 0.0])
+    """
+    text = LYAPUNOV if seconds is None else f"{LYAPUNOV}:{float(seconds)!r}"
+    axis = Variation(ENERGY, tuple(float(energy) for energy in energies))
+    return sweep(Study(scene, (axis,), parse_measures([text]), members, seed), workers=workers, report=report)
+
+
 def _found(study: Study, left: Sequence[int], workers: int | None, crew: WorkerPool | None) -> Rows:
-    task, count = Task(study.scene, study.measures), workers or cores()
+    task, count = SweepTask(study.scene, study.measures, study.members, study.seed), workers or cores()
     points, begun = ((index, study.point(index)) for index in left), monotonic()
     remaining = len(left)
     if crew is None and (workers is None or count == 1):
         size, seconds_left = TOGETHER if task.durations else 1, 0.0
-        brief, most = (BRIEF_RUNS, CHUNK_OF_RUNS) if task.durations else (BRIEF, CHUNK)
+        size = max(1, LANES // task.members) if task.members else size
+        brief, most = (BRIEF_RUNS, CHUNK_OF_RUNS) if task.durations or task.members else (BRIEF, CHUNK)
         while remaining and not (count > 1 and monotonic() - begun > PATIENCE and seconds_left > STARTING):
             portion, before = list(islice(points, size)), monotonic()
             yield from _here(task, portion)
@@ -189,7 +252,7 @@ def _found(study: Study, left: Sequence[int], workers: int | None, crew: WorkerP
         yield from _alone(task, lost)
 
 
-def _here(task: Task, points: Points) -> Rows:
+def _here(task: SweepTask, points: Points) -> Rows:
     """The rows of some points in this process; those computed before Ctrl-C are kept."""
     done: list[Row] = []
     try:
@@ -201,26 +264,26 @@ def _here(task: Task, points: Points) -> Rows:
     yield done
 
 
-def _shared(task: Task, portions: Iterator[Points], crew: WorkerPool) -> Generator[list[Row], None, list[Point]]:
+def _shared(task: SweepTask, portions: Iterator[Points], crew: WorkerPool) -> Generator[list[Row], None, list[Point]]:
     """The rows of all portions as they come; points whose workers died are returned."""
-    with closing(spread(partial(measure_points, task), portions, crew)) as found:
+    with closing(spread(partial(measure_points, task), portions, crew)) as results:
         while True:
             try:
-                yield next(found)[1]
+                yield next(results)[1]
             except StopIteration as end:
                 return [point for portion in end.value for point in portion]
 
 
-def _alone(task: Task, points: Sequence[Point]) -> Rows:
+def _alone(task: SweepTask, points: Sequence[Point]) -> Rows:
     """One point at a time, to identify the one at which a process dies."""
     left = deque(points)
     while left:
-        with processes(1) as one:
+        with processes(1) as worker:
             died = False
             while left and not died:
                 point = left.popleft()
                 try:
-                    yield one.executor.submit(measure_points, task, [point]).result()
+                    yield worker.executor.submit(measure_points, task, [point]).result()
                 except BrokenExecutor:
                     died = True
                     yield [Row(point[0], {}, DIED)]
@@ -233,27 +296,39 @@ def sweep_text(sweep: Sweep) -> str:
 
 def _lines(sweep: Sweep) -> Iterator[str]:
     yield f"{len(sweep.rows)} of {sweep.study.size} points, {len(sweep.failures)} failed"
-    rows = [_range(sweep, name) for name in sweep.columns]
-    yield grid(rows, ("number", "smallest", "at", "largest", "at"))
+    if sweep.study.by_energy and len(sweep.study.variations) == 1 and sweep.study.size <= MOST_LINES:
+        yield grid(list(_each(sweep)), ("energy (J)", *sweep.columns))
+    else:
+        rows = [_range(sweep, name) for name in sweep.columns]
+        yield grid(rows, ("number", "smallest", "at", "largest", "at"))
     yield from reasons(sweep)
     yield from notes(sweep)
-    if any(one.measure.numbered for one in sweep.study.measures):
+    if sweep.study.members:
+        yield DRAWN.format(sweep.study.members, sweep.study.seed)
+    elif any(request.computation.numbered for request in sweep.study.measures):
         yield NUMBERED
+
+
+def _each(sweep: Sweep) -> Iterator[list[str]]:
+    """A line for every energy."""
+    for row in sweep.rows:
+        (energy,) = sweep.study.point(row.index).values()
+        yield [f"{energy:.6g}", *(f"{row.numbers.get(name, np.nan):.4g}" for name in sweep.columns)]
 
 
 def reasons(sweep: Sweep) -> Iterator[str]:
     """The reasons why points failed, the most frequent first."""
-    found = Counter(sweep.failures.values()).most_common()
-    for reason, count in found[:MOST_REASONS]:
+    counts = Counter(sweep.failures.values()).most_common()
+    for reason, count in counts[:MOST_REASONS]:
         yield f"{count} × {visible(reason)}"
-    if len(found) > MOST_REASONS:
-        yield f"and {len(found) - MOST_REASONS} other reasons"
+    if len(counts) > MOST_REASONS:
+        yield f"and {len(counts) - MOST_REASONS} other reasons"
 
 
 def notes(sweep: Sweep) -> tuple[str, ...]:
     """What frequencies and damping ratios leave out anywhere in the sweep, a sentence each."""
     study = sweep.study
-    if not any(one.measure.numbered and not one.measure.runs for one in study.measures):
+    if not any(request.computation.numbered and not request.computation.runs for request in study.measures):
         return ()
     scenes = [study.scene]
     with suppress(SceneError):

@@ -16,6 +16,7 @@ from modal.errors import MultipendulaError, SceneError
 from modal.report import Displayed
 from modal.scene import Scene, describe, scene_from
 from modal.scene.parameters import Variable, Variation, validate_variations
+from nonlinear.sweeps.energies import ENERGY, measured_at, validate_energies
 from nonlinear.sweeps.measures import RequestedMeasure, find_together, parse_measures, run_all_together
 
 MOST_AXES, MOST_POINTS = 3, 1_000_000
@@ -24,11 +25,17 @@ VERSION = 1
 
 @dataclass(frozen=True, repr=False)
 class Study(Displayed):
-    """A grid over one to MOST_AXES variations, the last one varying fastest; SceneError for an invalid one."""
+    """A grid over one to MOST_AXES variations, the last one varying fastest; SceneError for an invalid one.
+
+    Where `start.energy` is among them, `members` starts are drawn at every energy, by the `seed`
+    (`nonlinear.sweeps.energies`).
+    """
 
     scene: Scene
     variations: tuple[Variation, ...]
     measures: tuple[RequestedMeasure, ...]
+    members: int = 0
+    seed: int = 0
 
     def __post_init__(self) -> None:
         problems = []
@@ -38,8 +45,16 @@ class Study(Displayed):
             problems.append(f"the sweep has {' × '.join(map(str, self.shape))} points: at most {MOST_POINTS}")
         if not self.measures:
             problems.append("a sweep needs a measure: frequencies, for example")
-        checks: list[Callable[[], object]] = [partial(validate_variations, self.scene, self.variations)]
-        checks += [partial(one.measure.door, self.scene) for one in self.measures if one.measure.door]
+        places = [variation for variation in self.variations if variation.path != ENERGY]
+        checks: list[Callable[[], object]] = [partial(validate_variations, self.scene, places)]
+        if self.by_energy:
+            checks += [partial(validate_energies, self.scene, self.measures, self.members, self.seed)]
+            if not self.members:
+                problems.append(f"{ENERGY}: needs members, the number of starts drawn at every energy")
+        elif self.members:
+            problems.append(f"members {self.members}: starts are drawn where {ENERGY} is varied")
+        doors = () if self.by_energy else (request.computation.door for request in self.measures)
+        checks += [partial(door, self.scene) for door in doors if door]
         for check in checks:
             try:
                 check()
@@ -47,6 +62,11 @@ class Study(Displayed):
                 problems += error.problems
         if problems:
             raise SceneError(problems)
+
+    @property
+    def by_energy(self) -> bool:
+        """Whether energy is varied."""
+        return any(variation.path == ENERGY for variation in self.variations)
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -61,18 +81,19 @@ class Study(Displayed):
     def point(self, index: int) -> dict[str, float]:
         """The values of point `index`, counted from 0 with the last axis fastest, by their paths."""
         at = np.unravel_index(index, self.shape)
-        return {own.path: own.values[int(k)] for own, k in zip(self.variations, at, strict=True)}
+        return {variation.path: variation.values[int(k)] for variation, k in zip(self.variations, at, strict=True)}
 
     def header(self) -> dict[str, Any]:
         """The complete definition, for a file."""
-        axes = [{"path": own.path, "values": own.values, "log": own.log} for own in self.variations]
-        measures = [one.text for one in self.measures]
-        return {"version": VERSION, "scene": describe(self.scene), "axes": axes, "measures": measures}
+        axes = [{"path": axis.path, "values": axis.values, "log": axis.log} for axis in self.variations]
+        measures = [request.text for request in self.measures]
+        drawn = {"members": self.members, "seed": self.seed} if self.by_energy else {}
+        return {"version": VERSION, "scene": describe(self.scene), "axes": axes, "measures": measures, **drawn}
 
     @property
     def fingerprint(self) -> str:
         """A checksum that identifies the study."""
-        functions = [one.measure.function.__qualname__ for one in self.measures]
+        functions = [request.computation.function.__qualname__ for request in self.measures]
         return sha256(json.dumps([self.header(), functions]).encode()).hexdigest()
 
 
@@ -81,20 +102,25 @@ def study_from(header: dict[str, Any]) -> Study:
     if header["version"] != VERSION:
         raise ValueError
     axes = tuple(Variation(axis["path"], tuple(axis["values"]), bool(axis["log"])) for axis in header["axes"])
-    return Study(scene_from(header["scene"]), axes, parse_measures(header["measures"]))
+    drawn = [header.get(key, 0) for key in ("members", "seed")]
+    if any(type(number) is not int for number in drawn):
+        raise TypeError
+    return Study(scene_from(header["scene"]), axes, parse_measures(header["measures"]), *drawn)
 
 
 @dataclass(frozen=True)
-class Task:
+class SweepTask:
     """The data a worker needs in addition to its points."""
 
     scene: Scene
     measures: tuple[RequestedMeasure, ...]
+    members: int = 0
+    seed: int = 0
 
     @property
     def durations(self) -> tuple[float, ...]:
         """Of the runs (s) that measures are read off."""
-        return tuple(dict.fromkeys(one.number for one in self.measures if one.measure.runs))
+        return tuple(dict.fromkeys(request.number for request in self.measures if request.computation.runs))
 
 
 @dataclass(frozen=True, repr=False)
@@ -110,24 +136,47 @@ Point = tuple[int, dict[str, float]]
 Points = Sequence[Point]
 
 
-def measure_points(task: Task, points: Points) -> list[Row]:
+def measure_points(task: SweepTask, points: Points) -> list[Row]:
     """The rows of some points."""
     return list(measure_each(task, points))
 
 
-def measure_each(task: Task, points: Points) -> Iterator[Row]:
+def measure_each(task: SweepTask, points: Points) -> Iterator[Row]:
     """The rows of some points, one by one; an error at one becomes its reason and does not affect the others."""
-    variable = Variable(task.scene, points[0][1])
+    variable = Variable(task.scene, [path for path in points[0][1] if path != ENERGY])
     scenes = [_scene(variable, values) for _, values in points]
-    if any(one.measure.numbered for one in task.measures):
-        find_together([scene for scene in scenes if isinstance(scene, Scene)])
-    for one in task.measures:
-        if one.measure.together:
-            one.measure.together([scene for scene in scenes if isinstance(scene, Scene)])
+    if task.members:
+        yield from _of_members(task, points, scenes)
+        return
+    valid = [scene for scene in scenes if isinstance(scene, Scene)]
+    if any(request.computation.numbered for request in task.measures):
+        find_together(valid)
+    for request in task.measures:
+        if request.computation.together:
+            request.computation.together(valid, request.number)
     if seconds := task.durations:
-        run_all_together([scene for scene in scenes if isinstance(scene, Scene)], seconds)
+        run_all_together(valid, seconds)
     for (index, _), scene in zip(points, scenes, strict=True):
         yield _row(task, index, scene)
+
+
+def _of_members(task: SweepTask, points: Points, scenes: Sequence[Scene | Exception]) -> Iterator[Row]:
+    """The rows of points at which starts are drawn, those of one scene side by side."""
+    alike: dict[Scene, list[tuple[int, float]]] = {}
+    measured: dict[int, dict[str, float] | str] = {}
+    for (index, values), scene in zip(points, scenes, strict=True):
+        if isinstance(scene, Scene):
+            alike.setdefault(scene, []).append((index, values[ENERGY]))
+        else:
+            measured[index] = " ".join(str(scene).split())
+    for scene, energies in alike.items():
+        try:
+            measured |= measured_at(scene, energies, task.measures, task.members, task.seed)
+        except MultipendulaError as error:
+            measured |= dict.fromkeys([index for index, _ in energies], " ".join(str(error).split()))
+    for index, _ in points:
+        numbers = measured[index]
+        yield Row(index, {}, numbers) if isinstance(numbers, str) else Row(index, numbers)
 
 
 def _scene(variable: Variable, values: dict[str, float]) -> Scene | Exception:
@@ -137,13 +186,13 @@ def _scene(variable: Variable, values: dict[str, float]) -> Scene | Exception:
         return error
 
 
-def _row(task: Task, index: int, scene: Scene | Exception) -> Row:
+def _row(task: SweepTask, index: int, scene: Scene | Exception) -> Row:
     numbers: dict[str, float] = {}
     try:
         if isinstance(scene, Exception):
             raise scene
-        for one in task.measures:
-            numbers |= {name: float(number) for name, number in one.of(scene, task.scene).items()}
+        for request in task.measures:
+            numbers |= {name: float(number) for name, number in request.of(scene, task.scene).items()}
     except MultipendulaError as error:
         return Row(index, {}, " ".join(str(error).split()))
     except Exception as error:

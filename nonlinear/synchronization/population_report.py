@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from modal.report import NOTHING, capital, counted, csv_rows, finite, grid, line_width, with_unit
+from modal.loci import followed_columns
+from modal.report import NOTHING, as_csv, capital, counted, finite, grid, line_width, with_unit
 from nonlinear.synchronization.populations import PopulationPhases
 from nonlinear.synchronization.sectors import SymmetricMotion
 from nonlinear.synchronization.thresholds import MotionBranch, PopulationDiagram, Threshold
@@ -201,16 +202,18 @@ def threshold_words(threshold: Threshold) -> str:
 
 
 def diagram_csv(diagram: PopulationDiagram) -> str:
-    """One row per motion, value and sector: stability, frequency, largest angle and growth rates."""
-    sizes = ("omega_rad_per_s", "angle_deg", "sector", "growth_per_s", "averaged_growth_per_s")
-    return csv_rows([("motion", diagram.variation.column, "lasts", *sizes), *_diagram_rows(diagram)])
+    """One row per motion, value and sector: frequency, stability, largest angle and growth rates."""
+    return as_csv(list(_diagram_rows(diagram)))
 
 
-def _diagram_rows(diagram: PopulationDiagram) -> Iterator[tuple[Any, ...]]:
+def _diagram_rows(diagram: PopulationDiagram) -> Iterator[dict[str, Any]]:
     for branch in diagram.branches:
         numbers = branch.values.tolist(), branch.is_stable, branch.omega.tolist(), branch.angle.tolist()
         for value, stable, omega, angle, motion in zip(*numbers, branch.motions, strict=True):
             if motion.orbit is None or motion.averaged is None:
                 continue
             for name, exact, averaged in zip(motion.names, motion.orbit.growth, motion.averaged.growth, strict=True):
-                yield branch.name, value, int(stable), omega, degrees(angle), name, exact, averaged
+                columns = followed_columns(
+                    diagram.variation, value, omega, stable=bool(stable), angle_deg=degrees(angle), growth=exact
+                )
+                yield {**columns, "averaged_growth_per_s": averaged, "motion": branch.name, "sector": name}

@@ -13,12 +13,13 @@ from typing import Any
 import numpy as np
 
 from modal.errors import ComputationError
+from modal.loci import followed_columns
 from modal.modes import table_numbers
 from modal.report import (
     NOTHING,
+    as_csv,
     capital,
     counted,
-    csv_rows,
     finite,
     grid,
     headed,
@@ -517,23 +518,18 @@ def _located(special: Special | None) -> str:
 
 
 def branches_csv(diagram: Branches) -> str:
-    """One row per branch and value: stability, frequency, largest angle, growth rate, and the pattern."""
-    head = ("branch", diagram.variation.column, "lasts", "omega_rad_per_s", "angle_deg", "growth_per_s", "pendula")
-    return csv_rows([head, *_branch_rows(diagram)])
+    """One row per branch and value: frequency, stability, largest angle, growth rate, and the pattern."""
+    return as_csv(list(_branch_rows(diagram)))
 
 
-def _branch_rows(diagram: Branches) -> Iterator[tuple[Any, ...]]:
+def _branch_rows(diagram: Branches) -> Iterator[dict[str, Any]]:
     for number, branch in enumerate(diagram.branches, start=1):
-        numbers = zip(
-            branch.values.tolist(),
-            branch.is_stable,
-            branch.omega.tolist(),
-            branch.angle.tolist(),
-            branch.states,
-            strict=True,
-        )
-        for value, stable, omega, angle, state in numbers:
-            yield number, value, int(stable), omega, degrees(angle), state.growth, agreement(state)
+        numbers = branch.values.tolist(), branch.is_stable, branch.omega.tolist(), branch.angle.tolist(), branch.states
+        for value, stable, omega, angle, state in zip(*numbers, strict=True):
+            columns = followed_columns(
+                diagram.variation, value, omega, stable=bool(stable), angle_deg=degrees(angle), growth=state.growth
+            )
+            yield {**columns, "branch": number, "pendula": agreement(state)}
 
 
 def change_words(change: Change) -> str:

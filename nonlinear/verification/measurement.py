@@ -21,7 +21,8 @@ import numpy as np
 from modal.errors import ComputationError
 from modal.modes import Modes
 from modal.types import Floats
-from nonlinear.postprocessing import attention, line
+from nonlinear.integration import Trajectory
+from nonlinear.postprocessing import PushingLink, attention, line, pushing_links
 from nonlinear.reduction import along_rail, modal_motion, start_in_mode
 from nonlinear.simulation import simulate
 
@@ -39,7 +40,7 @@ class Measurement:
     """One run: the largest angle at release and its effective value (rad), and the measured frequency.
 
     `omega` in rad/s with its relative `error`, `shift` ω(a)/ω − 1 from the table, `outside` the largest fraction of
-    the energy found in other modes.
+    the energy found in other modes; `pushing` are the links of bobs that push, where that can be told.
     """
 
     amplitude: float
@@ -48,6 +49,7 @@ class Measurement:
     error: float
     shift: float
     outside: float
+    pushing: tuple[PushingLink, ...] = ()
 
     @property
     def irregular(self) -> bool:
@@ -77,14 +79,23 @@ def measure_mode(
     motion = modal_motion(trajectory.motion, modes, [number])
     at = motion.copy.tolist().index(copy)
     outside = float(np.clip(motion.share_outside(at).max(), 0.0, 1.0))
+    pushing = pushing_in(trajectory)
     left = float(attention(count) @ np.exp(2 * value.real * times))
     try:
-        found = line(clock, motion.coordinate[:, at] * np.exp(-value.real * times))
+        fitted = line(clock, motion.coordinate[:, at] * np.exp(-value.real * times))
     except ComputationError:
-        return Measurement(amplitude, amplitude * sqrt(left), nan, inf, nan, outside)
-    omega = found.omega * (1 + bend * left if value.real else 1.0)
-    error = found.relative_error + PRECISION
-    return Measurement(amplitude, amplitude * sqrt(left), omega, error, omega / value.imag - 1, outside)
+        return Measurement(amplitude, amplitude * sqrt(left), nan, inf, nan, outside, pushing)
+    omega = fitted.omega * (1 + bend * left if value.real else 1.0)
+    error = fitted.relative_error + PRECISION
+    return Measurement(amplitude, amplitude * sqrt(left), omega, error, omega / value.imag - 1, outside, pushing)
+
+
+def pushing_in(trajectory: Trajectory) -> tuple[PushingLink, ...]:
+    """The links of bobs that push in a run; none where that cannot be told."""
+    try:
+        return pushing_links(trajectory)
+    except ComputationError:
+        return ()
 
 
 def sampled(duration: float, count: int, bend: float, rate: float) -> tuple[Floats, Floats]:

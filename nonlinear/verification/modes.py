@@ -100,12 +100,12 @@ class Check(Displayed):
         title = f"Check of {name_of(self.scene)}: {counted(len(self.rows), 'mode', 'modes')} checked{left}"
         rows = (
             (
-                str(one.mode.number),
-                brief(one.mode.omega),
-                brief(one.mode.linear_to_1_percent_deg),
-                brief(one.one_percent_deg),
+                str(row.mode.number),
+                brief(row.mode.omega),
+                brief(row.mode.linear_to_1_percent_deg),
+                brief(row.one_percent_deg),
             )
-            for one in self.rows
+            for row in self.rows
         )
         return Summary(title, (), ("mode", "ω (rad/s)", "1 % at (°)", "measured (°)"), rows, len(self.rows))
 
@@ -134,7 +134,7 @@ def check(
     """
     checked_index("periods", periods, 1, MOST_PERIODS)
     require(scene, "a check of modes")
-    given, scene = scene, scene.linearizable
+    whole, scene = scene, scene.linearizable
     modes = natural_modes(scene)
     chosen = range(len(modes)) if numbers is None else numbers
     reasons = {number: _reason(modes, mode) for number, mode in zip(chosen, modes.rows(list(chosen)), strict=True)}
@@ -149,7 +149,7 @@ def check(
     except KeyboardInterrupt:
         reasons |= dict.fromkeys(left, INTERRUPTED)
     skipped = tuple((number + 1, reasons[number]) for number in chosen if reasons[number])
-    return Check(given, tuple(rows), skipped)
+    return Check(whole, tuple(rows), skipped)
 
 
 def _reason(modes: Modes, mode: Mode) -> str:
@@ -188,10 +188,13 @@ def _checked(
     def run(amplitude: float) -> Measurement:
         return measure(number, amplitude, min(periods, _periods_left(mode)))
 
-    found = [run(radians(angle)) for angle in sorted(set(amplitudes_deg))]
-    furthest = max((one.effective for one in found), default=0.0)
+    measurements = [run(radians(angle)) for angle in sorted(set(amplitudes_deg))]
+    furthest = max((measurement.effective for measurement in measurements), default=0.0)
     return ModeCheck(
-        mode, tuple(found), one_percent(run, mode.linear_to_1_percent_deg), _backbone(modes.scene, number + 1, furthest)
+        mode,
+        tuple(measurements),
+        one_percent(run, mode.linear_to_1_percent_deg),
+        _backbone(modes.scene, number + 1, furthest),
     )
 
 
@@ -220,8 +223,8 @@ def limit(
     """
     certain = sorted((run for run in runs if run.error < CERTAIN * abs(run.shift)), key=lambda run: run.effective)
     pieces = [certain[at : at + POINTS] for at in range(max(1, len(certain) - POINTS + 1))]
-    found = (_extrapolated(piece, np.array([exact(run) for run in piece]), at_rest) for piece in pieces if piece)
-    return min(found, key=lambda one: one[1], default=(nan, inf))
+    limits = (_extrapolated(piece, np.array([exact(run) for run in piece]), at_rest) for piece in pieces if piece)
+    return min(limits, key=lambda value: value[1], default=(nan, inf))
 
 
 def _extrapolated(runs: Sequence[Measurement], exact: Floats, at_rest: tuple[float, float]) -> tuple[float, float]:
@@ -238,7 +241,7 @@ def _extrapolated(runs: Sequence[Measurement], exact: Floats, at_rest: tuple[flo
 
 def _at_zero(x: Floats) -> Floats:
     """Lagrange's weights (n,) for the value at 0 of the polynomial through n points x."""
-    return np.array([np.prod([other / (other - own) for other in x if other != own]) for own in x])
+    return np.array([np.prod([other / (other - place) for other in x if other != place]) for place in x])
 
 
 def one_percent(run: Callable[[float], Measurement], guess_deg: float) -> float:
@@ -247,12 +250,12 @@ def one_percent(run: Callable[[float], Measurement], guess_deg: float) -> float:
         return guess_deg if not isfinite(guess_deg) else inf
     square, known = radians(guess_deg) ** 2, [(0.0, 0.0)]
     for _ in range(ROUNDS):
-        found = run(sqrt(square))
-        if found.irregular:
+        measurement = run(sqrt(square))
+        if measurement.irregular:
             return nan
-        known.append((square, abs(found.shift)))
+        known.append((square, abs(measurement.shift)))
         (x0, y0), (x1, y1) = known[-2:]
-        ratio = (found.effective / found.amplitude) ** 2
+        ratio = (measurement.effective / measurement.amplitude) ** 2
         square = x1 + (ONE_PERCENT - y1) * (x1 - x0) / (y1 - y0)
         if not 0 < square * ratio <= radians(FARTHEST) ** 2:
             return inf

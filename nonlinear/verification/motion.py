@@ -19,8 +19,9 @@ from modal.scene import require
 from modal.scene.doors import checked
 from modal.types import Floats
 from nonlinear.integration import Trajectory
-from nonlinear.postprocessing import Line, lines
+from nonlinear.postprocessing import PushingLink, SpectralLine, lines
 from nonlinear.reduction import ModalMotion, modal_motion
+from nonlinear.verification.measurement import pushing_in
 
 MOST_LINES = 3
 STEADY = 1e-2  # relative error of a line above which it is not steady
@@ -37,18 +38,19 @@ class ModeInMotion(Displayed):
     copy: int
     largest: float
     share: float
-    lines: tuple[Line, ...]
+    lines: tuple[SpectralLine, ...]
     note: str
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Comparison(Displayed):
-    """A motion and the results for each modal coordinate."""
+    """A motion and the results for each modal coordinate; `pushing` are the links of bobs that push."""
 
     modes: Modes
     times: Floats
     motion: ModalMotion
     rows: tuple[ModeInMotion, ...]
+    pushing: tuple[PushingLink, ...] = ()
 
     @cached_property
     def swinging(self) -> Floats:
@@ -56,7 +58,7 @@ class Comparison(Displayed):
         omega = np.abs(self.modes.eigenvalue.imag)
         return np.asarray(omega[omega > 0])
 
-    def nearest(self, line: Line) -> tuple[int, float]:
+    def nearest(self, line: SpectralLine) -> tuple[int, float]:
         """The mode (from 1) with the frequency nearest to a line, and the line's relative distance from it."""
         omega = np.abs(self.modes.eigenvalue.imag)
         number = int(np.argmin(np.where(omega > 0, np.abs(line.omega - omega), np.inf)))
@@ -79,18 +81,18 @@ def compare(trajectory: Trajectory, numbers: Sequence[int] | None = None, *, cou
     rows = []
     for at, number in enumerate(motion.number.tolist()):
         eta = motion.coordinate[:, at]
-        found, note = _lines(trajectory.times, eta, complex(modes.eigenvalue[number]), count)
+        spectrum, note = _lines(trajectory.times, eta, complex(modes.eigenvalue[number]), count)
         largest = float(np.abs(eta).max())
-        rows.append(ModeInMotion(described[number], int(motion.copy[at]), largest, float(share[at]), found, note))
-    return Comparison(modes, trajectory.times, motion, tuple(rows))
+        rows.append(ModeInMotion(described[number], int(motion.copy[at]), largest, float(share[at]), spectrum, note))
+    return Comparison(modes, trajectory.times, motion, tuple(rows), pushing_in(trajectory))
 
 
-def _lines(times: Floats, eta: Floats, value: complex, count: int) -> tuple[tuple[Line, ...], str]:
+def _lines(times: Floats, eta: Floats, value: complex, count: int) -> tuple[tuple[SpectralLine, ...], str]:
     if not value.imag:
         return (), "does not oscillate"
     try:
-        found = lines(times, eta * np.exp(-min(value.real, 0.0) * (times - times[0])), count)
+        spectrum = lines(times, eta * np.exp(-min(value.real, 0.0) * (times - times[0])), count)
     except ComputationError as error:
         return (), str(error)
-    steady = tuple(one for one in found if one.relative_error < STEADY)
+    steady = tuple(peak for peak in spectrum if peak.relative_error < STEADY)
     return steady, "" if steady else "irregular"

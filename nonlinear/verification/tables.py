@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import ceil, degrees, floor, isfinite, isinf, log10
 from typing import Any
 
@@ -21,6 +22,7 @@ from modal.report import (
 )
 from modal.scene import describe, left_out, title_of
 from modal.scene.doors import checked
+from nonlinear.postprocessing import PushingLink, words_of
 from nonlinear.verification.measurement import Measurement
 from nonlinear.verification.modes import FARTHEST, Check, ModeCheck
 from nonlinear.verification.motion import Comparison, ModeInMotion
@@ -34,26 +36,26 @@ HEADINGS = ("mode", "ω (rad/s)", "largest (°)", "energy", "lines")
 
 
 @checked
-def check_table(found: Check, form: Form) -> str:
+def check_table(check: Check, form: Form) -> str:
     """A check as text, markdown, csv (one line per run) or json, as `form` says."""
     if form == "json":
         whole = {
-            "scene": describe(found.scene),
-            "modes": [_mode_record(row) for row in found.rows],
-            "skipped": [{"mode": number, "reason": reason} for number, reason in found.skipped],
-            "verdict_sentences": check_verdict(found),
+            "scene": describe(check.scene),
+            "modes": [_mode_record(row) for row in check.rows],
+            "skipped": [{"mode": number, "reason": reason} for number, reason in check.skipped],
+            "verdict_sentences": check_verdict(check),
         }
         return as_json(whole)
-    records = [_run_record(row, run) for row in found.rows for run in row.measurements]
+    records = [_run_record(row, run) for row in check.rows for run in row.measurements]
     if form == "csv":
         return as_csv(records)
     parts = [
-        _paragraph(check_verdict(found), form),
-        grid([_mode_cells(row) for row in found.rows], MODES, form),
-        grid([_run_cells(row, run) for row in found.rows for run in row.measurements], RUNS, form),
-        "\n\n".join(map(markdown, _notes(found))) if form == "markdown" else "\n".join(_notes(found)),
+        _paragraph(check_verdict(check), form),
+        grid([_mode_cells(row) for row in check.rows], MODES, form),
+        grid([_run_cells(row, run) for row in check.rows for run in row.measurements], RUNS, form),
+        "\n\n".join(map(markdown, _notes(check))) if form == "markdown" else "\n".join(_notes(check)),
     ]
-    return titled(title_of(found.scene), "the table of modes against the full motion", parts, form)
+    return titled(title_of(check.scene), "the table of modes against the full motion", parts, form)
 
 
 def _paragraph(sentences: list[str], form: str) -> str:
@@ -61,13 +63,13 @@ def _paragraph(sentences: list[str], form: str) -> str:
     return " ".join(map(markdown, sentences)) if form == "markdown" else "\n".join(sentences)
 
 
-def check_verdict(found: Check) -> list[str]:
+def check_verdict(check: Check) -> list[str]:
     """How right the table is: at the smallest angle, at the largest with and without κa², and its angles of 1 %."""
-    runs = [(row, run) for row in found.rows for run in row.measurements]
+    runs = [(row, run) for row in check.rows for run in row.measurements]
     regular = [(row, run) for row, run in runs if not run.irregular]
     sentences = []
-    several = len(found.rows) > 1
-    what = f"the frequencies of {len(found.rows)} modes are up to" if several else "the frequency is"
+    several = len(check.rows) > 1
+    what = f"the frequencies of {len(check.rows)} modes are up to" if several else "the frequency is"
     if regular:
         small, large = (choose(run.amplitude for _, run in regular) for choose in (min, max))
         off = max(abs(run.shift) for _, run in regular if run.amplitude == small)
@@ -79,8 +81,8 @@ def check_verdict(found: Check) -> list[str]:
             they, up = ("they are", "up to ") if several else ("it is", "")
             near = f"{up}{_off(mended)} off ω (1 + κa²)"
             sentences.append(f"At {degrees(large):.3g}° {they} {up}{_off(plain)} off the table, and {near}.")
-    angles = [(row.mode.linear_to_1_percent_deg, row.one_percent_deg) for row in found.rows]
-    if misses := [abs(own / measured - 1) for own, measured in angles if isfinite(own) and isfinite(measured)]:
+    angles = [(row.mode.linear_to_1_percent_deg, row.one_percent_deg) for row in check.rows]
+    if misses := [abs(stated / measured - 1) for stated, measured in angles if isfinite(stated) and isfinite(measured)]:
         which = "angles at which a frequency is 1 % off are up to" if several else "angle at which it is 1 % off is"
         sentences.append(f"The {which} {_off(max(misses))} off the table.")
     if odd := sorted({row.mode.number for row, run in runs if run.irregular}):
@@ -94,9 +96,9 @@ def _off(share: float) -> str:
     return percent(share) if share >= SMALL else f"{share:.1e}"
 
 
-def comparison_verdict(found: Comparison) -> list[str]:
+def comparison_verdict(comparison: Comparison) -> list[str]:
     """Which modes carry the energy, and how far their lines are from the table."""
-    rows = sorted((row for row in found.rows if isfinite(row.share)), key=lambda row: -row.share)
+    rows = sorted((row for row in comparison.rows if isfinite(row.share)), key=lambda row: -row.share)
     if not rows:
         return ["Nothing moves."]
     first, *others = rows[:MOST_SHARES]
@@ -147,22 +149,26 @@ def _run_cells(row: ModeCheck, run: Measurement) -> list[str]:
     return [*head, digits(run.omega, run.error, 9), f"{run.error:.0e}", shift, exact, expected, outside]
 
 
-def _notes(found: Check) -> list[str]:
-    notes = [f"mode {number} was skipped: {reason}." for number, reason in found.skipped]
-    if any(row.mode.resonances for row in found.rows):
+def _notes(check: Check) -> list[str]:
+    notes = [f"mode {number} was skipped: {reason}." for number, reason in check.skipped]
+    if any(row.mode.resonances for row in check.rows):
         notes.append("* near a 1:1 or 1:3 resonance, with another mode or among its own.")
-    if found.scene.has_damping:
+    if check.scene.has_damping:
         notes.append(
             "dampers: κa² and ω(a) refer to the mean amplitude of a run, which is less than the initial angle."
         )
-    notes += left_out(found.scene, "a check of modes")
-    if found.scene.features & {"joint_friction", "rail_friction", "rail_coefficient", "quadratic_drag"}:
-        largest = max((degrees(run.amplitude) for row in found.rows for run in row.measurements), default=0.0)
-        checked = tuple(f"mode {row.mode.number}:" for row in found.rows)
-        notes += [words for words in stop_words(found.scene, largest) if words.startswith(checked)] if largest else []
-    if any(row.backbone for row in found.rows):
+    notes += left_out(check.scene, "a check of modes")
+    if check.scene.features & {"joint_friction", "rail_friction", "rail_coefficient", "quadratic_drag"}:
+        largest = max((degrees(run.amplitude) for row in check.rows for run in row.measurements), default=0.0)
+        checked = tuple(f"mode {row.mode.number}:" for row in check.rows)
+        notes += [words for words in stop_words(check.scene, largest) if words.startswith(checked)] if largest else []
+    if any(row.backbone for row in check.rows):
         notes.append("orbit: ω(a)/ω − 1 of the mode's exact periodic orbit with the same largest angle.")
     notes.append("outside: the largest share of the energy in other modes.")
+    for row in check.rows:
+        for run in row.measurements:
+            where = f"mode {row.mode.number} at {degrees(run.amplitude):.4g}°"
+            notes += [f"{where}: {words}" for words in words_of(run.pushing, check.scene)]
     return notes
 
 
@@ -184,6 +190,11 @@ def _run_record(row: ModeCheck, run: Measurement) -> dict[str, Any]:
     }
 
 
+def _pushing(links: Sequence[PushingLink]) -> list[dict[str, Any]]:
+    """The links of bobs that push, where a rope would be slack."""
+    return [link.record() for link in links]
+
+
 def _mode_record(row: ModeCheck) -> dict[str, Any]:
     kappa, error = row.kappa
     return {
@@ -196,66 +207,78 @@ def _mode_record(row: ModeCheck) -> dict[str, Any]:
         "linear_to_1_percent_deg": finite(row.mode.linear_to_1_percent_deg),
         "measured_to_1_percent_deg": finite(row.one_percent_deg),
         "resonances": list(row.mode.resonances),
-        "runs": [_run_record(row, run) for run in row.measurements],
+        "runs": [_run_record(row, run) | {"pushing": _pushing(run.pushing)} for run in row.measurements],
     }
 
 
 @checked
-def comparison_table(found: Comparison, form: Form) -> str:
+def comparison_table(comparison: Comparison, form: Form) -> str:
     """A comparison as text, markdown, csv (one line for each line of the motion) or json, as `form` says."""
     if form == "json":
-        coordinates = [_record(found, row) for row in found.rows]
-        verdict = comparison_verdict(found)
-        scene = describe(found.modes.scene)
-        return as_json({"scene": scene, "coordinates": coordinates, "verdict_sentences": verdict})
+        coordinates = [_record(comparison, row) for row in comparison.rows]
+        verdict = comparison_verdict(comparison)
+        scene = describe(comparison.modes.scene)
+        return as_json(
+            {
+                "scene": scene,
+                "coordinates": coordinates,
+                "verdict_sentences": verdict,
+                "pushing": _pushing(comparison.pushing),
+            }
+        )
     if form == "csv":
         return as_csv(
-            [{"mode": r.mode.number, "copy": r.copy + 1, **line} for r in found.rows for line in _lines(found, r)]
+            [
+                {"mode": r.mode.number, "copy": r.copy + 1, **line}
+                for r in comparison.rows
+                for line in _lines(comparison, r)
+            ]
         )
     note = "lines: frequency (rad/s), amplitude, and difference from the nearest frequency of the table."
-    told = _paragraph(comparison_verdict(found), form)
-    parts = [told, grid([_cells(found, row) for row in found.rows], HEADINGS, form), note]
-    return titled(title_of(found.modes.scene), "the motion in modal coordinates", parts, form)
+    words = words_of(comparison.pushing, comparison.modes.scene)
+    told = _paragraph(comparison_verdict(comparison), form)
+    parts = [told, grid([_cells(comparison, row) for row in comparison.rows], HEADINGS, form), note, *words]
+    return titled(title_of(comparison.modes.scene), "the motion in modal coordinates", parts, form)
 
 
-def _cells(found: Comparison, row: ModeInMotion) -> list[str]:
+def _cells(comparison: Comparison, row: ModeInMotion) -> list[str]:
     mode = row.mode
     label = f"{mode.number}.{row.copy + 1}" if mode.multiplicity > 1 else str(mode.number)
     largest = f"{degrees(row.largest):.3g}" if mode.omega else f"{row.largest:.3g} m"
     omega = digits(mode.omega, mode.relative_error_bound, 9)
-    return [label, omega, largest, f"{row.share:.1%}", row.note or "; ".join(_words(found, row))]
+    return [label, omega, largest, f"{row.share:.1%}", row.note or "; ".join(_words(comparison, row))]
 
 
-def _words(found: Comparison, row: ModeInMotion) -> list[str]:
+def _words(comparison: Comparison, row: ModeInMotion) -> list[str]:
     words = []
     for line in row.lines:
-        number, off = found.nearest(line)
+        number, off = comparison.nearest(line)
         where = f"mode {number} {off:+.2%}" if abs(off) < 0.2 else "between modes"
         words.append(f"{digits(line.omega, line.relative_error, 6)} ({degrees(line.amplitude):.2g}°, {where})")
     return words
 
 
-def _lines(found: Comparison, row: ModeInMotion) -> list[dict[str, Any]]:
+def _lines(comparison: Comparison, row: ModeInMotion) -> list[dict[str, Any]]:
     return [
         {
             "omega_rad_per_s": line.omega,
             "relative_error": finite(line.relative_error),
             "amplitude_deg": degrees(line.amplitude),
             "phase_rad": line.phase,
-            "nearest_mode": found.nearest(line)[0],
-            "relative_difference": found.nearest(line)[1],
+            "nearest_mode": comparison.nearest(line)[0],
+            "relative_difference": comparison.nearest(line)[1],
         }
         for line in row.lines
     ]
 
 
-def _record(found: Comparison, row: ModeInMotion) -> dict[str, Any]:
+def _record(comparison: Comparison, row: ModeInMotion) -> dict[str, Any]:
     return {
         "mode": row.mode.number,
         "copy": row.copy + 1,
         "omega_rad_per_s": row.mode.omega,
         "largest_rad": row.largest,
         "energy_share": finite(row.share),
-        "lines": _lines(found, row),
+        "lines": _lines(comparison, row),
         "note": row.note,
     }

@@ -25,7 +25,7 @@ from nonlinear import files as recordings
 from nonlinear import load as load_run
 from nonlinear.accuracy import advice_table
 from nonlinear.accuracy.advice import RATIO, Advice, _beside, _difference
-from nonlinear.accuracy.attempts import Attempt, Found
+from nonlinear.accuracy.attempts import Attempt, TriedRun
 from nonlinear.integration import Choice, Request, SimulationError, Trajectory
 from nonlinear.reduction import start_in_mode
 from nonlinear.simulation import advise
@@ -84,13 +84,13 @@ def test_two_runs_that_share_an_error_are_not_believed() -> None:
     assert apart(advice.trajectory.motion, sure.motion).max() <= min(advice.attempts[-1].error, accuracy)
 
 
-def found_with(tolerance: float, error: float) -> Found:
+def found_with(tolerance: float, error: float) -> TriedRun:
     """A run whose one angle is off by this at its end, half as much halfway."""
     scene = Scene(gravity=9.81, pendulum=[Pendulum(links=[Bob(mass=1.0, length=1.0)])])
     run = simulate(scene, 1.0, start=state_at_rest(scene, [30.0]), tolerance=1e-12, output=3)
     links = run.motion.links + error * np.array([[0.0], [0.5], [1.0]])
     moved = replace(run, motion=replace(run.motion, links=links))
-    return Found(moved, np.full(3, inf), Attempt("minimal DOP853", tolerance, 0.0, 1, inf), lambda _: moved)
+    return TriedRun(moved, np.full(3, inf), Attempt("minimal DOP853", tolerance, 0.0, 1, inf), lambda _: moved)
 
 
 def test_only_the_convergence_that_was_observed_is_credited() -> None:
@@ -278,7 +278,7 @@ def test_two_runs_that_may_be_one_are_no_evidence() -> None:
 def test_the_table_in_every_form(capsys: pytest.CaptureFixture[str]) -> None:
     advice = advise(PAPER, 5.0, 1e-3, start=start_in_mode(PAPER, natural_modes(PAPER), 1, 0, 0.3))
     text, markdown, comma, whole = (advice_table(advice, form) for form in ("text", "markdown", "csv", "json"))
-    assert f"no angle is off by more than {advice.errors[-1]:.1e} rad until 5 s." in text
+    assert f"no angle is off by more than {advice.errors[-1]:.2g} rad until 5 s." in text
     assert "".join(markdown.splitlines()[2].split()) == "|way|tolerance|time(ms)|derivatives|error(rad)|"
     rows = list(csv.DictReader(io.StringIO(comma)))
     assert len(rows) == len(advice.attempts)

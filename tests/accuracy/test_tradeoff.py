@@ -21,8 +21,8 @@ from modal import Bob, Cart, ComputationError, Pendulum, Rod, Scene, load, matri
 from nonlinear.accuracy import (
     Candidate,
     Question,
-    Row,
     WorkPrecision,
+    WorkPrecisionRow,
     list_candidates,
     measure_work_precision,
     tradeoff_table,
@@ -160,7 +160,7 @@ def short() -> WorkPrecision:
 
 @pytest.mark.slow
 def test_every_family_gets_closer_with_its_tolerance(short: WorkPrecision) -> None:
-    families: dict[str, list[Row]] = {}
+    families: dict[str, list[WorkPrecisionRow]] = {}
     for row in short.rows[1:]:
         families.setdefault(row.candidate.family, []).append(row)
     assert {"minimal RK23", "minimal Radau", "minimal LSODA", "maximal DOP853"} < families.keys()
@@ -340,7 +340,7 @@ def test_an_interrupt_keeps_what_is_done(monkeypatch: pytest.MonkeyPatch) -> Non
         [],
     )
 
-    def impatient(candidate: Candidate, *rest: object) -> Row:
+    def impatient(candidate: Candidate, *rest: object) -> WorkPrecisionRow:
         if candidate.kind == CORRECTED:
             raise KeyboardInterrupt
         return original(candidate, *rest)

@@ -10,9 +10,10 @@ import pytest
 
 from modal.scene import Scene, scene_from
 from nonlinear import ensemble, simulate
+from nonlinear.chaos import TRANSIENT as AFTER
 from nonlinear.chaos import lyapunov_exponent
-from nonlinear.ensembles.found import Wanted
 from nonlinear.ensembles.lanes import stretched, stretching
+from nonlinear.ensembles.results import Wanted
 from nonlinear.integration.switches import numbers_of as switching_numbers
 from nonlinear.orbits.flow import Flow
 from nonlinear.system import State, initial_state, numbers_of, system_of
@@ -50,19 +51,20 @@ def test_a_perturbation_goes_through_switches_as_in_the_flow_of_orbits(support: 
     y = flow.equations.begin(initial_state(scene))
     task, scale = stretched(numbers, y[:, None], wanted)
     v = task.begun[len(y) :]
-    end = flow(y, v, SECONDS)
-    assert np.count_nonzero(np.diff(end.path.times) == 0) >= 2
+    early, late = AFTER * SECONDS, (1 + AFTER) * SECONDS
+    assert np.count_nonzero(np.diff(flow(y, v, late).path.times) == 0) >= 2
 
-    def gain(V: Any) -> float:
-        return float(np.log(np.linalg.norm(V / scale)))
+    def gain(along: Flow) -> float:
+        before, after = (np.linalg.norm(along(y, v, end).V / scale) for end in (early, late))
+        return float(np.log(after / before))
 
-    assert stretching(numbers, y[:, None], wanted)[0] == pytest.approx(gain(end.V), abs=1e-7)
+    assert stretching(numbers, y[:, None], wanted)[0] == pytest.approx(gain(flow), abs=1e-7)
     bare = {name: value for name, value in support.items() if name != "friction_coefficient"}
     without = Flow(system_of(hung(BOB, BOB, support=bare)))
-    assert abs(gain(without(y, v, SECONDS).V) - gain(end.V)) > 1e-2
+    assert abs(gain(without) - gain(flow)) > 1e-2
     many = {"gravity": [9.81, 9.7]}
     runs = ensemble(scene, SECONDS, vary=many, measures=["lyapunov"], engine="numpy", workers=1, tolerance=1e-12)
-    assert runs.column("lyapunov_per_s")[0] * SECONDS == pytest.approx(gain(end.V), abs=1e-7)
+    assert runs.column("lyapunov_per_s")[0] * SECONDS == pytest.approx(gain(flow), abs=1e-7)
 
 
 def test_a_perturbation_feels_quadratic_drag_as_neighbours_do() -> None:
@@ -72,14 +74,15 @@ def test_a_perturbation_feels_quadratic_drag_as_neighbours_do() -> None:
     task, scale = stretched(numbers, y[:, None], wanted)
     v = task.begun[len(y) :, 0]
 
-    def ended(aside: float) -> Any:
+    def ended(aside: float, seconds: float) -> Any:
         x, a, b, dx, da, db = y + aside * v
         start = State(np.array([a, b]), np.array([da, db]), x, dx)
-        run = simulate(scene, SECONDS, start=start, tolerance=1e-12, output=2).motion
+        run = simulate(scene, seconds, start=start, tolerance=1e-12, output=2).motion
         return np.array([run.cart[-1], *run.links[-1], run.cart_rate[-1], *run.link_rates[-1]])
 
-    beside = (ended(1e-4) - ended(-1e-4)) / 2e-4
-    gain = np.log(np.linalg.norm(beside / scale[:, 0]))
+    ends = AFTER * SECONDS, (1 + AFTER) * SECONDS
+    beside = [(ended(1e-4, end) - ended(-1e-4, end)) / 2e-4 / scale[:, 0] for end in ends]
+    gain = np.log(np.linalg.norm(beside[1]) / np.linalg.norm(beside[0]))
     assert stretching(numbers, y[:, None], wanted)[0] == pytest.approx(gain, abs=1e-6)
 
 
@@ -93,10 +96,12 @@ def test_a_clock_that_ticks_regularly_is_not_chaotic() -> None:
 def test_what_comes_to_rest_forgets_how_fast_it_was() -> None:
     """Where every joint sticks a perturbation of angles stays as it is, one of rates is gone."""
     scene, y = hung({**BOB, "friction": 2.0}), np.array([0.15, 0.3])
-    end = Flow(system_of(scene))(y, np.eye(2), 4.0)
+    flow, seconds = Flow(system_of(scene)), 0.12
+    early, end = flow(y, np.eye(2), AFTER * seconds), flow(y, np.eye(2), (1 + AFTER) * seconds)
     assert end.y[1] == 0.0
     assert end.V[1] == pytest.approx(np.zeros(2), abs=1e-15)
     numbers = replace(numbers_of(scene), switching=switching_numbers(system_of(scene)))
-    task, scale = stretched(numbers, y[:, None], Wanted(4.0, 1e-12, stretching=True))
-    gain = np.log(np.linalg.norm(end.V @ task.begun[2:] / scale))
-    assert stretching(numbers, y[:, None], Wanted(4.0, 1e-12, stretching=True))[0] == pytest.approx(gain, abs=1e-7)
+    task, scale = stretched(numbers, y[:, None], Wanted(seconds, 1e-12, stretching=True))
+    gain = np.log(np.linalg.norm(end.V @ task.begun[2:] / scale) / np.linalg.norm(early.V @ task.begun[2:] / scale))
+    assert gain < -0.01
+    assert stretching(numbers, y[:, None], Wanted(seconds, 1e-12, stretching=True))[0] == pytest.approx(gain, abs=1e-7)

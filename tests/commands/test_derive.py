@@ -245,6 +245,19 @@ def test_the_papers_as_printed_and_as_corrected(capsys: pytest.CaptureFixture[st
     assert CORRECTED in printed(capsys, "derive", "paper:000")
 
 
+def test_equations_of_a_paper_by_their_numbers(capsys: pytest.CaptureFixture[str]) -> None:
+    """Those of a paper that are asked for; a section's where the paper numbers none, and all that a number covers."""
+    for number, show, titles in (
+        ("001", "13,15", ["(13) ", *(f"(15) row {i}" for i in (1, 2, 3, 4))]),
+        ("001", "12-14", ["(12-14, n = 4)", "(12-14, n = 5)"]),
+        ("002", "13", ["(12-13) "]),
+        ("000", "V", ["(V) "]),
+    ):
+        text = printed(capsys, "derive", f"paper:{number}", "--show", show)
+        shown = re.findall(r"^\(.*", text, flags=re.MULTILINE)
+        assert [line[: len(title)] for line, title in zip(shown, titles, strict=True)] == titles
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "message"),
@@ -259,7 +272,8 @@ def test_the_papers_as_printed_and_as_corrected(capsys: pytest.CaptureFixture[st
         (("chain:2", "--equilibrium", "up"), "must be 2 of down and up"),
         (("no-such-scene",), "no such file"),
         (("crane-hook", "--equilibrium", "up,up"), "chain: and cart: only"),
-        (("paper:001", "--show", "modes"), "takes none of"),
+        (("paper:001", "--symbolic", "masses"), "takes none of"),
+        (("paper:001", "--show", "modes"), "--show modes: paper:001 has 1, 2, "),
         (("thousand-pendula",), "for at most 40"),
     ],
 )

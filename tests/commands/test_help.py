@@ -202,7 +202,7 @@ def test_the_words_are_those_of_the_packages() -> None:
     from modal.symbolic.system import SYMBOLIC
     from nonlinear.integration import FORMS
     from nonlinear.integration.methods import METHODS
-    from nonlinear.sweeps import MEASURES
+    from nonlinear.measures import taken_by
 
     def offered(command: str, option: str) -> list[str]:
         return list(PAGES[command]._option_string_actions[option].completer(""))
@@ -216,9 +216,10 @@ def test_the_words_are_those_of_the_packages() -> None:
     assert offered("export", "--to") == list(FORMATS)
     assert offered("simulate", "--method") == list(METHODS)
     assert offered("simulate", "--form") == list(FORMS)
-    assert sorted(offered("sweep", "--measure")) == sorted(MEASURES)
-    page = PAGES["sweep"].format_help()
-    assert [name for name in MEASURES if not re.search(rf"\b{name}\b", page)] == []
+    for command in ("sweep", "basins", "spread"):
+        page = PAGES[command].format_help()
+        assert offered(command, "--measure") == list(taken_by(command))
+        assert [name for name in taken_by(command) if not re.search(rf"\b{name}\b", page)] == []
 
 
 @pytest.mark.parametrize("shell", SHELLS)

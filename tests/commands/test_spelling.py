@@ -67,8 +67,8 @@ def test_columns_stay_columns(monkeypatch: pytest.MonkeyPatch) -> None:
     lines = printed("table paper-cart-2", "ascii", monkeypatch).split("\n")
     rule = next(line for line in lines if line.startswith("----"))
     heading = lines[lines.index(rule) - 1]
-    ends = [found.end() for found in re.finditer("-+", rule)]
-    assert [found.end() for found in re.finditer(r"\S+(?: \S+)*", heading)][1:4] == ends[1:4]
+    ends = [match.end() for match in re.finditer("-+", rule)]
+    assert [match.end() for match in re.finditer(r"\S+(?: \S+)*", heading)][1:4] == ends[1:4]
     with fitted(None, "ascii"):
         assert breadth("ω ≤ 1°") == len("omega <= 1 deg")
     with fitted(None, "cp1252"):

@@ -9,14 +9,16 @@ from typing import Any
 
 import numpy as np
 import pytest
-import sweep_measures as own
+import sweep_measures
 
 from modal import ComputationError, SceneError, load
 from modal.scene.parameters import parse_variations, vary
+from multipendula.cli import main
 from multipendula.commands.sweeps import sweep
+from nonlinear.measures import MEASURES
 from nonlinear.reduction import usual_start
 from nonlinear.simulation import simulate
-from nonlinear.sweeps import MEASURES, Study, parse_measures
+from nonlinear.sweeps import COMPUTATIONS, Study, parse_measures
 from nonlinear.sweeps import files as sweep_files
 from nonlinear.sweeps import sweep as swept
 
@@ -24,7 +26,7 @@ KAPITZA = str(Path(__file__).parents[2] / "examples" / "kapitza.toml")
 
 
 def options(*places: str, **changes: Any) -> Namespace:
-    usual = dict.fromkeys(("measure", "output", "picture", "scheduler", "phase_deg", "settle", "of"))
+    usual = dict.fromkeys(("measure", "output", "picture", "scheduler", "phase_deg", "settle", "of", "members", "seed"))
     usual |= {"scene": "paper-cart-2", "vary": list(places), "loci": False, "strobe": False, "workers": 1}
     return Namespace(theme="light", fresh=False, **usual | changes)
 
@@ -42,7 +44,8 @@ def test_ctrl_c_leaves_a_journal_that_the_same_command_goes_on_from(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv("SWEEP_LOG", str(tmp_path / "log"))
-    monkeypatch.setitem(MEASURES, "interrupted", own.INTERRUPTED)
+    monkeypatch.setitem(MEASURES, "interrupted", sweep_measures.INTERRUPTED.measure)
+    monkeypatch.setitem(COMPUTATIONS, "interrupted", sweep_measures.INTERRUPTED)
     kept = tmp_path / "m.csv"
     asked = options("support.mass=1,2,3", measure=["interrupted:3"], output=str(kept))
     monkeypatch.setenv("SWEEP_INTERRUPTS", "1")
@@ -52,7 +55,7 @@ def test_ctrl_c_leaves_a_journal_that_the_same_command_goes_on_from(
     assert f"{kept}.journal" in capsys.readouterr().err
     monkeypatch.delenv("SWEEP_INTERRUPTS")
     sweep(asked)
-    assert own.logged() == ["1", "2", "3"]
+    assert sweep_measures.logged() == ["1", "2", "3"]
     assert np.array_equal(sweep_files.load(kept).values("product_kg"), [1, 2, 3])
     assert not (tmp_path / "m.csv.journal").exists()
 
@@ -115,7 +118,7 @@ def test_points_without_a_start_begin_in_their_first_mode_that_swings(
 ) -> None:
     """One by one and side by side, as `simulate` does with the scene of each point; and a note says so."""
     scene, kept = unstarted(tmp_path), tmp_path / "m.npz"
-    sweep(options(f"support.mass=1:9:{count}", scene=scene, measure=["amplitude:2"], output=str(kept)))
+    sweep(options(f"support.mass=1:9:{count}", scene=scene, measure=["cart_travel:2"], output=str(kept)))
     assert "begins in the shape of its first mode that swings, its largest angle 5°" in capsys.readouterr().err
     loaded = sweep_files.load(kept)
     for mass, travel in zip(loaded.study.variations[0].values, loaded.values("cart_travel_m"), strict=True):
@@ -154,3 +157,30 @@ def test_floquet_is_refused_before_anything_is_computed() -> None:
         sweep(options("gravity=9,10", scene=KAPITZA, measure=["floquet:3"]))
     with pytest.raises(SceneError, match=r"beside --picture"):
         sweep(options("gravity=9,10", picture="a.png", output="b.png"))
+
+
+def test_chaos_against_energy_is_told_kept_and_drawn(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    kept, drawn = tmp_path / "e.csv", tmp_path / "e.png"
+    words = ["sweep", "chain-2", "--vary", "start.energy=1,40", "--members", "3", "--measure", "lyapunov:8"]
+    assert main([*words, "--seed", "5", "--workers", "1", "-o", str(kept), "--picture", str(drawn)]) == 0
+    text = capsys.readouterr().out
+    assert "energy (J)" in text
+    assert "At every energy 3 starts at random (seed 5)" in text
+    loaded = sweep_files.load(kept)
+    assert loaded.study.variations[0].column == "start.energy_J"
+    assert loaded.values("chaotic_share").tolist() == [0.0, 1.0]
+    assert drawn.read_bytes().startswith(b"\x89PNG")
+    assert main(["sweep", "chain-2", "--vary", "gravity=1,2", "--members", "3"]) == 2
+    assert "--members: needs --vary start.energy=VALUES" in capsys.readouterr().err
+
+
+def test_every_verb_takes_a_measure_by_the_same_words(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["spread", "paper-cart-2", "--uncertain", "gravity=1%", "--members", "5", "--measure", "beat:2"]) == 0
+    assert "beat_2_s" in capsys.readouterr().out
+    grid = ["--vary", "pendulum[0].start.angles_deg[0]=10,20", "--vary", "pendulum[0].start.angles_deg[1]=5,9"]
+    assert main(["basins", "chain-2", *grid, "--measure", "largest_angle:1"]) == 0
+    assert "each simulated for 1 s" in capsys.readouterr().out
+    assert main(["basins", "chain-2", *grid, "--measure", "largest_angle:1", "--duration", "2"]) == 2
+    assert "--measure largest_angle:1: has its own --duration" in capsys.readouterr().err
+    assert main(["basins", "chain-2", *grid, "--measure", "beat"]) == 2
+    assert "basins does not take beat: it belongs to a scene whatever its start" in capsys.readouterr().err

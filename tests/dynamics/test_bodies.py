@@ -21,7 +21,7 @@ from modal.errors import MissingExtraError
 from modal.types import Floats
 from nonlinear.dynamics import Banded, Dense, Generated, Minimal, Recursion, Small, compiled, joints, module_of
 from nonlinear.dynamics.compiled import Compiled
-from nonlinear.dynamics.recursion import Link, downward, upward
+from nonlinear.dynamics.recursion import RecursiveLink, downward, upward
 from nonlinear.integration import Pace, taylor
 from nonlinear.integration.taylor import TaylorStepper
 from nonlinear.simulation import simulate
@@ -53,7 +53,10 @@ def exact(scene: Scene, y: Floats) -> Floats:
         rows = zip(
             *(map(mp.mpf, getattr(block, name)[:, 0]) for name in ("mass", "length", "centre", "inertia")), strict=True
         )
-        links = [Link(m, l, m * c, I + m * c * c, I, I + m * (l - c) ** 2, I - m * c * (l - c)) for m, l, c, I in rows]
+        links = [
+            RecursiveLink(m, l, m * c, I + m * c * c, I, I + m * (l - c) ** 2, I - m * c * (l - c))
+            for m, l, c, I in rows
+        ]
         angles, rates = (list(map(mp.mpf, part)) for part in (y[1 : group.n + 1], y[group.n + 2 :]))
         sides = upward(links, list(map(mp.sin, angles)), list(map(mp.cos, angles)), rates, [0] * group.n)
         x2 = -(sides[0].px - g * sides[0].xz) / (mp.mpf(cart.mass) + sides[0].xx)

@@ -165,7 +165,8 @@ def alike(name: str, engine: str, within: float, measures: tuple[str, ...] = MEA
     for column in runs.columns:
         if column not in {"energy_drift", "error_rad", "horizon_s"}:
             expected = runs.column(column)
-            np.testing.assert_allclose(other.column(column), expected, atol=within, rtol=within, err_msg=column)
+            most = 1e-8 if column == "lyapunov_per_s" else within  # whose transient is a run of its own
+            np.testing.assert_allclose(other.column(column), expected, atol=most, rtol=within, err_msg=column)
     assert other.energy_drift.max() < 1e-8
     ratio = other.column("error_rad") / runs.column("error_rad")
     assert np.all((ratio > 1e-3) & (ratio < 1e3))
@@ -257,7 +258,7 @@ def test_exponents_of_members_on_a_moved_support_are_those_of_two_near_runs() ->
         ends = []
         for sign in (1, -1):
             y = begun + sign * 1e-5 * v * scale
-            run = simulate(varied, 2.0, start=State(y[:2], y[2:]), output=2, tolerance=1e-12)
-            ends.append(np.append(run.final.links, run.final.link_rates))
-        grown = np.linalg.norm((ends[0] - ends[1]) / 2e-5 / scale)
-        assert runs.column("lyapunov_per_s")[k] == pytest.approx(np.log(grown) / 2.0, abs=1e-5)
+            run = simulate(varied, 3.0, start=State(y[:2], y[2:]), output=[1.0, 3.0], tolerance=1e-12)
+            ends.append(np.hstack((run.motion.links, run.motion.link_rates)))
+        early, late = np.linalg.norm((ends[0] - ends[1]) / 2e-5 / scale, axis=1)[-2:]
+        assert runs.column("lyapunov_per_s")[k] == pytest.approx(np.log(late / early) / 2.0, abs=1e-5)

@@ -26,14 +26,12 @@ from nonlinear.ensembles import (
     basins_table,
     find_basins,
     find_section,
-    find_spread,
     grid_of,
     section_table,
-    spread_table,
 )
-from nonlinear.ensembles.spread import Tolerance
 from nonlinear.reduction import usual_start
-from nonlinear.sweeps import Study, parse_measures, sweep, sweep_text
+from nonlinear.sweeps import Study, find_spread, parse_measures, spread_table, sweep, sweep_text
+from nonlinear.sweeps.spread import Tolerance
 from nonlinear.synchronization import study_synchronization
 from nonlinear.synchronization.study import theory_of_scene, usual_duration
 
@@ -186,7 +184,7 @@ def test_numbers_of_a_study_that_are_none_are_named(number: object) -> None:
 
 
 def test_studies_that_cannot_be_are_told() -> None:
-    with pytest.raises(SceneError, match="no motion of this energy"):
+    with pytest.raises(SceneError, match="that of links that all hang"):
         find_section(load("chain-2"), energy=-1.0)
     with pytest.raises(SceneError, match="remove the dampers"):
         find_section(load("metronomes"), energy=1.0)

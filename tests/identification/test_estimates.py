@@ -17,7 +17,7 @@ from modal.modes import natural_modes
 from modal.scene import Scene
 from modal.scene.parameters import find_places, number_at, vary
 from modal.statespace import frequency_response, residual_vibration, shaper_for, state_space, swings_of, to_modal_form
-from nonlinear.ensembles import find_spread
+from nonlinear.sweeps import find_spread
 
 PLACES = ("pendulum[0].links[0].length", "pendulum[0].links[1].mass", "pendulum[0].links[0].damping")
 CORRELATIONS = np.array([[1.0, 0.6, -0.2], [0.6, 1.0, 0.1], [-0.2, 0.1, 1.0]])

@@ -126,7 +126,7 @@ def test_loci_have_the_numbers_of_the_table_at_the_scenes_own_value() -> None:
         assert loci.omega[here, k] == pytest.approx(table.omega[int(name) - 1], rel=1e-14)
     assert "crossing  2 · 1" in loci_text(loci)
     assert "numbered as in the table at 3 m" in loci_text(loci)
-    assert loci_csv(loci).startswith("pendulum[0].links[0].length_m,locus_2_rad_per_s,locus_1_rad_per_s\n")
+    assert loci_csv(loci).startswith("pendulum[0].links[0].length_m,omega_2_rad_per_s,omega_1_rad_per_s\n")
     outside = follow_loci(scene, parse_variations(["pendulum[0].links[0].length=0.5:0.9:3"])[0])
     assert (outside.numbered_at, outside.names) == (0.5, ("1", "2"))
 

@@ -76,7 +76,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     if not (os.environ.get("MATHJAX") or mathematics.FETCHED.is_dir()):
         pytest.skip(f"MathJax {mathematics.VERSION} is not there: it is fetched when the manual is built")
     path = tmp_path_factory.mktemp("formulas")
-    mathematics.serve(mathematics.found(), path / "mathjax")
+    mathematics.serve(mathematics.packages_of(), path / "mathjax")
     return path
 
 

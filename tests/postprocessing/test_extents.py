@@ -11,7 +11,7 @@ from nonlinear import State, simulate
 from nonlinear.ensembles import ensemble
 from nonlinear.postprocessing import extent_of, largest_angle, places_of
 from nonlinear.postprocessing.summary import text
-from nonlinear.sweeps.measures import MEASURES
+from nonlinear.sweeps import parse_measures
 
 SPHERICAL = Scene(gravity=9.81, space="space", pendulum=[Pendulum(links=[Bob(mass=1.0, length=1.0)])])
 
@@ -51,5 +51,5 @@ def test_every_measure_of_the_largest_angle_in_space_says_the_same() -> None:
     runs = ensemble(scene, 3.0, starts=[start], measures=["largest_angle"], workers=1)
     assert runs.column("largest_angle_deg")[0] == pytest.approx(expected, abs=1e-4)
     started = load("chain-2").replace(space="space")
-    swept = MEASURES["amplitude"].function(started, 1.0)["largest_angle_deg"]
+    swept = parse_measures(["largest_angle:1"])[0].of(started)["largest_angle_deg"]
     assert swept == pytest.approx(np.degrees(largest_angle(simulate(started, 1.0))), abs=1e-6)

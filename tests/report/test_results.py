@@ -30,10 +30,10 @@ from modal.statespace.transfer import transfer_functions
 from nonlinear import ensemble, simulate
 from nonlinear.averaging import average
 from nonlinear.chaos import lyapunov_exponent
-from nonlinear.ensembles import find_basins, find_section, find_spread
+from nonlinear.ensembles import find_basins, find_section
 from nonlinear.identification import Recording, Segment, Sensor, fit
 from nonlinear.orbits import nonlinear_mode
-from nonlinear.sweeps import Study, parse_measures, sweep
+from nonlinear.sweeps import Study, find_spread, parse_measures, sweep
 from nonlinear.synchronization import phases_of
 from nonlinear.verification import check
 
@@ -188,7 +188,7 @@ def test_columns_of_a_branch_are_its_orbits() -> None:
     columns = branch.to_dict()
     for k, orbit in enumerate(branch.orbits):
         assert columns["omega_rad_per_s"][k] == pytest.approx(2 * np.pi / orbit.period)
-        assert columns["amplitude_deg"][k] == pytest.approx(np.degrees(orbit.amplitude))
+        assert columns["largest_angle_deg"][k] == pytest.approx(np.degrees(orbit.amplitude))
     assert repr(branch.orbits[0]).startswith('Periodic orbit of "Chain of 1')
 
 

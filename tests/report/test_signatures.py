@@ -32,9 +32,9 @@ def callables() -> Iterator[tuple[str, Callable[..., Any]]]:
             if not callable(thing) or get_origin(thing) is not None:
                 continue
             yield f"{room.__name__}.{name}", thing
-            for own in vars(thing) if isinstance(thing, type) else ():
-                if not own.startswith("_") and callable(function := getattr(thing, own, None)):
-                    yield f"{room.__name__}.{name}.{own}", function
+            for member in vars(thing) if isinstance(thing, type) else ():
+                if not member.startswith("_") and callable(function := getattr(thing, member, None)):
+                    yield f"{room.__name__}.{name}.{member}", function
 
 
 def shown(function: Callable[..., Any]) -> str:

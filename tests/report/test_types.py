@@ -54,8 +54,8 @@ def test_scripts_pass_mypy(scripts: Path) -> None:
 @pytest.mark.slow
 def test_scripts_pass_pyright(scripts: Path) -> None:
     here = str(Path(sys.executable).parent)
-    found = [shutil.which(name, path=path) for name in ("pyright", "basedpyright") for path in (None, here)]
-    checker = next(filter(None, found), None)
+    programs = [shutil.which(name, path=path) for name in ("pyright", "basedpyright") for path in (None, here)]
+    checker = next(filter(None, programs), None)
     if checker is None:
         pytest.skip("no pyright here: pip install basedpyright, or npm install -g pyright")
     settings = {"typeCheckingMode": "strict", "include": ["*.py"], "reportUnknownMemberType": False}

@@ -288,7 +288,7 @@ def potential(scene: Scene, eta: np.ndarray) -> complex:
     ]
     total = 0.0 + 0.0j
     for carrier, where, mass in parts:
-        coordinates = structure.own(carrier, eta)
+        coordinates = structure.part(carrier, eta)
         total -= scene.gravity * mass * structure.carriers[carrier].moving(where, coordinates, coordinates).place[1]
     return total
 

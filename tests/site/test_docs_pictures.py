@@ -16,7 +16,7 @@ from multipendula.cli import _parser
 ROOT = Path(__file__).parents[2]
 PICTURES = ROOT / "docs" / "pictures"
 TABLE = tomllib.loads((ROOT / "docs" / "pictures.toml").read_text(encoding="utf-8"))
-SECTIONS = {"modes", "coupling", "motion", "accuracy", "synchronization", "control", "chaos", "ensembles"}
+SECTIONS = {"modes", "coupling", "motion", "accuracy", "synchronization", "control", "chaos", "ensembles", "papers"}
 MEASURED = {"benchmark", "simulation-benchmark", "extremes-modes", "extremes-simulation"}
 """Made by the benchmarks, in the light theme only."""
 SEEN = {"play", "play-phone"}

@@ -45,18 +45,18 @@ def registry(folder: Path, monkeypatch: pytest.MonkeyPatch, script: str) -> None
 
 def test_the_named_folder_comes_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     packages(tmp_path / "node_modules")
-    assert mathematics.found()["mathjax"] == tmp_path / "node_modules" / "mathjax"
+    assert mathematics.packages_of()["mathjax"] == tmp_path / "node_modules" / "mathjax"
     monkeypatch.setenv("MATHJAX", str(packages(tmp_path / "mine")))
-    assert mathematics.found()["mathjax"] == tmp_path / "mine" / "mathjax"
+    assert mathematics.packages_of()["mathjax"] == tmp_path / "mine" / "mathjax"
     monkeypatch.setenv("MATHJAX", str(tmp_path / "nowhere"))
-    assert mathematics.found() is None
+    assert mathematics.packages_of() is None
 
 
 def test_what_is_served_is_what_a_page_may_load(tmp_path: Path) -> None:
     packages(tmp_path / "node_modules")
     target = tmp_path / "static" / "mathjax"
     (target / "old").mkdir(parents=True)
-    mathematics.serve(mathematics.found(), target)
+    mathematics.serve(mathematics.packages_of(), target)
     served = {str(path.relative_to(target)) for path in target.rglob("*") if path.is_file()}
     assert served == {
         "LICENSE", "tex-svg.js", "a11y/assistive-mml.js", "input/tex/extensions/one.js",
@@ -74,11 +74,11 @@ def test_another_archive_is_not_used(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], script: str, said: str
 ) -> None:
     registry(tmp_path, monkeypatch, script)
-    assert mathematics.found() is None
+    assert mathematics.packages_of() is None
     assert said in capsys.readouterr().err
     assert not (tmp_path / "fetched").exists()
 
 
 def test_without_npm_nothing_is_fetched(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PATH", "")
-    assert mathematics.found() is None
+    assert mathematics.packages_of() is None

@@ -33,7 +33,7 @@ def test_a_prescribed_travel_swings_the_load_as_its_equation_says() -> None:
     """θ'' + c θ'/(m l²) + (g/l) θ = −x''/l, by another integrator."""
     scene, l, c = crane(damping=0.3), 1.5, 0.3 / (2.0 * 1.5**2)
     shaper = shaper_for(scene, kind="zvd")
-    found = shaped_travel(scene, shaper, 2.0, 1.7)
+    swing = shaped_travel(scene, shaper, 2.0, 1.7)
     travel = Travel(2.0, 0.0, 1.7)
     for row, train in enumerate(([(0.0, 1.0)], list(zip(shaper.times, shaper.amplitudes, strict=True)))):
 
@@ -42,45 +42,45 @@ def test_a_prescribed_travel_swings_the_load_as_its_equation_says() -> None:
             return [y[1], -(9.81 / l) * y[0] - c * y[1] - pushed / l]
 
         other = solve_ivp(
-            slope, (0, found.times[-1]), [0, 0], t_eval=found.times, rtol=1e-10, atol=1e-12, max_step=0.05
+            slope, (0, swing.times[-1]), [0, 0], t_eval=swing.times, rtol=1e-10, atol=1e-12, max_step=0.05
         )
-        assert found.angles[row, :, 0] == pytest.approx(other.y[0], abs=1e-7)
-    late = found.times > found.over[0]
-    assert np.abs(found.angles[0, late]).max() <= found.residual[0] * (1 + 1e-9)
-    assert found.residual[1] < 1e-9
+        assert swing.angles[row, :, 0] == pytest.approx(other.y[0], abs=1e-7)
+    late = swing.times > swing.over[0]
+    assert np.abs(swing.angles[0, late]).max() <= swing.residual[0] * (1 + 1e-9)
+    assert swing.residual[1] < 1e-9
 
 
 def test_a_small_travel_is_that_of_the_nonlinear_equations() -> None:
     scene = load("crane-hook")
-    found = shaped_travel(scene, shaper_for(scene, 2), 0.02, 9.0)
+    swing = shaped_travel(scene, shaper_for(scene, 2), 0.02, 9.0)
     for row in (0, 1):
-        motion = RecordMotion(time_s=found.times.tolist(), displacement_m=found.command[row].tolist())
+        motion = RecordMotion(time_s=swing.times.tolist(), displacement_m=swing.command[row].tolist())
         moved = scene.replace(support=Moved(motion=motion), pendulum=[scene.pendulum[0].replace(start=None)])
-        run = simulate(moved, float(found.times[-1]), start=state_at_rest(moved, [0.0, 0.0]))
-        expected = CubicSpline(found.times, found.angles[row])(run.times)
+        run = simulate(moved, float(swing.times[-1]), start=state_at_rest(moved, [0.0, 0.0]))
+        expected = CubicSpline(swing.times, swing.angles[row])(run.times)
         assert run.motion.links == pytest.approx(expected, abs=2e-4 * np.abs(expected).max())
 
 
 def test_a_force_moves_the_cart_so_far_and_no_further() -> None:
     """No outer force but that: the centre of mass is where the travel is, F/(total mass) is its acceleration."""
     scene = crane()
-    found = shaped_travel(scene, shaper_for(scene, drive="cart_force"), 3.0, 4.0, "cart_force")
-    x, theta = found.moved, found.angles[..., 0]
+    swing = shaped_travel(scene, shaper_for(scene, drive="cart_force"), 3.0, 4.0, "cart_force")
+    x, theta = swing.moved, swing.angles[..., 0]
     centre = x + 2.0 * 1.5 * theta / 7.0
-    assert centre[0] == pytest.approx(Travel(3.0, 0.0, 4.0).motion(found.times)[0], abs=1e-8)
-    assert found.command[0] == pytest.approx(7.0 * Travel(3.0, 0.0, 4.0).motion(found.times)[2], abs=1e-6)
-    assert found.unit == "N"
-    assert found.residual[1] < 1e-8 < 0.01 < found.residual[0]
+    assert centre[0] == pytest.approx(Travel(3.0, 0.0, 4.0).motion(swing.times)[0], abs=1e-8)
+    assert swing.command[0] == pytest.approx(7.0 * Travel(3.0, 0.0, 4.0).motion(swing.times)[2], abs=1e-6)
+    assert swing.unit == "N"
+    assert swing.residual[1] < 1e-8 < 0.01 < swing.residual[0]
 
 
 def test_a_cart_on_a_spring_and_a_ship_at_its_moorings_are_held_where_they_went() -> None:
     sprung = crane(stiffness=30.0)
-    found = shaped_travel(sprung, shaper_for(sprung, drive="cart_force"), 0.5, drive="cart_force")
-    assert found.command[:, -1] == pytest.approx(30.0 * 0.5)
+    swing = shaped_travel(sprung, shaper_for(sprung, drive="cart_force"), 0.5, drive="cart_force")
+    assert swing.command[:, -1] == pytest.approx(30.0 * 0.5)
     ship = load("ship-crane")
-    found = shaped_travel(ship, shaper_for(ship, drive="ship_sway_force"), 2.0, drive="ship_sway_force")
-    assert found.command[:, -1] == pytest.approx(2.0 / np.linalg.inv(modal.matrices(ship).K)[0, 0])
-    assert found.moved[:, -1] == pytest.approx(2.0, rel=1e-3)
+    swing = shaped_travel(ship, shaper_for(ship, drive="ship_sway_force"), 2.0, drive="ship_sway_force")
+    assert swing.command[:, -1] == pytest.approx(2.0 / np.linalg.inv(modal.matrices(ship).K)[0, 0])
+    assert swing.moved[:, -1] == pytest.approx(2.0, rel=1e-3)
 
 
 @pytest.fixture(scope="module")

@@ -7,7 +7,8 @@ import time
 from pathlib import Path
 
 from modal.scene import Cart, Scene
-from nonlinear.sweeps.measures import Measure
+from nonlinear.measures import Measure
+from nonlinear.sweeps.measures import Computation
 
 
 def cart_of(scene: Scene) -> Cart:
@@ -55,6 +56,6 @@ def slow(scene: Scene, number: float) -> dict[str, float]:
 
 
 PRODUCT, FAILING, DYING, INTERRUPTED, SLOW = (
-    Measure(function.__name__, function, 1.0, "for tests", whole=False)
+    Computation(Measure(function.__name__, "for tests", ("product_kg",), "a cart", usual=1.0), function)
     for function in (product, failing, dying, interrupted, slow)
 )

@@ -16,7 +16,7 @@ from typing import Literal
 
 import numpy as np
 import pytest
-import sweep_measures as own
+import sweep_measures
 from forged import forged
 
 from modal import Bob, Cart, ComputationError, Fixed, Pendulum, Scene, SceneError, load, matrices, natural_modes
@@ -32,12 +32,13 @@ from modal.scene.parameters import (
     with_numbers,
 )
 from nonlinear.ensembles.cluster import cluster
+from nonlinear.measures import MEASURES, taken_by
 from nonlinear.plotting import draw_sweep
 from nonlinear.plotting.sweeps import label, sweep_figure
 from nonlinear.simulation import simulate
-from nonlinear.sweeps import MEASURES, Study, Sweep, open_checkpoint, parse_measures, sweep
+from nonlinear.sweeps import COMPUTATIONS, Study, Sweep, open_checkpoint, parse_measures, sweep
 from nonlinear.sweeps import files as sweep_files
-from nonlinear.sweeps.measures import Measure, RequestedMeasure
+from nonlinear.sweeps.measures import Computation, RequestedMeasure
 from nonlinear.sweeps.running import DIED
 from nonlinear.sweeps.study import MOST_POINTS, Row
 
@@ -52,7 +53,7 @@ def _log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join(sys.path))
 
 
-def study(*texts: str, measure: Measure = own.PRODUCT, number: float = 2.0) -> Study:
+def study(*texts: str, measure: Computation = sweep_measures.PRODUCT, number: float = 2.0) -> Study:
     return Study(PAPER, parse_variations(texts or [MASSES]), (RequestedMeasure(measure, number),))
 
 
@@ -203,13 +204,17 @@ def test_a_dragged_cart_s_creep_is_not_counted() -> None:
 def test_measures_of_runs_are_those_of_the_trajectory() -> None:
     scene = load("crane-two-loads")
     run = simulate(scene, 3.0)
-    measured = parse_measures(["amplitude:3"])[0].of(scene) | parse_measures(["energy_drift:3"])[0].of(scene)
+    measured = {
+        column: number
+        for request in parse_measures(["largest_angle:3", "cart_travel:3", "energy_drift:3"])
+        for column, number in request.of(scene).items()
+    }
     assert measured["largest_angle_deg"] == pytest.approx(np.degrees(np.abs(run.motion.links).max()), rel=1e-3)
     assert measured["cart_travel_m"] == pytest.approx(np.ptp(run.motion.cart), rel=1e-3)
     assert measured["energy_drift"] == run.energy_drift()
     leaning = load("chain-spatial")
     first = max(leaning.pendulum[0].start.angles_deg)
-    assert parse_measures(["amplitude:0.01"])[0].of(leaning)["largest_angle_deg"] == pytest.approx(first, rel=1e-2)
+    assert parse_measures(["largest_angle:0.01"])[0].of(leaning)["largest_angle_deg"] == pytest.approx(first, rel=1e-2)
 
 
 @pytest.mark.parametrize("damping", [0.5, 2.0, 5.0])
@@ -240,7 +245,7 @@ def test_the_amplitude_is_that_of_the_turning_point(space: Literal["plane", "spa
     scene = Scene(gravity=G, space=space, pendulum=(Pendulum(links=(Bob(mass=1.0, length=1.0),), start=start),))
     highest = np.degrees(np.arccos(np.cos(np.radians(20)) - np.pi**2 / (2 * G)))
     for seconds in ("10", "31"):
-        measured = parse_measures([f"amplitude:{seconds}"])[0].of(scene)
+        measured = parse_measures([f"largest_angle:{seconds}"])[0].of(scene)
         assert measured["largest_angle_deg"] == pytest.approx(highest, rel=1e-7)
 
 
@@ -248,7 +253,7 @@ def test_the_travel_is_that_between_turning_points() -> None:
     """Let go at rest, what hangs from a free cart swings to the other side as far, and the centre of mass stays."""
     pendulum = Pendulum(links=(Bob(mass=1.0, length=1.0),), start=InitialCondition(angles_deg=(50.0,)))
     scene = Scene(gravity=G, support=Cart(mass=3.0), pendulum=(pendulum,))
-    measured = parse_measures(["amplitude:7"])[0].of(scene)
+    measured = parse_measures(["cart_travel:7"])[0].of(scene)
     assert measured["cart_travel_m"] == pytest.approx(2 * np.sin(np.radians(50)) / 4, rel=1e-7)
 
 
@@ -259,12 +264,12 @@ def test_bad_measures_are_refused(text: str) -> None:
 
 
 def test_every_measure_has_words_and_a_usual_number() -> None:
-    assert [measure.text.partition(":")[0] for measure in parse_measures(list(MEASURES))] == list(MEASURES)
-    assert all(measure.words for measure in MEASURES.values())
+    assert tuple(request.name for request in parse_measures(taken_by("sweep"))) == taken_by("sweep")
+    assert all(measure.words and measure.columns and measure.needs for measure in MEASURES.values())
     with pytest.raises(SceneError, match="requested twice"):
         parse_measures(["frequencies", "frequencies:4"])
-    with pytest.raises(SceneError, match="amplitude is requested twice"):
-        parse_measures(["amplitude:1", "amplitude:2"])
+    with pytest.raises(SceneError, match="largest_angle is requested twice"):
+        parse_measures(["largest_angle:1", "largest_angle:2"])
 
 
 # ------------------------------------------------------------------------------------------------------- sweeps
@@ -293,7 +298,7 @@ def test_points_run_with_the_last_axis_fastest() -> None:
 
 
 def test_a_point_that_fails_hurts_no_other() -> None:
-    swept = sweep(study(measure=own.FAILING, number=3.0), workers=1)
+    swept = sweep(study(measure=sweep_measures.FAILING, number=3.0), workers=1)
     assert swept.failures == {2: "RuntimeError: nothing to see"}
     assert isnan(swept.values("product_kg")[2])
     assert np.array_equal(np.delete(swept.values("product_kg"), 2), [1, 2, 4, 5, 6])
@@ -305,7 +310,7 @@ def test_a_point_that_fails_hurts_no_other() -> None:
 @pytest.mark.slow
 def test_a_point_that_kills_its_process_is_found_and_the_rest_is_measured() -> None:
     frequencies = parse_measures(["frequencies:2"])
-    asking = study("support.mass=1,2,3,4", measure=own.DYING, number=3.0)
+    asking = study("support.mass=1,2,3,4", measure=sweep_measures.DYING, number=3.0)
     swept = sweep(Study(PAPER, asking.variations, (*asking.measures, *frequencies)), workers=2)
     assert swept.failures == {2: DIED}
     here = sweep(Study(PAPER, asking.variations, frequencies), workers=1).values("omega_2_rad_per_s")
@@ -344,33 +349,33 @@ def run_with_journal(path: Path, asking: Study, workers: int = 1) -> Sweep:
 
 
 def test_ctrl_c_keeps_what_is_done_and_the_rest_is_done_later(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    asking, path = study(measure=own.INTERRUPTED, number=4.0), tmp_path / "s.journal"
+    asking, path = study(measure=sweep_measures.INTERRUPTED, number=4.0), tmp_path / "s.journal"
     monkeypatch.setenv("SWEEP_INTERRUPTS", "1")
     cut = run_with_journal(path, asking)
     assert cut.interrupted
     assert [row.index for row in cut.rows] == [0, 1, 2]
-    assert own.logged() == ["1", "2", "3"]
+    assert sweep_measures.logged() == ["1", "2", "3"]
     monkeypatch.delenv("SWEEP_INTERRUPTS")
     whole = run_with_journal(path, asking)
     assert whole.complete
     assert not whole.interrupted
-    assert own.logged() == ["1", "2", "3", "4", "5", "6"]
+    assert sweep_measures.logged() == ["1", "2", "3", "4", "5", "6"]
     assert whole.rows == sweep(asking, workers=1).rows
 
 
 def test_a_torn_line_is_dropped_and_failures_are_tried_again(tmp_path: Path) -> None:
     path = tmp_path / "s.journal"
-    first = run_with_journal(path, study(measure=own.FAILING, number=3.0))
-    assert len(own.logged()) == 5
+    first = run_with_journal(path, study(measure=sweep_measures.FAILING, number=3.0))
+    assert len(sweep_measures.logged()) == 5
     path.write_bytes(path.read_bytes()[:-4])
-    again = run_with_journal(path, study(measure=own.FAILING, number=3.0))
-    assert own.logged()[5:] == ["6"]
+    again = run_with_journal(path, study(measure=sweep_measures.FAILING, number=3.0))
+    assert sweep_measures.logged()[5:] == ["6"]
     assert again.rows == first.rows
     with open_checkpoint(path, study(number=9.0), fresh=True) as kept:
         assert kept.rows == ()
     path.write_bytes(path.read_bytes()[:20])
-    assert run_with_journal(path, study(measure=own.FAILING, number=3.0)).rows == first.rows
-    assert len(own.logged()) == 11
+    assert run_with_journal(path, study(measure=sweep_measures.FAILING, number=3.0)).rows == first.rows
+    assert len(sweep_measures.logged()) == 11
 
 
 def test_a_full_disk_is_named(tmp_path: Path) -> None:
@@ -379,7 +384,7 @@ def test_a_full_disk_is_named(tmp_path: Path) -> None:
     resource.setrlimit(resource.RLIMIT_FSIZE, (256, before[1]))
     try:
         with pytest.raises(OSError, match="File too large") as caught:
-            run_with_journal(path, study("support.mass=1:2:100", measure=own.PRODUCT))
+            run_with_journal(path, study("support.mass=1:2:100", measure=sweep_measures.PRODUCT))
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
     assert caught.value.filename == str(path)
@@ -401,7 +406,7 @@ def test_a_journal_of_another_sweep_is_refused(tmp_path: Path) -> None:
         Study(heavier, asking.variations, asking.measures),
         study("support.mass=1,2,3,4,5,7"),
         study(number=3.0),
-        study(measure=own.FAILING),
+        study(measure=sweep_measures.FAILING),
     )
     for other in others:
         with pytest.raises(SceneError, match="belongs to another sweep"):
@@ -424,7 +429,7 @@ def test_a_journal_of_another_sweep_is_refused(tmp_path: Path) -> None:
 
 SCRIPT = """
 import sys
-import sweep_measures as own
+import sweep_measures
 from modal import load
 from modal.scene.parameters import parse_variations
 from nonlinear.sweeps.checkpoint import open_checkpoint
@@ -433,7 +438,7 @@ from nonlinear.sweeps import Study
 from nonlinear.sweeps import sweep
 
 if __name__ == "__main__":
-    axes, measures = parse_variations(["support.mass=1:400:400"]), (RequestedMeasure(own.SLOW, 0.05),)
+    axes, measures = parse_variations(["support.mass=1:400:400"]), (RequestedMeasure(sweep_measures.SLOW, 0.05),)
     study = Study(load("paper-cart-2"), axes, measures)
     with open_checkpoint(sys.argv[1], study) as kept:
         found = sweep(study, journal=kept, workers=2)
@@ -452,7 +457,7 @@ def test_ctrl_c_ends_worker_processes_at_once(done: int, tmp_path: Path) -> None
         command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
     ) as running:
         deadline = time.monotonic() + 600
-        while not (tmp_path / "j").exists() or len(own.logged()) < done:
+        while not (tmp_path / "j").exists() or len(sweep_measures.logged()) < done:
             assert time.monotonic() < deadline
             assert running.poll() is None
             time.sleep(0.05)
@@ -485,14 +490,15 @@ def both_ways() -> list[Sweep]:
         PAPER, parse_variations(["support.mass=1:10:3log", "gravity=1,2"]), parse_measures(["frequencies:2", "beat"])
     )
     whole = sweep(grid, workers=1)
-    failing = sweep(study(measure=own.FAILING, number=3.0), workers=1)
+    failing = sweep(study(measure=sweep_measures.FAILING, number=3.0), workers=1)
     partial = Sweep(whole.study, whole.rows[1:4], interrupted=True)
     return [whole, failing, partial]
 
 
 @pytest.mark.parametrize("kind", ["npz", "csv"])
 def test_what_is_read_is_what_was_saved(kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(MEASURES, "failing", own.FAILING)
+    monkeypatch.setitem(MEASURES, "failing", sweep_measures.FAILING.measure)
+    monkeypatch.setitem(COMPUTATIONS, "failing", sweep_measures.FAILING)
     for saved in both_ways():
         path = tmp_path / f"s.{kind}"
         sweep_files.save(saved, path)
@@ -594,7 +600,7 @@ def test_a_cluster_measures_what_this_process_does(tmp_path: Path) -> None:
         assert crew.size == 2
         heard: list[float] = []
         there = sweep(asking, crew=crew, report=heard.append)
-        failing = sweep(study(measure=own.FAILING, number=3.0), crew=crew)
+        failing = sweep(study(measure=sweep_measures.FAILING, number=3.0), crew=crew)
     assert there.rows == sweep(asking, workers=1).rows
     assert heard[-1] == 9
     assert list(failing.failures) == [2]

@@ -290,3 +290,25 @@ def test_the_solution_divides_by_a() -> None:
     equation = dae.solution(1)
     assert equation.corrected.rhs.shape == equation.corrected.lhs.shape
     assert equation.printed.rhs.shape == (1, 13) != equation.printed.lhs.shape
+
+
+def test_the_cart_balances_momentum() -> None:
+    """Its rate is the sum of the balances along ĵ, in which every inner force cancels; of energies it says nothing."""
+    total = dae.momentum(2).corrected.lhs
+    rows = [*dae.cart_balances(2), *(row for p in (1, 2) for row in dae.link_balances(p))]
+    along = [row.corrected for row in rows if row.title.endswith("along ĵ")]
+    assert sum(form.lhs for form in along) == 0
+    assert sum(form.rhs for form in along) == total.subs(pairs(2))
+    assert sp.degree(total, paper.X.v) == 1
+
+
+def pairs(n: int) -> list[tuple[Any, Any]]:
+    """Velocities along the rail with their accelerations."""
+    return [(at.v, at.a) for at in (paper.X, *(link.x for link in paper.links(n)))]
+
+
+def test_index_faults_are_told() -> None:
+    assert "parentheses" in paper.kinetic_energy(1).note
+    second = [row for row in dae.constraints(1) if "link 2" in row.title]
+    assert len(second) == 2
+    assert all("without the pendulum's index" in row.note for row in second)

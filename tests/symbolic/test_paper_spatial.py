@@ -341,6 +341,48 @@ def test_the_printed_accelerations_letter_by_letter() -> None:
         assert equation.number == ("12-13", "14", "15")[i - 1]
 
 
+@pytest.mark.parametrize(("i", "factor"), [(1, 1), (2, 2), (3, 2)])
+def test_what_the_printed_accelerations_are_for_one_link(i: int, factor: int) -> None:
+    """With dots, (12) is φ'' = −2 c θ'/(l m θ³) of a single link; (14) and (15) are twice that, and say so."""
+    theta, c = paper.theta(i), sp.Symbol(f"c_{i}")
+    true = azimuth.azimuth_acceleration(1, 1, read=True).corrected.rhs
+    spin = c / (paper.mass(1) * paper.length(1) * paper.theta(1).q ** 2)
+    alone = at_small_angles(true).subs(paper.phi(1).v, spin)
+    same = dict(zip((*paper.theta(1), paper.mass(1), paper.length(1)), (*theta, *sp.symbols("m l")), strict=True))
+    equation = azimuth.azimuth_acceleration(i, 3, read=True)
+    printed = equation.printed.rhs.subs({f"c_{j}": 0 for j in azimuth.others(i, 3)}).subs({"l_1": "l", "m_1": "m"})
+    assert sp.cancel(printed / alone.subs(same)) == factor
+    assert ("not for one link" in equation.condition) == (factor == 2)
+
+
+def at_small_angles(form: Any) -> Any:
+    """Its leading part, sin θ as θ and cos θ as 1."""
+    waves = {paper.theta(j).q: wave for j in paper.upto(4) for wave in paper.waves(j)}
+    return form.subs({sp.sin(q): q for q in waves} | {sp.cos(q): 1 for q in waves})
+
+
+@pytest.mark.parametrize("i", [1, 2, 3])
+def test_when_the_printed_accelerations_hold(i: int) -> None:
+    """Equal links in one turning plane, all θ' = r θ: φ'' = −2 r φ' in both forms; for one different θ' in neither."""
+    n, r, spin = 3, sp.Symbol("r"), sp.Symbol("w")
+    (l, m), links, equation = sp.symbols("l m"), paper.upto(3), azimuth.azimuth_acceleration(i, 3, read=True)
+    together = {paper.phi(j).q: 0 for j in links} | {paper.phi(j).v: spin for j in links}
+    together |= {symbol(j): same for j in links for symbol, same in ((paper.length, l), (paper.mass, m))}
+    momenta = {f"c_{j}": at_small_angles(azimuth.momentum(j, n).corrected.rhs).subs(together) / l for j in links}
+    growing = {paper.theta(j).v: r * paper.theta(j).q for j in links}
+    turning = together | growing | {paper.phi(j).a: -2 * r * spin for j in links}
+    printed = equation.printed.rhs.subs(momenta).subs({"l_1": l, "m_1": m})
+    assert sp.cancel(printed.subs(growing)) == -2 * r * spin
+    assert sp.cancel(at_small_angles(equation.corrected.rhs).subs(turning)) == -2 * r * spin
+    off = growing | {paper.theta(2).v: 0}
+    assert sp.cancel(printed.subs(off)) != sp.cancel(at_small_angles(equation.corrected.rhs).subs(turning | off))
+
+
+def test_the_copy_s_exponents_are_told() -> None:
+    for i, blurred in ((1, "s and N"), (2, "illegible"), (3, "exponent 5")):
+        assert blurred in azimuth.azimuth_acceleration(i, 3).note
+
+
 @pytest.mark.parametrize(("read", "power"), [(False, 1), (True, 2)])
 def test_dimensions_of_the_printed_accelerations(read: bool, power: int) -> None:
     """Time twice as fast: φ'' must grow by 4, as printed it grows with c alone by 2."""

@@ -313,12 +313,14 @@ def test_what_is_printed_is_what_was_found() -> None:
         assert f"{change.value:.7g}" in text
     rows = list(csv.DictReader(StringIO(branches_csv(branches))))
     assert len(rows) == sum(len(branch.values) for branch in branches.branches)
+    head = ["support.mass_kg", "omega_rad_per_s", "stable", "largest_angle_deg", "growth_per_s", "branch", "pendula"]
+    assert list(rows[0]) == head
     for number, branch in enumerate(branches.branches, start=1):
         of_branch = [row for row in rows if row["branch"] == str(number)]
         assert [float(row["support.mass_kg"]) for row in of_branch] == branch.values.tolist()
-        assert [row["lasts"] == "1" for row in of_branch] == list(branch.is_stable)
-        assert all(float(row["growth_per_s"]) < 0 for row in of_branch if row["lasts"] == "1")
-        assert all(float(row["growth_per_s"]) > -1e-4 for row in of_branch if row["lasts"] == "0")
+        assert [row["stable"] == "1" for row in of_branch] == list(branch.is_stable)
+        assert all(float(row["growth_per_s"]) < 0 for row in of_branch if row["stable"] == "1")
+        assert all(float(row["growth_per_s"]) > -1e-4 for row in of_branch if row["stable"] == "0")
 
 
 @pytest.mark.slow

@@ -295,8 +295,10 @@ def test_the_diagram_tells_intervals_thresholds_and_reasons() -> None:
     assert all(f"{threshold.value:.9g}" in text for threshold in populations.thresholds)
     rows = list(csv.DictReader(StringIO(diagram_csv(populations))))
     assert {row["sector"] for row in rows} == set(NAMES)
+    head = ["spring[0].stiffness_N_per_m", "omega_rad_per_s", "stable", "largest_angle_deg", "growth_per_s"]
+    assert list(rows[0])[:5] == head
     assert {float(row["spring[0].stiffness_N_per_m"]) for row in rows} == {*in_phase.values, *antiphase.values}
-    assert {row["lasts"] for row in rows} == {"0", "1"}
+    assert {row["stable"] for row in rows} == {"0", "1"}
     assert len(rows) == 3 * sum(len(branch.values) for branch in populations.branches)
     assert all(abs(float(row["growth_per_s"]) - float(row["averaged_growth_per_s"])) < 0.02 for row in rows)
 

@@ -118,7 +118,8 @@ def kinetic_energy(n: int) -> Equation:
         equal(sp.Symbol("E_k"), point + turning),
         "while no link turns, or for point masses at mid-link",
         sp.Eq(turning, 0),
-        "the DAE section of the same paper has rods, with m l²/12",
+        "the DAE section of the same paper has rods, with m l²/12; the sum lacks parentheses about its two terms, "
+        "which III.D has, and n is its index and its end",
     )
 
 

@@ -92,16 +92,16 @@ def link_balances(p: int) -> list[Equation]:
 
 def constraints(n: int) -> list[Equation]:
     """The 4n + 1 accelerations that ground and pivots allow: the paper swaps x and y, and omits the cart."""
-    found = [correct(PAPER, "IV.B", "cart constraint", equal(Y.a, 0))]
+    equations = [correct(PAPER, "IV.B", "cart constraint", equal(Y.a, 0))]
     for p in range(1, n + 1):
         down, across = sp.Integer(0), sp.Integer(0)
         for j, link in enumerate(double_pendulum(p), 1):
             sink, swing = _accelerations_along(link.theta, link.l)
             title = f"constraint of link {j} of pendulum {p}"
-            found.append(_constraint(f"{title} along ĵ", (link.y, link.x), across + swing / 2, X.a))
-            found.append(_constraint(f"{title} along î", (link.x, link.y), down + sink / 2, sp.Integer(0)))
+            equations.append(_constraint(f"{title} along ĵ", (link.y, link.x), across + swing / 2, X.a))
+            equations.append(_constraint(f"{title} along î", (link.x, link.y), down + sink / 2, sp.Integer(0)))
             down, across = down + sink, across + swing
-    return found
+    return equations
 
 
 def _accelerations_along(theta: Coordinate, l: Any) -> tuple[Any, Any]:
@@ -110,8 +110,16 @@ def _accelerations_along(theta: Coordinate, l: Any) -> tuple[Any, Any]:
     return -l * (theta.a * sin + theta.v**2 * cos), l * (theta.a * cos - theta.v**2 * sin)
 
 
+def momentum(n: int) -> Equation:
+    """Momentum along the rail, which the motion of the cart balances: its rate is the sum of the balances along ĵ."""
+    total = m_c * X.v + sum(link.m * link.x.v for link in links(n))
+    words = "from rest; the paper has the cart balance the energy, which needs no balance"
+    return correct(PAPER, "V", "momentum along the rail", equal(total, 0), words, beyond=True)
+
+
 def _constraint(title: str, names: tuple[Coordinate, Coordinate], relative: Any, cart: Any) -> Equation:
     printed, corrected = names
+    index = "; the length before the squared rate is printed without the pendulum's index" if "link 2" in title else ""
     return Equation(
         PAPER,
         "IV.B",
@@ -120,5 +128,6 @@ def _constraint(title: str, names: tuple[Coordinate, Coordinate], relative: Any,
         equal(corrected.a, cart + relative),
         "on a fixed support, and with x and y read the other way round than in the balances",
         sp.Eq(printed.a, corrected.a - cart),
-        "ĵ carries x in the balances; without the cart's acceleration the pivots stay at rest and nothing is coupled",
+        "ĵ carries x in the balances; without the cart's acceleration the pivots stay at rest and nothing is coupled"
+        f"{index}",
     )

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
+from functools import cache
 
 from modal.errors import SceneError
 from modal.symbolic import Line, Section
@@ -12,12 +14,38 @@ LINKS, THREE = 2, 3
 """Spatial equations are written out for two links, those of an inner link for three."""
 
 
-def paper(number: str) -> tuple[str, list[Section]]:
-    """Title and sections of paper 000, 001 or 002; SceneError for any other."""
+def paper(number: str, show: tuple[str, ...] = ()) -> tuple[str, list[Section]]:
+    """Title and sections of paper 000, 001 or 002, of all its equations or of those that `show` numbers.
+
+    A number is that of the paper (`4`; `12-14` for what continues (12) to (14)), or its section where it numbers none
+    (`III.B`).  SceneError for any other.
+    """
     if number not in _PAPERS:
         raise SceneError([f"paper:{number}: must be one of {', '.join(f'paper:{known}' for known in _PAPERS)}"])
-    title, equations = _PAPERS[number]
-    return title, [_section(equation) for equation in equations()]
+    placed = [(places(equation), equation) for equation in _equations(number)]
+    known = list(dict.fromkeys(place for within, _ in placed for place in within))
+    if unknown := [place for place in show if place not in known]:
+        raise SceneError([f"show {place}: paper:{number} has {', '.join(known)}" for place in unknown])
+    sections = [_section(equation) for within, equation in placed if not show or within.keys() & set(show)]
+    return _PAPERS[number][0], sections
+
+
+@cache
+def _equations(number: str) -> list[Equation]:
+    """A paper's equations, in its order."""
+    return _PAPERS[number][1]()
+
+
+def places(equation: Equation) -> dict[str, None]:
+    """Every word for an equation's place in its paper: 12-13, 12 and 13 for the printed (12-13).
+
+    >>> list(places(spatial_azimuth.azimuth_acceleration(1, 2)))
+    ['12-13', '12', '13']
+    """
+    whole = equation.number.partition(",")[0].removeprefix("words below ")
+    ends = re.fullmatch(r"(\d+)-(\d+)", whole)
+    between = range(int(ends[1]), int(ends[2]) + 1) if ends and equation.printed is not None else ()
+    return dict.fromkeys([whole, *map(str, between)])
 
 
 def _section(equation: Equation) -> Section:
@@ -31,7 +59,8 @@ def _section(equation: Equation) -> Section:
 
 def _cart() -> list[Equation]:
     minimal = [*cart.positions(1), *cart.squared_speeds(1), cart.kinetic_energy(1), cart.potential_energy(1)]
-    return [*minimal, cart.lagrangian(1), cart.lagrange_equation(1), *cart_dae.equations(1), cart_dae.solution(1)]
+    motion = [cart.lagrangian(1), cart.lagrange_equation(1)]
+    return [*minimal, *motion, *cart_dae.equations(1), cart_dae.solution(1), cart_dae.momentum(1)]
 
 
 def _planar() -> list[Equation]:
@@ -39,7 +68,8 @@ def _planar() -> list[Equation]:
     energies = [planar.kinetic_energy(), planar.potential_energy(), planar.lagrangian()]
     small = [*planar.accelerations(), *planar.equal_accelerations()]
     polynomials = [planar.eigen_equation(n) for n in range(1, 6)]
-    return [*general, *energies, *small, *polynomials, *planar.equal_motion(4), *planar.equal_motion(5)]
+    rows = [*planar.equal_motion(4), *planar.equal_motion(5)]
+    return [*general, *energies, *small, *polynomials, *rows, planar.nearest_neighbours(1, 3)]
 
 
 def _spatial() -> list[Equation]:

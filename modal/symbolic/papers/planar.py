@@ -85,19 +85,19 @@ def lagrange_equation(i: int, n: int = 3) -> Equation:
 def momentum(i: int, n: int = 3) -> Equation:
     """The words below (1) call q_i' the momentum: it is the velocity, the momentum is ∂L/∂q_i'."""
     p, theta = sp.Symbol(f"p_{i}"), angles(n)[i - 1]
-    found = sp.diff(lagrangian(n).corrected.rhs, theta.v)
+    derivative = sp.diff(lagrangian(n).corrected.rhs, theta.v)
     words = "for q' a momentum only where ∂L/∂q' = q'"
     return Equation(
-        PAPER, "words below 1", "momentum", equal(p, theta.v), equal(p, found), words, sp.Eq(found, theta.v)
+        PAPER, "words below 1", "momentum", equal(p, theta.v), equal(p, derivative), words, sp.Eq(derivative, theta.v)
     )
 
 
 def accelerations(n: int = 3) -> list[Equation]:
     """(6)-(8) of three unequal links, and the same for any n: each bob is coupled only to its neighbours."""
-    rows, theta, given = (_three() if n == 3 else [_acceleration(i, n) for i in range(n)]), angles(n), n == 3
-    numbers = ["6", "7", "8"] if given else [f"6-8, n = {n}"] * n
+    rows, theta, printed = (_three() if n == 3 else [_acceleration(i, n) for i in range(n)]), angles(n), n == 3
+    numbers = ["6", "7", "8"] if printed else [f"6-8, n = {n}"] * n
     return [
-        correct(PAPER, number, f"acceleration of theta_{i}", equal(angle.a, row), SMALL, beyond=not given)
+        correct(PAPER, number, f"acceleration of theta_{i}", equal(angle.a, row), SMALL, beyond=not printed)
         for i, (number, angle, row) in enumerate(zip(numbers, theta, rows, strict=True), 1)
     ]
 
@@ -119,8 +119,8 @@ def _acceleration(i: int, n: int) -> Any:
     (m, lengths), theta = masses_and_lengths(n), [angle.q for angle in angles(n)]
     pull = [sum(m[k:]) * theta[k] for k in range(n)]
     above = (pull[i - 1] - pull[i]) / m[i - 1] if i else 0
-    own = (pull[i + 1] - pull[i] if i + 1 < n else -pull[i]) / m[i]
-    return g / lengths[i] * (above + own)
+    beneath = (pull[i + 1] - pull[i] if i + 1 < n else -pull[i]) / m[i]
+    return g / lengths[i] * (above + beneath)
 
 
 def equal_accelerations() -> list[Equation]:

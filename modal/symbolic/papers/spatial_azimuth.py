@@ -65,9 +65,9 @@ def momentum_rate(i: int, n: int) -> Equation:
     """(9) dp_i/dt; the printed sums run from k = 1, those of (8) and (10) from k = i and k = max(i, j)."""
     moving = coordinates(n)
     total = sp.Add(*(mass(k) for k in upto(n)))
-    own = length(i) ** 2 * time_derivative(phi(i).v * waves(i)[0] ** 2, moving)
+    alone = length(i) ** 2 * time_derivative(phi(i).v * waves(i)[0] ** 2, moving)
     cross = [length(j) * time_derivative(phi(j).v * waves(i)[0] * waves(j)[0], moving) for j in others(i, n)]
-    printed = total * (own + length(i) * sp.Add(*cross))
+    printed = total * (alone + length(i) * sp.Add(*cross))
     corrected = time_derivative(momentum(i, n).corrected.rhs, moving)
     name, words = sp.Symbol(f"pdot_{i}"), "for one link"
     form = equal(name, printed), equal(name, corrected)
@@ -136,18 +136,33 @@ def azimuth_acceleration(i: int, n: int, *, read: bool = False) -> Equation:
     s, c = waves(i)
     push = sp.Add(*(inertia(i, j, n) * _swing(i, j) for j in others(i, n)))
     corrected = -2 * theta(i).v * phi(i).v * c / s - push / (inertia(i, i, n) * s)
-    numbers = "12-13" if i == 1 else "15" if i == n else "14"
+    number, single, copy = _PRINTED["first" if i == 1 else "last" if i == n else "inner"]
     ends = sp.Symbol("l_1") * sp.Symbol("m_1") if i == 1 else sp.Symbol("l") * sp.Symbol("m")
     return Equation(
         PAPER,
-        numbers,
+        number,
         f"azimuth of link {i} of {n}",
         equal(phi(i).a, _constant_momenta(i, n, read=read) / ends),
         equal(phi(i).a, corrected),
-        "for one link, in the limit of small angles, with θ' read into the numerator",
+        f"never with the letters as they are; with θ' read into the numerators, {single} for equal links while all "
+        "azimuths are equal, their rates are equal, and so are all θ_i'/θ_i, in the limit of small angles",
         sp.false,
-        "dimensionally wrong without its dots; both forms are singular at θ = 0, the rest itself: use unit vectors",
+        f"{copy}; dimensionally wrong without its dots; both forms are singular at θ = 0, the rest itself: use unit "
+        "vectors",
     )
+
+
+_ONE_LINK = "not for one link (−4 c θ'/θ³ for −2 c θ'/θ³), but"
+_PRINTED = {
+    "first": ("12-13", "for one link, and", "the copy's exponents s and N are read as 3 and 2, its e_1 as c_1"),
+    "inner": ("14", _ONE_LINK, "the copy's exponent of θ_i under −4 c_i is illegible and read as 3"),
+    "last": (
+        "15",
+        f"and θ_n for θ_n² in its first term, {_ONE_LINK}",
+        "the copy's exponent 5 of θ_n is read as 3",
+    ),
+}
+"""The number of (12)-(15) by the place of the link, how it does for one link, and what the copy blurs."""
 
 
 def _swing(i: int, j: int) -> Any:
@@ -160,10 +175,10 @@ def _swing(i: int, j: int) -> Any:
 def _constant_momenta(i: int, n: int, *, read: bool) -> Any:
     """The braces of (12)-(15), with the exponents s, N and 5 of the copy as 3, 2 and 3."""
     ti, c = theta(i).q, [sp.Symbol(f"c_{j}") for j in range(n + 1)]
-    own = -(2 if i == 1 else 4) * c[i] * (theta(i).v if read else 1) / ti**3
+    alone = -(2 if i == 1 else 4) * c[i] * (theta(i).v if read else 1) / ti**3
     power = 2 if i == n and not read else 1  # (15) has θ_n² where (14) has θ_n
     pairs = []
     for j in {i - 1, i + 1} & set(upto(n)):
         tj, (rate_i, rate_j) = theta(j).q, ((theta(k).v if read else theta(k).q) for k in (i, j))
         pairs.append(c[j] * (rate_j / (tj**2 * ti**power) + rate_i / (tj * ti**2)))
-    return sp.Add(own, *pairs)
+    return sp.Add(alone, *pairs)

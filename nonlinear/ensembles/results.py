@@ -12,7 +12,7 @@ from modal.types import Floats, Ints
 
 
 @dataclass(frozen=True)
-class Section:
+class Passing:
     """Where a component of y, by its row, passes a `level`, an angle at any turn: upwards (1), downwards (−1), both."""
 
     row: int
@@ -30,7 +30,7 @@ class Wanted:
     first_turns: bool = False
     largest: bool = False
     stretching: bool = False
-    section: Section | None = None
+    section: Passing | None = None
 
 
 Crossed = tuple[Ints, Floats, Floats]
@@ -38,7 +38,7 @@ Crossed = tuple[Ints, Floats, Floats]
 
 
 @dataclass(eq=False)
-class Found:
+class MemberResults:
     """Of S members: y (size, S) at the end, estimated errors (rad) and horizons (s), (S,), why some failed, by member.
 
     `rows` (S, K, size) at the times asked for, `first_turns` (L, S) in s, `largest` (S,) in rad, `stretching` (S,) of
@@ -61,19 +61,19 @@ AXES = {"y": 1, "error": 0, "horizon": 0, "rows": 0, "first_turns": 1, "largest"
 """Along which members stand in each array."""
 
 
-def merged(parts: Sequence[tuple[Ints, Found]]) -> Found:
+def merged(parts: Sequence[tuple[Ints, MemberResults]]) -> MemberResults:
     """What was found of groups of members, each with their numbers among all."""
     order = np.argsort(np.concatenate([members for members, _ in parts]))
     arrays: dict[str, Any] = {
-        name: np.take(np.concatenate([getattr(one, name) for _, one in parts], axis=axis), order, axis=axis)
+        name: np.take(np.concatenate([getattr(some, name) for _, some in parts], axis=axis), order, axis=axis)
         for name, axis in AXES.items()
         if getattr(parts[0][1], name) is not None
     }
-    reasons = {int(members[k]): reason for members, one in parts for k, reason in one.reasons.items()}
-    crossed = [(members[one.crossed[0]], *one.crossed[1:]) for members, one in parts if one.crossed is not None]
-    found = Found(**arrays, reasons=reasons)
+    reasons = {int(members[k]): reason for members, some in parts for k, reason in some.reasons.items()}
+    crossed = [(members[some.crossed[0]], *some.crossed[1:]) for members, some in parts if some.crossed is not None]
+    whole = MemberResults(**arrays, reasons=reasons)
     if crossed:
-        members, times, rows = (np.concatenate(own) for own in zip(*crossed, strict=True))
+        members, times, rows = (np.concatenate(column) for column in zip(*crossed, strict=True))
         by_member = np.lexsort((times, members))
-        found.crossed = members[by_member], times[by_member], rows[by_member]
-    return found
+        whole.crossed = members[by_member], times[by_member], rows[by_member]
+    return whole

@@ -13,8 +13,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, field
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -41,8 +41,10 @@ from modal.scene import Scene, describe, left_out, name_of, title_of
 from modal.scene.doors import checked
 from modal.scene.parameters import Variable, find_places, number_at, unit_at
 from modal.types import Floats
-from nonlinear.ensembles.running import Ensemble, ensemble
+from nonlinear.ensembles import Ensemble, ensemble
 from nonlinear.integration import validate, validate_whole
+from nonlinear.sweeps.measures import parse_measures
+from nonlinear.sweeps.study import SweepTask, measure_each
 from nonlinear.system import State, system_of
 
 if TYPE_CHECKING:
@@ -51,6 +53,7 @@ if TYPE_CHECKING:
     from modal.identification import Estimate
 
 MEMBERS, SAMPLES, SEED = 1000, 201, 5
+TOGETHER = 256  # members measured together
 ROUNDING = 1e-12  # of a result, below which nothing is said to matter
 QUANTILES = (0.05, 0.5, 0.95)
 WRITTEN = re.compile(r"\s*([^=]+?)\s*=\s*(?:([^:%]+)(%?)|([^:]+):([^:]+))\s*")
@@ -90,20 +93,20 @@ def parse_tolerances(scene: Scene, texts: Sequence[str]) -> tuple[Tolerance, ...
 
     SceneError names every mistake.
     """
-    found: list[Tolerance] = []
+    parsed: list[Tolerance] = []
     problems: list[str] = []
     for text in texts:
         try:
-            found.append(_parsed(scene, text))
+            parsed.append(_parsed(scene, text))
         except SceneError as error:
             problems += error.problems
-    paths = [one.path for one in found]
+    paths = [tolerance.path for tolerance in parsed]
     problems += [f"{path}: has two tolerances" for path in dict.fromkeys(paths) if paths.count(path) > 1]
     if not texts:
         problems.append("spread needs a tolerance: gravity=0.01, for example")
     if problems:
         raise SceneError(problems)
-    return tuple(found)
+    return tuple(parsed)
 
 
 def _parsed(scene: Scene, text: str) -> Tolerance:
@@ -118,10 +121,10 @@ def _parsed(scene: Scene, text: str) -> Tolerance:
         if not ends[0] < ends[1]:
             raise SceneError([f"{text}: an interval goes from a smaller to a larger number"])
         return Tolerance(path, low=ends[0], high=ends[1])
-    own = _number(text, sigma) * (abs(value) / 100 if percent else 1.0)
-    if not own > 0:
+    deviation = _number(text, sigma) * (abs(value) / 100 if percent else 1.0)
+    if not deviation > 0:
         raise SceneError([f"{text}: a standard deviation must be above 0"])
-    return Tolerance(path, sigma=own)
+    return Tolerance(path, sigma=deviation)
 
 
 def _value(scene: Scene, path: str) -> float:
@@ -146,7 +149,10 @@ def _number(text: str, word: str) -> float:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Spread(Displayed):
-    """Members with drawn numbers: `values` (S,) by path, `omega` (S, R) in rad/s, and their motion where asked for."""
+    """Members with drawn numbers: `values` (S,) by path, `omega` (S, R) in rad/s, and their motion where asked for.
+
+    `measured` has the columns of measures that were asked for: the scene's own number, and those of members (S,).
+    """
 
     scene: Scene
     tolerances: tuple[Tolerance, ...]
@@ -156,11 +162,12 @@ class Spread(Displayed):
     failures: dict[int, str]
     ensemble: Ensemble | None = None
     estimate: Estimate | None = None
+    measured: dict[str, tuple[float, Floats]] = field(default_factory=dict)
 
     def to_dict(self) -> dict[str, Floats]:
-        """What was drawn and every frequency in rad/s, (S,)."""
-        found = {f"omega_{number}_rad_per_s": own for number, own in enumerate(self.omega.T, 1)}
-        return {**self.values, **found}
+        """What was drawn, every frequency in rad/s and what was measured, (S,)."""
+        columns = {f"omega_{number}_rad_per_s": omega for number, omega in enumerate(self.omega.T, 1)}
+        return {**self.values, **columns, **{name: numbers for name, (_, numbers) in self.measured.items()}}
 
     def plot(self) -> Figure:
         """A matplotlib figure of the frequencies and of the motion."""
@@ -170,8 +177,8 @@ class Spread(Displayed):
     def _summary(self) -> Summary:
         title = f"Spread of {name_of(self.scene)}: {counted(self.size, 'member', 'members')} with {self.words}"
         rows = [
-            [brief(own[key]) for key in ("mode", "omega_rad_per_s", "standard_deviation_rad_per_s", "matters_most")]
-            for own in self.frequencies[:HTML_ROWS]
+            [brief(record[key]) for key in ("mode", "omega_rad_per_s", "standard_deviation_rad_per_s", "matters_most")]
+            for record in self.frequencies[:HTML_ROWS]
         ]
         headings = ("mode", "ω (rad/s)", "± (rad/s)", "matters most")
         count = int(np.count_nonzero(self.nominal > 0))
@@ -180,7 +187,7 @@ class Spread(Displayed):
     @property
     def words(self) -> str:
         """What the members were drawn from, numbers with their standard deviations."""
-        texts = [one.around(self.scene) for one in self.tolerances]
+        texts = [tolerance.around(self.scene) for tolerance in self.tolerances]
         if self.estimate is not None:
             texts.append(f"{counted(len(self.estimate.paths), 'fitted number', 'fitted numbers')} by their covariance")
         return ", ".join(texts)
@@ -230,23 +237,23 @@ class Spread(Displayed):
     def shares(self, result: Floats) -> dict[str, float]:
         """How much of the variance of a result (S,) each number explains."""
         known = np.isfinite(result)
-        return {path: _share(own[known], result[known]) for path, own in self.values.items()}
+        return {path: _share(drawn[known], result[known]) for path, drawn in self.values.items()}
 
     @cached_property
     def frequencies(self) -> list[dict[str, Any]]:
         """A record for every frequency that is not zero."""
-        found = []
-        for number, own in enumerate(self.omega.T, 1):
+        records = []
+        for number, omega in enumerate(self.omega.T, 1):
             if not self.nominal[number - 1] > 0:
                 continue
             low, middle, high = self.quantiles[:, number - 1].tolist()
-            shares = self.shares(own)
-            found.append(
+            shares = self.shares(omega)
+            records.append(
                 {
                     "mode": number,
                     "omega_rad_per_s": float(self.nominal[number - 1]),
-                    "mean_rad_per_s": float(np.nanmean(own)),
-                    "standard_deviation_rad_per_s": float(np.nanstd(own, ddof=1)),
+                    "mean_rad_per_s": float(np.nanmean(omega)),
+                    "standard_deviation_rad_per_s": float(np.nanstd(omega, ddof=1)),
                     "q05_rad_per_s": low,
                     "q50_rad_per_s": middle,
                     "q95_rad_per_s": high,
@@ -254,7 +261,30 @@ class Spread(Displayed):
                     "matters_most": max(shares, key=shares.__getitem__) if any(shares.values()) else "",
                 }
             )
-        return found
+        return records
+
+    @cached_property
+    def quantities(self) -> list[dict[str, Any]]:
+        """A record for every column that was measured: the scene's own number, quantiles, which number matters most."""
+        records = []
+        for name, (nominal, numbers) in self.measured.items():
+            known = numbers[np.isfinite(numbers)]
+            low, middle, high = np.quantile(known, QUANTILES).tolist() if known.size else (np.nan,) * 3
+            shares = self.shares(numbers)
+            records.append(
+                {
+                    "quantity": name,
+                    "nominal": nominal,
+                    "standard_deviation": float(known.std(ddof=1)) if known.size > 1 else np.nan,
+                    "q05": low,
+                    "q50": middle,
+                    "q95": high,
+                    "known": int(known.size),
+                    "shares": shares,
+                    "matters_most": max(shares, key=shares.__getitem__) if any(shares.values()) else "",
+                }
+            )
+        return records
 
 
 def _share(x: Floats, r: Floats) -> float:
@@ -273,29 +303,37 @@ def find_spread(
     seed: int = SEED,
     estimate: Estimate | None = None,
     start: State | None = None,
+    measures: Sequence[str] = (),
     report: Callable[[float], object] = silent,
     **options: Any,
 ) -> Spread:
     """Frequencies of so many members with numbers drawn within `tolerances`, and their motion over a duration (s).
 
     The numbers of an `estimate` are drawn by its covariance.  The motion is from `start`, if not from the scene's own;
-    `options` are those of `ensemble`.  SceneError names every mistake; ComputationError where no member can be.
+    `measures`, NAME or NAME:N of those that `spread` takes in `nonlinear.measures`, are computed of every member in
+    this process, as a sweep computes them.  `options` are those of `ensemble`.  SceneError names every mistake;
+    ComputationError where no member can be.
     """
-    own = parse_tolerances(scene, tolerances) if tolerances or estimate is None else ()
+    parsed = parse_tolerances(scene, tolerances) if tolerances or estimate is None else ()
     if estimate is not None:
-        twice = [one.path for one in own if {*find_places(scene, one.path)} & {*estimate.places}]
+        twice = [tolerance.path for tolerance in parsed if {*find_places(scene, tolerance.path)} & {*estimate.places}]
         if twice:
             raise SceneError([f"{path}: has a tolerance and is among the fitted numbers" for path in twice])
-    validate(lambda: validate_whole(3, members=members), lambda: validate_whole(0, seed=seed))
+    *_, requests = validate(
+        lambda: validate_whole(3, members=members),
+        lambda: validate_whole(0, seed=seed),
+        lambda: parse_measures(measures, "spread"),
+    )
+    validate(*(partial(door, scene) for request in requests if (door := request.computation.door)))
     rng = np.random.default_rng(seed)
-    values = {one.path: one.drawn(_value(scene, one.path), members, rng) for one in own}
+    values = {tolerance.path: tolerance.drawn(_value(scene, tolerance.path), members, rng) for tolerance in parsed}
     values |= estimate.drawn(members, rng) if estimate is not None else {}
     scenes, failures = _scenes(scene, values)
     if not scenes:
         raise ComputationError(f"no member can be: {next(iter(failures.values()))}")
-    found = natural_frequencies([scene, *scenes.values()])
-    omega = np.full((members, found.shape[1]), np.nan)
-    omega[[*scenes]] = found[1:]
+    frequencies = natural_frequencies([scene, *scenes.values()])
+    omega = np.full((members, frequencies.shape[1]), np.nan)
+    omega[[*scenes]] = frequencies[1:]
     motion = None
     if duration is not None:
         starts = None if start is None else [start] * members
@@ -305,97 +343,139 @@ def find_spread(
         if motion.interrupted:
             raise KeyboardInterrupt
         failures = failures | motion.failures
-    return Spread(scene, own, values, omega, found[0], failures, motion, estimate)
+    measured, reasons = _measured(SweepTask(scene, requests), values, members) if requests else ({}, {})
+    return Spread(scene, parsed, values, omega, frequencies[0], failures | reasons, motion, estimate, measured)
+
+
+def _measured(
+    task: SweepTask, values: dict[str, Floats], members: int
+) -> tuple[dict[str, tuple[float, Floats]], dict[int, str]]:
+    """The scene's own number and those of members (S,) in every column that is measured, and why members have none."""
+    nominal, *_ = measure_each(task, [(0, {path: _value(task.scene, path) for path in values})])
+    if nominal.reason:
+        raise ComputationError(nominal.reason)
+    columns = {name: (number, np.full(members, np.nan)) for name, number in nominal.numbers.items()}
+    reasons: dict[int, str] = {}
+    for first in range(0, members, TOGETHER):
+        some = range(first, min(first + TOGETHER, members))
+        points = [(k, {path: float(drawn[k]) for path, drawn in values.items()}) for k in some]
+        for row in measure_each(task, points):
+            for name in columns.keys() & row.numbers.keys():
+                columns[name][1][row.index] = row.numbers[name]
+            if row.reason:
+                reasons[row.index] = row.reason
+    return columns, reasons
 
 
 def _scenes(scene: Scene, values: dict[str, Floats]) -> tuple[dict[int, Scene], dict[int, str]]:
     variable, scenes, failures = Variable(scene, values), {}, {}
     for k in range(len(next(iter(values.values())))):
         try:
-            scenes[k] = variable.at({path: float(own[k]) for path, own in values.items()})
+            scenes[k] = variable.at({path: float(drawn[k]) for path, drawn in values.items()})
         except SceneError as error:
             failures[k] = " ".join(str(error).split())
     return scenes, failures
 
 
 @checked
-def spread_table(found: Spread, form: Form) -> str:
+def spread_table(spread: Spread, form: Form) -> str:
     """As text, csv (one line a member, with its angles at every sample of a motion) or json, the `form`."""
     if form == "csv":
-        return csv_rows(_members(found))
+        return csv_rows(_members(spread))
     if form == "json":
-        return as_json(_whole(found))
+        return as_json(_whole(spread))
     rows = [
         (
-            str(one["mode"]),
-            f"{one['omega_rad_per_s']:.6g}",
-            f"{one['standard_deviation_rad_per_s']:.3g}",
-            f"{one['q05_rad_per_s']:.6g}",
-            f"{one['q95_rad_per_s']:.6g}",
-            _words(one["shares"], one["matters_most"]),
+            str(record["mode"]),
+            f"{record['omega_rad_per_s']:.6g}",
+            f"{record['standard_deviation_rad_per_s']:.3g}",
+            f"{record['q05_rad_per_s']:.6g}",
+            f"{record['q95_rad_per_s']:.6g}",
+            _words(record["shares"], record["matters_most"]),
         )
-        for one in found.frequencies
+        for record in spread.frequencies
     ]
     headings = ("mode", "ω (rad/s)", "σ (rad/s)", "5 %", "95 %", "matters most")
-    parts = [f"{found.size} members with {found.words}", grid(rows, headings), *found.notes, motion_words(found)]
-    if found.failures:
-        parts.append(f"{len(found.failures)} members failed: {next(iter(found.failures.values()))}")
-    return titled(title_of(found.scene), "spread", parts, "text")
+    table = grid(rows, headings) if not spread.measured else measured_words(spread)
+    parts = [f"{spread.size} members with {spread.words}", table, *spread.notes, motion_words(spread)]
+    if spread.failures:
+        parts.append(f"{len(spread.failures)} members failed: {next(iter(spread.failures.values()))}")
+    return titled(title_of(spread.scene), "spread", parts, "text")
 
 
 def _words(shares: dict[str, float], most: str) -> str:
     return f"{most} ({100 * shares[most]:.0f} %)" if most else NOTHING
 
 
-def motion_words(found: Spread) -> str:
-    """How wide the band of every angle becomes, and by which engine; nothing without a motion."""
-    if found.ensemble is None:
-        return ""
-    widths = found.bands[-1] - found.bands[0]
-    labels = _coordinates(found)
+def measured_words(spread: Spread) -> str:
+    """The table of what was measured."""
     rows = [
-        (label, f"{own[-1]:.3g}", f"{own.max():.3g}", f"{found.times[own.argmax()]:.3g}")
-        for label, own in zip(labels, widths.T, strict=True)
+        (
+            record["quantity"],
+            *(f"{record[key]:.6g}" for key in ("nominal", "standard_deviation", "q05", "q95")),
+            _words(record["shares"], record["matters_most"]),
+        )
+        for record in spread.quantities
+    ]
+    return grid(rows, ("quantity", "of the scene", "σ", "5 %", "95 %", "matters most"))
+
+
+def motion_words(spread: Spread) -> str:
+    """How wide the band of every angle becomes, and by which engine; nothing without a motion."""
+    if spread.ensemble is None:
+        return ""
+    widths = spread.bands[-1] - spread.bands[0]
+    labels = _coordinates(spread)
+    rows = [
+        (label, f"{width[-1]:.3g}", f"{width.max():.3g}", f"{spread.times[width.argmax()]:.3g}")
+        for label, width in zip(labels, widths.T, strict=True)
     ]
     headings = ("number", "band at the end (°)", "widest (°)", "at (s)")
-    return f"{grid(rows, headings)}\n\n{found.ensemble.words()}"
+    return f"{grid(rows, headings)}\n\n{spread.ensemble.words()}"
 
 
-def _members(found: Spread) -> Iterator[list[Any]]:
+def _members(spread: Spread) -> Iterator[list[Any]]:
     """The headings, then a row for each member."""
-    modes = [k for k, own in enumerate(found.nominal) if own > 0]
-    places = [label[len("theta") :].strip("[]").replace(",", "_") for label in _coordinates(found)]
-    at = [f"theta_{place}_at_{time:.10g}_s_deg" for time in found.times.tolist() for place in places]
-    yield [*found.values, *(f"omega_{mode + 1}_rad_per_s" for mode in modes), *at]
-    drawn = np.column_stack([*found.values.values()])
-    for k in range(found.size):
-        yield [*drawn[k].tolist(), *found.omega[k, modes].tolist(), *found.angles[k].ravel().tolist()]
+    modes = [k for k, row in enumerate(spread.nominal) if row > 0]
+    places = [label[len("theta") :].strip("[]").replace(",", "_") for label in _coordinates(spread)]
+    at = [f"theta_{place}_at_{time:.10g}_s_deg" for time in spread.times.tolist() for place in places]
+    measured = {name: row for name, (_, row) in spread.measured.items() if not name.startswith("omega_")}
+    yield [*spread.values, *(f"omega_{mode + 1}_rad_per_s" for mode in modes), *measured, *at]
+    drawn = np.column_stack([*spread.values.values()])
+    for k in range(spread.size):
+        row = [float(numbers[k]) for numbers in measured.values()]
+        yield [*drawn[k].tolist(), *spread.omega[k, modes].tolist(), *row, *spread.angles[k].ravel().tolist()]
 
 
-def _coordinates(found: Spread) -> list[str]:
+def _coordinates(spread: Spread) -> list[str]:
     """The labels of the links."""
-    system = system_of(found.scene)
+    system = system_of(spread.scene)
     return list(system.labels[system.first :])
 
 
-def _whole(found: Spread) -> dict[str, Any]:
+def _finite(record: dict[str, Any]) -> dict[str, Any]:
+    return {key: finite(value) if isinstance(value, float) else value for key, value in record.items()}
+
+
+def _whole(spread: Spread) -> dict[str, Any]:
     record: dict[str, Any] = {
-        "scene": describe(found.scene),
-        "tolerances": [one.text for one in found.tolerances],
-        **({} if found.estimate is None else {"fitted": list(found.estimate.paths)}),
-        "members": found.size,
-        "failed": len(found.failures),
-        "frequencies": found.frequencies,
-        "notes": list(found.notes),
+        "scene": describe(spread.scene),
+        "tolerances": [tolerance.text for tolerance in spread.tolerances],
+        **({} if spread.estimate is None else {"fitted": list(spread.estimate.paths)}),
+        "members": spread.size,
+        "failed": len(spread.failures),
+        "frequencies": spread.frequencies,
+        "notes": list(spread.notes),
+        **({"measures": [_finite(record) for record in spread.quantities]} if spread.measured else {}),
     }
-    if found.ensemble is not None:
+    if spread.ensemble is not None:
         record["motion"] = {
-            "engine": found.ensemble.engine,
-            "time_s": found.times.tolist(),
-            "coordinates": _coordinates(found),
+            "engine": spread.ensemble.engine,
+            "time_s": spread.times.tolist(),
+            "coordinates": _coordinates(spread),
             **{
-                f"q{round(100 * q):02d}_deg": [[finite(float(own)) for own in row] for row in band]
-                for q, band in zip(QUANTILES, found.bands, strict=True)
+                f"q{round(100 * q):02d}_deg": [[finite(float(value)) for value in row] for row in band]
+                for q, band in zip(QUANTILES, spread.bands, strict=True)
             },
         }
     return record

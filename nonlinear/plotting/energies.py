@@ -1,0 +1,52 @@
+"""Pictures of measures against energy: the median with its band of starts drawn at random, and the share of chaos."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from modal.plotting import WIDTH, colour, legend, rest, scale, sheet
+from nonlinear.chaos import regular_exponent, usual_duration
+from nonlinear.plotting.sweeps import label
+from nonlinear.sweeps import CHAOTIC, LYAPUNOV
+
+if TYPE_CHECKING:
+    from nonlinear.sweeps import Sweep
+
+MEDIAN = "_median"
+
+
+def energies_figure(sweep: Sweep) -> Figure:
+    """A panel for every quantity: the median over the energy, from 5 to 95 % of the starts; and the chaotic share."""
+    study = sweep.study
+    (variation,) = study.variations
+    medians = [name for name in sweep.columns if MEDIAN in name]
+    shares = [name for name in sweep.columns if name == CHAOTIC]
+    figure = sheet(WIDTH, 1.6 + 2.9 * (len(medians) + len(shares)))
+    axes = np.atleast_1d(figure.subplots(len(medians) + len(shares), 1, sharex=True))
+    for axis, name in zip(axes, medians, strict=False):
+        low, middle, high = (sweep.values(name.replace(MEDIAN, part)) for part in ("_q05", MEDIAN, "_q95"))
+        axis.fill_between(variation.values, low, high, color=colour(0), alpha=0.25, lw=0, label="5 to 95 % of starts")
+        axis.plot(variation.values, middle, ".-", color=colour(0), label="median")
+        if name.startswith(LYAPUNOV):
+            _limit(axis, sweep)
+        words = label(name.replace(MEDIAN, ""))
+        axis.set(ylabel=words.replace(LYAPUNOV, "largest Lyapunov exponent"))
+        legend(axis, 3)
+    for axis, name in zip(axes[len(medians) :], shares, strict=True):
+        axis.plot(variation.values, 100 * sweep.values(name), ".-", color=colour(1))
+        axis.set(ylabel="chaotic starts (%)", ylim=(-3, 103))
+    scale(axes[-1], "x", variation)
+    axes[-1].set(xlabel="energy above rest (J)", xlim=(variation.values[0], variation.values[-1]))
+    return figure
+
+
+def _limit(axis: Axes, sweep: Sweep) -> None:
+    """Above which an exponent is too large for regular motion in so many seconds."""
+    scene = sweep.study.scene
+    (seconds,) = (request.number for request in sweep.study.measures if request.name == LYAPUNOV)
+    limit = regular_exponent(scene, seconds or usual_duration(scene))
+    axis.axhline(limit, color=rest(), lw=1.0, ls=":", label="limit of regular motion")

@@ -1,0 +1,242 @@
+"""Where the link of a bob pushes: it is a massless rod there, since a rope in its place would be slack.
+
+The tension of a link without mass is the force on it from above along it, of which its bob tells at any state,
+
+    S = −F · u,    F = Σ m (a − g) − drag − springs,  over the bob and all below it.
+
+Between samples the angles are the quintics through them, their rates and their accelerations; in space and where
+accelerations are computed one by one they are the cubics through samples and rates.  S is that of the equations of
+motion at these states, and its zeros are found on them.  Links that stand up at rest are no ropes and are left out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from modal.errors import ComputationError
+from modal.report import Displayed, Summary, counted
+from modal.scene import Bob, Scene
+from modal.scene.doors import checked
+from modal.types import Floats, Ints
+from nonlinear.dynamics import vectors
+from nonlinear.integration import Trajectory
+from nonlinear.postprocessing.reaction_forces import accelerated, reaction_forces_of, side_by_side
+from nonlinear.postprocessing.resampling import resample
+
+MOST_NUMBERS, MOST_ONE_BY_ONE = 500_000, 2_000  # tensions at samples, side by side; states with one derivative each
+ZERO = 1e-9  # of the weight below, a push that is rounding
+STEPS = 40  # of a search for a zero, at most
+CLOSE = 1e-13  # of the time, to which zeros are found
+SHOWN, MOST_LINKS = 3, 6  # intervals and links that are told one by one
+
+
+@dataclass(frozen=True, repr=False)
+class PushingLink(Displayed):
+    """A bob's link that pushes in these `intervals` (s), by the numbers of its pendulum and its own, from 1.
+
+    Copies of a pendulum count each; `largest` is the largest push at a sample or halfway between two (N).
+    """
+
+    pendulum: int
+    link: int
+    intervals: tuple[tuple[float, float], ...]
+    largest: float
+
+    def _summary(self) -> Summary:
+        return Summary(f"Link {self.link} of pendulum {self.pendulum}: {self.when}")
+
+    def record(self) -> dict[str, Any]:
+        """Everything, for JSON."""
+        intervals = [list(interval) for interval in self.intervals]
+        return {"pendulum": self.pendulum, "link": self.link, "intervals_s": intervals, "largest_N": self.largest}
+
+    @property
+    def when(self) -> str:
+        """The first few intervals, and how many more there are."""
+        shown = ", ".join(f"{since:.6g} to {until:.6g}" for since, until in self.intervals[:SHOWN])
+        more = len(self.intervals) - SHOWN
+        told = f" and in {counted(more, 'more interval', 'more intervals')}" if more > 0 else ""
+        return f"pushes from {shown} s{told}"
+
+
+@checked
+def pushing_links(trajectory: Trajectory) -> tuple[PushingLink, ...]:
+    """Every link of a bob that pushes somewhere in a run.
+
+    Parameters
+    ----------
+    trajectory
+        A run whose samples are near enough to each other to interpolate.
+
+    Returns
+    -------
+    tuple of PushingLink
+        Their numbers, the intervals in which they push (s), and the largest push (N).
+
+    Raises
+    ------
+    ComputationError
+        That cannot be told from these samples, or takes long.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from modal import load
+    >>> from nonlinear import simulate, state_at_rest
+    >>> from nonlinear.postprocessing import pushing_links
+    >>> scene = load("chain-1")
+    >>> (link,) = pushing_links(simulate(scene, 1.0, start=state_at_rest(scene, [120.0])))
+    >>> link.when.startswith("pushes from 0 to 0.")
+    True
+    """
+    ropes = _ropes(trajectory.scene)
+    if not ropes.size:
+        return ()
+    times, motion = trajectory.times, trajectory.motion
+    if len(times) < 2:
+        raise ComputationError("a single sample tells no interval")
+    together = side_by_side(trajectory)
+    if together and len(times) * trajectory.system.n_links > MOST_NUMBERS:
+        raise ComputationError(f"{len(times)} samples of {trajectory.system.n_links} links are too many")
+    if not together and len(times) > MOST_ONE_BY_ONE:
+        raise ComputationError(f"{len(times)} samples are too many, where the forces are computed one by one")
+    halfway = (times[1:] + times[:-1]) / 2
+    resample(times, motion, halfway)  # raises where samples are too far apart
+    between = _quintic(trajectory) if together else _cubic(trajectory)
+
+    def tension(at: Floats) -> Floats:
+        return _tensions(between(at))[:, ropes] + ZERO * _weights(trajectory.scene)[ropes]
+
+    grid = np.empty(2 * len(times) - 1)
+    grid[::2], grid[1::2] = times, halfway
+    values = np.empty((len(grid), len(ropes)))
+    values[::2] = _tensions(trajectory)[:, ropes] + ZERO * _weights(trajectory.scene)[ropes]
+    values[1::2] = tension(halfway)
+    return tuple(_pushing(trajectory, grid, values, tension, ropes))
+
+
+@checked
+def slack_words(trajectory: Trajectory) -> list[str]:
+    """A sentence for each link that pushes; why it cannot be told, where there are ropes and it cannot."""
+    try:
+        return words_of(pushing_links(trajectory), trajectory.scene)
+    except ComputationError as error:
+        return [f"not judged whether a rope would be slack: {error}"]
+
+
+def words_of(links: Sequence[PushingLink], scene: Scene) -> list[str]:
+    """A sentence for each link that pushes in a run of a scene."""
+    several = sum(pendulum.count for pendulum in scene.pendulum) > 1
+    words = [
+        f"link {link.link}{f' of pendulum {link.pendulum}' * several} {link.when}: a rope would be slack there"
+        for link in links[:MOST_LINKS]
+    ]
+    more = len(links) - MOST_LINKS
+    return words + ([f"{counted(more, 'more link pushes', 'more links push')}"] if more > 0 else [])
+
+
+def _ropes(scene: Scene) -> Ints:
+    """The links, counted with copies, that may be ropes: those of bobs that hang."""
+    each = [
+        isinstance(link, Bob) and way == "down"
+        for pendulum in scene.pendulum
+        for _ in range(pendulum.count)
+        for link, way in zip((link for link in pendulum.links for _ in range(link.count)), pendulum.ways, strict=True)
+    ]
+    return np.flatnonzero(each)
+
+
+def _weights(scene: Scene) -> Floats:
+    """The weight (N) of every link."""
+    masses = [
+        link.mass
+        for pendulum in scene.pendulum
+        for _ in range(pendulum.count)
+        for link in pendulum.links
+        for _ in range(link.count)
+    ]
+    return scene.gravity * np.array(masses)
+
+
+def _tensions(trajectory: Trajectory) -> Floats:
+    """S (T, L) in N at the samples of a run."""
+    u, _ = vectors(trajectory.motion)
+    return np.asarray(-np.sum(reaction_forces_of(trajectory).pivots * u, axis=-1))
+
+
+def _cubic(trajectory: Trajectory) -> Callable[[Floats], Trajectory]:
+    """The run at other times, by the cubics through neighbouring samples."""
+    return lambda at: replace(trajectory, times=at, motion=resample(trajectory.times, trajectory.motion, at))
+
+
+def _quintic(trajectory: Trajectory) -> Callable[[Floats], Trajectory]:
+    """The run at other times, by the quintics through neighbouring samples, their rates and their accelerations."""
+    layout, rows, slopes = accelerated(trajectory)
+    half, times = layout.half, trajectory.times
+    q, v, a = rows[:, :half], rows[:, half : 2 * half], slopes[:, half : 2 * half]
+
+    def at(moments: Floats) -> Trajectory:
+        before = np.clip(np.searchsorted(times, moments, side="right") - 1, 0, len(times) - 2)
+        h = (times[before + 1] - times[before])[:, None]
+        s = (moments - times[before])[:, None] / h
+        q0, v0, a0 = q[before], v[before], a[before]
+        d0 = q[before + 1] - q0 - h * v0 - h**2 * a0 / 2  # what cubic to quintic terms add until the next sample
+        d1, d2 = h * (v[before + 1] - v0 - h * a0), h**2 * (a[before + 1] - a0)
+        c3, c4, c5 = 10 * d0 - 4 * d1 + d2 / 2, -15 * d0 + 7 * d1 - d2, 6 * d0 - 3 * d1 + d2 / 2
+        there = np.zeros((len(moments), rows.shape[1]))
+        there[:, :half] = q0 + s * (h * v0 + s * (h**2 * a0 / 2 + s * (c3 + s * (c4 + s * c5))))
+        there[:, half : 2 * half] = v0 + s * (h * a0 + s * (3 * c3 + s * (4 * c4 + s * 5 * c5)) / h)
+        return replace(trajectory, times=moments, motion=layout.read(there))
+
+    return at
+
+
+def _pushing(
+    trajectory: Trajectory, grid: Floats, values: Floats, tension: Callable[[Floats], Floats], ropes: Ints
+) -> list[PushingLink]:
+    """The links that push, from tensions (G, R) at a grid of times and at any others."""
+    pushes = values < 0
+    at, column = np.nonzero(pushes[1:] != pushes[:-1])
+    zeros = _zeros(tension, grid[at], grid[at + 1], values[at, column], values[at + 1, column], column)
+    system = trajectory.system
+    places = [label[len("theta") :].strip("[]").split(",") for label in system.labels[system.first :]]
+    rounding, links = ZERO * _weights(trajectory.scene), []
+    for number, link in enumerate(ropes):
+        if not pushes[:, number].any():
+            continue
+        edges = [*zeros[column == number].tolist()]
+        if pushes[0, number]:
+            edges.insert(0, float(grid[0]))
+        if pushes[-1, number]:
+            edges.append(float(grid[-1]))
+        intervals = tuple(zip(edges[::2], edges[1::2], strict=True))
+        pendulum, place = map(int, places[link])
+        links.append(PushingLink(pendulum, place, intervals, float(rounding[link] - values[:, number].min())))
+    return links
+
+
+def _zeros(
+    tension: Callable[[Floats], Floats], low: Floats, high: Floats, at_low: Floats, at_high: Floats, column: Ints
+) -> Floats:
+    """Zeros of tensions between times at which their signs differ, all at once, by the Illinois method."""
+    low, high, at_low, at_high = (part.copy() for part in (low, high, at_low, at_high))
+    rows, middle, close = np.arange(len(low)), low.copy(), CLOSE * np.maximum(np.abs(low), np.abs(high))
+    if not len(low):
+        return middle
+    side = np.zeros(len(low))
+    for _ in range(STEPS):
+        middle = high - at_high * (high - low) / (at_high - at_low)
+        value = tension(middle)[rows, column]
+        upper = np.sign(value) == np.sign(at_high)
+        at_low = np.where(upper & (side > 0), at_low / 2, np.where(upper, at_low, value))
+        at_high = np.where(~upper & (side < 0), at_high / 2, np.where(upper, value, at_high))
+        moved = np.where(upper, high - middle, middle - low)
+        low, high = np.where(upper, low, middle), np.where(upper, middle, high)
+        side = np.where(upper, 1.0, -1.0)
+        if np.all((moved <= close) | (value == 0)):
+            break
+    return middle
