@@ -15,6 +15,8 @@ from multipendula.flags import FLAGS
 if TYPE_CHECKING:
     from multipendula.flags import Former
 
+LIKE = 0.7
+"""How alike an unknown option and a known one are, for the latter to be suggested."""
 WIDTH = 79
 """Columns of a page: a terminal of 80, less one for the cursor."""
 
@@ -153,8 +155,8 @@ class Page(argparse.ArgumentParser):
         known = self._option_string_actions
         for word in takewhile(lambda word: word != "--" and (self.name or word[:1] == "-"), self.given):
             name = word.partition("=")[0]
-            if name[:2] == "--" and not any(option.startswith(name) for option in known):
-                yield f"{name}: no such option{meant(name, known)}"
+            if name[:2] == "--" and name not in self.former and not any(option.startswith(name) for option in known):
+                yield f"{name}: no such option{meant(name, known, near=LIKE)}"
 
     def _print_message(self, message: str, file: Any = None) -> None:
         """Raise OSError if it cannot be written, which argparse would swallow."""

@@ -28,6 +28,7 @@ from modal.assembly.linearization import Matrices, coordinate_labels, matrices_o
 from modal.assembly.structure import Hanging, on_structure
 from modal.errors import SceneError
 from modal.scene import Bob, Scene, validate_scene
+from modal.scene.doors import checked
 from modal.scene.points import PendulumPoint, parse_point
 from modal.structure import bends
 from modal.types import Floats, Ints
@@ -197,6 +198,7 @@ def matrices_along(scene: Scene) -> Callable[[float], Matrices]:
     return lambda time: along(time).matrices
 
 
+@checked
 def no_hoist(scene: Scene) -> SceneError:
     """The error of a scene without a hoist, which says what to write, and where, to give it one."""
     none = "hoist: no link of this scene has one"

@@ -14,12 +14,13 @@ from numpy.typing import NDArray
 
 from modal.assembly import Matrices, Rig, matrices_of
 from modal.eigen import EVERYTHING, Limits, notes
+from modal.errors import SceneError
 from modal.modes.eigenvalues import Eigenvalues, Short, kept
 from modal.modes.modal_matrix import ModalMatrix, all_shapes, stacked
 from modal.modes.mode import UNCERTAIN, Mode
 from modal.modes.rows import described
 from modal.modes.shapes import Shape, expand, validate_normalisation
-from modal.report import HTML_ROWS, TEXT_ROWS, Displayed, Summary, deferred, more, scrolled
+from modal.report import HTML_ROWS, TEXT_ROWS, Displayed, Summary, counted, deferred, more, scrolled
 from modal.scene import Scene, left_out, validate_scene
 from modal.scene.doors import checked, require_type
 from modal.types import Floats
@@ -73,7 +74,8 @@ class Modes(Displayed, Eigenvalues, Sequence[Mode]):
             return range(len(self))[index]
         except IndexError:
             of_number = f"; mode {index} of the table is modes[{index - 1}]" if index == len(self) else ""
-            words = f"there is no mode of index {index}: {len(self)} modes have indices 0 to {len(self) - 1}{of_number}"
+            there = counted(len(self), "mode has the index 0", f"modes have indices 0 to {len(self) - 1}")
+            words = f"there is no mode of index {index}: {there}{of_number}"
             raise IndexError(words) from None
         except TypeError:
             words = f"modes[{index!r}]: modes have indices from 0; columns are attributes, such as modes.omega"
@@ -106,7 +108,8 @@ class Modes(Displayed, Eigenvalues, Sequence[Mode]):
         """The row with the effective masses of the mode without dampers, where dampers are light."""
         if not self.rig.is_damped or not isnan(mode.effective_mass):
             return mode
-        masses = deferred("modal.modes.undamped:undamped_masses")(self)
+        with np.errstate(all="ignore"):
+            masses = deferred("modal.modes.undamped:undamped_masses")(self)
         along, across = float(masses.along[index]), float(masses.across[index])
         return replace(
             mode,
@@ -267,7 +270,7 @@ class Modes(Displayed, Eigenvalues, Sequence[Mode]):
         >>> len(natural_modes(load("chain-3")).plot(amplitude_deg=15.0).axes)
         3
         """
-        figure: Figure = deferred("modal.plotting.shapes:shapes_figure")(self, numbers, **options)
+        figure: Figure = deferred("modal.plotting.shapes:shapes_figure")(self, _indices(numbers), **options)
         return figure
 
     def animate(self, path: str | PathLike[str], numbers: Sequence[int] | None = None, **options: Any) -> None:
@@ -275,7 +278,7 @@ class Modes(Displayed, Eigenvalues, Sequence[Mode]):
 
         `options` are those of `modal.plotting.modal_films.film_modes`.
         """
-        deferred("modal.plotting.modal_films:save_film")(self, path, numbers, **options)
+        deferred("modal.plotting.modal_films:save_film")(self, path, _indices(numbers), **options)
 
     def _summary(self) -> Summary:
         summary: Summary = deferred("modal.modes.summary:summarize")(self, TEXT_ROWS)
@@ -284,6 +287,13 @@ class Modes(Displayed, Eigenvalues, Sequence[Mode]):
     def _repr_html_(self) -> str:
         shown = self[:HTML_ROWS]
         return scrolled(self.table("html", shown), more(len(self) - len(shown)))
+
+
+def _indices(numbers: Sequence[int] | None) -> Sequence[int] | None:
+    """The same; SceneError for what is no list of indices, or an empty one."""
+    if numbers is not None and (np.ndim(numbers) != 1 or not np.size(numbers)):
+        raise SceneError([f"{numbers!r:.40}: must be indices of modes from 0, such as [0, 1]"])
+    return numbers
 
 
 @checked

@@ -19,6 +19,7 @@ NARROWEST = 20
 _COLUMNS: ContextVar[int | None] = ContextVar("columns", default=None)
 _CHARSET: ContextVar[str | None] = ContextVar("charset", default=None)
 _RULE = re.compile(r"\s*([-=])\1+")
+_WORD = re.compile(r"\d\S* %[.,;:)]*(?=\s|$)|\S+")  # a number keeps its sign for per cent
 _HANGING = re.compile(r"\s*(?:[-*] |\S+ {2,})?")
 """What stands before the text of a line: blanks, a bullet, or a name in a column of names."""
 
@@ -134,7 +135,7 @@ def cut(line: str, most: int) -> Iterator[str]:
 def filled(text: str, most: int, first: str = "", then: str = "") -> Iterator[str]:
     """Lines of at most so many columns, the first after `first`, all others after `then`."""
     line, empty = first, True
-    for word in text.split():
+    for word in _WORD.findall(text):
         for piece, joined in _pieces(word, most - breadth(then)):
             gap = "" if joined or empty else " "
             if not empty and breadth(line) + len(gap) + breadth(piece) > most:

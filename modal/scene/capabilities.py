@@ -252,7 +252,7 @@ CAPABILITIES: dict[str, Capability] = {
             "the explanation of the coupling",
             LINEAR - {"inverted"} | {"structure", "springs"},
             leaves={**ABOUT, **LOSSLESS},
-            refuses={**CONSTANT, **SHIFTED, "inverted": "has no frequency for a link that stands"},
+            refuses={**CONSTANT, **SHIFTED, "inverted": "has no frequency of a link that stands"},
             beside=UNLOADED,
         ),
         CONSTANT_MODEL,

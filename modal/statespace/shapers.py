@@ -139,7 +139,8 @@ def shaper_for(
     """The `shaper` for `count` of the modes found by `swings_of`, from index `first` on."""
     swings = swings_of(scene, drive)
     if not 0 <= first < first + count <= len(swings):
-        raise ComputationError(f"{count} modes from index {first}: this drive excites {len(swings)} modes")
+        excited = counted(len(swings), "mode", "modes")
+        raise ComputationError(f"{counted(count, 'mode', 'modes')} from index {first}: this drive excites {excited}")
     return shaper(swings[first : first + count], kind, step, tolerance)
 
 

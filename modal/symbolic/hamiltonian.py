@@ -14,7 +14,8 @@ For bobs W joins a link to its neighbours alone: with m_0 the cart's mass (witho
 
     W_00 = 1/m_0    W_ii = (1/m_{i−1} + 1/m_i)/l_i²    W_{i,i+1} = −1/(m_i l_i l_{i+1})    W_{0,1} = −1/(m_0 l_1)
 
-and first links of several pendula on one cart 1/(m_0 l l').  So each of Hamilton's equations has three terms for any n.
+and first links of several pendula on one cart 1/(m_0 l l').  So in one chain each of Hamilton's equations has three
+terms for any n.
 """
 
 from __future__ import annotations
@@ -173,10 +174,16 @@ def _no_inverse(system: SymbolicSystem) -> str:
 
 
 def _constants(system: SymbolicSystem, W: Any) -> Iterator[Line]:
-    neighbours = all(map(_of_bobs, system.chains))
-    words = "it joins neighbours alone" if neighbours else "it is full: no link of a rod or a body has neighbours alone"
     order = "of the cart and the links" if system.cart else "of the links"
-    yield Line(f"the inverse of the constant M, b, A {order}; {words}", equal(sp.Symbol("W"), W))
+    yield Line(f"the inverse of the constant M, b, A {order}{_pattern(W)}", equal(sp.Symbol("W"), W))
+
+
+def _pattern(W: Any) -> str:
+    """What the zeros of W say."""
+    if not any(entry == 0 for entry in W):
+        return ""
+    apart = [W[i, j] for i in range(W.rows) for j in range(W.rows) if abs(i - j) > 1]
+    return "; it joins neighbours alone" if not any(apart) else "; it is 0 for links that are not joined"
 
 
 def along(system: SymbolicSystem) -> list[Any]:
@@ -191,7 +198,7 @@ def _angles(system: SymbolicSystem) -> list[Any]:
 
 
 def _closing(system: SymbolicSystem, W: Any, p: list[Coordinate], s: list[Any]) -> Iterator[Line]:
-    yield Line("the momenta s along the links follow from the lengths that stay: one linear equation a link")
+    yield Line("the momenta s along the links follow from the constant lengths: one linear equation a link")
     for name, form in zip(s, along_equations(system, W, p, s), strict=True):
         yield Line(f"of {name}", equal(form, 0))
 
@@ -212,7 +219,7 @@ def _rows(W: Any) -> Iterator[tuple[int, list[tuple[int, Any]]]]:
 
 
 def _rates(system: SymbolicSystem, W: Any, p: list[Coordinate], s: list[Any]) -> Iterator[Line]:
-    yield Line("rates of the coordinates, the slopes of H by the momenta")
+    yield Line("rates of the coordinates, the derivatives of H by the momenta")
     for c, form in zip(system.coordinates, velocities(system, W, p, s), strict=True):
         yield Line(f"of {c.q}", equal(c.v, form))
 
@@ -228,7 +235,7 @@ def velocities(system: SymbolicSystem, W: Any, p: list[Coordinate], s: list[Any]
 
 def _forces(system: SymbolicSystem, p: list[Coordinate], s: list[Any]) -> Iterator[Line]:
     damped = " less the dampers" if derive_lagrangian(system).R != 0 else ""
-    yield Line(f"rates of the momenta, the falls of H by the coordinates{damped}")
+    yield Line(f"rates of the momenta, minus the derivatives of H by the coordinates{damped}")
     for rate, form in zip(p, momentum_rates(system, s), strict=True):
         yield Line(f"of {rate.q}", equal(rate.v, form))
 
@@ -303,12 +310,13 @@ def _in_space(system: SymbolicSystem) -> Iterator[Line]:
         x = system.coordinates[0]
         yield Line("of x, along e_x", equal(x.v * sp.Symbol("e_x"), forms[0]))
         yield Line("of p_x", equal(sp.Symbol("pdot_x"), -cart.stiffness * x.q - cart.damping * x.v))
-    yield Line("of the rates the parts along e_y, e_z and u_i vanish: linear equations of the s")
+    on_rail = ", and x' e_x has no part along e_y and e_z" if cart else ""
+    yield Line(f"u_i u_i' = 0{on_rail}: linear equations of the s")
     for direction, form in zip(u, forms[1 if cart else 0 :], strict=True):
         yield Line(f"of {direction.q}", equal(direction.v, form))
     for direction, across, along, b in zip(u, pi, s, system.b, strict=True):
-        words = f"of {across.q}, F - (u F) u - s u' - (u' {across.q}) u with u = {direction.q}, s = {along.q} and"
-        yield Line(words, equal(sp.Symbol("F"), system.gravity * b * sp.Symbol("e_z")))
+        rate = f"its rate is F - (u F) u - s u' - (u' {across.q}) u with u = {direction.q}, s = {along.q} and"
+        yield Line(f"of {across.q}: {rate}", equal(sp.Symbol("F"), system.gravity * b * sp.Symbol("e_z")))
     if len(system.links) == 1 and not cart:
         yield from _of_one_link(system)
 

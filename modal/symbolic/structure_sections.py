@@ -78,8 +78,8 @@ def hamiltonian(system: SymbolicStructure) -> Section:
         Line("momenta p = M q'", sp.Matrix([c.q for c in p])),
         Line("H, the energy in q and p, V of all parts as in the Lagrangian", whole_energy()),
         Line("with the mass matrix", equal(sp.Symbol("M"), M)),
-        Line("rates of the coordinates, the slopes of H by the momenta, solve M q' = p"),
-        Line("rates of the momenta, the falls of H by the coordinates less the dampers, in q'"),
+        Line("rates of the coordinates, the derivatives of H by the momenta, solve M q' = p"),
+        Line("rates of the momenta, minus the derivatives of H by the coordinates, less any dampers, in q'"),
     ]
     for rate, form, lagranges in zip(p, M * sp.Matrix(v), system.equations(), strict=True):
         force = sp.expand(time_derivative(form, system.coordinates) - lagranges)

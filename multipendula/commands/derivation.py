@@ -163,9 +163,9 @@ COMMANDS = (
         run=derive,
         arguments=_derive_arguments,
         details=(
-            "The whole derivation from the Lagrangian to the modes, to read or to paste into lecture notes. Each step "
-            "is confirmed by a second method. paper:000, paper:001 and paper:002 give a paper's equations as printed "
-            "and corrected."
+            "The whole derivation from the Lagrangian to the modes, to read or to paste into lecture notes. For a few "
+            "links every step is confirmed by a second method. paper:000, paper:001 and paper:002 give a paper's "
+            "equations as printed and corrected."
         ),
         examples=(
             ("derive chain:3", "three bobs: Lagrangian, equations, M and K, polynomial, modes"),

@@ -262,6 +262,8 @@ def chosen(text: str | None, total: int, option: str = "--modes") -> range:
         raise SceneError([f"{option} {text}: must be a number or a range such as 1:10"]) from None
     if colon and low > high and (last or low <= total):
         raise SceneError([f"{option} {text}: begins after its end"])
-    if low < 1 or low > total:
+    if low < 1:
+        raise SceneError([f"{option} {text}: modes are counted from 1"])
+    if low > total:
         raise SceneError([f"{option} {text}: the scene has modes 1 to {total}"])
     return range(low - 1, min(high, total))

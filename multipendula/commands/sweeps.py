@@ -220,9 +220,9 @@ COMMANDS = (
             "distinguished from veerings (orbits --vary follows motions at large angles, sync --vary the steady "
             "oscillations of a scene with drives). With --strobe every value has a run of its own, of which, after a "
             "transient, 50 states are kept, one in each period of the drives: one point is a motion of that period, "
-            "two and four are doublings of it, many chaos. With start.energy, --members starts are drawn at random on "
-            "each energy, and of what is measured quantiles are kept. With --measure floquet over the amplitude and "
-            "the frequency of a vertical sine, the boundaries of growth are traced and drawn."
+            "two or four mean that the period has doubled, many mean chaos. With start.energy, --members starts are "
+            "drawn at random on each energy, and of what is measured quantiles are kept. With --measure floquet over "
+            "the amplitude and the frequency of a vertical sine, the boundaries of growth are traced and drawn."
         ),
         examples=(
             (

@@ -187,7 +187,7 @@ def _arguments(page: Page) -> None:
     more = ", as for --minimize; repeat for several"
     add_words(page.asked, "--maximize", QUANTITIES, more, comma="", action=Repeated)
     more = (
-        ", such as rel_1_1=0.2, the stroke of a damper, as a peak or an RMS as the first quantity is; or any quantity, "
+        ", such as rel_1_1=0.2, the stroke of a damper, as peak or RMS like the first quantity; or any quantity, "
         "such as settling=60; repeat for several"
     )
     add_option(page.asked, "--max", more, action=Repeated)

@@ -222,9 +222,9 @@ COMMANDS = (
         arguments=_check_arguments,
         details=(
             "Every mode is released at several amplitudes and simulated for 40 periods; its frequency is measured and "
-            "compared with the table's predictions, how right these are first: the small-angle frequency, its shift "
+            "compared with the table's predictions: the small-angle frequency, its shift "
             "with amplitude, and the angle at which it is off by 1 %. With --general one run is projected on the modes "
-            "instead."
+            "instead.  The report begins with how right the predictions are."
         ),
         examples=(
             ("check chain-2 --modes 1 --amplitudes 10,30", "the slow mode at two amplitudes"),

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from modal.plotting import WIDTH, colour, legend, rest, scale, sheet
+from modal.plotting import MARKED, WIDTH, colour, legend, rest, scale, sheet
 from nonlinear.chaos import regular_exponent, usual_duration
 from nonlinear.plotting.sweeps import label
 from nonlinear.sweeps import CHAOTIC, LYAPUNOV
@@ -49,4 +49,4 @@ def _limit(axis: Axes, sweep: Sweep) -> None:
     scene = sweep.study.scene
     (seconds,) = (request.number for request in sweep.study.measures if request.name == LYAPUNOV)
     limit = regular_exponent(scene, seconds or usual_duration(scene))
-    axis.axhline(limit, color=rest(), lw=1.0, ls=":", label="limit of regular motion")
+    axis.axhline(limit, color=rest(), lw=1.0, ls=MARKED, label="limit of regular motion")

@@ -177,7 +177,7 @@ def chaos_by_energy(
     members: int = MEMBERS,
     seed: int = 0,
     workers: int | None = None,
-    report: Report = lambda done: None,
+    report: Report = silent,
 ) -> Sweep:
     """The largest Lyapunov exponents of starts drawn at random on surfaces of energy.
 

@@ -101,14 +101,14 @@ def sync_verdict(study: SynchronizationStudy) -> list[str]:
         sentences.append(f"No prediction: {study.silent}.")
     elif study.theory.prediction.unstable:
         sentences.append(
-            f"This start keeps to a motion that is unstable: all else is for one {100 * ASIDE:.0f} % away."
+            f"This start stays on an unstable motion; what follows is for a start {100 * ASIDE:.0f} % away."
         )
     sentences += [*_winner(study), *_since(study)]
     phases = study.phases
     if phases.z.shape[1] > 1 and study.populations is None:
         sentences += _locked(study)
     if study.theory is not None and (reasons := _reasons(study.theory)):
-        more = f"; {len(reasons) - 1} more doubts" if len(reasons) > 2 else "; and another" if len(reasons) > 1 else ""
+        more = f"; {counted(len(reasons) - 1, 'more doubt', 'more doubts')}" if len(reasons) > 1 else ""
         sentences.append(f"The prediction is not certain: {reasons[0]}{more}.")
     return sentences
 

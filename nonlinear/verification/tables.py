@@ -79,8 +79,8 @@ def check_verdict(check: Check) -> list[str]:
             plain = max(abs(run.shift) for _, run in there)
             mended = max(abs(run.shift - row.predicted(run)) for row, run in there)
             they, up = ("they are", "up to ") if several else ("it is", "")
-            near = f"{up}{_off(mended)} off ω (1 + κa²)"
-            sentences.append(f"At {degrees(large):.3g}° {they} {up}{_off(plain)} off the table, and {near}.")
+            near = f", and {up}{_off(mended)} off ω (1 + κa²)" if isfinite(mended) else ""
+            sentences.append(f"At {degrees(large):.3g}° {they} {up}{_off(plain)} off the table{near}.")
     angles = [(row.mode.linear_to_1_percent_deg, row.one_percent_deg) for row in check.rows]
     if misses := [abs(stated / measured - 1) for stated, measured in angles if isfinite(stated) and isfinite(measured)]:
         which = "angles at which a frequency is 1 % off are up to" if several else "angle at which it is 1 % off is"

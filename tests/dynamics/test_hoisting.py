@@ -215,7 +215,7 @@ def test_splines_and_functions_are_laws() -> None:
 def test_wrong_laws_are_named(tmp_path) -> None:
     start = State(np.array([0.5]), np.zeros(1))
     for hoist, words in (
-        ({(0, 1): lambda t: (1.0, 0.0, 0.0)}, r"\(0, 1\) is no pair of a pendulum and a link"),
+        ({(0, 1): lambda t: (1.0, 0.0, 0.0)}, r"\(0, 1\) is not a pair of a pendulum and a link"),
         ({(0, 0): lambda t: 1.0}, r"pendulum\[0\].links\[0\]: must be a spline"),
         ({(0, 0): 3.0}, r"pendulum\[0\].links\[0\]: must be a spline"),
         (3.0, "must be a mapping"),

@@ -201,6 +201,6 @@ def test_a_swing_too_fast_to_follow_says_what_to_do(method: str) -> None:
         pytest.importorskip("heyoka")
     links = [Bob(mass=1.0, length=1.0), Bob(mass=1e24, length=1.0)]
     scene = Scene(gravity=9.81, pendulum=[Pendulum(links=links)])
-    with pytest.raises(SimulationError, match=r"stopped at .* remove whatever is so light") as caught:
+    with pytest.raises(SimulationError, match=r"stopped at .* remove what is so light") as caught:
         simulate(scene, 20.0, start=state_at_rest(scene, [30.0, 20.0]), method=method, output=3)
     assert "err_" not in str(caught.value)

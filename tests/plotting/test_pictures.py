@@ -269,7 +269,7 @@ FIGURES: dict[str, Callable[[], Figure]] = {
     "sync of populations": lambda: synced(swings.two_swings(0.22, count=2), 8.0),
     "sweep": lambda: sweep_figure(swept("support.mass=1:1000:9log")),
     "sweep of much": lambda: sweep_figure(
-        swept("gravity=1:3:3", measures=("frequencies", "damping", "beat", "amplitude"))
+        swept("gravity=1:3:3", measures=("frequencies", "damping", "beat", "largest_angle"))
     ),
     "map": lambda: sweep_figure(swept("support.mass=1:1000:5log", "gravity=1:20:4", measures=("beat",))),
     "maps": lambda: sweep_figure(

@@ -351,7 +351,7 @@ def test_what_a_structure_has_not_is_told() -> None:
     plain = Scene(gravity=9.81, pendulum=[Pendulum(links=TOWER.pendulum[0].links)])
     with pytest.raises(SceneError, match="the scene has no structure"):
         state_space(plain, outputs=("coordinates",))
-    with pytest.raises(SceneError, match="does not tell how the ground's motion drives"):
+    with pytest.raises(SceneError, match="does not say how the ground's motion drives"):
         state_space(STRUCTURED["frame"], ("support_acceleration",))
     with pytest.raises(SceneError, match="the ground does not yield"):
         state_space(TOWER, ("force:ground@1,1",))

@@ -331,7 +331,7 @@ def test_what_is_drawn_is_what_was_found() -> None:
     upper, lower = figure.axes
     assert (upper.get_ylabel(), lower.get_xlabel(), lower.get_xscale()) == (
         "largest angle (°)",
-        "support.mass (kg)",
+        "mass of the cart (kg)",
         "log",
     )
     for branch in branches.branches:
