@@ -204,7 +204,7 @@ MEASURES: dict[str, Measure] = {
             needs="sines that drive it, and losses",
             refused=_refusing(
                 "sweep spread ensemble",
-                "attractors are told apart among many starts: basins maps them, sweep --strobe follows them",
+                "attractors are told apart among many starts: basins maps them, a sweep of strobes follows them",
             ),
         ),
         Measure(

@@ -144,7 +144,7 @@ def _compared_with_modes(path: Path, scene: Scene, folder: Path) -> str:
 
 
 def _followed(path: Path, scene: Scene, folder: Path) -> str:
-    begin = "" if scene.is_forced else " --start scene --duration 20"
+    begin = "" if scene.is_forced else " --settled --start scene --duration 20"
     return _command(f"orbits @ {GRAVITY}{begin} --format json", path, folder)
 
 
@@ -294,6 +294,7 @@ BEYOND = {
     **dict.fromkeys((("hoist", "export"), ("hoist_and_drag", "export")), "holds a constant model"),
     ("moved_horizontal", "sweep floquet"): "along the rail only",
     ("count_100", "section"): "no motion of this energy",
+    ("count_100", "energies"): "no start drawn at random has this energy",
     ("loss", "fit"): "does not support loss angles",
     **dict.fromkeys(((kind, "thermal noise") for kind in UNDAMPED), "nothing dissipates in this scene"),
     **dict.fromkeys((("escapement", "orbits vary"), ("van_der_Pol", "orbits vary")), "no limit cycle was found"),
