@@ -67,7 +67,7 @@ INSTEAD = {
     ("scene", "model"): "give the TOML file of the scene that was exported",
     ("scene", "arrays"): 'a support names such a file, in [support] with kind = "modal" and file = "…"',
     ("table", "run"): "save the run under a name that ends in .csv, and give that file",
-    ("table", "scene"): "give files of measurements; a scene comes before them, where one is needed, as in `fit SCENE DATA.csv`",
+    ("table", "scene"): "the scene comes first, then files of measurements, as in `fit SCENE DATA.csv`",
     ("table", "excel"): "save the sheet as CSV, and give that file",
     ("table", "model"): AS_CSV,
     ("table", "arrays"): AS_CSV,
