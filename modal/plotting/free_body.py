@@ -1,82 +1,40 @@
 """Free-body diagrams: every part of a scene with its weight, the forces and moments of its joints, and its inertia.
 
 Paper 000, figures 2 and 4 to 7: the whole scene with the forces from outside, the cart with its wheels, each pendulum
-as a whole, and each link.  A diagram of a part says "these forces = mass times acceleration": on the left the part with
-all that acts on it, each arrow in the direction in which its letter is positive, and on the right what they cause.
-What a joint exerts on one part it exerts reversed on the other, so the same letter stands at both with the arrow turned
-round.  Which force acts where is read from `modal.scene.free_bodies`.  Shapes and angles are not to scale.
-
-A drawing is a list of strokes, which matplotlib draws, or TikZ, whose text LaTeX sets.
+as a whole, and each link.  The strokes of `free_body_diagrams` are drawn by matplotlib, or as TikZ, whose text LaTeX
+sets.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from math import cos, hypot, pi, radians, sin
-from typing import Any, NamedTuple
+from collections.abc import Sequence
+from math import hypot
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, FancyArrowPatch, Rectangle
 
-from modal.errors import SceneError
+from modal.plotting.free_body_diagrams import (
+    COLUMNS,
+    HIGH,
+    INCHES,
+    LEFT,
+    LOOKS,
+    LOW,
+    RIGHT,
+    Diagram,
+    Lettering,
+    Stroke,
+    diagrams,
+    point,
+)
 from modal.plotting.layout import SMALL, caption, headline
 from modal.plotting.style import QUIET, colour, ink, mixed, muted, paper, sheet, theme
-from modal.scene import FreeBodies, FreeBody, Scene, free_bodies, title_of
+from modal.scene import FreeBodies, Scene, free_bodies, title_of
 from modal.scene.doors import checked
-from modal.scene.free_bodies import Effort, normal
-
-MOST_PARTS, MOST_AT_ONCE = 12, 120
-"""Most parts that are drawn where none are chosen, and in one picture."""
-MOST_PENDULA, MOST_LINKS = 3, 4
-"""Most pendula, and links of each, in the diagram of the whole scene."""
-COLUMNS = 3
-INCHES = 0.92
-"""Inches of the unit of all lengths below; a link is 1.05 long."""
-LONG, TILT, TILTS = 1.05, radians(32.0), tuple(map(radians, (32.0, 52.0, 24.0, 42.0)))
-TOP = np.array([-0.32, 0.5])
-ARROW, GAP, ARC, BOB = 0.44, 0.05, 0.24, 0.1
-BESIDE = 1.75  # from a part to what its forces cause
-LEFT, RIGHT, LOW, HIGH = -1.3, 3.1, -1.12, 1.24
-TALL, WHEEL, PIN, PINS = 0.26, 0.09, 0.3, 1.15
-LOOKS = ("body", "faint", "force", "joint", "inertia", "guide", "ink")
-SIZES = {"body": 5.0, "wire": 1.6, "faint": 3.0, "arrow": 1.4, "guide": 0.9}
-
-
-class Stroke(NamedTuple):
-    """A line, an arrow, a disc or a box through points, by one of LOOKS; `width` in points.
-
-    The points of a disc are its centre and one at its edge, those of a box two opposite corners.
-    """
-
-    kind: str
-    points: tuple[tuple[float, float], ...]
-    look: str
-    width: float = SIZES["arrow"]
-    dashed: bool = False
-
-
-class Lettering(NamedTuple):
-    """Words or a formula of LaTeX at a place, centred or to its left or right."""
-
-    text: str
-    x: float
-    y: float
-    look: str = "ink"
-    side: str = "center"
-
-
-@dataclass(frozen=True)
-class Diagram:
-    """The strokes and the words of one part, in so many columns of the sheet; `title` is above it."""
-
-    title: str
-    strokes: tuple[Stroke, ...]
-    words: tuple[Lettering, ...]
-    columns: int = 1
-
+from modal.scene.free_bodies import normal
 
 # ------------------------------------------------------------------------------------------------------- the door
 
@@ -154,55 +112,13 @@ _ANCHORS = {"center": "", "left": "anchor=east, ", "right": "anchor=west, "}
 def _told(bodies: FreeBodies) -> str:
     down = bodies.downward
     words = (
-        f"x along the rail, {down} down. Green: joints, reversed on the part beside; "
-        f"red: forces from outside; pink: mass times acceleration, which all of them make."
+        f"x along the rail, {down} down. Green: joints, equal and opposite on the adjoining part; "
+        f"red: forces from outside; pink: the mass times acceleration that they cause."
     )
     if bodies.support.kind == "cart":
         R = normal(bodies.letters)
         words += f" The wheels share {R} = {R}1 + {R}2."
     return words
-
-
-def diagrams(bodies: FreeBodies, parts: str = "") -> tuple[list[Diagram], str]:
-    """The diagrams that are drawn, and what to say of those that are not.
-
-    SceneError where `parts` is none of "3" and "1:8" within the parts of the scene.
-    """
-    total = len(bodies.parts)
-    numbers = _chosen(parts, total) if parts else range(min(total, MOST_PARTS))
-    pendula = bodies.pendula
-    shown: list[Diagram] = []
-    if not parts and bodies.support.kind == "cart" and _fits(pendula):
-        shown.append(_whole(bodies))
-    for number in numbers:
-        part = bodies.parts[number]
-        if part.link is None:
-            shown.append(_cart(bodies) if part.kind == "cart" else _standing(bodies))
-            continue
-        chain = pendula[part.place[0]]
-        if not parts and part.place[1] == 0 and 1 < len(chain) <= MOST_LINKS:
-            shown.append(_pendulum(bodies, chain))
-        shown.append(_link(bodies, part))
-    note = f" {len(numbers)} of {total} parts are drawn." if len(numbers) < total else ""
-    return shown, note
-
-
-def _fits(pendula: list[list[FreeBody]]) -> bool:
-    return len(pendula) <= MOST_PENDULA and max(map(len, pendula)) <= MOST_LINKS
-
-
-def _chosen(parts: str, total: int) -> range:
-    first, colon, last = parts.partition(":")
-    try:
-        low = int(first) if first or not colon else 1
-        high = (int(last) if last else total) if colon else low
-    except ValueError:
-        raise SceneError([f"parts {parts}: must be a number or a range such as 1:8"]) from None
-    if not 1 <= low <= high <= total:
-        raise SceneError([f"parts {parts}: the scene has parts 1 to {total}, the support first"])
-    if high - low >= MOST_AT_ONCE:
-        raise SceneError([f"parts {parts}: one picture has room for {MOST_AT_ONCE}"])
-    return range(low - 1, high)
 
 
 def _rows(shown: Sequence[Diagram]) -> list[list[Diagram]]:
@@ -215,395 +131,6 @@ def _rows(shown: Sequence[Diagram]) -> list[list[Diagram]]:
             rows.append([])
         rows[-1].append(diagram)
     return rows
-
-
-# -------------------------------------------------------------------------------------------------------- letters
-
-
-def written(name: str, letters: str = "own") -> str:
-    r"""The LaTeX of a letter by its name, `R_Bx_1` as R_{Bx,1}; of a product of two, one after the other.
-
-    >>> written("m_1_2 g")
-    'm_{1,2}\\,g'
-    """
-    return r"\,".join(_letter(letter, letters) for letter in name.split())
-
-
-def _letter(name: str, letters: str) -> str:
-    letter, *index = name.split("_")
-    if letter == "l" and letters == "paper":
-        letter = r"\ell"
-    if letter == "theta":
-        letter = r"\theta"
-    return f"{letter}_{{{','.join(index)}}}" if index else letter
-
-
-def _accelerated(letter: str, index: Sequence[int]) -> str:
-    tail = f"_{{{','.join(map(str, index))}}}" if index else ""
-    return rf"\ddot{{{letter}}}{tail}"
-
-
-def _inertia(bodies: FreeBodies, part: FreeBody) -> str:
-    """What turns a link: I of a body, ⅓ m (l/2)² of a rod as paper 000 writes it, or m l²/12."""
-    if part.kind == "body":
-        return written(part.inertia)
-    m, l = written(part.mass), written(part.length, bodies.letters)
-    if bodies.letters == "paper":
-        return rf"\frac{{1}}{{3}}{m}\left(\frac{{{l}}}{{2}}\right)^2"
-    return rf"\frac{{1}}{{12}}{m}\,{l}^2"
-
-
-# -------------------------------------------------------------------------------------------------------- strokes
-
-
-def _line(start: Any, end: Any, look: str, width: float, dashed: bool = False) -> Stroke:
-    return Stroke("line", (_point(start), _point(end)), look, width, dashed)
-
-
-def _point(place: Any) -> tuple[float, float]:
-    return float(place[0]), float(place[1])
-
-
-def _force(place: Any, shaft: Any, positive: bool, text: str, look: str) -> Iterator[Stroke | Lettering]:
-    """An arrow whose shaft lies on one side of a place: into it, or out of it; its label at the far end.
-
-    `shaft` is the unit vector from the place to the far end; the arrow points outwards where `positive`.
-    """
-    near, far = place + GAP * shaft, place + (GAP + ARROW) * shaft
-    yield Stroke("arrow", (_point(near), _point(far)) if positive else (_point(far), _point(near)), look)
-    x, y = far + shaft * (0.06 if abs(shaft[0]) > 0.5 else 0.13)
-    side = "center" if abs(shaft[0]) <= 0.5 else "right" if shaft[0] > 0 else "left"
-    yield Lettering(f"${text}$", float(x), float(y), look, side)
-
-
-def _turn(
-    place: Any, begin: float, end: float, positive: bool, text: str, look: str, radius: float = ARC
-) -> Iterator[Stroke | Lettering]:
-    """A curved arrow about a place from one angle (degrees) to another, turned round where it is not positive."""
-    angles = np.radians(np.linspace(begin, end, 25))
-    points = [_point(place + radius * np.array([cos(a), sin(a)])) for a in angles]
-    yield Stroke("arrow", tuple(points if positive else points[::-1]), look)
-    middle = radians((begin + end) / 2)
-    x, y = place + (radius + 0.08) * np.array([cos(middle), sin(middle)])
-    yield Lettering(f"${text}$", float(x), float(y), look, "right" if cos(middle) > 0 else "left")
-
-
-def _diagram(title: str, pieces: Sequence[Stroke | Lettering], columns: int = 1) -> Diagram:
-    strokes = tuple(piece for piece in pieces if isinstance(piece, Stroke))
-    return Diagram(title, strokes, tuple(piece for piece in pieces if isinstance(piece, Lettering)), columns)
-
-
-def _bar(part: FreeBody, joint: Any, end: Any, look: str = "body") -> Iterator[Stroke]:
-    """A link from its upper to its lower end, a bob at that of a wire, and the open circle of its joint."""
-    faint = look == "faint"
-    wide = SIZES["faint" if faint else "body"] if part.kind != "bob" else SIZES["wire"]
-    yield _line(joint, end, look, wide)
-    if part.kind == "bob":
-        yield Stroke("disc", (_point(end), _point(end + np.array([BOB, 0]))), look)
-    if not faint:
-        yield Stroke("ring", (_point(joint), _point(joint + np.array([0.045, 0]))), "ink", 1.0)
-
-
-# ------------------------------------------------------------------------------------------------------- each part
-
-
-def _link(bodies: FreeBodies, part: FreeBody) -> Diagram:
-    """One link: what acts on it, and to the right what that causes."""
-    link: Any = part.link
-    way = np.array([sin(TILT), -cos(TILT)])
-    end, across = TOP + LONG * way, np.array([cos(TILT), sin(TILT)])
-    centre = TOP + LONG * min(link.centre / link.length, 1.25) * way
-    pieces: list[Stroke | Lettering] = [*_bar(part, TOP, end), *_leaning(bodies, part)]
-    if bodies.of(part):
-        pieces.append(Stroke("ring", (_point(end), _point(end + np.array([0.045, 0]))), "ink", 1.0))
-    if part.kind != "bob":
-        pieces.append(Stroke("disc", (_point(centre), _point(centre + np.array([0.035, 0]))), "ink"))
-    at = TOP + (0.48 if part.kind == "bob" else 0.74) * LONG * way + 0.13 * across
-    pieces.append(Lettering(f"${written(part.length, bodies.letters)}$", *_point(at), "ink", "right"))
-    for effort in part.efforts:
-        pieces += _effort(part, effort, centre, end, across)
-    pieces += _caused(bodies, part, way, min(link.centre / link.length, 1.25))
-    return _diagram(part.words, pieces)
-
-
-def _leaning(bodies: FreeBodies, part: FreeBody) -> Iterator[Stroke | Lettering]:
-    """The vertical below the upper joint and the angle of the link."""
-    yield _line(TOP, TOP - np.array([0, 0.52]), "guide", SIZES["guide"], dashed=True)
-    angles = np.linspace(-pi / 2, TILT - pi / 2, 15)
-    points = tuple(_point(TOP + 0.3 * np.array([cos(a), sin(a)])) for a in angles)
-    yield Stroke("line", points, "guide", SIZES["guide"])
-    name = written("_".join(("theta", *map(str, part.index))))
-    yield Lettering(f"${name}$", TOP[0] - 0.06, TOP[1] - 0.34, "ink", "left")
-
-
-def _effort(part: FreeBody, effort: Effort, centre: Any, end: Any, across: Any) -> Iterator[Stroke | Lettering]:
-    """The arrows of what acts on a link, shafts above and left of its upper joint, below and right of the lower one."""
-    bob = part.kind == "bob"
-    if effort.kind == "weight":
-        low = centre + (np.array([-0.07, -BOB + GAP]) if bob else np.array([0, 0]))
-        yield Stroke("arrow", (_point(low), _point(low - np.array([0, 0.4]))), "force")
-        yield Lettering(f"${written(effort.down)}$", float(low[0] - 0.09), float(low[1] - 0.3), "force", "left")
-    elif effort.kind == "drag":
-        yield from _oblique(part, centre, across, 0.62)
-    elif effort.kind == "applied":
-        yield from _applied(part, effort, centre, end)
-    elif effort.turning:
-        begin, stop = (-42.0, 75.0) if effort.at == "upper" else (135.0, 215.0) if bob else (145.0, 250.0)
-        place = TOP if effort.at == "upper" else end
-        yield from _turn(place, begin, stop, effort.sign > 0, written(effort.turning), "joint")
-    elif effort.at == "upper":
-        up, left = np.array([0.0, 1.0]), np.array([-1.0, 0.0])
-        yield from _force(TOP, up, effort.sign < 0, written(effort.down), "joint")
-        yield from _force(TOP, left, effort.sign < 0, written(effort.along), "joint")
-    else:
-        down, right = np.array([0.0, -1.0]), np.array([1.0, 0.0])
-        beside = np.array([0.07, -BOB + GAP]) if bob else np.zeros(2)
-        yield from _force(end + beside, down, effort.sign > 0, written(effort.down), "joint")
-        out = np.array([BOB - GAP, 0.0]) if bob else np.zeros(2)
-        yield from _force(end + out, right, effort.sign > 0, written(effort.along), "joint")
-
-
-def _oblique(part: FreeBody, centre: Any, across: Any, length: float) -> Iterator[Stroke | Lettering]:
-    """The drag on a link as one arrow."""
-    tip = centre + length * across
-    yield Stroke("arrow", (_point(centre + 0.1 * across if part.kind == "bob" else centre), _point(tip)), "force")
-    yield Lettering(
-        f"${written('_'.join(('D', *map(str, part.index))))}$", *_point(tip + 0.05 * across), "force", "right"
-    )
-
-
-def _applied(part: FreeBody, effort: Effort, centre: Any, end: Any) -> Iterator[Stroke | Lettering]:
-    """A force of the scene, to the right or up from its point, or a torque around a joint or the centre."""
-    link: Any = part.link
-    text = written(effort.along or effort.down or effort.turning)
-    if effort.turning:
-        place = {"upper": TOP, "lower": end}.get(effort.at, centre)
-        first, last = (-38.0, 60.0) if effort.at != "lower" else (150.0, 240.0)
-        yield from _turn(place, first, last, effort.sign > 0, text, "force", radius=0.38)
-        return
-    share = effort.below / link.length if effort.at == "point" else None
-    place = centre if share is None else TOP + min(share, 1.25) * (end - TOP)
-    shaft = np.array([1.0, 0.0]) if effort.along else np.array([0.0, 1.0])
-    begin = place + (BOB if part.kind == "bob" and share is None else 0.0) * shaft
-    tip = begin + ARROW * shaft
-    x, y = tip + np.array([0.06, 0.0 if effort.along else -0.1])
-    yield Stroke("arrow", (_point(begin), _point(tip)), "force")
-    yield Lettering(f"${text}$", float(x), float(y), "force", "right")
-
-
-def _caused(bodies: FreeBodies, part: FreeBody, way: Any, share: float) -> Iterator[Stroke | Lettering]:
-    """The same link with mass times acceleration at its centre, and inertia times angular acceleration."""
-    top = TOP + np.array([BESIDE, 0])
-    centre = top + share * LONG * way
-    yield Lettering("$=$", BESIDE - 0.78, 0.66)
-    yield from _bar(part, top, top + LONG * way, "faint")
-    yield from _accelerating(bodies, part, centre)
-    if part.kind == "body":
-        across = np.array([cos(TILT), sin(TILT)])
-        near, far = top - 0.09 * across, centre - 0.09 * across
-        yield Stroke("measure", (_point(near), _point(far)), "guide", SIZES["guide"])
-        yield Lettering(f"${written(part.centre)}$", *_point((near + far) / 2 - 0.06 * across), "ink", "left")
-    if part.kind != "bob":
-        text = _inertia(bodies, part) + r"\," + _accelerated(r"\theta", part.index)
-        angles = np.radians(np.linspace(18, 108, 20))
-        points = tuple(_point(centre + 0.3 * np.array([cos(a), sin(a)])) for a in angles)
-        yield Stroke("arrow", points, "inertia")
-        yield Lettering(f"${text}$", float(centre[0] + 0.34), float(centre[1] + 0.33), "inertia", "right")
-
-
-def _accelerating(bodies: FreeBodies, part: FreeBody, centre: Any) -> Iterator[Stroke | Lettering]:
-    m = written(part.mass)
-    right, below = centre + np.array([ARROW, 0]), centre - np.array([0, ARROW])
-    yield Stroke("arrow", (_point(centre), _point(right)), "inertia")
-    text = rf"{m}\,{_accelerated('x', part.index)}"
-    yield Lettering(f"${text}$", float(right[0] + 0.05), float(right[1]), "inertia", "right")
-    yield Stroke("arrow", (_point(centre), _point(below)), "inertia")
-    text = rf"{m}\,{_accelerated(bodies.downward, part.index)}"
-    yield Lettering(f"${text}$", float(below[0]), float(below[1] - 0.15), "inertia")
-
-
-def _pins(bodies: FreeBodies) -> tuple[list[int], list[float]]:
-    """The pendula whose joints are drawn on the support, at most three, and their places along it."""
-    total = len(bodies.pendula)
-    shown = list(range(total)) if total <= MOST_PENDULA else [0, 1, total - 1]
-    apart = PINS + 0.65 * any(effort.turning for effort in bodies.support.efforts)
-    return shown, [apart * (k - (len(shown) - 1) / 2) for k in range(len(shown))]
-
-
-def _on_pins(bodies: FreeBodies, height: float) -> Iterator[Stroke | Lettering]:
-    """What the first links exert on their pins: forces above and to the left, moments to the right."""
-    shown, places = _pins(bodies)
-    for p, x in zip(shown, places, strict=True):
-        pin = np.array([x, height])
-        for effort in (acting for acting in bodies.support.efforts if acting.at == "support" and acting.pendulum == p):
-            if effort.kind == "applied":
-                yield from _turn(pin, -38.0, 60.0, effort.sign > 0, written(effort.turning), "force", radius=0.38)
-                continue
-            if effort.kind != "joint":
-                continue
-            if effort.turning:
-                yield from _turn(pin, -42.0, 75.0, effort.sign > 0, written(effort.turning), "joint")
-                continue
-            up, left = np.array([0.0, 1.0]), np.array([-1.0, 0.0])
-            yield from _force(pin, up, effort.sign < 0, written(effort.down), "joint")
-            yield from _force(pin, left, effort.sign < 0, written(effort.along), "joint")
-        yield Stroke("ring", (_point(pin), _point(pin + np.array([0.045, 0]))), "ink", 1.0)
-    if len(shown) < len(bodies.pendula):
-        yield Lettering(r"$\ldots$", (places[1] + places[2]) / 2, height)
-
-
-def _cart(bodies: FreeBodies) -> Diagram:
-    """The cart on its wheels: weight, normal forces, the joints of the first links, a spring's or a damper's force."""
-    _, places = _pins(bodies)
-    half = places[-1] + 0.75
-    pieces: list[Stroke | Lettering] = [*_brackets(places, TALL / 2), *_box(half), *_on_pins(bodies, PIN)]
-    for k, x in enumerate((-half + 0.2, half - 0.2)):
-        wheel = np.array([x, -TALL / 2 - WHEEL])
-        R = rf"{normal(bodies.letters)}_{{{k + 1}}}"
-        pieces += _force(wheel - np.array([0, WHEEL]), np.array([0.0, -1.0]), False, R, "force")
-    pieces.append(Stroke("arrow", ((0.0, 0.0), (0.0, -0.55)), "force"))
-    pieces.append(Stroke("disc", ((0.0, 0.0), (0.035, 0.0)), "ink"))
-    pieces.append(Lettering(f"${written('m_c g')}$", 0.0, -0.7, "force"))
-    pieces += _on_cart(bodies, half, 0.0)
-    beside = half + 1.55
-    pieces.append(Lettering("$=$", half + 0.85, 0.4))
-    ghost = [_faded(piece, beside) for piece in _box(0.45)]
-    pieces += [*ghost, *_accelerating(bodies, bodies.support, np.array([beside, 0.0]))]
-    middle = (LEFT + RIGHT) / 2 - (beside + 0.9 - half) / 2
-    return _diagram("cart", [_moved(piece, middle) for piece in pieces], 2)
-
-
-def _on_cart(bodies: FreeBodies, right: float, height: float) -> Iterator[Stroke | Lettering]:
-    """What pushes the cart along the rail from its right end: H of its spring and damper, forces of the scene."""
-    names = [effort.along for effort in bodies.support.efforts if effort.kind in {"held", "applied"} and effort.along]
-    for k, name in enumerate(names):
-        place = np.array([right, height + 0.2 * (k - (len(names) - 1) / 2)])
-        yield from _force(place, np.array([1.0, 0.0]), True, written(name), "force")
-
-
-def _box(half: float, middle: float = 0.0) -> list[Stroke | Lettering]:
-    """A cart so long to each side of its middle."""
-    wheels = (middle - half + 0.2, middle + half - 0.2)
-    box = Stroke("box", ((middle - half, -TALL / 2), (middle + half, TALL / 2)), "ink", 1.3)
-    centres = [(x, -TALL / 2 - WHEEL) for x in wheels]
-    return [box, *(Stroke("wheel", (place, (place[0] + WHEEL, place[1])), "ink", 1.3) for place in centres)]
-
-
-def _faded(piece: Stroke | Lettering, shift: float) -> Stroke | Lettering:
-    """The same faint, so far to the right."""
-    return _moved(piece._replace(look="faint"), shift)
-
-
-def _moved(piece: Stroke | Lettering, shift: float) -> Stroke | Lettering:
-    if isinstance(piece, Lettering):
-        return piece._replace(x=piece.x + shift)
-    return piece._replace(points=tuple((x + shift, y) for x, y in piece.points))
-
-
-def _standing(bodies: FreeBodies) -> Diagram:
-    """A support that stands still or moves as prescribed, with what the first links exert on it."""
-    _, places = _pins(bodies)
-    left, right = places[0] - 0.6, places[-1] + 0.6
-    pieces: list[Stroke | Lettering] = [_line((left, 0.0), (right, 0.0), "ink", 2.4)]
-    for foot in np.arange(left + 0.08, right, 0.1):
-        pieces.append(_line((foot, 0.0), (foot - 0.08, -0.08), "guide", 0.8))
-    pieces += _brackets(places, 0.0)
-    pieces += _on_pins(bodies, PIN)
-    still = bodies.support.kind == "fixed"
-    words = "stands still: the ground holds it" if still else "moves as prescribed"
-    pieces.append(Lettering(words, (left + right) / 2, -0.3))
-    middle = (LEFT + RIGHT) / 2
-    wide = len(places) > 1
-    return _diagram(bodies.support.words, [_moved(piece, middle) for piece in pieces], 2 if wide else 1)
-
-
-def _brackets(places: Sequence[float], low: float) -> Iterator[Stroke]:
-    """What holds the pins."""
-    for x in places:
-        for side in (-0.1, 0.1):
-            yield _line((x + side, low), (x, PIN), "guide", 1.2)
-
-
-def _chain(chain: Sequence[FreeBody], top: Any, scale: float) -> tuple[list[Stroke | Lettering], list[Any], list[Any]]:
-    """A pendulum from its first joint: its strokes, the centres and the lower joints of its links."""
-    pieces: list[Stroke | Lettering] = []
-    centres, joints, joint = [], [], np.asarray(top, dtype=float)
-    for part, tilt in zip(chain, TILTS, strict=False):
-        link: Any = part.link
-        way = np.array([sin(tilt), -cos(tilt)])
-        end = joint + scale * way
-        pieces += _bar(part, joint, end)
-        centres.append(joint + scale * min(link.centre / link.length, 1.2) * way)
-        joints.append(end)
-        joint = end
-    return pieces, centres, joints
-
-
-def _weights(chain: Sequence[FreeBody], centres: Sequence[Any], lean: float = TILT) -> Iterator[Stroke | Lettering]:
-    """Weights and forces from outside on a pendulum, arrows of drag so far above the horizontal."""
-    for part, centre in zip(chain, centres, strict=True):
-        low = centre - np.array([0, 0.38])
-        yield Stroke("disc", (_point(centre), _point(centre + np.array([0.03, 0]))), "ink")
-        yield Stroke("arrow", (_point(centre), _point(low)), "force")
-        yield Lettering(f"${written(f'{part.mass} g')}$", float(low[0] - 0.08), float(low[1] + 0.08), "force", "left")
-        for effort in part.efforts:
-            if effort.kind == "drag":
-                yield from _oblique(part, centre, np.array([cos(lean), sin(lean)]), 0.32 if lean == TILT else 0.5)
-            elif effort.kind == "applied" and not effort.turning:
-                tip = centre + (np.array([ARROW, 0.0]) if effort.along else np.array([0.0, 0.36]))
-                x, y = tip + np.array([0.06, 0.0 if effort.along else -0.1])
-                yield Stroke("arrow", (_point(centre), _point(tip)), "force")
-                yield Lettering(f"${written(effort.along or effort.down)}$", float(x), float(y), "force", "right")
-
-
-def _pendulum(bodies: FreeBodies, chain: Sequence[FreeBody]) -> Diagram:
-    """A pendulum as a whole: weights, and what its first joint exerts."""
-    scale = min(0.85, 1.2 / sum(cos(tilt) for tilt in TILTS[: len(chain)]))
-    top = np.array([0.3, 0.62])
-    pieces, centres, _ = _chain(chain, top, scale)
-    first = chain[0]
-    for effort in (acting for acting in first.efforts if acting.at == "upper"):
-        if effort.turning:
-            pieces += _turn(top, -42.0, 75.0, effort.sign > 0, written(effort.turning), "joint")
-            continue
-        pieces += _force(top, np.array([0.0, 1.0]), effort.sign < 0, written(effort.down), "joint")
-        pieces += _force(top, np.array([-1.0, 0.0]), effort.sign < 0, written(effort.along), "joint")
-    along = any(acting.kind == "applied" and acting.along for part in chain for acting in part.efforts)
-    pieces += _weights(chain, centres, TILT if along else radians(5.0))
-    return _diagram(f"pendulum {first.place[0] + 1}", pieces)
-
-
-def _whole(bodies: FreeBodies) -> Diagram:
-    """The cart with its pendula: the forces from outside alone."""
-    pendula = bodies.pendula
-    longest = max(map(len, pendula))
-    scale = min(0.62, 1.3 / sum(cos(tilt) for tilt in TILTS[:longest]))
-    reach = scale * sum(sin(tilt) for tilt in TILTS[:longest])
-    pushed = any(effort.kind in {"drag", "applied"} for part in bodies.parts[1:] for effort in part.efforts)
-    places = [(reach + (1.0 if pushed else 0.5)) * k for k in range(len(pendula))]
-    left, right, high = -1.3, places[-1] + reach + (1.0 if pushed else 0.6), 0.85
-    pieces: list[Stroke | Lettering] = [_raised(piece, high) for piece in _box((right - left) / 2, (left + right) / 2)]
-    for chain, x in zip(pendula, places, strict=True):
-        links, centres, _ = _chain(chain, (x, high), scale)
-        pieces += [*links, *_weights(chain, centres)]
-    for k, x in enumerate((left + 0.2, right - 0.2)):
-        wheel = np.array([x, high - TALL / 2 - 2 * WHEEL])
-        R = rf"{normal(bodies.letters)}_{{{k + 1}}}"
-        pieces += _force(wheel, np.array([0.0, -1.0]), False, R, "force")
-    pieces.append(Stroke("arrow", ((-0.76, high), (-0.76, high - 0.5)), "force"))
-    pieces.append(Lettering(f"${written('m_c g')}$", -0.76, high - 0.63, "force"))
-    held = bool(beside := list(_on_cart(bodies, right, high)))
-    pieces += beside
-    middle = (LEFT + RIGHT) / 2 - (left + right) / 2 - 0.3 * held
-    return _diagram(
-        "whole scene", [_moved(piece, middle) for piece in pieces], 1 if right - left + 0.6 * held < 4.3 else 2
-    )
-
-
-def _raised(piece: Stroke | Lettering, height: float) -> Stroke | Lettering:
-    if isinstance(piece, Lettering):
-        return piece._replace(y=piece.y + height)
-    return piece._replace(points=tuple((x, y + height) for x, y in piece.points))
 
 
 # ------------------------------------------------------------------------------------------------- with matplotlib
@@ -651,7 +178,7 @@ def _arrow(axis: Axes, stroke: Stroke, hue: str) -> None:
         points = points[-3:]
     look: dict[str, Any] = {"color": hue, "lw": stroke.width, "shrinkA": 0, "shrinkB": 0, "zorder": 5}
     style = "<->" if stroke.kind == "measure" else "-|>"
-    start, end = _point(points[0]), _point(points[-1])
+    start, end = point(points[0]), point(points[-1])
     axis.add_patch(FancyArrowPatch(start, end, arrowstyle=style, mutation_scale=10, **look))
 
 

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import json
-import subprocess
 from base64 import b64encode
 from copy import deepcopy
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
-from shutil import which
 from typing import Any
 
 import numpy as np
 import pytest
-from live import assert_rows
+from live import NEEDS_NODE, assert_rows, said_by_node
 
 from modal import natural_modes
 from modal.assembly import matrices
@@ -27,8 +25,7 @@ from nonlinear import simulate
 from nonlinear.dynamics import Mechanics, Minimal, Recursion
 from nonlinear.system import Motion, initial_state, system_of
 
-NODE = which("node")
-pytestmark = [pytest.mark.slow, pytest.mark.skipif(NODE is None, reason="no Node is installed here")]
+pytestmark = [pytest.mark.slow, NEEDS_NODE]
 
 SHIPPED = ("two-bobs", "two-swings", "tower", "beam", "ship-crane")
 ZOO: dict[str, Any] = {
@@ -158,14 +155,7 @@ def answers() -> dict[str, Any]:
         question = QUESTION % {key: json.dumps(value) for key, value in asked_with.items()}
         modules = joined((*PHYSICS, "numbers", "view"), scene)
         scripts.append(f"{json.dumps(name)}: (() => {{ {modules}\n{question} }})()")
-    return asked(f"process.stdout.write(JSON.stringify({{ {', '.join(scripts)} }}));")
-
-
-def asked(script: str) -> Any:
-    assert NODE is not None
-    done = subprocess.run([NODE, "-"], input=script, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr[-2000:]
-    return json.loads(done.stdout)
+    return said_by_node(f"process.stdout.write(JSON.stringify({{ {', '.join(scripts)} }}));")
 
 
 EVERY = pytest.mark.parametrize("name", NAMES)
@@ -390,7 +380,7 @@ def pages() -> dict[str, Any]:
             f"answers[{json.dumps(name)}] = (() => {{ const given = {json.dumps(page_data)};\n{browser}\n"
             f"{joined(scene=scene_of(name))}\nreturn {hand}; }})();"
         )
-    return asked(f"const answers = {{}};\n{' '.join(scripts)}\nprocess.stdout.write(JSON.stringify(answers));")
+    return said_by_node(f"const answers = {{}};\n{' '.join(scripts)}\nprocess.stdout.write(JSON.stringify(answers));")
 
 
 @EVERY

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import json
-import subprocess
 from copy import deepcopy
-from shutil import which
 from typing import Any
 
 import numpy as np
 import pytest
+from live import NEEDS_NODE, said_by_node
 
 from modal.errors import SceneError
 from modal.scene import parse, scene_from
@@ -20,9 +19,6 @@ from nonlinear import simulate
 from nonlinear.dynamics import complementarity
 from nonlinear.integration import switching_source
 from nonlinear.system import initial_state
-
-NODE = which("node")
-NEEDS_NODE = pytest.mark.skipif(NODE is None, reason="no Node is installed here")
 
 SECONDS, SAMPLES, CLOSE = 3.0, 7, 1e-9
 SMALL = ("forces", "both ways")
@@ -165,14 +161,7 @@ def answers() -> dict[str, Any]:
         asked_with["small"] = name in SMALL
         question = QUESTION % {key: json.dumps(value) for key, value in asked_with.items()}
         scripts.append(f"{json.dumps(name)}: (() => {{ {joined(PHYSICS, scene)}\n{question} }})()")
-    return asked(f"process.stdout.write(JSON.stringify({{ {', '.join(scripts)} }}));")
-
-
-def asked(script: str) -> Any:
-    assert NODE is not None
-    done = subprocess.run([NODE, "-"], input=script, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr[-2000:]
-    return json.loads(done.stdout)
+    return said_by_node(f"process.stdout.write(JSON.stringify({{ {', '.join(scripts)} }}));")
 
 
 @NEEDS_NODE
@@ -239,7 +228,9 @@ def test_scalar_functions_compute_what_python_does() -> None:
     text = f"const [EXCESS, UNBOUNDED] = [{complementarity.EXCESS}, {complementarity.UNBOUNDED}];"
     source = switching_source().partition("def on_rail")[0]
     text += HELPERS + functions_of(source)
-    mine = asked(f"{text}\nprocess.stdout.write(JSON.stringify({json.dumps(cases)}.map((one) => consistent(...one))));")
+    mine = said_by_node(
+        f"{text}\nprocess.stdout.write(JSON.stringify({json.dumps(cases)}.map((one) => consistent(...one))));"
+    )
     assert mine == [list(complementarity.consistent(*case)) for case in cases]
 
 

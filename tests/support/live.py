@@ -21,6 +21,16 @@ from multipendula.page import joined, page, scene_data
 from multipendula.page.document import PHYSICS
 
 BROWSER = pytest.mark.skipif(chromium.executable() is None, reason="no Chromium is installed here")
+NODE = which("node")
+NEEDS_NODE = pytest.mark.skipif(NODE is None, reason="no Node is installed here")
+
+
+def said_by_node(script: str) -> Any:
+    """What a script of JavaScript writes to standard output, as JSON."""
+    assert NODE is not None
+    done = subprocess.run([NODE, "-"], input=script, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr[-2000:]
+    return json.loads(done.stdout)
 
 
 def physics(browser: chromium.Chromium, folder: Path) -> None:
