@@ -473,11 +473,12 @@ def describe(part: Part) -> dict[str, Any]:
     for name, entry in part.fields.items():
         value = getattr(part, name)
         if name != "kind" and value is not None and (entry.is_required or value != entry.default):
-            described[name] = _plain(value)
+            described[name] = plain_data(value)
     return described
 
 
-def _plain(value: Any) -> Any:
+def plain_data(value: Any) -> Any:
+    """A value of a part as `describe` has it."""
     if isinstance(value, Part):
         return describe(value)
-    return [_plain(item) for item in value] if isinstance(value, tuple) else value
+    return [plain_data(item) for item in value] if isinstance(value, tuple) else value

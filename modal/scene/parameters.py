@@ -20,7 +20,8 @@ from numpy.typing import ArrayLike
 
 from modal.errors import SceneError, meant
 from modal.report import Displayed, Summary
-from modal.scene.model import Scene, describe, scene_from
+from modal.scene.links import Escapement
+from modal.scene.model import Scene, describe, plain_data, scene_from
 from modal.scene.validation import LARGEST, SMALLEST, Part
 from modal.types import Floats
 
@@ -130,9 +131,11 @@ def with_numbers(place: Place) -> str:
     return "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in place).removeprefix(".")
 
 
-def is_of_switch(place: Place) -> bool:
+def is_of_switch(scene: Scene, place: Place) -> bool:
     """Whether a number is one of an escapement or of dry friction."""
-    return place[-1] in {"impulse", "angle_deg", "friction", "friction_coefficient"}
+    if place[-1] in {"friction", "friction_coefficient"}:
+        return True
+    return place[-2:-1] == ("drive",) and isinstance(_at(scene, place[:-1]), Escapement)
 
 
 def vary(scene: Scene, values: Mapping[str, float]) -> Scene:
@@ -161,14 +164,16 @@ class Variable:
         for path, places in self.places.items():
             value = float(values[path])
             for place in places:
-                _put(self._data, place, int(value) if place[-1] == "count" and value.is_integer() else value)
+                self._put(place, int(value) if place[-1] == "count" and value.is_integer() else value)
         return scene_from(self._data)
 
-
-def _put(data: Any, place: Place, value: float) -> None:
-    for step in place[:-1]:
-        data = data[step]
-    data[place[-1]] = value
+    def _put(self, place: Place, value: float) -> None:
+        """The value at a place of the data, from which parts that are left at their defaults are missing."""
+        data, part = self._data, self.scene
+        for step in place[:-1]:
+            part = _stepped(part, step)
+            data = data.setdefault(step, plain_data(part)) if isinstance(data, dict) else data[step]
+        data[place[-1]] = value
 
 
 def _steps(at: Any, word: str) -> list[tuple[Step, Any]]:
@@ -199,15 +204,19 @@ def _is_number(value: object) -> bool:
 
 
 def _unknown(scene: Scene, name: str, path: str) -> str:
-    numbers = sorted(map(with_numbers, _numbers(scene)))
+    numbers = number_paths(scene)
     hint = meant(name, numbers, near=NEAR)
     if ".start." in name and not any(".start." in place for place in numbers):
         hint = ": its file gives no pendulum a `start`"
     return f"{path}: " + ("" if name == path else f"{name} ") + "is not a number of this scene" + hint
 
 
+def number_paths(scene: Scene) -> list[str]:
+    """The path of every number, whether it is written in the file or left at its default."""
+    return sorted(map(with_numbers, _numbers(scene)))
+
+
 def _numbers(part: Any, at: Place = ()) -> Iterator[Place]:
-    """Every place of a number, whether it is written in the file or left at its default."""
     if isinstance(part, Part):
         for name in part.fields.keys() - MATRICES:
             yield from _numbers(getattr(part, name), (*at, name))

@@ -21,6 +21,7 @@ from nonlinear.integration.readiness import reproducible
 from nonlinear.simulation import simulate
 from nonlinear.system import Layout, Numbers, apart, numbers_of
 
+DISAGREES = "run by itself, it ends"
 Engine = Callable[[Numbers, Floats, Wanted], MemberResults]
 
 
@@ -87,14 +88,15 @@ def _chunk(
         columns |= states(context.layout, results.y.T)
     if question.times:
         columns |= states(context.layout, kept)
-    failed = [*results.reasons]
+    differences = _differences(question, part, block, context.layout, results)
+    failures = results.reasons | _disagreements(part, block, results, differences)
+    failed = [*failures]
     for values in columns.values():
         values[failed] = np.nan
-    reasons = block.reasons | {int(block.places[k]): reason for k, reason in results.reasons.items()}
+    reasons = block.reasons | {int(block.places[k]): reason for k, reason in failures.items()}
     whole = {name: _placed(values, block, part.size) for name, values in columns.items()}
     if results.crossed is not None:
         whole |= _crossings(context.layout, part, block, results)
-    differences = _differences(question, part, block, context.layout, results)
     numbered = {part.first + place: reason for place, reason in sorted(reasons.items())}
     return Chunk(part.first, part.size, whole, numbered, differences)
 
@@ -162,6 +164,19 @@ def _differences(
         distance = apart(layout.read(results.y[None, :, column]), run.motion.at(slice(-1, None)))
         result[number] = float(distance[0]) if known else float("nan")
     return result
+
+
+def _disagreements(
+    part: MemberPart, block: MemberBlock, results: MemberResults, differences: dict[int, float]
+) -> dict[int, str]:
+    """Why checked members are not believed, by their columns: two right answers differ by the errors of both at most."""
+    reasons = {}
+    for number, difference in differences.items():
+        column = int(np.searchsorted(block.places, number - part.first))
+        error = float(results.error[column])
+        if difference > 2 * error:
+            reasons[column] = f"{DISAGREES} {difference:.1e} rad from it, with an estimated error of {error:.1e} rad"
+    return reasons
 
 
 def _one_by_one(question: EnsembleRequest, part: MemberPart) -> Chunk:

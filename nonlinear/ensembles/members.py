@@ -25,7 +25,6 @@ from modal.scene.parameters import (
     Variation,
     Vary,
     find_places,
-    is_of_switch,
     parse_vary,
 )
 from modal.types import Floats, Ints
@@ -89,16 +88,14 @@ class MemberPart:
         reasons = self._reasons()
         good = np.array([place for place in range(self.size) if place not in reasons], dtype=np.int64)
         differing, numbers = {place: values[good] for place, values in self._at.items()}, self.numbers(good)
-        states = self.states.at(good) if self.states is not None else self._begun(differing, len(good))
-        begun = replace(states, work=np.zeros(len(good)))
+        begun = replace(self._starts(good, differing), work=np.zeros(len(good)))
         y = np.ascontiguousarray(layout.rows(begun).T)
         return MemberBlock(good, numbers, y, reasons)
 
     def numbers(self, good: Ints) -> Numbers:
         """The numbers of the members at these places; SceneError where switches cannot be."""
         others = {place: values[good] for place, values in self._at.items() if "start" not in place}
-        entries = {place: values for place, values in others.items() if not is_of_switch(place)}
-        numbers = numbers_of(self.scene, entries, modal=self._dampers(entries, good))
+        numbers = numbers_of(self.scene, others, modal=self._dampers(others, good))
         if (system := numbers.system).kicked or system.rubs:
             every = [self.scene_of(int(place)) for place in good] if others else [self.scene]
             values = np.array([switching_of(system_of(scene)) for scene in every]).T
@@ -110,7 +107,8 @@ class MemberPart:
         if not others or not (self.scene.has_modal_damping or any(place[0] == RATIO for place in others)):
             return None
         dampers = [system_of(self.scene_of(int(place))).modal_damping for place in good]
-        size = system_of(self.scene).n_links + (self.scene.cart is not None)
+        system = system_of(self.scene)
+        size = system.first + system.n_links
         none = np.zeros((size, size))
         return np.array([none if D is None else D for D in dampers]).reshape(len(dampers), size, size)
 
@@ -126,8 +124,18 @@ class MemberPart:
                 reasons[place] = " ".join(str(error).split())
         return reasons
 
-    def _begun(self, differing: Mapping[Place, Floats], size: int) -> Motion:
-        """The starts of the scene, with other numbers at some places."""
+    def _starts(self, good: Ints, differing: Mapping[Place, Floats]) -> Motion:
+        """The starts of the members at these places."""
+        if self.states is not None:
+            return self.states.at(good)
+        pendula = self.scene.pendulum
+        angles_alone = all(place[0] == "pendulum" and place[-2] in STARTING for place in differing if "start" in place)
+        if angles_alone and not any(pendulum.start and pendulum.start.spread for pendulum in pendula):
+            return self._turned(differing, len(good))
+        return motion_of([self.state_of(int(place)) for place in good])
+
+    def _turned(self, differing: Mapping[Place, Floats], size: int) -> Motion:
+        """The start of the scene with other angles and rates of some links."""
         begun = initial_state(self.scene)
         parts = [np.repeat(values[None], size, axis=0) for values in (begun.links, begun.link_rates)]
         at = np.cumsum([0, *(pendulum.count * pendulum.n_links for pendulum in self.scene.pendulum)])
@@ -239,17 +247,21 @@ def _varied(scene: Scene, vary: Vary | None, started: bool) -> tuple[tuple[Varia
     return axes, lists
 
 
+def motion_of(states: Sequence[State]) -> Motion:
+    """States as rows, without work."""
+    links, rates, cart, speed, *carried = (
+        np.array([getattr(state, part) for state in states])
+        for part in ("links", "link_rates", "cart", "cart_rate", "supports", "support_rates")
+    )
+    return Motion(links, rates, cart, speed, np.zeros(len(states)), *carried)
+
+
 def _states(scene: Scene, starts: Starts) -> Motion:
     system = system_of(scene)
     if isinstance(starts, Motion):
         return starts
     if isinstance(starts, Sequence) and len(starts) and isinstance(starts[0], State):
-        states = [validate_state(state, system) for state in starts]  # type: ignore[arg-type]
-        links, rates, cart, speed, *carried = (
-            np.array([getattr(state, part) for state in states])
-            for part in ("links", "link_rates", "cart", "cart_rate", "supports", "support_rates")
-        )
-        return Motion(links, rates, cart, speed, np.zeros(len(states)), *carried)
+        return motion_of([validate_state(state, system) for state in starts])  # type: ignore[arg-type]
     try:
         angles = np.array(starts, dtype=float)
     except (TypeError, ValueError):

@@ -165,7 +165,7 @@ def _switching(scene: Scene, members: Members, places: list[Place]) -> str:
     if not switching:
         return ""
     if switching - scene.features or any(
-        is_of_switch(place) and np.any(values == 0)
+        is_of_switch(scene, place) and np.any(values == 0)
         for path, values in members.values.items()
         for place in find_places(scene, path)
     ):

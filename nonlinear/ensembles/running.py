@@ -24,7 +24,7 @@ from modal.report import Displayed, Summary, counted, silent
 from modal.scene import Scene, name_of, require
 from modal.scene.parameters import Vary
 from modal.types import Floats
-from nonlinear.ensembles.computing import Chunk, compute, engine_of
+from nonlinear.ensembles.computing import DISAGREES, Chunk, compute, engine_of
 from nonlinear.ensembles.costs import Decision, choose_engine, seconds_of
 from nonlinear.ensembles.executors import DIED, WorkerPool, cores, processes, spread
 from nonlinear.ensembles.measures import requested_measures, validate_measures
@@ -168,6 +168,10 @@ class Ensemble(Displayed):
             lines.append(f"{count} members run by themselves differ by at most {self.largest_difference:.1e} rad")
         if self.failures:
             lines.append(f"{len(self.failures)} failed")
+        if untrue := [member for member, reason in self.failures.items() if reason.startswith(DISAGREES)]:
+            names = "members " * (len(untrue) > 1) or "member "
+            more = "members that were not checked may be wrong as well"
+            lines += [f"warning: {names}{', '.join(map(str, untrue))}: {self.failures[untrue[0]]}: {more}"]
         return "\n".join(lines)
 
 

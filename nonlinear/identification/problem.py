@@ -371,7 +371,7 @@ class FitProblem(Displayed):
         """Which numbers of switches are how many times a free one, by its place: all are proportional to theirs."""
         shares, numbers = {}, np.array(switching_of(self.system))
         for parameter in self.parameters:
-            if is_of_switch(parameter.place) and len(numbers):
+            if is_of_switch(self.scene, parameter.place) and len(numbers):
                 now = number_at(self._rubbing, parameter.place)
                 twice = switching_of(system_of(scene_with(self._rubbing, {parameter.path: 2 * now})))
                 shares[parameter.place] = [
@@ -385,6 +385,6 @@ class FitProblem(Displayed):
         none = {
             parameter.path: parameter.unit
             for parameter in self.parameters
-            if is_of_switch(parameter.place) and not parameter.value
+            if is_of_switch(self.scene, parameter.place) and not parameter.value
         }
         return scene_with(self.scene, none)

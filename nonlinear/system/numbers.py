@@ -230,8 +230,7 @@ def _row(link: AnyLink, replaced: Mapping[tuple[Any, ...], Floats]) -> list[Any]
     curb: Any = 0.0
     if link.drive is not None and not isinstance(link.drive, Escapement):
         strength = replaced.get(("drive", "strength"), link.drive.strength)
-        angle = replaced.get(("drive", "angle_deg"))
-        curb = strength / (radians(link.drive.angle_deg) if angle is None else np.radians(angle)) ** 2
+        curb = strength / (replaced.get(("drive", "angle_deg"), link.drive.angle_deg) * radians(1)) ** 2
     drag = (replaced.get((name,), getattr(link, name)) for name in DRAG)
     return [mass, length, centre, inertia, damping, stiffness, strength, curb, *drag]
 

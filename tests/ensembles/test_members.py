@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from amounts import usually
@@ -10,13 +12,15 @@ from support.scenes import complex_step
 
 from modal import load
 from modal.errors import SceneError
-from modal.scene import Bob, Cart, Fixed, InitialCondition, Pendulum, Rod, Scene, VanDerPol
-from modal.scene.parameters import vary
+from modal.scene import Bob, Cart, Fixed, InitialCondition, Pendulum, Rod, Scene, VanDerPol, refusals
+from modal.scene.parameters import find_places, number_at, number_paths, vary
 from nonlinear import simulate, system_of
 from nonlinear.dynamics import Generated, Lanes, lanes
-from nonlinear.ensembles import ensemble, members_of
+from nonlinear.ensembles import computing, ensemble, members_of
 from nonlinear.ensembles.energies import Accounts
-from nonlinear.system import State, apart, numbers_of
+from nonlinear.ensembles.question import refused
+from nonlinear.integration.switches import numbers_of as switching_of
+from nonlinear.system import State, apart, initial_state, numbers_of
 
 VARIED = {"gravity": (9.0, 11.0), "pendulum[0].links[0].mass": (0.5, 1.5), "pendulum[0].links[0].length": (0.7, 1.3)}
 
@@ -194,3 +198,74 @@ def test_all_wrong_arguments_are_named_at_once() -> None:
     with pytest.raises(SceneError) as told:
         ensemble(load("chain-2"), 1.0, starts=[[0.1, 0.2]], check=-1, chunk=0, share=(2, 1), workers=-3)
     assert [problem.split()[0] for problem in told.value.problems] == ["check", "chunk", "workers", "share"]
+
+
+KINDS = Path(__file__).parents[1] / "combinations" / "scenes"
+SPREAD_AND_DRIVEN = {"metronomes", "two-swings", "ship-crane"}
+
+
+def second_of(entries: tuple) -> np.ndarray:
+    return np.array([entry[1] if isinstance(entry, np.ndarray) else entry for entry in entries], dtype=float)
+
+
+@pytest.mark.slow
+def test_every_number_of_every_kind_of_scene_is_that_of_its_member() -> None:
+    """What engines are given, numbers and states, against those of the scene of the member alone."""
+    tried, scenes = 0, [load(str(path)) for path in sorted(KINDS.glob("*.toml"))]
+    scenes += map(load, sorted(SPREAD_AND_DRIVEN))
+    for scene in [scene for scene in scenes if not refusals(scene, "an ensemble")]:
+        for path in number_paths(scene):
+            value = number_at(scene, find_places(scene, path)[0])
+            other = 1.01 * value or 0.01
+            try:
+                members = members_of(scene, None, {path: [value, other]})
+                member = members.part(0, 2).scene_of(1)
+            except SceneError:  # a number that has one value alone, a scene without a start
+                continue
+            if path.endswith("count") or refused(members, 1.0, 1e-9):
+                continue
+            places = {place: np.ones(1) for place in find_places(scene, path) if "start" not in place}
+            layout = Lanes(numbers_of(scene, places, system_of(scene))).layout
+            block, alone = members.part(0, 2).block(layout), numbers_of(member)
+            np.testing.assert_allclose(second_of(block.numbers.entries), alone.entries, rtol=1e-14, err_msg=path)
+            np.testing.assert_allclose(second_of(block.numbers.prescribed), alone.prescribed, rtol=1e-12, err_msg=path)
+            if block.numbers.switching:
+                switching = switching_of(system_of(member))
+                np.testing.assert_allclose(second_of(block.numbers.switching), switching, rtol=1e-14, err_msg=path)
+            begun = layout.begin(initial_state(member))
+            np.testing.assert_allclose(block.y[:, 1], begun, rtol=1e-14, atol=1e-300, err_msg=path)
+            tried += 1
+    assert tried > 300
+
+
+def clock() -> Scene:
+    drive = VanDerPol(strength=0.2, angle_deg=8.0)
+    links = (Bob(mass=1.0, length=1.0, damping=0.01, drive=drive),)
+    return Scene(gravity=9.81, pendulum=(Pendulum(links=links, start=InitialCondition(angles_deg=(15.0,))),))
+
+
+def test_the_angle_of_a_van_der_pol_drive_is_that_of_each_member() -> None:
+    varied = {"pendulum[0].links[0].drive.angle_deg": [8.0, 10.0, 12.0, 20.0]}
+    runs = ensemble(clock(), 20.0, vary=varied, engine="numpy", workers=1, output=[20.0], check=4)
+    angles = np.degrees(runs.column("links_rad")[:, -1, 0])
+    np.testing.assert_allclose(angles, [13.758617, 16.245590, 17.952965, 15.648501], atol=1e-6)
+    assert not runs.failures
+    assert runs.largest_difference < 1e-9
+
+
+def test_a_member_that_disagrees_with_its_run_fails_by_name(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Which is what a wrong number among those of members looks like: a thousandth more gravity for one of them."""
+    engine = computing.engine_of("numpy")
+
+    def wrong(numbers, y, wanted):
+        gravity = numbers.entries[0] * np.array([1.0, 1.001, 1.0])
+        return engine(type(numbers)(numbers.system, (gravity, *numbers.entries[1:])), y, wanted)
+
+    options = {"vary": {"gravity": [9.0, 9.5, 10.0]}, "engine": "numpy", "workers": 1, "check": 3}
+    assert not ensemble(load("chain-2").replace(pendulum=clock().pendulum), 5.0, **options).failures
+    monkeypatch.setattr(computing, "engine_of", lambda name: wrong)
+    runs = ensemble(load("chain-2").replace(pendulum=clock().pendulum), 5.0, **options)
+    assert list(runs.failures) == [1]
+    assert "run by itself" in runs.failures[1]
+    assert np.isnan(runs.final.links[:, 0]).tolist() == [False, True, False]
+    assert "warning: member 1:" in runs.words()

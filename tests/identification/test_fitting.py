@@ -212,6 +212,7 @@ def test_scenes_that_cannot_be_fitted(change: dict[str, Any], words: str) -> Non
 
 SWITCHED = {
     "escapement": {"pendulum[0].links[0].drive.impulse": 0.07, "pendulum[0].links[0].drive.angle_deg": 2.3},
+    "van_der_Pol": {"pendulum[0].links[0].drive.strength": 1.5, "pendulum[0].links[0].drive.angle_deg": 6.5},
     "moved_horizontal": {"pendulum[0].links[0].length": 1.03, "gravity": 9.7},
     "hoist_and_drag": {"pendulum[0].links[0].drag": 0.08, "pendulum[0].links[0].mass": 1.3},
     "rail_coefficient": {"support.friction_coefficient": 0.04},
