@@ -169,7 +169,7 @@ def _differences(
 def _disagreements(
     part: MemberPart, block: MemberBlock, results: MemberResults, differences: dict[int, float]
 ) -> dict[int, str]:
-    """Why checked members are not believed, by their columns: two right answers differ by the errors of both at most."""
+    """Why checked members are not believed, by column: two right answers differ by the errors of both at most."""
     reasons = {}
     for number, difference in differences.items():
         column = int(np.searchsorted(block.places, number - part.first))
