@@ -95,24 +95,25 @@ class CoupledPendula:
             np.einsum("imp,mpr->ipr", modes.turn, part * cart)
             for modes, part in zip(self.modes, amplitudes, strict=True)
         )
-        felt, twice = (self._sums(rows, power) for power in (1, 2))
+        felt, twice = (self._sums(rows, cart, power) for power in (1, 2))
         energies = tuple(
-            _scaled_to(kinetic(block, joints(cart, a), a), whole * cart**2)
+            _scaled_to(kinetic(block, joints(cart, a), a), whole)
             for block, a, whole in zip(self.blocks, turns, twice, strict=True)
         )
         modal_mass = self.cart.mass * cart**2 + sum(part.sum((0, 1)) for part in energies)
         held = self.cart.stiffness / x * cart
-        push = (self.cart.mass + sum(part.sum(0) for part in felt)) * cart - held
+        push = self.cart.mass * cart + sum(part.sum(0) for part in felt) - held
         return ChainShapes(cart, turns, energies, modal_mass, held, np.abs(push * cart) / modal_mass)
 
-    def _sums(self, rows: Ints, power: int) -> list[Floats]:
-        """α + Σ μ_r (λ_r/(λ_r − x))^power of every pendulum, for each block (P, R)."""
+    def _sums(self, rows: Ints, cart: Floats, power: int) -> list[Floats]:
+        """Xᵖ (α + Σ μ_r (λ_r/(λ_r − x))ᵖ) of every pendulum for a power p, for each block (P, R); X is `cart` (R,)."""
         sums = []
         for block, modes, squares, distance in zip(
             self.blocks, self.modes, self.fixed, self._distances(rows), strict=True
         ):
             weight = (modes.momentum**2 / modes.modal_mass)[..., None]
-            sums.append(at_infinity(block)[0][:, None] + (weight * (squares[..., None] / distance) ** power).sum(0))
+            still, moved = at_infinity(block)[0][:, None], squares[..., None] * (cart / distance)
+            sums.append(still * cart**power + (weight * moved**power).sum(0))
         return sums
 
     def _distances(self, rows: Ints) -> list[Floats]:

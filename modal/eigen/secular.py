@@ -155,7 +155,7 @@ def _rising_zero(function: Callable[[Floats], Floats], high: Floats, at_low: Flo
     """
     low, last = np.zeros_like(high), np.zeros_like(high)
     for _ in range(MAX_STEPS):
-        trial = np.clip((low * at_high - high * at_low) / (at_high - at_low), low, high)
+        trial = np.clip(low + (high - low) * (at_low / (at_low - at_high)), low, high)
         if np.all(np.abs(trial - last) <= 4e-16 * trial):
             return trial
         value = function(trial)

@@ -98,7 +98,7 @@ class Tree:
         stiffness = self.stiffness[i] - inertia + passed
         near, far = self.spring[i] * self.near[i] ** 2, self.spring[i] * self.far[i] ** 2
         pivot = far + stiffness
-        size = self.stiffness[i] + np.abs(inertia) + np.abs(passed) + far
+        size = self.stiffness[i] + x * (self.mass[i] + np.abs(felt)) + np.abs(passed) + far
         return stiffness, np.where(pivot == 0, -NUDGE * size, pivot), float(near)
 
     def take(self, supports: Ints | slice) -> Tree:

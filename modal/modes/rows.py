@@ -12,6 +12,7 @@ import numpy as np
 
 from modal.assembly import Block, Rig
 from modal.eigen import Details, ModeSwing, SpectrumPart, distortion, largest_angle, one_percent_amplitude
+from modal.errors import ComputationError
 from modal.modes.eigenvalues import Eigenvalues
 from modal.modes.labels import (
     CART_MOVES,
@@ -30,6 +31,7 @@ from modal.modes.shapes import first_of_largest, is_balanced
 from modal.structure import coordinate_units
 from modal.types import Floats, Ints
 
+BEYOND_DOUBLE = "beyond double precision"
 LIGHTLY = 0.1
 """Damping ratio up to which a mode has an amplitude coefficient, as in `modal.eigen.matrix_source`."""
 
@@ -70,7 +72,7 @@ def described(modes: Eigenvalues, numbers: Sequence[int]) -> Iterator[tuple[int,
     pieces = _pieces(modes, sorted({*numbers, *(k for pairs in asked.values() for _, k in pairs)}))
     for n in numbers:
         mode = _mode(modes, n, pieces[n])
-        answers = _answers(modes, n, asked[n], pieces) if mode.kappa and not near[n] else []
+        answers = _answers(modes, n, asked[n], pieces) if isfinite(mode.kappa) and mode.kappa and not near[n] else []
         yield n, replace(mode, resonances=(*near[n], *answers) if isfinite(mode.kappa) else ())
 
 
@@ -82,16 +84,28 @@ def _pieces(modes: Eigenvalues, numbers: Sequence[int]) -> dict[int, list[_RowPa
     pieces: dict[int, list[_RowPart]] = {n: [] for n in numbers}
     for source, members in groupby(needed, key=lambda entry: entry[0].source):
         numbers_of = list(members)
-        details = modes.spectrum.details(source, [part.row for part, _ in numbers_of])
-        for at, (part, n) in enumerate(numbers_of):
-            pieces[n].append(_RowPart(part, details, at))
+        for (part, n), place in zip(
+            numbers_of, _details(modes, source, [part.row for part, _ in numbers_of]), strict=True
+        ):
+            pieces[n] += [_RowPart(part, *place)] if place else []
     return pieces
+
+
+def _details(modes: Eigenvalues, source: int, rows: list[int]) -> list[tuple[Details, int] | None]:
+    """The details of each row of a source and its place in them; None where double precision does not suffice."""
+    try:
+        details = modes.spectrum.details(source, rows)
+    except ComputationError:
+        return [None] if len(rows) == 1 else [_details(modes, source, [row])[0] for row in rows]
+    return [(details, at) for at in range(len(rows))]
 
 
 def _mode(modes: Eigenvalues, number: int, pieces: list[_RowPart]) -> Mode:
     """One row: sums over its pieces, and the shape of the one that moves most of the scene."""
-    head, unit = _head(pieces), modes.units.mass
-    ratio = float(modes.damping_ratio[number])
+    ratio, unit = float(modes.damping_ratio[number]), modes.units.mass
+    if not pieces:
+        return _without_shape(modes, number, ratio)
+    head = _head(pieces)
     certain = 1.0 if modes.error[number] < UNCERTAIN else np.nan
     effective = certain * unit * sum(piece.effective_mass(modes.rig) for piece in pieces)
     light = not modes.is_classical or ratio < LIGHTLY
@@ -115,9 +129,31 @@ def _mode(modes: Eigenvalues, number: int, pieces: list[_RowPart]) -> Mode:
     )
 
 
+def _without_shape(modes: Eigenvalues, number: int, ratio: float) -> Mode:
+    """The row of a mode of which no more than the frequency is known."""
+    unknown = dict.fromkeys(
+        (
+            *("cart_participation", "effective_mass", "effective_mass_share", "effective_mass_across"),
+            *("kappa", "linear_to_1_percent_deg", "residual"),
+        ),
+        np.nan,
+    )
+    return Mode(
+        number=modes.first + number + 1,
+        omega=float(modes.omega[number]),
+        damping_ratio=ratio,
+        multiplicity=int(modes.multiplicity[number]),
+        family=f"its shape is {BEYOND_DOUBLE}",
+        resonances=(),
+        relative_error_bound=float(modes.error[number]),
+        indistinct=bool(modes.indistinct[number]),
+        **unknown,
+    )
+
+
 def _family(modes: Eigenvalues, number: int, head: _RowPart, ratio: float) -> str:
     if np.isnan(ratio):
-        return "beyond double precision"
+        return BEYOND_DOUBLE
     details, at = head.details, head.at
     if modes.rig.structure:
         return _on_structure(modes, number, head, ratio)

@@ -153,13 +153,15 @@ def draw_curves(
         unit, (slot, period) = STRIPE / width, SLOTS.get(below, (0, 1))
         broken = ((period - slot) * unit, (unit, (period - 1) * unit))
         marks = {"ms": style["ms"] * SMALLER**below} if "ms" in style else {}
-        look: dict[str, Any] = {"color": colour(number), "lw": width, **style, **marks, **spots(number)}
+        look: dict[str, Any] = {"color": colour(number), "lw": width, **style, **marks}
         label = names[k] if names else f"_{k}"
         if period == 1 or not upon.any():
-            axis.plot(x, y, label=label, **look)
+            axis.plot(x, y, label=label, **look, **spots(number, places[k].sum(0)))
             continue
-        axis.plot(x, np.where(_widened(~upon), y, np.nan), label=label, **look)
-        axis.plot(x, np.where(upon, y, np.nan), label=f"_{label}", ls=broken, dash_capstyle="butt", **look)
+        free = _widened(~upon)
+        axis.plot(x, np.where(free, y, np.nan), label=label, **look, **spots(number, places[k][:, free].sum(0)))
+        dashes = {"ls": broken, "dash_capstyle": "butt", **spots(number, places[k][:, upon].sum(0))}
+        axis.plot(x, np.where(upon, y, np.nan), label=f"_{label}", **look, **dashes)
     return any(dense)
 
 
@@ -212,7 +214,8 @@ def _band(axis: Axes, edges: Floats, ends: tuple[Floats, Floats], name: str, hue
 
 
 def _read(values: Floats, *, log: bool) -> Floats:
-    return np.log(np.where(values > 0, values, np.nan)) if log else values
+    known = np.where(np.isfinite(values), values, np.nan)
+    return np.log(np.where(known > 0, known, np.nan)) if log else known
 
 
 def _places(curves: Sequence[tuple[Floats, Floats]], size: tuple[int, int]) -> list[Floats]:

@@ -37,7 +37,7 @@ def hoist_figure(along: Along) -> Figure:
     axes = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
     for axis, (values, names, words) in zip(axes, panels, strict=True):
         for k, name in enumerate(names):
-            axis.plot(along.times, values[:, k], color=colour(k), label=name, **spots(k))
+            axis.plot(along.times, values[:, k], color=colour(k), label=name, **spots(k, values[:, k]))
         framed(axis, "time (s)" if axis is axes[-1] else "", words)
         axis.set_xlim(along.times[0], along.times[-1])
         legend(axis)

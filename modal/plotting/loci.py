@@ -55,7 +55,8 @@ def loci_figure(loci: Loci) -> Figure:
 def _locus(axis: Axes, loci: Loci, k: int) -> Line2D:
     fold = f" ({loci.multiplicity[k]}-fold)" if loci.multiplicity[k] > 1 else ""
     label = f"locus {loci.names[k]}{fold}"
-    return axis.plot(loci.values, loci.omega[:, k], color=colour(k), zorder=3, label=label, **spots(k))[0]
+    omega = loci.omega[:, k]
+    return axis.plot(loci.values, omega, color=colour(k), zorder=3, label=label, **spots(k, omega))[0]
 
 
 def _mark(axis: Axes, meeting: CloseApproach) -> None:

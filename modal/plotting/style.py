@@ -19,6 +19,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_hex, to_rgb
 from matplotlib.figure import Figure
 
+from modal.types import Floats
+
 WIDTH, WIDE = 8.0, 10.5
 """Width in inches of a figure of one column, and of several."""
 KEPT = ("axes", "figure", "font", "grid", "hatch", "lines", "mathtext", "patch", "savefig", "text", "xtick", "ytick")
@@ -108,9 +110,13 @@ def colour(k: int) -> str:
     return to_hex(cycle[k % HUES % len(cycle)])
 
 
-def spots(k: int) -> dict[str, Any]:
-    """The style of the sparse hollow marks of curve k: none, circles, squares, another each time the colours repeat."""
-    marker = SPOTS[k // HUES % len(SPOTS)]
+def spots(k: int, values: Floats | None = None) -> dict[str, Any]:
+    """The style of the sparse hollow marks of curve k: none, circles, squares, another each time the colours repeat.
+
+    None either where none of the `values` is finite: matplotlib cannot space marks along nothing.
+    """
+    seen = values is None or np.isfinite(values).any()
+    marker = SPOTS[k // HUES % len(SPOTS)] if seen else ""
     every = (0.02 * (k % HUES), 0.14)
     return {"marker": marker, "ms": 4.5, "mfc": paper(), "mew": 1.1, "markevery": every} if marker else {}
 

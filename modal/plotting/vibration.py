@@ -66,7 +66,7 @@ def random_figure(response: RandomResponse) -> Figure:
         for place, k in enumerate(shown):
             words = f"{response.outputs[k].name}, RMS {_size(response.rms[k])} {unit}"
             drawn = np.where((psd[k] > 0) & np.isfinite(psd[k]), psd[k], np.nan)
-            axis.plot(f, drawn, color=colour(place), lw=thickness(place, 1.8), label=words, **spots(place))
+            axis.plot(f, drawn, color=colour(place), lw=thickness(place, 1.8), label=words, **spots(place, drawn))
         sizes = psd[shown][np.isfinite(psd[shown])]
         if sizes.size and sizes.max() > 0:
             axis.set_ylim(bottom=max(sizes[sizes > 0].min() / 2, DEEPEST * sizes.max()))

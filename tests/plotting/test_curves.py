@@ -320,10 +320,41 @@ def test_two_lines_at_the_resolution_are_two_peaks() -> None:
     assert omega[peaks] == pytest.approx([9, 9 + apart], abs=0.1)
 
 
-@pytest.mark.parametrize("outputs", [[1], [0, 1]])
+DEGENERATE = {
+    "empty": lambda y: y[:0],
+    "constant": np.zeros_like,
+    "nan": lambda y: np.full_like(y, np.nan),
+    "infinite": lambda y: np.full_like(y, np.inf),
+    "of one point": lambda y: y[:1],
+}
+
+
+@pytest.mark.parametrize("kind", DEGENERATE)
+@pytest.mark.parametrize("log", ["", "x", "xy"])
+@pytest.mark.parametrize("bands", [False, True])
+def test_curves_of_nothing_are_drawn_as_nothing_beside_others(kind: str, log: str, bands: bool) -> None:
+    """In every place of the colours and marks, among curves that are upon each other and alone."""
+    x = np.linspace(0.5, 3.0, 200)
+    good = [(x, 2 + np.sin((k // 2) * x)) for k in range(9)]
+    bad = [(DEGENERATE[kind](x), DEGENERATE[kind](y)) for x, y in good]
+    if kind in {"nan", "infinite", "constant"}:
+        bad = [(x, y) for _, y in bad]
+    for curves in (bad, [bad[k] if k % 3 == 0 else good[k] for k in range(9)]):
+        with theme("light"):
+            figure = sheet(8.0, 3.0)
+            axis = figure.subplots()
+            draw_curves(axis, curves, names=[f"curve {k}" for k in range(9)], log=log, bands=bands)
+            if log:
+                axis.set_xscale("log")
+            figure.draw_without_rendering()
+            drawn = [np.isfinite(np.asarray(line.get_ydata(), dtype=float)).any() for line in axis.lines]
+    assert any(drawn)
+
+
+@pytest.mark.parametrize("outputs", [[1], [0, 1], list(range(9))])
 def test_an_output_that_the_input_does_not_reach_is_drawn_as_nothing(outputs: list[int]) -> None:
-    """Two pendula on a fixed support: the torque on one leaves the other at rest."""
-    links = ((Bob(mass=1.0, length=1.0),), (Bob(mass=1.0, length=2.0),))
+    """Pendula on a fixed support, also more than there are colours: the torque on one leaves the others at rest."""
+    links = [(Bob(mass=1.0, length=1.0 + k),) for k in range(max(2, len(outputs)))]
     scene = Scene(gravity=9.81, pendulum=tuple(Pendulum(links=chain) for chain in links))
     with theme("light"):
         figure = bode_figure(to_modal_form(natural_modes(scene), state_space(scene)), outputs=outputs)
