@@ -603,7 +603,8 @@ def require(scene: Scene, capability: str, *more: str) -> None:
 def left_out(scene: Scene, capability: str = "the table of modes") -> tuple[str, ...]:
     """What a capability leaves out of a scene, a sentence each."""
     require_type("scene", scene, "Scene")
-    return tuple(dict.fromkeys(words for _, words in _met(CAPABILITIES[capability].leaves, scene.features)))
+    idle = [f"spring[{k}] does nothing: its stiffness and damping are 0." for k in scene.idle_springs]
+    return tuple(dict.fromkeys([*(words for _, words in _met(CAPABILITIES[capability].leaves, scene.features)), *idle]))
 
 
 def one_by_one(scene: Scene, *more: str) -> str:

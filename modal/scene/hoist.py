@@ -2,7 +2,8 @@
 
     smooth        l = l₀ + Δ (10 s³ − 15 s⁴ + 6 s⁵),  s = (t − begin)/duration: speed and acceleration end at 0
     trapezoidal   the speed rises linearly for a share of the duration, is constant, and falls as long
-    a record      the cubic spline through its points with speed 0 at both ends
+    a record      the cubic spline through its points with speed 0 at both ends; where that would leave the range of
+                  its samples (`modal.scene.interpolation`), cubics that do not
 
 Before a law begins and after its end the length is constant.
 """
@@ -11,7 +12,7 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from itertools import pairwise
 from typing import Any, Literal
@@ -19,6 +20,7 @@ from typing import Any, Literal
 import numpy as np
 
 from modal.report import Displayed
+from modal.scene.interpolation import monotone_slopes, splined_stretches, unsplined_intervals, unsplined_words
 from modal.scene.stored import SeveralOrNone
 from modal.scene.validation import LARGEST, POSITIVE, REAL, UNREAD, Part, field, list_of, number, one_of, optional
 from modal.types import Floats
@@ -98,10 +100,14 @@ class Hoist(Part):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LengthLaw(Displayed):
-    """A length (m) in K pieces: Σ c_k (t − t_i)^k between the `knots` t (K + 1,) in s, with `coefficients` (K, d)."""
+    """A length (m) in K pieces: Σ c_k (t − t_i)^k between the `knots` t (K + 1,) in s, with `coefficients` (K, d).
+
+    `words` say where a record is not joined by a spline.
+    """
 
     knots: Floats
     coefficients: Floats
+    words: str = ""
 
     def __call__(self, times: Any) -> tuple[Floats, Floats, Floats]:
         """Length (m), its speed (m/s) and its acceleration (m/s²) at times (s) of any shape."""
@@ -198,14 +204,43 @@ def _recorded(times: tuple[float, ...], lengths: tuple[float, ...]) -> LengthLaw
 
 
 def spline(times: Floats, lengths: Floats) -> LengthLaw:
-    """The cubic spline through lengths (m) at ascending times (s), both (T,), with speed 0 at both ends.
+    """The law through lengths (m) at ascending times (s), both (T,), with speed 0 at both ends."""
+    resting = monotone_slopes(times, lengths)
+    resting[[0, -1]] = 0.0
+
+    def between(first: int, last: int) -> LengthLaw:
+        part = slice(first, last + 1)
+        return _cubics(times[part], lengths[part], _speeds(times[part], lengths[part], resting[[first, last]]))
+
+    unsplined = unsplined_intervals(times, lengths, lambda first, last: lambda at: between(first, last)(at)[0])
+    speed = resting.copy()
+    for first, last in splined_stretches(unsplined):
+        speed[first : last + 1] = _speeds(times[first : last + 1], lengths[first : last + 1], resting[[first, last]])
+    words = unsplined_words(times, unsplined, "cubics")
+    return replace(_cubics(times, lengths, speed), words=words)
+
+
+def _cubics(times: Floats, lengths: Floats, speed: Floats) -> LengthLaw:
+    """Cubics between samples with these speeds at them."""
+    h = np.diff(times)
+    slope = np.diff(lengths) / h
+    bend = (speed[:-1] + speed[1:] - 2 * slope) / h
+    return LengthLaw(times, np.stack((lengths[:-1], speed[:-1], (slope - speed[:-1]) / h - bend, bend / h), axis=1))
+
+
+def _speeds(times: Floats, lengths: Floats, ends: Floats) -> Floats:
+    """The speeds (T,) of the cubic spline through samples with those (2,) at both `ends`.
 
     (de Boor, A Practical Guide to Splines, 1978, ch. IV: the speeds at the knots from one tridiagonal system.)
     """
     h = np.diff(times)
     slope = np.diff(lengths) / h
     speed = np.zeros(len(times))
+    speed[0], speed[-1] = ends
+    if len(times) == 2:
+        return speed
     right = 3 * (h[:-1] * slope[1:] + h[1:] * slope[:-1])
+    right[0] -= h[1] * speed[0]
     diagonal = 2 * (h[:-1] + h[1:])
     for i in range(1, len(right)):
         share = h[i + 1] / diagonal[i - 1]
@@ -213,5 +248,4 @@ def spline(times: Floats, lengths: Floats) -> LengthLaw:
         right[i] -= share * right[i - 1]
     for i in reversed(range(len(right))):
         speed[i + 1] = (right[i] - h[i] * speed[i + 2]) / diagonal[i]
-    bend = (speed[:-1] + speed[1:] - 2 * slope) / h
-    return LengthLaw(times, np.stack((lengths[:-1], speed[:-1], (slope - speed[:-1]) / h - bend, bend / h), axis=1))
+    return speed

@@ -206,6 +206,11 @@ class Scene(Displayed, Part):
         return not self.features.isdisjoint({"structure", "springs"})
 
     @property
+    def idle_springs(self) -> list[int]:
+        """Which springs between points have neither a stiffness nor a damper."""
+        return [k for k, spring in enumerate(self.spring) if not spring.stiffness and not spring.damping]
+
+    @property
     def cart(self) -> Cart | None:
         """The cart of a scene that is not structured, None where there is none."""
         return self.support if isinstance(self.support, Cart) and not self.is_structured else None

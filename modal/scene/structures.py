@@ -29,12 +29,13 @@ RESERVED = re.compile(r"ground|pendulum|cart|support|theta(_.*)?|time|work|x", r
 MOST_SUPPORTS, MOST_SPRINGS = 1000, 100_000
 """Most supports, and most springs counting those of every copy."""
 SUFFIXES = {
-    "cart": ("m",),
-    "swing": ("m",),
-    "heave": ("m",),
-    "tilt": ("rad",),
-    "platform": ("sway_m", "heave_m", "roll_rad"),
+    "cart": ("m", "force"),
+    "swing": ("m", "force"),
+    "heave": ("m", "force"),
+    "tilt": ("rad", "torque"),
+    "platform": ("sway_m", "heave_m", "roll_rad", "sway_force", "heave_force", "roll_torque"),
 }
+"""What follows the name of a support in those of its coordinates and of the forces on them."""
 
 
 def structure_problems(scene: Described) -> Iterator[str]:
@@ -92,11 +93,13 @@ def _name_problems(scene: Described) -> Iterator[str]:
 
 
 def _clashes(scene: Described) -> Iterator[str]:
-    """Names of different supports whose coordinates would have one name."""
+    """Names of different supports whose coordinates, or the forces on them, would have one name."""
     taken: dict[str, int] = {}
     for index, support in enumerate(scene.supports):
         name = getattr(support, "name", "")
-        for suffix in SUFFIXES.get(support.kind, ()) if name else ():
+        numbers = range(1, len(support.M or ()) + 1) if isinstance(support, ModalSupport) else ()
+        suffixes = [*SUFFIXES.get(support.kind, ()), *map(str, numbers), *(f"{k}_force" for k in numbers)]
+        for suffix in suffixes if name else ():
             first = taken.setdefault(f"{name}_{suffix}", index)
             if scene.supports[first].name != name:
                 yield f'.support[{index}].name = "{name}": gives {name}_{suffix} to support[{first}] too'
@@ -176,7 +179,7 @@ def _spring_problems(scene: Described, spring: Any, at: str) -> Iterator[str]:
     if first != second and 1 not in {first, second}:
         yield f"{at}.between: joins {first} points to {second}: as many of both, or one"
         return
-    bodies = [_bodies(scene, text) for text in spring.between]
+    bodies = [_bodies(scene, text, spring.kind) for text in spring.between]
     pairs = zip(*(body * (max(first, second) // len(body)) for body in bodies), strict=True)
     if any(first_body == other for first_body, other in pairs):
         at_rest = bodies[0][0] == ("ground", 0)
@@ -213,10 +216,10 @@ def _support(scene: Described, point: CarrierPoint | None) -> Any:
     return scene.supports[names.index(point.name)] if point.name in names else None
 
 
-def _bodies(scene: Described, text: str) -> list[tuple[str, int]]:
-    """The body of every point that an end means; what is fixed belongs to the ground.
+def _bodies(scene: Described, text: str, kind: str) -> list[tuple[str, int]]:
+    """The body of every point or angle that an end of a spring of this kind means; what is fixed belongs to the ground.
 
-    Points of a modal support are bodies of their own.
+    So does the axis of a support that tilts; points of a modal support are bodies of their own.
     """
     point = parse_point(text)
     if isinstance(point, GroundPoint):
@@ -225,6 +228,8 @@ def _bodies(scene: Described, text: str) -> list[tuple[str, int]]:
         return [("link", place.link) for place in places_of(scene, text)]
     support = _support(scene, point)
     if support is None or support.kind in {"fixed", "moved"}:
+        return [("ground", 0)]
+    if kind == "linear" and support.kind == "tilt" and point is not None and point.place == (0.0, 0.0):
         return [("ground", 0)]
     number = 0 if point is None or point.point is None else point.point
     return [(f"support {scene.supports.index(support)}", number)]

@@ -1,8 +1,10 @@
 """The prescribed motion of a support as functions of time: displacement, velocity and acceleration.
 
 A record is joined by an interpolating spline of degree 5 (3 where it has fewer than 6 samples) of the recorded
-quantity; the others are its derivatives and integrals, exactly.  The integral of an acceleration begins at zero
-velocity, every integral at zero displacement.  Outside the record the acceleration is zero.
+quantity, and by straight lines where that leaves the samples (`modal.scene.interpolation`), or where displacements are
+recorded by cubics within them, as velocities cannot jump; the others are its derivatives and integrals, exactly.  The
+integral of an acceleration begins at zero velocity, every integral at zero displacement.  Outside the record the
+acceleration is zero.
 
 A random process of the PSD S (one-sided, per hertz) is the sum of sines √(2 S(f_k) Δf) cos(2π f_k t + φ_k) at all
 multiples f_k of Δf = 1/duration within the PSD, with independent uniform phases φ_k (Shinozuka & Jan, J. Sound Vib. 25,
@@ -16,7 +18,7 @@ from bisect import bisect_right
 from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from functools import cached_property, lru_cache
-from math import ceil, cos, factorial, inf, pi, radians, sin, tau
+from math import ceil, cos, factorial, inf, isnan, nan, pi, radians, sin, tau
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
@@ -37,7 +39,8 @@ from modal.scene import (
     SweepForce,
     SweepMotion,
 )
-from modal.types import Floats
+from modal.scene.interpolation import monotone_slopes, splined_stretches, unsplined_intervals, unsplined_words
+from modal.types import Booleans, Floats
 from modal.vibration.spectra import psd_at
 
 DEGREE = 5
@@ -300,8 +303,8 @@ class Record(PrescribedMotion):
         times = np.array(motion.time_s)
         self.first, self.last, self.of = float(times[0]), float(times[-1]), ORDERS[of]
         self.degree = DEGREE if len(times) > DEGREE else 3
-        spline = scipy.interpolate.make_interp_spline(times, np.array(values), k=self.degree)
-        splines = {self.of: spline}
+        curve, unsplined = _joined(times, np.array(values), self.degree, self.of)
+        splines = {self.of: curve}
         for order in range(self.of + 1, 3):
             splines[order] = splines[order - 1].derivative()
         for order in reversed(range(self.of)):
@@ -311,14 +314,20 @@ class Record(PrescribedMotion):
         drifts = isinstance(motion, RecordMotion) and motion.baseline == "velocity"
         self.steady = (ended - begun) / (self.last - self.first) if drifts else 0.0
         spacing = float(np.diff(times).max())
-        self.breaks, self.shortest = (self.first, self.last), 4 * spacing
-        self.band_hz = band(self.degree, 2 - self.of) / spacing
+        kinks = np.flatnonzero(unsplined)
+        self.breaks = tuple(
+            np.unique([self.first, *times[kinks].tolist(), *times[kinks + 1].tolist(), self.last]).tolist()
+        )
+        self.shortest = 4 * spacing
+        self.band_hz = nan if unsplined.all() else band(self.degree, 2 - self.of) / spacing
+        self._joined_words = unsplined_words(times, unsplined, "straight lines" if self.of else "cubics")
         self.left = float(self.derivative(self.last, 1))
         self.words = self._words(times) if isinstance(motion, RecordMotion) else self._band_words
 
     @property
     def _band_words(self) -> str:
-        return f"the spline through the record is within {WITHIN:.0%} of a sine up to {self.band_hz:.4g} Hz"
+        spline = f"the spline through the record is within {WITHIN:.0%} of a sine up to {self.band_hz:.4g} Hz"
+        return "; ".join(filter(None, ("" if isnan(self.band_hz) else spline, self._joined_words)))
 
     def _words(self, times: Floats) -> str:
         band_words = self._band_words
@@ -330,7 +339,9 @@ class Record(PrescribedMotion):
     @cached_property
     def pieces(self) -> tuple[Floats, Floats]:
         """Times (J + 1,) between which the acceleration is a polynomial, and all its derivatives after each (K, J)."""
-        spline = scipy.interpolate.PPoly.from_spline(self._splines[2])
+        spline = self._splines[2]
+        if not isinstance(spline, scipy.interpolate.PPoly):
+            spline = scipy.interpolate.PPoly.from_spline(spline)
         wide = np.diff(spline.x) > 0
         wide &= (spline.x[:-1] >= self.first) & (spline.x[1:] <= self.last)
         derivatives = spline.c[::-1, wide] * np.array([factorial(k) for k in range(len(spline.c))])[:, None]
@@ -385,6 +396,36 @@ class Record(PrescribedMotion):
         passed = within - self.first
         taken = self.steady * (passed**2 / 2, passed, 1.0)[order] if self.steady else 0.0
         return self._splines[order](within) - taken
+
+
+def _joined(times: Floats, values: Floats, degree: int, of: int) -> tuple[Any, Booleans]:
+    """The curve through samples (T,) of a derivative of the order `of`, and its intervals (T - 1,) without a spline."""
+    slopes = monotone_slopes(times, values)
+
+    def spline(first: int, last: int) -> Any:
+        """Where displacements are joined, its slopes at ends within the record are those of the cubics beside."""
+        x, y = times[first : last + 1], values[first : last + 1]
+        left, right = (of == 0 and k not in (0, len(times) - 1) for k in (first, last))
+        ends = [[(1, slopes[k]), (2, 0.0)] if bound else None for k, bound in ((first, left), (last, right))]
+        inner = x[1 if left else (degree + 1) // 2 : -1 if right else -((degree + 1) // 2)]
+        knots = np.concatenate((np.repeat(x[:1], degree + 1), inner, np.repeat(x[-1:], degree + 1)))
+        return scipy.interpolate.make_interp_spline(x, y, k=degree, t=knots, bc_type=tuple(ends))
+
+    unsplined = unsplined_intervals(times, values, spline)
+    if not unsplined.any():
+        return scipy.interpolate.make_interp_spline(times, values, k=degree), unsplined
+    coefficients = np.zeros((degree + 1, len(times) - 1))
+    coefficients[0] = values[:-1]
+    h = np.diff(times)
+    coefficients[1] = np.diff(values) / h
+    if of == 0:
+        bend = (slopes[:-1] + slopes[1:] - 2 * coefficients[1]) / h
+        coefficients[1:4] = slopes[:-1], (coefficients[1] - slopes[:-1]) / h - bend, bend / h
+    for first, last in splined_stretches(unsplined):
+        curve = spline(first, last)
+        for k in range(degree + 1):
+            coefficients[k, first:last] = curve.derivative(k)(times[first:last]) / factorial(k)
+    return scipy.interpolate.PPoly(coefficients[::-1], times), unsplined
 
 
 class RandomProcess(PrescribedMotion):

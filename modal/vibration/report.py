@@ -133,7 +133,7 @@ def shock_report(response: ShockResponse, form: Form = "text") -> str:
             "record": {
                 "first_s": response.record.first,
                 "last_s": response.record.last,
-                "band_hz": response.record.band_hz,
+                "band_hz": finite(response.record.band_hz),
             },
             "notes": [response.record.words],
             "modes": [

@@ -77,6 +77,8 @@ def _written(along: Along, left: tuple[Residual, ...], options: argparse.Namespa
         )
     ]
     residual = [(residue.words, degrees(residue.angle)) for residue in left]
+    hoists = (link.hoist.law(link.length) for pendulum in along.scene.pendulum for link in pendulum.links if link.hoist)
+    notes = list(dict.fromkeys(law.words for law in hoists if law.words))
     if options.format == "json":
         told: dict[str, Any] = {
             "title": along.scene.title,
@@ -88,6 +90,7 @@ def _written(along: Along, left: tuple[Residual, ...], options: argparse.Namespa
             "omega_rad_per_s": along.omega.tolist(),
             "swing": along.swing.tolist(),
             "residual": [{"command": words, "angle_deg": angle} for words, angle in residual],
+            "notes": notes,
         }
         return as_json(told)
     if options.format == "csv":
@@ -100,7 +103,7 @@ def _written(along: Along, left: tuple[Residual, ...], options: argparse.Namespa
     words += "; both ω and swing without dampers" if along.scene.has_damping else ""
     words = words if modes else NO_MODE
     lines = [f"residual swing {short(angle)}°: {what}" for what, angle in residual]
-    return titled(title_of(along.scene), "along the hoist", [table, words, "\n".join(lines)], "text")
+    return titled(title_of(along.scene), "along the hoist", [table, *notes, words, "\n".join(lines)], "text")
 
 
 def _arguments(page: Page) -> None:

@@ -15,7 +15,7 @@ from modal.eigen import counted
 from modal.errors import ComputationError, SceneError
 from modal.modes.solution_report import loaded, not_loaded
 from modal.report import visible
-from modal.scene import SineMotion, refusals, title_of
+from modal.scene import LengthLaw, SineMotion, refusals, title_of
 from modal.scene.doors import require_type
 from nonlinear.dynamics import Dense, Generated, Reduced, Small, is_unstable_equilibrium
 from nonlinear.integration import CLOSED, EXPLICIT, SCIPY, TRUNCATED, SolverInfo, Trajectory, departure
@@ -128,6 +128,9 @@ def _ranges(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
     for prescribed in trajectory.system.prescribed:
         if prescribed.words:
             yield "", prescribed.words
+    for _, law in trajectory.system.hoisting.laws if trajectory.system.hoisting else ():
+        if isinstance(law, LengthLaw) and law.words:
+            yield "hoist", law.words
     if trajectory.system.support:
         yield from _parametric(trajectory)
     if structure := trajectory.system.structure:

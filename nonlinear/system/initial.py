@@ -69,9 +69,8 @@ def initial_state(scene: Scene) -> State:
         raise SceneError([NO_START])
     rows = np.concatenate([_of_copies(scene, pendulum) for pendulum in scene.pendulum])
     angles, rates, azimuths = np.deg2rad(rows).T
-    if scene.space == "plane":
-        return _on_supports(scene, State(angles, rates))
-    return State(unit_vectors(angles, azimuths), velocities(angles, azimuths, rates))
+    spatial = unit_vectors(angles, azimuths), velocities(angles, azimuths, rates)
+    return _on_supports(scene, State(angles, rates) if scene.space == "plane" else State(*spatial))
 
 
 def _on_supports(scene: Scene, state: State) -> State:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from modal import Cart, Fixed, Scene, SceneError, Tilt, load
-from modal.scene import Moved, dumps, parse, refusals, scene_from, title_of
+from modal.scene import Moved, dumps, left_out, parse, refusals, scene_from, title_of
 from modal.scene.files import schema
 from modal.scene.parameters import find_places, parse_variations, unit_at, validate_variations, vary
 from modal.scene.support_arrays import read_matrices
@@ -59,6 +59,16 @@ MISTAKES = {
     "clash": (
         described(support=[CART | {"name": "a_sway"}, HEAVE | {"kind": "platform", "inertia": 1.0, "name": "a"}]),
         'support[1].name = "a": gives a_sway_m to support[0] too',
+    ),
+    "clash of forces": (
+        described(support=[CART | {"name": "a_1"}, FRAME | {"name": "a"}]),
+        'support[1].name = "a": gives a_1_force to support[0] too',
+    ),
+    "axis": (
+        described(
+            support=TILT | {"name": "board"}, spring=[{"between": ["ground@1.0,0.5", "board"], "stiffness": 5.0}]
+        ),
+        "spring[0].between: both ends are at rest: it would do nothing",
     ),
     "place": (described(support=[LEFT, RIGHT | {"mass": -1.0}]), "support[1].mass = -1.0: must not be negative"),
     "moved": (
@@ -369,3 +379,13 @@ def test_the_schema_takes_structures() -> None:
     assert scene_from(data).is_structured
     with pytest.raises(jsonschema.ValidationError):
         jsonschema.validate(data | {"spring": [{"between": ["left"]}]}, schema())
+
+
+def test_a_spring_ends_on_an_axis_from_a_link_and_an_idle_one_is_named() -> None:
+    springs = [
+        {"between": ["pendulum[0].links[0]@0.5", "board"], "stiffness": 5.0},
+        {"between": ["ground@0.3,0.2", "board@0.1,0.2"]},
+    ]
+    scene = scene_from(described(support=TILT | {"name": "board", "centre": [0.0, 0.2]}, spring=springs))
+    assert left_out(scene) == ("spring[1] does nothing: its stiffness and damping are 0.",)
+    assert left_out(scene.replace(spring=scene.spring[:1])) == ()
