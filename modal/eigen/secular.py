@@ -155,7 +155,8 @@ def _rising_zero(function: Callable[[Floats], Floats], high: Floats, at_low: Flo
     """
     low, last = np.zeros_like(high), np.zeros_like(high)
     for _ in range(MAX_STEPS):
-        trial = np.clip(low + (high - low) * (at_low / (at_low - at_high)), low, high)
+        from_low, from_high = ((high - low) * (end / (at_low - at_high)) for end in (at_low, at_high))
+        trial = np.clip(np.where(at_high > -at_low, low + from_low, high + from_high), low, high)
         if np.all(np.abs(trial - last) <= 4e-16 * trial):
             return trial
         value = function(trial)
