@@ -15,7 +15,7 @@ from functools import cached_property
 import numpy as np
 
 from modal.assembly import Block, Element, null_space
-from modal.eigen.components import ROUNDED, Component, Heavy, PartedRig
+from modal.eigen.components import CANCELLED, ROUNDED, Component, Heavy, PartedRig
 from modal.eigen.factor import SquareSum
 from modal.eigen.trees import HungChains, Tree
 from modal.types import Floats, Ints
@@ -203,7 +203,8 @@ class ComponentMatrices:
     def coasting(self) -> Floats:
         """Free motions (n, f) that no damper drags either."""
         D, free = self.factors[2], self.free
-        return free @ null_space(D.rows @ free)
+        dragged, terms = D.rows @ free, np.abs(D.rows) @ np.abs(free)
+        return free @ null_space(np.where(np.abs(dragged) <= CANCELLED * terms, 0.0, dragged))
 
     @cached_property
     def tree(self) -> Tree | None:
