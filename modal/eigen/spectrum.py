@@ -330,7 +330,9 @@ def _check_states(rig: Rig, parts: Sequence[Batch]) -> None:
     links = sum(rig.blocks[block].n * copies for block, _, copies in rig.members)
     states = 2 * (links * (2 if rig.spatial else 1) + rig.leading)
     if (there := sum(map(_states, parts))) != states:
-        raise ComputationError(f"{states - there} of the {states} states of this scene have no mode in double precision")
+        raise ComputationError(
+            f"{states - there} of the {states} states of this scene have no mode in double precision"
+        )
 
 
 def _states(batch: Batch) -> int:

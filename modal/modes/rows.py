@@ -200,7 +200,7 @@ def moved_by(modes: Eigenvalues, number: int) -> tuple[Floats, Floats]:
             moved = eta * np.array(coordinate_units(structure, modes.units.length))
             angles = np.concatenate([details.angles[block][:, column, 0] for block, column, _ in modes.rig.members])
             leading = first_of_largest(angles) or moved[np.abs(moved).argmax()]
-            motion, taken = (moved / leading).real, True
+            motion, taken = (moved / leading).real + 0.0, True
     return motion, share if not modes.rig.is_damped else np.full(structure.size, np.nan)
 
 
@@ -209,11 +209,15 @@ def _on_structure(modes: Eigenvalues, number: int, head: _RowPart, ratio: float)
     assert structure is not None
     eta = np.array([part[at] for part in details.eta]) if not head.part.still else np.zeros(structure.size)
     source = modes.spectrum.sources[head.part.source]
-    words = moving_words(structure, eta, source.reduced.carried.inertia) if eta.any() else ""  # type: ignore[attr-defined]
+    inertia = source.reduced.carried.inertia if eta.any() else eta  # type: ignore[attr-defined]
+    words = moving_words(structure, eta, inertia) if eta.any() else ""
     parts = modes.spectrum.groups[number]
     folds = {"": sum(part.along for part in parts if not is_balanced(modes.rig, part))}
     folds["antiphase"] = sum(part.along for part in parts) - folds[""]
     if modes.eigenvalue[number] == 0:
+        each = [modes.spectrum.details(part.source, [part.row]).eta for part in parts]
+        moved = [np.array([coordinate[0] for coordinate in motion]) for motion in each]
+        words = "; ".join(dict.fromkeys(moving_words(structure, motion, inertia) for motion in moved))
         return family(where=words, folds=folds, motion=FREE, ratio=ratio)
     motion = ""
     if head.part.still:
