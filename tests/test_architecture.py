@@ -176,13 +176,13 @@ def test_the_check_of_imports_bites(tmp_path: Path) -> None:
     assert imported_at_run_time(tmp_path / "b.py") == {"numpy"}
 
 
-@pytest.mark.parametrize("name", sources())
-def test_heavy_packages_have_their_homes(name: str) -> None:
-    used = imported_at_run_time(sources()[name])
+@pytest.mark.slow
+def test_heavy_packages_have_their_homes() -> None:
     strangers = {
-        heavy
-        for heavy, homes in HEAVY.items()
-        if heavy in used and not any(f"{name}.".startswith(f"{home}.") for home in homes)
+        (name, heavy)
+        for name, path in sources().items()
+        for heavy in HEAVY.keys() & imported_at_run_time(path)
+        if not any(f"{name}.".startswith(f"{home}.") for home in HEAVY[heavy])
     }
     assert strangers == set()
 
@@ -244,15 +244,18 @@ def test_what_is_loaded_is_seen(tmp_path: Path) -> None:
     assert {"scipy.signal", "nonlinear.identification"} <= loaded_by(job, tmp_path)
 
 
-@pytest.mark.parametrize("name", sources())
-def test_rooms_of_scipy_are_loaded_when_they_are_used(name: str) -> None:
+def scipy_rooms(path: Path) -> list[str]:
+    """The rooms of SciPy that a module loads with itself."""
+    body = parsed(path.read_text(encoding="utf-8")).body
+    rooms = [f"{node.module}" for node in body if isinstance(node, ast.ImportFrom)]
+    rooms += [name.name for node in body if isinstance(node, ast.Import) for name in node.names if "." in name.name]
+    return [room for room in rooms if room.startswith("scipy")]
+
+
+def test_rooms_of_scipy_are_loaded_when_they_are_used() -> None:
     """`import scipy` loads none of them; numba's kernels alone extend a class of SciPy, and load more than that."""
-    body = parsed(sources()[name].read_text(encoding="utf-8")).body
-    rooms = [node.module for node in body if isinstance(node, ast.ImportFrom) and f"{node.module}".startswith("scipy")]
-    rooms += [
-        name.name for node in body if isinstance(node, ast.Import) for name in node.names if "scipy." in name.name
-    ]
-    assert rooms == (["scipy.integrate"] if name == "nonlinear.integration.compiled" else [])
+    loaded = {name: rooms for name, path in sources().items() if (rooms := scipy_rooms(path))}
+    assert loaded == {"nonlinear.integration.compiled": ["scipy.integrate"]}
 
 
 OPTION = re.compile(r"(?<![\w-])--[a-z]|(?<![\w-])-[a-z] |--?[a-z]+ FILE")
@@ -270,9 +273,15 @@ def spoken(source: str) -> list[str]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", [name for name in sources() if not name.startswith("multipendula")])
-def test_the_packages_know_no_option_of_the_command(name: str) -> None:
-    assert [text for text in spoken(sources()[name].read_text(encoding="utf-8")) if OPTION.search(text)] == []
+def test_the_packages_know_no_option_of_the_command() -> None:
+    packages = {name: path for name, path in sources().items() if not name.startswith("multipendula")}
+    found = [
+        (name, text)
+        for name, path in packages.items()
+        for text in spoken(path.read_text(encoding="utf-8"))
+        if OPTION.search(text)
+    ]
+    assert found == []
 
 
 def test_the_search_for_options_bites() -> None:
