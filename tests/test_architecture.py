@@ -275,13 +275,13 @@ def spoken(source: str) -> list[str]:
 @pytest.mark.slow
 def test_the_packages_know_no_option_of_the_command() -> None:
     packages = {name: path for name, path in sources().items() if not name.startswith("multipendula")}
-    found = [
+    spoken_options = [
         (name, text)
         for name, path in packages.items()
         for text in spoken(path.read_text(encoding="utf-8"))
         if OPTION.search(text)
     ]
-    assert found == []
+    assert spoken_options == []
 
 
 def test_the_search_for_options_bites() -> None:
