@@ -9,13 +9,15 @@ from __future__ import annotations
 import inspect
 import os
 import pickle
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+import stat
+from collections.abc import Callable
+from contextlib import suppress
+from functools import cache
 from hashlib import sha256
 from importlib.util import find_spec
 from pathlib import Path
 from textwrap import dedent
-from typing import IO, Any
+from typing import Any
 
 from modal.scene.contents import private
 
@@ -63,32 +65,37 @@ def _kept(dispatcher: Any) -> Any:
 class KeptFile:
     """What differs from numba's own files of one function, an index and one of data for each of its signatures.
 
-    Data begin with their SHA-256.
+    Both begin with their SHA-256.  A file is opened once, through no link, and what is unpickled are the bytes of that
+    descriptor, after its owner and those of the folders above it have been looked at.
     """
 
     _cache_path: str
     _index_name: str
+    _index_path: str
+    _source_stamp: Any
+    _version: str
     _data_path: Callable[[str], str]
     _dump: Callable[[Any], bytes]
 
     def load(self, key: Any) -> Any:
         """What is kept under a key, or None; files that cannot be used are removed."""
         try:
-            self._refuse_foreign(Path(self._cache_path) / self._index_name)
+            _refuse_open_folders(Path(self._cache_path))
             return super().load(key)  # type: ignore[misc]
         except Exception:
             self._drop()
             return None
 
     def save(self, key: Any, data: Any) -> None:
-        """Keep what was compiled, where that is possible."""
+        """Keep what was compiled, where that is possible, in a folder that its owner alone writes."""
         try:
+            close_to_others(Path(self._cache_path))
             super().save(key, data)  # type: ignore[misc]
         except Exception:
             self._drop()
 
     def _drop(self) -> None:
-        """Remove the files of the function as far as that is possible."""
+        """Remove the files of the function as far as that is possible, and what a killed process left of them."""
         base = self._index_name.removesuffix(".nbi")
         with suppress(OSError):
             for entry in list(os.scandir(self._cache_path)):
@@ -96,38 +103,97 @@ class KeptFile:
                     with suppress(OSError):
                         os.unlink(entry.path)
 
-    def _refuse_foreign(self, path: Path) -> None:
-        """PermissionError for a file that somebody else owns or may change."""
-        with suppress(FileNotFoundError):
-            status = path.stat()
-            if os.name == "posix" and (status.st_uid not in {0, os.geteuid()} or status.st_mode & OTHERS_WRITE):
-                raise PermissionError
+    def _load_index(self) -> dict[Any, str]:
+        try:
+            version, stamp, overloads = pickle.loads(_trusted(self._index_path))
+        except FileNotFoundError:
+            return {}
+        return overloads if (version, stamp) == (self._version, self._source_stamp) else {}
+
+    def _save_index(self, overloads: dict[Any, str]) -> None:
+        _write(self._index_path, self._dump((self._version, self._source_stamp, overloads)))
 
     def _load_data(self, name: str) -> Any:
-        path = Path(self._data_path(name))
-        self._refuse_foreign(path)
-        content = path.read_bytes()
-        if sha256(content[DIGEST:]).digest() != content[:DIGEST]:
-            raise ValueError
-        return pickle.loads(content[DIGEST:])
+        return pickle.loads(_trusted(self._data_path(name)))
 
     def _save_data(self, name: str, data: Any) -> None:
-        content = self._dump(data)
-        with self._open_for_write(self._data_path(name)) as stream:
-            stream.write(sha256(content).digest() + content)
+        _write(self._data_path(name), self._dump(data))
 
-    @contextmanager
-    def _open_for_write(self, path: str) -> Iterator[IO[bytes]]:
-        """A file that becomes `path` when the block succeeds, which its owner alone reads and writes."""
-        temporary = f"{path}.tmp.{os.urandom(8).hex()}"
-        try:
-            with open(temporary, "xb", opener=private) as stream:
-                yield stream
-            os.replace(temporary, path)
-        except BaseException:
-            with suppress(OSError):
-                os.unlink(temporary)
-            raise
+
+def _trusted(path: str) -> bytes:
+    """What stands behind the digest of a file; PermissionError where somebody else owns it or may change it."""
+    with open(path, "rb", opener=_without_links) as stream:
+        status = os.fstat(stream.fileno())
+        if not stat.S_ISREG(status.st_mode) or _is_open(status):
+            raise PermissionError
+        content = stream.read()
+    if sha256(content[DIGEST:]).digest() != content[:DIGEST]:
+        raise ValueError
+    return content[DIGEST:]
+
+
+def _without_links(path: str, flags: int) -> int:
+    return os.open(path, flags | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0))
+
+
+def _is_open(status: os.stat_result) -> bool:
+    """Whether somebody else owns this or may change it; what root owns is the system's."""
+    if os.name != "posix":
+        return False
+    foreign = status.st_uid not in {0, os.geteuid()}
+    shared = bool(status.st_mode & stat.S_IWGRP) and not (stat.S_ISDIR(status.st_mode) and _is_private(status.st_gid))
+    return foreign or shared or bool(status.st_mode & stat.S_IWOTH)
+
+
+@cache
+def _is_private(group: int) -> bool:
+    """Whether a group is root's, or the user's own without other members."""
+    import grp
+    import pwd
+
+    try:
+        me = pwd.getpwuid(os.geteuid())
+        return group == 0 or (group == me.pw_gid and set(grp.getgrgid(group).gr_mem) <= {me.pw_name})
+    except KeyError:
+        return False
+
+
+def _refuse_open_folders(folder: Path) -> None:
+    """PermissionError where others may put another folder or file in the place of one in or above this folder.
+
+    In folders with the sticky bit, such as /tmp, they cannot.
+    """
+    whole = Path(os.path.abspath(folder))
+    real = Path(os.path.realpath(folder))
+    for place in dict.fromkeys([whole, *whole.parents, real, *real.parents]):
+        status = os.lstat(place)
+        link, sticky = (
+            stat.S_ISLNK(status.st_mode),
+            status.st_mode & stat.S_ISVTX and status.st_uid in {0, os.geteuid()},
+        )
+        if not sticky and (status.st_uid not in {0, os.geteuid()} if link else _is_open(status)):
+            raise PermissionError
+
+
+def close_to_others(folder: Path) -> None:
+    """Take from others the permission to write in a folder of one's own."""
+    if os.name == "posix":
+        status = os.lstat(folder)
+        if stat.S_ISDIR(status.st_mode) and status.st_uid == os.geteuid() and status.st_mode & OTHERS_WRITE:
+            os.chmod(folder, stat.S_IMODE(status.st_mode) & ~OTHERS_WRITE)
+
+
+def _write(path: str, content: bytes) -> None:
+    """A whole file with its digest, which its owner alone reads and writes."""
+    temporary = f"{path}.tmp.{os.urandom(8).hex()}"
+    try:
+        with open(temporary, "xb", opener=private) as stream:
+            stream.write(sha256(content).digest() + content)
+        os.replace(temporary, path)
+    except BaseException:
+        with suppress(OSError):
+            os.unlink(temporary)
+        raise
 
 
 def vectorized(function: Any, **options: Any) -> Any:

@@ -339,7 +339,7 @@ def _states(batch: Batch) -> int:
     """The number of states of all modes of a batch: one of a real eigenvalue with dampers, else two of each."""
     fold, source = batch.along + batch.across, batch.source
     if isinstance(source, FreeMotions):
-        return len(fold) + source.reduced.coasting.shape[1]
+        return len(fold) + int(source.reduced.coasting.shape[1])
     real = source.eigenvalue[batch.rows].imag == 0
     single = source.dragged if isinstance(source, Rigid) else real & ~_undamped(batch)
     return int((fold * np.where(single, 1, 2)).sum())
