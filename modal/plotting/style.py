@@ -84,9 +84,10 @@ def theme(name: str) -> AbstractContextManager[None]:
 
 
 def save(figure: Figure, stream: IO[bytes], form: str) -> None:
-    """Write a figure as png, svg or pdf."""
-    with any_letters():
-        figure.savefig(stream, format=form)
+    """Write a figure as png, svg or pdf: the same bytes for the same figure."""
+    undated = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}
+    with any_letters(), rc_context({"svg.hashsalt": "multipendula"}):
+        figure.savefig(stream, format=form, metadata=undated.get(form))
 
 
 def in_both_themes(draw: Callable[[], Figure], path: Path) -> None:

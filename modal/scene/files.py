@@ -7,10 +7,11 @@ import re
 import sys
 import tomllib
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from io import BytesIO
 from pathlib import Path
 from threading import Timer
+from time import time
 from typing import IO, Any
 
 from modal.errors import SceneError, meant
@@ -23,6 +24,8 @@ STANDARD = "-"
 """The name of standard input where a file is read, of standard output where one is written."""
 DEEPEST = 50
 """Most parts of a dotted key; a scene has three, and time and memory grow with their square."""
+TEMPORARY, FORGOTTEN = ".multipendula-", 86_400.0
+"""How the name of a file begins while it is written, and seconds after which nobody is writing it any more."""
 PATIENCE = 1.0
 """Seconds without input before a terminal is told what is expected."""
 _PART = r"""(?:[\w-]++ | "(?:\\.|[^"\\\n])*+" | '[^'\n]*+')"""
@@ -227,7 +230,8 @@ def whole_file(path: str | os.PathLike[str], *, opener: Callable[[str, int], int
         with open(target, "wb") if special else _temporary(target.resolve(), opener) as stream:
             yield stream
     except OSError as error:
-        error.filename = str(target)
+        if error.filename is None or TEMPORARY in str(error.filename):  # and not another file, in this block
+            error.filename = str(target)
         raise
 
 
@@ -243,9 +247,20 @@ def _print(content: bytes) -> None:
     binary.flush()
 
 
+def _remove_forgotten(folder: Path) -> None:
+    """Remove what processes that were killed have left of files that they wrote."""
+    with suppress(OSError):
+        for entry in list(os.scandir(folder)):
+            if entry.name.startswith(TEMPORARY):
+                with suppress(OSError):
+                    if time() - entry.stat(follow_symlinks=False).st_mtime > FORGOTTEN:
+                        os.unlink(entry.path)
+
+
 @contextmanager
 def _temporary(target: Path, opener: Callable[[str, int], int] | None) -> Iterator[IO[bytes]]:
-    temporary = target.parent / f".multipendula-{os.urandom(8).hex()}"
+    temporary = target.parent / f"{TEMPORARY}{os.urandom(8).hex()}"
+    _remove_forgotten(target.parent)
     try:
         with open(temporary, "xb", opener=opener) as stream:
             yield stream

@@ -6,7 +6,19 @@ import argparse
 from dataclasses import replace
 
 from multipendula.command import Command
-from multipendula.commands.shared import bar, drawn, in_a_folder, listed, noted, output, picture, remark, say
+from multipendula.commands.shared import (
+    bar,
+    drawn,
+    in_a_folder,
+    listed,
+    noted,
+    output,
+    picture,
+    pictured,
+    remark,
+    say,
+    write_together,
+)
 from multipendula.completion import files
 from multipendula.options import (
     Repeated,
@@ -43,7 +55,7 @@ def fit(options: argparse.Namespace) -> None:
 def _fit_modes(options: argparse.Namespace) -> None:
     from modal.errors import SceneError
     from modal.identification import fit_modes, mode_fit_json, mode_fit_text, read_modes
-    from modal.scene import dump, load
+    from modal.scene import dumps, load
 
     motions = {"--where": options.where, "--scale": options.scale, "--compare": options.compare}
     motions |= {"--window": options.window, "--bootstrap": options.bootstrap, "--column": options.column}
@@ -64,22 +76,20 @@ def _fit_modes(options: argparse.Namespace) -> None:
     if measured.unused:
         remark(f"columns not used: {', '.join(measured.unused)}")
     fitted = fit_modes(scene, measured, listed(options.free), priors=options.prior or (), loss=options.loss)
-    if options.output:
-        dump(fitted.scene, options.output)
+    files = {options.output: dumps(fitted.scene).encode()}
     if options.report:
-        with output(options.report) as write:
-            write(mode_fit_json(fitted))
+        files[options.report] = mode_fit_json(fitted).encode()
     if options.picture:
         from modal.plotting import draw_mode_fit
 
-        with drawn(options.picture, options.theme) as stream:
-            draw_mode_fit(fitted, stream, kind)
+        files[options.picture] = pictured(lambda stream: draw_mode_fit(fitted, stream, kind), options.theme)
+    write_together(files)
     say(mode_fit_json(fitted) if options.format == "json" else mode_fit_text(fitted), options.format)
 
 
 def _fit_motions(options: argparse.Namespace) -> None:
     from modal.identification import find_parameters
-    from modal.scene import dump, load
+    from modal.scene import dumps, load
     from nonlinear.identification import compare, fit_json, fit_text, parse_where, read_recording
     from nonlinear.identification import fit as fitted
     from nonlinear.integration import validate
@@ -107,16 +117,15 @@ def _fit_motions(options: argparse.Namespace) -> None:
     estimate = replace(estimate, verdict=tuple(map(options.page.in_options, estimate.verdict)))
     if recording.unused:
         remark(f"columns not used: {', '.join(recording.unused)}")
-    if options.output:
-        dump(estimate.scene, options.output)
+    files = {options.output: dumps(estimate.scene).encode()}
     if options.report:
-        with output(options.report) as write:
-            write(fit_json(estimate, candidates, draws))
+        files[options.report] = fit_json(estimate, candidates, draws).encode()
     if options.picture:
         from nonlinear.plotting import draw_fit
 
-        with drawn(options.picture, options.theme) as stream:
-            draw_fit(estimate, stream, picture(options.picture, "--picture"))
+        kind = picture(options.picture, "--picture")
+        files[options.picture] = pictured(lambda stream: draw_fit(estimate, stream, kind), options.theme)
+    write_together(files)
     told = fit_json if options.format == "json" else fit_text
     say(told(estimate, candidates, draws), options.format)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING
 
@@ -49,12 +50,13 @@ def simulate(options: argparse.Namespace) -> None:
         trajectory = RunOptions.of(options).run(lambda: options.output and checked_kind(options.output))
     except SimulationError as error:
         if options.output:
-            recordings.save(error.trajectory, options.output)
+            recordings.save(error.trajectory, part_name(options.output))
         raise
     spent = perf_counter() - begun
-    if options.output:
-        recordings.save(trajectory, options.output)
-    target = "standard output" if options.output == STANDARD else options.output
+    name = part_name(options.output) if options.output and trajectory.run.interrupted else options.output
+    if name:
+        recordings.save(trajectory, name)
+    target = "standard output" if name == STANDARD else name
     say(f"{summary.text(trajectory, ropes=not options.quiet)}\n")
     say(f"computed in {spent:.3g} s" + (f", saved in {visible(target)}\n" if options.output else "\n"))
     if band is not None and not trajectory.run.interrupted:
@@ -64,6 +66,12 @@ def simulate(options: argparse.Namespace) -> None:
 
         sys.stderr.write(run_inventory(trajectory).text())
     whole(trajectory)
+
+
+def part_name(name: str) -> str:
+    """Where a motion that was cut short is saved: beside a file that is there, which may be a complete one."""
+    path = Path(name)
+    return str(path.with_stem(f"{path.stem}-part")) if path.is_file() else name
 
 
 def _banded(options: argparse.Namespace) -> tuple[Estimate, str] | None:

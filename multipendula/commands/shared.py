@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager, suppress
+from io import BytesIO, UnsupportedOperation
 from typing import IO, TYPE_CHECKING
 
 from multipendula.options import FILMS, PICTURES, endings
@@ -32,6 +34,30 @@ def output(path: str | None) -> Iterator[Callable[[str], object]]:
         return
     with fitted(None), whole_file(path) as stream:
         yield lambda text: stream.write(text.encode())
+
+
+def write_together(contents: Mapping[str | None, bytes]) -> None:
+    """Write the files that have a name, all of them or none: each is there once all are on the disk."""
+    from modal.scene import whole_file
+
+    with ExitStack() as files:
+        for path, content in contents.items():
+            if path:
+                stream = files.enter_context(whole_file(path))
+                stream.write(content)
+                stream.flush()
+                with suppress(UnsupportedOperation):
+                    os.fsync(stream.fileno())
+
+
+def pictured(draw: Callable[[IO[bytes]], object], theme: str) -> bytes:
+    """A picture as the bytes of its file."""
+    from modal.plotting import style as pictures
+
+    stream = BytesIO()
+    with pictures.theme(theme):
+        draw(stream)
+    return stream.getvalue()
 
 
 def say(text: str, form: str = "text") -> None:

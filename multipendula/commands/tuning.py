@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from multipendula.command import Command
-from multipendula.commands.shared import bar, drawn, in_a_folder, listed, noted, output, picture, say
+from multipendula.commands.shared import bar, in_a_folder, listed, noted, picture, pictured, say, write_together
 from multipendula.options import (
     Repeated,
     add_file,
@@ -41,7 +41,7 @@ WITHIN = 1.4
 def tune(options: argparse.Namespace) -> None:
     """Find the numbers of a scene that make peaks, RMS, decay or a residual swing best, and how much each is worth."""
     from modal.errors import SceneError
-    from modal.scene import dump, load
+    from modal.scene import dumps, load
     from modal.tuning import tune as tuned
     from modal.tuning import tuned_json, tuned_text
 
@@ -76,16 +76,12 @@ def tune(options: argparse.Namespace) -> None:
     record = {} if swing is None else {"finite_swing": _swing_record(swing, best)}
     told = tuned_json(best, record) if options.report or options.format == "json" else ""
     text = "" if options.format == "json" else tuned_text(best, "" if swing is None else _swing_words(swing, best))
-    if options.output:
-        dump(best.scene, options.output)
-    if options.report:
-        with output(options.report) as write:
-            write(told)
+    files = {options.output: dumps(best.scene).encode(), options.report: told.encode()}
     if options.picture:
         from modal.plotting import draw_tuning
 
-        with drawn(options.picture, options.theme) as stream:
-            draw_tuning(best, stream, kind)
+        files[options.picture] = pictured(lambda stream: draw_tuning(best, stream, kind), options.theme)
+    write_together(files)
     say(told if options.format == "json" else text, options.format)
 
 

@@ -1,0 +1,64 @@
+"""Files of a command: all or none, none by a part of another, with the same bytes each time, and no forgotten ones."""
+
+from __future__ import annotations
+
+import os
+import time
+from pathlib import Path
+
+import pytest
+
+from modal.modes import natural_modes
+from modal.plotting import shapes_figure
+from modal.plotting.style import save, theme
+from modal.scene import files, load, whole_file
+from multipendula.commands.motion import part_name
+from multipendula.commands.shared import write_together
+
+
+def test_of_files_that_belong_together_all_or_none_are_written(tmp_path: Path) -> None:
+    first, second = tmp_path / "x.toml", tmp_path / "none" / "y.json"
+    first.write_text("before", encoding="utf-8")
+    with pytest.raises(OSError, match=r"none/y\.json"):
+        write_together({str(first): b"after", str(second): b"{}"})
+    assert first.read_text(encoding="utf-8") == "before"
+    second.parent.mkdir()
+    write_together({str(first): b"after", str(second): b"{}", None: b"nowhere"})
+    assert (first.read_bytes(), second.read_bytes()) == (b"after", b"{}")
+    assert len([*tmp_path.iterdir()]) == 2
+
+
+def test_an_error_names_the_file_that_it_is_of(tmp_path: Path) -> None:
+    with pytest.raises(OSError, match="inner") as caught, whole_file(tmp_path / "outer"):
+        raise OSError(28, "No space left on device", "inner")
+    assert caught.value.filename == "inner"
+    with pytest.raises(OSError, match="outer"), whole_file(tmp_path / "outer"):
+        raise OSError(28, "No space left on device")
+
+
+def test_a_motion_that_is_cut_short_is_saved_beside_a_whole_one(tmp_path: Path) -> None:
+    path = tmp_path / "run.npz"
+    assert part_name(str(path)) == str(path)
+    path.write_bytes(b"whole")
+    assert part_name(str(path)) == str(tmp_path / "run-part.npz")
+
+
+def test_what_a_killed_process_left_is_removed_by_a_later_one(tmp_path: Path) -> None:
+    old, young = (tmp_path / f"{files.TEMPORARY}{name}" for name in ("old", "young"))
+    for path in (old, young):
+        path.write_bytes(b"part")
+    os.utime(old, (time.time() - files.FORGOTTEN - 60,) * 2)
+    with whole_file(tmp_path / "x") as stream:
+        stream.write(b"x")
+    assert {path.name for path in tmp_path.iterdir()} == {"x", young.name}
+
+
+@pytest.mark.parametrize("form", ["svg", "pdf", "png"])
+def test_a_figure_has_the_same_bytes_each_time(form: str, tmp_path: Path) -> None:
+    modes = natural_modes(load("chain-2"))
+    for name in "ab":
+        with theme("light"), (tmp_path / name).open("wb") as stream:
+            save(shapes_figure(modes), stream, form)
+    assert (tmp_path / "a").read_bytes() == (tmp_path / "b").read_bytes()
+    if form == "svg":
+        assert b"<dc:date>" not in (tmp_path / "a").read_bytes()
