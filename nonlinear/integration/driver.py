@@ -222,7 +222,8 @@ class Drive:
         """What happens at y where the last step ended at a switch of its own."""
         stepper, now = cast("FloatStepper", self.stepper), self.stepper.time
         stepper.worked(before, record.reached)
-        switched = None if record.stopped else stepper.switch()
+        ends = record.stopped or now >= self.times[-1]  # what is due there belongs to a run that goes on
+        switched = None if ends else stepper.switch()
         if switched is not None:
             known = {event.name for event in record.happenings if event.time > now - BESIDE * (now - before)}
             _first_stop(record, (event for event in self._jumps(now, y, switched) if event[0].name not in known))

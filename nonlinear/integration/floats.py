@@ -151,6 +151,8 @@ class FloatDOP853:
         if (stretch := self.beyond(self.t)) is None:
             return None
         (self.t_bound, self.max_step), self.status = stretch, "running"
+        if self.switched:
+            self.switched.land()
         return self._slope(y)
 
     def switch(self, V: list[list[float]] | None = None) -> None:
@@ -161,7 +163,7 @@ class FloatDOP853:
     def _changed(self, y: Numbers, f: Numbers, V: list[list[float]] | None = None) -> tuple[Numbers, Numbers]:
         """The y after the switch that was met, and its derivative."""
         switched = cast("Switched", self.switched)
-        after = switched.change(self.t, y, f, V)
+        after = switched.change(self.t, y, f, V, self.inputs)
         self.rate = switched.rate
         return after, self._slope(after)
 
