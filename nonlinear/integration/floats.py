@@ -279,7 +279,7 @@ class FloatStepper(DOP853Stepper[Written]):
     def _on_its_way(self) -> FloatDOP853:
         """The integrator, after a break that has been reached."""
         solver = cast("FloatDOP853", self._solver)
-        if self._high <= self.time < self.end:
+        if self.lands:
             solver.f = np.array(solver.carried_on(solver.y.tolist()))
         return solver
 
