@@ -150,6 +150,11 @@ def changing(at: Places, texts: dict[str, Callable[..., Any]]) -> tuple[Callable
                 y[below] = state[P + i] + (y[above] if above >= 0 else 0.0)
                 y[half + below] = y[half + above] if above >= 0 else 0.0
 
+    def at_limit(i: Any, tau: Any, state: Any, numbers: Any) -> Any:
+        """Whether a contact that sticks is at its limit to rounding: it breaks loose with one that does."""
+        limit = numbers[LIMIT + i] * (abs(tau[J]) if presses and i == 0 else 1.0)
+        return abs(tau[i]) >= limit * (1.0 + state[F + i]) * (1.0 - EXCESS)
+
     def slid(t: Any, j: Any, y: Any, f: Any, state: Any, numbers: Any, c: Any, u: Any, V: Any, happened: Any) -> Any:
         after, was = [*y], [*state[K : K + J]]
         stopping = [False] * J
@@ -163,11 +168,8 @@ def changing(at: Places, texts: dict[str, Callable[..., Any]]) -> tuple[Callable
         begun, loose = [0.0 if stopping[i] else was[i] for i in range(J)], [False] * J
         if not stops:
             tau = friction(c, after, u + inputs(state, numbers), NOTHING)
-            for i in range(J):
-                limit = numbers[LIMIT + i] * (abs(tau[J]) if presses and i == 0 else 1.0) * (1.0 + state[F + i])
-                loose[i] = i == j or (was[i] == 0 and abs(tau[i]) >= limit * (1.0 - EXCESS))
-                if loose[i]:
-                    begun[i] = -1.0 if tau[i] > 0 else 1.0
+            loose = [i == j or (was[i] == 0 and at_limit(i, tau, state, numbers)) for i in range(J)]
+            begun = [(-1.0 if tau[i] > 0 else 1.0) if loose[i] else begun[i] for i in range(J)]
         for i in range(J):
             if stopping[i] or loose[i]:
                 brief = (t - state[T + i]) * numbers[RATE] < BRIEF

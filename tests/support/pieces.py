@@ -2,8 +2,9 @@
 
 In every piece each link moves freely under the forces of `nonlinear.dynamics.maximal`; friction is a moment on a link
 and its reverse on the one above, or a force on the cart, a joint or a cart that sticks is one more constraint, and a
-kick is an impulse against all constraints.  At the `breaks` of a load what sticks is tried again.  The reaction of the rail is the constraint's own multiplier.  Which
-contacts stick is found by trying every set of them.  SciPy's DOP853 integrates each piece, to an event of `solve_ivp`.
+kick is an impulse against all constraints.  At the `breaks` of a load what sticks is tried again.  The reaction of the
+rail is the constraint's own multiplier.  Which contacts stick is found by trying every set of them.  SciPy's DOP853
+integrates each piece, to an event of `solve_ivp`.
 """
 
 from __future__ import annotations
