@@ -150,7 +150,7 @@ class Some:
         """The values (count, S) of all switches and their rates, for which inputs are seen at the times `around`."""
         switches, inputs = self._own, self.crowd.inputs
         both = np.empty((2, switches.count, y.shape[1]))
-        u, w = (*inputs.beside(t), *switches.inputs(state)), ()
+        u, w = (*inputs.beside(t), *switches.inputs(state)), list[Any]()
         if inputs.count > 1 or not inputs.is_analytic:
             early, late = map(inputs.beside, around)
             w = [(b - a) / (around[1] - around[0]) for a, b in zip(early, late, strict=True)]
