@@ -211,10 +211,10 @@ def test_equal_pendula_slip_at_once(engine: str) -> None:
     link = {"kind": "bob", "mass": 1.0, "length": 1.0, "friction": 0.5}
     support = {"kind": "moved", "motion": {"kind": "sine", "amplitude": 0.1, "frequency_hz": 0.3}}
     start = {"angles_deg": [10.0]}
-    three, one = (hung(support=support, pendulum=[{"count": n, "links": [link], "start": start}]) for n in (3, 1))
+    three, single = (hung(support=support, pendulum=[{"count": n, "links": [link], "start": start}]) for n in (3, 1))
     links = ended(engine, three, 6.0)[0]
     assert np.ptp(links) == 0.0
-    assert links[:1] == pytest.approx(ended(engine, one, 6.0)[0], abs=1e-10)
+    assert links[:1] == pytest.approx(ended(engine, single, 6.0)[0], abs=1e-10)
 
 
 def test_a_run_that_goes_on_from_where_equal_pendula_begin_to_slip_is_the_whole() -> None:
