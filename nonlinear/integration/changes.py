@@ -80,7 +80,8 @@ def changing(at: Places, texts: dict[str, Callable[..., Any]]) -> tuple[Callable
     begin(t, y, last, state, numbers, c, u, happened) fills the state of a segment that begins at y after the impulses
     `last` (K,); due(y, f, state, numbers) is the kick that is due there at once, at its angle on the way out, else −1;
     change(t, j, y, f, state, numbers, c, u, V, happened) is y after switch j, in lists, the state and the columns V (k,
-    size) being changed in place; c are the constants of the texts.  What happens is appended as (time, switch, a, b):
+    size) being changed in place; a j beyond all switches decides anew which contacts stick, as inputs have jumped to u.
+    c are the constants of the texts.  What happens is appended as (time, switch, a, b):
     impulse and energy of a kick; 1 where a contact begins to stick, 0 where it ends.
     """
     size, half, K, J, presses, timed = at.size, at.half, at.K, at.J, at.presses, at.timed
@@ -149,6 +150,11 @@ def changing(at: Places, texts: dict[str, Callable[..., Any]]) -> tuple[Callable
                 y[below] = state[P + i] + (y[above] if above >= 0 else 0.0)
                 y[half + below] = y[half + above] if above >= 0 else 0.0
 
+    def at_limit(i: Any, tau: Any, state: Any, numbers: Any) -> Any:
+        """Whether a contact that sticks is at its limit to rounding: it breaks loose with one that does."""
+        limit = numbers[LIMIT + i] * (abs(tau[J]) if presses and i == 0 else 1.0)
+        return abs(tau[i]) >= limit * (1.0 + state[F + i]) * (1.0 - EXCESS)
+
     def slid(t: Any, j: Any, y: Any, f: Any, state: Any, numbers: Any, c: Any, u: Any, V: Any, happened: Any) -> Any:
         after, was = [*y], [*state[K : K + J]]
         stopping = [False] * J
@@ -159,16 +165,18 @@ def changing(at: Places, texts: dict[str, Callable[..., Any]]) -> tuple[Callable
         still = [i for i in range(J) if stopping[i] or was[i] == 0]
         _, G, columns, _ = answers(y, c, u)
         halted(after, still, columns, G)
-        begun = [0.0 if stopping[i] else was[i] for i in range(J)]
+        begun, loose = [0.0 if stopping[i] else was[i] for i in range(J)], [False] * J
         if not stops:
-            begun[j] = -1.0 if friction(c, after, u + inputs(state, numbers), NOTHING)[j] > 0 else 1.0
+            tau = friction(c, after, u + inputs(state, numbers), NOTHING)
+            loose = [i == j or (was[i] == 0 and at_limit(i, tau, state, numbers)) for i in range(J)]
+            begun = [(-1.0 if tau[i] > 0 else 1.0) if loose[i] else begun[i] for i in range(J)]
         for i in range(J):
-            if stopping[i] or (i == j and not stops):
+            if stopping[i] or loose[i]:
                 brief = (t - state[T + i]) * numbers[RATE] < BRIEF
                 state[B + i] = state[B + i] + 1 if brief else 0.0
                 state[F + i] = FIRM * 10.0 ** (state[B + i] - OFTEN) if state[B + i] >= OFTEN else 0.0
                 state[T + i] = t
-        held = [(stopping[i] or (i == j and not stops)) and state[F + i] > 0 for i in range(J)]
+        held = [(stopping[i] or loose[i]) and state[F + i] > 0 for i in range(J)]
         settle(t, after, begun, was, state, numbers, c, u, held, happened)
         leveled(after, state)
         if len(V) > 0 and stops:
@@ -233,13 +241,17 @@ def changing(at: Places, texts: dict[str, Callable[..., Any]]) -> tuple[Callable
             return struck(t, j, y, f, state, numbers, c, u, V, happened)
         if J > 0 and j < 2 * K + J:
             return slid(t, j - 2 * K, y, f, state, numbers, c, u, V, happened)
-        state[E] = -state[E]
+        if presses and j == 2 * K + J:
+            state[E] = -state[E]
+        elif J > 0:
+            was = [*state[K : K + J]]
+            settle(t, y, was, was, state, numbers, c, u, [False] * J, happened)
         return [*y]
 
     def begin(t: Any, y: Any, last: Any, state: Any, numbers: Any, c: Any, u: Any, happened: Any) -> Any:
         for i in range(K):
             gamma = relative(y, 0, kicks[i]) - numbers[i]
-            aside = gamma if abs(gamma) > numbers[K + i] else last[i]
+            aside = gamma if abs(gamma) > numbers[K + i] + TOGETHER else last[i]
             state[i] = -1.0 if aside > 0 else 1.0 if aside < 0 else 0.0
         if presses:
             state[E] = 1.0

@@ -146,12 +146,15 @@ class Some:
         """The friction τ at every contact, as inputs say."""
         return partial(self._own.function("friction", "arrays"), v=())
 
-    def values(self, t: Any, y: Floats, f: Floats, state: Floats) -> tuple[Floats, Floats]:
-        """The values (count, S) of all switches and their rates."""
-        switches = self._own
+    def values(self, t: Any, around: tuple[Any, Any], y: Floats, f: Floats, state: Floats) -> tuple[Floats, Floats]:
+        """The values (count, S) of all switches and their rates, for which inputs are seen at the times `around`."""
+        switches, inputs = self._own, self.crowd.inputs
         both = np.empty((2, switches.count, y.shape[1]))
-        u = (*self.crowd.inputs.beside(t), *switches.inputs(state))
-        for rows, values in zip(both, switches.values(y[: self.crowd.lanes.layout.size], f, u, state), strict=True):
+        u, w = (*inputs.beside(t), *switches.inputs(state)), list[Any]()
+        if inputs.count > 1 or not inputs.is_analytic:
+            early, late = map(inputs.beside, around)
+            w = [(b - a) / (around[1] - around[0]) for a, b in zip(early, late, strict=True)]
+        for rows, values in zip(both, switches.values(y[: self.crowd.lanes.layout.size], f, u, state, w), strict=True):
             for row, value in zip(rows, values, strict=True):
                 row[...] = value
         return both[0], both[1]

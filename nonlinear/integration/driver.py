@@ -20,7 +20,7 @@ from nonlinear.dynamics import Arranged
 from nonlinear.integration.escapements import Due, Escapements
 from nonlinear.integration.floats import FloatStepper
 from nonlinear.integration.friction import StickSlip, Transition
-from nonlinear.integration.steppers import Stepper, Sweeper
+from nonlinear.integration.steppers import SciPyStepper, Stepper, Sweeper
 from nonlinear.integration.switched import Switched
 from nonlinear.system import NO_FRICTION, NO_KICKS, Equations, Event, EventRecord, Friction, Kicks, State
 
@@ -165,6 +165,8 @@ class Drive:
     def _on(self, record: RunRecord) -> None:
         """One step and everything that happens within it."""
         before = self.stepper.time
+        if self.friction and isinstance(self.stepper, SciPyStepper) and self.stepper.lands:
+            self.friction.land(before, self.stepper.y)
         with np.errstate(all="ignore"):
             self.stepper.step()
         self._within(record, before)
@@ -198,14 +200,14 @@ class Drive:
         """Go on from y, after a kick or a change of friction that is due."""
         (kick, change), now = due, record.reached
         if self.friction and change:
-            if not record.stopped:
+            if not self._ends(record):
                 changed = self.friction.changed(change, y)
                 known = {event.name for event in record.happenings if event.time > now - BESIDE * (now - before)}
                 _first_stop(record, (event for event in self._jumps(now, y, changed) if event[0].name not in known))
                 record.last = now, changed
                 self.stepper.restart(changed, now)
         elif self.escapements and kick:
-            if not record.stopped:
+            if not self._ends(record):
                 kicked = self.escapements.kicked(kick, y)
                 _first_stop(record, self._jumps(now, y, kicked))
                 if self.friction:
@@ -222,11 +224,15 @@ class Drive:
         """What happens at y where the last step ended at a switch of its own."""
         stepper, now = cast("FloatStepper", self.stepper), self.stepper.time
         stepper.worked(before, record.reached)
-        switched = None if record.stopped else stepper.switch()
+        switched = None if self._ends(record) else stepper.switch()
         if switched is not None:
             known = {event.name for event in record.happenings if event.time > now - BESIDE * (now - before)}
             _first_stop(record, (event for event in self._jumps(now, y, switched) if event[0].name not in known))
             record.last = now, switched
+
+    def _ends(self, record: RunRecord) -> bool:
+        """Whether the run ends here: what is due belongs to a run that goes on."""
+        return bool(record.stopped) or record.reached >= self.times[-1]
 
     def _sample(self, record: RunRecord, now: float) -> None:
         """The sampled times up to now; where the step ends on one, the step's own result is used."""

@@ -187,7 +187,7 @@ def escapements(system: System, layout: Layout, y: Floats, before: Kicks = NO_KI
     gamma = joints.gamma(y[: layout.half], joints.bent)
     last = np.zeros(system.n_links)
     last[before.link] = before.impulse
-    aside = np.where(np.abs(gamma) > joints.angle, gamma, last[joints.below])
+    aside = np.where(np.abs(gamma) > joints.angle + TOGETHER, gamma, last[joints.below])
     return Escapements(joints, layout, -np.sign(aside))
 
 

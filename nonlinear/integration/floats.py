@@ -151,6 +151,8 @@ class FloatDOP853:
         if (stretch := self.beyond(self.t)) is None:
             return None
         (self.t_bound, self.max_step), self.status = stretch, "running"
+        if self.switched:
+            self.switched.land()
         return self._slope(y)
 
     def switch(self, V: list[list[float]] | None = None) -> None:
@@ -161,7 +163,7 @@ class FloatDOP853:
     def _changed(self, y: Numbers, f: Numbers, V: list[list[float]] | None = None) -> tuple[Numbers, Numbers]:
         """The y after the switch that was met, and its derivative."""
         switched = cast("Switched", self.switched)
-        after = switched.change(self.t, y, f, V)
+        after = switched.change(self.t, y, f, V, self.inputs)
         self.rate = switched.rate
         return after, self._slope(after)
 
@@ -277,7 +279,7 @@ class FloatStepper(DOP853Stepper[Written]):
     def _on_its_way(self) -> FloatDOP853:
         """The integrator, after a break that has been reached."""
         solver = cast("FloatDOP853", self._solver)
-        if self._high <= self.time < self.end:
+        if self.lands:
             solver.f = np.array(solver.carried_on(solver.y.tolist()))
         return solver
 

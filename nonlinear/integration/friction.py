@@ -14,8 +14,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import partial
-from math import nan
-from typing import NamedTuple
+from math import nan, ulp
+from typing import NamedTuple, cast
 
 import numpy as np
 import scipy
@@ -24,7 +24,7 @@ from modal.types import Booleans, Floats
 from nonlinear.dynamics import Frictional, links_of_contacts, refuse_jam
 from nonlinear.integration.changes import BRIEF, FIRM, OFTEN, TOGETHER
 from nonlinear.integration.escapements import root
-from nonlinear.integration.steppers import Stepper
+from nonlinear.integration.steppers import BESIDE, SciPyStepper, Stepper
 from nonlinear.integration.switches import NODES, WEIGHTS
 from nonlinear.system import Friction
 
@@ -71,7 +71,8 @@ class StickSlip:
         if self.equations.sign.all():
             values = -self.equations.sign * self.equations.sliding(rows)
         else:
-            values = np.array([self._values(time, row) for time, row in zip(looks.tolist(), rows, strict=True)])
+            times = map(cast("SciPyStepper", stepper).clear_of_breaks, looks.tolist())
+            values = np.array([self._values(time, row) for time, row in zip(times, rows, strict=True)])
         low, high = values[:-1], values[1:]
         passing, near = (low <= 0) & (high > 0), np.zeros(low.shape, dtype=bool)
         passing[0] |= (self._changed >= before) & (low[0] >= 0) & (high[0] > low[0]) & (high[0] > 0)
@@ -94,7 +95,8 @@ class StickSlip:
         return values
 
     def _value(self, stepper: Stepper, j: int, time: float) -> float:
-        return float(self._values(time, stepper.inside(np.array([time]))[0])[j])
+        clear = cast("SciPyStepper", stepper).clear_of_breaks(time)
+        return float(self._values(clear, stepper.inside(np.array([time]))[0])[j])
 
     def _peak(self, stepper: Stepper, looks: Floats, near: Booleans, k: int) -> tuple[float, float, Booleans] | None:
         """The look before a positive maximum near look k, its time, and which of those `near` has it; None without."""
@@ -136,6 +138,10 @@ class StickSlip:
         self._count(change.time, stopping | loose)
         self._settle(change.time, after, begun, held=(stopping | loose) & (self._firm > 0))
         return equations.project(after)[0]
+
+    def land(self, time: float, y: Floats) -> None:
+        """Inputs have jumped at this time: which contacts stick is decided anew."""
+        self._settle(time + BESIDE * ulp(time), y, self.equations.sign)
 
     def struck(self, time: float, y: Floats) -> None:
         """A kick made velocities jump to those of y: every contact that moves slides."""

@@ -106,7 +106,7 @@ def _attempt(driven: bool, switches: bool) -> str:
     for stage in range(1, STAGES + 1):
         summed = weighted(ROWS[stage], "K[{}, i, k]")
         lines += [" for i in range(D):", "  for k in range(WIDTH):", f"   z[i, k] = y[i, k] + h[k] * ({summed})"]
-        lines += [f" driven({NODES[stage]!r}, h, front, tables, u)"] * driven + [f" rates(z, u, s, c, K[{stage}])"]
+        lines += [f" driven({NODES[stage]!r}, h, front, tables, u, s)"] * driven + [f" rates(z, u, s, c, K[{stage}])"]
         if switches and stage in (*SEEN, STAGES):
             looks += 1
             lines += [f" look(z, K[{stage}], u, s, d, V[{looks}])"]

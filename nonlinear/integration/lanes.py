@@ -47,6 +47,7 @@ NUMBERS, NARROWEST, WIDEST = 20_480, 128, 2048  # numbers of y in work at once; 
 LEAVING = 8  # the part of all lanes that are through when they leave
 TINY = 10  # units in the last place of the time that no step is shorter than
 MET_TINY = 1e-16  # of the time, that no step is shorter than which seeks a switch
+ASIDE = 1e-3  # of a step, within which the rates of inputs are seen
 AT_ONCE = 20  # switches, one after the other at one time
 ROUNDED = 1e-6  # of a step, within which a switch is met by a line
 TOO_SHORT = "the step needed is smaller than the spacing between numbers"
@@ -71,12 +72,18 @@ class LaneSwitches(Protocol):
         """What a state adds to the inputs of the rates, arrays (S,)."""
         ...
 
-    def values(self, t: Any, y: Any, f: Any, state: Any) -> tuple[Any, Any]:
-        """The values (count, S) and their rates at times t (S,), of y and y' (size, S) of the motion."""
+    def values(self, t: Any, around: tuple[Any, Any], y: Any, f: Any, state: Any) -> tuple[Any, Any]:
+        """The values (count, S) and their rates at times t (S,), of y and y' (size, S) of the motion.
+
+        The rates of inputs are those between times `around` it, on the same side of breaks.
+        """
         ...
 
     def change(self, t: float, j: int, y: Any, f: Any, state: Any) -> Any:
-        """The y (size,) or (size, 1 + k) of one member after value j has passed, with its state changed in place."""
+        """The y (size,) or (size, 1 + k) of one member after value j has passed, with its state changed in place.
+
+        For j = `count` inputs have jumped.
+        """
         ...
 
 
@@ -160,6 +167,7 @@ class Front:
         self.state = np.zeros((0, W)) if task.state is None else task.state[:, :W].copy()
         self.t, self.h = task.starts[:W].copy(), self._first(self.member)
         self.refused, self.met = np.zeros((2, W), dtype=bool)
+        self.came = np.zeros(0, dtype=np.int64)
         self.which, self.low, self.high, self.usual = np.full(W, -1), np.zeros(W), np.full(W, inf), self.h.copy()
         self._prepare()
         self._renew(np.arange(W))
@@ -211,8 +219,9 @@ class Front:
         self.stages[0][:, columns] = rows
         if self.task.switches and len(columns):
             switches = self.task.switches.at(self.member[columns])
-            motion = self._motion(y), self._motion(rows), self.state[:, columns]
-            self.value[:, columns], self.rise[:, columns] = switches.values(self.t[columns], *motion)
+            motion, now = (self._motion(y), self._motion(rows), self.state[:, columns]), self._now(columns)
+            around = now, now + np.maximum(ASIDE * self.usual[columns], BESIDE * np.spacing(now))
+            self.value[:, columns], self.rise[:, columns] = switches.values(now, around, *motion)
 
     def _motion(self, y: Floats) -> Floats:
         return y if self.y.ndim < 3 else y[..., 0].real
@@ -233,8 +242,9 @@ class Front:
             advance(stage, begun, length, *others)
             fill(self.rates(z, beside(step.times(NODES[stage]), y)) if timed else self.rates(z), stages[stage])
             if self.task.switches and stage in (*SEEN, STAGES):
-                motion = self._motion(z), self._motion(stages[stage]), self.state
-                looks.append(self.switches.values(self.t + NODES[stage] * self.h, *motion))
+                motion, part = (self._motion(z), self._motion(stages[stage]), self.state), NODES[stage]
+                around = step.times(part - ASIDE), step.times(part + ASIDE)
+                looks.append(self.switches.values(step.times(part), around, *motion))
         error, factor = self._error()
         self.tried = self.h * factor
         step.taken = (error < 1) & (self.h > 0)
@@ -262,7 +272,7 @@ class Front:
         V, R = (np.array(rows) for rows in zip((self.value, self.rise), *looks, strict=True))
         width = (np.diff(LOOKS)[:, None] * self.h)[:, None]
         # Of all lanes at once, those of which `seen` says that a value may pass.
-        some = ((V[:-1] < 0) | ((V[:-1] == 0) & (R[:-1] < 0))) & (V[1:] >= 0)
+        some = ((V[:-1] < 0) | ((V[:-1] == 0) & ((R[:-1] < 0) | (V[1:] > 0)))) & (V[1:] >= 0)
         some |= (R[:-1] > 0) & (R[1:] < 0) & (np.maximum(V[:-1], V[1:]) + 0.25 * width * (R[:-1] - R[1:]) > 0)
         some |= (V[0] > 0) & (R[0] > 0)
         self._seek_none(np.flatnonzero(~step.taken))
@@ -297,10 +307,17 @@ class Front:
         self.h = np.minimum(np.minimum(self.tried, self.task.longest), ahead - self.t)
 
     def switch(self, outcome: Outcome) -> None:
-        """Change y and the state of lanes that met a switch, and of what passed within rounding of it."""
-        columns = np.flatnonzero(self.met)
-        which = self.which[columns]
-        self._seek_none(columns)
+        """Change y and the state of lanes that met a switch or a break, and of what passed within rounding of it.
+
+        What is due at the end of a lane belongs to whoever goes on from there.
+        """
+        changing = self.met.copy()
+        changing[self.came] |= (self.value[:, self.came] > 0).any(0)
+        columns = np.flatnonzero(changing & ~self.through)
+        which = np.where(self.met, self.which, self.task.switches.count)[columns]
+        self._seek_none(np.flatnonzero(self.met))
+        now = self.t.copy()
+        now[self.came] = self._now(self.came)
         for _ in range(AT_ONCE):
             if not len(columns):
                 break
@@ -308,7 +325,7 @@ class Front:
                 switches = self.task.switches.at(self.member[column])
                 motion, state = (self.y[:, column], self.stages[0][:, column]), self.state[:, column].copy()
                 try:
-                    self.y[:, column] = switches.change(float(self.t[column]), j, *motion, state)
+                    self.y[:, column] = switches.change(float(now[column]), j, *motion, state)
                 except ComputationError as error:
                     outcome.reasons[int(self.member[column])] = f"stopped at {self.t[column]:.9g} s: {error}"
                     continue
@@ -321,16 +338,21 @@ class Front:
             columns, which = columns[due.any(0)], which[due.any(0)]
         self.rates = self._held(self.task.lanes.rates(self.numbers), ALL)
 
+    @property
+    def through(self) -> Booleans:
+        """Which lanes are at their end."""
+        return np.asarray(self.t >= self.until - 4e-16 * np.abs(self.until))
+
     def _seek_none(self, columns: Any) -> None:
         self.which[columns], self.low[columns], self.high[columns] = -1, 0.0, inf
 
     def _land(self, before: Floats) -> None:
         """Begin anew the lanes that have come to a break."""
         ahead = self.task.ahead(before)
-        came = np.flatnonzero(self.t >= ahead - BESIDE * np.spacing(ahead))
-        if len(came):
-            self.t[came] = ahead[came]
-            self._renew(came)
+        self.came = np.flatnonzero(self.t >= ahead - BESIDE * np.spacing(ahead))
+        if len(self.came):
+            self.t[self.came] = ahead[self.came]
+            self._renew(self.came)
 
     def change(self, out: Booleans, size: int) -> None:
         """Lanes that are through leave; others come in for them while there are any of `size`."""
@@ -377,7 +399,7 @@ def integrate(task: LaneTask, watches: Sequence[Watch] = (), width: int | None =
             for watch in watches:
                 watch.see(step)
             front.go_on(step)
-            if front.met.any():
+            if task.switches and (len(front.came) or front.met.any()):
                 front.switch(outcome)
             out = _through(front, step, outcome)
             gone = int(np.count_nonzero(out))
@@ -390,7 +412,7 @@ def integrate(task: LaneTask, watches: Sequence[Watch] = (), width: int | None =
 
 def _through(front: Front, step: Step, outcome: Outcome) -> Booleans:
     """Which lanes are at the end, or can go no further; these are told why."""
-    done = front.t >= front.until - 4e-16 * np.abs(front.until)
+    done = front.through
     least = np.where(front.which >= 0, MET_TINY, TINY * np.spacing(1.0)) * np.abs(front.t)
     broken = ~step.taken & ~done & ~(front.h >= least)
     for column in np.flatnonzero(broken):

@@ -30,7 +30,7 @@ WIDTH, BESIDE_LINKS = 16, 8
 """Lanes; numbers of each beside those of its links."""
 FRONT = ["TIME", "STEP", "REFUSED", "FRESH", "DUE", "LARGEST", "ERROR", "HORIZON", "TURNED"]
 TIME, STEP, REFUSED, FRESH, DUE, LARGEST, ERROR, HORIZON, TURNED = range(len(FRONT))
-BEGINS = 2.0  # of a lane that is fresh: its member has just come
+BEGINS, LANDS = 2.0, 3.0  # of a lane that is fresh: its member has just come; it has come to a break
 SHORT, INFINITE, JAMMED = 1, 2, 3  # why a member failed
 CLOCK, TABLES = 1, 2  # of what drives a scene: the time, or polynomials of it
 TOP, TURN = 3.141592653589793, 6.283185307179586
@@ -57,7 +57,7 @@ def looping(
     """The function `run` with the texts of a form, and its SIZES; called by nobody, but written into modules."""
     D, SIZE, HALF, FIRST, CONSTANTS, N, M, TOLD, HELD, TIMED, DRIVEN, KICKS, PRESSES = (of[name] for name in SIZES)
 
-    def driven(part: Any, h: Any, front: Any, tables: Any, u: Any) -> None:
+    def driven(part: Any, h: Any, front: Any, tables: Any, u: Any, s: Any) -> None:
         if DRIVEN == CLOCK:
             for k in range(WIDTH):
                 u[0, k] = front[TIME, k] + part * h[k]
@@ -75,10 +75,13 @@ def looping(
                             low = middle + 1
                         else:
                             high = middle
-                    s, value = t - origins[low], 0.0
+                    since, value, rate = t - origins[low], 0.0, 0.0
                     for power in range(coefficients.shape[1]):
-                        value = value * s + coefficients[low, power]
+                        rate = rate * since + value
+                        value = value * since + coefficients[low, power]
                     u[j, k] = value
+                    if N > 0:
+                        s[len(s) - TIMED + j, k] = rate
 
     def look(y: Any, f: Any, u: Any, s: Any, d: Any, V: Any) -> None:
         for i in range(SIZE):
@@ -156,8 +159,8 @@ def looping(
                 a[i, k] = numbers[i, member % numbers.shape[1]]
             for i in range(len(a) - 1):
                 s[SIZE + TOLD + i, k] = a[i, k]
-            for i in range(TIMED):
-                s[len(s) - TIMED + i, k] = 1.0 if DRIVEN == CLOCK else 0.0
+            if DRIVEN == CLOCK:
+                s[len(s) - 1, k] = 1.0
             aim[k], following[k], low[k], high[k], usual[k] = -1, -1, 0.0, inf, front[STEP, k]
         parameters, constants, held = (
             [a[i, k] for i in range(len(a))],
@@ -195,6 +198,8 @@ def looping(
             return due(now, slope, [state[i, k] for i in range(M)], [a[i, k] for i in range(len(a))])
         reached, most = -1, 0.0
         for j in range(N):
+            if V[0, j, k] > 0 and front[FRESH, k] == LANDS:
+                return N
             if V[0, j, k] > most and V[0, N + j, k] > 0:
                 reached, most = j, V[0, j, k]
         return reached
@@ -221,7 +226,7 @@ def looping(
                 fresh = fresh or front[FRESH, k] > 0.0
             if not fresh:
                 return
-            driven(0.0, h, front, tables, u)
+            driven(0.0, h, front, tables, u, s)
             if N > 0:
                 for k in range(WIDTH):
                     changes = front[FRESH, k] == BEGINS or following[k] >= 0
@@ -322,7 +327,7 @@ def looping(
                 for i in range(2 * HALF):
                     for k in range(WIDTH):
                         w[i, k] += ASIDE * v[i, k] * sc[i, k]
-                driven(1.0, h, front, tables, u)
+                driven(1.0, h, front, tables, u, s)
                 rates(w, u, s, c, g)
                 grown(z, h, g, K, sc, v, w)
             for k in range(WIDTH):
@@ -396,8 +401,12 @@ def looping(
                         last = middle
                 front[TIME, k] += h[k]
                 if ahead < len(ends) - 1 and front[TIME, k] >= ends[ahead] - CLEAR * spacing(ends[ahead]):
-                    front[TIME, k], front[FRESH, k] = ends[ahead], 1.0
+                    front[TIME, k], front[FRESH, k] = ends[ahead], LANDS
                     ahead += 1
+                if front[TIME, k] >= end * (1.0 - 4e-16):
+                    front[FRESH, k] = 0.0  # what is due at the end belongs to whoever goes on from there
+                    if N > 0:
+                        following[k] = -1
                 front[STEP, k] = min(tried[k], longest, ends[ahead] - front[TIME, k])
                 if wants[5] and isfinite(g[0, k]) and g[0, k] > 0.0:
                     far = 0.0

@@ -23,8 +23,8 @@ NONE = 2.0
 
 
 def rises(a: float, da: float, b: float) -> bool:
-    """Whether a value a of rate da, then b, passes from below to above 0."""
-    return (a < 0 or (a == 0 and da < 0)) and b >= 0
+    """Whether a value a of rate da, then b, passes from below to above 0, or leaves it upwards."""
+    return b >= 0 and (a < 0 or (a == 0 and (da < 0 or b > 0)))
 
 
 def swells(a: float, da: float, b: float, db: float, width: float) -> bool:

@@ -188,6 +188,11 @@ class SciPyStepper:
         return float(self._solver.t)
 
     @property
+    def lands(self) -> bool:
+        """Whether the last step ended at a break, behind which the next one begins."""
+        return self._high <= self.time < self.end
+
+    @property
     def y(self) -> Floats:
         """Current y, (size,)."""
         return np.asarray(self._solver.y)
@@ -212,7 +217,7 @@ class SciPyStepper:
 
     def _on_its_way(self) -> Any:
         """The integrator, a new one where a break has been reached."""
-        if self._high <= self.time < self.end:
+        if self.lands:
             self._done += self._solver.nfev
             self._solver = self._begun(self.time, self.y, self.pace.first)
         return self._solver

@@ -67,13 +67,24 @@ class Switched(Written):
             raise
 
     def change(
-        self, time: float, y: Sequence[float], f: Sequence[float], V: list[list[float]] | None = None
+        self,
+        time: float,
+        y: Sequence[float],
+        f: Sequence[float],
+        V: list[list[float]] | None = None,
+        inputs: Listed | None = None,
     ) -> list[float]:
         """The y after the switch that was met at y, where y' = f; columns V (k, size) are changed in place."""
         columns = [] if V is None else V
-        after, _ = self.switches.change(time, self.met or 0, y, f, self.state, columns, self._timed(time, y))
+        u = inputs(time, y)[: self.switches.places.timed] if inputs else ()
+        after, _ = self.switches.change(time, self.met or 0, y, f, self.state, columns, u)
         self._hold()
         return after  # type: ignore[no-any-return]
+
+    def land(self) -> None:
+        """Inputs have jumped: which contacts stick is decided anew."""
+        if self.met is None and self.switches.places.J:
+            self.met = self.switches.count
 
     def values(
         self, time: float, y: Sequence[float], f: Sequence[float], inputs: Listed | None, length: float

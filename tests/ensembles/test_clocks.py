@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any
 
 import numpy as np
 import pytest
 from support.amounts import usually
 from support.loops import interpreted
+from support.pieces import Pieces
 
 from modal import load
 from modal.eigen.compiling import available
@@ -17,7 +19,8 @@ from modal.types import Floats
 from nonlinear import ensemble, simulate
 from nonlinear.integration import methods
 from nonlinear.integration.run import SimulationError
-from nonlinear.system import initial_state
+from nonlinear.simulation import resume
+from nonlinear.system import AppliedForces, Event, initial_state
 
 CLOCKS = {
     "pendulum[0].start.angles_deg[0]": (4.0, 12.0),
@@ -81,6 +84,7 @@ def test_a_clock_at_its_angle_on_the_way_out_is_kicked_at_once() -> None:
     assert runs.largest_difference < 1e-8
 
 
+JUMPS = [0, 1, 3]
 ENGINES = ["floats", "numpy", "numba"]
 
 
@@ -139,6 +143,104 @@ def test_a_start_at_the_angle_of_a_kick_counts_if_it_passes(engine: str, rate: f
     kicked = np.radians(rate) + 0.2 * (rate > 0)
     energy = speed**2 / 2 - 9.81 * (np.cos(theta) - np.cos(np.radians(3.0)))
     assert energy == pytest.approx(kicked**2 / 2, abs=1e-10)
+
+
+def jumping(seed: int) -> tuple[Scene, Pieces]:
+    """Two torques, or a torque and a force on a cart, that begin and end with a jump and change evenly in between."""
+    rng = np.random.default_rng(seed)
+    links = [
+        {"kind": "bob", "mass": rng.uniform(0.3, 2), "length": rng.uniform(0.4, 1.2), "friction": rng.uniform(0.1, 1)}
+        for _ in range(2)
+    ]
+    rubs = {"friction": rng.uniform(0.3, 3)} if seed % 4 == 1 else {"friction_coefficient": rng.uniform(0.03, 0.1)}
+    more: dict[str, Any] = {"support": {**CART, **rubs}} if seed % 2 else {}
+    ends = [np.sort(rng.choice(np.arange(13), 2, replace=False)) / 10 for _ in range(2)]
+    values = [rng.uniform(-3, 3) * np.array([1.0, rng.uniform(-1, 1)]) for _ in range(2)]
+
+    def load(time: float, state: Any) -> AppliedForces:
+        upper, other = (
+            float(np.interp(time, *each)) if each[0][0] <= time <= each[0][1] else 0.0
+            for each in zip(ends, values, strict=True)
+        )
+        moments = np.array([upper, 0.0]) if seed % 2 else np.array([upper - other, other])
+        return AppliedForces(other if seed % 2 else 0.0, moments)
+
+    on: list[dict[str, Any]] = [{"on": f"pendulum[0].links[{k}]", "direction": "torque"} for k in range(2)]
+    names = ["moment_nm", "moment_nm"]
+    if seed % 2:
+        on[1], names[1] = {"on": "cart"}, "force_n"
+    times = [np.linspace(*each, 6) for each in ends]
+    forces = [
+        {**place, "kind": "record", "time_s": t.tolist(), name: np.interp(t, *line).tolist()}
+        for place, name, t, line in zip(on, names, times, zip(ends, values, strict=True), strict=True)
+    ]
+    breaks = sorted({time for each in ends for time in each.tolist()})
+    return hung(*links, force=forces, **more), Pieces(hung(*links, **more), load, breaks)
+
+
+@cache
+def by_pieces(seed: int) -> tuple[Scene, Floats]:
+    """Such a scene, and its angles after 1.3 s by the maximal form."""
+    scene, pieces = jumping(seed)
+    links = pieces.end(initial_state(scene), 1.3, 1e-11).links
+    assert pieces.events
+    return scene, links
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("seed", usually(JUMPS, [*range(100)]))
+def test_contacts_slip_and_stick_where_forces_jump(seed: int, engine: str) -> None:
+    scene, links = by_pieces(seed)
+    assert ended(engine, scene, 1.3)[0] == pytest.approx(links, abs=1e-8)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_joint_at_rest_slips_under_a_torque_that_jumps_beyond_its_limit(engine: str) -> None:
+    """From rest under half a newton metre a bob of 1 kg and 1 m turns 1 − cos θ = θ/2g away, and stays there."""
+    torque = {"on": "pendulum[0].links[0]", "direction": "torque", "kind": "record"}
+    torque |= {"time_s": np.linspace(0.5, 2.5, 6).tolist(), "moment_nm": [1.0] * 6}
+    pendulum = [{"links": [{"kind": "bob", "mass": 1.0, "length": 1.0, "friction": 0.5}]}]
+    theta, rate = ended(engine, hung(pendulum=pendulum, force=[torque]), 2.4)[:, 0]
+    assert 9.81 * (1 - np.cos(theta)) == pytest.approx(0.5 * theta, rel=1e-9)
+    assert theta > 0.1
+    assert rate == 0.0
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_equal_pendula_slip_at_once(engine: str) -> None:
+    link = {"kind": "bob", "mass": 1.0, "length": 1.0, "friction": 0.5}
+    support = {"kind": "moved", "motion": {"kind": "sine", "amplitude": 0.1, "frequency_hz": 0.3}}
+    start = {"angles_deg": [10.0]}
+    three, single = (hung(support=support, pendulum=[{"count": n, "links": [link], "start": start}]) for n in (3, 1))
+    links = ended(engine, three, 6.0)[0]
+    assert np.ptp(links) == 0.0
+    assert links[:1] == pytest.approx(ended(engine, single, 6.0)[0], abs=1e-10)
+
+
+def test_a_run_that_goes_on_from_where_equal_pendula_begin_to_slip_is_the_whole() -> None:
+    link = {"kind": "bob", "mass": 1.0, "length": 1.0, "friction": 0.5}
+    support = {"kind": "moved", "motion": {"kind": "sine", "amplitude": 0.1, "frequency_hz": 0.3}}
+    scene = hung(support=support, pendulum=[{"count": 3, "links": [link], "start": {"angles_deg": [10.0]}}])
+    whole = simulate(scene, 6.0, output=2, tolerance=1e-11)
+    slips = float(whole.friction.end[0])
+    rest = resume(simulate(scene, slips, output=2, tolerance=1e-11), 6.0 - slips, output=2)
+    assert rest.final.links == pytest.approx(whole.final.links, abs=1e-9)
+
+
+@pytest.mark.parametrize("kick", range(4))
+def test_a_kick_at_the_end_of_a_run_is_that_of_the_run_that_goes_on(kick: int) -> None:
+    link = {"kind": "bob", "mass": 1.0, "length": 1.0, "drive": ESCAPEMENT}
+    scene = hung(link, pendulum=[{"links": [link], "start": {"angles_deg": [8.0]}}])
+    whole = simulate(scene, 4.5, output=2)
+    until = float(whole.kicks.time[kick])
+    never = Event("never", lambda state: float(state.links[0]) - 10.0)
+    by_step, ahead = (simulate(scene, until, output=2, events=events) for events in ((never,), ()))
+    assert len(by_step.kicks.time) == len(ahead.kicks.time) == kick
+    members = ensemble(scene, until, starts=[initial_state(scene)], engine="numpy", workers=1, check=0)
+    assert members.final.link_rates[0] == pytest.approx(ahead.final.link_rates, abs=1e-9)
+    rest = resume(ahead, 4.5 - until, output=2)
+    assert rest.final.links == pytest.approx(whole.final.links, abs=1e-8)
+    assert kick + len(rest.kicks.time) == len(whole.kicks.time)
 
 
 def assert_same(name: str, seconds: float, size: int) -> None:

@@ -2,14 +2,16 @@
 
 In every piece each link moves freely under the forces of `nonlinear.dynamics.maximal`; friction is a moment on a link
 and its reverse on the one above, or a force on the cart, a joint or a cart that sticks is one more constraint, and a
-kick is an impulse against all constraints.  The reaction of the rail is the constraint's own multiplier.  Which
-contacts stick is found by trying every set of them.  SciPy's DOP853 integrates each piece, to an event of `solve_ivp`.
+kick is an impulse against all constraints.  At the `breaks` of a load what sticks is tried again.  The reaction of the
+rail is the constraint's own multiplier.  Which contacts stick is found by trying every set of them.  SciPy's DOP853
+integrates each piece, to an event of `solve_ivp`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from itertools import product
 
 import numpy as np
@@ -19,10 +21,11 @@ from modal.scene import Cart, Scene
 from modal.types import Floats
 from nonlinear import State
 from nonlinear.dynamics import Maximal
-from nonlinear.system import system_of
+from nonlinear.system import Load, system_of
 
 LONGEST = 0.02  # s of a step: nothing passes a switch and returns in less
 AT_REST, ROUNDED = 1e-11, 1e-9  # rad/s or m/s; of a limit
+BESIDE = 1e-12  # s, between which and a break a load is not asked
 
 
 @dataclass(eq=False)
@@ -30,12 +33,14 @@ class Pieces:
     """The motion of one pendulum in the plane: contacts of `sign` 0 stick; `side` is that of each clock's next kick."""
 
     scene: Scene
+    load: Load | None = None
+    breaks: Sequence[float] = ()
     sign: Floats = field(init=False)
     side: Floats = field(init=False)
     events: int = 0
 
     def __post_init__(self) -> None:
-        (pendulum,), self.maximal = self.scene.pendulum, Maximal(system_of(self.scene))
+        (pendulum,), self.maximal = self.scene.pendulum, Maximal(system_of(self.scene), self.load)
         links, cart = pendulum.links, self.scene.support
         first, self.size = self.maximal.pivots.first, self.maximal.pivots.size
         rows, limits = np.zeros((len(links), self.size)), [link.friction for link in links]
@@ -152,20 +157,33 @@ class Pieces:
     def end(self, start: State, seconds: float, tolerance: float = 1e-12) -> State:
         """The state after so many seconds."""
         y, t = self.begin(start), 0.0
-        while t < seconds:
-            values = self._values()
+        for until in (*(time for time in self.breaks if 0 < time < seconds), seconds):
+            if t > 0:
+                self._decide(t + BESIDE, y, self.J @ y[self.size : 2 * self.size])
+            y, t = self._until(until, t, y, tolerance), until
+        return self.maximal.read(y[None])[0]
+
+    def _until(self, until: float, t: float, y: Floats, tolerance: float) -> Floats:
+        """The y at the next break or the end, from y at t."""
+        low, high = t + BESIDE, until - BESIDE
+
+        def rate(time: float, y: Floats) -> Floats:
+            return self._rate(min(max(time, low), high), y)
+
+        while t < until:
+            values = [(kind, j, partial(_clipped, value, low, high)) for kind, j, value in self._values()]
             for _, _, value in values:
                 value.terminal, value.direction = True, 1  # type: ignore[attr-defined]
             solution = solve_ivp(
-                self._rate, (t, seconds), y, "DOP853", rtol=tolerance, atol=tolerance, max_step=LONGEST,
+                rate, (t, until), y, "DOP853", rtol=tolerance, atol=tolerance, max_step=LONGEST,
                 events=[value for _, _, value in values],
             )  # fmt: skip
             t, y = float(solution.t[-1]), self.maximal.project(solution.y[:, -1])[0]
             for (kind, j, _), times in zip(values, solution.t_events, strict=True):
                 if len(times):
-                    y = self._changed(kind, j, t, y)
+                    y = self._changed(kind, j, min(max(t, low), high), y)
                     self.events += 1
-        return self.maximal.read(y[None])[0]
+        return y
 
     def _changed(self, kind: str, j: int, t: float, y: Floats) -> Floats:
         if kind in {"right", "left"}:
@@ -181,3 +199,7 @@ class Pieces:
         way = -np.sign(self.friction(t, y, self.sign)[0][j]) if kind == "sticks" else 0.0
         self._decide(t, y, speed, j if kind == "sticks" else -1, float(way))
         return y
+
+
+def _clipped(value: Callable[[float, Floats], float], low: float, high: float, t: float, y: Floats) -> float:
+    return value(min(max(t, low), high), y)
