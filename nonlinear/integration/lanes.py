@@ -45,8 +45,7 @@ from nonlinear.integration.within import Step, beside, fill, spread, squared
 
 NUMBERS, NARROWEST, WIDEST = 20_480, 128, 2048  # numbers of y in work at once; lanes
 LEAVING = 8  # the part of all lanes that are through when they leave
-TINY = 10  # units in the last place of the time that no step is shorter than
-MET_TINY = 1e-16  # of the time, that no step is shorter than which seeks a switch
+TINY = 10  # units in the last place of the time that no step is shorter than, but one that seeks a switch
 AT_ONCE = 20  # switches, one after the other at one time
 ROUNDED = 1e-6  # of a step, within which a switch is met by a line
 TOO_SHORT = "the step needed is smaller than the spacing between numbers"
@@ -201,7 +200,7 @@ class Front:
 
     def _now(self, columns: Any = ALL) -> Floats:
         """The times (s) of lanes that begin a step, after a break."""
-        return np.asarray(self.t[columns] + BESIDE * np.spacing(self.t[columns]))
+        return np.asarray(self.t[columns] + BESIDE * np.spacing(np.abs(self.t[columns])))
 
     def _renew(self, columns: Ints) -> None:
         """The rates, and the values of switches, where lanes are now."""
@@ -271,7 +270,7 @@ class Front:
         self.met = np.zeros(len(self.t), dtype=bool)
         for i in np.flatnonzero((suspect | seeking) & step.taken):
             seen = V[:, :, i].tolist(), R[:, :, i].tolist(), LOOKS
-            answer = meet(int(i), self.t, self.h, *seen, self.which, self.low, self.high, self.tried, self.usual)
+            answer = meet(int(i), self.h, *seen, self.which, self.low, self.high, self.tried, self.usual)
             step.taken[i], self.met[i] = answer != AGAIN, answer == MET
         self.value, self.rise = (np.where(step.taken, rows[-1], rows[0]) for rows in (V, R))
         met = np.flatnonzero(self.met)
@@ -327,7 +326,7 @@ class Front:
     def _land(self, before: Floats) -> None:
         """Begin anew the lanes that have come to a break."""
         ahead = self.task.ahead(before)
-        came = np.flatnonzero(self.t >= ahead - BESIDE * np.spacing(ahead))
+        came = np.flatnonzero(self.t >= ahead - BESIDE * np.spacing(np.abs(ahead)))
         if len(came):
             self.t[came] = ahead[came]
             self._renew(came)
@@ -391,7 +390,7 @@ def integrate(task: LaneTask, watches: Sequence[Watch] = (), width: int | None =
 def _through(front: Front, step: Step, outcome: Outcome) -> Booleans:
     """Which lanes are at the end, or can go no further; these are told why."""
     done = front.t >= front.until - 4e-16 * np.abs(front.until)
-    least = np.where(front.which >= 0, MET_TINY, TINY * np.spacing(1.0)) * np.abs(front.t)
+    least = np.where(front.which >= 0, 0.0, TINY * np.spacing(np.abs(front.t)))
     broken = ~step.taken & ~done & ~(front.h >= least)
     for column in np.flatnonzero(broken):
         member = int(front.member[column])
