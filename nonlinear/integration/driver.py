@@ -11,13 +11,12 @@ from math import isfinite
 from typing import Any, cast
 
 import numpy as np
-import scipy
 
 from modal.errors import ComputationError
 from modal.report import silent
 from modal.types import Floats
 from nonlinear.dynamics import Arranged
-from nonlinear.integration.escapements import Due, Escapements
+from nonlinear.integration.escapements import Due, Escapements, lowest, root
 from nonlinear.integration.floats import FloatStepper
 from nonlinear.integration.friction import StickSlip, Transition
 from nonlinear.integration.steppers import Stepper, Sweeper
@@ -29,8 +28,8 @@ BESIDE = 1e-6
 SILENT, AFTER = 1e-9, 0.02
 """An event's value that starts below this fraction of its value in the first step starts at zero, which is no crossing:
 its side is that after this fraction of the time to the first look."""
-ASIDE, SHARP = 0.01, 1e-9
-"""Fractions of the time between two looks: at which the slope is seen, and to which a turning point is sought."""
+ASIDE = 0.01
+"""Of the time between two looks: at which the slope is seen."""
 
 
 @dataclass
@@ -274,11 +273,9 @@ class Drive:
             return float(side * self._value(event, time))
 
         if height(start + aside) < abs(values[0]) and height(end - aside) < abs(values[1]):
-            lowest = scipy.optimize.minimize_scalar(
-                height, bounds=ends, method="bounded", options={"xatol": SHARP * (end - start)}
-            )
-            if lowest.fun < 0:
-                yield float(lowest.x), float(side * lowest.fun)
+            time, least = lowest(height, start, end)
+            if least < 0:
+                yield time, float(side * least)
 
     def _jumps(self, time: float, before: Floats, after: Floats) -> Iterator[tuple[EventRecord, bool]]:
         """The events triggered by the jump of a kick."""
@@ -289,7 +286,7 @@ class Drive:
     def _refined(self, event: Event, start: float, end: float) -> float:
         """The root on the interpolant, then one secant step with the integrator's own value there."""
         within = partial(self._value, event)
-        time = float(scipy.optimize.brentq(within, start, end, xtol=1e-15 * max(1.0, abs(end)), rtol=1e-15))
+        time = root(within, start, end)
         width = (end - start) / 1000
         slope = (within(time + width) - within(time - width)) / (2 * width)
         moved = time - event.value(self._state(self.stepper.exact(time))) / slope if slope else time
