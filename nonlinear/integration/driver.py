@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, field
-from functools import partial
+from functools import cached_property, partial
 from itertools import pairwise
 from math import isfinite
 from typing import Any, cast
@@ -15,7 +15,8 @@ import numpy as np
 from modal.errors import ComputationError
 from modal.report import silent
 from modal.types import Floats
-from nonlinear.dynamics import Arranged
+from nonlinear.dynamics import Arranged, Recursion
+from nonlinear.dynamics.minimal import inverted
 from nonlinear.integration.escapements import Due, Escapements, lowest, root
 from nonlinear.integration.floats import FloatStepper
 from nonlinear.integration.friction import StickSlip, Transition
@@ -28,6 +29,8 @@ BESIDE = 1e-6
 SILENT, AFTER = 1e-9, 0.02
 """An event's value that starts below this fraction of its value in the first step starts at zero, which is no crossing:
 its side is that after this fraction of the time to the first look."""
+SINGULAR = 1.5e-8
+"""Share of all masses that a massless cart feels, the root of rounding: accelerations there keep half of their digits."""
 ASIDE = 0.01
 """Of the time between two looks: at which the slope is seen."""
 
@@ -93,6 +96,8 @@ class Drive:
                     self._rest(record)
                 else:
                     advance(record)
+                    if self._turns_singular:
+                        self._refuse_singular(record)
         except KeyboardInterrupt:
             record.stopped, record.interrupted = f"interrupted at {record.reached:.9g} s", True
         except ComputationError as error:
@@ -105,6 +110,24 @@ class Drive:
         if isinstance(self.equations, Switched):
             record.kicks = self.equations.switches.kicked()
         return record
+
+    @cached_property
+    def _turns_singular(self) -> bool:
+        """Whether the mass matrix may turn singular on the way, while what is damped decays ever faster."""
+        system = self.equations.system
+        return bool(system.cart and not system.cart.mass and system.dissipates and not system.spatial)
+
+    def _refuse_singular(self, record: RunRecord) -> None:
+        """ComputationError where the cart feels next to nothing of all masses."""
+        system, state = self.equations.system, self._state(self.stepper.y)
+        pushes = np.eye(1, system.first + system.n_links)[0]
+        with np.errstate(all="ignore"):
+            solvers = [(group, Recursion(group)) for group in system.groups]
+            answers = inverted(system, solvers, np.append(0.0, state.links), pushes)
+        share = 1 / (float(answers[0]) * system.total_mass)
+        if not share > SINGULAR:
+            words = f"the cart moves as if {share:.0e} of all masses hung from it"
+            raise ComputationError(f"the run stopped at {record.reached:.9g} s: {words}")
 
     @property
     def _rests(self) -> bool:
