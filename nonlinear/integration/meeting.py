@@ -95,9 +95,7 @@ def passing(j: int, h: float, V: Any, R: Any, looks: Any) -> float:
     return NONE
 
 
-def meet(
-    i: int, h: Any, V: Any, R: Any, looks: Any, which: Any, low: Any, high: Any, tried: Any, usual: Any
-) -> int:
+def meet(i: int, h: Any, V: Any, R: Any, looks: Any, which: Any, low: Any, high: Any, tried: Any, usual: Any) -> int:
     """What becomes of a good step of segment i, of length h (s), whose next length would be `tried`.
 
     `which` value it seeks to meet, -1 for none, lies between `low` and `high` (s); `usual` is the length to go on with
