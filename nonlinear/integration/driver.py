@@ -30,7 +30,7 @@ SILENT, AFTER = 1e-9, 0.02
 """An event's value that starts below this fraction of its value in the first step starts at zero, which is no crossing:
 its side is that after this fraction of the time to the first look."""
 SINGULAR = 1.5e-8
-"""Share of all masses that a massless cart feels, the root of rounding: accelerations there keep half of their digits."""
+"""Share of all masses that a massless cart feels: the root of rounding, where accelerations keep half their digits."""
 ASIDE = 0.01
 """Of the time between two looks: at which the slope is seen."""
 

@@ -12,6 +12,7 @@ and which way the others slide, and the integrator restarts.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
 from math import nan
@@ -99,7 +100,7 @@ class StickSlip:
         """The look before a positive maximum near look k, its time, and which of those `near` has it; None without."""
         for j in np.flatnonzero(near).tolist():
             value = partial(self._value, stepper, j)
-            time, least = lowest(lambda time, value=value: -value(time), float(looks[k - 1]), float(looks[k + 1]))
+            time, least = lowest(partial(_negative, value), float(looks[k - 1]), float(looks[k + 1]))
             if least < 0:
                 return float(looks[k - 1]), time, np.arange(len(near)) == j
         return None
@@ -204,6 +205,10 @@ class StickSlip:
         which = np.array([phase[0] for phase in phases], dtype=np.int64)
         begin, end = (np.array([phase[k] for phase in phases], dtype=float) for k in (1, 2))
         return Friction(places[which], begin, end, places, self._work.copy(), self.rest)
+
+
+def _negative(value: Callable[[float], float], time: float) -> float:
+    return -value(time)
 
 
 def _near(values: Floats) -> Booleans:

@@ -495,7 +495,8 @@ def test_a_massless_cart_whose_damper_lets_it_pass_goes_on() -> None:
     links = [(Bob(mass=1.9, length=length), angle) for length, angle in ((0.33, 20.0), (0.5, -5.0))]
     hung = [Pendulum(links=[bob], start=InitialCondition(angles_deg=[angle])) for bob, angle in links]
     run = simulate(Scene(gravity=9.81, support=Cart(mass=0.0, damping=0.27), pendulum=hung), 2.0)
-    assert run.complete and run.energy_drift() < 1e-8
+    assert run.complete
+    assert run.energy_drift() < 1e-8
 
 
 @pytest.mark.parametrize("speed", [0.0, 3.0])
@@ -507,25 +508,23 @@ def test_a_push_takes_the_momentum_law_and_not_the_energy_law(speed: float) -> N
     pushed, free = (scene_from({**described, **more}) for more in ({"force": [push]}, {}))
     start = State(np.array([0.4]), np.zeros(1), cart=0.0, cart_rate=speed)
     run = simulate(pushed, 8.0, start=start)
-    assert not run.keeps_momentum and math.isnan(run.momentum_drift())
+    assert not run.keeps_momentum
+    assert math.isnan(run.momentum_drift())
     assert run.energy_drift() < 1e-7
     omega = 2 * math.pi * 0.3
     momentum = 6.0 * speed + 2.0 / omega * (1 - np.cos(omega * run.times))
     np.testing.assert_allclose(run.mechanics.momentum, momentum, rtol=0, atol=1e-7)
-    assert simulate(free, 2.0, start=start).momentum_drift() < 1e-9
+    assert simulate(free, 2.0, start=start, tolerance=1e-11).momentum_drift() < 1e-9
     found = ensemble(pushed, 8.0, starts=[start], engine="numpy", workers=1, check=0)
     assert found.energy_drift.max() < 1e-6
 
 
-def test_masses_that_leave_a_singular_matrix_raise_nothing_else_than_a_stop() -> None:
+def test_masses_that_leave_a_singular_matrix_move() -> None:
     support = modal.ModalSupport(
         M=[[0.1, 0.0], [0.0, 2.0]], K=[[16.0, 0.0], [0.0, 20.0]], points=[[[1.0, 0.5], [0.0, 0.0]]]
     )
     hung = Pendulum(on="modal[0]", links=[Bob(mass=1e17, length=1.0)], start=InitialCondition(angles_deg=[5.0]))
     scene = Scene(gravity=9.81, support=support, pendulum=[hung])
     scales = estimate_timescales(scene)
-    assert math.isfinite(scales.swing) and scales.swing > 0
-    try:
-        assert simulate(scene, 0.01).complete
-    except SimulationError as error:
-        assert "stopped" in str(error)
+    assert 0 < scales.swing < math.inf
+    assert simulate(scene, 0.01).energy_drift() < 1e-7
