@@ -276,9 +276,19 @@ def _tied_modes(rig: Rig, held: dict[Kind, Floats]) -> Iterator[tuple[float, Kin
 
 
 def pencil(K: Floats, M: Floats) -> tuple[Floats, Floats]:
-    """Squares ascending and vectors with vᵀMv = 1 of K v = ω² M v, by a Cholesky factor of M."""
+    """Squares ascending and vectors with vᵀMv = 1 of K v = ω² M v, by a Cholesky factor of M.
+
+    ComputationError where rounding leaves M none.
+    """
     size = np.sqrt(np.diag(M))
-    inverse = np.linalg.inv(np.linalg.cholesky(M / np.outer(size, size))) / size
+    try:
+        factor = np.linalg.cholesky(M / np.outer(size, size))
+    except np.linalg.LinAlgError:
+        raise ComputationError(
+            "the masses lie so far apart that in double precision the light ones are lost beside the heavy ones; "
+            "the table of modes keeps them"
+        ) from None
+    inverse = np.linalg.inv(factor) / size
     squares, vectors = np.linalg.eigh(inverse @ K @ inverse.T)
     return squares, inverse.T @ vectors
 

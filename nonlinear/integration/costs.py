@@ -19,6 +19,7 @@ WRITTEN = 32  # links of a scene up to which equations are generated in floats
 PER_PERIOD = 14.0  # steps of DOP853 per period at tolerance 1e-6 and large angles
 SERIES_PER_PERIOD = 40.0  # steps of Taylor series per period, at any tolerance
 PER_KICK = 2.0  # steps: one cut short, one that lands on the kick
+LOOKING = 4e-4  # s to look through a step of series for kicks, in Python
 COMPILING = 8.0  # s to compile the integrator
 
 
@@ -33,6 +34,7 @@ def offers(scene: Scene, system: System, duration: float, tolerance: float, size
     ways = {"DOP853": Offer(steps * each), "compiled": Offer(steps * (5e-6 + 8e-7 * links), compiled)}
     if taylor.takes(system):
         each = 3e-6 + links * (1e-6 if links <= taylor.UNROLLED else 1.5e-6 + 2e-7 * longest)
+        each += LOOKING * bool(system.kicked)
         code = taylor.code_of(form_of(system), Inputs(system).pieces or (), taylor.uneven(tolerance * size))
         ways["taylor"] = Offer((periods * SERIES_PER_PERIOD + kicks) * each, code)
     return ways

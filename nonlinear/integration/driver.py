@@ -5,19 +5,19 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, field
-from functools import partial
+from functools import cached_property, partial
 from itertools import pairwise
 from math import isfinite
 from typing import Any, cast
 
 import numpy as np
-import scipy
 
 from modal.errors import ComputationError
 from modal.report import silent
 from modal.types import Floats
-from nonlinear.dynamics import Arranged
-from nonlinear.integration.escapements import Due, Escapements
+from nonlinear.dynamics import Arranged, Recursion
+from nonlinear.dynamics.minimal import inverted
+from nonlinear.integration.escapements import Due, Escapements, lowest, root
 from nonlinear.integration.floats import FloatStepper
 from nonlinear.integration.friction import StickSlip, Transition
 from nonlinear.integration.steppers import SciPyStepper, Stepper, Sweeper
@@ -29,8 +29,10 @@ BESIDE = 1e-6
 SILENT, AFTER = 1e-9, 0.02
 """An event's value that starts below this fraction of its value in the first step starts at zero, which is no crossing:
 its side is that after this fraction of the time to the first look."""
-ASIDE, SHARP = 0.01, 1e-9
-"""Fractions of the time between two looks: at which the slope is seen, and to which a turning point is sought."""
+SINGULAR = 1.5e-8
+"""Share of all masses that a massless cart feels: the root of rounding, where accelerations keep half their digits."""
+ASIDE = 0.01
+"""Of the time between two looks: at which the slope is seen."""
 
 
 @dataclass
@@ -94,6 +96,8 @@ class Drive:
                     self._rest(record)
                 else:
                     advance(record)
+                    if self._turns_singular:
+                        self._refuse_singular(record)
         except KeyboardInterrupt:
             record.stopped, record.interrupted = f"interrupted at {record.reached:.9g} s", True
         except ComputationError as error:
@@ -106,6 +110,24 @@ class Drive:
         if isinstance(self.equations, Switched):
             record.kicks = self.equations.switches.kicked()
         return record
+
+    @cached_property
+    def _turns_singular(self) -> bool:
+        """Whether the mass matrix may turn singular on the way, while what is damped decays ever faster."""
+        system = self.equations.system
+        return bool(system.cart and not system.cart.mass and system.dissipates and not system.spatial)
+
+    def _refuse_singular(self, record: RunRecord) -> None:
+        """ComputationError where the cart feels next to nothing of all masses."""
+        system, state = self.equations.system, self._state(self.stepper.y)
+        pushes = np.eye(1, system.first + system.n_links)[0]
+        with np.errstate(all="ignore"):
+            solvers = [(group, Recursion(group)) for group in system.groups]
+            answers = inverted(system, solvers, np.append(0.0, state.links), pushes)
+        share = 1 / (float(answers[0]) * system.total_mass)
+        if not share > SINGULAR:
+            words = f"the cart moves as if {share:.0e} of all masses hung from it"
+            raise ComputationError(f"the run stopped at {record.reached:.9g} s: {words}")
 
     @property
     def _rests(self) -> bool:
@@ -280,11 +302,9 @@ class Drive:
             return float(side * self._value(event, time))
 
         if height(start + aside) < abs(values[0]) and height(end - aside) < abs(values[1]):
-            lowest = scipy.optimize.minimize_scalar(
-                height, bounds=ends, method="bounded", options={"xatol": SHARP * (end - start)}
-            )
-            if lowest.fun < 0:
-                yield float(lowest.x), float(side * lowest.fun)
+            time, least = lowest(height, start, end)
+            if least < 0:
+                yield time, float(side * least)
 
     def _jumps(self, time: float, before: Floats, after: Floats) -> Iterator[tuple[EventRecord, bool]]:
         """The events triggered by the jump of a kick."""
@@ -295,7 +315,7 @@ class Drive:
     def _refined(self, event: Event, start: float, end: float) -> float:
         """The root on the interpolant, then one secant step with the integrator's own value there."""
         within = partial(self._value, event)
-        time = float(scipy.optimize.brentq(within, start, end, xtol=1e-15 * max(1.0, abs(end)), rtol=1e-15))
+        time = root(within, start, end)
         width = (end - start) / 1000
         slope = (within(time + width) - within(time - width)) / (2 * width)
         moved = time - event.value(self._state(self.stepper.exact(time))) / slope if slope else time

@@ -17,6 +17,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
+from math import ulp
 from typing import NamedTuple
 
 import numpy as np
@@ -30,6 +31,8 @@ from nonlinear.system import NO_KICKS, Kicks, Layout, System
 
 LOOKS = 6  # points searched within every step
 TOGETHER = 1e-12  # rad by which a kick may come early to coincide with another
+SHARP, TURNS = 1e-15, 1e-9  # of an interval, to which a root and a turning point are sought
+EPSILON = float(np.finfo(float).eps)
 BUMP = 0.25  # a curve of one curvature rises above its ends by at most this times its change of slope
 
 
@@ -192,8 +195,22 @@ def escapements(system: System, layout: Layout, y: Floats, before: Kicks = NO_KI
 
 
 def root(value: Callable[[float], float], start: float, end: float) -> float:
-    """Where a value between two times of either sign is zero, to the last digits."""
-    return float(scipy.optimize.brentq(value, start, end, xtol=1e-15 * max(1.0, abs(end)), rtol=1e-15))
+    """Where a value between two times of either sign is zero, to the last digits of the interval or of the time."""
+    close = max(SHARP * (end - start), ulp(max(abs(start), abs(end))))
+    return float(scipy.optimize.brentq(value, start, end, xtol=close, rtol=4 * EPSILON))
+
+
+def lowest(value: Callable[[float], float], start: float, end: float) -> tuple[float, float]:
+    """Where a value between two times is lowest, and that value.
+
+    It is sought in parts of the interval: SciPy's own tolerance is 1.5e-8 of what varies, of a late time whole steps.
+    """
+
+    def inside(part: float) -> float:
+        return value(start + part * (end - start))
+
+    least = scipy.optimize.minimize_scalar(inside, bounds=(0.0, 1.0), method="bounded", options={"xatol": TURNS})
+    return float(start + least.x * (end - start)), float(least.fun)
 
 
 def _largest(values: Floats | Booleans) -> tuple[int, int]:

@@ -176,17 +176,18 @@ class FloatDOP853:
         t, switched = self.t, self.switched
         least = 10 * abs(nextafter(t, self.t_bound) - t)
         length, refused = min(max(float(self.h_abs), least), self.max_step), False
-        while length >= least:
+        while length >= least or self._which[0] >= 0:
             end = min(t + length, self.t_bound)
-            length = end - t
+            if self._which[0] < 0:  # a switch is sought on a scale finer than the floats of the time
+                length = end - t
             error, factor, after, stages, looks = self._attempted(length, y, f, refused)
             if not error < 1:
                 length, refused = length * factor, True
                 self._seek_none()
                 continue
             answer = self._met(length, y, after, stages, looks, length * factor) if switched else STANDS
-            if answer == AGAIN and length > least:
-                length, refused = max(self._tried[0], least), False
+            if answer == AGAIN:
+                length, refused = self._tried[0], False
                 continue
             if switched is None:
                 tried = 0.0 if refused or end < self.t_bound else self.h_abs
@@ -214,7 +215,7 @@ class FloatDOP853:
         self._tried[0] = following
         if self._which[0] >= 0 or seen(length, V, R, LOOKS):
             places = self._which, self._low, self._high, self._tried, self._usual
-            answer = meet(0, (t,), (length,), V, R, LOOKS, *places)
+            answer = meet(0, (length,), V, R, LOOKS, *places)
         else:
             self._usual[0], answer = following, STANDS
         switched.look, self._last = looked[-1 if answer == STANDS else 0], looked[-1]
@@ -311,7 +312,6 @@ class FloatStepper(DOP853Stepper[Written]):
         switched = self.equations if isinstance(self.equations, Switched) else None
         alone = mends or (switched is not None and switched.presses)
         solver = self._on_its_way()
-        begun = solver.t
         ends: list[tuple[float, Numbers | Floats]] = []
         wanted: list[FloatStep] = []
         while True:
@@ -323,7 +323,7 @@ class FloatStepper(DOP853Stepper[Written]):
             ends += [(step.end, self._mended() if mends else step.after) for step in steps]
             if not (mends and steps and reached < len(due) and len(ends) < AT_ONCE and solver.t < solver.t_bound):
                 break
-        if solver.t == begun and not self.rests:
+        if not ends and not self.rests:
             raise self._stopped(solver.TOO_SMALL_STEP)
         self.before, self.y_before, self._within = solver.t_old, solver.y_old, None
         solver.status = "finished" if solver.t >= solver.t_bound else "running"

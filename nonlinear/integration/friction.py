@@ -12,18 +12,18 @@ and which way the others slide, and the integrator restarts.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
 from math import nan, ulp
 from typing import NamedTuple, cast
 
 import numpy as np
-import scipy
 
 from modal.types import Booleans, Floats
 from nonlinear.dynamics import Frictional, links_of_contacts, refuse_jam
 from nonlinear.integration.changes import BRIEF, FIRM, OFTEN, TOGETHER
-from nonlinear.integration.escapements import root
+from nonlinear.integration.escapements import lowest, root
 from nonlinear.integration.steppers import BESIDE, SciPyStepper, Stepper
 from nonlinear.integration.switches import NODES, WEIGHTS
 from nonlinear.system import Friction
@@ -102,14 +102,9 @@ class StickSlip:
         """The look before a positive maximum near look k, its time, and which of those `near` has it; None without."""
         for j in np.flatnonzero(near).tolist():
             value = partial(self._value, stepper, j)
-            highest = scipy.optimize.minimize_scalar(
-                lambda time, value=value: -value(time),
-                bounds=(looks[k - 1], looks[k + 1]),
-                method="bounded",
-                options={"xatol": 1e-12 * max(1.0, abs(looks[k]))},
-            )
-            if -highest.fun > 0:
-                return float(looks[k - 1]), float(highest.x), np.arange(len(near)) == j
+            time, least = lowest(partial(_negative, value), float(looks[k - 1]), float(looks[k + 1]))
+            if least < 0:
+                return float(looks[k - 1]), time, np.arange(len(near)) == j
         return None
 
     def _first(self, stepper: Stepper, start: float, end: float, among: Booleans) -> Transition:
@@ -216,6 +211,10 @@ class StickSlip:
         which = np.array([phase[0] for phase in phases], dtype=np.int64)
         begin, end = (np.array([phase[k] for phase in phases], dtype=float) for k in (1, 2))
         return Friction(places[which], begin, end, places, self._work.copy(), self.rest)
+
+
+def _negative(value: Callable[[float], float], time: float) -> float:
+    return -value(time)
 
 
 def _near(values: Floats) -> Booleans:

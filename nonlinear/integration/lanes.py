@@ -45,8 +45,7 @@ from nonlinear.integration.within import Step, beside, fill, spread, squared
 
 NUMBERS, NARROWEST, WIDEST = 20_480, 128, 2048  # numbers of y in work at once; lanes
 LEAVING = 8  # the part of all lanes that are through when they leave
-TINY = 10  # units in the last place of the time that no step is shorter than
-MET_TINY = 1e-16  # of the time, that no step is shorter than which seeks a switch
+TINY = 10  # units in the last place of the time that no step is shorter than, but one that seeks a switch
 ASIDE = 1e-3  # of a step, within which the rates of inputs are seen
 AT_ONCE = 20  # switches, one after the other at one time
 ROUNDED = 1e-6  # of a step, within which a switch is met by a line
@@ -209,7 +208,7 @@ class Front:
 
     def _now(self, columns: Any = ALL) -> Floats:
         """The times (s) of lanes that begin a step, after a break."""
-        return np.asarray(self.t[columns] + BESIDE * np.spacing(self.t[columns]))
+        return np.asarray(self.t[columns] + BESIDE * np.spacing(np.abs(self.t[columns])))
 
     def _renew(self, columns: Ints) -> None:
         """The rates, and the values of switches, where lanes are now."""
@@ -281,7 +280,7 @@ class Front:
         self.met = np.zeros(len(self.t), dtype=bool)
         for i in np.flatnonzero((suspect | seeking) & step.taken):
             seen = V[:, :, i].tolist(), R[:, :, i].tolist(), LOOKS
-            answer = meet(int(i), self.t, self.h, *seen, self.which, self.low, self.high, self.tried, self.usual)
+            answer = meet(int(i), self.h, *seen, self.which, self.low, self.high, self.tried, self.usual)
             step.taken[i], self.met[i] = answer != AGAIN, answer == MET
         self.value, self.rise = (np.where(step.taken, rows[-1], rows[0]) for rows in (V, R))
         met = np.flatnonzero(self.met)
@@ -349,7 +348,7 @@ class Front:
     def _land(self, before: Floats) -> None:
         """Begin anew the lanes that have come to a break."""
         ahead = self.task.ahead(before)
-        self.came = np.flatnonzero(self.t >= ahead - BESIDE * np.spacing(ahead))
+        self.came = np.flatnonzero(self.t >= ahead - BESIDE * np.spacing(np.abs(ahead)))
         if len(self.came):
             self.t[self.came] = ahead[self.came]
             self._renew(self.came)
@@ -413,7 +412,7 @@ def integrate(task: LaneTask, watches: Sequence[Watch] = (), width: int | None =
 def _through(front: Front, step: Step, outcome: Outcome) -> Booleans:
     """Which lanes are at the end, or can go no further; these are told why."""
     done = front.through
-    least = np.where(front.which >= 0, MET_TINY, TINY * np.spacing(1.0)) * np.abs(front.t)
+    least = np.where(front.which >= 0, 0.0, TINY * np.spacing(np.abs(front.t)))
     broken = ~step.taken & ~done & ~(front.h >= least)
     for column in np.flatnonzero(broken):
         member = int(front.member[column])

@@ -20,7 +20,7 @@ from typing import Any
 
 from numpy import isfinite, spacing, zeros
 
-from nonlinear.integration.lanes import AT_ONCE, MET_TINY, ROUNDED, TINY
+from nonlinear.integration.lanes import AT_ONCE, ROUNDED, TINY
 from nonlinear.integration.meeting import AGAIN, MET, STANDS
 from nonlinear.integration.method import GROWS, LOOKS, SAFETY, SHRINKS, STAGES
 from nonlinear.integration.steppers import BESIDE
@@ -346,11 +346,11 @@ def looping(
                     if not taken:
                         aim[k], low[k], high[k] = -1, 0.0, inf
                     elif aim[k] >= 0 or seen(h[k], V[:, :N, k], V[:, N:, k], LOOKS):
-                        answer = meet(k, front[TIME], h, V[:, :N, k], V[:, N:, k], LOOKS, aim, low, high, tried, usual)
+                        answer = meet(k, h, V[:, :N, k], V[:, N:, k], LOOKS, aim, low, high, tried, usual)
                     else:
                         usual[k] = tried[k]
                     if aim[k] >= 0:
-                        least = MET_TINY * front[TIME, k]
+                        least = 0.0
                 if not taken or answer == AGAIN:
                     front[STEP, k] = tried[k]
                     if not front[STEP, k] >= least:

@@ -16,6 +16,7 @@ STANDS, AGAIN, MET = 0, 1, 2
 NEAR = 1e-9
 """Of a step: what is left of the time of a passing is made up for to first order, with an error of its square."""
 DIGIT = 1e-15
+"""Of a step: how close the ends of a bracket come; whatever the time is, since lengths are finer than its floats."""
 SURE = 1e-2
 """Of an interval: a cubic that is highest so close to one of its ends says for sure whether it passes."""
 NONE = 2.0
@@ -94,10 +95,8 @@ def passing(j: int, h: float, V: Any, R: Any, looks: Any) -> float:
     return NONE
 
 
-def meet(
-    i: int, t: Any, h: Any, V: Any, R: Any, looks: Any, which: Any, low: Any, high: Any, tried: Any, usual: Any
-) -> int:
-    """What becomes of a good step of segment i, of length h from time t (s), whose next length would be `tried`.
+def meet(i: int, h: Any, V: Any, R: Any, looks: Any, which: Any, low: Any, high: Any, tried: Any, usual: Any) -> int:
+    """What becomes of a good step of segment i, of length h (s), whose next length would be `tried`.
 
     `which` value it seeks to meet, -1 for none, lies between `low` and `high` (s); `usual` is the length to go on with
     afterwards.  All of these are lists or arrays by segment, and changed in place.
@@ -125,7 +124,7 @@ def meet(
         new = h[i] + left if j == aim and low[i] < h[i] + left < h[i] else first * h[i]
         if not low[i] < new < h[i]:
             new = (low[i] + h[i]) / 2
-        if h[i] - low[i] <= DIGIT * (t[i] + h[i]) or new <= 0.1 * DIGIT * t[i]:
+        if min(h[i] - low[i], new) <= DIGIT * (h[i] + usual[i]):
             return MET
         which[i], tried[i] = j, new
         return AGAIN

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property, partial
+from math import ulp
 from typing import Any
 
 import numpy as np
@@ -15,8 +16,8 @@ from nonlinear.dynamics.generated import Generated, Listed, Rate, Written
 from nonlinear.integration.switches import Switches, switches_of
 from nonlinear.system import NO_KICKS, Friction, Kicks, Layout, Load, Motion, State, System
 
-ASIDE = 1e-3
-"""Of a step: within which the rates of inputs are seen."""
+ASIDE, APART = 1e-3, 1e3
+"""Of a step, and at least so many units in the last place of the time: within which the rates of inputs are seen."""
 
 
 @dataclass(eq=False)
@@ -93,9 +94,10 @@ class Switched(Written):
         u: Any = () if inputs is None else inputs(time, y)
         w: list[float] = []
         if inputs and self._sampled:
-            aside, count = ASIDE * length, self.switches.places.timed
-            ends = [inputs(time + side * aside, y)[:count] for side in (-1.0, 1.0)]
-            w = [(late - early) / (2 * aside) for early, late in zip(*ends, strict=True)]
+            aside, count = max(ASIDE * length, APART * ulp(time)), self.switches.places.timed
+            times = time - aside, time + aside
+            ends = [inputs(at, y)[:count] for at in times]
+            w = [(late - early) / (times[1] - times[0]) for early, late in zip(*ends, strict=True)]
         return self.switches.values(y, f, u, self.state, w)
 
     def passed(self, inside: Callable[[Floats], Floats], before: float, now: float) -> None:

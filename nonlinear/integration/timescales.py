@@ -39,7 +39,10 @@ modes_of = lru_cache(maxsize=4)(natural_modes)
 def estimate_timescales(scene: Scene) -> Timescales:
     """The time scales of a scene's modes where these are cheap, else estimates."""
     if scene.is_structured and scene.n_links <= DENSE:
-        return _surveyed(_of_matrices(scene), scene)
+        try:
+            return _surveyed(_of_matrices(scene), scene)
+        except np.linalg.LinAlgError:  # masses so far apart that rounding leaves M singular
+            return _guessed(scene)
     if scene.n_links <= MOST_SURVEYED and not scene.is_structured:
         try:
             eigenvalue = _modes_of_scales(scene).eigenvalue

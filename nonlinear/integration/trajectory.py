@@ -140,10 +140,8 @@ class Trajectory(Displayed):
 
     @property
     def keeps_momentum(self) -> bool:
-        """Whether momentum along the rail is conserved: a cart without spring, damper or drive."""
-        cart = self.system.cart
-        outside = self.system.rail is not None or self.system.dragged
-        return cart is not None and not (cart.damping or cart.stiffness or outside or self.driven)
+        """Whether momentum along the rail is conserved: that of a cart which coasts, under no load."""
+        return self.system.coasts and not self.driven
 
     @property
     def keeps_spin(self) -> bool:

@@ -47,7 +47,7 @@ class Step:
         times = start + part * length
         if not self.breaks:
             return np.asarray(times)
-        clear = BESIDE * np.spacing(start + length)
+        clear = BESIDE * np.spacing(np.abs(start + length))
         return np.asarray(np.minimum(np.maximum(times, start + clear), start + length - clear))
 
     def motion(self, y: Floats) -> Floats:

@@ -308,6 +308,13 @@ class System(Displayed):
         return self.rail is not None or any(group.friction is not None for group in self.groups)
 
     @property
+    def coasts(self) -> bool:
+        """Whether nothing outside pushes along the rail: a cart without spring, damper, friction, drag or force."""
+        cart = self.cart
+        pushed = self.rail is not None or self.dragged or bool(self.forces)
+        return cart is not None and not (np.any(cart.damping) or np.any(cart.stiffness) or pushed)
+
+    @property
     def excites(self) -> bool:
         """Whether any joint is self-excited."""
         return self.kicked or any(group.excited for group in self.groups)

@@ -309,3 +309,9 @@ def test_the_picture_has_a_panel_for_each_mode_of_the_structure() -> None:
         "levels",
     ]
     figure.savefig(io.BytesIO(), format="png", dpi=40)
+
+
+def test_a_swing_too_light_for_double_precision_is_said() -> None:
+    pendulum = Pendulum(links=[Bob(mass=1.0, length=1.0)])
+    with pytest.raises(ComputationError, match="lost beside the heavy ones"):
+        coupling_report(explain(Scene(gravity=9.81, support=Swing(mass=3e-32, length=1.0), pendulum=[pendulum])))

@@ -212,3 +212,12 @@ def test_a_series_that_is_compiled_is_ready(monkeypatch: pytest.MonkeyPatch, tmp
     assert (before.loaded, after.loaded) == (False, True)
     assert after.kept
     assert choose(scene, 1.0, tolerance).method == "taylor"
+
+
+@heyoka
+def test_series_that_are_looked_through_for_kicks_are_dearer_than_steps_that_end_at_them() -> None:
+    """Measured: 0.4 ms a step in Python, where DOP853 takes 0.1 ms and as many steps."""
+    clocks = load("huygens")
+    ways = costs.offers(clocks, system_of(clocks), 1000.0, 1e-9)
+    assert ways["taylor"].running > 2 * ways["DOP853"].running
+    assert chosen(clocks, 1000.0)[0] == "DOP853"

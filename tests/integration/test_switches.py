@@ -16,7 +16,9 @@ from modal.scene import Scene, scene_from
 from nonlinear import State, simulate
 from nonlinear.dynamics.inputs import Inputs
 from nonlinear.integration import Trajectory, methods
-from nonlinear.integration.meeting import bent, highest
+from nonlinear.integration.escapements import lowest, root
+from nonlinear.integration.meeting import AGAIN, MET, bent, highest, meet
+from nonlinear.integration.method import LOOKS
 from nonlinear.integration.switched import Switched
 from nonlinear.integration.switches import Switches, switches_of
 from nonlinear.system import system_of
@@ -296,3 +298,57 @@ def test_where_a_cubic_is_highest() -> None:
         values = [bent(part, a, b, da, db) for part in np.linspace(0, 1, 2001)]
         assert bent(x, a, b, da, db) == pytest.approx(max(values), abs=1e-6)
         assert bent(x, a, b, da, db) >= max(values) - 1e-15
+
+
+CLOCKS = scene_from(
+    {
+        "gravity": 9.81,
+        "support": {"kind": "cart", "mass": 7.5},
+        "pendulum": [
+            {"links": [{"kind": "bob", "mass": 1.59, "length": length, "damping": damping, "drive": drive}]}
+            | {"start": {"angles_deg": [angle]}}
+            for length, damping, angle, drive in (
+                (0.250137, 0.008013, -1.54, {"kind": "escapement", "impulse": 0.001757, "angle_deg": 2.0}),
+                (0.2504, 0.006071, -8.8, {"kind": "escapement", "impulse": 0.001332, "angle_deg": 2.0}),
+            )
+        ],
+    }
+)
+
+
+@pytest.mark.parametrize("method", ["DOP853", "RK45"])
+def test_a_motion_costs_the_same_however_late_it_begins(method: str) -> None:
+    """From 1,024 s on the floats of the time are farther apart than a switch within a short step was sought to."""
+    early = simulate(CLOCKS, 1.0, method=method, output=[0, 1.0], tolerance=1e-6)
+    for late in (1e3, 1e6, 1e9):
+        run = simulate(CLOCKS, 1.0, method=method, output=[0, 1.0], tolerance=1e-6, start_time=late)
+        assert (run.run.calls, len(run.kicks.time)) == (early.run.calls, len(early.kicks.time))
+        spacing = np.spacing(late) * (len(run.kicks.time) + 4)
+        np.testing.assert_allclose(run.motion.links, early.motion.links, rtol=0, atol=1e-12 + 2 * spacing)
+        np.testing.assert_allclose(run.kicks.time - late, early.kicks.time, rtol=0, atol=1e-12 + 2 * spacing)
+
+
+@pytest.mark.parametrize("late", [0.0, 1e3, 1e6])
+def test_lows_and_roots_are_found_at_late_times(late: float) -> None:
+    place, height = lowest(lambda time: np.cos(3 * (time - late)), late + 0.5, late + 1.5)
+    assert place - late == pytest.approx(np.pi / 3, abs=1e-7)
+    assert height == pytest.approx(-1, abs=1e-9)
+    assert root(lambda time: np.cos(3 * (time - late)), late, late + 1.0) - late == pytest.approx(
+        np.pi / 6, abs=4 * np.spacing(late + 1)
+    )
+
+
+def test_a_switch_near_the_start_of_a_step_is_met() -> None:
+    """The value is 0.63 sin(s − place) at s of a step, whose length is found on its own scale."""
+    for place in (1e-12, 3e-7, 2.907e-5, 0.03):
+        h, low, high, tried, usual, which = [0.06], [0.0], [np.inf], [0.06], [0.06], [-1]
+        answer = AGAIN
+        for _ in range(60):
+            phases = [x * h[0] - place for x in LOOKS]
+            V, R = ([[0.63 * function(phase)] for phase in phases] for function in (np.sin, np.cos))
+            answer = meet(0, h, V, R, LOOKS, which, low, high, tried, usual)
+            if answer != AGAIN:
+                break
+            h[0] = tried[0]
+        assert answer == MET
+        assert h[0] == pytest.approx(place, abs=1e-10)

@@ -15,8 +15,10 @@ from scipy.special import ellipk
 import modal
 from modal import Bob, Cart, InitialCondition, Pendulum, Rod, Scene, SceneError
 from modal.assembly import matrices
+from modal.scene import scene_from
 from modal.symbolic import derive_lagrangian
 from modal.symbolic.system import of_scene
+from nonlinear import ensemble
 from nonlinear.dynamics import Banded, Dense, Maximal, Recursion
 from nonlinear.integration import Choice, SimulationError, choose, equations_of, estimate_timescales
 from nonlinear.integration.methods import body_of
@@ -472,3 +474,57 @@ def test_each_scene_gets_the_body_that_suits_it(links: int, copies: int, body: t
     assert type(body_of(group, system_of(Scene(gravity=1.0, pendulum=(pendulum,))))) is body
     light = system_of(Scene(gravity=1.0, support=Cart(mass=1e-6), pendulum=(pendulum,)))
     assert type(body_of(light.groups[0], light)) is Recursion
+
+
+@pytest.mark.parametrize(("damping", "joint", "angle"), [(0.27, 0.0, 0.5), (0.27, 0.0, 20.0), (0.0, 0.01, 0.5)])
+def test_a_massless_cart_with_dampers_is_stopped_where_it_feels_nothing(
+    damping: float, joint: float, angle: float
+) -> None:
+    """sin²θ of one bob is the share of the mass that its cart feels: 1.5e-8 where the run stops."""
+    bob = Bob(mass=1.9, length=0.33, damping=joint)
+    hung = Pendulum(links=[bob], start=InitialCondition(angles_deg=[angle]))
+    scene = Scene(gravity=9.81, support=Cart(mass=0.0, damping=damping), pendulum=[hung])
+    with pytest.raises(SimulationError, match="hangs straight down: give it a mass") as caught:
+        simulate(scene, 1.0)
+    run = caught.value.trajectory
+    assert run.run.steps < 6000
+    assert math.sin(run.final.links[0]) ** 2 < 1.6e-8
+
+
+def test_a_massless_cart_whose_damper_lets_it_pass_goes_on() -> None:
+    links = [(Bob(mass=1.9, length=length), angle) for length, angle in ((0.33, 20.0), (0.5, -5.0))]
+    hung = [Pendulum(links=[bob], start=InitialCondition(angles_deg=[angle])) for bob, angle in links]
+    run = simulate(Scene(gravity=9.81, support=Cart(mass=0.0, damping=0.27), pendulum=hung), 2.0)
+    assert run.complete
+    assert run.energy_drift() < 1e-8
+
+
+@pytest.mark.parametrize("speed", [0.0, 3.0])
+def test_a_push_takes_the_momentum_law_and_not_the_energy_law(speed: float) -> None:
+    """Newton's law for all masses along the rail is what remains: M (v − v₀) = ∫F dt, the force as the scene has it."""
+    push = {"on": "cart", "direction": "horizontal", "kind": "sine", "amplitude": 2.0, "frequency_hz": 0.3}
+    bob = {"links": [{"kind": "bob", "mass": 1.0, "length": 1.0}]}
+    described = {"gravity": 9.81, "support": {"kind": "cart", "mass": 5.0}, "pendulum": [bob]}
+    pushed, free = (scene_from({**described, **more}) for more in ({"force": [push]}, {}))
+    start = State(np.array([0.4]), np.zeros(1), cart=0.0, cart_rate=speed)
+    run = simulate(pushed, 8.0, start=start)
+    assert not run.keeps_momentum
+    assert math.isnan(run.momentum_drift())
+    assert run.energy_drift() < 1e-7
+    omega = 2 * math.pi * 0.3
+    momentum = 6.0 * speed + 2.0 / omega * (1 - np.cos(omega * run.times))
+    np.testing.assert_allclose(run.mechanics.momentum, momentum, rtol=0, atol=1e-7)
+    assert simulate(free, 2.0, start=start, tolerance=1e-11).momentum_drift() < 1e-9
+    found = ensemble(pushed, 8.0, starts=[start], engine="numpy", workers=1, check=0)
+    assert found.energy_drift.max() < 1e-6
+
+
+def test_masses_that_leave_a_singular_matrix_move() -> None:
+    support = modal.ModalSupport(
+        M=[[0.1, 0.0], [0.0, 2.0]], K=[[16.0, 0.0], [0.0, 20.0]], points=[[[1.0, 0.5], [0.0, 0.0]]]
+    )
+    hung = Pendulum(on="modal[0]", links=[Bob(mass=1e17, length=1.0)], start=InitialCondition(angles_deg=[5.0]))
+    scene = Scene(gravity=9.81, support=support, pendulum=[hung])
+    scales = estimate_timescales(scene)
+    assert 0 < scales.swing < math.inf
+    assert simulate(scene, 0.01).energy_drift() < 1e-7
