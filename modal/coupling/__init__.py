@@ -12,6 +12,7 @@ cart.  Start with `analysis`.
 
 from modal.coupling.analysis import Coupling, Family, explain
 from modal.coupling.damping import damped_modes, negative_damping
+from modal.coupling.exchange import LEAST_SHARE_OF_BEATS
 from modal.coupling.families import FamilyRow, family_name
 from modal.coupling.report import coupling_report
 from modal.coupling.structures import FamilyBranch, PendulumFamily, StructureCoupling, StructureMode
@@ -21,6 +22,7 @@ __all__ = [
     "Family",
     "FamilyBranch",
     "FamilyRow",
+    "LEAST_SHARE_OF_BEATS",
     "PendulumFamily",
     "StructureCoupling",
     "StructureMode",
