@@ -18,11 +18,11 @@ from modal.coupling.report import coupling_report
 from modal.coupling.structures import FamilyBranch, PendulumFamily, StructureCoupling, StructureMode
 
 __all__ = [
+    "LEAST_SHARE_OF_BEATS",
     "Coupling",
     "Family",
     "FamilyBranch",
     "FamilyRow",
-    "LEAST_SHARE_OF_BEATS",
     "PendulumFamily",
     "StructureCoupling",
     "StructureMode",

@@ -22,7 +22,15 @@ import numpy as np
 from modal.assembly import Rig, rig_of
 from modal.coupling.damping import Damped, damped_modes, negative_damping
 from modal.coupling.dynamic_mass import DynamicMass
-from modal.coupling.exchange import LEAST_SHARE_OF_BEATS, STRONG, UNEVEN, EnergyExchange, Transfer, energy_exchanges, transfer
+from modal.coupling.exchange import (
+    LEAST_SHARE_OF_BEATS,
+    STRONG,
+    UNEVEN,
+    EnergyExchange,
+    Transfer,
+    energy_exchanges,
+    transfer,
+)
 from modal.coupling.families import FamilyRow, family_cells, family_name, mode_words
 from modal.coupling.fixed_base import FixedBaseModes, fixed_base_modes
 from modal.coupling.numbering import Numbered

@@ -22,7 +22,15 @@ import numpy as np
 
 from modal.assembly import ratio_at
 from modal.coupling.damping import Damped
-from modal.coupling.exchange import MOST_MODES, LEAST_SHARE_OF_BEATS, STRONG, UNEVEN, Transfer, most_of_the_others, transfer
+from modal.coupling.exchange import (
+    LEAST_SHARE_OF_BEATS,
+    MOST_MODES,
+    STRONG,
+    UNEVEN,
+    Transfer,
+    most_of_the_others,
+    transfer,
+)
 from modal.coupling.families import FamilyRow, family_cells, family_name, mode_words
 from modal.coupling.fixed_base import FixedBaseModes
 from modal.coupling.numbering import Numbered
@@ -436,11 +444,11 @@ class StructureCoupling(Numbered, Displayed):
         if not self.beats(family):
             return None
         levels, weights = self._levels(family)
-        own = family.branches.index(branch)
+        place = family.branches.index(branch)
         gaps = [
             abs(branch.splitting - level)
             for level, weight in zip(levels, weights, strict=True)
-            if level != branch.splitting and _passes(weights[own], weight)
+            if level != branch.splitting and _passes(weights[place], weight)
         ]
         return 2 * pi / min(gaps) if gaps else None
 

@@ -3,8 +3,8 @@
 A small nonlinearity can move energy between modes whose frequencies are near 1:1 or 1:3.  Modes within WIDTH of the
 ratio are near, whatever the amplitude; others if their responses at the angle of 1 % together change this angle by more
 than 3 %, less a margin for what the estimate leaves out (`modal.eigen.amplitude.distortion`, which follows the drift of
-both frequencies).  A mode that shakes its structure at twice its frequency is near 1:2 if the structure's response there
-changes this angle by more than 3 % from |κ|a² = 1 % (`modal.modes.second_order`).
+both frequencies).  A mode that shakes its structure at twice its frequency is near 1:2 if the response
+of the structure changes this angle by more than 3 % from |κ|a² = 1 % (`modal.modes.second_order`).
 """
 
 from __future__ import annotations

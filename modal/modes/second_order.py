@@ -63,7 +63,7 @@ class SupportResponse:
         return np.asarray(block.sigma[:, column] * block.b[:, column])
 
     def amplitude(self, shape: Shape, omega: float, held: float) -> Amplitude:
-        """Those of a shape with a largest angle of 1 that pushes the structure, `held` its κ on a support held still."""
+        """Those of a shape with a largest angle of 1 that pushes the structure; κ is `held` on a support held still."""
         pushes = self.pushes(shape)
 
         def second(r: float) -> float:

@@ -177,16 +177,16 @@ def beat(scene: Scene, number: float, table: Scene) -> dict[str, float]:
 def _passes(scene: Scene, number: int, table: Scene) -> bool:
     """Whether a mode and the next pass energy of some pendulum to and fro, 4 w_1 w_2 of it by their shares w of it."""
     order = np.argsort(swinging(scene)[0].imag, kind="stable").tolist()
-    numbers, own = numbers_in(scene, table), swinging(scene)[1]
+    numbers, rows = numbers_in(scene, table), swinging(scene)[1]
     last = max(place for place, at in enumerate(order) if numbers[at] == number)
     modes = natural_modes(scene)
     sizes = [pendulum.n_links for pendulum in scene.pendulum for _ in range(pendulum.count)]
     first = np.cumsum([0, *sizes[:-1]])
-    one, other = (
+    shares = [
         np.add.reduceat(sum(modes.shape(n, copy).kinetic_energy_share for copy in range(modes.multiplicity[n])), first)
-        for n in (own[order[last]] - 1, own[order[last + 1]] - 1)
-    )
-    return bool((4 * one * other).max() > LEAST_SHARE_OF_BEATS)
+        for n in (rows[order[last]] - 1, rows[order[last + 1]] - 1)
+    ]
+    return bool((4 * shares[0] * shares[1]).max() > LEAST_SHARE_OF_BEATS)
 
 
 def _gap(scene: Scene, number: int, table: Scene) -> tuple[int, float]:
