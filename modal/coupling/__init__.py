@@ -12,11 +12,13 @@ cart.  Start with `analysis`.
 
 from modal.coupling.analysis import Coupling, Family, explain
 from modal.coupling.damping import damped_modes, negative_damping
+from modal.coupling.exchange import LEAST_SHARE_OF_BEATS
 from modal.coupling.families import FamilyRow, family_name
 from modal.coupling.report import coupling_report
 from modal.coupling.structures import FamilyBranch, PendulumFamily, StructureCoupling, StructureMode
 
 __all__ = [
+    "LEAST_SHARE_OF_BEATS",
     "Coupling",
     "Family",
     "FamilyBranch",

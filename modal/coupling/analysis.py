@@ -22,7 +22,15 @@ import numpy as np
 from modal.assembly import Rig, rig_of
 from modal.coupling.damping import Damped, damped_modes, negative_damping
 from modal.coupling.dynamic_mass import DynamicMass
-from modal.coupling.exchange import STRONG, UNEVEN, EnergyExchange, Transfer, energy_exchanges, transfer
+from modal.coupling.exchange import (
+    LEAST_SHARE_OF_BEATS,
+    STRONG,
+    UNEVEN,
+    EnergyExchange,
+    Transfer,
+    energy_exchanges,
+    transfer,
+)
 from modal.coupling.families import FamilyRow, family_cells, family_name, mode_words
 from modal.coupling.fixed_base import FixedBaseModes, fixed_base_modes
 from modal.coupling.numbering import Numbered
@@ -104,7 +112,8 @@ class Family(Displayed):
     @property
     def beat(self) -> float | None:
         """2π/|Δω| (s), in which energy passes from one pendulum of the family to the others and back; None if none."""
-        return self.exchange.period if self.exchange and self.exchange.beats else None
+        passes = self.exchange and self.exchange.beats and self.exchange.most > LEAST_SHARE_OF_BEATS
+        return self.exchange.period if self.exchange and passes else None
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -186,7 +195,8 @@ class Coupling(Numbered, Displayed):
         whole = float(push.sum()) + (0.0 if self._held else 1 / self.dynamic.at_rest)
         light = self.dynamic.with_cart(0.0).zeros.omega.tolist()
         heavy = np.sqrt(zeros.square).tolist()
-        leading = int(push.argmax()) if self._held else -1
+        # The mode with most of its potential energy in the cart's spring, k x²/(φᵀMφ ω²), is the cart's own.
+        leading = int((push / zeros.omega**2).argmax()) if self._held else -1
         return tuple(
             CartMode(
                 omega=float(omega),

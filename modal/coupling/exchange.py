@@ -37,6 +37,8 @@ MOST_MODES = 40
 """Modes up to which pairs are listed: among more, no two are isolated from the others."""
 STRONG = 0.5
 """Coupling strength μ/m above which first order is meaningless."""
+LEAST_SHARE_OF_BEATS = 0.01
+"""Share of the energy of one pendulum that others must come to hold for a beat to be told."""
 UNEVEN = 1e-3
 """Largest differences of decay rates within a family, over its splitting and over the largest rate."""
 STEADY = 0.2

@@ -27,7 +27,7 @@ from modal.assembly import Element, Hanging, Rig, assembled, centres, modal_supp
 from modal.coupling.fixed_base import FixedBaseModes, places_within, without_damping
 from modal.eigen import find_spectrum
 from modal.errors import ComputationError
-from modal.types import Floats
+from modal.types import Floats, Ints
 
 MOST_COORDINATES = 1200
 Kind = tuple[int, int]
@@ -161,6 +161,15 @@ class ReducedStructure:
         return damped[kept][:, kept] + self._schur(damped, kept)
 
     @cached_property
+    def parts(self) -> Ints:
+        """A number for every coordinate, equal where springs or inertia join them."""
+        joined = (self.K != 0) | (self.M != 0)
+        parts = np.arange(len(joined))
+        for at in range(len(joined)):
+            parts[np.isin(parts, parts[joined[at]])] = parts[at]
+        return parts
+
+    @cached_property
     def _untied(self) -> bool:
         """Whether no spring joins a pendulum to another, so that only the structure couples their modes."""
         inner = self.K[self.d :, self.d :]
@@ -169,6 +178,8 @@ class ReducedStructure:
     def _schur(self, S: Any, kept: Sequence[int]) -> Any:
         """What elimination of all others from a symmetric S adds to those that are kept."""
         poles, rest = np.asarray(kept, dtype=np.intp), np.setdiff1d(np.arange(len(S)), kept)
+        if not np.iscomplexobj(S):  # what nothing joins to them may swing by itself at this frequency
+            rest = rest[np.isin(self.parts[rest], self.parts[poles])]
         shifts = np.zeros((len(poles),) * 2, S.dtype)
         more = np.zeros((len(poles) + len(rest),) * 2, S.dtype)
         if self._untied and not np.iscomplexobj(S):  # the modes that only the structure couples first, each by itself

@@ -22,7 +22,15 @@ import numpy as np
 
 from modal.assembly import ratio_at
 from modal.coupling.damping import Damped
-from modal.coupling.exchange import MOST_MODES, STRONG, UNEVEN, Transfer, most_of_the_others, transfer
+from modal.coupling.exchange import (
+    LEAST_SHARE_OF_BEATS,
+    MOST_MODES,
+    STRONG,
+    UNEVEN,
+    Transfer,
+    most_of_the_others,
+    transfer,
+)
 from modal.coupling.families import FamilyRow, family_cells, family_name, mode_words
 from modal.coupling.fixed_base import FixedBaseModes
 from modal.coupling.numbering import Numbered
@@ -249,11 +257,23 @@ class StructureCoupling(Numbered, Displayed):
 
     @cached_property
     def _members(self) -> tuple[Ints, ...]:
-        """The own modes of every family, ascending."""
+        """The own modes of every family, ascending: those of one frequency and of one connected part of the scene."""
         gathered = degenerate_modes((self.fixed_base.omega**2,))
-        return tuple(
-            gathered.order[first : first + size] for first, size in zip(gathered.first, gathered.size, strict=True)
-        )
+        members = []
+        for first, size in zip(gathered.first, gathered.size, strict=True):
+            alike = gathered.order[first : first + size]
+            parts = self.reduced.parts[self.reduced.d + alike]
+            members += [alike[parts == part] for part in dict.fromkeys(parts.tolist())]
+        return tuple(members)
+
+    @property
+    def joins_pendula(self) -> bool:
+        """Whether anything joins one pendulum to another: copies on one pivot are joined by what it moves."""
+        d, kind = self.reduced.d, self.fixed_base.kind
+        parts = self.reduced.parts[d:]
+        moves = ((self.reduced.K[d:, :d] != 0) | (self.reduced.M[d:, :d] != 0)).any(1)
+        several = np.any(moves & (self.fixed_base.count > 1))
+        return bool(several) or any(np.ptp(kind[parts == part]) > 0 for part in set(parts.tolist()))
 
     @cached_property
     def _combinations(self) -> tuple[tuple[Floats, Floats], ...]:
@@ -379,13 +399,27 @@ class StructureCoupling(Numbered, Displayed):
         return tuple((omega, inverse @ vectors[:, k]) for omega, k in zip(left, rows, strict=True))
 
     def beats(self, family: PendulumFamily) -> tuple[float, ...]:
-        """2π/|Δω| (s) of every two levels of a family that is weakly coupled: its still modes, and each that moves."""
+        """2π/|Δω| (s) of every two levels of a family that is weakly coupled, where energy goes over between them."""
         if not all(branch.is_first_order(family.omega) for branch in family.branches):
             return ()
-        levels = [0.0] * bool(family.still) + [branch.splitting for branch in family.branches]
-        levels.sort()
-        apart = [high - low for k, low in enumerate(levels) for high in levels[k + 1 :]]
-        return tuple(sorted((2 * pi / gap for gap in apart if gap > 0), reverse=True))
+        levels, weights = self._levels(family)
+        gaps = [
+            abs(levels[k] - levels[j]) for k in range(len(levels)) for j in range(k) if _passes(weights[k], weights[j])
+        ]
+        return tuple(sorted((2 * pi / gap for gap in gaps if gap > 0), reverse=True))
+
+    def _levels(self, family: PendulumFamily) -> tuple[list[float], Floats]:
+        """Of every mode of a family that moves, then of those that are still, Δω and its share of each member released.
+
+        The shares are (levels, members), of one copy of each.
+        """
+        count = self.fixed_base.count[list(family.members)]
+        levels = [branch.splitting for branch in family.branches]
+        patterns = [branch.pattern**2 / (branch.pattern @ branch.pattern) / count for branch in family.branches]
+        weights = np.reshape(patterns, (len(levels), len(count)))
+        if family.still:
+            return [*levels, 0.0], np.vstack([weights, np.maximum(1 - weights.sum(0), 0.0)])
+        return levels, weights / weights.sum(0)
 
     def moved(self, branch: FamilyBranch) -> str:
         """What of the structure moves in a mode, in words; empty where there is no structure."""
@@ -409,12 +443,17 @@ class StructureCoupling(Numbered, Displayed):
         """2π/|Δω| (s) between a mode of a family and the nearest other one; None where first order does not hold."""
         if not self.beats(family):
             return None
-        levels = [0.0] * bool(family.still) + [other.splitting for other in family.branches if other is not branch]
-        gaps = [abs(branch.splitting - level) for level in levels if level != branch.splitting]
+        levels, weights = self._levels(family)
+        place = family.branches.index(branch)
+        gaps = [
+            abs(branch.splitting - level)
+            for level, weight in zip(levels, weights, strict=True)
+            if level != branch.splitting and _passes(weights[place], weight)
+        ]
         return 2 * pi / min(gaps) if gaps else None
 
     def share(self, family: PendulumFamily) -> float | None:
-        """The most that the others of a family hold of the energy of one that is released, within its slowest beat.
+        """The most that the others of a family hold of the energy of any that is released, within its slowest beat.
 
         Of two levels without dampers that is halfway.  None where the family does not beat, and where joints damp some
         of its pendula faster than others.
@@ -424,14 +463,12 @@ class StructureCoupling(Numbered, Displayed):
         beats = self.beats(family)
         if not beats or np.ptp(rates) > UNEVEN * (2 * pi / beats[0] + rates.max()):
             return None
-        weights = [float(branch.pattern[0] ** 2 / (branch.pattern @ branch.pattern)) for branch in family.branches]
-        weights = [weight / float(self.fixed_base.count[members[0]]) for weight in weights]
-        levels = [complex(branch.splitting, self._decay(branch.omega)) for branch in family.branches]
+        splittings, weights = self._levels(family)
+        decays = [self._decay(branch.omega) for branch in family.branches]
         if family.still:
-            weights.append(1 - sum(weights))
-            levels.append(complex(0.0, float(rates[0]) + self._lost(family.omega)))
-        total = sum(weights)
-        return most_of_the_others([weight / total for weight in weights], levels)
+            decays.append(float(rates[0]) + self._lost(family.omega))
+        levels = [complex(splitting, decay) for splitting, decay in zip(splittings, decays, strict=True)]
+        return max(most_of_the_others(each.tolist(), levels) for each in (weights / weights.sum(0)).T)
 
     def _decay(self, omega: float) -> float:
         """The decay rate (1/s) of the mode of the scene at ω."""
@@ -494,6 +531,11 @@ class StructureCoupling(Numbered, Displayed):
             columns.append(np.zeros((len(vectors), still.shape[1])))
             columns[-1][self.reduced.d + members] = still
         return np.concatenate(squares), np.hstack(columns)
+
+
+def _passes(first: Floats, second: Floats) -> bool:
+    """Whether two levels with these shares of each member (n,) pass energy of any to the others, 4 w_1 w_2 of it."""
+    return bool((4 * first * second).max() > LEAST_SHARE_OF_BEATS)
 
 
 def _pencil(K: Floats, M: Floats) -> tuple[Floats, Floats]:

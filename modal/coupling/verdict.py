@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from math import isfinite
 
 from modal.coupling.analysis import Coupling
-from modal.coupling.exchange import STRONG, EnergyExchange
+from modal.coupling.exchange import LEAST_SHARE_OF_BEATS, STRONG, EnergyExchange
 from modal.coupling.exchange_words import collective
 from modal.coupling.families import FamilyRow
 from modal.coupling.structure_words import carrier_words
@@ -15,6 +15,7 @@ from modal.coupling.wording import ROUGH, SLIGHT, AnyCoupling, left, member
 from modal.report import capital, counted, listed, short
 
 NEGLIGIBLE = 1e-12
+SCARCE = "at most 1 % of the energy of one goes over to others"
 MOST_NUMBERS = 4
 MOST_LETTERS = 40
 """Letters of the names of two pendula that a sentence has room for."""
@@ -50,6 +51,8 @@ def _coupled(coupling: AnyCoupling) -> str:
             return f"{capital(cart)} shifts the frequencies of its one pendulum, which has no partner."
         hanging = dynamic.with_cart(0.0).at_rest
         return f"{capital(cart)} couples {pendula} ({short(hanging)} kg)."
+    if scene.n_pendula > 1 and not coupling.joins_pendula:
+        return f"Nothing couples the {pendula} with each other: each swings with what it hangs from alone."
     joined = len(coupling.structure.springs)
     springs = "a spring" if joined == 1 else f"{joined} springs"
     parts = [carrier_words(coupling.structure)] * bool(coupling.reduced.d)
@@ -97,9 +100,16 @@ def _no_beats(coupling: AnyCoupling) -> Iterator[str]:
     """Why equal pendula do not beat, where there are any."""
     if all(family.fold == 1 for family in coupling.families):
         return
-    strong = "Equal pendula do not beat: the coupling is too strong, or another mode too near."
-    ended = isinstance(coupling, Coupling) and any(f.fold > 1 and f.is_first_order for f in coupling.families)
-    yield "Equal pendula do not beat: dampers end it." if ended else strong
+    alike = [family for family in coupling.families if family.fold > 1]
+    if isinstance(coupling, Coupling):
+        weak = [family for family in alike if family.is_first_order]
+        passed = [family.exchange.most > LEAST_SHARE_OF_BEATS for family in weak if family.exchange]
+        why = "dampers end it" if not weak or any(passed) or coupling.scene.has_damping else SCARCE
+    else:
+        weak = [f for f in alike if all(branch.is_first_order(f.omega) for branch in f.branches)]
+        why = SCARCE
+    strong = "the coupling is too strong, or another mode too near"
+    yield f"Equal pendula do not beat: {why if weak else strong}."
 
 
 def _between(coupling: AnyCoupling) -> Iterator[str]:

@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 from modal.assembly import Rig, Units, rig_of, single
 from modal.eigen import EVERYTHING, LIGHT, Limits, ModalSpectrum, find_spectrum, short_squares, structured_error
 from modal.modes.mode import UNCERTAIN, hertz, oscillating, swing_period
+from modal.modes.second_order import MOST_COORDINATES, SupportResponse
 from modal.scene import Scene
+from modal.structure import phi
 from modal.types import Booleans, Floats, Ints
 
 A = TypeVar("A", bound=NDArray[Any])
@@ -99,6 +101,17 @@ class Eigenvalues:
     @property
     def _range(self) -> range:
         return range(len(self._whole.eigenvalue))[self.which or slice(None)]
+
+    @cached_property
+    def supported(self) -> SupportResponse | None:
+        """What the structure does at twice the frequency of a mode; None beyond MOST_COORDINATES."""
+        links = sum(int(block.mass.shape[0] * block.count.sum()) for block in self.rig.blocks)
+        return SupportResponse.of(self.rig) if links <= MOST_COORDINATES else None
+
+    @property
+    def pivots_sink(self) -> bool:
+        """Whether a coordinate of the structure moves a pivot down to first order."""
+        return self.rig.structure is not None and bool(phi(self.rig.structure).down.any())
 
     @property
     def selected(self) -> bool:

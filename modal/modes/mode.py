@@ -3,7 +3,8 @@
 A small nonlinearity can move energy between modes whose frequencies are near 1:1 or 1:3.  Modes within WIDTH of the
 ratio are near, whatever the amplitude; others if their responses at the angle of 1 % together change this angle by more
 than 3 %, less a margin for what the estimate leaves out (`modal.eigen.amplitude.distortion`, which follows the drift of
-both frequencies).
+both frequencies).  A mode that shakes its structure at twice its frequency is near 1:2 if the response
+of the structure changes this angle by more than 3 % from |κ|a² = 1 % (`modal.modes.second_order`).
 """
 
 from __future__ import annotations
@@ -50,7 +51,7 @@ class Mode(Displayed):
     effective_mass_across  across the rail (kg), in space
     kappa               κ in ω(a) = ω(1 + κa²), a the largest angle (1/rad²), see `modal.eigen.amplitude`
     linear_to_1_percent_deg  the largest angle (deg) of any link over the period at which ω is 1 % off: |κ|a² = 1 %
-    resonances          modes near 1:1 or 1:3 that make this angle a guide, in words, see `resonances`
+    resonances          modes near 1:1, 1:2 or 1:3 that make this angle a guide, in words, see `resonances`
     residual            misfit of frequency and shape: on the structured routes |1 − ρ/ω²| of the shape's Rayleigh
                         quotient ρ; on the dense route the largest unbalanced force among (λ²M + λD + K)φ over the
                         sum of its terms' sizes

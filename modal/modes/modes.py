@@ -170,7 +170,7 @@ class Modes(Displayed, Eigenvalues, Sequence[Mode]):
 
     @cached_property
     def resonances(self) -> NDArray[np.str_]:
-        """The modes near 1:1 or 1:3 that make this angle a guide, in words, (R,); "" where there are none."""
+        """The modes near 1:1, 1:2 or 1:3 that make this angle a guide, in words, (R,); "" where there are none."""
         return kept(np.array(["; ".join(mode.resonances) for mode in self.every]))
 
     @cached_property

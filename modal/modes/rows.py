@@ -27,7 +27,8 @@ from modal.modes.labels import (
     moving_words,
 )
 from modal.modes.mode import BESIDE, PROMISED, SURE, UNCERTAIN, Mode, answering, is_guide, resonances
-from modal.modes.shapes import first_of_largest, is_balanced
+from modal.modes.second_order import UNKNOWN, Amplitude
+from modal.modes.shapes import expand, first_of_largest, is_balanced
 from modal.structure import coordinate_units
 from modal.types import Floats, Ints
 
@@ -72,8 +73,49 @@ def described(modes: Eigenvalues, numbers: Sequence[int]) -> Iterator[tuple[int,
     pieces = _pieces(modes, sorted({*numbers, *(k for pairs in asked.values() for _, k in pairs)}))
     for n in numbers:
         mode = _mode(modes, n, pieces[n])
+        if structured and isfinite(mode.kappa):
+            yield n, _shaking(modes, mode, _head(pieces[n]).part)
+            continue
         answers = _answers(modes, n, asked[n], pieces) if isfinite(mode.kappa) and mode.kappa and not near[n] else []
         yield n, replace(mode, resonances=(*near[n], *answers) if isfinite(mode.kappa) else ())
+
+
+def _shaking(modes: Eigenvalues, mode: Mode, part: SpectrumPart) -> Mode:
+    """A mode that leaves its structure still to first order, with what the structure does at twice its frequency.
+
+    Of several shapes of one frequency it is that of the first, with a star: they differ, and exchange energy.
+    """
+    if not modes.pivots_sink:
+        return mode
+    if modes.supported is None:
+        return _with_amplitude(mode, UNKNOWN, ())
+    details = modes.spectrum.details(part.source, [part.row])
+    shape = expand(modes.rig, modes.units, part, 0, details, "angle", uncertain=mode.is_uncertain)
+    if not modes.supported.pushes(shape).any():
+        return mode
+    amplitude = modes.supported.amplitude(shape, mode.omega, mode.kappa)
+    far = abs(amplitude.one_percent_deg / one_percent_amplitude(amplitude.kappa) - 1)
+    # Of the next order in a, which terms of opposite sign in κ leave large beside their sum.
+    missed = 0.01 * (mode.kappa**2 + (amplitude.kappa - mode.kappa) ** 2) / amplitude.kappa**2
+    near = (
+        [f"1:2 with mode {modes.first + _moving_near(modes, 2 * mode.omega) + 1}"]
+        if not far + missed <= PROMISED
+        else []
+    )
+    several = [f"1:1 among its own {mode.multiplicity} shapes"] if mode.multiplicity > 1 else []
+    return _with_amplitude(mode, amplitude, (*several, *near))
+
+
+def _with_amplitude(mode: Mode, amplitude: Amplitude, resonances: tuple[str, ...]) -> Mode:
+    return replace(
+        mode, kappa=amplitude.kappa, linear_to_1_percent_deg=amplitude.one_percent_deg, resonances=resonances
+    )
+
+
+def _moving_near(modes: Eigenvalues, omega: float) -> int:
+    """The index of the mode nearest to a frequency that moves more than pendula on a support at rest."""
+    moving = [n for n, parts in enumerate(modes.spectrum.groups) if not all(part.still for part in parts)]
+    return min(moving, key=lambda n: abs(float(modes.omega[n]) - omega))
 
 
 def _pieces(modes: Eigenvalues, numbers: Sequence[int]) -> dict[int, list[_RowPart]]:

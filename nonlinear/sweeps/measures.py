@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from modal.assembly import can_stack
+from modal.coupling import LEAST_SHARE_OF_BEATS
 from modal.errors import ComputationError, SceneError
 from modal.modes import UNCERTAIN, labelled, natural_frequencies, natural_modes
 from modal.report import counted
@@ -168,9 +169,24 @@ def splitting(scene: Scene, number: float, table: Scene) -> dict[str, float]:
 
 
 def beat(scene: Scene, number: float, table: Scene) -> dict[str, float]:
-    """The beat period 2π/Δω of a mode and the next."""
+    """The beat period 2π/Δω of a mode and the next; infinite where they pass no energy between pendula."""
     name, gap = _gap(scene, int(number), table)
-    return {f"beat_{name}_s": 2 * pi / gap if gap else inf}
+    return {f"beat_{name}_s": 2 * pi / gap if gap and _passes(scene, name, table) else inf}
+
+
+def _passes(scene: Scene, number: int, table: Scene) -> bool:
+    """Whether a mode and the next pass energy of some pendulum to and fro, 4 w_1 w_2 of it by their shares w of it."""
+    order = np.argsort(swinging(scene)[0].imag, kind="stable").tolist()
+    numbers, rows = numbers_in(scene, table), swinging(scene)[1]
+    last = max(place for place, at in enumerate(order) if numbers[at] == number)
+    modes = natural_modes(scene)
+    sizes = [pendulum.n_links for pendulum in scene.pendulum for _ in range(pendulum.count)]
+    first = np.cumsum([0, *sizes[:-1]])
+    shares = [
+        np.add.reduceat(sum(modes.shape(n, copy).kinetic_energy_share for copy in range(modes.multiplicity[n])), first)
+        for n in (rows[order[last]] - 1, rows[order[last + 1]] - 1)
+    ]
+    return bool((4 * shares[0] * shares[1]).max() > LEAST_SHARE_OF_BEATS)
 
 
 def _gap(scene: Scene, number: int, table: Scene) -> tuple[int, float]:

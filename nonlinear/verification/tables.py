@@ -152,7 +152,7 @@ def _run_cells(row: ModeCheck, run: Measurement) -> list[str]:
 def _notes(check: Check) -> list[str]:
     notes = [f"mode {number} was skipped: {reason}." for number, reason in check.skipped]
     if any(row.mode.resonances for row in check.rows):
-        notes.append("* near a 1:1 or 1:3 resonance, with another mode or among its own.")
+        notes.append("* near a 1:1, 1:2 or 1:3 resonance, with another mode or among its own.")
     if check.scene.has_damping:
         notes.append(
             "dampers: κa² and ω(a) refer to the mean amplitude of a run, which is less than the initial angle."

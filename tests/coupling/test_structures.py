@@ -12,12 +12,13 @@ import numpy as np
 import pytest
 import scipy
 
-from modal import Bob, Cart, ComputationError, Pendulum, Rod, Scene, matrices
+from modal import Bob, Cart, ComputationError, Fixed, Pendulum, Rod, Scene, matrices
 from modal.coupling import Coupling, StructureCoupling, coupling_report, explain
 from modal.coupling.report import sections
 from modal.plotting import coupling_figure
 from modal.scene import Heave, ModalSupport, Platform, Spring, Swing, Tilt, VanDerPol
 from modal.scene.supports import Planar
+from nonlinear.sweeps.measures import beat
 
 
 def bob(
@@ -315,3 +316,45 @@ def test_a_swing_too_light_for_double_precision_is_said() -> None:
     pendulum = Pendulum(links=[Bob(mass=1.0, length=1.0)])
     with pytest.raises(ComputationError, match="lost beside the heavy ones"):
         coupling_report(explain(Scene(gravity=9.81, support=Swing(mass=3e-32, length=1.0), pendulum=[pendulum])))
+
+
+# ------------------------------------------------------------------------------------ what nothing joins
+
+
+@pytest.mark.parametrize("stiffness", [0.0, 1e-6])
+def test_pendula_that_nothing_joins_do_not_beat(stiffness: float) -> None:
+    """No beat, neither in the families nor between neighbours of the table; ε is that of each cart by itself."""
+    carts = Cart(name="a", mass=3.1), Cart(name="b", mass=6.3)
+    springs = (Spring(between=("a", "b"), stiffness=stiffness),) * bool(stiffness)
+    apart = scene(carts, bob(0.5, 1.5, on="a"), bob(0.5, 1.5, on="b"), springs=springs)
+    explanation = explained(apart)
+    assert len(explanation.families) == (1 if stiffness else 2)
+    assert not any(explanation.beats(family) for family in explanation.families)
+    assert all(row.beat is None for row in explanation.rows())
+    assert explanation.families[0].branches[-1].strength == pytest.approx(0.5 / 3.1, rel=1e-3)
+    (value,) = beat(apart, 2.0 if not stiffness else 3.0, apart).values()
+    assert value == np.inf
+
+
+def test_a_pendulum_on_a_wall_is_of_no_family_of_a_cart() -> None:
+    wall, trolley = Fixed(name="wall"), Cart(name="trolley", mass=1.0)
+    explanation = explained(scene((wall, trolley), bob(0.1, 1, on="wall"), bob(0.1, 1, on="trolley")))
+    assert [family.fold for family in explanation.families] == [1, 1]
+    assert [row.beat for row in explanation.rows()] == [None, None]
+    assert not explanation.joins_pendula
+    assert explained(CARTS).joins_pendula
+
+
+@pytest.mark.parametrize(
+    "numbers", [(3.0, 20.0, 1.0, 2.0, 0.5), *map(tuple, np.random.default_rng(9).uniform(0.5, 20, (3, 5)))]
+)
+def test_the_cart_on_a_spring_owns_the_mode_of_its_spring(numbers: tuple[float, ...]) -> None:
+    """The mode that belongs to no family has most of its potential energy in the spring, by dense matrices."""
+    mass, stiffness, first, second, length = numbers
+    sprung = scene(Cart(mass=mass, stiffness=stiffness), bob(first, 1), bob(second, length))
+    explanation = explain(sprung)
+    assert isinstance(explanation, Coupling)
+    squares, shapes = scipy.linalg.eigh(matrices(sprung).K, matrices(sprung).M)
+    leading = int((stiffness * shapes[0] ** 2 / squares).argmax())
+    assert [mode.family is None for mode in explanation.cart_modes].index(True) == leading
+    assert len({family.cart_mode for family in explanation.families}) == 2

@@ -16,6 +16,7 @@ from modal.modes.fixed_base import fixed_base_masses
 from modal.modes.solution_report import report_solution
 from modal.scene import Spring
 from modal.scene.supports import Heave, Planar, Platform, Tilt
+from nonlinear.orbits import nonlinear_mode, orbit_where_off
 
 G = 9.81
 BOB = Bob(mass=1.0, length=1.0)
@@ -220,3 +221,40 @@ def test_numbers_of_supports_and_springs_are_varied() -> None:
     assert frequencies[0].tolist() == natural_frequencies(carts()).tolist()
     stiffer = carts().replace(spring=[Spring(between=("left", "right"), stiffness=40.0)])
     assert frequencies[1].tolist() == natural_frequencies(stiffer).tolist()
+
+
+# ------------------------------------------------------------------------------------ second order of supports
+
+
+def heaving(stiffness: float, *bobs: float) -> Scene:
+    pendula = tuple(Pendulum(links=[Bob(mass=mass, length=1.0)]) for mass in bobs)
+    return Scene(gravity=9.81, support=Heave(mass=1.0, stiffness=stiffness), pendulum=pendula)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("mass", "stiffness"), [(0.2, 400.0), (0.1, 90.0), (0.3, 20.0), (0.2, 47.0)])
+def test_a_support_that_heaves_at_twice_the_frequency_shifts_it(mass: float, stiffness: float) -> None:
+    """Periodic orbits of the full equations: κ where they begin, and the angle at which they are 1 % off."""
+    scene = heaving(stiffness, mass)
+    number = 1 if natural_modes(scene)[0].family.startswith("support heaves") else 0
+    mode = natural_modes(scene)[number]
+    orbits = nonlinear_mode(scene, mode.number, 0.02, locate=False)
+    shift = orbits.omega[0] / mode.omega - 1
+    if abs(mode.kappa) < 10:  # nearer to 2:1 even the smallest orbit is beyond the second order
+        assert shift == pytest.approx(mode.kappa * orbits.amplitude[0] ** 2, rel=3e-2)
+    far = orbit_where_off(scene, mode.number)
+    assert far is not None
+    near = 0.15 if mode.resonances else 0.03
+    assert np.degrees(far.amplitude) == pytest.approx(mode.linear_to_1_percent_deg, rel=near)
+    assert bool(mode.resonances) is (stiffness < 50.0)
+
+
+def test_what_pivots_at_rest_say_of_amplitudes_stays() -> None:
+    """A pivot above the axis of a board does not sink: κ of a fixed support, no star; equal pendula share a heave."""
+    board = Tilt(mass=2.0, inertia=1.0, stiffness=30.0)
+    still = Scene(gravity=9.81, support=board, pendulum=[Pendulum(links=[Bob(mass=0.3, length=0.7)], count=2)])
+    for mode in natural_modes(still):
+        if mode.kappa == mode.kappa:
+            assert (mode.kappa, mode.resonances) == (pytest.approx(-1 / 16), ())
+    shared = natural_modes(heaving(50.0, 0.1, 0.1))[0]
+    assert shared.resonances == ("1:1 among its own 2 shapes", "1:2 with mode 2")

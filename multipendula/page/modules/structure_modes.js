@@ -48,13 +48,15 @@ function rowOf(system, M, group) {
   return { omega, ratio, rate, turn, growing: rate > 0 && !turn, multiplicity: group.length, shapes: shapes.map(([x]) => x), twists, words, ...judged };
 }
 
-// That of the chain that moves most, where the row is a mode of it alone and no spring holds it; NaN elsewhere.
+// That of the chain that moves most, where the row is a mode of it alone, no spring holds it and its pivot does not sink.
 function kappaAlone(system, { omega }, [x, twist]) {
   const { lead, chains, gravity } = system;
   const held = (part) => part.slice(0, lead).every((value) => Math.abs(value) <= STILL);
   if (!held(x) || (twist && !held(twist))) return NaN;
   const largest = x.indexOf(Math.max(...x));
-  const { first, links } = chains.findLast((chain) => lead + chain.first <= largest);
+  const number = chains.findLastIndex((chain) => lead + chain.first <= largest);
+  const { first, links } = chains[number];
+  if (sinks(system, number)) return NaN;
   const own = (part) => Float64Array.of(0, ...part.slice(lead + first, lead + first + links.length));
   const [shape, aside] = [own(x), twist && own(twist)];
   const [inertia, stiffness] = formsOf([{ links }], null, null, shape, shape);
@@ -62,6 +64,12 @@ function kappaAlone(system, { omega }, [x, twist]) {
   if (Math.abs(formsIn(system, only)[1] - stiffness) > SAME * Math.abs(stiffness)) return NaN;
   if (!(Math.abs(stiffness / inertia / omega ** 2 - 1) < (twist ? LIGHT ** 2 : SAME))) return NaN;
   return kappaOf({ omega, x: shape, chains: [{ links }], cart: null, weights: [1], inertia, gravity }, aside);
+}
+
+// Whether the structure can move this pivot down to first order: it then does at twice the frequency, and changes kappa.
+function sinks({ lead, size }, number) {
+  const ways = Array.from({ length: lead }, (_, k) => Float64Array.from({ length: size }, (__, i) => (i === k ? 1 : 0)));
+  return ways.some((x) => Math.abs(pivotsMoved(x)[number][1]) > STILL);
 }
 
 // ------------------------------------------------------------------------------------------------ words
