@@ -1,7 +1,8 @@
 """Two kinds of arithmetic for one elimination: floats whose rounding is felt, and as many decimal digits as it takes.
 
 `Rounded` computes every frequency REPLICAS + 1 times in floats; in all but the first, `felt` changes each result by a
-random part in 2⁵², as rounding does, so that the spread of the results is their rounding error (Monte Carlo arithmetic:
+random part in 2⁵², as rounding does, and the frequency by a last digit, as the rounding of ω² does beside a sharp
+resonance, so that the spread of the results is their rounding error (Monte Carlo arithmetic:
 Parker, UCLA CSD-970002 (1997); Vignes, Numer. Algorithms 37, 377 (2004)).  `Digits` computes in decimals of any
 precision, starting from the exact value of every float.  Arrays of both take the same operators, frequencies last.
 """
@@ -52,8 +53,9 @@ class Rounded:
     """Floats, real or complex, at the angular frequencies (W,) and again for every replica: (W (REPLICAS + 1),)."""
 
     def __init__(self, omega: Floats | Complexes) -> None:
-        self.omega = np.tile(omega, REPLICAS + 1)
-        self.rates = np.real(self.omega)
+        ways = np.concatenate(([0.0], (-1.0) ** np.arange(REPLICAS)))
+        self.omega = np.tile(omega, REPLICAS + 1) * np.repeat(1 + ULP * ways, len(omega))
+        self.rates = np.real(np.tile(omega, REPLICAS + 1))
         self._first = len(omega)
         self._random = np.random.default_rng(0)
 
@@ -91,16 +93,23 @@ class Rounded:
 
 
 class Digits:
-    """Decimals, real or in pairs for complex numbers, at the angular frequencies (W,), in arrays of objects."""
+    """Decimals, real or in pairs for complex numbers, in arrays of objects.
+
+    The angular frequencies are omega + remainder (W,).
+    """
 
     omega: Any
 
-    def __init__(self, omega: Floats | Complexes, precision: int, *, is_real: bool) -> None:
+    def __init__(
+        self, omega: Floats | Complexes, precision: int, *, is_real: bool, remainder: Floats | None = None
+    ) -> None:
         self.precision, self.is_real = precision, is_real
         self.rates = np.real(omega)
         self.omega = self.number(np.real(omega))
         if np.iscomplexobj(omega):
             self.omega = self.omega + self.imaginary(self.number(np.imag(omega)))
+        if remainder is not None:
+            self.omega = self.omega + self.number(remainder)
 
     def number(self, values: ArrayLike) -> Any:
         """Every float in all its digits."""
@@ -177,30 +186,38 @@ class Complex:
 
 
 def evaluated(
-    evaluate: Callable[[Any], Any], omega: Floats | Complexes, *, is_real: bool, tolerance: float
+    evaluate: Callable[[Any], Any],
+    omega: Floats | Complexes,
+    *,
+    is_real: bool,
+    tolerance: float,
+    remainder: Floats | None = None,
 ) -> Complexes:
     """What `evaluate` makes of an arithmetic, (…, W), to a relative error of `tolerance` in every entry.
 
-    In floats first, then in digits where they have lost too many.
+    In floats first, then in digits where they have lost too many, as beside a sharp resonance: there the frequencies
+    are omega + remainder (W,), and not their floats.
     """
     with np.errstate(all="ignore"):
         values, errors = (numbers := Rounded(omega)).results(evaluate(numbers))
     lost = ~(errors <= tolerance * np.abs(values))
     entries = tuple(range(lost.ndim - 1))
     if len(left := np.flatnonzero(lost.any(entries))):
-        values[..., left] = _in_digits(
-            evaluate, omega[left], is_real, np.nan_to_num(errors[..., left], posinf=0.0) / ULP
-        )
+        beyond = np.zeros(len(omega)) if remainder is None else remainder
+        terms = np.nan_to_num(errors[..., left], posinf=0.0) / ULP
+        values[..., left] = _in_digits(evaluate, omega[left], beyond[left], terms, is_real=is_real)
     return values
 
 
-def _in_digits(evaluate: Callable[[Any], Any], omega: Floats | Complexes, is_real: bool, terms: Floats) -> Complexes:
+def _in_digits(
+    evaluate: Callable[[Any], Any], omega: Floats | Complexes, remainder: Floats, terms: Floats, *, is_real: bool
+) -> Complexes:
     """The values (…, W) in as many digits as they need; `terms` (…, W) is the size of what adds up to each."""
     results = np.zeros(terms.shape, dtype=np.complex128)
     left, last = np.arange(len(omega)), None
     for precision in PRECISIONS:
         with localcontext(Context(prec=precision)):
-            digits = evaluate(Digits(omega[left], precision, is_real=is_real))
+            digits = evaluate(Digits(omega[left], precision, is_real=is_real, remainder=remainder[left]))
             values = np.frompyfunc(complex if is_real else Complex.__complex__, 1, 1)(digits).astype(np.complex128)
         values[np.abs(values) < 10.0 ** (-precision // 2) * terms[..., left]] = 0
         results[..., left] = values

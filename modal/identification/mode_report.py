@@ -83,7 +83,7 @@ def mode_fit_text(result: ModeFit) -> str:
             with_error(mode.frequency, mode.measured.std),
             f"{mode.deviation:+.2f}",
             NOTHING if mode.measured.damping_ratio is None else short(mode.measured.damping_ratio),
-            short(mode.damping_ratio),
+            short(mode.damping_ratio + 0.0),
             NOTHING if mode.mac is None else f"{mode.mac:.4f}",
         ]
         for mode in result.modes

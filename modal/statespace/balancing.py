@@ -67,7 +67,7 @@ def balance(model: StateSpace, count: int) -> Balanced:
     kept = int(np.count_nonzero(hankel > NEGLIGIBLE * hankel[0]))
     if count > kept:
         raise ComputationError(
-            f"only {kept} states are controllable and observable: choose at most as many, or the minimal model"
+            f"only {kept} states are controllable and observable: choose at most as many, or make it minimal first"
         )
     scale = 1 / np.sqrt(hankel[:count])
     right, left = reach @ Wt[:count].T * scale, (sight @ U[:, :count] * scale).T
@@ -93,8 +93,8 @@ def _require_damping(values: Complexes) -> None:
             else "has ζ = 0"
         )
         raise ComputationError(
-            f"balanced reduction needs a stable, damped model: a mode {what} (λ = {value:.3g} 1/s); "
-            "modal truncation does without"
+            f"balanced reduction needs a stable, damped model: a mode {what} (λ = {value:.3g} 1/s); modal truncation "
+            "does without, and where no input reaches this mode or no output sees it, make the model minimal first"
         )
 
 

@@ -64,14 +64,16 @@ class ExactResponse:
         width += (sum(tip + 1 for tip in tips) + rig.leading) ** 2 if whole else 0
         self._step = max(1, NUMBERS // width // (REPLICAS + 1))
 
-    def along(self, omega: Floats, tolerance: float = TOLERANCE) -> Complexes:
+    def along(self, omega: Floats, tolerance: float = TOLERANCE, remainder: Floats | None = None) -> Complexes:
         """G(iω) (p, m, W) at ω (W,) in rad/s, each entry to this relative error.
 
+        Positive frequencies may be given as sums of two floats: `remainder` (W,) is what one leaves out, which is felt
+        within some billionths of a resonance.
         At ω = 0 the limit, infinite where there is none.
         """
         still = omega == 0
         at = np.where(still, LIMIT * self.unit, np.abs(omega))
-        response = self._displacements(at, tolerance, is_real=self.is_real)
+        response = self._displacements(at, tolerance, is_real=self.is_real, remainder=remainder)
         with np.errstate(all="ignore"):
             response *= np.array([1, 1j, -1, -1j])[self._orders % 4] * np.float_power(at, self._orders)
         return _limits(np.where(omega < 0, np.conj(response), response), still, at)
@@ -88,10 +90,16 @@ class ExactResponse:
             factor = np.power(s, self._orders)
             return values * factor, errors * np.abs(factor)
 
-    def _displacements(self, omega: Floats | Complexes, tolerance: float, *, is_real: bool) -> Complexes:
+    def _displacements(
+        self, omega: Floats | Complexes, tolerance: float, *, is_real: bool, remainder: Floats | None = None
+    ) -> Complexes:
         """Displacements and forces for displacements and forces."""
-        parts = [omega[first : first + self._step] for first in range(0, len(omega), self._step)]
-        responses = [evaluated(self._evaluate, part, is_real=is_real, tolerance=tolerance) for part in parts]
+        beyond = np.zeros(len(omega)) if remainder is None else remainder
+        spans = [slice(first, first + self._step) for first in range(0, len(omega), self._step)]
+        responses = [
+            evaluated(self._evaluate, omega[span], is_real=is_real, tolerance=tolerance, remainder=beyond[span])
+            for span in spans
+        ]
         return (
             np.concatenate(responses, axis=-1) if responses else np.zeros((*self._orders.shape[:2], 0), np.complex128)
         )

@@ -64,6 +64,7 @@ def frequency_response(
     outputs: Sequence[int] | None = None,
     inputs: Sequence[int] | None = None,
     tolerance: float = TOLERANCE,
+    remainder: Floats | None = None,
 ) -> Complexes:
     """G(iω) (p, m, W) at the angular frequencies ω (W,) in rad/s: output's unit over input's.
 
@@ -71,7 +72,7 @@ def frequency_response(
     of the scene as they are, however far ω is from the modes; with damping ratios, constant forces or inputs at points
     and more coordinates than `modal.statespace.full_damping.MOST` the sum over modes, to 1e-12 of its largest term.
     Infinite exactly at an undamped mode that the input reaches and the output sees, including ω = 0; with loss angles,
-    which the modal form does not represent, from elimination alone.
+    which the modal form does not represent, from elimination alone.  `remainder` as in `ExactResponse.along`.
     """
     at, model = np.atleast_1d(np.asarray(omega, dtype=np.float64)), form.model
     rows = range(len(model.outputs)) if outputs is None else outputs
@@ -82,7 +83,7 @@ def frequency_response(
     eliminated = not is_whole(scene, driven) or is_small(scene) or scene.has_losses
     response = np.repeat(model.D[chosen][..., None], len(at), axis=2).astype(np.complex128)
     if eliminated:
-        response = ExactResponse(scene, driven, read).along(at, tolerance)
+        response = ExactResponse(scene, driven, read).along(at, tolerance, remainder)
     for term in terms(form):
         above, below = term._replace(N1=term.N1[chosen], N0=term.N0[chosen]).at(s)
         pole = below == 0

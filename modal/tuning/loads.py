@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import tau
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,8 +11,9 @@ from modal.report import Displayed
 from modal.scene import Scene
 from modal.scene.parameters import Place, with_numbers
 from modal.statespace.signals import geometry_of
-from modal.tuning.pieces import Quantities
+from modal.tuning.pieces import Pieces, Quantities
 from modal.tuning.quantities import Quantity
+from modal.types import Floats
 
 if TYPE_CHECKING:
     from modal.tuning.objective import Objective
@@ -50,11 +50,11 @@ def loads(objective: Objective, scene: Scene) -> tuple[Load, ...]:
         pieces = felt.at(np.zeros(0))
         if not all(len(aim.values) for aim in pieces):
             continue
-        stroke, at = _largest(pieces[0].values, pieces[0].at)
+        stroke, at = _largest(pieces[0].values, pieces[0])
         if unit == "rad":
-            effort, effort_at = _largest(damping * pieces[1].values, pieces[1].at)
+            effort, effort_at = _largest(damping * pieces[1].values, pieces[1])
         else:
-            effort, effort_at = _largest(damping * pieces[0].values * pieces[0].at, pieces[0].at)
+            effort, effort_at = _largest(damping * pieces[0].values * pieces[0].at, pieces[0])
         per = felt.form.signals[0][1].unit if aim.kind == "peak" else ""
         felt_loads.append(
             Load(with_numbers(place), per, stroke, unit, at, effort, "N m" if unit == "rad" else "N", effort_at)
@@ -62,9 +62,10 @@ def loads(objective: Objective, scene: Scene) -> tuple[Load, ...]:
     return tuple(felt_loads)
 
 
-def _largest(values: np.ndarray, at: np.ndarray) -> tuple[float, float]:
+def _largest(values: Floats, pieces: Pieces) -> tuple[float, float]:
+    """The largest of the values with its frequency (Hz)."""
     best = int(values.argmax())
-    return float(values[best]), float(at[best]) / tau
+    return float(values[best]), pieces.hertz(best)
 
 
 def _dampers(objective: Objective, scene: Scene) -> list[tuple[Place, str, float, str]]:

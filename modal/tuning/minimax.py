@@ -15,7 +15,7 @@ for the active pieces, such as two equal peaks; the second derivatives are diffe
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy
@@ -30,8 +30,12 @@ POOR, HALF = 0.05, 0.6
 """Parts of the promised gain from which on a step is taken, and the trust region grows."""
 PENALTY = 20.0
 ROUNDS, FEWER, NEWTONS, TRIES = 120, 40, 8, 6
-AWAY = 5.0
-"""How far a quasi-Newton method may go, in logarithms."""
+FALL, STEEP, HALVINGS = 1e-4, 0.9, 30
+"""Parts of the slope for Wolfe's conditions, and points tried along a line."""
+LEAST_GAIN = 1e-10
+"""Gain of a step at which BFGS ends: the eigenvalues of modes that meet have half of all digits."""
+ASIDE, RESTARTS, OPEN = 0.05, 4, 1e-5
+"""How far beside its end a descent begins anew, how often at most, and the gain that is not worth another."""
 BESIDE = 0.1
 """Distance from a known minimum at which a coarse descent ends in it."""
 SETTLED = 1e-13
@@ -109,11 +113,11 @@ Evaluate = Callable[[Floats, bool], Evaluation]
 
 @dataclass(frozen=True, eq=False)
 class Minimum:
-    """Where a descent ended: `active` (A,) labels of active pieces of each cost, `certain` after Newton's method."""
+    """Where a descent ended: `certain` after Newton's method; else the last descent still gained so much `open`."""
 
     point: Evaluation
-    rounds: int
     certain: bool
+    open: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,11 +131,37 @@ def descend(
     evaluate: Evaluate, z: Floats, low: Floats, high: Floats, *, coarse: bool = False, known: Sequence[Minimum] = ()
 ) -> Minimum:
     """The minimum reached from z within bounds; a `coarse` one ends at a small trust region, or beside a known one."""
-    here, radius, tried = evaluate(np.clip(z, low, high), True), FIRST, 0
+    here = evaluate(np.clip(z, low, high), True)
     if here.is_smooth:
-        here = _smoothly(evaluate, here, low, high)
-    rounds = 0
-    for rounds in range(1, (FEWER if coarse else ROUNDS) + 1):
+        here = _quasi_newton(evaluate, here, low, high)
+    minimum = _lowered(evaluate, here, low, high, coarse=coarse, known=known)
+    rng = np.random.default_rng(1)
+    for _ in range(0 if coarse else RESTARTS):
+        if minimum.certain or not minimum.point.is_finite:
+            break
+        last = minimum.point
+        start = evaluate(np.clip(last.z + ASIDE * rng.uniform(-1.0, 1.0, len(z)), low, high), True)
+        end = _lowered(evaluate, _quasi_newton(evaluate, start, low, high), low, high)
+        minimum = end if end.point.merit <= last.merit else minimum
+        gain = last.merit - minimum.point.merit
+        minimum = replace(minimum, open=0.0 if minimum.certain else gain)
+        if gain <= OPEN * max(1.0, abs(last.merit)):
+            break
+    return minimum
+
+
+def _lowered(
+    evaluate: Evaluate,
+    here: Evaluation,
+    low: Floats,
+    high: Floats,
+    *,
+    coarse: bool = False,
+    known: Sequence[Minimum] = (),
+) -> Minimum:
+    """Where linear programs and Newton's method lead."""
+    radius, tried = FIRST, 0
+    for _ in range(FEWER if coarse else ROUNDS):
         if not here.is_finite:
             break
         for minimum in known:
@@ -143,7 +173,7 @@ def descend(
             tried += 1
             better = polished(evaluate, here, step.weights, low, high, enough=ROUGH if coarse else 0.0)
             if better is not None:
-                return Minimum(better, rounds, True)
+                return Minimum(better, True)
         if gain <= SETTLED * max(1.0, abs(here.merit)) or radius < (COARSE if coarse else FINE):
             break
         there = evaluate(np.clip(here.z + step.delta, low, high), False)
@@ -157,29 +187,52 @@ def descend(
             radius = min(2 * radius, LARGEST) if ratio > HALF else radius
         else:
             radius = min(radius, float(np.abs(step.delta).max())) / 3
-    return Minimum(here, rounds, False)
+    return Minimum(here, False)
 
 
-def _smoothly(evaluate: Evaluate, here: Evaluation, low: Floats, high: Floats) -> Evaluation:
-    """Where a quasi-Newton method leads from a point whose costs have one piece each."""
+def _quasi_newton(evaluate: Evaluate, here: Evaluation, low: Floats, high: Floats) -> Evaluation:
+    """Where BFGS leads with a search for the weak conditions of Wolfe, which needs no gradient to be continuous.
 
-    def cost(z: Floats) -> tuple[float, Floats]:
-        point = evaluate(z, True)
+    So it goes along ridges on which modes meet, where gradients grow without bound and linear programs stop
+    (Lewis & Overton, Math. Program. 141, 135 (2013)).
+    """
+
+    def merit(z: Floats) -> tuple[float, Floats, Evaluation]:
+        inside = np.clip(z, low, high)
+        point = evaluate(inside, True)
         if not point.is_finite:
-            return 1e9, np.zeros_like(z)
-        return point.cost, np.sum([face.gradients[0] for face in point.costs], axis=0)
+            return np.inf, np.zeros_like(z), point
+        limits = zip(point.limits, [PENALTY] * len(point.limits), strict=True)
+        steep = [(face, 1.0) for face in point.costs] + [(face, weight) for face, weight in limits if face.largest > 0]
+        slope = sum((weight * face.gradients[face.values.argmax()] for face, weight in steep), np.zeros_like(z))
+        beyond = z - inside
+        return point.merit + PENALTY * np.abs(beyond).sum(), np.where(beyond, PENALTY * np.sign(beyond), slope), point
 
-    inner, outer = np.maximum(low, here.z - AWAY), np.minimum(high, here.z + AWAY)
-    solution = scipy.optimize.minimize(
-        cost,
-        here.z,
-        jac=True,
-        method="L-BFGS-B",
-        bounds=list(zip(inner, outer, strict=True)),
-        options={"maxiter": FEWER},
-    )
-    there = evaluate(np.asarray(solution.x), True)
-    return there if there.merit < here.merit else here
+    z, n = here.z, len(here.z)
+    value, slope, best = merit(z)
+    inverse = np.eye(n)
+    for _ in range(ROUNDS):
+        way = -inverse @ slope
+        way *= min(1.0, LARGEST / np.abs(way).max(initial=1e-300))
+        short, long, part = 0.0, np.inf, 1.0
+        for _ in range(HALVINGS):
+            other, turned, point = merit(z + part * way)
+            if other > value + FALL * part * (slope @ way):
+                long = part
+            elif turned @ way < STEEP * (slope @ way):
+                short = part
+            else:
+                break
+            part = (short + long) / 2 if np.isfinite(long) else 2 * part
+        if not value - other > LEAST_GAIN * max(1.0, abs(value)):
+            break
+        step, change = part * way, turned - slope
+        z, value, slope = z + step, other, turned
+        best = min(best, point, key=lambda evaluation: evaluation.merit)
+        if (curved := step @ change) > 0:
+            across = np.eye(n) - np.outer(step, change) / curved
+            inverse = across @ inverse @ across.T + np.outer(step, step) / curved
+    return best
 
 
 def _corrected(here: Evaluation, there: Evaluation) -> tuple[Faces, ...]:

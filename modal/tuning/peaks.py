@@ -39,6 +39,8 @@ class Peaks:
     inside: Booleans
     beside: Floats
     endless: str = ""
+    static: float = 0.0
+    """The frequency that stands for 0 where no band bounds the response."""
 
     @classmethod
     def none(cls, words: str) -> Peaks:
@@ -72,7 +74,7 @@ def find_peaks(model: Model, channel: int, band: tuple[float, float] | None) -> 
     every = np.concatenate((turning, omega[ends]))
     near = np.flatnonzero(size >= NEARLY * size.max())
     near = near[np.linspace(0, len(near) - 1, min(len(near), MOST_BESIDE)).astype(int)]
-    return Peaks(every, np.arange(len(every)) < len(turning), omega[near])
+    return Peaks(every, np.arange(len(every)) < len(turning), omega[near], static=0.0 if band else low)
 
 
 def _grid(poles: np.ndarray, low: float, high: float) -> Floats:

@@ -74,6 +74,12 @@ class Pieces:
     inside: Booleans
     endless: str = ""
     helps: Booleans | None = None
+    static: float = 0.0
+    """The frequency (rad/s) that stands for 0."""
+
+    def hertz(self, k: int) -> float:
+        """The frequency of a piece in Hz."""
+        return 0.0 if self.at[k] == self.static else float(self.at[k]) / tau
 
     @classmethod
     def none(cls, words: str, n: int) -> Pieces:
@@ -219,7 +225,7 @@ class At:
             return Pieces.none(f"its magnitude grows without bound {peaks.endless}", n)
         if not self.by:
             size = np.abs(self.model.response(channel, peaks.omega))
-            return Pieces(size, np.zeros((len(size), 0)), peaks.omega, peaks.inside)
+            return Pieces(size, np.zeros((len(size), 0)), peaks.omega, peaks.inside, static=peaks.static)
         omega = np.concatenate((peaks.omega, peaks.beside))
         H, slopes = self.model.gradient(channel, omega, self.slopes)
         size = np.abs(H)
@@ -246,7 +252,7 @@ class At:
                 ):
                     words = f"it grows without bound: nothing damps a mode at {pole.imag / tau:.6g} Hz"
                     return Pieces.none(words, n)
-            for omega, weight in nodes(low, high, poles[~still].tolist()):
+            for omega, _, weight in nodes(low, high, poles[~still].tolist()):
                 at = omega / tau
                 S = weight * (psd_at(f, psd, at) if acts else acceleration_psd(spectrum, at)) / tau
                 if n:

@@ -43,6 +43,7 @@ def tuned_record(tuned: Tuned, curves: bool = True) -> dict[str, Any]:
             for valley in tuned.valleys
         ],
         "exact": tuned.certain,
+        "last_gain": tuned.open,
         "rules": [_rule_record(rule) for rule in tuned.rules],
         "worst_case": {
             "masses": SHARE,
@@ -215,7 +216,13 @@ def _sentences(tuned: Tuned) -> Iterator[str]:
     else:
         yield f"{tuned.starts} starts ended at {values}; the best is kept."
     if not tuned.certain:
-        yield "Newton's method did not settle the last digits: the objective has no second derivatives there."
+        yield (
+            "Newton's method did not settle it, since the objective has no second derivatives where modes meet: the "
+            f"last descent begun anew beside these numbers gained {percent(tuned.open)}."
+        )
+    for aim, pieces in zip(objective.aims, tuned.pieces_after, strict=False):
+        if aim.quantity.kind == "peak" and not aim.maximized and not pieces.hertz(int(pieces.values.argmax())):
+            yield f"{aim.quantity.name}: is largest at 0 Hz, where no damper acts; no peak is higher."
     at_bounds = [
         number.path
         for number, z, low, high in zip(objective.free, tuned.z, objective.low, objective.high, strict=True)

@@ -74,6 +74,8 @@ class Tuned(Displayed):
     starts: int
     certain: bool
     robust: bool
+    open: float = 0.0
+    """What the last descent still gained where Newton's method did not settle, relative."""
 
     @property
     def numbers(self) -> dict[str, float]:

@@ -33,6 +33,8 @@ DISTINCT, SAME = 0.3, 0.02
 """Distance of two starts, and of two ends in one valley, in logarithms."""
 ALIKE = 1e-3
 """Of two costs in one valley."""
+FINISHED = 2
+"""The deepest valleys that are finished, where the descent into them is not certain."""
 RULES = 4
 """Most starts by Den Hartog's rule."""
 CASES = 8
@@ -103,7 +105,8 @@ def tune(
     size = abs(sum(item.largest for item in objective.evaluate(starts[0], False).costs))
     objective.scale = size if not objective.is_log and size > 0 else 1.0
     valleys = _valleys(objective, starts)
-    best = _descended(objective, valleys[0].point.z)
+    finished = [valleys[0], *(item for item in valleys[1:FINISHED] if not item.certain)]
+    best = min((_descended(objective, item.point.z) for item in finished), key=lambda minimum: minimum.point.merit)
     _refuse_endless(objective, best)
     if robust:
         best = _robust(objective, best)
@@ -129,6 +132,7 @@ def tune(
         starts=len(starts),
         certain=best.certain,
         robust=robust,
+        open=best.open / (1.0 if objective.is_log else max(abs(best.point.cost), 1e-300)),
     )
 
 

@@ -65,11 +65,14 @@ class ThermalNoise(ModalResponse):
 
         At f = 0 that of dampers; infinite there with loss angles.  `tolerance` is the relative error of each response.
         """
-        omega = tau * np.atleast_1d(np.asarray(f, dtype=float))
+        return self._budget(tau * np.atleast_1d(np.asarray(f, dtype=float)), tolerance)
+
+    def _budget(self, omega: Floats, tolerance: float, remainder: Floats | None = None) -> Floats:
+        """The same at omega + remainder (W,) in rad/s."""
         budget = np.zeros((len(self.places), len(self.outputs), len(omega)))
         if not self.dissipators:
             return budget
-        H: Complexes = self._elimination.along(omega, tolerance)
+        H: Complexes = self._elimination.along(omega, tolerance, remainder)
         with np.errstate(all="ignore"):
             for j, dissipator in enumerate(self.dissipators):
                 strength = 4 * BOLTZMANN * self.temperature * dissipator.strength(omega)
@@ -89,8 +92,8 @@ class ThermalNoise(ModalResponse):
     def rms(self, low: float, high: float) -> Floats:
         """The RMS (p,) of every output from the noise between two frequencies (Hz)."""
         total = np.zeros(len(self.outputs))
-        for omega, weight in nodes(tau * low, tau * high, poles_of(self.form)):
-            total += self.budget(omega / tau, PRECISE).sum(0) @ weight / tau
+        for omega, remainder, weight in nodes(tau * low, tau * high, poles_of(self.form)):
+            total += self._budget(omega, PRECISE, remainder).sum(0) @ weight / tau
         return np.sqrt(total)
 
 

@@ -187,8 +187,8 @@ COMMANDS = (
             "and the effective masses with the number of modes that hold 90 % of the mass."
         ),
         examples=(
-            ("shock crane-hook quake.csv", "peaks by output and by mode; the record is in the folder examples"),
-            ("shock crane-hook quake.csv --baseline velocity --picture shock.png", "without a drift, with a figure"),
+            ("shock tower quake.csv", "peaks by output and by mode; the record is in the folder examples"),
+            ("shock tower quake.csv --baseline velocity --picture shock.png", "without a drift, with a figure"),
         ),
     ),
 )

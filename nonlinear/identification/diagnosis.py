@@ -210,7 +210,7 @@ def _lines(result: Fit) -> Iterator[str]:
 def _growth(result: Fit) -> Iterator[str]:
     """Whether residuals are larger where the swing is."""
     for c, sensor in enumerate(result.recording.sensors):
-        sizes, misses = [], []
+        sizes, misses, rates, apart = [], [], [], []
         for k, times, miss in _misses(result):
             if k != c:
                 continue
@@ -218,6 +218,8 @@ def _growth(result: Fit) -> Iterator[str]:
                 part for part in result.recording.segments if times[0] >= part.times[0] and times[-1] <= part.times[-1]
             )
             values = segment.values[np.isfinite(segment.values[:, c]), c]
+            rates.append(np.gradient(values - miss, times))
+            apart.append(miss)
             window = max(4, int(2 * np.pi / result.problem.system.rate / max(np.median(np.diff(times)), 1e-12)))
             for at in range(0, len(miss) - window + 1, window):
                 sizes.append(np.std(values[at : at + window]))
@@ -225,7 +227,20 @@ def _growth(result: Fit) -> Iterator[str]:
         if len(sizes) >= STRETCHES:
             rank = scipy.stats.spearmanr(sizes, misses)
             if rank.statistic > GROWS and rank.pvalue < CERTAIN:
-                yield f"{sensor.name}: the residuals grow with the amplitude: a loss or a length of the model is wrong"
+                grow = f"{sensor.name}: the residuals grow with the amplitude"
+                if len(result.rho[c]) > 1:
+                    yield f"{grow}: a loss or a length of the model is wrong"
+                else:
+                    yield f"{grow} and are white: {_white_growth(np.concatenate(rates), np.concatenate(apart))}"
+
+
+def _white_growth(rates: Floats, misses: Floats) -> str:
+    """What makes white residuals grow with the amplitude: a clock that jitters, whose residuals follow the rate."""
+    rank = scipy.stats.spearmanr(np.abs(rates), np.abs(misses))
+    if rank.statistic > 0 and rank.pvalue < CERTAIN:
+        jitter = np.sqrt(np.mean(misses**2) / np.mean(rates**2))
+        return f"they follow the rate, as if the clock jittered by {1e3 * jitter:.2g} ms"
+    return "the noise is larger where the swing is, and the model is not to blame"
 
 
 def _turning(result: Fit) -> Iterator[str]:

@@ -116,6 +116,20 @@ def test_clean_records_have_no_findings(seed: int) -> None:
 
 
 @pytest.mark.slow
+def test_a_clock_that_jitters_is_not_taken_for_a_wrong_model() -> None:
+    scene = scene_with(scene_of(1), {"pendulum[0].links[0].damping": 0.06})
+    even = np.arange(0, 12, 0.01)
+    late = np.sort(np.clip(even + np.random.default_rng(2).normal(0, 3e-3, len(even)), 0, 12))
+    start = State(np.radians([60.0]), np.zeros(1))
+    values = simulate(scene, 12.0, start=start, output=np.unique(late), tolerance=1e-9).motion.links[:, :1]
+    record = Recording((Sensor(1, 1),), (Segment("", "", even[: len(values)], values[: len(even)]),))
+    found = fit(scene, record, ["pendulum[0].links[0].length", "pendulum[0].links[0].damping"])
+    verdict = " ".join(found.verdict)
+    assert "as if the clock jittered by" in verdict
+    assert "is wrong" not in verdict
+
+
+@pytest.mark.slow
 def test_angles_of_atan2_are_continued(tmp_path: Path) -> None:
     """A pendulum that turns over: the file has angles between −π and π."""
     whole = recorded(scene_of(1), [90.0], 5, seconds=1.5, rates=9.0)

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from modal import Bob, Body, Cart, ComputationError, Pendulum, Rod, Scene, SceneError
+from modal.identification.derivatives import polar
 from modal.scene import scene_from
 from modal.scene.parameters import with_numbers
 from modal.scene.records import Spectrum
@@ -19,6 +20,7 @@ from modal.statespace.frequency import ExactResponse
 from modal.statespace.hoisting import Travel, travel_swing
 from modal.tuning import Tuned, den_hartog, exact_optimum, tune, tuned_record, tuned_text
 from modal.tuning.interpolation import interpolated
+from modal.tuning.minimax import Evaluation, Faces, descend
 from modal.tuning.model import Channel, TunedNumbers, reduced
 from modal.tuning.peaks import find_peaks
 from modal.vibration import random_response
@@ -237,6 +239,36 @@ def test_the_largest_damping_is_that_of_equal_pairs_of_poles() -> None:
     assert settling.after == pytest.approx(log(50) / (sqrt(mu) / 2 * sqrt(K / M) / sqrt(1 + mu)), rel=0.1)
 
 
+def test_a_descent_goes_along_the_ridge_on_which_modes_meet() -> None:
+    """From where linear programs stop, with ζ = 0.2307, to √μ/2 = 0.25 at the largest mass allowed, μ = 0.25."""
+
+    def evaluate(z: np.ndarray, with_gradients: bool) -> Evaluation:
+        length, damping, mass = np.exp(z)
+        m, inertia, zero = mass * length, mass * length**2, np.zeros((2, 2))
+        heavy = np.array([[M + mass, m], [m, inertia]])
+        matrices = heavy, np.diag([K, G * m]), np.diag([0.0, damping])
+        dM = [[[0, m], [m, 2 * inertia]], zero, [[mass, m], [m, inertia]]]
+        dK, dD = [np.diag([0, G * m]), zero, np.diag([0, G * m])], [zero, np.diag([0, damping]), zero]
+        A = np.block([[zero, np.eye(2)], [-np.linalg.solve(heavy, matrices[1]), -np.linalg.solve(heavy, matrices[2])]])
+        values, vectors = np.linalg.eig(A)
+        zeta, slopes = [], []
+        for value, phi in zip(values[values.imag > 0], vectors[:2, values.imag > 0].T, strict=True):
+            below = phi @ (2 * value * matrices[0] + matrices[2]) @ phi
+            parts = zip(np.array(dM), np.array(dK), np.array(dD), strict=True)
+            by = [-(phi @ (value**2 * a + b + value * c) @ phi) / below for a, b, c in parts]
+            zeta.append(-value.real / abs(value))
+            slopes.append(polar(value, np.array(by))[1])
+        return Evaluation(z, (Faces(-np.array(zeta), -np.array(slopes), np.arange(len(zeta)) + 1.0),), ())
+
+    low, high = np.log([0.05, 0.01, 0.5]), np.log([50.0, 5e3, 2.5])
+    ridge = np.log([3.60794919, 38.29232703, 2.12901961])
+    assert evaluate(ridge, False).cost == pytest.approx(-0.2307065, rel=1e-4)
+    end = descend(evaluate, ridge, low, high)
+    assert end.point.cost == pytest.approx(-0.25, rel=1e-6)
+    assert np.exp(end.point.z) == pytest.approx([G / K * M * 1.25**2, 52.537, 2.5], rel=1e-3)
+    assert end.certain or end.open < 1e-4
+
+
 @pytest.mark.slow
 def test_the_residual_of_a_travel_is_least_where_the_period_fits() -> None:
     """x = d (10 s³ − 15 s⁴ + 6 s⁵) leaves nothing where its spectrum vanishes at the mode: sin a = 3a/(3 − a²)."""
@@ -273,6 +305,13 @@ def test_what_a_number_is_worth_is_where_the_objective_is_one_percent_off() -> N
     text = tuned_text(tuning)
     assert "one valley" in text
     assert "Den Hartog" in text
+
+
+def test_a_static_magnitude_that_nothing_lowers_is_said_to_be_one() -> None:
+    scene = carrier(0.2, 0.9, damping=0.02)
+    tuning = tune(scene, [f"{DAMPING}=0.005:0.05"], minimize=[PEAK])
+    assert K * tuning.after == pytest.approx(1.0, rel=1e-7)
+    assert "largest at 0 Hz" in tuned_text(tuning)
 
 
 # ---------------------------------------------------------------------------------------------------- bad input

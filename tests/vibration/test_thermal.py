@@ -166,3 +166,11 @@ def test_a_picture_has_a_panel_for_each_output_and_a_line_for_each_place() -> No
     other = random_response(SUSPENSION, Spectrum((0.1, 1.0), (1.0, 1.0), "acceleration"), ("angles",))
     with pytest.raises(SceneError, match="must be the same"):
         thermal_report(thermal_noise(SUSPENSION, 290.0), "text", other)
+
+
+def test_the_line_of_a_sharp_mode_has_its_share_of_equipartition() -> None:
+    """At Q = 3e12 all of k_B T/K but what is outside the band is within 1e-12 of the mode."""
+    stiffness = 2.0 * 9.81 * 0.5
+    link = Bob(mass=2.0, length=0.5, damping=sqrt(9.81 / 0.5) / 3e12 * 2.0 * 0.5**2)
+    noise = thermal_noise(Scene(gravity=9.81, pendulum=[Pendulum(links=[link])]), 290.0, ("angles",))
+    assert noise.rms(0.5, 1.0) == pytest.approx([sqrt(BOLTZMANN * 290.0 / stiffness)], rel=1e-11)
