@@ -30,6 +30,8 @@ from modal.errors import ComputationError
 from modal.types import Booleans, Floats, Ints
 
 MOST_LINKS_TOGETHER = 600
+UNCERTAIN = 0.1
+"""Bound on a relative error from which on no digit is certain: bounds are of first order, and larger ones none."""
 CLOSE = 1e-8
 """Relative gap of squares below which shapes come from the secular equation, which keeps their differences."""
 MASSLESS = (
@@ -146,7 +148,7 @@ def _on_structure(rig: Rig, limits: Limits) -> Iterator[Batch]:
         reduced = ComponentMatrices(carried, component)
         if reduced.free.size:
             yield _moving(FreeMotions(reduced))
-        if reduced.size > reduced.free.shape[1]:
+        if reduced.size > reduced.coasting.shape[1]:
             yield _moving(OnStructure(reduced, ratio, limits))
 
 
@@ -312,13 +314,29 @@ def find_spectrum(rig: Rig, limits: Limits = EVERYTHING) -> ModalSpectrum:
         raise ComputationError("the ratios in this scene are beyond double precision on its dense route") from None
     if not np.all(np.isfinite(values)):
         raise ComputationError("the ratios in this scene are beyond double precision")
+    if limits.lowest is None:
+        _compare_with_states(rig, parts)
+    errors = np.where(errors < UNCERTAIN, errors, np.inf)
     order = np.lexsort((values.real, np.abs(values)))
     ascending = values[order]
-    steps = np.flatnonzero(ascending[1:] != ascending[:-1]) + 1
+    steps = np.flatnonzero((ascending[1:] != ascending[:-1]) | (ascending[1:] == 0)) + 1  # free motions each by itself
     cuts = np.concatenate([[0], steps, [len(order)]])
     cuts = cuts if limits.lowest is None else cuts[: limits.lowest + 1]
     first = order[cuts[:-1]]
     return ModalSpectrum(values[first], errors[first], tuple(parts), order, cuts)
+
+
+def _compare_with_states(rig: Rig, parts: Sequence[Batch]) -> None:
+    """ComputationError where the modes are not as many as the states, of which a decay or a dragged rest has one."""
+    missing = rig.cart is not None and not rig.leans and is_singular(rig.blocks, rig.cart)
+    links = sum(int(block.count.sum()) * block.n for block in rig.blocks) * (1 + rig.spatial)
+    states, known = 2 * (rig.leading + links - missing), 0
+    for batch in parts:
+        value = batch.source.eigenvalue[batch.rows]
+        dragged = batch.source.dragged if isinstance(batch.source, Rigid | FreeMotions) else ~_undamped(batch)
+        known += int(((batch.along + batch.across) * np.where(dragged & (value.imag == 0), 1, 2)).sum())
+    if known != states:
+        raise ComputationError(f"the modes found have {known} of the {states} states of this scene")
 
 
 def _undamped(batch: Batch) -> Booleans:
