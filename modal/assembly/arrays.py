@@ -20,7 +20,7 @@ from modal import pair
 from modal.assembly.equilibrium import Rest, equilibrium_of
 from modal.report import Displayed
 from modal.scene import Pendulum, Scene, validate_scene
-from modal.structure import Structure, is_damped, phi, scaled, structure_of, tied
+from modal.structure import CarrierNumbers, Pivot, Structure, is_damped, phi, scaled, structure_of, tied
 from modal.types import Booleans, Floats, Ints
 
 ARRAYS = ("mass", "length", "centre", "inertia", "damping", "stiffness", "drag", "sigma")
@@ -173,6 +173,18 @@ class Rig(Displayed):
         if self.structure:
             hanging += sum(float(carrier.mass) if carrier.M is None else nan for carrier in self.structure.carriers)
         return hanging + (self.cart.mass if self.cart else 0.0)
+
+    @property
+    def carried(self) -> Rig:
+        """The same with its support as a structure: a fixed one has no coordinate, a cart one."""
+        if self.structure:
+            return self
+        numbers = CarrierNumbers("fixed", "fixed", (0.0, 0.0))
+        if self.cart:
+            mass, damping, stiffness = self.cart
+            numbers = CarrierNumbers("cart", "cart", (0.0, 0.0), mass, stiffness=(stiffness,), damping=(damping,))
+        pivots = (Pivot(0, (0.0, 0.0)),) * sum(copies for *_, copies in self.members)
+        return replace(self, cart=None, structure=Structure((numbers,), pivots, ()))
 
     @property
     def leading(self) -> int:

@@ -26,7 +26,7 @@ from modal.eigen.recursion import at_infinity
 from modal.eigen.secular import Poles, solve
 from modal.eigen.short import short_squares
 from modal.eigen.sources import Details, Rigid, largest_angle, structured_error
-from modal.eigen.spectrum import CLOSE, ModalSpectrum, SpectrumPart, find_spectrum, notes
+from modal.eigen.spectrum import CLOSE, UNCERTAIN, ModalSpectrum, SpectrumPart, find_spectrum, notes
 from modal.eigen.sturm import Suspension, chains_of
 
 __all__ = [
@@ -39,6 +39,7 @@ __all__ = [
     "TOLERANCE",
     "TORQUE",
     "TURN",
+    "UNCERTAIN",
     "Arithmetic",
     "Details",
     "Digits",

@@ -16,14 +16,16 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from modal.types import Complexes, Floats
+from modal.types import Booleans, Complexes, Floats
 
 REPLICAS, SAFETY = 3, 4.0
 """Perturbed results of each frequency, and the factor on their spread."""
 ULP = 2.0**-52
 PRECISIONS = (40, 80, 160, 320, 640)
-"""Decimal digits, until two in a row agree to AGREED, or a value is below 10^−half of them of its terms."""
+"""Decimal digits, until two in a row agree to AGREED; half of the most reach below the smallest float."""
 AGREED = 1e-15
+BESIDE = 8 / 7
+"""A frequency beside those asked for, over the largest: none at which a response vanishes by its numbers' roundness."""
 
 
 class Arithmetic(Protocol):
@@ -212,17 +214,32 @@ def evaluated(
 def _in_digits(
     evaluate: Callable[[Any], Any], omega: Floats | Complexes, remainder: Floats, terms: Floats, *, is_real: bool
 ) -> Complexes:
-    """The values (…, W) in as many digits as they need; `terms` (…, W) is the size of what adds up to each."""
-    results = np.zeros(terms.shape, dtype=np.complex128)
-    left, last = np.arange(len(omega)), None
-    for precision in PRECISIONS:
+    """The values (…, W) in as many digits as they need; `terms` (…, W) is the size of what adds up to each.
+
+    A value below 10^−half of the digits of its terms is 0 where that of BESIDE is in the most digits: it vanishes
+    at all frequencies.  Any other is sought in more digits.
+    """
+
+    def computed(
+        points: Floats | Complexes, beyond: Floats, precision: int, sizes: Floats
+    ) -> tuple[Complexes, Booleans]:
         with localcontext(Context(prec=precision)):
-            digits = evaluate(Digits(omega[left], precision, is_real=is_real, remainder=remainder[left]))
+            digits = evaluate(Digits(points, precision, is_real=is_real, remainder=beyond))
             values = np.frompyfunc(complex if is_real else Complex.__complex__, 1, 1)(digits).astype(np.complex128)
-        values[np.abs(values) < 10.0 ** (-precision // 2) * terms[..., left]] = 0
+        return values, np.abs(values) <= 10.0 ** (-precision // 2) * sizes
+
+    results = np.zeros(terms.shape, dtype=np.complex128)
+    left, last, vanish = np.arange(len(omega)), None, np.zeros(0, dtype=np.bool_)
+    for precision in PRECISIONS:
+        values, small = computed(omega[left], remainder[left], precision, terms[..., left])
+        if small.any() and not vanish.size:
+            beside = omega[[np.abs(omega).argmax()]] * BESIDE
+            vanish = computed(beside, np.zeros(1), PRECISIONS[-1], terms.max(-1, keepdims=True))[1]
+        zero = small & vanish if vanish.size and precision < PRECISIONS[-1] else small
+        values[zero] = 0
         results[..., left] = values
         if last is not None:
-            apart = ~(np.abs(values - last) <= AGREED * np.abs(values))
+            apart = ~(np.abs(values - last) <= AGREED * np.abs(values)) | (small & ~zero)
             again = apart.any(tuple(range(apart.ndim - 1)))
             left, values = left[again], values[..., again]
             if not len(left):

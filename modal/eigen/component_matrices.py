@@ -178,7 +178,10 @@ class ComponentMatrices:
 
     @cached_property
     def free(self) -> Floats:
-        """Motions (n, f) without any spring, orthonormal in M; no angle takes part in them."""
+        """Motions (n, f) without any spring, orthonormal in M and in D, those first that dampers drag least.
+
+        No angle takes part in them.
+        """
         eta = self.component.eta
         d = len(eta)
         joints = [heavy.felt[eta] * (block.stiffness[0, heavy.column] > 0) for block, heavy in self._chains]
@@ -197,7 +200,11 @@ class ComponentMatrices:
             before = motions[:d, :k]
             motion = basis[:, k] - before @ (before.T @ (M @ basis[:, k]))
             motions[:d, k] = motion / np.sqrt(motion @ M @ motion)
-        return motions
+        damped = self.factors[2].rows @ motions
+        dragged = (damped.T * self.factors[2].size) @ damped
+        if np.count_nonzero(dragged - np.diag(np.diag(dragged))):
+            return np.asarray(motions @ np.linalg.eigh(dragged)[1])
+        return motions[:, np.argsort(np.diag(dragged), kind="stable")]
 
     @cached_property
     def coasting(self) -> Floats:

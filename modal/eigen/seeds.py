@@ -2,9 +2,9 @@
 
     1/ω² = eigenvalues of K^−½ M K^−½,
 
-without a free cart, whose momentum stays zero: A − b bᵀ/M_tot replaces M.  Scaled by gravity, the entries are at most
-of the size of the largest eigenvalue, so each is known to N ε of that one (Parlett, The Symmetric Eigenvalue Problem,
-§10.3): slow modes to many digits, fast ones to fewer in proportion to their speed.
+without a free cart, whose momentum stays zero: A − b bᵀ/M_tot replaces M.  Scaled by gravity, each eigenvalue is known
+to N ε of the largest of K^−½ A K^−½ (Parlett, The Symmetric Eigenvalue Problem, §10.3), the terms of that difference,
+which exceeds the largest of the difference by Σ b/M_tot at most: slow modes to many digits, fast ones to fewer.
 """
 
 from __future__ import annotations
@@ -18,7 +18,9 @@ from modal.types import Floats
 
 EPS = 2.0**-53
 ROUNDINGS = 4
-"""Rounding of an entry, in units in the last place."""
+"""Rounding of an entry for each row, in units in the last place."""
+EARLIER = 3
+"""Rows whose rounding is as much as that of the terms before their difference is taken."""
 EACH, MORE = 4, 24
 """Lanczos steps for each mode, and for all of them."""
 LARGEST = 1500
@@ -27,15 +29,15 @@ LARGEST = 1500
 
 def seeds(suspension: Suspension) -> tuple[Floats, Floats]:
     """ω² (N, S), ascending, and bounds on the relative errors (N, S), infinite where nothing is known."""
-    matrix = _scaled(suspension)
+    matrix, removed = _scaled(suspension)
     size = matrix.shape[-1]
     try:
         values = {1: _only, 2: _both}.get(size, np.linalg.eigvalsh)(matrix)
     except np.linalg.LinAlgError:
         values = np.full(matrix.shape[:2], np.nan)
-    largest = values[:, -1:]
+    largest = values[:, -1:] + removed[:, None]
     with np.errstate(all="ignore"):
-        error = ROUNDINGS * size * EPS * largest / values
+        error = ROUNDINGS * (size + EARLIER) * EPS * largest / values
         error = np.where((values > 0) & np.isfinite(error), error, np.inf)
         return np.asarray((1.0 / values).T[::-1]), error.T[::-1]
 
@@ -46,7 +48,7 @@ def slow_seeds(suspension: Suspension, number: int) -> tuple[Floats, Floats]:
     They are the largest eigenvalues of the same matrix, by the Lanczos iteration with full orthogonalization (Parlett,
     §13): its product with a vector is two running sums along each chain.  It may miss a mode, which a count tells.
     """
-    product, size = _product(suspension), suspension.size
+    (product, removed), size = _product(suspension), suspension.size
     steps = min(size, EACH * number + MORE)
     basis, small, beta = np.zeros((steps + 1, size)), np.zeros((steps, steps)), 0.0
     start = np.random.default_rng(0).uniform(0.5, 1.0, size)
@@ -60,12 +62,12 @@ def slow_seeds(suspension: Suspension, number: int) -> tuple[Floats, Floats]:
         basis[k + 1] = w / beta if beta > 0 else w
     values, vectors = np.linalg.eigh(small)
     values, missed = values[: -number - 1 : -1, None], beta * np.abs(vectors[-1, : -number - 1 : -1, None])
-    error = (missed + ROUNDINGS * size * EPS * values[0]) / values
+    error = (missed + ROUNDINGS * (size + EARLIER) * EPS * (values[0] + removed)) / values
     return 1.0 / values, np.where((values > 0) & np.isfinite(error), error, np.inf)
 
 
-def _product(suspension: Suspension) -> Callable[[Floats], Floats]:
-    """The product of K^−½ M K^−½ and a vector (N,), for one support without a spring."""
+def _product(suspension: Suspension) -> tuple[Callable[[Floats], Floats], float]:
+    """The product of K^−½ M K^−½ and a vector (N,), for one support without a spring, and the norm Σ b/M_tot."""
     rows = [(chains, p) for chains in suspension.chains for p in range(chains.m.shape[1])]
     b, length, diagonal = (
         np.concatenate([getattr(chains, name)[:, p, 0, 0] for chains, p in rows])
@@ -85,7 +87,7 @@ def _product(suspension: Suspension) -> Callable[[Floats], Floats]:
             image[piece][:-1] += reach[piece][:-1] * np.cumsum(across[:0:-1])[::-1]
         return image
 
-    return product
+    return product, float(moment @ drawn)
 
 
 def seed_matrices(links: int, supports: int) -> tuple[tuple[str, int, int], ...]:
@@ -104,8 +106,8 @@ def _both(matrix: Floats) -> Floats:
     return np.stack([middle - half, middle + half], axis=-1)
 
 
-def _scaled(suspension: Suspension) -> Floats:
-    """The lower triangle of each K^−½ M K^−½ (S, N, N); in memory the supports are next to each other."""
+def _scaled(suspension: Suspension) -> tuple[Floats, Floats]:
+    """The lower triangle of each K^−½ M K^−½ (S, N, N), next to each other in memory, and the norms Σ b/M_tot (S,)."""
     supports, links = suspension.supports, suspension.size
     spring = suspension.stiffness is not None and bool(suspension.stiffness[0] > 0)
     free = suspension.stiffness is not None and not spring
@@ -128,4 +130,4 @@ def _scaled(suspension: Suspension) -> Floats:
         held = np.sqrt(suspension.stiffness)
         matrices[0, 0] = suspension.total_mass / held / held
         matrices[1:, 0] = every / held
-    return matrices.transpose(2, 0, 1)
+    return matrices.transpose(2, 0, 1), np.broadcast_to((every * drawn).sum(0), (supports,))

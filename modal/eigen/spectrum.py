@@ -30,6 +30,8 @@ from modal.errors import ComputationError
 from modal.types import Booleans, Floats, Ints
 
 MOST_LINKS_TOGETHER = 600
+UNCERTAIN = 0.1
+"""Bound on a relative error from which on no digit is certain: bounds are of first order, and larger ones none."""
 CLOSE = 1e-8
 """Relative gap of squares below which shapes come from the secular equation, which keeps their differences."""
 MASSLESS = (
@@ -146,7 +148,7 @@ def _on_structure(rig: Rig, limits: Limits) -> Iterator[Batch]:
         reduced = ComponentMatrices(carried, component)
         if reduced.free.size:
             yield _moving(FreeMotions(reduced))
-        if reduced.size > (reduced.coasting if reduced.is_damped else reduced.free).shape[1]:
+        if reduced.size > reduced.coasting.shape[1]:
             yield _moving(OnStructure(reduced, ratio, limits))
 
 
@@ -308,41 +310,33 @@ def find_spectrum(rig: Rig, limits: Limits = EVERYTHING) -> ModalSpectrum:
         if rig.damping_ratio:
             values = _damped(values, np.concatenate([_undamped(batch) for batch in parts]), ratio_at(rig))
         errors = np.concatenate([batch.source.error[batch.rows] for batch in parts])
-        if limits.lowest is None:
-            _check_states(rig, parts)
     except np.linalg.LinAlgError:
         raise ComputationError("the ratios in this scene are beyond double precision on its dense route") from None
     if not np.all(np.isfinite(values)):
         raise ComputationError("the ratios in this scene are beyond double precision")
+    if limits.lowest is None:
+        _compare_with_states(rig, parts)
+    errors = np.where(errors < UNCERTAIN, errors, np.inf)
     order = np.lexsort((values.real, np.abs(values)))
     ascending = values[order]
-    steps = np.flatnonzero(ascending[1:] != ascending[:-1]) + 1
+    steps = np.flatnonzero((ascending[1:] != ascending[:-1]) | (ascending[1:] == 0)) + 1  # free motions each by itself
     cuts = np.concatenate([[0], steps, [len(order)]])
     cuts = cuts if limits.lowest is None else cuts[: limits.lowest + 1]
     first = order[cuts[:-1]]
     return ModalSpectrum(values[first], errors[first], tuple(parts), order, cuts)
 
 
-def _check_states(rig: Rig, parts: Sequence[Batch]) -> None:
-    """ComputationError where the modes are not as many as the states; those of a singular M are not counted."""
-    if rig.cart is not None and is_singular(rig.blocks, rig.cart):
-        return
-    links = sum(rig.blocks[block].n * copies for block, _, copies in rig.members)
-    states = 2 * (links * (2 if rig.spatial else 1) + rig.leading)
-    if (there := sum(map(_states, parts))) != states:
-        raise ComputationError(
-            f"{states - there} of the {states} states of this scene have no mode in double precision"
-        )
-
-
-def _states(batch: Batch) -> int:
-    """The number of states of all modes of a batch: one of a real eigenvalue with dampers, else two of each."""
-    fold, source = batch.along + batch.across, batch.source
-    if isinstance(source, FreeMotions):
-        return len(fold) + int(source.reduced.coasting.shape[1])
-    real = source.eigenvalue[batch.rows].imag == 0
-    single = source.dragged if isinstance(source, Rigid) else real & ~_undamped(batch)
-    return int((fold * np.where(single, 1, 2)).sum())
+def _compare_with_states(rig: Rig, parts: Sequence[Batch]) -> None:
+    """ComputationError where the modes are not as many as the states, of which a decay or a dragged rest has one."""
+    missing = rig.cart is not None and not rig.leans and is_singular(rig.blocks, rig.cart)
+    links = sum(int(block.count.sum()) * block.n for block in rig.blocks) * (1 + rig.spatial)
+    states, known = 2 * (rig.leading + links - missing), 0
+    for batch in parts:
+        value = batch.source.eigenvalue[batch.rows]
+        dragged = batch.source.dragged if isinstance(batch.source, Rigid | FreeMotions) else ~_undamped(batch)
+        known += int(((batch.along + batch.across) * np.where(dragged & (value.imag == 0), 1, 2)).sum())
+    if known != states:
+        raise ComputationError(f"the modes found have {known} of the {states} states of this scene")
 
 
 def _undamped(batch: Batch) -> Booleans:

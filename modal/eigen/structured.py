@@ -25,7 +25,7 @@ from modal.eigen.recursion import joints, kinetic
 from modal.eigen.sources import ROUNDOFF, Details, Source, structured_error
 from modal.errors import ComputationError
 from modal.report import deferred
-from modal.types import Complexes, Floats, Ints
+from modal.types import Booleans, Complexes, Floats, Ints
 
 LARGEST = 1200
 """Coordinates of one component up to which shapes, and frequencies from factors, are computed."""
@@ -91,6 +91,11 @@ class FreeMotions:
     @property
     def _number(self) -> int:
         return int(self.reduced.free.shape[1])
+
+    @property
+    def dragged(self) -> Booleans:
+        """Which of them a damper drags, (f,)."""
+        return np.arange(self._number) >= self.reduced.coasting.shape[1]
 
     @property
     def eigenvalue(self) -> Complexes:

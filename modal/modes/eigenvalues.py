@@ -149,8 +149,9 @@ class Eigenvalues:
 
     @cached_property
     def omega(self) -> Floats:
-        """Natural frequencies |λ| (R,) in rad/s."""
-        return kept(self.short.omega if self.short else np.abs(self.eigenvalue))
+        """Natural frequencies |λ| (R,) in rad/s; NaN where no digit is certain."""
+        sizes = self.short.omega if self.short else np.abs(self.eigenvalue)
+        return kept(np.where(self.error < UNCERTAIN, sizes, np.nan))
 
     @property
     def multiplicity(self) -> Ints:
@@ -196,7 +197,9 @@ class Eigenvalues:
     @cached_property
     def indistinct(self) -> Booleans:
         """Whether a neighbour of each mode is closer than the sum of both bounds, (R,)."""
-        close = np.diff(self.omega) <= (self.error * self.omega)[1:] + (self.error * self.omega)[:-1]
+        size = np.abs(self.eigenvalue)
+        radius = np.where(size > 0, self.error * size, 0.0)
+        close = (np.diff(size) <= radius[1:] + radius[:-1]) & (size[1:] > 0)
         return kept(np.concatenate((close, [False])) | np.concatenate(([False], close)))
 
     @cached_property

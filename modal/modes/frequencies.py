@@ -49,7 +49,7 @@ def natural_frequencies(
     -------
     numpy.ndarray
         Frequencies in rad/s: (R,) of a scene, (S, R) of S scenes, (…, R) with `vary`.  A free cart's rigid translation
-        is 0.
+        is 0, a mode of which no digit is certain NaN.
 
     Raises
     ------

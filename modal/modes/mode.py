@@ -15,10 +15,10 @@ from typing import Any
 
 import numpy as np
 
+from modal.eigen import UNCERTAIN
 from modal.report import Displayed, Summary, deferred
 from modal.types import Floats, Ints
 
-UNCERTAIN = 0.1
 WIDTH = 0.02
 """Distance from the exact ratio, relative to the frequency."""
 NEAREST = 3
@@ -60,7 +60,7 @@ class Mode(Displayed):
 
     NaN where a quantity is undefined: effective mass of a mode whose shape dampers change (`modal.modes.undamped`; with
     light ones it is that of the mode without), κ above a damping ratio of 0.1 or where the parts of a shape are
-    far out of phase, everything but `omega` and `residual` in a row that is uncertain.
+    far out of phase, everything but `residual` in a row that is uncertain.
 
     >>> from modal import load, natural_modes
     >>> mode = natural_modes(load("paper-cart-2"))[2]

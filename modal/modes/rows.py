@@ -257,9 +257,6 @@ def _on_structure(modes: Eigenvalues, number: int, head: _RowPart, ratio: float)
     folds = {"": sum(part.along for part in parts if not is_balanced(modes.rig, part))}
     folds["antiphase"] = sum(part.along for part in parts) - folds[""]
     if modes.eigenvalue[number] == 0:
-        each = [modes.spectrum.details(part.source, [part.row]).eta for part in parts]
-        moved = [np.array([coordinate[0] for coordinate in motion]) for motion in each]
-        words = "; ".join(dict.fromkeys(moving_words(structure, motion, inertia) for motion in moved))
         return family(where=words, folds=folds, motion=FREE, ratio=ratio)
     motion = ""
     if head.part.still:

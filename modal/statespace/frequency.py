@@ -20,7 +20,7 @@ import numpy as np
 from modal.assembly import Dissipator, LossAngles, Rig, loss_angles, rig_of
 from modal.eigen import FORCE, REPLICAS, Arithmetic, Hung, Load, Rounded, cart_of, evaluated, hung
 from modal.scene import Scene
-from modal.statespace.full_damping import full_response, on_structure
+from modal.statespace.full_damping import whole_response
 from modal.statespace.places import BASE, GROUND, PAIRS, PUSH, READ, SignalPlace, place_of, place_of_input
 from modal.statespace.points import is_point
 from modal.statespace.signals import Signal
@@ -49,17 +49,13 @@ class ExactResponse:
         whole = is_whole(scene, inputs)
         self.is_real = not (rig.is_damped or scene.has_modal_damping or scene.has_losses)
         self.unit = float(np.sqrt(rig.gravity / min(float(block.length.min()) for block in rig.blocks)))
-        if rig.structure:
-            self._evaluate, of, to = on_structure(scene, inputs, outputs)
-            orders = [[row.order - column.order for column in of] for row in to]
+        if whole:
+            self._evaluate, of, to = whole_response(scene, inputs, outputs)
         else:
-            driven = [place_of_input(scene, signal, tips) for signal in inputs]
-            read = [place_of(READ, signal.name, tips) for signal in outputs]
-            self._evaluate = (
-                full_response(scene, driven, read) if whole else _from_tips(rig, driven, read, angles, links)
-            )
-            orders = [[row.order - column.order for column in driven] for row in read]
-        self._orders = np.array(orders)[..., None]
+            of = [place_of_input(signal, tips) for signal in inputs]
+            to = [place_of(READ, signal.name, tips) for signal in outputs]
+            self._evaluate = _from_tips(rig, of, to, angles, links)
+        self._orders = np.array([[row.order - column.order for column in of] for row in to])[..., None]
         width = sum(block.n * block.size for block in rig.blocks) * (1 + len(inputs)) + len(inputs) * len(outputs)
         width += (sum(tip + 1 for tip in tips) + rig.leading) ** 2 if whole else 0
         self._step = max(1, NUMBERS // width // (REPLICAS + 1))

@@ -8,25 +8,18 @@ from typing import NamedTuple
 
 from modal.assembly import CART, DRAG, JOINT, WIRE, Dissipator
 from modal.eigen import FORCE, TORQUE, TURN
-from modal.scene import Scene
-from modal.statespace.points import PointInput, is_point, point_input
 from modal.statespace.signals import Signal
 
-GROUND, BASE, PUSH, POINT = "ground", "base", "push", "point"
+GROUND, BASE, PUSH = "ground", "base", "push"
 
 
 class SignalPlace(NamedTuple):
-    """What a signal is, how often it is differentiated, and the pendulum and link, from 0, it belongs to.
-
-    An input at a `point` belongs to the links of that; `pair` is the pair of forces of what dissipates.
-    """
+    """What a signal is, how often it is differentiated, and the pendulum and link, from 0, it belongs to."""
 
     what: str
     order: int
     pendulum: int = -1
     link: int = -1
-    point: PointInput | None = None
-    pair: Dissipator | None = None
 
 
 GIVEN = {
@@ -68,8 +61,8 @@ PAIRS = {JOINT: TORQUE, WIRE: TURN, DRAG: FORCE, CART: PUSH}
 """What the pair of forces of a dissipator is, by its kind."""
 
 
-def place_of_input(scene: Scene, driven: Signal | Dissipator, tips: Sequence[int]) -> SignalPlace:
-    """Where an input acts, perhaps at a point or as a pair of forces.  KeyError for an unknown name."""
+def place_of_input(driven: Signal | Dissipator, tips: Sequence[int]) -> SignalPlace:
+    """Where an input acts, perhaps as a pair of forces.  KeyError for an unknown name."""
     if isinstance(driven, Dissipator):
         pendulum, link = -1, driven.number
         while link >= 0 and pendulum + 1 < len(tips):
@@ -77,6 +70,5 @@ def place_of_input(scene: Scene, driven: Signal | Dissipator, tips: Sequence[int
             if link <= tips[pendulum]:
                 break
             link -= tips[pendulum] + 1
-        return SignalPlace(PAIRS.get(driven.kind, POINT), 0, pendulum, link, pair=driven)
-    name = driven.name
-    return SignalPlace(POINT, 0, point=point_input(scene, name)) if is_point(name) else place_of(GIVEN, name, tips)
+        return SignalPlace(PAIRS[driven.kind], 0, pendulum, link)
+    return place_of(GIVEN, driven.name, tips)

@@ -1,4 +1,4 @@
-"""Frequency responses of scenes on structures, by elimination of the whole, in any arithmetic.
+"""Frequency responses by elimination of the whole, in any arithmetic: a fixed support or a cart is a structure, too.
 
     (K + iωD − ω²M) q = F,      y = (Y0 + iω Y1 − ω² Y2) q + thrust
 
@@ -22,7 +22,7 @@ from modal.eigen import Arithmetic
 from modal.scene import Scene
 from modal.statespace.points import is_point, point_input, pushed
 from modal.statespace.signals import PUSHES, READINGS, SUPPORT, Geometry, OutputGroup, Signal
-from modal.structure import bends
+from modal.structure import bends, slopes
 from modal.types import Booleans, Floats
 
 MOVES = {name: order for order, name in enumerate(SUPPORT)} | {"cart_velocity": 1, "cart_acceleration": 2}
@@ -104,9 +104,9 @@ def outputs_named(geometry: Geometry, signals: Sequence[Signal]) -> list[Reading
 
 
 def _reading(group: OutputGroup, k: int) -> Reading:
-    parts = (group.position, group.rate, group.acceleration)
+    parts = (group.position, group.rate, None if group.pushed else group.acceleration)
     rows = tuple(None if part is None or not part[k].any() else part[k] for part in parts)
-    translation = 0.0 if group.translation is None else float(group.translation[k])
+    translation = 0.0 if group.translation is None or group.pushed else float(group.translation[k])
     lowest = next((order for order, row in enumerate(rows) if row is not None), 0)
     pulls = None if group.pulls is None else group.pulls[k]
     return Reading(rows, 0 if group.pushed else lowest, (translation, group.order), k if group.pushed else None, pulls)
@@ -140,7 +140,7 @@ def structural_response(
             K = K + numbers.imaginary(loss_matrix(losses, len(K), numbers))
         A = felt(K + numbers.imaginary(D) * omega - square * M if is_damped else K - square * M)
         zero, none = 0 * omega, 0 * A[:, :1]
-        momentum = numbers.number(geometry.momentum)[:, None]
+        momentum = momentum_in(rig, numbers)[:, None]
         columns = [
             square * momentum if push.moves == "ground"
             else -A[:, 0] if push.moves == "cart"
@@ -170,6 +170,9 @@ def structural_response(
                 longer = (row_in(spring, len(q), numbers)[:, None] * q).sum(0)
                 output = output + numbers.imaginary(numbers.number(pull * loss_at(spring.loss, numbers.rates)) * longer)
             if row.pendulum is not None:
+                for i in np.flatnonzero(geometry.pendulum == row.pendulum):
+                    moved = (numbers.number(geometry.centres[i])[:, None, None] * q).sum(0)
+                    output = output + square * numbers.number(geometry.mass[i]) * (moved + carried)
                 output = output + numbers.number(np.array([push.thrust[row.pendulum] for push in driven]))[:, None]
             outputs.append(felt(output))
         return np.array(outputs)
@@ -197,6 +200,23 @@ def matrices_in(rig: Rig, numbers: Arithmetic) -> tuple[Any, Any, Any]:
     for S in (M, K, D):
         S[d:, :d] = S[:d, d:].T
     return M[..., None], K[..., None], D[..., None]
+
+
+def momentum_in(rig: Rig, numbers: Arithmetic) -> Any:
+    """The momentum of everything at unit velocity along the rail, in the directions of q, (n,)."""
+    hanging = Hanging(rig)
+    structure, first = hanging.structure, hanging.first.tolist()
+    momentum = numbers.number(np.zeros(structure.size + first[-1])) + 0
+    for number, carrier in enumerate(structure.carriers):
+        if carrier.M is None and carrier.size:
+            for at, value in slopes(structure, number, carrier.centre)[0].items():
+                momentum[at] = momentum[at] + numbers.number(float(carrier.mass)) * numbers.number(value)
+    chains = {(block, column): _chain(rig, block, column, numbers) for block, column in rig.names}
+    for p, (block, column) in enumerate(hanging.kinds.tolist()):
+        chain, d = chains[block, column], structure.size
+        momentum[d + first[p] : d + first[p + 1]] = chain.b
+        momentum[:d] = momentum[:d] + chain.mass * numbers.number(hanging.phi.along[p])
+    return momentum
 
 
 def _add(S: Any, row: dict[int, float], size: Any, numbers: Arithmetic) -> None:
@@ -261,24 +281,36 @@ def _chain(rig: Rig, block: int, column: int, numbers: Arithmetic) -> _ChainMatr
     chains = rig.blocks[block]
     names = ("mass", "length", "centre", "inertia", "across", "stiffness", "damping", "drag")
     m, l, c, inertia, way, k, e, drag = (numbers.number(getattr(chains, name)[:, column]) for name in names)
-    n = len(m)
-    M = np.array(pair.inertia_matrix(m, l, c, inertia)) * (way[:, None] * way)
+    n, leans = len(m), chains.sinking is not None and chains.rest is not None
+    ways = way[:, None] * way
+    if leans:
+        sinking, held = numbers.number(chains.sinking[:, column]), numbers.number(chains.rest.held[:, column])
+        ways = ways + sinking[:, None] * sinking
+        ways[range(n), range(n)] = numbers.number(1.0)
+    M = np.array(pair.inertia_matrix(m, l, c, inertia)) * ways
     b = np.array(pair.first_moments(m, l, c)) * way
     zero = 0 * M
     K, D = zero + 0, zero + 0
     for i in range(n):
-        K[i, i] = K[i, i] + numbers.number(rig.gravity) * b[i]
+        K[i, i] = K[i, i] + (held[i] if leans else numbers.number(rig.gravity) * b[i])
         for S, strength in ((K, k[i]), (D, e[i])):
             S[i, i] = S[i, i] + strength
             if i:
                 S[i - 1, i - 1] = S[i - 1, i - 1] + strength
                 S[i, i - 1], S[i - 1, i] = S[i, i - 1] - strength, S[i - 1, i] - strength
-    rows = zero + 0
-    for i in range(n):
-        rows[i, :i], rows[i, i] = (way * l)[:i], way[i] * c[i]
-    if chains.drag[:, column].any():
-        D = D + (rows[:, :, None] * (drag[:, None] * rows)[:, None]).sum(0)
+    rows = _centres(way, l, c, zero)
+    for moved in (rows, _centres(sinking, l, c, zero)) if leans else (rows,):
+        if chains.drag[:, column].any():
+            D = D + (moved[:, :, None] * (drag[:, None] * moved)[:, None]).sum(0)
     return _ChainMatrices(M, K, D, b, m.sum(), k[0], e[0], (drag[:, None] * rows).sum(0), drag.sum())
+
+
+def _centres(way: Any, l: Any, c: Any, zero: Any) -> Any:
+    """The rows (n, n) of the centres of links whose ends move so far per length and angle."""
+    rows = zero + 0
+    for i in range(len(l)):
+        rows[i, :i], rows[i, i] = (way * l)[:i], way[i] * c[i]
+    return rows
 
 
 def _filled(rig: Rig) -> Booleans:

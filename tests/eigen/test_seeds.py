@@ -5,9 +5,11 @@ import random
 import sys
 from types import ModuleType
 
+import mpmath as mp
 import numpy as np
 import pytest
-from scenes import extreme_scene, long_scene
+from oracle import dense
+from scenes import extreme_pendulum, extreme_scene, long_scene
 
 from modal import Bob, Cart, Fixed, Pendulum, Rod, Scene, natural_modes
 from modal.assembly import rig_of
@@ -71,6 +73,28 @@ def test_seeds_are_within_their_bounds(n: int, support: Fixed | Cart) -> None:
         guess, error = (values[:modes] for values in seeds.seeds(suspension))
         exact = located(suspension, np.arange(modes), modes)
         assert np.all(np.abs(guess / exact - 1) <= error)
+
+
+@pytest.mark.parametrize("accuracy", [1e-12, 1e-8, 1e-3])
+def test_the_terms_of_a_difference_bound_its_error(accuracy: float) -> None:
+    """Light carts under heavy pendula; the count of the oracle in 400 bits tells where each frequency is."""
+    rng = random.Random(int(1 / accuracy))
+    scenes = [
+        Scene(gravity=9.81, support=Cart(mass=1e-9), pendulum=[Pendulum(count=2, links=[Bob(mass=1.0, length=1.0)])])
+    ]
+    for _ in range(60):
+        support = Cart(mass=10.0 ** rng.uniform(-12, 12))
+        pendula = [extreme_pendulum(rng, rng.choice([0.3, 3.0, 12.0]), longest=3) for _ in range(rng.randint(1, 3))]
+        scenes.append(Scene(gravity=9.81, support=support, pendulum=tuple(pendula)))
+    for scene in scenes:
+        modes, problem = natural_modes(scene, accuracy=accuracy), dense(scene)
+        ends = np.cumsum(modes.multiplicity)
+        for omega, error, copies, end in zip(modes.omega, modes.error, modes.multiplicity, ends, strict=True):
+            if omega > 0:
+                assert error <= accuracy + 1e-14
+                few, many = (problem.below((mp.mpf(omega) * (1 + sign * mp.mpf(error))) ** 2) for sign in (-1, 1))
+                assert many - few >= copies, (scene, omega, error)
+                assert few <= end + 1 - copies
 
 
 def test_a_step_squares_what_was_missed() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from unittest.mock import patch
 
 import mpmath as mp
@@ -17,7 +18,7 @@ from structures import Oracle
 
 from modal import Bob, Cart, Pendulum, Scene, natural_frequencies, natural_modes
 from modal.assembly import matrices, null_space, rig_of
-from modal.eigen import find_spectrum
+from modal.eigen import find_spectrum, spectrum
 from modal.eigen.component_matrices import ComponentMatrices, square_root
 from modal.eigen.components import PartedRig, StillGroup
 from modal.eigen.factor import SquareSum
@@ -25,6 +26,7 @@ from modal.eigen.product import product_modes
 from modal.errors import ComputationError
 from modal.scene import Rod, Spring
 from modal.scene.supports import ModalSupport, Planar, Platform, Swing, Tilt
+from modal.statespace import state_space, to_modal_form
 from modal.types import Floats
 
 DIGITS = 150
@@ -90,9 +92,46 @@ def test_each_tree_without_a_ground_spring_has_one_motion_at_rest() -> None:
     assert modes.multiplicity[0] == 1
     assert (modes.omega[0], modes.error[0]) == (0.0, 0.0)
     free = natural_modes(modes.scene.replace(spring=springs[:2], support=[*carts[:4], carts[4].replace(stiffness=0.0)]))
-    assert (free.omega[0], free.multiplicity[0]) == (0.0, 3)
+    assert (free.omega[:3].tolist(), free.multiplicity[:3].tolist()) == ([0.0] * 3, [1] * 3)
+    assert not free.indistinct[:3].any()
     shapes = free.matrix.shapes[:, :3]
     assert np.allclose(shapes.T @ free.matrices.M @ shapes, np.eye(3), atol=1e-15)
+
+
+def _dragged(kind: str, seed: int = 0) -> Scene:
+    """Supports that no spring holds and dampers drag, beside a cart on a spring with a bob."""
+    rng = np.random.default_rng(seed)
+    d, more, mass = rng.uniform(0.5, 9.0), rng.uniform(0.5, 9.0), rng.uniform(0.5, 5.0)
+    lone = Cart(name="lone", mass=mass, damping=d if kind in {"lone", "chain"} else 0.0)
+    held = Cart(name="held", position=(1.0, 0.0), mass=1.0, stiffness=30.0 * (kind != "chain"))
+    supports = [Tilt(name="board", mass=mass, inertia=0.7, damping=d) if kind == "board" else lone, held]
+    pairs = {"ground": [("lone", "ground")], "chain": [("lone", "held")], "joined": [("lone", "held")]}.get(kind, [])
+    springs = [Spring(between=pair, damping=more) for pair in pairs]
+    bob = Pendulum(on="held", links=[Bob(mass=1.0, length=rng.uniform(0.3, 2.0))])
+    if kind == "joined":
+        supports[1] = held.replace(stiffness=0.0)
+    return Scene(gravity=9.81, support=supports, pendulum=[bob], spring=springs)
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("kind", ["lone", "board", "ground", "chain", "joined"])
+def test_what_dampers_drag_and_nothing_holds_has_all_its_modes(kind: str, seed: int) -> None:
+    """The roots are those of the state matrix, and the modes span its states."""
+    scene = _dragged(kind, seed)
+    modes, model = natural_modes(scene), state_space(scene, (), ("coordinates",))
+    values = np.repeat(modes.eigenvalue, modes.multiplicity)
+    coasts = kind == "joined"
+    every = np.concatenate([values, values[values.imag > 0].conj(), [0.0] * coasts])
+    mine, theirs = (np.poly(part) for part in (every, np.linalg.eigvals(model.A)))
+    np.testing.assert_allclose(mine.real, theirs.real, rtol=1e-9, atol=1e-7 * np.abs(theirs).max())
+    assert to_modal_form(modes, model).residual() < 1e-9
+
+
+def test_a_mode_that_is_missing_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    whole = spectrum._moving
+    monkeypatch.setattr(spectrum, "_moving", lambda source: replace(whole(source), along=whole(source).along - 1))
+    with pytest.raises(ComputationError, match="of the 6 states"):
+        len(natural_modes(_dragged("lone")))
 
 
 # ------------------------------------------------------------------------------------------- equal pendula by rank
