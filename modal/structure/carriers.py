@@ -150,7 +150,7 @@ def _combined(position: tuple[Any, Any], point: Floats, eta: Sequence[Any]) -> M
 
 def carrier_numbers(support: Any) -> CarrierNumbers:
     """The numbers of a support of a scene."""
-    name, position = support.name or support.kind, getattr(support, "position", (0.0, 0.0))
+    name, position = getattr(support, "name", "") or support.kind, getattr(support, "position", (0.0, 0.0))
     if isinstance(support, ModalSupport):
         M, K = np.array(support.M), np.array(support.K)
         D = np.zeros_like(M) if support.D is None else np.array(support.D)

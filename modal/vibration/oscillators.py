@@ -20,6 +20,7 @@ from modal.vibration.prescribed import Record
 
 PER_PERIOD, BETWEEN = 100, 4  # steps in a period, and at least between two samples of the record
 MOST_STEPS = 1_000_000
+JUMP = 1e-9  # of the acceleration, over its largest value: beyond the rounding of a piece's end
 SERIES, NEAR = 18, 1.0  # terms of the series of φ, and |z| up to which it is used
 
 
@@ -28,8 +29,8 @@ class Grid:
     """Times (T,) in s, ascending, and the derivatives of a record's acceleration after each (K, T).
 
     Between the samples `first` and `last` (J,) of a piece, evenly spaced and at least five, everything driven by the
-    record is smooth.  Neighbouring pieces share a sample, except at the record's end, where the acceleration drops to
-    zero: the last sample of the record is followed by one at the next number, of what is there afterwards.
+    record is smooth.  Neighbouring pieces share a sample, except where the acceleration jumps, as at the record's end:
+    there the last sample of a piece is followed by one at the next number, of what is there afterwards.
     """
 
     times: Floats
@@ -45,9 +46,13 @@ def fine_times(record: Record, period: float, until: float) -> Grid:
     ComputationError where there would be too many.
     """
     knots, derivatives = record.pieces
-    after = float(np.nextafter(record.last, np.inf))
-    begins, ends = np.append(knots[:-1], after), np.append(knots[1:], until)
+    powers = np.array([factorial(k) for k in range(len(derivatives))])[:, None]
+    ended = np.sum(derivatives * np.diff(knots) ** np.arange(len(powers))[:, None] / powers, axis=0)
+    jumps = np.abs(derivatives[0, 1:] - ended[:-1]) > JUMP * np.abs(derivatives[0]).max()
+    begins, ends = knots.copy(), np.append(knots[1:], until)
     derivatives = np.hstack([derivatives, np.zeros((len(derivatives), 1))])
+    apart = np.append(jumps, True)  # the acceleration drops to zero at the end
+    begins[1:][apart] = np.nextafter(begins[1:][apart], np.inf)
     counts = np.maximum(np.ceil((ends - begins) * PER_PERIOD / period), BETWEEN)
     if counts.sum() > MOST_STEPS:
         raise ComputationError(
@@ -56,7 +61,8 @@ def fine_times(record: Record, period: float, until: float) -> Grid:
         )
     number = counts.astype(np.int64)
     sizes = number.copy()
-    sizes[-2:] += 1  # the end of the record, and that of the motion after it
+    sizes[:-1][apart] += 1
+    sizes[-1] += 1
     first = np.cumsum(sizes) - sizes
     piece = np.repeat(np.arange(len(sizes)), sizes)
     offset = (np.arange(len(piece)) - first[piece]) * ((ends - begins) / counts)[piece]
@@ -66,7 +72,7 @@ def fine_times(record: Record, period: float, until: float) -> Grid:
             for k in range(m, len(derivatives)):
                 moved[m] += derivatives[k, piece] * offset ** (k - m) / factorial(k - m)
     times = begins[piece] + offset
-    times[first[-1] - 1], times[-1] = record.last, until
+    times[first[1:][apart] - 1], times[-1] = ends[:-1][apart], until
     return Grid(times, moved, first, first + number)
 
 

@@ -13,6 +13,7 @@ from scipy.interpolate import PchipInterpolator, make_interp_spline
 from modal.scene import Bob, Cart, InitialCondition, Pendulum, RecordForce, RecordMotion, Scene
 from modal.scene.hoist import spline
 from modal.scene.interpolation import monotone_slopes, unsplined_intervals
+from modal.vibration import shock_response
 from modal.vibration.prescribed import Record, prescribed_motion
 from multipendula import cli
 from nonlinear import simulate
@@ -147,3 +148,22 @@ def test_the_line_is_in_text_and_in_json(tmp_path: object, capsys: pytest.Captur
     assert "cubics join the samples" in json.loads(capsys.readouterr().out)["notes"][0]
     assert cli.main(["simulate", path, "--duration", "9"]) == 0
     assert "cubics join the samples" in capsys.readouterr().out
+
+
+def test_a_shock_knows_the_acceleration_on_both_sides_of_a_corner() -> None:
+    """A trapezoid of velocities: jumps of the acceleration by 1 m/s² within 0.2 s, felt at once by the tip."""
+    times, values = ROUGH["trapezoid"]
+    motion = RecordMotion(time_s=tuple(times.tolist()), velocity_m_per_s=tuple(values.tolist()))
+    scene = Scene(gravity=9.81, pendulum=(Pendulum(links=(Bob(mass=0.5, length=1.0, damping=1e-3),)),))
+    response = shock_response(scene, motion, ("angles",))
+    omega, decay = np.sqrt(9.81), 1e-3 / 2 / 0.5
+    turned = np.sqrt(omega**2 - decay**2)
+
+    def swung(since: np.ndarray) -> np.ndarray:
+        """The angle after a step of the support's acceleration by 1 m/s²."""
+        t = np.maximum(since, 0.0)
+        return (np.exp(-decay * t) * (np.cos(turned * t) + decay / turned * np.sin(turned * t)) - 1) / omega**2
+
+    steps = [(0.0, 5.0), (0.2, -5.0), (4.0, -5.0), (4.2, 5.0)]
+    exact = sum(size * swung(response.times - at) for at, size in steps)
+    assert response.history[0] == pytest.approx(exact, abs=1e-12)
