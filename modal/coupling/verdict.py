@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from math import isfinite
 
 from modal.coupling.analysis import Coupling
-from modal.coupling.exchange import LEAST_SHARE_OF_BEATS, STRONG, EnergyExchange
+from modal.coupling.exchange import STRONG, EnergyExchange
 from modal.coupling.exchange_words import collective
 from modal.coupling.families import FamilyRow
 from modal.coupling.structure_words import carrier_words
@@ -100,16 +100,16 @@ def _no_beats(coupling: AnyCoupling) -> Iterator[str]:
     """Why equal pendula do not beat, where there are any."""
     if all(family.fold == 1 for family in coupling.families):
         return
-    alike = [family for family in coupling.families if family.fold > 1]
+    why = "the coupling is too strong, or another mode too near"
     if isinstance(coupling, Coupling):
-        weak = [family for family in alike if family.is_first_order]
-        passed = [family.exchange.most > LEAST_SHARE_OF_BEATS for family in weak if family.exchange]
-        why = "dampers end it" if not weak or any(passed) or coupling.scene.has_damping else SCARCE
-    else:
-        weak = [f for f in alike if all(branch.is_first_order(f.omega) for branch in f.branches)]
+        if any(family.fold > 1 and family.is_first_order for family in coupling.families):
+            why = "dampers end it" if coupling.scene.has_damping else SCARCE
+    elif any(
+        family.fold > 1 and all(branch.is_first_order(family.omega) for branch in family.branches)
+        for family in coupling.families
+    ):
         why = SCARCE
-    strong = "the coupling is too strong, or another mode too near"
-    yield f"Equal pendula do not beat: {why if weak else strong}."
+    yield f"Equal pendula do not beat: {why}."
 
 
 def _between(coupling: AnyCoupling) -> Iterator[str]:

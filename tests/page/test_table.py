@@ -47,6 +47,7 @@ PLAIN: dict[str, dict[str, Any]] = {
     "friction": {"support": {**CART, "friction": 0.1}, "pendulum": [hung(bob(friction=0.1), bob())]},
     "detuned": {"support": {**CART, "mass": 30.0}, "pendulum": [hung(bob()), hung(bob(length=1.01))]},
     "far detuned": {"support": {**CART, "mass": 30.0}, "pendulum": [hung(bob()), hung(bob(length=1.1))]},
+    "heave": {"support": {"kind": "heave", "mass": 1.0, "stiffness": 47.0}, "pendulum": [hung(bob(0.2))]},
     "light cart": {"support": {**CART, "mass": 0.1}, "pendulum": [hung(bob(), bob(), count=2)]},
 }
 QUESTION = """

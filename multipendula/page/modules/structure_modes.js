@@ -48,15 +48,14 @@ function rowOf(system, M, group) {
   return { omega, ratio, rate, turn, growing: rate > 0 && !turn, multiplicity: group.length, shapes: shapes.map(([x]) => x), twists, words, ...judged };
 }
 
-// That of the chain that moves most, where the row is a mode of it alone, no spring holds it and its pivot does not sink.
+// That of the chain that moves most, where the row is a mode of it alone, no spring holds it and it shakes no pivot up and down.
 function kappaAlone(system, { omega }, [x, twist]) {
   const { lead, chains, gravity } = system;
   const held = (part) => part.slice(0, lead).every((value) => Math.abs(value) <= STILL);
   if (!held(x) || (twist && !held(twist))) return NaN;
   const largest = x.indexOf(Math.max(...x));
-  const number = chains.findLastIndex((chain) => lead + chain.first <= largest);
-  const { first, links } = chains[number];
-  if (sinks(system, number)) return NaN;
+  const { first, links } = chains.findLast((chain) => lead + chain.first <= largest);
+  if (shakes(system, x)) return NaN;
   const own = (part) => Float64Array.of(0, ...part.slice(lead + first, lead + first + links.length));
   const [shape, aside] = [own(x), twist && own(twist)];
   const [inertia, stiffness] = formsOf([{ links }], null, null, shape, shape);
@@ -66,10 +65,14 @@ function kappaAlone(system, { omega }, [x, twist]) {
   return kappaOf({ omega, x: shape, chains: [{ links }], cart: null, weights: [1], inertia, gravity }, aside);
 }
 
-// Whether the structure can move this pivot down to first order: it then does at twice the frequency, and changes kappa.
-function sinks({ lead, size }, number) {
-  const ways = Array.from({ length: lead }, (_, k) => Float64Array.from({ length: size }, (__, i) => (i === k ? 1 : 0)));
-  return ways.some((x) => Math.abs(pivotsMoved(x)[number][1]) > STILL);
+// Whether a shape pushes pivots that the structure moves down: it then answers at twice the frequency, and changes kappa.
+function shakes({ lead, size, chains }, x) {
+  const pushes = chains.map(({ first, links }) => sum(links.map(({ b, s }, i) => b * s * x[lead + first + i] ** 2)));
+  const largest = Math.max(...pushes.map(Math.abs));
+  return Array.from({ length: lead }, (_, k) => {
+    const pivots = pivotsMoved(Float64Array.from({ length: size }, (__, i) => (i === k ? 1 : 0)));
+    return sum(pivots.map(([, down], number) => down * pushes[number]));
+  }).some((push) => Math.abs(push) > STILL * largest);
 }
 
 // ------------------------------------------------------------------------------------------------ words
