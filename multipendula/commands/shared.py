@@ -246,26 +246,29 @@ def forewarning(
     duration: float | None,
     members: int = 1,
     tolerance: float = 1e-9,
+    least: float = DAY,
 ) -> Callable[[float], object]:
-    """The report, which at its first call says on standard error how long so many motions take, if over a day."""
+    """The report, which at its first call says on standard error how long so many motions take, if over `least` s."""
     told = False
 
     def reported(now: float) -> None:
         nonlocal told
         if not told:
             told = True
-            _forewarn(scene, duration, members, tolerance)
+            _forewarn(scene, duration, members, tolerance, least)
         report(now)
 
     return reported
 
 
-def _forewarn(scene: Scene, duration: float | None, members: int, tolerance: float) -> None:
+def _forewarn(scene: Scene, duration: float | None, members: int, tolerance: float, least: float) -> None:
     from nonlinear.integration.costs import least_seconds
 
-    days = least_seconds(scene, duration, tolerance, members) / DAY if duration else 0.0
-    if days > 1:
+    seconds = least_seconds(scene, duration, tolerance, members) if duration else 0.0
+    if seconds > least:
+        days = seconds / DAY
         told = f"{days:.2g} days on one core" if days < LONGEST else "time longer than anyone can wait"
+        told = told if days > 1 else f"{seconds / 60:.2g} minutes"
         remark(f"this takes an estimated {told}; Ctrl-C ends it")
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING
 
 from multipendula.command import Command
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from nonlinear.synchronization import SynchronizationStudy
 
 
+MINUTE = 60.0  # s of computing that are told first
 MORE = "--words describes prediction and simulation in sentences."
 
 
@@ -71,10 +72,12 @@ def _run(scene: Scene, options: argparse.Namespace) -> None:
 
     start = start_of(scene, options.start, undamped=True)
     with stages("predicting", "simulating") as (predicting, simulating):
-        told = forewarning(simulating, scene, options.duration)
-        study = study_synchronization(
-            scene, options.duration, start=start, predicting=predicting, report=lambda now, end: told(now / end)
-        )
+        lengths: dict[float, Callable[[float], object]] = {}
+
+        def report(now: float, end: float) -> None:
+            lengths.setdefault(end, forewarning(simulating, scene, end, least=MINUTE))(now / end)
+
+        study = study_synchronization(scene, options.duration, start=start, predicting=predicting, report=report)
     say(_told(study, options), options.format)
     if options.output:
         _draw(study, options.output, options.theme)

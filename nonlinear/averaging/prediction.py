@@ -172,7 +172,7 @@ def predict(scene: Scene, start: State | None = None) -> Prediction:
     starts, unstable = np.array([z, *_beside(z)]).T, None
     motions = settle(averaged, starts)
     if runs_away(averaged, motions[0].z):
-        raise ComputationError("drives are too strong for averaged equations: their amplitudes diverge")
+        raise ComputationError("drives are too strong for averaged equations: their amplitudes exceed half a turn")
     if (ending := _ending(motions[0])) and ending.is_stable is False:
         motions = settle(averaged, starts, least=PATIENCE * ending.relaxation)
         if (ending := _ending(motions[0])) and ending.is_stable is False:

@@ -28,7 +28,7 @@ CALM = 1e-3  # fraction of the energy that may change rows in half of the time o
 ALONE = 3e-4  # fraction of the energy in all other rows once one has won
 DEAD = 1e-4  # fraction of the initial amplitude below which the motion has died out
 LOCKED = 0.01  # largest fraction of the energy outside the locked mode
-AWAY = 100.0  # rad, an amplitude beyond which the motion diverges
+AWAY = pi  # rad, an amplitude beyond which links turn over, and averaged equations take ever smaller steps
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -172,6 +172,9 @@ def _part(
     span, pace, amplitudes = duration / PER_PART, _pace(averaged, starts), [starts]
     turning, reach = averaged.turning(starts), averaged.reach(starts)
     while len(amplitudes) <= PER_PART:
+        if len(amplitudes) > 1 and runs_away(averaged, amplitudes[-1]):
+            amplitudes += [amplitudes[-1]] * (PER_PART + 1 - len(amplitudes))
+            break
         steps = max(1, ceil(span * pace / coarse))
         yield (stretch := _Stretch(amplitudes[-1], turning, span / steps, steps, reach))
         z, turned = _stopped(averaged, amplitudes[-1], stretch.z), stretch.turning

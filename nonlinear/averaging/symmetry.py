@@ -23,6 +23,7 @@ import scipy
 from modal.scene import Scene
 from modal.types import Booleans, Complexes, Floats, Ints
 from nonlinear.averaging.equations import AveragedEquations
+from nonlinear.system import burdens
 
 MOST_IMAGES = 24  # pendula tried as the image of the widest
 EQUAL = 1e-3  # difference over the widest amplitude below which two pendula do the same
@@ -30,15 +31,16 @@ EQUAL = 1e-3  # difference over the widest amplitude below which two pendula do 
 
 @lru_cache(maxsize=16)
 def kinds(scene: Scene) -> Ints:
-    """The number of the first pendulum that each is equal to but for its start, from 0, (N,)."""
+    """The number of the first pendulum that each is equal to but for its start, from 0, (N,).
+
+    Equal ones bear equal springs and forces.
+    """
     bare = [pendulum.replace(start=None, count=1) for pendulum in scene.pendulum]
-    first = np.cumsum([0, *(pendulum.count for pendulum in scene.pendulum)])
-    return np.concatenate(
-        [
-            np.full(pendulum.count, first[bare.index(plain)])
-            for pendulum, plain in zip(scene.pendulum, bare, strict=True)
-        ]
+    numbers = np.repeat([bare.index(plain) for plain in bare], [pendulum.count for pendulum in scene.pendulum])
+    _, first, kind = np.unique(
+        np.stack((numbers, burdens(scene)), axis=1), axis=0, return_index=True, return_inverse=True
     )
+    return np.asarray(first[kind.ravel()])
 
 
 def exchanged(averaged: AveragedEquations, z: Complexes, order: Ints) -> Complexes:

@@ -12,7 +12,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 from math import pi
+from typing import NamedTuple
 
 import numpy as np
 
@@ -31,7 +33,17 @@ from nonlinear.synchronization.phases import from_rest
 HOLDS = 0.05  # fraction of the energy from which on a mode counts as one that holds some
 STEADY = 0.05  # largest change of a share from the third quarter of a run to the last
 APART = 0.01  # relative difference of frequencies that are not one, nor one a multiple of the other
+LATE, WAITED, PERIODS = 0.5, 0.1, 3  # part that shows slow periods; part and slow periods that a settled end lasts
+EVEN = 0.1  # largest relative difference of the slow periods of a beat that goes on
 MOST = 2000  # coordinates of a scene up to which its energy is divided among modes
+
+
+class Beat(NamedTuple):
+    """A share of the energy that rises and falls for ever between `low` and `high`, once in every `period` (s)."""
+
+    period: float
+    low: float
+    high: float
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -83,6 +95,52 @@ class Survival(Displayed):
         return float(self.share[-1, self._place])
 
     @cached_property
+    def _others(self) -> Floats:
+        """The share of all rows but the survivor, (T,)."""
+        return np.asarray(np.delete(self.share, self._place, axis=1).sum(axis=1))
+
+    @cached_property
+    def _rises(self) -> Floats:
+        """When the share of the others rises through the middle of its range in the late part of the run (s)."""
+        start = int(np.searchsorted(self.times, LATE * self.times[-1]))
+        late = self._others[start:]
+        if not np.all(np.isfinite(late)) or np.ptp(late) < LOCKED:
+            return self.times[:0]
+        above = late > (late.min() + late.max()) / 2
+        return np.asarray(self.times[start:][1:][above[1:] & ~above[:-1]])
+
+    @cached_property
+    def beat(self) -> Beat | None:
+        """The beat in which the late part of the run goes on: PERIODS slow periods alike; None where there is none."""
+        periods = np.diff(self._rises)
+        if len(periods) < PERIODS or np.ptp(periods) > EVEN * periods.mean():
+            return None
+        spans = [self._others[(self.times >= a) & (self.times < b)] for a, b in pairwise(self._rises)]
+        ends = np.array([(span.min(), span.max()) for span in spans])
+        if np.ptp(ends, axis=0).max() > EVEN * np.ptp(ends, axis=1).mean():
+            return None
+        low, high = 1 - ends[:, 1].mean(), 1 - ends[:, 0].mean()
+        return Beat(float(periods.mean()), float(low), float(high))
+
+    @cached_property
+    def waiting(self) -> float:
+        """How long (s) an end must have lasted: a tenth of the run, and PERIODS of the longest slow period in it."""
+        return max(WAITED * float(self.times[-1]), PERIODS * float(np.diff(self._rises).max(initial=0.0)))
+
+    @cached_property
+    def is_steady(self) -> bool:
+        """Whether the share of the survivor has changed by less than 1 % for that long."""
+        late = self._others[self.times >= self.times[-1] - self.waiting]
+        return bool(np.ptp(late) < LOCKED)
+
+    @property
+    def is_settled(self) -> bool:
+        """Whether the end of the run goes on: a share that is constant, or a beat."""
+        if not np.all(np.isfinite(self.share[-1])):
+            return True
+        return self.is_steady or self.beat is not None or bool(self.beating)
+
+    @cached_property
     def beating(self) -> tuple[int, ...]:
         """Places of the rows, strongest first, that share the energy steadily with frequencies of their own; else ().
 
@@ -107,8 +165,12 @@ class Survival(Displayed):
         return np.asarray(np.array_split(self.share, 4)[-1].mean(axis=0))
 
     def locking_time(self, threshold: float = LOCKED) -> float | None:
-        """The time (s) from which all other rows together hold less than `threshold`; None if never."""
-        return below_for_good(self.times, np.delete(self.share, self._place, axis=1).sum(axis=1), threshold)
+        """The time (s) from which all other rows together hold less than `threshold`.
+
+        None if they never do, or not for as long as an end must have lasted (`waiting`).
+        """
+        time = below_for_good(self.times, self._others, threshold)
+        return None if time is None or self.times[-1] - time < self.waiting else time
 
 
 @checked

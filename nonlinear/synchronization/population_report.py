@@ -40,7 +40,7 @@ def population_sections(phases: PopulationPhases, motions: tuple[SymmetricMotion
 def _population_rows(phases: PopulationPhases) -> Iterator[tuple[str, ...]]:
     rows = zip(phases.populations, phases.late_order, phases.rate, phases.spread, phases.phase, strict=True)
     for number, (population, order, rate, spread, phase) in enumerate(rows):
-        relative = number and phases.locked[0] and phases.locked[number]
+        relative = number and phases.is_held
         yield (
             str(number + 1),
             population.name,
@@ -127,7 +127,7 @@ def population_record(phases: PopulationPhases, motions: tuple[SymmetricMotion, 
                 "order_parameter": float(order),
                 "rate_rad_per_s": finite(rate),
                 "spread_rad_per_s": finite(spread),
-                "phase_deg": degrees(phase),
+                "phase_deg": degrees(phase) if phases.is_held else None,
             }
             for population, order, rate, spread, phase in rows
         ],

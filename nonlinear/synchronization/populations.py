@@ -5,9 +5,12 @@ With the phases ψ_p of the pendula (`nonlinear.synchronization.phases`) populat
     R_s e^{iΨ_s} = (1/N) Σ_p e^{iψ_p}
 
 the order parameter R_s, and the mean and the spread of its pendula's mean rates; all are means over the last quarter of
-a run.  A population is locked where R_s > 0.99.  Populations that are all locked, at rates equal within 1e-3, are in
-phase, in antiphase or locked at another phase Ψ_s − Ψ_1.  One locked and another one not, though all pendula are equal,
-is a chimera (Martens, Thutupalli, Fourrière & Hallatschek, PNAS 110, 10563 (2013)).
+a run.  A population is locked where R_s > 0.99.  Populations that are all locked, each to the first one,
+
+    |⟨e^{i(Ψ_s − Ψ_1)}⟩| > 0.99     at rates equal within 1e-3, on supports that something joins,
+
+are in phase, in antiphase or locked at another phase Ψ_s − Ψ_1.  One locked and another one not, though all pendula are
+equal, is a chimera (Martens, Thutupalli, Fourrière & Hallatschek, PNAS 110, 10563 (2013)).
 """
 
 from __future__ import annotations
@@ -16,19 +19,22 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import scipy
 
+from modal.assembly import matrices
 from modal.errors import ComputationError
 from modal.report import Displayed, Summary, counted, first_line
 from modal.types import Booleans, Complexes, Floats, Ints
 from nonlinear.averaging import ANTIPHASE, IN_PHASE
 from nonlinear.postprocessing import last
-from nonlinear.synchronization.phases import Phases
-from nonlinear.system import Population, populations_of
+from nonlinear.synchronization.phases import ENDING, Phases
+from nonlinear.system import Population, burdens, populations_of
 
 QUARTER = 0.25  # the last part of a run, over which means are taken
 LOCKED, EQUAL = 0.99, 1e-3  # least R of a locked population, and largest relative difference of equal rates
 NEAR = np.pi / 36  # rad, tolerance of in phase and antiphase
-CHIMERA, NEITHER, AT = "a chimera", "neither", "locked"
+CHIMERA, NEITHER, AT, STILL = "a chimera", "neither", "locked", "dies out"
+FAINT = 0.01  # of the widest swing of a run, below which its pendula have no phases that last
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -79,10 +85,29 @@ class PopulationPhases(Displayed):
         return np.array([self.pendulum_rates[population.pendula].std() for population in self.populations])
 
     @cached_property
+    def _relative(self) -> Complexes:
+        """The mean e^{i(Ψ_s − Ψ_1)} over the last quarter, (P,); of a pair that of its second pendulum, (2,)."""
+        if self.pair is None:
+            late = self._means[last(self.phases.times, QUARTER)]
+        else:
+            late = self.phases.z[last(self.phases.times, QUARTER), :, self.phases.leading]
+        turned = late * late[:, :1].conj()
+        size = np.abs(turned)
+        return np.asarray(np.divide(turned, size, out=np.zeros_like(turned), where=size > 0).mean(axis=0))
+
+    @property
     def phase(self) -> Floats:
         """By how much the phase of every population is ahead of the first's (rad), in (−π, π], (P,)."""
-        late = self._means[last(self.phases.times, QUARTER)]
-        return np.asarray(np.angle((late * late[:, :1].conj()).mean(axis=0)))
+        return np.angle(self._relative) if self.pair is None else np.zeros(1)
+
+    @cached_property
+    def joined(self) -> bool:
+        """Whether something joins all pendula: inertia, a spring or a damper of small motion."""
+        scene = self.phases.trajectory.scene
+        small = matrices(scene)
+        links = np.abs(small.M) + np.abs(small.K) + np.abs(small.D)
+        _, labels = scipy.sparse.csgraph.connected_components(links, directed=False)
+        return len(np.unique(labels[-scene.n_links :])) == 1
 
     @cached_property
     def pair(self) -> float | None:
@@ -98,28 +123,40 @@ class PopulationPhases(Displayed):
         """Whether each population is locked, (P,)."""
         return np.asarray(self.late_order > LOCKED)
 
+    @property
+    def is_identical(self) -> bool:
+        """Whether all populations are of equal pendula, as many, on equal supports."""
+        scene = self.phases.trajectory.scene
+        supports = [support.replace(name="a", position=(0.0, 0.0), start=None) for support in scene.supports]
+        kinds = {(group.pendulum, group.size, supports[group.support]) for group in self.populations}
+        return len(kinds) == 1 and len(set(burdens(scene))) == 1
+
     @cached_property
     def is_even(self) -> bool:
-        """Whether the rates of all populations are equal; of one pair, those of its pendula."""
+        """Whether all populations keep their phases from the first, at equal rates; of one pair its pendula."""
         rates = self.rate if self.pair is None else self.pendulum_rates
-        return bool(np.ptp(rates) <= EQUAL * np.abs(rates).max())
-
-    @property
-    def _off(self) -> Floats:
-        """The phases (rad) that are compared: those of populations, or of the second of a pair."""
-        return self.phase if self.pair is None else np.array([0.0, self.pair])
+        held = np.abs(self._relative).min() > LOCKED
+        return bool(held and np.ptp(rates) <= EQUAL * np.abs(rates).max())
 
     @cached_property
     def kind(self) -> str:
-        """What they do: "in phase", "antiphase", "locked" at another phase, "a chimera" or "neither"."""
+        """What they do: "in phase", "antiphase", "locked" at another phase, "a chimera", "neither" or "dies out"."""
+        swing = self.phases.amplitude.max(axis=(1, 2))
+        if swing[last(self.phases.times, ENDING)].max() <= FAINT * swing.max():
+            return STILL
         if self.locked.any() and not self.locked.all():
-            return CHIMERA
-        if not (self.locked.all() or self.pair is not None) or not self.is_even:
+            return CHIMERA if self.joined and self.is_identical else NEITHER
+        if not (self.locked.all() or self.pair is not None) or not self.is_even or not self.joined:
             return NEITHER
-        off = np.abs(self._off)
+        off = np.abs(np.angle(self._relative))
         if np.all(off <= NEAR):
             return IN_PHASE
         return ANTIPHASE if len(off) == 2 and off[1] >= np.pi - NEAR else AT
+
+    @property
+    def is_held(self) -> bool:
+        """Whether the populations keep their phases."""
+        return self.kind in {IN_PHASE, ANTIPHASE, AT}
 
     @property
     def verdict(self) -> str:
@@ -130,13 +167,20 @@ class PopulationPhases(Displayed):
             several = "populations" if self.locked.sum() > 1 else "population"
             return f"{several} {held} locked, {loose} not: a chimera"
         if self.kind == AT:
-            return "locked at " + ", ".join(f"{angle:.4g}°" for angle in np.rad2deg(self._off[1:]))
+            return "locked at " + ", ".join(f"{angle:.4g}°" for angle in np.rad2deg(np.angle(self._relative[1:])))
+        if self.kind == STILL:
+            return "the swing dies out"
         if self.kind != NEITHER:
             return self.kind
         if len(numbers) == 1:
             return "not in phase: the population is not locked"
+        if self.locked.all() and not self.joined:
+            return "neither in phase nor antiphase: every population is locked, and nothing joins them"
         if self.locked.all():
-            return "neither in phase nor antiphase: every population is locked, at a rate of its own"
+            return "neither in phase nor antiphase: every population is locked, at a phase that drifts"
+        if self.locked.any():
+            held, loose = (_listed(numbers[which]) for which in (self.locked, ~self.locked))
+            return f"neither in phase nor antiphase: population {held} locked, {loose} not, of unlike populations"
         return "neither in phase nor antiphase: no population is locked"
 
 

@@ -6,7 +6,7 @@ Also branches of configurations: where each is stable, the critical values, and 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from math import degrees, isfinite
+from math import degrees, isfinite, pi
 from textwrap import TextWrapper, fill
 from typing import Any
 
@@ -35,11 +35,11 @@ from modal.scene.doors import require_type
 from modal.types import Floats
 from nonlinear.averaging import ASIDE, RelativeEquilibrium
 from nonlinear.orbits import Orbit, Special, growth
-from nonlinear.postprocessing import last
+from nonlinear.postprocessing import last, smooth
 from nonlinear.synchronization.continuation import Branches, Change, EquilibriumBranch
 from nonlinear.synchronization.modal_energy import Survival
 from nonlinear.synchronization.patterns import agreement, own_amplitudes
-from nonlinear.synchronization.phases import ENDING
+from nonlinear.synchronization.phases import ENDING, SETTLED
 from nonlinear.synchronization.population_report import population_record, population_sections
 from nonlinear.synchronization.study import SynchronizationStudy, Theory
 from nonlinear.system import System
@@ -52,8 +52,8 @@ NOT_COVERED = (
     "frequencies, may exist beside the steady ones; they are not searched for."
 )
 EXACT = (
-    "Stability and e-folding time are those of the periodic orbit beside each: of its Floquet multipliers in the full "
-    "equations."
+    "Frequency, stability and e-folding time are those of the periodic orbit beside each: of its period and its "
+    "Floquet multipliers in the full equations."
 )
 COPIED = "Copies are the same motion with the parts of equal pendula exchanged."
 LEFT = "(averaged): no such orbit was found."
@@ -89,7 +89,7 @@ def _sections(study: SynchronizationStudy) -> Iterator[str]:
 
 def _in_words(study: SynchronizationStudy) -> Iterator[str]:
     if study.theory is not None:
-        yield _paragraph("Predicted from this start", _prediction(study.theory))
+        yield _paragraph("Predicted from this start", _prediction(study, study.theory))
     beside = ", and from a start nearby" if study.theory is not None and study.theory.prediction.unstable else ""
     yield _paragraph(f"Simulated for {short(float(study.trajectory.times[-1]))} s{beside}", _simulation(study))
 
@@ -101,21 +101,26 @@ def sync_verdict(study: SynchronizationStudy) -> list[str]:
         sentences.append(f"No prediction: {study.silent}.")
     elif study.theory.prediction.unstable:
         sentences.append(
-            f"This start stays on an unstable motion; what follows is for a start {100 * ASIDE:.0f} % away."
+            "By the averaged equations exactly this start ends on an unstable motion; what follows is for a start "
+            f"{100 * ASIDE:.0f} % away."
         )
     sentences += [*_winner(study), *_since(study)]
     phases = study.phases
     if phases.z.shape[1] > 1 and study.populations is None:
         sentences += _locked(study)
-    if study.theory is not None and (reasons := _reasons(study.theory)):
+    if reasons := _reasons(study):
         more = f"; {counted(len(reasons) - 1, 'more doubt', 'more doubts')}" if len(reasons) > 1 else ""
         sentences.append(f"The prediction is not certain: {reasons[0]}{more}.")
     return sentences
 
 
-def _reasons(theory: Theory) -> list[str]:
+def _reasons(study: SynchronizationStudy) -> list[str]:
     """Reasons why the survivor is not certain, without the one that no mode wins, which is said first."""
-    return [reason for reason in theory.doubts if reason != theory.prediction.undecided]
+    theory = study.theory
+    if theory is None:
+        return []
+    differs = ["the simulation ends elsewhere"] * (study.agrees is False)
+    return differs + [reason for reason in theory.doubts if reason != theory.prediction.undecided]
 
 
 def _winner(study: SynchronizationStudy) -> Iterator[str]:
@@ -134,17 +139,37 @@ def _winner(study: SynchronizationStudy) -> Iterator[str]:
     if prediction.motion.dies:
         yield "The swing dies out, by the prediction: no drive keeps it up."
         return
+    if survival and survival.beat:
+        beats = survival.beat
+        held = (
+            f"the energy beats for ever: mode {survival.number} holds between {percent(beats.low)} and "
+            f"{percent(beats.high)} of it, every {beats.period:.4g} s ({_angles(study)})"
+        )
+    elif survival and held and not survival.is_settled:
+        held += ", undecided: it has not settled"
     mode = f"mode {prediction.number} ({prediction.averaged.modes[prediction.row].family})"
     most = f"No mode wins; {mode} holds most, {percent(prediction.share)}"
     told = f"{capital(mode)} wins" if prediction.is_won else most
     if not held:
         yield f"{told}, by the prediction."
+    elif study.agrees and survival and survival.beat:
+        yield f"{told}, as predicted: {held}."
     elif study.agrees:
         yield f"{told}, as predicted: in the simulation it holds {share} of the energy after {end}."
     elif study.agrees is None:
         yield f"{told}, by the prediction; the simulation is too short to tell: {held}."
     else:
         yield f"The simulation differs from the prediction: {held}. Predicted: {told[:1].lower()}{told[1:]}."
+
+
+def _angles(study: SynchronizationStudy) -> str:
+    """From which to which angle the swing of one pendulum goes in the second half of the run."""
+    late = study.phases.amplitude[last(study.trajectory.times, SETTLED), :, study.phases.leading]
+    swing = smooth(
+        study.trajectory.times[last(study.trajectory.times, SETTLED)], late, 2 * pi / float(study.phases.omega.min())
+    )
+    widest = swing[:, int(np.ptp(swing, axis=0).argmax())]
+    return f"a pendulum swings between {degrees(widest.min()):.3g}° and {degrees(widest.max()):.3g}°"
 
 
 def _since(study: SynchronizationStudy) -> Iterator[str]:
@@ -177,7 +202,11 @@ def _locked(study: SynchronizationStudy) -> Iterator[str]:
     if not np.all(np.isfinite(frequencies)) or phases.resolution > frequencies.max():
         return
     order = float(phases.order[last(study.trajectory.times, ENDING), phases.leading].mean())
-    if phases.locked:
+    if study.theory is not None and study.theory.prediction.motion.dies:
+        return
+    if study.survival and study.survival.beat:
+        yield f"The pendula are not locked: they beat, at {frequencies.mean():.6g} rad/s in the mean (R = {order:.4f})."
+    elif phases.locked:
         yield f"The pendula are locked at {frequencies.mean():.6g} rad/s, with the order parameter R = {order:.4f}."
     else:
         low, high = f"{frequencies.min():.6g}", f"{frequencies.max():.6g}"
@@ -205,7 +234,7 @@ def _table(theory: Theory) -> str:
 
 
 def _each(theory: Theory) -> list[tuple[RelativeEquilibrium, Orbit | None]]:
-    return list(zip(theory.configurations, theory.orbits, strict=True))
+    return list(theory.distinct)
 
 
 def _shown(theory: Theory) -> list[int]:
@@ -225,7 +254,7 @@ def _cells(state: RelativeEquilibrium, orbit: Orbit | None) -> list[str]:
         mode.family,
         agreement(state) + (f" ({state.copies} copies)" if state.copies > 1 else ""),
         f"{angle:.4g}",
-        f"{state.omega:.6g}",
+        f"{orbit.omega if orbit else state.omega:.6g}",
         _fate(state, orbit),
     ]
 
@@ -239,7 +268,7 @@ def _fate(state: RelativeEquilibrium, orbit: Orbit | None) -> str:
     return f"{'stable' if state.is_stable else 'unstable'}, e-folding time {state.relaxation:.4g} s (averaged)"
 
 
-def _prediction(theory: Theory) -> Iterator[str]:
+def _prediction(study: SynchronizationStudy, theory: Theory) -> Iterator[str]:
     prediction = theory.prediction
     if prediction.unstable:
         yield from _unstable(prediction.unstable)
@@ -248,7 +277,7 @@ def _prediction(theory: Theory) -> Iterator[str]:
         return
     mode = prediction.averaged.modes[prediction.row]
     share = percent(prediction.share)
-    which = f"({mode.family}; {rad(mode.omega)})"
+    which = f"({mode.family}; {rad(mode.omega)} at small angles)"
     if prediction.is_won:
         yield f"Mode {prediction.number} survives {which}, with {share} of the energy."
     else:
@@ -258,7 +287,7 @@ def _prediction(theory: Theory) -> Iterator[str]:
         yield f"The orbit in which it ends is stable in the full equations: no multiplier exceeds {size:.6g}."
     if theory.uncertified:
         yield f"Its stability is that of the averaged equations alone ({theory.uncertified})."
-    if reasons := _reasons(theory):
+    if reasons := _reasons(study):
         yield f"This is not certain: {'; '.join(reasons)}."
     elif not theory.ending:
         yield "This is certain as far as the averaged equations reach."
@@ -379,8 +408,8 @@ def sync_record(study: SynchronizationStudy) -> dict[str, Any]:
     theory = study.theory
     return {
         "scene": describe(study.scene),
-        "configurations": [*map(_configuration_record, theory.configurations, theory.orbits)] if theory else None,
-        "prediction": _prediction_record(theory) if theory else None,
+        "configurations": [_configuration_record(*each) for each in theory.distinct] if theory else None,
+        "prediction": _prediction_record(study, theory) if theory else None,
         "no_prediction": study.silent or None,
         "verdict_sentences": sync_verdict(study),
         "simulation": _simulation_record(study),
@@ -425,15 +454,18 @@ def _orbit_record(orbit: Orbit | None) -> dict[str, Any] | None:
     }
 
 
-def _prediction_record(theory: Theory) -> dict[str, Any]:
+def _prediction_record(study: SynchronizationStudy, theory: Theory) -> dict[str, Any]:
     prediction = theory.prediction
+    dies = prediction.motion.dies
+    differs = ["the simulation ends elsewhere"] * (study.agrees is False)
     return {
         "unstable": _configuration_record(prediction.unstable) if prediction.unstable else None,
         "dies_out": prediction.motion.dies,
-        "survivor": None if prediction.motion.dies else prediction.number,
-        "survivor_share": None if prediction.motion.dies else prediction.share,
-        "certain": not theory.doubts,
-        "doubts": list(theory.doubts),
+        "survivor": None if dies or not prediction.is_won else prediction.number,
+        "strongest": None if dies else prediction.number,
+        "survivor_share": None if dies else prediction.share,
+        "certain": not theory.doubts and not differs,
+        "doubts": [*differs, *theory.doubts],
         "ends_on": _orbit_record(theory.ending),
         "locking_time_s": prediction.locking_time(),
         "locking_time_doubts": list(prediction.timing_doubts),
@@ -461,8 +493,11 @@ def _simulation_record(study: SynchronizationStudy) -> dict[str, Any]:
 def _survival_record(survival: Survival) -> dict[str, Any]:
     try:
         return {
-            "survivor": survival.number,
+            "survivor": None if survival.beat or survival.beating or not survival.is_settled else survival.number,
+            "strongest": survival.number,
             "survivor_share": survival.survivor_share,
+            "settled": survival.is_settled,
+            "beat": survival.beat and dict(zip(("period_s", "low", "high"), survival.beat, strict=True)),
             "beating": _beating_record(survival),
             "locking_time_s": survival.locking_time(),
         }

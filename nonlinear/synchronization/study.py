@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from math import pi
 from typing import Any
 
@@ -28,6 +28,8 @@ from nonlinear.system import State
 LONGER, BEYOND = 1.5, 30  # duration over the predicted locking time, and periods added to it
 SHARE = 0.05  # largest difference of the survivor's share of the energy from the predicted one
 USUAL, MOST = 200, 5000  # default and longest duration in periods
+LONGER_RUNS = 2  # times that a run that has not settled is made twice as long
+ONE_ORBIT = 1e-5  # relative difference within which period, size and multipliers are those of one orbit
 FEW = 8  # pendula on a structure among which configurations are searched for one by one
 FOLDS, LONGEST = 10.0, 2000  # e-folding times of populations that a run lasts, and most periods of it
 SETTLING = 0.2  # part of a theory's time that the outcome of its start takes, roughly
@@ -53,6 +55,15 @@ class Theory(Displayed):
         state = self.prediction.ending
         orbit = certified(self.prediction.averaged.scene, state) if state else None
         return orbit if orbit and orbit.is_stable else None
+
+    @cached_property
+    def distinct(self) -> tuple[tuple[RelativeEquilibrium, Orbit | None], ...]:
+        """Every configuration with its orbit, and of several beside one and the same orbit the first."""
+        each: list[tuple[RelativeEquilibrium, Orbit | None]] = []
+        for state, orbit in zip(self.configurations, self.orbits, strict=True):
+            if orbit is None or not any(other and _is_same(orbit, other) for _, other in each):
+                each.append((state, orbit))
+        return tuple(each)
 
     @property
     def uncertified(self) -> str:
@@ -88,13 +99,16 @@ class SynchronizationStudy(Displayed):
     def agrees(self) -> bool | None:
         """Whether the simulated survivor is the predicted one with its share of the energy, within SHARE.
 
-        None where one of them is missing, or the run too short: where the predicted one has not locked by its end.
+        None where one of them is missing, or the run too short: where it has not settled, or the predicted one has not
+        locked by its end.  A beat is what is predicted where no mode wins.
         """
         if self.theory is None or self.survival is None or self.theory.prediction.motion.dies:
             return None
         prediction = self.theory.prediction
+        if self.survival.beat:
+            return self.leads and not prediction.is_won
         same = self.leads and abs(prediction.share - self.survival.survivor_share) <= SHARE
-        return None if self.too_short and not same else same
+        return None if not same and (self.too_short or not self.survival.is_settled) else same
 
     @property
     def leads(self) -> bool:
@@ -108,6 +122,12 @@ class SynchronizationStudy(Displayed):
         """Whether the run ends before the predicted survivor has locked."""
         locking = self.theory.prediction.locking_time() if self.theory else None
         return locking is not None and float(self.trajectory.times[-1]) < locking
+
+
+def _is_same(orbit: Orbit, other: Orbit) -> bool:
+    """Whether two orbits are one motion, by period, amplitude and multipliers."""
+    numbers = np.array([[one.omega, one.amplitude, *np.sort(np.abs(one.floquet.all))] for one in (orbit, other)])
+    return bool(np.all(np.abs(numbers[0] - numbers[1]) <= ONE_ORBIT * np.abs(numbers).max(axis=0).clip(min=1.0)))
 
 
 def theory_of_scene(scene: Scene, start: State | None = None, report: Callable[[float], object] = silent) -> Theory:
@@ -152,6 +172,8 @@ def study_synchronization(
 ) -> SynchronizationStudy:
     """Predict, simulate for `duration` seconds (by default as long as the prediction needs) and measure.
 
+    Without a duration a run that has not settled is repeated, up to LONGER_RUNS times, each twice as long as before.
+
     `start` replaces the initial condition of the scene file, `options` are those of `simulate`; `predicting` is called
     with the part of the prediction that is done, `report` with the simulated time and the duration.  A start that ends
     in an unstable state is replaced by a perturbed one, in prediction and simulation.  KeyboardInterrupt where Ctrl-C
@@ -172,13 +194,22 @@ def study_synchronization(
         options.setdefault("tolerance", LOOSE)
     if theory is not None and theory.prediction.unstable:
         start = theory.prediction.start
-    trajectory = simulate(scene, length, start=start, report=lambda elapsed: report(elapsed, length), **options)
-    if trajectory.run.interrupted:
-        raise KeyboardInterrupt
-    survival, unmeasured = _tried(lambda: find_survival(trajectory, theory and theory.prediction.averaged.modes))
+    modes = theory and theory.prediction.averaged.modes
+    for last_run in range(LONGER_RUNS, -1, -1):
+        trajectory = simulate(scene, length, start=start, report=partial(_forward, report, length), **options)
+        if trajectory.run.interrupted:
+            raise KeyboardInterrupt
+        survival, unmeasured = _tried(partial(find_survival, trajectory, modes))
+        if duration or not last_run or theory is None or survival is None or survival.is_settled:
+            break
+        length *= 2
     phases = phases_of(trajectory)
     told = population_phases(phases), motions, motionless
     return SynchronizationStudy(scene, theory, silent, trajectory, phases, survival, unmeasured, *told)
+
+
+def _forward(report: Callable[[float, float], object], length: float, elapsed: float) -> None:
+    report(elapsed, length)
 
 
 def _tried(action: Callable[[], Any]) -> tuple[Any, str]:

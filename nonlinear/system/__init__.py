@@ -29,7 +29,7 @@ from nonlinear.system.numbers import (
     system_with,
     with_prescribed,
 )
-from nonlinear.system.populations import Population, populations_of, representatives, unrepresented
+from nonlinear.system.populations import Population, burdens, populations_of, representatives, unrepresented
 from nonlinear.system.springs import drawn_place, ends_may_meet, place_of, slack_of
 from nonlinear.system.state import AppliedForces, Equations, Layout, Load, Motion, State, apart
 from nonlinear.system.system import Group, System, system_of
@@ -57,6 +57,7 @@ __all__ = [
     "State",
     "System",
     "apart",
+    "burdens",
     "drawn_place",
     "ends_may_meet",
     "entries_of",

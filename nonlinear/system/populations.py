@@ -7,8 +7,11 @@ moves the support, and the difference does not, which is what any of N − 1 dif
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
@@ -16,7 +19,7 @@ from modal.errors import ComputationError
 from modal.report import Displayed, Summary, counted
 from modal.scene import Pendulum, Scene
 from modal.scene.doors import require_type
-from modal.scene.points import PendulumPoint, parse_point
+from modal.scene.points import PendulumPoint, parse_point, places_of
 from modal.structure import Pivot, Structure, structure_of
 from modal.types import Ints
 
@@ -55,16 +58,60 @@ class Population(Displayed):
         return min(self.size, HALVES)
 
 
+@lru_cache(maxsize=16)
+def burdens(scene: Scene) -> tuple[int, ...]:
+    """The number of the first pendulum that bears the same springs and forces as each, from 0, (N,).
+
+    Two bear the same where their exchange leaves all springs and forces between points what they are.
+    """
+    sizes = [pendulum.n_links for pendulum in scene.pendulum for _ in range(pendulum.count)]
+    first = np.concatenate(([0], np.cumsum(sizes)))
+    parts: list[tuple[tuple[str, ...], Any]] = [
+        (spring.between, spring.replace(between=("ground", "ground"))) for spring in scene.spring
+    ]
+    parts += [((force.on,), force.replace(on="cart")) for force in scene.force]
+    borne = dict[int, Counter[Any]]()
+    for texts, numbers in parts:
+        ends = [_ends(scene, text, first) for text in texts]
+        for k in range(max(map(len, ends))):
+            tie = frozenset(Counter(points[k % len(points)] for points in ends).items()), numbers
+            for pendulum in {point[0] for point, _ in tie[0] if point[0] >= 0}:
+                borne.setdefault(pendulum, Counter())[tie] += 1
+    leaders: list[int] = []
+    same = []
+    for p in range(len(sizes)):
+        ties = borne.get(p, Counter())
+        leader = next((q for q in leaders if _exchanged(ties, p, q) == borne.get(q, Counter())), p)
+        leaders += [p] * (leader == p)
+        same.append(leader)
+    return tuple(same)
+
+
+def _ends(scene: Scene, text: str, first: Ints) -> list[tuple[int, Any, Any]]:
+    """Every point that a name means: its pendulum, its link and the distance below; −1 and the name of others."""
+    owners = [(int(np.searchsorted(first, place.link, "right")) - 1, place) for place in places_of(scene, text)]
+    return [(p, place.link - int(first[p]), place.below) for p, place in owners] or [(-1, text, None)]
+
+
+def _exchanged(ties: Counter[Any], p: int, q: int) -> Counter[Any]:
+    """Springs and forces after two pendula have exchanged their places."""
+    turned = {p: q, q: p}
+    return Counter(
+        {
+            (frozenset(((turned.get(point[0], point[0]), *point[1:]), n) for point, n in points), numbers): count
+            for (points, numbers), count in ties.items()
+        }
+    )
+
+
 def populations_of(scene: Scene) -> tuple[Population, ...]:
     """The populations of a structured scene, in the order of its pendula: equal but for start, place and count."""
     require_type("scene", scene, "Scene")
-    structure, members = structure_of(scene), dict[tuple[int, Pendulum], list[int]]()
-    number = 0
-    for pendulum in scene.pendulum:
-        kind = pendulum.replace(start=None, count=1, position=(0.0, 0.0), on=None)
-        numbers = members.setdefault((structure.pivots[number].carrier, kind), [])
-        numbers += range(number, number + pendulum.count)
-        number += pendulum.count
+    structure, members = structure_of(scene), dict[tuple[int, Pendulum, int], list[int]]()
+    kinds = [pendulum.replace(start=None, count=1, position=(0.0, 0.0), on=None) for pendulum in scene.pendulum]
+    each = [kind for kind, pendulum in zip(kinds, scene.pendulum, strict=True) for _ in range(pendulum.count)]
+    for number, (kind, burden) in enumerate(zip(each, burdens(scene), strict=True)):
+        members.setdefault((structure.pivots[number].carrier, kind, burden), []).append(number)
     names = scene.support_names
     return tuple(
         Population(
@@ -74,7 +121,7 @@ def populations_of(scene: Scene) -> tuple[Population, ...]:
             np.array(numbers),
             _move_alike(structure, [structure.pivots[p] for p in numbers]),
         )
-        for (carrier, kind), numbers in members.items()
+        for (carrier, kind, _), numbers in members.items()
     )
 
 

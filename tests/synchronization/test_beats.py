@@ -177,3 +177,20 @@ def test_branches_with_friction_have_exact_values() -> None:
     for (change, _), exact in zip(branches.changes, branches.located, strict=True):
         assert exact
         assert exact.orbit.value == pytest.approx(change.value, rel=1e-3)
+
+
+def test_the_quiet_part_of_a_beat_is_no_lock_and_the_beat_is_measured() -> None:
+    """The others' share rises to 11 % once in every 8.5 s, as sin^8, and the run stops in a quiet part."""
+    survived = survival(6.2, 7.4)
+    times = np.linspace(0.0, 80.0, len(survived.times) * 4)
+    others = 0.001 + 0.11 * np.sin(np.pi * times / 8.5 + 1.7) ** 8
+    beats = replace(survived, times=times, energy=np.stack((1 - others, others), axis=1))
+    assert others[-1] < 0.01
+    assert beats.locking_time() is None
+    assert beats.beat is not None
+    assert beats.beat.period == pytest.approx(8.5, rel=0.02)
+    assert (beats.beat.low, beats.beat.high) == pytest.approx((0.889, 0.999), abs=2e-3)
+    fades = replace(beats, energy=np.stack((1 - others * np.exp(-times / 8), others * np.exp(-times / 8)), axis=1))
+    assert fades.beat is None
+    assert fades.is_settled
+    assert fades.locking_time() is not None

@@ -344,3 +344,44 @@ def test_representatives_weigh_as_much_as_their_populations() -> None:
     assert original.drive is not None
     assert link.drive.strength / link.mass == pytest.approx(original.drive.strength / original.mass)
     assert [pendulum.count for pendulum in representatives(swings.two_swings(0.2, count=1)).pendulum] == [1, 1]
+
+
+def on_two_carts(springs: tuple[Spring, ...]) -> Scene:
+    """Two and two equal van der Pol pendula on two carts, the second two a little longer."""
+
+    def pair(on: str, length: float, angle: float) -> Pendulum:
+        drive = {"kind": "van-der-pol", "strength": 2e-4, "angle_deg": 15.0}
+        link = {"kind": "bob", "mass": 0.1, "length": length, "damping": 2e-5, "drive": drive}
+        return Pendulum(links=[link], count=2, on=on, start={"angles_deg": [angle]})
+
+    carts = [{"kind": "cart", "name": name, "mass": 1.0, "damping": 0.02} for name in "ab"]
+    return Scene(gravity=9.81, support=carts, spring=springs, pendulum=[pair("a", 0.1, 15.0), pair("b", 0.1001, -9.0)])
+
+
+@pytest.mark.slow
+def test_populations_lock_only_where_something_joins_them_and_a_phase_is_told_only_then() -> None:
+    apart = population_phases(phases_of(simulate(on_two_carts(()), 60.0, tolerance=1e-6)))
+    sprung = on_two_carts((Spring(between=["a", "b"], stiffness=5.0),))
+    joined = population_phases(phases_of(simulate(sprung, 2.0, tolerance=1e-6)))
+    assert apart
+    assert joined
+    assert apart.locked.all()
+    assert apart.is_even
+    assert (apart.joined, apart.kind, apart.is_held) == (False, "neither", False)
+    assert joined.joined
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_equal_pendula_bear_equal_springs(seed: int) -> None:
+    """The sizes of populations against what the springs say: none, one of two, both alike, between the two."""
+    stiffness = float(np.random.default_rng(seed).uniform(0.1, 5.0))
+
+    def sizes(*ends: tuple[str, str]) -> list[int]:
+        springs = tuple(Spring(between=list(pair), stiffness=stiffness) for pair in (("a", "b"), *ends))
+        return [population.size for population in populations_of(on_two_carts(springs))]
+
+    assert sizes() == [2, 2]
+    assert sizes(("ground", "pendulum[0].copies[0].links[0]")) == [1, 1, 2]
+    assert sizes(("ground", "pendulum[0].links[0]")) == [2, 2]
+    assert sizes(("pendulum[0].copies[0].links[0]", "pendulum[0].copies[1].links[0]")) == [2, 2]
+    assert sizes(("pendulum[0].copies[0].links[0]", "pendulum[1].copies[1].links[0]")) == [1, 1, 1, 1]
