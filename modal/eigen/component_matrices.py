@@ -15,7 +15,7 @@ from functools import cached_property
 import numpy as np
 
 from modal.assembly import Block, Element, null_space
-from modal.eigen.components import ROUNDED, Component, Heavy, PartedRig
+from modal.eigen.components import CANCELLED, ROUNDED, Component, Heavy, PartedRig
 from modal.eigen.factor import SquareSum
 from modal.eigen.trees import HungChains, Tree
 from modal.types import Floats, Ints
@@ -209,8 +209,9 @@ class ComponentMatrices:
     @cached_property
     def coasting(self) -> Floats:
         """Free motions (n, f) that no damper drags either."""
-        D, free = self.factors[2], self.free
-        return free @ null_space(D.rows @ free)
+        rows, free = self.factors[2].rows, self.free
+        stretched, terms = rows @ free, np.abs(rows) @ np.abs(free)
+        return free @ null_space(np.where(np.abs(stretched) > CANCELLED * terms, stretched, 0.0))
 
     @cached_property
     def tree(self) -> Tree | None:
