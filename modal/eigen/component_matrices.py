@@ -209,9 +209,9 @@ class ComponentMatrices:
     @cached_property
     def coasting(self) -> Floats:
         """Free motions (n, f) that no damper drags either."""
-        D, free = self.factors[2], self.free
-        dragged, terms = D.rows @ free, np.abs(D.rows) @ np.abs(free)
-        return free @ null_space(np.where(np.abs(dragged) <= CANCELLED * terms, 0.0, dragged))
+        rows, free = self.factors[2].rows, self.free
+        stretched, terms = rows @ free, np.abs(rows) @ np.abs(free)
+        return free @ null_space(np.where(np.abs(stretched) > CANCELLED * terms, stretched, 0.0))
 
     @cached_property
     def tree(self) -> Tree | None:

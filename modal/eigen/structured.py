@@ -95,7 +95,7 @@ class FreeMotions:
     @property
     def dragged(self) -> Booleans:
         """Which of them a damper drags, (f,)."""
-        return np.arange(self._number) >= self.reduced.coasting.shape[1]
+        return np.asarray(np.arange(self._number) >= self.reduced.coasting.shape[1])
 
     @property
     def eigenvalue(self) -> Complexes:

@@ -10,8 +10,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from modal.assembly import Rig, Units, rig_of, single
-from modal.eigen import EVERYTHING, LIGHT, Limits, ModalSpectrum, find_spectrum, short_squares, structured_error
-from modal.modes.mode import UNCERTAIN, hertz, oscillating, swing_period
+from modal.eigen import (
+    EVERYTHING,
+    LIGHT,
+    UNCERTAIN,
+    Limits,
+    ModalSpectrum,
+    find_spectrum,
+    short_squares,
+    structured_error,
+)
+from modal.modes.mode import hertz, oscillating, swing_period
 from modal.modes.second_order import MOST_COORDINATES, SupportResponse
 from modal.scene import Scene
 from modal.structure import phi

@@ -19,8 +19,7 @@ from dataclasses import replace
 import numpy as np
 
 from modal.assembly import Rig
-from modal.eigen import Limits, ModalSpectrum, SpectrumPart, degenerate_modes, find_spectrum
-from modal.modes.mode import UNCERTAIN
+from modal.eigen import UNCERTAIN, Limits, ModalSpectrum, SpectrumPart, degenerate_modes, find_spectrum
 from modal.modes.modes import Modes
 from modal.report import deferred
 from modal.types import Floats, Ints

@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from modal.eigen import Details, SpectrumPart
+from modal.eigen import UNCERTAIN, Details, SpectrumPart
 from modal.modes.eigenvalues import Eigenvalues
-from modal.modes.mode import UNCERTAIN
 from modal.modes.shapes import Shape, expand
 from modal.report import Displayed, Summary
 from modal.types import Booleans, Floats, Ints

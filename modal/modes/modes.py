@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from modal.assembly import Matrices, Rig, matrices_of
-from modal.eigen import EVERYTHING, Limits, notes
+from modal.eigen import EVERYTHING, UNCERTAIN, Limits, notes
 from modal.errors import SceneError
 from modal.modes.eigenvalues import Eigenvalues, Short, kept
 from modal.modes.modal_matrix import ModalMatrix, all_shapes, stacked
-from modal.modes.mode import UNCERTAIN, Mode
+from modal.modes.mode import Mode
 from modal.modes.rows import described
 from modal.modes.shapes import Shape, expand, validate_normalisation
 from modal.report import HTML_ROWS, TEXT_ROWS, Displayed, Summary, counted, deferred, more, scrolled

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from modal.assembly import Block, Rig
-from modal.eigen import Details, ModeSwing, SpectrumPart, distortion, largest_angle, one_percent_amplitude
+from modal.eigen import UNCERTAIN, Details, ModeSwing, SpectrumPart, distortion, largest_angle, one_percent_amplitude
 from modal.errors import ComputationError
 from modal.modes.eigenvalues import Eigenvalues
 from modal.modes.labels import (
@@ -26,7 +26,7 @@ from modal.modes.labels import (
     motion_words,
     moving_words,
 )
-from modal.modes.mode import BESIDE, PROMISED, SURE, UNCERTAIN, Mode, answering, is_guide, resonances
+from modal.modes.mode import BESIDE, PROMISED, SURE, Mode, answering, is_guide, resonances
 from modal.modes.second_order import UNKNOWN, Amplitude
 from modal.modes.shapes import expand, first_of_largest, is_balanced
 from modal.structure import coordinate_units

@@ -24,9 +24,9 @@ from typing import NamedTuple
 import numpy as np
 
 from modal import pair
+from modal.eigen import UNCERTAIN
 from modal.errors import ComputationError, SceneError
 from modal.modes.displacements import centre_displacements
-from modal.modes.mode import UNCERTAIN
 from modal.modes.modes import Modes
 from modal.modes.shapes import Shape
 from modal.report import Displayed, Summary, brief, tabulated

@@ -51,11 +51,13 @@ class ExactResponse:
         self.unit = float(np.sqrt(rig.gravity / min(float(block.length.min()) for block in rig.blocks)))
         if whole:
             self._evaluate, of, to = whole_response(scene, inputs, outputs)
+            orders = [[row.order - column.order for column in of] for row in to]
         else:
-            of = [place_of_input(signal, tips) for signal in inputs]
-            to = [place_of(READ, signal.name, tips) for signal in outputs]
-            self._evaluate = _from_tips(rig, of, to, angles, links)
-        self._orders = np.array([[row.order - column.order for column in of] for row in to])[..., None]
+            driven = [place_of_input(signal, tips) for signal in inputs]
+            read = [place_of(READ, signal.name, tips) for signal in outputs]
+            self._evaluate = _from_tips(rig, driven, read, angles, links)
+            orders = [[row.order - column.order for column in driven] for row in read]
+        self._orders = np.array(orders)[..., None]
         width = sum(block.n * block.size for block in rig.blocks) * (1 + len(inputs)) + len(inputs) * len(outputs)
         width += (sum(tip + 1 for tip in tips) + rig.leading) ** 2 if whole else 0
         self._step = max(1, NUMBERS // width // (REPLICAS + 1))

@@ -281,9 +281,9 @@ def _chain(rig: Rig, block: int, column: int, numbers: Arithmetic) -> _ChainMatr
     chains = rig.blocks[block]
     names = ("mass", "length", "centre", "inertia", "across", "stiffness", "damping", "drag")
     m, l, c, inertia, way, k, e, drag = (numbers.number(getattr(chains, name)[:, column]) for name in names)
-    n, leans = len(m), chains.sinking is not None and chains.rest is not None
+    n, leans = len(m), chains.rest is not None
     ways = way[:, None] * way
-    if leans:
+    if chains.sinking is not None and chains.rest is not None:
         sinking, held = numbers.number(chains.sinking[:, column]), numbers.number(chains.rest.held[:, column])
         ways = ways + sinking[:, None] * sinking
         ways[range(n), range(n)] = numbers.number(1.0)
