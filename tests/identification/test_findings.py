@@ -123,8 +123,8 @@ def test_a_clock_that_jitters_is_not_taken_for_a_wrong_model() -> None:
     start = State(np.radians([60.0]), np.zeros(1))
     values = simulate(scene, 12.0, start=start, output=np.unique(late), tolerance=1e-9).motion.links[:, :1]
     record = Recording((Sensor(1, 1),), (Segment("", "", even[: len(values)], values[: len(even)]),))
-    found = fit(scene, record, ["pendulum[0].links[0].length", "pendulum[0].links[0].damping"])
-    verdict = " ".join(found.verdict)
+    clocked = fit(scene, record, ["pendulum[0].links[0].length", "pendulum[0].links[0].damping"])
+    verdict = " ".join(clocked.verdict)
     assert "as if the clock jittered by" in verdict
     assert "is wrong" not in verdict
 
