@@ -11,9 +11,11 @@ import os
 import pickle
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from errno import EPERM
 from hashlib import sha256
 from importlib.util import find_spec
 from pathlib import Path
+from stat import S_IMODE, S_ISREG, S_ISVTX, S_IWGRP
 from textwrap import dedent
 from typing import IO, Any
 
@@ -57,24 +59,51 @@ def _kept(dispatcher: Any) -> Any:
     file = getattr(getattr(dispatcher, "_cache", None), "_cache_file", None)
     if file is not None:
         file.__class__ = type("KeptFile", (KeptFile, type(file)), {})
+        file.source = inspect.getfile(dispatcher.py_func)
     return dispatcher
+
+
+def _refuse_foreign(status: os.stat_result, path: str) -> None:
+    """PermissionError for a file or folder that somebody else owns or may change.
+
+    A group that has the name of its only member, which many systems give to every user, is nobody else.
+    """
+    if os.name != "posix":
+        return
+    loose = status.st_mode & OTHERS_WRITE
+    if loose == S_IWGRP and _is_own_group(status.st_gid):
+        loose = 0
+    if status.st_uid not in {0, os.geteuid()} or loose:
+        raise PermissionError(EPERM, "somebody else could have written what is here", path)
+
+
+def _is_own_group(number: int) -> bool:
+    import grp
+    import pwd
+
+    try:
+        group, user = grp.getgrgid(number), pwd.getpwuid(os.geteuid()).pw_name
+    except KeyError:
+        return False
+    return group.gr_name == user and set(group.gr_mem) <= {user}
 
 
 class KeptFile:
     """What differs from numba's own files of one function, an index and one of data for each of its signatures.
 
-    Data begin with their SHA-256.
+    Both begin with the SHA-256 of the rest.
     """
 
+    source: str
     _cache_path: str
     _index_name: str
-    _data_path: Callable[[str], str]
+    _source_stamp: Any
+    _version: str
     _dump: Callable[[Any], bytes]
 
     def load(self, key: Any) -> Any:
         """What is kept under a key, or None; files that cannot be used are removed."""
         try:
-            self._refuse_foreign(Path(self._cache_path) / self._index_name)
             return super().load(key)  # type: ignore[misc]
         except Exception:
             self._drop()
@@ -83,6 +112,9 @@ class KeptFile:
     def save(self, key: Any, data: Any) -> None:
         """Keep what was compiled, where that is possible."""
         try:
+            status = os.stat(self._cache_path)
+            if os.name == "posix" and status.st_uid == os.geteuid() and status.st_mode & OTHERS_WRITE:
+                os.chmod(self._cache_path, S_IMODE(status.st_mode) & ~OTHERS_WRITE)
             super().save(key, data)  # type: ignore[misc]
         except Exception:
             self._drop()
@@ -91,30 +123,61 @@ class KeptFile:
         """Remove the files of the function as far as that is possible."""
         base = self._index_name.removesuffix(".nbi")
         with suppress(OSError):
-            for entry in list(os.scandir(self._cache_path)):
+            for entry in list(os.scandir(self._folder())):
                 if entry.name.startswith(f"{base}."):
                     with suppress(OSError):
                         os.unlink(entry.path)
 
-    def _refuse_foreign(self, path: Path) -> None:
-        """PermissionError for a file that somebody else owns or may change."""
-        with suppress(FileNotFoundError):
-            status = path.stat()
-            if os.name == "posix" and (status.st_uid not in {0, os.geteuid()} or status.st_mode & OTHERS_WRITE):
-                raise PermissionError
+    def _folder(self) -> str:
+        """The folder without links; PermissionError where somebody else could put another in its place.
 
-    def _load_data(self, name: str) -> Any:
-        path = Path(self._data_path(name))
-        self._refuse_foreign(path)
-        content = path.read_bytes()
+        In a folder such as /tmp nobody moves what is another's.  Whoever may change the folders of the source has no
+        need of this file.
+        """
+        path = Path(os.path.realpath(self._cache_path))
+        trusted = set(Path(os.path.realpath(self.source)).parents)
+        for place in [path, *(set(path.parents) - trusted)]:
+            status = os.stat(place)
+            if place == path or not status.st_mode & S_ISVTX:
+                _refuse_foreign(status, str(place))
+            elif status.st_uid not in {0, os.geteuid()}:
+                raise PermissionError(EPERM, "the folder is somebody else's", str(place))
+        return str(path)
+
+    def _content(self, name: str) -> Any:
+        """What a file of this folder holds: what is examined is what is opened, and what is read are its bytes."""
+        path = os.path.join(self._folder(), name)
+        flags = os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
+        with open(os.open(path, flags), "rb") as stream:
+            status = os.fstat(stream.fileno())
+            _refuse_foreign(status, path)
+            if not S_ISREG(status.st_mode) or status.st_nlink > 1:
+                raise PermissionError(EPERM, "not a file of this folder alone", path)
+            content = stream.read()
         if sha256(content[DIGEST:]).digest() != content[:DIGEST]:
             raise ValueError
         return pickle.loads(content[DIGEST:])
 
-    def _save_data(self, name: str, data: Any) -> None:
+    def _write(self, name: str, data: Any) -> None:
         content = self._dump(data)
-        with self._open_for_write(self._data_path(name)) as stream:
+        with self._open_for_write(os.path.join(self._folder(), name)) as stream:
             stream.write(sha256(content).digest() + content)
+
+    def _load_index(self) -> dict[Any, str]:
+        try:
+            version, stamp, names = self._content(self._index_name)
+        except FileNotFoundError:
+            return {}
+        return names if (version, stamp) == (self._version, self._source_stamp) else {}
+
+    def _save_index(self, names: dict[Any, str]) -> None:
+        self._write(self._index_name, (self._version, self._source_stamp, names))
+
+    def _load_data(self, name: str) -> Any:
+        return self._content(name)
+
+    def _save_data(self, name: str, data: Any) -> None:
+        self._write(name, data)
 
     @contextmanager
     def _open_for_write(self, path: str) -> Iterator[IO[bytes]]:
