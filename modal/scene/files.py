@@ -21,6 +21,8 @@ from modal.scene.toml_mistakes import told
 
 STANDARD = "-"
 """The name of standard input where a file is read, of standard output where one is written."""
+TEMPORARY = ".multipendula-"
+"""How the names of files begin that are not yet whole."""
 DEEPEST = 50
 """Most parts of a dotted key; a scene has three, and time and memory grow with their square."""
 PATIENCE = 1.0
@@ -212,7 +214,8 @@ def whole_file(path: str | os.PathLike[str], *, opener: Callable[[str, int], int
 
     A link is followed; anything but a regular file (a pipe, a device) is written directly; "-" is standard output,
     written at the end.  `opener` opens the file instead of the one that all may read, as `private` does.  Raises
-    OSError, naming `path`, where it cannot be written, SceneError where binary content would go to a terminal.
+    OSError where it cannot be written, naming `path` or another file that the block writes, SceneError where binary
+    content would go to a terminal.
     """
     if os.fspath(path) == STANDARD:
         held = BytesIO()
@@ -227,7 +230,8 @@ def whole_file(path: str | os.PathLike[str], *, opener: Callable[[str, int], int
         with open(target, "wb") if special else _temporary(target.resolve(), opener) as stream:
             yield stream
     except OSError as error:
-        error.filename = str(target)
+        if not error.filename or Path(str(error.filename)).name.startswith(TEMPORARY):
+            error.filename = str(target)
         raise
 
 
@@ -245,7 +249,7 @@ def _print(content: bytes) -> None:
 
 @contextmanager
 def _temporary(target: Path, opener: Callable[[str, int], int] | None) -> Iterator[IO[bytes]]:
-    temporary = target.parent / f".multipendula-{os.urandom(8).hex()}"
+    temporary = target.parent / f"{TEMPORARY}{os.urandom(8).hex()}"
     try:
         with open(temporary, "xb", opener=opener) as stream:
             yield stream

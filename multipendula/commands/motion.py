@@ -49,14 +49,17 @@ def simulate(options: argparse.Namespace) -> None:
         trajectory = RunOptions.of(options).run(lambda: options.output and checked_kind(options.output))
     except SimulationError as error:
         if options.output:
-            recordings.save(error.trajectory, options.output)
+            place = _place_of_part(options.output)
+            recordings.save(error.trajectory, place)
+            remark(f"the part that was computed is saved in {visible(place)}")
         raise
     spent = perf_counter() - begun
-    if options.output:
-        recordings.save(trajectory, options.output)
-    target = "standard output" if options.output == STANDARD else options.output
+    output = _place_of_part(options.output) if options.output and trajectory.run.interrupted else options.output
+    if output:
+        recordings.save(trajectory, output)
+    target = "standard output" if output == STANDARD else output
     say(f"{summary.text(trajectory, ropes=not options.quiet)}\n")
-    say(f"computed in {spent:.3g} s" + (f", saved in {visible(target)}\n" if options.output else "\n"))
+    say(f"computed in {spent:.3g} s" + (f", saved in {visible(target)}\n" if output else "\n"))
     if band is not None and not trajectory.run.interrupted:
         _print_band(options, *band)
     if options.explain:
@@ -64,6 +67,14 @@ def simulate(options: argparse.Namespace) -> None:
 
         sys.stderr.write(run_inventory(trajectory).text())
     whole(trajectory)
+
+
+def _place_of_part(output: str) -> str:
+    """Where a run that did not reach its end is saved: beside a file that is there, which may be a whole one."""
+    from pathlib import Path
+
+    path = Path(output)
+    return str(path.with_stem(f"{path.stem}.part")) if path.is_file() else output
 
 
 def _banded(options: argparse.Namespace) -> tuple[Estimate, str] | None:
