@@ -9,15 +9,15 @@ from __future__ import annotations
 import inspect
 import os
 import pickle
-import stat
-from collections.abc import Callable
-from contextlib import suppress
-from functools import cache
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from errno import EPERM
 from hashlib import sha256
 from importlib.util import find_spec
 from pathlib import Path
+from stat import S_IMODE, S_ISREG, S_ISVTX, S_IWGRP
 from textwrap import dedent
-from typing import Any
+from typing import IO, Any
 
 from modal.scene.contents import private
 
@@ -59,141 +59,138 @@ def _kept(dispatcher: Any) -> Any:
     file = getattr(getattr(dispatcher, "_cache", None), "_cache_file", None)
     if file is not None:
         file.__class__ = type("KeptFile", (KeptFile, type(file)), {})
+        file.source = inspect.getfile(dispatcher.py_func)
     return dispatcher
+
+
+def _refuse_foreign(status: os.stat_result, path: str) -> None:
+    """PermissionError for a file or folder that somebody else owns or may change.
+
+    A group that has the name of its only member, which many systems give to every user, is nobody else.
+    """
+    if os.name != "posix":
+        return
+    loose = status.st_mode & OTHERS_WRITE
+    if loose == S_IWGRP and _is_own_group(status.st_gid):
+        loose = 0
+    if status.st_uid not in {0, os.geteuid()} or loose:
+        raise PermissionError(EPERM, "somebody else could have written what is here", path)
+
+
+def _is_own_group(number: int) -> bool:
+    import grp
+    import pwd
+
+    try:
+        group, user = grp.getgrgid(number), pwd.getpwuid(os.geteuid()).pw_name
+    except KeyError:
+        return False
+    return group.gr_name == user and set(group.gr_mem) <= {user}
 
 
 class KeptFile:
     """What differs from numba's own files of one function, an index and one of data for each of its signatures.
 
-    Both begin with their SHA-256.  A file is opened once, through no link, and what is unpickled are the bytes of that
-    descriptor, after its owner and those of the folders above it have been looked at.
+    Both begin with the SHA-256 of the rest.
     """
 
+    source: str
     _cache_path: str
     _index_name: str
-    _index_path: str
     _source_stamp: Any
     _version: str
-    _data_path: Callable[[str], str]
     _dump: Callable[[Any], bytes]
 
     def load(self, key: Any) -> Any:
         """What is kept under a key, or None; files that cannot be used are removed."""
         try:
-            _refuse_open_folders(Path(self._cache_path))
             return super().load(key)  # type: ignore[misc]
         except Exception:
             self._drop()
             return None
 
     def save(self, key: Any, data: Any) -> None:
-        """Keep what was compiled, where that is possible, in a folder that its owner alone writes."""
+        """Keep what was compiled, where that is possible."""
         try:
-            close_to_others(Path(self._cache_path))
+            status = os.stat(self._cache_path)
+            if os.name == "posix" and status.st_uid == os.geteuid() and status.st_mode & OTHERS_WRITE:
+                os.chmod(self._cache_path, S_IMODE(status.st_mode) & ~OTHERS_WRITE)
             super().save(key, data)  # type: ignore[misc]
         except Exception:
             self._drop()
 
     def _drop(self) -> None:
-        """Remove the files of the function as far as that is possible, and what a killed process left of them."""
+        """Remove the files of the function as far as that is possible."""
         base = self._index_name.removesuffix(".nbi")
         with suppress(OSError):
-            for entry in list(os.scandir(self._cache_path)):
+            for entry in list(os.scandir(self._folder())):
                 if entry.name.startswith(f"{base}."):
                     with suppress(OSError):
                         os.unlink(entry.path)
 
+    def _folder(self) -> str:
+        """The folder without links; PermissionError where somebody else could put another in its place.
+
+        In a folder such as /tmp nobody moves what is another's.  Whoever may change the folders of the source has no
+        need of this file.
+        """
+        path = Path(os.path.realpath(self._cache_path))
+        trusted = set(Path(os.path.realpath(self.source)).parents)
+        for place in [path, *(set(path.parents) - trusted)]:
+            status = os.stat(place)
+            if place == path or not status.st_mode & S_ISVTX:
+                _refuse_foreign(status, str(place))
+            elif status.st_uid not in {0, os.geteuid()}:
+                raise PermissionError(EPERM, "the folder is somebody else's", str(place))
+        return str(path)
+
+    def _content(self, name: str) -> Any:
+        """What a file of this folder holds: what is examined is what is opened, and what is read are its bytes."""
+        path = os.path.join(self._folder(), name)
+        flags = os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
+        with open(os.open(path, flags), "rb") as stream:
+            status = os.fstat(stream.fileno())
+            _refuse_foreign(status, path)
+            if not S_ISREG(status.st_mode) or status.st_nlink > 1:
+                raise PermissionError(EPERM, "not a file of this folder alone", path)
+            content = stream.read()
+        if sha256(content[DIGEST:]).digest() != content[:DIGEST]:
+            raise ValueError
+        return pickle.loads(content[DIGEST:])
+
+    def _write(self, name: str, data: Any) -> None:
+        content = self._dump(data)
+        with self._open_for_write(os.path.join(self._folder(), name)) as stream:
+            stream.write(sha256(content).digest() + content)
+
     def _load_index(self) -> dict[Any, str]:
         try:
-            version, stamp, overloads = pickle.loads(_trusted(self._index_path))
+            version, stamp, names = self._content(self._index_name)
         except FileNotFoundError:
             return {}
-        return overloads if (version, stamp) == (self._version, self._source_stamp) else {}
+        return names if (version, stamp) == (self._version, self._source_stamp) else {}
 
-    def _save_index(self, overloads: dict[Any, str]) -> None:
-        _write(self._index_path, self._dump((self._version, self._source_stamp, overloads)))
+    def _save_index(self, names: dict[Any, str]) -> None:
+        self._write(self._index_name, (self._version, self._source_stamp, names))
 
     def _load_data(self, name: str) -> Any:
-        return pickle.loads(_trusted(self._data_path(name)))
+        return self._content(name)
 
     def _save_data(self, name: str, data: Any) -> None:
-        _write(self._data_path(name), self._dump(data))
+        self._write(name, data)
 
-
-def _trusted(path: str) -> bytes:
-    """What stands behind the digest of a file; PermissionError where somebody else owns it or may change it."""
-    with open(path, "rb", opener=_without_links) as stream:
-        status = os.fstat(stream.fileno())
-        if not stat.S_ISREG(status.st_mode) or _is_open(status):
-            raise PermissionError
-        content = stream.read()
-    if sha256(content[DIGEST:]).digest() != content[:DIGEST]:
-        raise ValueError
-    return content[DIGEST:]
-
-
-def _without_links(path: str, flags: int) -> int:
-    return os.open(path, flags | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0))
-
-
-def _is_open(status: os.stat_result) -> bool:
-    """Whether somebody else owns this or may change it; what root owns is the system's."""
-    if os.name != "posix":
-        return False
-    foreign = status.st_uid not in {0, os.geteuid()}
-    shared = bool(status.st_mode & stat.S_IWGRP) and not (stat.S_ISDIR(status.st_mode) and _is_private(status.st_gid))
-    return foreign or shared or bool(status.st_mode & stat.S_IWOTH)
-
-
-@cache
-def _is_private(group: int) -> bool:
-    """Whether a group is root's, or the user's own without other members."""
-    import grp
-    import pwd
-
-    try:
-        me = pwd.getpwuid(os.geteuid())
-        return group == 0 or (group == me.pw_gid and set(grp.getgrgid(group).gr_mem) <= {me.pw_name})
-    except KeyError:
-        return False
-
-
-def _refuse_open_folders(folder: Path) -> None:
-    """PermissionError where others may put another folder or file in the place of one in or above this folder.
-
-    In folders with the sticky bit, such as /tmp, they cannot.
-    """
-    whole = Path(os.path.abspath(folder))
-    real = Path(os.path.realpath(folder))
-    for place in dict.fromkeys([whole, *whole.parents, real, *real.parents]):
-        status = os.lstat(place)
-        link, sticky = (
-            stat.S_ISLNK(status.st_mode),
-            status.st_mode & stat.S_ISVTX and status.st_uid in {0, os.geteuid()},
-        )
-        if not sticky and (status.st_uid not in {0, os.geteuid()} if link else _is_open(status)):
-            raise PermissionError
-
-
-def close_to_others(folder: Path) -> None:
-    """Take from others the permission to write in a folder of one's own."""
-    if os.name == "posix":
-        status = os.lstat(folder)
-        if stat.S_ISDIR(status.st_mode) and status.st_uid == os.geteuid() and status.st_mode & OTHERS_WRITE:
-            os.chmod(folder, stat.S_IMODE(status.st_mode) & ~OTHERS_WRITE)
-
-
-def _write(path: str, content: bytes) -> None:
-    """A whole file with its digest, which its owner alone reads and writes."""
-    temporary = f"{path}.tmp.{os.urandom(8).hex()}"
-    try:
-        with open(temporary, "xb", opener=private) as stream:
-            stream.write(sha256(content).digest() + content)
-        os.replace(temporary, path)
-    except BaseException:
-        with suppress(OSError):
-            os.unlink(temporary)
-        raise
+    @contextmanager
+    def _open_for_write(self, path: str) -> Iterator[IO[bytes]]:
+        """A file that becomes `path` when the block succeeds, which its owner alone reads and writes."""
+        temporary = f"{path}.tmp.{os.urandom(8).hex()}"
+        try:
+            with open(temporary, "xb", opener=private) as stream:
+                yield stream
+            os.replace(temporary, path)
+        except BaseException:
+            with suppress(OSError):
+                os.unlink(temporary)
+            raise
 
 
 def vectorized(function: Any, **options: Any) -> Any:

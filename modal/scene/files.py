@@ -22,10 +22,10 @@ from modal.scene.toml_mistakes import told
 
 STANDARD = "-"
 """The name of standard input where a file is read, of standard output where one is written."""
+TEMPORARY, FORGOTTEN = ".multipendula-", 86_400.0
+"""How the names of files begin that are not yet whole, and seconds after which nobody is writing one any more."""
 DEEPEST = 50
 """Most parts of a dotted key; a scene has three, and time and memory grow with their square."""
-TEMPORARY, FORGOTTEN = ".multipendula-", 86_400.0
-"""How the name of a file begins while it is written, and seconds after which nobody is writing it any more."""
 PATIENCE = 1.0
 """Seconds without input before a terminal is told what is expected."""
 _PART = r"""(?:[\w-]++ | "(?:\\.|[^"\\\n])*+" | '[^'\n]*+')"""
@@ -215,7 +215,8 @@ def whole_file(path: str | os.PathLike[str], *, opener: Callable[[str, int], int
 
     A link is followed; anything but a regular file (a pipe, a device) is written directly; "-" is standard output,
     written at the end.  `opener` opens the file instead of the one that all may read, as `private` does.  Raises
-    OSError, naming `path`, where it cannot be written, SceneError where binary content would go to a terminal.
+    OSError where it cannot be written, naming `path` or another file that the block writes, SceneError where binary
+    content would go to a terminal.
     """
     if os.fspath(path) == STANDARD:
         held = BytesIO()
@@ -230,7 +231,7 @@ def whole_file(path: str | os.PathLike[str], *, opener: Callable[[str, int], int
         with open(target, "wb") if special else _temporary(target.resolve(), opener) as stream:
             yield stream
     except OSError as error:
-        if error.filename is None or TEMPORARY in str(error.filename):  # and not another file, in this block
+        if not error.filename or Path(str(error.filename)).name.startswith(TEMPORARY):
             error.filename = str(target)
         raise
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import sys
-from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING
 
@@ -50,15 +49,17 @@ def simulate(options: argparse.Namespace) -> None:
         trajectory = RunOptions.of(options).run(lambda: options.output and checked_kind(options.output))
     except SimulationError as error:
         if options.output:
-            recordings.save(error.trajectory, part_name(options.output))
+            place = _place_of_part(options.output)
+            recordings.save(error.trajectory, place)
+            remark(f"the part that was computed is saved in {visible(place)}")
         raise
     spent = perf_counter() - begun
-    name = part_name(options.output) if options.output and trajectory.run.interrupted else options.output
-    if name:
-        recordings.save(trajectory, name)
-    target = "standard output" if name == STANDARD else name
+    output = _place_of_part(options.output) if options.output and trajectory.run.interrupted else options.output
+    if output:
+        recordings.save(trajectory, output)
+    target = "standard output" if output == STANDARD else output
     say(f"{summary.text(trajectory, ropes=not options.quiet)}\n")
-    say(f"computed in {spent:.3g} s" + (f", saved in {visible(target)}\n" if options.output else "\n"))
+    say(f"computed in {spent:.3g} s" + (f", saved in {visible(target)}\n" if output else "\n"))
     if band is not None and not trajectory.run.interrupted:
         _print_band(options, *band)
     if options.explain:
@@ -68,10 +69,12 @@ def simulate(options: argparse.Namespace) -> None:
     whole(trajectory)
 
 
-def part_name(name: str) -> str:
-    """Where a motion that was cut short is saved: beside a file that is there, which may be a complete one."""
-    path = Path(name)
-    return str(path.with_stem(f"{path.stem}-part")) if path.is_file() else name
+def _place_of_part(output: str) -> str:
+    """Where a run that did not reach its end is saved: beside a file that is there, which may be a whole one."""
+    from pathlib import Path
+
+    path = Path(output)
+    return str(path.with_stem(f"{path.stem}.part")) if path.is_file() else output
 
 
 def _banded(options: argparse.Namespace) -> tuple[Estimate, str] | None:

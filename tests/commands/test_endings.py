@@ -286,3 +286,18 @@ def test_a_disk_that_is_full_when_the_file_is_closed(form: str, tmp_path: Path) 
     assert caught.value.errno == errno.EFBIG
     assert caught.value.filename == str(tmp_path / "f")
     assert not list(tmp_path.iterdir())
+
+
+def test_the_file_that_does_not_fit_is_the_one_that_is_named(tmp_path: Path) -> None:
+    """Not that within which it is written."""
+    resource = pytest.importorskip("resource")
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    try:
+        with pytest.raises(OSError, match="too large") as caught, whole_file(tmp_path / "outer"):  # noqa: PT012
+            resource.setrlimit(resource.RLIMIT_FSIZE, (10, before[1]))
+            with whole_file(tmp_path / "inner") as stream:
+                stream.write(bytes(99))
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert caught.value.filename == str(tmp_path / "inner")
+    assert not list(tmp_path.iterdir())

@@ -209,3 +209,8 @@ def test_ctrl_c_ends_cleanly(
     assert sorted(path.name for path in tmp_path.iterdir()) == left
     if left == ["run.npz"]:
         assert recordings.load("run.npz").run.interrupted
+        Path("run.npz").write_bytes(b"whole")
+        assert run(*words.split()) == 130
+        assert Path("run.npz").read_bytes() == b"whole"
+        assert recordings.load("run.part.npz").run.interrupted
+        assert "run.part.npz" in capsys.readouterr().out

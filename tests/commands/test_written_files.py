@@ -1,4 +1,4 @@
-"""Files of a command: all or none, none by a part of another, with the same bytes each time, and no forgotten ones."""
+"""Files of a command: all or none, errors that name their own, and no forgotten ones."""
 
 from __future__ import annotations
 
@@ -8,11 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from modal.modes import natural_modes
-from modal.plotting import shapes_figure
-from modal.plotting.style import save, theme
-from modal.scene import files, load, whole_file
-from multipendula.commands.motion import part_name
+from modal.scene import files, whole_file
 from multipendula.commands.shared import write_together
 
 
@@ -36,13 +32,6 @@ def test_an_error_names_the_file_that_it_is_of(tmp_path: Path) -> None:
         raise OSError(28, "No space left on device")
 
 
-def test_a_motion_that_is_cut_short_is_saved_beside_a_whole_one(tmp_path: Path) -> None:
-    path = tmp_path / "run.npz"
-    assert part_name(str(path)) == str(path)
-    path.write_bytes(b"whole")
-    assert part_name(str(path)) == str(tmp_path / "run-part.npz")
-
-
 def test_what_a_killed_process_left_is_removed_by_a_later_one(tmp_path: Path) -> None:
     old, young = (tmp_path / f"{files.TEMPORARY}{name}" for name in ("old", "young"))
     for path in (old, young):
@@ -51,14 +40,3 @@ def test_what_a_killed_process_left_is_removed_by_a_later_one(tmp_path: Path) ->
     with whole_file(tmp_path / "x") as stream:
         stream.write(b"x")
     assert {path.name for path in tmp_path.iterdir()} == {"x", young.name}
-
-
-@pytest.mark.parametrize("form", ["svg", "pdf", "png"])
-def test_a_figure_has_the_same_bytes_each_time(form: str, tmp_path: Path) -> None:
-    modes = natural_modes(load("chain-2"))
-    for name in "ab":
-        with theme("light"), (tmp_path / name).open("wb") as stream:
-            save(shapes_figure(modes), stream, form)
-    assert (tmp_path / "a").read_bytes() == (tmp_path / "b").read_bytes()
-    if form == "svg":
-        assert b"<dc:date>" not in (tmp_path / "a").read_bytes()

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import os
+import pickle
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
+from hashlib import sha256
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from typing import Any
@@ -107,66 +109,73 @@ def test_files_are_private_and_those_that_others_could_write_are_not_read(tmp_pa
 
 @posix
 @pytest.mark.parametrize("ending", ["nbi", "nbc"])
-def test_a_link_in_the_place_of_a_file_is_not_followed(ending: str, tmp_path: Path) -> None:
-    """Not even to a file of the user's own, with a digest that fits."""
+@pytest.mark.parametrize("link", [os.symlink, os.link])
+def test_what_a_link_names_is_not_run(ending: str, link: Callable[[Path, Path], None], tmp_path: Path) -> None:
+    """The link names another file of the user's own, which is good in itself."""
     assert loaded(tmp_path)(3.0) == 7.0
     (path,) = files(tmp_path, ending)
-    path.rename(tmp_path / "elsewhere")
-    path.symlink_to(tmp_path / "elsewhere")
+    there = tmp_path / "there"
+    path.rename(there)
+    link(there, path)
     again = loaded(tmp_path)
     assert again(3.0) == 7.0
     assert not again.stats.cache_hits
     assert not path.is_symlink()
+    assert path.stat().st_nlink == 1
 
 
 @posix
-def test_a_file_is_looked_at_where_it_is_open(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A file that is swapped after it is opened changes nothing of what is read; one that is swapped before is seen."""
+@pytest.mark.parametrize("ending", ["nbi", "nbc"])
+def test_what_is_examined_is_what_is_opened(ending: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whatever a name becomes after it was examined: here a pickle that runs code takes its place at once."""
     assert loaded(tmp_path)(3.0) == 7.0
-    (path,) = files(tmp_path, "nbc")
-    good = path.read_bytes()
-    fstat = os.fstat
+    (path,) = files(tmp_path, ending)
+    evil, ran, looks = tmp_path / "evil", tmp_path / "ran", 0
+    content = pickle.dumps(_Runs(ran))
+    evil.write_bytes(content if ending == "nbi" else sha256(content).digest() + content)
+    examine = os.stat
 
-    def swapped(descriptor: int) -> os.stat_result:
-        path.unlink(missing_ok=True)
-        path.write_bytes(b"\0" * len(good))
-        path.chmod(0o600)
-        return fstat(descriptor)
+    def swapping(place: Any, **options: Any) -> os.stat_result:
+        nonlocal looks
+        status = examine(place, **options)
+        if os.fspath(place) == os.fspath(path) and not looks:
+            looks += 1
+            path.unlink()
+            path.symlink_to(evil)
+        return status
 
-    monkeypatch.setattr(compiling.os, "fstat", swapped)
-    assert compiling._trusted(str(path)) == good[compiling.DIGEST :]
-    monkeypatch.undo()
-    with pytest.raises(ValueError):  # noqa: PT011
-        compiling._trusted(str(path))
+    monkeypatch.setattr(os, "stat", swapping)
+    monkeypatch.setattr(Path, "stat", swapping)
+    assert loaded(tmp_path)(3.0) == 7.0
+    assert not ran.exists()
+
+
+class _Runs:
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Path.touch, (self.path,)
 
 
 @posix
-@pytest.mark.parametrize("how", ["open folder", "open above", "sticky above", "link of another"])
-def test_folders_above_are_the_users_own(how: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    above = tmp_path / "above"
-    kept = above / "kept"
-    kept.mkdir(parents=True, mode=0o700)
-    above.chmod({"open above": 0o777, "sticky above": 0o1777}.get(how, 0o700))
-    if how == "open folder":
-        kept.chmod(0o777)
-    if how == "link of another":
-        (tmp_path / "link").symlink_to(kept)
-        lstat = os.lstat
+def test_a_folder_that_others_may_change_keeps_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from numba import config
 
-        def foreign(place: Any) -> os.stat_result:
-            status = lstat(place)
-            return os.stat_result((*status[:4], 12345, *status[5:])) if str(place).endswith("link") else status
-
-        monkeypatch.setattr(compiling.os, "lstat", foreign)
-        kept = tmp_path / "link"
-    if how == "sticky above":
-        compiling._refuse_open_folders(kept)
-        return
-    with pytest.raises(PermissionError):
-        compiling._refuse_open_folders(kept)
-    compiling.close_to_others(kept)
-    if how == "open folder":
-        compiling._refuse_open_folders(kept)
+    shared, source = tmp_path / "shared", tmp_path / "source"
+    source.mkdir()
+    shared.mkdir()
+    (shared / "numba").mkdir(mode=0o755)
+    monkeypatch.setattr(config, "CACHE_DIR", str(shared / "numba"))
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(shared / "numba"))
+    kept = (0o755, True), (0o757, False), (0o1777, True)
+    for mode, good in kept:
+        shared.chmod(0o755)
+        assert loaded(source)(3.0) == 7.0
+        shared.chmod(mode)
+        again = loaded(source)
+        assert again(3.0) == 7.0
+        assert bool(again.stats.cache_hits) == good
 
 
 def test_a_full_disk_costs_time_only(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -22,7 +22,7 @@ import modal
 from modal import natural_modes
 from modal.plotting import ThemedPicture, pair_of, shapes_figure, show_both_themes
 from modal.plotting.dark import dark_twin
-from modal.plotting.style import theme
+from modal.plotting.style import save, theme
 from modal.types import Floats
 from nonlinear import simulate
 from nonlinear.plotting import show_film
@@ -50,6 +50,21 @@ def drawn(name: str) -> bytes:
         buffer = BytesIO()
         figure.savefig(buffer, format="png", dpi=figure.dpi)
         return buffer.getvalue()
+
+
+@pytest.mark.parametrize("form", ["svg", "pdf"])
+def test_equal_figures_are_equal_bytes(form: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    def written(second: str) -> bytes:
+        monkeypatch.setenv("SOURCE_DATE_EPOCH", second)
+        buffer = BytesIO()
+        with theme("light"):
+            figure, axis = plt.subplots(figsize=(2, 1))
+            axis.plot([0, 1], [0, 1], "o-", clip_on=True)
+            plt.close(figure)
+            save(figure, buffer, form)
+        return buffer.getvalue()
+
+    assert written("0") == written("86400")
 
 
 def test_a_light_figure_in_dark_is_the_figure_made_in_dark() -> None:
