@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import islice
 
@@ -9,6 +10,8 @@ from modal.report import visible
 
 MOST_TOLD = 50
 """Number of mistakes listed in a message before the rest are counted."""
+LONG_QUOTATION = re.compile(r'("[^"]{200})[^"]+(?=")|(\S{200})\S+')
+"""A quotation or a word of over 200 letters, of which a message has the first."""
 
 
 class MultipendulaError(Exception):
@@ -23,7 +26,8 @@ class MultipendulaError(Exception):
     """
 
     def __init__(self, message: object = "") -> None:
-        super().__init__("\n".join(map(visible, str(message).split("\n"))))
+        lines = map(visible, str(message).split("\n"))
+        super().__init__("\n".join(LONG_QUOTATION.sub(r"\1\2…", line) for line in lines))
 
 
 class SceneError(MultipendulaError, ValueError):

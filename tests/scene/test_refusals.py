@@ -218,3 +218,13 @@ def test_errors_come_whole_from_other_processes(error: MultipendulaError) -> Non
     back = pickle.loads(pickle.dumps(error))
     assert (type(back), str(back), back.args) == (type(error), str(error), error.args)
     assert getattr(back, "problems", None) == getattr(error, "problems", None)
+
+
+def test_a_message_quotes_at_most_200_letters() -> None:
+    for name in ("a b" * 5000, "x" * 5000):
+        message = str(SceneError([f'support.name = "{name}": is reserved', "gravity = -1.0: must be positive"]))
+        first, second = message.split("\n")
+        assert first.startswith(f'support.name = "{name[:150]}')
+        assert first.endswith('…": is reserved')
+        assert len(first) < 240
+        assert second == "gravity = -1.0: must be positive"
