@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
-from multipendula.commands.shared import about, listed, noted
+from multipendula.commands.shared import about, large, listed, noted
 from multipendula.options import add_input, add_option, add_words, number
 from multipendula.parser import Page
 
@@ -48,7 +48,7 @@ def add_signals(page: Page) -> None:
 
 def scene_of(options: argparse.Namespace, capability: str) -> Scene:
     """The scene, with a note on what a capability leaves out of it."""
-    return about(noted(scene_at(options), capability))
+    return about(large(noted(scene_at(options), capability)))
 
 
 def scene_at(options: argparse.Namespace) -> Scene:

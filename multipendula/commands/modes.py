@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from multipendula.command import Command
-from multipendula.commands.shared import about, bar, chosen, drawn, estimate_of, noted, output, picture, remark
+from multipendula.commands.shared import about, bar, chosen, drawn, estimate_of, large, noted, output, picture, remark
 from multipendula.options import (
     FILMS,
     PICTURES,
@@ -179,7 +179,7 @@ def _modes(options: argparse.Namespace, accuracy: float | None = None) -> tuple[
     from modal.modes import natural_modes
     from modal.scene import load
 
-    scene = load(options.scene)
+    scene = large(load(options.scene))
     last = chosen(options.modes, sys.maxsize).stop
     lowest = slice(0, last) if scene.n_links > LONG_CHAIN and last < sys.maxsize else None
     modes = natural_modes(scene, accuracy=accuracy, modes=lowest)

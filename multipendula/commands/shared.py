@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import argparse
-import os
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager, suppress
-from io import BytesIO, UnsupportedOperation
+from contextlib import ExitStack, contextmanager
+from io import BytesIO
 from typing import IO, TYPE_CHECKING
 
 from multipendula.options import FILMS, PICTURES, endings
@@ -17,6 +16,7 @@ if TYPE_CHECKING:
     from modal.scene import Scene
 
 DAY, LONGEST = 86_400.0, 1e5  # s; days that are told as a number
+LONG, COORDINATE = 5.0, 9e-5  # s that are told first, and for the square of the coordinates of supports
 LATE = 1.0  # s until progress is shown, and between two looks at it
 MEASURED = "{desc}{percentage:3.0f} % |{bar:24}| {remaining} left, {elapsed} passed"
 COUNTED = "{desc}{n_fmt} {unit}s, {elapsed} passed"
@@ -46,8 +46,6 @@ def write_together(contents: Mapping[str | None, bytes]) -> None:
                 stream = files.enter_context(whole_file(path))
                 stream.write(content)
                 stream.flush()
-                with suppress(UnsupportedOperation):
-                    os.fsync(stream.fileno())
 
 
 def pictured(draw: Callable[[IO[bytes]], object], theme: str) -> bytes:
@@ -230,6 +228,17 @@ def about(scene: Scene) -> Scene:
 
         for words in equilibrium_words(rig_of(scene)):
             remark(words)
+    return scene
+
+
+def large(scene: Scene) -> Scene:
+    """The scene itself; of so many coordinates of supports that its modes take long, it is told first how long."""
+    if scene.is_structured:
+        from modal.structure import structure_of
+
+        seconds = COORDINATE * structure_of(scene).size ** 2
+        if seconds > LONG:
+            remark(f"the modes of {structure_of(scene).size} coordinates of supports take some {seconds:.0f} s")
     return scene
 
 

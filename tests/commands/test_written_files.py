@@ -8,7 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from modal.scene import files, whole_file
+from modal.scene import Bob, Cart, Pendulum, Scene, files, whole_file
+from multipendula.commands import shared
 from multipendula.commands.shared import write_together
 
 
@@ -40,3 +41,12 @@ def test_what_a_killed_process_left_is_removed_by_a_later_one(tmp_path: Path) ->
     with whole_file(tmp_path / "x") as stream:
         stream.write(b"x")
     assert {path.name for path in tmp_path.iterdir()} == {"x", young.name}
+
+
+def test_modes_of_many_supports_say_first_how_long_they_take(capsys: pytest.CaptureFixture[str]) -> None:
+    supports = [Cart(name=f"c{k}", mass=1.0, stiffness=1.0) for k in range(300)]
+    pendulum = Pendulum(on="c0", links=(Bob(mass=1.0, length=1.0),))
+    shared.large(Scene(gravity=9.81, support=supports[:9], pendulum=(pendulum,)))
+    assert not capsys.readouterr().err
+    shared.large(Scene(gravity=9.81, support=supports, pendulum=(pendulum,)))
+    assert "the modes of 300 coordinates of supports take some 8 s" in capsys.readouterr().err
