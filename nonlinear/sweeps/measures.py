@@ -175,7 +175,7 @@ def beat(scene: Scene, number: float, table: Scene) -> dict[str, float]:
 
 
 def _passes(scene: Scene, number: int, table: Scene) -> bool:
-    """Whether a mode and the next pass energy of some pendulum there and back, 4 w_1 w_2 of it by their shares w of it."""
+    """Whether a mode and the next pass energy of some pendulum there and back: 4 w_1 w_2 of it, by their shares w."""
     order = np.argsort(swinging(scene)[0].imag, kind="stable").tolist()
     numbers, rows = numbers_in(scene, table), swinging(scene)[1]
     last = max(place for place, at in enumerate(order) if numbers[at] == number)
