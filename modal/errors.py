@@ -10,8 +10,15 @@ from modal.report import visible
 
 MOST_TOLD = 50
 """Number of mistakes listed in a message before the rest are counted."""
-LONG_QUOTATION = re.compile(r'("[^"]{200})[^"]+(?=")|(\S{200})\S+')
-"""A quotation or a word of over 200 letters, of which a message has the first."""
+LONG_QUOTATION = re.compile(r'("[^"]{0,200})([^"]*)"|(\S{200})\S+')
+"""A quotation, or a word of over 200 letters: of long ones a message has the first 200."""
+
+
+def _first_letters(quotation: re.Match[str]) -> str:
+    """A long quotation or word as far as a message has it, a short quotation as it is."""
+    if word := quotation[3]:
+        return f"{word}…"
+    return f'{quotation[1]}{"…" if quotation[2] else ""}"'
 
 
 class MultipendulaError(Exception):
@@ -27,7 +34,7 @@ class MultipendulaError(Exception):
 
     def __init__(self, message: object = "") -> None:
         lines = map(visible, str(message).split("\n"))
-        super().__init__("\n".join(LONG_QUOTATION.sub(r"\1\2…", line) for line in lines))
+        super().__init__("\n".join(LONG_QUOTATION.sub(_first_letters, line) for line in lines))
 
 
 class SceneError(MultipendulaError, ValueError):

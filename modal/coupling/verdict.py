@@ -15,7 +15,7 @@ from modal.coupling.wording import ROUGH, SLIGHT, AnyCoupling, left, member
 from modal.report import capital, counted, listed, short
 
 NEGLIGIBLE = 1e-12
-SCARCE = "at most 1 % of the energy of one goes over to others"
+SCARCE = "at most 1 % of the energy of one passes to the others"
 MOST_NUMBERS = 4
 MOST_LETTERS = 40
 """Letters of the names of two pendula that a sentence has room for."""
@@ -102,8 +102,10 @@ def _no_beats(coupling: AnyCoupling) -> Iterator[str]:
         return
     why = "the coupling is too strong, or another mode too near"
     if isinstance(coupling, Coupling):
-        if any(family.fold > 1 and family.is_first_order for family in coupling.families):
-            why = "dampers end it" if coupling.scene.has_damping else SCARCE
+        weak = [family for family in coupling.families if family.fold > 1 and family.is_first_order]
+        if weak:
+            scarce = any(family.exchange and family.exchange.beats for family in weak)
+            why = "dampers end it" if coupling.scene.has_damping and not scarce else SCARCE
     elif any(
         family.fold > 1 and all(branch.is_first_order(family.omega) for branch in family.branches)
         for family in coupling.families

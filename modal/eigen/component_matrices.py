@@ -178,7 +178,7 @@ class ComponentMatrices:
 
     @cached_property
     def free(self) -> Floats:
-        """Motions (n, f) without any spring, orthonormal in M and in D, those first that dampers drag least.
+        """Motions (n, f) without any spring, orthonormal in M and orthogonal in D, those first that dampers drag least.
 
         No angle takes part in them.
         """

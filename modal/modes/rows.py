@@ -67,7 +67,7 @@ def _head(pieces: list[_RowPart]) -> _RowPart:
 
 def described(modes: Eigenvalues, numbers: Sequence[int]) -> Iterator[tuple[int, Mode]]:
     """The rows of the modes with these indices (from 0), each with its index, in this order."""
-    structured = modes.scene.is_structured  # κ of structures is not known
+    structured = modes.scene.is_structured  # whose resonances are those of `_shaking`
     near = {n: () if structured else _resonances(modes, n) for n in numbers}
     asked = {n: [] if near[n] or structured else answering(modes.omega, n, _partners(modes, n)) for n in numbers}
     pieces = _pieces(modes, sorted({*numbers, *(k for pairs in asked.values() for _, k in pairs)}))
@@ -97,11 +97,7 @@ def _shaking(modes: Eigenvalues, mode: Mode, part: SpectrumPart) -> Mode:
     far = abs(amplitude.one_percent_deg / one_percent_amplitude(amplitude.kappa) - 1)
     # Of the next order in a, which terms of opposite sign in κ leave large beside their sum.
     missed = 0.01 * (mode.kappa**2 + (amplitude.kappa - mode.kappa) ** 2) / amplitude.kappa**2
-    near = (
-        [f"1:2 with mode {modes.first + _moving_near(modes, 2 * mode.omega) + 1}"]
-        if not far + missed <= PROMISED
-        else []
-    )
+    near = [] if far + missed <= PROMISED else [f"1:2 with {modes.moving_near(2 * mode.omega)}"]
     several = [f"1:1 among its own {mode.multiplicity} shapes"] if mode.multiplicity > 1 else []
     return _with_amplitude(mode, amplitude, (*several, *near))
 
@@ -110,12 +106,6 @@ def _with_amplitude(mode: Mode, amplitude: Amplitude, resonances: tuple[str, ...
     return replace(
         mode, kappa=amplitude.kappa, linear_to_1_percent_deg=amplitude.one_percent_deg, resonances=resonances
     )
-
-
-def _moving_near(modes: Eigenvalues, omega: float) -> int:
-    """The index of the mode nearest to a frequency that moves more than pendula on a support at rest."""
-    moving = [n for n, parts in enumerate(modes.spectrum.groups) if not all(part.still for part in parts)]
-    return min(moving, key=lambda n: abs(float(modes.omega[n]) - omega))
 
 
 def _pieces(modes: Eigenvalues, numbers: Sequence[int]) -> dict[int, list[_RowPart]]:

@@ -217,12 +217,12 @@ def _sentences(tuned: Tuned) -> Iterator[str]:
         yield f"{tuned.starts} starts ended at {values}; the best is kept."
     if not tuned.certain:
         yield (
-            "Newton's method did not settle it, since the objective has no second derivatives where modes meet: the "
-            f"last descent begun anew beside these numbers gained {percent(tuned.open)}."
+            "Newton's method did not settle these numbers: modes may meet there, where the objective has no second "
+            f"derivatives. The last descent restarted beside them still gained {percent(tuned.open)}."
         )
     for aim, pieces in zip(objective.aims, tuned.pieces_after, strict=False):
         if aim.quantity.kind == "peak" and not aim.maximized and not pieces.hertz(int(pieces.values.argmax())):
-            yield f"{aim.quantity.name}: is largest at 0 Hz, where no damper acts; no peak is higher."
+            yield f"{aim.quantity.name} is largest at 0 Hz, where no damper acts; no peak is higher."
     at_bounds = [
         number.path
         for number, z, low, high in zip(objective.free, tuned.z, objective.low, objective.high, strict=True)

@@ -105,8 +105,12 @@ def tune(
     size = abs(sum(item.largest for item in objective.evaluate(starts[0], False).costs))
     objective.scale = size if not objective.is_log and size > 0 else 1.0
     valleys = _valleys(objective, starts)
-    finished = [valleys[0], *(item for item in valleys[1:FINISHED] if not item.certain)]
-    best = min((_descended(objective, item.point.z) for item in finished), key=lambda minimum: minimum.point.merit)
+    candidates = [valleys[0], *(item for item in valleys[1:FINISHED] if not item.certain)]
+    descents = [_descended(objective, item.point.z) for item in candidates]
+    deepest = min(range(len(descents)), key=lambda k: descents[k].point.merit)
+    best = descents[deepest]
+    _centre(objective, best.point.z)
+    valleys.insert(0, valleys.pop(valleys.index(candidates[deepest])))
     _refuse_endless(objective, best)
     if robust:
         best = _robust(objective, best)
@@ -262,9 +266,14 @@ def _valleys(objective: Objective, starts: Sequence[Floats]) -> list[Minimum]:
 
 def _descended(objective: Objective, z: Floats) -> Minimum:
     """The minimum beside z, about which the arrays are interpolated anew."""
+    _centre(objective, z)
+    return descend(objective.evaluate, z, objective.low, objective.high)
+
+
+def _centre(objective: Objective, z: Floats) -> None:
+    """Interpolate the arrays about z."""
     for factors in objective.cases:
         objective.quantities.centre(objective.numbers(z), factors)
-    return descend(objective.evaluate, z, objective.low, objective.high)
 
 
 def _robust(objective: Objective, best: Minimum) -> Minimum:

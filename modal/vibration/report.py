@@ -236,7 +236,8 @@ def _notes(response: ShockResponse) -> Sequence[str]:
     if np.any(response.follows_support):
         names = ", ".join(np.array([signal.name for signal in response.outputs])[response.follows_support])
         notes.append(f"No combination of modes for {names}: the support's own motion adds to theirs.")
-    if response.modes.on_cart and not np.any(response.history):
+    cart = response.modes.rig.cart
+    if cart and not cart.stiffness and not cart.damping and not np.any(response.history):
         notes.append("The ground's motion does not reach a free cart: give it a spring or a damper.")
     words = response.record.words
     return [*notes, f"{words[:1].upper()}{words[1:]}."]

@@ -37,7 +37,7 @@ def output(path: str | None) -> Iterator[Callable[[str], object]]:
 
 
 def write_together(contents: Mapping[str | None, bytes]) -> None:
-    """Write the files that have a name, all of them or none: each is there once all are on the disk."""
+    """Write the files that have a name: none takes its place before all of them could be written."""
     from modal.scene import whole_file
 
     with ExitStack() as files:
@@ -277,7 +277,8 @@ def _forewarn(scene: Scene, duration: float | None, members: int, tolerance: flo
     if seconds > least:
         days = seconds / DAY
         told = f"{days:.2g} days on one core" if days < LONGEST else "time longer than anyone can wait"
-        told = told if days > 1 else f"{seconds / 60:.2g} minutes"
+        if days <= 1:
+            told = f"{seconds / 60:.0f} minutes" if seconds < 7200 else f"{seconds / 3600:.0f} hours"
         remark(f"this takes an estimated {told}; Ctrl-C ends it")
 
 

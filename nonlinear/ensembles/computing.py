@@ -21,7 +21,7 @@ from nonlinear.integration.readiness import reproducible
 from nonlinear.simulation import simulate
 from nonlinear.system import Layout, Numbers, apart, numbers_of
 
-DISAGREES = "run by itself, it ends"
+DISAGREES = "a run of it alone ends"
 Engine = Callable[[Numbers, Floats, Wanted], MemberResults]
 
 
@@ -96,7 +96,7 @@ def _chunk(
     reasons = block.reasons | {int(block.places[k]): reason for k, reason in failures.items()}
     whole = {name: _placed(values, block, part.size) for name, values in columns.items()}
     if results.crossed is not None:
-        whole |= _crossings(context.layout, part, block, results)
+        whole |= _crossings(context.layout, part, block, results, failed)
     numbered = {part.first + place: reason for place, reason in sorted(reasons.items())}
     return Chunk(part.first, part.size, whole, numbered, differences)
 
@@ -128,9 +128,13 @@ def _placed(values: Floats, block: MemberBlock, size: int) -> Floats:
     return whole
 
 
-def _crossings(layout: Layout, part: MemberPart, block: MemberBlock, results: MemberResults) -> Columns:
+def _crossings(
+    layout: Layout, part: MemberPart, block: MemberBlock, results: MemberResults, failed: list[int]
+) -> Columns:
     assert results.crossed is not None
     members, times, rows = results.crossed
+    believed = ~np.isin(members, failed)
+    members, times, rows = members[believed], times[believed], rows[believed]
     numbers = (part.first + block.places[members]).astype(float)
     crossed = {"member": numbers, "time_s": times} | states(layout, rows)
     return {f"crossing_{name}": values for name, values in crossed.items()}
@@ -175,7 +179,7 @@ def _disagreements(
         column = int(np.searchsorted(block.places, number - part.first))
         error = float(results.error[column])
         if difference > 2 * error:
-            reasons[column] = f"{DISAGREES} {difference:.1e} rad from it, with an estimated error of {error:.1e} rad"
+            reasons[column] = f"{DISAGREES} {difference:.1e} rad away, where the estimated error is {error:.1e} rad"
     return reasons
 
 

@@ -170,8 +170,8 @@ class Ensemble(Displayed):
             lines.append(f"{len(self.failures)} failed")
         if untrue := [member for member, reason in self.failures.items() if reason.startswith(DISAGREES)]:
             names = "members " * (len(untrue) > 1) or "member "
-            more = "members that were not checked may be wrong as well"
-            lines += [f"warning: {names}{', '.join(map(str, untrue))}: {self.failures[untrue[0]]}: {more}"]
+            more = "Members that were not checked may be wrong as well."
+            lines += [f"warning: {names}{', '.join(map(str, untrue))}: {self.failures[untrue[0]]}. {more}"]
         return "\n".join(lines)
 
 

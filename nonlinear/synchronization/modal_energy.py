@@ -112,6 +112,8 @@ class Survival(Displayed):
     @cached_property
     def beat(self) -> Beat | None:
         """The beat in which the late part of the run goes on: PERIODS slow periods alike; None where there is none."""
+        if not np.all(np.isfinite(self.share[-1])):
+            return None
         periods = np.diff(self._rises)
         if len(periods) < PERIODS or np.ptp(periods) > EVEN * periods.mean():
             return None

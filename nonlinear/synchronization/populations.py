@@ -127,7 +127,11 @@ class PopulationPhases(Displayed):
     def is_identical(self) -> bool:
         """Whether all populations are of equal pendula, as many, on equal supports."""
         scene = self.phases.trajectory.scene
-        supports = [support.replace(name="a", position=(0.0, 0.0), start=None) for support in scene.supports]
+        alike = {"name": "a", "position": (0.0, 0.0), "start": None}
+        supports = [
+            support.replace(**{key: value for key, value in alike.items() if key in support.fields})
+            for support in scene.supports
+        ]
         kinds = {(group.pendulum, group.size, supports[group.support]) for group in self.populations}
         return len(kinds) == 1 and len(set(burdens(scene))) == 1
 
@@ -172,15 +176,17 @@ class PopulationPhases(Displayed):
             return "the swing dies out"
         if self.kind != NEITHER:
             return self.kind
+        if self.locked.all() and not self.joined:
+            held = "the population is" if len(numbers) == 1 else "every population is"
+            return f"neither in phase nor antiphase: {held} locked, and nothing joins the pendula"
         if len(numbers) == 1:
             return "not in phase: the population is not locked"
-        if self.locked.all() and not self.joined:
-            return "neither in phase nor antiphase: every population is locked, and nothing joins them"
         if self.locked.all():
             return "neither in phase nor antiphase: every population is locked, at a phase that drifts"
         if self.locked.any():
             held, loose = (_listed(numbers[which]) for which in (self.locked, ~self.locked))
-            return f"neither in phase nor antiphase: population {held} locked, {loose} not, of unlike populations"
+            why = "the populations are not alike" if self.joined else "nothing joins them"
+            return f"neither in phase nor antiphase: population {held} locked, {loose} not; {why}"
         return "neither in phase nor antiphase: no population is locked"
 
 

@@ -119,8 +119,12 @@ def _reasons(study: SynchronizationStudy) -> list[str]:
     theory = study.theory
     if theory is None:
         return []
-    differs = ["the simulation ends elsewhere"] * (study.agrees is False)
-    return differs + [reason for reason in theory.doubts if reason != theory.prediction.undecided]
+    return [reason for reason in _doubts(study, theory) if reason != theory.prediction.undecided]
+
+
+def _doubts(study: SynchronizationStudy, theory: Theory) -> list[str]:
+    """Why the prediction is not certain, first that the simulation contradicts it."""
+    return ["the simulation ends elsewhere"] * (study.agrees is False) + list(theory.doubts)
 
 
 def _winner(study: SynchronizationStudy) -> Iterator[str]:
@@ -131,14 +135,6 @@ def _winner(study: SynchronizationStudy) -> Iterator[str]:
         held = survival and f"mode {survival.number} holds {share} of the energy after {end}"
     except ComputationError as error:
         held = str(error)
-    if study.theory is None:
-        if held:
-            yield f"{capital(held)}."
-        return
-    prediction = study.theory.prediction
-    if prediction.motion.dies:
-        yield "The swing dies out, by the prediction: no drive keeps it up."
-        return
     if survival and survival.beat:
         beats = survival.beat
         held = (
@@ -147,6 +143,14 @@ def _winner(study: SynchronizationStudy) -> Iterator[str]:
         )
     elif survival and held and not survival.is_settled:
         held += ", undecided: it has not settled"
+    if study.theory is None:
+        if held:
+            yield f"{capital(held)}."
+        return
+    prediction = study.theory.prediction
+    if prediction.motion.dies:
+        yield "The swing dies out, by the prediction: no drive keeps it up."
+        return
     mode = f"mode {prediction.number} ({prediction.averaged.modes[prediction.row].family})"
     most = f"No mode wins; {mode} holds most, {percent(prediction.share)}"
     told = f"{capital(mode)} wins" if prediction.is_won else most
@@ -457,15 +461,15 @@ def _orbit_record(orbit: Orbit | None) -> dict[str, Any] | None:
 def _prediction_record(study: SynchronizationStudy, theory: Theory) -> dict[str, Any]:
     prediction = theory.prediction
     dies = prediction.motion.dies
-    differs = ["the simulation ends elsewhere"] * (study.agrees is False)
+    doubts = _doubts(study, theory)
     return {
         "unstable": _configuration_record(prediction.unstable) if prediction.unstable else None,
         "dies_out": prediction.motion.dies,
         "survivor": None if dies or not prediction.is_won else prediction.number,
         "strongest": None if dies else prediction.number,
         "survivor_share": None if dies else prediction.share,
-        "certain": not theory.doubts and not differs,
-        "doubts": [*differs, *theory.doubts],
+        "certain": not doubts,
+        "doubts": doubts,
         "ends_on": _orbit_record(theory.ending),
         "locking_time_s": prediction.locking_time(),
         "locking_time_doubts": list(prediction.timing_doubts),

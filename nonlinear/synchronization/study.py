@@ -27,7 +27,7 @@ from nonlinear.system import State
 
 LONGER, BEYOND = 1.5, 30  # duration over the predicted locking time, and periods added to it
 SHARE = 0.05  # largest difference of the survivor's share of the energy from the predicted one
-USUAL, MOST = 200, 5000  # default and longest duration in periods
+USUAL, MOST = 200, 5000  # default and longest duration of the first run in periods
 LONGER_RUNS = 2  # times that a run that has not settled is made twice as long
 ONE_ORBIT = 1e-5  # relative difference within which period, size and multipliers are those of one orbit
 FEW = 8  # pendula on a structure among which configurations are searched for one by one
@@ -195,12 +195,12 @@ def study_synchronization(
     if theory is not None and theory.prediction.unstable:
         start = theory.prediction.start
     modes = theory and theory.prediction.averaged.modes
-    for last_run in range(LONGER_RUNS, -1, -1):
+    for runs_left in range(LONGER_RUNS, -1, -1):
         trajectory = simulate(scene, length, start=start, report=partial(_forward, report, length), **options)
         if trajectory.run.interrupted:
             raise KeyboardInterrupt
         survival, unmeasured = _tried(partial(find_survival, trajectory, modes))
-        if duration or not last_run or theory is None or survival is None or survival.is_settled:
+        if duration or not runs_left or theory is None or survival is None or survival.is_settled:
             break
         length *= 2
     phases = phases_of(trajectory)

@@ -266,6 +266,6 @@ def test_a_member_that_disagrees_with_its_run_fails_by_name(monkeypatch: pytest.
     monkeypatch.setattr(computing, "engine_of", lambda name: wrong)
     runs = ensemble(load("chain-2").replace(pendulum=clock().pendulum), 5.0, **options)
     assert list(runs.failures) == [1]
-    assert "run by itself" in runs.failures[1]
+    assert "a run of it alone ends" in runs.failures[1]
     assert np.isnan(runs.final.links[:, 0]).tolist() == [False, True, False]
     assert "warning: member 1:" in runs.words()
