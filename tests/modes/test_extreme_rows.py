@@ -12,7 +12,7 @@ from modal.eigen.secular import Poles, solve
 from modal.eigen.spectrum import ModalSpectrum
 from modal.errors import ComputationError
 from modal.modes import natural_modes
-from modal.scene import Bob, Cart, Pendulum, Rod, Scene, Spring, load
+from modal.scene import Bob, Cart, Heave, Pendulum, Rod, Scene, Spring, load
 
 NEARLY_EQUAL = (60, 317, 1, 2, 3)
 """Seeds: of the first two the squares of the fastest mode's displacements underflow."""
@@ -116,3 +116,11 @@ def test_a_row_without_its_shape_says_so_and_the_others_stand(monkeypatch: pytes
     assert rows[3]["kappa_per_rad2"] is None
     assert [*rows[:3], rows[4]] == [*expected[:3], expected[4]]
     assert "its shape is beyond double precision" in modes.table()
+
+
+def test_a_star_never_names_a_mode_of_the_selection_in_the_place_of_one_of_the_scene() -> None:
+    pendulum = Pendulum(links=(Bob(mass=0.2, length=1.0),))
+    scene = Scene(gravity=9.81, support=Heave(mass=1.0, stiffness=47.0), pendulum=(pendulum,))
+    whole = natural_modes(scene)
+    assert whole[0].resonances == ("1:2 with mode 2",)
+    assert natural_modes(scene, modes=slice(0, 1))[0].resonances == ("1:2 with a mode of the support",)
