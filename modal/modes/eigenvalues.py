@@ -166,8 +166,9 @@ class Eigenvalues:
     @cached_property
     def omega(self) -> Floats:
         """Natural frequencies |λ| (R,) in rad/s; NaN where no digit is certain."""
-        sizes = self.short.omega if self.short else np.abs(self.eigenvalue)
-        return kept(np.where(self.error < UNCERTAIN, sizes, np.nan))
+        if self.short:
+            return kept(self.short.omega)
+        return kept(np.where(self.error < UNCERTAIN, np.abs(self.eigenvalue), np.nan))
 
     @property
     def multiplicity(self) -> Ints:
@@ -220,8 +221,9 @@ class Eigenvalues:
 
     @cached_property
     def lightly_damped(self) -> Booleans:
-        """The modes that are at most lightly damped, ζ < 0.1, (R,)."""
-        return kept(np.abs(self.eigenvalue.real) < LIGHT * np.abs(self.eigenvalue))
+        """The modes with any certain digit that are at most lightly damped, ζ < 0.1, (R,)."""
+        light = np.abs(self.eigenvalue.real) < LIGHT * np.abs(self.eigenvalue)
+        return kept(light & (self.error < UNCERTAIN))
 
 
 def kept(values: A) -> A:

@@ -29,6 +29,8 @@ BESIDE = 1e-6
 SILENT, AFTER = 1e-9, 0.02
 """An event's value that starts below this fraction of its value in the first step starts at zero, which is no crossing:
 its side is that after this fraction of the time to the first look."""
+LAST = 4e-16
+"""Of the time: how far before the end of a run is its end, as in lanes."""
 SINGULAR = 1.5e-8
 """Share of all masses that a massless cart feels: the root of rounding, where accelerations keep half their digits."""
 ASIDE = 0.01
@@ -254,7 +256,7 @@ class Drive:
 
     def _ends(self, record: RunRecord) -> bool:
         """Whether the run ends here: what is due belongs to a run that goes on."""
-        return bool(record.stopped) or record.reached >= self.times[-1]
+        return bool(record.stopped) or record.reached >= self.times[-1] - LAST * abs(self.times[-1])
 
     def _sample(self, record: RunRecord, now: float) -> None:
         """The sampled times up to now; where the step ends on one, the step's own result is used."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Callable, Sequence
 from functools import lru_cache
-from math import inf, nan, nextafter
+from math import inf, nan, nextafter, ulp
 from typing import Any, NamedTuple, cast
 
 import numpy as np
@@ -36,7 +36,7 @@ from nonlinear.integration.method import (
     terms_of,
     weighted,
 )
-from nonlinear.integration.steppers import Derivative, DOP853Stepper
+from nonlinear.integration.steppers import BESIDE, Derivative, DOP853Stepper
 from nonlinear.integration.steppers import first_step as first_step_of
 from nonlinear.integration.switched import Switched
 from nonlinear.system import Equations
@@ -178,6 +178,8 @@ class FloatDOP853:
         length, refused = min(max(float(self.h_abs), least), self.max_step), False
         while length >= least or self._which[0] >= 0:
             end = min(t + length, self.t_bound)
+            if self.t_bound - end <= BESIDE * ulp(self.t_bound):
+                end = self.t_bound
             if self._which[0] < 0:  # a switch is sought on a scale finer than the floats of the time
                 length = end - t
             error, factor, after, stages, looks = self._attempted(length, y, f, refused)

@@ -24,6 +24,7 @@ import scipy
 from modal.assembly import matrices
 from modal.errors import ComputationError
 from modal.report import Displayed, Summary, counted, first_line
+from modal.structure import phi, structure_of
 from modal.types import Booleans, Complexes, Floats, Ints
 from nonlinear.averaging import ANTIPHASE, IN_PHASE
 from nonlinear.postprocessing import last
@@ -102,10 +103,13 @@ class PopulationPhases(Displayed):
 
     @cached_property
     def joined(self) -> bool:
-        """Whether something joins all pendula: inertia, a spring or a damper of small motion."""
+        """Whether something joins all pendula: inertia, a spring or a damper, or what moves the pivots of both."""
         scene = self.phases.trajectory.scene
-        small = matrices(scene)
+        small, pivots = matrices(scene), phi(structure_of(scene))
         links = np.abs(small.M) + np.abs(small.K) + np.abs(small.D)
+        first = np.cumsum([0, *(each.n_links for each in scene.pendulum for _ in range(each.count))])[:-1]
+        d = pivots.along.shape[1]
+        links[:d, d + first] += (np.abs(pivots.along) + np.abs(pivots.down)).T
         _, labels = scipy.sparse.csgraph.connected_components(links, directed=False)
         return len(np.unique(labels[-scene.n_links :])) == 1
 

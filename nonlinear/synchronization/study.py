@@ -126,7 +126,7 @@ class SynchronizationStudy(Displayed):
 
 def _is_same(orbit: Orbit, other: Orbit) -> bool:
     """Whether two orbits are one motion, by period, amplitude and multipliers."""
-    numbers = np.array([[one.omega, one.amplitude, *np.sort(np.abs(one.floquet.all))] for one in (orbit, other)])
+    numbers = np.array([[each.omega, each.amplitude, *np.sort(np.abs(each.floquet.all))] for each in (orbit, other)])
     return bool(np.all(np.abs(numbers[0] - numbers[1]) <= ONE_ORBIT * np.abs(numbers).max(axis=0).clip(min=1.0)))
 
 

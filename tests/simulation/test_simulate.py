@@ -515,8 +515,8 @@ def test_a_push_takes_the_momentum_law_and_not_the_energy_law(speed: float) -> N
     momentum = 6.0 * speed + 2.0 / omega * (1 - np.cos(omega * run.times))
     np.testing.assert_allclose(run.mechanics.momentum, momentum, rtol=0, atol=1e-7)
     assert simulate(free, 2.0, start=start, tolerance=1e-11).momentum_drift() < 1e-9
-    found = ensemble(pushed, 8.0, starts=[start], engine="numpy", workers=1, check=0)
-    assert found.energy_drift.max() < 1e-6
+    members = ensemble(pushed, 8.0, starts=[start], engine="numpy", workers=1, check=0)
+    assert members.energy_drift.max() < 1e-6
 
 
 def test_masses_that_leave_a_singular_matrix_move() -> None:

@@ -177,7 +177,7 @@ export class SwitchedIntegrator {
       return whole.STANDS;
     }
     const { which, low, high, tried, usual } = seeking;
-    return whole.meet(0, [time], [length], V, R, whole.looks, which, low, high, tried, usual);
+    return whole.meet(0, [length], V, R, whole.looks, which, low, high, tried, usual);
   }
 
   accept(answer, length, end) {
