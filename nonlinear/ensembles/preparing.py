@@ -180,4 +180,6 @@ def compilation_table(compilation: Compilation, form: Form) -> str:
     parts = [grid(rows, ("runs", "engine", "action", "seconds"))]
     parts += ["\n".join(f"{code.runs} by {code.engine}: {code.why_not}" for code in compilation.codes if code.why_not)]
     parts += ["\n".join(["kept in", *(f"  {home}" for home in homes)]) if homes else ""]
+    if any(not code.kept_in for code in ready):
+        parts += ["not kept for later processes: no folder of the cache can be written by this user"]
     return titled(title_of(compilation.scene), "compiled code", parts, form)

@@ -142,6 +142,8 @@ def refused(members: Members, duration: float, tolerance: float) -> str:
     places = [place for path in members.paths for place in find_places(scene, path)]
     if why := _switching(scene, members, places):
         return why
+    if system_of(scene).may_turn_singular:
+        return "a massless cart with dampers may come to feel nothing, which only a run by itself is stopped at"
     if any(place[-1] == "count" for place in places):
         return "members differ in their number of links or pendula"
     prescribed = any("motion" in place or place[0] == "force" for place in places)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, field
-from functools import cached_property, partial
+from functools import partial
 from itertools import pairwise
 from math import isfinite
 from typing import Any, cast
@@ -98,7 +98,7 @@ class Drive:
                     self._rest(record)
                 else:
                     advance(record)
-                    if self._turns_singular:
+                    if self.equations.system.may_turn_singular:
                         self._refuse_singular(record)
         except KeyboardInterrupt:
             record.stopped, record.interrupted = f"interrupted at {record.reached:.9g} s", True
@@ -112,12 +112,6 @@ class Drive:
         if isinstance(self.equations, Switched):
             record.kicks = self.equations.switches.kicked()
         return record
-
-    @cached_property
-    def _turns_singular(self) -> bool:
-        """Whether the mass matrix may turn singular on the way, while what is damped decays ever faster."""
-        system = self.equations.system
-        return bool(system.cart and not system.cart.mass and system.dissipates and not system.spatial)
 
     def _refuse_singular(self, record: RunRecord) -> None:
         """ComputationError where the cart feels next to nothing of all masses."""

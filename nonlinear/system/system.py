@@ -290,6 +290,11 @@ class System(Displayed):
         """Natural unit of energies, g Σ b (J)."""
         return self.gravity * sum(float(group.block.b.sum()) for group in self.groups)
 
+    @cached_property
+    def may_turn_singular(self) -> bool:
+        """Whether the mass matrix may turn singular on the way: of a massless cart, while what is damped decays."""
+        return bool(self.cart and not np.any(self.cart.mass) and self.dissipates and not self.spatial)
+
     @property
     def dissipates(self) -> bool:
         """Whether there is any damper, drag or dry friction."""

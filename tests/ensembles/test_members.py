@@ -269,3 +269,12 @@ def test_a_member_that_disagrees_with_its_run_fails_by_name(monkeypatch: pytest.
     assert "a run of it alone ends" in runs.failures[1]
     assert np.isnan(runs.final.links[:, 0]).tolist() == [False, True, False]
     assert "warning: member 1:" in runs.words()
+
+
+def test_members_on_a_damped_massless_cart_end_with_the_reason_of_a_run_by_itself() -> None:
+    pendulum = Pendulum(links=(Bob(mass=1.9, length=0.33),), start=InitialCondition(angles_deg=(0.5,)))
+    scene = Scene(gravity=9.81, support=Cart(mass=0.0, damping=0.27), pendulum=(pendulum,))
+    runs = ensemble(scene, 1.0, vary={"support.damping": [0.27, 0.3]}, workers=1)
+    assert runs.engine == "simulate"
+    assert all("give it a mass" in reason for reason in runs.failures.values())
+    assert len(runs.failures) == 2
