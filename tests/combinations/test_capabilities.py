@@ -70,6 +70,10 @@ EQUAL = {
     ("damping_ratio", "spread"): "a damping ratio leaves |λ| as it is",
     **dict.fromkeys((("loss", "sweep"), ("loss", "spread")), "loss angles leave frequencies as they are"),
     ("van_der_Pol", "chaos"): "so short a run tells a bound alone",
+    **dict.fromkeys(
+        (("escapement", "derive freebody"), ("van_der_Pol", "derive freebody")),
+        "a drive's torque is part of the joint's moment, which the damper has drawn already",
+    ),
 }
 """Pairs whose answer does not depend on a feature that is taken, and why."""
 
