@@ -66,7 +66,7 @@ class ShockResponse(ModalResponse):
                 leading = term.N0[:, 0] if np.any(term.N0) else term.N1[:, 0]
                 signs[term.mode] = np.where(leading < 0, -1.0, 1.0)
         sizes = [[peak(self.grid, values)[0] for values in histories] for histories in self.by_mode]
-        return np.asarray(signs * np.array(sizes))
+        return np.asarray(signs * np.array(sizes) + 0.0)
 
     @cached_property
     def follows_support(self) -> Booleans:
