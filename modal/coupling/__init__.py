@@ -12,13 +12,12 @@ cart.  Start with `analysis`.
 
 from modal.coupling.analysis import Coupling, Family, explain
 from modal.coupling.damping import damped_modes, negative_damping
-from modal.coupling.exchange import LEAST_SHARE_OF_BEATS
+from modal.coupling.exchange import passes_energy
 from modal.coupling.families import FamilyRow, family_name
 from modal.coupling.report import coupling_report
 from modal.coupling.structures import FamilyBranch, PendulumFamily, StructureCoupling, StructureMode
 
 __all__ = [
-    "LEAST_SHARE_OF_BEATS",
     "Coupling",
     "Family",
     "FamilyBranch",
@@ -31,4 +30,5 @@ __all__ = [
     "explain",
     "family_name",
     "negative_damping",
+    "passes_energy",
 ]

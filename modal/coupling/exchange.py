@@ -77,6 +77,15 @@ def transfer(first: complex, second: complex, coupling: complex) -> Transfer:
     return Transfer(period, float(other.max()), left, beats=bool(abs(turn.real) > abs(turn.imag)), lossless=False)
 
 
+def passes_energy(first: Floats, second: Floats) -> bool:
+    """Whether two levels with these shares of each member (n,) pass energy of any to the others, 4 w_1 w_2 of it.
+
+    >>> passes_energy(np.array([0.5]), np.array([0.5])), passes_energy(np.array([1.0]), np.array([1e-4]))
+    (True, False)
+    """
+    return bool((4 * first * second).max() > LEAST_SHARE_OF_BEATS)
+
+
 def most_of_the_others(weights: Sequence[float], levels: Sequence[complex]) -> float:
     """The most that all others ever hold of the energy given to one of several, over its levels, of that energy.
 

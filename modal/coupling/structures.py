@@ -23,12 +23,12 @@ import numpy as np
 from modal.assembly import ratio_at
 from modal.coupling.damping import Damped
 from modal.coupling.exchange import (
-    LEAST_SHARE_OF_BEATS,
     MOST_MODES,
     STRONG,
     UNEVEN,
     Transfer,
     most_of_the_others,
+    passes_energy,
     transfer,
 )
 from modal.coupling.families import FamilyRow, family_cells, family_name, mode_words
@@ -404,7 +404,10 @@ class StructureCoupling(Numbered, Displayed):
             return ()
         levels, weights = self._levels(family)
         gaps = [
-            abs(levels[k] - levels[j]) for k in range(len(levels)) for j in range(k) if _passes(weights[k], weights[j])
+            abs(levels[k] - levels[j])
+            for k in range(len(levels))
+            for j in range(k)
+            if passes_energy(weights[k], weights[j])
         ]
         return tuple(sorted((2 * pi / gap for gap in gaps if gap > 0), reverse=True))
 
@@ -448,7 +451,7 @@ class StructureCoupling(Numbered, Displayed):
         gaps = [
             abs(branch.splitting - level)
             for level, weight in zip(levels, weights, strict=True)
-            if level != branch.splitting and _passes(weights[place], weight)
+            if level != branch.splitting and passes_energy(weights[place], weight)
         ]
         return 2 * pi / min(gaps) if gaps else None
 
@@ -531,11 +534,6 @@ class StructureCoupling(Numbered, Displayed):
             columns.append(np.zeros((len(vectors), still.shape[1])))
             columns[-1][self.reduced.d + members] = still
         return np.concatenate(squares), np.hstack(columns)
-
-
-def _passes(first: Floats, second: Floats) -> bool:
-    """Whether two levels with these shares of each member (n,) pass energy of any to the others, 4 w_1 w_2 of it."""
-    return bool((4 * first * second).max() > LEAST_SHARE_OF_BEATS)
 
 
 def _pencil(K: Floats, M: Floats) -> tuple[Floats, Floats]:

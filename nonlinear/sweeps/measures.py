@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from modal.assembly import can_stack
-from modal.coupling import LEAST_SHARE_OF_BEATS
+from modal.coupling import passes_energy
 from modal.errors import ComputationError, SceneError
 from modal.modes import UNCERTAIN, labelled, natural_frequencies, natural_modes
 from modal.report import counted
@@ -186,7 +186,7 @@ def _passes(scene: Scene, number: int, table: Scene) -> bool:
         np.add.reduceat(sum(modes.shape(n, copy).kinetic_energy_share for copy in range(modes.multiplicity[n])), first)
         for n in (rows[order[last]] - 1, rows[order[last + 1]] - 1)
     ]
-    return bool((4 * shares[0] * shares[1]).max() > LEAST_SHARE_OF_BEATS)
+    return passes_energy(*shares)
 
 
 def _gap(scene: Scene, number: int, table: Scene) -> tuple[int, float]:
