@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from functools import cache
 from hashlib import sha256
 from pathlib import Path
+from types import FrameType
 from typing import Any
 
 import numpy as np
@@ -51,9 +52,16 @@ class _Late(BaseException):
 
 @contextlib.contextmanager
 def _patiently(seconds: float) -> Iterator[None]:
-    """Raise `_Late` after so many seconds of processor time, and again where a library swallows it."""
+    """Raise `_Late` after so many seconds of processor time, and again where a library swallows it.
 
-    def late(number: int, frame: object) -> None:
+    Not while numba compiles: what is left half made there is a failure of its own.
+    """
+
+    def late(number: int, frame: FrameType | None) -> None:
+        while frame is not None:
+            if frame.f_globals.get("__name__", "").startswith(("numba.", "llvmlite.")):
+                return
+            frame = frame.f_back
         raise _Late
 
     if not hasattr(signal, "SIGPROF"):
