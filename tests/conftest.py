@@ -23,8 +23,28 @@ LONGEST = ["test_documents.py", "test_clocks.py", "test_branches.py", "test_pict
 """Files that take a worker half a minute or nearly so."""
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """The longest files first, then those with slow tests, so that no worker waits for another at the end."""
+CASES = 4
+"""As many of each function are run every day; with `MULTIPENDULA_SCENES=all` all of them."""
+
+
+def _spread_cases(items: list[pytest.Item]) -> list[pytest.Item]:
+    """The first, the last and as many evenly between them of each function's cases."""
+    by_function: dict[str, list[pytest.Item]] = {}
+    for item in items:
+        by_function.setdefault(item.nodeid.partition("[")[0], []).append(item)
+    return [
+        cases[place]
+        for cases in by_function.values()
+        for place in sorted({round(step * (len(cases) - 1) / (CASES - 1)) for step in range(CASES)})
+    ]
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Few cases of each function; the longest files first, then those with slow tests, so that workers end together."""
+    if os.environ.get("MULTIPENDULA_SCENES") != "all":
+        chosen = _spread_cases(items)
+        config.hook.pytest_deselected(items=[item for item in items if item not in set(chosen)])
+        items[:] = chosen
     slow = {item.path for item in items if item.get_closest_marker("slow")}
     longest = {name: place for place, name in enumerate(LONGEST)}
     items.sort(key=lambda item: (longest.get(item.path.name, len(longest)), item.path not in slow))
