@@ -40,9 +40,9 @@ def _spread_cases(items: list[pytest.Item]) -> list[pytest.Item]:
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Few cases of each function; the longest files first, then those with slow tests, so that workers end together."""
+    """Few cases of each function, no thorough ones; the longest files first, then those with slow tests."""
     if os.environ.get("MULTIPENDULA_SCENES") != "all":
-        chosen = _spread_cases(items)
+        chosen = _spread_cases([item for item in items if not item.get_closest_marker("thorough")])
         config.hook.pytest_deselected(items=[item for item in items if item not in set(chosen)])
         items[:] = chosen
     slow = {item.path for item in items if item.get_closest_marker("slow")}
