@@ -21,8 +21,6 @@ def pytest_configure(config: pytest.Config) -> None:
 
 LONGEST = ["test_documents.py", "test_clocks.py", "test_branches.py", "test_pictures.py", "test_sync.py"]
 """Files that take a worker half a minute or nearly so."""
-
-
 CASES = 4
 """As many of each function are run every day; with `MULTIPENDULA_SCENES=all` all of them."""
 
@@ -43,7 +41,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     """Few cases of each function, no thorough ones; the longest files first, then those with slow tests."""
     if os.environ.get("MULTIPENDULA_SCENES") != "all":
         chosen = _spread_cases([item for item in items if not item.get_closest_marker("thorough")])
-        config.hook.pytest_deselected(items=[item for item in items if item not in set(chosen)])
+        config.hook.pytest_deselected(items=list(set(items).difference(chosen)))
         items[:] = chosen
     slow = {item.path for item in items if item.get_closest_marker("slow")}
     longest = {name: place for place, name in enumerate(LONGEST)}
