@@ -40,7 +40,8 @@ def _spread_cases(items: list[pytest.Item]) -> list[pytest.Item]:
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Few cases of each function, no thorough ones; the longest files first, then those with slow tests."""
     if os.environ.get("MULTIPENDULA_SCENES") != "all":
-        chosen = _spread_cases([item for item in items if not item.get_closest_marker("thorough")])
+        later = {"thorough"} if "site" in config.option.markexpr else {"thorough", "site"}
+        chosen = _spread_cases([item for item in items if later.isdisjoint(mark.name for mark in item.iter_markers())])
         config.hook.pytest_deselected(items=list(set(items).difference(chosen)))
         items[:] = chosen
     slow = {item.path for item in items if item.get_closest_marker("slow")}
