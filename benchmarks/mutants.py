@@ -424,6 +424,10 @@ class Result:
     tests: int
     seconds: float
 
+    def to_json(self) -> str:
+        """A line of the file of results."""
+        return json.dumps(asdict(self), ensure_ascii=False)
+
 
 def _run(tree: Path, names: Sequence[str], seconds: float, every: bool) -> tuple[int, float, str]:
     """Pytest's status (or −1 out of time), processor time, and the failed or last test with its time."""
@@ -565,7 +569,7 @@ def measure(options: argparse.Namespace) -> None:
     left = [fault for fault in wanted if fault not in done]
     with ThreadPoolExecutor(options.processes) as pool, open(results, "a", encoding="utf-8") as stream:
         for number, result in enumerate(pool.map(one, left), start=1 + len(wanted) - len(left)):
-            stream.write(json.dumps(asdict(result), ensure_ascii=False) + "\n")
+            stream.write(result.to_json() + "\n")
             stream.flush()
             print(f"{number}/{len(wanted)} {result.state} {result.seconds:.0f} s {result.fault}", flush=True)
     print(table([read_results(results)], ["here"]))
