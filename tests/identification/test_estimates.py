@@ -68,7 +68,7 @@ def test_a_singular_covariance_draws_on_its_line() -> None:
 def test_standard_deviations_of_modes_are_those_of_monte_carlo() -> None:
     modes, estimated = natural_modes(scene()), estimate()
     rows = [row for row in range(len(modes)) if modes.eigenvalue[row].imag > 0]
-    members = usually(200, 600)
+    members = usually(400, 600)
     drawn = estimated.drawn(members, np.random.default_rng(1))
     eigenvalues = np.empty((members, len(rows)), dtype=complex)
     for k in range(members):
@@ -124,7 +124,7 @@ def test_a_shaped_command_retains_what_monte_carlo_says() -> None:
     estimated = estimate(0.01)
     shaper = shaper_for(scene(), kind="zvd")
     left = shaped_modes(shaper, estimated, "cart_acceleration", 1)[0]
-    members = usually(60, 250)
+    members = 250
     drawn = estimated.drawn(members, np.random.default_rng(4))
     retained = []
     for k in range(members):

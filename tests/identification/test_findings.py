@@ -52,7 +52,7 @@ def recorded(scene: Scene, start: list[float], seed: int, *, seconds: float, rat
 @cache
 def clean(links: int) -> Recording:
     """A large swing of one link, a smaller one of two, of which a wrong record takes long to be given up."""
-    return recorded(scene_of(links), [60.0] if links == 1 else [30.0, -20.0], 1, seconds=1.0 if links == 2 else 3.0)
+    return recorded(scene_of(links), [60.0] if links == 1 else [30.0, -20.0], 1, seconds=1.0 if links == 2 else 6.0)
 
 
 def changed(record: Recording, by: Callable[[Floats], Floats], time: float = 1.0) -> Recording:

@@ -81,13 +81,13 @@ def pulls(scene: Scene, fitted: Fit) -> Floats:
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("seed", "support"),
-    [(1, {"kind": "fixed"})] + usually([], [(2, {"kind": "cart", "mass": 4.0, "stiffness": 60.0})]),
+    [(1, {"kind": "fixed"}), *usually([], [(2, {"kind": "cart", "mass": 4.0, "stiffness": 60.0})])],
 )
 def test_the_truth_is_within_the_error_bars(seed: int, support: dict[str, Any]) -> None:
     """Lengths, dampers and friction; the masses are known."""
     scene = scene_from({"gravity": 9.81, "support": support, "pendulum": [{"links": TWO}]})
     free = [f"pendulum[0].links[*].{name}" for name in ("length", "damping", "friction")]
-    fitted = fit(wrong(scene, free, seed), made(scene, seed, seconds=usually(1.2, 2.0)), free)
+    fitted = fit(wrong(scene, free, seed), made(scene, seed, seconds=2.0), free)
     assert len(fitted.held) == 0
     assert np.abs(pulls(scene, fitted)).max() < 4
     assert np.mean(np.square(pulls(scene, fitted))) < 4
@@ -117,7 +117,7 @@ def test_free_swings_never_give_the_absolute_mass() -> None:
 @pytest.mark.slow
 def test_a_sensors_scale_and_outliers_are_found() -> None:
     scene = scene_from({"gravity": 9.81, "pendulum": [{"links": [{**TWO[1], "friction": 0.0}]}]})
-    record = made(scene, 4, noise=5e-4, seconds=2.0)
+    record = made(scene, 4, noise=5e-4)
     rng = np.random.default_rng(7)
     bent = []
     for segment in record.segments:
@@ -184,11 +184,19 @@ def test_the_measured_arm_is_stopped_by_dry_friction() -> None:
     assert candidates[-1].held_out_rms > 3 * candidates[0].held_out_rms
 
 
-def test_dry_friction_is_told_of_turning_points_and_wins_where_its_half_swings_do() -> None:
+def test_dry_friction_is_told_of_turning_points() -> None:
+    """The measured arm, whose half swings lose 0.0051 rad each."""
+    viscous = scene_from({"gravity": 9.81, "pendulum": [{"links": [ARM]}]})
+    free = [f"pendulum[0].links[0].{name}" for name in ("inertia", "damping")]
+    told = fit(viscous, read_recording(viscous, [SWING]).until(8.0), free)
+    words = "turning points fall on a straight line, 0.0051 rad a half swing: try friction"
+    assert any(words in sentence for sentence in told.verdict)
+
+
+def test_dry_friction_is_found_among_laws() -> None:
     scene = scene_from({"gravity": 9.81, "pendulum": [{"links": [{**TWO[1], "friction": 0.04}]}]})
     smooth, record = scene.frictionless, made(scene, 5, segments=1, seconds=3.0)
     free = ["pendulum[0].links[0].damping"]
-    assert any("straight line" in sentence for sentence in fit(smooth, record, free).verdict)
     candidates = compare(smooth, record, free, ["viscous", "coulomb"])
     assert [candidate.name for candidate in candidates] == ["coulomb", "viscous"]
     assert candidates[-1].held_out_rms > 3 * candidates[0].held_out_rms

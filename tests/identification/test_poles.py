@@ -100,7 +100,7 @@ def test_the_noise_of_a_shape_is_stated() -> None:
 
 
 @cache
-def shaken(samples: int = usually(15_000, 30_000)) -> np.ndarray:
+def shaken(samples: int = 30_000) -> np.ndarray:
     """Responses to white joint torques, sampled exactly."""
     model = state_space(scene())
     stationary = solve_continuous_lyapunov(model.A, -model.B @ model.B.T)

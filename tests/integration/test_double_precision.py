@@ -100,8 +100,12 @@ def springs_and_dampers(mass: float = 1.0, length: float = 1.0) -> Scene:
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("method", "form"),
-    usually([], [("RK45", "minimal"), ("Radau", "hamiltonian")])
-    + [("DOP853", "minimal"), ("DOP853", "maximal"), ("RK23", "minimal")],
+    [
+        ("DOP853", "minimal"),
+        ("DOP853", "maximal"),
+        ("RK23", "minimal"),
+        *usually([], [("RK45", "minimal"), ("Radau", "hamiltonian")]),
+    ],
 )
 def test_another_second_changes_no_step(method: str, form: str) -> None:
     start, k = State(np.array([1.0, 0.5, -0.8]), np.zeros(3)), 9
@@ -154,7 +158,7 @@ def sprung(stiffness: float) -> Scene:
 
 @pytest.mark.parametrize(
     ("method", "stiffness"),
-    usually([], [("taylor", 0.0)]) + [("DOP853", 0.0), ("DOP853", 3.0), ("taylor", 3.0)],
+    [("DOP853", 0.0), ("DOP853", 3.0), ("taylor", 3.0), *usually([], [("taylor", 0.0)])],
 )
 def test_whole_turns_and_a_far_cart_cost_nothing(stiffness: float, method: str) -> None:
     """At the sprung joint two links turn together; 1e6 turns and 1e8 m leave 1e-9 of an angle."""

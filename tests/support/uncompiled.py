@@ -30,7 +30,8 @@ def plain_modules() -> dict[str, ModuleType]:
         patch.setitem(sys.modules, "numba", None)
         for name in KERNELS:
             spec = sys.modules[name].__spec__
-            assert spec is not None and spec.loader is not None
+            assert spec
+            assert spec.loader
             patch.setitem(sys.modules, name, module_from_spec(spec))
             spec.loader.exec_module(sys.modules[name])
         return {name: sys.modules[name] for name in KERNELS}
