@@ -12,8 +12,10 @@ import mpmath as mp
 import numpy as np
 import pytest
 import scipy
+from amounts import usually
 from scenes import long_scene, motion_scene, random_state
 from scipy.integrate import solve_ivp
+from support.uncompiled import uncompiled
 
 from modal import Bob, Cart, ComputationError, Pendulum, Rod, Scene, load, natural_modes, pair
 from modal.eigen import compiling
@@ -63,6 +65,7 @@ def exact(scene: Scene, y: Floats) -> Floats:
         return np.array([x2, *downward(links, sides[1], x2, -g)], dtype=float)
 
 
+@uncompiled()
 @pytest.mark.parametrize("seed", range(60))
 def test_bodies_agree(seed: int) -> None:
     plain = minimal(long_scene(seed))
@@ -133,6 +136,7 @@ def energy(equations: Minimal, y: Any) -> Any:
 
 
 @fast
+@uncompiled()
 @pytest.mark.parametrize("seed", range(5))
 def test_compiled_under_a_load(seed: int) -> None:
     scene = long_scene(seed, 6)
@@ -146,6 +150,7 @@ def test_compiled_under_a_load(seed: int) -> None:
 
 
 @fast
+@uncompiled()
 @pytest.mark.parametrize("turned", [1e3, 1e6, 1e9])
 def test_compiled_after_many_turns(turned: float) -> None:
     """Angles beyond those that the kernel reduces several at once keep their digits, too."""
@@ -156,6 +161,7 @@ def test_compiled_after_many_turns(turned: float) -> None:
 
 
 @fast
+@uncompiled()
 @pytest.mark.parametrize("seed", range(8))
 def test_compiled_work_is_the_change_of_energy(seed: int) -> None:
     """The last component of y' is dE/dt along y', E from the pair, by a complex step."""
@@ -286,7 +292,7 @@ def test_the_first_step() -> None:
 
 
 @series
-@pytest.mark.parametrize("seed", [1, 4, 7])
+@pytest.mark.parametrize("seed", usually([4], [1, 4, 7]))
 def test_series_of_damped_and_sprung_scenes(seed: int) -> None:
     equations = minimal(long_scene(seed, 3))
     y0 = random_y(equations, seed)
@@ -327,7 +333,7 @@ def test_a_light_cart_does_not_hold_the_series_up() -> None:
 
 @series
 def test_series_between_the_steps() -> None:
-    equations, y0, cap = STARTS["three bobs at 90"]()
+    equations, y0, cap = STARTS["the paper's cart"]()
     stepper = TaylorStepper(equations, y0, 0.5, 2.0, 1e-15, Pace(cap))
     assert np.array_equal(stepper.exact(0.5), y0)
     for _ in range(3):
@@ -335,7 +341,7 @@ def test_series_between_the_steps() -> None:
         stepper.step()
     middle = (start[0] + stepper.time) / 2
     inside = stepper.inside(np.array([start[0], middle, stepper.time]))
-    assert inside.shape == (3, 6)
+    assert inside.shape == (3, 10)
     assert np.max(np.abs(inside[0] - start[1])) < 1e-15
     assert np.max(np.abs(inside[2] - stepper.y)) < 1e-13
     assert np.max(np.abs(inside[1] - by_runge_kutta(equations, y0, middle - 0.5))) < 1e-12

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from amounts import usually
 from scipy.optimize import brentq
 
 from modal.assembly import matrices, rig_of
@@ -73,7 +74,9 @@ def test_every_form_of_the_equations_agrees() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("form", ["maximal", "hamiltonian"])
 def test_runs_in_other_forms_agree(form: str) -> None:
-    trajectory, other = (simulate(MIXED, 1.5, form=name, tolerance=1e-11, output=16) for name in ("minimal", form))
+    trajectory, other = (
+        simulate(MIXED, usually(0.8, 1.5), form=name, tolerance=1e-11, output=16) for name in ("minimal", form)
+    )
     assert other.motion.links == pytest.approx(trajectory.motion.links, abs=1e-8)
     for run in (trajectory, other):
         assert run.energy_drift() < 1e-9

@@ -4,6 +4,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from amounts import usually
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 from scipy.special import jv, yv
@@ -132,7 +133,9 @@ def test_a_chain_of_bobs_obeys_cartesian_equations() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("support", [Fixed(), Cart(mass=3.0), Cart(mass=3.0, damping=0.2, stiffness=5.0)])
+@pytest.mark.parametrize(
+    "support", usually([Cart(mass=3.0)], [Fixed(), Cart(mass=3.0), Cart(mass=3.0, damping=0.2, stiffness=5.0)])
+)
 def test_maximal_coordinates_move_alike_and_both_close_their_books(support: Fixed | Cart) -> None:
     scene = mixed(support)
     start, how = swinging(scene), {"tolerance": 1e-11, "output": 20, "start_time": 0.3}

@@ -350,13 +350,13 @@ def test_links_that_pass_level_cost_no_accuracy() -> None:
     )
     pendulum = Pendulum(links=(*links, tip), start=start)
     scene = Scene(gravity=9.81, space="space", support=Cart(mass=2), pendulum=(pendulum,))
-    run = simulate(scene, 0.8, tolerance=1e-10, output=17)
+    run = simulate(scene, 0.4, tolerance=1e-10, output=17)
     equations, still = spatial_of(scene), AppliedForces(0.0, np.zeros((3, 3)))
 
     def lagrange(time: float, y: np.ndarray) -> np.ndarray:
         return np.concatenate((y[10:], oracle(equations, equations.layout.state(y), still)))
 
-    exact = solve_ivp(lagrange, (0, 0.8), equations.begin(run.motion[0]), "DOP853", run.times, rtol=1e-11, atol=1e-12)
+    exact = solve_ivp(lagrange, (0, 0.4), equations.begin(run.motion[0]), "DOP853", run.times, rtol=1e-11, atol=1e-12)
     expected = equations.read(exact.y.T).links
     assert np.ptp(np.sign(run.motion.links[..., 2]), axis=0).max() == 2
     assert np.abs(run.motion.links - expected).max() < 2e-10
@@ -414,7 +414,7 @@ def test_what_is_written_out_is_the_recursion(seed: int) -> None:
     assert near(rates, np.stack([written.derivative(0.3, column) for column in many.T], axis=1)) < 1e-13
 
 
-@pytest.mark.parametrize("seed", usually(range(0, 9, 2), range(9)))
+@pytest.mark.parametrize("seed", usually([4, 6], range(9)))
 def test_derivatives_of_what_is_written_are_complex_steps(seed: int) -> None:
     """Of all components by all, through square roots, arctangents and choices: on the tape, and in complex numbers."""
     scene, _ = acted_on(seed)
@@ -456,7 +456,7 @@ def test_what_is_written_has_derivatives_where_a_joint_is_straight(side: float) 
         assert J[3:5, :2] == pytest.approx(expected * np.eye(2), rel=1e-14)
 
 
-@pytest.mark.parametrize("seed", [1, 3, 7, 9])
+@pytest.mark.parametrize("seed", usually([1, 3], [1, 3, 7, 9]))
 def test_a_run_in_floats_is_the_run_in_numpy(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
     scene, push = acted_on(seed)
     state = any_state(spatial_of(scene), np.random.default_rng(seed))
@@ -496,7 +496,7 @@ def run(equations: Spatial, state: State, until: float, **how: Any) -> State:
 @pytest.mark.parametrize("link", [Bob(mass=2, length=0.7), Rod(mass=2, length=0.7)])
 def test_a_conical_pendulum_goes_round_at_its_exact_rate(link: Bob | Rod) -> None:
     """Ω² = g b/(A cos θ), g/(l cos θ) for a bob."""
-    theta, until = 1.1, 3.0
+    theta, until = 1.1, 1.0
     ratio = link.mass * link.centre / (link.inertia + link.mass * link.centre**2)
     omega = np.sqrt(9.81 * ratio / np.cos(theta))
     start = State(unit_vectors([theta], [0.0]), omega * np.sin(theta) * np.array([[0.0, 1.0, 0.0]]))
@@ -509,7 +509,7 @@ def test_a_conical_pendulum_goes_round_at_its_exact_rate(link: Bob | Rod) -> Non
 def test_a_spherical_pendulum_keeps_energy_and_angular_momentum() -> None:
     equations = spatial_of(single(Body(mass=1.5, length=1.0, centre=0.4, inertia=0.1)))
     start = any_state(equations, np.random.default_rng(2))
-    end = run(equations, start, 5.0)
+    end = run(equations, start, 2.0)
     before, after = (energy(equations, equations.begin(state)) for state in (start, end))
     assert after == pytest.approx(before, rel=1e-8)
     z = [np.cross(state.links, state.link_rates)[0, 2] for state in (start, end)]
@@ -526,7 +526,7 @@ def test_neither_rest_is_singular(side: float) -> None:
 
 
 def test_over_the_top_and_through_the_bottom_in_an_oblique_plane() -> None:
-    scene, azimuth, until = single(Rod(mass=1, length=0.8)), 0.7, 4.0
+    scene, azimuth, until = single(Rod(mass=1, length=0.8)), 0.7, 1.5
     equations, flat = spatial_of(scene), flat_of(scene)
     angle, rate = np.array([0.0]), np.array([9.0])
     path = solve_ivp(flat.derivative, (0, until), flat.begin(State(angle, rate)), "DOP853", rtol=1e-12, atol=1e-12)
@@ -565,7 +565,7 @@ def test_projection_keeps_a_run_on_its_constraints() -> None:
     drifts = []
     for mend in (lambda y: equations.project(y)[0], lambda y: y):
         y = begun
-        for _ in range(200):
+        for _ in range(60):
             y = mend(stepped(equations, y, 0.005))
         drifts.append(np.abs(np.linalg.norm(equations.layout.state(y).links, axis=1) - 1).max())
     assert drifts[0] < 1e-15 < 1e-10 < drifts[1]

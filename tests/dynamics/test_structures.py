@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from contextlib import nullcontext
 from typing import Any
 
 import numpy as np
 import pytest
+from support.uncompiled import uncompiled
 
 from modal import Scene
 from modal import load as load_scene
@@ -385,15 +387,17 @@ def test_what_is_written_equals_the_recursion() -> None:
     )
 
 
-@pytest.mark.slow
-def test_compiled_loops_equal_the_recursion() -> None:
+@pytest.mark.parametrize("way", [uncompiled, pytest.param(nullcontext, marks=pytest.mark.thorough)])
+def test_loops_for_numba_equal_the_recursion(way: Any) -> None:
+    """As Python runs them, and compiled, which takes ten seconds."""
     pytest.importorskip("numba")
     from nonlinear.dynamics.compiled import Compiled
 
     system = system_of(varied(lambda d: [p["links"][0].pop("drag", None) for p in d["pendulum"]], modal=False))
     y = np.append(shaken(system, 7), 0.0)
     expected = plain(system).derivative(0.0, y)
-    np.testing.assert_allclose(Compiled(system).derivative(0.0, y), expected, rtol=0, atol=1e-11)
+    with way():
+        np.testing.assert_allclose(Compiled(system).derivative(0.0, y), expected, rtol=0, atol=1e-11)
 
 
 def test_members_with_numbers_of_their_own() -> None:

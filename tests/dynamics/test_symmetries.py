@@ -23,9 +23,9 @@ def doubled(seed: int) -> Scene:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", usually([0, 2], range(5)))
 def test_pendula_that_start_equally_move_as_one(seed: int) -> None:
-    scene, duration = doubled(seed), 3.0
+    scene, duration = doubled(seed), usually(1.5, 3.0)
     run = simulate(scene, duration, tolerance=1e-12, output=31)
     system = system_of(scene)
     whole = simulate(scene, duration, tolerance=1e-12, output=31, load=lambda time, state: AppliedForces())

@@ -52,7 +52,7 @@ def recorded(scene: Scene, start: list[float], seed: int, *, seconds: float, rat
 @cache
 def clean(links: int) -> Recording:
     """A large swing of one link, a smaller one of two, of which a wrong record takes long to be given up."""
-    return recorded(scene_of(links), [60.0] if links == 1 else [30.0, -20.0], 1, seconds=2.0 if links == 2 else 6.0)
+    return recorded(scene_of(links), [60.0] if links == 1 else [30.0, -20.0], 1, seconds=1.0 if links == 2 else 6.0)
 
 
 def changed(record: Recording, by: Callable[[Floats], Floats], time: float = 1.0) -> Recording:
@@ -95,7 +95,7 @@ DEFECTS: dict[str, tuple[int, Callable[[Floats], Floats], float, str]] = {
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "name", usually([name for name in DEFECTS if name not in {"exchanged", "relative"}], [*DEFECTS])
+    "name", usually([name for name in DEFECTS if name not in {"exchanged", "relative", "reversed"}], [*DEFECTS])
 )
 def test_a_mistake_in_a_record_is_named(name: str) -> None:
     links, by, time, words = DEFECTS[name]
@@ -132,7 +132,7 @@ def test_a_clock_that_jitters_is_not_taken_for_a_wrong_model() -> None:
 @pytest.mark.slow
 def test_angles_of_atan2_are_continued(tmp_path: Path) -> None:
     """A pendulum that turns over: the file has angles between −π and π."""
-    whole = recorded(scene_of(1), [90.0], 5, seconds=1.5, rates=9.0)
+    whole = recorded(scene_of(1), [90.0], 5, seconds=1.0, rates=9.0)
     (segment,) = whole.segments
     assert np.ptp(segment.values) > 2 * np.pi
     wrapped = changed(whole, lambda v: (v + np.pi) % (2 * np.pi) - np.pi)
@@ -174,7 +174,7 @@ def test_windows_find_the_right_minimum() -> None:
     true = scene_from(
         {"gravity": 9.81, "pendulum": [{"links": [first, LINKS[1] | {"length": 0.43, "damping": 0.004}]}]}
     )
-    record = recorded(true, [150.0, 120.0], 2, seconds=6.0)
+    record = recorded(true, [150.0, 120.0], 2, seconds=usually(3.0, 6.0))
     record = replace(
         record,
         segments=tuple(

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from amounts import usually
 
 from modal.errors import SceneError
 from modal.identification import find_parameters, numbers_at, scene_with
@@ -79,7 +80,8 @@ def pulls(scene: Scene, fitted: Fit) -> Floats:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("seed", "support"), [(1, {"kind": "fixed"}), (2, {"kind": "cart", "mass": 4.0, "stiffness": 60.0})]
+    ("seed", "support"),
+    [(1, {"kind": "fixed"}), *usually([], [(2, {"kind": "cart", "mass": 4.0, "stiffness": 60.0})])],
 )
 def test_the_truth_is_within_the_error_bars(seed: int, support: dict[str, Any]) -> None:
     """Lengths, dampers and friction; the masses are known."""
@@ -98,7 +100,7 @@ def test_the_truth_is_within_the_error_bars(seed: int, support: dict[str, Any]) 
 def test_free_swings_never_give_the_absolute_mass() -> None:
     scene = scene_from({"gravity": 9.81, "pendulum": [{"links": [{**link, "friction": 0.0} for link in TWO]}]})
     free = ["pendulum[0].links[*].mass", "pendulum[0].links[*].damping"]
-    record = made(scene, 3, segments=1, seconds=2.0)
+    record = made(scene, 3, segments=1, seconds=1.0)
     fitted = fit(scene, record, free)
     (direction,) = fitted.undetermined
     assert {direction.held, *direction.changes} == {parameter.path for parameter in fitted.parameters}
@@ -140,21 +142,22 @@ def test_a_chaotic_segment_is_fitted_in_windows_that_join() -> None:
     """A double pendulum that turns over, from lengths that are off by 3 %."""
     links = [{**link, "friction": 0.0, "damping": 0.0} for link in TWO]
     scene = scene_from({"gravity": 9.81, "pendulum": [{"links": links}]})
-    times = np.arange(0, 4, 0.02)
-    run = simulate(scene, 4.0, start=State(np.array([2.2, 2.6]), np.zeros(2)), output=times, tolerance=1e-12)
+    times = np.arange(0, 2, 0.02)
+    run = simulate(scene, 2.0, start=State(np.array([2.2, 2.6]), np.zeros(2)), output=times, tolerance=1e-12)
     values = run.motion.links + np.random.default_rng(8).normal(0, 2e-3, (len(times), 2))
     record = Recording((Sensor(1, 1), Sensor(1, 2)), (Segment("", "", times, values),))
     off = scene_with(scene, {"pendulum[0].links[0].length": 0.515, "pendulum[0].links[1].length": 0.388})
     fitted = fit(off, record, ["pendulum[0].links[*].length"], window=1.0)
-    assert [segment.continued for segment in fitted.recording.segments] == [True, True, True, False]
+    assert [segment.continued for segment in fitted.recording.segments] == [True, False]
     assert fitted.rms_all == pytest.approx(2e-3, rel=0.1)
     assert np.abs(pulls(scene, fitted)).max() < 4
     problem = fitted.problem
     gaps = problem.residuals(fitted.unknowns)[problem.recording.n_values :]
-    assert gaps.size == 3 * problem.layout.width
+    assert gaps.size == problem.layout.width
     assert np.abs(gaps).max() < 4
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_the_measured_arm_is_stopped_by_dry_friction() -> None:
     """0.0051 rad a half swing; rms of 1e-3 rad over 14 s, and a stop when the arm stopped (within 0.15 s)."""
@@ -178,6 +181,24 @@ def test_the_measured_arm_is_stopped_by_dry_friction() -> None:
     assert still[0] == pytest.approx(still[1], abs=0.15)
     candidates = compare(viscous, record, free[:1], ["viscous", "coulomb"])
     assert [candidate.name for candidate in candidates][-1] == "viscous"
+    assert candidates[-1].held_out_rms > 3 * candidates[0].held_out_rms
+
+
+def test_dry_friction_is_told_of_turning_points() -> None:
+    """The measured arm, whose half swings lose 0.0051 rad each."""
+    viscous = scene_from({"gravity": 9.81, "pendulum": [{"links": [ARM]}]})
+    free = [f"pendulum[0].links[0].{name}" for name in ("inertia", "damping")]
+    told = fit(viscous, read_recording(viscous, [SWING]).until(8.0), free)
+    words = "turning points fall on a straight line, 0.0051 rad a half swing: try friction"
+    assert any(words in sentence for sentence in told.verdict)
+
+
+def test_dry_friction_is_found_among_laws() -> None:
+    scene = scene_from({"gravity": 9.81, "pendulum": [{"links": [{**TWO[1], "friction": 0.04}]}]})
+    smooth, record = scene.frictionless, made(scene, 5, segments=1, seconds=3.0)
+    free = ["pendulum[0].links[0].damping"]
+    candidates = compare(smooth, record, free, ["viscous", "coulomb"])
+    assert [candidate.name for candidate in candidates] == ["coulomb", "viscous"]
     assert candidates[-1].held_out_rms > 3 * candidates[0].held_out_rms
 
 
@@ -219,7 +240,7 @@ SWITCHED = {
 }
 
 
-@pytest.mark.parametrize("name", SWITCHED)
+@pytest.mark.parametrize("name", usually(["escapement", "hoist_and_drag"], [*SWITCHED]))
 def test_numbers_of_clocks_cranes_and_shaken_scenes_are_found(name: str) -> None:
     """Within their error bars, from a run by the simulator with noise."""
     scene, true = load(KINDS / f"{name}.toml"), SWITCHED[name]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from amounts import usually
 from test_bodies import apart, exact, minimal
 
 from modal import Bob, Cart, ComputationError, Pendulum, Rod, Scene, SceneError
@@ -99,7 +100,12 @@ def springs_and_dampers(mass: float = 1.0, length: float = 1.0) -> Scene:
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("method", "form"),
-    [("DOP853", "minimal"), ("DOP853", "maximal"), ("RK45", "minimal"), ("RK23", "minimal"), ("Radau", "hamiltonian")],
+    [
+        ("DOP853", "minimal"),
+        ("DOP853", "maximal"),
+        ("RK23", "minimal"),
+        *usually([], [("RK45", "minimal"), ("Radau", "hamiltonian")]),
+    ],
 )
 def test_another_second_changes_no_step(method: str, form: str) -> None:
     start, k = State(np.array([1.0, 0.5, -0.8]), np.zeros(3)), 9
@@ -150,8 +156,10 @@ def sprung(stiffness: float) -> Scene:
     return Scene(gravity=9.81, support=Cart(mass=2.0), pendulum=[Pendulum(links=links)])
 
 
-@pytest.mark.parametrize("method", ["DOP853", "taylor"])
-@pytest.mark.parametrize("stiffness", [0.0, 3.0])
+@pytest.mark.parametrize(
+    ("method", "stiffness"),
+    [("DOP853", 0.0), ("DOP853", 3.0), ("taylor", 3.0), *usually([], [("taylor", 0.0)])],
+)
 def test_whole_turns_and_a_far_cart_cost_nothing(stiffness: float, method: str) -> None:
     """At the sprung joint two links turn together; 1e6 turns and 1e8 m leave 1e-9 of an angle."""
     if method == "taylor":

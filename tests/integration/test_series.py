@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from amounts import usually
 
 from modal import Bob, Cart, ComputationError, Pendulum, Scene, load
 from modal.report import silent
@@ -33,7 +34,7 @@ def stepper(name: str, pace: Pace, end: float) -> TaylorStepper:
 
 
 @pytest.mark.parametrize("pace", [Pace(0.05), Pace(0.05, breaks=(0.7, 1.3)), Pace(0.05, longest=0.01)], ids=str)
-@pytest.mark.parametrize("name", ["paper-cart-3", "chain-3"])
+@pytest.mark.parametrize("name", usually(["chain-3"], ["paper-cart-3", "chain-3"]))
 def test_samples_of_many_steps_are_those_of_each(name: str, pace: Pace) -> None:
     times = np.sort(np.append(np.random.default_rng(0).uniform(0.0, 4.0, 200), [0.7, 4.0]))
     far, near = (stepper(name, pace, 4.0) for _ in range(2))
@@ -82,14 +83,9 @@ def test_only_so_many_series_are_kept(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(readiness, "_made", set())
     taylor._COMPILED.clear()
     for tolerance in (1e-3, 1e-6, 1e-9):
-        simulate(
-            double(1.0, 1.0),
-            0.1,
-            start=state_at_rest(double(1.0, 1.0), [70.0, 40.0]),
-            method="taylor",
-            tolerance=tolerance,
-        )
-        assert loaded(double(1.0, 1.0), tolerance)
+        scene = load("chain-1")
+        simulate(scene, 0.1, start=state_at_rest(scene, [70.0]), method="taylor", tolerance=tolerance)
+        assert loaded(scene, tolerance)
     assert len(taylor._COMPILED) == 2
 
 
@@ -97,16 +93,16 @@ def test_a_series_serves_one_run_after_another_and_no_two_at_once(monkeypatch: p
     copies: list[Any] = []
     monkeypatch.setattr(taylor, "deepcopy", lambda original: copies.append(deepcopy(original)) or copies[-1])
     monkeypatch.setattr(taylor, "_COMPILED", taylor.Originals())
-    runs = [simulate(load("paper-cart-3"), 3.0, method="taylor", output=20) for _ in range(3)]
+    runs = [simulate(load("chain-3"), 3.0, method="taylor", output=20) for _ in range(3)]
     assert len(copies) == 1
     assert all(np.array_equal(run.motion.links, runs[0].motion.links) for run in runs)
-    first, other = (stepper("paper-cart-3", Pace(0.05), 4.0) for _ in range(2))
+    first, other = (stepper("chain-3", Pace(0.05), 4.0) for _ in range(2))
     first.step()
     assert first.integrator is not other.integrator
     assert other.time == 0.0
 
 
-@pytest.mark.parametrize("name", ["paper-cart-3", "chain-3"])
+@pytest.mark.parametrize("name", usually(["chain-3"], ["paper-cart-3", "chain-3"]))
 def test_a_run_that_nobody_watches_takes_the_same_steps(name: str) -> None:
     heard: list[float] = []
     watched = simulate(load(name), 3.0, method="taylor", report=heard.append)

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from amounts import usually
 from scipy.optimize import brentq
 from test_hamiltonian import dense_M
 
@@ -130,7 +131,7 @@ def den_hartog(beta: float, friction: float) -> tuple[float, float]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("beta", [0.7, 1.4])
+@pytest.mark.parametrize("beta", usually([0.7], [0.7, 1.4]))
 def test_amplitude_and_boundary_of_den_hartog(beta: float) -> None:
     _, boundary = den_hartog(beta, 0.0)
     sliding = forced(beta, 0.9 * boundary, 40)
@@ -177,7 +178,7 @@ MANY = {
 @pytest.mark.parametrize("name", MANY)
 def test_books_close_and_what_sticks_is_at_rest(name: str) -> None:
     scene = MANY[name]
-    run = simulate(scene, 8.0, tolerance=1e-12)
+    run = simulate(scene, usually(6.0 if name == "escapement" else 3.0, 8.0), tolerance=1e-12)
     assert run.energy_drift() < 1e-9
     record, system = run.friction, run.system
     above = np.concatenate([[-1], np.arange(system.n_links - 1)])
@@ -320,6 +321,7 @@ def test_who_cannot_take_friction_says_so() -> None:
             simulate(scene, 1.0, **how)
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_hundreds_of_phases_do_not_drift() -> None:
     run = forced(0.5, 0.9, 50)
@@ -377,7 +379,8 @@ def jamming() -> Scene:
 
 
 @pytest.mark.parametrize(
-    ("method", "tolerance"), [("DOP853", 1e-3), ("DOP853", 1e-9), ("DOP853", 1e-13), ("RK45", 1e-6), ("LSODA", 1e-7)]
+    ("method", "tolerance"),
+    [("DOP853", 1e-3), ("DOP853", 1e-9), *usually([], [("DOP853", 1e-13), ("RK45", 1e-6), ("LSODA", 1e-7)])],
 )
 def test_a_rail_that_jams_says_so_where_the_mass_matrix_does(method: str, tolerance: float) -> None:
     """N = (N₀)/(1 + s μ e n₀) loses its value where 1 = μ n₀, n₀ = Σ b sin θ (M⁻¹ e_x), by the dense M of the scene."""
