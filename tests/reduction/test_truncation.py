@@ -192,7 +192,9 @@ def whole_crowd(support: Fixed | Cart, number: int) -> tuple[State, Trajectory]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("cheap", [True, False])
-@pytest.mark.parametrize(("support", "number", "off"), [(Fixed(), 0, 0.128), (Cart(mass=50.0), 1, 0.106)])
+@pytest.mark.parametrize(
+    ("support", "number", "off"), usually([(Fixed(), 0, 0.128)], [(Fixed(), 0, 0.128), (Cart(mass=50.0), 1, 0.106)])
+)
 def test_the_error_is_that_of_the_pendulum_that_moves_whoever_comes_next_in_the_table(
     support: Fixed | Cart, number: int, off: float, cheap: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
