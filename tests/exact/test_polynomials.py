@@ -220,12 +220,13 @@ def long_rods(n: int) -> Scene:
 
 
 @pytest.mark.slow
-def test_intervals_of_fifty_rods_hold_the_computed_frequencies() -> None:
-    scene = long_rods(50)
+def test_intervals_of_many_rods_hold_the_computed_frequencies() -> None:
+    n = usually(25, 50)
+    scene = long_rods(n)
     moving = next(f.polynomial for f in of_scene(scene) if f.label == "cart moves")
     squares = natural_modes(scene).omega[1:] ** 2
     intervals = moving.intervals(1e-12)
-    assert len(intervals) == moving.degree == len(squares) == 50
+    assert len(intervals) == moving.degree == len(squares) == n
     for interval, square in zip(intervals, squares, strict=True):
         slack = Fraction(float(square)) * Fraction(1, 10**13)
         assert interval.low - slack < Fraction(float(square)) < interval.high + slack
@@ -347,10 +348,11 @@ def test_symbols_give_the_numbers(n: int, cart: bool, kind: str) -> None:
 
 
 @pytest.mark.slow
-def test_five_unequal_bobs_against_the_determinant() -> None:
-    m, l = sp.symbols("m_1:6", positive=True), sp.symbols("l_1:6", positive=True)
-    lam, put = sp.Symbol("lambda"), dict(zip((*m, *l), (2, 3, 5, 7, 11, 13, 17, 19, 23, 29), strict=True))
+def test_unequal_bobs_against_the_determinant() -> None:
+    n = usually(4, 5)
+    m, l = sp.symbols(f"m_1:{n + 1}", positive=True), sp.symbols(f"l_1:{n + 1}", positive=True)
+    lam, put = sp.Symbol("lambda"), dict(zip((*m, *l), (2, 3, 5, 7, 11, 13, 17, 19, 23, 29), strict=False))
     mass, length = [put[s] for s in m], [put[s] for s in l]
-    A, b = pair.inertia_matrix(mass, length, length, [0] * 5), pair.first_moments(mass, length, length)
+    A, b = pair.inertia_matrix(mass, length, length, [0] * n), pair.first_moments(mass, length, length)
     polynomial = sp.Poly((sp.Matrix(A) + lam * sp.diag(*b)).det(method="berkowitz"), lam)
-    assert sp.Poly(symbolic(5, variable="lambda").subs(put), lam).primitive()[1] == polynomial.primitive()[1]
+    assert sp.Poly(symbolic(n, variable="lambda").subs(put), lam).primitive()[1] == polynomial.primitive()[1]

@@ -124,6 +124,8 @@ def one_by_one(scenes: list[Scene]) -> list[np.ndarray]:
 @pytest.mark.parametrize("name", PLACES)
 def test_many_scenes_have_the_frequencies_of_each(name: str) -> None:
     scenes = varied(name, 2 if name == "thousand-pendula" else 7)
+    if name == "thousand-pendula":
+        scenes = [scene.replace(pendulum=scene.pendulum[:: usually(20, 1)]) for scene in scenes]
     np.testing.assert_array_max_ulp(natural_frequencies(scenes), np.array(one_by_one(scenes)), 2)
 
 

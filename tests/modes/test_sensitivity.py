@@ -102,7 +102,7 @@ def assert_close(value: float, expected: float, scale: float) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("stiffness", "standing"), [(0.0, False), (1.5, False), (0.0, True)])
-@pytest.mark.parametrize("seed", usually(range(2, 8, 4), range(8)))
+@pytest.mark.parametrize("seed", usually([6], range(8)))
 def test_links_agree_with_central_differences(seed: int, stiffness: float, standing: bool) -> None:
     scene = mixed(seed, stiffness, standing=standing)
     modes, apart = natural_modes(scene), counted_out(scene)
@@ -150,7 +150,7 @@ def test_the_comparison_bites() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("cart", [False, True])
 @pytest.mark.parametrize("kind", ["bob", "rod"])
-@pytest.mark.parametrize("n", [2, 3])
+@pytest.mark.parametrize("n", usually([2], [2, 3]))
 def test_symbols_give_the_same(n: int, kind: Literal["bob", "rod"], cart: bool) -> None:
     """∂ω/∂p = −P_p/(2ω P_x) of the characteristic polynomial P(x = ω²; p)."""
     P, x = symbolic(n, kind, cart=cart), sp.Symbol("x")

@@ -80,7 +80,7 @@ def test_the_reduced_equations_are_the_scenes_own_projected(seed: int) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", usually([2, 3, 5], [0, 2, 3, 5, 7, 9]))
+@pytest.mark.parametrize("seed", usually([2, 5], [0, 2, 3, 5, 7, 9]))
 def test_all_modes_are_the_whole_scene(seed: int) -> None:
     """With springs, dampers, standing links and a cart, far from rest."""
     scene = plane_scene(seed)
@@ -99,14 +99,14 @@ def test_all_modes_are_the_whole_scene(seed: int) -> None:
 def test_energy_is_kept_by_any_number_of_modes(count: int, support: Fixed | Cart) -> None:
     scene = chain(3, 8, support)
     start = State(np.linspace(0.5, 1.5, 8), np.linspace(-1.0, 1.0, 8))
-    truncated = simulate_truncated(scene, 1.5, count, start=start, tolerance=1e-13, output=30)
+    truncated = simulate_truncated(scene, 0.4, count, start=start, tolerance=1e-13, output=30)
     assert np.ptp(truncated.trajectory.mechanics.energy) < 1e-10 * truncated.trajectory.energy_scale
 
 
 def test_dampers_take_what_the_energy_loses() -> None:
     damped = chain(1, 5, Cart(mass=2.0, damping=0.5))
     start = State(np.linspace(0.2, 0.6, 5), np.zeros(5))
-    trajectory = simulate_truncated(damped, 5.0, 3, start=start, tolerance=1e-12, output=50).trajectory
+    trajectory = simulate_truncated(damped, 2.0, 3, start=start, tolerance=1e-12, output=50).trajectory
     assert trajectory.motion.work[-1] < -1e-3 * trajectory.energy_scale
     assert trajectory.energy_drift() < 1e-10
 
@@ -192,7 +192,9 @@ def whole_crowd(support: Fixed | Cart, number: int) -> tuple[State, Trajectory]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("cheap", [True, False])
-@pytest.mark.parametrize(("support", "number", "off"), [(Fixed(), 0, 0.128), (Cart(mass=50.0), 1, 0.106)])
+@pytest.mark.parametrize(
+    ("support", "number", "off"), usually([(Fixed(), 0, 0.128)], [(Fixed(), 0, 0.128), (Cart(mass=50.0), 1, 0.106)])
+)
 def test_the_error_is_that_of_the_pendulum_that_moves_whoever_comes_next_in_the_table(
     support: Fixed | Cart, number: int, off: float, cheap: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -242,7 +244,7 @@ def test_few_samples_are_judged_as_many(samples: int) -> None:
     assert few.error == pytest.approx(many.error, rel=0.02)
 
 
-@pytest.mark.parametrize("seed", usually([710003, 710007, 710012], [710003, 710006, 710007, 710010, 710012, 710016]))
+@pytest.mark.parametrize("seed", usually([710007, 710012], [710003, 710006, 710007, 710010, 710012, 710016]))
 def test_no_error_is_stated_below_the_true_one(seed: int) -> None:
     """A share of `benchmarks/few_modes.py`: chains in and out of resonance, at every instant."""
     judged = few_modes.judged(replace(few_modes.held(seed), duration=8.0))

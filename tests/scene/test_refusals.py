@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from amounts import usually
 
 from modal import Bob, Body, Cart, ComputationError, Fixed, Pendulum, Rod, Scene, SceneError, natural_modes
 from modal.coupling import coupling_report, explain
@@ -64,7 +65,7 @@ def test_the_first_mistakes_are_named_and_the_rest_is_counted(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / "many.toml"
-    for count in (MOST_TOLD - 1, MOST_TOLD, MOST_TOLD + 1, MOST_TOLD + 2, 20_000):
+    for count in (MOST_TOLD - 1, MOST_TOLD, MOST_TOLD + 1, MOST_TOLD + 2, 2_000):
         path.write_text("".join(f"k{k} = 1\n" for k in range(count)) + GOOD)
         told = refused(capsys, 2, "table", str(path))
         assert told[0] == f"multipendula: {path}: k0: is not a known key"
@@ -99,7 +100,10 @@ def test_a_name_that_no_file_can_have_is_refused(capsys: pytest.CaptureFixture[s
 
 
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="no /dev/full")
-@pytest.mark.parametrize("arguments", ["--help", "table --help", "--version", "table chain-1", "scenes"])
+@pytest.mark.parametrize(
+    "arguments",
+    usually(["--help", "table chain-1"], ["--help", "table --help", "--version", "table chain-1", "scenes"]),
+)
 def test_what_cannot_be_printed_is_no_success(arguments: str) -> None:
     with open("/dev/full", "w", encoding="utf-8") as full:
         command = [sys.executable, "-m", "multipendula", *arguments.split()]
@@ -207,10 +211,11 @@ def extremes() -> list[Scene]:
 def test_extremes_are_told_or_refused_without_a_warning() -> None:
     """Warnings are errors here."""
     told = 0
-    for scene in extremes():
+    scenes = extremes()[:: usually(4, 1)]
+    for scene in scenes:
         told += not outcome(lambda scene=scene: table(modes := natural_modes(scene), list(modes), "text"))  # type: ignore[misc]
         told += not outcome(lambda scene=scene: coupling_report(explain(scene), "text"))  # type: ignore[misc]
-    assert told > 20
+    assert told > len(scenes) / 5
 
 
 @pytest.mark.parametrize("error", [SceneError(["a", "b\x1b"]), MissingExtraError("flint", "certified")])

@@ -367,18 +367,20 @@ def test_another_file_is_refused(arrays: dict[str, Any], words: str, tmp_path: P
 
 
 def test_the_schema_takes_structures() -> None:
-    import jsonschema
+    from jsonschema.exceptions import ValidationError
+    from jsonschema.validators import validator_for
 
+    check = validator_for(schema())(schema())
     data = described(
         support=[LEFT, FRAME | {"name": "frame"}],
         pendulum=[hung(on="left", start={"angles_deg": [5.0], "spread": True})],
         spring=[{"between": ["left@0.1,0.2", "ground"], "stiffness": 1.0}],
     )
-    jsonschema.validate(data, schema())
-    jsonschema.validate(data | {"ground": {"motion": [SINE]}}, schema())
+    check.validate(data)
+    check.validate(data | {"ground": {"motion": [SINE]}})
     assert scene_from(data).is_structured
-    with pytest.raises(jsonschema.ValidationError):
-        jsonschema.validate(data | {"spring": [{"between": ["left"]}]}, schema())
+    with pytest.raises(ValidationError):
+        check.validate(data | {"spring": [{"between": ["left"]}]})
 
 
 def test_a_spring_ends_on_an_axis_from_a_link_and_an_idle_one_is_named() -> None:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from amounts import usually
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 from seen import flaws, hidden_curves
@@ -95,7 +96,7 @@ def test_along_a_hoist_the_residuals_are_those_of_the_hoist(hoisted: ShapedTrave
     assert hoisted.over == pytest.approx([8.0, 8.0 + shaper_for(hoisted.scene.at(0.0)).duration])
 
 
-@pytest.mark.parametrize("name", ["light", "dark"])
+@pytest.mark.parametrize("name", usually(["light"], ["light", "dark"]))
 def test_the_picture_marks_the_residual_swing_of_both(hoisted: ShapedTravel, name: str) -> None:
     with theme(name):
         figure = travel_figure(hoisted)
@@ -113,7 +114,9 @@ def test_the_picture_marks_the_residual_swing_of_both(hoisted: ShapedTravel, nam
 
 
 def test_any_crane_is_drawn_before_and_after(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    for scene, distance in (("crane-hook", "20"), ("ship-crane", "2"), ("tower", "0.1")):
+    for scene, distance in usually(
+        [("ship-crane", "2")], [("crane-hook", "20"), ("ship-crane", "2"), ("tower", "0.1")]
+    ):
         path = tmp_path / f"{scene}.png"
         assert main(["shaper", scene, "--travel", distance, "-o", str(path)]) == 0
         assert path.read_bytes().startswith(b"\x89PNG")

@@ -215,7 +215,7 @@ def test_number_of_kinetic_coefficients(n: int) -> None:
     assert len(A) == n * (n + 1) // 2
 
 
-@pytest.mark.parametrize("i", [1, 2, 3])
+@pytest.mark.parametrize("i", usually([2], [1, 2, 3]))
 def test_momenta_and_their_rates(i: int) -> None:
     """(8), (9) and (11) against the derivatives of the true L; the printed ones hold under their conditions."""
     T, V = true_energies(3)
@@ -262,7 +262,7 @@ def test_a_single_link_conserves_its_momentum() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("n", [2, 3])
+@pytest.mark.parametrize("n", usually([2], [2, 3]))
 def test_only_the_total_is_conserved(n: int) -> None:
     """Rates along the motion, with accelerations from the Cartesian Lagrangian."""
     moving = paper.coordinates(n)
@@ -361,7 +361,7 @@ def at_small_angles(form: Any) -> Any:
     return form.subs({sp.sin(q): q for q in waves} | {sp.cos(q): 1 for q in waves})
 
 
-@pytest.mark.parametrize("i", [1, 2, 3])
+@pytest.mark.parametrize("i", usually([2], [1, 2, 3]))
 def test_when_the_printed_accelerations_hold(i: int) -> None:
     """Equal links in one turning plane, all θ' = r θ: φ'' = −2 r φ' in both forms; for one different θ' in neither."""
     n, r, spin = 3, sp.Symbol("r"), sp.Symbol("w")

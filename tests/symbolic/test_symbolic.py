@@ -53,6 +53,7 @@ def test_linearizing_the_lagrangian_gives_M_K_and_D_at_any_rest(system: Symbolic
 def test_unit_vectors_and_spherical_angles_are_one_motion(seed: int) -> None:
     """∂u_i/∂θ_i·F_i and ∂u_i/∂φ_i·F_i are Lagrange's equations of θ_i and φ_i, at random states in 30 digits."""
     links = (Bob(mass=1.5, length=0.7), Body(mass=0.4, length=1.2, centre=0.5, inertia=0.3), Rod(mass=2.0, length=0.9))
+    links = links[: usually(2, 3)]
     support = Cart(mass=3.0, stiffness=2.0) if seed % 2 else Fixed()
     system = symbolic.of_scene(Scene(gravity=9.81, space="space", support=support, pendulum=[Pendulum(links=links)]))
     spherical = derive_lagrangian(system)
@@ -148,7 +149,7 @@ def test_from_the_lagrangian_to_the_printed_polynomial(n: int) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("n", [2, 3])
+@pytest.mark.parametrize("n", usually([2], [2, 3]))
 def test_the_recursion_in_symbols_is_the_determinant(n: int) -> None:
     """Also of partly equal symbols and on a cart."""
     x = sp.Symbol("x")
