@@ -128,7 +128,7 @@ def tower(storeys: int) -> Scene:
     return scene_from({"gravity": G, "support": carts, "spring": springs, "pendulum": bobs})
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_two_dampers_of_a_tower_level_three_peaks() -> None:
     """At the best numbers no direction lowers all of the highest peaks, which another engine finds equal."""
     free = ["pendulum[*].links[0].length", "pendulum[*].links[0].damping"]
