@@ -331,11 +331,13 @@ def test_what_leaves_another_branch_begins_there() -> None:
 
 @lru_cache
 def example() -> Branches:
-    """What is found from both ends of the range."""
+    """What is found from both ends of the range, without periodic orbits beside it."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(continuation, "MOST_SEARCHES", 0)
         (variation,) = parse_variations(["support.mass=20:500:2log"])
-        return follow_branches(clocks(50.0, 15.0, 1.01), variation)
+        branches = follow_branches(clocks(50.0, 15.0, 1.01), variation)
+    branches.__dict__["located"] = (None,) * len(branches.changes)
+    return branches
 
 
 @pytest.mark.slow
