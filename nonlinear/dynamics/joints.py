@@ -45,18 +45,35 @@ def joint_torques(group: Group, angles: Any, rates: Any, base: Base | None = Non
     joints.
     """
     torques, power = bending_torques(group, angles, rates, base)
-    torques[:-1] -= torques[1:].copy()
-    return torques, power
+    return _on_links(torques), power
+
+
+def link_torques(group: Group, angles: Any, rates: Any) -> Any:
+    """The generalized forces (N m) of `joint_torques` alone, where only the support carries first joints."""
+    kept, working, _ = _bending(group, angles, rates)
+    return _on_links(kept + working)
+
+
+def _on_links(torques: Any) -> Any:
+    """The sum on every link, from torques of joints (n, P, ...), which are overwritten."""
+    if len(torques) > 1:
+        torques[:-1] -= torques[1:].copy()
+    return torques
 
 
 def bending_torques(group: Group, angles: Any, rates: Any, base: Base | None = None) -> tuple[Any, Any]:
     """The torque (N m) of every joint on the link below it, (n, P, ...), and the power as in `joint_torques`."""
+    kept, working, speed = _bending(group, angles, rates, base)
+    return kept + working, np.sum(working * speed, axis=(0, 1))
+
+
+def _bending(group: Group, angles: Any, rates: Any, base: Base | None = None) -> tuple[Any, Any, Any]:
+    """Both parts of the torque of every joint, (n, P, ...), and the rate (rad/s) at which it bends."""
     turned, turning = base or (None, None)
     block, drive, speed = group.block, group.excitation, relative(rates, turning)
     curbed = (drive.strength, drive.curb) if group.excited and drive else ()
     constants = (_spread(constant, angles) for constant in (block.stiffness, block.damping, *curbed))
-    kept, working = joint_law(bend(group, angles, turned), speed, *constants)
-    return kept + working, np.sum(working * speed, axis=(0, 1))
+    return *joint_law(bend(group, angles, turned), speed, *constants), speed
 
 
 def modal_drag(system: System, rates: Any) -> Any:
@@ -107,7 +124,8 @@ def spring_energy(group: Group, angles: Floats, base: Any = None) -> Floats:
 def relative(values: Any, base: Any = None) -> Any:
     """The value of every link relative to the one above, the support's being zero, or that of a `base` (P, ...)."""
     differences = values.copy()
-    differences[1:] -= values[:-1]
+    if len(values) > 1:
+        differences[1:] -= values[:-1]
     if base is not None:
         differences[0] = differences[0] - base
     return differences

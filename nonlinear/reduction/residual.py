@@ -27,12 +27,13 @@ from modal.scene.doors import require_type
 from modal.types import Floats
 from nonlinear.dynamics import spatial_joints as ball_joints
 from nonlinear.dynamics.drag import drag, plane_drag
-from nonlinear.dynamics.joints import cart_force, joint_torques, modal_drag
+from nonlinear.dynamics.joints import cart_force, link_torques, modal_drag
 from nonlinear.dynamics.variational import Variational
 from nonlinear.reduction.two_planes import factors
 from nonlinear.system import Group, System
 
 TINY = 0.02  # rad, below which k is computed by a series
+FEW = 8  # links of a pendulum up to which its matrix takes less time than passes along it
 
 
 def residual_forces(system: System, planes: list[Floats]) -> list[Floats]:
@@ -82,13 +83,16 @@ def _planar(group: Group, moved: list[Floats], felt: Floats, cart_rate: Floats) 
     """U'' (2, n, P, T), ρ (1, n, P, T), and the force of drag on the cart (T,)."""
     q, rate, turn = moved[0]
     theta = q + group.rest[..., None]
-    sine, cosine = np.sin(theta), np.cos(theta)
-    inward = rate**2
-    second = np.array([turn * cosine - inward * sine, -turn * sine - inward * cosine])
-    along, up = _inertial(group, second, felt)
-    forces = cosine * along - sine * up
+    tangent = np.empty((2, *theta.shape))
+    np.cos(theta, out=tangent[0])
+    np.negative(np.sin(theta), out=tangent[1])
+    inward, second = rate**2, turn * tangent
+    second[0] += inward * tangent[1]
+    second[1] -= inward * tangent[0]
+    along, up = tangent * _inertial(group, second, felt)
+    forces = along + up
     if group.hinged:
-        forces -= joint_torques(group, theta, rate)[0]
+        forces -= link_torques(group, theta, rate)
     braking: Any = 0.0
     if group.dragged:
         resisting, braking, *_ = plane_drag(group, theta, rate, cart_rate)
@@ -117,8 +121,11 @@ def _spatial(group: Group, moved: list[Floats], felt: Floats, cart_rate: Floats)
 
 
 def _inertial(group: Group, second: Any, felt: Floats) -> Any:
-    """A_ii u_i'' + b_i a_i + l_i Σ_{j>i} b_j u_j'', (d, n, P, T), in one pass down and one up."""
+    """A_ii u_i'' + b_i a_i + l_i Σ_{j>i} b_j u_j'', (d, n, P, T), in one pass down and one up unless there are few."""
     l, b, A = (values[..., None] for values in (group.block.length, group.block.b, group.block.diagonal))
+    if group.n <= FEW:
+        forces = (group.inertia_matrices @ second.swapaxes(1, 2)).swapaxes(1, 2)
+        return forces + b * felt[:, None, None]
     forces, a, below = A * second, felt[:, None], 0.0
     for i in range(group.n):
         forces[:, i] += b[i] * a

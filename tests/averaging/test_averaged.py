@@ -200,7 +200,7 @@ def test_two_pendula_keep_in_phase_or_in_antiphase() -> None:
     assert apart.omega == pytest.approx(sqrt(G) * (1 - radians(8.0) ** 2 / 16), rel=1e-4)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_many_pendula_in_antiphase_share_the_swing_in_many_ways_and_hold_it_all_the_same() -> None:
     averaged = average(clocks(5.0, -6.0, 4.0, -7.0))
     state = next(
@@ -271,7 +271,7 @@ def test_modes_that_are_left_out_set_no_pace(row: int) -> None:
     assert _pace(other, z) == pytest.approx(_pace(alone, z), rel=1e-6)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_what_grows_from_next_to_nothing_is_followed_into_its_cycle() -> None:
     """The beam of this scene swings slowly and decays: steps that fit it are far too long for the clocks it feeds."""
     averaged = average(vary(load("clocks-double"), {"support.mass": 50.0}))
@@ -342,7 +342,7 @@ def test_resonances_are_of_up_to_four_frequencies() -> None:
 
 
 EVERY = (2104, 2112, 2115, 2118, 2119, 2127, 2006, 2010, 2011, 2015, 2016)
-SAMPLE = usually((2112, 2115, 2119, 2011, 2015), EVERY)
+SAMPLE = usually((2112, 2011), EVERY)
 
 
 @pytest.mark.slow

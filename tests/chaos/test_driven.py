@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from amounts import usually
 from scipy.integrate import solve_ivp
 
 from modal.errors import SceneError
@@ -52,7 +53,7 @@ def multipliers(gamma: float) -> Floats:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("gamma", [0.9, 1.06])
+@pytest.mark.parametrize("gamma", usually([1.06], [0.9, 1.06]))
 def test_of_a_periodic_motion_it_is_the_logarithm_of_the_largest_multiplier(gamma: float) -> None:
     mu = multipliers(gamma)
     assert np.prod(mu).real == pytest.approx(np.exp(-2 * BETA), rel=1e-8)  # the sum of all exponents is −2β
@@ -88,11 +89,11 @@ def test_all_exponents_add_up_to_the_loss_of_area_in_chaos_too() -> None:
 
 @pytest.mark.slow
 def test_the_driven_pendulum_of_the_textbook_is_chaotic_at_1105_and_not_at_106() -> None:
-    chaotic, regular = (lyapunov_exponent(textbook(gamma), 60.0, ensemble=4) for gamma in (1.105, 1.06))
+    chaotic, regular = (lyapunov_exponent(textbook(gamma), 40.0, ensemble=3) for gamma in (1.105, 1.06))
     assert chaotic.is_positive
     assert 0.5 < chaotic.value < 1.0
     assert regular.is_negative
-    study = Study(DRIVEN, parse_variations(["force[0].amplitude=1.06,1.105"]), parse_measures(["lyapunov:30"]))
+    study = Study(DRIVEN, parse_variations(["force[0].amplitude=1.06,1.105"]), parse_measures(["lyapunov:15"]))
     low, high = sweep(study, workers=1).values("lyapunov_per_s")
     assert low < 0 < high
 

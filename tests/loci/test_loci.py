@@ -107,7 +107,7 @@ def test_the_smallest_gap_is_that_of_a_dense_scan() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", usually(range(0, 6, 2), range(6)))
+@pytest.mark.parametrize("seed", usually(range(0, 4, 2), range(6)))
 def test_loci_hold_all_frequencies_and_shapes_go_on(seed: int) -> None:
     scene = motion_scene(seed, damped=False, standing=False)
     loci = of(scene, f"{LENGTH}=0.2:4:7log")
@@ -211,7 +211,7 @@ def test_progress_is_told_value_by_value() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", ["png", "svg", "pdf"])
+@pytest.mark.parametrize("kind", usually(["svg"], ["png", "svg", "pdf"]))
 def test_a_picture_is_drawn(kind: str) -> None:
     loci = of(load("crane-two-loads"), f"{LENGTH}=5:20:4log")
     stream = io.BytesIO()

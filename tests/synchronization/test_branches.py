@@ -19,7 +19,7 @@ from modal.assembly import matrices
 from modal.errors import ComputationError, SceneError
 from modal.scene import Escapement, VanDerPol
 from modal.scene.parameters import parse_variations, vary
-from nonlinear.averaging import RelativeEquilibrium
+from nonlinear.averaging import RelativeEquilibrium, relative_equilibrium
 from nonlinear.plotting import branches_figure, draw_branches
 from nonlinear.simulation import simulate
 from nonlinear.synchronization import (
@@ -29,6 +29,7 @@ from nonlinear.synchronization import (
     agreement,
     branches_csv,
     branches_text,
+    continuation,
     find_survival,
     follow_branches,
     phases_of,
@@ -41,6 +42,7 @@ GRAVITY, ANGLE = 9.81, 5.0
 GENTLE = 0.01  # N m s/rad: a drive that leaves no trace of e/ω in what first order says
 KICKS = Escapement(impulse=3e-7, angle_deg=1.0)
 LENGTH = "pendulum[1].links[0].length"
+MASSES = "pendulum[0].links[*].mass"
 
 
 def clocks(mass: float, damping: float, length: float = 1.0, strength: float = 0.05) -> Scene:
@@ -139,7 +141,7 @@ def test_critical_detuning_of_weak_coupling_is_adlers() -> None:
     assert named(branches, "in phase").words == "in phase → 88° apart"
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("mass", usually([1500.0], [4000.0, 1500.0]))
 def test_critical_detuning_is_that_of_two_amplitude_equations(mass: float) -> None:
     branches = followed(clocks(mass, 5.0, strength=GENTLE), f"{LENGTH}=1:{1 + 10 / mass}:2")
@@ -149,7 +151,7 @@ def test_critical_detuning_is_that_of_two_amplitude_equations(mass: float) -> No
     assert (low, high) == pytest.approx((1.0, 1 + end), abs=0.03 * end)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize(("part", "locked"), [(0.9, True), (1.1, False)])
 def test_the_simulator_locks_within_the_critical_detuning_and_drifts_beyond(part: float, locked: bool) -> None:
     scene = clocks(200.0, 5.0)
@@ -167,7 +169,7 @@ def test_the_simulator_locks_within_the_critical_detuning_and_drifts_beyond(part
 FATES = [("antiphase", "loses stability"), ("in phase", "becomes stable")]
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize(("words", "kind"), usually(FATES[:1], FATES))
 def test_critical_coupling_is_that_of_the_simulator(words: str, kind: str) -> None:
     """By the cart's mass: beyond it phases swing or another configuration is gone to."""
@@ -224,13 +226,20 @@ def test_metronomes_keep_in_phase_up_to_a_critical_damping() -> None:
         brentq(growth_in_phase, 0.1, 0.2, args=(scene, 4e-6)), rel=1e-3
     )
     assert critical(branch, "dies out") == pytest.approx(2 * value, rel=2e-2)
+
+
+@pytest.mark.thorough
+def test_metronomes_leave_in_phase_beyond_the_critical_damping_in_the_simulator_too() -> None:
+    scene = metronomes(VanDerPol(strength=4e-6, angle_deg=10.0))
+    branch = named(followed(scene, "support.damping=0.01:0.2:2log"), "in phase")
+    value = critical(branch, "loses stability")
     for part, survivor in ((0.85, 3), (1.15, 2)):
         phases = run_from(scene, "support.damping", part * value, near(branch, scene, part * value), 600.0, 0.9)
         assert find_survival(phases.trajectory).survivor == survivor
         assert phases.order[-1, 0] == pytest.approx(survivor - 2, abs=1e-3)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_an_escapement_too_keeps_them_in_phase_up_to_a_critical_damping() -> None:
     """On a heavier base, that splits frequencies by 2 %; growth or decay of antiphase in the simulator's energies."""
     link = Body(mass=0.025, length=0.1, centre=0.02, inertia=1e-5, damping=1e-6, drive=KICKS)
@@ -247,13 +256,35 @@ def test_an_escapement_too_keeps_them_in_phase_up_to_a_critical_damping() -> Non
 # --------------------------------------------------------------------------------------------------- two links
 
 
+STRENGTH = 0.01
+
+
+def double() -> Scene:
+    links = (Bob(mass=1.0, length=0.5, drive=VanDerPol(strength=STRENGTH, angle_deg=5.0)),) * 2
+    return Scene(gravity=GRAVITY, support=Cart(mass=20.0, damping=4.0), pendulum=(Pendulum(links=links, count=2),))
+
+
 @pytest.mark.slow
+def test_in_phase_of_double_pendula_dies_out_where_a_small_swing_no_longer_grows() -> None:
+    """The slow one, by eigenvalues, followed from a configuration that Newton's method finds from its mode."""
+    scene, (variation,) = double(), parse_variations([f"{MASSES}=0.3:10:2log"])
+    walk = Walk(scene, variation)
+    averaged = walk.at(variation.values[0])
+    z = np.where(averaged.row == 2, 0.2, 0.0) / np.abs(averaged.link_shapes).max(axis=0)
+    state = relative_equilibrium(averaged, z.astype(complex))
+    assert state
+    assert (agreement(state), averaged.modes[state.row].family) == ("in phase", "cart moves: in phase, slow")
+    values, states = zip(*walk.whole(variation.values[0], state), strict=True)
+    branch = EquilibriumBranch(variation, np.array(values), states)
+    end = critical(branch, "dies out")
+    assert growth(scene, STRENGTH, 0.97 * end, 0) > 0 > growth(scene, STRENGTH, 1.03 * end, 0)
+
+
+@pytest.mark.thorough
 def test_four_configurations_of_double_pendula() -> None:
     """Slow or fast, cart still or moving; in phase dies out where a small swing no longer grows, by eigenvalues."""
-    strength = 0.01
-    links = (Bob(mass=1.0, length=0.5, drive=VanDerPol(strength=strength, angle_deg=5.0)),) * 2
-    scene = Scene(gravity=GRAVITY, support=Cart(mass=20.0, damping=4.0), pendulum=(Pendulum(links=links, count=2),))
-    branches = followed(scene, "pendulum[0].links[*].mass=0.1:10:2log")
+    scene = double()
+    branches = followed(scene, f"{MASSES}=0.1:10:2log")
     pure = [branch for branch in branches.branches if "frequencies" not in branch.words]
     families = [branch.states[0].averaged.modes[branch.states[0].row].family for branch in pure]
     expected = ["antiphase, slow", "in phase, slow", "antiphase, fast", "in phase, fast"]
@@ -262,12 +293,12 @@ def test_four_configurations_of_double_pendula() -> None:
     assert [float(branch.values[-1]) for branch in pure[::2]] == [10.0, 10.0]
     for branch, place in zip(pure[1::2], (0, 1), strict=True):
         end = critical(branch, "dies out")
-        assert growth(scene, strength, 0.97 * end, place) > 0 > growth(scene, strength, 1.03 * end, place)
+        assert growth(scene, STRENGTH, 0.97 * end, place) > 0 > growth(scene, STRENGTH, 1.03 * end, place)
 
 
 def growth(scene: Scene, strength: float, mass: float, place: int) -> float:
     """Of the slow (0) or fast (1) swing of both pendula in phase, both links of each fed within small angles (1/s)."""
-    linear = matrices(vary(scene, {"pendulum[0].links[*].mass": mass}).undriven)
+    linear = matrices(vary(scene, {MASSES: mass}).undriven)
     turns = np.array([[1.0, 0.0], [-1.0, 1.0]])
     fed = np.zeros((5, 5))
     fed[1:, 1:] = strength * np.kron(np.eye(2), turns.T @ turns)
@@ -279,7 +310,7 @@ def growth(scene: Scene, strength: float, mass: float, place: int) -> float:
     return float(turning[np.argsort(turning.imag)][place].real)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_what_leaves_another_branch_begins_there() -> None:
     """Fast antiphase of the clocks sheds, where it stops lasting, a swing that shares its energy with in phase."""
     branches = followed(modal.load("clocks-double"), "support.mass=7:10:2")
@@ -298,8 +329,15 @@ def test_what_leaves_another_branch_begins_there() -> None:
 # ------------------------------------------------------------------------------------------- in print and drawn
 
 
+@lru_cache
 def example() -> Branches:
-    return followed(clocks(50.0, 15.0, 1.01), "support.mass=20:500:2log")
+    """What is found from both ends of the range, without periodic orbits beside it."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(continuation, "MOST_SEARCHES", 0)
+        (variation,) = parse_variations(["support.mass=20:500:2log"])
+        branches = follow_branches(clocks(50.0, 15.0, 1.01), variation)
+    branches.__dict__["located"] = (None,) * len(branches.changes)
+    return branches
 
 
 @pytest.mark.slow

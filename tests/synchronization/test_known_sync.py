@@ -60,7 +60,7 @@ def test_in_phase_both_stop_on_beams_lighter_than_derived() -> None:
 # ---------------------------------------------------------------------------------------------------- metronomes
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("damping", usually([0.4], [0.0, 0.4]))
 def test_antiphase_of_metronomes_loses_its_stability_where_derived(damping: float) -> None:
     base = pantaleone.Base(0.005, damping=damping)
@@ -78,7 +78,7 @@ def test_metronomes_take_the_phase_that_their_stability_says() -> None:
 # ------------------------------------------------------------------------------------------ two double pendula
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_all_four_configurations_attract_on_a_beam_of_six_kilograms() -> None:
     scene = koluda.varied(6.0, 0.5)
     assert koluda.averages(scene) == ("stable",) * 4
@@ -86,7 +86,7 @@ def test_all_four_configurations_attract_on_a_beam_of_six_kilograms() -> None:
         assert koluda.attracts(scene, start, 200.0) == "stays"
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_on_the_shipped_beam_fast_antiphase_shares_its_energy_for_ever() -> None:
     """Nine tenths of it stay, so that only the share at first tells; the averaged equations say so too."""
     scene = load("clocks-double")
@@ -98,7 +98,7 @@ def test_on_the_shipped_beam_fast_antiphase_shares_its_energy_for_ever() -> None
     assert ended[[2, 3]].sum() > 0.999
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_on_heavy_and_light_beams_one_configuration_gives_way() -> None:
     assert koluda.attracts(koluda.varied(2.0, 0.5), 1, 250.0) == "to 4"
     assert koluda.averages(koluda.varied(2.0, 0.5))[1] == "none"

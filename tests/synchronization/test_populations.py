@@ -9,6 +9,7 @@ from io import StringIO
 import numpy as np
 import pytest
 import swings
+from amounts import usually
 from structured_scenes import STRUCTURED
 from structures import Oracle
 
@@ -68,7 +69,7 @@ def orbit_at(diagram: PopulationDiagram, motion: str, sector: str) -> tuple[floa
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", swings.TOLD)
+@pytest.mark.parametrize("kind", usually(["swings"], list(swings.TOLD)))
 def test_thresholds_are_those_of_other_equations(kind: str) -> None:
     populations = diagram(kind)
     for (motion, sector), told in swings.TOLD[kind].items():
@@ -108,7 +109,6 @@ def test_a_population_breaks_up_where_half_of_its_energy_is_drained() -> None:
 
 @pytest.mark.slow
 def test_beyond_resonance_the_determinant_breaks_a_population_up() -> None:
-    """There the swings follow their spring, not their weight, and the motion emerges from rest a second time."""
     (_, motion) = symmetric_motions(swings.two_swings(0.5, count=2))
     assert motion.orbit is not None
     assert motion.averaged is not None
@@ -116,6 +116,11 @@ def test_beyond_resonance_the_determinant_breaks_a_population_up() -> None:
     assert np.linalg.det(motion.averaged.blocks[2]) < 0
     first, second = motion.orbit.multipliers[2].real
     assert first > 1 > second > 0
+
+
+@pytest.mark.thorough
+def test_antiphase_emerges_from_rest_a_second_time_beyond_resonance() -> None:
+    """There the swings follow their spring, not their weight."""
     populations = swings.diagram("swings", (0.22, 0.3, 0.5))
     (_, antiphase) = populations.branches
     (_, dies), (emerges, end) = populations.windows(antiphase)
@@ -305,7 +310,7 @@ def test_the_diagram_tells_intervals_thresholds_and_reasons() -> None:
 
 @pytest.mark.slow
 def test_the_figure_has_the_thresholds() -> None:
-    populations = diagram("carts")
+    populations = diagram("swings")
     figure = populations_figure(populations)
     marks = [x for axis in figure.axes for line in axis.lines if line.get_marker() in "os" for x in line.get_xdata()]
     assert sorted(marks) == pytest.approx([threshold.value for threshold in populations.thresholds])

@@ -51,9 +51,11 @@ start = {{ angles_deg = [4.0] }}
 """
 
 
-def clocks(*angles: float, drive: Any = VAN_DER_POL, mass: float = 50.0, damping: float = 1.0) -> Scene:
+def clocks(
+    *angles: float, drive: Any = VAN_DER_POL, mass: float = 50.0, damping: float = 1.0, joint: float = 0.01
+) -> Scene:
     """Equal bobs of 1 kg and 1 m on a cart."""
-    link = {"kind": "bob", "mass": 1.0, "length": 1.0, "damping": 0.01, "drive": drive}
+    link = {"kind": "bob", "mass": 1.0, "length": 1.0, "damping": joint, "drive": drive}
     return scene_from(
         {
             "gravity": 9.81,
@@ -61,6 +63,10 @@ def clocks(*angles: float, drive: Any = VAN_DER_POL, mass: float = 50.0, damping
             "pendulum": [{"links": [link], "start": {"angles_deg": [angle]}} for angle in angles],
         }
     )
+
+
+WIDE = floquet.metronomes(14.0)
+GROWTH = 0.056325  # 1/s, of their antiphase, by the multipliers of `floquet.near`
 
 
 @cache
@@ -135,23 +141,23 @@ def test_the_records_hold_the_same_numbers() -> None:
 @pytest.mark.slow
 def test_a_start_that_only_symmetry_keeps_is_judged_by_one_beside() -> None:
     """Metronomes in exact antiphase, that neighbours leave, go where real ones would: in phase."""
-    scene = floquet.metronomes(11.0).scene
-    study = study_synchronization(scene, start=state_at_rest(scene, (21.0, -21.0)), tolerance=1e-7)
+    scene = WIDE.scene
+    study = study_synchronization(scene, start=state_at_rest(scene, (26.0, -26.0)), tolerance=1e-7)
     assert study.theory
     assert study.survival
     said = study.theory.prediction
     assert said.unstable
     assert (said.unstable.row, said.row, study.survival.survivor) == (1, 2, 3)
     assert study.agrees is True
-    assert 0 < abs(study.trajectory.motion.links[0] - np.radians([21.0, -21.0])).max() < np.radians(3.0)
+    assert 0 < abs(study.trajectory.motion.links[0] - np.radians([26.0, -26.0])).max() < np.radians(4.0)
     text, told, number = sync_text(study, words=True), sync_record(study)["prediction"], table_numbers(scene)
     assert f"mode {number[1]} survives (antiphase), but that motion is unstable" in " ".join(text.split())
     assert "from a start nearby" in text
     assert (told["unstable"]["mode"], told["survivor"]) == (number[1], number[2])
-    assert told["unstable"]["growth_rate_per_s"] == pytest.approx(0.0232, abs=1e-3)
+    assert told["unstable"]["growth_rate_per_s"] == pytest.approx(GROWTH, abs=1e-3)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_clocks_on_a_heavy_beam_stay_in_phase_by_symmetry_alone() -> None:
     scene = vary(load("huygens"), {"support.mass": 40.0})
     said = predict(scene, state_at_rest(scene, (7.0, 7.0)))
@@ -161,21 +167,14 @@ def test_clocks_on_a_heavy_beam_stay_in_phase_by_symmetry_alone() -> None:
 
 
 @pytest.mark.slow
-def test_a_start_that_leaves_by_itself_is_its_own_judge() -> None:
-    scene = floquet.metronomes(11.0).scene
-    said = predict(scene, start := state_at_rest(scene, (21.0, -20.9)))
-    assert said.unstable is None
-    assert said.row == 2
-    np.testing.assert_array_equal(said.start.links, start.links)
-
-
-@pytest.mark.slow
 def test_a_run_that_ends_before_the_predicted_time_proves_nothing() -> None:
-    """Metronomes nearly in antiphase, which they leave later."""
-    scene = floquet.metronomes(11.0).scene
-    study = study_synchronization(scene, 2.0, start=state_at_rest(scene, (21.0, -19.0)), tolerance=1e-7)
+    """Metronomes nearly in antiphase, which they leave later, by themselves."""
+    start = state_at_rest(WIDE.scene, (26.0, -24.0))
+    study = study_synchronization(WIDE.scene, 2.0, start=start, tolerance=1e-7)
     assert study.theory
     assert study.survival
+    assert study.theory.prediction.unstable is None
+    np.testing.assert_array_equal(study.theory.prediction.start.links, start.links)
     assert (study.theory.prediction.row, study.survival.survivor) == (2, 2)
     assert study.agrees is None
     text = " ".join(sync_text(study, words=True).split())
@@ -188,9 +187,7 @@ def test_of_many_steady_motions_all_that_last_have_a_line() -> None:
     theory = pair().theory
     assert theory
     unstable = next(
-        equilibrium
-        for equilibrium in relative_equilibria(average(floquet.metronomes(11.0).scene))
-        if not equilibrium.is_stable
+        equilibrium for equilibrium in relative_equilibria(average(WIDE.scene)) if not equilibrium.is_stable
     )
     few, many = ((unstable,) * count + theory.configurations for count in (5, 40))
     for configurations, shown in ((few, 7), (many, 10)):
@@ -217,7 +214,7 @@ def test_what_does_not_excite_itself_has_no_prediction() -> None:
 @pytest.mark.slow
 def test_a_swing_that_dies_out_is_said_to() -> None:
     weak = {"kind": "van-der-pol", "strength": 0.002, "angle_deg": 5.0}
-    study = study_synchronization(clocks(10.0, 4.0, drive=weak), 100.0)
+    study = study_synchronization(clocks(10.0, 4.0, drive=weak, joint=0.1), 20.0)
     assert study.theory
     assert study.theory.prediction.motion.dies
     assert study.agrees is None
@@ -232,7 +229,7 @@ def test_a_start_at_rest_has_no_prediction() -> None:
 
 @pytest.mark.slow
 def test_the_energy_balance_of_escapements_closes() -> None:
-    study = study_synchronization(clocks(10.0, -8.0, drive=ESCAPEMENT), 10.0, tolerance=1e-12)
+    study = of_run(pair(), clocks(10.0, -8.0, drive=ESCAPEMENT), 10.0, tolerance=1e-12)
     kicks = study.trajectory.kicks
     assert len(kicks.time) > 15
     assert study.trajectory.energy_drift() < 1e-9
@@ -242,7 +239,7 @@ def test_the_energy_balance_of_escapements_closes() -> None:
 @pytest.mark.slow
 def test_hundreds_of_driven_pendula() -> None:
     rng = np.random.default_rng(3)
-    study = study_synchronization(clocks(*rng.uniform(-15.0, 15.0, 500).tolist(), mass=5e4), 4.0)
+    study = study_synchronization(clocks(*rng.uniform(-15.0, 15.0, 401).tolist(), mass=5e4), 1.0)
     assert study.theory is None
     assert "400 links" in study.silent
     assert study.phases.order[-1, 0] < 1.0
@@ -297,12 +294,12 @@ def written(folder: Path, drive: str = '{ kind = "van-der-pol", strength = 0.05,
 @pytest.mark.slow
 def test_the_command_draws_and_films(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     picture, film = tmp_path / "sync.png", tmp_path / "sync.gif"
-    code = main(["sync", written(tmp_path), "--duration", "3", "-o", str(picture), "--film", str(film)])
+    code = main(["sync", written(tmp_path), "--duration", "1", "-o", str(picture), "--film", str(film)])
     assert code == 0
     assert "wins, by the prediction" in capsys.readouterr().out
     with Image.open(picture) as image, Image.open(film) as moving:
         assert np.asarray(image.convert("L")).std() > 5
-        assert getattr(moving, "n_frames", 1) > 50
+        assert getattr(moving, "n_frames", 1) > 15
 
 
 def test_the_command_writes_json(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -341,9 +338,11 @@ def test_still_pendula_and_short_runs_claim_no_frequency() -> None:
     assert "too short to tell whether they lock" in sync_text(study_synchronization(clocks(10.0, 4.0), 0.1), words=True)
 
 
-def of_run(study: SynchronizationStudy, scene: Scene) -> SynchronizationStudy:
+def of_run(
+    study: SynchronizationStudy, scene: Scene, seconds: float = 20.0, tolerance: float | None = None
+) -> SynchronizationStudy:
     """The same without a prediction, and of another scene's run."""
-    run = simulate(scene, 20.0)
+    run = simulate(scene, seconds, tolerance=tolerance)
     return replace(study, scene=scene, theory=None, trajectory=run, phases=phases_of(run))
 
 
@@ -354,7 +353,7 @@ def test_what_dampers_took_is_said_only_of_dampers() -> None:
     links = [pendulum.links[0] for pendulum in scene.pendulum]
     driven = links[0].model_copy(update={"drive": clocks(1.0).pendulum[0].links[0].drive})
     mixed = (scene.pendulum[0].model_copy(update={"links": (driven,)}), scene.pendulum[1])
-    study = study_synchronization(scene.model_copy(update={"pendulum": mixed}), 20.0)
+    study = of_run(pair(), scene.model_copy(update={"pendulum": mixed}))
     rest = float(study.trajectory.motion.work[-1] - study.trajectory.kicks.energy.sum())
     assert f"van der Pol drives and dampers together did {rest:.6g} J" in sync_text(study, words=True)
     assert "dampers took" not in sync_text(study, words=True)
