@@ -40,7 +40,7 @@ def fresh(rng: np.random.Generator) -> Scene:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(usually(2, 100)))
+@pytest.mark.parametrize("seed", usually([1], range(100)))
 def test_fresh_members_are_pieces_of_the_maximal_form(seed: int) -> None:
     rng = np.random.default_rng(seed)
     scene = fresh(rng)

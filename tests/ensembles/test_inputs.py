@@ -107,11 +107,11 @@ def test_members_differ_in_the_numbers_of_a_feature(name: str, path: str, values
 def test_members_are_those_of_the_maximal_form() -> None:
     """Which has positions and pivot forces for unknowns, and nothing of the text of the equations."""
     for name in ("sine", "smooth"):
-        masses = [0.4, 1.3]
-        runs = ensemble(SCENES[name], 1.2, vary={"pendulum[0].links[1].mass": masses}, engine="numpy", **OPTIONS)
+        masses = usually([0.4], [0.4, 1.3])
+        runs = ensemble(SCENES[name], 0.7, vary={"pendulum[0].links[1].mass": masses}, engine="numpy", **OPTIONS)
         for k, mass in enumerate(masses):
             scene = vary(SCENES[name], {"pendulum[0].links[1].mass": mass})
-            run = simulate(scene, 1.2, output=7, form="maximal", tolerance=1e-10)
+            run = simulate(scene, 0.7, output=7, form="maximal", tolerance=1e-10)
             np.testing.assert_allclose(runs.column("links_rad")[k], run.motion.links, atol=3e-7)
 
 
@@ -175,18 +175,18 @@ def alike(name: str, engine: str, within: float, measures: tuple[str, ...] = MEA
 COMPILED = ["sine", "record", "random", "ratio", "drag", "sine and drag", "smooth and drag", *HOISTS]
 
 
-@pytest.mark.parametrize("name", COMPILED)
+@pytest.mark.parametrize("name", usually(["record", "smooth and drag"], COMPILED))
 def test_the_loop_that_numba_compiles_takes_the_steps_of_lanes(name: str) -> None:
     with interpreted():
         alike(name, "numba", 1e-9, seconds=1.3)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", usually(["smooth and drag"], COMPILED))
+@pytest.mark.thorough
+@pytest.mark.parametrize("name", COMPILED)
 def test_compiled_members_are_those_of_lanes(name: str) -> None:
-    """Tangent equations, a kernel of their own, in all of them or in `test_measures`."""
     pytest.importorskip("numba")
-    alike(name, "numba", 1e-9, usually(tuple(measure for measure in MEASURED if measure != "lyapunov"), MEASURED))
+    alike(name, "numba", 1e-9)
 
 
 @pytest.mark.slow

@@ -76,7 +76,7 @@ def test_near_one_to_three_shifts_and_the_angle_of_1_percent(
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("ratio", "angle"), usually([(3.005, 23), (3.069, 68)], [(3.005, 23), (3.0125, 34), (3.036, 52), (3.069, 68)])
+    ("ratio", "angle"), usually([(3.069, 68)], [(3.005, 23), (3.0125, 34), (3.036, 52), (3.069, 68)])
 )
 def test_mode_1_turns_in_frequency_just_above_one_to_three(ratio: float, angle: float) -> None:
     branch = nonlinear_mode(with_ratio(ratio), 1, radians(72), longest=0.25)
@@ -96,7 +96,7 @@ def test_mode_1_does_not_turn_below_one_to_three(ratio: float) -> None:
 
 
 BACKBONES = [("chain-2", number, 60.0 / number) for number in (1, 2)]
-BACKBONES += [("paper-cart-2", number, 60.0 if number < 4 else 25.0) for number in (2, 3, 4, 5)]
+BACKBONES += [("paper-cart-2", number, 60.0 if number < 4 else 25.0) for number in usually((3,), (2, 3, 4, 5))]
 
 
 @pytest.mark.slow

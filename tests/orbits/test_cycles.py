@@ -9,13 +9,14 @@ from math import exp, pi, sqrt
 import floquet
 import numpy as np
 import pytest
+from amounts import usually
 
 from modal import Bob, Cart, Pendulum, Scene, load
 from modal.errors import ComputationError, SceneError
 from modal.scene import scene_from
 from modal.scene.parameters import Variation, parse_variations, vary
 from nonlinear.averaging import average, relative_equilibria
-from nonlinear.orbits import Branch, Orbit, cycle_of, entered, follow_cycles, limit_cycles, periodic_orbit
+from nonlinear.orbits import Branch, Orbit, Special, cycle_of, entered, follow_cycles, limit_cycles, periodic_orbit
 from nonlinear.simulation import simulate
 from nonlinear.synchronization import agreement
 from nonlinear.system import AppliedForces, State
@@ -31,7 +32,10 @@ def cycle(pair: floquet.Pair, words: str) -> tuple[Orbit, floquet.Orbit]:
     return cycle_of(pair.scene, state), floquet.near(pair, state)
 
 
-@pytest.mark.parametrize(("angle", "told"), [(6.0, -0.01932), (8.0, -0.00461), (9.0, 0.00396), (11.0, 0.02321)])
+RATES = [(6.0, -0.01932), (8.0, -0.00461), (9.0, 0.00396), (11.0, 0.02321)]
+
+
+@pytest.mark.parametrize(("angle", "told"), usually(RATES[1:3], RATES))
 def test_antiphase_of_metronomes_grows_at_the_published_rate(angle: float, told: float) -> None:
     orbit, other = cycle(floquet.metronomes(angle), "antiphase")
     rates = np.log(np.abs(orbit.floquet.others)) / orbit.period
@@ -124,6 +128,11 @@ def detuned() -> tuple[floquet.Pair, tuple[Branch, ...]]:
     return pair, follow_cycles(pair.scene, parse_variations([f"{DETUNED}=1e-5:1.01e-5:2"])[0])
 
 
+def detuned_fold() -> tuple[Branch, Special]:
+    branch = detuned()[1][0]
+    return branch, next(special for special in branch.special if special.kind == "fold")
+
+
 def slipped(scene: Scene, start: State, omega: float, duration: float) -> float:
     """The largest change of the phase between two pendula (rad) in a run."""
     run = simulate(scene, duration, start=start, output=int(20 * duration) + 1, tolerance=1e-9)
@@ -133,10 +142,8 @@ def slipped(scene: Scene, start: State, omega: float, duration: float) -> float:
 
 
 @pytest.mark.slow
-def test_the_critical_detuning_is_a_fold_confirmed_from_both_sides_by_simulation() -> None:
-    pair, branches = detuned()
-    branch = branches[0]
-    fold = next(special for special in branch.special if special.kind == "fold")
+def test_the_critical_detuning_is_a_fold() -> None:
+    branch, fold = detuned_fold()
     critical = fold.orbit.value
     assert critical is not None
     assert fold.of == DETUNED
@@ -144,6 +151,14 @@ def test_the_critical_detuning_is_a_fold_confirmed_from_both_sides_by_simulation
     stable, after = branch.is_stable, fold.after
     assert len(set(stable[: after + 1])) == len(set(stable[after + 1 :])) == 1
     assert stable[0] is not stable[-1]
+
+
+@pytest.mark.slow
+@pytest.mark.thorough
+def test_simulation_confirms_the_critical_detuning_from_both_sides() -> None:
+    (pair, _), (_, fold) = detuned(), detuned_fold()
+    critical = fold.orbit.value
+    assert critical is not None
     for beyond, locks in ((-0.05, True), (0.05, False)):
         value = 1e-5 + (critical - 1e-5) * (1 + beyond)
         slip = slipped(vary(pair.scene, {DETUNED: value}), fold.orbit.state, fold.orbit.omega, 1800.0)

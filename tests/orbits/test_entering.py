@@ -20,8 +20,8 @@ def backbone() -> Branch:
 
 
 @cache
-def uneven() -> Branch:
-    return entered(backbone(), backbone().special[0], most=45, step=0.2)
+def uneven(most: int) -> Branch:
+    return entered(backbone(), backbone().special[0], most=most, step=0.2)
 
 
 def returns(orbit: Orbit) -> float:
@@ -38,16 +38,17 @@ def rests(orbit: Orbit) -> float:
 
 @pytest.mark.slow
 def test_on_the_branch_that_leaves_the_links_no_longer_turn_back_together() -> None:
-    orbit, even = uneven().orbits[8], backbone().orbits[-1]
+    orbit, even = uneven(10).orbits[8], backbone().orbits[-1]
     assert returns(orbit) < 1e-7
     assert rests(even) < 1e-6
     assert rests(orbit) > 0.1
 
 
 @pytest.mark.slow
+@pytest.mark.thorough
 def test_at_a_period_doubling_a_branch_of_twice_the_period_leaves() -> None:
-    first = next(special_point for special_point in uneven().special if special_point.kind == "branch point")
-    second = entered(uneven(), first, most=40, step=0.15)
+    first = next(special_point for special_point in uneven(45).special if special_point.kind == "branch point")
+    second = entered(uneven(45), first, most=40, step=0.15)
     doubling = next(special_point for special_point in second.special if special_point.kind == "period doubling")
     assert np.abs(doubling.orbit.floquet.others + 1).min() < 1e-3
     leaving = entered(second, doubling, most=4)

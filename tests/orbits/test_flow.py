@@ -81,14 +81,14 @@ def test_the_flow_is_that_of_scipy_with_derivatives_by_complex_steps(scene: Scen
     system = system_of(scene)
     flow = Flow(system, 1e-12)
     y = flow.equations.begin(random_state(system, 1))
-    flown, size = flow(y, np.eye(len(y)), 0.4), len(y)
+    flown, size = flow(y, np.eye(len(y)), 0.15), len(y)
 
     def rate(_: float, both: Floats) -> Floats:
         z, V = both[:size], both[size:].reshape(size, size)
         f, change = complex_step(system, np.repeat(z[:, None], size, axis=1), V)
         return np.concatenate((f[:, 0], change.ravel()))
 
-    end = solve_ivp(rate, (0, 0.4), np.concatenate((y, np.eye(size).ravel())), "DOP853", rtol=1e-12, atol=1e-12).y[
+    end = solve_ivp(rate, (0, 0.15), np.concatenate((y, np.eye(size).ravel())), "DOP853", rtol=1e-12, atol=1e-12).y[
         :, -1
     ]
     assert flown.y == pytest.approx(end[:size], rel=1e-9, abs=1e-9)

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from amounts import usually
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
@@ -80,7 +81,7 @@ def along_the_rail(t: float, y: Any, hertz: float) -> Any:
 
 @cache
 def resonance() -> Branch:
-    (branch,) = followed(shaken([BOB | {"damping": 0.05}]), f"{HERTZ}=0.40:0.55:2")
+    (branch,) = followed(shaken([BOB | {"damping": 0.05}]), f"{HERTZ}=0.45:0.50:2")
     return branch
 
 
@@ -117,7 +118,7 @@ def test_folds_of_a_shaken_pendulum() -> None:
 def test_a_drawn_branch_is_smooth_and_goes_through_the_range() -> None:
     branch = resonance()
     assert branch.complete
-    assert branch.value[[0, -1]] == pytest.approx([0.40, 0.55])
+    assert branch.value[[0, -1]] == pytest.approx([0.45, 0.50])
     for before, after in pairwise(branch.orbits):
         assert abs(after.amplitude / before.amplitude - 1) <= 0.02
         assert abs(np.angle(np.exp(1j * (after.phase - before.phase)))) <= 0.1
@@ -167,7 +168,7 @@ def driven() -> list[Branch]:
     scene = scene_of([link], force=[torque | {"frequency_hz": 1.0, "phase_deg": 90.0}])
     (branch,) = followed(scene, f"force[0].amplitude={0.98 * UNIT!r}:{1.09 * UNIT!r}:2")
     branches = [branch]
-    for kind in ("branch point", "period doubling", "period doubling"):
+    for kind in ("branch point", "period doubling", *usually((), ("period doubling",))):
         branches.append(
             entered(
                 branches[-1],
@@ -181,7 +182,7 @@ def driven() -> list[Branch]:
 @pytest.mark.slow
 def test_a_driven_pendulum_loses_its_symmetry_and_doubles_its_period() -> None:
     told = (("branch point", 1.00431948), ("period doubling", 1.0663728625))
-    told += (("period doubling", 1.0793139059), ("period doubling", 1.0820843843))
+    told += (("period doubling", 1.0793139059), *usually((), (("period doubling", 1.0820843843),)))
     for k, ((kind, gamma), branch) in enumerate(zip(told, driven(), strict=True)):
         special = next(special_point for special_point in branch.special if special_point.kind == kind)
         cycles, sign = max(1, 2 ** (k - 1)), 1.0 if k == 0 else -1.0
@@ -207,6 +208,7 @@ def double(t: float, y: Any, hertz: float) -> Any:
 
 
 @pytest.mark.slow
+@pytest.mark.thorough
 def test_folds_of_a_shaken_double_pendulum() -> None:
     (branch,) = followed(shaken([BOB | {"damping": 0.03}] * 2), f"{HERTZ}=0.34:0.385:2")
     assert [special_point.kind for special_point in branch.special] == ["fold", "fold"]

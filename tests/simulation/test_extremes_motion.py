@@ -11,6 +11,7 @@ import pytest
 import rival
 import simulation as extremes
 import units
+from amounts import usually
 from families import at_rest, bob, hung
 
 from modal import Cart
@@ -49,7 +50,7 @@ def test_the_default_holds_to_the_ends(family):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("ratio", [1e-16, 1e-8, 1.0, 1e4])
+@pytest.mark.parametrize("ratio", usually([1e-16], [1e-16, 1e-8, 1.0, 1e4]))
 def test_light_links_below_heavy_ones(ratio):
     example = next(each for each in families.masses(quick=False) if each.parameter == pytest.approx(ratio))
     run, _, _ = extremes.ours(example)
@@ -89,7 +90,7 @@ def test_a_massless_cart_of_a_bob_says_where_it_stops():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("form", ["minimal", "hamiltonian", "maximal"])
+@pytest.mark.parametrize("form", ["minimal", "hamiltonian", *usually([], ["maximal"])])
 @pytest.mark.parametrize("factors", ["masses by 2^40", "the same second"])
 def test_powers_of_two_change_no_step_and_no_bit(factors, form):
     comparison = units.compared(factors, form, "DOP853")
@@ -99,7 +100,7 @@ def test_powers_of_two_change_no_step_and_no_bit(factors, form):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("form", ["minimal", "hamiltonian"])
+@pytest.mark.parametrize("form", usually(["minimal"], ["minimal", "hamiltonian"]))
 def test_other_units_stay_within_the_tolerance(form):
     comparison = units.compared("g, mm, ms", form, "DOP853")
     assert 0 < comparison.apart < 2e-8

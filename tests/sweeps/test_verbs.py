@@ -17,7 +17,7 @@ from nonlinear.ensembles.measures import COLUMNS
 from nonlinear.measures import MEASURES, VERBS, columns_of, measure_for, requested, taken_by
 from nonlinear.sweeps import COMPUTATIONS, find_spread, parse_measures
 
-SECONDS = 8.0
+SECONDS = 6.5
 WIDE = InitialCondition(angles_deg=(100.0, -60.0))
 HUYGENS = load("huygens")
 
@@ -97,7 +97,7 @@ def test_all_verbs_have_the_same_numbers(name: str) -> None:
 
 @pytest.mark.slow
 def test_a_motion_ends_in_the_same_configuration_whoever_asks() -> None:
-    numbers = [route(HUYGENS, "configuration:20") for route in (swept, mapped, member)]
+    numbers = [route(HUYGENS, "configuration:10") for route in (swept, mapped, member)]
     assert numbers == [numbers[0]] * 3
 
 
