@@ -618,7 +618,9 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--against", type=Path, help="the folder of a former run")
     options = parser.parse_args(argv)
-    signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell ignores it for what goes on behind; tests send it
+    signal.signal(
+        signal.SIGINT, signal.default_int_handler
+    )  # a shell ignores it for what goes on behind; tests send it
     if options.against:
         print(compare(options.folder, options.against))
     else:
