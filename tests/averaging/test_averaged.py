@@ -244,7 +244,7 @@ def test_the_last_passage_counts() -> None:
     assert below_for_good(np.arange(5.0), values, 2.0) == 0.0
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_steps_are_short_enough() -> None:
     """Eight times as many steps change nothing that is asked."""
     import nonlinear.averaging.slow_flow as slow

@@ -107,7 +107,10 @@ def off(mode: Mode, scene: Scene) -> float:
     return abs(mode.linear_to_1_percent_deg / true_angle(scene, mode.number - 1) - 1)
 
 
-@pytest.mark.parametrize(("lower", "truth"), list(zip(RESONANT, (31.07, 28.76, 26.40, 26.79), strict=True)))
+NEAR = list(zip(RESONANT, (31.07, 28.76, 26.40, 26.79), strict=True))
+
+
+@pytest.mark.parametrize(("lower", "truth"), usually(NEAR[1::2], NEAR))
 def test_near_one_to_three_every_angle_has_a_star_or_is_right(lower: float, truth: float) -> None:
     slow, fast = natural_modes(rods(lower))
     assert true_angle(rods(lower), 0) == pytest.approx(truth, abs=0.01)
@@ -117,7 +120,7 @@ def test_near_one_to_three_every_angle_has_a_star_or_is_right(lower: float, trut
     assert slow.linear_to_1_percent_deg == pytest.approx(28.78, abs=0.15)
 
 
-@pytest.mark.parametrize("lower", usually([0.2, 0.4, 0.9, 1.2], [0.2, 0.3, 0.4, 0.5, 0.9, 1.0, 1.2]))
+@pytest.mark.parametrize("lower", usually([0.4, 0.9], [0.2, 0.3, 0.4, 0.5, 0.9, 1.0, 1.2]))
 def test_the_star_ends_where_the_angle_is_right_again(lower: float) -> None:
     """Both ways: no angle without a star is wrong, and none that is right to half of it carries one."""
     slow = natural_modes(rods(lower))[0]
@@ -148,7 +151,7 @@ def ordinary() -> list[tuple[Scene, int]]:
     return [(scene, mode.number - 1) for scene in scenes for mode in natural_modes(scene) if mode.omega > 0]
 
 
-@pytest.mark.parametrize(("scene", "number"), usually(ordinary()[::2], ordinary()))
+@pytest.mark.parametrize(("scene", "number"), usually(ordinary()[::4], ordinary()))
 def test_ordinary_angles_are_right(scene: Scene, number: int) -> None:
     mode = natural_modes(scene)[number]
     assert mode.resonances or off(mode, scene) < KEPT

@@ -87,7 +87,7 @@ def test_all_exponents_add_up_to_the_loss_of_area_in_chaos_too() -> None:
         assert np.trace(J) == pytest.approx(-2 * BETA, rel=1e-13)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_the_driven_pendulum_of_the_textbook_is_chaotic_at_1105_and_not_at_106() -> None:
     chaotic, regular = (lyapunov_exponent(textbook(gamma), 40.0, ensemble=3) for gamma in (1.105, 1.06))
     assert chaotic.is_positive

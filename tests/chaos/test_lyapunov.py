@@ -139,7 +139,7 @@ def test_dampers_make_it_the_slowest_decay() -> None:
     assert np.isnan(exponent.energy_drift)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_gravity_only_sets_the_clock() -> None:
     """g → 4 g from the same angles doubles every λ: the same growth in half the time."""
     slow, fast = (

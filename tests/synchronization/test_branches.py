@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+from dataclasses import replace
 from functools import lru_cache
 from io import BytesIO, StringIO
 from math import sqrt
@@ -29,7 +30,6 @@ from nonlinear.synchronization import (
     agreement,
     branches_csv,
     branches_text,
-    continuation,
     find_survival,
     follow_branches,
     phases_of,
@@ -126,7 +126,7 @@ def length_of(change: float) -> float:
     return GRAVITY / (sqrt(GRAVITY) - change) ** 2 - 1
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_critical_detuning_of_weak_coupling_is_adlers() -> None:
     """Phases by themselves: Δω = 2 |Re κ + (n/q) Im κ|; n/q as larger swings are slower."""
     mass, damping = 20_000.0, 2000.0
@@ -174,7 +174,11 @@ FATES = [("antiphase", "loses stability"), ("in phase", "becomes stable")]
 def test_critical_coupling_is_that_of_the_simulator(words: str, kind: str) -> None:
     """By the cart's mass: beyond it phases swing or another configuration is gone to."""
     scene = clocks(50.0, 15.0, 1.01)
-    branch = named(followed(scene, "support.mass=20:500:2log"), words)
+    branches = followed(scene, "support.mass=20:500:2log")
+    apart = np.degrees(np.angle(ratio(named(branches, "in phase").states[-1])))
+    ends = {agreement(branch.states[-1]) for branch in branches.branches}
+    assert ends == {"pendulum 2 alone", f"{abs(apart):.0f}° apart"}
+    branch = named(branches, words)
     value = critical(branch, kind)
     inside, outside = (0.9, 1.1) if kind == "loses stability" else (1.1, 0.9)
     steady, left = (
@@ -201,6 +205,10 @@ def metronomes(drive: VanDerPol) -> Scene:
     return Scene(gravity=GRAVITY, support=Cart(mass=0.1, damping=0.01), pendulum=(Pendulum(links=(link,), count=2),))
 
 
+def fed() -> Branches:
+    return followed(metronomes(VanDerPol(strength=4e-6, angle_deg=10.0)), "support.damping=0.01:0.2:2log")
+
+
 def growth_in_phase(damping: float, scene: Scene, strength: float) -> float:
     """Re λ (1/s) of the small swing of two equal pendula with the cart, by the state matrix."""
     written = matrices(scene.undriven)
@@ -219,8 +227,7 @@ def test_metronomes_keep_in_phase_up_to_a_critical_damping() -> None:
     mean of both phases, p − 2q|A|² = 2σ − p, as the base splits frequencies too far for it to be pulled along.  So
     antiphase grows from σ = p/2 on, half the damping at which in phase dies out, which the linear scene knows exactly.
     """
-    scene = metronomes(VanDerPol(strength=4e-6, angle_deg=10.0))
-    branch = named(followed(scene, "support.damping=0.01:0.2:2log"), "in phase")
+    scene, branch = fed().scene, named(fed(), "in phase")
     value = critical(branch, "loses stability")
     assert critical(branch, "dies out") == pytest.approx(
         brentq(growth_in_phase, 0.1, 0.2, args=(scene, 4e-6)), rel=1e-3
@@ -230,8 +237,7 @@ def test_metronomes_keep_in_phase_up_to_a_critical_damping() -> None:
 
 @pytest.mark.thorough
 def test_metronomes_leave_in_phase_beyond_the_critical_damping_in_the_simulator_too() -> None:
-    scene = metronomes(VanDerPol(strength=4e-6, angle_deg=10.0))
-    branch = named(followed(scene, "support.damping=0.01:0.2:2log"), "in phase")
+    scene, branch = fed().scene, named(fed(), "in phase")
     value = critical(branch, "loses stability")
     for part, survivor in ((0.85, 3), (1.15, 2)):
         phases = run_from(scene, "support.damping", part * value, near(branch, scene, part * value), 600.0, 0.9)
@@ -331,11 +337,8 @@ def test_what_leaves_another_branch_begins_there() -> None:
 
 @lru_cache
 def example() -> Branches:
-    """What is found from both ends of the range, without periodic orbits beside it."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(continuation, "MOST_SEARCHES", 0)
-        (variation,) = parse_variations(["support.mass=20:500:2log"])
-        branches = follow_branches(clocks(50.0, 15.0, 1.01), variation)
+    """Those of the metronomes, without periodic orbits beside them."""
+    branches = replace(fed())
     branches.__dict__["located"] = (None,) * len(branches.changes)
     return branches
 
@@ -351,11 +354,19 @@ def test_what_is_printed_is_what_was_found() -> None:
         assert f"{change.value:.7g}" in text
     rows = list(csv.DictReader(StringIO(branches_csv(branches))))
     assert len(rows) == sum(len(branch.values) for branch in branches.branches)
-    head = ["support.mass_kg", "omega_rad_per_s", "stable", "largest_angle_deg", "growth_per_s", "branch", "pendula"]
+    head = [
+        "support.damping_N_s_per_m",
+        "omega_rad_per_s",
+        "stable",
+        "largest_angle_deg",
+        "growth_per_s",
+        "branch",
+        "pendula",
+    ]
     assert list(rows[0]) == head
     for number, branch in enumerate(branches.branches, start=1):
         of_branch = [row for row in rows if row["branch"] == str(number)]
-        assert [float(row["support.mass_kg"]) for row in of_branch] == branch.values.tolist()
+        assert [float(row["support.damping_N_s_per_m"]) for row in of_branch] == branch.values.tolist()
         assert [row["stable"] == "1" for row in of_branch] == list(branch.is_stable)
         assert all(float(row["growth_per_s"]) < 0 for row in of_branch if row["stable"] == "1")
         assert all(float(row["growth_per_s"]) > -1e-4 for row in of_branch if row["stable"] == "0")
@@ -369,7 +380,7 @@ def test_what_is_drawn_is_what_was_found() -> None:
     upper, lower = figure.axes
     assert (upper.get_ylabel(), lower.get_xlabel(), lower.get_xscale()) == (
         "largest angle (°)",
-        "mass of the cart (kg)",
+        "damping of the cart (N s/m)",
         "log",
     )
     for branch in branches.branches:
@@ -387,17 +398,10 @@ def test_what_is_drawn_is_what_was_found() -> None:
 
 def test_words_and_refusals() -> None:
     branches = example()
-    assert {agreement(branch.states[-1]) for branch in branches.branches} == {
-        "pendulum 2 alone",
-        f"{apart(branches):.0f}° apart",
-    }
+    assert [branch.words for branch in branches.branches] == ["antiphase", "in phase"]
     with pytest.raises(SceneError, match="nothing excites"):
         follow_branches(modal.load("paper-cart-2"), parse_variations(["support.mass=1:2:3"])[0])
     with pytest.raises(SceneError, match="two or more values"):
         follow_branches(branches.scene, parse_variations(["support.mass=1"])[0])
     with pytest.raises(SceneError, match="two or more values"):
         follow_branches(branches.scene, parse_variations(["pendulum[0].count=1,2"])[0])
-
-
-def apart(branches: Branches) -> float:
-    return float(abs(np.degrees(np.angle(ratio(named(branches, "in phase").states[-1])))))

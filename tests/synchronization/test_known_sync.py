@@ -17,7 +17,7 @@ from nonlinear.simulation import simulate
 from nonlinear.system import state_at_rest
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_the_shipped_clocks_end_as_their_titles_say() -> None:
     for name, seconds, sign in (("huygens", 120.0, -1), ("metronomes", 60.0, 1)):
         run = simulate(load(name), seconds, tolerance=1e-7, output=np.linspace(seconds - 10, seconds, 2001))
@@ -49,7 +49,7 @@ def test_antiphase_survives_on_any_beam(mass: float) -> None:
     assert huygens.outcome(huygens.on(mass), (7.0, -4.0), 200.0) == "antiphase"
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_in_phase_both_stop_on_beams_lighter_than_derived() -> None:
     bound = huygens.lightest(load("huygens"))
     assert bound == pytest.approx(4.87, abs=0.01)
