@@ -150,7 +150,7 @@ def test_checks_and_comparisons() -> None:
 
 
 def test_fits(tmp_path: Path) -> None:
-    run, rng = simulate(CART, 1.5, output=61), np.random.default_rng(0)
+    run, rng = simulate(CART, 0.8, output=31), np.random.default_rng(0)
     data = np.column_stack((run.motion.cart, run.motion.links))
     data += 1e-3 * rng.standard_normal(data.shape)
     names = ["x_m", *(f"theta_{p}_{i}_rad" for p in (1, 2) for i in (1, 2))]
@@ -180,7 +180,7 @@ def test_a_mode_beyond_a_spring_whose_ends_meet_ends_there() -> None:
     bob = Pendulum(links=[Bob(mass=1.0, length=1.0)])
     spring = Spring(between=("pendulum[0].links[0]@0.5", "pendulum[1].links[0]@0.5"), stiffness=5.0)
     scene = Scene(gravity=9.81, pendulum=[bob, bob.replace(position=(0.1, 0.0))], spring=[spring])
-    branch = nonlinear_mode(scene, 2, 0.3, longest=0.2, locate=False)
+    branch = nonlinear_mode(scene, 2, 0.3, longest=0.5, locate=False)
     assert not branch.complete
     assert np.sin(branch.orbits[-1].amplitude) == pytest.approx(0.1, rel=1e-3)
 

@@ -106,7 +106,7 @@ def test_the_bytes_are_those_of_processes(tmp_path: Path, alone: dict[str, bytes
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("engine", ["numpy", "numba"])
+@pytest.mark.parametrize("engine", ["numpy", pytest.param("numba", marks=pytest.mark.thorough)])
 def test_the_bytes_of_members_with_switches_do_not_depend_on_who_computes_them(tmp_path: Path, engine: str) -> None:
     if engine == "numba":
         pytest.importorskip("numba")

@@ -137,18 +137,18 @@ def test_strobes_of_two_links_on_a_cart_are_those_of_the_maximal_form() -> None:
     start = {"angles_deg": [30.0, -20.0]}
     scene = Scene(gravity=9.81, support=Cart(mass=2.0), pendulum=[Pendulum(links=links, start=start)], force=forces)
     strobes = find_strobes(
-        scene, 13.0, orbits=2, spread_deg=0.0, of=["theta_1_2", "theta_1_1"], engine="numpy", workers=1
+        scene, 9.0, orbits=2, spread_deg=0.0, of=["theta_1_2", "theta_1_1"], engine="numpy", workers=1
     )
     assert strobes.period == 4.0
     assert strobes.shown == (1, 0)
-    run = simulate(scene, 13.0, form="maximal", output=[0.0, 4.0, 8.0, 12.0], tolerance=1e-10)
+    run = simulate(scene, 9.0, form="maximal", output=[0.0, 4.0, 8.0], tolerance=1e-10)
     for member in (0, 1):
         assert strobes.states[0][member] == pytest.approx(run.motion.links, abs=1e-6)
         assert strobes.states[2][member] == pytest.approx(run.motion.cart, abs=1e-6)
     rows = [*csv.reader(StringIO(strobes_table(strobes, "csv")))]
     assert rows[0][:3] == ["motion", "time_s", "theta_1_1_rad"]
     assert rows[0][-2:] == ["x_m", "x_dot_m_per_s"]
-    assert len(rows) == 9
+    assert len(rows) == 7
 
 
 def test_a_weak_drive_ends_in_its_linear_response() -> None:

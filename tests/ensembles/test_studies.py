@@ -106,7 +106,7 @@ def test_the_spread_of_a_simple_pendulum_is_that_of_the_formula() -> None:
     """ω = √(g/l): (σ_ω/ω)² = ¼ ((σ_g/g)² + (σ_l/l)²), and each share in proportion."""
     scene = Scene(gravity=9.81, pendulum=[Pendulum(links=[Bob(mass=1.0, length=2.0)])])
     texts = ["gravity=1%", "pendulum[0].links[0].length=0.04", "pendulum[0].links[0].mass=0.9:1.1"]
-    spread = find_spread(scene, texts, members=20_000)
+    spread = find_spread(scene, texts, members=5_000)
     mass = "pendulum[0].links[0].mass from 0.9 to 1.1 kg"
     assert spread.words == f"gravity = 9.81 ± 0.0981 m/s², pendulum[0].links[0].length = 2 ± 0.04 m, {mass}"
     (record,) = spread.frequencies
@@ -226,6 +226,7 @@ UNSTARTED = METRONOMES.replace(pendulum=tuple(pendulum.replace(start=None) for p
 
 
 @pytest.mark.slow
+@pytest.mark.thorough
 def test_starts_of_a_scene_without_one_run_as_long_as_sync_needs() -> None:
     """Not as long as at rest, where nothing begins."""
     grid = ["pendulum[0].start.angles_deg[0]=5,20", "pendulum[1].start.angles_deg[0]=10,15"]

@@ -20,10 +20,10 @@ TAYLOR = pytest.mark.skipif(find_spec("heyoka") is None, reason="an hour needs t
 
 @pytest.mark.slow
 @pytest.mark.parametrize("count", usually([1], [1, 2, 3]))
-def test_ten_seconds_by_two_forms_of_the_equations(count: int) -> None:
-    scene = modal.load(f"paper-cart-{count}")
-    run = simulate(scene, 10, tolerance=1e-13, method="DOP853", output=101)
-    other = simulate(scene, 10, tolerance=1e-13, form="hamiltonian", method="DOP853", output=101)
+def test_runs_by_two_forms_of_the_equations_agree(count: int) -> None:
+    scene, seconds = modal.load(f"paper-cart-{count}"), usually(3, 10)
+    run = simulate(scene, seconds, tolerance=1e-13, method="DOP853", output=101)
+    other = simulate(scene, seconds, tolerance=1e-13, form="hamiltonian", method="DOP853", output=101)
     assert abs(run.motion.links - other.motion.links).max() < 1e-8
     assert run.energy_drift() < 1e-11
     assert run.momentum_drift() < 1e-11
@@ -86,8 +86,9 @@ def test_an_hour_of_beats_has_the_tables_period() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.thorough
 @TAYLOR
-@pytest.mark.parametrize("count", usually([3], [1, 2, 3]))
+@pytest.mark.parametrize("count", [1, 2, 3])
 def test_an_hour(count: int) -> None:
     run = simulate(modal.load(f"paper-cart-{count}"), 3600, tolerance=1e-15, method="taylor", output=3601)
     assert run.complete
