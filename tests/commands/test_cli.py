@@ -18,6 +18,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from amounts import usually
 from compare import with_spectrum
 
 from modal import example_names, load, matrices, natural_modes
@@ -230,14 +231,18 @@ def test_one_clear_message(words: str, message: str, capsys: pytest.CaptureFixtu
 
 
 def test_a_terminal_that_knows_only_ascii() -> None:
-    done = run("table", "chain-1", env={**os.environ, "PYTHONIOENCODING": "ascii"})
-    assert done.returncode == 0
+    done = run("table", "-", input=example_text("chain-1"), env={**os.environ, "PYTHONIOENCODING": "ascii"})
+    assert (done.returncode, done.stderr) == (0, "")
     assert "(rad/s)" in done.stdout
 
 
-def test_usage_errors_are_2() -> None:
-    for words in (["--no"], ["table"], ["table", "chain-1", "--format", "yaml"], ["dance"]):
-        assert run(*words).returncode == 2
+@pytest.mark.parametrize("words", [["--no"], ["table"], ["table", "chain-1", "--format", "yaml"], ["dance"]])
+def test_usage_errors_are_2(words: list[str]) -> None:
+    from multipendula.cli import main
+
+    with pytest.raises(SystemExit) as left:
+        main(words)
+    assert left.value.code == 2
 
 
 def test_output_file(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
@@ -273,11 +278,11 @@ def test_a_closed_pipe_is_quiet() -> None:
 @pytest.mark.parametrize("form", ["png", "svg", "pdf"])
 def test_pictures(capsys: pytest.CaptureFixture[str], tmp_path: Path, form: str) -> None:
     path = tmp_path / f"shapes.{form}"
-    assert printed(capsys, "shapes", "paper-cart-2", "-o", str(path)) == ""
+    assert printed(capsys, "shapes", "chain-2", "-o", str(path)) == ""
     assert path.stat().st_size > 10_000
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", ["paper-cart-2", "rope", "thousand-pendula", "metronomes", "chain-spatial"])
 def test_no_panel_is_empty_and_nothing_touches_the_edge(
     capsys: pytest.CaptureFixture[str], tmp_path: Path, name: str
@@ -337,17 +342,12 @@ def test_schema(capsys: pytest.CaptureFixture[str]) -> None:
     assert strict(printed(capsys, "schema"))["title"] == "Scene"
 
 
-def test_version() -> None:
-    assert run("--version").stdout.startswith("multipendula 0.")
+def test_version(capsys: pytest.CaptureFixture[str]) -> None:
+    from multipendula.cli import main
 
-
-def test_the_table_command_loads_no_heavy_package() -> None:
-    code = "import sys; from multipendula.cli import main; main(['table', 'chain-3'])"
-    code += "; print(*sys.modules, file=sys.stderr)"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    loaded = {name.partition(".")[0] for name in done.stderr.split()}
-    assert {"numpy", "modal"} <= loaded
-    assert not {"scipy", "sympy", "control", "matplotlib"} & loaded
+    with pytest.raises(SystemExit, match="0"):
+        main(["--version"])
+    assert capsys.readouterr().out.startswith("multipendula 0.")
 
 
 @pytest.mark.slow
@@ -362,7 +362,7 @@ def test_interrupted(tmp_path: Path) -> None:
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         assert process.stdout
         assert process.stdout.readline() == ".\n"
-        time.sleep(1)
+        time.sleep(0.5)
         process.send_signal(signal.SIGINT)
         errors = process.communicate(timeout=600)[1]
     assert process.returncode == 130
@@ -388,10 +388,9 @@ def test_links_are_followed_and_pipes_are_written_to(capsys: pytest.CaptureFixtu
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("title", ["a $x_{$ b", "振り子", "cost $5 and $6"])
-def test_any_title_can_be_drawn(capsys: pytest.CaptureFixture[str], tmp_path: Path, title: str) -> None:
-    path = tmp_path / "scene.toml"
-    path.write_text(f'title = "{title}"\n' + (example_text("chain-2").partition("\n")[2]), encoding="utf-8")
+def test_any_title_can_be_drawn(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    path, title = tmp_path / "scene.toml", "a $x_{$ b, 振り子 for $5 and $6"
+    path.write_text(f'title = "{title}"\n' + (example_text("chain-1").partition("\n")[2]), encoding="utf-8")
     assert printed(capsys, "shapes", str(path), "-o", str(tmp_path / "s.png")) == ""
     assert printed(capsys, "response", str(path), "-o", str(tmp_path / "r.png")) == ""
 
@@ -455,7 +454,9 @@ def test_gains(capsys: pytest.CaptureFixture[str]) -> None:
     assert "cart_force" in text
 
 
-@pytest.mark.parametrize("words", [(), ("--impulse",), ("--input", "cart_force,joint_torques", "--from", "torque_1_2")])
+@pytest.mark.parametrize(
+    "words", [("--impulse",), ("--input", "cart_force,joint_torques", "--from", "torque_1_2"), ()][: usually(2, 3)]
+)
 def test_responses_are_drawn(capsys: pytest.CaptureFixture[str], tmp_path: Path, words: tuple[str, ...]) -> None:
     path = tmp_path / "response.png"
     assert printed(capsys, "response", "crane-hook", *words, "-o", str(path)) == ""
@@ -477,13 +478,17 @@ def test_a_shaper_sums_to_one(capsys: pytest.CaptureFixture[str]) -> None:
     assert "excites 2 modes" in refused(capsys, 1, "shaper", "crane-hook", "--count", "3")
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     "command", [["gains", "-"], ["shaper", "-"], ["table", "-"], ["derive", "-", "--show", "modes"]]
 )
-def test_every_command_reads_standard_input(command: list[str]) -> None:
-    done = run(*command, input=example_text("crane-hook"))
-    assert (done.returncode, done.stderr) == (0, "")
+def test_every_command_reads_standard_input(
+    command: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from multipendula.cli import main
+
+    monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(example_text("crane-hook").encode())))
+    assert main(command) == 0
+    assert capsys.readouterr().err == ""
 
 
 def test_single_outputs_are_drawn(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
@@ -614,11 +619,11 @@ def test_table_to_an_accuracy(capsys: pytest.CaptureFixture[str]) -> None:
 @pytest.mark.slow
 def test_the_first_modes_of_a_very_long_chain(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "long.toml"
-    link = '{ kind = "rod", mass = 1.0, length = 1.0, count = 5000 }'
+    link = '{ kind = "rod", mass = 1.0, length = 1.0, count = 2000 }'
     path.write_text(f"gravity = 9.81\n[[pendulum]]\nlinks = [{link}]\n")
     record = json.loads(printed(capsys, "table", str(path), "--modes", "2:3", "--format", "json"))
     assert [mode["mode"] for mode in record["modes"]] == [2, 3]
-    assert "modes 1 to 5000" in refused(capsys, 2, "table", str(path), "--modes", "5001")
+    assert "modes 1 to 2000" in refused(capsys, 2, "table", str(path), "--modes", "2001")
 
 
 @pytest.mark.parametrize(

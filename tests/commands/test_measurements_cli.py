@@ -132,7 +132,7 @@ def test_responses_and_shapers_have_a_band(folder: Path, capsys: pytest.CaptureF
 
 @pytest.mark.slow
 def test_motions_have_a_band(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    words = ("crane.toml", "--covariance", "fit.json", "--duration", "2")
+    words = ("crane.toml", "--covariance", "fit.json", "--duration", "0.5")
     assert "band of 200 members" in said(capsys, "simulate", *words, "--band", "band.png")
     assert (folder / "band.png").exists()
     record = json.loads(said(capsys, "spread", *words, "--members", "50", "--format", "json"))

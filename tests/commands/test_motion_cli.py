@@ -150,17 +150,17 @@ def test_every_mistake_is_named_at_once(capsys: pytest.CaptureFixture[str]) -> N
 def test_check_and_chaos_print_tables_and_draw(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     told = {
         "check chain-2 --modes 1 --amplitudes 5": "the table of modes against the full motion",
-        "check chain-2 --general --duration 60": "the motion in modal coordinates",
+        "check chain-2 --general --duration 20": "the motion in modal coordinates",
     }
     for words, title in told.items():
         assert run(*words.split(), "-o", str(tmp_path / "a.png")) == 0
         assert title in capsys.readouterr().out
-    assert run("chaos", "paper-cart-1", "--duration", "8", "--members", "4", "-o", str(tmp_path / "b.png")) == 0
+    assert run("chaos", "paper-cart-1", "--duration", "7", "--members", "4", "-o", str(tmp_path / "b.png")) == 0
     assert "4 starts over" in capsys.readouterr().out
     assert all((tmp_path / name).stat().st_size > 10_000 for name in ("a.png", "b.png"))
     path = tmp_path / "still.toml"
     path.write_text('gravity = 9.81\n[[pendulum]]\nlinks = [{ kind = "bob", mass = 1.0, length = 1.0, count = 2 }]\n')
-    assert run("chaos", str(path), "--duration", "8", "--members", "4") == 0
+    assert run("chaos", str(path), "--duration", "7", "--members", "4") == 0
     note = capsys.readouterr().err
     assert "start = { angles_deg = [...] }" in note
     assert "--start" not in note

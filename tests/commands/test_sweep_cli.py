@@ -135,8 +135,7 @@ def test_modes_need_no_start(tmp_path: Path, capsys: pytest.CaptureFixture[str])
 def test_tongues_are_kept_and_drawn(tmp_path: Path) -> None:
     grid = ("support.motion.amplitude=0.01:0.03:3", "support.motion.frequency_hz=10:40:4")
     kept, drawn = tmp_path / "t.json", tmp_path / "t.png"
-    for path in (kept, drawn):
-        sweep(options(*grid, scene=KAPITZA, measure=["floquet"], output=str(path)))
+    sweep(options(*grid, scene=KAPITZA, measure=["floquet"], output=str(kept), picture=str(drawn)))
     told = json.loads(kept.read_text())
     assert list(told["data"]) == [
         *("support.motion.amplitude_m", "support.motion.frequency_hz"),

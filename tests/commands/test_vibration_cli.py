@@ -100,7 +100,7 @@ def test_what_cannot_be_is_refused_in_a_word(
     assert "Traceback" not in error
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("colours", usually(["light"], ["light", "dark"]))
 def test_the_pictures_are_whole(colours: str) -> None:
     scene = load(SUSPENSION)

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import shutil
 import sys
+from functools import cache
 from io import BytesIO
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 import pytest
+from amounts import usually
 from matplotlib.patches import Polygon
 from PIL import Image
 
@@ -110,11 +112,11 @@ def test_speed_seconds_and_rate_say_how_much_is_shown() -> None:
 
 @pytest.mark.slow
 def test_html_escapes_the_title_and_holds_every_frame() -> None:
-    shown, data = film(simulate(single("<b>Tick & tock</b>"), 0.5), "html")
+    shown, data = film(simulate(single("<b>Tick & tock</b>"), 0.2), "html")
     page = data.decode()
     assert "<title>&lt;b&gt;Tick &amp; tock&lt;/b&gt;</title>" in page
     assert "<b>" not in page
-    assert page.count('"iVBOR') == shown.frames == 15
+    assert page.count('"iVBOR') == shown.frames == 6
     assert "http" not in page
 
 
@@ -134,10 +136,10 @@ def test_mp4_is_a_film_or_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> No
 def test_mp4_of_the_extra() -> None:
     pytest.importorskip("imageio_ffmpeg")
     done: list[float] = []
-    shown, data = film(run("chain-1", 0.5), "mp4", report=done.append)
+    shown, data = film(run("chain-1", 0.2), "mp4", report=done.append)
     assert data[4:8] == b"ftyp"
-    assert len(done) == shown.frames == 15
-    assert done[-1] == pytest.approx(0.5)
+    assert len(done) == shown.frames == 6
+    assert done[-1] == pytest.approx(0.2)
 
 
 def test_a_failing_ffmpeg_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -161,6 +163,7 @@ def test_what_cannot_be_is_refused(form: str, options: dict[str, float], words: 
         film(run("chain-1", 0.5), form, **options)
 
 
+@cache
 def scenes() -> dict[str, Trajectory]:
     body = Body(mass=1.0, length=0.5, centre=0.8, inertia=0.1)
     overhung = Scene(gravity=9.81, pendulum=(Pendulum(links=(body,), start=InitialCondition(angles_deg=(120.0,))),))
@@ -187,7 +190,7 @@ def test_a_film_shows_the_lines_of_its_axis_with_a_rail_only(support: dict[str, 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "case", ["cart", "space", "crowd", "single", "standstill", "overhung", "drifting", "metronomes"]
+    "case", ["drifting", "overhung", "cart", "space", "crowd", "single", "standstill", "metronomes"][: usually(3, 8)]
 )
 @pytest.mark.filterwarnings("ignore:Glyph")
 def test_everything_stands_inside_the_picture(case: str) -> None:

@@ -73,6 +73,7 @@ def titled(trajectory: Trajectory) -> dict[str, tuple[str, np.ndarray, list[np.n
     }
 
 
+@pytest.mark.thorough
 def test_a_run_shows_how_its_support_moves() -> None:
     panels = titled(simulate(modal.load("examples/shaken.toml"), 3.0))
     label, times, (shown,) = panels["Support, as prescribed"]

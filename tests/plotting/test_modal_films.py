@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from amounts import usually
 from PIL import Image, ImageChops
 
 import modal
@@ -70,7 +71,7 @@ def test_a_damped_shape_turns_with_its_phases() -> None:
     assert 0 < largest <= np.radians(20.0) + 1e-12
 
 
-@pytest.mark.parametrize("name", ["chain-2", "huygens", "cart-upright"])
+@pytest.mark.parametrize("name", usually(["huygens"], ["chain-2", "huygens", "cart-upright"]))
 def test_the_loop_has_no_seam(name: str) -> None:
     """From the last frame to the first it is no farther than between any others, and no frame is shown twice."""
     modes = modes_of(name)
@@ -123,7 +124,7 @@ def test_of_many_pendula_angles_are_drawn_over_their_numbers() -> None:
     assert film.panels[0].axis.get_ylabel() == "angle (°)"
 
 
-@pytest.mark.parametrize("name", ["paper-cart-2", "huygens"])
+@pytest.mark.parametrize("name", usually(["huygens"], ["paper-cart-2", "huygens"]))
 def test_everything_stays_inside_its_panel(name: str) -> None:
     modes = modes_of(name)
     film = film_of(modes, list(range(len(modes))))
@@ -154,8 +155,8 @@ def test_a_gif_goes_round_for_ever() -> None:
 
 
 def test_a_page_holds_every_frame() -> None:
-    page = written("html", fps=10.0).decode()
-    assert page.count('",\n') == round(LOOP * 10)
+    page = written("html", fps=5.0).decode()
+    assert page.count('",\n') == round(LOOP * 5)
     assert "http" not in page
 
 

@@ -285,6 +285,8 @@ FIGURES: dict[str, Callable[[], Figure]] = {
 }
 
 
+USUAL = ("loci", "spectrum", "sync", "claim of chains")
+"""Figures of every day, of which other tests draw the rest."""
 IN_TURN = [(kind, THEMES[index % 2]) for index, kind in enumerate(FIGURES)]
 """Every figure in one theme: that the themes differ in colours alone is a test of its own."""
 
@@ -292,7 +294,7 @@ IN_TURN = [(kind, THEMES[index % 2]) for index, kind in enumerate(FIGURES)]
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "name"),
-    usually(IN_TURN, [(kind, name) for kind in FIGURES for name in THEMES]),
+    usually([case for case in IN_TURN if case[0] in USUAL], [(kind, name) for kind in FIGURES for name in THEMES]),
 )
 def test_nothing_is_wrong_with_the_figure(kind: str, name: str) -> None:
     with theme(name):
@@ -312,13 +314,13 @@ SHARED = (
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", SHARED)
+@pytest.mark.parametrize("kind", usually(SHARED[2:4], SHARED))
 def test_no_curve_is_hidden_under_others(kind: str) -> None:
     with theme("light"):
         assert hidden_curves(FIGURES[kind]()) == []
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_branches_upon_each_other_all_show() -> None:
     branches = branching()
     with theme("light"):
@@ -567,11 +569,13 @@ def test_the_themes_differ_in_colours_only() -> None:
     assert set(named) == {("savefig.facecolor", "auto"), ("savefig.edgecolor", "auto")}
 
 
-@pytest.mark.slow
+KINDS = ("bode", "shapes of a crane", "run of one", "claim of carts", "map")[: usually(2, 5)]
+
+
 @pytest.mark.parametrize("name", usually(THEMES[1:], THEMES))
 def test_a_style_is_found_by_its_name_and_makes_all_figures_alike(name: str) -> None:
     with style.context(f"modal.plotting.{name}"):
-        figures = [FIGURES[kind]() for kind in ("bode", "run of one", "shapes of a crane", "claim of carts", "map")]
+        figures = [FIGURES[kind]() for kind in KINDS]
         sizes = mpl.rcParams["axes.titlesize"], mpl.rcParams["axes.labelsize"]
     for figure in figures:
         figure.canvas.draw()
@@ -628,14 +632,14 @@ def test_a_figure_is_written_in_both_themes(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", THEMES)
+@pytest.mark.parametrize("name", usually(THEMES[1:], THEMES))
 def test_the_commands_draw_in_the_theme_they_are_told(name: str, tmp_path: Path) -> None:
     paper_of = {"light": "#ffffff", "dark": "#12181d"}[name]
     before = dict(mpl.rcParams)
     picture, film, drawing = (tmp_path / file for file in ("shapes.png", "film.html", "bode.svg"))
     assert main(["shapes", "chain-1", "-o", str(picture), "--theme", name]) == 0
     assert mpl.colors.to_hex(np.array(Image.open(picture).convert("RGB"))[1, 1] / 255) == paper_of
-    assert main(["animate", "chain-1", "--duration", "0.2", "-o", str(film), "--theme", name]) == 0
+    assert main(["animate", "chain-1", "--duration", "0.1", "-o", str(film), "--theme", name]) == 0
     assert f"background: {paper_of}" in film.read_text(encoding="utf-8")
     assert main(["response", "chain-1", "-o", str(drawing), "--theme", name]) == 0
     assert f"fill: {paper_of}" in drawing.read_text(encoding="utf-8")

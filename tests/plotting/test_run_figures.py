@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from amounts import usually
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
@@ -34,7 +35,9 @@ def panel(figure: Figure, title: str) -> Axes:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["paper-cart-3", "chain-5", "chain-spatial", "metronomes", "crane-hook"])
+@pytest.mark.parametrize(
+    "name", ["chain-spatial", "crane-hook", "paper-cart-3", "chain-5", "metronomes"][: usually(2, 5)]
+)
 def test_every_panel_has_curves_units_and_room(name: str) -> None:
     figure = run_figure(run(name))
     figure.canvas.draw()
@@ -117,7 +120,9 @@ def test_crowds_standstill_and_few_samples_can_be_drawn() -> None:
     names = [text.get_text() for text in panel(figure, "Angles").get_legend().get_texts()]
     assert names == ["1.1–50.1 coincide", "1.2–50.2 coincide"]
     still = modal.load("chain-2")
-    for options in ({"start": state_at_rest(still, [0, 0])}, {"output": 3}, {"output": [0, 0.5, 2, 3]}):
+    for options in ({"output": 3}, {"start": state_at_rest(still, [0, 0])}, {"output": [0, 0.5, 2, 3]})[
+        : usually(1, 3)
+    ]:
         stream = BytesIO()
         draw_run(run("chain-2", **options), stream, kind="svg")
         assert b"<svg" in stream.getvalue()

@@ -92,6 +92,7 @@ def test_signals_of_a_model_that_was_read_are_never_code(tmp_path: Path) -> None
         (tmp_path / name).write_bytes(written("", name, forged))
         lines = (tmp_path / name).read_text(encoding="utf-8").splitlines()
         assert not [line for line in lines if line.lstrip().startswith(("import os", "*/ system", "system("))], name
+    (tmp_path / "control.py").write_text("StateSpace = lambda *_, **__: None\n")
     ran = subprocess.run([sys.executable, "control"], cwd=tmp_path, capture_output=True, check=False)
     assert ran.returncode == 0, ran.stderr
     assert not (tmp_path / "PWNED").exists()

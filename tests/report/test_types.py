@@ -44,6 +44,7 @@ def told(command: list[str], here: Path) -> dict[str, int]:
     return {name: names.count(name) for name in names}
 
 
+@pytest.mark.site
 @pytest.mark.slow
 def test_scripts_pass_mypy(scripts: Path) -> None:
     pytest.importorskip("mypy")
@@ -51,6 +52,7 @@ def test_scripts_pass_mypy(scripts: Path) -> None:
     assert told([sys.executable, "-m", "mypy", "--strict", *paths], ROOT) == {"wrong": MISTAKES}
 
 
+@pytest.mark.site
 @pytest.mark.slow
 def test_scripts_pass_pyright(scripts: Path) -> None:
     here = str(Path(sys.executable).parent)
