@@ -12,18 +12,24 @@ import pickle
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from errno import EPERM
+from functools import partial
 from hashlib import sha256
+from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
 from stat import S_IMODE, S_ISREG, S_ISVTX, S_IWGRP
 from textwrap import dedent
+from time import monotonic, sleep
 from typing import IO, Any
 
 from modal.scene.contents import private
 
+LOCKS: Any = import_module("fcntl") if os.name == "posix" else None
 DIGEST = sha256().digest_size
 OTHERS_WRITE = 0o022
 """Permissions of others to change a file."""
+PATIENCE = 120.0
+"""Seconds that a process waits for what another one compiles, several times what the largest form takes."""
 ANY_ORDER = frozenset({"contract", "nsz", "reassoc"})
 """Of products and sums: contracted, and added up in any order, as vector instructions want it."""
 
@@ -60,7 +66,19 @@ def _kept(dispatcher: Any) -> Any:
     if file is not None:
         file.__class__ = type("KeptFile", (KeptFile, type(file)), {})
         file.source = inspect.getfile(dispatcher.py_func)
+        dispatcher.compile = partial(_compiled_once, dispatcher._cache, file, dispatcher.compile)
     return dispatcher
+
+
+def _compiled_once(cache: Any, file: Any, compilation: Callable[[Any], Any], signature: Any) -> Any:
+    """Compile for a signature, or load what another process is compiling right now."""
+    from numba.core.compiler_lock import global_compiler_lock
+
+    with global_compiler_lock:
+        with suppress(OSError):
+            cache._impl.locator.ensure_cache_path()
+        with file.turn():
+            return compilation(signature)
 
 
 def _refuse_foreign(status: os.stat_result, path: str) -> None:
@@ -95,6 +113,7 @@ class KeptFile:
     """
 
     source: str
+    _has_turn = False
     _cache_path: str
     _index_name: str
     _source_stamp: Any
@@ -127,6 +146,34 @@ class KeptFile:
                 if entry.name.startswith(f"{base}."):
                     with suppress(OSError):
                         os.unlink(entry.path)
+
+    @contextmanager
+    def turn(self) -> Iterator[None]:
+        """A block that one process at a time runs, as far as the platform has locks; none waits longer than PATIENCE.
+
+        A function that compiles itself for another signature meanwhile has its turn already.
+        """
+        if LOCKS is None or self._has_turn:
+            yield
+            return
+        stream = None
+        with suppress(OSError):
+            flags = os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW
+            lock = os.path.join(self._folder(), f"{self._index_name.removesuffix('.nbi')}.lock")
+            stream = os.fdopen(os.open(lock, flags, 0o600), "rb+")
+        end = monotonic() + PATIENCE
+        while stream is not None and monotonic() < end:
+            with suppress(OSError):
+                LOCKS.flock(stream, LOCKS.LOCK_EX | LOCKS.LOCK_NB)
+                break
+            sleep(0.05)
+        self._has_turn = True
+        try:
+            yield
+        finally:
+            self._has_turn = False
+            if stream is not None:
+                stream.close()
 
     def _folder(self) -> str:
         """The folder without links; PermissionError where somebody else could put another in its place.

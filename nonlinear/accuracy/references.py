@@ -16,6 +16,7 @@ are right.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from math import log
 from typing import Any
 
@@ -61,7 +62,7 @@ class Reference(Displayed):
         """Whether the reference is reliable for the whole duration."""
         return self.horizon >= self.duration
 
-    @property
+    @cached_property
     def floor(self) -> float:
         """The smallest error (rad) that can be measured up to the horizon."""
         run = self.trajectory

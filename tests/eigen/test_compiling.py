@@ -10,11 +10,13 @@ from collections.abc import Callable, Iterator
 from hashlib import sha256
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
+from threading import Thread
 from typing import Any
 
 import pytest
 
 from modal.eigen import compiling
+from modal.eigen.compiling import KeptFile
 from nonlinear.integration import kernels, readiness
 
 pytestmark = pytest.mark.skipif(not compiling.available(), reason="numba is not installed")
@@ -262,3 +264,27 @@ def test_a_temporary_folder_is_removed_when_its_process_ends(tmp_path: Path) -> 
     done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
     assert done.stdout.startswith(str(tmp_path / "multipendula-"))
     assert not [*tmp_path.iterdir()]
+
+
+def test_what_one_process_compiles_others_wait_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Locks of two open files exclude each other as those of two processes do; nobody waits for ever."""
+    first, second = KeptFile(), KeptFile()
+    for file in (first, second):
+        file._cache_path, file._index_name, file.source = str(tmp_path), "module.run.nbi", str(tmp_path / "module.py")
+    ended: list[str] = []
+
+    def waiting() -> None:
+        with second.turn():
+            ended.append("second")
+
+    with first.turn(), first.turn():
+        other = Thread(target=waiting)
+        other.start()
+        other.join(0.2)
+        assert not ended
+    other.join()
+    assert ended == ["second"]
+    monkeypatch.setattr(compiling, "PATIENCE", 0.1)
+    with first.turn(), second.turn():
+        ended.append("both")
+    assert ended == ["second", "both"]
