@@ -220,7 +220,9 @@ NEEDED: dict[str, set[str]] = {
     "tune tower --free pendulum[0].links[0].damping --minimize settling": {
         *("modal.identification", "scipy.linalg", "scipy.optimize", "scipy.sparse")
     },
-    "simulate paper-cart-2 --duration 0.1 --method RK45": {"scipy.integrate"},
+    "simulate paper-cart-2 --duration 0.1 --method RK45": {
+        *("scipy.integrate", "scipy.linalg", "scipy.optimize", "scipy.sparse")
+    },
     "import scipy, nonlinear.identification; scipy.signal": {
         *("nonlinear.identification", "scipy.interpolate", "scipy.signal", "scipy.stats")
     },
