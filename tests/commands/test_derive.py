@@ -222,7 +222,7 @@ def test_a_single_pendulum_needs_no_number(capsys: pytest.CaptureFixture[str]) -
 
 @pytest.mark.slow
 def test_hundreds_of_bobs(capsys: pytest.CaptureFixture[str]) -> None:
-    count = usually(300, 1000)
+    count = usually(150, 1000)
     text = printed(capsys, "derive", f"chain:{count}", "--show", "polynomial,modes")
     assert f"{count**2} λ + 1 = 0" in text
     assert "see the table" in text

@@ -46,6 +46,7 @@ def test_vibration_in_every_format(capsys: pytest.CaptureFixture[str], tmp_path:
     assert rms == pytest.approx(response.rms.tolist())
 
 
+@pytest.mark.thorough
 def test_the_main_result_may_be_the_picture(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     words, picture = ("vibration", "suspension", "--temperature", "290", "--at", "1"), tmp_path / "p.svg"
     assert said(capsys, *words, "-o", str(picture)) == said(capsys, *words)

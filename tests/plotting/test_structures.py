@@ -7,7 +7,6 @@ from functools import cache
 
 import numpy as np
 import pytest
-from amounts import usually
 from seen import flaws
 
 from modal import load, natural_modes
@@ -123,8 +122,8 @@ def test_equal_pendula_on_one_point_are_set_apart() -> None:
 # ------------------------------------------------------------------------------------------------ whole pictures
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", usually(["beam"], ["beam", "ship-crane"]))
+@pytest.mark.thorough
+@pytest.mark.parametrize("name", ["beam", "ship-crane"])
 def test_pictures_of_structures_are_seen(name: str) -> None:
     with theme("light"):
         assert flaws(shapes_figure(modes(name))) == []
