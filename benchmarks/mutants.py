@@ -559,7 +559,7 @@ def measure(options: argparse.Namespace) -> None:
             shutil.copytree(tree, copy)
         copies.put(copy)
 
-    def one(fault: Fault) -> Result:
+    def result_of(fault: Fault) -> Result:
         copy = copies.get()
         try:
             return attempt(copy, fault, reach, options.all)
@@ -569,7 +569,7 @@ def measure(options: argparse.Namespace) -> None:
     done = read_results(results)
     left = [fault for fault in wanted if fault not in done]
     with ThreadPoolExecutor(options.processes) as pool, open(results, "a", encoding="utf-8") as stream:
-        for number, result in enumerate(pool.map(one, left), start=1 + len(wanted) - len(left)):
+        for number, result in enumerate(pool.map(result_of, left), start=1 + len(wanted) - len(left)):
             stream.write(result.to_json() + "\n")
             stream.flush()
             print(f"{number}/{len(wanted)} {result.state} {result.seconds:.0f} s {result.fault}", flush=True)
@@ -588,8 +588,8 @@ def table(runs: Sequence[dict[Fault, Result]], heads: Sequence[str]) -> str:
         for run in runs:
             states = Counter(run[fault].state for fault in those if fault in run)
             count = sum(states.values()) - states["gone"]
-            found = states["killed"] + states["hung"]
-            cells.append(f"{found} of {count}" + (f" ({found / count:.1%})" if count and room == "all" else ""))
+            noticed = states["killed"] + states["hung"]
+            cells.append(f"{noticed} of {count}" + (f" ({noticed / count:.1%})" if count and room == "all" else ""))
         lines.append(f"| {room} | {' | '.join(cells)} |")
     return "\n".join(lines)
 

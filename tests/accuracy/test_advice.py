@@ -168,7 +168,7 @@ def test_a_long_chain_in_its_lowest_mode_moves_in_a_few() -> None:
     start = start_in_mode(chain, natural_modes(chain), 0, 0, radians(3.0))
     advice = advise(chain, 1.0, 1e-4, start=start, output=11)
     assert [attempt.way for attempt in advice.attempts] == ["5 mode shapes"]
-    sure = simulate(chain, 1.0, start=start, tolerance=1e-7, output=11)
+    sure = simulate(chain, 1.0, start=start, tolerance=1e-9, output=11)
     true = apart(advice.trajectory.motion, sure.motion).max()
     assert true < advice.errors[-1] <= 1e-4
     assert advice.attempts[0].calls < sure.run.calls / 10
