@@ -30,6 +30,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from functools import cache
+from importlib.util import find_spec
 from pathlib import Path
 from queue import SimpleQueue
 from typing import TYPE_CHECKING, Any
@@ -608,14 +609,14 @@ def compare(folder: Path, former: Path) -> str:
 def main(argv: Sequence[str] | None = None) -> None:
     """The command."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("folder", type=Path)
+    parser.add_argument("folder", type=Path, help="for copies of the tree, the map and the results")
     parser.add_argument("--tree", type=Path, default=ROOT, help="the checkout that is copied")
     parser.add_argument("--sample", type=int, help="as many faults of the list")
     parser.add_argument("--rooms", nargs="+", default=[], help="as modal.eigen")
-    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--seed", type=int, default=0, help="of the list and of the sample")
     parser.add_argument("--like", type=Path, help="the faults of this results.jsonl")
     parser.add_argument("--all", action="store_true", help="every case of the tests")
-    parser.add_argument("--processes", type=int, default=2)
+    parser.add_argument("--processes", type=int, default=2, help="faults tried at once")
     parser.add_argument("--against", type=Path, help="the folder of a former run")
     options = parser.parse_args(argv)
     signal.signal(
@@ -623,8 +624,10 @@ def main(argv: Sequence[str] | None = None) -> None:
     )  # a shell ignores it for what goes on behind; tests send it
     if options.against:
         print(compare(options.folder, options.against))
-    else:
+    elif find_spec("coverage"):
         measure(options)
+    else:
+        parser.error("the map of lines to tests needs the package coverage: pip install coverage")
 
 
 if __name__ == "__main__":

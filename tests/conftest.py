@@ -19,8 +19,21 @@ def pytest_configure(config: pytest.Config) -> None:
     config.option.loadscopereorder = False
 
 
-LONGEST = ["test_documents.py", "test_clocks.py", "test_branches.py", "test_pictures.py", "test_sync.py"]
-"""Files that take a worker half a minute or nearly so."""
+LONGEST = [
+    "test_documents.py",
+    "test_tuning.py",
+    "test_advice.py",
+    "test_scaling.py",
+    "test_fitting.py",
+    "test_sync.py",
+    "test_strobes.py",
+    "test_clocks.py",
+    "test_populations.py",
+    "test_sweeps.py",
+    "test_forced.py",
+    "test_extremes_motion.py",
+]
+"""Files that take a worker more than a quarter of a minute."""
 CASES = 4
 """As many of each function are run every day; with `MULTIPENDULA_SCENES=all` all of them."""
 

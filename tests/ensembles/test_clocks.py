@@ -57,7 +57,7 @@ SCENES: dict[str, tuple[Scene, dict[str, tuple[float, float]]]] = {
 
 @pytest.mark.parametrize("name", SCENES)
 def test_members_side_by_side_are_the_runs_of_their_scenes(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Each by itself, two in floats and two in NumPy, where changes are sought on the interpolants of steps."""
+    """Each by itself, one in floats and two in NumPy, where changes are sought on the interpolants of steps."""
     scene, ranges = SCENES[name]
     rng, size, seconds = np.random.default_rng(8), 3, 1.5
     values = {path: rng.uniform(*between, size) for path, between in ranges.items()}
