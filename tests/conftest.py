@@ -3,9 +3,11 @@
 import gc
 import os
 import sys
+from collections import Counter
 from pathlib import Path
 
 import pytest
+from daily_set import Function, in_order, read
 
 for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"):
     os.environ.setdefault(name, "1")
@@ -19,47 +21,49 @@ def pytest_configure(config: pytest.Config) -> None:
     config.option.loadscopereorder = False
 
 
-LONGEST = [
-    "test_documents.py",
-    "test_tuning.py",
-    "test_advice.py",
-    "test_scaling.py",
-    "test_fitting.py",
-    "test_sync.py",
-    "test_strobes.py",
-    "test_clocks.py",
-    "test_populations.py",
-    "test_sweeps.py",
-    "test_forced.py",
-    "test_extremes_motion.py",
-]
-"""Files that take a worker more than a quarter of a minute."""
-CASES = 4
-"""As many of each function are run every day; with `MULTIPENDULA_SCENES=all` all of them."""
+SCENES = os.environ.get("MULTIPENDULA_SCENES")
+"""`all` cases, four of `each` function, or those of every day."""
+DAILY = read()
+SLOW = 0.1
+"""Seconds of a case from which on it is slow."""
+MANUAL = ("site", "page")
+"""The manual, its pictures and lessons, and the commands that they show: not of every day."""
 
 
-def _spread_cases(items: list[pytest.Item]) -> list[pytest.Item]:
-    """The first, the last and as many evenly between them of each function's cases."""
-    by_function: dict[str, list[pytest.Item]] = {}
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """What belongs to the manual is not even read where nobody names it."""
+    if SCENES == "all" or any(f"tests/{folder}" in argument for folder in MANUAL for argument in config.args):
+        return None
+    return (collection_path.parent == Path(__file__).parent and collection_path.name in MANUAL) or None
+
+
+def _chosen(items: list[pytest.Item], table: dict[str, Function]) -> list[pytest.Item]:
+    """As many cases of each function as the table says, four if it says nothing."""
+    by_function = dict[str, list[pytest.Item]]()
     for item in items:
         by_function.setdefault(item.nodeid.partition("[")[0], []).append(item)
-    return [
-        cases[place]
-        for cases in by_function.values()
-        for place in sorted({round(step * (len(cases) - 1) / (CASES - 1)) for step in range(CASES)})
-    ]
+    chosen = {
+        item
+        for name, cases in by_function.items()
+        for item in in_order(cases)[: table[name].cases if name in table else None]
+    }
+    return [item for item in items if item in chosen]
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Few cases of each function, no thorough ones; the longest files first, then those with slow tests."""
-    if os.environ.get("MULTIPENDULA_SCENES") != "all":
-        later = {"thorough"} if "site" in config.option.markexpr else {"thorough", "site"}
-        chosen = _spread_cases([item for item in items if later.isdisjoint(mark.name for mark in item.iter_markers())])
+    """The cases of every day, unless all are asked for or a file is named; the files that take longest first."""
+    if SCENES != "all":
+        named = SCENES == "each" or any(".py" in argument for argument in config.args)
+        chosen = _chosen(items, {} if named else DAILY)
         config.hook.pytest_deselected(items=list(set(items).difference(chosen)))
         items[:] = chosen
-    slow = {item.path for item in items if item.get_closest_marker("slow")}
-    longest = {name: place for place, name in enumerate(LONGEST)}
-    items.sort(key=lambda item: (longest.get(item.path.name, len(longest)), item.path not in slow))
+    taken = Counter[Path]()
+    for item in items:
+        if row := DAILY.get(item.nodeid.partition("[")[0]):
+            taken[item.path] += row.seconds
+            if row.seconds > SLOW:
+                item.add_marker("slow")
+    items.sort(key=lambda item: -taken[item.path])
 
 
 def pytest_collection_finish() -> None:

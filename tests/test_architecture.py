@@ -127,7 +127,6 @@ def test_every_module_stands_in_a_room_of_the_list() -> None:
     assert len(set(ROOMS)) == len(ROOMS)
 
 
-@pytest.mark.slow
 def test_rooms_import_only_from_rooms_above_them() -> None:
     assert upward(ROOMS, imported_by()) == set()
 
@@ -164,7 +163,6 @@ def test_rooms_speak_of_what_is_there() -> None:
             assert {f"{room}.{module}" for module in start if module} <= sources().keys(), room
 
 
-@pytest.mark.slow
 def test_nobody_imports_the_command_and_modal_nothing_of_nonlinear() -> None:
     for name, path in sources().items():
         package = name.partition(".")[0]
@@ -183,7 +181,6 @@ def test_the_check_of_imports_bites(tmp_path: Path) -> None:
     assert imported_at_run_time(tmp_path / "b.py") == {"numpy"}
 
 
-@pytest.mark.slow
 def test_heavy_packages_have_their_homes() -> None:
     strangers = {
         (name, heavy)
@@ -279,7 +276,6 @@ def spoken(source: str) -> list[str]:
     return [node.value for node in texts if isinstance(node.value, str)]
 
 
-@pytest.mark.slow
 def test_the_packages_know_no_option_of_the_command() -> None:
     packages = {name: path for name, path in sources().items() if not name.startswith("multipendula")}
     spoken_options = [

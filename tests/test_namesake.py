@@ -48,7 +48,6 @@ def run_beside(folder: Path, *arguments: str) -> tuple[int, str]:
     return done.returncode, done.stderr
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     "client", ["class App: ...", "import a_package_that_is_missing", None], ids=["runs", "fails", "gone"]
 )

@@ -43,7 +43,6 @@ def asked(seed: int) -> tuple[Scene, State, float, float]:
     return scene, start, float(10 ** rng.uniform(0, 1)), float(10 ** rng.uniform(-7, -2))
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("seed", usually(range(1, 24, 12), range(24)))
 def test_the_accuracy_is_met(seed: int) -> None:
     scene, start, duration, accuracy = asked(seed)
@@ -55,7 +54,6 @@ def test_the_accuracy_is_met(seed: int) -> None:
     assert len(advice.trajectory.times) == len(advice.errors) == 101
 
 
-@pytest.mark.slow
 def test_it_takes_few_times_the_derivatives_of_the_loosest_tolerance_that_would_do() -> None:
     spent, needed = [], []
     for seed in usually(range(4), range(12)):
@@ -75,7 +73,6 @@ def test_it_takes_few_times_the_derivatives_of_the_loosest_tolerance_that_would_
     assert ratios.max() < 6
 
 
-@pytest.mark.slow
 def test_two_runs_that_share_an_error_are_not_believed() -> None:
     """Both have the phase of the fastest swing, on a stiff joint, wrong by nearly the same."""
     scene, start, duration, accuracy = held(910_167)
@@ -140,7 +137,6 @@ def test_a_light_rod_above_a_heavy_body() -> None:
         assert apart(advice.trajectory.motion, sure.motion).max() < advice.errors[-1] <= accuracy
 
 
-@pytest.mark.slow
 def test_driven_pendula() -> None:
     scene, accuracy = load(Path(__file__).parent / "driven.toml"), 2.2204330235142645e-4
     advice = advise(scene, 15.0, accuracy)
@@ -182,7 +178,6 @@ def chaotic() -> Advice:
     return advise(load("paper-cart-3"), 25.0, 1e-3)
 
 
-@pytest.mark.slow
 def test_beyond_the_horizon_nothing_is_promised() -> None:
     scene, advice = load("paper-cart-3"), chaotic()
     assert not advice.met
@@ -232,7 +227,6 @@ def test_loads_events_and_times_go_with_an_accuracy() -> None:
     assert ended.run.error <= 1e-6
 
 
-@pytest.mark.slow
 def test_in_space_and_with_equal_pendula() -> None:
     spatial = load("chain-spatial")
     run = simulate(spatial, 3.0, accuracy=1e-5)
@@ -287,7 +281,6 @@ def test_the_table_in_every_form(capsys: pytest.CaptureFixture[str]) -> None:
     assert record["attempts"][-1]["error_rad"] == advice.attempts[-1].error
 
 
-@pytest.mark.slow
 def test_the_command(tmp_path, capsys: pytest.CaptureFixture[str]) -> None:  # type: ignore[no-untyped-def]
     words = "advise paper-cart-2 --start mode:2:5 --accuracy 1e-3 --duration 10"
     assert main([*words.split(), "-o", str(tmp_path / "run.npz")]) == 0
@@ -313,7 +306,6 @@ def test_the_command(tmp_path, capsys: pytest.CaptureFixture[str]) -> None:  # t
     assert main(["advise", "nowhere.toml", "--accuracy", "1e-3", "-o", "a.txt"]) == 2
 
 
-@pytest.mark.slow
 def test_the_horizon_does_not_depend_on_the_instants_kept() -> None:
     every, few = chaotic(), advise(load("paper-cart-3"), 25.0, 1e-3, output=[23.0, 25.0])
     assert few.horizon == pytest.approx(every.horizon, abs=3.0)
@@ -321,7 +313,6 @@ def test_the_horizon_does_not_depend_on_the_instants_kept() -> None:
     assert few.certain.run.error <= 1e-3
 
 
-@pytest.mark.slow
 def test_what_happens_beyond_the_horizon_is_left_out() -> None:
     scene = load("paper-cart-3")
     advice = advise(scene, 25.0, 1e-3, events=[level_crossing(system_of(scene), "x")])

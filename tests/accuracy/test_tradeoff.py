@@ -158,7 +158,6 @@ def short() -> WorkPrecision:
     return measure_work_precision(PAPER, 1.5, candidates=candidates)
 
 
-@pytest.mark.slow
 def test_every_family_gets_closer_with_its_tolerance(short: WorkPrecision) -> None:
     families: dict[str, list[WorkPrecisionRow]] = {}
     for row in short.rows[1:]:
@@ -173,7 +172,6 @@ def test_every_family_gets_closer_with_its_tolerance(short: WorkPrecision) -> No
             assert name.endswith("taylor") or rows[-1].calls > rows[0].calls
 
 
-@pytest.mark.slow
 def test_the_front_is_beaten_by_none(short: WorkPrecision) -> None:
     for row in short.pareto:
         better = [r for r in short.rows[1:] if r.seconds < row.seconds and short.judged(r) <= short.judged(row)]
@@ -189,7 +187,6 @@ def test_the_front_is_beaten_by_none(short: WorkPrecision) -> None:
     assert replace(short, rows=tuple(equal)).pareto == (equal[0],)
 
 
-@pytest.mark.slow
 def test_a_chaotic_run_is_compared_up_to_its_horizon_only() -> None:
     diagram = measure_work_precision(PAPER, 60.0, candidates=(Candidate("minimal", "DOP853", 1e-9),))
     reference = diagram.reference
@@ -228,7 +225,6 @@ def test_a_late_motion_is_late() -> None:
     assert np.isnan(late(replace(behind, links=behind.links + 2.0), exact))
 
 
-@pytest.mark.slow
 def test_what_no_shift_explains_is_not_late(short: WorkPrecision) -> None:
     """A motion that has died away, where an error over no velocity would be thousands of seconds."""
     pendulum = Pendulum(links=(Bob(mass=1.0, length=1.0, damping=2 * np.sqrt(9.81)),), start={"angles_deg": [60.0]})
@@ -243,7 +239,6 @@ def test_what_no_shift_explains_is_not_late(short: WorkPrecision) -> None:
     assert any(np.isfinite(row.shift) for row in short.rows)
 
 
-@pytest.mark.slow
 def test_a_long_chaotic_run_is_not_computed_beyond_its_horizon(monkeypatch: pytest.MonkeyPatch) -> None:
     asked, original = [], module.reference_of
 
@@ -306,7 +301,6 @@ def test_two_planes_and_back() -> None:
     assert np.abs([none.links, none.link_rates]).max() < 1e-14
 
 
-@pytest.mark.slow
 def test_noted_in_space_are_linear() -> None:
     errors = []
     for size in (2e-2, 1e-2):

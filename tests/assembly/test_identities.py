@@ -161,7 +161,6 @@ def calls(job: Callable[[], object], *functions: Any) -> Counter[str]:
     return counts
 
 
-@pytest.mark.slow
 def test_arrays_and_modes_are_handed_on() -> None:
     """Each is built once for the motion and once for the modes of a scene; one more pair is of its undamped modes.
 
@@ -176,7 +175,6 @@ def test_arrays_and_modes_are_handed_on() -> None:
     assert counts == {"system_of": 2, "rig_of": 4, "natural_modes": 2, "choose": 1}
 
 
-@pytest.mark.thorough
 def test_a_limit_cycle_beside_a_prediction_has_one_set_of_equations() -> None:
     (settled,) = relative_equilibria(average(load("huygens")))
     assert calls(lambda: cycle_of(load("huygens"), settled), system_of)["system_of"] == 1

@@ -83,7 +83,6 @@ def test_a_braked_cart_slows_no_more_than_it_moves() -> None:
     assert still.rate == 0
 
 
-@pytest.mark.slow
 def test_an_escapement_feeds_what_the_damper_takes() -> None:
     """Gravity takes −G/8 a²(a + A) in the first harmonic, A that of the kicks' third."""
     P, d, gamma = 0.015, 0.05, radians(4.0)
@@ -103,7 +102,6 @@ def test_an_escapement_feeds_what_the_damper_takes() -> None:
     assert np.abs(run.motion.links[-400:]).max() == pytest.approx(balance, rel=0.02)
 
 
-@pytest.mark.slow
 def test_kicks_follow_two_frequencies() -> None:
     """Against kicks counted one by one on a motion of two unrelated frequencies."""
     averaged = average(double(Escapement(impulse=0.01, angle_deg=1.0)))
@@ -200,7 +198,6 @@ def test_two_pendula_keep_in_phase_or_in_antiphase() -> None:
     assert apart.omega == pytest.approx(sqrt(G) * (1 - radians(8.0) ** 2 / 16), rel=1e-4)
 
 
-@pytest.mark.thorough
 def test_many_pendula_in_antiphase_share_the_swing_in_many_ways_and_hold_it_all_the_same() -> None:
     averaged = average(clocks(5.0, -6.0, 4.0, -7.0))
     state = next(
@@ -244,7 +241,6 @@ def test_the_last_passage_counts() -> None:
     assert below_for_good(np.arange(5.0), values, 2.0) == 0.0
 
 
-@pytest.mark.thorough
 def test_steps_are_short_enough() -> None:
     """Eight times as many steps change nothing that is asked."""
     import nonlinear.averaging.slow_flow as slow
@@ -271,7 +267,6 @@ def test_modes_that_are_left_out_set_no_pace(row: int) -> None:
     assert _pace(other, z) == pytest.approx(_pace(alone, z), rel=1e-6)
 
 
-@pytest.mark.thorough
 def test_what_grows_from_next_to_nothing_is_followed_into_its_cycle() -> None:
     """The beam of this scene swings slowly and decays: steps that fit it are far too long for the clocks it feeds."""
     averaged = average(vary(load("clocks-double"), {"support.mass": 50.0}))
@@ -286,7 +281,6 @@ def test_what_grows_from_next_to_nothing_is_followed_into_its_cycle() -> None:
         assert runs_away(averaged, settle(averaged, start[:, None], 10**6)[0].z)
 
 
-@pytest.mark.slow
 def test_a_cart_that_is_stopped_at_once_makes_no_doubt_of_who_comes_back() -> None:
     """The damper takes its own mode, of a spring, at a rate of more than 10⁴ times that of a clock."""
     scene = bobs(5.0, -6.0, drive=VanDerPol(strength=1e-4, angle_deg=4.0), mass=8.0, stiffness=900.0, damping=40.0)
@@ -345,7 +339,6 @@ EVERY = (2104, 2112, 2115, 2118, 2119, 2127, 2006, 2010, 2011, 2015, 2016)
 SAMPLE = usually((2112, 2011), EVERY)
 
 
-@pytest.mark.slow
 def test_certain_survivors_survive() -> None:
     cases = [survivors.judged(seed) for seed in SAMPLE]
     assert sum(case.certain for case in cases) >= len(SAMPLE) - 1
@@ -378,7 +371,6 @@ def test_a_wide_start_is_doubted() -> None:
     assert any("170 deg" in doubt for doubt in predict(in_units(1.0, 170.0, -169.0, drive=FEED)).doubts)
 
 
-@pytest.mark.slow
 def test_amplitudes_that_diverge_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     """Steps are halved as long as any may be: five hundred of them say the same as all."""
     monkeypatch.setattr("nonlinear.averaging.slow_flow.MOST_STEPS", 500)
@@ -391,7 +383,6 @@ def test_a_massless_cart_without_a_mode_is_refused() -> None:
         predict(in_units(1.0, 10.0, -3.0, drive=FEED, cart=0.0))
 
 
-@pytest.mark.slow
 def test_rates_out_of_all_proportion_end_in_time(monkeypatch: pytest.MonkeyPatch) -> None:
     """A cart of 1e-12 kg: 1e10 steps a second; whatever the largest number of steps is, it ends them."""
     monkeypatch.setattr(settle, "__defaults__", (600, 0.0))

@@ -74,7 +74,6 @@ KICKED = [
 ]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("pair", "words", "within"),
     usually(KICKED[1::3], KICKED),

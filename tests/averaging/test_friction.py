@@ -52,7 +52,6 @@ def test_two_frequencies_at_once_by_quadrature() -> None:
     assert third[0, 0, 0] == pytest.approx(2 * np.mean(torque * phases[0].conj() ** 3), abs=2e-3)
 
 
-@pytest.mark.slow
 def test_the_amplitude_of_a_clock_with_friction() -> None:
     """2 P ω A = 4 M A + π d ω A² with kicks at the bottom, by hand and by the full simulation."""
     friction = 1e-3

@@ -95,7 +95,6 @@ def test_both_splay_states_are_one_that_has_two_copies() -> None:
     assert not any(same(splayed, other) for other in equal(3) if other is not splayed)
 
 
-@pytest.mark.slow
 def test_unequal_pendula_have_both_states_listed() -> None:
     """Two attractors of equal energies by rows and nearly equal growth: 20.1, 18.1, 17.3° and 18.2, 20.1, 17.2°."""
     equilibria = relative_equilibria(average(metronomes(LENGTHS, DRIVES, 17.4823, 10.06)))
@@ -116,7 +115,6 @@ def started(equilibrium: RelativeEquilibrium, order: Ints, turn: float) -> State
     return State(q[1:], v[1:], float(q[0]), float(v[0]))
 
 
-@pytest.mark.slow
 def test_an_ensemble_recognizes_every_copy() -> None:
     state = splay(equal(3))
     starts = [started(state, np.array(order), 0.7) for order in permutations(range(3))]

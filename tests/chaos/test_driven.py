@@ -52,7 +52,6 @@ def multipliers(gamma: float) -> Floats:
     return np.linalg.eigvals(M)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("gamma", usually([1.06], [0.9, 1.06]))
 def test_of_a_periodic_motion_it_is_the_logarithm_of_the_largest_multiplier(gamma: float) -> None:
     mu = multipliers(gamma)
@@ -87,7 +86,6 @@ def test_all_exponents_add_up_to_the_loss_of_area_in_chaos_too() -> None:
         assert np.trace(J) == pytest.approx(-2 * BETA, rel=1e-13)
 
 
-@pytest.mark.thorough
 def test_the_driven_pendulum_of_the_textbook_is_chaotic_at_1105_and_not_at_106() -> None:
     chaotic, regular = (lyapunov_exponent(textbook(gamma), 40.0, ensemble=3) for gamma in (1.105, 1.06))
     assert chaotic.is_positive

@@ -139,7 +139,6 @@ def test_dampers_make_it_the_slowest_decay() -> None:
     assert np.isnan(exponent.energy_drift)
 
 
-@pytest.mark.thorough
 def test_gravity_only_sets_the_clock() -> None:
     """g → 4 g from the same angles doubles every λ: the same growth in half the time."""
     slow, fast = (
@@ -178,7 +177,6 @@ def shadow_growth(y: np.ndarray, aside: np.ndarray, end: float) -> np.ndarray:
     return np.log(length / np.linalg.norm(aside / units, axis=0))
 
 
-@pytest.mark.slow
 def test_two_routes_agree_at_high_energy() -> None:
     """Over a time in which rounding does not yet choose another motion, start by start: no chaotic sample decides."""
     angles = np.radians(150) + np.random.default_rng(77).uniform(-0.1, 0.1, (4, 2))
@@ -195,7 +193,6 @@ def many() -> Exponent:
     return lyapunov_exponent(released(2, 150), 24.0, ensemble=32, tolerance=1e-6)
 
 
-@pytest.mark.slow
 def test_the_exponent_is_that_of_64_runs_of_an_hour(many: Exponent) -> None:
     """1.3087 ± 0.0035 1/s from 64 shadow trajectories of 4000 s each."""
     assert many.is_positive
@@ -204,7 +201,6 @@ def test_the_exponent_is_that_of_64_runs_of_an_hour(many: Exponent) -> None:
     assert 0 < many.energy_drift < 5e-4
 
 
-@pytest.mark.slow
 def test_independent_ensembles_agree_within_their_uncertainty(many: Exponent) -> None:
     """Four at once, by their Birge ratio: χ² per degree of freedom."""
     parts = [replace(many, growth=growth) for growth in np.split(many.growth, 4, axis=1)]
@@ -222,7 +218,6 @@ def drawn(rng: np.random.Generator, ensemble: int, sticks: float) -> Exponent:
     return Exponent(chain(2), times, 1 + growth, transient=20.0, energy_drift=0.0)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("ensemble", "sticks"), [(1, 2.0), (4, 2.0), (4, 10.0), (16, 10.0)])
 def test_intervals_hold_the_exponent_as_often_as_they_say(ensemble: int, sticks: float) -> None:
     rng = np.random.default_rng(11)
@@ -317,7 +312,6 @@ def test_verdicts_compare_intervals() -> None:
     assert carts[1].startswith("2 double pendula: not supported")
 
 
-@pytest.mark.slow
 def test_tables_and_pictures_of_both_claims() -> None:
     for paper, rates in (("001", [0.0, 1.0, 2.0, 3.0]), ("000", [1.0, 0.8, 0.9, 1.0, 1.0, 1.3])):
         finding = made(paper, rates)
@@ -356,7 +350,6 @@ def test_starts_replace_the_scenes_own() -> None:
     assert exponent.ensemble == 2
 
 
-@pytest.mark.slow
 def test_linear_drag_is_in_the_exponent_and_in_its_sweep() -> None:
     """A motion that dies out has the slowest decay of the linear scene as its exponent."""
     link = Bob(mass=1.0, length=1.0, drag=2.0)

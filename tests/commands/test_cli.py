@@ -266,7 +266,6 @@ def test_a_full_disk() -> None:
     assert "Traceback" not in done.stderr
 
 
-@pytest.mark.slow
 def test_a_closed_pipe_is_quiet() -> None:
     command = f"'{sys.executable}' -m multipendula table rope --modes 1:400 | head -n 1"
     done = subprocess.run(["bash", "-c", command], capture_output=True, text=True, check=False)
@@ -274,7 +273,6 @@ def test_a_closed_pipe_is_quiet() -> None:
     assert done.stdout == "Hanging rope of 1000 links\n"
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("form", ["png", "svg", "pdf"])
 def test_pictures(capsys: pytest.CaptureFixture[str], tmp_path: Path, form: str) -> None:
     path = tmp_path / f"shapes.{form}"
@@ -282,7 +280,6 @@ def test_pictures(capsys: pytest.CaptureFixture[str], tmp_path: Path, form: str)
     assert path.stat().st_size > 10_000
 
 
-@pytest.mark.thorough
 @pytest.mark.parametrize("name", ["paper-cart-2", "rope", "thousand-pendula", "metronomes", "chain-spatial"])
 def test_no_panel_is_empty_and_nothing_touches_the_edge(
     capsys: pytest.CaptureFixture[str], tmp_path: Path, name: str
@@ -350,7 +347,6 @@ def test_version(capsys: pytest.CaptureFixture[str]) -> None:
     assert capsys.readouterr().out.startswith("multipendula 0.")
 
 
-@pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="POSIX signals")
 def test_interrupted(tmp_path: Path) -> None:
     path, out = tmp_path / "long.toml", tmp_path / "out.txt"
@@ -387,7 +383,6 @@ def test_links_are_followed_and_pipes_are_written_to(capsys: pytest.CaptureFixtu
     assert not Path(os.devnull).is_file()
 
 
-@pytest.mark.slow
 def test_any_title_can_be_drawn(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     path, title = tmp_path / "scene.toml", "a $x_{$ b, 振り子 for $5 and $6"
     path.write_text(f'title = "{title}"\n' + (example_text("chain-1").partition("\n")[2]), encoding="utf-8")
@@ -491,7 +486,6 @@ def test_every_command_reads_standard_input(
     assert capsys.readouterr().err == ""
 
 
-@pytest.mark.thorough
 def test_single_outputs_are_drawn(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     path = tmp_path / "one.png"
     assert printed(capsys, "response", "crane-hook", "--of", "theta_1_2,x", "-o", str(path)) == ""
@@ -505,7 +499,6 @@ def test_a_model_without_a_swing_can_be_truncated(capsys: pytest.CaptureFixture[
     assert len(strict(path.read_text(encoding="utf-8"))["states"]) == 2
 
 
-@pytest.mark.slow
 def test_an_unseen_position_leaves_the_minimal_model(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     path = tmp_path / "speed.json"
     for drive, states in (("cart_force", 5), ("cart_acceleration", 1)):
@@ -524,7 +517,6 @@ def test_gains_say_what_grows(capsys: pytest.CaptureFixture[str]) -> None:
 LINE = "support.mass=90:110:3"
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "begins"),
     [
@@ -617,7 +609,6 @@ def test_table_to_an_accuracy(capsys: pytest.CaptureFixture[str]) -> None:
     assert exact["route"] == "effective mass"
 
 
-@pytest.mark.slow
 def test_the_first_modes_of_a_very_long_chain(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "long.toml"
     link = '{ kind = "rod", mass = 1.0, length = 1.0, count = 1500 }'

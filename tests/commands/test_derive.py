@@ -25,7 +25,6 @@ def test_a_derivation_in_text(capsys: pytest.CaptureFixture[str]) -> None:
     assert next(line for line in text.splitlines() if line.startswith("---")).count("-") == len("Lagrangian")
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     "target",
     [
@@ -220,7 +219,6 @@ def test_a_single_pendulum_needs_no_number(capsys: pytest.CaptureFixture[str]) -
     assert "pendulum 1" not in text
 
 
-@pytest.mark.slow
 def test_hundreds_of_bobs(capsys: pytest.CaptureFixture[str]) -> None:
     count = usually(150, 1000)
     text = printed(capsys, "derive", f"chain:{count}", "--show", "polynomial,modes")
@@ -260,7 +258,6 @@ def test_equations_of_a_paper_by_their_numbers(capsys: pytest.CaptureFixture[str
         assert [line[: len(title)] for line, title in zip(shown, titles, strict=True)] == titles
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "message"),
     [

@@ -82,7 +82,6 @@ def test_a_journal_has_one_sweep_at_a_time(tmp_path: Path) -> None:
     assert path.exists()
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
 def test_a_sweep_that_is_ended_leaves_no_workers_and_no_lock(number: int, tmp_path: Path) -> None:
     (tmp_path / "script.py").write_text(SCRIPT)
@@ -108,7 +107,6 @@ def test_a_sweep_that_is_ended_leaves_no_workers_and_no_lock(number: int, tmp_pa
         assert kept.rows
 
 
-@pytest.mark.thorough
 def test_two_sweeps_to_one_file_end_with_one_whole_result(tmp_path: Path) -> None:
     words = ["sweep", "paper-cart-2", "--vary", "support.mass=1:100:20", "--measure", "energy_drift:2"]
     command = [*COMMAND, *words, "--workers", "1", "-o", str(tmp_path / "m.csv")]
@@ -120,7 +118,6 @@ def test_two_sweeps_to_one_file_end_with_one_whole_result(tmp_path: Path) -> Non
     assert [path.name for path in tmp_path.iterdir()] == ["m.csv"]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("number", "delay"),
     usually(
@@ -164,7 +161,6 @@ def ffmpeg() -> None:
     pytest.importorskip("imageio_ffmpeg")
 
 
-@pytest.mark.slow
 def test_ctrl_c_at_the_first_import_is_ctrl_c() -> None:
     code = (
         "import sys\n"
@@ -180,7 +176,6 @@ def test_ctrl_c_at_the_first_import_is_ctrl_c() -> None:
     assert (ended.returncode, ended.stdout, ended.stderr) == (130, "", "multipendula: interrupted\n")
 
 
-@pytest.mark.thorough
 def test_ctrl_c_during_an_mp4_is_ctrl_c(tmp_path: Path) -> None:
     ffmpeg()
     words = ["animate", "chain-3", "--duration", "600", "--seconds", "600", "-o", str(tmp_path / "f.mp4")]
@@ -227,7 +222,6 @@ def test_what_is_put_off_comes_in_its_time(number: int) -> None:
 # ---------------------------------------------------------------------------------------------------- full disks
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("room", [0, 3000])
 @pytest.mark.parametrize(
     "words",

@@ -70,7 +70,6 @@ def test_a_fit_writes_a_scene_a_report_and_a_picture(folder: Path, capsys: pytes
     assert (folder / "fit.png").stat().st_size > 10_000
 
 
-@pytest.mark.thorough
 def test_a_scene_is_judged_on_new_data(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["fit", "arm.toml", SWING, "--free", "none", "--format", "json"]) == 0
     report = json.loads(capsys.readouterr().out)
@@ -102,7 +101,6 @@ def test_mistakes_are_one_message(
     assert sorted(path.name for path in folder.iterdir()) == ["arm.toml"]
 
 
-@pytest.mark.thorough
 @pytest.mark.parametrize("look", usually(["dark"], ["light", "dark"]))
 def test_the_picture_has_no_flaws(look: str, folder: Path) -> None:
     scene = load("arm.toml")

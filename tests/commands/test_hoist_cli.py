@@ -53,7 +53,6 @@ def small(tmp_path: Path) -> Path:
     return path
 
 
-@pytest.mark.slow
 def test_travel_is_that_of_the_package(capsys: pytest.CaptureFixture[str], small: Path) -> None:
     words = ("hoist", str(small), "--travel", "0.5", "--over", "1.5", "--samples", "2", "--format")
     left = travel_residuals(load(small), Travel(0.5, 0.0, 1.5))
@@ -65,7 +64,6 @@ def test_travel_is_that_of_the_package(capsys: pytest.CaptureFixture[str], small
     assert len(comments) == 4
 
 
-@pytest.mark.slow
 def test_pictures_are_written_in_both_themes(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     for theme in usually(("dark",), ("light", "dark")):
         target = tmp_path / f"{theme}.svg"
@@ -101,7 +99,6 @@ def test_mistakes_are_refused_in_a_sentence(
     assert message in told
 
 
-@pytest.mark.slow
 def test_the_shaper_says_what_the_hoist_leaves_and_matrices_whose_they_are(
     capsys: pytest.CaptureFixture[str], tmp_path: Path, small: Path
 ) -> None:

@@ -14,7 +14,6 @@ from hostility import damage, interruptions, judge, options, scene_files
 MANY, CALLS, STOPPED = usually(25, 40), usually(8, 30), 6
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("block", usually(range(1), range(5)))
 def test_scene_files(block: int, tmp_path: Path) -> None:
     for number in range(100_000 + block * MANY, 100_000 + (block + 1) * MANY):
@@ -24,7 +23,6 @@ def test_scene_files(block: int, tmp_path: Path) -> None:
         assert (ended.words, ended.faults) == (ended.words, ())
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("block", usually(range(2), range(8)))
 def test_options(block: int, tmp_path: Path) -> None:
     for place, call in enumerate(random.Random(block).sample(options.calls(), CALLS)):
@@ -45,7 +43,6 @@ def test_damaged_files(name: str) -> None:
     assert damage.REFUSED in {became for became, _ in cases}
 
 
-@pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="processes are looked for in /proc")
 @pytest.mark.parametrize("number", usually([100_001], range(100_000, 100_000 + STOPPED)))
 def test_interruptions(number: int, tmp_path: Path) -> None:

@@ -62,7 +62,6 @@ def refused(capsys: pytest.CaptureFixture[str], *words: str) -> str:
     return told.err
 
 
-@pytest.mark.slow
 def test_a_record_becomes_modes_modes_become_numbers_and_these_a_table(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -130,7 +129,6 @@ def test_responses_and_shapers_have_a_band(folder: Path, capsys: pytest.CaptureF
     assert "not to --impulse" in told
 
 
-@pytest.mark.slow
 def test_motions_have_a_band(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     words = ("crane.toml", "--covariance", "fit.json", "--duration", "0.5")
     assert "band of 200 members" in said(capsys, "simulate", *words, "--band", "band.png")

@@ -70,7 +70,6 @@ def test_a_scene_in_space_without_a_start_begins_along_the_rail(
     assert np.abs(first[:, 1]).max() == 0
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "message"),
     [
@@ -146,7 +145,6 @@ def test_every_mistake_is_named_at_once(capsys: pytest.CaptureFixture[str]) -> N
         assert words in printed
 
 
-@pytest.mark.slow
 def test_check_and_chaos_print_tables_and_draw(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     told = {
         "check chain-2 --modes 1 --amplitudes 5": "the table of modes against the full motion",
@@ -177,7 +175,6 @@ def interrupting(total: float, unit: str = "s") -> Iterator[Callable[[float], ob
     yield report
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "left", "printed"),
     [

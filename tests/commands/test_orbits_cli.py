@@ -22,7 +22,6 @@ def told(capsys: pytest.CaptureFixture[str], *words: str) -> str:
     return capsys.readouterr().out
 
 
-@pytest.mark.slow
 def test_json_has_the_promised_keys_and_the_librarys_numbers(capsys: pytest.CaptureFixture[str]) -> None:
     record = json.loads(told(capsys, "chain-2", "--mode", "2", "--largest-angle", "70", "--format", "json"))
     branch = nonlinear_mode(load("chain-2"), 2, radians(70))
@@ -42,7 +41,6 @@ def test_json_has_the_promised_keys_and_the_librarys_numbers(capsys: pytest.Capt
     assert special["amplitude_deg"] == pytest.approx(61.95, abs=0.01)
 
 
-@pytest.mark.thorough
 def test_csv_has_a_line_for_every_orbit_along_a_number(capsys: pytest.CaptureFixture[str]) -> None:
     text = told(capsys, "metronomes", "--vary", "support.mass=0.5:1:2", "--format", "csv")
     rows = list(csv.DictReader(io.StringIO(text)))
@@ -52,7 +50,6 @@ def test_csv_has_a_line_for_every_orbit_along_a_number(capsys: pytest.CaptureFix
     assert {row["stable"] for row in rows} == {"0", "1"}
 
 
-@pytest.mark.slow
 def test_a_run_may_be_the_beginning(capsys: pytest.CaptureFixture[str]) -> None:
     words = ("--vary", "support.mass=0.5:0.6:2", "--settled", "--start", "mode:4:40", "--duration", "60")
     record = json.loads(told(capsys, "metronomes", *words, "--format", "json"))
@@ -61,7 +58,6 @@ def test_a_run_may_be_the_beginning(capsys: pytest.CaptureFixture[str]) -> None:
     assert all(point["stable"] for point in branch["points"])
 
 
-@pytest.mark.slow
 def test_a_mode_of_one_amplitude_along_gravity_keeps_its_shape_and_scales_its_frequency(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
@@ -75,7 +71,6 @@ def test_a_mode_of_one_amplitude_along_gravity_keeps_its_shape_and_scales_its_fr
     assert record["special"] == []
 
 
-@pytest.mark.thorough
 def test_the_text_names_special_points_and_entered_branches(capsys: pytest.CaptureFixture[str]) -> None:
     text = told(capsys, "chain-2", "--mode", "2", "--largest-angle", "66", "--enter")
     assert "branch point at 61.946°" in text
@@ -84,7 +79,6 @@ def test_the_text_names_special_points_and_entered_branches(capsys: pytest.Captu
     assert f"{linear:.5f}"[:4] in text
 
 
-@pytest.mark.thorough
 def test_figure_and_film_are_written_whole(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     figure, film = tmp_path / "a.png", tmp_path / "a.gif"
     told(capsys, "chain-1", "--mode", "1", "--largest-angle", "60", "-o", str(figure), "--film", str(film))
@@ -144,7 +138,6 @@ def test_motions_under_drives_have_columns_of_their_own(capsys: pytest.CaptureFi
     assert branch["points"][0]["whole_turns"] == [0]
 
 
-@pytest.mark.thorough
 def test_a_run_that_settles_on_twice_the_period_begins_a_branch(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -159,7 +152,6 @@ def test_a_run_that_settles_on_twice_the_period_begins_a_branch(
     assert first["amplitude_deg"] > 10
 
 
-@pytest.mark.slow
 def test_branches_that_leave_a_motion_under_drives_are_entered_and_told(capsys: pytest.CaptureFixture[str]) -> None:
     text = told(capsys, KAPITZA, "--vary", "support.motion.amplitude=0.01:0.0101:2", "--enter", "--depth", "2")
     assert [word.split()[1] for word in text.splitlines() if word.startswith("branch ")] == ["1,", "point", "2,"]

@@ -43,7 +43,6 @@ def printed(command: str, encoding: str, monkeypatch: pytest.MonkeyPatch) -> str
     return content.getvalue().decode(encoding)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("command", "encoding"), SAID)
 def test_letters_that_an_encoding_lacks_are_spelled(
     command: str, encoding: str, monkeypatch: pytest.MonkeyPatch

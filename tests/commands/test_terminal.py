@@ -70,7 +70,6 @@ def too_wide(text: str, columns: int) -> list[str]:
     return [line for line in text.splitlines() if breadth(line) > columns and len(line.removeprefix("# ").split()) > 1]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", sorted(BASES.keys() - {"completion", "schema", *QUICK}))
 def test_no_line_of_any_command_is_wider_than_its_terminal(
     name: str, printed: Printed, monkeypatch: pytest.MonkeyPatch
@@ -219,7 +218,6 @@ def test_titles_fit_too(title: str, columns: int, printed: Printed, folder: Path
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="terminals of their own")
-@pytest.mark.slow
 def test_a_real_terminal_of_80_columns_that_knows_only_ascii(folder: Path) -> None:
     import fcntl
     import pty
@@ -323,7 +321,6 @@ def test_a_scene_in_which_nothing_swings_needs_a_start(folder: Path, capsys: pyt
     assert "no mode swings" in capsys.readouterr().err
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     "call",
     [

@@ -46,7 +46,6 @@ def test_vibration_in_every_format(capsys: pytest.CaptureFixture[str], tmp_path:
     assert rms == pytest.approx(response.rms.tolist())
 
 
-@pytest.mark.thorough
 def test_the_main_result_may_be_the_picture(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     words, picture = ("vibration", "suspension", "--temperature", "290", "--at", "1"), tmp_path / "p.svg"
     assert said(capsys, *words, "-o", str(picture)) == said(capsys, *words)
@@ -55,7 +54,6 @@ def test_the_main_result_may_be_the_picture(capsys: pytest.CaptureFixture[str], 
     assert "writes text or a figure" in said(capsys, *words, "-o", "a.gif", code=2)
 
 
-@pytest.mark.slow
 def test_shock_in_every_format(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     response = shock_response(load(SUSPENSION), RecordMotion(**read_record(QUAKE)))
     text = said(capsys, "shock", SUSPENSION, QUAKE)
@@ -101,7 +99,6 @@ def test_what_cannot_be_is_refused_in_a_word(
     assert "Traceback" not in error
 
 
-@pytest.mark.thorough
 @pytest.mark.parametrize("colours", usually(["light"], ["light", "dark"]))
 def test_the_pictures_are_whole(colours: str) -> None:
     scene = load(SUSPENSION)
@@ -111,7 +108,6 @@ def test_the_pictures_are_whole(colours: str) -> None:
         assert flaws(shock_figure(shock_response(scene, record, ("angles", "tip_positions")))) == []
 
 
-@pytest.mark.slow
 def test_a_film_shows_the_support_moving(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     from nonlinear import simulate
     from nonlinear.plotting.scene import stage_of

@@ -85,7 +85,6 @@ def test_next_to_a_pole_no_digit_is_lost() -> None:
     assert np.isinf(dynamic([pole])[0])
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", [*CARTS, *usually([*MILD][::3], [*MILD]), "thousand"])
 def test_zeros_and_still_modes_are_the_modes(name: str) -> None:
     """The secular equation against bisection of the count (and dense matrices where joints have springs)."""
@@ -512,7 +511,6 @@ EVERY = {
 }
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", EVERY)
 def test_every_number_has_its_formula(name: str) -> None:
     explanation = explain(EVERY[name])
@@ -527,7 +525,6 @@ def test_every_number_has_its_formula(name: str) -> None:
     assert record["families"][0]["omega_cart_still_rad_per_s"] == explanation.families[0].omega
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", usually(["held", "fixed"], ["held", "fixed", "immense", "massless", "thousand"]))
 def test_pictures_are_drawn(name: str) -> None:
     stream = io.BytesIO()

@@ -180,7 +180,6 @@ def test_missing_numba_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
         Compiled(system_of(load("chain-1")))
 
 
-@pytest.mark.slow
 @fast
 def test_compiled_without_a_place_for_its_cache(monkeypatch: pytest.MonkeyPatch) -> None:
     """Where numba finds no folder to write to, what it compiles stays in memory."""

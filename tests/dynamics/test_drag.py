@@ -71,7 +71,6 @@ def test_every_form_of_the_equations_agrees() -> None:
     assert rate[-1] == pytest.approx(expected[-1])
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("form", ["maximal", "hamiltonian"])
 def test_runs_in_other_forms_agree(form: str) -> None:
     trajectory, other = (
@@ -83,7 +82,6 @@ def test_runs_in_other_forms_agree(form: str) -> None:
         assert run.motion.work[-1] < -0.1
 
 
-@pytest.mark.slow
 def test_runs_in_space_keep_the_books_and_the_plane() -> None:
     flat = simulate(MIXED, 1.5, tolerance=1e-11, output=16)
     solid = simulate(MIXED.replace(space="space"), 1.5, tolerance=1e-11, output=16)

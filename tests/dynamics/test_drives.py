@@ -146,7 +146,6 @@ def test_a_van_der_pol_torque_adds_its_moments_over_the_mass_matrix_and_its_powe
             assert rate[-1] - lost == pytest.approx(torques @ state.link_rates, rel=1e-10, abs=1e-10 * abs(rate[-1]))
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("seed", usually([3], [1, 3]))
 def test_every_form_and_method_goes_the_same_way_with_van_der_pol(seed: int) -> None:
     scene = with_drives(motion_scene(seed, standing=False, longest=2, most=2), seed, "v")
@@ -169,7 +168,6 @@ def test_the_limit_cycle_has_the_amplitude_of_the_averaged_equation(damping: flo
     assert amplitude == pytest.approx(2 * gamma0 * math.sqrt(1 - damping / e), rel=2e-3)
 
 
-@pytest.mark.slow
 def test_equal_pendula_with_equal_starts_move_as_one_and_as_without_the_symmetry() -> None:
     link = Rod(mass=0.3, length=0.4, damping=0.001, drive=VanDerPol(strength=0.01, angle_deg=10))
     pendulum = Pendulum(links=(link, Rod(mass=0.2, length=0.3)), count=3, start=InitialCondition(angles_deg=(20, 15)))
@@ -203,7 +201,6 @@ def scaled(scene: Scene, mass: float, length: float) -> Scene:
     return Scene(gravity=scene.gravity * length, support=cart, pendulum=pendula)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("length", [1e-12, 1e12])
 @pytest.mark.parametrize("mass", usually([1e12], [1e12, 1e-12]))
 def test_units_change_neither_motion_nor_kicks(mass: float, length: float) -> None:
@@ -310,7 +307,6 @@ def own_kicks(impulse: float, angle: float, start: float, length: float, damping
 THREE = ((0.05, 5.0, 20.0, 1.0, 0.0), (0.05, 5.2, 20.0, 1.01, 0.02), (0.02, 0.0, -15.0, 0.9, 0.01))
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("method", usually(["DOP853", "LSODA"], METHODS))
 def test_kicks_come_when_an_integration_of_each_clock_alone_finds_them(method: str) -> None:
     clocks = [clock(p, a, s, length=l, damping=d) for p, a, s, l, d in THREE]
@@ -421,7 +417,6 @@ def test_standing_links_count_their_angle_from_the_standing_rest() -> None:
 # ----------------------------------------------------------------------------------------------- long runs, energy
 
 
-@pytest.mark.slow
 def test_the_steady_swing_of_a_small_clock_is_where_feed_and_loss_balance() -> None:
     """Angle 0: v₊ = v₋ + P/I and v₋ = v₊ exp(−πζ/√(1−ζ²))."""
     P, damping, length = 2e-4, 0.01, 0.25
@@ -433,7 +428,6 @@ def test_the_steady_swing_of_a_small_clock_is_where_feed_and_loss_balance() -> N
     assert np.diff(run.kicks.time[-5:]) == pytest.approx(math.pi / omega / math.sqrt(1 - zeta**2), rel=1e-4)
 
 
-@pytest.mark.slow
 def test_energy_closes_over_hundreds_of_kicks_with_dampers_everywhere() -> None:
     links = (Rod(mass=1.0, length=0.3, damping=0.005, drive=Escapement(impulse=0.01, angle_deg=3)),)
     low = Rod(mass=0.3, length=0.2, damping=0.002, drive=Escapement(impulse=0.001, angle_deg=1))
@@ -612,7 +606,6 @@ def test_tables_and_matrices_leave_drives_out_and_the_table_says_so() -> None:
     assert scene_from(describe(scene)) == scene
 
 
-@pytest.mark.slow
 def test_a_check_leaves_drives_out_and_says_so() -> None:
     scene = beside_a_clock(damping=0.1)
     with reproducible():

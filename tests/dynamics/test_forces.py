@@ -64,7 +64,6 @@ def forms_agree(scene: Scene, *forms: str, duration: float = usually(0.8, 2.0)) 
         assert np.abs(run.motion.work).max() > 1e-3
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("support", "forces"),
     usually(
@@ -95,7 +94,6 @@ AIRY = [BOB | {"quadratic_drag": 0.2}, BOB | {"drag": 0.1}]
 REEL = [BOB | {"hoist": {"to": 1.5, "duration": 2.0}}, BOB | {"mass": 0.3}]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("support", "links", "forces"),
     [
@@ -141,7 +139,6 @@ def test_two_bobs_are_those_of_newtons_law_by_hand() -> None:
     assert run.motion.links == pytest.approx(exact, abs=1e-9)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("engine", usually(["numpy", "numba"], ["numpy", "numba", "heyoka"]))
 def test_members_are_single_runs(engine: str) -> None:
     """The loop for numba as Python; `ensembles/test_clocks.py` compiles one that has functions of time."""

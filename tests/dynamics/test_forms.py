@@ -41,7 +41,7 @@ def test_the_sample_holds_every_kind(seeds: range) -> None:
     assert {len(pendulum.links) for scene in scenes for pendulum in scene.pendulum} == {1, 2}
 
 
-@pytest.mark.parametrize("seed", [pytest.param(seed, marks=[pytest.mark.slow] * (seed in LONG)) for seed in SEEDS])
+@pytest.mark.parametrize("seed", SEEDS)
 def test_minimal_maximal_and_spatial_trajectories_agree(seed: int) -> None:
     duration = usually(3, 10) if seed in LONG else 2
     times = np.linspace(0, duration, 2 * duration + 1)

@@ -108,7 +108,6 @@ def dampers(system: System, state: State) -> np.ndarray:
     return np.concatenate(([-system.cart.damping * state.cart_rate], torques)) if system.cart else torques
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("seed", usually([3], [3, 9, 10]))
 def test_motion_is_lagranges(seed: int) -> None:
     system = system_of(plane_scene(seed))

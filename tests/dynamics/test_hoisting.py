@@ -91,7 +91,6 @@ def test_large_swings_obey_the_textbook_equation(profile: str) -> None:
     assert run.energy_drift() < 1e-9
 
 
-@pytest.mark.slow
 def test_a_chain_of_bobs_obeys_cartesian_equations() -> None:
     """Points under gravity and the tensions T that keep |r_i − r_{i−1}| = l_i(t)."""
     hoists = (Hoist(to=0.6, duration=2.0), None, Hoist(to=1.4, begin=0.3, duration=1.2))
@@ -132,7 +131,6 @@ def test_a_chain_of_bobs_obeys_cartesian_equations() -> None:
     assert np.abs(np.linalg.norm(spans, axis=1) - [0.6, 0.7, 1.4]).max() < 1e-9
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     "support", usually([Cart(mass=3.0)], [Fixed(), Cart(mass=3.0), Cart(mass=3.0, damping=0.2, stiffness=5.0)])
 )
@@ -193,7 +191,6 @@ def adiabatic(duration: float) -> float:
     return max(changes)
 
 
-@pytest.mark.slow
 def test_a_slow_hoist_keeps_energy_over_frequency() -> None:
     errors = [adiabatic(duration) for duration in (6.0, 12.0, 24.0)]
     assert errors[0] < 0.05
@@ -231,7 +228,6 @@ def test_wrong_laws_are_named(tmp_path) -> None:
         files.save(run, tmp_path / "run.npz")
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["npz", "csv"])
 def test_runs_are_saved_and_continued_along_the_hoist(tmp_path, kind: str) -> None:
     scene = load("hoisting-crane")

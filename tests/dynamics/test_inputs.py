@@ -171,7 +171,6 @@ def test_hoists_on_a_moved_support_obey_newtons_law(motion: str, hoist: str) -> 
     assert trajectory.energy_drift() < 1e-9
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("motion", "hoist"), [("sine", "trapezoidal"), ("record", "smooth")])
 def test_hoists_on_a_moved_support_in_air_move_alike_in_all_forms(motion: str, hoist: str) -> None:
     scene = hoisted(motion, hoist, drag=0.2, quadratic_drag=0.1, damping=0.05)
@@ -209,7 +208,6 @@ def test_records_of_a_support_are_followed_within_the_tolerance(name: str) -> No
     assert abs(run.motion.links[-1, 0] - last_angle(0.01 * RECORDS[name])) < 5 * TOLERANCE
 
 
-@pytest.mark.slow
 def test_steps_that_pass_over_knots_would_not_do(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(inputs, "LEAST_BEND", inf)
     run = simulate(shaken(0.01 * RECORDS["noisy"]), 2.0, tolerance=TOLERANCE, output=2)

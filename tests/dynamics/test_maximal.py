@@ -177,7 +177,6 @@ def paper_cart() -> System:
 START = State(np.array([0.9, 0.6, -0.5, -0.4]), np.zeros(4), 0.1, 0.2)
 
 
-@pytest.mark.slow
 def test_motion_is_that_of_minimal_coordinates(system: System) -> None:
     few, many = (final(equations, START) for equations in (minimal(system, blowing), Maximal(system, blowing)))
     np.testing.assert_allclose(many.links, few.links, rtol=0, atol=1e-9)

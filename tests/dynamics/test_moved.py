@@ -73,7 +73,6 @@ def by_hand(scene: Scene, times: np.ndarray) -> np.ndarray:
     return np.concatenate(rows)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("motion", EVERY, ids=lambda motion: f"{motion.kind}-{motion.direction}")
 def test_the_motion_is_that_of_equations_written_by_hand(motion: SupportMotion) -> None:
     run = simulate(double(motion), 2.8, tolerance=1e-12, output=57)
@@ -83,7 +82,6 @@ def test_the_motion_is_that_of_equations_written_by_hand(motion: SupportMotion) 
     assert run.energy_drift() < 1e-9
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("motion", EVERY[:: usually(5, 3)], ids=lambda motion: f"{motion.kind}-{motion.direction}")
 def test_all_forms_agree_and_their_books_close(motion: SupportMotion) -> None:
     scene = double(motion, damping=0.05)
@@ -99,7 +97,6 @@ def test_all_forms_agree_and_their_books_close(motion: SupportMotion) -> None:
     assert spatial.energy_drift() < 1e-9
 
 
-@pytest.mark.slow
 def test_many_pendula_and_long_chains() -> None:
     """Recursion, bands and dense matrices: each pendulum moves as it does alone."""
     motion = SineMotion(amplitude=0.1, frequency_hz=1.1)
@@ -152,7 +149,6 @@ def test_uniform_motion_changes_nothing_but_the_place() -> None:
     assert run.mechanics.energy == pytest.approx(still.mechanics.energy, abs=1e-7)
 
 
-@pytest.mark.slow
 def test_reaction_forces_are_the_constraint_forces_and_newtons_law() -> None:
     scene = double(EVERY[0], damping=0.1)
     run = simulate(scene, 2.0, tolerance=1e-12, output=2001)
@@ -179,7 +175,6 @@ def test_a_load_acts_besides() -> None:
     assert pushed[0].energy_drift() < 1e-9
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["npz", "csv"])
 def test_a_saved_run_has_its_record_and_goes_on(tmp_path: Path, kind: str) -> None:
     scene = double(EVERY[2])
@@ -201,7 +196,6 @@ def test_a_saved_run_has_its_record_and_goes_on(tmp_path: Path, kind: str) -> No
         assert first.endswith("0.0,0.0,0.0")
 
 
-@pytest.mark.slow
 def test_small_shaking_is_the_linear_response() -> None:
     """After long, a damped pendulum swings by |H(iω)| times the amplitude of its support."""
     frequency = 0.9
@@ -214,7 +208,6 @@ def test_small_shaking_is_the_linear_response() -> None:
     assert np.abs(run.motion.links[-5000:]).max() == pytest.approx(abs(H) * 1e-5, rel=1e-5)
 
 
-@pytest.mark.slow
 def test_kapitzas_pendulum_stands_and_swings_at_its_averaged_frequency() -> None:
     amplitude, frequency, length = 0.01, 60.0, 0.2
     motion = SineMotion(direction="vertical", amplitude=amplitude, frequency_hz=frequency, phase_deg=90.0)
@@ -252,7 +245,6 @@ def test_an_accuracy_is_met() -> None:
     assert run.motion.links == pytest.approx(by_hand(scene, run.times)[:, :2], abs=1e-6)
 
 
-@pytest.mark.slow
 def test_steps_end_at_the_kinks_of_a_motion() -> None:
     """A short pulse late in a long rest is not stepped over."""
     t = (20.0, 20.01, 20.02, 20.03, 20.04, 20.05)

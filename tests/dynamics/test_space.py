@@ -91,7 +91,6 @@ def central(f: Callable[[np.ndarray], Any], at: np.ndarray, along: np.ndarray, s
 # the plane
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(50))
 def test_in_the_plane_of_the_rail_space_is_the_plane(seed: int) -> None:
     scene, rng = spatial_scene(seed, odd=True), np.random.default_rng(seed)
@@ -340,7 +339,6 @@ def test_nor_does_it_where_a_stage_of_a_step_has_left_the_sphere(seed: int, monk
     np.testing.assert_allclose(equations.derivative(0, y), before, rtol=0, atol=1e-11 * np.abs(before).max())
 
 
-@pytest.mark.slow
 def test_links_that_pass_level_cost_no_accuracy() -> None:
     """Three sprung links on a cart, the last of which passes level, against Lagrange's equations with multipliers."""
     links = (Rod(mass=1, length=0.7, stiffness=4), Bob(mass=0.5, length=0.5, stiffness=2))
@@ -558,7 +556,6 @@ def test_project_mends_what_is_violated_and_says_how_much() -> None:
     np.testing.assert_allclose(mended, y, atol=1e-14)
 
 
-@pytest.mark.slow
 def test_projection_keeps_a_run_on_its_constraints() -> None:
     equations, rng = spatial_of(spatial_scene(4)), np.random.default_rng(4)
     begun = equations.begin(any_state(equations, rng))

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from support.amounts import usually
 from support.uncompiled import uncompiled
 
 from modal import Scene
@@ -387,7 +388,7 @@ def test_what_is_written_equals_the_recursion() -> None:
     )
 
 
-@pytest.mark.parametrize("way", [uncompiled, pytest.param(nullcontext, marks=pytest.mark.thorough)])
+@pytest.mark.parametrize("way", usually([uncompiled], [uncompiled, nullcontext]))
 def test_loops_for_numba_equal_the_recursion(way: Any) -> None:
     """As Python runs them, and compiled, which takes ten seconds."""
     pytest.importorskip("numba")

@@ -22,7 +22,6 @@ def doubled(seed: int) -> Scene:
     return scene.model_copy(update={"pendulum": (*again, scene.pendulum[0])})
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("seed", usually([0, 2], range(5)))
 def test_pendula_that_start_equally_move_as_one(seed: int) -> None:
     scene, duration = doubled(seed), usually(1.5, 3.0)
@@ -50,7 +49,6 @@ def test_the_smaller_equations_are_the_whole_ones(seed: int) -> None:
         assert np.allclose(getattr(rate, name), expected, rtol=1e-11, atol=1e-11 * (1 + np.abs(expected).max())), name
 
 
-@pytest.mark.slow
 def test_a_thousand_equal_pendula_are_integrated_as_one() -> None:
     pendulum = Pendulum(links=(Bob(mass=1.0, length=1.0), Bob(mass=0.5, length=0.7)), count=1000)
     scene = Scene(gravity=9.81, support=Cart(mass=100.0), pendulum=(pendulum,))
@@ -86,7 +84,6 @@ def spatial(scene: Scene, azimuth: float) -> Scene:
     return scene.model_copy(update={"space": "space", "pendulum": tuple(pendula)})
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("seed", usually(range(3), range(6)))
 def test_a_start_in_the_plane_of_the_rail_is_integrated_there(seed: int) -> None:
     scene = spatial(motion_scene(seed, sprung=False), 0.0)

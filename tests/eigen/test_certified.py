@@ -13,7 +13,6 @@ SCENES, CHUNK = 2400, usually(25, 50)
 FIRST = range(0, SCENES, usually(600, CHUNK))
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("first", FIRST)
 def test_every_frequency_and_shape(first: int) -> None:
     shapes = 0
@@ -66,7 +65,6 @@ def scenes(draw: st.DrawFn) -> Scene:
     )
 
 
-@pytest.mark.slow
 @settings(max_examples=60, deadline=None, derandomize=True)
 @given(scenes())
 def test_corners(scene: Scene) -> None:
@@ -77,7 +75,6 @@ def test_corners(scene: Scene) -> None:
     assert_certified(modes, 1e-14)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("n", usually([39], [39, 60]))
 def test_long_chains_of_any_links(n: int) -> None:
     kinds = [Bob(mass=1.0, length=0.7), Rod(mass=2.5, length=1.1), Body(mass=0.3, length=0.9, centre=1.2, inertia=0.02)]

@@ -92,7 +92,6 @@ def test_a_secular_equation_without_a_zero_raises() -> None:
         solve(Poles(np.array([1.0, 2.0]), np.array([np.nan, 1.0]), 1.0))
 
 
-@pytest.mark.slow
 def test_thousand_pendula_take_the_secular_route() -> None:
     modes = natural_modes(load("thousand-pendula"))
     assert "secular equation" in modes.route
@@ -123,7 +122,6 @@ def test_two_thousand_equal_lengths_of_different_mass() -> None:
         assert abs(shape.angles @ masses) < 1e-12 * (np.abs(shape.angles) @ masses)
 
 
-@pytest.mark.slow
 def test_nearly_equal_poles_are_not_taken_for_one_beyond_rounding() -> None:
     lengths = 1.0 + 2.0**-46 * np.arange(700)
     pendula = [Pendulum(links=(Bob(mass=1.0, length=float(l)),)) for l in lengths]

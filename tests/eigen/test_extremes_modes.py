@@ -30,7 +30,6 @@ def ends(family: Family) -> list[float]:
     return sorted({small[0], small[len(small) // 2], small[-1]})
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("family", STRUCTURED, ids=lambda f: f.name)
 def test_the_structured_routes_keep_every_digit(family: Family) -> None:
     for parameter in ends(family):

@@ -100,7 +100,6 @@ def test_without_springs_it_is_the_effective_mass(x: float) -> None:
     np.testing.assert_allclose(mass[:, 0], felt[0, 0], rtol=1e-12)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("n", [12, 60])
 def test_long_chains_are_those_of_a_dense_solver(n: int) -> None:
     """A hanging rope with bending stiffness, beside `eigh` as far as that goes."""

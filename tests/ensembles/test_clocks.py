@@ -270,7 +270,6 @@ def test_the_loop_that_numba_compiles_takes_the_steps_of_lanes(name: str) -> Non
         assert_same(name, 1.5, 3)
 
 
-@pytest.mark.slow
 @pytest.mark.skipif(not available(), reason="numba is not installed")
 @pytest.mark.parametrize("name", usually(["clock that rubs"], [*SCENES]))
 def test_compiled_members_are_those_of_lanes(name: str) -> None:
@@ -293,7 +292,6 @@ def test_a_member_whose_friction_has_no_value_fails_alone(engine: str) -> None:
         simulate(scene, 1.0)
 
 
-@pytest.mark.slow
 @pytest.mark.skipif(not available(), reason="numba is not installed")
 def test_what_decides_is_compiled_with_the_arithmetic_of_python() -> None:
     """Sums in any order in the loop itself send these two members to ends 1e-4 rad away."""

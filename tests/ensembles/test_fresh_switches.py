@@ -39,7 +39,6 @@ def fresh(rng: np.random.Generator) -> Scene:
     return scene_from({"gravity": 9.81, "support": support, "pendulum": [{"links": links}]})
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("seed", usually([1], range(100)))
 def test_fresh_members_are_pieces_of_the_maximal_form(seed: int) -> None:
     rng = np.random.default_rng(seed)

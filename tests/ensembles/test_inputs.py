@@ -181,22 +181,18 @@ def test_the_loop_that_numba_compiles_takes_the_steps_of_lanes(name: str) -> Non
         alike(name, "numba", 1e-9, seconds=1.3)
 
 
-@pytest.mark.slow
-@pytest.mark.thorough
 @pytest.mark.parametrize("name", COMPILED)
 def test_compiled_members_are_those_of_lanes(name: str) -> None:
     pytest.importorskip("numba")
     alike(name, "numba", 1e-9)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", usually(["sine and ratio"], [*SERIES, *HOISTS]))
 def test_members_by_taylor_series_are_those_of_lanes(name: str) -> None:
     pytest.importorskip("heyoka")
     alike(name, "heyoka", 1e-7)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", [*usually((), ("smooth and drag",)), "sine and ratio", "sine and drag", "trapezoidal"])
 def test_a_run_by_taylor_series_is_that_of_dop853(name: str) -> None:
     pytest.importorskip("heyoka")

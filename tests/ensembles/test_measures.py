@@ -108,7 +108,6 @@ def test_energies_are_conserved_and_stated() -> None:
     assert computed().energy_drift.max() < 1e-7
 
 
-@pytest.mark.slow
 def test_the_order_parameter_is_that_of_a_run() -> None:
     scene = load("huygens")
     runs = ensemble(scene, 20.0, vary={"pendulum[0].start.angles_deg[0]": [5.0, 20.0]}, measures=["order"], workers=1)
@@ -135,7 +134,6 @@ def test_estimated_errors_are_above_the_true_ones() -> None:
     assert np.all(loose.beyond[beyond])
 
 
-@pytest.mark.slow
 def test_compiled_members_are_those_of_lanes() -> None:
     """Tangent equations are a form of their own, which takes as long again to compile."""
     pytest.importorskip("numba")
@@ -160,7 +158,6 @@ def test_what_no_engine_takes_goes_one_by_one() -> None:
     assert run.complete
 
 
-@pytest.mark.slow
 def test_members_by_taylor_series_are_those_of_lanes() -> None:
     pytest.importorskip("heyoka")
     for name in computed().columns:
@@ -171,7 +168,6 @@ def test_members_by_taylor_series_are_those_of_lanes() -> None:
     assert np.all((ratio > 1e-3) & (ratio < 1e3))
 
 
-@pytest.mark.slow
 def test_small_motions_by_taylor_series_keep_their_relative_accuracy() -> None:
     """Beside larger ones, which go by themselves; everything comes back in its place."""
     pytest.importorskip("heyoka")
@@ -184,7 +180,6 @@ def test_small_motions_by_taylor_series_keep_their_relative_accuracy() -> None:
     np.testing.assert_allclose(other.column("crossing_time_s"), runs.column("crossing_time_s"), atol=1e-6)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("engine", ["numpy", "heyoka"])
 def test_starts_after_many_turns_are_as_accurate_as_is_said(engine: str) -> None:
     """Against the same starts within one turn, finer: what is wrong lies beyond its horizon."""
@@ -206,7 +201,6 @@ def test_horizons_that_nobody_estimates_are_not_counted() -> None:
     assert "horizons not estimated" in runs.words()
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("engine", ["numba", "heyoka"])
 def test_an_engine_that_has_run_is_ready(engine: str) -> None:
     pytest.importorskip(engine)
@@ -216,7 +210,6 @@ def test_an_engine_that_has_run_is_ready(engine: str) -> None:
     assert code.loaded
 
 
-@pytest.mark.slow
 def test_what_is_compiled_is_ready_afterwards() -> None:
     pytest.importorskip("numba")
     pytest.importorskip("heyoka")

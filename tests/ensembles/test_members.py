@@ -49,7 +49,6 @@ def driven_scene(seed: int) -> Scene:
     return Scene(gravity=9.81, support=cart if seed % 3 else Fixed(), pendulum=pendula)
 
 
-@pytest.mark.slow
 def test_equations_of_members_are_those_of_their_scenes() -> None:
     """Written out and by the recursion, with numbers that differ and that do not."""
     for seed in range(30):
@@ -109,7 +108,6 @@ def random_state(scene: Scene, seed: int) -> State:
     return State(links, rng.uniform(-1, 1, system.n_links), *map(float, cart))
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("first", usually([0], range(0, 200, 25)))
 def test_members_agree_with_runs_by_themselves(first: int) -> None:
     """Random scenes of all kinds, 200 in all: carts, unequal pendula, joint springs and dampers, drives."""
@@ -208,7 +206,6 @@ def second_of(entries: tuple) -> np.ndarray:
     return np.array([entry[1] if isinstance(entry, np.ndarray) else entry for entry in entries], dtype=float)
 
 
-@pytest.mark.slow
 def test_every_number_of_every_kind_of_scene_is_that_of_its_member() -> None:
     """What engines are given, numbers and states, against those of the scene of the member alone."""
     tried, scenes = 0, [load(str(path)) for path in sorted(KINDS.glob("*.toml"))]

@@ -59,7 +59,7 @@ def test_a_start_on_a_section_counts_if_it_passes(engine: str, way: str) -> None
     np.testing.assert_allclose(other.column("crossing_time_s"), time, atol=1e-12)
 
 
-@pytest.mark.parametrize("engine", [*ENGINES, pytest.param("numba", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("engine", [*ENGINES, "numba"])
 def test_a_start_at_the_top_turns_over_if_it_passes(engine: str) -> None:
     """Upright at rest the upper link is driven off by the lower one, and comes over the top later, or never."""
     angles = np.array([[np.pi, 1.0], [-np.pi, -1.0], [np.pi, -1.0], [-np.pi, 1.0], [3 * np.pi, 1.0]])
@@ -88,7 +88,6 @@ def test_the_first_turn_after_a_start_at_the_top_is_that_of_samples(engine: str)
     assert first[0] == pytest.approx(reference(), abs=1e-4)
 
 
-@pytest.mark.slow
 def test_compiled_members_pass_and_return_as_others_do() -> None:
     """Just within the first turning points of two links."""
     start, at = State(np.array([1.5, -0.5]), np.zeros(2)), []

@@ -99,14 +99,12 @@ def test_the_bytes_do_not_depend_on_workers(tmp_path: Path, alone: dict[str, byt
     assert contents(tmp_path / "shuffled") == alone
 
 
-@pytest.mark.slow
 def test_the_bytes_are_those_of_processes(tmp_path: Path, alone: dict[str, bytes]) -> None:
     run(tmp_path / "processes", workers=2)
     assert contents(tmp_path / "processes") == alone
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("engine", ["numpy", pytest.param("numba", marks=pytest.mark.thorough)])
+@pytest.mark.parametrize("engine", usually(["numpy"], ["numpy", "numba"]))
 def test_the_bytes_of_members_with_switches_do_not_depend_on_who_computes_them(tmp_path: Path, engine: str) -> None:
     if engine == "numba":
         pytest.importorskip("numba")
@@ -122,7 +120,6 @@ def test_the_bytes_of_members_with_switches_do_not_depend_on_who_computes_them(t
         assert contents(tmp_path / folder) == alone
 
 
-@pytest.mark.slow
 def test_the_bytes_do_not_depend_on_what_is_loaded(
     tmp_path: Path, alone: dict[str, bytes], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -147,7 +144,6 @@ def test_what_dead_workers_leave_is_done_by_the_next_call(tmp_path: Path, alone:
     assert runs.column("links_rad").shape == (60, 2)
 
 
-@pytest.mark.slow
 def test_kill_9_loses_at_most_a_chunk(tmp_path: Path, whole: tuple[Scene, dict[str, bytes]]) -> None:
     """A process is killed as soon as three chunks are there; the next goes on, and all is the same to the byte."""
     scene, alone = whole
@@ -277,7 +273,6 @@ def cluster_of_two() -> Iterator[object]:
         yield cluster
 
 
-@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
 def test_a_dask_worker_that_is_killed_changes_nothing(
     tmp_path: Path, whole: tuple[Scene, dict[str, bytes]], cluster_of_two: object

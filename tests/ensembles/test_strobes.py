@@ -127,7 +127,6 @@ def test_strobes_are_those_of_the_equation() -> None:
     assert other.links[1, 0] != begun.links[1, 0]
 
 
-@pytest.mark.slow
 def test_strobes_of_two_links_on_a_cart_are_those_of_the_maximal_form() -> None:
     links = [Bob(mass=1.0, length=0.9, damping=0.1), Bob(mass=0.5, length=0.6)]
     forces = [
@@ -178,7 +177,6 @@ def attractors_of(hertz: float) -> Basins:
     return find_basins(scene, vary=grid, measure="attractor", engine=QUICK, workers=1, check=0)
 
 
-@pytest.mark.slow
 def test_small_and_large_swings_coexist_between_the_folds_alone() -> None:
     """Which lie at 0.466204506125 Hz, of 58.3115°, and at 0.483101024404 Hz, of 25.3866°."""
     below, between, above = (attractors_of(hertz) for hertz in (0.460, 0.475, 0.490))
@@ -206,7 +204,6 @@ def rotor() -> Scene:
     return Scene(gravity=9.81, support=Moved(motion=motion), pendulum=[Pendulum(links=links, start=start)])
 
 
-@pytest.mark.slow
 def test_links_that_turn_over_for_ever_are_told_by_their_turns() -> None:
     basins = find_basins(
         rotor(), 75.0, vary=[f"{ANGLE}=-10,0", f"{RATE}=-720,0,720"], measure="attractor", workers=1, check=1
@@ -224,7 +221,6 @@ def test_links_that_turn_over_for_ever_are_told_by_their_turns() -> None:
     assert ends[1] - ends[0] == pytest.approx([2 * np.pi, 0.0], abs=1e-3)
 
 
-@pytest.mark.slow
 def test_attractors_do_not_depend_on_who_computes_them() -> None:
     grid = [f"{ANGLE}=0", f"{RATE}=0,720"]
     names = []
@@ -269,7 +265,6 @@ def test_without_losses_nothing_attracts() -> None:
 # ------------------------------------------------------------------------------------------------------- bifurcations
 
 
-@pytest.mark.slow
 def test_periods_double_where_they_are_known_to() -> None:
     """At γ = 1.0663728625, 1.0793139059 and 1.0820843843: midway between them a strobe has 1, 2, 4 and 8 places."""
     doublings = np.array([1.0663728625, 1.0793139059, 1.0820843843])
@@ -290,7 +285,6 @@ def test_periods_double_where_they_are_known_to() -> None:
     assert "after a transient of 200 s" in bifurcation_table(bifurcations, "text")
 
 
-@pytest.mark.slow
 def test_every_frequency_has_its_own_strobes() -> None:
     bifurcations = find_bifurcations(
         DRIVEN, "force[0].frequency_hz=0.9,1.0,1.3", phase_deg=180.0, settle=3.0, workers=1
@@ -305,7 +299,6 @@ def test_every_frequency_has_its_own_strobes() -> None:
     assert apart.states[0][:, :8] == pytest.approx(bifurcations.states[0][::2, :8], abs=1e-5)
 
 
-@pytest.mark.slow
 def test_values_without_a_common_period_fail_alone() -> None:
     forces = [SineForce(on=PUSH, amplitude=1.0, frequency_hz=hertz) for hertz in (1.0, 0.5)]
     scene = DRIVEN.replace(force=forces)
@@ -369,7 +362,6 @@ def drawn() -> tuple[StroboscopicSection, Basins, BifurcationDiagram]:
     )
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", ["light", "dark"])
 def test_nothing_is_wrong_with_pictures(name: str) -> None:
     strobes, basins, bifurcations = drawn()
@@ -382,7 +374,6 @@ def test_nothing_is_wrong_with_pictures(name: str) -> None:
 # ------------------------------------------------------------------------------------------------------- commands
 
 
-@pytest.mark.slow
 def test_the_commands_write_what_they_show(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     path, picture, table = str(EXAMPLES / "driven_pendulum.toml"), tmp_path / "one.png", tmp_path / "one.csv"
     strobed = ["--phase-deg", "90", "--settle", "5", "--workers", "1"]

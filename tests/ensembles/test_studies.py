@@ -58,7 +58,6 @@ def test_the_map_of_first_turns_has_its_symmetry_and_agrees_with_runs() -> None:
     assert float(rows[1 + 8 * 3 + 5][2]) == basins.values[3, 5]
 
 
-@pytest.mark.slow
 def test_basins_of_two_clocks_are_those_that_sync_finds() -> None:
     """Van der Pol clocks on a beam with a damper: where each of four starts ends is what `sync` sees of it."""
     links = (Bob(mass=1.0, length=1.0, drive=VanDerPol(strength=0.2, angle_deg=5.0)),)
@@ -101,7 +100,6 @@ def test_a_section_downwards_has_other_crossings() -> None:
     assert (both < 0).any()
 
 
-@pytest.mark.slow
 def test_the_spread_of_a_simple_pendulum_is_that_of_the_formula() -> None:
     """ω = √(g/l): (σ_ω/ω)² = ¼ ((σ_g/g)² + (σ_l/l)²), and each share in proportion."""
     scene = Scene(gravity=9.81, pendulum=[Pendulum(links=[Bob(mass=1.0, length=2.0)])])
@@ -196,7 +194,6 @@ def test_studies_that_cannot_be_are_told() -> None:
         find_basins(load("chain-2"), vary=GRID, measure="colour")
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", usually(["dark"], ["light", "dark"]))
 def test_nothing_is_wrong_with_pictures(name: str) -> None:
     from modal.plotting.style import theme
@@ -225,8 +222,6 @@ METRONOMES = vary(load("metronomes"), {"support.mass": 0.12})
 UNSTARTED = METRONOMES.replace(pendulum=tuple(pendulum.replace(start=None) for pendulum in METRONOMES.pendulum))
 
 
-@pytest.mark.slow
-@pytest.mark.thorough
 def test_starts_of_a_scene_without_one_run_as_long_as_sync_needs() -> None:
     """Not as long as at rest, where nothing begins."""
     grid = ["pendulum[0].start.angles_deg[0]=5,20", "pendulum[1].start.angles_deg[0]=10,15"]

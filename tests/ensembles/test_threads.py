@@ -28,7 +28,6 @@ def contents(**options: object) -> bytes:
     return b"".join(runs.column(name).tobytes() for name in runs.columns)
 
 
-@pytest.mark.slow
 def test_ensembles_in_threads_are_those_of_one_thread() -> None:
     pytest.importorskip("heyoka")
     alone = contents(engine="heyoka", workers=1, chunk=12)

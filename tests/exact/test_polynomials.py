@@ -219,7 +219,6 @@ def long_rods(n: int) -> Scene:
     return Scene(gravity=9.81, support=Cart(mass=3.7), pendulum=(Pendulum(links=rods),))
 
 
-@pytest.mark.slow
 def test_intervals_of_many_rods_hold_the_computed_frequencies() -> None:
     n = usually(25, 50)
     scene = long_rods(n)
@@ -329,7 +328,6 @@ def test_any_number_of_pendula_on_a_cart() -> None:
     assert sp.simplify(square - g / l * (1 + N * m / m_c)) == 0
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["bob", "rod"])
 @pytest.mark.parametrize("cart", [False, True])
 @pytest.mark.parametrize("n", usually([1, 2, 3], [1, 2, 3, 4]))
@@ -347,7 +345,6 @@ def test_symbols_give_the_numbers(n: int, cart: bool, kind: str) -> None:
     assert sp.Poly(put, X).primitive()[1].all_coeffs() == list(wanted.coefficients)
 
 
-@pytest.mark.slow
 def test_unequal_bobs_against_the_determinant() -> None:
     n = usually(4, 5)
     m, l = sp.symbols(f"m_1:{n + 1}", positive=True), sp.symbols(f"l_1:{n + 1}", positive=True)

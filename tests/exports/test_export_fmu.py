@@ -238,7 +238,6 @@ def test_another_models_guid_is_refused(tmp_path: Path) -> None:
         fmpy.instantiate_fmu(fmpy.extract(path, str(tmp_path / "unzipped")), description, "CoSimulation")
 
 
-@pytest.mark.slow
 def test_the_guid_follows_the_model(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(fmu, "compiler", lambda: None)
 
@@ -296,7 +295,6 @@ def test_with_a_compiler_there_is_nothing_to_tell() -> None:
         assert f"binaries/linux64/{identifier(model.title)}.so" in archive.namelist()
 
 
-@pytest.mark.slow
 @needs_a_compiler
 def test_many_links(tmp_path: Path) -> None:
     """Torques at every joint, a hundred states or more: half default steps, so that the series is used."""

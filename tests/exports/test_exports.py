@@ -402,7 +402,6 @@ def test_the_same_model_gives_the_same_bytes(name: str) -> None:
     assert FORMATS[name].write(model) == FORMATS[name].write(model)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in FORMATS if name != "tf"])
 def test_long_chains_in_every_format(name: str) -> None:
     scene = Scene(gravity=9.81, pendulum=[Pendulum(links=[Bob(mass=1.0, length=1.0, count=30)])])

@@ -64,7 +64,6 @@ def test_a_singular_covariance_draws_on_its_line() -> None:
     assert np.std(steps[0]) > 0.5
 
 
-@pytest.mark.slow
 def test_standard_deviations_of_modes_are_those_of_monte_carlo() -> None:
     modes, estimated = natural_modes(scene()), estimate()
     rows = [row for row in range(len(modes)) if modes.eigenvalue[row].imag > 0]
@@ -80,7 +79,6 @@ def test_standard_deviations_of_modes_are_those_of_monte_carlo() -> None:
     assert stds[0].frequency == pytest.approx(stds[0].omega / (2 * np.pi))
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("inputs", "outputs"),
     [
@@ -106,7 +104,6 @@ def test_responses_have_the_derivatives_of_their_differences(inputs: tuple[str, 
         assert np.abs(slopes[..., k] - expected).max() < 1e-7 * np.abs(expected).max() + 1e-16
 
 
-@pytest.mark.slow
 def test_standard_deviations_of_magnitudes_are_those_of_monte_carlo() -> None:
     omega, estimated = np.array([0.5, 3.0]), estimate()
     members = usually(100, 250)
@@ -119,7 +116,6 @@ def test_standard_deviations_of_magnitudes_are_those_of_monte_carlo() -> None:
     assert np.allclose(std, np.std(magnitudes, axis=0), rtol=0.16)
 
 
-@pytest.mark.slow
 def test_a_shaped_command_retains_what_monte_carlo_says() -> None:
     estimated = estimate(0.01)
     shaper = shaper_for(scene(), kind="zvd")
@@ -143,7 +139,6 @@ def test_numbers_that_split_a_shared_frequency_leave_no_standard_deviation() -> 
     assert np.isnan(mode_stds(natural_modes(pair), estimate_of(pair, numbers), [0])[0].omega)
 
 
-@pytest.mark.slow
 def test_members_of_a_spread_are_drawn_from_the_joint_distribution() -> None:
     estimated = estimate()
     spread = find_spread(scene(), (), members=usually(300, 800), estimate=estimated)

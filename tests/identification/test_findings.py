@@ -93,7 +93,6 @@ DEFECTS: dict[str, tuple[int, Callable[[Floats], Floats], float, str]] = {
 }
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     "name", usually([name for name in DEFECTS if name not in {"exchanged", "relative", "reversed"}], [*DEFECTS])
 )
@@ -102,7 +101,6 @@ def test_a_mistake_in_a_record_is_named(name: str) -> None:
     assert words in said(changed(clean(links), by, time))
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("seed", usually(range(3), range(20)))
 def test_clean_records_have_no_findings(seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -115,7 +113,6 @@ def test_clean_records_have_no_findings(seed: int) -> None:
     assert abs(fitted.values[0] - 0.01) < 4.5 * fitted.stds[0]
 
 
-@pytest.mark.slow
 def test_a_clock_that_jitters_is_not_taken_for_a_wrong_model() -> None:
     scene = scene_with(scene_of(1), {"pendulum[0].links[0].damping": 0.06})
     even = np.arange(0, 12, 0.01)
@@ -129,7 +126,6 @@ def test_a_clock_that_jitters_is_not_taken_for_a_wrong_model() -> None:
     assert "is wrong" not in verdict
 
 
-@pytest.mark.slow
 def test_angles_of_atan2_are_continued(tmp_path: Path) -> None:
     """A pendulum that turns over: the file has angles between −π and π."""
     whole = recorded(scene_of(1), [90.0], 5, seconds=1.0, rates=9.0)
@@ -149,7 +145,6 @@ def test_angles_of_atan2_are_continued(tmp_path: Path) -> None:
     assert whole.unwrapped() is whole
 
 
-@pytest.mark.slow
 def test_a_fit_that_does_not_fit_draws_no_conclusions() -> None:
     """Two links with a record of one that is not theirs: no error bars, no covariance, nothing said of a damper."""
     record = changed(clean(1), lambda v: v + 0.3 * np.sin(np.linspace(0, 60, len(v)))[:, None])
@@ -167,7 +162,6 @@ def test_a_fit_that_does_not_fit_draws_no_conclusions() -> None:
         estimate_of(fitted.scene, report)
 
 
-@pytest.mark.slow
 def test_windows_find_the_right_minimum() -> None:
     """A damped chain that turns over, in windows of more than a period of its small swings."""
     first = {"kind": "body", "mass": 1.0, "length": 0.5, "centre": 0.27, "inertia": 0.02, "damping": 0.01}
@@ -189,7 +183,6 @@ def test_windows_find_the_right_minimum() -> None:
     assert np.abs((fitted.values - truth) / fitted.stds).max() < 4.5
 
 
-@pytest.mark.slow
 def test_standard_deviations_beside_a_held_number_say_so() -> None:
     record = clean(2)
     fitted = fit(scene_of(2), record, ["pendulum[0].links[*].mass", "pendulum[0].links[*].damping"])
@@ -216,7 +209,6 @@ def test_columns_with_other_headings_units_and_signs(tmp_path: Path) -> None:
             read_recording(scene_of(2), [path], columns=wrong)
 
 
-@pytest.mark.slow
 def test_the_command_names_its_options(tmp_path: Path, monkeypatch: Any, capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.chdir(tmp_path)
     dump(scene_of(1), "scene.toml")

@@ -78,7 +78,6 @@ def pulls(scene: Scene, fitted: Fit) -> Floats:
     return np.array([(fitted.values[k] - true[k]) / fitted.stds[k] for k in fitted.fitted])
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("seed", "support"),
     [(1, {"kind": "fixed"}), *usually([], [(2, {"kind": "cart", "mass": 4.0, "stiffness": 60.0})])],
@@ -96,7 +95,6 @@ def test_the_truth_is_within_the_error_bars(seed: int, support: dict[str, Any]) 
     assert fitted.problem.noise == pytest.approx([fitted.rms_all] * 2, rel=0.2)
 
 
-@pytest.mark.slow
 def test_free_swings_never_give_the_absolute_mass() -> None:
     scene = scene_from({"gravity": 9.81, "pendulum": [{"links": [{**link, "friction": 0.0} for link in TWO]}]})
     free = ["pendulum[0].links[*].mass", "pendulum[0].links[*].damping"]
@@ -114,7 +112,6 @@ def test_free_swings_never_give_the_absolute_mass() -> None:
     assert known.stds[0] == pytest.approx(0.01, rel=0.05)
 
 
-@pytest.mark.slow
 def test_a_sensors_scale_and_outliers_are_found() -> None:
     scene = scene_from({"gravity": 9.81, "pendulum": [{"links": [{**TWO[1], "friction": 0.0}]}]})
     record = made(scene, 4, noise=5e-4)
@@ -137,7 +134,6 @@ def test_a_sensors_scale_and_outliers_are_found() -> None:
     assert abs(scaled.unknowns[at] - 0.05) < 4 * np.sqrt(scaled.cov[at, at]) < 0.04
 
 
-@pytest.mark.slow
 def test_a_chaotic_segment_is_fitted_in_windows_that_join() -> None:
     """A double pendulum that turns over, from lengths that are off by 3 %."""
     links = [{**link, "friction": 0.0, "damping": 0.0} for link in TWO]
@@ -157,8 +153,6 @@ def test_a_chaotic_segment_is_fitted_in_windows_that_join() -> None:
     assert np.abs(gaps).max() < 4
 
 
-@pytest.mark.thorough
-@pytest.mark.slow
 def test_the_measured_arm_is_stopped_by_dry_friction() -> None:
     """0.0051 rad a half swing; rms of 1e-3 rad over 14 s, and a stop when the arm stopped (within 0.15 s)."""
     viscous = scene_from({"gravity": 9.81, "pendulum": [{"links": [ARM]}]})

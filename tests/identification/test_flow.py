@@ -134,7 +134,6 @@ def test_readings_are_those_of_simulate(name: str) -> None:
     assert problem.readings(u)[0] == pytest.approx(expected, abs=2e-8)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", usually(["moved_vertical_and_drag", "struck"], [*SCENES]))
 def test_derivatives_are_those_of_differences(name: str) -> None:
     """By every number and component of the start, through all changes between slip and stick."""

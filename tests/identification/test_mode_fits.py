@@ -49,7 +49,6 @@ def measured(scene: Scene, std: float = 1e-5, *, shapes: bool = True, shape_std:
     return MeasuredModes("modes.csv", tuple(measured_modes), COMPONENTS)
 
 
-@pytest.mark.slow
 def test_exact_modes_give_the_numbers_back() -> None:
     for shape_std in usually((None,), (1e-4, None)):
         fitted = fit_modes(damped_crane(), measured(vary(damped_crane(), TRUE), shape_std=shape_std), list(TRUE))
@@ -126,8 +125,6 @@ def test_derivatives_are_those_of_the_residuals() -> None:
     assert np.abs(jacobian - expected).max(axis=0) == pytest.approx(np.zeros(4), abs=1e-7 * np.abs(jacobian).max())
 
 
-@pytest.mark.thorough
-@pytest.mark.slow
 def test_standard_deviations_are_those_of_noise_drawn_anew() -> None:
     truth, rng = measured(vary(damped_crane(), TRUE), 1e-4, shape_std=1e-3), np.random.default_rng(5)
     pulls, squares = [], []

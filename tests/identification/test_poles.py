@@ -58,7 +58,6 @@ def test_the_poles_of_a_linear_decay_are_found_to_the_last_digits() -> None:
     assert all(mode.frequency_std < 1e-10 for mode in identified.modes)
 
 
-@pytest.mark.slow
 def test_offsets_gaps_and_uneven_samples_change_nothing() -> None:
     times, values = decay()
     rng = np.random.default_rng(0)
@@ -70,7 +69,6 @@ def test_offsets_gaps_and_uneven_samples_change_nothing() -> None:
     assert any("uneven or missing" in note for note in identified.notes)
 
 
-@pytest.mark.slow
 def test_noise_lies_within_the_error_bars() -> None:
     times, values = decay()
     other = decay(700, (-0.03, 0.1, 0.02))
@@ -87,7 +85,6 @@ def test_noise_lies_within_the_error_bars() -> None:
     assert np.mean(np.abs(deviations) < 1.96) > 0.88
 
 
-@pytest.mark.slow
 def test_the_noise_of_a_shape_is_stated() -> None:
     times, values = decay()
     rng, misses, stds = np.random.default_rng(2), [], []
@@ -116,7 +113,6 @@ def shaken(samples: int = 30_000) -> np.ndarray:
     return np.array(states) @ model.C.T
 
 
-@pytest.mark.slow
 def test_random_responses_give_the_poles_within_their_error_bars() -> None:
     values = shaken()
     identified = identify([(STEP * np.arange(len(values)), values)], NAMES, excitation="random")
@@ -158,7 +154,6 @@ def swing(links: int, start: tuple[float, ...], duration: float, damping: float)
     return scene, simulate(scene, duration, start=state_at_rest(scene, start), output=times, tolerance=1e-10)
 
 
-@pytest.mark.slow
 def test_a_frequency_that_changes_with_amplitude_is_no_second_mode() -> None:
     scene, run = swing(2, (-2.6, 2.2), 25.0, 0.03)
     parts = [(run.times, run.motion.links), (run.times[:300], run.motion.links[-300:])]
@@ -182,7 +177,6 @@ def test_the_change_of_a_single_pendulums_frequency_is_a_sixteenth_of_its_square
     assert mode.frequency_shift / mode.frequency == pytest.approx(-(np.radians(3.0) ** 2) / 16, rel=0.02)
 
 
-@pytest.mark.slow
 def test_close_modes_stay_two() -> None:
     """By their shapes, in phase and in antiphase on a heavy cart, or where one sensor sees them beat."""
     scene, run = swing(1, (2.5, 1.5), 30.0, 0.02)

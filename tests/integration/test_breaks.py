@@ -53,7 +53,6 @@ def ends(scene: Scene, duration: float, **more: Any) -> tuple[Floats, Trajectory
     return np.array(heard), run
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("how", ["breaks", "max_step"])
 @pytest.mark.parametrize(("accuracy", "seconds"), [(1e-2, 0.05), (1e-2, 0.1), (1e-4, 0.02)])
 def test_an_accuracy_is_met_under_a_short_load(accuracy: float, seconds: float, how: str) -> None:

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from scenes import long_scene, motion_scene, random_state
 from scipy.integrate import DOP853
+from support.amounts import usually
 from support.uncompiled import uncompiled
 
 from modal import Bob, Cart, Pendulum, Scene, load
@@ -62,7 +63,6 @@ def test_what_is_written_out_is_the_recursion(seed: int) -> None:
     assert apart(Generated(system).derivative(0.0, y), plain(system).derivative(0.0, y)) < 1e-12
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(20))
 def test_long_chains_are_written_out_as_the_recursion_to_the_last_digits(seed: int) -> None:
     system = system_of(long_scene(seed, 12))
@@ -168,7 +168,7 @@ fast = pytest.mark.skipif(not available(), reason="numba is not installed")
 ENGINES = [
     "floats",
     pytest.param("uncompiled", marks=fast),
-    pytest.param("compiled", marks=[fast, pytest.mark.thorough]),
+    *usually((), (pytest.param("compiled", marks=fast),)),
 ]
 engines = pytest.mark.parametrize("engine", ENGINES, indirect=True)
 
@@ -216,7 +216,6 @@ def test_its_steps_are_those_of_scipy(engine: str, scene: Scene, pace: Pace, tol
     assert apart(ours.y, theirs.y) < 100 * near
 
 
-@pytest.mark.slow
 @engines
 @pytest.mark.parametrize("pace", [Pace(), Pace(breaks=(0.7, 1.3)), Pace(longest=0.002)], ids=str)
 @pytest.mark.parametrize("name", ["paper-cart-3", "chain-3", "mixed"])

@@ -97,7 +97,6 @@ def springs_and_dampers(mass: float = 1.0, length: float = 1.0) -> Scene:
     return Scene(gravity=9.81, support=cart, pendulum=[Pendulum(links=[upper, lower]), Pendulum(links=[bob])])
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("method", "form"),
     [
@@ -214,7 +213,6 @@ def test_maximal_coordinates_are_refused_where_they_lose_a_link() -> None:
 # ------------------------------------------------------------------------------------------- many at rest
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("count", [300, 3000])
 def test_pendula_at_rest_lend_no_tolerance_to_one_that_swings(count: int) -> None:
     """The same pendulum alone, among unequal ones at rest, and where all swing, which costs no step more."""

@@ -104,7 +104,6 @@ def simulate_system(scene: Scene) -> Any:
     return system_of(scene)
 
 
-@pytest.mark.slow
 def test_noted_lose_the_same_angle_each_time() -> None:
     torque = 1e-7
     scene = scene_of(bob(friction=torque), angles=(1e-4,))
@@ -130,7 +129,6 @@ def den_hartog(beta: float, friction: float) -> tuple[float, float]:
     return sqrt(V**2 - friction**2 * U**2), sqrt(V**2 / (U**2 + 1 / beta**4))
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("beta", usually([0.7], [0.7, 1.4]))
 def test_amplitude_and_boundary_of_den_hartog(beta: float) -> None:
     _, boundary = den_hartog(beta, 0.0)
@@ -142,7 +140,6 @@ def test_amplitude_and_boundary_of_den_hartog(beta: float) -> None:
     assert np.count_nonzero(stopping.friction.begin > stopping.times[-1] * 0.8) >= 6
 
 
-@pytest.mark.slow
 def test_hamel_slow_forcing_sticks_and_jumps_without_drift() -> None:
     run = forced(0.1, 0.8, 8, 1e-11)
     phases = run.friction
@@ -174,7 +171,6 @@ MANY = {
 }
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", MANY)
 def test_books_close_and_what_sticks_is_at_rest(name: str) -> None:
     scene = MANY[name]
@@ -205,7 +201,6 @@ ROUGH = scene_of(
 )
 
 
-@pytest.mark.slow
 def test_it_is_the_limit_of_smooth_laws() -> None:
     """τ = −M tanh(γ'/ε) creeps by O(ε): halving ε halves the distance."""
     scene = ROUGH
@@ -246,7 +241,6 @@ def test_friction_on_the_rail_is_the_coefficient_times_its_reaction() -> None:
         assert system.n_links == len(mass)
 
 
-@pytest.mark.slow
 def test_a_run_goes_on_where_it_stopped() -> None:
     whole = simulate(MANY["joints"], 10.0, output=101, tolerance=1e-12)
     for stop in (3.0, 5.5):
@@ -321,8 +315,6 @@ def test_who_cannot_take_friction_says_so() -> None:
             simulate(scene, 1.0, **how)
 
 
-@pytest.mark.thorough
-@pytest.mark.slow
 def test_hundreds_of_phases_do_not_drift() -> None:
     run = forced(0.5, 0.9, 50)
     assert len(run.friction.link) > 95
@@ -344,7 +336,6 @@ def test_files_keep_what_friction_did(tmp_path: Any, kind: str) -> None:
         assert resume(read, 1.0).final.links == pytest.approx(run.final.links)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(4))
 def test_random_scenes_keep_their_books(seed: int) -> None:
     """Friction of every size at every joint, with springs, drag, drives and loads, on carts and off."""

@@ -30,7 +30,6 @@ def moved(start: State, link: int, by: float) -> State:
     return replace(start, links=links)
 
 
-@pytest.mark.slow
 def test_a_promise_ends_where_the_last_digits_of_the_start_decide() -> None:
     """Two runs that integrate one of the two rods agree to 4e-5 rad over 12 s; rods that differ by 1e-15 part."""
     advice = advise(PAIR, 12.0, 1e-3, start=LEVEL)

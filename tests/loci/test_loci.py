@@ -106,7 +106,6 @@ def test_the_smallest_gap_is_that_of_a_dense_scan() -> None:
     assert meeting.value == pytest.approx(9.9 + 0.001 * int(np.argmin(scan)), abs=2e-3)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("seed", usually(range(0, 4, 2), range(6)))
 def test_loci_hold_all_frequencies_and_shapes_go_on(seed: int) -> None:
     scene = motion_scene(seed, damped=False, standing=False)
@@ -210,7 +209,6 @@ def test_progress_is_told_value_by_value() -> None:
     assert all(later > earlier for earlier, later in pairwise(heard))
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("kind", usually(["svg"], ["png", "svg", "pdf"]))
 def test_a_picture_is_drawn(kind: str) -> None:
     loci = of(load("crane-two-loads"), f"{LENGTH}=5:20:4log")

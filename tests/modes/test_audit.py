@@ -147,7 +147,6 @@ ROUTES = {
 }
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", ROUTES)
 def test_lapack_gets_what_the_audit_tells(name: str, handed: list[tuple[str, int, bool]]) -> None:
     """`largest` order, by hand: of the coordinates or, with dampers, of the states; tables of shapes ask no more.
@@ -217,7 +216,6 @@ def test_a_thousand_equal_pendula_take_the_memory_of_two() -> None:
     assert peak(lambda: natural_modes(different)) > 10 * peak(lambda: natural_modes(two))
 
 
-@pytest.mark.slow
 def test_a_long_chain_takes_memory_in_proportion(monkeypatch: pytest.MonkeyPatch) -> None:
     """One step of the search for all frequencies is as large as any; an n × n array would be 288 MB."""
 
@@ -236,7 +234,6 @@ def test_a_long_chain_takes_memory_in_proportion(monkeypatch: pytest.MonkeyPatch
     assert whole < 6_000**2 * 8 / 5
 
 
-@pytest.mark.slow
 def test_rows_of_a_dense_scene_take_a_few_matrices() -> None:
     example = scene(rods(60, stiffness=0.1), cart=Cart(mass=1.0, stiffness=1.0))
     assert peak(lambda: list(natural_modes(example))) < 40 * 61**2 * 8

@@ -22,7 +22,6 @@ def rods(n: int, support: Cart | None = None) -> Scene:
 # ---------------------------------------------------------------------------------------------------- an accuracy
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("accuracy", [1e-4, 1e-8, 1e-12, 1e-16])
 @pytest.mark.parametrize("seed", usually(range(5), range(12)))
 def test_modes_are_within_their_bounds_and_those_within_the_accuracy(seed: int, accuracy: float) -> None:
@@ -43,7 +42,6 @@ def test_the_route_is_told() -> None:
     assert natural_modes(uneven, accuracy=1e-13).route == "dense seeds, effective mass"
 
 
-@pytest.mark.slow
 def test_long_chains_prove_by_counts_what_no_bound_could(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(chains, "kernels", lambda seconds=0.0: None)
     modes = natural_modes(rods(400), accuracy=1e-10)
@@ -120,7 +118,6 @@ def one_by_one(scenes: list[Scene]) -> list[np.ndarray]:
     return [np.repeat(modes.omega, modes.multiplicity) for modes in map(natural_modes, scenes)]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", PLACES)
 def test_many_scenes_have_the_frequencies_of_each(name: str) -> None:
     scenes = varied(name, 2 if name == "thousand-pendula" else 7)

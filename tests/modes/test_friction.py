@@ -82,7 +82,6 @@ def test_the_column_of_the_table() -> None:
     assert "at_5_deg" not in table(modes, list(modes), "csv")
 
 
-@pytest.mark.slow
 def test_friction_on_the_rail_stops_the_cart_and_the_load_swings_on() -> None:
     hook, load = bob(mass=650.0, length=12.5), bob(mass=21e3, length=4.5)
     scene = scene_from(

@@ -145,7 +145,6 @@ def test_thousand_pendula_cost_no_more_than_one_kind() -> None:
     assert [mode.damping_ratio for mode in natural_modes(scene)][1:] == pytest.approx([0.02, 0.02], rel=1e-12)
 
 
-@pytest.mark.slow
 def test_a_long_rope_has_ratios_but_no_matrix() -> None:
     links = (Bob(mass=0.01, length=0.01, count=3000),)
     rope = Scene(gravity=9.81, pendulum=(Pendulum(links=links),), damping_ratio=0.02)

@@ -406,7 +406,6 @@ def state_eigenvalues(scene: Scene) -> list[complex]:
         return [complex(value) for value in mp.eig(state)[0]]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("seed", usually(range(0, 24, 3), range(24)))
 def test_damped_error_bounds_hold(seed: int) -> None:
     """Dampers over eight decades, on joints and, every other time, on the cart."""

@@ -100,7 +100,6 @@ def assert_close(value: float, expected: float, scale: float) -> None:
     assert value == pytest.approx(expected, rel=1e-6, abs=1e-6 * scale)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("stiffness", "standing"), [(0.0, False), (1.5, False), (0.0, True)])
 @pytest.mark.parametrize("seed", usually([6], range(8)))
 def test_links_agree_with_central_differences(seed: int, stiffness: float, standing: bool) -> None:
@@ -147,7 +146,6 @@ def test_the_comparison_bites() -> None:
         assert_close(1.0, 1 + 1e-5, 1.0)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("cart", [False, True])
 @pytest.mark.parametrize("kind", ["bob", "rod"])
 @pytest.mark.parametrize("n", usually([2], [2, 3]))

@@ -231,7 +231,6 @@ def heaving(stiffness: float, *bobs: float) -> Scene:
     return Scene(gravity=9.81, support=Heave(mass=1.0, stiffness=stiffness), pendulum=pendula)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("mass", "stiffness"), [(0.2, 400.0), (0.1, 90.0), (0.3, 20.0), (0.2, 47.0)])
 def test_a_support_that_heaves_at_twice_the_frequency_shifts_it(mass: float, stiffness: float) -> None:
     """Periodic orbits of the full equations: κ where they begin, and the angle at which they are 1 % off."""

@@ -45,7 +45,6 @@ def backbone(name: str, number: int, to: float) -> Branch:
     return nonlinear_mode(load(name), number, radians(to))
 
 
-@pytest.mark.slow
 def test_a_simple_pendulum_to_179_degrees_has_the_period_of_the_elliptic_integral() -> None:
     scene = Scene(gravity=G, pendulum=(Pendulum(links=(Bob(mass=1.0, length=1.0),)),))
     branch = nonlinear_mode(scene, 1, radians(179), tolerance=1e-14, longest=0.4)
@@ -58,7 +57,6 @@ def test_a_simple_pendulum_to_179_degrees_has_the_period_of_the_elliptic_integra
     assert all(branch.is_stable)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("lower", "printed", "shift", "truth"), TUNED)
 def test_near_one_to_three_shifts_and_the_angle_of_1_percent(
     lower: float, printed: float, shift: float, truth: float
@@ -74,7 +72,6 @@ def test_near_one_to_three_shifts_and_the_angle_of_1_percent(
     assert np.rad2deg(point.orbit.amplitude) == pytest.approx(truth, abs=0.01)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("ratio", "angle"), usually([(3.069, 68)], [(3.005, 23), (3.0125, 34), (3.036, 52), (3.069, 68)])
 )
@@ -87,7 +84,6 @@ def test_mode_1_turns_in_frequency_just_above_one_to_three(ratio: float, angle: 
     assert turns[1].amplitude < turns[0].amplitude / 2
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("ratio", [2.85, 2.93, 2.998])
 def test_mode_1_does_not_turn_below_one_to_three(ratio: float) -> None:
     branch = nonlinear_mode(with_ratio(ratio), 1, radians(60), longest=0.2)
@@ -99,7 +95,6 @@ BACKBONES = [("chain-2", number, 60.0 / number) for number in (1, 2)]
 BACKBONES += [("paper-cart-2", number, 60.0 if number < 4 else 25.0) for number in usually((3,), (2, 3, 4, 5))]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("name", "number", "to"), BACKBONES)
 def test_orbits_of_a_backbone_close_keep_their_energy_and_have_the_frequency_of_a_run(
     name: str, number: int, to: float
@@ -134,7 +129,6 @@ def test_kappa_is_the_slope_of_a_backbone_at_rest(name: str, number: int, to: fl
     assert slope == pytest.approx(mode.kappa, rel=1e-5)
 
 
-@pytest.mark.slow
 def test_orbits_of_one_amplitude_turn_where_the_lower_rod_tunes_the_modes_to_one_to_three() -> None:
     (variation,) = parse_variations(["pendulum[0].links[1].length=0.5:0.6:2"])
     branch = mode_along(rods(0.55), 1, variation, radians(30))

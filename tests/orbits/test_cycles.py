@@ -50,7 +50,6 @@ PAIRS += [(floquet.huygens(10.0), "in phase"), (floquet.huygens(40.0), "in phase
 PAIRS += [(floquet.huygens(10.0, 10.0), "in phase")]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("pair", "words"), PAIRS)
 def test_cycles_and_multipliers_are_those_of_other_equations_kicks_included(pair: floquet.Pair, words: str) -> None:
     orbit, other = cycle(pair, words)
@@ -63,7 +62,6 @@ def test_cycles_and_multipliers_are_those_of_other_equations_kicks_included(pair
     assert exponents == pytest.approx([-pair.drift], rel=1e-3)
 
 
-@pytest.mark.slow
 def test_multipliers_of_kicked_clocks_are_those_of_a_perturbed_run() -> None:
     """Central differences of runs of the simulator over one period, projected on the phase's complement."""
     scene = floquet.Pair(0.082, 0.14, 0.14, 0.0, 1.35e-4, 10.0, 4.0, floquet.huygens(1).drive, extra=2e-6).scene
@@ -94,7 +92,6 @@ def divergence(orbit: Orbit) -> float:
     return float(total)
 
 
-@pytest.mark.slow
 def test_the_product_of_multipliers_is_the_exponential_of_the_divergence() -> None:
     orbit, _ = cycle(floquet.metronomes(9.0), "antiphase")
     assert np.prod(orbit.floquet.all).real == pytest.approx(exp(divergence(orbit)), rel=1e-8)
@@ -103,7 +100,6 @@ def test_the_product_of_multipliers_is_the_exponential_of_the_divergence() -> No
 DRIVEN = Scene(gravity=9.81, pendulum=[Pendulum(links=[Bob(mass=1.0, length=1.0, damping=0.2)])])
 
 
-@pytest.mark.slow
 def test_under_a_periodic_force_the_orbit_is_where_a_long_run_ends() -> None:
     rate = 2.5
     start = State(np.array([0.3]), np.zeros(1))
@@ -141,7 +137,6 @@ def slipped(scene: Scene, start: State, omega: float, duration: float) -> float:
     return float(np.abs(between - between[0]).max())
 
 
-@pytest.mark.slow
 def test_the_critical_detuning_is_a_fold() -> None:
     branch, fold = detuned_fold()
     critical = fold.orbit.value
@@ -153,8 +148,6 @@ def test_the_critical_detuning_is_a_fold() -> None:
     assert stable[0] is not stable[-1]
 
 
-@pytest.mark.slow
-@pytest.mark.thorough
 def test_simulation_confirms_the_critical_detuning_from_both_sides() -> None:
     (pair, _), (_, fold) = detuned(), detuned_fold()
     critical = fold.orbit.value
@@ -165,7 +158,6 @@ def test_simulation_confirms_the_critical_detuning_from_both_sides() -> None:
         assert bool(slip < pi / 2) is locks
 
 
-@pytest.mark.slow
 def test_branches_leave_at_a_branch_point_where_two_clocks_in_phase_lose_their_stability() -> None:
     (variation,) = parse_variations(["support.mass=26.5:27:2"])
     branches = follow_cycles(load("huygens"), variation, longest=1.0)

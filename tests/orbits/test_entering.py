@@ -36,7 +36,6 @@ def rests(orbit: Orbit) -> float:
     return float(np.abs(rows[:, 2:]).max(axis=1).min())
 
 
-@pytest.mark.slow
 def test_on_the_branch_that_leaves_the_links_no_longer_turn_back_together() -> None:
     orbit, even = uneven(10).orbits[8], backbone().orbits[-1]
     assert returns(orbit) < 1e-7
@@ -44,8 +43,6 @@ def test_on_the_branch_that_leaves_the_links_no_longer_turn_back_together() -> N
     assert rests(orbit) > 0.1
 
 
-@pytest.mark.slow
-@pytest.mark.thorough
 def test_at_a_period_doubling_a_branch_of_twice_the_period_leaves() -> None:
     first = next(special_point for special_point in uneven(45).special if special_point.kind == "branch point")
     second = entered(uneven(45), first, most=40, step=0.15)
@@ -59,7 +56,6 @@ def test_at_a_period_doubling_a_branch_of_twice_the_period_leaves() -> None:
     assert np.abs(once - orbit.y).max() > 1e-3
 
 
-@pytest.mark.slow
 def test_a_branch_leaves_on_a_free_cart_too() -> None:
     pendula = [Pendulum(links=(Bob(mass=1.0, length=length),)) for length in (1.0, 0.7)]
     scene = Scene(gravity=9.81, support=Cart(mass=1.0), pendulum=pendula)
@@ -70,7 +66,6 @@ def test_a_branch_leaves_on_a_free_cart_too() -> None:
     assert returns(orbit) < 1e-6
 
 
-@pytest.mark.slow
 def test_nothing_leaves_at_a_fold() -> None:
     fold = backbone().special[0].__class__("fold", backbone().orbits[0], 0, backbone().points[0], "energy")
     with pytest.raises(ComputationError, match="no other branch leaves"):

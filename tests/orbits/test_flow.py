@@ -39,7 +39,6 @@ def test_the_jacobian_agrees_with_complex_steps_through_the_recursion(seed: int)
     assert slope == pytest.approx(stepped, rel=1e-10, abs=1e-11 * np.abs(slope).max())
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("seed", usually(range(4), range(8)))
 def test_the_flows_derivative_has_the_determinant_of_the_divergence(seed: int) -> None:
     """d(log det V)/dt = tr J (Liouville), with the integral by Gauss's rule on the steps of the flow."""

@@ -85,7 +85,6 @@ def resonance() -> Branch:
     return branch
 
 
-@pytest.mark.slow
 def test_an_orbit_of_a_branch_takes_few_flows(monkeypatch: pytest.MonkeyPatch) -> None:
     """Newton's steps from the tangent, two mostly, and the orbit itself, of one period each."""
     count, flow = [0], Flow.__call__
@@ -100,7 +99,6 @@ def test_an_orbit_of_a_branch_takes_few_flows(monkeypatch: pytest.MonkeyPatch) -
     assert count[0] < 4 * len(branch.orbits)
 
 
-@pytest.mark.slow
 @pytest.mark.xdist_group("resonance")
 def test_folds_of_a_shaken_pendulum() -> None:
     low, high = (special for special in resonance().special)
@@ -113,7 +111,6 @@ def test_folds_of_a_shaken_pendulum() -> None:
         assert is_special(along_the_rail, special, 1.0, hertz)
 
 
-@pytest.mark.slow
 @pytest.mark.xdist_group("resonance")
 def test_a_drawn_branch_is_smooth_and_goes_through_the_range() -> None:
     branch = resonance()
@@ -136,7 +133,6 @@ def dissipated(orbit: Orbit) -> float:
     return float(0.05 * np.mean(run.y[1, :-1] ** 2) * orbit.period)
 
 
-@pytest.mark.slow
 def test_a_range_between_the_folds_has_two_branches_and_says_where_one_turns_back() -> None:
     lower, upper = followed(shaken([BOB | {"damping": 0.05}]), f"{HERTZ}=0.475:0.49:2")
     assert lower.returns
@@ -179,7 +175,6 @@ def driven() -> list[Branch]:
     return branches
 
 
-@pytest.mark.slow
 def test_a_driven_pendulum_loses_its_symmetry_and_doubles_its_period() -> None:
     told = (("branch point", 1.00431948), ("period doubling", 1.0663728625))
     told += (("period doubling", 1.0793139059), *usually((), (("period doubling", 1.0820843843),)))
@@ -207,8 +202,6 @@ def double(t: float, y: Any, hertz: float) -> Any:
     return np.array([p, q, (first - c * two) / (2 - c * c), (2 * two - c * first) / (2 - c * c)])
 
 
-@pytest.mark.slow
-@pytest.mark.thorough
 def test_folds_of_a_shaken_double_pendulum() -> None:
     (branch,) = followed(shaken([BOB | {"damping": 0.03}] * 2), f"{HERTZ}=0.34:0.385:2")
     assert [special_point.kind for special_point in branch.special] == ["fold", "fold"]
@@ -241,7 +234,6 @@ SCENES = {
 }
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", SCENES)
 def test_a_settled_run_lies_on_the_orbit_and_perturbed_ones_have_its_multipliers(name: str) -> None:
     scene = SCENES[name]
@@ -387,7 +379,6 @@ def test_an_end_of_the_range_without_a_motion_is_named() -> None:
     assert "no motion was found" not in texts[0]
 
 
-@pytest.mark.slow
 def test_where_nothing_repeats_a_message_says_where_it_was_looked_for() -> None:
     """A constant force moves a cart that nothing holds for ever."""
     push = {"on": "cart", "kind": "constant", "amplitude": 3.0}

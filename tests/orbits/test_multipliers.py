@@ -115,7 +115,6 @@ def branch(to: float) -> Branch:
     return nonlinear_mode(SCENE, 4, radians(to), longest=0.16)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("to", [24.0, 29.0])
 def test_bubbles_of_instability_do_not_depend_on_where_the_branch_ends(to: float) -> None:
     special = branch(to).special
@@ -126,7 +125,6 @@ def test_bubbles_of_instability_do_not_depend_on_where_the_branch_ends(to: float
     assert sum(not stable for stable in branch(to).is_stable) == 2
 
 
-@pytest.mark.slow
 def test_the_simulator_leaves_the_orbits_of_a_bubble_and_stays_beside_those_around_it() -> None:
     points = branch(29.0).orbits
     bubbles = [at for at, orbit in enumerate(points) if not orbit.is_stable]

@@ -18,7 +18,7 @@ from live import BROWSER
 from modal.symbolic import derive, typeset
 from modal.symbolic.derivation import target
 
-pytestmark = [pytest.mark.site, BROWSER]
+pytestmark = BROWSER
 
 DOCS = Path(__file__).parents[2] / "docs"
 PHONE = 328

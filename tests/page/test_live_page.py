@@ -19,7 +19,7 @@ from multipendula.page import recording_of
 from nonlinear import simulate
 from nonlinear.system import initial_state
 
-pytestmark = [pytest.mark.site, pytest.mark.slow, BROWSER]
+pytestmark = BROWSER
 
 WIDTHS = (360, 768, 1280)
 

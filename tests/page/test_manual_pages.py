@@ -12,7 +12,7 @@ from chromium import Chromium
 from live import BROWSER, axe
 from manual import PART, manual, mathjax
 
-pytestmark = [pytest.mark.site, pytest.mark.slow, BROWSER]
+pytestmark = BROWSER
 
 LESSON = "tutorial/lessons/05_small_angles"
 EXPLANATION = "explanation/modes"

@@ -35,7 +35,7 @@ from nonlinear.dynamics import Generated
 from nonlinear.integration import Trajectory
 from nonlinear.system import AppliedForces, initial_state, system_of
 
-pytestmark = [pytest.mark.site, pytest.mark.slow, BROWSER]
+pytestmark = BROWSER
 
 FREQUENCY, DAMPED, SHAPE, MOTION = 1e-12, 1e-9, 1e-9, 1e-6
 APART = 1e-10

@@ -52,7 +52,6 @@ def test_a_page_is_one_small_file(tmp_path: Path, capsys: pytest.CaptureFixture[
     assert str(asked[0][1]["href"]).startswith("data:image/svg+xml,")
 
 
-@pytest.mark.thorough
 def test_the_longest_run_still_fits(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     run, target = tmp_path / "run.npz", tmp_path / "run.html"
     assert main(["simulate", "paper-cart-3", "--duration", "20", "--samples", "20001", "-o", str(run)]) == 0

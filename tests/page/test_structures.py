@@ -25,7 +25,7 @@ from nonlinear import simulate
 from nonlinear.dynamics import Mechanics, Minimal, Recursion
 from nonlinear.system import Motion, initial_state, system_of
 
-pytestmark = [pytest.mark.site, pytest.mark.slow, NEEDS_NODE]
+pytestmark = NEEDS_NODE
 
 SHIPPED = ("two-bobs", "two-swings", "tower", "beam", "ship-crane")
 ZOO: dict[str, Any] = {

@@ -20,8 +20,6 @@ from nonlinear.dynamics import complementarity
 from nonlinear.integration import switching_source
 from nonlinear.system import initial_state
 
-pytestmark = pytest.mark.site
-
 SECONDS, SAMPLES, CLOSE = 3.0, 7, 1e-9
 SMALL = ("forces", "both ways")
 

@@ -22,7 +22,7 @@ from multipendula.page import joined, scene_data
 from multipendula.page.document import MODAL
 
 NODE = which("node")
-pytestmark = [pytest.mark.site, pytest.mark.skipif(NODE is None, reason="no Node is installed here")]
+pytestmark = pytest.mark.skipif(NODE is None, reason="no Node is installed here")
 
 
 def bob(mass: float = 1.0, length: float = 1.0, **more: float) -> dict[str, Any]:

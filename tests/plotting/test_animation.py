@@ -82,7 +82,6 @@ def test_samples_too_far_apart_are_refused_with_how_many_there_should_be() -> No
     resample(enough.times, enough.motion, enough.times)
 
 
-@pytest.mark.slow
 def test_gif_counts_frames_and_hundredths_and_repeats() -> None:
     shown, data = film(run("paper-cart-3", 1.0), "gif")
     picture = Image.open(BytesIO(data))
@@ -99,7 +98,6 @@ def test_gif_counts_frames_and_hundredths_and_repeats() -> None:
     assert frames[0][-1, -1].tolist() == [255, 255, 255]
 
 
-@pytest.mark.slow
 def test_speed_seconds_and_rate_say_how_much_is_shown() -> None:
     trajectory = run("chain-1", 2.0)
     shown, data = film(trajectory, "gif", speed=0.5, seconds=0.6, fps=30)
@@ -110,7 +108,6 @@ def test_speed_seconds_and_rate_say_how_much_is_shown() -> None:
     assert shown.left_out == pytest.approx(1.7)
 
 
-@pytest.mark.slow
 def test_html_escapes_the_title_and_holds_every_frame() -> None:
     shown, data = film(simulate(single("<b>Tick & tock</b>"), 0.2), "html")
     page = data.decode()
@@ -132,7 +129,6 @@ def test_mp4_is_a_film_or_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> No
         film(run("chain-1", 0.5), "mp4")
 
 
-@pytest.mark.slow
 def test_mp4_of_the_extra() -> None:
     pytest.importorskip("imageio_ffmpeg")
     done: list[float] = []
@@ -188,7 +184,6 @@ def test_a_film_shows_the_lines_of_its_axis_with_a_rail_only(support: dict[str, 
     assert set(scenery.axis.spines.values()).isdisjoint(scenery.moving) == (not support)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     "case", ["drifting", "overhung", "cart", "space", "crowd", "single", "standstill", "metronomes"][: usually(3, 8)]
 )
@@ -254,7 +249,6 @@ def test_shadows_of_pendula_of_any_number_of_links_fall_on_the_floor(support: Fi
         assert np.all(floor.get_path().contains_points(actor.shadow.reshape(-1, 2)))
 
 
-@pytest.mark.slow
 def test_a_crowd_is_thinned_out_and_said_so() -> None:
     crowd = scenes()["crowd"]
     drawn = Film(crowd, np.linspace(0, 0.5, 3), 25.0, 1.0)

@@ -73,7 +73,6 @@ def titled(trajectory: Trajectory) -> dict[str, tuple[str, np.ndarray, list[np.n
     }
 
 
-@pytest.mark.thorough
 def test_a_run_shows_how_its_support_moves() -> None:
     panels = titled(simulate(modal.load("examples/shaken.toml"), 3.0))
     label, times, (shown,) = panels["Support, as prescribed"]
@@ -81,7 +80,6 @@ def test_a_run_shows_how_its_support_moves() -> None:
     assert shown == pytest.approx(0.02 * np.sin(2 * np.pi * 0.47 * times), abs=1e-12)
 
 
-@pytest.mark.thorough
 def test_a_run_shows_its_hoist() -> None:
     scene = modal.load("hoisting-crane")
     panels = titled(simulate(scene, 10.0))

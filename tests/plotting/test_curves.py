@@ -108,7 +108,6 @@ def test_curves_that_cross_stay_solid() -> None:
 # ---------------------------------------------------------------------------------------------------- words in figures
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("title", ["$\\frac{" * 80, "W" * 900, "a_b " * 300, "振り子の連成振動" * 60][: usually(2, 4)])
 def test_a_title_of_any_length_leaves_room_and_tells_what_is_drawn(title: str) -> None:
     with theme("light"):
@@ -281,7 +280,6 @@ def test_of_a_hundred_pendula_the_poles_are_a_band_beside_the_mode_outside_it() 
     assert "band: 100 poles, with 99 modes that move the cart between them" in words
 
 
-@pytest.mark.slow
 def test_a_check_of_one_amplitude_has_a_decade_and_the_level_of_one_per_cent() -> None:
     scene = Scene(gravity=9.81, pendulum=(Pendulum(links=(Bob(mass=1.0, length=1.0),)),))
     with theme("light"):

@@ -74,7 +74,6 @@ FIGURES: dict[str, Callable[[], Figure]] = {
 }
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("kind", "name"), [*zip(FIGURES, cycle(["light", "dark"]))][: usually(2, 5)])
 def test_nothing_is_wrong_with_the_figure(kind: str, name: str) -> None:
     with theme(name):

@@ -160,7 +160,6 @@ def test_a_page_holds_every_frame() -> None:
     assert "http" not in page
 
 
-@pytest.mark.slow
 def test_mp4_of_any_size_of_figure() -> None:
     pytest.importorskip("imageio_ffmpeg")
     assert written("mp4", fps=10.0)[4:8] == b"ftyp"

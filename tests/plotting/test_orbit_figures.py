@@ -36,7 +36,6 @@ def test_a_backbone_has_the_orbits_the_linear_frequency_and_the_kappa_curve() ->
     assert low < branch.omega.min() < mode.omega < high
 
 
-@pytest.mark.thorough
 def test_limit_cycles_are_drawn_along_their_number_and_written() -> None:
     scene = load("metronomes")
     branches = follow_cycles(scene, parse_variations(["support.mass=0.5:1:2log"])[0])

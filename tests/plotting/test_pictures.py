@@ -291,7 +291,6 @@ IN_TURN = [(kind, THEMES[index % 2]) for index, kind in enumerate(FIGURES)]
 """Every figure in one theme: that the themes differ in colours alone is a test of its own."""
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "name"),
     usually([case for case in IN_TURN if case[0] in USUAL], [(kind, name) for kind in FIGURES for name in THEMES]),
@@ -313,14 +312,12 @@ SHARED = (
 """Figures in which curves coincide."""
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("kind", usually(SHARED[2:4], SHARED))
 def test_no_curve_is_hidden_under_others(kind: str) -> None:
     with theme("light"):
         assert hidden_curves(FIGURES[kind]()) == []
 
 
-@pytest.mark.thorough
 def test_branches_upon_each_other_all_show() -> None:
     branches = branching()
     with theme("light"):
@@ -631,7 +628,6 @@ def test_a_figure_is_written_in_both_themes(tmp_path: Path) -> None:
     assert corners == [(255, 255, 255), (0x12, 0x18, 0x1D)]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", usually(THEMES[1:], THEMES))
 def test_the_commands_draw_in_the_theme_they_are_told(name: str, tmp_path: Path) -> None:
     paper_of = {"light": "#ffffff", "dark": "#12181d"}[name]

@@ -34,7 +34,6 @@ def panel(figure: Figure, title: str) -> Axes:
     return chosen
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     "name", ["chain-spatial", "crane-hook", "paper-cart-3", "chain-5", "metronomes"][: usually(2, 5)]
 )
@@ -111,7 +110,6 @@ def test_a_link_that_goes_round_stays_in_the_portrait() -> None:
     assert np.nanmax(np.abs(np.diff(angles))) < 180
 
 
-@pytest.mark.slow
 def test_crowds_standstill_and_few_samples_can_be_drawn() -> None:
     double = Pendulum(links=(Bob(mass=1, length=1), Bob(mass=1, length=1)), count=50)
     crowd = Scene(gravity=9.81, support=Cart(mass=10.0), pendulum=(double,))
@@ -128,7 +126,6 @@ def test_crowds_standstill_and_few_samples_can_be_drawn() -> None:
         assert b"<svg" in stream.getvalue()
 
 
-@pytest.mark.slow
 def test_of_a_large_crowd_one_may_swing_almost_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     """Where no modes are marked, the spectrum reaches as far as those that swing."""
     monkeypatch.setattr("nonlinear.plotting.run.MOST_MODES", 1)
@@ -138,7 +135,6 @@ def test_of_a_large_crowd_one_may_swing_almost_alone(monkeypatch: pytest.MonkeyP
     assert 2.7 < panel(figure, "Spectrum").get_xlim()[1] < 20
 
 
-@pytest.mark.slow
 def test_a_hundred_swings_have_no_corners() -> None:
     """The portrait has points between the samples, however many pendula there are."""
     crowd = Scene(gravity=9.81, pendulum=(Pendulum(links=(Bob(mass=1, length=0.1),), count=100),))

@@ -122,7 +122,6 @@ def test_equal_pendula_on_one_point_are_set_apart() -> None:
 # ------------------------------------------------------------------------------------------------ whole pictures
 
 
-@pytest.mark.thorough
 @pytest.mark.parametrize("name", ["beam", "ship-crane"])
 def test_pictures_of_structures_are_seen(name: str) -> None:
     with theme("light"):

@@ -136,7 +136,6 @@ def test_outside_a_notebook_the_style_is_set() -> None:
         assert rcParams["figure.facecolor"] == "#ffffff"
 
 
-@pytest.mark.slow
 @BROWSER
 def test_a_page_shows_the_one_of_its_theme(tmp_path: Path) -> None:
     """As the manual says by its attribute, JupyterLab by its own, or the system where the manual leaves it to that."""
@@ -166,7 +165,6 @@ def test_a_page_shows_the_one_of_its_theme(tmp_path: Path) -> None:
             assert browser.run(seen) == [expected], (said, dark)
 
 
-@pytest.mark.slow
 def test_a_film_plays_in_both_themes() -> None:
     film = show_film(simulate(modal.load("chain-1"), 1.0), seconds=0.5, fps=10)
     for data, paper in ((film.light, [255, 255, 255]), (film.dark, [0x12, 0x18, 0x1D])):

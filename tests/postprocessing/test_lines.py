@@ -26,7 +26,6 @@ def several(rng: np.random.Generator, noise: float) -> tuple[np.ndarray, np.ndar
     return t, f + noise * rng.normal(size=N), omega, size
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("noise", [0.0, 1e-8, 1e-4, 1e-2])
 def test_the_error_that_is_claimed_holds_and_is_not_idle(noise: float) -> None:
     rng = np.random.default_rng(int(1 - np.log10(noise + 1e-16)))
@@ -41,7 +40,6 @@ def test_the_error_that_is_claimed_holds_and_is_not_idle(noise: float) -> None:
     assert np.percentile(ratios, 90) < 1000
 
 
-@pytest.mark.slow
 def test_every_line_of_an_exact_signal() -> None:
     rng = np.random.default_rng(4)
     for _ in range(30):
@@ -67,7 +65,6 @@ def test_a_neighbour_no_window_resolves_is_owned_up_to() -> None:
     assert 1e-4 < abs(estimate.omega - 3) <= estimate.error
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("decay", [1e-4, 1e-3, 1e-2])
 def test_a_decay_shifts_nothing(decay: float) -> None:
     t = np.linspace(0, 120.0, 4000)
@@ -90,7 +87,6 @@ def test_a_slowly_changing_frequency_counts_as_attention_says() -> None:
     assert attention(501).sum() == pytest.approx(1.0)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("degrees", [1, 45, 135, 170])
 def test_the_simple_pendulum_and_the_elliptic_integral(degrees: float) -> None:
     """ω = (π/2) √(g/l) / K(sin²(θ₀/2))."""

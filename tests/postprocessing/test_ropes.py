@@ -122,7 +122,6 @@ def test_reports_say_it() -> None:
     assert [sentence.startswith("link 1 of pendulum 1 pushes") for sentence in pair] == [True]
 
 
-@pytest.mark.slow
 def test_a_check_says_it() -> None:
     checked = check(bob(), [0], [30.0, 120.0], periods=10)
     runs = json.loads(check_table(checked, "json"))["modes"][0]["runs"]

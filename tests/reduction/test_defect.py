@@ -90,7 +90,6 @@ def test_the_estimate_is_the_error_in_the_plane(seed: int) -> None:
     against_simulation(scene, aside(scene, 0.01, seed), 8.0)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("scene", [STANDING, load("chain-spatial"), load("crane-hook")], ids=["up", "chain", "hook"])
 def test_the_estimate_is_the_error_in_space(scene: Scene) -> None:
     scene = in_space(scene)

@@ -79,7 +79,6 @@ def test_the_reduced_equations_are_the_scenes_own_projected(seed: int) -> None:
         assert rates[-1] == pytest.approx(theirs[-1], rel=1e-12)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("seed", usually([2, 5], [0, 2, 3, 5, 7, 9]))
 def test_all_modes_are_the_whole_scene(seed: int) -> None:
     """With springs, dampers, standing links and a cart, far from rest."""
@@ -141,7 +140,6 @@ def test_the_backbone_is_right_with_any_number_of_modes(count: int, number: int)
     assert (omega / modes.omega[number] - 1) / a**2 == pytest.approx(kappa, rel=0.03)
 
 
-@pytest.mark.slow
 def test_the_stated_error_is_honest() -> None:
     ratios = []
     for seed in usually(range(0, 30, 2), range(30)):
@@ -190,7 +188,6 @@ def whole_crowd(support: Fixed | Cart, number: int) -> tuple[State, Trajectory]:
     return start, simulate(scene, 20.0, start=start, tolerance=1e-10, output=1001)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("cheap", [True, False])
 @pytest.mark.parametrize(
     ("support", "number", "off"), usually([(Fixed(), 0, 0.128)], [(Fixed(), 0, 0.128), (Cart(mass=50.0), 1, 0.106)])

@@ -81,7 +81,6 @@ def test_a_title_is_never_code_in_python(title: str, tmp_path: Path) -> None:
     assert not (tmp_path / "PWNED").exists()
 
 
-@pytest.mark.slow
 def test_signals_of_a_model_that_was_read_are_never_code(tmp_path: Path) -> None:
     model = state_space(load("paper-cart-2"), ["cart_force"], ["angles"])
     evil = 'x"\nimport os; os.system("touch PWNED")\r\n*/ system("touch PWNED") %}\x85\u2028b'

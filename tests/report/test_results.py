@@ -105,14 +105,11 @@ RESULTS: dict[str, Callable[[], Any]] = {
 }
 
 
-SLOW = {"branch"}
 PLAIN = {"mechanics"}
 """Results that are shown by their fields alone."""
 
 
-@pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=pytest.mark.slow) if name in SLOW else name for name in RESULTS]
-)
+@pytest.mark.parametrize("name", RESULTS)
 def test_a_result_shows_itself(name: str) -> None:
     shown = RESULTS[name]()
     assert_shown(shown)
@@ -125,9 +122,7 @@ def test_a_result_shows_itself(name: str) -> None:
         assert isinstance(shown.plot(), Figure)
 
 
-@pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=pytest.mark.slow) if name in SLOW else name for name in RESULTS]
-)
+@pytest.mark.parametrize("name", RESULTS)
 def test_a_result_can_be_copied_and_pickled(name: str) -> None:
     original = RESULTS[name]()
     for other in (copy(original), deepcopy(original), pickle.loads(pickle.dumps(original))):

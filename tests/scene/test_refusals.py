@@ -60,7 +60,6 @@ def test_what_only_looks_like_a_deep_key_is_none() -> None:
         assert dots in parse(f"# {dots} = 1\ntitle = {title} # {dots}\n{GOOD}".encode()).title
 
 
-@pytest.mark.slow
 def test_the_first_mistakes_are_named_and_the_rest_is_counted(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -112,7 +111,6 @@ def test_what_cannot_be_printed_is_no_success(arguments: str) -> None:
     assert done.stderr == "multipendula: cannot write: No space left on device\n"
 
 
-@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="no pipes with names, no pseudo-terminals")
 @pytest.mark.parametrize("terminal", [True, False])
 def test_a_terminal_is_told_what_is_waited_for(terminal: bool, tmp_path: Path) -> None:
@@ -207,7 +205,6 @@ def extremes() -> list[Scene]:
     return scenes
 
 
-@pytest.mark.slow
 def test_extremes_are_told_or_refused_without_a_warning() -> None:
     """Warnings are errors here."""
     told = 0

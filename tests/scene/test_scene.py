@@ -236,7 +236,6 @@ SCENES = st.builds(
 )
 
 
-@pytest.mark.slow
 @settings(max_examples=usually(20, 400), deadline=None, derandomize=True)
 @given(SCENES)
 def test_any_scene_comes_back_exactly(scene: Scene) -> None:

@@ -65,7 +65,6 @@ def test_a_title_says_what_hangs_there(support: Fixed | Cart, pendula: list[Pend
     assert title_of(Scene(gravity=9.81, support=support, pendulum=pendula)) == words
 
 
-@pytest.mark.slow
 def test_figures_reports_and_pages_have_it(tmp_path: object) -> None:
     from modal.coupling import coupling_report, explain
     from modal.plotting.shapes import shapes_figure

@@ -28,7 +28,6 @@ def test_the_digits_are_the_elliptic_functions(degrees):
     assert angles == pytest.approx(elliptic.angles(angle, 9.81, times), rel=1e-15, abs=0)
 
 
-@pytest.mark.slow
 def test_the_digits_are_those_of_two_routes():
     scene, start = hung(bob(), bob(mass=1e-6, length=0.1), cart=Cart(mass=0.3)), at_rest([0.7, -0.4])
     right = digits.motion(scene, start, [0.5])[0]
@@ -37,7 +36,6 @@ def test_the_digits_are_those_of_two_routes():
         assert run.final.links == pytest.approx(right, abs=1e-11)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("family", FAST)
 def test_the_default_holds_to_the_ends(family):
     for example in getattr(families, family)(quick=True):
@@ -49,7 +47,6 @@ def test_the_default_holds_to_the_ends(family):
         assert run.energy_drift() < ALLOWED
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("ratio", usually([1e-16], [1e-16, 1e-8, 1.0, 1e4]))
 def test_light_links_below_heavy_ones(ratio):
     example = next(each for each in families.masses(quick=False) if each.parameter == pytest.approx(ratio))
@@ -89,7 +86,6 @@ def test_a_massless_cart_of_a_bob_says_where_it_stops():
     assert not run.complete
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("form", ["minimal", "hamiltonian", *usually([], ["maximal"])])
 @pytest.mark.parametrize("factors", ["masses by 2^40", "the same second"])
 def test_powers_of_two_change_no_step_and_no_bit(factors, form):
@@ -99,7 +95,6 @@ def test_powers_of_two_change_no_step_and_no_bit(factors, form):
     assert comparison.apart < 1e-13 if pivots_elsewhere else comparison.identical
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("form", usually(["minimal"], ["minimal", "hamiltonian"]))
 def test_other_units_stay_within_the_tolerance(form):
     comparison = units.compared("g, mm, ms", form, "DOP853")

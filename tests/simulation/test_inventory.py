@@ -131,7 +131,6 @@ def test_a_driven_run_counts_its_work() -> None:
     assert not any("work" in sentence for sentence in inventory.left_out)
 
 
-@pytest.mark.slow
 def test_packages_are_those_of_the_process() -> None:
     code = (
         "import json, sys\n"
@@ -147,7 +146,6 @@ def test_packages_are_those_of_the_process() -> None:
     assert not {"sympy", "control", "matplotlib", "numba", "heyoka", "flint"} & set(names)
 
 
-@pytest.mark.slow
 def test_the_commands(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["simulate", "chain-3", "--duration", "1", "--explain"]) == 0
     told = capsys.readouterr()
@@ -166,7 +164,6 @@ def test_the_commands(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Non
     assert re.search(r"--form: .*--keep-modes", capsys.readouterr().err)
 
 
-@pytest.mark.slow
 def test_an_implicit_integrator_has_a_matrix_and_series_have_none() -> None:
     assert run_inventory(run_of(scene_of(links=40), method="Radau")).matrices[0] == (80, 1)
     pytest.importorskip("heyoka")

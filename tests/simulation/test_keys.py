@@ -34,7 +34,6 @@ def answer(scene: Scene) -> np.ndarray:
     return np.concatenate((start, switching_of(system), *rates))
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("path", KINDS, ids=lambda path: path.stem)
 def test_every_number_of_a_scene_is_read(path: Path) -> None:
     scene = load(path)

@@ -14,7 +14,6 @@ ROOT = Path(__file__).parents[2]
 COUNT = 2 * np.pi / 40_000
 
 
-@pytest.mark.slow
 def test_the_example_follows_the_arm_and_stops_when_it_did() -> None:
     times, measured = np.loadtxt(ROOT / "notebooks/data/single_pendulum_free_swing.csv", delimiter=",", skiprows=1).T
     run = simulate(load(ROOT / "examples/measured_swing.toml"), 14.0, output=times, tolerance=1e-8)

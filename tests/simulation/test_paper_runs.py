@@ -18,7 +18,6 @@ from nonlinear.system import State, state_at_rest
 TAYLOR = pytest.mark.skipif(find_spec("heyoka") is None, reason="an hour needs the extra `taylor`")
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("count", usually([1], [1, 2, 3]))
 def test_runs_by_two_forms_of_the_equations_agree(count: int) -> None:
     scene, seconds = modal.load(f"paper-cart-{count}"), usually(3, 10)
@@ -29,7 +28,6 @@ def test_runs_by_two_forms_of_the_equations_agree(count: int) -> None:
     assert run.momentum_drift() < 1e-11
 
 
-@pytest.mark.slow
 def test_the_mirror_symmetric_start_leaves_the_cart_still_and_the_others_do_not() -> None:
     moved = [
         abs(simulate(modal.load(f"paper-cart-{n}"), 10, tolerance=1e-12, method="DOP853").motion.cart).max()
@@ -85,8 +83,6 @@ def test_an_hour_of_beats_has_the_tables_period() -> None:
     assert (times[up[-1]] - times[up[0]]) / (len(up) - 1) == pytest.approx(beat, rel=0.01)
 
 
-@pytest.mark.slow
-@pytest.mark.thorough
 @TAYLOR
 @pytest.mark.parametrize("count", [1, 2, 3])
 def test_an_hour(count: int) -> None:

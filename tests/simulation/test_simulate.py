@@ -46,7 +46,6 @@ def minimal(scene: Scene) -> Equations:
 # ---------------------------------------------------------------------------------------------- equations
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("seed", usually(range(5), range(12)))
 def test_accelerations_solve_lagranges_equations_from_cartesian_positions(seed: int) -> None:
     scene = motion_scene(seed, longest=2)
@@ -87,7 +86,6 @@ def test_small_motion_obeys_the_linear_matrices(seed: int) -> None:
     assert abs(J - expected).max() < 1e-7 * abs(expected).max()
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(10))
 def test_energy_changes_by_the_work_of_dampers_and_of_what_pushes(seed: int) -> None:
     def load(time: float, state: State) -> AppliedForces:
@@ -109,7 +107,6 @@ def test_the_energy_certificate_bites() -> None:
 # ------------------------------------------------------------------------------------------ certificates
 
 
-@pytest.mark.slow
 def test_energy_and_momentum_keep_nine_digits_for_a_thousand_seconds() -> None:
     scene = Scene(gravity=9.81, support=Cart(mass=2.0), pendulum=(Pendulum(links=(Bob(mass=1.0, length=1.0),)),))
     start = State(np.array([0.5]), np.zeros(1), cart_rate=0.1)
@@ -234,7 +231,6 @@ def test_loads_that_do_not_fit(push: Any, message: str) -> None:
         simulate(modal.load("chain-2"), 1, load=lambda time, state: push)
 
 
-@pytest.mark.slow
 def test_long_damped_chains_simulate() -> None:
     scene = Scene(gravity=9.81, pendulum=(Pendulum(links=(Bob(mass=1.0, length=1.0, damping=1e-4, count=600),)),))
     run = simulate(scene, 0.05, start=state_at_rest(scene, [10.0] * 600), tolerance=1e-6, output=3)
@@ -443,7 +439,6 @@ def test_newtons_law_and_the_papers_own_equations_give_the_same_forces(count: in
 # ------------------------------------------------------------------------------------------------- crowds
 
 
-@pytest.mark.slow
 def test_a_chain_of_a_thousand_links_simulates() -> None:
     scene = Scene(gravity=9.81, pendulum=(Pendulum(links=(Rod(mass=0.01, length=0.01, count=1000),)),))
     run = simulate(scene, 0.05, start=state_at_rest(scene, [30.0] * 1000), tolerance=1e-6, output=3, method="DOP853")
@@ -453,7 +448,6 @@ def test_a_chain_of_a_thousand_links_simulates() -> None:
     assert run.final.links[-1] == pytest.approx(math.radians(30), abs=1e-3)
 
 
-@pytest.mark.slow
 def test_thousands_of_double_pendula_on_one_cart_simulate() -> None:
     double = Pendulum(links=(Rod(mass=1.0, length=1.0, count=2),), count=3_000)
     scene = Scene(gravity=9.81, support=Cart(mass=3e3), pendulum=(double,))

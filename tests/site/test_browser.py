@@ -19,8 +19,6 @@ from amounts import usually
 from chromium import Chromium
 from live import BROWSER
 
-pytestmark = [pytest.mark.site, pytest.mark.slow]
-
 NOTEBOOKS = Path(browser.__file__).parent.parent / "notebooks"
 IN_PYODIDE = {"numpy", "scipy", "sympy", "matplotlib", "pillow", "pydantic", "tqdm", "tomli-w"}
 """What this project needs and Pyodide 314.0 brings compiled or whole (its pyodide-lock.json)."""

@@ -22,10 +22,7 @@ MEASURED = {"benchmark", "simulation-benchmark", "extremes-modes", "extremes-sim
 SEEN = {"play", "play-phone"}
 """Screenshots (`docs/screenshots.py`), in both themes."""
 
-pytestmark = [
-    pytest.mark.site,
-    pytest.mark.skipif(not PICTURES.is_dir(), reason="a source distribution is without them"),
-]
+pytestmark = pytest.mark.skipif(not PICTURES.is_dir(), reason="a source distribution is without them")
 
 
 def files(name: str) -> list[Path]:
@@ -75,7 +72,6 @@ def test_a_name_that_is_no_picture_is_refused() -> None:
     assert "no picture is called moon: choose from shapes, " in made.stderr
 
 
-@pytest.mark.slow
 def test_every_scene_of_the_gallery_is_drawn_within_its_frame() -> None:
     from xml.etree import ElementTree
 

@@ -16,8 +16,6 @@ if find_spec("sphinx") is None:
 
 from docstrings import documentation, sections
 
-pytestmark = pytest.mark.site
-
 FUNCTIONS = [
     pytest.param(getattr(package, name), id=f"{package.__name__}.{name}")
     for package in (modal, nonlinear)

@@ -13,8 +13,6 @@ from documents import KNOWN, ROOT, Page, WrongPageError, agrees, blocks, divided
 from multipendula.commands import COMMANDS, FIRST
 from nonlinear.accuracy import work_precision
 
-pytestmark = [pytest.mark.site, pytest.mark.slow]
-
 
 def lesson(text: str) -> bool:
     """Whether a page is a notebook's twin, which is executed as a notebook."""

@@ -10,8 +10,6 @@ import nbformat
 import pytest
 import twins
 
-pytestmark = pytest.mark.site
-
 LESSONS = twins.lessons()
 NUMBERED = pytest.mark.parametrize("twin", LESSONS, ids=lambda twin: twin.stem)
 ROOMS = Path(twins.__file__).parents[1] / "CONTRIBUTING.md"

@@ -38,8 +38,6 @@ from modal.scene import (
 )
 from multipendula.commands import GROUPS
 
-pytestmark = pytest.mark.site
-
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
 PICTURES = DOCS / "pictures"

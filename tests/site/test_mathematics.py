@@ -9,8 +9,6 @@ from pathlib import Path
 import mathematics
 import pytest
 
-pytestmark = pytest.mark.site
-
 
 @pytest.fixture(autouse=True)
 def apart(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

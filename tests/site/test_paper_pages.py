@@ -17,8 +17,6 @@ HEADING = re.compile(r"^### (?:Formulas?|Equations?) (?P<numbers>[\d() and,to]+)
 COMMAND = re.compile(r"^multipendula \S+ |^from modal\S* import |cart_dae\.", flags=re.MULTILINE)
 WHY_NOT = "No command"
 
-pytestmark = pytest.mark.site
-
 
 def sections(page: str) -> dict[int, str]:
     """The text of the section in which each formula stands, in the order of the page."""

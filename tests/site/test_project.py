@@ -15,8 +15,6 @@ import yaml
 import modal
 import nonlinear
 
-pytestmark = pytest.mark.site
-
 ROOT = Path(__file__).parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 METADATA = PROJECT["project"]

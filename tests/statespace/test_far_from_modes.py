@@ -62,7 +62,6 @@ def test_eight_stages_isolate(drive: str) -> None:
     assert abs(frequency_response(form, 2e3)[0, 0, 0]) < 1e-30
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("damping_ratio", [0.02, (0.1, 0.0, 0.03)])
 def test_dampers_of_modes_pass_on_what_springs_do_not(damping_ratio: float | tuple[float, ...]) -> None:
     form = form_of(stages(QUAD, damping_ratio=damping_ratio), ("support_velocity",), ("tip_positions", "angles"))
@@ -71,7 +70,6 @@ def test_dampers_of_modes_pass_on_what_springs_do_not(damping_ratio: float | tup
     assert abs(frequency_response(form, 2e3)[0, 0, 0]) > 1e-9
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 5, 7, 9, 10])
 def test_every_response_of_random_scenes_keeps_its_digits(seed: int) -> None:
     for trial in far_from_modes.trials(seed):

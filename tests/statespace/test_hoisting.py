@@ -59,7 +59,6 @@ def test_frequencies_are_those_of_the_table_at_each_length() -> None:
     assert np.allclose(held.omega[0], [swing.omega for swing in swings_of(scene.at(0.0))], rtol=1e-11)
 
 
-@pytest.mark.slow
 def test_a_slow_hoist_changes_the_swing_as_the_adiabatic_invariant_says() -> None:
     scene = crane(duration=60.0)
     run = simulate(
@@ -99,7 +98,6 @@ def test_lewins_pendulum_is_the_solution_of_the_model() -> None:
         assert A[3] @ [0, angle, 0, rate] == pytest.approx(second, rel=1e-9)
 
 
-@pytest.mark.slow
 def test_travel_is_that_of_the_full_equations_at_small_angles() -> None:
     scene, travel = crane(), Travel(0.01, 0.0, 4.0)
     residuals = {residual.words: residual.angle for residual in travel_residuals(scene, travel)}
@@ -117,7 +115,6 @@ def test_travel_is_that_of_the_full_equations_at_small_angles() -> None:
     assert constant == pytest.approx(np.abs(still.motion.links[still.times > 4.0]).max(), rel=1e-4)
 
 
-@pytest.mark.slow
 def test_a_shaper_keeps_its_promise_without_hoist_and_loses_it_with() -> None:
     nearly = crane(to=4.0 * (1 + 1e-9), duration=1.0)
     assert shaper_residual(nearly, shaper_for(nearly.at(0.0))) < 1e-6
@@ -159,7 +156,6 @@ def test_models_frequencies_and_swing_are_those_of_newtons_equations(seed: int) 
         assert not [trial for trial in trials if trial.broken]
 
 
-@pytest.mark.slow
 def test_travels_and_shapers_leave_what_newtons_equations_leave() -> None:
     scene, oracle, travel = hoists.draw(116)
     trials = [*hoists.travelling(scene, oracle, travel), *hoists.shaping(scene, oracle, "cart_force")]
@@ -178,7 +174,6 @@ def test_pendula_beside_a_cart_that_is_held_are_followed_apart() -> None:
     assert alone == pytest.approx(4.0**0.75, rel=1e-12), "two equal ropes against each other leave the cart still"
 
 
-@pytest.mark.slow
 def test_a_massless_cart_has_the_modes_that_it_has() -> None:
     """Its upper rope stays vertical: none of a single bob, g (m₁ + m₂)/(m₁ l₂) of two, whatever the upper length."""
     bob = Bob(mass=2.0, length=4.0, hoist=Hoist(to=2.0, duration=3.0))

@@ -229,7 +229,6 @@ def test_under_a_force_a_shaper_is_for_modes_of_the_table() -> None:
     ]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("drive", ["cart_acceleration", "cart_force"])
 def test_simulated_cranes_come_to_rest(drive: str) -> None:
     scene = load("crane-hook")
@@ -240,14 +239,12 @@ def test_simulated_cranes_come_to_rest(drive: str) -> None:
     assert left_over(scene, other, drive) > 0.1
 
 
-@pytest.mark.slow
 def test_one_mode_is_not_two() -> None:
     scene = crane()
     assert left_over(scene, shaper_for(scene, 2)) < 2e-3
     assert left_over(scene, shaper_for(scene, 1)) > 0.1
 
 
-@pytest.mark.slow
 def test_damped_pendula_come_to_rest() -> None:
     links = [Rod(mass=1.0, length=2.0, damping=0.8)]
     scene = mixed().model_copy(update={"pendulum": (Pendulum(links=links),)})

@@ -237,7 +237,6 @@ def pendulum(count: int, damping: float) -> Pendulum:
     return Pendulum(links=[Bob(mass=1.0, length=1.0, damping=damping)], count=count)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("space", ["plane", "space"])
 def test_the_amplitude_is_that_of_the_turning_point(space: Literal["plane", "space"]) -> None:
     """Energy tells it: cos θ = cos θ₀ − l θ₀'²/2g on a fixed support, where a whole turn would leave 180°."""
@@ -307,7 +306,6 @@ def test_a_point_that_fails_hurts_no_other() -> None:
     assert "angles_deg: has 2 values for 1 links" in crossed.failures[0]
 
 
-@pytest.mark.slow
 def test_a_point_that_kills_its_process_is_found_and_the_rest_is_measured() -> None:
     frequencies = parse_measures(["frequencies:2"])
     asking = study("support.mass=1,2,3,4", measure=sweep_measures.DYING, number=3.0)
@@ -446,7 +444,6 @@ if __name__ == "__main__":
 """
 
 
-@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="SIGINT is sent otherwise there")
 @pytest.mark.parametrize("done", [0, 60])
 def test_ctrl_c_ends_worker_processes_at_once(done: int, tmp_path: Path) -> None:
@@ -473,7 +470,6 @@ def test_ctrl_c_ends_worker_processes_at_once(done: int, tmp_path: Path) -> None
     assert kept > 0 or not done
 
 
-@pytest.mark.slow
 def test_a_script_without_a_guard_is_told_so(tmp_path: Path) -> None:
     (tmp_path / "script.py").write_text(SCRIPT.replace('if __name__ == "__main__":', "if True:"))
     command = [sys.executable, str(tmp_path / "script.py"), str(tmp_path / "j")]
@@ -586,7 +582,6 @@ def test_without_distributed_the_extra_is_named(monkeypatch: pytest.MonkeyPatch)
         pass
 
 
-@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
 def test_a_cluster_measures_what_this_process_does(tmp_path: Path) -> None:
     distributed = pytest.importorskip("distributed")
@@ -606,7 +601,6 @@ def test_a_cluster_measures_what_this_process_does(tmp_path: Path) -> None:
     assert list(failing.failures) == [2]
 
 
-@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "nonsense", "ftp://a:b"])
 def test_no_scheduler_is_said(address: str) -> None:

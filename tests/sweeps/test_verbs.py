@@ -83,7 +83,7 @@ def test_a_verb_takes_a_measure_or_says_why_not(name: str) -> None:
 
 @pytest.mark.parametrize(
     "name",
-    ["largest_angle", "order", *(pytest.param(name, marks=pytest.mark.slow) for name in ("first_turn", "lyapunov"))],
+    ["largest_angle", "order", "first_turn", "lyapunov"],
 )
 def test_all_verbs_have_the_same_numbers(name: str) -> None:
     """By runs one by one, by lanes over a grid of starts, by drawn scenes, by members."""
@@ -95,7 +95,6 @@ def test_all_verbs_have_the_same_numbers(name: str) -> None:
         assert value == {column: pytest.approx(number, rel=2e-4, abs=2e-4) for column, number in expected.items()}, verb
 
 
-@pytest.mark.slow
 def test_a_motion_ends_in_the_same_configuration_whoever_asks() -> None:
     numbers = [route(HUYGENS, "configuration:10") for route in (swept, mapped, member)]
     assert numbers == [numbers[0]] * 3

@@ -234,7 +234,6 @@ def test_momenta_and_their_rates(i: int) -> None:
     assert value(azimuth.conservation(i, 3).corrected.rhs, still) == 0
 
 
-@pytest.mark.slow
 def test_small_angles() -> None:
     """(10) is the leading order of dp/dt in one plane; the corrected one of dp/dt anywhere."""
     equation, e = azimuth.small_momentum_rate(1, 2), sp.Symbol("e")
@@ -261,7 +260,6 @@ def test_a_single_link_conserves_its_momentum() -> None:
         assert equation.holds_when == sp.true
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("n", usually([2], [2, 3]))
 def test_only_the_total_is_conserved(n: int) -> None:
     """Rates along the motion, with accelerations from the Cartesian Lagrangian."""
@@ -296,7 +294,6 @@ def small_moving_state(n: int, size: float) -> State:
     return state | dict(zip([c.a for c in coordinates], A.LUsolve(F), strict=True))
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("n", usually([1, 2], [1, 2, 3]))
 def test_azimuth_accelerations(n: int) -> None:
     """(12)-(15) miss the motion of a chain by a fifth and more even at small angles; the corrected form is it."""

@@ -48,7 +48,6 @@ def test_linearizing_the_lagrangian_gives_M_K_and_D_at_any_rest(system: Symbolic
         assert sp.simplify(derived - matrix) == sp.zeros(*matrix.shape)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("seed", usually(range(1), range(4)))
 def test_unit_vectors_and_spherical_angles_are_one_motion(seed: int) -> None:
     """∂u_i/∂θ_i·F_i and ∂u_i/∂φ_i·F_i are Lagrange's equations of θ_i and φ_i, at random states in 30 digits."""
@@ -148,7 +147,6 @@ def test_from_the_lagrangian_to_the_printed_polynomial(n: int) -> None:
     assert sp.Poly(lines[1].formula.lhs, lam).all_coeffs() == printed[n]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("n", usually([2], [2, 3]))
 def test_the_recursion_in_symbols_is_the_determinant(n: int) -> None:
     """Also of partly equal symbols and on a cart."""

@@ -58,7 +58,6 @@ def beat() -> SynchronizationStudy:
     return study_synchronization(clocks(-1.54, -8.81), 160.0, output=6401)
 
 
-@pytest.mark.slow
 def test_a_clock_below_its_angle_is_a_doubt() -> None:
     """The reach at the start is the smaller angle over that of the escapement, and a beat passes below it."""
     theory = beat().theory
@@ -81,7 +80,6 @@ def test_the_reach_is_the_least_envelope_of_a_beat() -> None:
     assert averaged.reach(z) == pytest.approx(envelope, rel=1e-12)
 
 
-@pytest.mark.slow
 def test_agreement_asks_for_the_share() -> None:
     study = beat()
     assert study.theory is not None
@@ -93,7 +91,6 @@ def test_agreement_asks_for_the_share() -> None:
     assert study.theory.prediction.doubts_of_start
 
 
-@pytest.mark.slow
 def test_a_beat_is_named_with_the_two_lines_of_its_spectrum() -> None:
     study = beat()
     assert study.survival is not None
@@ -171,7 +168,6 @@ def test_a_swing_that_friction_stops_dies_out() -> None:
     assert not relative_equilibria(average(weak))
 
 
-@pytest.mark.slow
 def test_branches_with_friction_have_exact_values() -> None:
     """The swing dies out where the drive is too weak for the friction: at a fold, where its orbit meets another."""
     variation = parse_variations(["pendulum[0].links[0].drive.strength=0.008:0.02:3"])[0]

@@ -126,7 +126,6 @@ def length_of(change: float) -> float:
     return GRAVITY / (sqrt(GRAVITY) - change) ** 2 - 1
 
 
-@pytest.mark.thorough
 def test_critical_detuning_of_weak_coupling_is_adlers() -> None:
     """Phases by themselves: Δω = 2 |Re κ + (n/q) Im κ|; n/q as larger swings are slower."""
     mass, damping = 20_000.0, 2000.0
@@ -141,7 +140,6 @@ def test_critical_detuning_of_weak_coupling_is_adlers() -> None:
     assert named(branches, "in phase").words == "in phase → 88° apart"
 
 
-@pytest.mark.thorough
 @pytest.mark.parametrize("mass", usually([1500.0], [4000.0, 1500.0]))
 def test_critical_detuning_is_that_of_two_amplitude_equations(mass: float) -> None:
     branches = followed(clocks(mass, 5.0, strength=GENTLE), f"{LENGTH}=1:{1 + 10 / mass}:2")
@@ -151,7 +149,6 @@ def test_critical_detuning_is_that_of_two_amplitude_equations(mass: float) -> No
     assert (low, high) == pytest.approx((1.0, 1 + end), abs=0.03 * end)
 
 
-@pytest.mark.thorough
 @pytest.mark.parametrize(("part", "locked"), [(0.9, True), (1.1, False)])
 def test_the_simulator_locks_within_the_critical_detuning_and_drifts_beyond(part: float, locked: bool) -> None:
     scene = clocks(200.0, 5.0)
@@ -169,7 +166,6 @@ def test_the_simulator_locks_within_the_critical_detuning_and_drifts_beyond(part
 FATES = [("antiphase", "loses stability"), ("in phase", "becomes stable")]
 
 
-@pytest.mark.thorough
 @pytest.mark.parametrize(("words", "kind"), usually(FATES[:1], FATES))
 def test_critical_coupling_is_that_of_the_simulator(words: str, kind: str) -> None:
     """By the cart's mass: beyond it phases swing or another configuration is gone to."""
@@ -219,7 +215,6 @@ def growth_in_phase(damping: float, scene: Scene, strength: float) -> float:
     return float(values[together].real.item())
 
 
-@pytest.mark.slow
 def test_metronomes_keep_in_phase_up_to_a_critical_damping() -> None:
     """Pantaleone (2002) has them in phase on a light base.
 
@@ -235,7 +230,6 @@ def test_metronomes_keep_in_phase_up_to_a_critical_damping() -> None:
     assert critical(branch, "dies out") == pytest.approx(2 * value, rel=2e-2)
 
 
-@pytest.mark.thorough
 def test_metronomes_leave_in_phase_beyond_the_critical_damping_in_the_simulator_too() -> None:
     scene, branch = fed().scene, named(fed(), "in phase")
     value = critical(branch, "loses stability")
@@ -245,7 +239,6 @@ def test_metronomes_leave_in_phase_beyond_the_critical_damping_in_the_simulator_
         assert phases.order[-1, 0] == pytest.approx(survivor - 2, abs=1e-3)
 
 
-@pytest.mark.thorough
 def test_an_escapement_too_keeps_them_in_phase_up_to_a_critical_damping() -> None:
     """On a heavier base, that splits frequencies by 2 %; growth or decay of antiphase in the simulator's energies."""
     link = Body(mass=0.025, length=0.1, centre=0.02, inertia=1e-5, damping=1e-6, drive=KICKS)
@@ -270,7 +263,6 @@ def double() -> Scene:
     return Scene(gravity=GRAVITY, support=Cart(mass=20.0, damping=4.0), pendulum=(Pendulum(links=links, count=2),))
 
 
-@pytest.mark.slow
 def test_in_phase_of_double_pendula_dies_out_where_a_small_swing_no_longer_grows() -> None:
     """The slow one, by eigenvalues, followed from a configuration that Newton's method finds from its mode."""
     scene, (variation,) = double(), parse_variations([f"{MASSES}=0.3:10:2log"])
@@ -286,7 +278,6 @@ def test_in_phase_of_double_pendula_dies_out_where_a_small_swing_no_longer_grows
     assert growth(scene, STRENGTH, 0.97 * end, 0) > 0 > growth(scene, STRENGTH, 1.03 * end, 0)
 
 
-@pytest.mark.thorough
 def test_four_configurations_of_double_pendula() -> None:
     """Slow or fast, cart still or moving; in phase dies out where a small swing no longer grows, by eigenvalues."""
     scene = double()
@@ -316,7 +307,6 @@ def growth(scene: Scene, strength: float, mass: float, place: int) -> float:
     return float(turning[np.argsort(turning.imag)][place].real)
 
 
-@pytest.mark.thorough
 def test_what_leaves_another_branch_begins_there() -> None:
     """Fast antiphase of the clocks sheds, where it stops lasting, a swing that shares its energy with in phase."""
     branches = followed(modal.load("clocks-double"), "support.mass=7:10:2")
@@ -343,7 +333,6 @@ def example() -> Branches:
     return branches
 
 
-@pytest.mark.slow
 def test_what_is_printed_is_what_was_found() -> None:
     branches = example()
     text = branches_text(branches)
@@ -372,7 +361,6 @@ def test_what_is_printed_is_what_was_found() -> None:
         assert all(float(row["growth_per_s"]) > -1e-4 for row in of_branch if row["stable"] == "0")
 
 
-@pytest.mark.slow
 def test_what_is_drawn_is_what_was_found() -> None:
     branches = example()
     figure = branches_figure(branches)

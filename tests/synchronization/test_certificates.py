@@ -28,7 +28,6 @@ def theory(pair: floquet.Pair) -> Theory:
     return Theory(relative_equilibria(prediction.averaged), prediction)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("angle", "told"), [(9.0, 0.00396)])
 def test_the_stability_told_is_that_of_the_multipliers(angle: float, told: float) -> None:
     pair = floquet.metronomes(angle)
@@ -46,7 +45,6 @@ def test_the_stability_told_is_that_of_the_multipliers(angle: float, told: float
     assert "(averaged)" not in sync_text(study)
 
 
-@pytest.mark.slow
 def test_a_stable_orbit_takes_the_place_of_doubts_about_averaging() -> None:
     """Strong drives: averaging doubts itself, the orbit does not; doubts about the way from the start remain."""
     predicted = theory(floquet.metronomes(9.0))
@@ -60,7 +58,6 @@ def test_a_stable_orbit_takes_the_place_of_doubts_about_averaging() -> None:
     assert len(wide.doubts) < len(wide.prediction.doubts)
 
 
-@pytest.mark.slow
 def test_an_orbit_far_from_a_configuration_is_no_certificate(monkeypatch: pytest.MonkeyPatch) -> None:
     pair = floquet.metronomes(9.0)
     scene, configuration = pair.scene, theory(pair).configurations[0]
@@ -69,7 +66,6 @@ def test_an_orbit_far_from_a_configuration_is_no_certificate(monkeypatch: pytest
     assert certified(scene, configuration) is None
 
 
-@pytest.mark.thorough
 def test_critical_values_are_located_on_the_full_equations() -> None:
     scene = floquet.metronomes(10.0, 3.0, 6e-5).scene
     (variation,) = parse_variations([f"{DETUNED}=1e-5:1.01e-5:2"])

@@ -17,7 +17,6 @@ from nonlinear.simulation import simulate
 from nonlinear.system import state_at_rest
 
 
-@pytest.mark.thorough
 def test_the_shipped_clocks_end_as_their_titles_say() -> None:
     for name, seconds, sign in (("huygens", 120.0, -1), ("metronomes", 60.0, 1)):
         run = simulate(load(name), seconds, tolerance=1e-7, output=np.linspace(seconds - 10, seconds, 2001))
@@ -31,7 +30,6 @@ def test_the_shipped_clocks_end_as_their_titles_say() -> None:
 # ------------------------------------------------------------------------------------------------------- Huygens
 
 
-@pytest.mark.slow
 def test_a_clock_alone_takes_the_larger_amplitude_and_dies_below_the_smaller() -> None:
     needed, taken = huygens.amplitudes_deg(load("huygens"))
     pair = huygens.on(1e9)
@@ -43,13 +41,11 @@ def test_a_clock_alone_takes_the_larger_amplitude_and_dies_below_the_smaller() -
         assert amplitude == pytest.approx(expected, rel=0.02) if expected else amplitude < 0.9 * needed
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("mass", usually([0.1, 10.0], [0.1, 1.0, 10.0]))
 def test_antiphase_survives_on_any_beam(mass: float) -> None:
     assert huygens.outcome(huygens.on(mass), (7.0, -4.0), 200.0) == "antiphase"
 
 
-@pytest.mark.thorough
 def test_in_phase_both_stop_on_beams_lighter_than_derived() -> None:
     bound = huygens.lightest(load("huygens"))
     assert bound == pytest.approx(4.87, abs=0.01)
@@ -60,7 +56,6 @@ def test_in_phase_both_stop_on_beams_lighter_than_derived() -> None:
 # ---------------------------------------------------------------------------------------------------- metronomes
 
 
-@pytest.mark.thorough
 @pytest.mark.parametrize("damping", usually([0.4], [0.0, 0.4]))
 def test_antiphase_of_metronomes_loses_its_stability_where_derived(damping: float) -> None:
     base = pantaleone.Base(0.005, damping=damping)
@@ -78,7 +73,6 @@ def test_metronomes_take_the_phase_that_their_stability_says() -> None:
 # ------------------------------------------------------------------------------------------ two double pendula
 
 
-@pytest.mark.thorough
 def test_all_four_configurations_attract_on_a_beam_of_six_kilograms() -> None:
     scene = koluda.varied(6.0, 0.5)
     assert koluda.averages(scene) == ("stable",) * 4
@@ -86,7 +80,6 @@ def test_all_four_configurations_attract_on_a_beam_of_six_kilograms() -> None:
         assert koluda.attracts(scene, start, 200.0) == "stays"
 
 
-@pytest.mark.thorough
 def test_on_the_shipped_beam_fast_antiphase_shares_its_energy_for_ever() -> None:
     """Nine tenths of it stay, so that only the share at first tells; the averaged equations say so too."""
     scene = load("clocks-double")
@@ -98,7 +91,6 @@ def test_on_the_shipped_beam_fast_antiphase_shares_its_energy_for_ever() -> None
     assert ended[[2, 3]].sum() > 0.999
 
 
-@pytest.mark.thorough
 def test_on_heavy_and_light_beams_one_configuration_gives_way() -> None:
     assert koluda.attracts(koluda.varied(2.0, 0.5), 1, 250.0) == "to 4"
     assert koluda.averages(koluda.varied(2.0, 0.5))[1] == "none"

@@ -68,7 +68,6 @@ def orbit_at(diagram: PopulationDiagram, motion: str, sector: str) -> tuple[floa
     return threshold.value, orbit
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("kind", usually(["swings"], list(swings.TOLD)))
 def test_thresholds_are_those_of_other_equations(kind: str) -> None:
     populations = diagram(kind)
@@ -80,7 +79,6 @@ def test_thresholds_are_those_of_other_equations(kind: str) -> None:
         assert rates[sector] == pytest.approx(0.0, abs=1e-10)
 
 
-@pytest.mark.slow
 def test_the_averaged_equations_find_the_same_thresholds_to_their_accuracy() -> None:
     for threshold in diagram("swings").thresholds:
         assert threshold.averaged is not None
@@ -89,7 +87,6 @@ def test_the_averaged_equations_find_the_same_thresholds_to_their_accuracy() -> 
     assert in_phase.averaged == pytest.approx(in_phase.value, rel=1e-5)
 
 
-@pytest.mark.slow
 def test_a_population_breaks_up_where_half_of_its_energy_is_drained() -> None:
     populations = diagram("swings")
     threshold = next(threshold for threshold in populations.thresholds if threshold.sector == NAMES[2])
@@ -107,7 +104,6 @@ def test_a_population_breaks_up_where_half_of_its_energy_is_drained() -> None:
     assert averaged.amplitude / (2 * swings.LIMIT) == pytest.approx(0.5**0.5, rel=5e-3)
 
 
-@pytest.mark.slow
 def test_beyond_resonance_the_determinant_breaks_a_population_up() -> None:
     (_, motion) = symmetric_motions(swings.two_swings(0.5, count=2))
     assert motion.orbit is not None
@@ -118,7 +114,6 @@ def test_beyond_resonance_the_determinant_breaks_a_population_up() -> None:
     assert first > 1 > second > 0
 
 
-@pytest.mark.thorough
 def test_antiphase_emerges_from_rest_a_second_time_beyond_resonance() -> None:
     """There the swings follow their spring, not their weight."""
     populations = swings.diagram("swings", (0.22, 0.3, 0.5))
@@ -170,7 +165,6 @@ def test_unequal_populations_have_one_common_sector() -> None:
     assert averaged.omega == pytest.approx(exact.orbit.omega, rel=1e-4)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("number", [0, 1])
 def test_limit_cycles_of_two_clocks_on_swings_are_the_patterns(number: int) -> None:
     """By multiple shooting on the scene itself, all disturbances together."""
@@ -278,7 +272,6 @@ def test_reports_have_the_verdict_first() -> None:
 # ---------------------------------------------------------------------------------------------------- the diagram
 
 
-@pytest.mark.slow
 def test_the_diagram_tells_intervals_thresholds_and_reasons() -> None:
     populations = diagram("swings")
     in_phase, antiphase = populations.branches
@@ -308,7 +301,6 @@ def test_the_diagram_tells_intervals_thresholds_and_reasons() -> None:
     assert all(abs(float(row["growth_per_s"]) - float(row["averaged_growth_per_s"])) < 0.02 for row in rows)
 
 
-@pytest.mark.slow
 def test_the_figure_has_the_thresholds() -> None:
     populations = diagram("swings")
     figure = populations_figure(populations)
@@ -363,7 +355,6 @@ def on_two_carts(springs: tuple[Spring, ...]) -> Scene:
     return Scene(gravity=9.81, support=carts, spring=springs, pendulum=[pair("a", 0.1, 15.0), pair("b", 0.1001, -9.0)])
 
 
-@pytest.mark.slow
 def test_populations_lock_only_where_something_joins_them_and_a_phase_is_told_only_then() -> None:
     apart = population_phases(phases_of(simulate(on_two_carts(()), 60.0, tolerance=1e-6)))
     sprung = on_two_carts((Spring(between=["a", "b"], stiffness=5.0),))

@@ -138,7 +138,6 @@ def test_the_records_hold_the_same_numbers() -> None:
     assert all(configuration["lasts"] for configuration in told["configurations"])
 
 
-@pytest.mark.slow
 def test_a_start_that_only_symmetry_keeps_is_judged_by_one_beside() -> None:
     """Metronomes in exact antiphase, that neighbours leave, go where real ones would: in phase."""
     scene = WIDE.scene
@@ -157,7 +156,6 @@ def test_a_start_that_only_symmetry_keeps_is_judged_by_one_beside() -> None:
     assert told["unstable"]["growth_rate_per_s"] == pytest.approx(GROWTH, abs=1e-3)
 
 
-@pytest.mark.thorough
 def test_clocks_on_a_heavy_beam_stay_in_phase_by_symmetry_alone() -> None:
     scene = vary(load("huygens"), {"support.mass": 40.0})
     said = predict(scene, state_at_rest(scene, (7.0, 7.0)))
@@ -166,7 +164,6 @@ def test_clocks_on_a_heavy_beam_stay_in_phase_by_symmetry_alone() -> None:
     assert (said.unstable.row, said.row, said.share > 0.99) == (2, 1, True)
 
 
-@pytest.mark.slow
 def test_a_run_that_ends_before_the_predicted_time_proves_nothing() -> None:
     """Metronomes nearly in antiphase, which they leave later, by themselves."""
     start = state_at_rest(WIDE.scene, (26.0, -24.0))
@@ -211,7 +208,6 @@ def test_what_does_not_excite_itself_has_no_prediction() -> None:
     assert sync_record(study)["prediction"] is None
 
 
-@pytest.mark.slow
 def test_a_swing_that_dies_out_is_said_to() -> None:
     weak = {"kind": "van-der-pol", "strength": 0.002, "angle_deg": 5.0}
     study = study_synchronization(clocks(10.0, 4.0, drive=weak, joint=0.1), 20.0)
@@ -227,7 +223,6 @@ def test_a_start_at_rest_has_no_prediction() -> None:
         predict(clocks(0.0, 0.0))
 
 
-@pytest.mark.slow
 def test_the_energy_balance_of_escapements_closes() -> None:
     study = of_run(pair(), clocks(10.0, -8.0, drive=ESCAPEMENT), 10.0, tolerance=1e-12)
     kicks = study.trajectory.kicks
@@ -236,7 +231,6 @@ def test_the_energy_balance_of_escapements_closes() -> None:
     assert f"{len(kicks.time)} kicks fed {kicks.energy.sum():.6g} J" in sync_text(study, words=True)
 
 
-@pytest.mark.slow
 def test_hundreds_of_driven_pendula() -> None:
     rng = np.random.default_rng(3)
     study = study_synchronization(clocks(*rng.uniform(-15.0, 15.0, 401).tolist(), mass=5e4), 1.0)
@@ -291,7 +285,6 @@ def written(folder: Path, drive: str = '{ kind = "van-der-pol", strength = 0.05,
     return str(path)
 
 
-@pytest.mark.slow
 def test_the_command_draws_and_films(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     picture, film = tmp_path / "sync.png", tmp_path / "sync.gif"
     code = main(["sync", written(tmp_path), "--duration", "1", "-o", str(picture), "--film", str(film)])
@@ -318,7 +311,6 @@ def test_every_mistake_of_a_call_is_named(tmp_path: Path, capsys: pytest.Capture
     assert "there is no folder" in said
 
 
-@pytest.mark.slow
 def test_a_scene_in_space_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["sync", "chain-spatial", "--duration", "5"]) == 2
     assert "is computed in the plane" in capsys.readouterr().err
@@ -346,7 +338,6 @@ def of_run(
     return replace(study, scene=scene, theory=None, trajectory=run, phases=phases_of(run))
 
 
-@pytest.mark.slow
 def test_what_dampers_took_is_said_only_of_dampers() -> None:
     """Not of van der Pol drives beside the kicks, nor where there are no dampers."""
     scene = clocks(10.0, 4.0, drive=ESCAPEMENT)
@@ -368,7 +359,6 @@ def test_what_dampers_took_is_said_only_of_dampers() -> None:
     assert "dampers took" not in words
 
 
-@pytest.mark.slow
 def test_a_start_in_a_mode_counts_modes_as_the_page_does(capsys: pytest.CaptureFixture[str]) -> None:
     """Row 3 of the table is antiphase; row 2 is the beam against its dampers, from which nothing can swing."""
     assert main(["sync", "huygens", "--start", "mode:2:6", "--duration", "10"]) == 2

@@ -331,7 +331,6 @@ def test_what_survives_between_two_clocks_is_what_their_angles_show(start: tuple
 # ---------------------------------------------------------------------------------------------------- measures
 
 
-@pytest.mark.slow
 def test_measures_of_a_sweep(monkeypatch: pytest.MonkeyPatch) -> None:
     scene, runs = bobs(1.0, 1.0, angles=(5.0, -3.0), drive=DRIVE), []
     monkeypatch.setattr(
@@ -397,7 +396,6 @@ def panel(figure: Figure, title: str) -> Axes:
     return chosen
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", usually(["metronomes"], ["paper-cart-2", "metronomes", "crane-two-loads"]))
 def test_every_panel_has_curves_units_and_room(name: str) -> None:
     run = simulate(modal.load(name), 20.0, tolerance=1e-7)
@@ -450,7 +448,6 @@ def test_crowds_are_drawn_as_bands_and_what_cannot_be_told_is_said(monkeypatch: 
     assert names == [f"pendulum {number}" for number in (1, 7, 13, 18, 24, 30)]
 
 
-@pytest.mark.slow
 def test_many_rows_are_drawn_as_one_and_pictures_are_written() -> None:
     scene = bobs(*np.linspace(0.8, 1.2, 9))
     run = simulate(scene, 20.0, start=state_at_rest(scene, np.linspace(-5, 9, 9).tolist()))
@@ -470,7 +467,6 @@ def test_many_rows_are_drawn_as_one_and_pictures_are_written() -> None:
         sync_figure(run.at(slice(0, 1)), phases_of(run.at(slice(0, 1))))
 
 
-@pytest.mark.slow
 def test_a_run_at_rest_can_be_drawn() -> None:
     run = closed(PAPER, np.linspace(0, 3, 50), np.zeros((50, 4)), np.zeros((50, 4)))
     sync_figure(run, phases_of(run)).canvas.draw()

@@ -70,7 +70,6 @@ def test_the_least_highest_peak_is_the_known_one(mu: float, ratio: float) -> Non
         assert own_values(tuning, mu) == pytest.approx(exact_optimum(mu), rel=1e-10)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("mu", "ratio"), [(0.01, 0.0), (0.05, 0.02), (0.1, 0.05)])
 def test_equal_peaks_by_newton_in_25_digits_are_the_same(mu: float, ratio: float) -> None:
     """In mpmath, from the equations of two masses; nothing of the linear model is used."""
@@ -128,7 +127,6 @@ def tower(storeys: int) -> Scene:
     return scene_from({"gravity": G, "support": carts, "spring": springs, "pendulum": bobs})
 
 
-@pytest.mark.thorough
 def test_two_dampers_of_a_tower_level_three_peaks() -> None:
     """At the best numbers no direction lowers all of the highest peaks, which another engine finds equal."""
     free = ["pendulum[*].links[0].length", "pendulum[*].links[0].damping"]
@@ -207,7 +205,6 @@ def test_peaks_are_where_the_slope_vanishes() -> None:
 # --------------------------------------------------------------------------------------------------- quantities
 
 
-@pytest.mark.slow
 def test_the_rms_is_that_of_vibration_and_least() -> None:
     noise = Spectrum((0.1, 1.0), (1e-3, 1e-3), "acceleration")
     tuned = tune(carrier(ratio=0.02), BOTH, minimize=["rms:x_dot"], limits=["rms:rel_1_1=0.5"], psd=noise)
@@ -225,7 +222,6 @@ def test_a_limit_of_the_stroke_is_kept_and_costs_something() -> None:
     assert tuning.loads[0].effort > 0
 
 
-@pytest.mark.slow
 def test_the_largest_damping_is_that_of_equal_pairs_of_poles() -> None:
     """Of an undamped cart both pairs meet at f = 1/(1 + μ) and ζ = √(μ/(1 + μ)), with √μ/2 for every mode."""
     mu = 0.1
@@ -269,7 +265,6 @@ def test_a_descent_goes_along_the_ridge_on_which_modes_meet() -> None:
     assert end.certain or end.open < 1e-4
 
 
-@pytest.mark.slow
 def test_the_residual_of_a_travel_is_least_where_the_period_fits() -> None:
     """x = d (10 s³ − 15 s⁴ + 6 s⁵) leaves nothing where its spectrum vanishes at the mode: sin a = 3a/(3 − a²)."""
     duration = 3.0
@@ -281,7 +276,6 @@ def test_the_residual_of_a_travel_is_least_where_the_period_fits() -> None:
     assert travel_swing(tuned.scene, Travel(2.0, 0.0, duration)) < 1e-5
 
 
-@pytest.mark.slow
 def test_robust_numbers_are_the_best_for_the_worst_masses() -> None:
     plain, robust = tuned(0.05, 0.02), tune(carrier(0.05, 0.02), BOTH, minimize=[PEAK], robust=True)
     assert robust.worst.value < plain.worst.value
@@ -344,7 +338,6 @@ def test_bad_input_is_one_sentence(free: list[str], more: dict[str, list[str]], 
     assert words in refusal.value.problems[0]
 
 
-@pytest.mark.slow
 def test_what_has_no_best_is_refused() -> None:
     with pytest.raises(ComputationError, match=r"grows without bound at 0.35.* Hz, where nothing damps a mode"):
         tune(carrier(damping=0.0), [LENGTH], minimize=[PEAK])
@@ -363,7 +356,6 @@ def test_what_has_no_best_is_refused() -> None:
         tune(scene_from(board), ["pendulum[0].links[0].mass"], minimize=["settling"])
 
 
-@pytest.mark.slow
 def test_the_command_writes_all_or_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

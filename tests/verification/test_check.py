@@ -56,7 +56,6 @@ def test_the_slope_is_the_published_kappa(number: int) -> None:
     assert modes[number].kappa == pytest.approx(KAPPA[number], rel=1e-4)
 
 
-@pytest.mark.slow
 def test_kappa_and_one_percent_are_extrapolated(paper: Check) -> None:
     assert paper.skipped == ((1, "a rigid translation does not oscillate"),)
     for row in paper.rows:
@@ -69,7 +68,6 @@ def test_kappa_and_one_percent_are_extrapolated(paper: Check) -> None:
         assert abs(again.shift) == pytest.approx(0.01, rel=1e-3)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("angle", [1.0, 30.0, 90.0, 150.0])
 def test_a_simple_pendulum_is_measured_as_the_elliptic_integral_says(angle: float) -> None:
     modes = natural_modes(SIMPLE)
@@ -95,7 +93,6 @@ def test_one_percent_of_a_simple_pendulum() -> None:
     assert abs(kappa + 1 / 16) < error < 1e-4
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("angles", [(20.0, 30.0), (25.0, 35.0)])
 def test_the_uncertainty_of_kappa_counts_the_modes_that_swing_along(angles: tuple[float, float]) -> None:
     links = (Bob(mass=1.0, length=1.0), Bob(mass=0.6, length=0.7))
@@ -186,7 +183,6 @@ def test_a_scene_in_space_is_checked_along_its_rail() -> None:
         start_in_mode(scene, natural_modes(scene), 0, 1)
 
 
-@pytest.mark.slow
 def test_tables(paper: Check) -> None:
     text = check_table(paper, "text")
     assert "7.20947810" in text
@@ -209,7 +205,6 @@ def test_tables(paper: Check) -> None:
     assert digits(2.68011, 1e-3, 9) == "2.68"
 
 
-@pytest.mark.slow
 def test_a_general_motion_has_the_lines_of_the_table() -> None:
     run = simulate(PAPER, 300.0, output=4001, start=state_at_rest(PAPER, [0.02, 0.01, -0.015, 0.03]))
     comparison = compare(run)
@@ -244,7 +239,6 @@ STEEP = Scene(
 )
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("angles", [(3.0,), (2.0, 3.0), (1.0, 2.0, 3.0)])
 def test_the_error_of_a_measured_kappa_is_a_bound(angles: tuple[float, ...]) -> None:
     """The κ of the table is that of the averaged Lagrangian in many digits, by `tests/eigen/test_amplitude.py`."""

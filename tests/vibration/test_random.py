@@ -130,7 +130,6 @@ def test_what_grows_by_itself_is_refused() -> None:
         random_response(oscillator(0.1).replace(pendulum=(standing,)), WHITE)
 
 
-@pytest.mark.slow
 def test_two_hundred_histories_have_that_rms() -> None:
     """Exact steps of the linear equations under white noise: the covariance of a step is an integral of expm."""
     scene = double(0.2)
@@ -151,7 +150,6 @@ def test_two_hundred_histories_have_that_rms() -> None:
     assert random_response(scene, WHITE, ("angles",)).rms == pytest.approx(np.sqrt(squares / count), rel=0.02)
 
 
-@pytest.mark.slow
 def test_a_realization_has_that_rms() -> None:
     """The steady response to the sum of sines of a random support, over one of its durations."""
     from modal.scene import RandomMotion

@@ -50,7 +50,6 @@ SPRUNG = shaken(bob(0.5), Bob(mass=0.5, length=0.4, stiffness=3.0))
 DAMPED = shaken(bob(0.5, 0.01), Bob(mass=0.5, length=0.4, stiffness=3.0, damping=0.01))
 
 
-@pytest.mark.slow
 def test_mathieus_tongues_at_any_amplitude() -> None:
     """a = 4g/(lΩ²) and q = 2A/l are characteristic numbers on each edge, from the tips at Ω = 2ω/k."""
     diagram = tongues(shaken(bob()), np.linspace(0.0, 0.4, 9), np.linspace(0.3, 2.2, 24))
@@ -67,7 +66,6 @@ def test_mathieus_tongues_at_any_amplitude() -> None:
 EDGES = {0.02: (0.9793360277, 1.0159497622), 0.05: (0.9517370503, 1.0509516172), 0.1: (0.9123522438, 1.1177076445)}
 
 
-@pytest.mark.slow
 def test_a_damper_lifts_the_tongue_off_the_axis() -> None:
     diagram = tongues(shaken(bob(damping=0.05)), [0.005, 0.05, 0.12], np.linspace(0.8, 1.3, 6))
     (boundary,) = diagram.boundaries
@@ -85,13 +83,11 @@ def test_a_damper_lifts_the_tongue_off_the_axis() -> None:
     assert (len(below.boundaries), len(above.boundaries)) == (0, 2)
 
 
-@pytest.mark.slow
 def test_what_holds_up_an_inverted_pendulum() -> None:
     diagram = tongues(shaken(bob(0.25, 0.05 * 0.25**2), way="up"), [0.01, 0.02, 0.03], np.linspace(10, 40, 7))
     assert diagram.edges(amplitude=0.02) == [(pytest.approx(17.6487919937, abs=1e-9), WHOLE)]
 
 
-@pytest.mark.thorough
 def test_what_holds_up_three_inverted_links() -> None:
     """Held from about √2 g/(ω_min A), lost above about 0.450 g/ω_max²."""
     scene = shaken(bob(0.2), bob(0.2), bob(0.2), way="up")
@@ -104,7 +100,6 @@ def test_what_holds_up_three_inverted_links() -> None:
     assert lost[0] == pytest.approx(0.450 * G / rates.max() ** 2, rel=0.02)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("scene", "room"), usually([(SPRUNG, 1e-5)], [(SPRUNG, 1e-5), (DAMPED, 1e-9)]))
 def test_combinations_of_two_modes_that_couple(scene: Scene, room: float) -> None:
     """On each edge a pair of multipliers is on the unit circle, and beyond it is not; two are equal without losses."""

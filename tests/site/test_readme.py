@@ -10,9 +10,7 @@ import pytest
 from modal import SceneError, natural_modes
 from modal.scene import parse
 
-pytestmark = [pytest.mark.site, pytest.mark.slow]
-
-FORMAT = (Path(__file__).parent.parent / "docs" / "reference" / "scene.md").read_text(encoding="utf-8")
+FORMAT = (Path(__file__).parents[2] / "docs" / "reference" / "scene.md").read_text(encoding="utf-8")
 
 
 def blocks(language: str) -> list[str]:
@@ -38,7 +36,7 @@ def test_the_message_it_quotes_is_the_real_one() -> None:
 def test_every_column_is_explained() -> None:
     from modal.modes.columns import COLUMNS
 
-    manual = (Path(__file__).parent.parent / "docs" / "reference" / "columns.md").read_text(encoding="utf-8")
+    manual = (Path(__file__).parents[2] / "docs" / "reference" / "columns.md").read_text(encoding="utf-8")
     explained = re.findall(r"\*\*(.*?)\*\*", manual)
     words = ", ".join(explained)
     for column in COLUMNS:

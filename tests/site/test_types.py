@@ -44,16 +44,12 @@ def told(command: list[str], here: Path) -> dict[str, int]:
     return {name: names.count(name) for name in names}
 
 
-@pytest.mark.site
-@pytest.mark.slow
 def test_scripts_pass_mypy(scripts: Path) -> None:
     pytest.importorskip("mypy")
     paths = sorted(map(str, scripts.glob("*.py")))  # checked from here, where the packages have been checked before
     assert told([sys.executable, "-m", "mypy", "--strict", *paths], ROOT) == {"wrong": MISTAKES}
 
 
-@pytest.mark.site
-@pytest.mark.slow
 def test_scripts_pass_pyright(scripts: Path) -> None:
     here = str(Path(sys.executable).parent)
     programs = [shutil.which(name, path=path) for name in ("pyright", "basedpyright") for path in (None, here)]
@@ -65,7 +61,6 @@ def test_scripts_pass_pyright(scripts: Path) -> None:
     assert told([checker, "--pythonpath", sys.executable], scripts) == {"wrong": MISTAKES}
 
 
-@pytest.mark.slow
 def test_the_tour_runs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     tour.tour(tmp_path)
     assert "mass = -1.0: must be positive" in capsys.readouterr().out
