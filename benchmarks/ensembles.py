@@ -135,7 +135,7 @@ def measured(name: str, route: Route, starts: np.ndarray, reference: np.ndarray,
 
 def rows_of(name: str, quick: bool) -> list[Row]:
     scene, repeats = SCENES[name], 1 if quick else 3
-    size = 256 if quick else 8192
+    size = 64 if quick else 8192
     starts = np.random.default_rng(1).uniform(-1, 1, (size, scene.n_links))
     reference = ours(scene, "numpy", 1e-13)(starts)
     routes: dict[str, tuple[Route, int]] = {}

@@ -461,7 +461,7 @@ def _curves(axis: Axes, rows: Sequence[Row], what: str, across: str, up: str) ->
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--quick", action="store_true", help="up to 100 links, without the longest cost")
+    parser.add_argument("--quick", action="store_true", help="up to 20 links, few ratios and costs")
     parser.add_argument("--write", action="store_true", help="write docs/benchmarks/modes.md and the figure")
     parser.add_argument("--many", nargs=2, metavar=("N", "HOW"), help=argparse.SUPPRESS)
     parser.add_argument("--cost", choices=COSTS, help=argparse.SUPPRESS)
@@ -474,12 +474,12 @@ def main() -> None:
         return
     alone_rows, some = small(), few()  # before the compiled recursion is loaded
     mp.mp.dps = 50
-    lengths = rows_of({n: chain(n) for n in LENGTHS if n <= 100 or not options.quick})
+    lengths = rows_of({n: chain(n) for n in LENGTHS if n <= 20 or not options.quick})
     mp.mp.dps = 250
-    ratios = rows_of({ratio: uneven(ratio) for ratio in RATIOS})
+    ratios = rows_of({ratio: uneven(ratio) for ratio in RATIOS[:: 3 if options.quick else 1]})
     hows = ("default", *(["compiled"] if find_spec("numba") else []))
-    together = [alone(["--many", str(n), how]) for n in (2, 10) for how in hows]
-    costs = [cost(name) for name in COSTS if not (options.quick and name == "100,000 different pendula")]
+    together = [alone(["--many", str(n), how]) for n in (2, 10) for how in hows if not options.quick]
+    costs = [cost(name) for name in [*COSTS][: 1 if options.quick else None]]
     text = page(lengths, ratios, together, alone_rows, some, costs, start_ratio())
     print(text)
     if options.write:

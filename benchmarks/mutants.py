@@ -549,7 +549,7 @@ def measure(options: argparse.Namespace) -> None:
     else:
         wanted = faults(tree, options.seed)
         wanted = [fault for fault in wanted if not options.rooms or fault.room in options.rooms]
-        if options.sample:
+        if options.sample is not None:
             wanted = random.Random(options.seed).sample(wanted, min(options.sample, len(wanted)))
     results = folder / "results.jsonl"
     reach = Reach(folder, tree)

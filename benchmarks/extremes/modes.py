@@ -28,7 +28,7 @@ from modal.modes import UNCERTAIN, Modes
 
 DOCS = Path(__file__).parents[2] / "docs"
 SMALL, LARGEST_RIVAL, SAMPLED = 20, 1000, 6
-QUICK_LINKS = 100
+QUICK_LINKS = 10
 Values = NDArray[np.complex128]
 Judge = Callable[[Values], NDArray[np.float64]]
 

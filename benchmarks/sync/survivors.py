@@ -30,7 +30,7 @@ from nonlinear.averaging import Prediction, predict
 from nonlinear.simulation import simulate
 from nonlinear.synchronization import Survival, find_survival
 
-SCENES, QUICK, FIRST = 150, 3, 900_000
+SCENES, QUICK, FIRST = 150, 2, 900_000
 TOLERANCE, LONGER, MORE, LONGEST, SAMPLES = 1e-8, 1.5, 50, 1200, 12  # the last three in periods, samples per period
 CLOSE, BRAKED = 0.2, 0.3  # relative tolerance of a time; largest damping rate of a cart over the frequency
 GRAVITY = 9.81
