@@ -4,18 +4,21 @@
     python benchmarks/daily.py FOLDER [--seconds N]                           (writes tests/daily.txt)
 
 A line is worth less each time that another case reaches it; the case that adds most a second comes next, until the
-time is spent.  Tests that reach no line of the packages, the rules of the house among them, run always.  The table has
-the functions that do not run all of their cases, and those that are not quick; what it does not name is run.
+time is spent.  Quick tests run always, and so do those that reach no line of the packages, the rules of the house among
+them.  The table has the functions that are not quick; what it does not name is run.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import sys
 from collections import Counter, defaultdict
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from heapq import heapify, heappop, heappush
 from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parent.parent / "tests" / "support"))
 
 from daily_set import QUICK, TABLE, Function, in_order, write
 
@@ -39,6 +42,11 @@ def lines_of(folder: Path) -> dict[str, set[int]]:
     return reached
 
 
+def mean_of(cases: Collection[str], times: Mapping[str, float]) -> float:
+    """Seconds of a case."""
+    return sum(map(times.__getitem__, cases)) / len(cases)
+
+
 def choose(times: Mapping[str, float], lines: Mapping[str, set[int]], seconds: float) -> Counter[str]:
     """How many cases of each function run every day."""
     by_function = defaultdict[str, list[str]](list)
@@ -59,7 +67,7 @@ def choose(times: Mapping[str, float], lines: Mapping[str, set[int]], seconds: f
         return gain / (times[case] + OVERHEAD)
 
     for name, cases in by_function.items():
-        if not any(lines.get(case) for case in cases):
+        if mean_of(cases, times) < QUICK or not any(lines.get(case) for case in cases):
             while waiting[name]:
                 seconds -= take(name)
     heap = [(-worth(name), name) for name in waiting if waiting[name] and waiting[name][0] in lines]
@@ -103,15 +111,8 @@ def main() -> None:
     by_function = defaultdict[str, list[str]](list)
     for case in times:
         by_function[case.partition("[")[0]].append(case)
-    functions = [
-        Function(name, sum(map(times.__getitem__, cases)) / len(cases), chosen[name])
-        for name, cases in by_function.items()
-    ]
-    write(
-        function
-        for function in functions
-        if function.seconds >= QUICK or function.cases < len(in_order(by_function[function.name]))
-    )
+    functions = [Function(name, mean_of(cases, times), chosen[name]) for name, cases in by_function.items()]
+    write(function for function in functions if function.seconds >= QUICK)
     print(
         summary(times, lines, [case for name, cases in by_function.items() for case in in_order(cases)[: chosen[name]]])
     )
