@@ -6,6 +6,7 @@ import csv
 import io
 import json
 from collections.abc import Iterator
+from contextlib import nullcontext
 from dataclasses import replace
 from importlib.util import find_spec
 from itertools import count
@@ -14,8 +15,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from amounts import usually
 from scenes import motion_scene
 from scipy.linalg import expm
+from uncompiled import uncompiled
 
 from modal import Bob, Cart, ComputationError, Pendulum, Rod, Scene, load, matrices, natural_modes
 from nonlinear.accuracy import (
@@ -144,8 +147,11 @@ def test_the_corrected_rung_beats_the_linear_one(number: int) -> None:
 
 @pytest.fixture(scope="module", autouse=True)
 def steps_for_seconds() -> Iterator[None]:
-    """A clock on which a step of an integration takes 0.1 ms, however busy the machine is; each runs once."""
-    with pytest.MonkeyPatch.context() as patched:
+    """A clock on which a step of an integration takes 0.1 ms, however busy the machine is; each runs once.
+
+    What numba compiles is run by Python, but where every case is run.
+    """
+    with usually(uncompiled, nullcontext)(), pytest.MonkeyPatch.context() as patched:
         clock = count()
         patched.setattr(module, "REPEATS", 1)
         patched.setattr("nonlinear.accuracy.candidates.perf_counter", lambda: 1e-4 * next(clock))
