@@ -3,7 +3,8 @@
 import gc
 import os
 import sys
-from collections import Counter
+from collections import Counter, defaultdict
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -73,8 +74,21 @@ def pytest_collection_finish() -> None:
     gc.set_threshold(20_000)
 
 
-@pytest.fixture(autouse=True)
-def nothing_rented() -> None:
-    """No test begins with what others have spent: it would decide which engine runs."""
-    if readiness := sys.modules.get("nonlinear.integration.readiness"):
-        readiness._saved.clear()
+@pytest.fixture(scope="session", autouse=True)
+def same_engine() -> Iterator[None]:
+    """Nothing runs by another engine for what its process, or this machine, has compiled before."""
+    from nonlinear.integration.readiness import reproducible
+
+    with reproducible():
+        yield
+
+
+@pytest.fixture
+def any_engine(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Engines are chosen as for users, beginning with none that has been paid for."""
+    from nonlinear.integration import readiness
+
+    monkeypatch.setattr(readiness, "_saved", defaultdict(float))
+    token = readiness._same.set(False)
+    yield
+    readiness._same.reset(token)

@@ -39,7 +39,6 @@ from nonlinear.dynamics import Banded, Dense, Mechanics, Minimal, Recursion, Sma
 from nonlinear.dynamics.compiled import Compiled
 from nonlinear.dynamics.compiled import available as numba_here
 from nonlinear.integration import Trajectory, escaping
-from nonlinear.integration.readiness import reproducible
 from nonlinear.postprocessing import summary
 from nonlinear.reduction import simulate_truncated
 from nonlinear.simulation import resume, simulate
@@ -608,8 +607,7 @@ def test_tables_and_matrices_leave_drives_out_and_the_table_says_so() -> None:
 
 def test_a_check_leaves_drives_out_and_says_so() -> None:
     scene = beside_a_clock(damping=0.1)
-    with reproducible():
-        driven, bare = (check(each, [2], (1.0, 10.0), periods=12) for each in (scene, scene.undriven))
+    driven, bare = (check(each, [2], (1.0, 10.0), periods=12) for each in (scene, scene.undriven))
     assert driven.rows[0].kappa == bare.rows[0].kappa
     assert "Drives are left out" in check_table(driven, "text")
     assert "drives" not in check_table(bare, "text")

@@ -31,6 +31,8 @@ from nonlinear.integration import taylor
 from nonlinear.integration.kernels import path_of, source
 from nonlinear.integration.readiness import Code, lose, made
 
+pytestmark = pytest.mark.usefixtures("any_engine")
+
 CHAIN, HUYGENS = load("chain-2"), load("huygens")
 
 

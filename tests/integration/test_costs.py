@@ -33,6 +33,8 @@ from nonlinear.integration.readiness import (
 from nonlinear.simulation import simulate
 from nonlinear.system import state_at_rest, system_of
 
+pytestmark = pytest.mark.usefixtures("any_engine")
+
 fast = pytest.mark.skipif(not kernels.available(), reason="numba is not installed")
 heyoka = pytest.mark.skipif(not taylor.available(), reason="heyoka is not installed")
 CART = load("paper-cart-2")
