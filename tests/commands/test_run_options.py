@@ -51,6 +51,8 @@ def test_a_saved_run_is_shown_as_it_is(tmp_path: Path) -> None:
     assert len(RunOptions(name, 9.0, {}).shown().times) == 5
     with pytest.raises(SceneError, match="--keep-modes: cannot change a saved run"):
         RunOptions(name, 9.0, {"keep_modes": 2}).shown()
+    with pytest.raises(SceneError, match="is a saved run, and --keep-modes needs a scene"):
+        RunOptions(name, 9.0, {"keep_modes": 2}).run()
     assert RunOptions(name, 1.0, {"samples": 3}).run().times.tolist() == [1.0, 1.5, 2.0]
 
 

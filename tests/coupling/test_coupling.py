@@ -619,3 +619,8 @@ def test_a_damping_ratio_is_explained_beside_dampers(ratio: float | tuple[float,
         assert mode.exact is not None
         assert mode.rate == pytest.approx(-mode.exact.real, rel=1e-3)
         assert (mode.from_cart > 0) == (not mode.still)
+
+
+def test_a_report_in_no_known_form_is_refused() -> None:
+    with pytest.raises(ValueError, match="form = .csv.: must be one of text, markdown, json"):
+        coupling_report(explain(load("paper-cart-2")), "csv")

@@ -161,6 +161,7 @@ MISTAKES = {
         "support.h: the weights pull it with 19.62 N, which nothing holds: give it stiffness",
     ),
     "no arrays": (standing(kind="modal"), "support: needs a file, or M, K, points"),
+    "no K": (standing(kind="modal", M=TWO, points=FRAME["points"]), "support: needs a file, or K"),
     "no file": (standing(kind="modal", file="x.npz"), "support.file: is read with the scene file that names it"),
     "square": (standing(**FRAME | {"K": ONE}), "support.K: must have 2 rows of 2 numbers"),
     "skew": (standing(**FRAME | {"K": [[1.0, 0.5], [0.4, 1.0]]}), "support.K: must be symmetric"),

@@ -134,4 +134,11 @@ def test_the_picture_shows_the_band_and_the_share() -> None:
     figure = swept().plot()
     assert [axis.get_ylabel() for axis in figure.axes] == ["largest Lyapunov exponent (1/s)", "chaotic starts (%)"]
     assert figure.axes[1].lines[0].get_ydata() == pytest.approx([0.0, 100.0])
+    legend = figure.axes[0].get_legend()
+    assert legend
+    assert [words.get_text() for words in legend.get_texts()] == [
+        "5 to 95 % of starts",
+        "median",
+        "limit of regular motion",
+    ]
     draw_sweep(swept(), BytesIO(), "svg")

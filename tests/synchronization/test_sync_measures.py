@@ -6,6 +6,7 @@ from dataclasses import replace
 from functools import lru_cache
 from io import BytesIO
 from math import isnan, log, pi, sqrt
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -32,6 +33,7 @@ from nonlinear.simulation import simulate
 from nonlinear.sweeps import measures, parse_measures
 from nonlinear.sweeps.measures import locking, order, pendulum_energy, survivor
 from nonlinear.synchronization import Phases, find_survival, phases_of
+from nonlinear.synchronization.phases import own_shapes
 from nonlinear.system import Motion, state_at_rest, system_of
 
 PAPER = modal.load("paper-cart-2")
@@ -470,3 +472,9 @@ def test_many_rows_are_drawn_as_one_and_pictures_are_written() -> None:
 def test_a_run_at_rest_can_be_drawn() -> None:
     run = closed(PAPER, np.linspace(0, 3, 50), np.zeros((50, 4)), np.zeros((50, 4)))
     sync_figure(run, phases_of(run)).canvas.draw()
+
+
+def test_too_many_links_have_no_fixed_base_modes() -> None:
+    crowd = SimpleNamespace(n=1000, index=np.zeros((1000, 4001), dtype=int))
+    with pytest.raises(ComputationError, match="4001 pendula of 1000 links are too many"):
+        own_shapes(crowd, 9.81, 1)
