@@ -5,6 +5,7 @@ import os
 import sys
 from collections import Counter, defaultdict
 from collections.abc import Iterator
+from math import inf
 from pathlib import Path
 
 import pytest
@@ -25,8 +26,6 @@ def pytest_configure(config: pytest.Config) -> None:
 SCENES = os.environ.get("MULTIPENDULA_SCENES")
 """`all` cases, four of `each` function, or those of every day."""
 DAILY = read()
-SLOW = 0.1
-"""Seconds of a case from which on it is slow."""
 MANUAL = ("site", "page")
 """The manual, its pictures and lessons, and the commands that they show: not of every day."""
 
@@ -62,8 +61,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     for item in items:
         if row := DAILY.get(item.nodeid.partition("[")[0]):
             taken[item.path] += row.seconds
-            if row.seconds > SLOW:
-                item.add_marker("slow")
+            item.add_marker("slow")
     items.sort(key=lambda item: -taken[item.path])
 
 
@@ -77,8 +75,10 @@ def pytest_collection_finish() -> None:
 @pytest.fixture(scope="session", autouse=True)
 def same_engine() -> Iterator[None]:
     """Nothing runs by another engine for what its process, or this machine, has compiled before."""
+    from modal.eigen.kernels import Saved
     from nonlinear.integration.readiness import reproducible
 
+    Saved.seconds = -inf
     with reproducible():
         yield
 

@@ -8,7 +8,7 @@ from typing import TypeVar
 T = TypeVar("T")
 
 TABLE = Path(__file__).resolve().parent.parent / "daily.txt"
-QUICK = 0.01
+QUICK = 0.1
 """Seconds of processor time; a function whose cases take less is not in the table."""
 HEAD = "# Seconds of processor time a case, cases run every day, function: by benchmarks/daily.py.  Others run all."
 
