@@ -1,6 +1,6 @@
 """The tour as a user's script: scenes, modes, coupling, motion, figures, models, orbits, fits and symbols.
 
-`tests/report/test_types.py` checks it as a user would, with mypy and pyright at their strictest, and runs it.
+`tests/site/test_types.py` checks it as a user would, with mypy and pyright at their strictest, and runs it.
 """
 
 from __future__ import annotations
