@@ -120,6 +120,7 @@ def test_the_bytes_of_members_with_switches_do_not_depend_on_who_computes_them(t
         assert contents(tmp_path / folder) == alone
 
 
+@pytest.mark.usefixtures("any_engine")
 def test_the_bytes_do_not_depend_on_what_is_loaded(
     tmp_path: Path, alone: dict[str, bytes], monkeypatch: pytest.MonkeyPatch
 ) -> None:
