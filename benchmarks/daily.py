@@ -20,7 +20,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests" / "support"))
 
-from daily_set import QUICK, TABLE, Function, in_order, write
+from daily_set import QUICK, TABLE, Function, by_function, in_order, write
 
 SHARES = (1.0, 0.5, 0.25, 0.12, 0.06)
 """What a line is worth when a first, second, third ... case reaches it."""
@@ -49,10 +49,8 @@ def mean_of(cases: Collection[str], times: Mapping[str, float]) -> float:
 
 def choose(times: Mapping[str, float], lines: Mapping[str, set[int]], seconds: float) -> Counter[str]:
     """How many cases of each function run every day."""
-    by_function = defaultdict[str, list[str]](list)
-    for case in times:
-        by_function[case.partition("[")[0]].append(case)
-    waiting = {name: in_order(cases) for name, cases in by_function.items()}
+    functions = by_function(times, str)
+    waiting = {name: in_order(cases) for name, cases in functions.items()}
     counts, chosen = Counter[int](), Counter[str]()
 
     def take(name: str) -> float:
@@ -66,7 +64,7 @@ def choose(times: Mapping[str, float], lines: Mapping[str, set[int]], seconds: f
         gain = sum(SHARES[counts[line]] for line in lines[case] if counts[line] < len(SHARES))
         return gain / (times[case] + OVERHEAD)
 
-    for name, cases in by_function.items():
+    for name, cases in functions.items():
         if mean_of(cases, times) < QUICK or not any(lines.get(case) for case in cases):
             while waiting[name]:
                 seconds -= take(name)
@@ -108,14 +106,11 @@ def main() -> None:
     times: dict[str, float] = json.loads((options.folder / "times.json").read_text(encoding="utf-8"))
     lines = lines_of(options.folder)
     chosen = choose(times, lines, options.seconds)
-    by_function = defaultdict[str, list[str]](list)
-    for case in times:
-        by_function[case.partition("[")[0]].append(case)
-    functions = [Function(name, mean_of(cases, times), chosen[name]) for name, cases in by_function.items()]
-    write(function for function in functions if function.seconds >= QUICK)
-    print(
-        summary(times, lines, [case for name, cases in by_function.items() for case in in_order(cases)[: chosen[name]]])
-    )
+    functions = by_function(times, str)
+    rows = [Function(name, mean_of(cases, times), chosen[name]) for name, cases in functions.items()]
+    write(row for row in rows if row.seconds >= QUICK)
+    daily = [case for name, cases in functions.items() for case in in_order(cases)[: chosen[name]]]
+    print(summary(times, lines, daily))
     print(f"written: {TABLE}")
 
 

@@ -9,7 +9,7 @@ from math import inf
 from pathlib import Path
 
 import pytest
-from daily_set import Function, in_order, read
+from daily_set import Function, by_function, in_order, read
 
 for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"):
     os.environ.setdefault(name, "1")
@@ -39,12 +39,9 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
 
 def _chosen(items: list[pytest.Item], table: dict[str, Function]) -> list[pytest.Item]:
     """As many cases of each function as the table says, four if it says nothing."""
-    by_function = dict[str, list[pytest.Item]]()
-    for item in items:
-        by_function.setdefault(item.nodeid.partition("[")[0], []).append(item)
     chosen = {
         item
-        for name, cases in by_function.items()
+        for name, cases in by_function(items, lambda item: item.nodeid).items()
         for item in in_order(cases)[: table[name].cases if name in table else None]
     }
     return [item for item in items if item in chosen]

@@ -14,7 +14,6 @@ from contextlib import contextmanager, suppress
 from errno import EPERM
 from functools import partial
 from hashlib import sha256
-from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
 from stat import S_IMODE, S_ISREG, S_ISVTX, S_IWGRP
@@ -23,8 +22,8 @@ from time import monotonic, sleep
 from typing import IO, Any
 
 from modal.scene.contents import private
+from modal.scene.locks import lock
 
-LOCKS: Any = import_module("fcntl") if os.name == "posix" else None
 DIGEST = sha256().digest_size
 OTHERS_WRITE = 0o022
 """Permissions of others to change a file."""
@@ -153,18 +152,18 @@ class KeptFile:
 
         A function that compiles itself for another signature meanwhile has its turn already.
         """
-        if LOCKS is None or self._has_turn:
+        if self._has_turn:
             yield
             return
         stream = None
         with suppress(OSError):
-            flags = os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW
-            lock = os.path.join(self._folder(), f"{self._index_name.removesuffix('.nbi')}.lock")
-            stream = os.fdopen(os.open(lock, flags, 0o600), "rb+")
+            flags = os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0)
+            path = os.path.join(self._folder(), f"{self._index_name.removesuffix('.nbi')}.lock")
+            stream = os.fdopen(os.open(path, flags, 0o600), "rb+")
         end = monotonic() + PATIENCE
         while stream is not None and monotonic() < end:
             with suppress(OSError):
-                LOCKS.flock(stream, LOCKS.LOCK_EX | LOCKS.LOCK_NB)
+                lock(stream)
                 break
             sleep(0.05)
         self._has_turn = True

@@ -9,25 +9,9 @@ from contextlib import contextmanager, suppress
 from typing import IO
 
 from modal.errors import SceneError
+from modal.scene.locks import lock
 
-try:
-    import fcntl
-except ImportError:  # Windows, browsers
-    fcntl = None  # type: ignore[assignment]
-
-BEYOND = 1 << 62
-"""A byte that is never read: on Windows no other process can read locked bytes."""
 TAKEN = {errno.EAGAIN, errno.EACCES, errno.EDEADLK}
-
-
-def _lock(stream: IO[bytes]) -> None:
-    if fcntl:
-        fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    elif os.name == "nt":
-        import msvcrt
-
-        stream.seek(BEYOND)
-        msvcrt.locking(stream.fileno(), msvcrt.LK_NBLCK, 1)  # type: ignore[attr-defined]
 
 
 @contextmanager
@@ -39,7 +23,7 @@ def locked(name: str) -> Iterator[IO[bytes]]:
     while True:
         with open(name, "ab+") as stream:
             try:
-                _lock(stream)
+                lock(stream)
             except OSError as error:
                 if error.errno in TAKEN:
                     raise SceneError([f"{name}: another process is writing it"]) from None

@@ -1,6 +1,6 @@
 """The tests of every day: how many cases of a function, and what each takes, from `tests/daily.txt`."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
@@ -20,6 +20,14 @@ class Function:
     name: str
     seconds: float
     cases: int
+
+
+def by_function(cases: Iterable[T], name_of: Callable[[T], str]) -> dict[str, list[T]]:
+    """The cases of each function."""
+    functions = dict[str, list[T]]()
+    for case in cases:
+        functions.setdefault(name_of(case).partition("[")[0], []).append(case)
+    return functions
 
 
 def in_order(cases: Sequence[T]) -> list[T]:

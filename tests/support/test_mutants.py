@@ -5,7 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from mutants import Fault, Faults, Result, compare, read_results, with_fault
+from faults import Fault, Faults, with_fault
+from mutants import Result, compare, read_results
 
 SOURCE = '''"""Ω of a module."""
 NEAR, WHERE = 1e-3, 4
