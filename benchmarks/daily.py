@@ -4,8 +4,9 @@
     python benchmarks/daily.py FOLDER [--seconds N]                           (writes tests/daily.txt)
 
 A line is worth less each time that another case reaches it; the case that adds most a second comes next, until the
-time is spent.  Quick tests run always, and so do those that reach no line of the packages, the rules of the house among
-them.  The table has the functions that are not quick; what it does not name is run.
+time is spent.  Quick tests run always, the quickest with all their cases, each of which is mostly a message of its own;
+and so do those that reach no line of the packages, the rules of the house among them.  The table has the functions that
+do not run whole.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests" / "support"))
 
-from daily_set import QUICK, TABLE, Function, by_function, in_order, write
+from daily_set import MOST, QUICK, TABLE, WHOLE, Function, by_function, in_order, write
 
 SHARES = (1.0, 0.5, 0.25, 0.12, 0.06)
 """What a line is worth when a first, second, third ... case reaches it."""
@@ -108,7 +109,7 @@ def main() -> None:
     chosen = choose(times, lines, options.seconds)
     functions = by_function(times, str)
     rows = [Function(name, mean_of(cases, times), chosen[name]) for name, cases in functions.items()]
-    write(row for row in rows if row.seconds >= QUICK)
+    write(row for row in rows if row.seconds >= (WHOLE if len(functions[row.name]) == MOST else QUICK))
     daily = [case for name, cases in functions.items() for case in in_order(cases)[: chosen[name]]]
     print(summary(times, lines, daily))
     print(f"written: {TABLE}")

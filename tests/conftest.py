@@ -9,7 +9,7 @@ from math import inf
 from pathlib import Path
 
 import pytest
-from daily_set import Function, by_function, in_order, read
+from daily_set import QUICK, by_function, in_order, read
 
 for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"):
     os.environ.setdefault(name, "1")
@@ -37,28 +37,29 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
     return (collection_path.parent == Path(__file__).parent and collection_path.name in MANUAL) or None
 
 
-def _chosen(items: list[pytest.Item], table: dict[str, Function]) -> list[pytest.Item]:
-    """As many cases of each function as the table says, four if it says nothing."""
-    chosen = {
-        item
-        for name, cases in by_function(items, lambda item: item.nodeid).items()
-        for item in in_order(cases)[: table[name].cases if name in table else None]
-    }
-    return [item for item in items if item in chosen]
+def _chosen(name: str, cases: list[pytest.Item], *, named: bool) -> list[pytest.Item]:
+    """The cases of a function that run, in a file that is named or not."""
+    if SCENES == "each":
+        return in_order(cases)
+    if row := DAILY.get(name):
+        return in_order(cases)[: None if named else row.cases]
+    return cases
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """The cases of every day, unless all are asked for or a file is named; the files that take longest first."""
     if SCENES != "all":
-        named = SCENES == "each" or any(".py" in argument for argument in config.args)
-        chosen = _chosen(items, {} if named else DAILY)
-        config.hook.pytest_deselected(items=list(set(items).difference(chosen)))
-        items[:] = chosen
+        named = any(".py" in argument for argument in config.args)
+        functions = by_function(items, lambda item: item.nodeid)
+        chosen = {item for name, cases in functions.items() for item in _chosen(name, cases, named=named)}
+        config.hook.pytest_deselected(items=[item for item in items if item not in chosen])
+        items[:] = [item for item in items if item in chosen]
     taken = Counter[Path]()
     for item in items:
         if row := DAILY.get(item.nodeid.partition("[")[0]):
             taken[item.path] += row.seconds
-            item.add_marker("slow")
+            if row.seconds >= QUICK:
+                item.add_marker("slow")
     items.sort(key=lambda item: -taken[item.path])
 
 

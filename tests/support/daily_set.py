@@ -9,7 +9,9 @@ T = TypeVar("T")
 
 TABLE = Path(__file__).resolve().parent.parent / "daily.txt"
 QUICK = 0.1
-"""Seconds of processor time; a function whose cases take less is not in the table."""
+"""Seconds of processor time; what takes less is run every day."""
+WHOLE, MOST = 0.01, 4
+"""And a function whose cases take so little runs all of them, others at most so many."""
 HEAD = "# Seconds of processor time a case, cases run every day, function: by benchmarks/daily.py.  Others run all."
 
 
@@ -31,13 +33,13 @@ def by_function(cases: Iterable[T], name_of: Callable[[T], str]) -> dict[str, li
 
 
 def in_order(cases: Sequence[T]) -> list[T]:
-    """At most four cases of a function in the order in which they are taken: first, last, two evenly between."""
+    """At most MOST cases of a function in the order in which they are taken: first, last, two evenly between."""
     last = len(cases) - 1
     return [cases[place] for place in dict.fromkeys([0, last, round(last / 3), round(last * 2 / 3)])]
 
 
 def read() -> dict[str, Function]:
-    """The functions of the table by their names."""
+    """The functions of the table, those that do not run whole, by their names."""
     rows = [line.split(maxsplit=2) for line in TABLE.read_text(encoding="utf-8").splitlines() if line[0] != "#"]
     return {name: Function(name, float(seconds), int(cases)) for seconds, cases, name in rows}
 

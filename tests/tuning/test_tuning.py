@@ -13,6 +13,7 @@ import pytest
 
 from modal import Bob, Body, Cart, ComputationError, Pendulum, Rod, Scene, SceneError
 from modal.identification.derivatives import polar
+from modal.plotting import tuning_figure
 from modal.scene import scene_from
 from modal.scene.parameters import with_numbers
 from modal.scene.records import Spectrum
@@ -263,6 +264,33 @@ def test_a_descent_goes_along_the_ridge_on_which_modes_meet() -> None:
     assert end.point.cost == pytest.approx(-0.25, rel=1e-6)
     assert np.exp(end.point.z) == pytest.approx([G / K * M * 1.25**2, 52.537, 2.5], rel=1e-3)
     assert end.certain or end.open < 1e-4
+
+
+def test_a_descent_that_is_certain_does_not_begin_anew() -> None:
+    """|z − 1| is least where both pieces meet; each further start would take about as many evaluations."""
+    points = list[float]()
+
+    def evaluate(z: np.ndarray, with_gradients: bool) -> Evaluation:
+        points.append(z[0])
+        values, gradients = np.array([z[0] - 1.0, 1.0 - z[0]]), np.array([[1.0], [-1.0]])
+        return Evaluation(z, (Faces(values, gradients, np.array([1.0, 2.0])),), ())
+
+    end = descend(evaluate, np.array([0.3]), np.array([-3.0]), np.array([3.0]))
+    assert end.certain
+    assert end.point.z == pytest.approx(1.0)
+    assert len(points) < 15
+
+
+@pytest.mark.parametrize("count", [5, 6])
+def test_a_figure_holds_five_panels(count: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    tuning = tuned(0.05, 0.0)
+    (curve,) = tuning.curves()
+    monkeypatch.setattr(Tuned, "curves", lambda _: (curve,) * count)
+    if count == 5:
+        assert len(tuning_figure(tuning).axes) == 5
+    else:
+        with pytest.raises(ComputationError, match="6 responses do not fit"):
+            tuning_figure(tuning)
 
 
 def test_the_residual_of_a_travel_is_least_where_the_period_fits() -> None:
