@@ -18,7 +18,7 @@ from seen import flaws
 from modal.errors import SceneError
 from modal.plotting.style import theme
 from modal.scene import Bob, Cart, ConstantForce, Moved, Pendulum, RecordMotion, Scene, SineForce, SineMotion, load
-from modal.scene.parameters import vary
+from modal.scene.parameters import Variation, vary
 from modal.types import Floats
 from multipendula.cli import main
 from nonlinear import simulate
@@ -44,6 +44,18 @@ DRIVEN, SHAKEN = (load(EXAMPLES / f"{name}_pendulum.toml") for name in ("driven"
 ANGLE, RATE = (f"pendulum[0].start.{name}[0]" for name in ("angles_deg", "rates_deg"))
 QUICK = "heyoka" if find_spec("heyoka") else "numpy"
 PUSH = "pendulum[0].links[0]"
+
+
+@pytest.mark.parametrize(
+    ("path", "unit"),
+    [("force[0].amplitude", "N"), ("force[1].amplitude", "N m"), ("force[0].frequency_hz", "Hz"), ("gravity", "m/s²")],
+)
+def test_the_amplitude_of_a_force_has_its_unit(path: str, unit: str) -> None:
+    forces = [SineForce(on=PUSH, direction=way, amplitude=1.0, frequency_hz=1.0) for way in ("horizontal", "torque")]
+    scene = DRIVEN.replace(force=forces)
+    nothing = np.zeros((1, 0))
+    states = (nothing,) * 4
+    assert BifurcationDiagram(scene, Variation(path, (1.0,)), 0.0, nothing, nothing, states, {}, ()).unit == unit
 
 
 def shaken(t: float, y: Floats, hertz: float) -> list[float]:

@@ -623,7 +623,7 @@ def _no_figure_of_pyplot() -> Iterator[None]:
 
 
 def test_a_figure_is_written_in_both_themes(tmp_path: Path) -> None:
-    in_both_themes(good, tmp_path / "a.png")
+    in_both_themes(lambda: sheet(1, 1), tmp_path / "a.png")
     corners = [Image.open(tmp_path / name).convert("RGB").getpixel((1, 1)) for name in ("a.png", "a-dark.png")]
     assert corners == [(255, 255, 255), (0x12, 0x18, 0x1D)]
 
