@@ -146,7 +146,7 @@ def test_light_dampers_leave_the_effective_masses() -> None:
 def test_what_is_light_is_judged_by_shape_and_damping_ratio() -> None:
     """By the definition, |φᴴMψ|²/(φᴴMφ ψᵀMψ) of state-space eigenvectors, over scenes with ever more damping."""
     seen = []
-    for damping in (0.1, 2.0, 8.0):
+    for damping in (0.1, 4.0):
         scene = DAMPED.replace(support=Cart(mass=5.0, stiffness=20.0, damping=damping))
         whole, modes = matrices(scene), natural_modes(scene)
         n = len(whole.M)
