@@ -49,18 +49,18 @@ def report(key: str, way: str) -> None:
     print(seconds, body if run.method in {"taylor", "DOP853"} else run.method)
 
 
-def fresh(key: str, way: str) -> tuple[float, str]:
-    """Seconds (the better of two, the first of which may fill the compiler's cache) in processes of their own."""
+def fresh(key: str, way: str, runs: int) -> tuple[float, str]:
+    """Seconds (the best of some, the first of which may fill the compiler's cache) in processes of their own."""
     command = [sys.executable, __file__, key, way]
-    answers = [subprocess.run(command, capture_output=True, text=True, check=True).stdout.split() for _ in range(2)]
+    answers = [subprocess.run(command, capture_output=True, text=True, check=True).stdout.split() for _ in range(runs)]
     return min(float(answer[0]) for answer in answers), answers[0][1]
 
 
-def judged(key: str) -> tuple[str, ...]:
+def judged(key: str, *, runs: int = 2) -> tuple[str, ...]:
     scene = JUDGED[key][0].scene
     ways = [way for way, (_, _, package) in FORCED.items() if find_spec(package)]
-    forced = {way: fresh(key, way)[0] for way in ways if way != "Taylor" or takes_series(scene)}
-    seconds, chosen = fresh(key, "auto")
+    forced = {way: fresh(key, way, runs)[0] for way in ways if way != "Taylor" or takes_series(scene)}
+    seconds, chosen = fresh(key, "auto", runs)
     times = [f"{forced[way]:.2f} s" if way in forced else "-" for way in FORCED]
     return key, chosen, f"{seconds:.2f} s", *times, f"{seconds / min(forced.values()):.2f}"
 

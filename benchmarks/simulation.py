@@ -266,7 +266,7 @@ def main() -> None:
     options = parser.parse_args()
     forget()
     panels = [panel(problem, options.quick) for problem in problems(options.quick)]
-    choices = [judged(key) for key in (QUICK_JUDGED if options.quick else JUDGED)]
+    choices = [judged(key, runs=1) for key in QUICK_JUDGED] if options.quick else [judged(key) for key in JUDGED]
     text = page(panels, costs(options.quick), choices)
     print(text)
     for name, route in ROUTES.items():
