@@ -33,7 +33,7 @@ from modal import (
     natural_modes,
 )
 from modal.assembly import assembled, rig_of
-from modal.eigen import bisection, chains, dense, matrix_source, rayleigh, sources, spectrum, sturm
+from modal.eigen import bisection, chains, dense, matrix_source, sources, spectrum
 from modal.eigen import coupled as crowd
 from modal.eigen.sturm import Suspension
 from modal.modes.solution_report import PACKAGES, SolutionReport, report_solution
@@ -225,9 +225,6 @@ def test_a_long_chain_takes_memory_in_proportion(monkeypatch: pytest.MonkeyPatch
         return trial
 
     monkeypatch.setattr(bisection, "_between", one_step)
-    monkeypatch.setattr(chains, "kernels", lambda seconds=0.0: None)  # to compile takes memory of its own
-    for user in (rayleigh, sturm):
-        monkeypatch.setattr(user, "scalar_kernels", lambda *sizes: None)
     natural_modes(scene(rods(400)))[0]
     part, whole = (peak(lambda n=n: natural_modes(scene(rods(n)))[0]) for n in (800, 6_000))
     assert whole < 10 * part
