@@ -5,7 +5,8 @@
                    pendula in antiphase hold the cart still
     Together       one pendulum of each kind, as heavy as all its copies, and the cart
 
-These are the structured forms; `modal.eigen.matrix_source` is for dampers.  All in natural units.
+These are of plain chains; `modal.eigen.structured` is for dampers, joint springs, inverted links and structures.  All
+in natural units.
 """
 
 from __future__ import annotations

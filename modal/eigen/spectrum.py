@@ -22,9 +22,7 @@ from modal.eigen.component_matrices import ComponentMatrices
 from modal.eigen.components import PartedRig, StillGroup
 from modal.eigen.coupled import Counted, CoupledPendula
 from modal.eigen.degenerate import Still, degenerate_modes
-from modal.eigen.matrix_source import FromMatrices
 from modal.eigen.sources import Accelerance, Alone, Details, Rigid, Source, Together, bare_accelerance
-from modal.eigen.sprung_chains import SprungProblem
 from modal.eigen.structured import FreeMotions, OnStructure, StillPendula
 from modal.errors import ComputationError
 from modal.types import Booleans, Floats, Ints
@@ -168,8 +166,9 @@ def _sources(source: Alone, needed: Booleans, ratio: RatioAt | None) -> Iterator
     if structured.size:
         yield structured, source if structured.size == block.size else Alone(block.take(structured), source.limits)
     for column in np.flatnonzero(needed & ~block.is_plain):
-        chain = block.take(np.array([column]))
-        yield np.array([column]), _sprung(FromMatrices((chain,), (chain.count,), None, ratio))
+        carried = PartedRig.alone(block.take(np.array([column])))
+        (component,) = carried.parted[0]
+        yield np.array([column]), OnStructure(ComponentMatrices(carried, component), ratio, source.limits)
 
 
 def _needs_more(rig: Rig) -> bool:
@@ -178,33 +177,24 @@ def _needs_more(rig: Rig) -> bool:
     return dragged or not all(block.is_plain.all() for block in rig.blocks)
 
 
-def _sprung(matrices: FromMatrices) -> Source:
-    """The source for chains with joint springs or inverted links: mass and moment, or dense.
-
-    Dense where they are damped, lean under constant forces, or are too large.
-    """
-    blocks, cart = matrices.blocks, matrices.cart
-    many = cart is not None and sum(block.mass.size for block in blocks) > MOST_LINKS_TOGETHER
-    if matrices.is_damped or matrices.is_singular or matrices.leans or many:
-        return matrices
-    return Together(blocks, matrices.counts, SprungProblem(blocks, cart), partial(_accelerance_of, matrices))
-
-
-def _accelerance_of(matrices: FromMatrices) -> float:
-    return matrices.bare_accelerance
+def _accelerance_of(source: OnStructure) -> float:
+    return source.accelerance
 
 
 def _on_cart(rig: Rig, cart: CartNumbers, alone: list[Alone], ratio: RatioAt | None, limits: Limits) -> Iterator[Batch]:
     heavy = tuple(block.heavier(block.count) for block in rig.blocks)
     counts = tuple(block.count for block in rig.blocks)
     special = _needs_more(rig)
-    matrices = FromMatrices(heavy, counts, cart, ratio)
-    accelerance = Accelerance(partial(_accelerance_of, matrices) if special else partial(bare_accelerance, heavy, cart))
+    carried = PartedRig.of(rig) if special else None
+    if carried:
+        (component,) = carried.parted[0]
+        together = OnStructure(ComponentMatrices(carried, component), ratio, limits)
+    accelerance = Accelerance(partial(_accelerance_of, together) if special else partial(bare_accelerance, heavy, cart))
     if cart.stiffness == 0:
         dragged = cart.damping > 0 or any(block.drag.any() for block in rig.blocks)
         yield _moving(Rigid(rig.blocks, rig.total_mass, accelerance, dragged))
     if special:
-        yield _moving(_sprung(matrices))
+        yield _moving(together)
     elif rig.n_kinds == 1:
         yield _moving(Together(heavy, counts, CartProblem(heavy, cart, limits=limits), accelerance))
     else:
@@ -341,7 +331,7 @@ def _compare_with_states(rig: Rig, parts: Sequence[Batch]) -> None:
 
 def _undamped(batch: Batch) -> Booleans:
     """Which rows (R,) of a batch are eigenvalues without any dampers."""
-    damped = isinstance(batch.source, FromMatrices | OnStructure | StillPendula) and batch.source.is_damped
+    damped = isinstance(batch.source, OnStructure | StillPendula) and batch.source.is_damped
     return np.full(len(batch.rows), not damped)
 
 
