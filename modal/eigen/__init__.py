@@ -28,7 +28,7 @@ from modal.eigen.short import short_squares
 from modal.eigen.sources import Details, Rigid, largest_angle, structured_error
 from modal.eigen.spectrum import CLOSE, UNCERTAIN, ModalSpectrum, SpectrumPart, find_spectrum, notes
 from modal.eigen.structured import LIGHT
-from modal.eigen.sturm import Suspension, chains_of
+from modal.eigen.sturm import Suspension
 
 __all__ = [
     "CLOSE",
@@ -56,7 +56,6 @@ __all__ = [
     "Suspension",
     "at_infinity",
     "cart_of",
-    "chains_of",
     "counted",
     "degenerate_modes",
     "distortion",

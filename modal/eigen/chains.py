@@ -220,7 +220,7 @@ def fixed_shapes(chains: Block, x: Floats) -> ChainShapes:
 
 def bare_mass(blocks: tuple[Block, ...], cart: CartNumbers) -> float:
     """m_c + Σ residual masses: the mass felt by a force on the cart at infinite frequency; 0 where M is singular."""
-    return cart.mass + float(sum(at_infinity(block)[0].sum() for block in blocks))
+    return float(cart.mass) + float(sum(at_infinity(block)[0].sum() for block in blocks))
 
 
 def is_singular(blocks: tuple[Block, ...], cart: CartNumbers) -> bool:
@@ -256,7 +256,7 @@ class CartProblem:
     def n_modes(self) -> int:
         """Number of oscillatory modes: a free cart's rigid translation is a coordinate, but not one of these."""
         links = sum(block.n * block.size for block in self.blocks)
-        return links + (self.cart.stiffness > 0) - is_singular(self.blocks, self.cart)
+        return links + bool(self.cart.stiffness > 0) - is_singular(self.blocks, self.cart)
 
     @cached_property
     def oscillating(self) -> Squares:

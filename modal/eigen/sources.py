@@ -276,8 +276,8 @@ class Accelerance:
 def bare_accelerance(blocks: tuple[Block, ...], cart: CartNumbers) -> float:
     """Σ φ_x² over all finite modes (1/kg): (M⁻¹)_xx = 1/α, or γ/β² where M is singular (see `at_infinity`)."""
     alpha, beta, gamma = (float(sum(map(np.sum, parts))) for parts in zip(*map(at_infinity, blocks), strict=True))
-    held = cart.stiffness + beta
-    return 1.0 / (cart.mass + alpha) if cart.mass + alpha > 0 else gamma / held / held
+    held, bare = float(cart.stiffness) + beta, float(cart.mass) + alpha
+    return 1.0 / bare if bare > 0 else gamma / held / held
 
 
 def largest_angle(angles: tuple[NDArray[np.inexact], ...]) -> Floats:

@@ -80,9 +80,9 @@ class Suspension:
 
     @classmethod
     def on_cart(cls, blocks: Sequence[Block], cart: CartNumbers) -> Suspension:
-        """All chains on one cart."""
-        chains = tuple(_arranged(block, (-1, 1, 1)) for block in blocks)
-        return cls(chains, np.array([cart.mass]), np.array([cart.stiffness]))
+        """All chains on one cart, or on each of S carts."""
+        mass, stiffness = np.atleast_1d(cart.mass), np.atleast_1d(cart.stiffness)
+        return cls(tuple(_arranged(block, (-1, 1, len(mass))) for block in blocks), mass, stiffness)
 
     @classmethod
     def fixed(cls, block: Block) -> Suspension:

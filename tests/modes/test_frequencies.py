@@ -143,6 +143,17 @@ def test_scenes_of_one_form_are_not_solved_one_by_one(monkeypatch: pytest.Monkey
         natural_frequencies(varied("huygens"))
 
 
+def test_equal_entries_are_copies_of_one_pendulum(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(frequencies, "_one", None)
+    links, masses = [Bob(mass=1.0, length=1.0), Rod(mass=0.5, length=0.7)], np.geomspace(0.1, 50.0, 5)
+    written = [Pendulum(links=links), Pendulum(links=[Bob(mass=2.0, length=0.4)]), Pendulum(links=links, count=2)]
+    for pendula in (written, [Pendulum(links=links, count=3), written[1]]):
+        scene = Scene(gravity=9.81, support=Cart(mass=3.0, stiffness=2.0), pendulum=pendula)
+        omegas = natural_frequencies(scene, vary={"support.mass": masses})
+        alone = one_by_one([vary(scene, {"support.mass": mass}) for mass in masses.tolist()])
+        np.testing.assert_array_max_ulp(omegas, np.array(alone), 2)
+
+
 def test_unequal_pendula_that_meet_are_looked_at_more_closely() -> None:
     pair = [Pendulum(links=[Bob(mass=m, length=1.0)]) for m in (1.0, 2.0)]
     scene = Scene(gravity=9.81, support=Cart(mass=3.0), pendulum=pair)
