@@ -22,8 +22,8 @@ from modal.eigen.component_matrices import ComponentMatrices
 from modal.eigen.components import PartedRig, StillGroup
 from modal.eigen.coupled import Counted, CoupledPendula
 from modal.eigen.degenerate import Still, degenerate_modes
-from modal.eigen.sources import Accelerance, Alone, Details, Rigid, Source, Together, bare_accelerance
-from modal.eigen.structured import FreeMotions, OnStructure, StillPendula
+from modal.eigen.sources import Accelerance, Alone, Details, Rigid, Source, StillPendula, Together, bare_accelerance
+from modal.eigen.structured import FreeMotions, OnStructure
 from modal.errors import ComputationError
 from modal.types import Booleans, Floats, Ints
 

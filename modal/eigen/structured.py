@@ -1,4 +1,4 @@
-"""Sources of modes of pendula on structures: free motions, what moves with the structure, and what leaves it still.
+"""Sources of modes of pendula on structures: free motions, and what moves with the structure.
 
 The frequencies of a component (`modal.eigen.components`) are found by counts where its springs form a tree
 (`modal.eigen.trees`), from the factors of K and M where all springs are positive (`modal.eigen.product`), and from
@@ -19,11 +19,11 @@ from modal.eigen import dense, quadratic
 from modal.eigen.amplitude import coefficient, quartic
 from modal.eigen.chains import EVERYTHING, Limits
 from modal.eigen.component_matrices import ComponentMatrices
-from modal.eigen.components import PartedRig, StillGroup
+from modal.eigen.components import PartedRig
 from modal.eigen.counts import Built, counted
 from modal.eigen.factor import BEYOND, SquareSum, is_wide
 from modal.eigen.recursion import joints, kinetic
-from modal.eigen.sources import ROUNDOFF, Details, Source, largest_angle, structured_error
+from modal.eigen.sources import ROUNDOFF, Details, largest_angle, structured_error
 from modal.errors import ComputationError
 from modal.report import deferred
 from modal.types import Booleans, Complexes, Floats, Ints
@@ -488,59 +488,3 @@ def _kept(above: Ints, kept: Ints) -> Ints:
 
 def _rows(roots: Floats | None, kept: Ints) -> Floats | None:
     return None if roots is None else roots[:, kept]
-
-
-@dataclass(frozen=True, eq=False)
-class StillPendula:
-    """Combinations of equal pendula in different columns that leave the structure still: row i K + k of mode i."""
-
-    carried: PartedRig
-    balanced: StillGroup
-    source: Source
-    rows: Ints
-
-    @property
-    def route(self) -> str:
-        """That of one of the pendula."""
-        return self.source.route
-
-    @property
-    def built(self) -> Built:
-        """What is known of one pendulum already."""
-        return Built("equal pendula that leave the structure still", 1, 0)
-
-    @cached_property
-    def eigenvalue(self) -> Complexes:
-        """Those of one pendulum on a fixed support, for each combination."""
-        return np.repeat(self.source.eigenvalue[self.rows], self.balanced.number)
-
-    @property
-    def error(self) -> Floats:
-        """Relative error bounds."""
-        return np.repeat(self.source.error[self.rows], self.balanced.number)
-
-    @property
-    def is_damped(self) -> bool:
-        """Whether the modes are complex."""
-        return bool(getattr(self.source, "is_damped", False))
-
-    def details(self, rows: Ints) -> Details:
-        """The angles of the pendulum, by the amplitudes of the combination."""
-        group, blocks = self.balanced, self.carried.rig.blocks
-        alone = self.source.details(self.rows[rows // group.number])
-        amplitude = group.vectors(rows % group.number) / np.sqrt(group.counts)
-        angles, shares = (
-            tuple(np.zeros((*b.mass.shape, len(rows)), part.dtype) for b in blocks)
-            for part in (alone.angles[0], alone.shares[0])
-        )
-        angles[group.block][:, group.columns] = alone.angles[0][:, 0][:, None] * amplitude.T
-        shares[group.block][:, group.columns] = alone.shares[0][:, 0][:, None] * amplitude.T**2
-        pushes = np.where(rows % group.number < group.pushes, amplitude @ group.counts, 0.0)
-        return replace(
-            alone,
-            momentum=alone.momentum * pushes,
-            angles=angles,
-            shares=shares,
-            kappa=np.full(len(rows), np.nan),
-            eta=tuple(np.zeros((self.carried.size, len(rows)))),
-        )
