@@ -12,7 +12,6 @@ in many digits: a mode is within τ of the true value if the count steps between
 from __future__ import annotations
 
 import argparse
-import importlib
 import os
 import platform
 import statistics
@@ -21,8 +20,6 @@ import sys
 import time
 import tracemalloc
 from collections.abc import Callable, Sequence
-from importlib.util import find_spec
-from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -32,14 +29,13 @@ import scipy
 from scipy.linalg import eigh
 
 from modal import Bob, Cart, Pendulum, Rod, Scene, load, matrices, natural_frequencies, natural_modes
-from modal.eigen.kernels import Saved
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 DOCS = Path(__file__).parent.parent / "docs"
 LENGTHS = (2, 5, 10, 20, 50, 100, 200, 500, 1000)
-RIVAL, COMPILED = "eigh", "compiled"
+RIVAL = "eigh"
 ROUNDS, SCENES = 5, 2000
 RATIOS = tuple(10.0**k for k in (0, 2, 4, 6, 8, 10, 12, 16))
 SAMPLED = 6
@@ -177,14 +173,7 @@ def solved(scene: Scene) -> dict[str, Solved]:
 
 
 def rows_of(scenes: dict[float, Scene]) -> list[Row]:
-    """Without the compiled recursion, then with it."""
-    Saved.seconds = -inf
-    plain = {setting: solved(scene) for setting, scene in scenes.items()}
-    if find_spec("numba"):
-        importlib.import_module("modal.eigen.compiled")
-        for setting, scene in scenes.items():
-            plain[setting][COMPILED] = solved(scene)["all digits"]
-    return [Row(setting, solutions) for setting, solutions in plain.items()]
+    return [Row(setting, solved(scene)) for setting, scene in scenes.items()]
 
 
 def chain(n: int) -> Scene:
@@ -200,7 +189,6 @@ def uneven(ratio: float) -> Scene:
 
 def small() -> list[tuple[str, ...]]:
     """One scene of few links: ours from a `Scene`, the rival's from K and M that are there already."""
-    Saved.seconds = -inf
     rows = []
     for n in (2, 10):
         scene = chain(n)
@@ -218,7 +206,6 @@ def small() -> list[tuple[str, ...]]:
 
 def few() -> tuple[str, ...]:
     """The first three modes of a thousand rods, and all of them."""
-    Saved.seconds = -inf
     scene = chain(1000)
     times = timed(
         {RIVAL: lambda: natural_modes(scene).omega, "few": lambda: natural_modes(scene, modes=slice(3)).omega}
@@ -239,14 +226,11 @@ def stack_of(arrays: Sequence[tuple[np.ndarray, ...]], cart: float) -> np.ndarra
     return np.array(made)
 
 
-def many(n: int, compiled: bool) -> tuple[str, ...]:
+def many(n: int) -> tuple[str, ...]:
     """Scenes of n different rods on a cart: arrays of numbers beside NumPy's stack of matrices, which is there already.
 
     Lists of scenes beside the loop over `eigh` that makes its matrices.
     """
-    Saved.seconds = -inf
-    if compiled:
-        importlib.import_module("modal.eigen.compiled")
     numbers = np.random.default_rng(1).uniform(0.5, 2.0, (SCENES, n, 2))
     scenes = [on_cart([Pendulum(links=[Rod(mass=float(m), length=float(l)) for m, l in pairs])]) for pairs in numbers]
     places = {
@@ -272,7 +256,7 @@ def many(n: int, compiled: bool) -> tuple[str, ...]:
     exact = natural_frequencies(scenes[0], vary=places)[:, 1:]
     error = np.abs(np.sqrt(9.81 / np.linalg.eigvalsh(stack)[:, ::-1]) / exact - 1).max()
     return (
-        f"{n}, {'compiled' if compiled else 'default'}",
+        str(n),
         f"{1e3 * by_stack[RIVAL][0]:.2f} ms",
         *(f"{1e3 * by_stack[name][0]:.2f} ms ({by_stack[name][1]:.2f})" for name in ("all", "rough")),
         f"{1e3 * by_loop['list'][0]:.0f} ms ({by_loop['list'][1]:.2f})",
@@ -391,11 +375,11 @@ def page(
     return f"""# Benchmarks
 
 `OPENBLAS_NUM_THREADS=1 python benchmarks/modes.py --write`, one run on {os.cpu_count()} cores; {versions};
-OPENBLAS_NUM_THREADS {threads}. CPU time of whole calls, from a scene to its frequencies: with every digit, to a
-relative error of 1e-8, and with every digit where numba (extra `fast`) is loaded. The rival, "eigh", is the best that
-NumPy and SciPy do: A and b by arrays, scaled, the free cart taken out, `scipy.linalg.eigh` for eigenvalues alone; its
-time begins at arrays of numbers. Ratios are medians over {ROUNDS} rounds in which each has its turn. MB is the peak of
-arrays during the call. Errors are upper bounds for the worst of {SAMPLED} modes, by counts in many digits.
+OPENBLAS_NUM_THREADS {threads}. CPU time of whole calls, from a scene to its frequencies: with every digit and to a
+relative error of 1e-8. The rival, "eigh", is the best that NumPy and SciPy do: A and b by arrays, scaled, the free cart
+taken out, `scipy.linalg.eigh` for eigenvalues alone; its time begins at arrays of numbers. Ratios are medians over
+{ROUNDS} rounds in which each has its turn. MB is the peak of arrays during the call. Errors are upper bounds for the
+worst of {SAMPLED} modes, by counts in many digits.
 
 ## A chain of n equal rods on a cart of 100 kg
 
@@ -411,7 +395,7 @@ arrays during the call. Errors are upper bounds for the worst of {SAMPLED} modes
 
 {markdown(("n", "eigh", "natural_frequencies", "natural_modes", "(frequencies)", "(modes)"), alone_rows)}
 
-The first three modes of a thousand rods take {some[0]}, all of them {some[1]}, without numba.
+The first three modes of a thousand rods take {some[0]}, all of them {some[1]}.
 
 ## {SCENES:,} scenes of n different rods on a cart
 
@@ -463,22 +447,21 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--quick", action="store_true", help="up to 20 links, few ratios and costs")
     parser.add_argument("--write", action="store_true", help="write docs/benchmarks/modes.md and the figure")
-    parser.add_argument("--many", nargs=2, metavar=("N", "HOW"), help=argparse.SUPPRESS)
+    parser.add_argument("--many", type=int, help=argparse.SUPPRESS)
     parser.add_argument("--cost", choices=COSTS, help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.cost:
         report(options.cost)
         return
     if options.many:
-        print(*many(int(options.many[0]), options.many[1] == "compiled"), sep="\t")
+        print(*many(options.many), sep="\t")
         return
-    alone_rows, some = small(), few()  # before the compiled recursion is loaded
+    alone_rows, some = small(), few()
     mp.mp.dps = 50
     lengths = rows_of({n: chain(n) for n in LENGTHS if n <= 20 or not options.quick})
     mp.mp.dps = 250
     ratios = rows_of({ratio: uneven(ratio) for ratio in RATIOS[:: 3 if options.quick else 1]})
-    hows = ("default", *(["compiled"] if find_spec("numba") else []))
-    together = [alone(["--many", str(n), how]) for n in (2, 10) for how in hows if not options.quick]
+    together = [alone(["--many", str(n)]) for n in (2, 10) if not options.quick]
     costs = [cost(name) for name in [*COSTS][: 1 if options.quick else None]]
     text = page(lengths, ratios, together, alone_rows, some, costs, start_ratio())
     print(text)

@@ -265,7 +265,10 @@ def _forget_compiled(tree: Path, file: str) -> None:
     path = tree / file
     for kept in (path.parent / "__pycache__").glob(f"{path.stem}.*"):
         kept.unlink()
-    if "modal.eigen.compiling" in path.read_text(encoding="utf-8") or path.parts[-2] in {"integration", "ensembles"}:
+    if "nonlinear.dynamics.compiling" in path.read_text(encoding="utf-8") or path.parts[-2] in {
+        "integration",
+        "ensembles",
+    }:
         for kept in tree.rglob("*.nb[ic]"):
             kept.unlink()
 

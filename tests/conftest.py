@@ -5,7 +5,6 @@ import os
 import sys
 from collections import Counter, defaultdict
 from collections.abc import Iterator
-from math import inf
 from pathlib import Path
 
 import pytest
@@ -73,11 +72,8 @@ def pytest_collection_finish() -> None:
 @pytest.fixture(scope="session", autouse=True)
 def same_engine() -> Iterator[None]:
     """Nothing runs by another engine for what its process, or this machine, has compiled before."""
-    from modal.eigen.kernels import Saved
     from nonlinear.integration.readiness import reproducible
 
-    sys.modules.pop("modal.eigen.compiled", None)  # collecting doctests has loaded it
-    Saved.seconds = -inf
     with reproducible():
         yield
 

@@ -36,7 +36,7 @@ HEAVY = {
     "sympy": {"modal.symbolic"},
     "control": {"modal.exports.objects"},
     "flint": {"modal.exact.balls"},
-    "numba": {"modal.eigen.compiling"},
+    "numba": {"nonlinear.dynamics.compiling"},
     "heyoka": {"nonlinear.integration.taylor"},
     "distributed": {"nonlinear.ensembles.cluster"},
     "xarray": {"nonlinear.postprocessing.datasets"},

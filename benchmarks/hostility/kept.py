@@ -22,7 +22,7 @@ from nonlinear.files import load as load_run
 from nonlinear.files import save
 from nonlinear.integration import kernels
 
-TEXT = "from modal.eigen.compiling import compiled\n\n\n@compiled\ndef run(x):\n    return 2.0 * x + 1.0\n"
+TEXT = "from nonlinear.dynamics.compiling import compiled\n\n\n@compiled\ndef run(x):\n    return 2.0 * x + 1.0\n"
 
 
 def case(number: int) -> tuple[str, list[str]]:

@@ -41,7 +41,7 @@ from modal.assembly.losses import (
 )
 from modal.assembly.modal_damping import RatioAt, frequencies, modal_dampers, modal_factor, ratio_at
 from modal.assembly.single import Single, single
-from modal.assembly.stacks import Stack, StackedGroup, can_stack, keep_form, stacked, varied
+from modal.assembly.stacks import Stack, can_stack, keep_form, stacked, varied
 from modal.assembly.structure import (
     Element,
     Elements,
@@ -80,7 +80,6 @@ __all__ = [
     "Single",
     "SpringRow",
     "Stack",
-    "StackedGroup",
     "Units",
     "assembled",
     "can_stack",

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import groupby
 from math import frexp, nan, sqrt
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -139,11 +139,11 @@ class Units:
 
 
 class CartNumbers(NamedTuple):
-    """A cart's mass (kg), damper (N s/m) and spring (N/m) to the ground."""
+    """A cart's mass (kg), damper (N s/m) and spring (N/m) to the ground; arrays (S,) of as many carts."""
 
-    mass: float
-    damping: float
-    stiffness: float
+    mass: Any
+    damping: Any
+    stiffness: Any
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -342,15 +342,15 @@ def _block(entries: list[_Entry]) -> tuple[Block, Iterable[int]]:
         each = table.reshape(len(entries), -1, width)
         table, width = np.concatenate((each, np.array(rests) + 0.0), axis=2).reshape(len(entries), -1), width + 3
     table = np.column_stack((table, [entry.apart for entry in entries])) if entries[0].apart else table
-    first, columns = _different(table)
+    first, columns = different(table)
     count = np.bincount(columns, weights=[entry.copies for entry in entries]).astype(np.int64)
-    different = table[first, : table.shape[1] - len(entries[0].apart)]
-    arrays = np.ascontiguousarray(different.reshape(len(different), -1, width).transpose(2, 1, 0))
+    kinds = table[first, : table.shape[1] - len(entries[0].apart)]
+    arrays = np.ascontiguousarray(kinds.reshape(len(kinds), -1, width).transpose(2, 1, 0))
     rest = Rest(*arrays[len(ARRAYS) :]) if rests else None
     return Block(**dict(zip(ARRAYS, arrays, strict=False)), count=count, rest=rest), columns
 
 
-def _different(table: Floats) -> tuple[Ints, Ints]:
+def different(table: Floats) -> tuple[Ints, Ints]:
     """The first row of each kind, in their order, and the kind of every row."""
     if len(table) == 1:
         return ONE, ONE

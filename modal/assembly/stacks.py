@@ -6,17 +6,18 @@ The natural units of every scene are powers of two as in `modal.assembly.arrays`
 from __future__ import annotations
 
 from collections.abc import Hashable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import chain
 from operator import attrgetter
 
 import numpy as np
 
+from modal.assembly.arrays import Block, CartNumbers, different
 from modal.scene import Pendulum, Scene, validate_scene
 from modal.scene.parameters import Place
-from modal.types import Booleans, Floats, Ints
+from modal.types import Booleans, Floats
 
-ARRAYS = ("mass", "length", "centre", "inertia")
+NUMBERS = ("mass", "length", "centre", "inertia")
 SUPPORT = {("gravity",), ("support", "mass"), ("support", "stiffness")}
 CHANGING = {"centre", "inertia"}
 """Numbers of a link at which zero is another form, as it is for both of a support."""
@@ -24,37 +25,14 @@ KIND, SIZE = attrgetter("__class__", "count", "damping", "stiffness", "drag"), a
 
 
 @dataclass(frozen=True, eq=False)
-class StackedGroup:
-    """P pendula of n links in each of S scenes: arrays (n, P, 1, S), top link first; `count` (P,) copies of each."""
-
-    mass: Floats
-    length: Floats
-    centre: Floats
-    inertia: Floats
-    count: Ints
-
-    @property
-    def numbers(self) -> tuple[Floats, Floats, Floats, Floats]:
-        """All arrays except the counts."""
-        return self.mass, self.length, self.centre, self.inertia
-
-    @property
-    def heavier(self) -> StackedGroup:
-        """Each pendulum with the mass of all its copies."""
-        times = self.count[:, None, None]
-        return replace(self, mass=self.mass * times, inertia=self.inertia * times) if times.max() > 1 else self
-
-
-@dataclass(frozen=True, eq=False)
 class Stack:
-    """S scenes in their natural units; `rate` (S,) is the unit of angular frequency in rad/s.
+    """S scenes in their natural units: blocks of arrays (n, P, 1, S), a cart of S masses and springs.
 
-    `mass` and `stiffness` (S,) are those of the carts, None where the supports are fixed.
+    The `cart` is None where the supports are fixed; `rate` (S,) is the unit of angular frequency in rad/s.
     """
 
-    groups: tuple[StackedGroup, ...]
-    mass: Floats | None
-    stiffness: Floats | None
+    blocks: tuple[Block, ...]
+    cart: CartNumbers | None
     rate: Floats
     spatial: bool
 
@@ -100,12 +78,12 @@ def varied(scene: Scene, numbers: Mapping[Place, Floats]) -> Stack | None:
         return None
     size = len(next(iter(numbers.values())))
     where = [(i, j, link) for i, pendulum in enumerate(scene.pendulum) for j, link in enumerate(pendulum.links)]
-    links = [np.empty((len(where), size)) for _ in ARRAYS]
+    links = [np.empty((len(where), size)) for _ in NUMBERS]
     for row, (i, j, link) in enumerate(where):
         at = ("pendulum", i, "links", j)
-        mass, length = (numbers.get((*at, name), getattr(link, name)) for name in ARRAYS[:2])
-        told = dict(zip(ARRAYS, (mass, length, *link.proportions(mass, length)), strict=True))
-        for values, name in zip(links, ARRAYS, strict=True):
+        mass, length = (numbers.get((*at, name), getattr(link, name)) for name in NUMBERS[:2])
+        told = dict(zip(NUMBERS, (mass, length, *link.proportions(mass, length)), strict=True))
+        for values, name in zip(links, NUMBERS, strict=True):
             values[row] = told[name] if link.is_uniform else numbers.get((*at, name), told[name])
     gravity = np.broadcast_to(numbers.get(("gravity",), scene.gravity), size)
     cart = None
@@ -126,7 +104,7 @@ def keep_form(numbers: Mapping[Place, Floats]) -> Booleans:
 
 
 def _is_of_link(place: Place) -> bool:
-    return len(place) == 5 and place[2] == "links" and place[-1] in ARRAYS
+    return len(place) == 5 and place[2] == "links" and place[-1] in NUMBERS
 
 
 def _stack(scene: Scene, links: Sequence[Floats], gravity: Floats, cart: Floats | None) -> Stack:
@@ -134,16 +112,16 @@ def _stack(scene: Scene, links: Sequence[Floats], gravity: Floats, cart: Floats 
     mass, length, centre, inertia = links
     heaviest, longest = (np.ldexp(1.0, np.frexp(values.max(0))[1]) for values in (mass, length))
     scaled = mass / heaviest, length / longest, centre / longest, inertia / (heaviest * longest**2)
-    groups = tuple(_pendula_of(chosen, scaled) for chosen in _by_length(scene))
-    rail = (None, None) if cart is None else (cart[0] / heaviest, cart[1] / (heaviest * gravity / longest))
-    return Stack(groups, rail[0], rail[1], np.sqrt(gravity / longest), scene.space == "space")
+    blocks = tuple(_pendula_of(chosen, scaled) for chosen in _by_length(scene))
+    rail = None if cart is None else CartNumbers(cart[0] / heaviest, 0.0, cart[1] / (heaviest * gravity / longest))
+    return Stack(blocks, rail, np.sqrt(gravity / longest), scene.space == "space")
 
 
 def _links(scenes: Sequence[Scene]) -> list[Floats]:
     """Mass, length, centre and inertia (L, S) of all links as specified."""
     rows = [[link for pendulum in scene.pendulum for link in pendulum.links] for scene in scenes]
     sizes = np.fromiter(chain.from_iterable(map(SIZE, chain.from_iterable(rows))), float).reshape(len(rows), -1, 2)
-    numbers = [np.empty((len(rows[0]), len(rows))) for _ in ARRAYS]
+    numbers = [np.empty((len(rows[0]), len(rows))) for _ in NUMBERS]
     mass, length, centre, inertia = numbers
     mass[:], length[:] = sizes[..., 0].T, sizes[..., 1].T
     for k, link in enumerate(rows[0]):
@@ -164,7 +142,8 @@ def _by_length(scene: Scene) -> list[list[tuple[Pendulum, int]]]:
     return [groups[n] for n in sorted(groups)]
 
 
-def _pendula_of(chosen: list[tuple[Pendulum, int]], scaled: Sequence[Floats]) -> StackedGroup:
+def _pendula_of(chosen: list[tuple[Pendulum, int]], scaled: Sequence[Floats]) -> Block:
+    """Pendula of equal numbers in every scene are one column."""
     columns = [
         np.repeat(np.arange(len(pendulum.links)), [link.count for link in pendulum.links]) + column
         for pendulum, column in chosen
@@ -172,7 +151,11 @@ def _pendula_of(chosen: list[tuple[Pendulum, int]], scaled: Sequence[Floats]) ->
     at = np.array(columns).T
     if len(chosen) == 1 and at[-1] - at[0] == len(at) - 1:
         rows = slice(at[0, 0], at[-1, 0] + 1)
-        mass, length, centre, inertia = (values[rows, None, None] for values in scaled)
+        arrays = [values[rows, None, None] for values in scaled]
     else:
-        mass, length, centre, inertia = (values[at][:, :, None] for values in scaled)
-    return StackedGroup(mass, length, centre, inertia, np.array([pendulum.count for pendulum, _ in chosen]))
+        arrays = [values[at][:, :, None] for values in scaled]
+    first, kinds = different(np.concatenate(arrays).swapaxes(0, 1).reshape(len(chosen), -1))
+    count = np.bincount(kinds, weights=[pendulum.count for pendulum, _ in chosen]).astype(np.int64)
+    mass, length, centre, inertia = arrays if len(first) == len(chosen) else [values[:, first] for values in arrays]
+    none, down = np.broadcast_to(0.0, mass.shape), np.broadcast_to(1.0, mass.shape)
+    return Block(mass, length, centre, inertia, damping=none, stiffness=none, drag=none, sigma=down, count=count)

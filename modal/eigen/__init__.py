@@ -4,10 +4,11 @@ In: a `Rig`.  Out: a `ModalSpectrum`, the eigenvalues in ascending order, each w
 
     K φ = ω² M φ,    with dampers  (λ² M + λ D + K) φ = 0
 
-A chain uses the effective-mass recursion and bisection (`chains`, in floats `short`), with joint springs or inverted
-links `sprung_chains`; many different pendula on one cart the secular equation (`coupled`); dampers the quadratic
-problem (`quadratic`).  On structures (`structured`) counts go on through trees of springs (`trees`), loops and springs
-between links take the factors of K and M (`product`). Start with `spectrum`, which chooses.
+A chain uses the effective-mass recursion and bisection (`chains`, in floats `short`), many different pendula on one
+cart the secular equation (`coupled`).  All else is a structure (`structured`), a cart one of one coordinate, a chain on
+a support at rest one of none: counts go on through trees of springs (`trees`), with joint springs or inverted links by
+`sprung_chains`; loops and springs between links take the factors of K and M (`product`), dampers the quadratic problem
+(`quadratic`).  Start with `spectrum`, which chooses.
 
 `elimination` is the recursion at any complex frequency, with loads, in the floats or decimals of `arithmetic`.
 """
@@ -21,13 +22,13 @@ from modal.eigen.coupled import LIGHTEST
 from modal.eigen.degenerate import TOLERANCE, degenerate_modes
 from modal.eigen.dense import is_singular
 from modal.eigen.elimination import FORCE, TORQUE, TURN, Hung, Load, cart_of, hung
-from modal.eigen.matrix_source import LIGHT
 from modal.eigen.recursion import at_infinity
 from modal.eigen.secular import Poles, solve
 from modal.eigen.short import short_squares
 from modal.eigen.sources import Details, Rigid, largest_angle, structured_error
 from modal.eigen.spectrum import CLOSE, UNCERTAIN, ModalSpectrum, SpectrumPart, find_spectrum, notes
-from modal.eigen.sturm import Suspension, chains_of
+from modal.eigen.structured import LIGHT
+from modal.eigen.sturm import Suspension
 
 __all__ = [
     "CLOSE",
@@ -55,7 +56,6 @@ __all__ = [
     "Suspension",
     "at_infinity",
     "cart_of",
-    "chains_of",
     "counted",
     "degenerate_modes",
     "distortion",

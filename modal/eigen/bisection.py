@@ -66,11 +66,15 @@ class Counting(Protocol):
 
 def located(problem: Counting, wanted: Ints, modes: int) -> Floats:
     """The eigenvalues with these indices (R,), from 0, of each problem with `modes` eigenvalues, (R, S)."""
-    low = problem.low[None]
-    high = above_all(problem.count, low, np.array(modes))
-    shape = (len(wanted), low.shape[1])
-    ends = (np.broadcast_to(end, shape).copy().view(np.int64) for end in (low, high))
-    return _between(problem, wanted, *ends)
+    low = problem.low[None].view(np.int64)
+    high = above_all(problem.count, problem.low[None], np.array(modes)).view(np.int64)
+    parts = max(2, len(wanted))
+    inner = np.arange(1, parts)[:, None]
+    points = low + (high - low) // parts * inner + (high - low) % parts * inner // parts  # as many as are sought
+    counts = problem.count(points.view(np.float64))
+    first = np.stack([np.searchsorted(column, wanted, side="right") for column in counts.T], axis=1)
+    ends = np.concatenate([low, points, high])
+    return _between(problem, wanted, *(np.take_along_axis(ends, first + step, 0) for step in (0, 1)))
 
 
 def confirmed(problem: Counting, wanted: Ints, guess: Floats, near: int = NEAR) -> tuple[Floats, Booleans]:

@@ -21,7 +21,6 @@ import numpy as np
 from modal.assembly import Block, CartNumbers
 from modal.eigen.bisection import NEAR, confirmed, lies_within, located, searched
 from modal.eigen.counts import Built, counted
-from modal.eigen.kernels import kernels
 from modal.eigen.rayleigh import at_pivot, twisted, without_each
 from modal.eigen.recursion import Swept, at_infinity, from_above, from_below, joint_masses, kinetic
 from modal.eigen.seeds import LARGEST, seed_matrices, seeds, slow_seeds
@@ -30,12 +29,8 @@ from modal.types import Booleans, Floats, Ints
 
 SEEDS = "dense seeds"
 ROUNDING = 1e-15
-LONG, FEW, LONG_COMPILED = 100, 20, 200
-"""Links above which seeds of all cost more than those of one mode in FEW; than a compiled search for all."""
-SEARCHED, CONFIRMED = 60, 8
-"""Counts in a search, and after seeds with as many trials in each."""
-PER_LINK, PER_TRIAL = 5e-6, 1e-8
-"""Seconds that the compiled recursion saves per link of a count, and per trial value of a link."""
+LONG, FEW = 100, 20
+"""Links above which seeds of all cost more than those of one mode in FEW."""
 CACHED = 100_000
 """Numbers of one array of many supports, few enough for all of them to stay in a processor's cache."""
 CLOSEST = 2.0**-51
@@ -105,10 +100,7 @@ def squares_of(suspension: Suspension, wanted: Ints, modes: int, accuracy: float
         guess, error = slow_seeds(suspension, len(wanted))
         near = guess, np.maximum(error, 3 * accuracy)  # nothing tells that none was missed, so that a count must
         return _settled(suspension, wanted, _tried(suspension, wanted, accuracy, near), modes)
-    counts = SEARCHED if suspension.size > LARGEST else CONFIRMED
-    trials = suspension.supports * len(wanted)
-    compiled = kernels(counts * suspension.size * (PER_LINK + PER_TRIAL * trials))
-    if suspension.size > (LONG_COMPILED if compiled else LARGEST) or _are_few(suspension, wanted):
+    if suspension.size > LARGEST or _are_few(suspension, wanted):
         return Squares.exact(located(suspension, wanted, modes))
     step = max(1, CACHED // suspension.size**2)
     starts = range(0, suspension.supports, step)
@@ -184,12 +176,7 @@ def _improved(suspension: Suspension, wanted: Ints, guess: Floats) -> tuple[Floa
 
 
 def _otherwise(suspension: Suspension, wanted: Ints, guess: Floats, error: Floats, modes: int) -> Floats:
-    """The eigenvalues with these indices (R, S) from another shape, and by a search where that is not confirmed.
-
-    With compiled counts that shape would take longer than a search.
-    """
-    if kernels():
-        return searched(suspension, wanted, guess, error, modes)
+    """The eigenvalues with these indices (R, S) from another shape, and by a search where that is not confirmed."""
     squares, missed = confirmed(suspension, wanted, twisted(suspension, guess), FARTHER)
     if missed.any():
         rows, supports = (np.flatnonzero(missed.any(axis)) for axis in (1, 0))
@@ -233,7 +220,7 @@ def fixed_shapes(chains: Block, x: Floats) -> ChainShapes:
 
 def bare_mass(blocks: tuple[Block, ...], cart: CartNumbers) -> float:
     """m_c + Σ residual masses: the mass felt by a force on the cart at infinite frequency; 0 where M is singular."""
-    return cart.mass + float(sum(at_infinity(block)[0].sum() for block in blocks))
+    return float(cart.mass) + float(sum(at_infinity(block)[0].sum() for block in blocks))
 
 
 def is_singular(blocks: tuple[Block, ...], cart: CartNumbers) -> bool:
@@ -269,7 +256,7 @@ class CartProblem:
     def n_modes(self) -> int:
         """Number of oscillatory modes: a free cart's rigid translation is a coordinate, but not one of these."""
         links = sum(block.n * block.size for block in self.blocks)
-        return links + (self.cart.stiffness > 0) - is_singular(self.blocks, self.cart)
+        return links + bool(self.cart.stiffness > 0) - is_singular(self.blocks, self.cart)
 
     @cached_property
     def oscillating(self) -> Squares:

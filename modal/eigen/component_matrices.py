@@ -60,18 +60,21 @@ class ComponentMatrices:
         rows = np.zeros((len(elements), self.size))
         for row, element in zip(rows, elements, strict=True):
             row[list(element.at)] = element.row
-        parts = [
-            self._chain(heavy, at)[which] for heavy, at in zip(self.component.heavies, self.places[:-1], strict=True)
-        ]
+        parts = [chain[which] for chain in self._hanging]
         return SquareSum(
             np.concatenate([rows, *(part.rows for part in parts)]),
             np.concatenate([[element.size for element in elements], *(part.size for part in parts)]),
         )
 
     @cached_property
+    def _hanging(self) -> list[tuple[SquareSum, SquareSum, SquareSum]]:
+        """The squares of M, K and D of every combination."""
+        return [self._chain(*each) for each in zip(self.component.heavies, self.places[:-1].tolist(), strict=True)]
+
+    @cached_property
     def squares(self) -> tuple[tuple[Element, ...], ...]:
         """The elements of M, K and D but those of the chains themselves, in the coordinates of the component."""
-        known, owned = self._known, self.carried.owned[self.component.group]
+        known, owned = self._known, self.carried.owned.get(self.component.group, ([], [], []))
         squares = [
             [element._replace(at=tuple(known[place] for place in element.at)) for element in elements]
             for elements in owned
@@ -97,7 +100,7 @@ class ComponentMatrices:
         """The squares of M, K and D of one combination."""
         block, p, w = self.carried.rig.blocks[heavy.block], heavy.column, heavy.weight
         eta, n, size = self.component.eta, block.n, self.size
-        ways = block.sigma[:, p]
+        ways = block.across[:, p]
         angle = np.zeros((n, size))
         angle[np.arange(n), at + np.arange(n)] = 1.0
         centre = np.zeros((n, size))
@@ -112,11 +115,17 @@ class ComponentMatrices:
             rows, sizes = (np.concatenate([part[k] for part in parts]) for k in (0, 1))
             return SquareSum(rows[sizes != 0], w * sizes[sizes != 0])
 
-        weight = block.sigma[:, p] * block.b[:, p] * self.carried.rig.gravity
+        moved = [centre]
+        if block.sinking is not None:
+            down = np.zeros((n, size))
+            down[:, at : at + n] = np.tril(np.tile(block.sinking[:, p] * block.length[:, p], (n, 1)), -1)
+            down[np.arange(n), at + np.arange(n)] = block.sinking[:, p] * block.centre[:, p]
+            moved.append(down)
+        weight = block.rest.held[:, p] if block.rest else ways * block.b[:, p] * self.carried.rig.gravity
         return (
-            factor((centre, block.mass[:, p]), (angle, block.inertia[:, p])),
+            factor(*((rows, block.mass[:, p]) for rows in moved), (angle, block.inertia[:, p])),
             factor((angle, weight), (turn, block.stiffness[:, p])),
-            factor((turn, block.damping[:, p]), (centre, block.drag[:, p])),
+            factor((turn, block.damping[:, p]), *((rows, block.drag[:, p]) for rows in moved)),
         )
 
     @cached_property
@@ -127,7 +136,7 @@ class ComponentMatrices:
         for heavy, at in zip(self.component.heavies, self.places.tolist(), strict=False):
             block = self.carried.rig.blocks[heavy.block]
             several = sum(share.copies * share.amplitude for share in heavy.shares)
-            momentum[at : at + block.n] = several * block.sigma[:, heavy.column] * block.b[:, heavy.column]
+            momentum[at : at + block.n] = several * block.across[:, heavy.column] * block.b[:, heavy.column]
         return momentum
 
     @cached_property
@@ -138,13 +147,18 @@ class ComponentMatrices:
         )
 
     @property
+    def is_massless(self) -> bool:
+        """Whether a coordinate has no mass of its own."""
+        return len({element.at for element in self.squares[0]}) < len(self.component.eta)
+
+    @property
     def _chains(self) -> Iterator[tuple[Block, Heavy]]:
         return ((self.carried.rig.blocks[heavy.block], heavy) for heavy in self.component.heavies)
 
     @cached_property
     def is_positive(self) -> bool:
         """Whether all springs are positive."""
-        hang = all((block.sigma[:, heavy.column] > 0).all() for block, heavy in self._chains)
+        hang = all(block.rest is None and (block.sigma[:, heavy.column] > 0).all() for block, heavy in self._chains)
         return hang and all(element.size > 0 for element in self.squares[1])
 
     @cached_property
@@ -153,6 +167,11 @@ class ComponentMatrices:
         K = self.factors[1]
         terms: Floats = (K.rows**2).T @ np.abs(K.size)
         terms[: len(self.component.eta)] += self.hidden
+        for heavy, at in zip(self.component.heavies, self.places.tolist(), strict=False):
+            block = self.carried.rig.blocks[heavy.block]
+            if block.rest:
+                pull, held = (part[:, heavy.column] for part in (block.rest.pull, block.rest.held))
+                terms[at : at + block.n] += heavy.weight * (pull - np.abs(held))
         return terms
 
     @cached_property
@@ -211,17 +230,18 @@ class ComponentMatrices:
         """Free motions (n, f) that no damper drags either."""
         rows, free = self.factors[2].rows, self.free
         stretched, terms = rows @ free, np.abs(rows) @ np.abs(free)
-        return free @ null_space(np.where(np.abs(stretched) > CANCELLED * terms, stretched, 0.0))
+        dragged = np.where(np.abs(stretched) > CANCELLED * terms, stretched, 0.0)
+        return free @ null_space(dragged) if dragged.any() else free
 
     @cached_property
     def tree(self) -> Tree | None:
-        """The component as a tree of coordinates with plain chains; None for any other."""
+        """The component as a tree of coordinates with chains; None for any other."""
         known, d, hung = self._known, len(self.component.eta), list[tuple[Heavy, int]]()
         for block, heavy in self._chains:
             at = np.flatnonzero(heavy.along)
-            if len(at) != 1 or heavy.felt.any() or not block.is_plain[heavy.column]:
+            if len(at) != min(d, 1) or heavy.felt.any() or block.rest:
                 return None
-            hung.append((heavy, known[int(at[0])]))
+            hung.append((heavy, known[int(at[0])] if d else 0))
         mass, stiffness, springs = np.zeros(d), np.zeros(d), dict[tuple[int, int], tuple[float, float, float]]()
         for diagonal, elements in zip((mass, stiffness), self.squares, strict=False):
             for element in elements:
@@ -233,7 +253,7 @@ class ComponentMatrices:
                     return None
                 else:
                     springs[pair] = (element.size, element.row[0], element.row[1])
-        if not d or len(springs) != d - 1:
+        if len(springs) != max(d - 1, 0):
             return None
         return _tree(mass, stiffness, springs, self._hung(hung))
 
@@ -243,7 +263,7 @@ class ComponentMatrices:
         for number in sorted({heavy.block for heavy, _ in hung}):
             members = [(k, heavy, at) for k, (heavy, at) in enumerate(hung) if heavy.block == number]
             block = self.carried.rig.blocks[number].take(np.array([heavy.column for _, heavy, _ in members]))
-            h = np.array([float(heavy.along.sum()) for _, heavy, _ in members])
+            h = np.array([float(heavy.along.sum()) if heavy.along.size else 1.0 for _, heavy, _ in members])
             heavier = block.heavier(np.array([heavy.weight for _, heavy, _ in members]) * h**2)
             places = np.array([at for *_, at in members])
             chains.append(HungChains(heavier, places, h, self.places[[k for k, *_ in members]]))
@@ -258,7 +278,7 @@ def _tree(
     for (first, second), (size, near, far) in springs.items():
         beside[first].append((second, size, near, far))
         beside[second].append((first, size, far, near))
-    order, above = [0], {0: (-1, 0.0, 0.0, 0.0)}
+    order, above = [0][: len(mass)], {0: (-1, 0.0, 0.0, 0.0)}
     for i in order:
         for other, size, near, far in beside[i]:
             if other not in above:
@@ -267,16 +287,16 @@ def _tree(
     if len(order) < len(mass):
         return None
     at = {place: k for k, place in enumerate(order)}
-    spring, near_end, far_end = np.array([above[place][1:] for place in order]).T
+    spring, near_end, far_end = np.reshape([above[place][1:] for place in order], (-1, 3)).T
     return Tree(
-        np.array(order),
-        np.array([at.get(above[place][0], -1) for place in order]),
+        np.array(order, dtype=np.int64),
+        np.array([at.get(above[place][0], -1) for place in order], dtype=np.int64),
         stiffness[order],
         mass[order],
         spring,
         near_end,
         far_end,
-        tuple(chains._replace(places=np.array([at[place] for place in chains.places.tolist()])) for chains in hung),
+        tuple(each._replace(places=np.array([at.get(place, 0) for place in each.places.tolist()])) for each in hung),
     )
 
 

@@ -9,7 +9,7 @@ with columns divided by √inertia of the structure; where it is full, as on car
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -104,9 +104,22 @@ class Component(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class PartedRig:
-    """A rig on a structure, parted."""
+    """A rig on a structure, parted; `is_plain` tells that all it hangs from is one cart or a support at rest."""
 
     rig: Rig
+    is_plain: bool = False
+
+    @classmethod
+    def of(cls, rig: Rig) -> PartedRig:
+        """Any rig, with one pendulum for all equal ones on a cart or a support at rest."""
+        if rig.structure:
+            return cls(rig)
+        return cls(replace(rig, members=tuple((*kind, 1) for kind in rig.names)).carried, is_plain=True)
+
+    @classmethod
+    def alone(cls, chain: Block) -> PartedRig:
+        """One chain on a support at rest, in natural units."""
+        return cls.of(Rig(1.0, (chain,), ((0, 0, 1),), None, spatial=False))
 
     @cached_property
     def hanging(self) -> Hanging:
@@ -137,6 +150,8 @@ class PartedRig:
     @cached_property
     def groups(self) -> Ints:
         """The number of the part that each coordinate belongs to, then each pendulum that springs join, (d + T,)."""
+        if self.is_plain:
+            return np.zeros(self.size, dtype=np.int64)
         tied = sorted(self.hanging.tied)
         node = {p: self.size + k for k, p in enumerate(tied)}
         leader = np.arange(self.size + len(tied))
@@ -177,6 +192,8 @@ class PartedRig:
     @cached_property
     def parted(self) -> tuple[tuple[Component, ...], tuple[StillGroup, ...]]:
         """The components, and the combinations of pendula in different columns that leave the structure still."""
+        if self.is_plain:
+            return (Component(0, np.arange(self.size), tuple(self._alone(*kind) for kind in self.rig.names)),), ()
         tied = {p: self.size + k for k, p in enumerate(sorted(self.hanging.tied))}
         owned: dict[int, list[Heavy]] = {int(k): [] for k in self.groups}
         alike: dict[tuple[int, int, bytes], list[int]] = {}
@@ -198,8 +215,14 @@ class PartedRig:
         components = [Component(g, eta[self.groups[: self.size] == g], tuple(heavy)) for g, heavy in owned.items()]
         return tuple(components), tuple(still)
 
+    def _alone(self, block: int, column: int) -> Heavy:
+        count, rows = int(self.rig.blocks[block].count[column]), self._rows(block, column)
+        return Heavy(block, column, float(count), *rows, (Share(column, count, 1.0, self._columns[block, column]),))
+
     def _combined(self, block: int, columns: list[int]) -> tuple[list[Heavy], list[StillGroup]]:
         """The combinations of equal pendula in these columns that move the structure, and those that do not."""
+        if len(columns) == 1:
+            return [self._alone(block, columns[0])], []
         counts = self.rig.blocks[block].count[columns]
         rows = np.array([np.concatenate(self._rows(block, column)) for column in columns])
         weighted = np.sqrt(counts)[:, None] * rows
@@ -208,12 +231,7 @@ class PartedRig:
         rank = int((sigma > sigma[0] * ROUNDED * max(rows.shape)).sum())
         first = [self._columns[block, column] for column in columns]
         if rank == len(columns):
-            each = zip(columns, counts.tolist(), rows, first, strict=True)
-            alone = [
-                Heavy(block, c, float(n), row[: self.size], row[self.size :], (Share(c, n, 1.0, p),))
-                for c, n, row, p in each
-            ]
-            return alone, []
+            return [self._alone(block, column) for column in columns], []
         heavies = []
         for combination in U.T[:rank]:
             amplitude = (combination / np.sqrt(counts)).tolist()

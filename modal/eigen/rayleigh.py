@@ -15,7 +15,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from modal.eigen.kernels import scalar_kernels
 from modal.eigen.recursion import joint_masses
 from modal.eigen.sturm import ROOM, Chains, Suspension
 from modal.types import Floats
@@ -51,9 +50,6 @@ def at_pivot(suspension: Suspension, x: Floats) -> Floats:
 
 def _mass_and_energy(chains: Chains, x: Floats) -> tuple[Floats, Floats]:
     """Mass, and twice the kinetic energy over ω², of chains whose pivots are displaced by 1, (P, R, S)."""
-    if scalar := scalar_kernels(chains.size, *x.shape):
-        constants = chains.inverse, chains.r, chains.p, chains.m, chains.mJ, chains.q
-        return scalar.mass_and_energy(constants, x)  # type: ignore[no-any-return]
     mass, energy = (np.zeros((chains.m.shape[1], *x.shape)) for _ in range(2))
     D = np.empty_like(mass)
     step = max(1, ROOM // max(1, mass.size))

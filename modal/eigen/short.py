@@ -1,8 +1,8 @@
 """All frequencies of one short chain, in floats: arrays of so few numbers take longer to make than to use.
 
 The route is that of `chains`: dense seeds, a Rayleigh quotient step at the pivot, and counts on either side of the
-float at which they step, link by link with the arithmetic of `floats`.  Where counts do not confirm that float there is
-no answer, and the general route has its further ways.
+float at which they step, link by link with the arithmetic of `sturm` and `rayleigh`.  Where counts do not confirm
+that float there is no answer, and the general route has its further ways.
 """
 
 from __future__ import annotations
@@ -18,7 +18,6 @@ import numpy as np
 from modal import pair
 from modal.assembly import CartNumbers
 from modal.eigen.chains import FARTHER
-from modal.eigen.floats import nudged, swept, swept_with_energy
 from modal.eigen.recursion import NUDGE
 from modal.types import Floats
 
@@ -62,7 +61,7 @@ def _found(links: Sequence[Link], cart: CartNumbers | None) -> Iterator[float]:
     for j, seed in enumerate(seeds, before):
         x = seed
         for _ in range(STEPS):
-            mu, energy = swept_with_energy(constants, x)
+            mu, energy = _swept_with_energy(constants, x)
             x *= 1.0 - (mu + mass - stiffness / x) / (energy + mass)
             if square := _stepped(counted, rail, spring, j, x):
                 break
@@ -99,9 +98,9 @@ def _stepped(links: list[Constants], mass: float, stiffness: float, before: int,
     if not 0 < x < inf:
         return 0.0
     try:
-        return _neighbour(swept, links, mass, stiffness, before, x)
+        return _neighbour(_swept, links, mass, stiffness, before, x)
     except ZeroDivisionError:
-        return _neighbour(partial(nudged, nudge=NUDGE), links, mass, stiffness, before, x)
+        return _neighbour(partial(_nudged, nudge=NUDGE), links, mass, stiffness, before, x)
 
 
 def _neighbour(count: Count, links: list[Constants], mass: float, stiffness: float, before: int, x: float) -> float:
@@ -114,3 +113,38 @@ def _neighbour(count: Count, links: list[Constants], mass: float, stiffness: flo
         if (below + (mu + mass > stiffness / x) > before) != high:
             return last if high else x
     return 0.0
+
+
+def _swept(links: list[Any], y: float) -> tuple[int, float]:
+    """Pivots D < 0 and the mass at the pivot of links (1/k, r, p, m, m J), tip first."""
+    mu, below = 0.0, 0
+    for k, r, p, m, mJ in links:
+        t = y * k
+        D = 1.0 - (mu + r) * t
+        if D < 0.0:
+            below += 1
+        mu = (mu * (1.0 - p * t) + (m - mJ * t)) / D
+    return below, mu
+
+
+def _nudged(links: list[Any], y: float, nudge: float) -> tuple[int, float]:
+    """The same with D less the nudge."""
+    mu, below = 0.0, 0
+    for k, r, p, m, mJ in links:
+        t = y * k
+        D = 1.0 - (mu + r) * t - nudge
+        mu = (mu * (1.0 - p * t) + (m - mJ * t)) / D
+        below += D < 0
+    return below, mu
+
+
+def _swept_with_energy(links: list[Any], y: float) -> tuple[float, float]:
+    """Mass and energy at the pivot of links (1/k, r, p, m, m J, q), tip first."""
+    mu = energy = 0.0
+    for k, r, p, m, mJ, q in links:
+        t = y * k
+        D = 1.0 - r * t - t * mu
+        carried = (1.0 + q * t) / D
+        mu = (mu * (1.0 - p * t) + (m - mJ * t)) / D
+        energy = ((energy + r) * carried + 2.0 * q) * carried + p
+    return mu, energy

@@ -3,15 +3,17 @@
     Rigid          a free cart's translation, ω = 0, exact
     Alone          pendula on a support that is still in these modes: a fixed one, across the rail, or because equal
                    pendula in antiphase hold the cart still
+    StillPendula   combinations of equal pendula that leave a structure still
     Together       one pendulum of each kind, as heavy as all its copies, and the cart
 
-These are the structured forms; `modal.eigen.matrix_source` is for dampers.  All in natural units.
+These are of plain chains; `modal.eigen.structured` is for dampers, joint springs, inverted links and structures.  All
+in natural units.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from math import log2
 from typing import Protocol
@@ -22,10 +24,11 @@ from numpy.typing import NDArray
 from modal.assembly import Block, CartNumbers
 from modal.eigen.amplitude import coefficient, quartic
 from modal.eigen.chains import EVERYTHING, ChainShapes, Limits, Squares, fixed_shapes, fixed_squares
+from modal.eigen.components import PartedRig, StillGroup
 from modal.eigen.counts import Built, counted
 from modal.eigen.recursion import at_infinity
 from modal.eigen.seeds import seed_matrices
-from modal.types import Floats, Ints
+from modal.types import Complexes, Floats, Ints
 
 ROUNDOFF = 2.0**-53
 
@@ -193,6 +196,62 @@ class Alone:
 
 
 @dataclass(frozen=True, eq=False)
+class StillPendula:
+    """Combinations of equal pendula in different columns that leave the structure still: row i K + k of mode i."""
+
+    carried: PartedRig
+    balanced: StillGroup
+    source: Source
+    rows: Ints
+
+    @property
+    def route(self) -> str:
+        """That of one of the pendula."""
+        return self.source.route
+
+    @property
+    def built(self) -> Built:
+        """What is known of one pendulum already."""
+        return Built("equal pendula that leave the structure still", 1, 0)
+
+    @cached_property
+    def eigenvalue(self) -> Complexes:
+        """Those of one pendulum on a fixed support, for each combination."""
+        return np.repeat(self.source.eigenvalue[self.rows], self.balanced.number)
+
+    @property
+    def error(self) -> Floats:
+        """Relative error bounds."""
+        return np.repeat(self.source.error[self.rows], self.balanced.number)
+
+    @property
+    def is_damped(self) -> bool:
+        """Whether the modes are complex."""
+        return bool(getattr(self.source, "is_damped", False))
+
+    def details(self, rows: Ints) -> Details:
+        """The angles of the pendulum, by the amplitudes of the combination."""
+        group, blocks = self.balanced, self.carried.rig.blocks
+        alone = self.source.details(self.rows[rows // group.number])
+        amplitude = group.vectors(rows % group.number) / np.sqrt(group.counts)
+        angles, shares = (
+            tuple(np.zeros((*b.mass.shape, len(rows)), part.dtype) for b in blocks)
+            for part in (alone.angles[0], alone.shares[0])
+        )
+        angles[group.block][:, group.columns] = alone.angles[0][:, 0][:, None] * amplitude.T
+        shares[group.block][:, group.columns] = alone.shares[0][:, 0][:, None] * amplitude.T**2
+        pushes = np.where(rows % group.number < group.pushes, amplitude @ group.counts, 0.0)
+        return replace(
+            alone,
+            momentum=alone.momentum * pushes,
+            angles=angles,
+            shares=shares,
+            kappa=np.full(len(rows), np.nan),
+            eta=tuple(np.zeros((self.carried.size, len(rows)))),
+        )
+
+
+@dataclass(frozen=True, eq=False)
 class Together:
     """One heavy pendulum of each kind and the cart, with the modes found by a problem.
 
@@ -275,8 +334,8 @@ class Accelerance:
 def bare_accelerance(blocks: tuple[Block, ...], cart: CartNumbers) -> float:
     """Σ φ_x² over all finite modes (1/kg): (M⁻¹)_xx = 1/α, or γ/β² where M is singular (see `at_infinity`)."""
     alpha, beta, gamma = (float(sum(map(np.sum, parts))) for parts in zip(*map(at_infinity, blocks), strict=True))
-    held = cart.stiffness + beta
-    return 1.0 / (cart.mass + alpha) if cart.mass + alpha > 0 else gamma / held / held
+    held, bare = float(cart.stiffness) + beta, float(cart.mass) + alpha
+    return 1.0 / bare if bare > 0 else gamma / held / held
 
 
 def largest_angle(angles: tuple[NDArray[np.inexact], ...]) -> Floats:

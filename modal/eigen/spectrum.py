@@ -22,10 +22,8 @@ from modal.eigen.component_matrices import ComponentMatrices
 from modal.eigen.components import PartedRig, StillGroup
 from modal.eigen.coupled import Counted, CoupledPendula
 from modal.eigen.degenerate import Still, degenerate_modes
-from modal.eigen.matrix_source import FromMatrices
-from modal.eigen.sources import Accelerance, Alone, Details, Rigid, Source, Together, bare_accelerance
-from modal.eigen.sprung_chains import SprungProblem
-from modal.eigen.structured import FreeMotions, OnStructure, StillPendula
+from modal.eigen.sources import Accelerance, Alone, Details, Rigid, Source, StillPendula, Together, bare_accelerance
+from modal.eigen.structured import FreeMotions, OnStructure
 from modal.errors import ComputationError
 from modal.types import Booleans, Floats, Ints
 
@@ -85,75 +83,63 @@ class Batch:
 
 
 def batches(rig: Rig, limits: Limits) -> Iterator[Batch]:
-    """All modes of a rig in natural units; a dense source only with dampers or where no structured one applies.
+    """All modes of a rig in natural units: chains on what is still, equal ones that leave it still, and all others.
 
-    Equal frequencies of different pendula are recognized from all digits of their own modes.
+    Equal frequencies of different pendula on a cart are recognized from all digits of their own modes.
     """
-    if rig.structure:
-        yield from _on_structure(rig, limits)
-        return
-    coupled = rig.cart is not None and rig.n_kinds > 1 and not _needs_more(rig)
     ratio = ratio_at(rig) if rig.damping_ratio else None
-    shown = limits if rig.n_kinds == 1 else EVERYTHING if coupled else Limits(lowest=limits.lowest)
+    carried = PartedRig.of(rig) if rig.structure or (rig.cart and _needs_more(rig, rig.cart)) else None
+    components, balanced = carried.parted if carried else ((), ())
+    joined = {(heavy.block, share.column) for part in components for heavy in part.heavies for share in heavy.shares}
+    coupled = rig.cart is not None and rig.n_kinds > 1 and not carried
+    alike = rig.n_kinds == 1 and not rig.structure
+    shown = limits if alike else EVERYTHING if coupled else Limits(lowest=limits.lowest)
     alone = [Alone(block, shown) for block in rig.blocks]
     for index, (block, source) in enumerate(zip(rig.blocks, alone, strict=True)):
-        along = block.count - (1 if rig.cart else 0)
-        across = block.count if rig.spatial else np.zeros_like(block.count)
-        yield from _apart(index, source, along, across, ratio, coupled=coupled)
-    if rig.cart:
-        yield from _on_cart(rig, rig.cart, alone, ratio, limits)
-
-
-def _apart(
-    index: int, source: Alone, along: Ints, across: Ints, ratio: RatioAt | None, *, coupled: bool
-) -> Iterator[Batch]:
-    """The chains of a block needed individually: all structured ones from one source, the others from one each.
-
-    Different chains `coupled` by a cart are needed even where none of their modes holds it still: a batch without rows.
-    """
-    needed = along + across > 0
-    if not (coupled or needed.any()):
-        return
-    for columns, each in _sources(source, needed | coupled, ratio):
-        rows = np.arange(len(each.eigenvalue))
-        rows = rows[needed[columns[rows % columns.size]]]
-        column = columns[rows % columns.size]
-        yield Batch(each, rows, along[column], across[column], still=True, block=index, columns=column)
-
-
-def _on_structure(rig: Rig, limits: Limits) -> Iterator[Batch]:
-    """Chains on what is still, combinations of equal ones that leave it still, then each part that moves together."""
-    carried, ratio = PartedRig(rig), ratio_at(rig) if rig.damping_ratio else None
-    components, balanced = carried.parted
-    moved = np.array(
-        [(heavy.block, share.column) for part in components for heavy in part.heavies for share in heavy.shares]
-    )
-    for index, block in enumerate(rig.blocks):
-        along = block.count.copy()
-        along[np.unique(moved[moved[:, 0] == index, 1]) if len(moved) else []] -= 1
+        along = block.count - (rig.cart is not None)
+        if rig.structure:
+            along[[column for number, column in joined if number == index]] -= 1
+        across = block.count if rig.spatial else np.zeros_like(along)
         groups = [group for group in balanced if group.block == index]
-        needed = along > 0
+        needed = (along + across > 0) | coupled
         needed[[group.columns[0] for group in groups]] = True
-        for columns, each in (
-            _sources(Alone(block, Limits(lowest=limits.lowest)), needed, ratio) if needed.any() else ()
-        ):
+        for columns, each in _sources(source, needed, ratio):
             rows = np.arange(len(each.eigenvalue))
             column = columns[rows % columns.size]
-            there = along[column] > 0
-            zero = np.zeros(int(there.sum()), dtype=np.int64)
-            yield Batch(each, rows[there], along[column[there]], zero, still=True, block=index, columns=column[there])
+            there = (along + across)[column] > 0
+            kinds = column[there]
+            yield Batch(each, rows[there], along[kinds], across[kinds], still=True, block=index, columns=kinds)
             for group in (group for group in groups if group.columns[0] in columns):
-                yield from _balanced(carried, group, each, rows[column == group.columns[0]])
-    for component in components:
-        reduced = ComponentMatrices(carried, component)
-        if reduced.free.size:
-            yield _moving(FreeMotions(reduced))
-        if reduced.size > reduced.coasting.shape[1]:
-            yield _moving(OnStructure(reduced, ratio, limits))
+                yield from _balanced(group, each, rows[column == group.columns[0]], carried)
+    if carried:
+        for component in components:
+            yield from _component(rig, OnStructure(ComponentMatrices(carried, component), ratio, limits))
+    elif rig.cart:
+        yield from _on_cart(rig, rig.cart, alone, limits)
 
 
-def _balanced(carried: PartedRig, group: StillGroup, source: Source, rows: Ints) -> Iterator[Batch]:
+def _component(rig: Rig, source: OnStructure) -> Iterator[Batch]:
+    """The free motions of what moves together, and its other modes."""
+    reduced = source.reduced
+    if rig.cart:
+        if rig.cart.stiffness == 0:
+            yield _rigid(rig, Accelerance(partial(_accelerance_of, source)))
+        yield _moving(source)
+        return
+    if reduced.free.size:
+        yield _moving(FreeMotions(reduced))
+    if reduced.size > reduced.coasting.shape[1]:
+        yield _moving(source)
+
+
+def _rigid(rig: Rig, accelerance: Accelerance) -> Batch:
+    dragged = bool(rig.cart and rig.cart.damping > 0) or any(block.drag.any() for block in rig.blocks)
+    return _moving(Rigid(rig.blocks, rig.total_mass, accelerance, dragged))
+
+
+def _balanced(group: StillGroup, source: Source, rows: Ints, carried: PartedRig | None) -> Iterator[Batch]:
     """The combination that pushes along the rail, and all others."""
+    assert carried is not None
     still = StillPendula(carried, group, source, rows)
     first, zero = np.arange(len(rows)) * group.number, np.zeros_like(rows)
     if group.pushes:
@@ -168,44 +154,28 @@ def _sources(source: Alone, needed: Booleans, ratio: RatioAt | None) -> Iterator
     if structured.size:
         yield structured, source if structured.size == block.size else Alone(block.take(structured), source.limits)
     for column in np.flatnonzero(needed & ~block.is_plain):
-        chain = block.take(np.array([column]))
-        yield np.array([column]), _sprung(FromMatrices((chain,), (chain.count,), None, ratio))
+        carried = PartedRig.alone(block.take(np.array([column])))
+        (component,) = carried.parted[0]
+        yield np.array([column]), OnStructure(ComponentMatrices(carried, component), ratio, source.limits)
 
 
-def _needs_more(rig: Rig) -> bool:
+def _needs_more(rig: Rig, cart: CartNumbers) -> bool:
     """Whether the effective mass does not suffice for the pendula on a cart."""
-    dragged = rig.cart is not None and rig.cart.damping > 0
-    return dragged or not all(block.is_plain.all() for block in rig.blocks)
+    return cart.damping > 0 or not all(block.is_plain.all() for block in rig.blocks)
 
 
-def _sprung(matrices: FromMatrices) -> Source:
-    """The source for chains with joint springs or inverted links: mass and moment, or dense.
-
-    Dense where they are damped, lean under constant forces, or are too large.
-    """
-    blocks, cart = matrices.blocks, matrices.cart
-    many = cart is not None and sum(block.mass.size for block in blocks) > MOST_LINKS_TOGETHER
-    if matrices.is_damped or matrices.is_singular or matrices.leans or many:
-        return matrices
-    return Together(blocks, matrices.counts, SprungProblem(blocks, cart), partial(_accelerance_of, matrices))
+def _accelerance_of(source: OnStructure) -> float:
+    return source.accelerance
 
 
-def _accelerance_of(matrices: FromMatrices) -> float:
-    return matrices.bare_accelerance
-
-
-def _on_cart(rig: Rig, cart: CartNumbers, alone: list[Alone], ratio: RatioAt | None, limits: Limits) -> Iterator[Batch]:
+def _on_cart(rig: Rig, cart: CartNumbers, alone: list[Alone], limits: Limits) -> Iterator[Batch]:
+    """Plain chains that a cart joins."""
     heavy = tuple(block.heavier(block.count) for block in rig.blocks)
     counts = tuple(block.count for block in rig.blocks)
-    special = _needs_more(rig)
-    matrices = FromMatrices(heavy, counts, cart, ratio)
-    accelerance = Accelerance(partial(_accelerance_of, matrices) if special else partial(bare_accelerance, heavy, cart))
+    accelerance = Accelerance(partial(bare_accelerance, heavy, cart))
     if cart.stiffness == 0:
-        dragged = cart.damping > 0 or any(block.drag.any() for block in rig.blocks)
-        yield _moving(Rigid(rig.blocks, rig.total_mass, accelerance, dragged))
-    if special:
-        yield _moving(_sprung(matrices))
-    elif rig.n_kinds == 1:
+        yield _rigid(rig, accelerance)
+    if rig.n_kinds == 1:
         yield _moving(Together(heavy, counts, CartProblem(heavy, cart, limits=limits), accelerance))
     else:
         squares = tuple(source.squares for source in alone)
@@ -341,7 +311,7 @@ def _compare_with_states(rig: Rig, parts: Sequence[Batch]) -> None:
 
 def _undamped(batch: Batch) -> Booleans:
     """Which rows (R,) of a batch are eigenvalues without any dampers."""
-    damped = isinstance(batch.source, FromMatrices | OnStructure | StillPendula) and batch.source.is_damped
+    damped = isinstance(batch.source, OnStructure | StillPendula) and batch.source.is_damped
     return np.full(len(batch.rows), not damped)
 
 

@@ -1,4 +1,4 @@
-"""Sources of modes of pendula on structures: free motions, what moves with the structure, and what leaves it still.
+"""Sources of modes of pendula on structures: free motions, and what moves with the structure.
 
 The frequencies of a component (`modal.eigen.components`) are found by counts where its springs form a tree
 (`modal.eigen.trees`), from the factors of K and M where all springs are positive (`modal.eigen.product`), and from
@@ -14,21 +14,26 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from modal.assembly import RatioAt
+from modal.assembly import RatioAt, modal_factor
 from modal.eigen import dense, quadratic
+from modal.eigen.amplitude import coefficient, quartic
 from modal.eigen.chains import EVERYTHING, Limits
 from modal.eigen.component_matrices import ComponentMatrices
-from modal.eigen.components import PartedRig, StillGroup
+from modal.eigen.components import PartedRig
 from modal.eigen.counts import Built, counted
 from modal.eigen.factor import BEYOND, SquareSum, is_wide
 from modal.eigen.recursion import joints, kinetic
-from modal.eigen.sources import ROUNDOFF, Details, Source, structured_error
+from modal.eigen.sources import ROUNDOFF, Details, largest_angle, structured_error
 from modal.errors import ComputationError
 from modal.report import deferred
 from modal.types import Booleans, Complexes, Floats, Ints
 
 LARGEST = 1200
 """Coordinates of one component up to which shapes, and frequencies from factors, are computed."""
+LIGHT = 0.1
+"""Damping ratio, and out-of-phase share of a shape, up to which a mode has an amplitude coefficient."""
+MOST_LINKS_TOGETHER = 600
+"""Links with joint springs or inverted ones on a cart up to which counts find modes, dense matrices of more."""
 NARROW = 64.0
 """Factor on the error where the triangular factors are computed in floats no wider than the results."""
 Numbers = NDArray[Any]
@@ -48,8 +53,11 @@ class StructureShapes:
         energies = []
         for number, (block, angle) in enumerate(zip(self.carried.rig.blocks, self.angles, strict=True)):
             along = self.carried.pivots[number] @ self.eta
-            turn = angle * (block.sigma * block.length)[:, :, None]
+            turn = angle * (block.across * block.length)[:, :, None]
             parts = [(along.real, turn.real)] + [(along.imag, turn.imag)] * np.iscomplexobj(angle)
+            if block.sinking is not None:
+                fallen = angle * (block.sinking * block.length)[:, :, None]
+                parts += [(0 * along.real, fallen.real), (0 * along.real, fallen.imag)]
             energy = sum((kinetic(block, joints(y, a), a) for y, a in parts), start=np.zeros(angle.shape))
             sunk = self.carried.sinking[number]
             if sunk is not None:
@@ -61,7 +69,7 @@ class StructureShapes:
 def _details(
     moved: StructureShapes, modal_mass: Floats, momentum: Floats, residual: Floats, energies: tuple[Floats, ...]
 ) -> Details:
-    """The properties that a structure's modes have: no κ, and no share of a cart's."""
+    """The properties that any mode has: no κ, and no share of a cart's."""
     unknown = np.full(len(modal_mass), np.nan)
     return Details(
         modal_mass=modal_mass,
@@ -118,7 +126,7 @@ class FreeMotions:
 
 @dataclass(frozen=True, eq=False)
 class OnStructure:
-    """The modes of one component but its free motions."""
+    """The modes of one component but its free motions: of a structure, a cart, or a chain on a support at rest."""
 
     reduced: ComponentMatrices
     ratio: RatioAt | None = None
@@ -129,25 +137,53 @@ class OnStructure:
         """Whether there are dampers besides those of a damping ratio."""
         return self.reduced.is_damped
 
-    @property
+    @cached_property
     def _is_counted(self) -> bool:
-        return not self.is_damped and self.reduced.is_positive and self.reduced.tree is not None
+        is_cart = self._is_plain and len(self.reduced.component.eta) > 0
+        if self.is_damped or (is_cart and self.reduced.size - 1 > MOST_LINKS_TOGETHER):
+            return False
+        if (tree := self.reduced.tree) is None:
+            return False
+        return not self.is_singular if self._is_plain else self.reduced.is_positive and tree.is_plain
+
+    @property
+    def _is_plain(self) -> bool:
+        return self.reduced.carried.is_plain
+
+    @property
+    def _is_free(self) -> bool:
+        """Whether it is a cart that nothing holds."""
+        return self._is_plain and self.reduced.carried.hanging.structure.carriers[0].stiffness == (0.0,)
+
+    @property
+    def _is_product(self) -> bool:
+        return self.reduced.is_positive and not (self.is_damped or self._is_plain or self._is_counted)
+
+    @cached_property
+    def is_singular(self) -> bool:
+        """Whether M is known to be singular, by a massless cart over bobs."""
+        tree = self.reduced.tree if self._is_plain and self.reduced.is_massless else None
+        return tree is not None and not tree.bare.all()
 
     @property
     def route(self) -> str:
-        """Counts, factors or dense matrices."""
+        """Counts, factors or dense matrices, about the equilibrium under constant forces where there are any."""
         if self._is_counted:
-            return "effective mass"
-        return "product form" if self.reduced.is_positive and not self.is_damped else "dense"
+            return "effective mass" if self.reduced.tree and self.reduced.tree.is_plain else "mass and moment"
+        leaning = ", about the equilibrium under constant forces" * self.reduced.carried.rig.leans
+        return "product form" if self._is_product else f"dense{leaning}"
 
     @property
     def built(self) -> Built:
         """The unknowns of the component, and matrices where there are any."""
         eta, n = len(self.reduced.component.eta), self.reduced.size
-        what = f"{counted(eta, 'coordinate')} of the structure and {counted(n - eta, 'link')}"
+        links = counted(n - eta, "link")
+        what = f"{counted(eta, 'coordinate')} of the structure and {links}"
+        if self._is_plain:
+            what = f"cart and {links}" if eta else f"chain of {links}, support still"
         if self._is_counted:
             return Built(what, 1, n)
-        if self.reduced.is_positive and not self.is_damped:
+        if self._is_product:
             return Built(what, 1, n, (("factors", n, 2),))
         sizes = [("M", n, 1), ("K", n, 1), *([("D", n, 1)] if self.is_damped else [])]
         kind = "state" if self.is_damped else "symmetric"
@@ -163,16 +199,14 @@ class OnStructure:
     def eigenvalue(self) -> Complexes:
         """iω, growth rates, and with dampers −ζω + iω√(1−ζ²)."""
         if self._is_counted:
-            return np.asarray(np.sqrt(self.squares) * 1j)
-        if self.is_damped or not self.reduced.is_positive:
-            return self._dense.eigenvalue
-        return np.asarray(self._product[0] * 1j)
+            return np.sqrt(np.abs(self.squares)) * np.where(self.squares < 0, 1.0, 1j)
+        return np.asarray(self._product[0] * 1j) if self._is_product else self._dense.eigenvalue
 
     @cached_property
     def error(self) -> Floats:
         """Relative error bounds."""
         reduced, lost = self.reduced, 0.0
-        if self.is_damped or not reduced.is_positive:
+        if not (self._is_counted or self._is_product):
             return self._dense.error
         if reduced.hidden.any():
             lost = 2 * ROUNDOFF * reduced.cancelling
@@ -181,8 +215,9 @@ class OnStructure:
         if self._is_counted:
             blocks = [reduced.carried.rig.blocks[heavy.block] for heavy in reduced.component.heavies]
             deepest = max((block.n for block in blocks), default=0)
-            rounding = structured_error(deepest + 2 * len(reduced.component.eta), len(blocks))
-            return np.full(len(self.squares), rounding + lost)
+            deepest += 0 if self._is_plain else 2 * len(reduced.component.eta)
+            assert reduced.tree is not None
+            return reduced.tree.slack(self.squares) * structured_error(deepest, len(blocks)) + lost
         narrow = NARROW if not is_wide(reduced.size) else 1.0
         return np.full(len(self._product[0]), narrow * (32 + 12 * reduced.size) * ROUNDOFF + lost)
 
@@ -196,31 +231,58 @@ class OnStructure:
     @cached_property
     def _dense(self) -> dense.Eigen:
         """Of dense matrices, free motions without dampers left out with their momentum."""
-        M, K, D = (factor.matrix for factor in self.reduced.factors)
+        leans, positive = self.reduced.carried.rig.leans, self.reduced.is_positive
+        cause = "constant forces" if leans else "inverted links" if not positive else "joint springs"
+        cause = cause if self._is_plain else "falling coordinates"
         largest = dense.LARGEST_DAMPED if self.is_damped else dense.LARGEST_UNDAMPED
-        dense.refuse_beyond(largest, len(M), "dampers" if self.is_damped else "falling coordinates")
-        if dense.is_singular(M):
+        dense.refuse_beyond(largest, self.reduced.size, "dampers" if self.is_damped else cause)
+        undamped = self._is_plain and positive and not self.is_damped
+        if self.is_singular and not undamped:
+            raise ComputationError(dense.SINGULAR)
+        M, K = (factor.matrix for factor in self.reduced.factors[:2])
+        if not self._is_plain and dense.is_singular(M):
             raise ComputationError(BEYOND)
-        roots, modal = self._dampers
-        coasting = self.reduced.coasting if self.is_damped else self.reduced.free
+        if undamped:
+            return dense.undamped(M, K, free=self._is_free, singular=self.is_singular)
+        coasting, free = np.zeros((len(M), 0)), 0
+        if not self._is_plain:
+            coasting, free = self.reduced.coasting if self.is_damped else self.reduced.free, self.reduced.free.shape[1]
         kept, back, inertia, lost = _without(coasting, M)
         stiffness, terms = K[np.ix_(kept, kept)], self.reduced.terms[kept]
+        turned = self._turned_by_rounding(K) if leans else 0.0
         if not self.is_damped:
-            modes = dense.indefinite(inertia, stiffness, free=False, terms=terms)
-            return replace(modes, shape=back @ modes.shape, error=modes.error * lost)
+            modes = dense.indefinite(inertia, stiffness, free=self._is_free, terms=terms)
+            return replace(modes, shape=back @ modes.shape, error=modes.error * lost + turned)
+        roots, modal = self._dampers
         dampers = quadratic.Dampers(roots.strength[kept], _kept(roots.above, kept), _rows(roots.roots, kept))
         ratios = None if modal is None else modal[:, kept]
-        modes = quadratic.damped(inertia, stiffness, terms, dampers, ratios, free=False)
-        left = slice(self.reduced.free.shape[1] - coasting.shape[1], None)
-        assert D.shape == M.shape
+        modes = quadratic.damped(inertia, stiffness, terms, dampers, ratios, free=self._is_free)
+        left = slice(max(free - coasting.shape[1], 0), None)
         return replace(
             modes,
             eigenvalue=modes.eigenvalue[left],
             shape=back @ modes.shape[:, left],
-            error=modes.error[left] * lost,
+            error=modes.error[left] * lost + turned,
         )
 
-    @property
+    def _turned_by_rounding(self, K: Floats) -> float:
+        """How far rounding may turn links (rad) whose equilibrium constant forces move, as near the balance of forces.
+
+        M and K change with the cosines of their angles.
+        """
+        first = len(self.reduced.component.eta)
+        held = np.abs(np.linalg.inv(K[first:, first:]))
+        return float(8 * dense.EPS * (held @ self.reduced.terms[first:]).max())
+
+    @cached_property
+    def _losses(self) -> SquareSum:
+        """D with what the damping ratio adds to it."""
+        D, modal = self.reduced.factors[2], self._dampers[1]
+        if modal is None:
+            return D
+        return SquareSum(np.concatenate([D.rows, modal]), np.concatenate([D.size, np.ones(len(modal))]))
+
+    @cached_property
     def _dampers(self) -> tuple[quadratic.Dampers, Floats | None]:
         """Dampers of joints below the first by their links, all others by their rows; and C with D_modal = CᵀC."""
         reduced, D = self.reduced, self.reduced.factors[2]
@@ -236,10 +298,13 @@ class OnStructure:
         modal = None
         if self.ratio is not None:
             M, K, _ = reduced.factors
-            if not reduced.is_positive:
+            if self._is_plain:
+                modal = modal_factor(M.matrix, K.matrix, self._is_free, self.ratio)
+            elif not reduced.is_positive:
                 raise ComputationError("damping_ratio: is not computed with dampers where a coordinate falls")
-            omega, shapes = _product_modes(K, M, reduced.free.shape[1])
-            modal = np.sqrt(2 * self.ratio(omega) * omega)[:, None] * (M.matrix @ shapes).T
+            else:
+                omega, shapes = _product_modes(K, M, reduced.free.shape[1])
+                modal = np.sqrt(2 * self.ratio(omega) * omega)[:, None] * (M.matrix @ shapes).T
         return quadratic.Dampers(strength, above, roots if len(roots) else None), modal
 
     def details(self, rows: Ints) -> Details:
@@ -247,7 +312,7 @@ class OnStructure:
         if self._is_counted:
             return self._counted(rows)
         reduced, value, shape = self.reduced, self.eigenvalue[rows], self._shapes(rows)
-        M, K, D = reduced.factors
+        M, K, _ = reduced.factors
         moved = moved_of(reduced, shape)
         modal_mass = (M.size[:, None] * np.abs(M.rows @ shape) ** 2).sum(0)
         momentum = np.full(len(rows), np.nan)
@@ -256,7 +321,7 @@ class OnStructure:
             held = (K.size[:, None] * (K.rows @ shape) ** 2).sum(0)
             residual = np.abs(1 + held / modal_mass / (value**2).real)
         else:
-            terms = [(K, 0), (D, 1), (M, 2)]
+            terms = [(K, 0), (self._losses, 1), (M, 2)]
             push = sum(part.rows.T @ (part.size[:, None] * (part.rows @ shape)) * value**p for part, p in terms)
             size = sum(
                 np.abs(part.rows.T)
@@ -265,20 +330,86 @@ class OnStructure:
                 for part, p in terms
             )
             residual = (np.abs(push) / np.where(size > 0, size, 1.0)).max(0)
-        return _details(moved, modal_mass, momentum, residual, moved.energies)
+        described = _details(moved, modal_mass, momentum, residual, moved.energies)
+        return self._of_cart(described, value, shape) if self._is_plain else described
 
     def _counted(self, rows: Ints) -> Details:
         """Shapes of a tree."""
-        tree = self.reduced.tree
+        tree, value = self.reduced.tree, self.eigenvalue[rows]
         assert tree is not None
-        shape, missed = tree.shapes(self.squares, rows)
-        moved = moved_of(self.reduced, shape)
-        momentum = _cancelled(self.reduced.momentum, shape)
-        return _details(moved, np.ones(len(rows)), momentum, missed, moved.energies)
+        shape, works, push, missed = tree.shapes(self.squares, rows)
+        moved, unit = moved_of(self.reduced, shape), np.ones(len(rows))
+        if not self._is_plain:
+            momentum = _cancelled(self.reduced.momentum, shape)
+            return _details(moved, unit, momentum, missed, moved.energies)
+        counts = (block.count[:, None] for block in self.reduced.carried.rig.blocks)
+        energies = tuple(work / count for work, count in zip(works, counts, strict=True))
+        return self._of_cart(_details(moved, unit, push, missed, energies), value, shape)
+
+    def _of_cart(self, details: Details, value: Complexes, shape: Numbers) -> Details:
+        """The properties of these modes with κ and, on a cart, what moves it."""
+        is_cart = len(self.reduced.component.eta) > 0
+        cart = shape[0] if is_cart else np.zeros(len(value))
+        momentum = details.momentum
+        if is_cart and not self.is_damped:
+            (spring,) = self.reduced.carried.hanging.structure.carriers[0].stiffness
+            momentum = spring * cart.real / -(value**2).real
+        return replace(
+            details,
+            momentum=momentum,
+            cart=cart,
+            participation=self._participation(details.modal_mass, value, shape) if is_cart else cart.real,
+            kappa=self._kappa(details, value, shape),
+            eta=(),
+        )
+
+    def _participation(self, modal_mass: Floats, value: Complexes, shape: Numbers) -> Floats:
+        """The share of each mode in the cart's response to a sudden push (`modal.modes.mode`).
+
+        It is x'(0+) = Σ λ φ_x²/(φᵀ(2λM + D)φ) over all eigenvalues, a conjugate pair giving twice the real part.
+        """
+        if not self.is_damped:
+            return np.asarray(shape[0].real ** 2 / modal_mass / self.accelerance)
+        M, _, D = *self.reduced.factors[:2], self._losses
+        inertia, losses = ((S.size[:, None] * (S.rows @ shape) ** 2).sum(0) for S in (M, D))
+        residue: Floats = (value * shape[0] ** 2 / (2 * value * inertia + losses)).real / self.accelerance
+        return np.where(value.imag > 0, 2 * residue, residue)
+
+    @cached_property
+    def accelerance(self) -> float:
+        """Σ φ_x² over all finite modes of a cart (1/kg): (M⁻¹)_xx, where M is singular from the modes themselves."""
+        if (tree := self.reduced.tree) is None:
+            return float(np.linalg.inv(self.reduced.factors[0].matrix)[0, 0])
+        if not self.is_singular:
+            return 1.0 / float(tree.bare[0])
+        M, shape = self.reduced.factors[0], self._dense.shape.real
+        finite = float(np.sum(shape[0] ** 2 / (M.size[:, None] * (M.rows @ shape) ** 2).sum(0)))
+        return finite + (1.0 / float(M.matrix[0, 0]) if self._is_free else 0.0)
+
+    def _kappa(self, details: Details, value: Complexes, shape: Numbers) -> Floats:
+        """κ of the in-phase part of each shape: exact without dampers, to first order in light ones.
+
+        About an equilibrium that constant forces have moved there are forces of odd order, too: NaN.
+        """
+        rig, omega = self.reduced.carried.rig, np.abs(value)
+        if rig.leans:
+            return np.full(len(value), np.nan)
+        cart = shape.real[0] if len(self.reduced.component.eta) else np.zeros(len(value))
+        angles = tuple(angle.real for angle in details.angles)
+        parts = zip(rig.blocks, angles, strict=True)
+        gamma = np.sum([(quartic(b, omega**2, cart, a) * b.count[:, None]).sum(0) for b, a in parts], axis=0)
+        modal_mass = details.modal_mass
+        if self.is_damped:
+            M = self.reduced.factors[0]
+            modal_mass = (M.size[:, None] * (M.rows @ shape.real) ** 2).sum(0)
+        kappa = coefficient(gamma, modal_mass, omega**2, largest_angle(angles))
+        quiet = np.abs(shape.imag).max(0) < LIGHT * np.abs(shape.real).max(0)
+        light = (np.abs(value.real) < LIGHT * omega) & quiet
+        return np.where(light, kappa, np.nan)
 
     def _shapes(self, rows: Ints) -> Numbers:
         """(n, R), real without dampers; what moves no more than rounding, in its share of the energy, is still."""
-        whole = self._dense.shape if self.is_damped or not self.reduced.is_positive else self._product[1]
+        whole = self._product[1] if self._is_product else self._dense.shape
         first, M = len(self.reduced.component.eta), self.reduced.factors[0]
         shape = whole[:, rows]
         shape = dense.in_phase(shape, first if self.reduced.size > first else 0) if self.is_damped else shape.real
@@ -357,59 +488,3 @@ def _kept(above: Ints, kept: Ints) -> Ints:
 
 def _rows(roots: Floats | None, kept: Ints) -> Floats | None:
     return None if roots is None else roots[:, kept]
-
-
-@dataclass(frozen=True, eq=False)
-class StillPendula:
-    """Combinations of equal pendula in different columns that leave the structure still: row i K + k of mode i."""
-
-    carried: PartedRig
-    balanced: StillGroup
-    source: Source
-    rows: Ints
-
-    @property
-    def route(self) -> str:
-        """That of one of the pendula."""
-        return self.source.route
-
-    @property
-    def built(self) -> Built:
-        """What is known of one pendulum already."""
-        return Built("equal pendula that leave the structure still", 1, 0)
-
-    @cached_property
-    def eigenvalue(self) -> Complexes:
-        """Those of one pendulum on a fixed support, for each combination."""
-        return np.repeat(self.source.eigenvalue[self.rows], self.balanced.number)
-
-    @property
-    def error(self) -> Floats:
-        """Relative error bounds."""
-        return np.repeat(self.source.error[self.rows], self.balanced.number)
-
-    @property
-    def is_damped(self) -> bool:
-        """Whether the modes are complex."""
-        return bool(getattr(self.source, "is_damped", False))
-
-    def details(self, rows: Ints) -> Details:
-        """The angles of the pendulum, by the amplitudes of the combination."""
-        group, blocks = self.balanced, self.carried.rig.blocks
-        alone = self.source.details(self.rows[rows // group.number])
-        amplitude = group.vectors(rows % group.number) / np.sqrt(group.counts)
-        angles, shares = (
-            tuple(np.zeros((*b.mass.shape, len(rows)), part.dtype) for b in blocks)
-            for part in (alone.angles[0], alone.shares[0])
-        )
-        angles[group.block][:, group.columns] = alone.angles[0][:, 0][:, None] * amplitude.T
-        shares[group.block][:, group.columns] = alone.shares[0][:, 0][:, None] * amplitude.T**2
-        pushes = np.where(rows % group.number < group.pushes, amplitude @ group.counts, 0.0)
-        return replace(
-            alone,
-            momentum=alone.momentum * pushes,
-            angles=angles,
-            shares=shares,
-            kappa=np.full(len(rows), np.nan),
-            eta=tuple(np.zeros((self.carried.size, len(rows)))),
-        )

@@ -19,7 +19,6 @@ import numpy as np
 
 from modal import pair
 from modal.assembly import Block, CartNumbers, masses_below
-from modal.eigen.kernels import scalar_kernels
 from modal.eigen.recursion import NUDGE
 from modal.types import Floats, Ints
 
@@ -81,9 +80,9 @@ class Suspension:
 
     @classmethod
     def on_cart(cls, blocks: Sequence[Block], cart: CartNumbers) -> Suspension:
-        """All chains on one cart."""
-        chains = tuple(_arranged(block, (-1, 1, 1)) for block in blocks)
-        return cls(chains, np.array([cart.mass]), np.array([cart.stiffness]))
+        """All chains on one cart, or on each of S carts."""
+        mass, stiffness = np.atleast_1d(cart.mass), np.atleast_1d(cart.stiffness)
+        return cls(tuple(_arranged(block, (-1, 1, len(mass))) for block in blocks), mass, stiffness)
 
     @classmethod
     def fixed(cls, block: Block) -> Suspension:
@@ -145,8 +144,6 @@ def count_and_mass(chains: Chains, x: Floats) -> tuple[Ints, Floats]:
 
 
 def _counted(chains: Chains, x: Floats, nudge: float) -> tuple[Ints, Floats]:
-    if scalar := scalar_kernels(chains.size, *x.shape):
-        return scalar.count_and_mass((chains.inverse, chains.r, chains.p, chains.m, chains.mJ), x, nudge)  # type: ignore[no-any-return]
     mu = np.zeros((chains.m.shape[1], *x.shape))
     below = np.zeros(mu.shape, dtype=np.int64)
     step = min(MOST_COUNTED, max(1, ROOM // max(1, mu.size)))

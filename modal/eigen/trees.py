@@ -1,16 +1,19 @@
-"""Counts of modes of coordinates whose springs form a tree, with plain chains on each: every digit.
+"""Counts of modes of coordinates whose springs form a tree, with chains on each: every digit.
 
 A coordinate η with its own spring k and mass m, on which chains hang that move by h η, has the dynamic stiffness
 
     s = k − x (m + Σ h² μ(x)) + Σ α² κ s'/(β² κ + s')
 
-of x = ω² and the effective masses μ of `modal.eigen.recursion`; the last sum is over the springs κ (α η + β η')² to
-coordinates η' further from the root.  The number of modes below x is that of chains' D < 0, of β²κ + s' < 0 and of
-s < 0 at the root (Sylvester's law of inertia).  Every rounding is one of a number of the scene.
+of x = ω² and the effective masses μ of `modal.eigen.recursion`, with joint springs or inverted links those of
+`modal.eigen.sprung_chains`; the last sum is over the springs κ (α η + β η')² to coordinates η' further from the root.
+Chains on a support at rest are a tree without coordinates.  The number of modes below x is that of chains' D < 0, of
+β²κ + s' < 0 and of s < 0 at the root (Sylvester's law of inertia).  Every rounding is one of a number of the scene;
+with inverted links gravity and springs may cancel (`Tree.slack`).
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -18,10 +21,12 @@ from typing import NamedTuple
 import numpy as np
 
 from modal.assembly import Block, CartNumbers
-from modal.eigen.bisection import located
+from modal.eigen import sprung_chains
+from modal.eigen.bisection import above_all, located, smallest_where
+from modal.eigen.recursion import at_infinity
 from modal.eigen.sprung_chains import EliminatedChain, descended, eliminated, gathered
 from modal.eigen.sturm import Chains, Suspension, count_and_mass
-from modal.types import Floats, Ints
+from modal.types import Booleans, Floats, Ints
 
 NUDGE = 2.0**-60
 """An exact zero of a pivot becomes minus this fraction of its terms."""
@@ -31,6 +36,25 @@ CLOSE = 1e-8
 NO_CART = CartNumbers(0.0, 0.0, 0.0)
 LOWER = 2.0**-48
 """Factor by which a trial value is lowered until no mode is below it."""
+SMALLEST = 2.0**-900
+"""Lower bound of |ω²| with inverted links."""
+ROUNDINGS = 4
+"""Roundings per link with joint springs, over those without."""
+CANCELLED = 2.0**-50
+"""Displacement of a coordinate over the largest angle, per coordinate, that is zero among close modes."""
+
+
+class TreeShapes(NamedTuple):
+    """R shapes (n, R) with φᵀMφ = 1, and the errors of their Rayleigh quotients over ω² (R,).
+
+    `works` (n, P, R) are twice the kinetic energies over ω² of every group of chains, `push` (R,) their momentum along
+    the rail where the coordinates are at rest.
+    """
+
+    shape: Floats
+    works: tuple[Floats, ...]
+    push: Floats
+    missed: Floats
 
 
 class HungChains(NamedTuple):
@@ -62,28 +86,54 @@ class Tree:
     hung: tuple[HungChains, ...]
 
     @cached_property
-    def chains(self) -> tuple[tuple[Chains, Ints], ...]:
-        """The constants of the chains, with the coordinate of each."""
-        return tuple((Suspension.on_cart([hanging.block], NO_CART).chains[0], hanging.places) for hanging in self.hung)
+    def chains(self) -> tuple[tuple[Chains | Block, Ints], ...]:
+        """The constants of plain chains, or all numbers of the others, with the coordinate of each."""
+        return tuple(
+            (Suspension.on_cart([block], NO_CART).chains[0] if block.is_plain.all() else block, places)
+            for block, places, *_ in self.hung
+        )
+
+    @property
+    def is_plain(self) -> bool:
+        """Whether all chains are."""
+        return all(hanging.block.is_plain.all() for hanging in self.hung)
+
+    @property
+    def stands(self) -> bool:
+        """Whether any link is inverted."""
+        return any((hanging.block.sigma < 0).any() for hanging in self.hung)
 
     @property
     def free(self) -> int:
         """1 if nothing holds it."""
-        return int(not self.stiffness.any())
+        return int(len(self.mass) > 0 and not self.stiffness.any())
 
     @property
     def size(self) -> int:
         """Number of coordinates with those of the chains."""
-        return len(self.parent) + sum(chains.size for chains, _ in self.chains)
+        return len(self.parent) + sum(hanging.block.mass.size for hanging in self.hung)
+
+    @cached_property
+    def bare(self) -> Floats:
+        """The mass (N,) that each coordinate feels from inertia alone."""
+        bare = self.mass.copy()
+        for hanging in self.hung if len(bare) else ():
+            np.add.at(bare, hanging.places, at_infinity(hanging.block)[0])
+        return bare
 
     def count(self, x: Floats) -> Ints:
-        """The number of modes with 0 < ω² < x, (R, 1) as x."""
+        """The number of modes with 0 < ω² < x, or with ω² < x where x < 0, (R, 1) as x."""
         trial = x[:, 0]
-        s, total = np.zeros((len(self.parent), len(trial))), np.full(len(trial), -self.free)
+        s, total = np.zeros((len(self.parent), len(trial))), np.where(trial > 0, -self.free, 0)
         for chains, places in self.chains:
-            below, mass = count_and_mass(chains, x)
-            total += below[:, :, 0].sum(0)
-            np.add.at(s, places, mass[:, :, 0])
+            if isinstance(chains, Block):
+                below, mass = sprung_chains.count_and_mass(chains, trial)
+            else:
+                counts, masses = count_and_mass(chains, x)
+                below, mass = counts[:, :, 0], masses[:, :, 0]
+            total += below.sum(0)
+            if len(s):
+                np.add.at(s, places, mass)
         passed = np.zeros_like(s)
         for i in reversed(range(len(s))):
             stiffness, pivot, near = self._pivot(i, trial, s[i], passed[i])
@@ -98,7 +148,7 @@ class Tree:
         stiffness = self.stiffness[i] - inertia + passed
         near, far = self.spring[i] * self.near[i] ** 2, self.spring[i] * self.far[i] ** 2
         pivot = far + stiffness
-        size = self.stiffness[i] + x * (self.mass[i] + np.abs(felt)) + np.abs(passed) + far
+        size = self.stiffness[i] + np.abs(x) * (self.mass[i] + np.abs(felt)) + np.abs(passed) + far
         return stiffness, np.where(pivot == 0, -NUDGE * size, pivot), float(near)
 
     def take(self, supports: Ints | slice) -> Tree:
@@ -108,28 +158,70 @@ class Tree:
     @cached_property
     def low(self) -> Floats:
         """A trial value (1,) below all modes."""
-        held = np.concatenate([self.stiffness, self.spring, *((1 / c.inverse).ravel() for c, _ in self.chains)])
-        heavy = np.concatenate([self.mass, *(c.m.ravel() for c, _ in self.chains)])
+        if self.stands:
+            return np.array([SMALLEST])
+        held = np.concatenate([self.stiffness, self.spring, *(h.block.constants.k.ravel() for h in self.hung)])
+        heavy = np.concatenate([self.mass, *(hanging.block.mass.ravel() for hanging in self.hung)])
         trial = np.array([[held[held > 0].min() / heavy.sum()]])
         while self.count(trial)[0, 0] > 0 and trial[0, 0] > 0:
             trial = trial * LOWER
         return np.asarray(trial[0])
 
     def squares(self, lowest: int | None) -> Floats:
-        """All ω² > 0, ascending, or the lowest of them."""
+        """All ω² but 0, ascending, or the lowest of them; with inverted links all, negative for growing modes."""
         modes = self.size - self.free
-        wanted = np.arange(modes)[:lowest]
-        return located(self, wanted, modes)[:, 0] if modes else np.zeros(0)
+        wanted = np.arange(modes)
+        if not self.stands:
+            return located(self, wanted[:lowest], modes)[:, 0] if modes else np.zeros(0)
+
+        def below(x: Floats) -> Ints:
+            return self.count(x[:, None])[:, 0]
+
+        def crossings(reached: Callable[[Floats], Booleans], highest: Floats, number: int) -> Floats:
+            return smallest_where(reached, *(np.broadcast_to(end, number) for end in (self.low, highest)))
+
+        growing = int(below(-self.low)[0])
+        top = above_all(lambda u: growing - below(-u), self.low, np.array([growing])) if growing else self.low
+        high = above_all(below, self.low, np.array([modes]))
+        negative = -crossings(lambda u: below(-u) <= wanted[:growing], top, growing)
+        return np.append(negative, crossings(lambda u: below(u) > wanted[growing:], high, modes - growing))
+
+    def slack(self, squares: Floats) -> Floats:
+        """Factor of the error of ω over that of one recursion (R,).
+
+        With inverted links a rounding of gravity and of each spring counts in proportion to its energy.
+        """
+        if not self.stands:
+            return np.full(len(squares), 1.0 if self.is_plain else float(ROUNDINGS))
+        (eta, angles, _), _ = self._shapes(squares, np.arange(len(squares)))
+        held = self.stiffness @ eta**2
+        for (block, *_), turned in zip(self.hung, angles, strict=True):
+            above = np.concatenate([np.zeros_like(turned[:1]), turned[:-1]]) * sprung_chains.turns(block)[:, :, None]
+            spring = block.stiffness[:, :, None] * (turned - above) ** 2
+            held = held + (block.b[:, :, None] * turned**2 + spring).sum((0, 1))
+        return np.asarray(ROUNDINGS * (held / np.abs(squares) + 1) / 2)
 
     # ----------------------------------------------------------------------------------------------------- shapes
 
-    def shapes(self, squares: Floats, rows: Ints) -> tuple[Floats, Floats]:
-        """Shapes (n, R) of these rows of all `squares`, and errors of their Rayleigh quotients over ω², (R,).
+    def shapes(self, squares: Floats, rows: Ints) -> TreeShapes:
+        """The shapes of these rows of all `squares`."""
+        shape, missed = self._shapes(squares, rows)
+        angles, (_, forces, moments) = shape[1], self._inertial(shape)
+        parts = zip(forces, shape[2], moments, angles, strict=True)
+        works = tuple(force * centres + moment * turned for force, centres, moment, turned in parts)
+        pushes = [
+            (eliminated(h.block, squares[rows]).moment[0] * a[0]).sum(0) for h, a in zip(self.hung, angles, strict=True)
+        ]
+        return TreeShapes(self._written(shape), works, np.sum(pushes, axis=0), missed)
+
+    def _shapes(self, squares: Floats, rows: Ints) -> tuple[_Shape, Floats]:
+        """Shapes φᵀMφ = 1 of these rows, and errors of their Rayleigh quotients over ω², (R,).
 
         By inverse iteration in the elimination of the counts, from loads of every link's own size.  Rows of close
         squares are computed together.
         """
-        near = np.concatenate([[0], np.cumsum(np.diff(squares) > CLOSE * squares[:-1])])
+        size = np.abs(squares)
+        near = np.concatenate([[0], np.cumsum(np.diff(squares) > CLOSE * np.minimum(size[1:], size[:-1]))])
         members = np.flatnonzero(np.isin(near, near[rows]))
         x, place = squares[members], members - np.searchsorted(near, near[members])
         pivots = [eliminated(hanging.block, x) for hanging in self.hung]
@@ -156,8 +248,13 @@ class Tree:
                 for part in _arrays(shape):
                     part[..., k] /= size
             loads = self._inertial(shape)
+        eta, angles, centres = shape
+        swings = np.max([np.abs(part).max((0, 1)) for part in angles], axis=0, initial=0.0)
+        several = np.bincount(near)[near[members]] > 1
+        eta[:] = np.where(several & (np.abs(eta) <= CANCELLED * self.size * swings), 0.0, eta)
         at = np.searchsorted(members, rows)
-        return self._written(shape)[:, at], np.abs(missed / x)[at]
+        kept = eta[:, at], [part[:, :, at] for part in angles], [part[:, :, at] for part in centres]
+        return kept, np.abs(missed / x)[at]
 
     def _answer(self, pivots: list[EliminatedChain], x: Floats, loads: _Loads) -> _Shape:
         """(K − x M)⁻¹ of these loads."""
@@ -165,8 +262,9 @@ class Tree:
         felt = [gathered(hanging.block, chain, x, *load) for hanging, chain, *load in parts]
         mass, force = np.zeros((len(self.mass), len(x))), loads[0].copy()
         for hanging, chain, (_, pulled) in zip(self.hung, pivots, felt, strict=True):
-            np.add.at(mass, hanging.places, chain.mass[0])
-            np.add.at(force, hanging.places, pulled)
+            if len(mass):
+                np.add.at(mass, hanging.places, chain.mass[0])
+                np.add.at(force, hanging.places, pulled)
         eta, passed, pivot = np.zeros_like(force), np.zeros_like(force), np.zeros_like(force)
         across = -self.spring * self.near * self.far
         for i in reversed(range(len(eta))):
@@ -178,7 +276,11 @@ class Tree:
             above = eta[self.parent[i]] if self.parent[i] >= 0 else 0.0
             eta[i] = (force[i] + across[i] * above) / pivot[i]
         every = zip(self.hung, pivots, felt, strict=True)
-        moved = [descended(hanging.block, chain, x, load, eta[hanging.places]) for hanging, chain, (load, _) in every]
+        still = np.zeros(len(x))
+        moved = [
+            descended(hanging.block, chain, x, load, eta[hanging.places] if len(eta) else still)
+            for hanging, chain, (load, _) in every
+        ]
         return eta, [angles for angles, _ in moved], [centres for _, centres in moved]
 
     def _inertial(self, shape: _Shape) -> _Loads:
@@ -197,7 +299,7 @@ class Tree:
         shapes[self.order] = eta
         for hanging, part in zip(self.hung, angles, strict=True):
             for p, (first, h) in enumerate(zip(hanging.first.tolist(), hanging.h.tolist(), strict=True)):
-                shapes[first : first + hanging.block.n] = h * part[:, p]
+                shapes[first : first + hanging.block.n] = h * hanging.block.sigma[:, p, None] * part[:, p]
         return shapes
 
 

@@ -8,8 +8,8 @@ from math import prod
 
 import numpy as np
 
-from modal.assembly import Stack, StackedGroup, can_stack, keep_form, stacked, varied
-from modal.eigen import CLOSE, Suspension, chains_of, squares_of
+from modal.assembly import Block, Stack, can_stack, keep_form, stacked, varied
+from modal.eigen import CLOSE, Suspension, squares_of
 from modal.errors import ComputationError, SceneError
 from modal.modes.eigenvalues import Short
 from modal.modes.modes import natural_modes, validate_accuracy
@@ -191,22 +191,18 @@ def _together(stack: Stack, accuracy: float) -> Floats:
 
 def _squares(stack: Stack, accuracy: float) -> Iterator[Floats]:
     """ω² (R, S) with multiplicities."""
-    held = stack.mass is not None and stack.stiffness is not None
-    several = held and sum(len(group.count) for group in stack.groups) > 1
+    cart, several = stack.cart, stack.cart is not None and sum(block.size for block in stack.blocks) > 1
     stretches = []
-    for group in stack.groups:
-        times = group.count * (1 + stack.spatial) - held
+    for block in stack.blocks:
+        times = block.count * (1 + stack.spatial) - (cart is not None)
         if several or times.any():
-            squares = _own_squares(group, 0.0 if several else accuracy)
+            squares = _own_squares(block, 0.0 if several else accuracy)
             stretches.append(squares)
             yield np.repeat(squares, times, axis=1).reshape(-1, len(stack.rate))
-    if stack.mass is None or stack.stiffness is None:
+    if cart is None:
         return
-    heavy = []
-    for group in stack.groups:
-        heavy.append(chains_of(*group.heavier.numbers))
-    suspension = Suspension(tuple(heavy), stack.mass, stack.stiffness)
-    free = bool(stack.stiffness[0] == 0)
+    suspension = Suspension.on_cart([block.heavier(block.count[:, None, None]) for block in stack.blocks], cart)
+    free = bool(cart.stiffness[0] == 0)
     if free:
         yield np.zeros((1, len(stack.rate)))
     size = suspension.size + (not free)
@@ -214,11 +210,9 @@ def _squares(stack: Stack, accuracy: float) -> Iterator[Floats]:
     yield np.where(_meet(stretches) if several else False, np.nan, squares)
 
 
-def _own_squares(group: StackedGroup, accuracy: float) -> Floats:
+def _own_squares(block: Block, accuracy: float) -> Floats:
     """ω² (n, P, S) on fixed supports."""
-    n, pendula, _, supports = group.mass.shape
-    chains = chains_of(*(values.reshape(n, 1, 1, -1) for values in group.numbers))
-    return squares_of(Suspension((chains,)), np.arange(n), n, accuracy).x.reshape(n, pendula, supports)
+    return squares_of(Suspension.fixed(block), np.arange(block.n), block.n, accuracy).x.reshape(block.n, block.size, -1)
 
 
 def _meet(stretches: Sequence[Floats]) -> Booleans:

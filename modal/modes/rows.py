@@ -34,7 +34,7 @@ from modal.types import Floats, Ints
 
 BEYOND_DOUBLE = "beyond double precision"
 LIGHTLY = 0.1
-"""Damping ratio up to which a mode has an amplitude coefficient, as in `modal.eigen.matrix_source`."""
+"""Damping ratio up to which a mode has an amplitude coefficient, as in `modal.eigen.structured`."""
 
 
 class _RowPart(NamedTuple):

@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from modal.eigen.compiling import available, in_place
 from modal.errors import MissingExtraError
 from modal.types import Floats, Ints
 from nonlinear.dynamics.compiled_structure import FlatStructure, flat_of, link_at, rate_on_carriers
+from nonlinear.dynamics.compiling import available, in_place
 from nonlinear.dynamics.inputs import NOTHING
 from nonlinear.dynamics.joints import joint_law
 from nonlinear.dynamics.minimal import Minimal

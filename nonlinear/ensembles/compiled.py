@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from modal.eigen.compiling import available
 from modal.errors import ComputationError, MissingExtraError
 from modal.types import Floats, Ints
 from nonlinear.chaos import TRANSIENT
 from nonlinear.dynamics import Lanes, undisturbed
+from nonlinear.dynamics.compiling import available
 from nonlinear.dynamics.friction import JAMMED as STUCK
 from nonlinear.dynamics.inputs import Inputs
 from nonlinear.dynamics.lanes import Rates

@@ -25,8 +25,8 @@ from functools import cached_property
 from math import inf, nan
 from typing import Any
 
-from modal.eigen.compiling import inner
 from nonlinear.dynamics import complementarity
+from nonlinear.dynamics.compiling import inner
 from nonlinear.dynamics.complementarity import EXCESS, UNBOUNDED, consistent, on_rail, solved
 
 TOGETHER = 1e-12  # rad by which a kick, or natural velocity by which a stop, may come early to coincide with another

@@ -16,10 +16,10 @@ from typing import Any, cast
 import numpy as np
 from scipy.integrate import DOP853
 
-from modal.eigen.compiling import compiled, in_place
 from modal.types import Floats
 from nonlinear.dynamics import undisturbed
 from nonlinear.dynamics.compiled import LOOSE, TURNS, Compiled, rate
+from nonlinear.dynamics.compiling import compiled, in_place
 from nonlinear.integration.costs import integrator
 from nonlinear.integration.method import (
     EXTRA,

@@ -17,11 +17,11 @@ from threading import Lock
 from types import ModuleType
 from typing import Any
 
-from modal.eigen.compiling import inner
 from modal.errors import SceneError
 from modal.scene import whole_file
 from modal.scene.contents import content_of, private
 from nonlinear.dynamics import Lanes, sincos, undisturbed
+from nonlinear.dynamics.compiling import inner
 from nonlinear.integration import loops, meeting
 from nonlinear.integration.crowds import Crowd
 from nonlinear.integration.loops import CLOCK, SIZES, TABLES, looping
@@ -35,7 +35,7 @@ HEAD = '"""Written by multipendula, which runs what it has written and no other 
 IMPORTED = """from math import floor, inf, log, sqrt
 from typing import Any
 from numpy import isfinite, spacing, zeros
-from modal.eigen.compiling import compiled, part, vectorized_part"""
+from nonlinear.dynamics.compiling import compiled, part, vectorized_part"""
 ERRORS = """
 @vectorized_part
 def errors(y, z, K, rel, ab, h, err):

@@ -18,10 +18,20 @@ from scipy.integrate import solve_ivp
 from support.uncompiled import uncompiled
 
 from modal import Bob, Cart, ComputationError, Pendulum, Rod, Scene, load, natural_modes, pair
-from modal.eigen import compiling
 from modal.errors import MissingExtraError
 from modal.types import Floats
-from nonlinear.dynamics import Banded, Dense, Generated, Minimal, Recursion, Small, compiled, joints, module_of
+from nonlinear.dynamics import (
+    Banded,
+    Dense,
+    Generated,
+    Minimal,
+    Recursion,
+    Small,
+    compiled,
+    compiling,
+    joints,
+    module_of,
+)
 from nonlinear.dynamics.compiled import Compiled
 from nonlinear.dynamics.recursion import RecursiveLink, downward, upward
 from nonlinear.integration import Pace, taylor

@@ -1,9 +1,6 @@
 """Seeds, Rayleigh quotient steps and Sturm counts lead to the floats at which bisection alone ends."""
 
-import importlib
 import random
-import sys
-from types import ModuleType
 
 import mpmath as mp
 import numpy as np
@@ -13,7 +10,7 @@ from scenes import extreme_pendulum, extreme_scene, long_scene
 
 from modal import Bob, Cart, Fixed, Pendulum, Rod, Scene, natural_modes
 from modal.assembly import rig_of
-from modal.eigen import chains, kernels, rayleigh, seeds, sturm
+from modal.eigen import chains, rayleigh, seeds, short, sturm
 from modal.eigen.bisection import confirmed, located, searched
 from modal.eigen.chains import CartProblem, squares_of
 from modal.eigen.rayleigh import at_pivot, twisted
@@ -140,74 +137,35 @@ def test_without_a_dense_matrix_it_is_bisection(monkeypatch: pytest.MonkeyPatch)
     np.testing.assert_array_equal(natural_modes(scene).omega, expected)
 
 
-@pytest.fixture
-def plain(monkeypatch: pytest.MonkeyPatch) -> None:
-    """By arrays alone."""
-    run_by(None, monkeypatch)
-
-
-def run_by(module: ModuleType | None, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(chains, "kernels", lambda seconds=0.0: module)
-    for user in (rayleigh, sturm):
-        monkeypatch.setattr(user, "scalar_kernels", lambda *sizes: module)
-
-
-@pytest.mark.usefixtures("plain")
-@pytest.mark.parametrize(("scalar", "supports"), [("floats", 1), ("compiled", 1), ("compiled", 3), ("compiled", 40)])
 @pytest.mark.parametrize("seed", range(6))
-def test_scalar_arithmetic_is_that_of_numpy(seed: int, scalar: str, supports: int) -> None:
+def test_scalar_arithmetic_is_that_of_numpy(seed: int) -> None:
     """Bit for bit, at trial values on either side of every frequency, and next to the exact zero of a pivot.
 
-    Floats stop where a pivot is zero, with a mass that is no number.
+    Floats stop where a pivot is zero.
     """
-    if scalar == "compiled":
-        pytest.importorskip("numba")
-    by_numbers = importlib.import_module(f"modal.eigen.{scalar}")
     rng = np.random.default_rng(seed)
-    numbers = 10 ** rng.uniform(-2, 2, (2, 1 + 5 * seed, 2, 1, supports))
+    numbers = 10 ** rng.uniform(-2, 2, (2, 1 + 5 * seed, 1, 1, 1))
     hung = sturm.chains_of(numbers[0], numbers[1], numbers[1] / 2, numbers[0] * numbers[1] ** 2 / 12)
-    x = np.concatenate([10 ** rng.uniform(-6, 6, (33, supports)), 1 / (hung.r * hung.inverse)[:1, 0, 0]])
-    constants = hung.inverse, hung.r, hung.p, hung.m, hung.mJ
-    for nudge in (0.0, sturm.NUDGE):
-        with np.errstate(all="ignore"):
-            expected = sturm._counted(hung, x, nudge)
-        fine = np.isfinite(expected[1]) if scalar == "floats" else np.ones(expected[1].shape, dtype=bool)
-        for computed, wanted in zip(by_numbers.count_and_mass(constants, x, nudge), expected, strict=True):
-            np.testing.assert_array_equal(computed[fine], wanted[fine])
-        assert np.isfinite(computed[fine]).all() or scalar == "compiled"
-        assert not np.isfinite(computed[~fine]).any()
+    x = np.append(10 ** rng.uniform(-6, 6, 33), 1 / (hung.r * hung.inverse)[0, 0, 0])[:, None]
+    rows = (hung.inverse, hung.r, hung.p, hung.m, hung.mJ, hung.q)
+    links = list(zip(*(values[::-1, 0, 0, 0].tolist() for values in rows), strict=True))
+    counted = [link[:5] for link in links]
     with np.errstate(all="ignore"):
-        expected = rayleigh._mass_and_energy(hung, x)
-    fine = np.isfinite(expected).all(0) if scalar == "floats" else np.ones(expected[1].shape, dtype=bool)
-    for computed, wanted in zip(by_numbers.mass_and_energy((*constants, hung.q), x), expected, strict=True):
-        np.testing.assert_array_equal(computed[fine], wanted[fine])
-        assert not np.isfinite(computed[~fine]).any()
+        each = [
+            (sturm._counted(hung, x, 0.0), lambda y: short._swept(counted, y)),
+            (sturm._counted(hung, x, sturm.NUDGE), lambda y: short._nudged(counted, y, sturm.NUDGE)),
+            (rayleigh._mass_and_energy(hung, x), lambda y: short._swept_with_energy(links, y)),
+        ]
+    for expected, by_numbers in each:
+        for k, y in enumerate(x[:, 0].tolist()):
+            wanted = [values[0, k, 0] for values in expected]
+            if np.isfinite(wanted).all():
+                assert list(by_numbers(y)) == wanted
+            else:
+                with pytest.raises(ZeroDivisionError):
+                    by_numbers(y)
 
 
-@pytest.mark.parametrize("n", [3, 40, 300])
-def test_compiled_or_not_the_modes_are_the_same(n: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    pytest.importorskip("numba")
-    from modal.eigen import compiled
-
-    scene, omegas = random_chain(n, 0.3, Cart(mass=2.0), n), []
-    for used in (None, compiled):
-        run_by(used, monkeypatch)
-        omegas.append(natural_modes(scene).omega)
-    np.testing.assert_array_max_ulp(*omegas, maxulp=2)
-
-
-def test_numba_is_loaded_once_it_would_have_paid(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(kernels.Saved, "seconds", 0.0)
-    monkeypatch.delitem(sys.modules, "modal.eigen.compiled", raising=False)
-    monkeypatch.delitem(sys.modules, "numba", raising=False)
-    natural_modes(random_chain(40, 0.3, Cart(mass=2.0), 1))
-    assert 0 < kernels.Saved.seconds < 0.01
-    assert kernels.kernels(kernels.LOADING / 2) is None
-    monkeypatch.setattr(kernels, "available", lambda: False)
-    assert kernels.kernels(kernels.LOADING) is None
-
-
-@pytest.mark.usefixtures("plain")
 def test_counts_are_few(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of 100 rods: one confirmation of all, and what the slowest mode may need beside."""
     asked: list[int] = []

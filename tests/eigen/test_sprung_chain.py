@@ -14,8 +14,10 @@ from test_modes import whole_basis
 
 from modal import Bob, Cart, Fixed, Pendulum, Rod, Scene, matrices, natural_modes
 from modal.assembly import assembled, rig_of
-from modal.eigen import spectrum
-from modal.eigen.sprung_chains import SprungProblem, count_and_mass
+from modal.eigen import structured
+from modal.eigen.component_matrices import ComponentMatrices
+from modal.eigen.components import PartedRig
+from modal.eigen.sprung_chains import count_and_mass
 from modal.eigen.sturm import Suspension
 from modal.eigen.sturm import count_and_mass as unsprung
 from modal.modes import Modes
@@ -159,7 +161,7 @@ def test_what_is_too_much_takes_the_dense_route_as_before(monkeypatch: pytest.Mo
     """A massless cart over bobs, whose mass matrix is singular, and more links than are searched together."""
     assert natural_modes(hung(1.0)).route == "exact, mass and moment"
     assert natural_modes(hung(1.0, 0.0)).route == "exact, dense"
-    monkeypatch.setattr(spectrum, "MOST_LINKS_TOGETHER", 3)
+    monkeypatch.setattr(structured, "MOST_LINKS_TOGETHER", 3)
     assert natural_modes(hung(1.0)).route == "exact, dense"
 
 
@@ -171,12 +173,14 @@ def test_the_count_is_that_of_the_matrices() -> None:
         heavy = tuple(block.heavier(block.count) for block in rig.blocks)
         if not rig.cart:
             continue
-        problem = SprungProblem(heavy, rig.cart)
+        carried = PartedRig.of(rig)
+        tree = ComponentMatrices(carried, carried.parted[0][0]).tree
+        assert tree is not None
         K, M = (part for part in _assembled(heavy, rig.cart))
         free = rig.cart.stiffness == 0
         for x in (-10.0, -1.0, -0.1, 0.1, 1.0, 10.0, 100.0):
             below = int(np.sum(np.linalg.eigvalsh(K - x * M) < 0)) - (free and x > 0)
-            assert problem.count(np.array([x]))[0] == below
+            assert tree.count(np.array([[x]]))[0, 0] == below
 
 
 def _assembled(blocks: tuple, cart: object) -> tuple[np.ndarray, np.ndarray]:

@@ -12,11 +12,11 @@ from support.loops import interpreted
 from support.pieces import Pieces
 
 from modal import load
-from modal.eigen.compiling import available
 from modal.scene import Scene, scene_from
 from modal.scene.parameters import vary
 from modal.types import Floats
 from nonlinear import ensemble, simulate
+from nonlinear.dynamics.compiling import available
 from nonlinear.integration import methods
 from nonlinear.integration.run import SimulationError
 from nonlinear.simulation import resume

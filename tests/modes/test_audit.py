@@ -33,8 +33,10 @@ from modal import (
     natural_modes,
 )
 from modal.assembly import assembled, rig_of
-from modal.eigen import bisection, chains, dense, matrix_source, rayleigh, sources, spectrum, sturm
+from modal.eigen import bisection, chains, dense, sources, structured
 from modal.eigen import coupled as crowd
+from modal.eigen.component_matrices import ComponentMatrices
+from modal.eigen.components import PartedRig
 from modal.eigen.sturm import Suspension
 from modal.modes.solution_report import PACKAGES, SolutionReport, report_solution
 
@@ -169,7 +171,7 @@ def test_lapack_gets_what_the_audit_tells(name: str, handed: list[tuple[str, int
     assert report.complex_problem == ("eig" in calls)
     assert report.complex_problem == example.has_damping
     assert example.has_damping or not any(is_complex for *_, is_complex in handed)
-    shapes = [source.modes.shape for source in modes.spectrum.sources if source.route == "dense"]
+    shapes = [source._dense.shape for source in modes.spectrum.sources if source.route == "dense"]
     assert all(np.iscomplexobj(shape) == report.complex_problem for shape in shapes)
 
 
@@ -225,9 +227,6 @@ def test_a_long_chain_takes_memory_in_proportion(monkeypatch: pytest.MonkeyPatch
         return trial
 
     monkeypatch.setattr(bisection, "_between", one_step)
-    monkeypatch.setattr(chains, "kernels", lambda seconds=0.0: None)  # to compile takes memory of its own
-    for user in (rayleigh, sturm):
-        monkeypatch.setattr(user, "scalar_kernels", lambda *sizes: None)
     natural_modes(scene(rods(400)))[0]
     part, whole = (peak(lambda n=n: natural_modes(scene(rods(n)))[0]) for n in (800, 6_000))
     assert whole < 10 * part
@@ -259,8 +258,8 @@ def test_too_large_is_said_before_a_matrix_is_built(
     def built(*_: object, **__: object) -> None:
         raise AssertionError("a matrix was built")
 
-    monkeypatch.setattr(matrix_source, "assembled", built)
-    monkeypatch.setattr(spectrum, "MOST_LINKS_TOGETHER", 2)
+    monkeypatch.setattr(ComponentMatrices, "_factor", built)
+    monkeypatch.setattr(structured, "MOST_LINKS_TOGETHER", 2)
     with pytest.raises(ComputationError, match=f"{limit + 1} coordinates, at most {limit}"):
         natural_modes(scene(rods(limit, **link), cart=CART))
     with pytest.raises(AssertionError, match="was built"):
@@ -271,7 +270,7 @@ def test_no_damping_matrix_without_dampers(monkeypatch: pytest.MonkeyPatch) -> N
     def built(*_: object, **__: object) -> None:
         raise AssertionError("D was built")
 
-    monkeypatch.setattr(matrix_source, "dampers", built)
+    monkeypatch.setattr(structured.OnStructure, "_dampers", property(built))
     modes = natural_modes(ROUTES["springs on a massless cart"][0])
     assert len(list(modes)) == 2
     assert "no damping matrix: nothing damps" in report_solution(modes).left_out
@@ -295,7 +294,8 @@ def test_terms_that_cancel_in_an_upright_scene(cart: Cart | None, monkeypatch: p
     other = Pendulum(links=links[:2], equilibrium=("down", "up"))
     example = scene(upright, other, cart=cart) if cart else scene(upright)
     rig = rig_of(example).natural()[0]
-    assert len(matrix_source.FromMatrices(rig.blocks, tuple(b.count for b in rig.blocks), rig.cart).eigenvalue)
+    carried = PartedRig.of(rig)
+    assert structured.OnStructure(ComponentMatrices(carried, carried.parted[0][0]))._dense.order
     hanging = [(replace(b, sigma=np.abs(b.sigma)), p) for b in rig.blocks for p in range(b.size)]
     np.testing.assert_allclose(handed[0], np.diag(assembled(hanging, rig.cart, 1.0)[1]), rtol=1e-14)
 

@@ -7,7 +7,6 @@ from scenes import extreme_scene, long_scene, mild_scene
 
 from modal import Bob, Cart, Pendulum, Rod, Scene, load, natural_frequencies, natural_modes
 from modal.assembly import can_stack
-from modal.eigen import chains
 from modal.eigen.spectrum import DENSE
 from modal.modes import frequencies
 from modal.modes.modes import SELECTED
@@ -42,8 +41,7 @@ def test_the_route_is_told() -> None:
     assert natural_modes(uneven, accuracy=1e-13).route == "dense seeds, effective mass"
 
 
-def test_long_chains_prove_by_counts_what_no_bound_could(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(chains, "kernels", lambda seconds=0.0: None)
+def test_long_chains_prove_by_counts_what_no_bound_could() -> None:
     modes = natural_modes(rods(400), accuracy=1e-10)
     assert modes.route == "dense seeds"
     assert modes.error.max() < 1.01e-10
@@ -143,6 +141,17 @@ def test_scenes_of_one_form_are_not_solved_one_by_one(monkeypatch: pytest.Monkey
     assert natural_frequencies(varied("paper-cart-2", 4)).shape == (4, 5)
     with pytest.raises(AssertionError, match="one by one"):
         natural_frequencies(varied("huygens"))
+
+
+def test_equal_entries_are_copies_of_one_pendulum(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(frequencies, "_one", None)
+    links, masses = [Bob(mass=1.0, length=1.0), Rod(mass=0.5, length=0.7)], np.geomspace(0.1, 50.0, 5)
+    written = [Pendulum(links=links), Pendulum(links=[Bob(mass=2.0, length=0.4)]), Pendulum(links=links, count=2)]
+    for pendula in (written, [Pendulum(links=links, count=3), written[1]]):
+        scene = Scene(gravity=9.81, support=Cart(mass=3.0, stiffness=2.0), pendulum=pendula)
+        omegas = natural_frequencies(scene, vary={"support.mass": masses})
+        alone = one_by_one([vary(scene, {"support.mass": mass}) for mass in masses.tolist()])
+        np.testing.assert_array_max_ulp(omegas, np.array(alone), 2)
 
 
 def test_unequal_pendula_that_meet_are_looked_at_more_closely() -> None:

@@ -21,7 +21,7 @@ def module_of(text: str) -> ModuleType:
     """A module for numba, of plain functions."""
     module = ModuleType("loop")
     text = text.replace("from math import floor, inf, log, sqrt", "from numpy import floor, inf, log, sqrt")
-    exec(text.replace("from modal.eigen.compiling import compiled, part, vectorized_part", PLAIN), vars(module))
+    exec(text.replace("from nonlinear.dynamics.compiling import compiled, part, vectorized_part", PLAIN), vars(module))
     return module
 
 

@@ -15,12 +15,12 @@ from typing import Any
 
 import pytest
 
-from modal.eigen import compiling
-from modal.eigen.compiling import KeptFile
+from nonlinear.dynamics import compiling
+from nonlinear.dynamics.compiling import KeptFile
 from nonlinear.integration import kernels, readiness
 
 pytestmark = pytest.mark.skipif(not compiling.available(), reason="numba is not installed")
-TEXT = "from modal.eigen.compiling import compiled\n\n\n@compiled\ndef run(x):\n    return 2.0 * x + 1.0\n"
+TEXT = "from nonlinear.dynamics.compiling import compiled\n\n\n@compiled\ndef run(x):\n    return 2.0 * x + 1.0\n"
 posix = pytest.mark.skipif(os.name != "posix", reason="permissions of POSIX")
 
 
