@@ -49,8 +49,7 @@ from modal.assembly.structure import (
     SpringRow,
     modal_supports,
     null_space,
-    on_structure,
-    own_inertia,
+    scene_squares,
 )
 
 __all__ = [
@@ -111,11 +110,10 @@ __all__ = [
     "no_hoist",
     "null_space",
     "on_lines",
-    "on_structure",
-    "own_inertia",
     "quadratic_drags",
     "ratio_at",
     "rig_of",
+    "scene_squares",
     "single",
     "stacked",
     "varied",

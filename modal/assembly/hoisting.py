@@ -25,7 +25,7 @@ import numpy as np
 from modal.assembly.arrays import Rig, rig_of
 from modal.assembly.dense import assembled, dampers, displacements, joints
 from modal.assembly.linearization import Matrices, coordinate_labels, matrices_of
-from modal.assembly.structure import Hanging, on_structure
+from modal.assembly.structure import Hanging, scene_squares
 from modal.errors import SceneError
 from modal.scene import Bob, Scene, validate_scene
 from modal.scene.doors import checked
@@ -294,7 +294,7 @@ def _carried(rig: Rig) -> _Carried | None:
     blocks = [
         replace(block, **{name: zero(getattr(block, name)) for name, zero in light.items()}) for block in rig.blocks
     ]
-    M, K, D = on_structure(replace(rig, blocks=tuple(blocks), gravity=0.0))
+    M, K, D = scene_squares(replace(rig, blocks=tuple(blocks), gravity=0.0)).matrices
     for body, start in zip(rig.structure.carriers, rig.structure.offsets, strict=False):
         for k, bend in bends(body, body.centre):
             K[start + k, start + k] += rig.gravity * float(body.mass) * bend
