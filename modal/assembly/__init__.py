@@ -10,7 +10,7 @@ floats, `linearization` is the dense form for printing, for small problems and f
 """
 
 from modal.assembly.arrays import ARRAYS, Block, CartNumbers, Rig, Units, masses_below, rig_of
-from modal.assembly.dense import Columns, assembled, centres, dampers, displacements, drag_of, joints
+from modal.assembly.dense import Columns, assembled, centres, displacements, joints, on_rail
 from modal.assembly.derivatives import Arrays, differences
 from modal.assembly.equilibrium import Equilibrium, Rest, equilibrium_of
 from modal.assembly.hoisting import (
@@ -27,10 +27,6 @@ from modal.assembly.hoisting import (
 from modal.assembly.linearization import Matrices, coordinate_labels, matrices, matrices_of
 from modal.assembly.losses import (
     CART,
-    DRAG,
-    JOINT,
-    SPRING,
-    WIRE,
     Dissipator,
     LossAngles,
     dissipators_of,
@@ -41,6 +37,7 @@ from modal.assembly.losses import (
 )
 from modal.assembly.modal_damping import RatioAt, frequencies, modal_dampers, modal_factor, ratio_at
 from modal.assembly.single import Single, single
+from modal.assembly.squares import DRAG, JOINT, SPRING, WIRE
 from modal.assembly.stacks import Stack, StackedGroup, can_stack, keep_form, stacked, varied
 from modal.assembly.structure import (
     Element,
@@ -85,11 +82,9 @@ __all__ = [
     "can_stack",
     "centres",
     "coordinate_labels",
-    "dampers",
     "differences",
     "displacements",
     "dissipators_of",
-    "drag_of",
     "equilibrium_of",
     "frequencies",
     "hoisting_of",
@@ -110,6 +105,7 @@ __all__ = [
     "no_hoist",
     "null_space",
     "on_lines",
+    "on_rail",
     "quadratic_drags",
     "ratio_at",
     "rig_of",

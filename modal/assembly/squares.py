@@ -97,13 +97,16 @@ class SquareRows(NamedTuple):
         return np.ndim(self.size) > 1
 
     @property
-    def each(self) -> Iterator[tuple[int, Row, Any]]:
-        """Number, row and size of every square of rows, of floats, without those of size 0."""
-        rows = np.eye(len(self.at)) if self.rows is None else self.rows
-        rows = rows.rows if isinstance(rows, Centres) else rows
-        for number, row, size in zip(self.numbers, rows.tolist(), self.size.tolist(), strict=True):
-            if size:
-                yield number, {at: value for at, value in zip(self.at, row, strict=True) if value}, size
+    def each(self) -> Iterator[tuple[int, Row, float]]:
+        """Number, row and size of every square of floats that is not 0."""
+        rows = self.rows.rows if isinstance(self.rows, Centres) else self.rows
+        for k in np.flatnonzero(self.size).tolist():
+            if rows is None:
+                row = {self.at[k]: 1.0}
+            else:
+                row = {self.at[j]: float(rows[k, j]) for j in np.flatnonzero(rows[k]).tolist()}
+            if row:
+                yield self.numbers[k], row, float(self.size[k])
 
     @property
     def moment(self) -> Any:

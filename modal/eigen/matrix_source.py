@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from modal.assembly import Block, CartNumbers, Columns, RatioAt, assembled, dampers, drag_of, modal_factor
+from modal.assembly import DRAG, Block, CartNumbers, Columns, RatioAt, assembled, modal_factor, on_rail
 from modal.eigen import dense, quadratic
 from modal.eigen.amplitude import coefficient, quartic
 from modal.eigen.chains import bare_mass, is_singular
@@ -272,3 +272,22 @@ def _form(left: Numbers, S: Floats, right: Numbers) -> Numbers:
     """φᵀ S ψ of columns φ and ψ, (R,)."""
     products: Numbers = np.einsum("ir,ir->r", left, S @ right)
     return products
+
+
+def dampers(columns: Columns, cart: CartNumbers | None) -> Floats:
+    """D of these pendula side by side."""
+    _, _, D = on_rail(columns, cart).matrices
+    return np.asarray(D)
+
+
+def drag_of(columns: Columns, cart: CartNumbers | None) -> tuple[Floats, Floats]:
+    """The linear drag (N s/m) of every link with any, (R,), and the displacement of its centre, rows (R, size).
+
+    Of links that neither hang nor stand straight there is a second row for each, the displacement downwards.
+    """
+    squares = on_rail(columns, cart)
+    dragged = [each for part in squares.damping if part.kind == DRAG for each in part.each]
+    rows = np.zeros((len(dragged), squares.n))
+    for dense, (_, row, _) in zip(rows, dragged, strict=True):
+        dense[list(row)] = list(row.values())
+    return np.array([size for *_, size in dragged]), rows
