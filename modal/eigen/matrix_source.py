@@ -288,6 +288,6 @@ def drag_of(columns: Columns, cart: CartNumbers | None) -> tuple[Floats, Floats]
     squares = on_rail(columns, cart)
     dragged = [each for part in squares.damping if part.kind == DRAG for each in part.each]
     rows = np.zeros((len(dragged), squares.n))
-    for dense, (_, row, _) in zip(rows, dragged, strict=True):
-        dense[list(row)] = list(row.values())
+    for entries, (_, row, _) in zip(rows, dragged, strict=True):
+        entries[list(row)] = list(row.values())
     return np.array([size for *_, size in dragged]), rows
