@@ -159,10 +159,10 @@ def _every(scene: Scene) -> list[Dissipator]:
 
     def ranked() -> Iterator[tuple[tuple[int, int, bool], Dissipator]]:
         for part in squares.damping:
-            if part.is_matrix:
+            if part.rows is None:
                 carrier = structure.offsets.index(part.at[0])
                 place = f"support[{carrier}].D" if several else "support.D"
-                yield from (((0, carrier, False), factor) for factor in _factors(place, part.size, part.at[0]))
+                yield from (((0, carrier, False), factor) for factor in _factors(place, part.total, part.at[0]))
                 continue
             for number, row, size in part.each:
                 if part.kind == SUPPORT:

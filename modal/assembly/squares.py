@@ -39,50 +39,12 @@ def floats(values: Any) -> Floats:
     return np.asarray(values, dtype=np.float64)
 
 
-class Centres(NamedTuple):
-    """The rows of all centres of a chain: `pivot` (c,), `arms` (n,) of the links above, and `reach` (n,) on their link.
-
-    `b` (n,) and `A` (n, n), below the diagonal, are the sums over the angles of size times rows and of size times
-    squares: for 300 links in a tenth of the time of their product.
-    """
-
-    pivot: Any
-    arms: Any
-    reach: Any
-    b: Any
-    A: Any
-
-    @classmethod
-    def of(cls, arms: Any, reach: Any, size: Any) -> Centres:
-        """Those of a chain with this size of each centre, whose pivot is at rest."""
-        b = np.array(pair.first_moments(size, arms, reach))
-        A = np.multiply.outer(b, arms)
-        np.fill_diagonal(A, pair.second_moments(size, arms, reach, 0 * size))
-        return cls(arms[:0], arms, reach, b, A)
-
-    @property
-    def rows(self) -> Any:
-        """All rows (n, c + n)."""
-        n = len(self.reach)
-        carried = np.tile(self.pivot, (n, 1))
-        return np.hstack((carried, np.tril(np.tile(self.arms, (n, 1)), -1) + np.diag(self.reach)))
-
-    def sum(self, total: Any) -> Any:
-        """The sum of size times squares (c + n, c + n) for a total size."""
-        carried, pivot = len(self.pivot), self.pivot
-        whole = np.empty((carried + len(self.b),) * 2, self.A.dtype)
-        whole[carried:, carried:] = self.A
-        whole[carried:, :carried] = np.multiply.outer(self.b, pivot)
-        whole[:carried, carried:] = whole[carried:, :carried].T
-        whole[:carried, :carried] = total * np.multiply.outer(pivot, pivot)
-        return whole
-
-
 class SquareRows(NamedTuple):
     """`size` (R,) times the squares of `rows` (R, c) over the coordinates `at` (c,), those of one `kind` of one part.
 
-    Rows of None are 1 at each coordinate; of a modal support the size is then a matrix (c, c).  `numbers` (R,) tell
-    whose they are: links in the order of the file, coordinates of a support, ways of springs.
+    Rows of None are 1 at each coordinate.  `numbers` (R,) tell whose they are: links in the order of the file,
+    coordinates of a support, ways of springs.  `total` (c, c) is their sum where it is known without a product of rows,
+    up to the diagonal: of the centres of a chain, which are A and b, and of a modal support, which has no rows.
     """
 
     kind: str
@@ -90,43 +52,24 @@ class SquareRows(NamedTuple):
     at: Sequence[int]
     rows: Any
     size: Any
-
-    @property
-    def is_matrix(self) -> bool:
-        """Whether its size is a matrix."""
-        return np.ndim(self.size) > 1
+    total: Any = None
 
     @property
     def each(self) -> Iterator[tuple[int, Row, float]]:
         """Number, row and size of every square of floats that is not 0."""
-        rows = self.rows.rows if isinstance(self.rows, Centres) else self.rows
         for k in np.flatnonzero(self.size).tolist():
-            if rows is None:
-                row = {self.at[k]: 1.0}
-            else:
-                row = {self.at[j]: float(rows[k, j]) for j in np.flatnonzero(rows[k]).tolist()}
-            if row:
-                yield self.numbers[k], row, float(self.size[k])
-
-    @property
-    def moment(self) -> Any:
-        """The sum of size times rows, over `at`."""
-        if isinstance(self.rows, Centres):
-            return np.hstack((self.size.sum() * self.rows.pivot, self.rows.b))
-        return self.rows.T @ self.size
+            moved = [] if self.rows is None else np.flatnonzero(self.rows[k]).tolist()
+            entries = {k: 1.0} if self.rows is None else {j: self.rows[k, j] for j in moved}
+            if entries:
+                yield self.numbers[k], {self.at[j]: float(value) for j, value in entries.items()}, float(self.size[k])
 
     def add_to(self, S: Any) -> None:
-        """Add it to a matrix in place, below the diagonal."""
-        if self.rows is None and not self.is_matrix:
+        """Add it to a matrix in place, up to the diagonal."""
+        if self.rows is None and self.total is None:
             S[self.at, self.at] = S[self.at, self.at] + self.size
-            return
-        part = self.size
-        if isinstance(self.rows, Centres):
-            part = self.rows.sum(self.size.sum())
-        elif self.rows is not None:
-            part = (self.rows.T * self.size) @ self.rows
-        at = np.ix_(self.at, self.at)
-        S[at] = S[at] + part
+        else:
+            at = np.ix_(self.at, self.at)
+            S[at] = S[at] + ((self.rows.T * self.size) @ self.rows if self.total is None else self.total)
 
     def on(self, moves: Floats, first: int, link: int, number: Number) -> SquareRows:
         """Squares of a chain whose pivot moves by these rows (3, d) with coordinates of a structure.
@@ -141,11 +84,12 @@ class SquareRows(NamedTuple):
         if not len(carried) and not angles:
             return placed
         pivot = number(moves[self.at[0], carried])
-        if isinstance(self.rows, Centres):
-            rows: Any = self.rows._replace(pivot=pivot)
-        else:
-            rows = np.hstack((self.rows[:, :1] * pivot, self.rows[:, 1:]))
-        return placed._replace(at=carried.tolist() + angles, rows=rows)
+
+        def lifted(S: Any) -> Any:
+            return np.hstack((S[:, :1] * pivot, S[:, 1:]))
+
+        total = None if self.total is None else lifted(lifted(self.total).T).T
+        return placed._replace(at=carried.tolist() + angles, rows=lifted(self.rows), total=total)
 
 
 class SceneSquares(NamedTuple):
@@ -169,8 +113,7 @@ class SceneSquares(NamedTuple):
         momentum = np.array(self.number(np.zeros(self.n)))
         for part in self.inertia:
             if part.kind == ALONG:
-                at = list(part.at)
-                momentum[at] = momentum[at] + part.moment
+                momentum[part.at] = momentum[part.at] + part.rows.T @ part.size
         return momentum
 
 
@@ -189,31 +132,36 @@ def chain_squares(
     n = block.n
     names = ("mass", "length", "centre", "across", "inertia", "stiffness", "damping", "drag")
     m, l, c, way, inertia, spring, damper, drag = (number(getattr(block, name)[:, column]) for name in names)
-    angles = range(ANGLES, ANGLES + n)
+    links, angles = range(n), list(range(ANGLES, ANGLES + n))
+    one = number(np.ones((n, 1)))
+
+    def centres(kind: str, pivot: int, way: Any, size: Any) -> SquareRows:
+        arms, reach = way * l, way * c
+        rows = np.hstack((one, np.tril(np.tile(arms, (n, 1)), -1) + np.diag(reach)))
+        b = np.array(pair.first_moments(size, arms, reach))
+        total = np.tile(np.append(size.sum(), b)[:, None], n + 1)
+        total[1:, 1:] = total[1:, 1:] * arms
+        total[range(1, n + 1), range(1, n + 1)] = pair.second_moments(size, arms, reach, 0 * size)
+        return SquareRows(kind, links, [pivot, *angles], rows, size, total)
+
     sinking, held = None, number(gravity) * way * np.array(pair.first_moments(m, l, c))
     if block.sinking is not None and block.rest is not None:
         sinking, held = number(block.sinking[:, column]), number(block.rest.held[:, column])
 
-    def centres(kind: tuple[str, str], size: Any) -> list[SquareRows]:
-        """The squares of all centres along the rail and down."""
-        along = SquareRows(kind[0], range(n), [ALONG_PIVOT, *angles], Centres.of(way * l, way * c, size), size)
-        if sinking is None:
-            return [along, SquareRows(kind[1], range(n), [DOWN_PIVOT], number(np.ones((n, 1))), size)]
-        down = Centres.of(sinking * l, sinking * c, size)
-        return [along, SquareRows(kind[1], range(n), [DOWN_PIVOT, *angles], down, size)]
+    def both(along: str, down: str, size: Any) -> list[SquareRows]:
+        sunk = None if sinking is None else centres(down, DOWN_PIVOT, sinking, size)
+        return [centres(along, ALONG_PIVOT, way, size), sunk or SquareRows(down, links, [DOWN_PIVOT], one, size)]
 
     turn = [TURN_PIVOT, *angles], number(np.hstack((-np.eye(n, 1), np.eye(n) - np.eye(n, k=-1))))
-    inertias, damped = centres((ALONG, DOWN), m), list[SquareRows]()
-    holds = [SquareRows(WIRE, range(n), angles, None, held)]
-    if block.inertia[:, column].any():
-        inertias.append(SquareRows(INERTIA, range(n), angles, None, inertia))
-    if block.stiffness[:, column].any():
-        holds.append(SquareRows(JOINT, range(n), *turn, spring))
-    if block.damping[:, column].any():
-        damped.append(SquareRows(JOINT, range(n), *turn, damper))
-    if block.drag[:, column].any():
-        damped += centres((DRAG, DRAG), drag)
-    return inertias, holds, damped
+    inertias, stiffness, damping = (
+        [part for part in parts if (part.size != 0).any()]
+        for parts in (
+            [*both(ALONG, DOWN, m), SquareRows(INERTIA, links, angles, None, inertia)],
+            [SquareRows(WIRE, links, angles, None, held), SquareRows(JOINT, links, *turn, spring)],
+            [SquareRows(JOINT, links, *turn, damper), *(both(DRAG, DRAG, drag) if block.drag.any() else ())],
+        )
+    )
+    return inertias, stiffness, damping
 
 
 def row_squares(kind: str, whose: int, row: Row, size: Any, number: Number = floats) -> list[SquareRows]:
@@ -231,9 +179,9 @@ def carrier_squares(
     inertia, stiffness, damping = list[SquareRows](), list[SquareRows](), list[SquareRows]()
     for carrier, (body, start) in enumerate(zip(structure.carriers, structure.offsets, strict=False)):
         if body.M is not None:
-            at = range(start, start + body.size)
+            at = list(range(start, start + body.size))
             for part, S in zip((inertia, stiffness, damping), (body.M, body.K, body.D), strict=True):
-                part.append(SquareRows(SUPPORT, at, at, None, number(S)))
+                part.append(SquareRows(SUPPORT, at, at, None, np.zeros(body.size), number(S)))
             continue
         mass = number(float(body.mass))
         if body.size:
