@@ -4,9 +4,10 @@ In: a `Scene`.  Out: `Rig`, arrays of pendula with equal ones counted once, and 
 
     M q'' + D q' + K q = 0,    q = (x, θ_1, …, θ_n)
 
-Every other room works on these arrays and never asks what kind a link is.  Start with `arrays`; `stacks` are many
-scenes of one form, `structure` is what carries pendula where it is more than one cart, `single` is one short chain in
-floats, `linearization` is the dense form for printing, for small problems and for tests.
+Every other room works on these arrays and never asks what kind a link is.  Start with `arrays`; `squares` are M, K and
+D as sums of squares in any arithmetic, `structure` puts them together for what carries pendula, a fixed support or a
+cart being the simplest; `stacks` are many scenes of one form, `single` is one short chain in floats, `linearization` is
+the dense form for printing, for small problems and for tests.
 """
 
 from modal.assembly.arrays import ARRAYS, Block, CartNumbers, Rig, Units, masses_below, rig_of
@@ -37,7 +38,7 @@ from modal.assembly.losses import (
 )
 from modal.assembly.modal_damping import RatioAt, frequencies, modal_dampers, modal_factor, ratio_at
 from modal.assembly.single import Single, single
-from modal.assembly.squares import DRAG, JOINT, SPRING, WIRE
+from modal.assembly.squares import DRAG, DRAG_DOWN, JOINT, SPRING, WIRE
 from modal.assembly.stacks import Stack, StackedGroup, can_stack, keep_form, stacked, varied
 from modal.assembly.structure import (
     Element,
@@ -53,6 +54,7 @@ __all__ = [
     "ARRAYS",
     "CART",
     "DRAG",
+    "DRAG_DOWN",
     "JOINT",
     "SPRING",
     "WIRE",

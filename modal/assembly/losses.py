@@ -10,23 +10,26 @@ scene's dissipation are positive: power ½ (d + k φ/ω) |r q'|² at ω.
 from __future__ import annotations
 
 from bisect import bisect
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from math import tau
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from modal.assembly.arrays import Rig, rig_of
 from modal.assembly.modal_damping import modal_dampers
-from modal.assembly.squares import DRAG, JOINT, SPRING, SUPPORT, WIRE
+from modal.assembly.squares import DRAG, DRAG_DOWN, JOINT, SPRING, SUPPORT, WIRE, SquareRows
 from modal.assembly.structure import Hanging
 from modal.scene import LossTable, Scene, is_lossy
 from modal.scene.doors import checked
-from modal.structure import PLATFORM, Row
+from modal.structure import PLATFORM, Row, Structure
 from modal.types import Floats, Ints
 
 Loss = float | LossTable
 CART, OTHER = "cart", "other"
+DAMPER_KEYS = {JOINT: "damping", SPRING: "damping", DRAG: "drag", DRAG_DOWN: "drag"}
+LOSS_KEYS = {JOINT: "loss", SPRING: "loss", WIRE: "wire_loss"}
+"""The keys of a scene that squares of D and K belong to, by their kind."""
 NEGLIGIBLE = 1e-14
 """Share of the largest eigenvalue of a matrix of dampers below which one is rounding."""
 
@@ -142,11 +145,10 @@ def dissipators_of(scene: Scene) -> list[Dissipator]:
 
 
 def _every(scene: Scene) -> list[Dissipator]:
-    """All squares of D, and those of K that may have a loss angle: supports, links from the first on, springs."""
+    """All squares of D, and those of K that may have a loss angle: of supports, of links from the first on, springs."""
     rig = rig_of(scene)
     hanging = Hanging(rig.carried)
-    squares, structure = hanging.squares(), hanging.structure
-    several = isinstance(scene.support, tuple)
+    squares = hanging.squares()
     links = [
         (f"pendulum[{entry}].links[{at}]", link)
         for entry, pendulum in enumerate(scene.pendulum)
@@ -155,34 +157,35 @@ def _every(scene: Scene) -> list[Dissipator]:
         for _ in range(link.count)
     ]
     springs = [(f"spring[{row.entry}]", scene.spring[row.entry]) for row in hanging.spring_rows]
-    owners: dict[str, Any] = {JOINT: links, WIRE: links, DRAG: links, SPRING: springs}
+    owners = {kind: springs if kind == SPRING else links for kind in (*DAMPER_KEYS, *LOSS_KEYS)}
+    every = list[Dissipator]()
+    for part in (part for part in squares.damping if part.kind in DAMPER_KEYS):
+        kind, key = DRAG if part.kind == DRAG_DOWN else part.kind, DAMPER_KEYS[part.kind]
+        for number, row, size in part.each:
+            place, _ = owners[part.kind][number]
+            every.append(Dissipator(f"{place}.{key}", kind, row, damping=size, number=number))
+    for part in (part for part in squares.stiffness if part.kind in LOSS_KEYS):
+        key = LOSS_KEYS[part.kind]
+        for number, row, size in part.each:
+            place, owner = owners[part.kind][number]
+            loss: Loss = getattr(owner, key)
+            every.append(Dissipator(f"{place}.{key}", part.kind, row, stiffness=size, loss=loss, number=number))
+    every.sort(key=lambda each: (each.kind == SPRING, each.number, each.kind == DRAG))
+    return [*_of_supports(scene, rig, hanging.structure, squares.damping), *every]
 
-    def ranked() -> Iterator[tuple[tuple[int, int, bool], Dissipator]]:
-        for part in squares.damping:
-            if part.rows is None:
-                carrier = structure.offsets.index(part.at[0])
-                place = f"support[{carrier}].D" if several else "support.D"
-                yield from (((0, carrier, False), factor) for factor in _factors(place, part.total, part.at[0]))
-                continue
-            for number, row, size in part.each:
-                if part.kind == SUPPORT:
-                    carrier = bisect(structure.offsets, number) - 1
-                    place = f"support[{carrier}].damping" if several else "support.damping"
-                    if structure.carriers[carrier].kind == "platform":
-                        place += f".{PLATFORM[number - structure.offsets[carrier]]}"
-                    yield (0, carrier, False), Dissipator(place, CART if rig.cart else OTHER, row, damping=size)
-                    continue
-                place, suffix = owners[part.kind][number][0], "drag" if part.kind == DRAG else "damping"
-                rank = 2 if part.kind == SPRING else 1, number, part.kind == DRAG
-                yield rank, Dissipator(f"{place}.{suffix}", part.kind, row, damping=size, number=number)
-        for part in squares.stiffness:
-            for number, row, size in part.each if part.kind in owners else ():
-                place, owner = owners[part.kind][number]
-                key = "wire_loss" if part.kind == WIRE else "loss"
-                rank, loss = (2 if part.kind == SPRING else 1, number, False), getattr(owner, key)
-                yield rank, Dissipator(f"{place}.{key}", part.kind, row, stiffness=size, loss=loss, number=number)
 
-    return [dissipator for _, dissipator in sorted(ranked(), key=lambda each: each[0])]
+def _of_supports(scene: Scene, rig: Rig, structure: Structure, damping: Iterable[SquareRows]) -> Iterator[Dissipator]:
+    """The dampers of supports."""
+    for part in (part for part in damping if part.kind == SUPPORT):
+        carrier = bisect(structure.offsets, part.at[0]) - 1
+        place = f"support[{carrier}]" if isinstance(scene.support, tuple) else "support"
+        if part.rows is None:
+            yield from _factors(f"{place}.D", part.total, part.at[0])
+            continue
+        body, start = structure.carriers[carrier], structure.offsets[carrier]
+        for number, row, size in part.each:
+            suffix = f".{PLATFORM[number - start]}" if body.kind == "platform" else ""
+            yield Dissipator(f"{place}.damping{suffix}", CART if rig.cart else OTHER, row, damping=size)
 
 
 def _factors(place: str, D: Floats, start: int) -> list[Dissipator]:

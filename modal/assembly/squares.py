@@ -24,10 +24,9 @@ from modal.assembly.arrays import Block
 from modal.structure import Row, Structure, Where, bends, slopes, turning
 from modal.types import Floats
 
-ALONG, DOWN, INERTIA, WIRE, WEIGHT, JOINT, SPRING, DRAG, SUPPORT = (
-    *("along", "down", "inertia", "wire", "weight", "joint", "spring", "drag", "support"),
-)
-"""What a square is of: a centre's displacement, an angle, what gravity holds, a joint, a spring, drag, a support."""
+ALONG, DOWN, INERTIA, WIRE, WEIGHT, SUPPORT = "along", "down", "inertia", "wire", "weight", "support"
+JOINT, SPRING, DRAG, DRAG_DOWN = "joint", "spring", "drag", "drag down"
+"""What a square is of: a centre's displacement, an angle, what gravity holds, a support, a joint, a spring, drag."""
 ALONG_PIVOT, DOWN_PIVOT, TURN_PIVOT, ANGLES = range(4)
 """The coordinates of a chain: its pivot along the rail and down, the turn of its carrier; its angles from ANGLES on."""
 Number = Callable[[Any], Any]
@@ -110,11 +109,19 @@ class SceneSquares(NamedTuple):
     @property
     def momentum(self) -> Any:
         """That of everything at unit velocity along the rail, in the directions of q, (n,); no modal supports."""
-        momentum = np.array(self.number(np.zeros(self.n)))
-        for part in self.inertia:
-            if part.kind == ALONG:
-                momentum[part.at] = momentum[part.at] + part.rows.T @ part.size
-        return momentum
+        return self._along(self.inertia, ALONG)
+
+    @property
+    def windage(self) -> Any:
+        """The linear drag of everything at unit velocity along the rail, (n,)."""
+        return self._along(self.damping, DRAG)
+
+    def _along(self, parts: Iterable[SquareRows], kind: str) -> Any:
+        whole = np.array(self.number(np.zeros(self.n)))
+        for part in parts:
+            if part.kind == kind:
+                whole[part.at] = whole[part.at] + part.rows.T @ part.size
+        return whole
 
 
 def matrix(squares: Iterable[SquareRows], n: int, number: Number = floats) -> Any:
@@ -158,7 +165,7 @@ def chain_squares(
         for parts in (
             [*both(ALONG, DOWN, m), SquareRows(INERTIA, links, angles, None, inertia)],
             [SquareRows(WIRE, links, angles, None, held), SquareRows(JOINT, links, *turn, spring)],
-            [SquareRows(JOINT, links, *turn, damper), *(both(DRAG, DRAG, drag) if block.drag.any() else ())],
+            [SquareRows(JOINT, links, *turn, damper), *(both(DRAG, DRAG_DOWN, drag) if block.drag.any() else ())],
         )
     )
     return inertias, stiffness, damping

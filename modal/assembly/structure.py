@@ -22,7 +22,7 @@ import numpy as np
 from modal.assembly.arrays import Rig
 from modal.assembly.squares import (
     DOWN,
-    DRAG,
+    DRAG_DOWN,
     SPRING,
     Number,
     SceneSquares,
@@ -157,7 +157,7 @@ class Hanging:
             down = slopes(structure, carrier, where)[1]
             inertia, lost = (
                 inertia + row_squares(DOWN, carrier, down, mass),
-                lost + row_squares(DRAG, carrier, down, drag),
+                lost + row_squares(DRAG_DOWN, carrier, down, drag),
             )
         parts: list[list[float]] = [[] for _ in range(structure.size)]
         for square in held:

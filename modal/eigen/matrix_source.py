@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from modal.assembly import DRAG, Block, CartNumbers, Columns, RatioAt, assembled, modal_factor, on_rail
+from modal.assembly import DRAG, DRAG_DOWN, Block, CartNumbers, Columns, RatioAt, assembled, modal_factor, on_rail
 from modal.eigen import dense, quadratic
 from modal.eigen.amplitude import coefficient, quartic
 from modal.eigen.chains import bare_mass, is_singular
@@ -286,7 +286,7 @@ def drag_of(columns: Columns, cart: CartNumbers | None) -> tuple[Floats, Floats]
     Of links that neither hang nor stand straight there is a second row for each, the displacement downwards.
     """
     squares = on_rail(columns, cart)
-    dragged = [each for part in squares.damping if part.kind == DRAG for each in part.each]
+    dragged = [each for part in squares.damping if part.kind in (DRAG, DRAG_DOWN) for each in part.each]
     rows = np.zeros((len(dragged), squares.n))
     for entries, (_, row, _) in zip(rows, dragged, strict=True):
         entries[list(row)] = list(row.values())

@@ -4,19 +4,17 @@
 
 over q = (η, θ_1, …): for a force F of each input, ω²p for the ground displaced by 1 m, p being the momentum of
 everything at unit velocity along the rail, and −(K + iωD − ω²M)_x for a prescribed cart x, whose row is left out.  The
-elements of the structure (`modal.assembly.structure`) and the matrices of chains are assembled from the numbers of the
-scene.
+matrices are the squares of the scene (`modal.assembly.squares`), summed in the arithmetic of the elimination.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from modal.assembly import SPRING, Dissipator, Rig, loss_at, matrices_of, scene_squares
+from modal.assembly import SPRING, Dissipator, Rig, loss_at, scene_squares
 from modal.eigen import Arithmetic
 from modal.scene import Scene
 from modal.statespace.points import is_point, point_input, pushed
@@ -181,8 +179,8 @@ def structural_response(
 
 def _filled(rig: Rig) -> Booleans:
     """Which entries (n, n) of M, K or D are not 0: pendula meet in springs and the structure alone."""
-    linear = matrices_of(replace(rig, damping_ratio=0.0))
-    return np.asarray((linear.M != 0) | (linear.K != 0) | (linear.D != 0))
+    M, K, D = scene_squares(rig).matrices
+    return np.asarray((M != 0) | (K != 0) | (D != 0))
 
 
 def solved(A: Any, F: Any, numbers: Arithmetic, filled: Booleans | None = None) -> Any:
