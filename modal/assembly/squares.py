@@ -140,11 +140,11 @@ def chain_squares(
     names = ("mass", "length", "centre", "across", "inertia", "stiffness", "damping", "drag")
     m, l, c, way, inertia, spring, damper, drag = (number(getattr(block, name)[:, column]) for name in names)
     links, angles = range(n), list(range(ANGLES, ANGLES + n))
-    one = number(np.ones((n, 1)))
+    unit = number(np.ones((n, 1)))
 
     def centres(kind: str, pivot: int, way: Any, size: Any) -> SquareRows:
         arms, reach = way * l, way * c
-        rows = np.hstack((one, np.tril(np.tile(arms, (n, 1)), -1) + np.diag(reach)))
+        rows = np.hstack((unit, np.tril(np.tile(arms, (n, 1)), -1) + np.diag(reach)))
         b = np.array(pair.first_moments(size, arms, reach))
         total = np.tile(np.append(size.sum(), b)[:, None], n + 1)
         total[1:, 1:] = total[1:, 1:] * arms
@@ -157,7 +157,7 @@ def chain_squares(
 
     def both(along: str, down: str, size: Any) -> list[SquareRows]:
         sunk = None if sinking is None else centres(down, DOWN_PIVOT, sinking, size)
-        return [centres(along, ALONG_PIVOT, way, size), sunk or SquareRows(down, links, [DOWN_PIVOT], one, size)]
+        return [centres(along, ALONG_PIVOT, way, size), sunk or SquareRows(down, links, [DOWN_PIVOT], unit, size)]
 
     turn = [TURN_PIVOT, *angles], number(np.hstack((-np.eye(n, 1), np.eye(n) - np.eye(n, k=-1))))
     inertias, stiffness, damping = (
