@@ -159,16 +159,17 @@ def chain_squares(
         sunk = None if sinking is None else centres(down, DOWN_PIVOT, sinking, size)
         return [centres(along, ALONG_PIVOT, way, size), sunk or SquareRows(down, links, [DOWN_PIVOT], unit, size)]
 
-    turn = [TURN_PIVOT, *angles], number(np.hstack((-np.eye(n, 1), np.eye(n) - np.eye(n, k=-1))))
-    inertias, stiffness, damping = (
-        [part for part in parts if (part.size != 0).any()]
-        for parts in (
-            [*both(ALONG, DOWN, m), SquareRows(INERTIA, links, angles, None, inertia)],
-            [SquareRows(WIRE, links, angles, None, held), SquareRows(JOINT, links, *turn, spring)],
-            [SquareRows(JOINT, links, *turn, damper), *(both(DRAG, DRAG_DOWN, drag) if block.drag.any() else ())],
-        )
-    )
-    return inertias, stiffness, damping
+    def joints(size: Any) -> SquareRows:
+        turns = np.hstack((-np.eye(n, 1), np.eye(n) - np.eye(n, k=-1)))
+        return SquareRows(JOINT, links, [TURN_PIVOT, *angles], number(turns), size)
+
+    inertias, stiffness = both(ALONG, DOWN, m), [SquareRows(WIRE, links, angles, None, held)]
+    if block.inertia[:, column].any():
+        inertias.append(SquareRows(INERTIA, links, angles, None, inertia))
+    if block.stiffness[:, column].any():
+        stiffness.append(joints(spring))
+    damping = [joints(damper)] if block.damping[:, column].any() else []
+    return inertias, stiffness, damping + (both(DRAG, DRAG_DOWN, drag) if block.drag[:, column].any() else [])
 
 
 def row_squares(kind: str, whose: int, row: Row, size: Any, number: Number = floats) -> list[SquareRows]:
