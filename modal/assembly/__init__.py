@@ -4,13 +4,14 @@ In: a `Scene`.  Out: `Rig`, arrays of pendula with equal ones counted once, and 
 
     M q'' + D q' + K q = 0,    q = (x, θ_1, …, θ_n)
 
-Every other room works on these arrays and never asks what kind a link is.  Start with `arrays`; `stacks` are many
-scenes of one form, `structure` is what carries pendula where it is more than one cart, `single` is one short chain in
-floats, `linearization` is the dense form for printing, for small problems and for tests.
+Every other room works on these arrays and never asks what kind a link is.  Start with `arrays`; `squares` are M, K and
+D as sums of squares in any arithmetic, `structure` puts them together for what carries pendula, a fixed support or a
+cart being the simplest; `stacks` are many scenes of one form, `single` is one short chain in floats, `linearization` is
+the dense form for printing, for small problems and for tests.
 """
 
 from modal.assembly.arrays import ARRAYS, Block, CartNumbers, Rig, Units, masses_below, rig_of
-from modal.assembly.dense import Columns, assembled, centres, dampers, displacements, drag_of, joints
+from modal.assembly.dense import Columns, assembled, centres, displacements, joints, on_rail
 from modal.assembly.derivatives import Arrays, differences
 from modal.assembly.equilibrium import Equilibrium, Rest, equilibrium_of
 from modal.assembly.hoisting import (
@@ -27,10 +28,6 @@ from modal.assembly.hoisting import (
 from modal.assembly.linearization import Matrices, coordinate_labels, matrices, matrices_of
 from modal.assembly.losses import (
     CART,
-    DRAG,
-    JOINT,
-    SPRING,
-    WIRE,
     Dissipator,
     LossAngles,
     dissipators_of,
@@ -41,6 +38,7 @@ from modal.assembly.losses import (
 )
 from modal.assembly.modal_damping import RatioAt, frequencies, modal_dampers, modal_factor, ratio_at
 from modal.assembly.single import Single, single
+from modal.assembly.squares import DRAG, DRAG_DOWN, JOINT, SPRING, WIRE
 from modal.assembly.stacks import Stack, can_stack, keep_form, stacked, varied
 from modal.assembly.structure import (
     Element,
@@ -49,14 +47,14 @@ from modal.assembly.structure import (
     SpringRow,
     modal_supports,
     null_space,
-    on_structure,
-    own_inertia,
+    scene_squares,
 )
 
 __all__ = [
     "ARRAYS",
     "CART",
     "DRAG",
+    "DRAG_DOWN",
     "JOINT",
     "SPRING",
     "WIRE",
@@ -85,11 +83,9 @@ __all__ = [
     "can_stack",
     "centres",
     "coordinate_labels",
-    "dampers",
     "differences",
     "displacements",
     "dissipators_of",
-    "drag_of",
     "equilibrium_of",
     "frequencies",
     "hoisting_of",
@@ -110,11 +106,11 @@ __all__ = [
     "no_hoist",
     "null_space",
     "on_lines",
-    "on_structure",
-    "own_inertia",
+    "on_rail",
     "quadratic_drags",
     "ratio_at",
     "rig_of",
+    "scene_squares",
     "single",
     "stacked",
     "varied",

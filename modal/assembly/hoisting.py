@@ -23,9 +23,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from modal.assembly.arrays import Rig, rig_of
-from modal.assembly.dense import assembled, dampers, displacements, joints
+from modal.assembly.dense import displacements, joints
 from modal.assembly.linearization import Matrices, coordinate_labels, matrices_of
-from modal.assembly.structure import Hanging, on_structure
+from modal.assembly.structure import Hanging, scene_squares
 from modal.errors import SceneError
 from modal.scene import Bob, Scene, validate_scene
 from modal.scene.doors import checked
@@ -230,16 +230,13 @@ def instants(scene: Scene) -> Callable[[float], HoistInstant]:
         np.concatenate([getattr(chain, name)[:, 0] for chain in chains])
         for name in ("mass", "inertia", "drag", "centre", "sigma")
     )
-    bare = [(replace(chain, drag=np.zeros_like(chain.drag)), 0) for chain in chains]
     metre = [(replace(chain, length=np.ones_like(chain.length)), 0) for chain in chains]
-    carried = _carried(rig)
-    springs, joint_dampers = assembled(bare, rig.cart, 0.0)[1], dampers(bare, rig.cart)
-    if carried:
-        springs, joint_dampers = carried.K, carried.D
+    carried = _carried(rig.carried)
+    sunk = carried.down.T
     first, labels, quadratic = rig.leading, coordinate_labels(rig), quadratic_drags(scene)
-    pattern = displacements(metre, rig.cart, joints)[:, int(rig.cart is not None) :]
+    pattern = displacements(metre, 0, joints)
     above, arms = np.where(hoisting.moving, pattern, np.tril(pattern, -1)), np.diag(~hoisting.moving * sigma * centre)
-    index, sides = np.arange(first, first + len(mass)), carried.along if carried else np.ones((len(mass), first))
+    index, sides = np.arange(first, first + len(mass)), carried.along
     resting: dict[bytes, HoistInstant] = {}
 
     def rest(time: float) -> HoistInstant:
@@ -256,19 +253,15 @@ def instants(scene: Scene) -> Callable[[float], HoistInstant]:
         falling, fallen = rate.sum(1), bend.sum(1)
         drag = linear + quadratic * np.abs(falling)
         massive, dragged = rows.T * mass, rows.T * drag
-        M = massive @ rows
+        M = massive @ rows + carried.M
         M[index, index] += inertia
-        M[:first, :first] += rig.cart.mass if rig.cart else 0.0
+        M[:first, :first] += (sunk * mass) @ carried.down
         pull = mass * (rig.gravity - fallen) - drag * falling
-        K = springs + massive @ bend + dragged @ rate
+        K = carried.K + massive @ bend + dragged @ rate
         K[index, index] += (rows.T @ pull)[first:]
-        D = joint_dampers + 2 * massive @ rate + dragged @ rows
-        if carried:
-            sunk = carried.down.T
-            M += carried.M
-            M[:first, :first] += (sunk * mass) @ carried.down
-            K[range(first), range(first)] += pull @ carried.bends
-            D[:first, :first] += (sunk * (linear + 2 * quadratic * np.abs(falling))) @ carried.down
+        K[range(first), range(first)] += pull @ carried.bends
+        D = carried.D + 2 * massive @ rate + dragged @ rows
+        D[:first, :first] += (sunk * (linear + 2 * quadratic * np.abs(falling))) @ carried.down
         return HoistInstant(Matrices(M, K, D, labels), rate, bend, drag)
 
     return at
@@ -285,24 +278,20 @@ class _Carried(NamedTuple):
     bends: Floats
 
 
-def _carried(rig: Rig) -> _Carried | None:
-    """The structure of a rig, None without one."""
-    if rig.structure is None:
-        return None
-    hanging, d = Hanging(rig), rig.leading
+def _carried(rig: Rig) -> _Carried:
+    """The structure of a rig."""
+    hanging, structure, d = Hanging(rig), rig.structure, rig.leading
+    assert structure is not None
     light = dict.fromkeys(("mass", "inertia", "drag"), np.zeros_like)
     blocks = [
         replace(block, **{name: zero(getattr(block, name)) for name, zero in light.items()}) for block in rig.blocks
     ]
-    M, K, D = on_structure(replace(rig, blocks=tuple(blocks), gravity=0.0))
-    for body, start in zip(rig.structure.carriers, rig.structure.offsets, strict=False):
-        for k, bend in bends(body, body.centre):
-            K[start + k, start + k] += rig.gravity * float(body.mass) * bend
+    M, K, D = scene_squares(replace(rig, blocks=tuple(blocks))).matrices
     each = np.diff(hanging.first)
     bent = np.zeros((len(each), d))
-    for row, (carrier, where) in zip(bent, rig.structure.pivots, strict=True):
-        for k, bend in bends(rig.structure.carriers[carrier], where):
-            row[rig.structure.offsets[carrier] + k] = bend
+    for row, (carrier, where) in zip(bent, structure.pivots, strict=True):
+        for k, bend in bends(structure.carriers[carrier], where):
+            row[structure.offsets[carrier] + k] = bend
     along, down, bent = (np.repeat(rows, each, axis=0) for rows in (hanging.phi.along, hanging.phi.down, bent))
     return _Carried(M, K, D, along, down, bent)
 

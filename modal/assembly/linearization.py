@@ -20,9 +20,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from modal.assembly.arrays import Rig, rig_of
-from modal.assembly.dense import assembled, dampers
 from modal.assembly.modal_damping import modal_dampers
-from modal.assembly.structure import on_structure
+from modal.assembly.structure import scene_squares
 from modal.errors import ComputationError
 from modal.report import Displayed, Summary, brief, counted
 from modal.scene import Scene
@@ -97,12 +96,7 @@ def matrices_of(rig: Rig) -> Matrices:
         raise ComputationError(
             f"M, K and D would be dense {size} × {size} matrices: at most {LARGEST_DENSE} coordinates are allowed"
         )
-    if rig.structure:
-        M, K, D = on_structure(rig)
-    else:
-        columns = [(rig.blocks[block], column) for block, column, copies in rig.members for _ in range(copies)]
-        M, K = assembled(columns, rig.cart, rig.gravity)
-        D = dampers(columns, rig.cart)
+    M, K, D = scene_squares(rig).matrices
     return Matrices(M, K, D + modal_dampers(rig) if rig.damping_ratio else D, coordinate_labels(rig))
 
 

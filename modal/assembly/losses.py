@@ -9,23 +9,27 @@ scene's dissipation are positive: power ½ (d + k φ/ω) |r q'|² at ω.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from bisect import bisect
+from collections.abc import Iterable, Iterator
 from math import tau
 from typing import NamedTuple
 
 import numpy as np
 
-from modal.assembly.arrays import Block, Rig, rig_of
-from modal.assembly.dense import centres
+from modal.assembly.arrays import Rig, rig_of
 from modal.assembly.modal_damping import modal_dampers
+from modal.assembly.squares import DRAG, DRAG_DOWN, JOINT, SPRING, SUPPORT, WIRE, SquareRows
 from modal.assembly.structure import Hanging
 from modal.scene import LossTable, Scene, is_lossy
 from modal.scene.doors import checked
-from modal.structure import PLATFORM, Row
+from modal.structure import PLATFORM, Row, Structure
 from modal.types import Floats, Ints
 
 Loss = float | LossTable
-JOINT, WIRE, DRAG, CART, SPRING, OTHER = "joint", "wire", "drag", "cart", "spring", "other"
+CART, OTHER = "cart", "other"
+DAMPER_KEYS = {JOINT: "damping", SPRING: "damping", DRAG: "drag", DRAG_DOWN: "drag"}
+LOSS_KEYS = {JOINT: "loss", SPRING: "loss", WIRE: "wire_loss"}
+"""The keys of a scene that squares of D and K belong to, by their kind."""
 NEGLIGIBLE = 1e-14
 """Share of the largest eigenvalue of a matrix of dampers below which one is rounding."""
 
@@ -126,7 +130,7 @@ def loss_angles(scene: Scene) -> LossAngles | None:
 
 def losses_of(scene: Scene) -> list[Dissipator]:
     """Every loss angle of a scene, along its row over the coordinates of `modal.assembly.matrices`."""
-    return [dissipator for dissipator in _every(scene, losses=True) if is_lossy(dissipator.loss)]
+    return [dissipator for dissipator in _every(scene) if is_lossy(dissipator.loss)]
 
 
 def dissipators_of(scene: Scene) -> list[Dissipator]:
@@ -134,80 +138,54 @@ def dissipators_of(scene: Scene) -> list[Dissipator]:
 
     Raises ComputationError where dampers that belong to modes cannot be computed.
     """
-    dissipators = [
-        dissipator for dissipator in _every(scene, losses=False) if dissipator.damping or is_lossy(dissipator.loss)
-    ]
+    dissipators = [dissipator for dissipator in _every(scene) if dissipator.damping or is_lossy(dissipator.loss)]
     if scene.has_modal_damping:
         dissipators += _factors("damping_ratio", modal_dampers(rig_of(scene)), 0)
     return dissipators
 
 
-def _every(scene: Scene, losses: bool) -> Iterator[Dissipator]:
-    """All joints, wires and springs between points, and unless `losses` are asked for supports and drag."""
+def _every(scene: Scene) -> list[Dissipator]:
+    """All squares of D, and those of K that may have a loss angle: of supports, of links from the first on, springs."""
     rig = rig_of(scene)
-    first, link = rig.leading, 0
-    hanging = Hanging(rig) if rig.structure else None
-    members = ((rig.blocks[block], column) for block, column, copies in rig.members for _ in range(copies))
-    pendula = ((k, hung) for k, hung in enumerate(scene.pendulum) for _ in range(hung.count))
-    if not losses:
-        yield from _of_supports(scene, rig)
-    for number, ((block, column), (entry, pendulum)) in enumerate(zip(members, pendula, strict=True)):
-        entries = [k for k, member in enumerate(pendulum.links) for _ in range(member.count)]
-        held = (rig.gravity * block.b if block.rest is None else block.rest.held)[:, column].tolist()
-        dragged = [] if losses else list(_dragged(rig, hanging, number, block, column, first + link))
-        for i, at in enumerate(entries):
-            member, place = pendulum.links[at], f"pendulum[{entry}].links[{at}]"
-            row: Row = {first + link: 1.0}
-            if i:
-                row[first + link - 1] = -1.0
-            elif hanging:
-                row |= {k: -float(value) for k, value in enumerate(hanging.phi.turning[number]) if value}
-            yield Dissipator(f"{place}.damping", JOINT, row, damping=member.damping, number=link)
-            yield Dissipator(f"{place}.loss", JOINT, row, stiffness=member.stiffness, loss=member.loss, number=link)
-            wire = {first + link: 1.0}
-            yield Dissipator(f"{place}.wire_loss", WIRE, wire, stiffness=held[i], loss=member.wire_loss, number=link)
-            for rows in dragged if member.drag else ():
-                if rows[i]:
-                    yield Dissipator(f"{place}.drag", DRAG, rows[i], damping=member.drag, number=link)
-            link += 1
-    for number, spring in enumerate(hanging.spring_rows if hanging else ()):
-        own_spring, place = scene.spring[spring.entry], f"spring[{spring.entry}]"
-        row = {column: value for column, value in spring.row.items() if value}
-        stiffness, loss = own_spring.stiffness, own_spring.loss
-        yield Dissipator(f"{place}.damping", SPRING, row, damping=own_spring.damping, number=number)
-        yield Dissipator(f"{place}.loss", SPRING, row, stiffness=stiffness, loss=loss, number=number)
+    hanging = Hanging(rig.carried)
+    squares = hanging.squares()
+    links = [
+        (f"pendulum[{entry}].links[{at}]", link)
+        for entry, pendulum in enumerate(scene.pendulum)
+        for _ in range(pendulum.count)
+        for at, link in enumerate(pendulum.links)
+        for _ in range(link.count)
+    ]
+    springs = [(f"spring[{row.entry}]", scene.spring[row.entry]) for row in hanging.spring_rows]
+    owners = {kind: springs if kind == SPRING else links for kind in (*DAMPER_KEYS, *LOSS_KEYS)}
+    every = list[Dissipator]()
+    for part in (part for part in squares.damping if part.kind in DAMPER_KEYS):
+        kind, key = DRAG if part.kind == DRAG_DOWN else part.kind, DAMPER_KEYS[part.kind]
+        for number, row, size in part.each:
+            place, _ = owners[part.kind][number]
+            every.append(Dissipator(f"{place}.{key}", kind, row, damping=size, number=number))
+    for part in (part for part in squares.stiffness if part.kind in LOSS_KEYS):
+        key = LOSS_KEYS[part.kind]
+        for number, row, size in part.each:
+            place, owner = owners[part.kind][number]
+            loss: Loss = getattr(owner, key)
+            every.append(Dissipator(f"{place}.{key}", part.kind, row, stiffness=size, loss=loss, number=number))
+    every.sort(key=lambda each: (each.kind == SPRING, each.number, each.kind == DRAG))
+    return [*_of_supports(scene, rig, hanging.structure, squares.damping), *every]
 
 
-def _dragged(
-    rig: Rig, hanging: Hanging | None, number: int, block: Block, column: int, start: int
-) -> Iterator[list[Row]]:
-    """The rows of the centres of a pendulum's links, along the rail and, where they move so, down."""
-    if not block.drag[:, column].any():
-        return
-    ways = [block.across] if block.sinking is None else [block.across, block.sinking]
-    carried: list[Row] = [{0: 1.0} if rig.cart else {}, {}]
-    if hanging:
-        parts = hanging.phi.along[number], hanging.phi.down[number]
-        carried = [{k: float(value) for k, value in enumerate(part) if value} for part in parts]
-    arms = [centres(block, column, way) for way in ways] + [np.zeros((block.n, block.n))] * (len(ways) == 1)
-    for arm_rows, pivot in zip(arms, carried, strict=True):
-        yield [pivot | {start + j: float(arm) for j, arm in enumerate(row) if arm} for row in arm_rows]
-
-
-def _of_supports(scene: Scene, rig: Rig) -> Iterator[Dissipator]:
+def _of_supports(scene: Scene, rig: Rig, structure: Structure, damping: Iterable[SquareRows]) -> Iterator[Dissipator]:
     """The dampers of supports."""
-    several = isinstance(scene.support, tuple)
-    if rig.cart:
-        yield Dissipator("support.damping", CART, {0: 1.0}, damping=rig.cart.damping)
-    structure = rig.structure
-    for number, carrier in enumerate(structure.carriers if structure else ()):
-        assert structure is not None
-        place, start = f"support[{number}]" if several else "support", structure.offsets[number]
-        if carrier.D is not None:
-            yield from _factors(f"{place}.D", carrier.D, start)
-        for k, damping in enumerate(carrier.damping if carrier.M is None else ()):
-            suffix = f".{PLATFORM[k]}" if carrier.kind == "platform" else ""
-            yield Dissipator(f"{place}.damping{suffix}", OTHER, {start + k: 1.0}, damping=float(damping))
+    for part in (part for part in damping if part.kind == SUPPORT):
+        carrier = bisect(structure.offsets, part.at[0]) - 1
+        place = f"support[{carrier}]" if isinstance(scene.support, tuple) else "support"
+        if part.rows is None:
+            yield from _factors(f"{place}.D", part.total, part.at[0])
+            continue
+        body, start = structure.carriers[carrier], structure.offsets[carrier]
+        for number, row, size in part.each:
+            suffix = f".{PLATFORM[number - start]}" if body.kind == "platform" else ""
+            yield Dissipator(f"{place}.damping{suffix}", CART if rig.cart else OTHER, row, damping=size)
 
 
 def _factors(place: str, D: Floats, start: int) -> list[Dissipator]:

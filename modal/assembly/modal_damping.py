@@ -17,7 +17,7 @@ import numpy as np
 
 from modal.assembly.arrays import Rig
 from modal.assembly.dense import Columns, assembled
-from modal.assembly.structure import Hanging, on_structure
+from modal.assembly.structure import Hanging, scene_squares
 from modal.errors import ComputationError, SceneError
 from modal.types import Floats, Ints
 
@@ -113,7 +113,7 @@ def _on_structure(rig: Rig) -> tuple[Floats, Floats]:
     """ω (n,), 0 of free motions and negative of growing ones, and Mφ (n, n) with φᵀMφ = 1 of a rig on a structure."""
     hanging = Hanging(rig)
     _refuse_large(hanging.structure.size + int(hanging.first[-1]))
-    M, K, _ = on_structure(rig)
+    M, K, _ = scene_squares(rig).matrices
     scale = 1 / np.sqrt(np.diag(M))
     try:
         L = np.asarray(np.linalg.cholesky(M * scale * scale[:, None]), dtype=np.float64)

@@ -15,12 +15,24 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from math import fsum
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from modal.assembly.arrays import Rig
-from modal.assembly.dense import assembled, centres, dampers
+from modal.assembly.squares import (
+    DOWN,
+    DRAG_DOWN,
+    SPRING,
+    Number,
+    SceneSquares,
+    SquareRows,
+    bend_squares,
+    carrier_squares,
+    chain_squares,
+    floats,
+    row_squares,
+)
 from modal.structure import (
     CarrierEnd,
     End,
@@ -31,7 +43,6 @@ from modal.structure import (
     SpringNumbers,
     Structure,
     Where,
-    bends,
     drawn_together,
     phi,
     slopes,
@@ -138,30 +149,47 @@ class Hanging:
     @cached_property
     def elements(self) -> Elements:
         """All elements but those of the chains along the rail; modal supports have matrices of their own."""
-        structure, inertia, lost = self.structure, list[Element](), list[Element]()
-        parts: list[list[float]] = [[] for _ in range(structure.size)]
-        for carrier, numbers in enumerate(structure.carriers):
-            inertia += list(own_inertia(structure, carrier))
-            first = structure.offsets[carrier]
-            for k, (stiffness, damping) in enumerate(zip(numbers.stiffness, numbers.damping, strict=True)):
-                parts[first + k].append(float(stiffness))
-                lost += [Element((first + k,), (1.0,), float(damping))] * bool(damping)
-            for k, bend in bends(numbers, numbers.centre):
-                parts[first + k].append(self.rig.gravity * float(numbers.mass) * bend)
+        structure = self.structure
+        supports = carrier_squares(structure, self.rig.gravity)
+        inertia, held, lost = ([square for square in part if square.rows is not None] for part in supports)
         for (carrier, where), (mass, drag) in self._hung.items():
-            first = structure.offsets[carrier]
-            for k, bend in bends(structure.carriers[carrier], where):
-                parts[first + k].append(self.rig.gravity * mass * bend)
-            if down := _element(slopes(structure, carrier, where)[1], 1.0):
-                inertia.append(down._replace(size=mass))
-                lost += [down._replace(size=drag)] * bool(drag)
+            held += bend_squares(structure, carrier, where, self.rig.gravity * mass)
+            down = slopes(structure, carrier, where)[1]
+            inertia, lost = (
+                inertia + row_squares(DOWN, carrier, down, mass),
+                lost + row_squares(DRAG_DOWN, carrier, down, drag),
+            )
+        parts: list[list[float]] = [[] for _ in range(structure.size)]
+        for square in held:
+            parts[square.at[0]].append(float(square.size[0]))
         sums, terms = [fsum(each) for each in parts], np.array([fsum(map(abs, each)) for each in parts])
-        held = [Element((k,), (1.0,), value) for k, value in enumerate(sums) if value]
-        for spring in self.spring_rows:
-            if element := _element(spring.row, 1.0):
-                held += [element._replace(size=spring.stiffness)] * bool(spring.stiffness)
-                lost += [element._replace(size=spring.damping)] * bool(spring.damping)
-        return Elements(tuple(inertia), tuple(held), tuple(lost), terms)
+        sprung, damped = (list(map(_element, self._of_springs(size))) for size in ("stiffness", "damping"))
+        own_held = [Element((k,), (1.0,), value) for k, value in enumerate(sums) if value]
+        return Elements(tuple(map(_element, inertia)), (*own_held, *sprung), (*map(_element, lost), *damped), terms)
+
+    def _of_springs(self, size: str, number: Number = floats) -> list[SquareRows]:
+        """The squares of springs between points, or of their dampers."""
+        rows = enumerate(self.spring_rows)
+        return [s for k, row in rows for s in row_squares(SPRING, k, row.row, number(getattr(row, size)), number)]
+
+    def squares(self, number: Number = floats) -> SceneSquares:
+        """Those of the whole scene without modal dampers, over η and the angles of all links."""
+        structure, d, gravity, blocks = self.structure, self.structure.size, self.rig.gravity, self.rig.blocks
+        parts = carrier_squares(structure, gravity, number)
+        parts[1].extend(self._of_springs("stiffness", number))
+        parts[2].extend(self._of_springs("damping", number))
+        local = {kind: chain_squares(blocks[kind[0]], kind[1], gravity, number) for kind in self.rig.names}
+        rows, bent = np.stack(self.phi, axis=1), dict[Any, list[SquareRows]]()
+        for p, (block, column) in enumerate(self.kinds.tolist()):
+            link, pivot = int(self.first[p]), structure.pivots[p]
+            for part, chain in zip(parts, local[block, column], strict=True):
+                hung = (square.on(rows[p], d + link, link, number) for square in chain)
+                part.extend(each for each in hung if each.at)
+            if (key := (block, column, pivot)) not in bent:
+                weight = number(gravity) * number(blocks[block].mass[:, column]).sum()
+                bent[key] = bend_squares(structure, *pivot, weight, number)
+            parts[1].extend(bent[key])
+        return SceneSquares(*parts, d + int(self.first[-1]), number)
 
     @property
     def inertia(self) -> Floats:
@@ -298,24 +326,9 @@ def _difference(first: Row, second: Row) -> Row:
     return row
 
 
-def _element(row: Row, size: float) -> Element | None:
-    """The element of a row; None for one without entries."""
-    entries = {column: value for column, value in sorted(row.items()) if value}
-    return Element(tuple(entries), tuple(entries.values()), size) if entries else None
-
-
-def own_inertia(structure: Structure, carrier: int) -> Iterator[Element]:
-    """The elements of the own mass and inertia of a carrier that is none by modes."""
-    body = structure.carriers[carrier]
-    if body.M is not None or not body.size:
-        return
-    rows = (
-        *((row, body.mass) for row in slopes(structure, carrier, body.centre)),
-        (turning(structure, carrier), body.inertia),
-    )
-    for row, size in rows:
-        if size and (element := _element(row, float(size))):
-            yield element
+def _element(square: SquareRows) -> Element:
+    """One square as an element."""
+    return Element(tuple(square.at), tuple(square.rows[0].tolist()), float(square.size[0]))
 
 
 def modal_supports(structure: Structure) -> tuple[Floats, Floats, Floats]:
@@ -328,58 +341,9 @@ def modal_supports(structure: Structure) -> tuple[Floats, Floats, Floats]:
     return M, K, D
 
 
-def on_structure(rig: Rig) -> tuple[Floats, Floats, Floats]:
-    """(M, K, D) of a whole rig on a structure, over η and the angles of all links, without modal dampers."""
-    hanging = Hanging(rig)
-    structure, elements, d = hanging.structure, hanging.elements, hanging.structure.size
-    M, K, D = np.zeros((3, *(d + int(hanging.first[-1]),) * 2))
-    for S, brought, each in zip((M, K, D), modal_supports(structure), elements[:3], strict=True):
-        S[:d, :d] += brought
-        for element in each:
-            element.add_to(S)
-    chains = {(block, column): _chain(rig, block, column) for block, column in rig.names}
-    for p, (block, column) in enumerate(hanging.kinds.tolist()):
-        along, turning = hanging.phi.along[p], hanging.phi.turning[p]
-        span, chain = slice(d + int(hanging.first[p]), d + int(hanging.first[p + 1])), chains[block, column]
-        M[span, span] += chain.A
-        K[span, span] += chain.K
-        M[:d, span] += np.multiply.outer(along, chain.b)
-        M[:d, :d] += chain.mass * np.multiply.outer(along, along)
-        for S, strength in ((K, chain.stiffness), (D, chain.damping)):
-            S[:d, span.start] -= strength * turning
-            S[:d, :d] += strength * np.multiply.outer(turning, turning)
-        D[span, span] += chain.D
-        if chain.drag is not None:
-            drag, rows = chain.drag
-            D[:d, span] += np.multiply.outer(along, drag @ rows)
-            D[:d, :d] += drag.sum() * np.multiply.outer(along, along)
-    for S in (M, K, D):
-        S[d:, :d] = S[:d, d:].T
-    return M, K, D
-
-
-class _HangingChain(NamedTuple):
-    """One chain on a support at rest: its matrices, b, mass, first joint, and drag with the rows of the centres."""
-
-    A: Floats
-    K: Floats
-    D: Floats
-    b: Floats
-    mass: float
-    stiffness: float
-    damping: float
-    drag: tuple[Floats, Floats] | None
-
-
-def _chain(rig: Rig, number: int, column: int) -> _HangingChain:
-    block = rig.blocks[number]
-    columns = [(block, column)]
-    A, K = assembled(columns, None, rig.gravity)
-    D = dampers(columns, None)
-    b = block.across[:, column] * block.b[:, column]
-    joint = float(block.stiffness[0, column]), float(block.damping[0, column])
-    drag = (block.drag[:, column], centres(block, column)) if block.drag[:, column].any() else None
-    return _HangingChain(A, K, D, b, float(block.mass[:, column].sum()), *joint, drag)
+def scene_squares(rig: Rig, number: Number = floats) -> SceneSquares:
+    """The squares of M, K and D of a whole scene, without modal dampers, over the coordinates of `Matrices`."""
+    return Hanging(rig.carried).squares(number)
 
 
 def null_space(rows: Floats) -> Floats:

@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from modal.assembly import Hanging, Rig, on_structure
+from modal.assembly import Hanging, Rig, scene_squares
 from modal.modes.shapes import Shape
 from modal.types import Floats
 
@@ -48,7 +48,7 @@ class SupportResponse:
     @classmethod
     def of(cls, rig: Rig) -> SupportResponse:
         """That of a rig in SI units."""
-        return cls(Hanging(rig), *on_structure(rig))
+        return cls(Hanging(rig), *scene_squares(rig).matrices)
 
     def pushes(self, shape: Shape) -> Floats:
         """Σ Ψ σ b φ² (d,) of a shape over all links, 0 where only rounding is left."""

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from modal.assembly import Dissipator, losses_of, ratio_at, rig_of
+from modal.assembly import Dissipator, losses_of, ratio_at, rig_of, scene_squares
 from modal.eigen import Arithmetic, Digits
 from modal.scene import Scene
 from modal.statespace.model import fixed
@@ -22,7 +22,6 @@ from modal.statespace.structural import (
     Given,
     Reading,
     inputs_named,
-    matrices_in,
     outputs_named,
     structural_response,
 )
@@ -61,9 +60,8 @@ def in_digits(scene: Scene) -> Any:
     rig = rig_of(scene)
     with localcontext(Context(prec=DIGITS)):
         numbers = Digits(np.ones(1), DIGITS, is_real=True)
-        M, K, _ = matrices_in(rig.carried, numbers)
+        M, K, _ = scene_squares(rig, numbers.number).matrices
         free = int(rig.cart is not None and rig.cart.stiffness == 0)
-        M, K = M[..., 0], K[..., 0]
         if free:
             M, K = M[1:, 1:] - M[1:, :1] * M[:1, 1:] / M[0, 0], K[1:, 1:]
         square, momentum = _modes(M, K)

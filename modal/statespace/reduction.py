@@ -51,47 +51,33 @@ class Folded(NamedTuple):
 def fold_equals(scene: Scene) -> Folded:
     """One pendulum for each kind, as heavy as all of its copies, in the order of the file.
 
-    Under constant forces, which the merged would not share, pendula stay as they are; SceneError for copies there.
+    On a structure the copies of every entry are of one kind, but those that springs join to something.  Under constant
+    forces, which the merged would not share, pendula stay as they are; SceneError for copies there.
     """
-    if "constant_force" in scene.features:
-        several = [f"pendulum[{p}].count = {entry.count}" for p, entry in enumerate(scene.pendulum) if entry.count > 1]
-        if several:
-            raise SceneError(
-                [f"{place}: copies under constant forces are not merged: write them one by one" for place in several]
-            )
-        return Folded(scene, tuple(range(1, len(scene.pendulum) + 1)), (1,) * len(scene.pendulum))
-    if scene.is_structured:
-        return _fold_copies(scene)
-    kinds: dict[tuple[int, int], tuple[int, Pendulum, int]] = {}
-    passed = 1
-    for pendulum, (block, column, copies) in zip(scene.pendulum, rig_of(scene).members, strict=True):
-        first, shape, count = kinds.get((block, column), (passed, pendulum, 0))
-        kinds[block, column] = first, shape, count + copies
-        passed += copies
-    firsts, pendula, counts = zip(*kinds.values(), strict=True)
-    heavy = tuple(_heavier(pendulum, count) for pendulum, count in zip(pendula, counts, strict=True))
-    kept = scene.force if sum(counts) == len(counts) else ()
-    folded = scene.replace(damping_ratio=0.0, pendulum=heavy, force=kept)
-    return Folded(folded.replace(damping_ratio=_carried(scene, folded)), firsts, counts)
-
-
-def _fold_copies(scene: Scene) -> Folded:
-    """The copies of every pendulum on a structure as one, but of those that springs join to something."""
+    leans = "constant_force" in scene.features
+    several = [f"pendulum[{p}].count = {entry.count}" for p, entry in enumerate(scene.pendulum) if entry.count > 1]
+    if leans and several:
+        raise SceneError(
+            [f"{place}: copies under constant forces are not merged: write them one by one" for place in several]
+        )
+    members, kinds = rig_of(scene).members, dict[tuple[int, ...], list[int]]()
+    for p in range(len(scene.pendulum)):
+        kinds.setdefault((p,) if leans or scene.is_structured else members[p][:2], []).append(p)
     ends = [parse_point(text) for spring in scene.spring for text in spring.between]
     joined = {point.pendulum for point in ends if isinstance(point, PendulumPoint)}
-    firsts: list[int] = []
-    copies: list[int] = []
-    passed = 1
-    for p, pendulum in enumerate(scene.pendulum):
-        alone = p in joined
-        firsts += range(passed, passed + pendulum.count) if alone else [passed]
-        copies += [1] * pendulum.count if alone else [pendulum.count]
-        passed += pendulum.count
+    starts = np.cumsum([1, *(entry.count for entry in scene.pendulum)]).tolist()
+    first, copies, merged = list[int](), list[int](), list[Pendulum]()
+    for entries in kinds.values():
+        entry, start = scene.pendulum[entries[0]], starts[entries[0]]
+        count = sum(scene.pendulum[p].count for p in entries)
+        alone = entries[0] in joined
+        first += range(start, start + count) if alone else [start]
+        copies += [1] * count if alone else [count]
+        merged.append(entry if alone else _heavier(entry, count))
     if max(copies) == 1:
-        return Folded(scene, tuple(firsts), tuple(copies))
-    heavy = tuple(entry if p in joined else _heavier(entry, entry.count) for p, entry in enumerate(scene.pendulum))
-    folded = scene.replace(damping_ratio=0.0, pendulum=heavy, force=())
-    return Folded(folded.replace(damping_ratio=_carried(scene, folded)), tuple(firsts), tuple(copies))
+        return Folded(scene, tuple(first), tuple(copies))
+    folded = scene.replace(damping_ratio=0.0, pendulum=merged, force=())
+    return Folded(folded.replace(damping_ratio=_carried(scene, folded)), tuple(first), tuple(copies))
 
 
 def _carried(scene: Scene, folded: Scene) -> float | tuple[float, ...]:

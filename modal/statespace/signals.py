@@ -212,7 +212,8 @@ def geometry_of_rig(rig: Rig) -> Geometry:
         numbers.append([part[:, column] for part in each])
         pendulum.append(np.full(block.n, float(p)))
         labels += [f"{p + 1}_{i}" for i in range(1, block.n + 1)]
-    rows, below = displacements(hung, rig.cart), displacements(hung, rig.cart, joints)
+    alone = int(rig.cart is not None)
+    rows, below = displacements(hung, alone), displacements(hung, alone, joints)
     mass, drag, length, centre, across, sunk = (np.concatenate(parts) for parts in zip(*numbers, strict=True))
     owners, rest, place = np.concatenate(pendulum), rig.rest_angles, rig.cart_rest
     carried = _carried(rig, first + total) if rig.structure else None

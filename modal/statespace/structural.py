@@ -4,25 +4,21 @@
 
 over q = (η, θ_1, …): for a force F of each input, ω²p for the ground displaced by 1 m, p being the momentum of
 everything at unit velocity along the rail, and −(K + iωD − ω²M)_x for a prescribed cart x, whose row is left out.  The
-elements of the structure (`modal.assembly.structure`) and the matrices of chains are assembled from the numbers of the
-scene.
+matrices are the squares of the scene (`modal.assembly.squares`), summed in the arithmetic of the elimination.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from modal import pair
-from modal.assembly import SPRING, Dissipator, Hanging, Rig, loss_at, matrices_of, own_inertia
+from modal.assembly import SPRING, Dissipator, Rig, loss_at, scene_squares
 from modal.eigen import Arithmetic
 from modal.scene import Scene
 from modal.statespace.points import is_point, point_input, pushed
 from modal.statespace.signals import PUSHES, READINGS, SUPPORT, Geometry, OutputGroup, Signal
-from modal.structure import bends, slopes
 from modal.types import Booleans, Floats
 
 MOVES = {name: order for order, name in enumerate(SUPPORT)} | {"cart_velocity": 1, "cart_acceleration": 2}
@@ -131,7 +127,8 @@ def structural_response(
     is_damped = rig.is_damped or dampers is not None
 
     def evaluate(numbers: Arithmetic) -> Any:
-        M, K, D = matrices_in(rig, numbers)
+        squares = scene_squares(rig, numbers.number)
+        M, K, D = (matrix[..., None] for matrix in squares.matrices)
         omega, felt = numbers.omega, numbers.felt
         square = omega * omega
         if dampers is not None:
@@ -140,7 +137,7 @@ def structural_response(
             K = K + numbers.imaginary(loss_matrix(losses, len(K), numbers))
         A = felt(K + numbers.imaginary(D) * omega - square * M if is_damped else K - square * M)
         zero, none = 0 * omega, 0 * A[:, :1]
-        momentum = momentum_in(rig, numbers)[:, None]
+        momentum = squares.momentum[:, None]
         columns = [
             square * momentum if push.moves == "ground"
             else -A[:, 0] if push.moves == "cart"
@@ -180,143 +177,10 @@ def structural_response(
     return evaluate
 
 
-def matrices_in(rig: Rig, numbers: Arithmetic) -> tuple[Any, Any, Any]:
-    """M, K and D (n, n, 1) of a scene on a structure, without the dampers of modes."""
-    hanging = Hanging(rig)
-    d, first = hanging.structure.size, hanging.first.tolist()
-    zero = numbers.number(np.zeros((d + first[-1],) * 2))
-    M, K, D = zero + 0, zero + 0, zero + 0
-    _add_carriers(hanging, numbers, M, K, D)
-    for spring in hanging.spring_rows:
-        _add(K, spring.row, numbers.number(spring.stiffness), numbers)
-        _add(D, spring.row, numbers.number(spring.damping), numbers)
-    chains = {(block, column): _chain(rig, block, column, numbers) for block, column in rig.names}
-    for p, (block, column) in enumerate(hanging.kinds.tolist()):
-        chain, span = chains[block, column], slice(d + first[p], d + first[p + 1])
-        for S, part in ((M, chain.M), (K, chain.K), (D, chain.D)):
-            S[span, span] = S[span, span] + part
-        if d:
-            _add_pivot(hanging, numbers, p, chain, span.start, M, K, D)
-    for S in (M, K, D):
-        S[d:, :d] = S[:d, d:].T
-    return M[..., None], K[..., None], D[..., None]
-
-
-def momentum_in(rig: Rig, numbers: Arithmetic) -> Any:
-    """The momentum of everything at unit velocity along the rail, in the directions of q, (n,)."""
-    hanging = Hanging(rig)
-    structure, first = hanging.structure, hanging.first.tolist()
-    momentum = numbers.number(np.zeros(structure.size + first[-1])) + 0
-    for number, carrier in enumerate(structure.carriers):
-        if carrier.M is None and carrier.size:
-            for at, value in slopes(structure, number, carrier.centre)[0].items():
-                momentum[at] = momentum[at] + numbers.number(float(carrier.mass)) * numbers.number(value)
-    chains = {(block, column): _chain(rig, block, column, numbers) for block, column in rig.names}
-    for p, (block, column) in enumerate(hanging.kinds.tolist()):
-        chain, d = chains[block, column], structure.size
-        momentum[d + first[p] : d + first[p + 1]] = chain.b
-        momentum[:d] = momentum[:d] + chain.mass * numbers.number(hanging.phi.along[p])
-    return momentum
-
-
-def _add(S: Any, row: dict[int, float], size: Any, numbers: Arithmetic) -> None:
-    """Add `size` times the square of a row to a matrix in place."""
-    at, entries = list(row), numbers.number(list(row.values()))
-    S[np.ix_(at, at)] = S[np.ix_(at, at)] + size * entries[:, None] * entries
-
-
-def _add_carriers(hanging: Hanging, numbers: Arithmetic, M: Any, K: Any, D: Any) -> None:
-    """Add the own inertia, springs, dampers and weights of all carriers."""
-    structure, number, gravity = hanging.structure, numbers.number, numbers.number(hanging.rig.gravity)
-    for carrier, (body, start) in enumerate(zip(structure.carriers, structure.offsets, strict=False)):
-        if body.M is not None:
-            at = slice(start, start + body.size)
-            for S, part in ((M, body.M), (K, body.K), (D, body.D)):
-                S[at, at] = S[at, at] + number(np.asarray(part))
-            continue
-        for element in own_inertia(structure, carrier):
-            _add(M, dict(zip(element.at, element.row, strict=True)), number(element.size), numbers)
-        for k in range(body.size):
-            _add(K, {start + k: 1.0}, number(float(body.stiffness[k])), numbers)
-            _add(D, {start + k: 1.0}, number(float(body.damping[k])), numbers)
-        for k, bend in bends(body, body.centre):
-            _add(K, {start + k: 1.0}, gravity * number(float(body.mass)) * number(bend), numbers)
-
-
-def _add_pivot(
-    hanging: Hanging, numbers: Arithmetic, p: int, chain: _ChainMatrices, first: int, M: Any, K: Any, D: Any
-) -> None:
-    """Add what a pendulum, whose angles begin at row `first`, does to the structure through its pivot."""
-    structure, gravity, d = hanging.structure, numbers.number(hanging.rig.gravity), hanging.structure.size
-    pivot, span = structure.pivots[p], slice(first, first + len(chain.b))
-    for k, bend in bends(structure.carriers[pivot.carrier], pivot.where):
-        held = gravity * chain.mass * numbers.number(bend)
-        _add(K, {structure.offsets[pivot.carrier] + k: 1.0}, held, numbers)
-    along, down, turning = (numbers.number(part[p])[:, None] for part in hanging.phi)
-    moved = along * along.T + down * down.T
-    M[:d, span] = M[:d, span] + along * chain.b
-    M[:d, :d] = M[:d, :d] + chain.mass * moved
-    for S, strength in ((K, chain.stiffness), (D, chain.damping)):
-        S[:d, first] = S[:d, first] - strength * turning[:, 0]
-        S[:d, :d] = S[:d, :d] + strength * (turning * turning.T)
-    D[:d, span] = D[:d, span] + along * chain.dragged
-    D[:d, :d] = D[:d, :d] + chain.drag * moved
-
-
-class _ChainMatrices(NamedTuple):
-    """A chain on a support at rest: matrices (n, n), b and the sum of rows of dragged centres (n,), single numbers."""
-
-    M: Any
-    K: Any
-    D: Any
-    b: Any
-    mass: Any
-    stiffness: Any
-    damping: Any
-    dragged: Any
-    drag: Any
-
-
-def _chain(rig: Rig, block: int, column: int, numbers: Arithmetic) -> _ChainMatrices:
-    chains = rig.blocks[block]
-    names = ("mass", "length", "centre", "inertia", "across", "stiffness", "damping", "drag")
-    m, l, c, inertia, way, k, e, drag = (numbers.number(getattr(chains, name)[:, column]) for name in names)
-    n, leans = len(m), chains.rest is not None
-    ways = way[:, None] * way
-    if chains.sinking is not None and chains.rest is not None:
-        sinking, held = numbers.number(chains.sinking[:, column]), numbers.number(chains.rest.held[:, column])
-        ways = ways + sinking[:, None] * sinking
-        ways[range(n), range(n)] = numbers.number(1.0)
-    M = np.array(pair.inertia_matrix(m, l, c, inertia)) * ways
-    b = np.array(pair.first_moments(m, l, c)) * way
-    zero = 0 * M
-    K, D = zero + 0, zero + 0
-    for i in range(n):
-        K[i, i] = K[i, i] + (held[i] if leans else numbers.number(rig.gravity) * b[i])
-        for S, strength in ((K, k[i]), (D, e[i])):
-            S[i, i] = S[i, i] + strength
-            if i:
-                S[i - 1, i - 1] = S[i - 1, i - 1] + strength
-                S[i, i - 1], S[i - 1, i] = S[i, i - 1] - strength, S[i - 1, i] - strength
-    rows = _centres(way, l, c, zero)
-    for moved in (rows, _centres(sinking, l, c, zero)) if leans else (rows,):
-        if chains.drag[:, column].any():
-            D = D + (moved[:, :, None] * (drag[:, None] * moved)[:, None]).sum(0)
-    return _ChainMatrices(M, K, D, b, m.sum(), k[0], e[0], (drag[:, None] * rows).sum(0), drag.sum())
-
-
-def _centres(way: Any, l: Any, c: Any, zero: Any) -> Any:
-    """The rows (n, n) of the centres of links whose ends move so far per length and angle."""
-    rows = zero + 0
-    for i in range(len(l)):
-        rows[i, :i], rows[i, i] = (way * l)[:i], way[i] * c[i]
-    return rows
-
-
 def _filled(rig: Rig) -> Booleans:
     """Which entries (n, n) of M, K or D are not 0: pendula meet in springs and the structure alone."""
-    linear = matrices_of(replace(rig, damping_ratio=0.0))
-    return np.asarray((linear.M != 0) | (linear.K != 0) | (linear.D != 0))
+    M, K, D = scene_squares(rig).matrices
+    return np.asarray((M != 0) | (K != 0) | (D != 0))
 
 
 def solved(A: Any, F: Any, numbers: Arithmetic, filled: Booleans | None = None) -> Any:

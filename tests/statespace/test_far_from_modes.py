@@ -123,6 +123,21 @@ def test_what_symmetry_cancels_is_zero_at_every_frequency() -> None:
     assert not ExactResponse(scene, model.inputs, model.outputs).along(np.array([0.3, 40.0, 1e5])).any()
 
 
+def test_isolation_of_a_structure_keeps_its_digits() -> None:
+    """A cart held by a spring between points, up to where 1.5e-42 of the ground's motion is left."""
+    pendula = stages(((0.7, 0.3), (1.1, 0.7), (0.9, 0.11))).pendulum
+    held = Scene(gravity=9.81, support=Cart(mass=3.3, stiffness=17.0), pendulum=pendula)
+    spring = Spring(between=("c", "ground"), stiffness=17.0)
+    scene = held.replace(support=Cart(mass=3.3, name="c"), spring=(spring,))
+    assert scene.is_structured
+    model, omega = state_space(scene, ("support_displacement",), ("tip_positions",)), np.logspace(0, 6, 4)
+    computed = ExactResponse(scene, model.inputs, model.outputs).along(omega)[0, 0]
+    oracle = Oracle(held)
+    exact = [complex(oracle.response(["support_displacement"], ["tip_1"], w)[0, 0]) for w in omega]
+    assert computed == pytest.approx(np.array(exact), rel=1e-12, abs=0)
+    assert abs(computed[-1]) == pytest.approx(1.47649866e-42, rel=1e-8, abs=0)
+
+
 def test_noise_far_above_the_modes_is_that_of_the_isolation() -> None:
     """∫ |T|² S df with T = Π k/(k − mω² + …), and not the rounding of a sum of modes."""
     response = random_response(
