@@ -13,10 +13,11 @@ and for a velocity w the rates become p = θ' + A_θ⁻¹ b w, which does not ju
     x' = w,    θ' = p − A_θ⁻¹ b w,    p' = −A_θ⁻¹ (K_θ θ + D_θ θ' − F_θ u).
 
 A support that is moved by s, or the ground under a cart, gives in its own frame the inertial forces −p s'', with p the
-momentum of everything at unit velocity along the rail.  An acceleration and a velocity are treated alike, with all of q
-for θ and p for b; for a displacement, with J = M⁻¹ p and the states η = q + J s and r = η' − M⁻¹ D J s,
+momentum of everything at unit velocity along the rail, and −w s' of the drag of still air.  An acceleration and a
+velocity are treated alike, with all of q for θ and p for b; for a displacement, with J = M⁻¹ p and the states
+η = q + J s and r = η' − M⁻¹ (D J − w) s,
 
-    η' = r + M⁻¹ D J s,    M r' = −D η' − K (η − J s) + F u.
+    η' = r + M⁻¹ (D J − w) s,    M r' = −D η' − K (η − J s) + F u.
 
 Under a prescribed motion of a cart the modes are those on a fixed support, and a scene's `damping_ratio` is theirs.
 On a structure q begins with its coordinates η instead of x, and its supports move with the ground (`signals`).
@@ -175,8 +176,6 @@ def assembled(
         require(scene, "a linear model of a moved support")
         if geometry.carried and any(carrier.M is not None for carrier in geometry.carried.structure.carriers):
             raise SceneError([f"input {drive}: {NO_SHARE}"])
-    if drive in SUPPORT and geometry.drag.any():
-        raise SceneError([f"input {drive}: drag acts against still air, and the support would move through it"])
     motion = MOTIONS[drive]
     matrices_by = _held if drive in DRIVES and scene.has_modal_damping else matrices
     linear = instant.matrices if instant else matrices_by(scene)
@@ -324,14 +323,15 @@ def _moved(linear: Matrices, geometry: Geometry, F: Floats) -> _Motion:
 
 
 def _inertial(linear: Matrices, geometry: Geometry, F: Floats) -> list[Floats]:
-    """M⁻¹ K, M⁻¹ D, J = M⁻¹ p and M⁻¹ F, with p the momentum of everything at unit velocity.
+    """M⁻¹ K, M⁻¹ D, J = M⁻¹ p, M⁻¹ w and M⁻¹ F, with p the momentum of everything at unit velocity, w its windage.
 
     J is exact where everything can move along with the ground, as on a cart.
     """
     n = len(linear.M)
     along = _translation(geometry)
     p = np.zeros((n, 1)) if along is not None else geometry.momentum[:, None]
-    parts = np.split(_solved(linear.M, np.hstack([linear.K, linear.D, p, F])), [n, 2 * n, 2 * n + 1], axis=1)
+    every = np.hstack([linear.K, linear.D, p, geometry.windage[:, None], F])
+    parts = np.split(_solved(linear.M, every), [n, 2 * n, 2 * n + 1, 2 * n + 2], axis=1)
     if along is not None:
         parts[2] = along[:, None]
     return parts
@@ -350,10 +350,10 @@ def _translation(geometry: Geometry) -> Floats | None:
 def _support_accelerated(linear: Matrices, geometry: Geometry, F: Floats) -> _Motion:
     """The support's acceleration is the first input; z = (s, q, s', q')."""
     n, m = F.shape
-    K, D, jump, pushed = _inertial(linear, geometry, F)
+    K, D, jump, air, pushed = _inertial(linear, geometry, F)
     eye, none = np.eye(2 * n + 2), np.zeros((n + 1, m + 1))
     acceleration = np.zeros((n + 1, 2 * n + 2)), none.copy()
-    acceleration[0][1:, 1 : n + 1], acceleration[0][1:, n + 2 :] = -K, -D
+    acceleration[0][1:, 1 : n + 1], acceleration[0][1:, n + 1 :] = -K, -np.hstack([air, D])
     acceleration[1][0, 0], acceleration[1][1:] = 1.0, np.hstack([-jump, pushed])
     maps = [(eye[: n + 1], none), (eye[n + 1 :], none), acceleration]
     (q, rate, second), support = _apart(maps)
@@ -377,12 +377,12 @@ def _apart(maps: list[Pair]) -> tuple[list[Pair], tuple[Pair, ...]]:
 def _support_at_velocity(linear: Matrices, geometry: Geometry, F: Floats) -> _Motion:
     """The support's velocity is the first input; z = (s, q, r)."""
     n, m = F.shape
-    K, D, jump, pushed = _inertial(linear, geometry, F)
+    K, D, jump, air, pushed = _inertial(linear, geometry, F)
     eye, none = np.eye(2 * n + 1), np.zeros((n + 1, m + 1))
     rate = np.zeros((n + 1, 2 * n + 1)), none.copy()
     rate[0][1:], rate[1][0, 0], rate[1][1:, :1] = eye[n + 1 :], 1.0, -jump
     slope = -K @ eye[1 : n + 1] - D @ rate[0][1:], -D @ rate[1][1:]
-    slope[1][:, 1:] += pushed
+    slope[1][:] += np.hstack([-air, pushed])
     (q, rates), support = _apart([(eye[: n + 1], none), rate])
     A, B = np.vstack([rate[0], slope[0]]), np.vstack([rate[1], slope[1]])
     states = [Signal(*PLACED[0][:2], f"{PLACED[0][2]} of the support"), *_positions(geometry), *_smooth(geometry)]
@@ -392,10 +392,10 @@ def _support_at_velocity(linear: Matrices, geometry: Geometry, F: Floats) -> _Mo
 def _support_displaced(linear: Matrices, geometry: Geometry, F: Floats) -> _Motion:
     """The support's displacement is the first input; z = (η, r)."""
     n, m = F.shape
-    K, D, jump, pushed = _inertial(linear, geometry, F)
+    K, D, jump, air, pushed = _inertial(linear, geometry, F)
     eye, none = np.eye(2 * n), np.zeros((n, m + 1))
     place, rate = (eye[:n], none.copy()), (eye[n:], none.copy())
-    place[1][:, :1], rate[1][:, :1] = -jump, D @ jump
+    place[1][:, :1], rate[1][:, :1] = -jump, D @ jump - air
     slope = -D @ rate[0] - K @ place[0], -D @ rate[1] - K @ place[1]
     slope[1][:, 1:] += pushed
     A, B = np.vstack([rate[0], slope[0]]), np.vstack([rate[1], slope[1]])
@@ -469,24 +469,17 @@ def _outputs(
     C, D = [], []
     for reading in readings:
         rows = np.zeros((len(reading.signals), len(moved.A))), np.zeros((len(reading.signals), moved.B.shape[1]))
-        for order, (part, maps) in enumerate(
-            (
-                (reading.position, moved.q),
-                (reading.rate, moved.rate),
-                (reading.acceleration, moved.acceleration),
-            )
+        parts = (reading.position, reading.rate, reading.acceleration)
+        grounds = moved.support or (None,) * 3
+        for part, maps, carried, ground in zip(
+            parts, (moved.q, moved.rate, moved.acceleration), reading.carried, grounds, strict=True
         ):
             if part is not None and maps is None:
                 raise SceneError([_impulsive(reading, moved)])
             if part is not None and maps is not None:
                 rows = rows[0] + part @ maps[0], rows[1] + part @ maps[1]
-            if order == reading.order and reading.translation is not None and moved.support:
-                ground = moved.support[order]
-                assert ground is not None
-                rows = (
-                    rows[0] + reading.translation[:, None] * ground[0],
-                    rows[1] + reading.translation[:, None] * ground[1],
-                )
+            if carried is not None and ground is not None:
+                rows = rows[0] + carried[:, None] * ground[0], rows[1] + carried[:, None] * ground[1]
         if reading.pushed and push.signals:
             rows[1][:, -len(push.signals) :] += push.thrust
         C.append(rows[0])

@@ -2,10 +2,10 @@
 
     (K + iωD − ω²M) q = F,      y = (Y0 + iω Y1 − ω² Y2) q + thrust
 
-over q = (η, θ_1, …): for a force F of each input, ω²p for the ground displaced by 1 m, p being the momentum of
-everything at unit velocity along the rail, and −(K + iωD − ω²M)_x for a prescribed cart x, whose row is left out.  The
-elements of the structure (`modal.assembly.structure`) and the matrices of chains are assembled from the numbers of the
-scene.
+over q = (η, θ_1, …): for a force F of each input, ω²p − iωw for the ground displaced by 1 m, p and w being the momentum
+and the windage of everything at unit velocity along the rail, and −(K + iωD − ω²M)_x for a prescribed cart x, whose row
+is left out.  The elements of the structure (`modal.assembly.structure`) and the matrices of chains are assembled from
+the numbers of the scene.
 """
 
 from __future__ import annotations
@@ -140,9 +140,12 @@ def structural_response(
             K = K + numbers.imaginary(loss_matrix(losses, len(K), numbers))
         A = felt(K + numbers.imaginary(D) * omega - square * M if is_damped else K - square * M)
         zero, none = 0 * omega, 0 * A[:, :1]
-        momentum = momentum_in(rig, numbers)[:, None]
+        momentum, windage = (part[:, None] for part in carried_in(rig, numbers))
+        moved = square * momentum
+        if geometry.drag.any():
+            moved = moved - numbers.imaginary(windage) * omega
         columns = [
-            square * momentum if push.moves == "ground"
+            moved if push.moves == "ground"
             else -A[:, 0] if push.moves == "cart"
             else numbers.number(push.F)[:, None]
             for push in driven
@@ -171,6 +174,8 @@ def structural_response(
                 output = output + numbers.imaginary(numbers.number(pull * loss_at(spring.loss, numbers.rates)) * longer)
             if row.pendulum is not None:
                 for i in np.flatnonzero(geometry.pendulum == row.pendulum):
+                    if geometry.drag[i]:
+                        output = output - powers[1] * numbers.number(geometry.drag[i]) * carried
                     moved = (numbers.number(geometry.centres[i])[:, None, None] * q).sum(0)
                     output = output + square * numbers.number(geometry.mass[i]) * (moved + carried)
                 output = output + numbers.number(np.array([push.thrust[row.pendulum] for push in driven]))[:, None]
@@ -202,11 +207,11 @@ def matrices_in(rig: Rig, numbers: Arithmetic) -> tuple[Any, Any, Any]:
     return M[..., None], K[..., None], D[..., None]
 
 
-def momentum_in(rig: Rig, numbers: Arithmetic) -> Any:
-    """The momentum of everything at unit velocity along the rail, in the directions of q, (n,)."""
+def carried_in(rig: Rig, numbers: Arithmetic) -> tuple[Any, Any]:
+    """The momentum and the windage of everything at unit velocity along the rail, in the directions of q, each (n,)."""
     hanging = Hanging(rig)
     structure, first = hanging.structure, hanging.first.tolist()
-    momentum = numbers.number(np.zeros(structure.size + first[-1])) + 0
+    momentum, windage = (numbers.number(np.zeros(structure.size + first[-1])) + 0 for _ in range(2))
     for number, carrier in enumerate(structure.carriers):
         if carrier.M is None and carrier.size:
             for at, value in slopes(structure, number, carrier.centre)[0].items():
@@ -214,9 +219,10 @@ def momentum_in(rig: Rig, numbers: Arithmetic) -> Any:
     chains = {(block, column): _chain(rig, block, column, numbers) for block, column in rig.names}
     for p, (block, column) in enumerate(hanging.kinds.tolist()):
         chain, d = chains[block, column], structure.size
-        momentum[d + first[p] : d + first[p + 1]] = chain.b
-        momentum[:d] = momentum[:d] + chain.mass * numbers.number(hanging.phi.along[p])
-    return momentum
+        span, along = slice(d + first[p], d + first[p + 1]), numbers.number(hanging.phi.along[p])
+        momentum[span], windage[span] = chain.b, chain.dragged
+        momentum[:d], windage[:d] = momentum[:d] + chain.mass * along, windage[:d] + chain.drag * along
+    return momentum, windage
 
 
 def _add(S: Any, row: dict[int, float], size: Any, numbers: Arithmetic) -> None:
