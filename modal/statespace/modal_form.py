@@ -196,10 +196,10 @@ def _carried(blocks: list[ModalBlock], A: Floats, size: int, modes: Modes) -> li
     else:
         steady = np.linalg.solve(stiff, -air)
     X[1 : size + 1, 1] = steady[:size]
-    support, *own = blocks
+    support, *moving = blocks
     return [
         support._replace(right=support.right + X),
-        *(block._replace(left=block.left - block.left @ X @ support.left) for block in own),
+        *(block._replace(left=block.left - block.left @ X @ support.left) for block in moving),
     ]
 
 

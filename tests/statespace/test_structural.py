@@ -12,7 +12,7 @@ from structures import Oracle
 
 from modal import Scene, SceneError
 from modal.exports import FORMATS
-from modal.exports.json_ import read_json
+from modal.exports.data import read_json
 from modal.scene import Ground, Pendulum, SineForce, SineMotion, scene_from
 from modal.statespace import StateSpace, state_space
 from modal.statespace.frequency import ExactResponse
