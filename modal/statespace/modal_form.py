@@ -9,8 +9,8 @@ With φ as in `Modes.shape` (which separates equal and zero frequencies as well 
 (Tisseur & Meerbergen, SIAM Rev. 43, 235 (2001), §3.5: left and right vectors of a symmetric quadratic pencil.)  A cart
 whose acceleration or velocity is prescribed does not respond to the pendula: it is a separate block, and the modes are
 the fixed-base modes of the pendula.  So is a support whose acceleration or velocity is prescribed; the modes are then
-those of the scene.  Where drag couples them with its velocity, they deviate from what is carried steadily through the
-air, z = X (s, s') with A X = X [[0, 1], [0, 0]].
+those of the scene.  Where springs or drag couple them with its motion, they deviate from what that makes of them while
+it is steady, z = X (s, s') with A X = X [[0, 1], [0, 0]].
 """
 
 from __future__ import annotations
@@ -151,7 +151,7 @@ def to_modal_form(modes: Modes, model: StateSpace) -> ModalForm:
         *(_cart(model, n - 2 * size, size) if driven else ()),
         *_own(driven_modes, n, size, "fixed-base " * is_held, first=int(driven)),
     ]
-    if n - 2 * size == 2 and model.A[-size:, size + 1].any():
+    if driven and model.A[-size:, [0, size + 1][: n - 2 * size]].any():
         blocks = _carried(blocks, model.A, size, driven_modes)
     if sum(len(block.A) for block in blocks) != n:
         raise ComputationError("the modes of this scene do not span its motion in double precision")
@@ -180,8 +180,10 @@ def _cart(model: StateSpace, states: int, size: int) -> Iterator[ModalBlock]:
 
 
 def _carried(blocks: list[ModalBlock], A: Floats, size: int, modes: Modes) -> list[ModalBlock]:
-    """The blocks of a cart or support, the first, and of modes, about what drag makes of a steady velocity."""
-    stiff, damped, air = A[-size:, 1 : size + 1], A[-size:, -size:], A[-size:, size + 1]
+    """The blocks of a cart or support, the first, and of modes, about where a steady motion of it leaves all else."""
+    support, *moving = blocks
+    states = len(support.A)
+    stiff, damped, pulls = A[-size:, 1 : size + 1], A[-size:, -size:], A[-size:, [0, size + 1][:states]]
     shapes = all_shapes(modes)
     free = [
         np.real(modes.column(shape))
@@ -189,14 +191,15 @@ def _carried(blocks: list[ModalBlock], A: Floats, size: int, modes: Modes) -> li
         for shape in shapes[number]
         if not shape.across
     ]
-    X, coasting = np.zeros((len(A), 2)), np.array(free).reshape(-1, size).T
-    if free:
-        steady = np.linalg.lstsq(np.hstack([stiff, damped @ coasting]), -air, rcond=None)[0]
-        X[1 : size + 1, 0] = X[-size:, 1] = coasting @ steady[size:]
-    else:
-        steady = np.linalg.solve(stiff, -air)
-    X[1 : size + 1, 1] = steady[:size]
-    support, *moving = blocks
+    X, coasting = np.zeros((len(A), states)), np.array(free).reshape(-1, size).T
+    if pulls[:, 0].any():
+        X[1 : size + 1, 0] = -np.linalg.solve(stiff, pulls[:, 0])
+    if states == 2:
+        air = pulls[:, 1] + damped @ X[1 : size + 1, 0]
+        both = np.hstack([stiff, damped @ coasting])
+        steady = -(np.linalg.lstsq(both, air, rcond=None)[0] if free else np.linalg.solve(stiff, air))
+        X[1 : size + 1, 0] += coasting @ steady[size:]
+        X[1 : size + 1, 1], X[-size:, 1] = steady[:size], X[1 : size + 1, 0]
     return [
         support._replace(right=support.right + X),
         *(block._replace(left=block.left - block.left @ X @ support.left) for block in moving),

@@ -313,6 +313,12 @@ SUPPORT = {
     "support_acceleration": Signal("support_acceleration", "m/s^2", "acceleration of the support along the rail"),
 }
 """Motions of the fixed support, or of the ground under a cart and under a structure."""
+PRESCRIBED = {
+    **{name: (False, order) for order, name in enumerate(SUPPORT)},
+    "cart_velocity": (True, 1),
+    "cart_acceleration": (True, 2),
+}
+"""Whether each prescribes the cart, or else the support, and how often its displacement is differentiated."""
 INPUTS = (*(name for name in PUSHES if name != "coordinate_forces"), *DRIVES, *SUPPORT)
 """Those of scenes on a fixed support or a cart; a structure has `coordinate_forces` besides."""
 

@@ -21,12 +21,9 @@ from modal.assembly import SPRING, Dissipator, Hanging, Rig, loss_at, matrices_o
 from modal.eigen import Arithmetic
 from modal.scene import Scene
 from modal.statespace.points import is_point, point_input, pushed
-from modal.statespace.signals import PUSHES, READINGS, SUPPORT, Geometry, OutputGroup, Signal
+from modal.statespace.signals import PRESCRIBED, PUSHES, READINGS, Geometry, OutputGroup, Signal
 from modal.structure import bends, slopes
 from modal.types import Booleans, Floats
-
-MOVES = {name: order for order, name in enumerate(SUPPORT)} | {"cart_velocity": 1, "cart_acceleration": 2}
-"""How often the displacement that moves a support or the cart is differentiated in each input."""
 
 
 class Given(NamedTuple):
@@ -79,8 +76,8 @@ def inputs_named(scene: Scene, geometry: Geometry, signals: Sequence[Signal | Di
     for group in (make(geometry) for name, make in PUSHES.items() if name != "cart_force"):
         for k, signal in enumerate(group.signals):
             every[signal.name] = Given(group.F[:, k], group.thrust[:, k])
-    for name, order in MOVES.items():
-        every[name] = Given(*none, "ground" if name in SUPPORT else "cart", order)
+    for name, (held, order) in PRESCRIBED.items():
+        every[name] = Given(*none, "cart" if held else "ground", order)
     pushes = []
     for wanted in signals:
         if isinstance(wanted, Dissipator):

@@ -27,6 +27,7 @@ from modal.statespace.points import EXAMPLES, is_point, point_input, pushed, val
 from modal.statespace.signals import (
     DRIVES,
     OF_A_CART,
+    PRESCRIBED,
     PUSHES,
     READINGS,
     SUPPORT,
@@ -75,8 +76,6 @@ class ChannelKind(NamedTuple):
     order: int
 
 
-MOVES = {name: order for order, name in enumerate(SUPPORT)} | {"cart_velocity": 1, "cart_acceleration": 2}
-"""How often the displacement that moves a support or the cart is differentiated in each input."""
 Source = tuple[str, int]
 """A group of inputs or outputs (`PUSHES`, `READINGS`) and a signal's index in it."""
 
@@ -132,8 +131,8 @@ def reduced(scene: Scene, channels: Sequence[Channel]) -> ChannelModel:
     for channel in channels:
         if channel.output not in outputs:
             problems.append(f"output {channel.output}: {_among([*outputs], channel.output)}")
-        if channel.input not in {*inputs, *MOVES} and not is_point(channel.input):
-            problems.append(f"input {channel.input}: {_among([*inputs, *MOVES], channel.input)}, or {EXAMPLES}")
+        if channel.input not in {*inputs, *PRESCRIBED} and not is_point(channel.input):
+            problems.append(f"input {channel.input}: {_among([*inputs, *PRESCRIBED], channel.input)}, or {EXAMPLES}")
         if channel.input in DRIVES and not geometry.on_cart:
             problems.append(f"input {channel.input}: there is no cart alone")
         if channel.input in SUPPORT:
@@ -145,8 +144,8 @@ def reduced(scene: Scene, channels: Sequence[Channel]) -> ChannelModel:
     signals = tuple((outputs[channel.output][1], _signal(inputs, channel.input)) for channel in channels)
     kinds = tuple(
         ChannelKind(
-            "" if channel.input not in MOVES else "ground" if channel.input in SUPPORT else "cart",
-            MOVES.get(channel.input, 0),
+            "" if channel.input not in PRESCRIBED else "ground" if channel.input in SUPPORT else "cart",
+            PRESCRIBED.get(channel.input, ("", 0))[1],
         )
         for channel in channels
     )

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scenes import mild_scene
 
-from modal import Bob, Body, Cart, Fixed, Pendulum, Rod, Scene, SceneError, load, matrices, natural_modes
+from modal import Bob, Body, Cart, Fixed, Pendulum, Rod, Scene, SceneError, Spring, load, matrices, natural_modes
 from modal.scene import ConstantForce, Hoist, Moved, SineMotion
 from modal.statespace import StateSpace, frequency_response, modal_gains, state_space, to_modal_form
 from modal.statespace.response import terms
@@ -208,3 +208,20 @@ def test_a_hoist_on_a_moved_support_in_air_is_that_below_a_held_cart() -> None:
         moved = model_at(fixed, time, ("support_acceleration",), ("angles", "pivot_forces"))
         held = model_at(cart, time, ("cart_acceleration",), ("angles", "pivot_forces"))
         assert all(np.allclose(*parts, rtol=1e-13) for parts in ((getattr(moved, n), getattr(held, n)) for n in "ABCD"))
+
+
+@pytest.mark.parametrize(("drive", "order"), [("cart_acceleration", 2), ("cart_velocity", 1)])
+def test_springs_between_pendula_and_the_ground_pull_as_the_cart_moves(drive: str, order: int) -> None:
+    """M, K and D below a cart at x = exp(iωt), its own row left out."""
+    springs = [Spring(between=("pendulum[0].links[1]", "ground@0.5,-1"), stiffness=7.0, damping=0.3)]
+    scene = in_air(Cart(mass=2.0)).replace(spring=springs)
+    linear = matrices(scene)
+    form = to_modal_form(natural_modes(scene), state_space(scene, (drive,), ("angles",)))
+    assert form.residual() < 1e-12
+    summed = sum(above[:, 0] / below for above, below in (term.at(1j * OMEGA) for term in terms(form)))
+    responses_by = frequency_response(form, OMEGA)[:, 0], summed + form.model.D
+    for k, omega in enumerate(OMEGA.tolist()):
+        Z = linear.K + 1j * omega * linear.D - omega**2 * linear.M
+        exact = -np.linalg.solve(Z[1:, 1:], Z[1:, 0]) / (1j * omega) ** order
+        for response in (*(part[:, k] for part in responses_by), _gain(form.model, omega)[:, 0]):
+            assert response == pytest.approx(exact, rel=1e-11)
