@@ -24,6 +24,7 @@ HEAVY = {
         "modal.eigen.product",
         "modal.statespace.hoisting",
         "modal.statespace.travels",
+        "modal.statespace.varying",
         "modal.statespace.sampling",
         "modal.statespace.transfer",
         "modal.vibration",
