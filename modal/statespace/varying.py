@@ -148,7 +148,6 @@ def motion_history(
         if not any(span[0] < end and begin < span[-1] for span in spans):
             _advance(states, times, rows, pushed_by(along((begin + end) / 2), pushed), command)
             continue
-
         swings = (
             (end - begin) * float(np.linalg.norm(pushed_by(along(begin), pushed)[0][:, :n], 2)) ** 0.5 / (2 * np.pi)
         )
