@@ -3,6 +3,7 @@
 import csv
 import io
 import json
+from collections.abc import Iterator
 from math import inf, isnan, sqrt
 
 import numpy as np
@@ -16,9 +17,12 @@ TWO = Scene(gravity=9.81, pendulum=[Pendulum(links=[Bob(mass=1.0, length=1.0, co
 GRADED = Scene(gravity=9.81, pendulum=[Pendulum(links=[Bob(mass=m, length=1.0) for m in (1.0, 1e-8) * 5])])
 
 
-@pytest.fixture(autouse=True)
-def once(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(frequencies, "ROUND", 0.0)
+@pytest.fixture(scope="module", autouse=True)
+def once() -> Iterator[None]:
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(frequencies, "ROUND", 0.0)
+        patched.setattr(frequencies, "ROUNDS", 1)
+        yield
 
 
 @pytest.fixture(scope="module")
