@@ -54,6 +54,7 @@ FLAGS: dict[str, tuple[str, str]] = {
     "--keep-modes": ("N", "number of slowest modes to which the motion is restricted"),
     "--kind": ("", "kind of input shaper"),
     "--largest-angle": ("DEG", "largest angle of any link that periodic orbits reach"),
+    "--linear": ("", "compare ways to the natural frequencies instead"),
     "--links": ("", "kind of the links"),
     "--loci": ("", "follow every frequency along one --vary by its mode shape"),
     "--loss": ("", "cost of a residual"),

@@ -92,6 +92,12 @@ def add_duration(page: Page, more: str, usual: float | None = None) -> None:
     add_option(page.motion, "--duration", more, type=number("seconds above 0"), default=usual)
 
 
+def add_relative_error(page: Page, more: str) -> None:
+    """The relative error of frequencies that is allowed."""
+    share = number("at least 1e-16 and at most 0.1", 0.1, 1e-16)
+    add_option(page.computed, "--relative-error", more, type=share)
+
+
 def add_strobes(page: Page, transient: str) -> None:
     """When a driven scene is looked at, and which of its links are drawn; `transient` says how long by default."""
     degrees = number("degrees", least=-sys.float_info.max)

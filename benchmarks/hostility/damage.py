@@ -12,8 +12,7 @@ from tempfile import TemporaryDirectory
 
 from modal import load as load_scene
 from modal.errors import MultipendulaError
-from modal.exports.json_ import read_json, write_json
-from modal.exports.npz import read_npz, write_npz
+from modal.exports.data import read_json, read_npz, write_json, write_npz
 from modal.scene.parameters import parse_variations
 from modal.statespace import state_space
 from nonlinear import files as recordings

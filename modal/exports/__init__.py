@@ -1,8 +1,9 @@
-"""A state-space model as a file for another tool: one module per format or family of formats, loaded on use.
+"""A state-space model as a file for another tool: one module per family of formats, loaded on use.
 
 In: a `StateSpace`.  Out: bytes that python-control, SciPy, MATLAB and Octave, C, Modelica, an FMI tool or a spreadsheet
 reads.  A format is a `Format` in `FORMATS` and the function that writes it; the command, its help, shell completion and
-the manual read `FORMATS`.  `text` has what all formats need: numbers that read back bit for bit.
+the manual read `FORMATS`.  `text` has what all formats need: numbers that read back bit for bit.  `read_json` and
+`read_npz` read files back, `to_control` and `to_scipy` make objects of these packages.
 """
 
 from __future__ import annotations
@@ -11,9 +12,18 @@ from collections.abc import Callable
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from modal.lazy import exported
+
 if TYPE_CHECKING:
+    from modal.exports.data import read_json as read_json
+    from modal.exports.data import read_npz as read_npz
+    from modal.exports.scripts import to_control as to_control
+    from modal.exports.scripts import to_scipy as to_scipy
     from modal.statespace import StateSpace
     from modal.statespace.varying import VaryingModel
+
+
+LATER = {"read_json": "data", "read_npz": "data", "to_control": "scripts", "to_scipy": "scripts"}
 
 
 class Format(NamedTuple):
@@ -66,29 +76,32 @@ def format_named(name: str) -> Format:
 
 FORMATS = {
     "control": Format(
-        ".py", "a Python script that builds a labelled `control.StateSpace`, `system`", "script.write_script"
+        ".py", "a Python script that builds a labelled `control.StateSpace`, `system`", "scripts.write_script"
     ),
     "mat": Format(
-        ".mat", "a MATLAB and Octave file with names as cell arrays", "matlab.write_mat", varying="matlab.write_varying"
+        ".mat",
+        "a MATLAB and Octave file with names as cell arrays",
+        "scripts.write_mat",
+        varying="scripts.write_varying_mat",
     ),
-    "m": Format(".m", "a script for MATLAB and Octave that builds `sys`", "matlab.write_m"),
-    "json": Format(".json", "everything, exactly; `modal.exports.json_.read_json` reads it back", "json_.write_json"),
+    "m": Format(".m", "a script for MATLAB and Octave that builds `sys`", "scripts.write_m"),
+    "json": Format(".json", "everything, exactly; `modal.exports.read_json` reads it back", "data.write_json"),
     "npz": Format(
         ".npz",
-        "everything, exactly; `modal.exports.npz.read_npz` reads it back",
-        "npz.write_npz",
-        varying="npz.write_varying",
+        "everything, exactly; `modal.exports.read_npz` reads it back",
+        "data.write_npz",
+        varying="data.write_varying_npz",
     ),
     "tf": Format(
         ".tf.json",
         "transfer functions: zeros, poles, gain, numerator and denominator for every input and output",
-        "transfer.write_transfer",
+        "data.write_transfer",
     ),
-    "csv": Format(".csv", "everything, exactly, one number per row", "csv_.write_csv"),
+    "csv": Format(".csv", "everything, exactly, one number per row", "data.write_csv"),
     "c": Format(
         ".h",
         "a header for C99 and C++ with the discrete matrices and a step function, no allocation, no includes",
-        "c.write_c",
+        "source.write_c",
     ),
     "fmu": Format(
         ".fmu",
@@ -97,5 +110,7 @@ FORMATS = {
         "fmu.write_fmu",
         "fmu.note",
     ),
-    "modelica": Format(".mo", "a Modelica block", "modelica.write_modelica"),
+    "modelica": Format(".mo", "a Modelica block", "source.write_modelica"),
 }
+__getattr__ = exported(__name__, (), LATER)
+__all__ = ["FORMATS", "Format", "format_named"]

@@ -20,10 +20,8 @@ from uuid import NAMESPACE_URL, uuid5
 from xml.etree import ElementTree as ET
 from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 
-from modal.exports.c import c_matrix, hexadecimal
-from modal.exports.identifiers import identifier, identifiers
-from modal.exports.modelica import unit
-from modal.exports.text import heading, joined, law, rest
+from modal.exports.source import c_matrix, hexadecimal, unit
+from modal.exports.text import heading, identifier, identifiers, joined, law, rest
 from modal.report import c_comment, one_line
 from modal.statespace import Signal, StateSpace
 from modal.statespace.sampling import reach, sample

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from modal.assembly import Matrices, Rig, matrices_of
-from modal.eigen import EVERYTHING, UNCERTAIN, Limits, notes
+from modal.eigen import UNCERTAIN, Limits, notes
 from modal.errors import SceneError
 from modal.modes.eigenvalues import Eigenvalues, Short, kept
 from modal.modes.modal_matrix import ModalMatrix, all_shapes, stacked
@@ -306,7 +306,8 @@ def natural_modes(scene: Scene, *, accuracy: float | None = None, modes: slice |
         Any scene.  What small angles leave out, such as dry friction, is named in the notes of the table.
     accuracy
         The largest relative error of ω that is allowed.  Eigenvalues of a dense matrix are used where they are known to
-        be within it, at less cost for chains of more than ten links.  None computes every digit that the data fix.
+        be within it, at less cost for chains of more than twenty links; shorter ones get every digit, which costs
+        less.  None computes every digit that the data fix.
     modes
         The modes to compute, counted from 0: `slice(0, 3)` of a long chain costs little.  None computes all.
 
@@ -337,7 +338,7 @@ def natural_modes(scene: Scene, *, accuracy: float | None = None, modes: slice |
     if modes is not None:
         require_type("modes", modes, "slice")
     limits = Limits(validate_accuracy(accuracy), _lowest(modes))
-    if limits == EVERYTHING and modes is None and (short := Short.of(validate_scene(scene))):
+    if modes is None and (short := Short.of(validate_scene(scene))):
         return Modes(scene, short=short)
     computed = Modes(scene, limits, modes)
     _ = computed.spectrum  # what cannot be computed is told here

@@ -154,8 +154,6 @@ CONSTANT_MODEL = Capability(
 MOVED_MODEL = replace(
     CONSTANT_MODEL,
     name="a linear model of a moved support",
-    takes=CONSTANT_MODEL.takes - {"linear_drag"},
-    refuses={**CONSTANT_MODEL.refuses, "linear_drag": "does not include the drag of still air"},
 )
 GROWS = {**CONSTANT_MODEL.unless, "inverted": "grows by itself"}
 AVERAGED = Capability(

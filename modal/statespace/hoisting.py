@@ -13,34 +13,27 @@ input shaper is made for constant lengths; what it leaves where they change is i
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
-import scipy
 
-from modal.assembly import Matrices, hoisting_of, matrices, matrices_along, no_hoist, rig_of
+from modal.assembly import hoisting_of, matrices, matrices_along, no_hoist, rig_of
 from modal.errors import ComputationError, SceneError
 from modal.modes import labelled, natural_modes, table_numbers
 from modal.report import Displayed
 from modal.scene import Body, Fixed, Pendulum, Scene
 from modal.scene.points import PendulumPoint, parse_point
 from modal.statespace.model import fixed, refuse_no_inertia
-from modal.statespace.shapers import Drive, Kind, Shaper, drives_of, shaper_for
-from modal.statespace.varying import hoisting_times
+from modal.statespace.shapers import UNSHAPED, Drive, Kind, Shaper, Train, drives_of, shaper_for
+from modal.statespace.varying import hoisting_times, motion_history, pushed_by
 from modal.types import Floats, Ints
 
-TOLERANCE = 1e-10
 LOOKS = 200
 """Times at which the size of a command is looked up."""
-MOST_SWINGS = 1e5  # of the fastest mode during one law of length
-PUSHES = 4
-"""Times at which a command between two stops, a sum of cubic polynomials, is zero only if it is zero throughout."""
 MOST_LINKS = 100
 """Links of a scene whose swing is integrated in the time-varying model."""
 UNSTABLE = "the equilibrium is unstable along the hoist: no swing is left at rest"
-Pulse = Callable[[float], float]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -191,16 +184,21 @@ class Travel:
         begin, end = hoisting_times(scene, 2).tolist()
         return cls(distance, begin, duration or end - begin)
 
-    def acceleration(self, time: float) -> float:
-        """In m/s²; 0 before and after."""
-        s = (time - self.begin) / self.duration
-        return self.distance / self.duration**2 * 60 * s * (1 - s) * (1 - 2 * s) if 0 < s < 1 else 0.0
-
     def motion(self, times: Floats) -> Floats:
         """X (m), x' (m/s) and x'' (m/s²) at these times (T,), (3, T)."""
         s, T = np.clip((times - self.begin) / self.duration, 0.0, 1.0), self.duration
         x = s**3 * (10 - 15 * s + 6 * s**2)
         return self.distance * np.array([x, 30 * (s * (1 - s)) ** 2 / T, 60 * s * (1 - s) * (1 - 2 * s) / T**2])
+
+    def shaped(self, train: Train, times: Floats) -> Floats:
+        """The sum of such motions (3, T), delayed by the times of a train of impulses, in their amplitudes."""
+        return np.asarray(
+            sum(a * self.motion(times - at) for at, a in zip(*map(np.ndarray.tolist, train), strict=True))
+        )
+
+    def stops(self, train: Train) -> list[float]:
+        """The times at which the third derivative of `shaped` jumps."""
+        return [self.begin + after + at for at in train[0].tolist() for after in (0.0, self.duration)]
 
 
 @dataclass(frozen=True)
@@ -225,14 +223,13 @@ def travel_residuals(scene: Scene, travel: Travel, *, kind: Kind = "zv", count: 
         raise SceneError(["travel: the support is fixed: a travel needs a cart"])
     still, mean = scene.at(float(hoisting_times(scene)[0])), mean_lengths(scene)
     name = f"{kind} shaper"
-    commands: list[tuple[str, Shaper | None]] = [("the travel as it is", None)]
-    commands += [(f"shaped by a {name} for the lengths before the hoist", shaper_for(still, count, kind))]
-    commands += [(f"shaped by a {name} for the mean lengths", shaper_for(mean, count, kind))]
-    residuals = [
-        Residual(words, _left(scene, _shaped(travel, shaper), _stops(travel, shaper))) for words, shaper in commands
-    ]
-    constant = _left(still, travel.acceleration, _stops(travel, None))
-    return (*residuals, Residual("the travel as it is, without the hoist", constant))
+    commands = {
+        "the travel as it is": UNSHAPED,
+        f"shaped by a {name} for the lengths before the hoist": shaper_for(still, count, kind).train,
+        f"shaped by a {name} for the mean lengths": shaper_for(mean, count, kind).train,
+    }
+    residuals = [Residual(words, _left(scene, travel, train)) for words, train in commands.items()]
+    return (*residuals, Residual("the travel as it is, without the hoist", _left(still, travel, UNSHAPED)))
 
 
 def travel_swing(scene: Scene, travel: Travel, kind: Kind | None = None) -> float:
@@ -248,8 +245,7 @@ def travel_swing(scene: Scene, travel: Travel, kind: Kind | None = None) -> floa
     _refuse_many(scene)
     if scene.cart is None:
         raise SceneError(["travel: the support is fixed: a travel needs a cart"])
-    shaper = None if kind is None else shaper_for(scene.at(travel.begin), 1, kind)
-    return _left(scene, _shaped(travel, shaper), _stops(travel, shaper))
+    return _left(scene, travel, UNSHAPED if kind is None else shaper_for(scene.at(travel.begin), 1, kind).train)
 
 
 def mean_lengths(scene: Scene) -> Scene:
@@ -275,29 +271,14 @@ def _through(link: object) -> Floats:
     return np.asarray((edges[1:] + edges[:-1]) / 2)
 
 
-def _shaped(travel: Travel, shaper: Shaper | None) -> Pulse:
-    if shaper is None:
-        return travel.acceleration
-    parts = list(zip(shaper.times.tolist(), shaper.amplitudes.tolist(), strict=True))
-    return lambda time: sum(a * travel.acceleration(time - at) for at, a in parts)
-
-
-def _stops(travel: Travel, shaper: Shaper | None) -> list[float]:
-    """The times at which the third derivative of a shaped travel jumps."""
-    delays = [0.0] if shaper is None else shaper.times.tolist()
-    return [travel.begin + after + at for at in delays for after in (0.0, travel.duration)]
-
-
-def _left(scene: Scene, command: Pulse, stops: Sequence[float]) -> float:
-    """The largest angle (rad) that remains of a state of rest under an acceleration of the cart."""
-    rest, begin = np.zeros(2 * (scene.n_links + 1)), min(stops)
-    pushes = [command(time) for time in np.linspace(begin, max(stops), LOOKS).tolist()]
+def _left(scene: Scene, travel: Travel, train: Train) -> float:
+    """The largest angle (rad) that a shaped travel of the cart leaves of a state of rest."""
+    stops, hoisting = travel.stops(train), hoisting_of(scene)
+    pushes = travel.shaped(train, np.linspace(min(stops), max(stops), LOOKS))[2]
+    times = np.unique([*stops, *(time for time in (hoisting.breaks if hoisting else ()) if time > min(stops))])
     size = float(np.abs(pushes).max()) / scene.gravity
-    hoisting = hoisting_of(scene)
-    knots = hoisting.breaks if hoisting else ()
-    end = max(*stops, *knots)
-    y = _integrated(scene, rest, [begin, *stops, *knots, end], command, held=True, size=size)
-    return largest_swing(scene.at(end), y, held=True)
+    states = motion_history(scene, lambda at: travel.shaped(train, at)[2], times, stops, pushed=None, size=size)
+    return largest_swing(scene.at(float(times[-1])), states[-1], held=True)
 
 
 def shaper_residual(scene: Scene, shaper: Shaper, drive: Drive = "cart_acceleration") -> float:
@@ -317,97 +298,23 @@ def shaper_residual(scene: Scene, shaper: Shaper, drive: Drive = "cart_accelerat
     pushed = None if held else drives_of(scene).index(drive)
     left = [
         largest_swing(scene.at(last), _impelled(scene, begin + times, amplitudes, last, pushed), held=held)
-        for times, amplitudes in ((shaper.times, shaper.amplitudes), (np.zeros(1), np.ones(1)))
+        for times, amplitudes in (shaper.train, UNSHAPED)
     ]
     return left[0] / left[1]
 
 
 def _impelled(scene: Scene, times: Floats, amplitudes: Floats, last: float, pushed: int | None) -> Floats:
     """(q, q') after impulses from rest: of a force on a coordinate, or (None) of the speed of a cart that is held."""
-    hoisting, along, held = hoisting_of(scene), matrices_along(scene), pushed is None
-    knots = [time for time in hoisting.breaks if time > times[0]] if hoisting else []
-    start = pushed_by(along(float(times[0])), held, pushed or 0)[1]
-    n, size = len(start), float(np.abs(start).max())
-    y = np.zeros(2 * n)
+    hoisting, along = hoisting_of(scene), matrices_along(scene)
+    start = pushed_by(along(float(times[0])), pushed)[1]
+    n, size, y = len(start), float(np.abs(start).max()), np.zeros(2 * len(start))
     for time, after, amplitude in zip(times.tolist(), [*times[1:].tolist(), last], amplitudes.tolist(), strict=True):
-        y[n:] += amplitude * pushed_by(along(time), held, pushed or 0)[1]
-        stops = [time, *(knot for knot in knots if time < knot < after), after]
-        y = _integrated(scene, y, stops, None, held=held, size=size)
+        y[n:] += amplitude * pushed_by(along(time), pushed)[1]
+        knots = [knot for knot in (hoisting.breaks if hoisting else ()) if time < knot < after]
+        y = motion_history(
+            scene, np.zeros_like, np.unique([time, *knots, after]), (), pushed=pushed, size=size, start=y
+        )[-1]
     return y
-
-
-def _integrated(
-    scene: Scene, y: Floats, stops: Sequence[float], command: Pulse | None, *, held: bool, size: float
-) -> Floats:
-    """(q, q') at the last of the stops (s), at which derivatives may jump, from that at the first on.
-
-    `size` is that of the motion, in rad; `command` the acceleration of a cart whose motion is prescribed.
-    """
-    along, hoisting, n = matrices_along(scene), hoisting_of(scene), len(y) // 2
-    spans = [getattr(law, "breaks", (-np.inf, np.inf)) for _, law in hoisting.laws] if hoisting else []
-    constant = None if hoisting else pushed_by(along(0.0), held)
-
-    def slope(time: float, state: Floats) -> Floats:
-        A, B = constant or pushed_by(along(time), held)
-        pull = A @ state
-        return np.concatenate((state[n:], pull + B * command(time) if command else pull))
-
-    for begin, end in pairwise(sorted(set(stops))):
-        looks = np.linspace(begin, end, PUSHES + 2)[1:-1].tolist()
-        if not any(breaks[0] < end and begin < breaks[-1] for breaks in spans):
-            A, B = constant or pushed_by(along(looks[0]), held)
-            pushes = [command(time) for time in looks] if command else [0.0] * PUSHES
-            y = _advanced(A, B, pushes, y, end - begin)
-            continue
-        before = float(np.nextafter(end, begin))
-        swings = (end - begin) * float(np.linalg.norm(pushed_by(along(begin), held)[0][:, :n], 2)) ** 0.5 / (2 * np.pi)
-        if not swings <= MOST_SWINGS:
-            raise ComputationError(f"the hoist takes {swings:.3g} swings: at most {MOST_SWINGS:g} are followed")
-        solution = scipy.integrate.solve_ivp(
-            lambda time, state, before=before: slope(min(time, before), state),
-            (begin, end),
-            y,
-            method="DOP853",
-            rtol=TOLERANCE,
-            atol=TOLERANCE * 1e-3 * size,
-        )
-        if not solution.success:
-            raise ComputationError(f"the motion along the hoist cannot be integrated: {solution.message}")
-        y = np.asarray(solution.y[:, -1], dtype=np.float64)
-    return y
-
-
-def _advanced(A: Floats, B: Floats, pushes: Sequence[float], y: Floats, duration: float) -> Floats:
-    """(q, q') after a time of q'' = A (q, q') + B u with the cubic u through these values inside, exactly.
-
-    u and its derivatives are further states, u = Σ c_k τ^k/k! with τ from 0 to 1.
-    """
-    n, many = len(y) // 2, PUSHES if any(pushes) else 0
-    whole = np.zeros((2 * n + many,) * 2)
-    whole[:n, n : 2 * n] = np.eye(n) * duration
-    whole[n : 2 * n, : 2 * n] = A * duration
-    state = y
-    if many:
-        inside = np.linspace(0.0, 1.0, PUSHES + 2)[1:-1]
-        powers = np.arange(PUSHES)
-        rows = inside[:, None] ** powers / np.cumprod([1.0, *powers[1:]])
-        whole[n : 2 * n, 2 * n] = B * duration
-        whole[2 * n :, 2 * n :] = np.eye(PUSHES, k=1)
-        state = np.concatenate((y, np.linalg.solve(rows, pushes)))
-    return np.asarray((scipy.linalg.expm(whole) @ state)[: 2 * n], dtype=np.float64)
-
-
-def pushed_by(linear: Matrices, held: bool, pushed: int = 0) -> tuple[Floats, Floats]:
-    """A (n, 2n) and B (n,) of q'' = A (q, q') + B u, u the acceleration of a cart that is held, else a force.
-
-    The force acts on the coordinate `pushed`, a cart's if there is one.
-    """
-    n, first = len(linear.M), int(held)
-    force = -linear.M[:, 0] if held else np.eye(n)[pushed]
-    right = np.hstack((-linear.K, -linear.D, force[:, None]))[first:]
-    solved = np.eye(n, 2 * n + 1, 2 * n) if held else np.zeros((n, 2 * n + 1))
-    solved[first:] = np.linalg.solve(linear.M[first:, first:], right)
-    return solved[:, :-1], solved[:, -1]
 
 
 def largest_swing(scene: Scene, y: Floats, *, held: bool) -> float:

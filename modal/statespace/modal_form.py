@@ -9,7 +9,8 @@ With φ as in `Modes.shape` (which separates equal and zero frequencies as well 
 (Tisseur & Meerbergen, SIAM Rev. 43, 235 (2001), §3.5: left and right vectors of a symmetric quadratic pencil.)  A cart
 whose acceleration or velocity is prescribed does not respond to the pendula: it is a separate block, and the modes are
 the fixed-base modes of the pendula.  So is a support whose acceleration or velocity is prescribed; the modes are then
-those of the scene.
+those of the scene.  Where springs or drag couple them with its motion, they deviate from what that makes of them while
+it is steady, z = X (s, s') with A X = X [[0, 1], [0, 0]].
 """
 
 from __future__ import annotations
@@ -134,13 +135,11 @@ def to_modal_form(modes: Modes, model: StateSpace) -> ModalForm:
     """The model of `modes.scene` decomposed into modes.
 
     Raises ValueError for the model of another scene, ComputationError for one in discrete time and where dampers make
-    two modes coincide, or where drag couples them with the velocity of a cart whose acceleration is prescribed.
+    two modes coincide.
     """
     if model.dt:
         raise ComputationError("modal form needs a continuous model")
     names = {signal.name for signal in model.inputs}
-    if "cart_acceleration" in names and any(link.drag for link in modes.scene.links()):
-        raise ComputationError("drag couples the modes with the cart's velocity: prescribe that, not its acceleration")
     is_held = bool(names & DRIVES.keys())
     driven_modes = held(modes) if is_held else modes
     driven = bool(names & {*DRIVES, *SUPPORT} - {"support_displacement"})
@@ -152,6 +151,8 @@ def to_modal_form(modes: Modes, model: StateSpace) -> ModalForm:
         *(_cart(model, n - 2 * size, size) if driven else ()),
         *_own(driven_modes, n, size, "fixed-base " * is_held, first=int(driven)),
     ]
+    if driven and model.A[-size:, [0, size + 1][: n - 2 * size]].any():
+        blocks = _carried(blocks, model.A, size, driven_modes)
     if sum(len(block.A) for block in blocks) != n:
         raise ComputationError("the modes of this scene do not span its motion in double precision")
     return ModalForm(driven_modes, model, tuple(blocks))
@@ -176,6 +177,33 @@ def _cart(model: StateSpace, states: int, size: int) -> Iterator[ModalBlock]:
     A = model.A[np.ix_(places, places)]
     unit = np.eye(states, dtype=np.complex128)
     yield ModalBlock(None, 0, 0.0, names, A, eye[:, places], eye[places], unit[0], unit[-1])
+
+
+def _carried(blocks: list[ModalBlock], A: Floats, size: int, modes: Modes) -> list[ModalBlock]:
+    """The blocks of a cart or support, the first, and of modes, about where a steady motion of it leaves all else."""
+    support, *moving = blocks
+    states = len(support.A)
+    stiff, damped, pulls = A[-size:, 1 : size + 1], A[-size:, -size:], A[-size:, [0, size + 1][:states]]
+    shapes = all_shapes(modes)
+    free = [
+        np.real(modes.column(shape))
+        for number in np.flatnonzero(modes.eigenvalue == 0).tolist()
+        for shape in shapes[number]
+        if not shape.across
+    ]
+    X, coasting = np.zeros((len(A), states)), np.array(free).reshape(-1, size).T
+    if pulls[:, 0].any():
+        X[1 : size + 1, 0] = -np.linalg.solve(stiff, pulls[:, 0])
+    if states == 2:
+        air = pulls[:, 1] + damped @ X[1 : size + 1, 0]
+        both = np.hstack([stiff, damped @ coasting])
+        steady = -(np.linalg.lstsq(both, air, rcond=None)[0] if free else np.linalg.solve(stiff, air))
+        X[1 : size + 1, 0] += coasting @ steady[size:]
+        X[1 : size + 1, 1], X[-size:, 1] = steady[:size], X[1 : size + 1, 0]
+    return [
+        support._replace(right=support.right + X),
+        *(block._replace(left=block.left - block.left @ X @ support.left) for block in moving),
+    ]
 
 
 def _own(modes: Modes, n: int, size: int, kind: str, first: int) -> Iterator[ModalBlock]:

@@ -13,10 +13,11 @@ and for a velocity w the rates become p = θ' + A_θ⁻¹ b w, which does not ju
     x' = w,    θ' = p − A_θ⁻¹ b w,    p' = −A_θ⁻¹ (K_θ θ + D_θ θ' − F_θ u).
 
 A support that is moved by s, or the ground under a cart, gives in its own frame the inertial forces −p s'', with p the
-momentum of everything at unit velocity along the rail.  An acceleration and a velocity are treated alike, with all of q
-for θ and p for b; for a displacement, with J = M⁻¹ p and the states η = q + J s and r = η' − M⁻¹ D J s,
+momentum of everything at unit velocity along the rail, and −w s' of the drag of still air.  An acceleration and a
+velocity are treated alike, with all of q for θ and p for b; for a displacement, with J = M⁻¹ p and the states
+η = q + J s and r = η' − M⁻¹ (D J − w) s,
 
-    η' = r + M⁻¹ D J s,    M r' = −D η' − K (η − J s) + F u.
+    η' = r + M⁻¹ (D J − w) s,    M r' = −D η' − K (η − J s) + F u.
 
 Under a prescribed motion of a cart the modes are those on a fixed support, and a scene's `damping_ratio` is theirs.
 On a structure q begins with its coordinates η instead of x, and its supports move with the ground (`signals`).
@@ -26,7 +27,6 @@ In space the model is that of the motion along the rail.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -42,6 +42,7 @@ from modal.scene.points import CarrierPoint, parse_point
 from modal.statespace.points import EXAMPLES, is_point, push_of, validate_points
 from modal.statespace.signals import (
     DRIVES,
+    PRESCRIBED,
     READINGS,
     SUPPORT,
     Geometry,
@@ -125,6 +126,10 @@ def _counted(signals: tuple[Signal, ...], word: str) -> str:
     return counted(len(signals), word, f"{word}s")
 
 
+Pair = tuple[Floats, Floats]
+Maps = tuple[Pair | None, ...]
+
+
 class _Motion(NamedTuple):
     """A and B with the maps from (z, u) to q, q' and q'', each a pair; None where they contain impulses.
 
@@ -133,11 +138,9 @@ class _Motion(NamedTuple):
 
     A: Floats
     B: Floats
-    q: tuple[Floats, Floats]
-    rate: tuple[Floats, Floats] | None
-    acceleration: tuple[Floats, Floats] | None
+    maps: Maps
     states: list[Signal]
-    support: tuple[tuple[Floats, Floats] | None, ...] = ()
+    support: Maps = ()
 
 
 @checked
@@ -175,13 +178,10 @@ def assembled(
         require(scene, "a linear model of a moved support")
         if geometry.carried and any(carrier.M is not None for carrier in geometry.carried.structure.carriers):
             raise SceneError([f"input {drive}: {NO_SHARE}"])
-    if drive in SUPPORT and geometry.drag.any():
-        raise SceneError([f"input {drive}: drag acts against still air, and the support would move through it"])
-    motion = MOTIONS[drive]
     matrices_by = _held if drive in DRIVES and scene.has_modal_damping else matrices
     linear = instant.matrices if instant else matrices_by(scene)
     with np.errstate(all="ignore"):
-        moved = motion(linear, geometry, push.F)
+        moved = _motion(linear, geometry, push.F, drive)
         C, D, signals = _outputs(moved, geometry, push, [reading_in(geometry, name) for name in read])
     if not all(np.all(np.isfinite(part)) for part in (moved.A, moved.B, C, D)):
         raise ComputationError("the ratios in this scene are beyond double precision: its model overflows")
@@ -276,65 +276,62 @@ def _pushes(scene: Scene, geometry: Geometry, wanted: tuple[str, ...]) -> InputG
     )
 
 
-def _free(linear: Matrices, geometry: Geometry, F: Floats) -> _Motion:
-    n, m = F.shape
-    Ma = _solved(linear.M, np.hstack([linear.K, linear.D, -F]))
-    eye, none = np.eye(2 * n), np.zeros((n, m))
-    acceleration = -Ma[:, : 2 * n], -Ma[:, 2 * n :]
-    A, B = np.vstack([eye[n:], acceleration[0]]) + 0.0, np.vstack([none, acceleration[1]]) + 0.0
-    states = _positions(geometry) + _rates(geometry)
-    return _Motion(A, B, (eye[:n], none), (eye[n:], none), acceleration, states)
+def _motion(linear: Matrices, geometry: Geometry, F: Floats, drive: str | None) -> _Motion:
+    """A and B over the coordinates Q, the first of which is what the input prescribes, a cart's place or the support's.
 
-
-def _accelerated(linear: Matrices, geometry: Geometry, F: Floats) -> _Motion:
-    """The cart's acceleration is the first input."""
-    n, m = F.shape
-    load = np.hstack([linear.K[1:, 1:], linear.D[1:], linear.M[1:, :1], -F[1:]])
-    Ma = -_solved(linear.M[1:, 1:], load)
-    eye, none = np.eye(2 * n), np.zeros((n, m + 1))
-    angular, forced = np.zeros((n, 2 * n)), np.zeros((n, m + 1))
-    angular[1:, 1:n], angular[1:, n:] = Ma[:, : n - 1], Ma[:, n - 1 : 2 * n - 1]
-    forced[0, 0], forced[1:] = 1.0, Ma[:, 2 * n - 1 :]
-    A, B = np.vstack([eye[n:], angular]), np.vstack([none, forced])
-    states = _positions(geometry) + _rates(geometry)
-    return _Motion(A, B, (eye[:n], none), (eye[n:], none), (angular, forced), states)
-
-
-def _moved(linear: Matrices, geometry: Geometry, F: Floats) -> _Motion:
-    """The cart's velocity is the first input."""
-    n, m = F.shape
-    inertia = linear.M[1:, 1:]
-    jump = _solved(inertia, linear.M[1:, :1])
-    K, D, pushed = np.split(
-        _solved(inertia, np.hstack([linear.K[1:, 1:], linear.D[1:, 1:], F[1:]])), [n - 1, 2 * n - 2], axis=1
-    )
-    eye = np.eye(2 * n - 1)
-    position = eye[:n], np.zeros((n, m + 1))
-    rate = np.zeros((n, 2 * n - 1)), np.zeros((n, m + 1))
-    rate[0][1:], rate[1][0, 0], rate[1][1:, :1] = eye[n:], 1.0, -jump
-    momentum = -K @ position[0][1:] - D @ rate[0][1:], -D @ rate[1][1:]
-    momentum[1][:, :1] -= _solved(inertia, linear.D[1:, :1])
-    momentum[1][:, 1:] += pushed
-    A, B = np.vstack([rate[0], momentum[0]]), np.vstack([rate[1], momentum[1]])
-    kept = [
-        Signal(s.name.replace("theta_dot", "p"), s.unit, "rate of the angle, minus the cart's contribution")
-        for s in _rates(geometry)[1:]
-    ]
-    return _Motion(A, B, position, rate, None, _positions(geometry) + kept)
-
-
-def _inertial(linear: Matrices, geometry: Geometry, F: Floats) -> list[Floats]:
-    """M⁻¹ K, M⁻¹ D, J = M⁻¹ p and M⁻¹ F, with p the momentum of everything at unit velocity.
-
-    J is exact where everything can move along with the ground, as on a cart.
+    Q'' = −K Q − D Q' + F u, of which s'' = u.  Where the velocity is given, Q' less F u takes the place of Q', and
+    where the displacement is, Q less F u that of Q; s' and then s are no states.
     """
-    n = len(linear.M)
-    along = _translation(geometry)
-    p = np.zeros((n, 1)) if along is not None else geometry.momentum[:, None]
-    parts = np.split(_solved(linear.M, np.hstack([linear.K, linear.D, p, F])), [n, 2 * n, 2 * n + 1], axis=1)
+    held, order = PRESCRIBED.get(drive or "", (False, 2))
+    K, D, F = _partition(linear, geometry, F, held=held) if drive else _split(linear.M, linear.K, linear.D, F)
+    n, eye = len(K), np.eye(2 * len(K))
+    rates, slopes = np.zeros_like(F), F.copy()
+    place, dropped = np.zeros_like(F), [0, n][order:] if order < 2 else []
+    if order == 0:
+        place[:, :1], rates[:, :1] = F[:, :1], -D @ F[:, :1]
+    if order == 1:
+        rates[:, :1] = F[:, :1]
+    if order < 2:
+        slopes[:, :1] = -K @ place[:, :1] - D @ rates[:, :1]
+    parts = eye[:n], eye[n:], -np.hstack([K, D])
+    q, rate, second = (
+        (np.delete(part, dropped, 1), by) for part, by in zip(parts, (place, rates, slopes), strict=True)
+    )
+    A, B = (np.delete(np.vstack([rate[k], second[k]]), dropped, 0) + 0.0 for k in (0, 1))
+    maps: Maps = (q, rate if order else None, second if order == 2 else None)
+    states = _states(geometry, drive, order)
+    if drive is None or held:
+        return _Motion(A, B, maps, states)
+    of_support, of_scene = (tuple(_rows(part, rows) for part in maps) for rows in (slice(1), slice(1, None)))
+    return _Motion(A, B, of_scene, states, of_support)
+
+
+def _rows(maps: Pair | None, rows: slice) -> Pair | None:
+    return None if maps is None else (maps[0][rows], maps[1][rows])
+
+
+def _partition(linear: Matrices, geometry: Geometry, F: Floats, *, held: bool) -> tuple[Floats, Floats, Floats]:
+    """K, D and F of `_motion` beside a cart that is `held`, the first coordinate, or on a support that moves under all.
+
+    J = M⁻¹ p is exact where everything can move along with the ground, as on a cart.
+    """
+    M, K, D, along = linear.M, linear.K, linear.D, None
+    if held:
+        M, K, D, p, F = M[1:, 1:], K[1:], D[1:], M[1:, :1], F[1:]
+    else:
+        along, p = _translation(geometry), geometry.momentum[:, None]
+        K, D = np.hstack([0 * p, K]), np.hstack([geometry.windage[:, None], D])
+    K, D, F = _split(M, K, D, np.hstack([-p if along is None else 0 * p, F]))
     if along is not None:
-        parts[2] = along[:, None]
-    return parts
+        F[:, 0] = -along
+    none = np.zeros((1, K.shape[1]))
+    return np.vstack([none, K]), np.vstack([none, D]), np.vstack([np.eye(1, F.shape[1]), F])
+
+
+def _split(M: Floats, K: Floats, D: Floats, F: Floats) -> tuple[Floats, Floats, Floats]:
+    """M⁻¹ K, M⁻¹ D and M⁻¹ F."""
+    K, D, F = np.split(_solved(M, np.hstack([K, D, F])), np.cumsum([K.shape[1], D.shape[1]]), axis=1)
+    return K, D, F
 
 
 def _translation(geometry: Geometry) -> Floats | None:
@@ -347,82 +344,25 @@ def _translation(geometry: Geometry) -> Floats | None:
     return motion if carriers and np.all(geometry.centres @ motion == 1.0) else None
 
 
-def _support_accelerated(linear: Matrices, geometry: Geometry, F: Floats) -> _Motion:
-    """The support's acceleration is the first input; z = (s, q, s', q')."""
-    n, m = F.shape
-    K, D, jump, pushed = _inertial(linear, geometry, F)
-    eye, none = np.eye(2 * n + 2), np.zeros((n + 1, m + 1))
-    acceleration = np.zeros((n + 1, 2 * n + 2)), none.copy()
-    acceleration[0][1:, 1 : n + 1], acceleration[0][1:, n + 2 :] = -K, -D
-    acceleration[1][0, 0], acceleration[1][1:] = 1.0, np.hstack([-jump, pushed])
-    maps = [(eye[: n + 1], none), (eye[n + 1 :], none), acceleration]
-    (q, rate, second), support = _apart(maps)
-    A, B = np.vstack([eye[n + 1 :], acceleration[0]]), np.vstack([none, acceleration[1]])
-    moved = [Signal(name, unit, f"{word} of the support") for name, unit, word in PLACED]
-    states = [moved[0], *_positions(geometry), moved[1], *_rates(geometry)]
-    return _Motion(A, B, q, rate, second, states, support)
-
-
 PLACED = (("support", "m", "displacement"), ("support_dot", "m/s", "velocity"))
-Pair = tuple[Floats, Floats]
 
 
-def _apart(maps: list[Pair]) -> tuple[list[Pair], tuple[Pair, ...]]:
-    """The maps to q and its derivatives, and those to the support's displacement and its, the first rows."""
-    return [(of_state[1:], of_input[1:]) for of_state, of_input in maps], tuple(
-        (of_state[:1], of_input[:1]) for of_state, of_input in maps
-    )
-
-
-def _support_at_velocity(linear: Matrices, geometry: Geometry, F: Floats) -> _Motion:
-    """The support's velocity is the first input; z = (s, q, r)."""
-    n, m = F.shape
-    K, D, jump, pushed = _inertial(linear, geometry, F)
-    eye, none = np.eye(2 * n + 1), np.zeros((n + 1, m + 1))
-    rate = np.zeros((n + 1, 2 * n + 1)), none.copy()
-    rate[0][1:], rate[1][0, 0], rate[1][1:, :1] = eye[n + 1 :], 1.0, -jump
-    slope = -K @ eye[1 : n + 1] - D @ rate[0][1:], -D @ rate[1][1:]
-    slope[1][:, 1:] += pushed
-    (q, rates), support = _apart([(eye[: n + 1], none), rate])
-    A, B = np.vstack([rate[0], slope[0]]), np.vstack([rate[1], slope[1]])
-    states = [Signal(*PLACED[0][:2], f"{PLACED[0][2]} of the support"), *_positions(geometry), *_smooth(geometry)]
-    return _Motion(A, B, q, rates, None, states, (*support, None))
-
-
-def _support_displaced(linear: Matrices, geometry: Geometry, F: Floats) -> _Motion:
-    """The support's displacement is the first input; z = (η, r)."""
-    n, m = F.shape
-    K, D, jump, pushed = _inertial(linear, geometry, F)
-    eye, none = np.eye(2 * n), np.zeros((n, m + 1))
-    place, rate = (eye[:n], none.copy()), (eye[n:], none.copy())
-    place[1][:, :1], rate[1][:, :1] = -jump, D @ jump
-    slope = -D @ rate[0] - K @ place[0], -D @ rate[1] - K @ place[1]
-    slope[1][:, 1:] += pushed
-    A, B = np.vstack([rate[0], slope[0]]), np.vstack([rate[1], slope[1]])
-    displaced = np.zeros((1, 2 * n)), np.eye(1, m + 1)
-    states = [
-        Signal(s.name + "_free", s.unit, s.meaning + ", less what a jump of the support adds")
-        for s in _positions(geometry)
-    ]
-    return _Motion(A, B, place, None, None, states + _smooth(geometry), (displaced, None, None))
-
-
-def _smooth(geometry: Geometry) -> list[Signal]:
-    """Rates that do not jump with the support."""
-    return [
-        Signal(s.name.replace("_dot", "_dot_free"), s.unit, s.meaning + ", less what a jump of the support adds")
-        for s in _rates(geometry)
-    ]
-
-
-MOTIONS: dict[str | None, Callable[[Matrices, Geometry, Floats], _Motion]] = {
-    None: _free,
-    "cart_acceleration": _accelerated,
-    "cart_velocity": _moved,
-    "support_acceleration": _support_accelerated,
-    "support_velocity": _support_at_velocity,
-    "support_displacement": _support_displaced,
-}
+def _states(geometry: Geometry, drive: str | None, order: int) -> list[Signal]:
+    """The names of what `_motion` makes states."""
+    places, rates = _positions(geometry), _rates(geometry)
+    if drive is None or drive in DRIVES:
+        if order == 2:
+            return places + rates
+        meaning = "rate of the angle, minus the cart's contribution"
+        return places + [Signal(s.name.replace("theta_dot", "p"), s.unit, meaning) for s in rates[1:]]
+    support = [Signal(name, unit, f"{word} of the support") for name, unit, word in PLACED]
+    if order == 2:
+        return [support[0], *places, support[1], *rates]
+    smooth = ", less what a jump of the support adds"
+    free = [Signal(s.name.replace("_dot", "_dot_free"), s.unit, s.meaning + smooth) for s in rates]
+    if order == 1:
+        return [support[0], *places, *free]
+    return [*(Signal(s.name + "_free", s.unit, s.meaning + smooth) for s in places), *free]
 
 
 def _solved(M: Floats, right: Floats) -> Floats:
@@ -469,24 +409,15 @@ def _outputs(
     C, D = [], []
     for reading in readings:
         rows = np.zeros((len(reading.signals), len(moved.A))), np.zeros((len(reading.signals), moved.B.shape[1]))
-        for order, (part, maps) in enumerate(
-            (
-                (reading.position, moved.q),
-                (reading.rate, moved.rate),
-                (reading.acceleration, moved.acceleration),
-            )
-        ):
+        parts = (reading.position, reading.rate, reading.acceleration)
+        grounds = moved.support or (None,) * 3
+        for part, maps, carried, ground in zip(parts, moved.maps, reading.carried, grounds, strict=True):
             if part is not None and maps is None:
                 raise SceneError([_impulsive(reading, moved)])
             if part is not None and maps is not None:
                 rows = rows[0] + part @ maps[0], rows[1] + part @ maps[1]
-            if order == reading.order and reading.translation is not None and moved.support:
-                ground = moved.support[order]
-                assert ground is not None
-                rows = (
-                    rows[0] + reading.translation[:, None] * ground[0],
-                    rows[1] + reading.translation[:, None] * ground[1],
-                )
+            if carried is not None and ground is not None:
+                rows = rows[0] + carried[:, None] * ground[0], rows[1] + carried[:, None] * ground[1]
         if reading.pushed and push.signals:
             rows[1][:, -len(push.signals) :] += push.thrust
         C.append(rows[0])

@@ -57,6 +57,7 @@ NEWTON_STEPS, HUMP_STEPS, HUMP = 30, 12, 2001
 Kind = Literal["zv", "zvd", "ei", "um"]
 Train = tuple[Floats, Floats]
 """Times (n,) in s and amplitudes (n,) of impulses."""
+UNSHAPED: Train = np.zeros(1), np.ones(1)
 REACHED = 2.0**-40
 """Share of a coordinate in a mode below which it is rounding, and its force does not excite the mode."""
 ON_GRID = 1e-9
@@ -95,6 +96,11 @@ class Shaper(Displayed):
         return tabulated(title, facts, {"time (s)": self.times, "amplitude": self.amplitudes})
 
     @property
+    def train(self) -> Train:
+        """The impulses."""
+        return self.times, self.amplitudes
+
+    @property
     def duration(self) -> float:
         """The delay (s) of the end of a shaped command."""
         return float(self.times[-1])
@@ -107,7 +113,7 @@ class Shaper(Displayed):
 
     def __mul__(self, other: Shaper) -> Shaper:
         """The convolution of two shapers of one step, which suppresses the modes of both."""
-        return Shaper(*_convolved((self.times, self.amplitudes), (other.times, other.amplitudes), self.step), self.step)
+        return Shaper(*_convolved(self.train, other.train, self.step), self.step)
 
 
 def shaper(swings: Sequence[DampedSwing], kind: Kind = "zv", step: float = 0.0, tolerance: float = TOLERANCE) -> Shaper:

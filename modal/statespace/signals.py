@@ -87,6 +87,11 @@ class Geometry:
         return hanging + self.carried.momentum if self.carried else hanging
 
     @property
+    def windage(self) -> Floats:
+        """The force of still air (q,) against unit velocity of everything along the rail, in the directions of q."""
+        return np.asarray(self.centres.T @ self.drag)
+
+    @property
     def tips(self) -> list[int]:
         """The last link of every pendulum."""
         return [int(np.flatnonzero(self.pendulum == p)[-1]) for p in np.unique(self.pendulum)]
@@ -309,6 +314,12 @@ SUPPORT = {
     "support_acceleration": Signal("support_acceleration", "m/s^2", "acceleration of the support along the rail"),
 }
 """Motions of the fixed support, or of the ground under a cart and under a structure."""
+PRESCRIBED = {
+    **{name: (False, order) for order, name in enumerate(SUPPORT)},
+    "cart_velocity": (True, 1),
+    "cart_acceleration": (True, 2),
+}
+"""Whether each prescribes the cart, or else the support, and how often its displacement is differentiated."""
 INPUTS = (*(name for name in PUSHES if name != "coordinate_forces"), *DRIVES, *SUPPORT)
 """Those of scenes on a fixed support or a cart; a structure has `coordinate_forces` besides."""
 
@@ -320,8 +331,8 @@ class OutputGroup(NamedTuple):
     """Outputs as Y0 q + Y1 q' + Y2 q'' + thrust u; a part that is None is zero.
 
     `translation` (p,) is what a translation of everything along the rail adds: per metre, per m/s where there is a Y1,
-    per m/s² where there is a Y2; `order` says which.  `pulls` (p, springs) are the parts of the forces of springs
-    between points, which loss angles turn.
+    per m/s² where there is a Y2; `order` says which, and `streamed` (p,) what drag adds per m/s besides.
+    `pulls` (p, springs) are the parts of the forces of springs between points, which loss angles turn.
     """
 
     signals: list[Signal]
@@ -331,6 +342,14 @@ class OutputGroup(NamedTuple):
     pushed: bool = False
     translation: Floats | None = None
     pulls: Floats | None = None
+    streamed: Floats | None = None
+
+    @property
+    def carried(self) -> tuple[Floats | None, Floats | None, Floats | None]:
+        """What the displacement, the velocity and the acceleration of the ground add, each (p,)."""
+        every = [None, self.streamed, None]
+        every[self.order] = self.translation
+        return every[0], every[1], every[2]
 
     @property
     def order(self) -> int:
@@ -377,7 +396,8 @@ def _pivot_forces(geometry: Geometry) -> OutputGroup:
         position = stiffness if position is None else position + stiffness
         rate = damping if rate is None else rate + damping
     pulls = geometry.carried.pulls if geometry.carried else None
-    return OutputGroup(signals, position, rate, inertia, pushed=True, translation=weights.sum(1), pulls=pulls)
+    streamed = dragged.sum(1) if geometry.drag.any() else None
+    return OutputGroup(signals, position, rate, inertia, True, weights.sum(1), pulls, streamed)
 
 
 def _springs_by(geometry: Geometry, weights: Floats) -> tuple[Floats, Floats]:

@@ -2,9 +2,9 @@
 
     (K + iωD − ω²M) q = F,      y = (Y0 + iω Y1 − ω² Y2) q + thrust
 
-over q = (η, θ_1, …): for a force F of each input, ω²p for the ground displaced by 1 m, p being the momentum of
-everything at unit velocity along the rail, and −(K + iωD − ω²M)_x for a prescribed cart x, whose row is left out.  The
-matrices are the squares of the scene (`modal.assembly.squares`), summed in the arithmetic of the elimination.
+over q = (η, θ_1, …): for a force F of each input, ω²p − iωw for the ground displaced by 1 m, p and w being the momentum
+and the windage of everything at unit velocity along the rail, and −(K + iωD − ω²M)_x for a prescribed cart x, whose row
+is left out.  The matrices are the squares of the scene (`modal.assembly.squares`), in the arithmetic of the elimination.
 """
 
 from __future__ import annotations
@@ -18,11 +18,8 @@ from modal.assembly import SPRING, Dissipator, Rig, loss_at, scene_squares
 from modal.eigen import Arithmetic
 from modal.scene import Scene
 from modal.statespace.points import is_point, point_input, pushed
-from modal.statespace.signals import PUSHES, READINGS, SUPPORT, Geometry, OutputGroup, Signal
+from modal.statespace.signals import PRESCRIBED, PUSHES, READINGS, Geometry, OutputGroup, Signal
 from modal.types import Booleans, Floats
-
-MOVES = {name: order for order, name in enumerate(SUPPORT)} | {"cart_velocity": 1, "cart_acceleration": 2}
-"""How often the displacement that moves a support or the cart is differentiated in each input."""
 
 
 class Given(NamedTuple):
@@ -75,8 +72,8 @@ def inputs_named(scene: Scene, geometry: Geometry, signals: Sequence[Signal | Di
     for group in (make(geometry) for name, make in PUSHES.items() if name != "cart_force"):
         for k, signal in enumerate(group.signals):
             every[signal.name] = Given(group.F[:, k], group.thrust[:, k])
-    for name, order in MOVES.items():
-        every[name] = Given(*none, "ground" if name in SUPPORT else "cart", order)
+    for name, (held, order) in PRESCRIBED.items():
+        every[name] = Given(*none, "cart" if held else "ground", order)
     pushes = []
     for wanted in signals:
         if isinstance(wanted, Dissipator):
@@ -137,9 +134,11 @@ def structural_response(
             K = K + numbers.imaginary(loss_matrix(losses, len(K), numbers))
         A = felt(K + numbers.imaginary(D) * omega - square * M if is_damped else K - square * M)
         zero, none = 0 * omega, 0 * A[:, :1]
-        momentum = squares.momentum[:, None]
+        moved = square * squares.momentum[:, None]
+        if geometry.drag.any():
+            moved = moved - numbers.imaginary(squares.windage[:, None]) * omega
         columns = [
-            square * momentum if push.moves == "ground"
+            moved if push.moves == "ground"
             else -A[:, 0] if push.moves == "cart"
             else numbers.number(push.F)[:, None]
             for push in driven
@@ -168,6 +167,8 @@ def structural_response(
                 output = output + numbers.imaginary(numbers.number(pull * loss_at(spring.loss, numbers.rates)) * longer)
             if row.pendulum is not None:
                 for i in np.flatnonzero(geometry.pendulum == row.pendulum):
+                    if geometry.drag[i]:
+                        output = output - powers[1] * numbers.number(geometry.drag[i]) * carried
                     moved = (numbers.number(geometry.centres[i])[:, None, None] * q).sum(0)
                     output = output + square * numbers.number(geometry.mass[i]) * (moved + carried)
                 output = output + numbers.number(np.array([push.thrust[row.pendulum] for push in driven]))[:, None]

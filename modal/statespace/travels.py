@@ -6,42 +6,37 @@ of a structure, is what moves the coordinate so far along the shape φ in which 
     F = m x'' + c x' + k x,     m = φᵀMφ,  c = φᵀDφ,  k = φᵀKφ,
 
 so that the force on a free cart is that on all masses, and on a ship at its moorings ends in their pull at d.  A shaped
-command is Σ A_i u(t − t_i).  Between its corners a command is a quintic polynomial, whose response at constant
-lengths is a matrix exponential; along a hoist the equations are integrated.
+command is Σ A_i u(t − t_i).  Between its corners a command is a quintic polynomial (`modal.statespace.varying`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
 import scipy
 
 from modal.assembly import hoisting_of, matrices_along, rig_of
-from modal.errors import ComputationError, SceneError
+from modal.errors import SceneError
 from modal.report import Displayed, Summary, deferred, tabulated
 from modal.scene import Scene, refusals
 from modal.scene.doors import checked, checked_number
-from modal.statespace.hoisting import Travel, is_held, largest_swing, pushed_by
-from modal.statespace.shapers import Drive, Shaper, drives_of, swings_of
-from modal.types import Floats, Ints
+from modal.statespace.hoisting import Travel, is_held, largest_swing
+from modal.statespace.shapers import UNSHAPED, Drive, Shaper, Train, drives_of, swings_of
+from modal.statespace.varying import motion_history
+from modal.types import Floats
 
 SAMPLES = 600
 """Times of a history."""
 SWINGS = 2.5
 """Periods of the slowest mode that a history goes on after the command."""
-POWERS = 6
-"""Coefficients of a quintic."""
 BRISK = 0.1
 """Largest acceleration of a travel whose duration is not given, over that of gravity."""
 SLOWLY = 1e-10
 """ω² of a slow push over that of the fastest mode."""
-TOLERANCE = 1e-10
 SHORTEST, LONGEST = 1e-6, 1e6  # m, and s
-Command = Callable[[Floats], Floats]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -119,23 +114,21 @@ def shaped_travel(
     ends = travel.begin + length + np.array([0.0, shaper.duration])
     over = np.maximum(ends, breaks[-1])
     times = np.linspace(travel.begin, over[1] + SWINGS * 2 * np.pi / slowest, SAMPLES)
-    held, pushed = is_held(scene, drive), drives_of(scene).index(drive) if not is_held(scene, drive) else 0
+    held = is_held(scene, drive)
+    pushed = 0 if held else drives_of(scene).index(drive)
     parts = np.array([0.0, 0.0, 1.0]) if held else _slow_push(scene, travel.begin, pushed)
-    trains = [(np.zeros(1), np.ones(1)), (shaper.times, shaper.amplitudes)]
     commands, histories, residual = [], [], []
-    for (delays, amplitudes), end in zip(trains, over.tolist(), strict=True):
-        weights = list(zip(delays.tolist(), amplitudes.tolist(), strict=True))
+    for train, end in zip((UNSHAPED, shaper.train), over.tolist(), strict=True):
 
-        def shaped(at: Floats, weights: list[tuple[float, float]] = weights) -> Floats:
-            return np.asarray(sum(a * travel.motion(at - delay) for delay, a in weights))
+        def command(at: Floats, train: Train = train) -> Floats:
+            return np.asarray(parts @ travel.shaped(train, at))
 
-        def command(at: Floats, shaped: Command = shaped) -> Floats:
-            return np.asarray(parts @ shaped(at))
-
-        stops = [travel.begin + start + delay for delay, _ in weights for start in (0.0, length)]
-        instants = np.union1d(times, [*stops, *breaks, end])
-        states = _history(scene, command, instants, stops, held=held, pushed=pushed)
-        commands.append(shaped(times)[0] if held else command(times))
+        instants = np.union1d(times, [*travel.stops(train), *breaks, end])
+        size = float(np.abs(command(instants)).max()) or 1.0
+        states = motion_history(
+            scene, command, instants, travel.stops(train), pushed=None if held else pushed, size=size
+        )
+        commands.append(travel.shaped(train, times)[0] if held else command(times))
         histories.append(states[np.searchsorted(instants, times)])
         left = states[np.searchsorted(instants, end)]
         if not held:
@@ -172,64 +165,3 @@ def _slow_push(scene: Scene, begin: float, pushed: int) -> Floats:
     shape /= shape[pushed]
     slow = np.array([shape @ matrix @ shape for matrix in (constant.K, constant.D, constant.M)])
     return np.where(np.abs(slow) > SLOWLY * fastest * slow[2] * 10, slow, 0.0)
-
-
-def _history(
-    scene: Scene, command: Command, times: Floats, stops: Sequence[float], *, held: bool, pushed: int
-) -> Floats:
-    """(q, q') (T, 2n) at ascending times (T,) from rest at the first on, the `stops` of the command among them."""
-    along, hoisting = matrices_along(scene), hoisting_of(scene)
-    breaks = hoisting.breaks if hoisting else ()
-    spans = [getattr(law, "breaks", (-np.inf, np.inf)) for _, law in hoisting.laws] if hoisting else []
-    states = np.zeros((len(times), 2 * len(along(float(times[0])).M)))
-    n, size = states.shape[1] // 2, float(np.abs(command(times)).max()) or 1.0
-    corners = np.unique([times[0], *stops, *breaks, times[-1]])
-    for begin, end in pairwise(corners[(corners >= times[0]) & (corners <= times[-1])].tolist()):
-        rows = np.flatnonzero((times >= begin) & (times <= end))
-        if not any(span[0] < end and begin < span[-1] for span in spans):
-            _advance(states, times, rows, pushed_by(along((begin + end) / 2), held, pushed), command)
-            continue
-
-        def slope(time: float, state: Floats, last: float = float(np.nextafter(end, begin))) -> Floats:
-            A, B = pushed_by(along(min(time, last)), held, pushed)
-            return np.concatenate((state[n:], A @ state + B * command(np.array([time]))[0]))
-
-        solved = scipy.integrate.solve_ivp(
-            slope,
-            (begin, end),
-            states[rows[0]],
-            method="DOP853",
-            t_eval=times[rows],
-            rtol=TOLERANCE,
-            atol=TOLERANCE * 1e-3 * size,
-        )
-        if not solved.success:
-            raise ComputationError(f"the motion along the hoist cannot be integrated: {solved.message}")
-        states[rows] = solved.y.T
-    return states
-
-
-def _advance(states: Floats, times: Floats, rows: Ints, equations: tuple[Floats, Floats], command: Command) -> None:
-    """Fill in the states at these rows but the first, of constant equations and a command without a corner."""
-    known: dict[float, tuple[Floats, Floats]] = {}
-    for row in rows[1:].tolist():
-        begin, end = times[row - 1], times[row]
-        step = round(float(end - begin), 12)
-        if step not in known:
-            known[step] = _step(*equations, float(end - begin))
-        free, driven = known[step]
-        states[row] = free @ states[row - 1] + driven @ command(np.linspace(begin, end, POWERS + 2)[1:-1])
-
-
-def _step(A: Floats, B: Floats, duration: float) -> tuple[Floats, Floats]:
-    """What becomes of (q, q') (2n, 2n), and of a quintic by its values inside (2n, POWERS), in a time."""
-    n = len(B)
-    whole = np.zeros((2 * n + POWERS,) * 2)
-    whole[:n, n : 2 * n] = np.eye(n) * duration
-    whole[n : 2 * n, : 2 * n] = A * duration
-    whole[n : 2 * n, 2 * n] = B * duration
-    whole[2 * n :, 2 * n :] = np.eye(POWERS, k=1)
-    moved = scipy.linalg.expm(whole)[: 2 * n]
-    inside = np.linspace(0.0, 1.0, POWERS + 2)[1:-1]
-    rows = inside[:, None] ** np.arange(POWERS) / scipy.special.factorial(np.arange(POWERS))
-    return moved[:, : 2 * n], np.linalg.solve(rows.T, moved[:, 2 * n :].T).T

@@ -27,6 +27,7 @@ from modal.statespace.points import EXAMPLES, is_point, point_input, pushed, val
 from modal.statespace.signals import (
     DRIVES,
     OF_A_CART,
+    PRESCRIBED,
     PUSHES,
     READINGS,
     SUPPORT,
@@ -52,16 +53,16 @@ class Channel(NamedTuple):
 
 
 class Arrays(NamedTuple):
-    """A model in numbers: M, K, D (n, n), the momentum (n,) at unit velocity, and of every channel its rows.
+    """A model in numbers: M, K, D (n, n), `carried` (2, n) at unit velocity, windage and momentum, and channels' rows.
 
     `F` (C, n) are forces for a unit of the input, `Y` (C, 3, n) what multiplies q, q' and q'', `thrust` (C,) what the
-    input adds directly, `translation` (C,) what a motion of the ground adds.
+    input adds directly, `translation` (C, 3) what the ground's displacement, velocity and acceleration add.
     """
 
     M: Any
     K: Any
     D: Any
-    momentum: Any
+    carried: Any
     F: Any
     Y: Any
     thrust: Any
@@ -69,15 +70,12 @@ class Arrays(NamedTuple):
 
 
 class ChannelKind(NamedTuple):
-    """What does not depend on the numbers: what the input moves and how often differentiated; the output's order."""
+    """What does not depend on the numbers: what the input moves and how often differentiated."""
 
     moves: str
     order: int
-    translated: int
 
 
-MOVES = {name: order for order, name in enumerate(SUPPORT)} | {"cart_velocity": 1, "cart_acceleration": 2}
-"""How often the displacement that moves a support or the cart is differentiated in each input."""
 Source = tuple[str, int]
 """A group of inputs or outputs (`PUSHES`, `READINGS`) and a signal's index in it."""
 
@@ -100,14 +98,15 @@ class ChannelModel:
         geometry, linear = geometry_of(scene), matrices(scene)
         n, many = geometry.size, len(self.channels)
         Y, F = np.zeros((many, 3, n)), np.zeros((many, n))
-        thrust, translation = np.zeros(many), np.zeros(many)
+        thrust, translation = np.zeros(many), np.zeros((many, 3))
         for c, ((name, k), entry) in enumerate(zip(self.read, self.given, strict=True)):
             group = READINGS[name](geometry)
             for order, part in enumerate((group.position, group.rate, group.acceleration)):
                 if part is not None:
                     Y[c, order] = part[k]
-            if group.translation is not None:
-                translation[c] = group.translation[k]
+            for order, part in enumerate(group.carried):
+                if part is not None:
+                    translation[c, order] = part[k]
             if entry is not None:
                 push = (
                     pushed(geometry, point_input(scene, entry[0])) if is_point(entry[0]) else PUSHES[entry[0]](geometry)
@@ -116,7 +115,8 @@ class ChannelModel:
                 if group.pushed:
                     thrust[c] = push.thrust[k, entry[1]]
         momentum = linear.M[:, 0] if geometry.on_cart else geometry.momentum
-        return Arrays(linear.M, linear.K, linear.D, momentum, F, Y, thrust, translation)
+        carried = np.stack([geometry.windage, momentum])
+        return Arrays(linear.M, linear.K, linear.D, carried, F, Y, thrust, translation)
 
 
 def reduced(scene: Scene, channels: Sequence[Channel]) -> ChannelModel:
@@ -131,8 +131,8 @@ def reduced(scene: Scene, channels: Sequence[Channel]) -> ChannelModel:
     for channel in channels:
         if channel.output not in outputs:
             problems.append(f"output {channel.output}: {_among([*outputs], channel.output)}")
-        if channel.input not in {*inputs, *MOVES} and not is_point(channel.input):
-            problems.append(f"input {channel.input}: {_among([*inputs, *MOVES], channel.input)}, or {EXAMPLES}")
+        if channel.input not in {*inputs, *PRESCRIBED} and not is_point(channel.input):
+            problems.append(f"input {channel.input}: {_among([*inputs, *PRESCRIBED], channel.input)}, or {EXAMPLES}")
         if channel.input in DRIVES and not geometry.on_cart:
             problems.append(f"input {channel.input}: there is no cart alone")
         if channel.input in SUPPORT:
@@ -144,11 +144,10 @@ def reduced(scene: Scene, channels: Sequence[Channel]) -> ChannelModel:
     signals = tuple((outputs[channel.output][1], _signal(inputs, channel.input)) for channel in channels)
     kinds = tuple(
         ChannelKind(
-            "" if channel.input not in MOVES else "ground" if channel.input in SUPPORT else "cart",
-            MOVES.get(channel.input, 0),
-            READINGS[name](geometry).order,
+            "" if channel.input not in PRESCRIBED else "ground" if channel.input in SUPPORT else "cart",
+            PRESCRIBED.get(channel.input, ("", 0))[1],
         )
-        for channel, (name, _) in zip(channels, read, strict=True)
+        for channel in channels
     )
     return ChannelModel(tuple(channels), kinds, signals, read, driven)
 
@@ -259,11 +258,8 @@ class Model:
         pushed = -(a.D @ x[..., None] + 2 * s[:, None, None] * (a.M @ x[..., None]))[..., 0]
         slope = (rows * x).sum(1)
         if kind.moves == "ground":
-            power = 2 - kind.order
-            if power:
-                pushed = pushed - power * s[:, None] ** (power - 1) * a.momentum
-            order = kind.translated - kind.order
-            slope = slope + a.translation[channel] * order * s ** (order - 1.0)
+            pushed = pushed - _moved(s, 1 - kind.order, a.carried, slope=True)
+            slope = slope + _moved(s, -kind.order, a.translation[channel], slope=True)
         if kind.moves == "cart":
             moved = -kind.order * s ** (-kind.order - 1.0)
             slope = slope + state.rows[:, 0] * moved
@@ -282,16 +278,18 @@ class Model:
         gradient += np.einsum("ow,poj,wj->wp", powers, slopes.Y[:, channel], x, optimize=True)
         gradient += np.einsum("wi,pi->wp", y, slopes.F[:, channel]) + slopes.thrust[:, channel]
         if kind.moves == "ground":
-            gradient -= (s ** (2 - kind.order))[:, None] * (y @ slopes.momentum.T)
-            gradient += (s ** (kind.translated - kind.order))[:, None] * slopes.translation[:, channel]
+            pushed = _moved(s, 1 - kind.order, slopes.carried.swapaxes(0, 1)) + np.zeros(
+                (len(s), *slopes.F[:, channel].shape)
+            )
+            gradient -= np.einsum("wi,wpi->wp", y, pushed)
+            gradient += _moved(s, -kind.order, slopes.translation[:, channel].T)
         return self._value(channel, state), gradient
 
     def _value(self, channel: int, state: _State) -> Complexes:
         kind = self.kinds[channel]
         value = (state.rows * state.x).sum(1) + self.arrays.thrust[channel]
         if kind.moves == "ground":
-            order: int = kind.translated - kind.order
-            value = value + self.arrays.translation[channel] * state.s ** float(order)
+            value = value + _moved(state.s, -kind.order, self.arrays.translation[channel])
         return np.asarray(value)
 
     def _state(self, channel: int, omega: Floats, *, adjoint: bool = True) -> _State:
@@ -301,7 +299,7 @@ class Model:
         rows = a.Y[channel, 0] + s[:, None] * a.Y[channel, 1] + (s * s)[:, None] * a.Y[channel, 2]
         F = np.repeat(a.F[channel][None].astype(complex), len(s), axis=0)
         if kind.moves == "ground":
-            F = F - (s ** (2 - kind.order))[:, None] * a.momentum
+            F = F - _moved(s, 1 - kind.order, a.carried)
         x, y, first = np.zeros_like(rows), np.zeros_like(rows), int(kind.moves == "cart")
         if first:
             x[:, 0] = s ** float(-kind.order)
@@ -317,6 +315,16 @@ class Model:
         if adjoint:
             y[:, first:] = solution[..., 1]
         return _State(s, Z, rows, x, y)
+
+
+def _moved(s: Complexes, first: int, parts: Any, *, slope: bool = False) -> Any:
+    """Σ s^(first + k) c_k (W, …) of those `parts` c_k that are not 0, or its derivative by s."""
+    total: Any = 0.0
+    for power, part in enumerate(parts, first):
+        if np.any(part) and (power or not slope):
+            factor = power * s ** (power - 1.0) if slope else s ** float(power)
+            total = total + np.multiply.outer(factor, part)
+    return total
 
 
 class _State(NamedTuple):

@@ -184,17 +184,17 @@ def exact_terms(form: ModalForm) -> Iterator[Term]:
     """The terms of H for the one input, zero where it does not reach or an output does not see a mode.
 
     Else the rounding of a mode that nothing reaches would ring for ever.  A mode φ is reached by pᵀφ, with p the
-    generalized force, or for the support's acceleration the momentum of everything at unit velocity along the rail.
+    generalized force, or for the support's acceleration the momentum or the windage of everything at unit velocity.
     """
     modes, geometry, name = form.modes, geometry_of(form.modes.scene), form.model.inputs[0].name
     shaken = int(name == INPUT)
     if shaken:
-        p = modes.matrices.M[:, 0] if modes.on_cart else geometry.momentum
+        p = np.column_stack([modes.matrices.M[:, 0] if modes.on_cart else geometry.momentum, geometry.windage])
     else:
-        p = push_of(modes.scene, geometry, name).F[:, 0]
+        p = push_of(modes.scene, geometry, name).F[:, :1]
     for block, term in zip(form.blocks, terms(form), strict=True):
         phi = block.right[shaken : len(p) + shaken]
-        reached = block.mode is None or bool(np.any(without_noise(phi.T, p[:, None])))
+        reached = block.mode is None or bool(np.any(without_noise(phi.T, p)))
         seen = np.any(np.atleast_2d(without_noise(block.right.T, form.model.C.T)), axis=0).astype(float)
         yield term._replace(N1=term.N1 * seen[:, None] * reached, N0=term.N0 * seen[:, None] * reached)
 

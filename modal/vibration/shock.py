@@ -17,7 +17,7 @@ from modal.errors import ComputationError
 from modal.modes import natural_modes
 from modal.scene import RecordMotion, Scene, require
 from modal.scene.doors import checked
-from modal.statespace import StateSpace, state_space, to_modal_form
+from modal.statespace import ModalForm, state_space, to_modal_form
 from modal.statespace.response import Term
 from modal.types import Booleans, Complexes, Floats
 from modal.vibration.combination import cqc, srss
@@ -124,7 +124,7 @@ def shock_response(scene: Scene, motion: RecordMotion, outputs: tuple[str, ...] 
             f"at most {MOST:g}; choose fewer outputs"
         )
     by_mode = np.zeros((len(modes), len(form.model.outputs), len(grid.times)))
-    history = form.model.D[:, :1] * grid.derivatives[0] + _carried_along(form.model, record, grid.times)
+    history = form.model.D[:, :1] * grid.derivatives[0] + _carried_along(form, record, grid.times)
     for term in exact_terms(form):
         values = _history(term, record, grid)
         history = history + values
@@ -135,12 +135,10 @@ def shock_response(scene: Scene, motion: RecordMotion, outputs: tuple[str, ...] 
     return ShockResponse(form, record, grid, history, by_mode)
 
 
-def _carried_along(model: StateSpace, record: Record, times: Floats) -> Floats:
+def _carried_along(form: ModalForm, record: Record, times: Floats) -> Floats:
     """The outputs (p, T) of a support that goes on as it begins: what is at rest on it moves with it."""
     begun, speed = float(record.displacement(record.first)), float(record.velocity(record.first))
-    moved = {"support": begun + speed * (times - record.first), "support_dot": np.full(len(times), speed)}
-    columns = [(k, moved[state.name]) for k, state in enumerate(model.states) if state.name in moved]
-    return np.asarray(sum((np.outer(model.C[:, k], course) for k, course in columns), start=np.zeros(1)))
+    return np.asarray(form.outputs[0] @ np.stack([begun + speed * (times - record.first), np.full(len(times), speed)]))
 
 
 def _steps(eigenvalues: Complexes, record: Record) -> tuple[float, float]:

@@ -18,6 +18,7 @@ from multipendula.options import (
     add_modes,
     add_option,
     add_output,
+    add_relative_error,
     add_scene,
     add_switch,
     add_text,
@@ -87,9 +88,7 @@ def _table_arguments(page: Page) -> None:
     add_format(page, ("text", "markdown", "latex", "csv", "html", "json"))
     add_text(page)
     add_modes(page)
-    share = number("at least 1e-16 and at most 0.1", 0.1, 1e-16)
-    more = ", met at less cost for long chains (default: every digit)"
-    add_option(page.computed, "--relative-error", more, type=share)
+    add_relative_error(page, ", met at less cost for long chains (default: every digit)")
     _add_amplitude(page.computed, ": adds the damping ratio there, with dry friction and quadratic drag")
     add_switch(page.computed, "--orbits", ": the 1 %% angle is that in the full equations")
     more = (

@@ -18,6 +18,7 @@ from multipendula.options import (
     add_modes,
     add_motion,
     add_option,
+    add_relative_error,
     add_report,
     add_scene,
     add_start,
@@ -31,6 +32,8 @@ if TYPE_CHECKING:
 
 USUAL = 120.0
 """Default duration (s) of a general motion."""
+TRADED, RELATIVE_ERROR = 10.0, 1e-8
+"""Default duration (s) of a motion by which methods are compared, and relative error of a frequency."""
 
 
 def check(options: argparse.Namespace) -> None:
@@ -93,11 +96,11 @@ def _scene(options: argparse.Namespace) -> str:
     return str(options.scene)
 
 
-def _refuse(options: argparse.Namespace, verb: str, names: tuple[str, ...]) -> None:
+def _refuse(options: argparse.Namespace, verb: str, names: tuple[str, ...], other: str = "--general") -> None:
     from modal.errors import SceneError
 
     if asked := [name for name in names if getattr(options, name) is not None]:
-        raise SceneError([f"--{name}: {verb} --general" for name in asked])
+        raise SceneError([f"--{name.replace('_', '-')}: {verb} {other}" for name in asked])
 
 
 def chaos(options: argparse.Namespace) -> None:
@@ -167,27 +170,44 @@ def _claims(options: argparse.Namespace) -> Drawn:
 def tradeoff(options: argparse.Namespace) -> None:
     """Measure the time and error of every method for a motion, from linear modes to the finest integration."""
     from modal.scene import load
+
+    kind, scene = _kind(options), load(_scene(options))
+    comparison, text = (_of_frequencies if options.linear else _of_motion)(options, scene)
+    say(text, options.format)
+    if getattr(comparison, "interrupted", False):
+        raise KeyboardInterrupt
+    if options.output:
+        from nonlinear.plotting import draw_frequencies, draw_tradeoff
+
+        with drawn(options.output, options.theme) as stream:
+            (draw_frequencies if options.linear else draw_tradeoff)(comparison, stream, kind)
+
+
+def _of_motion(options: argparse.Namespace, scene: Scene) -> tuple[Any, str]:
     from nonlinear.accuracy import list_candidates, tradeoff_table
     from nonlinear.accuracy import measure_work_precision as compared
 
-    kind, scene = _kind(options), load(_scene(options))
-    start = start_of(scene, options.start)
+    _refuse(options, "needs", ("relative_error",), "--linear")
+    start, duration = start_of(scene, options.start), options.duration or TRADED
     with bar(len(list_candidates(scene)) + 1, "candidate") as report:
-        comparison = compared(scene, options.duration, start=start, report=report)
-    say(tradeoff_table(comparison, options.format), options.format)
-    if comparison.interrupted:
-        raise KeyboardInterrupt
-    if options.output:
-        from nonlinear.plotting import draw_tradeoff
+        comparison = compared(scene, duration, start=start, report=report)
+    return comparison, tradeoff_table(comparison, options.format)
 
-        with drawn(options.output, options.theme) as stream:
-            draw_tradeoff(comparison, stream, kind)
+
+def _of_frequencies(options: argparse.Namespace, scene: Scene) -> tuple[Any, str]:
+    from nonlinear.accuracy import frequencies_table, measure_frequencies
+
+    _refuse(options, "is of motions: leave out", ("start", "duration"), "--linear")
+    comparison = measure_frequencies(scene, (options.relative_error or RELATIVE_ERROR,))
+    return comparison, frequencies_table(comparison, options.format)
 
 
 def _tradeoff_arguments(page: Page) -> None:
     add_scene(page)
     add_start(page)
-    add_duration(page, " (default 10)", 10.0)
+    add_duration(page, f" (default {TRADED:g})")
+    add_switch(page.computed, "--linear", ": dense matrices, a relative error that is allowed, every digit")
+    add_relative_error(page, f" that --linear allows (default {RELATIVE_ERROR:g})")
     add_format(page, REPORTS)
     add_report(page, REPORTS)
 
@@ -239,11 +259,13 @@ COMMANDS = (
         arguments=_tradeoff_arguments,
         details=(
             "Linear modes, modes with corrected frequencies, and every integrator at several tolerances, plain and "
-            "compiled: the cost and the error of each, and the time up to which errors can be measured."
+            "compiled: the cost and the error of each, and the time up to which errors can be measured. With --linear "
+            "the frequencies instead: by dense matrices, to a relative error, and with every digit."
         ),
         examples=(
             ("tradeoff chain-1 --start mode:1:10 --duration 2", "every method for two seconds of a small swing"),
             ("tradeoff chain-1 --start angles:60 --duration 1 -o t.png", "with a figure: time against error"),
+            ("tradeoff paper-cart-2 --linear", "all frequencies: dense matrices, to 1e-8, every digit"),
         ),
     ),
     Command(

@@ -6,12 +6,13 @@ with its time and its error against a reference, up to the horizon
     t* = ln(tolerable/ε)/λ
 
 beyond which the motion is unpredictable.  Start with `advice`; `candidates` lists the methods, `references` has the
-solutions with which they are compared.
+solutions with which they are compared, `frequencies` compares the ways to natural frequencies.
 """
 
 from nonlinear.accuracy.advice import Advice, seek_accuracy
 from nonlinear.accuracy.attempts import Goal
 from nonlinear.accuracy.candidates import Candidate, Question, list_candidates
+from nonlinear.accuracy.frequencies import FrequencyRow, FrequencyTradeoff, frequencies_table, measure_frequencies
 from nonlinear.accuracy.references import choose_references
 from nonlinear.accuracy.tables import advice_table, tradeoff_table
 from nonlinear.accuracy.work_precision import WorkPrecision, WorkPrecisionRow, measure_work_precision
@@ -19,13 +20,17 @@ from nonlinear.accuracy.work_precision import WorkPrecision, WorkPrecisionRow, m
 __all__ = [
     "Advice",
     "Candidate",
+    "FrequencyRow",
+    "FrequencyTradeoff",
     "Goal",
     "Question",
     "WorkPrecision",
     "WorkPrecisionRow",
     "advice_table",
     "choose_references",
+    "frequencies_table",
     "list_candidates",
+    "measure_frequencies",
     "measure_work_precision",
     "seek_accuracy",
     "tradeoff_table",

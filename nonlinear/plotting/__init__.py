@@ -25,7 +25,7 @@ from nonlinear.plotting.strobes import bifurcation_figure, draw_bifurcations, dr
 from nonlinear.plotting.sweeps import draw_sweep, validate_axes
 from nonlinear.plotting.synchronization import draw_sync, sync_figure
 from nonlinear.plotting.verification import check_figure, draw_check, draw_spectrum
-from nonlinear.plotting.work_precision import draw_tradeoff, tradeoff_figure
+from nonlinear.plotting.work_precision import draw_frequencies, draw_tradeoff, frequencies_figure, tradeoff_figure
 
 __all__ = [
     "SECONDS",
@@ -40,6 +40,7 @@ __all__ = [
     "draw_check",
     "draw_finding",
     "draw_fit",
+    "draw_frequencies",
     "draw_orbits",
     "draw_populations",
     "draw_run",
@@ -53,6 +54,7 @@ __all__ = [
     "draw_tradeoff",
     "film_orbit",
     "fit_figure",
+    "frequencies_figure",
     "orbits_figure",
     "populations_figure",
     "section_figure",

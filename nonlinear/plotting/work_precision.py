@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from itertools import groupby
+from math import isfinite
 from typing import IO, TYPE_CHECKING, Any
 
 from matplotlib.axes import Axes
@@ -14,11 +15,12 @@ from modal.scene import title_of
 from nonlinear.reduction import CORRECTED, LINEAR
 
 if TYPE_CHECKING:
-    from nonlinear.accuracy import Candidate, WorkPrecision, WorkPrecisionRow
+    from nonlinear.accuracy import Candidate, FrequencyTradeoff, WorkPrecision, WorkPrecisionRow
 
 METHODS = dict(zip(("RK45", "taylor", "LSODA", "Radau", "DOP853", "RK23"), range(HUES), strict=True))
 MARKERS = {"minimal": "o", "spatial": "o", "compiled": "D", "maximal": "s"}
 MODAL = {LINEAR: "P", CORRECTED: "*"}
+SPACING = 2.0**-53
 BEYOND = 2.5  # margin factor of the axes beyond the outermost candidate
 
 
@@ -93,3 +95,26 @@ def _decorate(figure: Figure, axis: Axes, work_precision: WorkPrecision) -> None
         axis.set_title(words, loc="right")
     headline(figure, title_of(work_precision.scene), "time against accuracy")
     key(figure, *axis.get_legend_handles_labels())
+
+
+def draw_frequencies(result: FrequencyTradeoff, stream: IO[bytes], form: str = "png") -> None:
+    """Write the picture as png, svg or pdf."""
+    save(frequencies_figure(result), stream, form)
+
+
+def frequencies_figure(result: FrequencyTradeoff) -> Figure:
+    """The largest relative error of all frequencies against the time (s) of every way, on logarithmic axes.
+
+    A way that gives up is left out; an error below the spacing of numbers is drawn there.
+    """
+    rows = [row for row in result.rows if isfinite(row.error)]
+    figure = sheet(WIDTH, 5.0)
+    axis = figure.subplots()
+    for index, row in enumerate(rows):
+        marker, hue = [*MARKERS.values()][index % len(MARKERS)], colour(index % HUES)
+        axis.plot(row.seconds, max(row.error, SPACING), marker, color=hue, ms=9, label=row.way)
+    axis.set(xscale="log", yscale="log", xlabel="time of the processor (s)", ylabel="largest relative error of ω")
+    axis.margins(0.2)
+    headline(figure, title_of(result.scene), "time against accuracy of frequencies")
+    key(figure, *axis.get_legend_handles_labels())
+    return figure

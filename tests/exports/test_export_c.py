@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 
 from modal import Bob, Pendulum, Scene, SceneError, load
 from modal.exports import FORMATS
-from modal.exports.c import c_matrix, write_c
-from modal.exports.identifiers import identifier
-from modal.exports.objects import to_control
+from modal.exports.scripts import to_control
+from modal.exports.source import c_matrix, write_c
+from modal.exports.text import identifier
 from modal.report import c_comment
 from modal.statespace import Signal, StateSpace, state_space
 from modal.statespace.sampling import sample

@@ -23,8 +23,8 @@ from numpy.typing import NDArray
 from modal import SceneError, load, natural_modes
 from modal.exports import FORMATS, fmu
 from modal.exports.fmu import variables
-from modal.exports.identifiers import identifier
-from modal.exports.objects import to_control
+from modal.exports.scripts import to_control
+from modal.exports.text import identifier
 from modal.statespace import StateSpace, state_space
 from modal.statespace.sampling import reach, sample
 
@@ -331,7 +331,7 @@ def test_matrices_in_the_source_are_the_models(monkeypatch: pytest.MonkeyPatch) 
 
 def test_units_outside_the_grammar_are_left_out() -> None:
     """Modal coordinates have units with roots, which neither Modelica nor FMI can write."""
-    from modal.exports.modelica import write_modelica
+    from modal.exports.source import write_modelica
     from modal.statespace import truncate
 
     scene = load("crane-hook")

@@ -33,11 +33,9 @@ from exported import (
 
 from modal import Bob, Cart, ComputationError, Pendulum, Scene, SceneError, load
 from modal.exports import FORMATS, format_named
-from modal.exports.identifiers import LONGEST, identifier, identifiers
-from modal.exports.json_ import read_json, write_json
-from modal.exports.matlab import write_mat
-from modal.exports.npz import read_npz, write_npz
-from modal.exports.objects import to_control, to_scipy
+from modal.exports.data import read_json, read_npz, write_json, write_npz
+from modal.exports.scripts import to_control, to_scipy, write_mat
+from modal.exports.text import LONGEST, identifier, identifiers
 from modal.statespace import Signal, StateSpace, state_space
 from modal.statespace.sampling import METHODS, reach, sample
 

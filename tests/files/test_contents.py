@@ -11,8 +11,7 @@ import pytest
 
 from modal import load
 from modal.errors import SceneError
-from modal.exports.json_ import read_json
-from modal.exports.npz import read_npz
+from modal.exports.data import read_json, read_npz
 from modal.identification.estimate import read_estimate
 from modal.identification.measured import has_modes, read_modes
 from modal.scene.contents import LARGEST_FILE, LONGEST_HEAD, content_of, first_line, limited, text_of

@@ -19,8 +19,7 @@ from amounts import usually
 from forged import forged
 
 from modal import SceneError, load
-from modal.exports.json_ import read_json, write_json
-from modal.exports.npz import read_npz, write_npz
+from modal.exports.data import read_json, read_npz, write_json, write_npz
 from modal.scene import sealed
 from modal.scene.parameters import parse_variations
 from modal.statespace import state_space

@@ -32,13 +32,21 @@ def test_modes_are_within_their_bounds_and_those_within_the_accuracy(seed: int, 
 
 
 def test_the_route_is_told() -> None:
-    assert natural_modes(rods(20), accuracy=1e-8).route == "dense seeds"
-    assert natural_modes(rods(20), accuracy=1e-17).route == "effective mass"
-    assert natural_modes(rods(20)).route == "effective mass"
-    assert DENSE in natural_modes(rods(20), accuracy=1e-8).notes
-    assert DENSE not in natural_modes(rods(20)).notes
-    uneven = Scene(gravity=9.81, pendulum=[Pendulum(links=[Bob(mass=m, length=1.0) for m in (1e-12, 1.0, 1e-12, 1.0)])])
+    assert natural_modes(rods(21), accuracy=1e-8).route == "dense seeds"
+    assert natural_modes(rods(21), accuracy=1e-17).route == "effective mass"
+    assert natural_modes(rods(21)).route == "effective mass"
+    assert DENSE in natural_modes(rods(21), accuracy=1e-8).notes
+    assert DENSE not in natural_modes(rods(21)).notes
+    uneven = Scene(gravity=9.81, pendulum=[Pendulum(links=[Bob(mass=m, length=1.0) for m in (1e-12, 1.0) * 12])])
     assert natural_modes(uneven, accuracy=1e-13).route == "dense seeds, effective mass"
+
+
+@pytest.mark.parametrize(("support", "route"), [(None, "effective mass"), (Cart(mass=3.0), "exact, effective mass")])
+def test_short_chains_get_every_digit_which_costs_less(support: Cart | None, route: str) -> None:
+    less, every = natural_modes(rods(20, support), accuracy=1e-3), natural_modes(rods(20, support))
+    assert less.route == every.route == route
+    assert np.array_equal(less.omega, every.omega)
+    assert np.array_equal(less.error, every.error)
 
 
 def test_long_chains_prove_by_counts_what_no_bound_could() -> None:

@@ -53,10 +53,17 @@ from modal.scene.parameters import parse_variations
 from modal.statespace import ModalForm, state_space, to_modal_form
 from modal.statespace.hoisting import frequencies_along
 from multipendula.cli import main
-from nonlinear.accuracy import list_candidates, measure_work_precision
+from nonlinear.accuracy import list_candidates, measure_frequencies, measure_work_precision
 from nonlinear.chaos import Exponent, Finding, lyapunov_exponent, study
 from nonlinear.integration import Trajectory
-from nonlinear.plotting import branches_figure, check_figure, populations_figure, sync_figure, tradeoff_figure
+from nonlinear.plotting import (
+    branches_figure,
+    check_figure,
+    frequencies_figure,
+    populations_figure,
+    sync_figure,
+    tradeoff_figure,
+)
 from nonlinear.plotting.animation import Film
 from nonlinear.plotting.chaos import exponent_figure, finding_figure
 from nonlinear.plotting.run import run_figure
@@ -276,6 +283,7 @@ FIGURES: dict[str, Callable[[], Figure]] = {
         swept("support.mass=1:1000:5log", "gravity=1:20:4", measures=("frequencies:3", "beat"))
     ),
     "tradeoff": lambda: tradeoff_figure(traded()),
+    "tradeoff of frequencies": lambda: frequencies_figure(measure_frequencies(modal.load("paper-cart-2"))),
     "exponent": lambda: exponent_figure(exponent()),
     "claim of chains": lambda: claimed("001", [0.0, 1.0, 2.0, 3.0]),
     "claim of carts": lambda: claimed("000", [1.0, 0.8, 0.9, 1.0, 1.0, 1.3]),

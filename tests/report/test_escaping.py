@@ -21,8 +21,8 @@ from matplotlib.figure import Figure
 from modal import SceneError, load, natural_modes
 from modal.coupling import coupling_report, explain
 from modal.exports import format_named
+from modal.exports.data import read_json, write_json
 from modal.exports.fmu import description
-from modal.exports.json_ import read_json, write_json
 from modal.modes import tables
 from modal.plotting import slide
 from modal.report import escaping

@@ -104,7 +104,7 @@ def test_travel_is_that_of_the_full_equations_at_small_angles() -> None:
     heavy = scene.support.mass
 
     def push(time: float, state: State) -> AppliedForces:
-        return AppliedForces(heavy * travel.acceleration(time))
+        return AppliedForces(heavy * travel.motion(np.array([time]))[2, 0])
 
     rest = State(np.zeros(1), np.zeros(1))
     run = simulate(scene, 12.0, start=rest, load=push, breaks=[0.0, 4.0], tolerance=1e-11, output=4000)

@@ -27,8 +27,8 @@ HELD = Fixed()
 ALL = ("angles", "tip_accelerations", "tip_positions", "pivot_forces")
 
 
-def scene(support: Fixed | Cart = HELD, damping: float = 0.02) -> Scene:
-    links = (Bob(mass=1.3, length=0.8, damping=damping), Rod(mass=0.4, length=0.5, damping=2 * damping))
+def scene(support: Fixed | Cart = HELD, damping: float = 0.02, drag: float = 0.0) -> Scene:
+    links = (Bob(mass=1.3, length=0.8, damping=damping, drag=drag), Rod(mass=0.4, length=0.5, damping=2 * damping))
     return Scene(gravity=9.81, support=support, pendulum=(Pendulum(links=links),))
 
 
@@ -47,9 +47,9 @@ def whole(scene: Scene, record: Record, times: np.ndarray, outputs: tuple[str, .
 @pytest.mark.parametrize(
     "support", [Fixed(), Cart(mass=2.0), Cart(mass=2.0, stiffness=3.0, damping=1.0), Cart(mass=0.5, damping=90.0)]
 )
-@pytest.mark.parametrize("damping", [0.0, 0.02])
-def test_histories_are_those_of_the_whole_model(support: Fixed | Cart, damping: float) -> None:
-    example = scene(support, damping)
+@pytest.mark.parametrize(("damping", "drag"), [(0.0, 0.0), (0.02, 0.0), (0.0, 0.3)])
+def test_histories_are_those_of_the_whole_model(support: Fixed | Cart, damping: float, drag: float) -> None:
+    example = scene(support, damping, drag)
     response = shock_response(example, PUSH, ALL)
     inside = response.times <= response.record.last
     exact = whole(example, response.record, response.times[inside], ALL)

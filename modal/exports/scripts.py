@@ -1,24 +1,32 @@
-"""Data files and scripts for MATLAB and Octave.
+"""Objects, scripts and files of python-control, SciPy, MATLAB and Octave.
 
-A data file has names and units as cell arrays of strings; a script has A, B, C, D, dt, their names and, where `ss` is
-installed, the system `sys`.
+A script for Python needs only python-control.  A MAT-file has names and units as cell arrays of strings; a script for
+MATLAB and Octave has A, B, C, D, dt, their names and, where `ss` is installed, the system `sys`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from io import BytesIO
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from unicodedata import normalize
 
 import numpy as np
 
-from modal.exports.text import digits, joined, matrices, meaning, preamble
-from modal.report import matlab_text
+from modal.exports.text import digits, heading, identifier, joined, matrices, meaning, preamble, rest
+from modal.report import matlab_text, python_text
 from modal.statespace import Signal, StateSpace
 from modal.statespace.varying import VaryingModel
 from modal.types import Floats
 
+if TYPE_CHECKING:
+    import control  # type: ignore[import-untyped]
+
+FIRST = (
+    "# -*- coding: utf-8 -*-",
+    "# A linear state-space model for python-control, in SI units, deviations from the equilibrium.",
+)
+"""Python looks for an encoding in the first two lines of a file: they contain no text of a scene."""
 LABEL = b"MATLAB 5.0 MAT-file, a linear state-space model in SI units".ljust(116)
 BUILD = """\
 if exist('OCTAVE_VERSION', 'builtin')
@@ -39,7 +47,63 @@ else
 end"""
 
 
-# -------------------------------------------------------------------------------- data file
+def to_control(model: StateSpace) -> control.StateSpace:
+    """The `control.StateSpace` with labels, sample time and name."""
+    from control import StateSpace as Labelled
+
+    states, inputs, outputs = ([s.name for s in kind] for kind in (model.states, model.inputs, model.outputs))
+    return Labelled(
+        *(model.A, model.B, model.C, model.D, model.dt),
+        name=identifier(heading(model)),
+        states=states,
+        inputs=inputs,
+        outputs=outputs,
+    )
+
+
+def to_scipy(model: StateSpace) -> Any:
+    """The `scipy.signal.StateSpace`, or a `dlti` for a discrete model; neither has names."""
+    from scipy.signal import StateSpace as Continuous
+    from scipy.signal import dlti
+
+    parts = model.A, model.B, model.C, model.D
+    return dlti(*parts, dt=model.dt) if model.dt else Continuous(*parts)
+
+
+# ------------------------------------------------------------------------------------------------------------- Python
+
+
+def write_script(model: StateSpace) -> bytes:
+    """The script; run it or import `system` from it."""
+    return joined(_python_lines(model))
+
+
+def _python_lines(model: StateSpace) -> Iterator[str]:
+    yield from FIRST
+    yield from (f"# {line}" for line in rest(model))
+    yield from ("", "import control", "import numpy as np", "", f"title = {python_text(heading(model))}")
+    for name, signals in (("states", model.states), ("inputs", model.inputs), ("outputs", model.outputs)):
+        yield from _python_names(name, signals)
+    for name, values in matrices(model):
+        yield from _python_matrix(name, values)
+    yield from ("", "system = control.StateSpace(", f"    A, B, C, D, {model.dt!r},")
+    yield f"    name={python_text(identifier(heading(model)))}, states=states, inputs=inputs, outputs=outputs,"
+    yield ")"
+
+
+def _python_names(name: str, signals: tuple[Signal, ...]) -> Iterator[str]:
+    yield f"{name} = ["
+    yield from (f"    {python_text(signal.name)},  # {meaning(signal)}" for signal in signals)
+    yield "]"
+
+
+def _python_matrix(name: str, values: Floats) -> Iterator[str]:
+    yield f"{name} = np.array(["
+    yield from (f"    [{', '.join(row)}]," for row in digits(values))
+    yield f"]).reshape({values.shape[0]}, {values.shape[1]})"
+
+
+# -------------------------------------------------------------------------------------------------- MATLAB and Octave
 
 
 def write_mat(model: StateSpace) -> bytes:
@@ -50,7 +114,7 @@ def write_mat(model: StateSpace) -> bytes:
     return _saved(model, {**dict(matrices(model)), "dt": model.dt})
 
 
-def write_varying(model: VaryingModel) -> bytes:
+def write_varying_mat(model: VaryingModel) -> bytes:
     """A version 5 file of time_s (T, 1), A (T, n, n), B (T, n, m), C and D, and the names of `write_mat`."""
     arrays = {"A": model.A, "B": model.B, "C": model.C, "D": model.D}
     return _saved(model, {"time_s": model.times[:, None], **arrays})
@@ -86,32 +150,29 @@ def _cells(words: Iterable[str]) -> Any:
     return cells
 
 
-# ----------------------------------------------------------------------------------- script
-
-
 def write_m(model: StateSpace) -> bytes:
     """The script."""
-    return joined(_script(model))
+    return joined(_matlab_lines(model))
 
 
-def _script(model: StateSpace) -> Iterator[str]:
+def _matlab_lines(model: StateSpace) -> Iterator[str]:
     yield from (f"% {line}" for line in preamble(model))
     yield f"dt = {model.dt!r};"
     for kind, signals in (("state", model.states), ("input", model.inputs), ("output", model.outputs)):
-        yield from _names(kind, signals)
+        yield from _matlab_names(kind, signals)
     for name, values in matrices(model):
-        yield from _matrix(name, values)
+        yield from _matlab_matrix(name, values)
     yield BUILD.format(arguments="A, B, C, D, dt" if model.dt else "A, B, C, D")
 
 
-def _names(kind: str, signals: tuple[Signal, ...]) -> Iterator[str]:
+def _matlab_names(kind: str, signals: tuple[Signal, ...]) -> Iterator[str]:
     yield f"{kind}_names = {{"
     yield from (f"  {matlab_text(signal.name)}  % {meaning(signal)}" for signal in signals)
     yield "};"
     yield f"{kind}_units = {{{'; '.join(matlab_text(signal.unit) for signal in signals)}}};"
 
 
-def _matrix(name: str, values: Floats) -> Iterator[str]:
+def _matlab_matrix(name: str, values: Floats) -> Iterator[str]:
     if not values.size:
         yield f"{name} = zeros({values.shape[0]}, {values.shape[1]});"
         return

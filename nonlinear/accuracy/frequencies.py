@@ -1,0 +1,182 @@
+"""Time against accuracy of natural frequencies: dense matrices, a relative error that is allowed, and every digit.
+
+Errors of ω are those to the roots of the characteristic polynomial in integers, proved to DIGITS (`modal.exact`); times
+are those of the processor, from a scene to all its frequencies, but for dense matrices, which are at hand.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import partial
+from math import inf, isfinite, nan
+from statistics import median
+from time import process_time
+from typing import Any
+
+import numpy as np
+import scipy
+
+from modal.assembly import matrices
+from modal.errors import SceneError
+from modal.exact import isolate, of_scene
+from modal.modes import natural_modes
+from modal.report import NOTHING, Displayed, Form, as_csv, as_json, finite, grid, titled
+from modal.scene import Scene, describe, require, title_of, validate_scene
+from modal.scene.doors import checked
+from modal.statespace.model import fixed
+from modal.types import Floats
+
+DIGITS = 20
+MOST, MOST_LINKS = 60, 1500
+"""Different frequencies and links of a scene: roots are proved within seconds, dense matrices solved."""
+ROUNDS, ROUND = 5, 0.02
+"""Rounds in which each way has its turn, and seconds of one."""
+COLUMNS = ("Pareto", "way", "route", "time (ms)", "/ dense", "bound", "error of ω")
+
+
+@dataclass(frozen=True, repr=False)
+class FrequencyRow(Displayed):
+    """One way to all frequencies: its route, median seconds, the bound that it states (NaN: none), the true error."""
+
+    way: str
+    route: str
+    seconds: float
+    bound: float
+    error: float
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class FrequencyTradeoff(Displayed):
+    """Dense matrices, the relative errors allowed, and every digit, in this order."""
+
+    scene: Scene
+    rows: tuple[FrequencyRow, ...]
+
+    @property
+    def pareto(self) -> tuple[FrequencyRow, ...]:
+        """The ways that no other beats in both time and error."""
+        return tuple(
+            row
+            for row in self.rows
+            if not any(other.seconds < row.seconds and other.error <= row.error for other in self.rows)
+        )
+
+
+@checked
+def measure_frequencies(scene: Scene, accuracies: tuple[float, ...] = (1e-8,)) -> FrequencyTradeoff:
+    """The times and true errors of all natural frequencies of a scene, by every way.
+
+    Raises SceneError for scenes with losses or structures, and for too large ones.
+
+    >>> from modal import load
+    >>> [row.way for row in measure_frequencies(load("chain-2")).rows]
+    ['dense', 'to 1e-8', 'every digit']
+    """
+    require(validate_scene(scene), "a polynomial in ω²")
+    if (size := len(natural_modes(scene))) > MOST or scene.n_links > MOST_LINKS:
+        limits = f"at most {MOST}, and {MOST_LINKS} links, can be compared"
+        raise SceneError([f"the scene has {size} different frequencies and {scene.n_links} links: {limits}"])
+    squares = _squares(scene)
+    planes = [matrices(plane) for plane in ((scene, fixed(scene)) if scene.space == "space" else (scene,))]
+    dense = partial(_dense, [(plane.K, plane.M) for plane in planes], len(squares))
+    allowed = {**{f"to {accuracy:g}".replace("e-0", "e-"): accuracy for accuracy in accuracies}, "every digit": None}
+    ours = {way: partial(natural_modes, scene, accuracy=limit) for way, limit in allowed.items()}
+    ways: dict[str, Callable[[], object]] = {"dense": dense, **{way: _told(modes) for way, modes in ours.items()}}
+    seconds = _seconds(ways)
+    rows = [FrequencyRow("dense", "eigh of K and M", seconds["dense"], nan, _error(dense(), squares))]
+    for way, solve in ours.items():
+        modes = solve()
+        omega = np.repeat(modes.omega, modes.multiplicity)
+        rows.append(FrequencyRow(way, modes.route, seconds[way], float(modes.error.max()), _error(omega, squares)))
+    return FrequencyTradeoff(scene, tuple(rows))
+
+
+def _told(solve: Callable[[], Any]) -> Callable[[], object]:
+    return lambda: solve().omega
+
+
+def _squares(scene: Scene) -> list[Fraction]:
+    """Every ω², in the order of the frequencies."""
+    squares: list[Fraction] = []
+    for polynomial, copies, _ in of_scene(scene):
+        coefficients = list(polynomial.coefficients)
+        while not coefficients[-1]:
+            coefficients.pop()
+            squares += [Fraction(0)] * copies
+        for low, high, times in isolate(coefficients, Fraction(1, 10**DIGITS), relative=True):
+            squares += [(low + high) / 2] * (times * copies)
+    return sorted(squares, key=abs)
+
+
+def _dense(planes: list[tuple[Floats, Floats]], size: int) -> Floats:
+    """ω (R,) by LAPACK, NaN where that gives up; a massless cart has one row more than modes."""
+    try:
+        values = np.concatenate([scipy.linalg.eigh(K, M, eigvals_only=True) for K, M in planes])
+    except np.linalg.LinAlgError:
+        return np.full(size, nan)
+    return np.asarray(np.sort(np.sqrt(np.abs(values)))[:size])
+
+
+def _error(omega: Floats, squares: list[Fraction]) -> float:
+    """The largest relative error of ω, to first order, of all but rigid motions; infinite without a number."""
+    if not np.isfinite(omega).all():
+        return inf
+    pairs = zip(map(Fraction, omega.tolist()), squares, strict=True)
+    return max((float(abs(found**2 / abs(square) - 1) / 2) for found, square in pairs if square), default=0.0)
+
+
+def _seconds(ways: Mapping[str, Callable[[], object]]) -> dict[str, float]:
+    """Median seconds of the processor for a call, in rounds in which each has its turn."""
+    counts = {way: max(1, int(ROUND / max(_taken(solve, 2) / 2, 1e-6))) for way, solve in ways.items()}
+    rounds = [{way: _taken(solve, counts[way]) / counts[way] for way, solve in ways.items()} for _ in range(ROUNDS)]
+    return {way: median(each[way] for each in rounds) for way in ways}
+
+
+def _taken(solve: Callable[[], object], times: int) -> float:
+    begun = process_time()
+    for _ in range(times):
+        solve()
+    return process_time() - begun
+
+
+@checked
+def frequencies_table(result: FrequencyTradeoff, form: Form) -> str:
+    """Every way as text, markdown, csv (one line per way) or json, as `form` says."""
+    records = [_record(result, row) for row in result.rows]
+    if form == "json":
+        return as_json({"scene": describe(result.scene), "digits": DIGITS, "rungs": records})
+    if form == "csv":
+        return as_csv(records)
+    cells = [
+        [
+            "*" if row in result.pareto else "",
+            row.way,
+            row.route,
+            f"{1e3 * row.seconds:.3g}",
+            f"{row.seconds / result.rows[0].seconds:.2g}",
+            f"{row.bound:.1e}" if isfinite(row.bound) else NOTHING,
+            f"{row.error:.1e}" if isfinite(row.error) else NOTHING,
+        ]
+        for row in result.rows
+    ]
+    notes = (
+        "*: on the Pareto front: no other is both faster and more accurate. time: of the processor, for all "
+        "frequencies; the matrices of dense are at hand. error: the largest, to roots proved to "
+        f"{DIGITS} digits."
+    )
+    return titled(
+        title_of(result.scene), "time against accuracy of frequencies", [grid(cells, COLUMNS, form), notes], form
+    )
+
+
+def _record(result: FrequencyTradeoff, row: FrequencyRow) -> dict[str, Any]:
+    return {
+        "way": row.way,
+        "route": row.route,
+        "seconds": row.seconds,
+        "bound": finite(row.bound),
+        "error": finite(row.error),
+        "pareto": row in result.pareto,
+    }
