@@ -140,3 +140,8 @@ class SymbolicCarrier:
         """All numbers of it."""
         yield from (self.mass, self.inertia, self.length, *self.stiffness, *self.damping)
         yield from self.masses or ()
+
+
+ORIGIN = (sp.S.Zero, sp.S.Zero)
+STILL = SymbolicCarrier("fixed", "fixed", (), ORIGIN, sp.zeros(0), sp.zeros(0), ())
+"""A fixed support."""
