@@ -199,9 +199,7 @@ class Modes(Displayed, Eigenvalues, Sequence[Mode]):
 
     def column(self, shape: Shape) -> NDArray[Any]:
         """A shape as one vector (n,): the cart or the structure, then every link in the order of the file."""
-        if self.rig.structure:
-            return np.concatenate((shape.supports, shape.angles))
-        return np.concatenate(([shape.cart], shape.angles)) if self.on_cart else shape.angles
+        return np.concatenate((shape.leading[: self.rig.leading], shape.angles))
 
     def shape(self, number: int, copy: int = 0, normalise: str = "angle") -> Shape:
         """The copy-th basis vector of the mode with index `number`, both from 0 (`Mode.number` counts from 1).
