@@ -20,10 +20,10 @@ from sympy.polys.matrices import DomainMatrix
 
 from modal.exact import Polynomial, equal_bobs, of_scene
 from modal.scene import Scene
-from modal.symbolic.carriers import ORIGIN, STILL
+from modal.symbolic.carriers import ORIGIN, STILL, Chain
 from modal.symbolic.papers import equal
 from modal.symbolic.roots import Kind, Root, of_kinds, polynomial_roots
-from modal.symbolic.structures import Chain, OnCarrier, SymbolicStructure
+from modal.symbolic.structures import OnCarrier, SymbolicStructure
 from modal.symbolic.typesetting import Conjugates, Line, Section
 
 MOST_LINKS = 60

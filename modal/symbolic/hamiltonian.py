@@ -28,6 +28,7 @@ from sympy.polys.matrices import DomainMatrix
 from sympy.polys.matrices.exceptions import DMNonInvertibleMatrixError
 
 from modal.errors import SceneError
+from modal.symbolic.carriers import Chain
 from modal.symbolic.lagrange import Coordinate, coordinate, time_derivative
 from modal.symbolic.lagrangian import (
     NOT_IN_SPACE,
@@ -40,7 +41,7 @@ from modal.symbolic.lagrangian import (
     vanishes,
 )
 from modal.symbolic.papers import equal
-from modal.symbolic.structures import Chain, SymbolicStructure, indices
+from modal.symbolic.structures import SymbolicStructure, indices
 from modal.symbolic.typesetting import Line, Section
 
 TITLE = "Hamilton's equations"

@@ -12,7 +12,7 @@ neither its kinematics nor its lists of pivots and ends: it is another route fro
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -21,28 +21,11 @@ import sympy as sp
 
 from modal import pair
 from modal.report import Displayed, Summary, counted
-from modal.symbolic.carriers import SymbolicCarrier, Where
+from modal.symbolic.carriers import Chain, SymbolicCarrier, Where
 from modal.symbolic.lagrange import Coordinate, coordinate, time_derivative
 
 Place = tuple[Any, ...]
 """Along the rail and down; in space also across."""
-
-
-class Chain(NamedTuple):
-    """A pendulum's parameters in SymPy numbers or symbols, top link first, and σ = ±1 for a link down or up."""
-
-    mass: tuple[Any, ...]
-    length: tuple[Any, ...]
-    centre: tuple[Any, ...]
-    inertia: tuple[Any, ...]
-    damping: tuple[Any, ...]
-    stiffness: tuple[Any, ...]
-    sigma: tuple[int, ...]
-
-    @property
-    def geometry(self) -> tuple[tuple[Any, ...], ...]:
-        """Mass, length, centre and inertia, from which the pair follows."""
-        return self.mass, self.length, self.centre, self.inertia
 
 
 class OnCarrier(NamedTuple):
@@ -197,7 +180,7 @@ class SymbolicStructure(Displayed):
     def A(self) -> Any:
         """Second moments, block by block."""
         blocks = (sp.Matrix(pair.inertia_matrix(*chain.geometry)) for chain in self.chains)
-        return sp.diag(*(block.applyfunc(sp.factor) for block in blocks))
+        return sp.diag(*(_symmetric(block, sp.factor) for block in blocks))
 
     @property
     def total_mass(self) -> Any:
@@ -430,7 +413,7 @@ class SymbolicStructure(Displayed):
         for lost in self._lost():
             self._curved(D, lost, "v")
         simpler = _shortest if self.is_of_pair else sp.factor
-        return (M, K, D) if not self.symbols else tuple(A.applyfunc(simpler) for A in (M, K, D))
+        return (M, K, D) if not self.symbols else tuple(_symmetric(A, simpler) for A in (M, K, D))
 
     def _inertial(self, M: Any) -> None:
         for m, place in self.masses():
@@ -447,13 +430,22 @@ class SymbolicStructure(Displayed):
         for i, (p, link) in enumerate(self.links):
             M[at + i, at + i] += self.chains[p].inertia[link]
 
+    @cached_property
+    def _places(self) -> dict[Any, int]:
+        """The number of every coordinate and of its rate."""
+        return {name: k for k, c in enumerate(self.coordinates) for name in (c.q, c.v)}
+
     def _numbered(self, value: Any) -> list[tuple[int, Coordinate]]:
-        among = {c.q for c in self._among(value)}
-        return [(i, c) for i, c in enumerate(self.coordinates) if c.q in among]
+        places = sorted({self._places[name] for name in sp.sympify(value).free_symbols if name in self._places})
+        return [(k, self.coordinates[k]) for k in places]
 
     def _slopes(self, value: Any) -> dict[int, Any]:
-        """∂/∂q at rest."""
-        return {i: sp.diff(value, c.q).subs(self.rest) for i, c in self._numbered(value)}
+        """∂/∂q at rest, term by term."""
+        slopes: dict[int, Any] = {}
+        for term in sp.Add.make_args(sp.sympify(value)):
+            for i, c in self._numbered(term):
+                slopes[i] = slopes.get(i, sp.S.Zero) + sp.diff(term, c.q).xreplace(self.rest)
+        return slopes
 
     def _added(self, A: Any, weight: Any, slopes: dict[int, Any]) -> None:
         for i, a in slopes.items():
@@ -461,12 +453,13 @@ class SymbolicStructure(Displayed):
                 A[i, j] += weight * a * b
 
     def _curved(self, A: Any, f: Any, by: str = "q") -> None:
-        """Second derivatives of a function at rest, by the coordinates or by their rates."""
-        numbered = self._numbered(f)
-        for i, c in numbered:
-            slope = sp.diff(f, getattr(c, by))
-            for j, other in numbered:
-                A[i, j] += sp.diff(slope, getattr(other, by)).subs(self.rest)
+        """Second derivatives of a function at rest, by the coordinates or by their rates, term by term."""
+        for term in sp.Add.make_args(sp.sympify(f)):
+            numbered = self._numbered(term)
+            for i, c in numbered:
+                slope = sp.diff(term, getattr(c, by))
+                for j, other in numbered:
+                    A[i, j] += sp.diff(slope, getattr(other, by)).xreplace(self.rest)
 
     @cached_property
     def conditions(self) -> dict[Any, Any]:
@@ -486,6 +479,12 @@ def force_symbol(spring: SymbolicSpring) -> Any:
 def force_of(spring: SymbolicSpring) -> Any:
     """The pull k (ℓ − ℓ₀) + d ℓ'."""
     return spring.stiffness * (spring.ell.q - spring.rest) + spring.damping * spring.ell.v
+
+
+def _symmetric(matrix: Any, simpler: Callable[[Any], Any]) -> Any:
+    """A symmetric matrix with its entries simpler."""
+    half = {(i, j): simpler(matrix[i, j]) for i in range(matrix.rows) for j in range(i, matrix.rows)}
+    return sp.Matrix(matrix.rows, matrix.rows, lambda i, j: half[min(i, j), max(i, j)])
 
 
 def _shortest(entry: Any) -> Any:

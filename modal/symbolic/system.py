@@ -13,8 +13,8 @@ from modal.exact import exact, exact_links
 from modal.scene import ModalSupport, Pendulum, Scene, Spring, places_of, require, title_of
 from modal.scene.points import CarrierPoint, GroundPoint, parse_point
 from modal.scene.supports import Fixed, Planar
-from modal.symbolic.carriers import ORIGIN, STILL, SymbolicCarrier
-from modal.symbolic.structures import Chain, End, JoinedSpring, OnCarrier, OnGround, OnLink, SymbolicStructure
+from modal.symbolic.carriers import ORIGIN, STILL, Chain, SymbolicCarrier
+from modal.symbolic.structures import End, JoinedSpring, OnCarrier, OnGround, OnLink, SymbolicStructure
 
 SYMBOLIC = ("masses", "lengths", "gravity", "cart", "supports", "springs")
 MOST_LINKS = 1000
