@@ -96,12 +96,14 @@ def _remind(seconds: float) -> None:
 
 def _obey(arguments: Sequence[str] | None, stopped: Sequence[int]) -> int:
     _spell()
-    parser = _parser()
-    if "_ARGCOMPLETE" in os.environ:
+    given = sys.argv[1:] if arguments is None else arguments
+    completing = "_ARGCOMPLETE" in os.environ
+    parser = _parser("" if completing or not given else given[0])
+    if completing:
         from multipendula.completion import complete
 
         complete(parser)
-    if not (sys.argv[1:] if arguments is None else arguments):
+    if not given:
         return _print_overview(parser)
     try:
         options, strangers = parser.parse_known_args(arguments)
@@ -301,16 +303,18 @@ def _refuse(problem: object, code: int, page: Page | None = None) -> int:
     return code
 
 
-def _parser() -> Page:
-    from multipendula.commands import ABOUT, COMMANDS, FIRST
+def _parser(name: str = "") -> Page:
+    """The page of every command, or of those of one group alone where its `name` is given."""
+    from multipendula.commands import ABOUT, FIRST, commands_beside
     from multipendula.parser import Page, Version
 
     topics: dict[str, list[str]] = {}
-    for command in COMMANDS:
+    commands = commands_beside(name)
+    for command in commands:
         topics.setdefault(command.topic, []).append(command.name)
     parser = Page(prog="multipendula", description=ABOUT, examples=FIRST, topics=topics)
     parser.more.add_argument("--version", action=Version, nargs=0, help="print the version and exit")
     pages = parser.add_subparsers(metavar="COMMAND", required=True)
-    for command in COMMANDS:
+    for command in commands:
         command.add_to(pages)
     return parser

@@ -17,12 +17,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import reduce
-from math import lcm
 from typing import Any, Literal, NamedTuple
 
 from modal import pair
 from modal.errors import ComputationError
-from modal.exact.polynomials import integers, interpolated, leading_minors, primitive, product, scaled, shifted, total
+from modal.exact.polynomials import integers, primitive, product, quotient, scaled, total
 from modal.exact.roots import Interval, isolate
 from modal.report import Displayed
 from modal.scene import Cart, Pendulum, Scene, require, validate_scene
@@ -169,7 +168,7 @@ def _pivot(links: Links, gravity: Fraction) -> tuple[list[int], list[int]]:
     """(d, N) of one pendulum on a moving joint; in the coordinates σ_i θ_i an inverted link has −k for k."""
     mass, length, centre, inertia, stiffness, sigma = zip(*links, strict=True)
     if any(stiffness):
-        return sample_at_integers((mass, length, centre, inertia), stiffness, sigma, gravity)
+        return sprung((mass, length, centre, inertia), stiffness, sigma, gravity)
     hanging = pair.constants(mass, length, centre, inertia, gravity)
     return eliminated(pair.standing(hanging, sigma), integers)
 
@@ -191,61 +190,33 @@ def _primitive(ascending: Sequence[int]) -> Polynomial:
     return Polynomial(tuple(reversed(primitive(ascending))))
 
 
-def sample_at_integers(
+def sprung(
     parameters: Sequence[Sequence[Fraction]],
     stiffness: Sequence[Fraction],
     sigma: Sequence[Fraction],
     gravity: Fraction,
 ) -> tuple[list[int], list[int]]:
-    """(d, N) of a chain with joint springs: d = det B, N = det [[B, −b], [x bᵀ, Σm]] with B = K − x A.
+    """(d, N) of a chain with joint springs, whose links are eliminated from the free end.
 
-    Below the smallest root, which is negative only with inverted links, B is positive definite, so its elimination
-    never breaks down.  In the coordinates σ_i θ_i, A and b are those of the hanging chain.
+    What hangs from a joint takes the force and the moment Z (u, φ) where the joint is displaced by u along the rail and
+    the link above it turns by φ.  With Z = [p, q; q, r]/d below a link and its b, in its own angle θ,
+
+        S_uu = p/d − x m,    S_uθ = σ l p/d + q/d − x σ m c,
+        S_θθ = k + g σ b − x (m c² + I) + (l² p + 2 σ l q + r)/d
+
+    and θ is eliminated: d' = d S_θθ, p' = d' (S_uu − S_uθ²/S_θθ), q' = d' k S_uθ/S_θθ, r' = d' (k − k²/S_θθ), which are
+    polynomials.  On a pivot N = −p/x.
     """
     mass, length, centre, _ = parameters
-    b, A = pair.first_moments(mass, length, centre), pair.inertia_matrix(*parameters)
-    K = _stiffness_matrix([gravity * sign * moment for moment, sign in zip(b, sigma, strict=True)], stiffness, sigma)
-    start = 0
-    while not (minors := _minors(A, K, b, mass, start)):
-        start = 2 * start + 1
-    d = interpolated([Fraction(below) for below, _ in minors])
-    N = interpolated([Fraction(force) for _, force in minors])
-    whole = integers(shifted(d, start) + shifted(N, start))
-    return whole[: len(d)], whole[len(d) :]
-
-
-def _minors(
-    A: Sequence[Sequence[Fraction]],
-    K: Sequence[Sequence[Fraction]],
-    b: Sequence[Fraction],
-    mass: Sequence[Fraction],
-    start: int,
-) -> list[tuple[int, Fraction]]:
-    """(d, N) at x = −start − 1, −start − 2, …, over a common unit; empty where B is not definite there."""
-    unit = lcm(*(value.denominator for row in (*A, *K, b, mass) for value in row))
-    minors_at = []
-    for x in range(-start - 1, -start - len(b) - 2, -1):
-        B = [[k - x * a for k, a in zip(*rows, strict=True)] for rows in zip(K, A, strict=True)]
-        bordered = [[*row, -moment] for row, moment in zip(B, b, strict=True)] + [[*scaled(x, b), sum(mass)]]
-        try:
-            minors = leading_minors([[int(unit * value) for value in row] for row in bordered])
-        except ZeroDivisionError:
-            return []
-        if min(minors[:-1]) <= 0:
-            return []
-        minors_at.append((minors[-2], Fraction(minors[-1], unit)))
-    return minors_at
-
-
-def _stiffness_matrix(
-    weights: Sequence[Fraction], stiffness: Sequence[Fraction], sigma: Sequence[Fraction]
-) -> list[list[Fraction]]:
-    """K = g diag σb + Σ k_i (σ_i e_i − σ_{i−1} e_{i−1})(…)ᵀ: spring i connects link i to the link above it."""
-    K = [[weight if i == j else Fraction(0) for j in range(len(weights))] for i, weight in enumerate(weights)]
-    for i, spring in enumerate(stiffness):
-        K[i][i] += spring
-        if i:
-            K[i - 1][i - 1] += spring
-            K[i - 1][i] -= sigma[i - 1] * sigma[i] * spring
-            K[i][i - 1] -= sigma[i - 1] * sigma[i] * spring
-    return K
+    b = pair.first_moments(mass, length, centre)
+    d, p, q, r = [1], [0], [0], [0]
+    for m, l, c, I, k, sign, moment in reversed(list(zip(*parameters, stiffness, sigma, b, strict=True))):
+        pushed = total(p, scaled(-m, [0, *d]))
+        turned = total(total(scaled(sign * l, p), q), scaled(-sign * m * c, [0, *d]))
+        below = total(total(scaled(l**2, p), scaled(2 * sign * l, q)), r)
+        held = total(product([k + gravity * sign * moment, -(m * c**2 + I)], d), below)
+        moved = quotient(total(product(pushed, held), scaled(-1, product(turned, turned))), d)
+        parts = held, moved, scaled(k, turned), total(scaled(k, held), scaled(-(k**2), d))
+        whole = iter(integers(value for part in parts for value in part))
+        d, p, q, r = ([next(whole) for _ in part] for part in parts)
+    return d, scaled(-1, p[1:])

@@ -1,10 +1,10 @@
-"""Polynomials as bare lists, lowest power first, of integers, fractions or symbols: sums, products, determinants."""
+"""Polynomials as bare lists, lowest power first, of integers, fractions or symbols: sums, products, quotients."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from fractions import Fraction
-from itertools import pairwise, zip_longest
+from itertools import zip_longest
 from math import gcd, lcm
 from typing import Any
 
@@ -42,32 +42,12 @@ def primitive(p: Sequence[int]) -> list[int]:
     return [c // shared for c in p[:size]]
 
 
-def leading_minors(matrix: Sequence[Sequence[int]]) -> list[int]:
-    """All leading principal minors of an integer matrix, none of them 0 (Bareiss 1968: division is exact)."""
-    A, before = [list(row) for row in matrix], 1
-    for k, top in enumerate(A):
-        for row in A[k + 1 :]:
-            lead = row[k]
-            row[k:] = [(a * top[k] - lead * t) // before for a, t in zip(row[k:], top[k:], strict=True)]
-        before = top[k]
-    return [A[k][k] for k in range(len(A))]
-
-
-def interpolated(values: Sequence[Fraction]) -> list[Fraction]:
-    """The polynomial with these values at −1, −2, … (Newton's divided differences in −x)."""
-    c = list(values)
-    for order in range(1, len(c)):
-        c[order:] = [(after - before) / order for before, after in pairwise(c[order - 1 :])]
-    coefficients = [c[-1]]
-    for node in reversed(range(1, len(c))):
-        coefficients = total(product(coefficients, [-node, -1]), [c[node - 1]])
+def quotient(p: Sequence[Any], q: Sequence[Any]) -> list[Fraction]:
+    """Coefficients of p/q, where q divides p."""
+    size = max(power for power, c in enumerate(q) if c) + 1
+    rest, coefficients = list(map(Fraction, p)), [Fraction(0)] * (len(p) - size + 1)
+    for power in reversed(range(len(coefficients))):
+        coefficients[power] = rest[power + size - 1] / q[size - 1]
+        for k, c in enumerate(q[:size], power):
+            rest[k] -= coefficients[power] * c
     return coefficients
-
-
-def shifted(p: Sequence[Any], step: Any) -> list[Any]:
-    """Coefficients of p(x + step) (repeated Horner)."""
-    c = list(p)
-    for first in range(len(c) - 1):
-        for power in range(len(c) - 2, first - 1, -1):
-            c[power] += step * c[power + 1]
-    return c

@@ -15,9 +15,8 @@ from modal.modes.frequencies import natural_frequencies
 from modal.modes.friction import sliding_modes, stop_of
 from modal.modes.labels import moving_words
 from modal.modes.losses import mode_losses, quality_factors
-from modal.modes.modal_matrix import ModalMatrix, all_shapes
 from modal.modes.mode import Mode
-from modal.modes.modes import Modes, equilibrium_words, natural_modes
+from modal.modes.modes import ModalMatrix, Modes, all_shapes, equilibrium_words, natural_modes
 from modal.modes.numbering import MOST_COMPARED, counterparts, labelled, lettered, paired, table_numbers
 from modal.modes.sensitivity import sensitivities
 from modal.modes.shapes import Shape

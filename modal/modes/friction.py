@@ -65,7 +65,7 @@ def sliding_modes(scene: Scene) -> tuple[Sliding, ...]:
         if not omega or shape.across:
             continue
         angles = np.real(shape.angles)
-        cart = float(np.real(shape.cart)) if still.on_cart else 0.0
+        cart = float(np.real(shape.cart))
         inertia, number = float(shape.modal_mass), int(numbers[row])
         turned = np.abs(_relative(scene, angles))
         slid = joints @ turned + (rail + weight) * abs(cart)

@@ -128,11 +128,11 @@ class Mode(Displayed):
         >>> natural_modes(load("paper-cart-2"))[2].to_dict()["omega_rad_per_s"]
         2.7175491179815823
         """
-        record: dict[str, Any] = deferred("modal.modes.summary:record_of")(self)
+        record: dict[str, Any] = deferred("modal.modes.tables:record_of")(self)
         return record
 
     def _summary(self) -> Summary:
-        summary: Summary = deferred("modal.modes.summary:summarize_mode")(self)
+        summary: Summary = deferred("modal.modes.tables:summarize_mode")(self)
         return summary
 
 

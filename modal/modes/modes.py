@@ -16,7 +16,6 @@ from modal.assembly import Matrices, Rig, matrices_of
 from modal.eigen import UNCERTAIN, Limits, notes
 from modal.errors import SceneError
 from modal.modes.eigenvalues import Eigenvalues, Short, kept
-from modal.modes.modal_matrix import ModalMatrix, all_shapes, stacked
 from modal.modes.mode import Mode
 from modal.modes.rows import described
 from modal.modes.shapes import Shape, expand, validate_normalisation
@@ -29,6 +28,10 @@ if TYPE_CHECKING:
     from os import PathLike
 
     from matplotlib.figure import Figure
+from dataclasses import fields
+
+from modal.eigen import Details, SpectrumPart
+from modal.types import Booleans, Ints
 
 GROWING = "Growing modes get nothing of the scene's damping_ratio, which belongs to modes that oscillate."
 SELECTED = "Only some of the modes were computed, and resonances among these alone."
@@ -196,9 +199,7 @@ class Modes(Displayed, Eigenvalues, Sequence[Mode]):
 
     def column(self, shape: Shape) -> NDArray[Any]:
         """A shape as one vector (n,): the cart or the structure, then every link in the order of the file."""
-        if self.rig.structure:
-            return np.concatenate((shape.supports, shape.angles))
-        return np.concatenate(([shape.cart], shape.angles)) if self.on_cart else shape.angles
+        return np.concatenate((shape.leading[: self.rig.leading], shape.angles))
 
     def shape(self, number: int, copy: int = 0, normalise: str = "angle") -> Shape:
         """The copy-th basis vector of the mode with index `number`, both from 0 (`Mode.number` counts from 1).
@@ -258,7 +259,7 @@ class Modes(Displayed, Eigenvalues, Sequence[Mode]):
         >>> natural_modes(load("chain-2")).to_dict()["frequency_hz"].round(4).tolist()
         [0.3815, 0.9211]
         """
-        columns: dict[str, NDArray[Any]] = deferred("modal.modes.summary:table_of")(self)
+        columns: dict[str, NDArray[Any]] = deferred("modal.modes.tables:table_of")(self)
         return columns
 
     def plot(self, numbers: Sequence[int] | None = None, **options: Any) -> Figure:
@@ -281,7 +282,7 @@ class Modes(Displayed, Eigenvalues, Sequence[Mode]):
         deferred("modal.plotting.modal_films:save_film")(self, path, _indices(numbers), **options)
 
     def _summary(self) -> Summary:
-        summary: Summary = deferred("modal.modes.summary:summarize")(self, TEXT_ROWS)
+        summary: Summary = deferred("modal.modes.tables:summarize")(self, TEXT_ROWS)
         return summary
 
     def _repr_html_(self) -> str:
@@ -382,3 +383,82 @@ def _lowest(modes: slice | None) -> int | None:
         raise ValueError(f"modes = {modes}: a slice with a step is not supported")
     backwards = (modes.start or 0) < 0 or modes.stop is None or modes.stop < 0
     return None if backwards else int(modes.stop)
+
+
+# --------------------------------------------------------------------------------------------- all shapes as one matrix
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ModalMatrix(Displayed):
+    """Φ (n, C): every shape as a column with φᵀMφ = 1, the cart (if there is one) first, then all links.
+
+    `row` and `copy` (C,), both from 0, give the position of a shape in the table, `across` (C,) whether it moves across
+    the rail, where M is different.
+    """
+
+    shapes: NDArray[Any]
+    row: Ints
+    copy: Ints
+    across: Booleans
+    M: Floats
+
+    def _summary(self) -> Summary:
+        size, count = self.shapes.shape
+        kind = "complex" if np.iscomplexobj(self.shapes) else "real"
+        return Summary(f"Modal matrix of {count} {kind} shapes over {size} coordinates, φᵀMφ = 1")
+
+    @cached_property
+    def dual(self) -> NDArray[Any]:
+        """MΦ (n, C): for shapes without dampers (MΦ)ᵀq are the modal coordinates of a motion q."""
+        return np.asarray(self.M @ self.shapes)
+
+    @property
+    def real(self) -> ModalMatrix:
+        """The matrix of an undamped scene, whose shapes are real."""
+        return replace(self, shapes=self.shapes.real)
+
+    def take(self, columns: NDArray[Any]) -> ModalMatrix:
+        """Some of the columns, by index or by a mask."""
+        row, copy, across = (part[columns] for part in (self.row, self.copy, self.across))
+        return ModalMatrix(self.shapes.T[columns].T, row, copy, across, self.M)
+
+
+def stacked(each: list[list[NDArray[Any]]], across: Booleans, M: Floats) -> ModalMatrix:
+    """The matrix of the columns of every mode, one list a mode."""
+    places = [(row, copy) for row, vectors in enumerate(each) for copy in range(len(vectors))]
+    row, copy = (np.array([place[part] for place in places], dtype=np.int64) for part in (0, 1))
+    return ModalMatrix(np.array([column for vectors in each for column in vectors]).T, row, copy, across, M)
+
+
+def all_shapes(modes: Eigenvalues) -> list[list[Shape]]:
+    """`modes.shape(number, copy, "mass")` for every mode and copy."""
+    groups, rows = modes.spectrum.groups, _rows(modes)
+    details = {source: modes.spectrum.details(source, list(places)) for source, places in rows.items()}
+
+    def shape(part: SpectrumPart, copy: int, uncertain: bool) -> Shape:
+        row = _row(details[part.source], rows[part.source][part.row_of(copy)])
+        return expand(modes.rig, modes.units, part, copy, row, "mass", uncertain=uncertain)
+
+    return [
+        [shape(part, copy, bool(error >= UNCERTAIN)) for part in parts for copy in range(part.along + part.across)]
+        for parts, error in zip(groups, modes.error, strict=True)
+    ]
+
+
+def _rows(modes: Eigenvalues) -> dict[int, dict[int, int]]:
+    """The required rows of every source, with their positions among these."""
+    rows: dict[int, dict[int, int]] = {}
+    for part in (part for parts in modes.spectrum.groups for part in parts):
+        places = rows.setdefault(part.source, {})
+        for copy in range(part.along + part.across):
+            places.setdefault(part.row_of(copy), len(places))
+    return rows
+
+
+def _row(details: Details, at: int) -> Details:
+    """One row of the details, the last axis of every array."""
+    single: dict[str, Any] = {}
+    for field in fields(details):
+        value = getattr(details, field.name)
+        single[field.name] = tuple(part[..., [at]] for part in value) if isinstance(value, tuple) else value[[at]]
+    return Details(**single)

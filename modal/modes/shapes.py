@@ -53,6 +53,16 @@ class Shape(Displayed):
         """Which way it moves."""
         return "across the rail" if self.across else "along the rail"
 
+    @property
+    def leading(self) -> NDArray[np.inexact]:
+        """The displacements of what the links hang from: a structure's coordinates, or a cart's alone."""
+        return self.supports if self.supports.size else np.array([self.cart])
+
+    def at(self, turn: complex = 1.0) -> Shape:
+        """The real part of this shape times a factor: where a motion of it is at one instant."""
+        cart = complex(self.cart * turn).real
+        return replace(self, cart=cart, angles=(self.angles * turn).real, supports=(self.supports * turn).real)
+
     def to_dict(self) -> dict[str, NDArray[Any]]:
         """Columns with a row for each link (n_links,): its number from 1, its angle (rad), its share of kinetic energy.
 

@@ -127,16 +127,10 @@ class _Panel:
 def _panel(axis: Axes, modes: Modes, row: Mode, layout: ShapeLayout | None, amplitude: float) -> _Panel:
     """The panel of a mode, with what stands still in it; layout is None where angles are drawn over pendula."""
     shape = modes.shape(modes.index_of(row))
-    real = replace(shape, cart=complex(shape.cart).real, angles=shape.angles.real, supports=np.real(shape.supports))
+    real = shape.at()
 
     def moved(s: float) -> Shape:
-        turn = motion(row, s)
-        return replace(
-            shape,
-            cart=(shape.cart * turn).real,
-            angles=(shape.angles * turn).real,
-            supports=np.real(shape.supports * turn),
-        )
+        return shape.at(motion(row, s))
 
     if layout is None:
         draw = _profile(axis, modes, amplitude)

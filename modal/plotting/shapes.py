@@ -91,7 +91,7 @@ class ShapeLayout:
     def places(self, shape: Shape, amplitude: float) -> Floats:
         """Where the pendula hang in a real shape times an amplitude, (K, 2) in m to the right and up."""
         if self.scaffold is None:
-            shift = float(shape.cart.real) * amplitude
+            shift = shape.cart.real * amplitude
             return np.column_stack((self.pivots + shift, np.zeros_like(self.pivots)))
         return np.asarray(self.scaffold.pivots(amplitude * shape.supports.real[None])[0])
 
@@ -235,11 +235,7 @@ def _placed(links: tuple[AnyLink, ...], way: Floats) -> Floats:
 
 
 def _panel(axis: Axes, modes: Modes, row: Mode, layout: ShapeLayout, amplitude: float) -> None:
-    shape = modes.shape(modes.index_of(row))
-    if np.iscomplexobj(shape.angles):
-        shape = replace(
-            shape, cart=complex(shape.cart).real, angles=shape.angles.real, supports=np.real(shape.supports)
-        )
+    shape = modes.shape(modes.index_of(row)).at()
     draw_rest(axis, modes, layout, shape)
     if row.omega == 0:
         draw_translation(axis, layout)

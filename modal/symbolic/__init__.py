@@ -1,13 +1,13 @@
 """Symbols (SymPy): Lagrangians, equations of motion, eigen-polynomials, derivations in print, the three papers.
 
-In: a scene or a template such as `chain:3`.  Out: a `SymbolicSystem` with M, K and D as formulas, and derivations
+In: a scene or a template such as `chain:3`.  Out: a `SymbolicStructure` with M, K and D as formulas, and derivations
 as text, LaTeX or Markdown.  SymPy is imported in this room alone.
 
     d/dt ∂L/∂q' − ∂L/∂q = 0,    L = T − V
 
 Start with `system`, then `derivation`; `hamiltonian` has Hamilton's equations, `newton_euler` the balances of parts,
-which are taken apart in `modal.scene.free_bodies`; `structures` has scenes on several supports and with springs between
-points; `papers` holds each numbered equation as printed and as corrected.
+which are taken apart in `modal.scene.free_bodies`; `structures` has the energies of all scenes, of which a support that
+stands still or one cart are the smallest; `papers` holds each numbered equation as printed and as corrected.
 """
 
 from modal.symbolic.derivation import derive
@@ -15,8 +15,8 @@ from modal.symbolic.lagrange import Coordinate, coordinate, lagrange_equations, 
 from modal.symbolic.lagrangian import derive_lagrangian, vanishes
 from modal.symbolic.newton_euler import NewtonEuler, part_sections
 from modal.symbolic.roots import polynomial_roots, symbolic
-from modal.symbolic.structures import SymbolicStructure, of_structured
-from modal.symbolic.system import chain
+from modal.symbolic.structures import SymbolicStructure
+from modal.symbolic.system import chain, of_structured
 from modal.symbolic.typesetting import Line, Section, plain, typeset
 
 __all__ = [

@@ -1,4 +1,4 @@
-"""Carriers in symbols: places and speeds of their points, written from the drawing and not from `modal.structure`.
+"""Carriers and chains in symbols; places and speeds of points, from the drawing and not from `modal.structure`.
 
 The origin as drawn is at (x₀, z₀), x along the rail and z down; a point (s, h) of a carrier lies at
 
@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import sympy as sp
 
@@ -32,6 +32,23 @@ LETTERS: dict[str, tuple[str, ...]] = {
 }
 """The letters of the coordinates of every kind but "modal", which the name of a carrier follows."""
 Where = tuple[Any, Any] | int
+
+
+class Chain(NamedTuple):
+    """A pendulum's parameters in SymPy numbers or symbols, top link first, and σ = ±1 for a link down or up."""
+
+    mass: tuple[Any, ...]
+    length: tuple[Any, ...]
+    centre: tuple[Any, ...]
+    inertia: tuple[Any, ...]
+    damping: tuple[Any, ...]
+    stiffness: tuple[Any, ...]
+    sigma: tuple[int, ...]
+
+    @property
+    def geometry(self) -> tuple[tuple[Any, ...], ...]:
+        """Mass, length, centre and inertia, from which the pair follows."""
+        return self.mass, self.length, self.centre, self.inertia
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,3 +157,8 @@ class SymbolicCarrier:
         """All numbers of it."""
         yield from (self.mass, self.inertia, self.length, *self.stiffness, *self.damping)
         yield from self.masses or ()
+
+
+ORIGIN = (sp.S.Zero, sp.S.Zero)
+STILL = SymbolicCarrier("fixed", "fixed", (), ORIGIN, sp.zeros(0), sp.zeros(0), ())
+"""A fixed support."""

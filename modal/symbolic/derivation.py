@@ -19,13 +19,21 @@ from modal.scene import Bob, Cart, Fixed, Pendulum, Rod, Scene, load
 from modal.scene.doors import require_type
 from modal.symbolic import system as symbolic
 from modal.symbolic.eigen import modes_section, polynomial_section
-from modal.symbolic.hamiltonian import hamiltonian
-from modal.symbolic.kinetic import in_angles, in_plane, in_vectors
-from modal.symbolic.lagrangian import NOT_IN_SPACE, derive_lagrangian, gathered, vanishes
+from modal.symbolic.hamiltonian import TITLE, hamiltonian, momentum, whole_energy
+from modal.symbolic.lagrange import time_derivative
+from modal.symbolic.lagrangian import (
+    NOT_IN_SPACE,
+    derive_lagrangian,
+    equations,
+    gathered,
+    in_angles,
+    in_plane,
+    in_vectors,
+    vanishes,
+    vector_equations,
+)
 from modal.symbolic.papers import equal
-from modal.symbolic.structure_sections import SECTIONS_OF_STRUCTURES
-from modal.symbolic.structures import SymbolicStructure, of_structured
-from modal.symbolic.system import SYMBOLIC, SymbolicSystem
+from modal.symbolic.structures import SymbolicStructure, force_of, force_symbol
 from modal.symbolic.typesetting import Line, Section
 
 if TYPE_CHECKING:
@@ -40,74 +48,110 @@ WRITTEN_IN_ANGLES = 2
 MOST_WRITTEN = 40
 MOST_CHAINED = 1000
 GRAVITY = 9.81
+LAGRANGIAN = equal(sp.Symbol("L"), sp.Symbol("T") - sp.Symbol("V"))
 _TARGET = re.compile(r"(chain|cart):(?:(\d{1,4})x)?(\d{1,4})")
 KINDS = ("bob", "rod")
 
 
 def derive(
-    system: SymbolicSystem | SymbolicStructure, show: tuple[str, ...] = SECTIONS, scene: Scene | None = None
+    system: SymbolicStructure, show: tuple[str, ...] = SECTIONS, scene: Scene | None = None
 ) -> Iterator[Section]:
     """The sections of SECTIONS and ASKED_FOR named in `show`, in their order.
 
     `scene` is the scene of which `system` is the exact form, if any: its polynomial is then exact and integer.  Raises
     SceneError for more links than readable equations allow.
     """
-    require_type("system", system, "SymbolicSystem", "SymbolicStructure")
+    require_type("system", system, "SymbolicStructure")
     if len(system.links) > MOST_WRITTEN and set(show) & {"lagrangian", "equations", "matrices", "hamiltonian"}:
         shorter = "choose polynomial and modes alone"
         raise SceneError([f"{len(system.links)} links: equations are written for at most {MOST_WRITTEN}; {shorter}"])
-    writers = SECTIONS_OF_STRUCTURES if isinstance(system, SymbolicStructure) else SECTIONS_OF_SYSTEMS
     makers: dict[str, Callable[[], Section]] = {
-        **{name: partial(write, system) for name, write in writers.items()},
+        **{name: partial(write, system) for name, write in WRITERS.items()},
         "polynomial": lambda: polynomial_section(system, scene),
         "modes": lambda: modes_section(system, scene),
     }
     return (makers[name]() for name in (*SECTIONS, *ASKED_FOR) if name in show)
 
 
-def _lagrangian(system: SymbolicSystem) -> Section:
-    if system.spatial and _has_joints(system):
+def _lagrangian(system: SymbolicStructure) -> Section:
+    """T and V, whole or of every carrier, chain and spring; SceneError if T and the rates of places disagree."""
+    if system.spatial and system.has_joint_forces:
         return Section("Lagrangian", [Line(NOT_IN_SPACE)])
-    cartesian = derive_lagrangian(system)
+    T, lines = (_of_pair if system.is_of_pair else _of_parts)(system)
+    if len(system.links) <= (CHECKED_IN_SPACE if system.spatial else CHECKED_UP_TO):
+        _require(vanishes(system.cartesian() - T))
+        words = "$T$ equals the kinetic energy from the Cartesian velocities of all masses: checked term by term"
+        lines.append(Line(words))
+    return Section("Lagrangian", lines)
+
+
+def _of_pair(system: SymbolicStructure) -> tuple[Any, list[Line]]:
     T = in_angles(system) if system.spatial else in_plane(system)
     lines = [Line("kinetic energy in $θ$ and $φ$" if system.spatial else "kinetic energy", equal(sp.Symbol("T"), T))]
     if system.spatial:
         lines.insert(0, Line("kinetic energy with unit vectors u_i", equal(sp.Symbol("T"), in_vectors(system))))
-    lines.append(Line("potential energy", equal(sp.Symbol("V"), gathered(cartesian.V))))
-    if cartesian.R != 0:
-        lines.append(Line("dissipation function", equal(sp.Symbol("R"), cartesian.R)))
-    lines.append(Line("Lagrangian", equal(sp.Symbol("L"), sp.Symbol("T") - sp.Symbol("V"))))
-    if len(system.links) <= (CHECKED_IN_SPACE if system.spatial else CHECKED_UP_TO):
-        _require(vanishes(cartesian.T - T))
-        lines.append(
-            Line("$T$ equals the kinetic energy from the Cartesian velocities of all masses: checked term by term")
-        )
-    return Section("Lagrangian", lines)
+    lines.append(Line("potential energy", equal(sp.Symbol("V"), gathered(system.potential))))
+    return T, [*lines, *_lost(system), Line("Lagrangian", LAGRANGIAN)]
 
 
-def _has_joints(system: SymbolicSystem) -> bool:
-    return any(any(chain.stiffness) or any(chain.damping) for chain in system.chains)
+def _of_parts(system: SymbolicStructure) -> tuple[Any, list[Line]]:
+    lines = list(_pivots(system))
+    for part in (*system.parts, *system.stored):
+        if part.T != 0:
+            lines.append(Line(f"kinetic energy of {part.words}", equal(sp.Symbol("T"), part.T)))
+        if part.V != 0:
+            lines.append(Line(f"potential energy of {part.words}", equal(sp.Symbol("V"), part.V)))
+    lines += [*_lengths(system), *_lost(system), Line("Lagrangian, of the sums of these", LAGRANGIAN)]
+    return sp.Add(*(part.T for part in system.parts)), lines
 
 
-def _equations(system: SymbolicSystem) -> Section:
+def _lost(system: SymbolicStructure) -> list[Line]:
+    R = system.dissipation
+    return [Line("dissipation function", equal(sp.Symbol("R"), R))] if R != 0 else []
+
+
+def _pivots(system: SymbolicStructure) -> Iterator[Line]:
+    """Places of first joints, one line for those that share one."""
+    places: dict[tuple[Any, Any], list[int]] = {}
+    for p, place in enumerate(system.pivots):
+        places.setdefault(place, []).append(p + 1)
+    for place, (first, *more) in places.items():
+        which = f"pendulum {first}" if not more else f"pendula {', '.join(map(str, (first, *more)))}"
+        yield Line(f"first joint of {which}, along the rail and down", sp.Tuple(*place))
+
+
+def _lengths(system: SymbolicStructure) -> Iterator[Line]:
+    for spring in system.springs:
+        if spring.rest is not None:
+            yield Line(f"length of spring {spring.number + 1}", equal(spring.ell.q, sp.sqrt(spring.square)))
+
+
+def _equations(system: SymbolicStructure) -> Section:
+    """Lagrange's equations; a stretched spring enters by its pull F and its length."""
     title = "Equations of motion"
     if system.spatial:
         return Section(title, _spatial_equations(system))
-    equations = system.equations()
-    lines = [Line(f"of {c.q}", equal(form, 0)) for c, form in zip(system.coordinates, equations, strict=True)]
-    if len(system.links) <= CHECKED_UP_TO:
+    forms = equations(system) if system.is_of_pair else system.equations()
+    lines = [Line(f"of {c.q}", equal(form, 0)) for c, form in zip(system.coordinates, forms, strict=True)]
+    if system.is_of_pair and len(system.links) <= CHECKED_UP_TO:
         derived = derive_lagrangian(system).equations
-        _require(all(vanishes(a - b) for a, b in zip(derived, equations, strict=True)))
+        _require(all(vanishes(a - b) for a, b in zip(derived, forms, strict=True)))
         lines.append(Line("these are Lagrange's equations of the Cartesian $L$: checked term by term"))
-    return Section(title, lines)
+    return Section(title, [*lines, *_lengths(system), *_pulls(system)])
 
 
-def _spatial_equations(system: SymbolicSystem) -> list[Line]:
-    if _has_joints(system):
+def _pulls(system: SymbolicStructure) -> Iterator[Line]:
+    for spring in system.springs:
+        if spring.rest is not None:
+            yield Line(f"pull of spring {spring.number + 1}", equal(force_symbol(spring), force_of(spring)))
+
+
+def _spatial_equations(system: SymbolicStructure) -> list[Line]:
+    if system.has_joint_forces:
         return [Line(NOT_IN_SPACE)]
     lines = [
         Line(f"{u} · F = 0 with" if str(u) == "e_x" else f"{u} × F = 0 with", equal(sp.Symbol("F"), F))
-        for u, F in system.vector_equations()
+        for u, F in vector_equations(system)
     ]
     lines.append(Line("u_i points along link i and e_z down: no angles, no singularity at equilibrium"))
     if len(system.links) <= WRITTEN_IN_ANGLES:
@@ -117,34 +161,56 @@ def _spatial_equations(system: SymbolicSystem) -> list[Line]:
     return lines
 
 
-def _matrices(system: SymbolicSystem) -> Section:
+def _matrices(system: SymbolicStructure) -> Section:
     M, K, D = system.matrices()
     q = sp.Matrix([c.q for c in system.coordinates])
     standing = any(sign < 0 for sign in system.sigma)
     words = f"deviations from equilibrium with {_ways(system)}" if standing else "small deviations from equilibrium"
-    lines = [
-        Line(words, equal(sp.Symbol("q"), q)),
-        Line("mass matrix", equal(sp.Symbol("M"), M)),
-        Line("stiffness matrix", equal(sp.Symbol("K"), K)),
+    lines = [Line(words, equal(sp.Symbol("q"), q))]
+    lines += [
+        Line(f"the scene as drawn is an equilibrium where, by {at}", equal(slope, 0))
+        for at, slope in system.conditions.items()
     ]
+    lines += [Line("mass matrix", equal(sp.Symbol("M"), M)), Line("stiffness matrix", equal(sp.Symbol("K"), K))]
     lines += [Line("damping matrix", equal(sp.Symbol("D"), D))] if any(D) else []
     if system.spatial:
         lines.append(Line("along the rail; across it the same without $x$"))
     return Section("Linearized: $M q'' + D q' + K q = 0$" if any(D) else "Linearized: $M q'' + K q = 0$", lines)
 
 
-def _ways(system: SymbolicSystem) -> str:
+def _ways(system: SymbolicStructure) -> str:
     return ", ".join(
         f"{angle.q} {'up' if sign < 0 else 'down'}" for angle, sign in zip(system.angles, system.sigma, strict=True)
     )
 
 
-SECTIONS_OF_SYSTEMS: dict[str, Callable[[Any], Section]] = {
+def _hamiltonian(system: SymbolicStructure) -> Section:
+    """H and Hamilton's equations; of carriers M(q) from the kinetic energies and p' from Lagrange's in p = M q'."""
+    if system.is_of_pair:
+        return hamiltonian(system)
+    T, v = sp.Add(*(part.T for part in system.parts)), [c.v for c in system.coordinates]
+    M, p = sp.hessian(T, v).applyfunc(sp.factor), [momentum(c) for c in system.coordinates]
+    lines = [
+        Line("coordinates", sp.Matrix([c.q for c in system.coordinates])),
+        Line("momenta p = M q'", sp.Matrix([c.q for c in p])),
+        Line("H, the energy in q and p, V of all parts as in the Lagrangian", whole_energy()),
+        Line("with the mass matrix", equal(sp.Symbol("M"), M)),
+        Line("rates of the coordinates, the derivatives of H by the momenta, solve M q' = p"),
+        Line("rates of the momenta, minus the derivatives of H by the coordinates, less any dampers, in q'"),
+    ]
+    for rate, form, lagranges in zip(p, M * sp.Matrix(v), system.equations(), strict=True):
+        force = sp.expand(time_derivative(form, system.coordinates) - lagranges)
+        lines.append(Line(f"of {rate.q}", equal(rate.v, force)))
+    return Section(TITLE, [*lines, *_lengths(system), *_pulls(system)])
+
+
+WRITERS: dict[str, Callable[[SymbolicStructure], Section]] = {
     "lagrangian": _lagrangian,
     "equations": _equations,
     "matrices": _matrices,
-    "hamiltonian": hamiltonian,
+    "hamiltonian": _hamiltonian,
 }
+"""How each section is written of the system alone."""
 
 
 def _require(holds: bool) -> None:
@@ -154,18 +220,18 @@ def _require(holds: bool) -> None:
 
 def target(
     name: str, kind: str = "bob", chosen: tuple[str, ...] = (), ways: tuple[str, ...] = ()
-) -> tuple[SymbolicSystem | SymbolicStructure, Scene | None]:
+) -> tuple[SymbolicStructure, Scene | None]:
     """The system specified by `name`, and its scene if it is one.
 
     `kind` and `ways` (down or up, top to bottom) apply to chain: and cart: only, as a scene has its own.  Raises
     SceneError for anything invalid.
     """
-    unknown = [word for word in chosen if word not in SYMBOLIC]
+    unknown = [word for word in chosen if word not in symbolic.SYMBOLIC]
     if unknown:
-        raise SceneError([f"symbolic {word}: must be one of {', '.join(SYMBOLIC)}" for word in unknown])
+        raise SceneError([f"symbolic {word}: must be one of {', '.join(symbolic.SYMBOLIC)}" for word in unknown])
     if (template := _template(name, ways)) is None:
         scene = _loaded(name, kind, ways)
-        return (of_structured if scene.is_structured else symbolic.of_scene)(scene, chosen), scene
+        return symbolic.of_structured(scene, chosen), scene
     support, count, links = template
     sigma = tuple(-1 if way == "up" else 1 for way in ways)
     if support == "chain":

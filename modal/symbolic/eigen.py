@@ -20,10 +20,10 @@ from sympy.polys.matrices import DomainMatrix
 
 from modal.exact import Polynomial, equal_bobs, of_scene
 from modal.scene import Scene
+from modal.symbolic.carriers import ORIGIN, STILL, Chain
 from modal.symbolic.papers import equal
 from modal.symbolic.roots import Kind, Root, of_kinds, polynomial_roots
-from modal.symbolic.structures import SymbolicStructure
-from modal.symbolic.system import Chain, SymbolicSystem
+from modal.symbolic.structures import OnCarrier, SymbolicStructure
 from modal.symbolic.typesetting import Conjugates, Line, Section
 
 MOST_LINKS = 60
@@ -55,48 +55,38 @@ class EigenPolynomial(NamedTuple):
 
 
 @cache
-def eigen_polynomials(system: SymbolicSystem | SymbolicStructure, scene: Scene | None) -> list[EigenPolynomial] | str:
+def eigen_polynomials(system: SymbolicStructure, scene: Scene | None) -> list[EigenPolynomial] | str:
     """All polynomials of a system, `scene` its exact numbers if any; or the reason why they are omitted."""
-    if isinstance(system, SymbolicStructure):
-        return _of_structure(system)
-    numbers = not _symbols(system)
+    if not system.is_of_pair:
+        return _determinant(system)
+    on_cart = bool(system.carriers[0].coordinates)
     links = len(system.links)
     if n := _equal_bobs(system):
         return [EigenPolynomial("", 1 + system.spatial, equal_bobs(n, "x"))]
     if links > (MOST_LINKS if len(_own_symbols(system)) <= 2 else MOST_SYMBOLIC_LINKS):
         return f"{links} links: too long to write out (modal.exact has no such limit for numbers)"
-    if scene is not None and numbers and not scene.has_damping:
-        alone = not system.cart and len(system.chains) == 1 and not system.spatial
+    if scene is not None and not system.symbols and not scene.has_damping:
+        alone = not on_cart and len(system.chains) == 1 and not system.spatial
         return [
             EigenPolynomial("" if alone else factor.label, factor.multiplicity, factor.polynomial)
             for factor in of_scene(scene)
         ]
     if not _is_plain(system):
         return _determinant(system)
-    if (
-        not system.cart
-        and len(set(system.chains)) == 1
-        and len(_symbols(system)) == 3
-        and len(_own_symbols(system)) == 2
-    ):
+    if not on_cart and len(set(system.chains)) == 1 and len(system.symbols) == 3 and len(_own_symbols(system)) == 2:
         return [_without_units(system)]
     return _of_recursion(system)
 
 
-def _symbols(system: SymbolicSystem) -> set[Any]:
-    values = [system.gravity, system.total_mass, *(v for chain in system.chains for row in chain.geometry for v in row)]
-    return {name for value in values for name in sp.sympify(value).free_symbols}
-
-
-def _own_symbols(system: SymbolicSystem) -> set[Any]:
+def _own_symbols(system: SymbolicStructure) -> set[Any]:
     """The symbols of masses and lengths of links."""
     values = (v for chain in system.chains for v in (*chain.mass, *chain.length))
     return {name for value in values for name in value.free_symbols}
 
 
-def _equal_bobs(system: SymbolicSystem) -> int:
+def _equal_bobs(system: SymbolicStructure) -> int:
     """The number of equal bobs in the only chain of a system in symbols m, l and g; 0 for any other system."""
-    if system.cart or len(system.chains) != 1 or not _is_plain(system) or len(_symbols(system)) != 3:
+    if system.carriers[0].coordinates or len(system.chains) != 1 or not _is_plain(system) or len(system.symbols) != 3:
         return 0
     only: Chain = system.chains[0]
     same = len({*zip(only.mass, only.length, strict=True)}) == 1
@@ -104,17 +94,16 @@ def _equal_bobs(system: SymbolicSystem) -> int:
     return len(only.mass) if same and bobs else 0
 
 
-def _is_plain(system: SymbolicSystem) -> bool:
+def _is_plain(system: SymbolicStructure) -> bool:
     """Whether there are no springs and dampers, so that the recursion along a chain holds."""
-    extras = [value for chain in system.chains for value in (*chain.stiffness, *chain.damping)]
-    extras += [system.cart.stiffness, system.cart.damping] if system.cart else []
-    return not any(extras)
+    support = system.carriers[0]
+    return not (system.has_joint_forces or any(support.stiffness) or any(support.damping))
 
 
-def _without_units(system: SymbolicSystem) -> EigenPolynomial:
+def _without_units(system: SymbolicStructure) -> EigenPolynomial:
     """Equal chains of one m and one l on a fixed support, in x = ω² l/g."""
     first = system.chains[0]
-    units = dict.fromkeys(_symbols(system), 1)
+    units = dict.fromkeys(system.symbols, 1)
     geometry = [[value.subs(units) for value in row] for row in first.geometry]
     formula = of_kinds([Kind(geometry, first.sigma, 1)], 1)
     coefficients = [int(c) for c in sp.Poly(formula, sp.Symbol("x")).all_coeffs()]
@@ -122,35 +111,47 @@ def _without_units(system: SymbolicSystem) -> EigenPolynomial:
     return EigenPolynomial("", copies, Polynomial(tuple(coefficients), "x", "g/l"))
 
 
-def _of_recursion(system: SymbolicSystem) -> list[EigenPolynomial]:
+def _of_recursion(system: SymbolicStructure) -> list[EigenPolynomial]:
     counts: dict[Chain, int] = {}
     for chain in system.chains:
         counts[chain] = counts.get(chain, 0) + 1
     kinds = [Kind(chain.geometry, chain.sigma, count) for chain, count in counts.items()]
-    polynomials = []
-    if system.cart:
+    polynomials, support = [], system.carriers[0]
+    on_cart = len(support.coordinates)
+    if on_cart:
         polynomials.append(EigenPolynomial("rigid translation", 1, Polynomial((1, 0))))
-        polynomials.append(EigenPolynomial("the cart moves", 1, of_kinds(kinds, system.gravity, cart=system.cart.mass)))
+        polynomials.append(EigenPolynomial("the cart moves", 1, of_kinds(kinds, system.gravity, cart=support.mass)))
     for kind in kinds:
-        copies = kind.count * (1 + system.spatial) - (1 if system.cart else 0)
+        copies = kind.count * (1 + system.spatial) - on_cart
         if copies:
             name = f"pendulum {system.chains.index(_chain_of(system, kind)) + 1}" if len(kinds) > 1 else ""
-            where = "the cart stays still" if system.cart else ""
+            where = "the cart stays still" if on_cart else ""
             label = ": ".join(word for word in (where, name) if word)
             polynomials.append(EigenPolynomial(label, copies, of_kinds([kind], system.gravity)))
     return polynomials
 
 
-def _chain_of(system: SymbolicSystem, kind: Kind) -> Chain:
+def _chain_of(system: SymbolicStructure, kind: Kind) -> Chain:
     return next(c for c in system.chains if c.geometry == kind.geometry and c.sigma == kind.sigma)
 
 
-def _of_structure(system: SymbolicStructure) -> list[EigenPolynomial] | str:
-    """The factors of the determinant, in integers where there is no symbol."""
+def _determinant(system: SymbolicStructure) -> list[EigenPolynomial] | str:
+    """Polynomials of the motion along the rail; across it, of every pendulum on a fixed support."""
     size = len(system.coordinates)
     if size > MOST_IN_DETERMINANT or (system.symbols and size > MOST_SYMBOLIC_COORDINATES):
-        return f"{size} coordinates of a structure: too long to write out"
-    polynomial = _expanded(system)
+        of = "with springs or dampers" if system.is_of_pair else "of a structure"
+        return f"{size} coordinates {of}: too long to write out"
+    if not system.spatial:
+        return _factors(_expanded(system)) if not system.is_of_pair else [EigenPolynomial("", 1, _expanded(system))]
+    polynomials = [EigenPolynomial("along the rail", 1, _expanded(system))]
+    for chain in dict.fromkeys(system.chains):
+        alone = SymbolicStructure("", system.gravity, (STILL,), (chain,), (OnCarrier(0, ORIGIN),))
+        polynomials.append(EigenPolynomial("across the rail", system.chains.count(chain), _expanded(alone)))
+    return polynomials
+
+
+def _factors(polynomial: Any) -> list[EigenPolynomial]:
+    """The factors of a polynomial in x, in integers where there is no symbol."""
     x = sp.Symbol("x")
     if polynomial.free_symbols != {x}:
         return [EigenPolynomial("", 1, polynomial)]
@@ -160,21 +161,7 @@ def _of_structure(system: SymbolicStructure) -> list[EigenPolynomial] | str:
     return sorted(eigen, key=lambda factor_in_x: factor_in_x.polynomial.intervals()[0].low)
 
 
-def _determinant(system: SymbolicSystem) -> list[EigenPolynomial] | str:
-    """Polynomials of the motion along the rail; across it, of every pendulum on a fixed support."""
-    if len(system.coordinates) > MOST_IN_DETERMINANT or (
-        _symbols(system) and len(system.coordinates) > MOST_SYMBOLIC_COORDINATES
-    ):
-        return f"{len(system.coordinates)} coordinates with springs or dampers: too long to write out"
-    polynomials = [EigenPolynomial("along the rail" if system.spatial else "", 1, _expanded(system))]
-    if system.spatial:
-        for chain in dict.fromkeys(system.chains):
-            alone = SymbolicSystem("", system.gravity, (chain,), None)
-            polynomials.append(EigenPolynomial("across the rail", system.chains.count(chain), _expanded(alone)))
-    return polynomials
-
-
-def _expanded(system: SymbolicSystem | SymbolicStructure) -> Any:
+def _expanded(system: SymbolicStructure) -> Any:
     M, K, D = system.matrices()
     s, x = sp.symbols("s x")
     matrix = M * s**2 + D * s + K if any(D) else K - x * M
@@ -183,7 +170,7 @@ def _expanded(system: SymbolicSystem | SymbolicStructure) -> Any:
     return sp.factor(field.to_sympy(determinant))
 
 
-def polynomial_section(system: SymbolicSystem | SymbolicStructure, scene: Scene | None) -> Section:
+def polynomial_section(system: SymbolicStructure, scene: Scene | None) -> Section:
     """The eigen-polynomials in their named conventions, factor by factor."""
     polynomials = eigen_polynomials(system, scene)
     if isinstance(polynomials, str):
@@ -228,7 +215,7 @@ def _named(eigen: EigenPolynomial) -> str:
     return f"{words}; " if words else ""
 
 
-def modes_section(system: SymbolicSystem | SymbolicStructure, scene: Scene | None) -> Section:
+def modes_section(system: SymbolicStructure, scene: Scene | None) -> Section:
     """Every mode in closed form where there is one, else to 20 proved digits; a damped one to 15."""
     polynomials = eigen_polynomials(system, scene)
     if isinstance(polynomials, str):
@@ -339,9 +326,9 @@ def _damped_words(root: Any) -> str:
     return f"$ω = {sp.N(size, 15)} rad/s$, $ζ = {sp.N(-sp.re(root) / size, 6)}$"
 
 
-def _remarks(system: SymbolicSystem | SymbolicStructure, polynomials: list[EigenPolynomial]) -> list[Line]:
+def _remarks(system: SymbolicStructure, polynomials: list[EigenPolynomial]) -> list[Line]:
     """The shapes and masses of equal bobs; the mode lost with a massless cart over bobs."""
-    if isinstance(system, SymbolicStructure):
+    if not system.is_of_pair:
         return []
     first = polynomials[0].polynomial
     bobs = len(polynomials) == 1 and isinstance(first, Polynomial) and first.unit == "g/l" and _all_bobs(system)
@@ -353,12 +340,12 @@ def _remarks(system: SymbolicSystem | SymbolicStructure, polynomials: list[Eigen
         lines.append(Line("modal effective mass", equal(sp.Symbol("m_eff"), sp.Symbol("m") / sp.Symbol("x_r"))))
     degree = sum(sp.degree(*_with_symbol(eigen)) * eigen.multiplicity for eigen in polynomials)
     damped = any(eigen.is_damped for eigen in polynomials)
-    if system.cart and not damped and degree < len(system.coordinates) + system.spatial * len(system.links):
+    if not damped and degree < len(system.coordinates) + len(system.azimuths):
         lines.append(Line("$M$ is singular (a massless cart over bobs): one mode has no finite frequency"))
     return lines
 
 
-def _all_bobs(system: SymbolicSystem) -> bool:
+def _all_bobs(system: SymbolicStructure) -> bool:
     return all(c.centre == c.length and not any(c.inertia) and min(c.sigma) > 0 for c in system.chains)
 
 

@@ -28,11 +28,20 @@ from sympy.polys.matrices import DomainMatrix
 from sympy.polys.matrices.exceptions import DMNonInvertibleMatrixError
 
 from modal.errors import SceneError
-from modal.symbolic.kinetic import in_angles
+from modal.symbolic.carriers import Chain
 from modal.symbolic.lagrange import Coordinate, coordinate, time_derivative
-from modal.symbolic.lagrangian import NOT_IN_SPACE, azimuths, derive_lagrangian, gathered, vanishes
+from modal.symbolic.lagrangian import (
+    NOT_IN_SPACE,
+    derive_lagrangian,
+    gathered,
+    held,
+    in_angles,
+    joint_moments,
+    rail,
+    vanishes,
+)
 from modal.symbolic.papers import equal
-from modal.symbolic.system import Chain, SymbolicSystem
+from modal.symbolic.structures import SymbolicStructure, indices
 from modal.symbolic.typesetting import Line, Section
 
 TITLE = "Hamilton's equations"
@@ -51,7 +60,7 @@ def momentum(c: Coordinate) -> Coordinate:
     return coordinate("p", *([] if letter == "theta" else [letter]), *index)
 
 
-def hamiltonian(system: SymbolicSystem) -> Section:
+def hamiltonian(system: SymbolicStructure) -> Section:
     """H and Hamilton's equations of pendula on a support or a cart; SceneError where two routes disagree.
 
     >>> from modal.symbolic import chain, plain
@@ -64,15 +73,19 @@ def hamiltonian(system: SymbolicSystem) -> Section:
 # --------------------------------------------------------------------------------------------------- the constant W
 
 
-def numbers(system: SymbolicSystem) -> Any:
+def numbers(system: SymbolicStructure) -> Any:
     """N = [[M, bᵀ], [b, A]], the cart first if there is one."""
-    if not system.cart:
-        return system.A
-    b = sp.Matrix(system.b)
-    return sp.Matrix(sp.BlockMatrix([[sp.Matrix([[system.total_mass]]), b.T], [b, system.A]]))
+    return _bordered(system, system.b, system.A)
 
 
-def inverse(system: SymbolicSystem) -> Any | None:
+def _bordered(system: SymbolicStructure, b: Any, A: Any) -> Any:
+    """[[M, bᵀ], [b, A]] on a cart, A on a fixed support."""
+    if not rail(system):
+        return A
+    return sp.Matrix(sp.BlockMatrix([[sp.Matrix([[system.total_mass]]), sp.Matrix(b).T], [sp.Matrix(b), A]]))
+
+
+def inverse(system: SymbolicStructure) -> Any | None:
     """W = N⁻¹; None where N is singular, or too large with symbols to be written."""
     if all(map(_of_bobs, system.chains)):
         return _by_neighbours(system)
@@ -89,13 +102,13 @@ def _of_bobs(chain: Chain) -> bool:
     return chain.centre == chain.length and not any(chain.inertia)
 
 
-def _by_neighbours(system: SymbolicSystem) -> Any | None:
+def _by_neighbours(system: SymbolicStructure) -> Any | None:
     """W of bobs: velocities of masses are sums of l_i v_i from the top, so W = B diag(1/m) Bᵀ, B of two diagonals."""
-    first = 1 if system.cart else 0
+    first = len(rail(system))
     size = first + len(system.links)
-    if system.cart and system.cart.mass == 0:
+    if first and system.carriers[0].mass == 0:
         return None
-    B, inverses = sp.zeros(size, size), [1 / system.cart.mass] if system.cart else []
+    B, inverses = sp.zeros(size, size), [1 / system.carriers[0].mass] if first else []
     if first:
         B[0, 0] = 1
     at = first
@@ -112,7 +125,7 @@ def _by_neighbours(system: SymbolicSystem) -> Any | None:
 # ------------------------------------------------------------------------------------------------------ in the plane
 
 
-def _in_plane(system: SymbolicSystem) -> Iterator[Line]:
+def _in_plane(system: SymbolicStructure) -> Iterator[Line]:
     p = [momentum(c) for c in system.coordinates]
     M, V = mass_matrix(system), derive_lagrangian(system).V
     yield Line("coordinates", sp.Matrix([c.q for c in system.coordinates]))
@@ -144,15 +157,12 @@ def whole_energy() -> Any:
     return equal(sp.Symbol("H"), row * inverse * column / 2 + sp.Symbol("V"))
 
 
-def mass_matrix(system: SymbolicSystem) -> Any:
+def mass_matrix(system: SymbolicStructure) -> Any:
     """M(q) of a system in the plane: A_ij cos(θ_i − θ_j), b_i cos θ_i and the total mass."""
     angles = [angle.q for angle in system.angles]
     n = len(angles)
     M = sp.Matrix(n, n, lambda i, j: system.A[i, j] * sp.cos(angles[min(i, j)] - angles[max(i, j)]))
-    if not system.cart:
-        return M
-    row = sp.Matrix([b * sp.cos(angle) for b, angle in zip(system.b, angles, strict=True)])
-    return sp.Matrix(sp.BlockMatrix([[sp.Matrix([[system.total_mass]]), row.T], [row, M]]))
+    return _bordered(system, [b * sp.cos(angle) for b, angle in zip(system.b, angles, strict=True)], M)
 
 
 def _written_out(M: Any, p: list[Coordinate]) -> Iterator[Line]:
@@ -167,14 +177,14 @@ def _squares(M: Any) -> dict[Any, Any]:
     return {cos**2: 1 - sp.sin(cos.args[0]) ** 2 for cos in M.atoms(sp.cos)}
 
 
-def _no_inverse(system: SymbolicSystem) -> str:
-    if system.cart and system.cart.mass == 0:
+def _no_inverse(system: SymbolicStructure) -> str:
+    if rail(system) and system.carriers[0].mass == 0:
         return WITHOUT_INVERSE
     return f"W, the inverse of M, b, A, is written for at most {SYMBOLS_UP_TO} links with a symbol each, and for bobs"
 
 
-def _constants(system: SymbolicSystem, W: Any) -> Iterator[Line]:
-    order = "of the cart and the links" if system.cart else "of the links"
+def _constants(system: SymbolicStructure, W: Any) -> Iterator[Line]:
+    order = "of the cart and the links" if rail(system) else "of the links"
     yield Line(f"the inverse of the constant M, b, A {order}{_pattern(W)}", equal(sp.Symbol("W"), W))
 
 
@@ -186,24 +196,24 @@ def _pattern(W: Any) -> str:
     return "; it joins neighbours alone" if not any(apart) else "; it is 0 for links that are not joined"
 
 
-def along(system: SymbolicSystem) -> list[Any]:
+def along(system: SymbolicStructure) -> list[Any]:
     """The symbols s of momenta along the links, s_z of the cart's down."""
-    named = [sp.Symbol("_".join(("s", *angle.q.name.split("_")[1:]))) for angle in system.angles]
-    return [*([sp.Symbol("s_z")] if system.cart else []), *named]
+    named = [sp.Symbol("_".join(("s", *indices(angle)))) for angle in system.angles]
+    return [*(sp.Symbol("s_z") for _ in rail(system)), *named]
 
 
-def _angles(system: SymbolicSystem) -> list[Any]:
+def _angles(system: SymbolicStructure) -> list[Any]:
     """The angles of all rows, 0 of the cart: n = e_x and u = e_z."""
-    return [*([sp.S.Zero] if system.cart else []), *(angle.q for angle in system.angles)]
+    return [*(sp.S.Zero for _ in rail(system)), *(angle.q for angle in system.angles)]
 
 
-def _closing(system: SymbolicSystem, W: Any, p: list[Coordinate], s: list[Any]) -> Iterator[Line]:
+def _closing(system: SymbolicStructure, W: Any, p: list[Coordinate], s: list[Any]) -> Iterator[Line]:
     yield Line("the momenta s along the links follow from the constant lengths: one linear equation a link")
     for name, form in zip(s, along_equations(system, W, p, s), strict=True):
         yield Line(f"of {name}", equal(form, 0))
 
 
-def along_equations(system: SymbolicSystem, W: Any, p: list[Coordinate], s: list[Any]) -> list[Any]:
+def along_equations(system: SymbolicStructure, W: Any, p: list[Coordinate], s: list[Any]) -> list[Any]:
     """u_i·Σ_j W_ij P_j, which vanish."""
     angle = _angles(system)
     return [
@@ -218,13 +228,13 @@ def _rows(W: Any) -> Iterator[tuple[int, list[tuple[int, Any]]]]:
         yield i, [(j, W[i, j]) for j in range(W.rows) if W[i, j] != 0]
 
 
-def _rates(system: SymbolicSystem, W: Any, p: list[Coordinate], s: list[Any]) -> Iterator[Line]:
+def _rates(system: SymbolicStructure, W: Any, p: list[Coordinate], s: list[Any]) -> Iterator[Line]:
     yield Line("rates of the coordinates, the derivatives of H by the momenta")
     for c, form in zip(system.coordinates, velocities(system, W, p, s), strict=True):
         yield Line(f"of {c.q}", equal(c.v, form))
 
 
-def velocities(system: SymbolicSystem, W: Any, p: list[Coordinate], s: list[Any]) -> list[Any]:
+def velocities(system: SymbolicStructure, W: Any, p: list[Coordinate], s: list[Any]) -> list[Any]:
     """Q' = ∂H/∂p: n_i·Σ_j W_ij P_j."""
     angle = _angles(system)
     return [
@@ -233,27 +243,24 @@ def velocities(system: SymbolicSystem, W: Any, p: list[Coordinate], s: list[Any]
     ]
 
 
-def _forces(system: SymbolicSystem, p: list[Coordinate], s: list[Any]) -> Iterator[Line]:
+def _forces(system: SymbolicStructure, p: list[Coordinate], s: list[Any]) -> Iterator[Line]:
     damped = " less the dampers" if derive_lagrangian(system).R != 0 else ""
     yield Line(f"rates of the momenta, minus the derivatives of H by the coordinates{damped}")
     for rate, form in zip(p, momentum_rates(system, s), strict=True):
         yield Line(f"of {rate.q}", equal(rate.v, form))
 
 
-def momentum_rates(system: SymbolicSystem, s: list[Any]) -> list[Any]:
+def momentum_rates(system: SymbolicStructure, s: list[Any]) -> list[Any]:
     """P' in the rates q': −s_i θ_i' − g b_i sin θ_i less joints, −k_c x − c_c x' of the cart."""
-    first, joints = len(s) - len(system.angles), system.joint_moments()
+    first, joints = len(rail(system)), joint_moments(system)
     rates = [
         -s[first + i] * angle.v - system.gravity * b * sp.sin(angle.q) - joints[i]
         for i, (angle, b) in enumerate(zip(system.angles, system.b, strict=True))
     ]
-    if system.cart:
-        x = system.coordinates[0]
-        rates.insert(0, -system.cart.stiffness * x.q - system.cart.damping * x.v)
-    return rates
+    return [*(-force for force in held(system)), *rates]
 
 
-def _require(system: SymbolicSystem, W: Any, p: list[Coordinate], s: list[Any]) -> None:
+def _require(system: SymbolicStructure, W: Any, p: list[Coordinate], s: list[Any]) -> None:
     """Put p = M q' and s = u·P into all of it: rates come back, and p' is Lagrange's."""
     derived, v = derive_lagrangian(system), [c.v for c in system.coordinates]
     angle, N = _angles(system), numbers(system)
@@ -278,15 +285,15 @@ def _require(system: SymbolicSystem, W: Any, p: list[Coordinate], s: list[Any]) 
 # --------------------------------------------------------------------------------------------------------- in space
 
 
-def _in_space(system: SymbolicSystem) -> Iterator[Line]:
-    if any(any(chain.stiffness) or any(chain.damping) for chain in system.chains):
+def _in_space(system: SymbolicStructure) -> Iterator[Line]:
+    if system.has_joint_forces:
         yield Line(NOT_IN_SPACE)
         return
-    W, cart = inverse(system), system.cart
+    W, cart = inverse(system), rail(system)
     if W is None:
         yield Line(_no_inverse(system))
         return
-    tails = [angle.q.name.split("_")[1:] for angle in system.angles]
+    tails = [indices(angle) for angle in system.angles]
     u, pi, P, s = ([coordinate(letter, *tail) for tail in tails] for letter in ("u", "pi", "P", "s"))
     yield Line("u_i points along link i and e_z down; a product of two vectors is their dot product")
     rows = [total.q for total in P]
@@ -302,17 +309,16 @@ def _in_space(system: SymbolicSystem) -> Iterator[Line]:
         )
     yield from _constants(system, W)
     potential = [-system.gravity * b * direction.q * sp.Symbol("e_z") for b, direction in zip(system.b, u, strict=True)]
-    potential += [cart.stiffness * system.coordinates[0].q ** 2 / 2] if cart else []
+    potential += system.held
     kinetic = [w * rows[i] * rows[j] / (2 if i == j else 1) for i, row in _rows(W) for j, w in row if j <= i]
     yield Line("H", equal(sp.Symbol("H"), sp.Add(*kinetic, *potential)))
     forms = [sp.Add(*(w * rows[j] for j, w in row)) for _, row in _rows(W)]
-    if cart:
-        x = system.coordinates[0]
+    for x, force in zip(cart, held(system), strict=True):
         yield Line("of x, along e_x", equal(x.v * sp.Symbol("e_x"), forms[0]))
-        yield Line("of p_x", equal(sp.Symbol("pdot_x"), -cart.stiffness * x.q - cart.damping * x.v))
+        yield Line("of p_x", equal(sp.Symbol("pdot_x"), -force))
     on_rail = ", and x' e_x has no part along e_y and e_z" if cart else ""
     yield Line(f"u_i u_i' = 0{on_rail}: linear equations of the s")
-    for direction, form in zip(u, forms[1 if cart else 0 :], strict=True):
+    for direction, form in zip(u, forms[len(cart) :], strict=True):
         yield Line(f"of {direction.q}", equal(direction.v, form))
     for direction, across, along, b in zip(u, pi, s, system.b, strict=True):
         rate = f"its rate is F - (u F) u - s u' - (u' {across.q}) u with u = {direction.q}, s = {along.q} and"
@@ -321,9 +327,9 @@ def _in_space(system: SymbolicSystem) -> Iterator[Line]:
         yield from _of_one_link(system)
 
 
-def _of_one_link(system: SymbolicSystem) -> Iterator[Line]:
+def _of_one_link(system: SymbolicStructure) -> Iterator[Line]:
     """H of one link in θ and φ, singular where it hangs: what the azimuth of paper 002 is in this form."""
-    theta, phi = system.angles[0], azimuths(system)[0]
+    theta, phi = system.angles[0], system.azimuths[0]
     J, b = system.A[0, 0], system.b[0]
     T = in_angles(system)
     p_theta, p_phi = (sp.Symbol(f"p_{c.q.name}") for c in (theta, phi))

@@ -1,14 +1,21 @@
-"""T, V and L from Cartesian positions, and their consequences, without the pair.
+"""The Lagrangian and its equations, by two routes: from the pair (A, b), as they are printed, and from all positions.
 
-A link with upper joint at P and direction u (e_z down) has its centre at P + c u and its lower joint at P + l u:
+Pendula on one support, fixed or on a rail, in the plane:
 
-    T = ½ m_c x'² + Σ ½ m |d/dt (P + c u)|² + ½ I |u'|²,    V = −Σ m g (P + c u)·e_z + springs
+    T = ½ M x'² + x' Σ b_i u_i'·e_x + ½ Σ_ij A_ij u_i'·u_j',    u_i'·u_j' = cos(θ_i − θ_j) θ_i'θ_j'
+    Σ_j A_ij [cos(θ_i − θ_j) θ_j'' + sin(θ_i − θ_j) θ_j'²] + b_i cos θ_i x'' + g b_i sin θ_i + joints = 0
+    M x'' + Σ b_i (cos θ_i θ_i'' − sin θ_i θ_i'²) + c_c x' + k_c x = 0
 
-In the plane u = (sin θ, 0, cos θ), in space u = (sin θ cos φ, sin θ sin φ, cos θ), singular at θ = 0.
+and in space, with the unit vectors u_i and with Δ = φ_i − φ_j, singular at θ = 0,
+
+    u_i × [Σ_j A_ij u_j'' + b_i x'' e_x − g b_i e_z] = 0,    M x'' + e_x·Σ b_i u_i'' + c_c x' + k_c x = 0
+    u_i'·u_j' = θ_i'θ_j'(cosθ_i cosθ_j cosΔ + sinθ_i sinθ_j) + φ_i'φ_j' sinθ_i sinθ_j cosΔ
+                + (θ_i'φ_j' cosθ_i sinθ_j − φ_i'θ_j' sinθ_i cosθ_j) sinΔ.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -17,17 +24,16 @@ import sympy as sp
 
 from modal.errors import SceneError
 from modal.scene.doors import require_type
-from modal.symbolic.lagrange import Coordinate, coordinate, lagrange_equations, time_derivative
-from modal.symbolic.system import SymbolicSystem
+from modal.symbolic.lagrange import Coordinate, coordinate, lagrange_equations
+from modal.symbolic.structures import SymbolicStructure, indices
 
 NOT_IN_SPACE = "joint springs and dampers in space: only the linearized equations are derived"
 
 
 @dataclass(frozen=True, eq=False)
 class Lagrangian:
-    """Energies of a system over its `coordinates`, and the dissipation function R."""
+    """Energies over `coordinates`, and the dissipation function R."""
 
-    system: SymbolicSystem
     coordinates: tuple[Coordinate, ...]
     T: Any
     V: Any
@@ -43,86 +49,119 @@ class Lagrangian:
         """Lagrange's equations: expressions that vanish in motion."""
         return lagrange_equations(self.L, self.coordinates, self.R)
 
-    def linearized(self) -> tuple[Any, Any, Any]:
-        """M, K and D: second derivatives of T, V and R at the system's equilibrium, plane systems only."""
-        angles = {
-            angle.q: 0 if sign > 0 else sp.pi for angle, sign in zip(self.system.angles, self.system.sigma, strict=True)
-        }
-        rest = {c.q: angles.get(c.q, 0) for c in self.coordinates}
-        q, v = ([getattr(c, part) for c in self.coordinates] for part in "qv")
-        M, K, D = (sp.hessian(f, by).subs(rest) for f, by in ((self.T, v), (self.V, q), (self.R, v)))
-        return M, K, D
 
-
-def derive_lagrangian(system: SymbolicSystem) -> Lagrangian:
-    """The Lagrangian of a system in the plane, or in space in the angles θ and φ of every link.
+def derive_lagrangian(system: SymbolicStructure) -> Lagrangian:
+    """The Lagrangian from the positions of all masses, in space in the angles θ and φ of every link.
 
     Raises SceneError for joint springs and dampers in space, which θ and φ do not describe.
     """
-    require_type("system", system, "SymbolicSystem", "SymbolicStructure")
-    return _in_space(system) if system.spatial else _in_plane(system)
-
-
-def _in_plane(system: SymbolicSystem) -> Lagrangian:
-    directions = [sp.Matrix([sp.sin(angle.q), 0, sp.cos(angle.q)]) for angle in system.angles]
-    T, V = _energies(system, directions, system.coordinates)
-    R = _on_cart(system, "damping", "v") + _at_joints(system, "damping", "v")
-    return Lagrangian(system, tuple(system.coordinates), T, V + _at_joints(system, "stiffness", "q"), R)
-
-
-def _in_space(system: SymbolicSystem) -> Lagrangian:
-    if any(any(chain.stiffness) or any(chain.damping) for chain in system.chains):
+    require_type("system", system, "SymbolicStructure")
+    if system.spatial and system.has_joint_forces:
         raise SceneError(["joint springs and dampers: not implemented in the angles θ and φ of a scene in space"])
-    phi = azimuths(system)
-    directions = [
-        sp.Matrix([sp.sin(a.q) * sp.cos(f.q), sp.sin(a.q) * sp.sin(f.q), sp.cos(a.q)])
-        for a, f in zip(system.angles, phi, strict=True)
+    V, R = map(system.written_out, (system.potential, system.dissipation))
+    return Lagrangian((*system.coordinates, *system.azimuths), system.cartesian(), V, R)
+
+
+# ----------------------------------------------------------------------------------------------------- from the pair
+
+
+def rail(system: SymbolicStructure) -> list[Coordinate]:
+    """The coordinate of a cart; none of a fixed support."""
+    return list(system.carriers[0].coordinates)
+
+
+def in_plane(system: SymbolicStructure) -> Any:
+    """T in the angles of a plane system."""
+    angles = system.angles
+    along = [sp.cos(chain.q) * chain.v for chain in angles]
+    return _summed(system, along, lambda i, j: sp.cos(angles[j].q - angles[i].q) * angles[i].v * angles[j].v)
+
+
+def in_vectors(system: SymbolicStructure) -> Any:
+    """T in unit vectors; a product of two is their dot product."""
+    u = [coordinate("u", *indices(angle)).v for angle in system.angles]
+    along = [chain * sp.Symbol("e_x") for chain in u]
+    return _summed(system, along, lambda i, j: u[i] * u[j])
+
+
+def in_angles(system: SymbolicStructure) -> Any:
+    """T in the zenith angles θ and azimuths φ of a system in space."""
+    pairs = list(zip(system.angles, system.azimuths, strict=True))
+    along = [t.v * sp.cos(t.q) * sp.cos(f.q) - f.v * sp.sin(t.q) * sp.sin(f.q) for t, f in pairs]
+    return _summed(system, along, lambda i, j: _product(*pairs[j], *pairs[i]))
+
+
+def held(system: SymbolicStructure) -> list[Any]:
+    """c_c x' + k_c x of a cart."""
+    support = system.carriers[0]
+    return [support.damping[0] * x.v + support.stiffness[0] * x.q for x in rail(system)]
+
+
+def joint_moments(system: SymbolicStructure) -> list[Any]:
+    """What the springs and dampers of joints take from each angle (N m): less the generalized forces."""
+    chains = list(enumerate(system.chains))
+    V = sp.Add(*(system.at_joints(p, chain.stiffness) for p, chain in chains))
+    R = sp.Add(*(system.at_joints(p, chain.damping, "v") for p, chain in chains))
+    return [sp.expand(sp.diff(V, angle.q) + sp.diff(R, angle.v)) for angle in system.angles]
+
+
+def equations(system: SymbolicStructure) -> list[Any]:
+    """Expressions that vanish in a plane motion, one for each coordinate."""
+    angles, joints = system.angles, joint_moments(system)
+    forms = [
+        sum(
+            A * (sp.cos(theta.q - other.q) * other.a + sp.sin(theta.q - other.q) * other.v**2)
+            for A, other in zip(system.A.row(i), angles, strict=True)
+        )
+        + sum(b * sp.cos(theta.q) * x.a for x in rail(system))
+        + system.gravity * b * sp.sin(theta.q)
+        + joints[i]
+        for i, (theta, b) in enumerate(zip(angles, system.b, strict=True))
     ]
-    coordinates = (*system.coordinates, *phi)
-    T, V = _energies(system, directions, coordinates)
-    return Lagrangian(system, coordinates, T, V, _on_cart(system, "damping", "v"))
+    pulls = zip(system.b, angles, strict=True)
+    inertial = sum(b * (sp.cos(theta.q) * theta.a - sp.sin(theta.q) * theta.v**2) for b, theta in pulls)
+    moved = [system.total_mass * x.a + inertial + force for x, force in zip(rail(system), held(system), strict=True)]
+    return [*moved, *forms]
 
 
-def azimuths(system: SymbolicSystem) -> list[Coordinate]:
-    """φ of every link, numbered like θ."""
-    return [coordinate("phi", *angle.q.name.split("_")[1:]) for angle in system.angles]
+def vector_equations(system: SymbolicStructure) -> list[tuple[Any, Any]]:
+    """(u_i, F_i) of a spatial motion, u_i × F_i = 0; on a cart (e_x, F) comes first, e_x·F = 0.
+
+    Raises SceneError for joint springs and dampers, which are not implemented in unit vectors.
+    """
+    if system.has_joint_forces:
+        raise SceneError(["joint springs and dampers in space: not implemented in unit vectors"])
+    e_x, e_z = sp.symbols("e_x e_z")
+    u = [coordinate("u", *indices(angle)) for angle in system.angles]
+    moved = sum(b * direction.a for b, direction in zip(system.b, u, strict=True))
+    forms = [
+        (e_x, e_x * (system.total_mass * x.a + force) + moved)
+        for x, force in zip(rail(system), held(system), strict=True)
+    ]
+    for i, (direction, b) in enumerate(zip(u, system.b, strict=True)):
+        F = sum(A * other.a for A, other in zip(system.A.row(i), u, strict=True)) - system.gravity * b * e_z
+        forms.append((direction.q, F + sum(b * x.a * e_x for x in rail(system))))
+    return forms
 
 
-def _energies(system: SymbolicSystem, directions: list[Any], coordinates: Any) -> tuple[Any, Any]:
-    T, V = _on_cart(system, "mass", "v"), _on_cart(system, "stiffness", "q")
-    direction = iter(directions)
-    for chain in system.chains:
-        joint = sp.Matrix([system.coordinates[0].q if system.cart else 0, 0, 0])
-        for m, l, c, I, *_ in zip(*chain, strict=True):
-            u = next(direction)
-            velocity, turning = (_rate(vector, coordinates) for vector in (joint + c * u, u))
-            T += m * _square(velocity) / 2 + I * _square(turning) / 2
-            V -= m * system.gravity * (joint + c * u)[2]
-            joint += l * u
-    return T, V
+def _summed(system: SymbolicStructure, along: list[Any], product: Callable[[int, int], Any]) -> Any:
+    n, A = len(along), system.A
+    T = sum((A[i, i] * product(i, i) / 2 for i in range(n)), start=sp.S.Zero)
+    T += sum(A[i, j] * product(i, j) for i in range(n) for j in range(i))
+    for x in rail(system):
+        T += system.total_mass * x.v**2 / 2 + x.v * sum(b * rate for b, rate in zip(system.b, along, strict=True))
+    return T
 
 
-def _rate(vector: Any, coordinates: Any) -> Any:
-    return vector.applyfunc(lambda part: time_derivative(part, coordinates))
+def _product(t1: Coordinate, f1: Coordinate, t2: Coordinate, f2: Coordinate) -> Any:
+    if t1 == t2:
+        return t1.v**2 + f1.v**2 * sp.sin(t1.q) ** 2
+    (s1, c1), (s2, c2), gap = (sp.sin(t1.q), sp.cos(t1.q)), (sp.sin(t2.q), sp.cos(t2.q)), f1.q - f2.q
+    zenith = t1.v * t2.v * (c1 * c2 * sp.cos(gap) + s1 * s2)
+    return zenith + f1.v * f2.v * s1 * s2 * sp.cos(gap) + (t1.v * f2.v * c1 * s2 - f1.v * t2.v * s1 * c2) * sp.sin(gap)
 
 
-def _square(vector: Any) -> Any:
-    return sum(part**2 for part in vector)
-
-
-def _on_cart(system: SymbolicSystem, name: str, part: str) -> Any:
-    return getattr(system.cart, name) * getattr(system.coordinates[0], part) ** 2 / 2 if system.cart else sp.S.Zero
-
-
-def _at_joints(system: SymbolicSystem, name: str, part: str) -> Any:
-    """½ Σ s (θ_i − θ_{i−1} − their difference at equilibrium)², or of the rates."""
-    energy, angle = sp.S.Zero, iter(system.angles)
-    for chain in system.chains:
-        above = sp.S.Zero
-        for strength, sign in zip(getattr(chain, name), chain.sigma, strict=True):
-            turned = getattr(next(angle), part) - (sp.pi if sign < 0 and part == "q" else 0)
-            energy, above = energy + strength * (turned - above) ** 2 / 2, turned
-    return energy
+# ------------------------------------------------------------------------------------------------------- readable
 
 
 def vanishes(expression: Any) -> bool:

@@ -12,22 +12,20 @@ neither its kinematics nor its lists of pivots and ends: it is another route fro
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
 import sympy as sp
 
 from modal import pair
-from modal.errors import SceneError
 from modal.report import Displayed, Summary, counted
-from modal.scene import ModalSupport, Scene, Spring, places_of, require, title_of
-from modal.scene.points import CarrierPoint, GroundPoint, parse_point
-from modal.scene.supports import Fixed, Planar
-from modal.symbolic.carriers import SymbolicCarrier, Where
+from modal.symbolic.carriers import Chain, SymbolicCarrier, Where
 from modal.symbolic.lagrange import Coordinate, coordinate, time_derivative
-from modal.symbolic.system import MOST_LINKS, Chain, OfChains, chains_of, rational, symbol
+
+Place = tuple[Any, ...]
+"""Along the rail and down; in space also across."""
 
 
 class OnCarrier(NamedTuple):
@@ -95,17 +93,19 @@ class Energy(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class SymbolicStructure(Displayed, OfChains):
-    """Carriers, chains with the points that they hang from, and springs with their two ends; a plane system."""
+class SymbolicStructure(Displayed):
+    """Carriers, chains with the points that they hang from, and springs with their two ends.
+
+    In space, of one support alone, `coordinates` are those along the rail and `azimuths` what is more.
+    """
 
     title: str
     gravity: Any
     carriers: tuple[SymbolicCarrier, ...]
     chains: tuple[Chain, ...]
     hung: tuple[OnCarrier, ...]
-    joined: tuple[JoinedSpring, ...]
-    spatial = False
-    cart = None
+    joined: tuple[JoinedSpring, ...] = ()
+    spatial: bool = False
 
     def _summary(self) -> Summary:
         count = counted(len(self.coordinates), "coordinate", "coordinates")
@@ -116,15 +116,35 @@ class SymbolicStructure(Displayed, OfChains):
     # -------------------------------------------------------------------------------------------------- coordinates
 
     @cached_property
+    def links(self) -> list[tuple[int, int]]:
+        """(chain, link) of every angle, from 0."""
+        return [(p, i) for p, chain in enumerate(self.chains) for i in range(len(chain.mass))]
+
+    @cached_property
+    def angles(self) -> list[Coordinate]:
+        """θ_i of a single chain, θ_p,i of several."""
+        several = len(self.chains) > 1
+        return [coordinate("theta", *([p + 1] if several else []), i + 1) for p, i in self.links]
+
+    @cached_property
+    def azimuths(self) -> list[Coordinate]:
+        """φ of every link in space, numbered like θ."""
+        return [coordinate("phi", *indices(angle)) for angle in self.angles if self.spatial]
+
+    @cached_property
     def coordinates(self) -> list[Coordinate]:
         """η of all carriers, then the angles."""
         return [*(c for carrier in self.carriers for c in carrier.coordinates), *self.angles]
 
     @cached_property
+    def sigma(self) -> list[int]:
+        """The direction of every link at equilibrium."""
+        return [sign for chain in self.chains for sign in chain.sigma]
+
+    @cached_property
     def rest(self) -> dict[Any, Any]:
         """Every coordinate as drawn."""
-        sigma = [sign for chain in self.chains for sign in chain.sigma]
-        upright = {angle.q: sp.pi for angle, sign in zip(self.angles, sigma, strict=True) if sign < 0}
+        upright = {angle.q: sp.pi for angle, sign in zip(self.angles, self.sigma, strict=True) if sign < 0}
         return {c.q: upright.get(c.q, sp.S.Zero) for c in self.coordinates}
 
     @cached_property
@@ -138,6 +158,35 @@ class SymbolicStructure(Displayed, OfChains):
     def _of_chain(self, p: int) -> list[Coordinate]:
         return [angle for angle, (chain, _) in zip(self.angles, self.links, strict=True) if chain == p]
 
+    # ----------------------------------------------------------------------------------------------------- the pair
+
+    @property
+    def is_of_pair(self) -> bool:
+        """Whether the pair (A, b) tells everything: a support fixed or on a rail, and joints alone."""
+        return not self.joined and [carrier.kind for carrier in self.carriers] in (["fixed"], ["cart"])
+
+    @property
+    def has_joint_forces(self) -> bool:
+        """Whether there is a spring or a damper at a joint."""
+        return any(any(chain.stiffness) or any(chain.damping) for chain in self.chains)
+
+    @cached_property
+    def b(self) -> list[Any]:
+        """First moments of all links."""
+        moments = (b for chain in self.chains for b in pair.first_moments(chain.mass, chain.length, chain.centre))
+        return [sp.factor(b) for b in moments]
+
+    @cached_property
+    def A(self) -> Any:
+        """Second moments, block by block."""
+        blocks = (sp.Matrix(pair.inertia_matrix(*chain.geometry)) for chain in self.chains)
+        return sp.diag(*(_symmetric(block, sp.factor) for block in blocks))
+
+    @property
+    def total_mass(self) -> Any:
+        """Total mass of all links and supports."""
+        return sum(sum(chain.mass) for chain in self.chains) + sum(carrier.mass for carrier in self.carriers)
+
     # ------------------------------------------------------------------------------------------------------- places
 
     @cached_property
@@ -145,22 +194,31 @@ class SymbolicStructure(Displayed, OfChains):
         """(along, down) of every first joint."""
         return [self.carriers[hung.carrier].place(hung.where) for hung in self.hung]
 
-    def on_link(self, number: int, below: Any) -> tuple[Any, Any]:
+    @cached_property
+    def directions(self) -> list[Place]:
+        """The unit vector along every link."""
+        sines = [(sp.sin(angle.q), sp.cos(angle.q)) for angle in self.angles]
+        if not self.spatial:
+            return list(sines)
+        turned = [(sp.cos(azimuth.q), sp.sin(azimuth.q)) for azimuth in self.azimuths]
+        return [(s * along, c, s * across) for (s, c), (along, across) in zip(sines, turned, strict=True)]
+
+    def on_link(self, number: int, below: Any) -> Place:
         """A point `below` the upper joint of a link by its number in the file; None is its centre of mass."""
         p, i = self.links[number]
-        x, z = self.pivots[p]
+        place = (*self.pivots[p], *([sp.S.Zero] * self.spatial))
         reach = [*self.chains[p].length[:i], self.chains[p].centre[i] if below is None else below]
-        for arm, angle in zip(reach, self._of_chain(p), strict=False):
-            x, z = x + arm * sp.sin(angle.q), z + arm * sp.cos(angle.q)
-        return x, z
+        for arm, direction in zip(reach, self.directions[number - i : number + 1], strict=True):
+            place = tuple(part + arm * along for part, along in zip(place, direction, strict=True))
+        return place
 
-    def masses(self) -> Iterator[tuple[Any, tuple[Any, Any]]]:
+    def masses(self) -> Iterator[tuple[Any, Place]]:
         """Every mass that gravity pulls, and its place."""
         yield from ((c.mass, c.place(c.centre)) for c in self.carriers if c.mass != 0)
         for number, (p, i) in enumerate(self.links):
             yield self.chains[p].mass[i], self.on_link(number, None)
 
-    def _end(self, end: End, other: End) -> tuple[Any, Any]:
+    def _end(self, end: End, other: End) -> Place:
         if isinstance(end, OnLink):
             return self.on_link(*end)
         if isinstance(end, OnCarrier):
@@ -174,9 +232,8 @@ class SymbolicStructure(Displayed, OfChains):
         angle = self.carriers[end.carrier].angle if isinstance(end, OnCarrier) else None
         return sp.S.Zero if angle is None else angle.q
 
-    def _drawn(self, place: tuple[Any, Any]) -> tuple[Any, Any]:
-        along, down = (sp.sympify(part).subs(self.rest) for part in place)
-        return along, down
+    def _drawn(self, place: Place) -> Place:
+        return tuple(sp.sympify(part).subs(self.rest) for part in place)
 
     @cached_property
     def springs(self) -> list[SymbolicSpring]:
@@ -205,16 +262,35 @@ class SymbolicStructure(Displayed, OfChains):
         ]
 
     @cached_property
-    def parts(self) -> list[Energy]:
-        """The energies of every carrier and chain; weights count from the drawn origin of the carrier."""
-        carried, parts = iter(self.carried), []
+    def held(self) -> list[Any]:
+        """½ k η² + W η of every carrier."""
+        carried, energies = iter(self.carried), []
         for carrier in self.carriers:
             q = sp.Matrix([c.q for c in carrier.coordinates])
-            if q:
-                V = (q.T * carrier.stiffness * q)[0] / 2 + sp.Add(*(next(carried) * value for value in q))
-                V -= carrier.mass * self.gravity * (carrier.place(carrier.centre)[1] - carrier.position[1])
-                parts.append(Energy(carrier.name, carrier.kinetic, sp.expand(V)))
+            curved = (q.T * carrier.stiffness * q)[0] / 2 if q else sp.S.Zero
+            energies.append(curved + sp.Add(*(next(carried) * value for value in q)))
+        return energies
+
+    @cached_property
+    def parts(self) -> list[Energy]:
+        """The energies of every carrier and chain; weights count from the drawn origin of the carrier."""
+        parts = []
+        for carrier, held in zip(self.carriers, self.held, strict=True):
+            if carrier.coordinates:
+                fallen = carrier.place(carrier.centre)[1] - carrier.position[1]
+                V = sp.expand(held - carrier.mass * self.gravity * fallen)
+                parts.append(Energy(carrier.name, carrier.kinetic, V))
         return parts + [self._of_pendulum(p) for p in range(len(self.chains))]
+
+    @property
+    def potential(self) -> Any:
+        """V of all masses and springs; weights count from the first joints as drawn."""
+        places = [(c.mass, c.place(c.centre)[1] - c.position[1]) for c in self.carriers if c.mass != 0]
+        for number, (p, i) in enumerate(self.links):
+            places.append((self.chains[p].mass[i], self.on_link(number, None)[1] - self._drawn(self.pivots[p])[1]))
+        joints = (self.at_joints(p, chain.stiffness) for p, chain in enumerate(self.chains))
+        weights = (-m * self.gravity * z for m, z in places)
+        return sp.Add(*weights, *self.held, *joints, *(spring.V for spring in self.stored))
 
     @cached_property
     def stored(self) -> list[Energy]:
@@ -228,15 +304,15 @@ class SymbolicStructure(Displayed, OfChains):
         """T = ½ m v_p² + Σ b_i v_p·n_i θ_i' + ½ Σ A_ij cos(θ_i − θ_j) θ_i'θ_j' of the pair (A, b), and V."""
         chain, hung, angles = self.chains[p], self.hung[p], self._of_chain(p)
         carrier, total = self.carriers[hung.carrier], sp.Add(*chain.mass)
-        b = [sp.factor(moment) for moment in pair.first_moments(chain.mass, chain.length, chain.centre)]
-        A = sp.Matrix(pair.inertia_matrix(*chain.geometry)).applyfunc(sp.factor)
+        first = self.links.index((p, 0))
+        b, A = self.b[first : first + len(angles)], self.A[first : first + len(angles), first : first + len(angles)]
         T = total * carrier.speed_squared(hung.where) / 2
         V = -total * self.gravity * (self.pivots[p][1] - carrier.position[1])
         for i, angle in enumerate(angles):
             T += b[i] * carrier.speed_across(hung.where, angle.q) * angle.v + A[i, i] * angle.v**2 / 2
             T += sp.Add(*(A[i, j] * sp.cos(angle.q - angles[j].q) * angle.v * angles[j].v for j in range(i)))
             V -= self.gravity * b[i] * sp.cos(angle.q)
-        V += sp.Add(*(k * gamma**2 / 2 for k, gamma in zip(chain.stiffness, self.joints(p), strict=True)))
+        V += self.at_joints(p, chain.stiffness)
         where = f" on {carrier.name}" if carrier.coordinates else ""
         return Energy(f"pendulum {p + 1}{where}", sp.expand(T), V)
 
@@ -251,6 +327,10 @@ class SymbolicStructure(Displayed, OfChains):
             upper = straight
         return relative
 
+    def at_joints(self, p: int, strength: Sequence[Any], part: str = "q") -> Any:
+        """½ Σ k γ² of a chain, γ its angles at joints from rest or (`part` v) their rates."""
+        return sp.Add(*(k * gamma**2 / 2 for k, gamma in zip(strength, self.joints(p, part), strict=True)))
+
     @cached_property
     def dissipation(self) -> Any:
         """R = ½ η'ᵀ D η' of all carriers + Σ ½ d (rate)² of joints and springs; of a stretched one by the symbol ℓ'."""
@@ -261,7 +341,7 @@ class SymbolicStructure(Displayed, OfChains):
             v = sp.Matrix([c.v for c in carrier.coordinates])
             yield sp.expand((v.T * carrier.damping * v)[0]) / 2 if v else sp.S.Zero
         for p, chain in enumerate(self.chains):
-            yield from (d * rate**2 / 2 for d, rate in zip(chain.damping, self.joints(p, "v"), strict=True))
+            yield self.at_joints(p, chain.damping, "v")
         for spring in self.springs:
             rates = [self.rate(part) for part in spring.between] if spring.rest is None else [spring.ell.v]
             yield from (spring.damping * rate**2 / 2 for rate in rates)
@@ -273,11 +353,12 @@ class SymbolicStructure(Displayed, OfChains):
     def _among(self, value: Any) -> list[Coordinate]:
         """The coordinates that a function has."""
         names = sp.sympify(value).free_symbols
-        return [c for c in self.coordinates if names & {c.q, c.v}]
+        return [c for c in (*self.coordinates, *self.azimuths) if names & {c.q, c.v}]
 
     def cartesian(self) -> Any:
         """T from the rates of all places."""
-        turning = [(self.chains[p].inertia[i], angle.v) for (p, i), angle in zip(self.links, self.angles, strict=True)]
+        inertia = [self.chains[p].inertia[i] for p, i in self.links]
+        turning = [(I, self.rate(part)) for I, u in zip(inertia, self.directions, strict=True) for part in u if I != 0]
         turning += [(c.inertia, c.angle.v) for c in self.carriers if c.angle is not None]
         T = sp.Add(*(m * self.rate(part) ** 2 / 2 for m, place in self.masses() for part in place))
         T += sp.Add(*(c.kinetic for c in self.carriers if c.masses is not None))
@@ -317,6 +398,8 @@ class SymbolicStructure(Displayed, OfChains):
 
     def matrices(self) -> tuple[Any, Any, Any]:
         """M, K and D about the drawn rest, over `coordinates`."""
+        if self.spatial:
+            return replace(self, spatial=False).matrices()
         n = len(self.coordinates)
         M, K, D = (sp.zeros(n, n) for _ in range(3))
         self._inertial(M)
@@ -329,7 +412,8 @@ class SymbolicStructure(Displayed, OfChains):
                 self._added(D, spring.damping, ell)
         for lost in self._lost():
             self._curved(D, lost, "v")
-        return (M, K, D) if not self.symbols else tuple(A.applyfunc(sp.factor) for A in (M, K, D))
+        simpler = _shortest if self.is_of_pair else sp.factor
+        return (M, K, D) if not self.symbols else tuple(_symmetric(A, simpler) for A in (M, K, D))
 
     def _inertial(self, M: Any) -> None:
         for m, place in self.masses():
@@ -346,13 +430,22 @@ class SymbolicStructure(Displayed, OfChains):
         for i, (p, link) in enumerate(self.links):
             M[at + i, at + i] += self.chains[p].inertia[link]
 
+    @cached_property
+    def _places(self) -> dict[Any, int]:
+        """The number of every coordinate and of its rate."""
+        return {name: k for k, c in enumerate(self.coordinates) for name in (c.q, c.v)}
+
     def _numbered(self, value: Any) -> list[tuple[int, Coordinate]]:
-        among = {c.q for c in self._among(value)}
-        return [(i, c) for i, c in enumerate(self.coordinates) if c.q in among]
+        places = sorted({self._places[name] for name in sp.sympify(value).free_symbols if name in self._places})
+        return [(k, self.coordinates[k]) for k in places]
 
     def _slopes(self, value: Any) -> dict[int, Any]:
-        """∂/∂q at rest."""
-        return {i: sp.diff(value, c.q).subs(self.rest) for i, c in self._numbered(value)}
+        """∂/∂q at rest, term by term."""
+        slopes: dict[int, Any] = {}
+        for term in sp.Add.make_args(sp.sympify(value)):
+            for i, c in self._numbered(term):
+                slopes[i] = slopes.get(i, sp.S.Zero) + sp.diff(term, c.q).xreplace(self.rest)
+        return slopes
 
     def _added(self, A: Any, weight: Any, slopes: dict[int, Any]) -> None:
         for i, a in slopes.items():
@@ -360,12 +453,13 @@ class SymbolicStructure(Displayed, OfChains):
                 A[i, j] += weight * a * b
 
     def _curved(self, A: Any, f: Any, by: str = "q") -> None:
-        """Second derivatives of a function at rest, by the coordinates or by their rates."""
-        numbered = self._numbered(f)
-        for i, c in numbered:
-            slope = sp.diff(f, getattr(c, by))
-            for j, other in numbered:
-                A[i, j] += sp.diff(slope, getattr(other, by)).subs(self.rest)
+        """Second derivatives of a function at rest, by the coordinates or by their rates, term by term."""
+        for term in sp.Add.make_args(sp.sympify(f)):
+            numbered = self._numbered(term)
+            for i, c in numbered:
+                slope = sp.diff(term, getattr(c, by))
+                for j, other in numbered:
+                    A[i, j] += sp.diff(slope, getattr(other, by)).xreplace(self.rest)
 
     @cached_property
     def conditions(self) -> dict[Any, Any]:
@@ -387,100 +481,17 @@ def force_of(spring: SymbolicSpring) -> Any:
     return spring.stiffness * (spring.ell.q - spring.rest) + spring.damping * spring.ell.v
 
 
-def _rationals(values: Sequence[Any]) -> tuple[Any, Any]:
-    along, below = map(rational, values)
-    return along, below
+def _symmetric(matrix: Any, simpler: Callable[[Any], Any]) -> Any:
+    """A symmetric matrix with its entries simpler."""
+    half = {(i, j): simpler(matrix[i, j]) for i in range(matrix.rows) for j in range(i, matrix.rows)}
+    return sp.Matrix(matrix.rows, matrix.rows, lambda i, j: half[min(i, j), max(i, j)])
 
 
-# --------------------------------------------------------------------------------------------------- from a scene
+def _shortest(entry: Any) -> Any:
+    """An entry as a product, or as it is where a number in a sum makes that longer."""
+    return min(sp.factor(entry), entry, key=sp.count_ops)
 
 
-def of_structured(scene: Scene, symbolic: tuple[str, ...] = ()) -> SymbolicStructure:
-    """A structured scene with its decimals as exact fractions, or as symbols for the quantities in `symbolic`.
-
-    Raises SceneError above MOST_LINKS links, and for what no derivation takes.
-    """
-    require(scene, "a derivation")
-    if scene.n_links > MOST_LINKS:
-        raise SceneError([f"the scene has {scene.n_links} links: at most {MOST_LINKS} are written in exact numbers"])
-    gravity = symbol("g") if "gravity" in symbolic else rational(scene.gravity)
-    alone = [support.kind for support in scene.supports] == ["cart"]
-    named = zip(scene.supports, scene.support_names, strict=True)
-    carriers = tuple(_carrier(support, name, () if alone else (name,), symbolic) for support, name in named)
-    hung = tuple(_hung(scene, pendulum) for pendulum in scene.pendulum for _ in range(pendulum.count))
-    joined = tuple(
-        joined for entry, spring in enumerate(scene.spring) for joined in _joined(scene, entry, spring, symbolic)
-    )
-    return SymbolicStructure(title_of(scene), gravity, carriers, chains_of(scene, symbolic), hung, joined)
-
-
-def _carrier(support: Any, name: str, index: tuple[str, ...], symbolic: tuple[str, ...]) -> SymbolicCarrier:
-    position = _rationals(support.position)
-    if isinstance(support, Fixed):
-        return SymbolicCarrier("fixed", name, index, position, sp.zeros(0), sp.zeros(0), ())
-    if isinstance(support, ModalSupport):
-        M, K, D = (_matrix(rows, len(support.M or ())) for rows in (support.M, support.K, support.D))
-        points = tuple(tuple(tuple(map(rational, row)) for row in point) for point in support.points or ())
-        return SymbolicCarrier("modal", name, index, position, K, D, (True,) * M.rows, masses=M, points=points)
-
-    def number(letter: str, value: float, *way: str) -> Any:
-        kept = "supports" in symbolic or ("cart" in symbolic and (support.kind, letter) == ("cart", "m"))
-        return symbol("_".join((letter, name, *way))) if value and kept else rational(value)
-
-    def diagonal(letter: str, values: float | Planar) -> Any:
-        if isinstance(values, Planar):
-            return sp.diag(*(number(letter, value, way) for way, value in values))
-        return sp.diag(number(letter, values))
-
-    stiffness, damping = diagonal("k", support.stiffness), diagonal("d", support.damping)
-    return SymbolicCarrier(
-        support.kind,
-        name,
-        index,
-        position,
-        stiffness,
-        damping,
-        tuple(k != 0 for k in stiffness.diagonal()),
-        number("m", support.mass),
-        number("I", getattr(support, "inertia", 0.0)),
-        number("L", getattr(support, "length", 0.0)),
-        _rationals(getattr(support, "centre", (0.0, 0.0))),
-    )
-
-
-def _matrix(rows: Any, size: int) -> Any:
-    return sp.zeros(size, size) if rows is None else sp.Matrix([list(map(rational, row)) for row in rows])
-
-
-def _hung(scene: Scene, pendulum: Any) -> OnCarrier:
-    point = None if pendulum.on is None else parse_point(pendulum.on)
-    if not isinstance(point, CarrierPoint):
-        return OnCarrier(0, _rationals(pendulum.position))
-    where = _rationals(pendulum.position) if point.point is None else point.point
-    return OnCarrier(scene.support_names.index(point.name), where)
-
-
-def _joined(scene: Scene, entry: int, spring: Spring, symbolic: tuple[str, ...]) -> Iterator[JoinedSpring]:
-    """The springs that one entry means: one, or one of every copy."""
-    numbers = [
-        symbol(f"{letter}_{entry + 1}") if value and "springs" in symbolic else rational(value)
-        for letter, value in (("k", spring.stiffness), ("d", spring.damping))
-    ]
-    starts, stops = (list(_ends(scene, text)) for text in spring.between)
-    count = max(len(starts), len(stops))
-    for a, b in zip(*(ends * count if len(ends) == 1 else ends for ends in (starts, stops)), strict=True):
-        yield JoinedSpring((a, b), spring.kind == "torsion", *numbers)
-
-
-def _ends(scene: Scene, text: str) -> Iterator[End]:
-    point = parse_point(text)
-    if isinstance(point, GroundPoint):
-        yield OnGround(None if point.place is None else _rationals(point.place))
-    elif isinstance(point, CarrierPoint):
-        where = _rationals(point.place) if point.point is None else point.point
-        yield OnCarrier(scene.support_names.index(point.name), where)
-    elif point is None:
-        yield OnCarrier(scene.support_names.index("cart"), (sp.S.Zero, sp.S.Zero))
-    else:
-        for place in places_of(scene, text):
-            yield OnLink(place.link, None if place.below is None else rational(place.below))
+def indices(angle: Coordinate) -> list[str]:
+    """What follows the name of an angle: the numbers of its chain, if there are several, and of its link."""
+    return list(angle.q.name.split("_")[1:])

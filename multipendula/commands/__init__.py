@@ -1,50 +1,44 @@
 """The commands: one module for each group, with what they do, their arguments and their help.
 
-A command is a `Command` in the `COMMANDS` of its module.  `GROUPS` has them in the order of `multipendula --help`.
+A command is a `Command` in the `COMMANDS` of its module.  `NAMES` has them in the order of `multipendula --help`: a
+command loads the page of its group alone.
 `shared` has helpers for output, `runs` the arguments of the commands that simulate, `models` those of the commands
 about state-space models.
 """
 
-from multipendula.commands import (
-    coupling,
-    derivation,
-    ensembles,
-    hoisting,
-    identification,
-    live,
-    modes,
-    motion,
-    orbits,
-    scenes,
-    statespace,
-    sweeps,
-    synchronization,
-    tuning,
-    verification,
-    vibration,
-)
+from __future__ import annotations
 
-__all__ = ["ABOUT", "COMMANDS", "FIRST"]
+from importlib import import_module
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
 
-GROUPS = (
-    scenes,
-    modes,
-    motion,
-    live,
-    orbits,
-    verification,
-    coupling,
-    sweeps,
-    synchronization,
-    ensembles,
-    identification,
-    statespace,
-    hoisting,
-    vibration,
-    tuning,
-    derivation,
-)
-COMMANDS = tuple(command for group in GROUPS for command in group.COMMANDS)
+if TYPE_CHECKING:
+    from multipendula.command import Command
+
+    COMMANDS: tuple[Command, ...]
+    GROUPS: tuple[ModuleType, ...]
+
+__all__ = ["ABOUT", "COMMANDS", "FIRST", "NAMES", "commands_beside"]
+
+NAMES = {
+    "scenes": ("scenes", "schema", "completion"),
+    "modes": ("table", "shapes", "matrices"),
+    "motion": ("simulate", "plot", "animate", "compile"),
+    "live": ("play",),
+    "orbits": ("orbits",),
+    "verification": ("check", "tradeoff", "advise", "chaos"),
+    "coupling": ("explain",),
+    "sweeps": ("sweep",),
+    "synchronization": ("sync",),
+    "ensembles": ("basins", "section", "spread"),
+    "identification": ("fit", "poles", "mac"),
+    "statespace": ("export", "gains", "response", "shaper"),
+    "hoisting": ("hoist",),
+    "vibration": ("vibration", "shock"),
+    "tuning": ("tune",),
+    "derivation": ("derive", "enclose"),
+}
+"""The names of the commands of every group, a module of this room."""
 ABOUT = (
     "Frequencies, mode shapes and motion of multi-pendulum systems: chains of bobs, rods and rigid bodies, in the "
     "plane or in space, on a fixed support, coupled by a common cart, or hung from structures with springs."
@@ -59,3 +53,22 @@ FIRST = (
     ("scenes crane-hook -o mine.toml", "copy a scene to edit; then `multipendula table mine.toml`"),
 )
 """Examples for beginners."""
+
+
+def commands_beside(name: str) -> tuple[Command, ...]:
+    """The commands of the group that this one belongs to; all of them for any other word."""
+    groups = [group for group, names in NAMES.items() if name in names] or list(NAMES)
+    return tuple(command for group in groups for command in _group(group).COMMANDS)
+
+
+def _group(name: str) -> ModuleType:
+    return import_module(f"{__name__}.{name}")
+
+
+def __getattr__(name: str) -> Any:
+    """GROUPS, all modules, and COMMANDS, all commands, where they are asked for."""
+    if name == "GROUPS":
+        return tuple(map(_group, NAMES))
+    if name == "COMMANDS":
+        return commands_beside("")
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

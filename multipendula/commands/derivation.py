@@ -30,7 +30,6 @@ def derive(options: argparse.Namespace) -> None:
     from modal.errors import SceneError
     from modal.report import folded
     from modal.symbolic import derivation, typesetting
-    from modal.symbolic.papers import catalogue
 
     show, symbols, ways = (listed(getattr(options, name)) for name in ("show", "symbolic", "equilibrium"))
     of_paper, known = options.target.startswith("paper:"), (*derivation.SECTIONS, *ALONE)
@@ -44,6 +43,8 @@ def derive(options: argparse.Namespace) -> None:
     if of_paper:
         if symbols or ways or options.links != "bob":
             raise SceneError([f"{options.target}: takes none of --symbolic, --links and --equilibrium"])
+        from modal.symbolic.papers import catalogue
+
         title, sections = catalogue.paper(options.target.removeprefix("paper:"), show)
     else:
         system, scene = derivation.target(options.target, options.links, symbols, ways)

@@ -16,7 +16,7 @@ import pytest
 from modal import example_names
 from multipendula import completion
 from multipendula.cli import _parser, main
-from multipendula.commands import COMMANDS, FIRST
+from multipendula.commands import COMMANDS, FIRST, GROUPS, NAMES
 from multipendula.commands.scenes import SHELLS
 from multipendula.parser import WIDTH, Page, shown
 
@@ -42,6 +42,8 @@ def refused(capsys: pytest.CaptureFixture[str], *words: str) -> list[str]:
 def test_every_command_has_a_page_and_a_topic() -> None:
     assert list(PAGES) == [command.name for command in COMMANDS]
     assert tuple(dict.fromkeys(command.topic for command in COMMANDS)) == TOPICS
+    groups = [[command.name for command in group.COMMANDS] for group in GROUPS]
+    assert groups == list(map(list, NAMES.values()))
     assert all(command.summary and command.details and 2 <= len(command.examples) <= 5 for command in COMMANDS)
 
 

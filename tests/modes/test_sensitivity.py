@@ -14,8 +14,7 @@ from response_oracle import Oracle
 
 from modal import Bob, Body, Cart, ComputationError, Fixed, Pendulum, Rod, Scene, natural_modes
 from modal.modes import Modes
-from modal.modes.displacements import centre_displacements
-from modal.modes.sensitivity import Sensitivities, _centres, _hung, sensitivities
+from modal.modes.sensitivity import Sensitivities, _centres, _hung, centre_displacements, sensitivities
 from modal.modes.sensitivity_table import of_mode
 from modal.symbolic import symbolic
 

@@ -9,21 +9,22 @@ import pytest
 import scipy.linalg
 import sympy as sp
 from amounts import usually
+from positions import Positions
 from scenes import decimal_scene
 
 from modal import Bob, Body, Cart, Fixed, Pendulum, Rod, Scene, matrices, natural_modes
 from modal.exact import of_scene
-from modal.symbolic import chain, coordinate, derive, derive_lagrangian, vanishes
+from modal.symbolic import SymbolicStructure, chain, coordinate, derive, derive_lagrangian, of_structured, vanishes
 from modal.symbolic import symbolic as symbolic_polynomial
-from modal.symbolic import system as symbolic
-from modal.symbolic.system import SymbolicSystem, cart
+from modal.symbolic.lagrangian import equations, vector_equations
+from modal.symbolic.system import cart
 
 
 @pytest.mark.parametrize("seed", usually(range(60), range(200)))
 def test_symbolic_matrices_are_the_numeric_ones(seed: int) -> None:
     scene = decimal_scene(seed)
     expected = matrices(scene)
-    for matrix, exact in zip(symbolic.of_scene(scene).matrices(), (expected.M, expected.K, expected.D), strict=True):
+    for matrix, exact in zip(of_structured(scene).matrices(), (expected.M, expected.K, expected.D), strict=True):
         np.testing.assert_allclose(np.array(matrix.tolist(), dtype=float), exact, rtol=1e-14, atol=1e-14)
 
 
@@ -31,20 +32,21 @@ SYSTEMS = [
     *(chain(n, kind, ("masses", "lengths")) for n in (1, 2, 3) for kind in ("bob", "rod")),
     cart(2, 2, "rod", ("masses",)),
     cart(3, 1, "bob", ("masses", "lengths"), (-1, 1, -1)),
-    *(symbolic.of_scene(decimal_scene(seed)) for seed in (3, 5, 8, 13)),
+    *(of_structured(decimal_scene(seed)) for seed in (3, 5, 8, 13)),
 ]
 
 
 @pytest.mark.parametrize("system", SYSTEMS, ids=lambda system: system.title)
-def test_the_pair_gives_the_lagrange_equations_of_the_cartesian_positions(system: SymbolicSystem) -> None:
-    derived, written = derive_lagrangian(system).equations, system.equations()
-    assert all(vanishes(a - b) for a, b in zip(derived, written, strict=True))
+def test_the_pair_gives_the_lagrange_equations_of_the_cartesian_positions(system: SymbolicStructure) -> None:
+    derived, written = Positions(system).equations, equations(system)
+    for other in (written, derive_lagrangian(system).equations, system.equations()):
+        assert all(vanishes(a - b) for a, b in zip(derived, other, strict=True))
     assert not vanishes(derived[-1] - 2 * written[-1])
 
 
 @pytest.mark.parametrize("system", SYSTEMS, ids=lambda system: system.title)
-def test_linearizing_the_lagrangian_gives_M_K_and_D_at_any_rest(system: SymbolicSystem) -> None:
-    for derived, matrix in zip(derive_lagrangian(system).linearized(), system.matrices(), strict=True):
+def test_linearizing_the_lagrangian_gives_M_K_and_D_at_any_rest(system: SymbolicStructure) -> None:
+    for derived, matrix in zip(Positions(system).linearized(), system.matrices(), strict=True):
         assert sp.simplify(derived - matrix) == sp.zeros(*matrix.shape)
 
 
@@ -54,28 +56,28 @@ def test_unit_vectors_and_spherical_angles_are_one_motion(seed: int) -> None:
     links = (Bob(mass=1.5, length=0.7), Body(mass=0.4, length=1.2, centre=0.5, inertia=0.3), Rod(mass=2.0, length=0.9))
     links = links[: usually(2, 3)]
     support = Cart(mass=3.0, stiffness=2.0) if seed % 2 else Fixed()
-    system = symbolic.of_scene(Scene(gravity=9.81, space="space", support=support, pendulum=[Pendulum(links=links)]))
+    system = of_structured(Scene(gravity=9.81, space="space", support=support, pendulum=[Pendulum(links=links)]))
     spherical = derive_lagrangian(system)
     rng = random.Random(seed)
     state = {part: sp.Rational(rng.randint(-900, 900), 700) for c in spherical.coordinates for part in c}
-    equations = dict(zip([c.q.name for c in spherical.coordinates], spherical.equations, strict=True))
-    forces = system.vector_equations()
+    lagranges = dict(zip([c.q.name for c in spherical.coordinates], spherical.equations, strict=True))
+    forces = vector_equations(system)
     u = [sp.Matrix([sp.sin(t) * sp.cos(f), sp.sin(t) * sp.sin(f), sp.cos(t)]) for t, f in symbols_of(system)]
     second = [accelerated(vector, spherical.coordinates) for vector in u]
     if isinstance(support, Cart):
         _, F = forces.pop(0)
         along = F.coeff(sp.Symbol("e_x")) + sum(F.coeff(coordinate("u", j + 1).a) * second[j][0] for j in range(len(u)))
-        assert abs(sp.N((along - equations["x"]).subs(state), 30)) < 1e-25
+        assert abs(sp.N((along - lagranges["x"]).subs(state), 30)) < 1e-25
     for i, (_, F) in enumerate(forces):
         weights = {coordinate("u", j + 1).a: second[j] for j in range(len(u))}
         vector = sum((F.coeff(name) * value for name, value in weights.items()), sp.zeros(3, 1))
         vector += sp.Matrix([F.coeff(sp.Symbol("e_x")), 0, F.coeff(sp.Symbol("e_z"))])
         for name in (f"theta_{i + 1}", f"phi_{i + 1}"):
             virtual = u[i].diff(sp.Symbol(name)).dot(vector)
-            assert abs(sp.N((virtual - equations[name]).subs(state), 30)) < 1e-25
+            assert abs(sp.N((virtual - lagranges[name]).subs(state), 30)) < 1e-25
 
 
-def symbols_of(system: SymbolicSystem) -> list[tuple[sp.Symbol, sp.Symbol]]:
+def symbols_of(system: SymbolicStructure) -> list[tuple[sp.Symbol, sp.Symbol]]:
     return [(angle.q, sp.Symbol(angle.q.name.replace("theta", "phi"))) for angle in system.angles]
 
 
@@ -138,7 +140,7 @@ def test_kappa_of_a_stable_mode_beside_a_standing_link() -> None:
 def test_from_the_lagrangian_to_the_printed_polynomial(n: int) -> None:
     printed = {1: [1, 1], 2: [2, 4, 1], 3: [6, 18, 9, 1], 4: [24, 96, 72, 16, 1], 5: [120, 600, 600, 200, 25, 1]}
     system = chain(n)
-    M, K, _ = derive_lagrangian(system).linearized()
+    M, K, _ = Positions(system).linearized()
     m, l, g = sp.symbols("m l g", positive=True)
     lam = sp.Symbol("lambda")
     determinant = (M + lam * K * l / g).det(method="berkowitz") / (m * l**2) ** n
@@ -152,7 +154,7 @@ def test_the_recursion_in_symbols_is_the_determinant(n: int) -> None:
     """Also of partly equal symbols and on a cart."""
     x = sp.Symbol("x")
     for system, on_cart in ((chain(n, "rod", ("masses", "lengths")), False), (cart(n, 1, "rod", ("lengths",)), True)):
-        M, K, _ = derive_lagrangian(system).linearized()
+        M, K, _ = Positions(system).linearized()
         determinant = (K - x * M).det(method="berkowitz")
         section = next(iter(derive(system, ("polynomial",))))
         in_x = [line for line in section.lines if "$x = " in line.words and "rigid" not in line.words]
