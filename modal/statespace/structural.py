@@ -4,7 +4,7 @@
 
 over q = (η, θ_1, …): for a force F of each input, ω²p − iωw for the ground displaced by 1 m, p and w being the momentum
 and the windage of everything at unit velocity along the rail, and −(K + iωD − ω²M)_x for a prescribed cart x, whose row
-is left out.  The matrices are the squares of the scene (`modal.assembly.squares`), in the arithmetic of the elimination.
+is left out.  The matrices are the squares of the scene (`modal.assembly.squares`), in the elimination's arithmetic.
 """
 
 from __future__ import annotations
