@@ -2,19 +2,20 @@
 
 To first order in the dampers a mode φ of the conservative scene, φᵀMφ = E, decays as exp(−σt) with
 
-    σ = φᵀDφ/2E = c_c φ_x²/2E + Σ d_i (θ_i − θ_{i−1})²/2E + Σ drag_k (h_kᵀφ)²/2E
+    σ = φᵀDφ/2E = ηᵀD_s η/2E + Σ d_i (θ_i − θ_{i−1})²/2E + Σ drag_k (h_kᵀφ)²/2E
 
-with the displacement h_kᵀφ of a link's centre (Rayleigh, Theory of Sound, §102); modes of equal frequency are rotated
-until D is diagonal among them. A drive that applies the torque e θ_1' to every pendulum's top link contributes a growth
-rate e F, F = Σ θ_1²/2E: in the linear scene a mode grows once e exceeds σ/F. The van der Pol torques of the scene
-itself contribute Σ e_i (θ_i − θ_{i−1})²/2E at equilibrium. σ is listed with the eigenvalue −ζω ± iω√(1 − ζ²) of the
-damped scene itself.
+with D_s of what carries the pendula, c_c of a cart, the angle θ − Ωη of a first joint and the displacement h_kᵀφ of a
+link's centre (Rayleigh, Theory of Sound, §102); modes of equal frequency are rotated until D is diagonal among them.
+A drive that applies the torque e θ_1' to every pendulum's top link contributes a growth rate e F, F = Σ θ_1²/2E: in the
+linear scene a mode grows once e exceeds σ/F. The van der Pol torques of the scene itself contribute
+Σ e_i (θ_i − θ_{i−1})²/2E at equilibrium. σ is listed with the eigenvalue −ζω ± iω√(1 − ζ²) of the damped scene itself.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import groupby, pairwise
 from math import inf
 from typing import NamedTuple
@@ -22,25 +23,27 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from modal.assembly import Rig, centres, ratio_at
-from modal.coupling.fixed_base import without_damping
+from modal.assembly import Hanging, Rig, centres, modal_supports, ratio_at
+from modal.coupling.fixed_base import Kind, without_damping
 from modal.eigen import ModalSpectrum, SpectrumPart, find_spectrum
 from modal.errors import ComputationError
 from modal.report import Displayed
 from modal.scene import Pendulum, Scene, VanDerPol, validate_scene
 from modal.types import Floats
 
-Kind = tuple[int, int] | None
 CHUNK = 400_000
+STILL = 1e-20
+"""Largest share of a mode's kinetic energy in a structure that is said to stand still."""
 
 
 @dataclass(frozen=True, repr=False)
 class Damped(Displayed):
     """Modes of frequency `omega` (rad/s), `fold` of them, in the conservative scene; `still` if the cart is.
 
-    `kind` is the pendula's name where only these move.  Rates in 1/s: `from_cart`, `from_joints`, `from_drag` and
-    `from_ratio` (ζω of the scene's damping ratio) add up to σ, `from_drives` is the growth rate by the scene's own
-    drives.  `fed` is F in 1/(kg m²), `exact` the damped eigenvalue (rad/s), None where it is not available.
+    `kind` is the pendula's name where only these move.  Rates in 1/s: `from_cart`, or from the dampers of a structure
+    and its springs, `from_joints`, `from_drag` and `from_ratio` (ζω of the scene's damping ratio) add up to σ,
+    `from_drives` is the growth rate by the scene's own drives.  `fed` is F in 1/(kg m²), `exact` the damped eigenvalue
+    (rad/s), None where it is not available.
     """
 
     omega: float
@@ -99,7 +102,7 @@ def damped_modes(rig: Rig, strengths: tuple[Floats, ...]) -> tuple[Damped, ...]:
     names, moment = rig.names, units.mass * units.length**2
     driven = tuple(strength / (moment * units.rate) for strength in strengths)
     with np.errstate(all="ignore"):
-        modes = _modes(natural, find_spectrum(without_damping(natural)), driven)
+        modes = _modes(_Losses(natural, driven), find_spectrum(without_damping(natural)))
         values = _exact(natural, modes)
     return tuple(
         Damped(
@@ -140,26 +143,25 @@ def _strengths(pendulum: Pendulum) -> list[float]:
 
 
 class _Shapes(NamedTuple):
-    """Some rows of a source: cart and φᵀMφ (d,), angles (n, P, d) of each block."""
+    """Some rows of a source: η and φᵀMφ (d,), angles (n, P, d) of each block."""
 
-    cart: Floats
+    eta: Floats
     modal_mass: Floats
     angles: tuple[Floats, ...]
 
 
-def _modes(rig: Rig, spectrum: ModalSpectrum, driven: tuple[Floats, ...]) -> list[_Mode]:
+def _modes(losses: _Losses, spectrum: ModalSpectrum) -> list[_Mode]:
     """Every oscillating mode, ascending."""
     swinging = [number for number, value in enumerate(spectrum.eigenvalue) if value]
     parts = [(number, part) for number in swinging for part in spectrum.groups[number]]
     parts.sort(key=lambda entry: (entry[1].source, entry[1].row))
     modes, omega = [], np.abs(spectrum.eigenvalue)
-    ratio = ratio_at(rig)(omega)
+    ratio = ratio_at(losses.rig)(omega)
     for source, members in groupby(parts, key=lambda entry: entry[1].source):
         owned = list(members)
-        for (number, part), shapes in zip(
-            owned, _shapes(rig, spectrum, source, [part for _, part in owned]), strict=True
-        ):
-            modes.append((number, _mode(rig, part, float(omega[number]), float(ratio[number]), shapes, driven)))
+        shapes = _shapes(losses.rig, spectrum, source, [part for _, part in owned])
+        for (number, part), each in zip(owned, shapes, strict=True):
+            modes.append((number, losses.mode(part, float(omega[number]), float(ratio[number]), each)))
     return [mode for _, mode in sorted(modes, key=lambda entry: entry[0])]
 
 
@@ -172,59 +174,115 @@ def _shapes(rig: Rig, spectrum: ModalSpectrum, source: int, parts: list[Spectrum
         ]
         details = spectrum.details(source, [row for part_rows in rows for row in part_rows])
         ends = np.cumsum([len(part_rows) for part_rows in rows]).tolist()
+        moved = (details.eta if rig.structure else (details.cart,)) or (np.zeros(ends[-1]),) * rig.leading
+        eta = np.array(moved[: rig.leading]).reshape(rig.leading, ends[-1]).real
         for first, last in pairwise([0, *ends]):
             here = slice(first, last)
             angles = tuple(angle[..., here].real for angle in details.angles)
-            yield _Shapes(details.cart[here].real, details.modal_mass[here], angles)
+            yield _Shapes(eta[:, here], details.modal_mass[here], angles)
 
 
-def _mode(
-    rig: Rig, part: SpectrumPart, omega: float, ratio: float, shapes: _Shapes, driven: tuple[Floats, ...]
-) -> _Mode:
-    """φᵀDφ/2E by its sources, φᵀeφ/2E and φᵀFφ/2E, in the vectors that make D diagonal; drag and ζω come last."""
-    turns, damping, drive, top = _relative(rig, part, shapes, driven)
-    scale = 1 / np.sqrt(2 * shapes.modal_mass)
-    turns, moved = turns * scale, shapes.cart * scale
-    parts = (
-        np.outer(moved, moved) * (rig.cart.damping if rig.cart else 0.0),
-        (turns.T * damping) @ turns,
-        (turns.T * drive) @ turns,
-        (turns.T * top) @ turns,
-        _dragged(rig, part, shapes, scale),
-    )
-    vectors = np.linalg.eigh(parts[0] + parts[1] + parts[-1])[1]
-    cart, joints, drives, fed, drag = (np.einsum("ik,ij,jk->k", vectors, matrix, vectors) for matrix in parts)
-    still, modal = part.still or not shapes.cart.any(), np.full(len(scale), ratio * omega)
-    return _Mode(part, omega, still, cart, joints, drives, fed, drag, modal)
+@dataclass(frozen=True, eq=False)
+class _Losses:
+    """What drains and feeds the modes of a rig in natural units, `driven` the strengths of drives (n, P) of blocks."""
 
+    rig: Rig
+    driven: tuple[Floats, ...]
 
-def _dragged(rig: Rig, part: SpectrumPart, shapes: _Shapes, scale: Floats) -> Floats:
-    """φᵀDφ/2E of the drag alone, (d, d)."""
-    losses = np.zeros((len(scale), len(scale)))
-    for number, block in enumerate(rig.blocks):
-        for column in np.flatnonzero(block.drag.any(0)).tolist():
-            if part.kind is not None and part.kind != (number, column):
+    @cached_property
+    def hanging(self) -> Hanging:
+        """What carries the pendula as a structure."""
+        return Hanging(self.rig.carried)
+
+    @cached_property
+    def inertia(self) -> Floats:
+        """(d, d): that of all that carries pendula, these as if they were stiff."""
+        return self.hanging.inertia
+
+    @cached_property
+    def pivots(self) -> tuple[tuple[Floats, Floats], ...]:
+        """Of every block, how its kinds move along the rail and turn, (P, d) each."""
+        phi, kinds = self.hanging.phi, self.hanging.kinds
+        rows = [np.zeros((2, block.size, self.hanging.structure.size)) for block in self.rig.blocks]
+        for (block, column), *each in zip(kinds.tolist(), phi.along, phi.turning, strict=True):
+            rows[block][:, column] = each
+        return tuple((along, turning) for along, turning in rows)
+
+    @cached_property
+    def dragged(self) -> list[Kind]:
+        """The kinds of pendula with drag."""
+        return [kind for kind in self.rig.names if self.rig.blocks[kind[0]].drag[:, kind[1]].any()]
+
+    def mode(self, part: SpectrumPart, omega: float, ratio: float, shapes: _Shapes) -> _Mode:
+        """φᵀDφ/2E by its sources, φᵀeφ/2E and φᵀFφ/2E, in the vectors that make D diagonal."""
+        scale = 1 / np.sqrt(2 * shapes.modal_mass)
+        if part.kind:
+            shapes = shapes._replace(eta=0.0 * shapes.eta)
+        turns, damping, drive, top = self._relative(part, shapes)
+        turns = turns * scale
+        parts = (
+            self._carried(part, shapes, scale),
+            (turns.T * damping) @ turns,
+            (turns.T * drive) @ turns,
+            (turns.T * top) @ turns,
+            self._dragged(part, shapes, scale),
+        )
+        vectors = np.linalg.eigh(parts[0] + parts[1] + parts[-1])[1]
+        cart, joints, drives, fed, drag = (np.einsum("ik,ij,jk->k", vectors, matrix, vectors) for matrix in parts)
+        share = np.einsum("ik,ij,jk->k", shapes.eta, self.inertia, shapes.eta) / shapes.modal_mass
+        still = part.still or bool(np.all(share <= STILL * bool(self.rig.structure)))
+        return _Mode(part, omega, still, cart, joints, drives, fed, drag, np.full(len(scale), ratio * omega))
+
+    def _carried(self, part: SpectrumPart, shapes: _Shapes, scale: Floats) -> Floats:
+        """Of what carries the pendula, of springs between points, and of what goes down, (R, R)."""
+        moved = shapes.eta * scale
+        lost = np.asarray(moved.T @ modal_supports(self.hanging.structure)[2] @ moved)
+        if part.kind:
+            return lost
+        for element in self.hanging.elements.damping:
+            pulled = np.zeros(len(scale))
+            for at, value in zip(element.at, element.row, strict=True):
+                pulled += value * scale * self._coordinate(at, shapes)
+            lost += element.size * np.outer(pulled, pulled)
+        return lost
+
+    def _coordinate(self, at: int, shapes: _Shapes) -> Floats:
+        """η or the angle of a link, by its number."""
+        d = len(shapes.eta)
+        if at < d:
+            return np.asarray(shapes.eta[at])
+        pendulum = self.hanging.owner(at - d)
+        block, column = self.hanging.kinds[pendulum]
+        return np.asarray(shapes.angles[block][at - d - int(self.hanging.first[pendulum]), column])
+
+    def _dragged(self, part: SpectrumPart, shapes: _Shapes, scale: Floats) -> Floats:
+        """Of the drag of links along the rail, (R, R)."""
+        lost = np.zeros((len(scale), len(scale)))
+        for number, column in self.dragged:
+            if part.kind not in (None, (number, column)):
                 continue
+            block = self.rig.blocks[number]
             angles = shapes.angles[0][:, 0] if part.kind else shapes.angles[number][:, column]
-            moved = np.asarray(shapes.cart + centres(block, column) @ angles) * scale
-            losses += (moved.T * block.drag[:, column] * (1 if part.kind else block.count[column])) @ moved
-    return losses
+            moved = (self.pivots[number][0][column] @ shapes.eta + centres(block, column) @ angles) * scale
+            lost += (moved.T * block.drag[:, column] * (1 if part.kind else block.count[column])) @ moved
+        return lost
 
-
-def _relative(
-    rig: Rig, part: SpectrumPart, shapes: _Shapes, driven: tuple[Floats, ...]
-) -> tuple[Floats, Floats, Floats, Floats]:
-    """Relative angles (J, d) at all moving joints, their dampers and drives (J,), and 1 for top joints, folded."""
-    if part.kind:
-        index, column = part.kind
-        block = rig.blocks[index]
-        swung = np.diff(shapes.angles[0][:, 0], axis=0, prepend=0.0)
-        return swung, block.damping[:, column], driven[index][:, column], _tops(block.n, np.ones(1))
-    turns = [np.diff(angle, axis=0, prepend=0.0).reshape(-1, angle.shape[-1]) for angle in shapes.angles]
-    damping = [(block.damping * block.count).ravel() for block in rig.blocks]
-    drive = [(strength * block.count).ravel() for strength, block in zip(driven, rig.blocks, strict=True)]
-    tops = [_tops(block.n, block.count.astype(np.float64)) for block in rig.blocks]
-    return np.concatenate(turns), np.concatenate(damping), np.concatenate(drive), np.concatenate(tops)
+    def _relative(self, part: SpectrumPart, shapes: _Shapes) -> tuple[Floats, Floats, Floats, Floats]:
+        """Relative angles (J, R) at all moving joints, their dampers and drives (J,), and 1 for top joints, folded."""
+        if part.kind:
+            index, column = part.kind
+            block = self.rig.blocks[index]
+            swung = np.diff(shapes.angles[0][:, 0], axis=0, prepend=0.0)
+            return swung, block.damping[:, column], self.driven[index][:, column], _tops(block.n, np.ones(1))
+        blocks = self.rig.blocks
+        turns = [np.diff(angle, axis=0, prepend=0.0) for angle in shapes.angles]
+        for turn, (_, turning) in zip(turns, self.pivots, strict=True):
+            turn[0] -= turning @ shapes.eta
+        damping = [(block.damping * block.count).ravel() for block in blocks]
+        drive = [(strength * block.count).ravel() for strength, block in zip(self.driven, blocks, strict=True)]
+        tops = [_tops(block.n, block.count.astype(np.float64)) for block in blocks]
+        rows = [turn.reshape(-1, turn.shape[-1]) for turn in turns]
+        return np.concatenate(rows), np.concatenate(damping), np.concatenate(drive), np.concatenate(tops)
 
 
 def _tops(n: int, count: Floats) -> Floats:
@@ -240,11 +298,11 @@ def _exact(rig: Rig, modes: list[_Mode]) -> list[list[complex | None]]:
         spectrum = find_spectrum(rig)
     except ComputationError:
         return unknown
-    values: dict[Kind, list[complex]] = {}
+    values: dict[Kind | None, list[complex]] = {}
     for value, group in zip(spectrum.eigenvalue.tolist(), spectrum.groups, strict=True):
         for part in group if value else ():
             values.setdefault(part.kind, []).extend([value] * (1 if part.kind else part.along))
-    wanted: dict[Kind, list[tuple[int, int]]] = {}
+    wanted: dict[Kind | None, list[tuple[int, int]]] = {}
     for m, mode in enumerate(modes):
         wanted.setdefault(mode.part.kind, []).extend((m, k) for k in range(len(mode.cart)))
     for kind, places in wanted.items():
