@@ -166,20 +166,29 @@ def _modes(losses: _Losses, spectrum: ModalSpectrum) -> list[_Mode]:
 
 
 def _shapes(rig: Rig, spectrum: ModalSpectrum, source: int, parts: list[SpectrumPart]) -> Iterator[_Shapes]:
-    """The rows of each of the parts of one source, computed a bounded amount of memory at a time."""
+    """The rows of each of the parts of one source, computed a bounded amount of memory at a time.
+
+    Of equal pendula in antiphase all swing alike, all else at rest: their rates are those of one.
+    """
     size = max(1, CHUNK // sum(block.mass.size for block in rig.blocks))
     for start in range(0, len(parts), size):
-        rows = [
-            list(range(part.row, part.row + (1 if part.kind else part.along))) for part in parts[start : start + size]
-        ]
+        chosen = parts[start : start + size]
+        rows = [list(range(part.row, part.row + (1 if part.kind else part.along))) for part in chosen]
         details = spectrum.details(source, [row for part_rows in rows for row in part_rows])
         ends = np.cumsum([len(part_rows) for part_rows in rows]).tolist()
         moved = (details.eta if rig.structure else (details.cart,)) or (np.zeros(ends[-1]),) * rig.leading
         eta = np.array(moved[: rig.leading]).reshape(rig.leading, ends[-1]).real
-        for first, last in pairwise([0, *ends]):
-            here = slice(first, last)
-            angles = tuple(angle[..., here].real for angle in details.angles)
-            yield _Shapes(eta[:, here], details.modal_mass[here], angles)
+        for part, (first, last) in zip(chosen, pairwise([0, *ends]), strict=True):
+            mass, angles = (
+                details.modal_mass[first:last],
+                tuple(angle[..., first:last].real for angle in details.angles),
+            )
+            if part.kind:
+                block, column = part.kind
+                alone, mass = angles[0][:, 0], mass * rig.blocks[block].count[column]
+                angles = tuple(np.zeros((*each.mass.shape, 1)) for each in rig.blocks)
+                angles[block][:, column] = alone
+            yield _Shapes(eta[:, first:last] * (not part.kind), mass, angles)
 
 
 @dataclass(frozen=True, eq=False)
@@ -195,9 +204,9 @@ class _Losses:
         return Hanging(self.rig.carried)
 
     @cached_property
-    def inertia(self) -> Floats:
-        """(d, d): that of all that carries pendula, these as if they were stiff."""
-        return self.hanging.inertia
+    def carrier(self) -> tuple[Floats, Floats]:
+        """M and D (d, d) of all that carries pendula, these as if they were stiff; D of modal supports alone."""
+        return self.hanging.inertia, modal_supports(self.hanging.structure)[2]
 
     @cached_property
     def pivots(self) -> tuple[tuple[Floats, Floats], ...]:
@@ -209,6 +218,18 @@ class _Losses:
         return tuple((along, turning) for along, turning in rows)
 
     @cached_property
+    def joints(self) -> tuple[Floats, Floats, Floats]:
+        """Dampers and drives (J,) of all joints of blocks, and 1 for top joints, times the copies."""
+        blocks = self.rig.blocks
+        tops = [np.arange(block.n)[:, None] == np.zeros(block.size) for block in blocks]
+        every = [block.damping for block in blocks], self.driven, tops
+        damping, drive, top = (
+            np.concatenate([(part * block.count).ravel() for part, block in zip(parts, blocks, strict=True)])
+            for parts in every
+        )
+        return damping, drive, top
+
+    @cached_property
     def dragged(self) -> list[Kind]:
         """The kinds of pendula with drag."""
         return [kind for kind in self.rig.names if self.rig.blocks[kind[0]].drag[:, kind[1]].any()]
@@ -216,77 +237,42 @@ class _Losses:
     def mode(self, part: SpectrumPart, omega: float, ratio: float, shapes: _Shapes) -> _Mode:
         """φᵀDφ/2E by its sources, φᵀeφ/2E and φᵀFφ/2E, in the vectors that make D diagonal."""
         scale = 1 / np.sqrt(2 * shapes.modal_mass)
-        if part.kind:
-            shapes = shapes._replace(eta=0.0 * shapes.eta)
-        turns, damping, drive, top = self._relative(part, shapes)
-        turns = turns * scale
-        parts = (
-            self._carried(part, shapes, scale),
-            (turns.T * damping) @ turns,
-            (turns.T * drive) @ turns,
-            (turns.T * top) @ turns,
-            self._dragged(part, shapes, scale),
-        )
+        eta, angles = shapes.eta * scale, [angle * scale for angle in shapes.angles]
+        turns = [np.diff(angle, axis=0, prepend=0.0) for angle in angles]
+        for turn, (_, turning) in zip(turns, self.pivots, strict=True):
+            turn[0] -= turning @ eta
+        rows = np.concatenate([turn.reshape(-1, len(scale)) for turn in turns])
+        damping, drive, top = ((rows.T * strength) @ rows for strength in self.joints)
+        parts = self._carried(eta, angles), damping, drive, top, self._dragged(eta, angles)
         vectors = np.linalg.eigh(parts[0] + parts[1] + parts[-1])[1]
         cart, joints, drives, fed, drag = (np.einsum("ik,ij,jk->k", vectors, matrix, vectors) for matrix in parts)
-        share = np.einsum("ik,ij,jk->k", shapes.eta, self.inertia, shapes.eta) / shapes.modal_mass
+        share = 2 * np.einsum("ik,ij,jk->k", eta, self.carrier[0], eta)
         still = part.still or bool(np.all(share <= STILL * bool(self.rig.structure)))
         return _Mode(part, omega, still, cart, joints, drives, fed, drag, np.full(len(scale), ratio * omega))
 
-    def _carried(self, part: SpectrumPart, shapes: _Shapes, scale: Floats) -> Floats:
+    def _carried(self, eta: Floats, angles: list[Floats]) -> Floats:
         """Of what carries the pendula, of springs between points, and of what goes down, (R, R)."""
-        moved = shapes.eta * scale
-        lost = np.asarray(moved.T @ modal_supports(self.hanging.structure)[2] @ moved)
-        if part.kind:
-            return lost
+        lost = np.asarray(eta.T @ self.carrier[1] @ eta)
         for element in self.hanging.elements.damping:
-            pulled = np.zeros(len(scale))
+            pulled = np.zeros(eta.shape[1])
             for at, value in zip(element.at, element.row, strict=True):
-                pulled += value * scale * self._coordinate(at, shapes)
+                pulled += value * (eta[at] if at < len(eta) else self._angle(at - len(eta), angles))
             lost += element.size * np.outer(pulled, pulled)
         return lost
 
-    def _coordinate(self, at: int, shapes: _Shapes) -> Floats:
-        """η or the angle of a link, by its number."""
-        d = len(shapes.eta)
-        if at < d:
-            return np.asarray(shapes.eta[at])
-        pendulum = self.hanging.owner(at - d)
+    def _angle(self, link: int, angles: list[Floats]) -> Floats:
+        pendulum = self.hanging.owner(link)
         block, column = self.hanging.kinds[pendulum]
-        return np.asarray(shapes.angles[block][at - d - int(self.hanging.first[pendulum]), column])
+        return np.asarray(angles[block][link - int(self.hanging.first[pendulum]), column])
 
-    def _dragged(self, part: SpectrumPart, shapes: _Shapes, scale: Floats) -> Floats:
+    def _dragged(self, eta: Floats, angles: list[Floats]) -> Floats:
         """Of the drag of links along the rail, (R, R)."""
-        lost = np.zeros((len(scale), len(scale)))
+        lost = np.zeros((eta.shape[1],) * 2)
         for number, column in self.dragged:
-            if part.kind not in (None, (number, column)):
-                continue
             block = self.rig.blocks[number]
-            angles = shapes.angles[0][:, 0] if part.kind else shapes.angles[number][:, column]
-            moved = (self.pivots[number][0][column] @ shapes.eta + centres(block, column) @ angles) * scale
-            lost += (moved.T * block.drag[:, column] * (1 if part.kind else block.count[column])) @ moved
+            moved = self.pivots[number][0][column] @ eta + centres(block, column) @ angles[number][:, column]
+            lost += (moved.T * block.drag[:, column] * block.count[column]) @ moved
         return lost
-
-    def _relative(self, part: SpectrumPart, shapes: _Shapes) -> tuple[Floats, Floats, Floats, Floats]:
-        """Relative angles (J, R) at all moving joints, their dampers and drives (J,), and 1 for top joints, folded."""
-        if part.kind:
-            index, column = part.kind
-            block = self.rig.blocks[index]
-            swung = np.diff(shapes.angles[0][:, 0], axis=0, prepend=0.0)
-            return swung, block.damping[:, column], self.driven[index][:, column], _tops(block.n, np.ones(1))
-        blocks = self.rig.blocks
-        turns = [np.diff(angle, axis=0, prepend=0.0) for angle in shapes.angles]
-        for turn, (_, turning) in zip(turns, self.pivots, strict=True):
-            turn[0] -= turning @ shapes.eta
-        damping = [(block.damping * block.count).ravel() for block in blocks]
-        drive = [(strength * block.count).ravel() for strength, block in zip(self.driven, blocks, strict=True)]
-        tops = [_tops(block.n, block.count.astype(np.float64)) for block in blocks]
-        rows = [turn.reshape(-1, turn.shape[-1]) for turn in turns]
-        return np.concatenate(rows), np.concatenate(damping), np.concatenate(drive), np.concatenate(tops)
-
-
-def _tops(n: int, count: Floats) -> Floats:
-    return np.concatenate([count, np.zeros((n - 1) * len(count))])
 
 
 def _exact(rig: Rig, modes: list[_Mode]) -> list[list[complex | None]]:
