@@ -13,7 +13,7 @@ one the zeros of m_dyn − m_c.  In space all of this is the motion along the ra
 
 A structure alone, its pendula as if they were stiff, has the modes K_s u = ω² (M_s + Σ m (ΦᵀΦ + ΨᵀΨ)) u; along them
 the dynamic mass is the matrix −UᵀS(ω²)U/ω² (`modal.coupling.reduced`).  One coordinate is solved by the secular
-equation (`modal.coupling.secular`), several by matrices (`modal.coupling.matrices`).  Every mode belongs to the
+equation (`modal.coupling.dynamic_mass`), several by matrices (`modal.coupling.matrices`).  Every mode belongs to the
 structure's own mode, or to the family, that has the largest share in its potential energy, none to two.
 """
 
@@ -29,7 +29,7 @@ import numpy as np
 
 from modal.assembly import Rig, ratio_at, rig_of
 from modal.coupling.damping import Damped, damped_modes, negative_damping
-from modal.coupling.dynamic_mass import DynamicMass
+from modal.coupling.dynamic_mass import DynamicMass, SecularEquation, dynamic_mass
 from modal.coupling.exchange import (
     LEAST_SHARE_OF_BEATS,
     MOST_MODES,
@@ -37,7 +37,6 @@ from modal.coupling.exchange import (
     EnergyExchange,
     beats_of,
     exchanged,
-    is_steady,
     passes_energy,
     shared,
 )
@@ -45,7 +44,6 @@ from modal.coupling.families import Family, FamilyBranch, FamilyRow, family_cell
 from modal.coupling.fixed_base import FixedBaseModes
 from modal.coupling.matrices import ReducedPencil, stable_pencil
 from modal.coupling.reduced import ReducedStructure, reduced, refuse_beyond
-from modal.coupling.secular import SecularEquation, dynamic_mass
 from modal.errors import ComputationError
 from modal.modes import MOST_COMPARED, moving_words, natural_modes, table_numbers
 from modal.report import HTML_ROWS, Displayed, Summary, counted
@@ -393,8 +391,7 @@ class Coupling(Displayed):
         families = [family for family in self.families if {a, b} & set(family.members)]
         alone, mass = sum(len(family.members) for family in families) == 2, inf
         if self.on_cart and isinstance(self.solver, SecularEquation):
-            poles = np.array([k for mode in at for k, family in enumerate(self.families) if mode in family.members])
-            mass, steady = is_steady(self.solver.dynamic, poles, (modes.mass * modes.count)[at])
+            mass, steady = self.solver.between((a, b))
             alone, coupling = alone and steady, abs(coupling)
         return EnergyExchange(a, b, detuning, coupling, strength, mass, alone, passed)
 

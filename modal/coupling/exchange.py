@@ -27,9 +27,8 @@ from typing import Any
 
 import numpy as np
 
-from modal.coupling.dynamic_mass import DynamicMass
 from modal.report import Displayed
-from modal.types import Complexes, Floats, Ints
+from modal.types import Complexes, Floats
 
 SAMPLES = 2001
 MOST_MODES = 40
@@ -42,8 +41,6 @@ LEAST_SHARE_OF_BEATS = 0.01
 """Share of the energy of one pendulum that others must come to hold for a beat to be told."""
 UNEVEN = 1e-3
 """Largest differences of decay rates within a family, over its splitting and over the largest rate."""
-STEADY = 0.2
-"""Largest relative change of m over the frequencies of an isolated pair."""
 
 
 @dataclass(frozen=True)
@@ -174,21 +171,3 @@ def exchanged(omega: Floats, rate: Floats, free: Any, lossy: Any) -> tuple[float
     strength = max(abs(free[0, 0]) / wa**2, abs(free[1, 1]) / wb**2, abs(free[0, 1]) / x)
     passed = replace(passed, beats=passed.beats and bool(np.all(rate < omega)))
     return float(first - second), float(free[0, 1]) / (2 * sqrt(x)), float(strength), passed
-
-
-def is_steady(dynamic: DynamicMass, poles: Ints, mass: Floats) -> tuple[float, bool]:
-    """The m (kg) between two poles without these, and whether it is steady over all of their frequencies.
-
-    Of two modes of `mass` (2,) in kg.  A coupling beyond STRONG is none that is steady.
-    """
-    left_out = np.isin(np.arange(len(dynamic.omega)), poles)[None]
-    omega = dynamic.omega[poles]
-    m = float(dynamic(sqrt(float(omega.prod())), left_out=left_out)[0])
-    with np.errstate(all="ignore"):
-        shift = omega * mass / (2 * m) if m else np.full(2, inf)
-        middle, detuning = float((omega + shift).mean()), float(np.diff(omega + shift)[0])
-        swing = np.hypot(detuning / 2, np.sqrt(np.abs(shift.prod())))
-        ends = np.array([*omega, middle - swing, middle + swing])
-        beside = dynamic(np.maximum([ends.min(), ends.max()], 0.0), left_out=np.repeat(left_out, 2, axis=0))
-        steady = bool(np.all(np.abs(beside - m) <= STEADY * abs(m)))
-    return m, steady and isfinite(m) and bool(mass.max() <= STRONG * abs(m))

@@ -5,7 +5,7 @@ With a from the amplitudes of a family and everything else eliminated at x = ω_
     F a = (x − ω_r²) a,    F = C_rr − (K − xM)_r· (K − xM')··⁻¹ (K − xM)·r,    M' without the family's h hᵀ,
 
 has the eigenvalues ε ω_r²: to first order mode (r, ε) is shifted by Δω = ½ ε ω_r.  For one cart ε = μ_r/m_r, as in
-`modal.coupling.secular`.  The modes themselves are those of the reduced pencil (K, M).
+`modal.coupling.dynamic_mass`.  The modes themselves are those of the reduced pencil (K, M).
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ from typing import Any
 import numpy as np
 
 from modal.coupling.damping import STILL
+from modal.coupling.dynamic_mass import FALLS, NOTHING_HOLDS, Other
 from modal.coupling.families import FamilyBranch
 from modal.coupling.fixed_base import pencil
 from modal.coupling.reduced import ReducedStructure
-from modal.coupling.secular import FALLS, NOTHING_HOLDS, Other
 from modal.eigen import degenerate_modes
 from modal.errors import ComputationError
 from modal.modes import paired
