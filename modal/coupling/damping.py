@@ -79,20 +79,6 @@ class Damped(Displayed):
         return self.rate / self.fed if self.fed else inf
 
 
-class _Mode(NamedTuple):
-    """One mode or several equal ones, in natural units: rates and feed of each vector (d,)."""
-
-    part: SpectrumPart
-    omega: float
-    still: bool
-    cart: Floats
-    joints: Floats
-    drives: Floats
-    fed: Floats
-    drag: Floats
-    ratio: Floats
-
-
 def damped_modes(rig: Rig, strengths: tuple[Floats, ...]) -> tuple[Damped, ...]:
     """All modes of a rig in SI units that oscillate along the rail, ascending; all links must hang.
 
@@ -104,22 +90,16 @@ def damped_modes(rig: Rig, strengths: tuple[Floats, ...]) -> tuple[Damped, ...]:
     with np.errstate(all="ignore"):
         modes = _modes(_Losses(natural, driven), find_spectrum(without_damping(natural)))
         values = _exact(natural, modes)
+    rates = ("omega", "from_cart", "from_joints", "from_drives", "from_drag", "from_ratio")
     return tuple(
-        Damped(
-            omega=mode.omega * units.rate,
-            fold=mode.part.along if len(mode.cart) == 1 else 1,
-            still=mode.still,
-            kind=names[mode.part.kind] if mode.part.kind else None,
-            from_cart=float(mode.cart[k]) * units.rate,
-            from_joints=float(mode.joints[k]) * units.rate,
-            from_drives=float(mode.drives[k]) * units.rate,
-            fed=float(mode.fed[k]) / moment,
+        replace(
+            mode,
+            kind=names[kind] if kind else None,
+            fed=mode.fed / moment,
             exact=None if value is None else complex(value * units.rate),
-            from_drag=float(mode.drag[k]) * units.rate,
-            from_ratio=float(mode.ratio[k]) * units.rate,
+            **{rate: getattr(mode, rate) * units.rate for rate in rates},
         )
-        for mode, eigenvalues in zip(modes, values, strict=True)
-        for k, value in enumerate(eigenvalues)
+        for (kind, mode), value in zip(modes, values, strict=True)
     )
 
 
@@ -150,8 +130,8 @@ class _Shapes(NamedTuple):
     angles: tuple[Floats, ...]
 
 
-def _modes(losses: _Losses, spectrum: ModalSpectrum) -> list[_Mode]:
-    """Every oscillating mode, ascending."""
+def _modes(losses: _Losses, spectrum: ModalSpectrum) -> list[tuple[Kind | None, Damped]]:
+    """Every oscillating mode, ascending, and the kind of pendula where only these move."""
     swinging = [number for number, value in enumerate(spectrum.eigenvalue) if value]
     parts = [(number, part) for number in swinging for part in spectrum.groups[number]]
     parts.sort(key=lambda entry: (entry[1].source, entry[1].row))
@@ -161,8 +141,9 @@ def _modes(losses: _Losses, spectrum: ModalSpectrum) -> list[_Mode]:
         owned = list(members)
         shapes = _shapes(losses.rig, spectrum, source, [part for _, part in owned])
         for (number, part), each in zip(owned, shapes, strict=True):
-            modes.append((number, losses.mode(part, float(omega[number]), float(ratio[number]), each)))
-    return [mode for _, mode in sorted(modes, key=lambda entry: entry[0])]
+            modes.append((number, part.kind, losses.modes(part, float(omega[number]), float(ratio[number]), each)))
+    ascending = sorted(modes, key=lambda entry: entry[0])
+    return [(kind, mode) for _, kind, equal in ascending for mode in equal]
 
 
 def _shapes(rig: Rig, spectrum: ModalSpectrum, source: int, parts: list[SpectrumPart]) -> Iterator[_Shapes]:
@@ -234,7 +215,7 @@ class _Losses:
         """The kinds of pendula with drag."""
         return [kind for kind in self.rig.names if self.rig.blocks[kind[0]].drag[:, kind[1]].any()]
 
-    def mode(self, part: SpectrumPart, omega: float, ratio: float, shapes: _Shapes) -> _Mode:
+    def modes(self, part: SpectrumPart, omega: float, ratio: float, shapes: _Shapes) -> list[Damped]:
         """φᵀDφ/2E by its sources, φᵀeφ/2E and φᵀFφ/2E, in the vectors that make D diagonal."""
         scale = 1 / np.sqrt(2 * shapes.modal_mass)
         eta, angles = shapes.eta * scale, [angle * scale for angle in shapes.angles]
@@ -245,10 +226,14 @@ class _Losses:
         damping, drive, top = ((rows.T * strength) @ rows for strength in self.joints)
         parts = self._carried(eta, angles), damping, drive, top, self._dragged(eta, angles)
         vectors = np.linalg.eigh(parts[0] + parts[1] + parts[-1])[1]
-        cart, joints, drives, fed, drag = (np.einsum("ik,ij,jk->k", vectors, matrix, vectors) for matrix in parts)
+        each = np.array([np.einsum("ik,ij,jk->k", vectors, matrix, vectors) for matrix in parts]).T
         share = 2 * np.einsum("ik,ij,jk->k", eta, self.carrier[0], eta)
         still = part.still or bool(np.all(share <= STILL * bool(self.rig.structure)))
-        return _Mode(part, omega, still, cart, joints, drives, fed, drag, np.full(len(scale), ratio * omega))
+        fold = part.along if len(scale) == 1 else 1
+        return [
+            Damped(omega, fold, still, None, cart, joints, drives, fed, None, drag, ratio * omega)
+            for cart, joints, drives, fed, drag in each.tolist()
+        ]
 
     def _carried(self, eta: Floats, angles: list[Floats]) -> Floats:
         """Of what carries the pendula, of springs between points, and of what goes down, (R, R)."""
@@ -275,31 +260,28 @@ class _Losses:
         return lost
 
 
-def _exact(rig: Rig, modes: list[_Mode]) -> list[list[complex | None]]:
-    """The damped eigenvalue of every vector: of the same pendula's, the one that best satisfies λ² + 2σλ + ω² = 0."""
+def _exact(rig: Rig, modes: list[tuple[Kind | None, Damped]]) -> list[complex | None]:
+    """The damped eigenvalue of every mode: of the same pendula's, the one that best satisfies λ² + 2σλ + ω² = 0."""
     if not (rig.is_damped or rig.damping_ratio):
-        return [[complex(0.0, mode.omega)] * len(mode.cart) for mode in modes]
-    unknown: list[list[complex | None]] = [[None] * len(mode.cart) for mode in modes]
+        return [complex(0.0, mode.omega) for _, mode in modes]
+    exact: list[complex | None] = [None] * len(modes)
     try:
         spectrum = find_spectrum(rig)
     except ComputationError:
-        return unknown
+        return exact
     values: dict[Kind | None, list[complex]] = {}
     for value, group in zip(spectrum.eigenvalue.tolist(), spectrum.groups, strict=True):
         for part in group if value else ():
             values.setdefault(part.kind, []).extend([value] * (1 if part.kind else part.along))
-    wanted: dict[Kind | None, list[tuple[int, int]]] = {}
-    for m, mode in enumerate(modes):
-        wanted.setdefault(mode.part.kind, []).extend((m, k) for k in range(len(mode.cart)))
+    wanted: dict[Kind | None, list[int]] = {}
+    for m, (kind, _) in enumerate(modes):
+        wanted.setdefault(kind, []).append(m)
     for kind, places in wanted.items():
-        first = [
-            (modes[m].cart[k] + modes[m].joints[k] + modes[m].drag[k] + modes[m].ratio[k], modes[m].omega)
-            for m, k in places
-        ]
+        first = np.array([(modes[m][1].rate, modes[m][1].omega) for m in places])
         slow = slowest(np.array(values.get(kind, [])), len(places))
-        for (m, k), value in zip(places, nearest_values(np.array(first), slow), strict=True):
-            unknown[m][k] = value
-    return unknown
+        for m, value in zip(places, nearest_values(first, slow), strict=True):
+            exact[m] = value
+    return exact
 
 
 def slowest(values: NDArray[np.complex128], count: int) -> NDArray[np.complex128]:

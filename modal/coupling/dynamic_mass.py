@@ -223,18 +223,17 @@ class SecularEquation:
                 branches.append([])
                 continue
             rest, mass = float(self.rest[pole]), float(self.dynamic.mass[pole])
-            omega = float(self.dynamic.omega[pole])
-            pattern = self.reduced.push[0, members]
-            branch = FamilyBranch(mass / rest if rest else inf, inf, inf, np.zeros(1), pattern, still=False)
-            branch = replace(branch, damped=rest / (rest - 1j * self.damping / omega) if self.damping else 1.0)
-            if (zero := zero_of.get(pole)) is not None:
-                apart = zeros.above(zero, pole + d)
-                at = float(zeros.omega[zero])
+            omega, pattern = float(self.dynamic.omega[pole]), self.reduced.push[0, members]
+            strength = mass / rest if rest else inf
+            damped = rest / (rest - 1j * self.damping / omega) if self.damping else 1.0
+            at, apart, eta, zero = inf, inf, 0.0, zero_of.get(pole)
+            if zero is not None:
+                at, apart = float(zeros.omega[zero]), zeros.above(zero, pole + d)
                 eta = -float(moved[zero]) * np.sign(apart) * np.sign(pattern[np.abs(pattern).argmax()])
                 pattern = -pattern * eta * at / apart * (at / (at + omega)) if apart else pattern
-                branch = replace(
-                    branch, omega=at, splitting=apart, motion=np.array([eta]), pattern=pattern, cart_mode=zero
-                )
+            branch = FamilyBranch(
+                strength, at, apart, np.array([eta]), pattern, still=False, damped=damped, cart_mode=zero
+            )
             branches.append([branch])
         return branches
 

@@ -111,8 +111,10 @@ def shared(weights: Floats, levels: Complexes) -> Transfer:
     times = np.linspace(0.0, span, SAMPLES)
     if not lossless:
         times = np.concatenate((times, np.geomspace(1e-3, 1e6, SAMPLES) / rate))
+        times = times[times * levels.imag.min() < 300]  # numbers below 1e-130 would be slow, and nothing is left then
     amplitude = np.exp(1j * np.outer(times, levels))
-    others = (np.abs(amplitude) ** 2) @ weights - np.abs(amplitude @ weights) ** 2
+    held, kept = (np.einsum("tl,lm->tm", part, weights) for part in (np.abs(amplitude) ** 2, amplitude))
+    others = held - np.abs(kept) ** 2
     back = np.abs(np.exp(1j * levels * period) @ weights) ** 2 if isfinite(period) else np.zeros(1)
     left = 1.0 if lossless and len(levels) == 2 else float(back.max())
     return Transfer(period, float(others.max()), left, bool(beats), lossless)
