@@ -219,6 +219,8 @@ class Coupling(Displayed):
     def stiffness(self, omega: float) -> Floats:
         """S (d, d) at ω (rad/s) over η: what a slow or fast push on the structure feels, N/m for coordinates in m."""
         d, x = self.reduced.d, omega**2
+        if self.secular and d:
+            return -x * self.secular(omega)[:, None]
         direct = self.reduced.K[:d, :d] - x * self.reduced.M[:d, :d]
         return np.asarray(direct + self.reduced.eliminated(range(d), x))
 
@@ -257,7 +259,7 @@ class Coupling(Displayed):
         """The secular equation for one coordinate, matrices for several."""
         if self.secular is None:
             return ReducedPencil(self.reduced, self.basis, self.reduced.dampers(self.scene))
-        damping = sum(sum(carrier.damping) for carrier in self.structure.carriers)
+        damping = self.reduced.own_damping.sum()
         lost = self.fixed_base.rate + self._lost(self.fixed_base.omega)
         return SecularEquation(self.reduced, self.secular, self.on_cart, float(damping), lost)
 
@@ -463,14 +465,14 @@ def explain(scene: Scene) -> Coupling:
     """
     require(scene, "the explanation of the coupling")
     rig = rig_of(scene)
-    if not scene.is_structured and (size := sum(block.mass.size for block in rig.blocks)) > MOST_POLES:
+    if (size := sum(block.mass.size for block in rig.blocks)) > MOST_POLES:
         raise ComputationError(f"different pendula have {size} links: at most {MOST_POLES} are explained")
     with np.errstate(all="ignore"):
         structure = reduced(rig)
         if not np.all(np.isfinite(structure.fixed_base.rate**2)):
             raise ComputationError("the rates at which joint dampers drain these modes are beyond double precision")
         on_one = structure.d <= 1 and structure.only_pushes
-        if scene.is_structured and not on_one:
+        if not on_one:
             refuse_beyond(structure)
         secular = dynamic_mass(structure, together=scene.cart is not None) if on_one else None
         coupling = Coupling(scene, structure, secular)

@@ -31,18 +31,23 @@ FREE: Mapping[Kind, Floats] = MappingProxyType({})
 class FixedBaseModes(Displayed):
     """K fixed-base modes of single pendula, ascending, one entry for all copies of a kind; all (K,).
 
-    `omega` (rad/s), `mass` the modal effective mass of one copy (kg), `kind` the index of its kind in `Rig.names`,
-    `number` its number among the modes of that pendulum, from 1, `count` the number of copies, `rate` σ (1/s).
-    `shapes` are φ (n,) with φᵀAφ = 1.
+    `omega` (rad/s), `push` φᵀb of one copy (√kg), `kind` the index of its kind in `Rig.names`, `number` its number
+    among the modes of that pendulum, from 1, `count` the number of copies, `rate` σ (1/s).  `shapes` are φ (n,) with
+    φᵀAφ = 1.
     """
 
     omega: Floats
-    mass: Floats
+    push: Floats
     kind: Ints
     number: Ints
     count: Ints
     rate: Floats
     shapes: tuple[Floats, ...]
+
+    @property
+    def mass(self) -> Floats:
+        """The modal effective mass of one copy (K,) in kg."""
+        return self.push**2
 
 
 def without_damping(rig: Rig) -> Rig:
@@ -69,15 +74,15 @@ def fixed_base_modes(rig: Rig, held: Mapping[Kind, Floats] = FREE) -> FixedBaseM
     places = {kind: place for place, kind in enumerate(rig.names)}
     modes = [*_free_modes(rig, held), *_tied_modes(rig, held)]
     modes.sort(key=lambda mode: (mode[0], places[mode[1]]))
-    omega, kinds, mass, shapes = zip(*modes, strict=True)
+    omega, kinds, push, shapes = zip(*modes, strict=True)
     kind = np.array([places[each] for each in kinds])
     count = np.array([int(rig.blocks[block].count[column]) for block, column in kinds])
     rate = np.array([_rate(rig, each, shape) for each, shape in zip(kinds, shapes, strict=True)])
-    return FixedBaseModes(np.array(omega), np.array(mass), kind, places_within(kind), count, rate, shapes)
+    return FixedBaseModes(np.array(omega), np.array(push), kind, places_within(kind), count, rate, shapes)
 
 
 def _free_modes(rig: Rig, held: Mapping[Kind, Floats]) -> Iterator[tuple[float, Kind, float, Floats]]:
-    """ω, kind, effective mass and shape of pendula that no spring joins to anything, by the recursion."""
+    """ω, kind, push and shape of pendula that no spring joins to anything, by the recursion."""
     natural, units = replace(without_damping(rig), cart=None, structure=None).natural()
     spectrum = find_spectrum(natural)
     omega, length = np.abs(spectrum.eigenvalue) * units.rate, units.length * np.sqrt(units.mass)
@@ -88,10 +93,10 @@ def _free_modes(rig: Rig, held: Mapping[Kind, Floats]) -> Iterator[tuple[float, 
                 rows.setdefault(part.source, []).append((part.row, part.kind, number))
     for source, each in rows.items():
         details = spectrum.details(source, [row for row, *_ in each])
-        mass = (details.effective_mass * units.mass).tolist()
+        push = (details.momentum / np.sqrt(details.modal_mass) * np.sqrt(units.mass)).tolist()
         shapes = (details.angles[0][:, 0].real / np.sqrt(details.modal_mass) / length).T
         for k, (_, kind, number) in enumerate(each):
-            yield float(omega[number]), kind, mass[k], shapes[k]
+            yield float(omega[number]), kind, push[k], shapes[k]
 
 
 def _tied_modes(rig: Rig, held: Mapping[Kind, Floats]) -> Iterator[tuple[float, Kind, float, Floats]]:
@@ -101,7 +106,7 @@ def _tied_modes(rig: Rig, held: Mapping[Kind, Floats]) -> Iterator[tuple[float, 
         squares, shapes = pencil(K + more, A)
         for square, shape in zip(squares, shapes.T, strict=True):
             push = float(shape @ rig.blocks[number].b[:, column])
-            yield float(np.sqrt(square)), (number, column), push**2, shape
+            yield float(np.sqrt(square)), (number, column), push, shape
 
 
 def pencil(K: Floats, M: Floats) -> tuple[Floats, Floats]:

@@ -23,7 +23,7 @@ from typing import Any
 
 import numpy as np
 
-from modal.assembly import Hanging, Rig, dissipators_of, modal_supports
+from modal.assembly import Element, Hanging, Rig, dissipators_of, modal_supports
 from modal.coupling.fixed_base import FixedBaseModes, Kind, fixed_base_modes
 from modal.errors import ComputationError
 from modal.scene import Scene
@@ -94,32 +94,37 @@ class ReducedStructure:
     @cached_property
     def own_stiffness(self) -> Floats:
         """K_s (d, d)."""
-        _, K, _ = modal_supports(self.hanging.structure)
-        for element in self.hanging.elements.stiffness:
+        copies = np.array([float(self.rig.blocks[block].count[column]) for block, column in self.kinds])
+        turned, elements = self.joints[0], self.hanging.elements.stiffness
+        return self._carried(elements, modal_supports(self.hanging.structure)[1]) + (copies * turned.T) @ turned
+
+    @property
+    def own_damping(self) -> Floats:
+        """D_s (d, d), without joints and drag along the rail."""
+        return self._carried(self.hanging.elements.damping, modal_supports(self.hanging.structure)[2])
+
+    def _carried(self, elements: Sequence[Element], S: Floats) -> Floats:
+        """What elements add over η to a matrix (d, d)."""
+        for element in elements:
             row = np.zeros(self.d)
             for at, value in zip(element.at, element.row, strict=True):
                 row[at : at + 1] += value
-            K += element.size * np.outer(row, row)
-        copies = np.array([float(self.rig.blocks[block].count[column]) for block, column in self.kinds])
-        turned = self.joints[0]
-        return np.asarray(K + (copies * turned.T) @ turned)
+            S = S + element.size * np.outer(row, row)
+        return S
 
     @cached_property
     def push(self) -> Floats:
-        """H (d, K)."""
+        """The momentum h (d, K) of every mode along η."""
         modes = self.fixed_base
-        signed = [
-            np.copysign(np.sqrt(mass), shape @ self.rig.blocks[block].b[:, column])
-            for mass, shape, (block, column) in zip(
-                modes.mass.tolist(), modes.shapes, (self.kinds[k] for k in modes.kind), strict=True
-            )
-        ]
-        return np.asarray((self.along[modes.kind] * (np.sqrt(modes.count) * signed)[:, None]).T)
+        return np.asarray((self.along[modes.kind] * (np.sqrt(modes.count) * modes.push)[:, None]).T)
 
-    @cached_property
+    @property
     def only_pushes(self) -> bool:
         """Whether pendula feel each other only as they push what carries them: no spring ends on one or turns one."""
-        return not (self.hanging.tied or self.joints[0].any())
+        turned = self.hanging.phi.turning[list(self.pivots)]
+        first = ((self.rig.blocks[block], column) for block, column in self.kinds)
+        felt = [bool(block.stiffness[0, column] or block.damping[0, column]) for block, column in first]
+        return not (self.hanging.tied or turned[felt].any())
 
     @cached_property
     def M(self) -> Floats:

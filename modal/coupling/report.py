@@ -91,12 +91,11 @@ def _left_out(coupling: Coupling) -> Iterator[str]:
     locking = coupling.scene.is_structured or coupling.on_cart
     also = " Locking takes dampers and drives (`sync`)." if locking and coupling.scene.n_pendula > 1 else ""
     yield f"Large angles are left out: the table of modes tells at which angle a frequency is 1 % off.{also}"
-    if coupling.scene.is_structured:
-        return
     if coupling.rig.spatial:
         yield "Motion across the rail is left out: there nothing couples the pendula at small angles."
-    if coupling.on_cart and any(link.drag for link in coupling.scene.links()):
-        yield "Beats count the drag of pendula as if the cart were at rest; the damping of the modes has all of it."
+    if coupling.secular and coupling.reduced.d and any(link.drag for link in coupling.scene.links()):
+        what = "cart" if coupling.on_cart else "structure"
+        yield f"Beats count the drag of pendula as if the {what} were at rest; the damping of the modes has all of it."
 
 
 def sections(coupling: Coupling) -> tuple[ReportSection, ...]:

@@ -122,6 +122,11 @@ def name(index: int) -> str:
     return rf"ω$_\mathrm{{{family_name(index)}}}$"
 
 
+def _letter(coupling: Coupling, omega: float) -> str:
+    """The name of the first family at a pole."""
+    return name(int(np.abs(np.array([family.omega for family in coupling.families]) - omega).argmin()))
+
+
 def _marks(coupling: Coupling, s: int) -> tuple[Floats, Floats]:
     """All frequencies that an axis has to show, and the poles."""
     poles = _poles(coupling)
@@ -186,7 +191,7 @@ def draw_mass(axis: Axes, coupling: Coupling, s: int = 0) -> None:
     else:
         for value in poles:
             axis.axvline(value, color=pole(), ls=MARKED, lw=1.4 * thin)
-        names = [name(_poles(coupling).tolist().index(value)) for value in poles.tolist()]
+        names = [_letter(coupling, value) for value in poles.tolist()]
         values = [f" {value:.5g}" * (not structured) for value in poles]
         _labels(axis, poles, [f"{a}{b}" for a, b in zip(names, values, strict=True)], pole(), above=True)
     axis.plot(zeros, 0 * zeros, "o", color=zero(), ms=6 * thin, zorder=4, mec=paper(), mew=0.8 * thin)
@@ -341,7 +346,7 @@ def draw_limits(axis: Axes, coupling: Coupling) -> None:
     _here(axis, here, spot, now[chosen[chosen < len(now)]], size=6 * thin)
     if not crowd:
         _ends(axis, low, [(value, f"{value:.5g}") for value in light[np.isfinite(light)].tolist()], zero(), (4, 4))
-        _ends(axis, high, [(value, name(k)) for k, value in enumerate(poles.tolist())], pole(), (5, -3))
+        _ends(axis, high, [(value, _letter(coupling, value)) for value in poles.tolist()], pole(), (5, -3))
     axis.set_title("massless cart  ←  modes that move the cart, as its mass changes  →  fixed support")
 
 

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 import scipy
 
-from modal import Bob, Cart, ComputationError, Fixed, Pendulum, Rod, Scene, matrices, natural_modes
+from modal import Bob, Cart, ComputationError, Fixed, Pendulum, Rod, Scene, load, matrices, natural_modes
 from modal.coupling import Coupling, coupling_report, explain
 from modal.coupling.report import sections
 from modal.plotting import coupling_figure
@@ -342,6 +342,13 @@ def test_a_pendulum_on_a_wall_is_of_no_family_of_a_cart() -> None:
     assert [row.beat for row in explanation.rows()] == [None, None]
     assert not explanation.joins_pendula
     assert explained(CARTS).joins_pendula
+
+
+@pytest.mark.parametrize("name", ["beam", "tower", "two-swings"])
+def test_levels_repel(name: str) -> None:
+    """A mode goes away from the structure's own, as the sign of its strength says."""
+    for family in explain(load(name)).families:
+        assert all(branch.strength * branch.splitting > 0 for branch in family.branches)
 
 
 @pytest.mark.parametrize(
