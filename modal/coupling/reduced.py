@@ -213,33 +213,13 @@ class ReducedStructure:
             parts[np.isin(parts, parts[joined[at]])] = parts[at]
         return parts
 
-    @cached_property
-    def _untied(self) -> bool:
-        """Whether no spring joins a pendulum to another, so that only the structure couples their modes."""
-        inner = self.K[self.d :, self.d :]
-        return not np.any(inner - np.diag(np.diag(inner)))
-
     def _schur(self, S: Any, kept: Sequence[int]) -> Any:
         """What elimination of all others from a symmetric S adds to those that are kept."""
         poles, rest = np.asarray(kept, dtype=np.intp), np.setdiff1d(np.arange(len(S)), kept)
         if not np.iscomplexobj(S):  # what nothing joins to them may swing by itself at this frequency
             rest = rest[np.isin(self.parts[rest], self.parts[poles])]
-        shifts = np.zeros((len(poles),) * 2, S.dtype)
-        more = np.zeros((len(poles) + len(rest),) * 2, S.dtype)
-        if self._untied and not np.iscomplexobj(S):  # the modes that only the structure couples first, each by itself
-            local, rest = rest[rest >= self.d], rest[rest < self.d]
-            square = np.diag(S)[local]
-            if not square.all():
-                raise np.linalg.LinAlgError("a pendulum swings by itself at this frequency")
-            beside = S[np.ix_(np.concatenate((poles, rest)), local)]
-            more = -(beside / square) @ beside.T
-            shifts += more[: len(poles), : len(poles)]
-        if len(rest):
-            count = len(poles)
-            cross = S[np.ix_(poles, rest)] + more[:count, count : count + len(rest)]
-            inner = S[np.ix_(rest, rest)] + more[count : count + len(rest), count : count + len(rest)]
-            shifts -= cross @ np.linalg.solve(inner, cross.T)
-        return shifts
+        cross = S[np.ix_(poles, rest)]
+        return -cross @ np.linalg.solve(S[np.ix_(rest, rest)], cross.T)
 
 
 def reduced(rig: Rig) -> ReducedStructure:
