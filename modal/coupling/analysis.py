@@ -259,9 +259,9 @@ class Coupling(Displayed):
         """The secular equation for one coordinate, matrices for several."""
         if self.secular is None:
             return ReducedPencil(self.reduced, self.basis, self.reduced.dampers(self.scene))
-        damping = self.reduced.own_damping.sum()
+        damping, unit = self.reduced.own_damping.sum(), float(self.basis.sum()) or 1.0
         lost = self.fixed_base.rate + self._lost(self.fixed_base.omega)
-        return SecularEquation(self.reduced, self.secular, self.on_cart, float(damping), lost)
+        return SecularEquation(self.reduced, self.secular, self.on_cart, unit, float(damping), lost)
 
     @cached_property
     def families(self) -> tuple[Family, ...]:
@@ -278,22 +278,20 @@ class Coupling(Displayed):
                 still=fold - len(members) + solver.still(r),
                 mass=float((modes.mass * modes.count)[members].sum()),
                 masses=(pushes**2).sum(0),
-                branches=tuple(replace(branch, motion=self._along(branch.motion)) for branch in branches),
+                branches=tuple(branches),
             )
             families.append(self._with_exchange(family))
         return tuple(families)
 
-    def _along(self, eta: Floats) -> Floats:
-        """A motion η in the structure's own modes."""
-        return np.asarray(np.linalg.solve(self.basis, eta) if len(eta) else eta, dtype=np.float64)
-
     def _with_exchange(self, family: Family) -> Family:
         """With the energy of any one of its pendula released alone, where they form levels near each other."""
+        if family.fold < 2 or not family.is_first_order:
+            return family
         modes, members = self.fixed_base, list(family.members)
         rates = modes.rate[members]
         apart = max((abs(branch.splitting) for branch in family.branches), default=0.0)
         uneven = np.ptp(rates) > UNEVEN * (apart + rates.max())
-        if family.fold < 2 or not family.is_first_order or not apart or uneven:
+        if not apart or uneven:
             return family
         lost = float(rates.mean() + self._lost(np.array([family.omega]))[0])
         weights, levels = family.levels(modes.count[members], lost)
@@ -319,10 +317,10 @@ class Coupling(Displayed):
         ]
         return float(2 * np.pi / min(gaps)) if gaps else None
 
-    @cached_property
+    @property
     def structure_modes(self) -> tuple[tuple[float, Floats], ...]:
         """ω (rad/s) of the modes that belong to the structure rather than to a family, with η in its own modes."""
-        return tuple((omega, self._along(eta)) for omega, eta in self.solver.others)
+        return self.solver.others
 
     @cached_property
     def omega(self) -> Floats:

@@ -18,7 +18,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from math import inf, isfinite, sqrt
+from math import copysign, inf, isfinite, sqrt
 from typing import Any
 
 import numpy as np
@@ -135,7 +135,7 @@ class DynamicMass(Displayed):
 
 @dataclass(frozen=True, eq=False)
 class SecularEquation:
-    """Modes of pendula on at most one coordinate, with `damping` on it (N s/m).
+    """Modes of pendula on at most one coordinate, of own mode `unit` over it, with `damping` on it (N s/m).
 
     `together` tells that all pendula are of one part, those that do not push it included; `lost` (K,) are the decay
     rates (1/s) of pendula alone.
@@ -144,6 +144,7 @@ class SecularEquation:
     reduced: ReducedStructure
     dynamic: DynamicMass
     together: bool
+    unit: float
     damping: float
     lost: Floats
 
@@ -214,38 +215,36 @@ class SecularEquation:
         """Of every family the mode that moves the coordinate."""
         if not self.reduced.d:
             return [[] for _ in self.members]
-        zeros, d = self.dynamic.zeros, self._held
+        zeros, dynamic = self.dynamic.zeros, self.dynamic
         zero_of = {int(pole): zero for zero, pole in enumerate(self.owner.tolist())}
-        moved = 1 / np.sqrt(zeros.modal_mass)
+        moved, at = (1 / np.sqrt(zeros.modal_mass)).tolist(), zeros.omega.tolist()
+        rests, masses, omegas = self.rest.tolist(), dynamic.mass.tolist(), dynamic.omega.tolist()
         branches: list[list[FamilyBranch]] = []
         for members, pole in zip(self.members, self.poles.tolist(), strict=True):
             if pole < 0:
                 branches.append([])
                 continue
-            rest, mass = float(self.rest[pole]), float(self.dynamic.mass[pole])
-            omega, pattern = float(self.dynamic.omega[pole]), self.reduced.push[0, members]
-            strength = mass / rest if rest else inf
+            rest, omega, pattern = rests[pole], omegas[pole], self.reduced.push[0, members]
+            strength = masses[pole] / rest if rest else inf
             damped = rest / (rest - 1j * self.damping / omega) if self.damping else 1.0
-            at, apart, eta, zero = inf, inf, 0.0, zero_of.get(pole)
+            moving, apart, eta, zero = inf, inf, 0.0, zero_of.get(pole)
             if zero is not None:
-                at, apart = float(zeros.omega[zero]), zeros.above(zero, pole + d)
-                eta = -float(moved[zero]) * np.sign(apart) * np.sign(pattern[np.abs(pattern).argmax()])
-                pattern = -pattern * eta * at / apart * (at / (at + omega)) if apart else pattern
-            branch = FamilyBranch(
-                strength, at, apart, np.array([eta]), pattern, still=False, damped=damped, cart_mode=zero
-            )
-            branches.append([branch])
+                moving, apart = at[zero], zeros.above(zero, pole + self._held)
+                eta = -copysign(moved[zero], apart * pattern[np.abs(pattern).argmax()])
+                pattern = -pattern * eta * moving / apart * (moving / (moving + omega)) if apart else pattern
+            motion = np.array([eta / self.unit])
+            branches.append([FamilyBranch(strength, moving, apart, motion, pattern, False, damped, zero)])
         return branches
 
     @cached_property
     def others(self) -> tuple[Other, ...]:
-        """ω and η of the modes that belong to the coordinate rather than to a family."""
+        """ω and own amplitude of the modes that belong to the coordinate rather than to a family."""
         if not self.reduced.d:
             return ()
         zeros = self.dynamic.zeros
         rows = np.flatnonzero(self.owner < 0)
-        swinging = [(float(zeros.omega[k]), np.array([1 / sqrt(zeros.modal_mass[k])])) for k in rows]
-        drift = (0.0, np.array([1 / sqrt(self.dynamic.at_rest)]))
+        swinging = [(float(zeros.omega[k]), np.array([1 / sqrt(zeros.modal_mass[k]) / self.unit])) for k in rows]
+        drift = (0.0, np.array([1 / sqrt(self.dynamic.at_rest) / self.unit]))
         return tuple(swinging) if self._held else (drift, *swinging)
 
     def pulled(self, modes: tuple[int, int], *, damped: bool = False) -> Any:

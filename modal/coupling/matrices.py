@@ -134,12 +134,16 @@ class ReducedPencil:
             shares[:, modes] = np.divide(products, whole, out=np.zeros_like(products), where=whole > 0)
         return paired(shares, np.ones(len(square), dtype=np.int64))
 
-    @property
+    @cached_property
     def others(self) -> tuple[Other, ...]:
-        """ω and η of the modes that belong to the structure rather than to a family."""
+        """ω, and η in its own modes, of the modes that belong to the structure rather than to a family."""
         square, vectors = self.moving
         d = self.reduced.d
-        return tuple((sqrt(square[k]), vectors[:d, k]) for k in sorted(self._owned[:d].tolist()))
+        return tuple((sqrt(square[k]), self._along(vectors[:d, k])) for k in sorted(self._owned[:d].tolist()))
+
+    def _along(self, eta: Floats) -> Floats:
+        """A motion η in the structure's own modes."""
+        return np.asarray(np.linalg.solve(self.basis, eta) if len(eta) else eta, dtype=np.float64)
 
     def _branch(self, r: int, k: int, square: float, vector: Floats) -> FamilyBranch:
         members, (shift, patterns), d = self.members[r], self._shifts[r], self.reduced.d
@@ -156,7 +160,7 @@ class ReducedPencil:
             strength,
             omega,
             apart / (omega + pole),
-            turn * moved,
+            turn * self._along(moved),
             turn * pattern,
             still=share <= STILL,
             damped=self._damped(r, patterns[:, k], float(shift[k])),
