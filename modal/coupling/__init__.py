@@ -1,8 +1,7 @@
 """How the cart, or the structure, couples the pendula that hang from it.
 
-In: a `Scene`.  Out: a `Coupling`, or a `StructureCoupling` where there is more than one cart: families of modes, their
-splitting and beats, the limits of a light and a heavy cart, which pendula exchange energy, and the effect of dampers
-and drives on each mode; as text, as numbers, as JSON.
+In: a `Scene`.  Out: its `Coupling`: families of modes, their splitting and beats, the limits of a light and a heavy
+cart, which pendula exchange energy, and the effect of dampers and drives on each mode; as text, as numbers, as JSON.
 
     m_dyn(ω) = m + Σ_r μ_r ω_r²/(ω_r² − ω²)
 
@@ -10,12 +9,13 @@ is the dynamic mass for a force on the cart: its poles are the fixed-base modes,
 cart.  Start with `analysis`.
 """
 
-from modal.coupling.analysis import Coupling, Family, explain
+from modal.coupling.analysis import Coupling, StructureMode, explain
 from modal.coupling.damping import damped_modes, negative_damping
 from modal.coupling.exchange import passes_energy
-from modal.coupling.families import FamilyRow, family_name
+from modal.coupling.families import Family, FamilyBranch, FamilyRow, family_name
 from modal.coupling.report import coupling_report
-from modal.coupling.structures import FamilyBranch, PendulumFamily, StructureCoupling, StructureMode
+
+StructureCoupling, PendulumFamily = Coupling, Family
 
 __all__ = [
     "Coupling",

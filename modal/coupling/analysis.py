@@ -1,7 +1,8 @@
-"""The coupling of pendula through the cart: families of modes, splitting and beats, and limits of the cart's mass.
+"""The coupling of pendula by what carries them: families of modes, splitting and beats, and limits of a cart's mass.
 
-Pendula with a common fixed-base frequency ω_r form family r: their combinations that do not push the cart
-stay at ω_r, and one more moves it, at a zero of the dynamic mass (`modal.coupling.dynamic_mass`),
+Pendula with a common fixed-base frequency ω_r that something joins form family r: their combinations that do not push
+it stay at ω_r, and the others move it.  On a cart that is one mode, at a zero of the dynamic mass
+(`modal.coupling.dynamic_mass`),
 
     Δω = ω_zero − ω_r,    beat period 2π/Δω.
 
@@ -9,47 +10,51 @@ With m_r the dynamic mass at ω_r of everything but the family itself and μ_r t
 coupling strength ε_r = μ_r/m_r gives Δω ≈ ½ ε_r ω_r to first order; for N equal simple pendula on a free cart of mass
 m_c it is N m/m_c, and ω_zero = ω_r √(1 + ε_r) is exact.  With a heavy cart every mode approaches its pole, with a light
 one the zeros of m_dyn − m_c.  In space all of this is the motion along the rail; across it there is no coupling.
+
+A structure alone, its pendula as if they were stiff, has the modes K_s u = ω² (M_s + Σ m (ΦᵀΦ + ΨᵀΨ)) u; along them
+the dynamic mass is the matrix −UᵀS(ω²)U/ω² (`modal.coupling.reduced`).  One coordinate is solved by the secular
+equation (`modal.coupling.dynamic_mass`), several by matrices (`modal.coupling.matrices`).  Every mode belongs to the
+structure's own mode, or to the family, that has the largest share in its potential energy, none to two.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import inf, sqrt
+from typing import Any
 
 import numpy as np
 
-from modal.assembly import Rig, rig_of
+from modal.assembly import Rig, ratio_at, rig_of
 from modal.coupling.damping import Damped, damped_modes, negative_damping
-from modal.coupling.dynamic_mass import DynamicMass
+from modal.coupling.dynamic_mass import DynamicMass, SecularEquation, dynamic_mass
 from modal.coupling.exchange import (
     LEAST_SHARE_OF_BEATS,
-    STRONG,
+    MOST_MODES,
     UNEVEN,
     EnergyExchange,
-    Transfer,
-    energy_exchanges,
-    transfer,
+    beats_of,
+    exchanged,
+    passes_energy,
+    shared,
 )
-from modal.coupling.families import FamilyRow, family_cells, family_name, mode_words
-from modal.coupling.fixed_base import FixedBaseModes, fixed_base_modes
-from modal.coupling.numbering import Numbered
-from modal.coupling.reduced import reduced
-from modal.coupling.structures import StructureCoupling
-from modal.eigen import at_infinity, degenerate_modes
+from modal.coupling.families import Family, FamilyBranch, FamilyRow, family_cells, family_name, mode_words
+from modal.coupling.fixed_base import FixedBaseModes
+from modal.coupling.matrices import ReducedPencil, stable_pencil
+from modal.coupling.reduced import ReducedStructure, reduced, refuse_beyond
 from modal.errors import ComputationError
+from modal.modes import MOST_COMPARED, moving_words, natural_modes, table_numbers
 from modal.report import HTML_ROWS, Displayed, Summary, counted
 from modal.scene import Scene, name_of, require
 from modal.scene.doors import checked
+from modal.structure import Structure, slopes
 from modal.types import Floats, Ints
 
 MOST_POLES = 10_000
 MISSED = 1e-6
 """Largest relative error of the sum rule."""
-FAR = 0.2
-"""Relative difference of first order from the splitting above which m_r must vary."""
-ROUGH = 0.02
-"""Relative difference of a splitting from that with a constant m_r above which both are only a guide."""
 
 
 @dataclass(frozen=True)
@@ -67,238 +72,408 @@ class CartMode:
     family: int | None
 
 
-@dataclass(frozen=True, repr=False)
-class Family(Displayed):
-    """Fixed-base modes of one frequency `omega` (rad/s): `members` are indices into `FixedBaseModes`.
+@dataclass(frozen=True, eq=False, repr=False)
+class StructureMode(Displayed):
+    """A mode of the structure alone, its pendula stiff: `omega` (rad/s) and η by coordinates (d,).
 
-    There are `fold` of them in all, so that fold − 1 combinations leave the cart still; `mass` is their modal effective
-    mass μ_r, `rest` the dynamic mass m_r of everything else at ω_r (kg), infinite on a fixed support.  `cart_mode` is
-    the index of the mode that moves the cart and `splitting` its Δω (rad/s); None where there is none.  `exchange`
-    describes the energy of one pendulum released alone; None where there is only one, where first order does not hold,
-    and where the joints damp some of the pendula faster than others.
+    η is such that the point that moves most, of all pivots and centres of mass, moves by 1 m; `mass` (kg) is then its
+    uᵀMu.  Where no such point moves, the largest of η is 1, and the mass in its unit.
     """
 
     omega: float
-    members: tuple[int, ...]
-    fold: int
+    shape: Floats
     mass: float
-    rest: float
-    cart_mode: int | None
-    splitting: float | None
-    exchange: Transfer | None = None
-
-    @property
-    def strength(self) -> float:
-        """ε_r = μ_r/m_r, negative just above another pole or the cart's spring, infinite where nothing else resists."""
-        return self.mass / self.rest if self.rest else inf
-
-    @property
-    def first_order(self) -> float:
-        """Δω (rad/s) where m_r changes little from ω_r to the zero, ½ ε_r ω_r."""
-        return self.strength * self.omega / 2
-
-    @property
-    def is_first_order(self) -> bool:
-        """Whether the coupling is weak enough and m_r nearly constant from the pole to the zero."""
-        split = self.splitting or 0.0
-        return abs(self.strength) <= STRONG and abs(self.first_order - split) <= FAR * abs(split)
-
-    @property
-    def is_rough(self) -> bool:
-        """Whether a nearby family interferes: m_r varies from the pole to the zero, not too much for first order."""
-        steady, split = self.omega * (sqrt(max(0.0, 1 + self.strength)) - 1), self.splitting or 0.0
-        return abs(steady - split) > ROUGH * abs(split)
-
-    @property
-    def beat(self) -> float | None:
-        """2π/|Δω| (s), in which energy passes from one pendulum of the family to the others and back; None if none."""
-        passes = self.exchange and self.exchange.beats and self.exchange.most > LEAST_SHARE_OF_BEATS
-        return self.exchange.period if self.exchange and passes else None
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Coupling(Numbered, Displayed):
-    """The coupling of a scene's pendula by its cart; for a fixed support (no coupling) `dynamic` has cart mass 0."""
+class Coupling(Displayed):
+    """The coupling of a scene's pendula by the cart or the structure that they hang from, and by springs.
+
+    `secular` is the dynamic mass where pendula feel each other through one coordinate at most; on a fixed support that
+    of a massless cart in its place.
+
+    >>> from modal import load
+    >>> from modal.coupling import explain
+    >>> found = explain(load("two-swings"))
+    >>> found.words(found.modes[1].shape), found.families[0].still
+    ('two swings in antiphase', 28)
+    >>> [round(branch.omega, 6) for branch in found.families[0].branches]
+    [9.944274, 10.028201]
+    """
 
     scene: Scene
-    rig: Rig
-    fixed_base: FixedBaseModes
-    pole: Ints
-    dynamic: DynamicMass
+    reduced: ReducedStructure
+    secular: DynamicMass | None
 
     def _summary(self) -> Summary:
-        where = "" if self.on_cart else ", without a cart"
-        title = (
-            f"Coupling of {name_of(self.scene)}: {counted(len(self.families), 'family', 'families')} of modes{where}"
-        )
-        facts = [("mass felt by a slow push", f"{self.dynamic.at_rest:.6g} kg")]
-        facts += [("by a fast one", f"{self.dynamic.at_infinity:.6g} kg")] if self.on_cart else []
+        where = "" if self.on_cart else " on a structure" if self.scene.is_structured else ", without a cart"
+        families = counted(len(self.families), "family", "families")
+        if self.scene.is_structured:
+            facts = [("coordinates of the structure", ", ".join(self.structure.names) or "none")]
+        else:
+            facts = [("mass felt by a slow push", f"{self.dynamic.at_rest:.6g} kg")]
+            facts += [("by a fast one", f"{self.dynamic.at_infinity:.6g} kg")] if self.on_cart else []
         headings, cells = family_cells(self.rows(HTML_ROWS))
-        return Summary(title, facts, headings, cells, len(self.families), words=frozenset({0, len(headings) - 1}))
+        words = frozenset(k for k, heading in enumerate(headings) if heading in ("family", "modes", "moves"))
+        title = f"Coupling of {name_of(self.scene)}: {families} of modes{where}"
+        return Summary(title, facts, headings, cells, len(self.families), words=words)
+
+    # ------------------------------------------------------------------------------------------- what hangs where
+
+    @property
+    def rig(self) -> Rig:
+        """The pendula, and what carries them as a structure."""
+        return self.reduced.rig
+
+    @property
+    def structure(self) -> Structure:
+        """What carries the pendula."""
+        return self.reduced.hanging.structure
 
     @property
     def on_cart(self) -> bool:
-        """Whether there is a cart."""
-        return self.rig.cart is not None
+        """Whether there is a cart, and no other structure."""
+        return self.scene.cart is not None
+
+    @property
+    def is_coupled(self) -> bool:
+        """Whether there is anything that could couple pendula."""
+        return bool(self.reduced.d or self.structure.springs)
+
+    @property
+    def joins_pendula(self) -> bool:
+        """Whether anything joins one pendulum to another: copies on one pivot are joined by what it moves."""
+        d, kind = self.reduced.d, self.fixed_base.kind
+        if self.secular:
+            pushing = np.unique(kind[self.reduced.push.any(0)], return_index=True)[1]
+            return int(self.fixed_base.count[self.reduced.push.any(0)][pushing].sum()) > 1
+        parts = self.reduced.parts[d:]
+        moves = ((self.reduced.K[d:, :d] != 0) | (self.reduced.M[d:, :d] != 0)).any(1)
+        several = np.any(moves & (self.fixed_base.count > 1))
+        return bool(several) or any(np.ptp(kind[parts == part]) > 0 for part in set(parts.tolist()))
+
+    @property
+    def fixed_base(self) -> FixedBaseModes:
+        """The modes of every kind of pendulum alone, all else held."""
+        return self.reduced.fixed_base
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The kinds of pendula in words, with what they hang from where there are several carriers."""
+        return self.reduced.names
 
     @cached_property
-    def names(self) -> tuple[str, ...]:
-        """The kinds of pendula in words."""
-        return tuple(self.rig.names.values())
+    def _table(self) -> tuple[Floats, Ints] | None:
+        """ω of the modes without dampers and their numbers in the table; None where the table is not available."""
+        if self.scene.has_damping and self.scene.n_links > MOST_COMPARED:
+            return None
+        try:
+            return natural_modes(self.scene.conservative).omega, table_numbers(self.scene)
+        except ComputationError:
+            return None
+
+    def number(self, omega: float) -> int | None:
+        """The number in the table of the undamped mode of this frequency (rad/s), None where unknown."""
+        if self._table is None:
+            return None
+        known, numbers = self._table
+        return int(numbers[np.abs(known - omega).argmin()])
+
+    # ------------------------------------------------------------------------------------------- the structure
+
+    @cached_property
+    def modes(self) -> tuple[StructureMode, ...]:
+        """The structure's own modes, ascending, its pendula as if they were stiff."""
+        if not self.reduced.d:
+            return ()
+        square, shapes = stable_pencil(self.reduced.own_stiffness, self.reduced.hanging.inertia)
+        modes = []
+        for value, shape in zip(square.tolist(), shapes.T, strict=True):
+            largest = shape[np.abs(shape).argmax()]
+            scale = (self._farthest(shape) or abs(largest)) * np.sign(largest)
+            modes.append(StructureMode(sqrt(value), shape / scale, 1 / float(scale) ** 2))
+        return tuple(modes)
+
+    def _farthest(self, shape: Floats) -> float:
+        """How far the point of the structure goes that goes farthest."""
+        phi, structure = self.reduced.hanging.phi, self.structure
+        ways = [np.hypot(phi.along @ shape, phi.down @ shape).max()]
+        for k, carrier in enumerate(structure.carriers):
+            if carrier.size and carrier.M is None:
+                rows = [
+                    sum(shape[at] * value for at, value in row.items()) for row in slopes(structure, k, carrier.centre)
+                ]
+                ways.append(np.hypot(*rows))
+        return float(max(ways))
+
+    @cached_property
+    def basis(self) -> Floats:
+        """U (d, d), the structure's own modes as columns over η."""
+        d = self.reduced.d
+        return np.column_stack([mode.shape for mode in self.modes]) if d else np.zeros((0, 0))
+
+    def words(self, eta: Floats) -> str:
+        """What of the structure moves in a motion η (d,): two carts in antiphase, board tilts."""
+        return moving_words(self.structure, eta, np.diag(self.reduced.hanging.inertia))
+
+    def stiffness(self, omega: float) -> Floats:
+        """S (d, d) at ω (rad/s) over η: what a slow or fast push on the structure feels, N/m for coordinates in m."""
+        d, x = self.reduced.d, omega**2
+        if self.secular and d:
+            return -x * self.secular(omega)[:, None]
+        direct = self.reduced.K[:d, :d] - x * self.reduced.M[:d, :d]
+        return np.asarray(direct + self.reduced.eliminated(range(d), x))
+
+    def dynamic_matrix(self, omega: float) -> Floats:
+        """The dynamic mass matrix −UᵀSU/ω² (d, d) in kg along the structure's own modes, at ω (rad/s)."""
+        return np.asarray(-self.basis.T @ self.stiffness(omega) @ self.basis / omega**2)
+
+    @property
+    def dynamic(self) -> Any:
+        """The dynamic mass that a cart feels, over ω; of a structure `dynamic_matrix`."""
+        return self.dynamic_matrix if self.scene.is_structured else self.secular
+
+    @property
+    def fast(self) -> Floats:
+        """The mass (d,) in kg that a fast push along each own mode feels: all but the modal effective masses."""
+        pushes = self.reduced.push.T @ self.basis
+        return np.asarray(np.array([mode.mass for mode in self.modes]) - (pushes**2).sum(0))
+
+    def felt(self, omega: Floats) -> Floats:
+        """The mass (W, d) in kg that a push along each own mode feels at ω (W,), the others free to move: 1/(m⁻¹)_ss.
+
+        Its zeros are modes of the scene, its poles where all that is free holds this motion still.
+        """
+        masses = np.full((len(omega), self.reduced.d), np.nan)
+        for row, value in zip(masses, omega.tolist(), strict=True):
+            try:
+                row[:] = 1 / np.diag(np.linalg.inv(self.dynamic_matrix(value)))
+            except np.linalg.LinAlgError:
+                continue
+        return masses
+
+    # -------------------------------------------------------------------------------------------- the families
+
+    @cached_property
+    def solver(self) -> SecularEquation | ReducedPencil:
+        """The secular equation for one coordinate, matrices for several."""
+        if self.secular is None:
+            return ReducedPencil(self.reduced, self.basis, self.reduced.dampers(self.scene))
+        damping, unit = self.reduced.own_damping.sum(), float(self.basis.sum()) or 1.0
+        lost = self.fixed_base.rate + self._lost(self.fixed_base.omega)
+        return SecularEquation(self.reduced, self.secular, self.on_cart, unit, float(damping), lost)
 
     @cached_property
     def families(self) -> tuple[Family, ...]:
-        """The families, one for each distinct fixed-base frequency, ascending."""
-        fold = np.bincount(self.pole, weights=self.fixed_base.count).astype(int)
-        order = np.argsort(self.pole, kind="stable")
-        members = np.split(order, np.cumsum(np.bincount(self.pole))[:-1])
-        resting = self._rest()
-        moved = {mode.family: number for number, mode in enumerate(self.cart_modes) if mode.family is not None}
-        families = (
-            Family(
-                omega=float(omega),
-                members=tuple(members[r].tolist()),
-                fold=int(fold[r]),
-                mass=float(self.dynamic.mass[r]),
-                rest=float(resting[r]),
-                cart_mode=moved.get(r),
-                splitting=self.dynamic.zeros.above(moved[r], r + self._held) if r in moved else None,
+        """The families, one for each distinct fixed-base frequency of pendula that something joins, ascending."""
+        modes, solver = self.fixed_base, self.solver
+        families = []
+        for r, (members, branches) in enumerate(zip(solver.members, solver.branches, strict=True)):
+            fold = int(modes.count[members].sum())
+            pushes = self.reduced.push[:, members].T @ self.basis
+            family = Family(
+                omega=float(modes.omega[members[0]]),
+                members=tuple(members.tolist()),
+                fold=fold,
+                still=fold - len(members) + solver.still(r),
+                mass=float((modes.mass * modes.count)[members].sum()),
+                masses=(pushes**2).sum(0),
+                branches=tuple(branches),
             )
-            for r, omega in enumerate(self.dynamic.omega)
-        )
-        return tuple(replace(family, exchange=self._exchange(family)) for family in families)
+            families.append(self._with_exchange(family))
+        return tuple(families)
 
-    def _exchange(self, family: Family) -> Transfer | None:
-        """Two levels: one pendulum of the first kind, and all others of the family moving alike."""
-        members, modes = list(family.members), self.fixed_base
-        rate = modes.rate[members]
-        uneven = np.ptp(rate) > UNEVEN * (abs(family.splitting or 0.0) + rate.max())
-        if not (family.splitting and family.fold > 1 and family.is_first_order) or uneven:
+    def _with_exchange(self, family: Family) -> Family:
+        """With the energy of any one of its pendula released alone, where they form levels near each other."""
+        if family.fold < 2 or not family.is_first_order:
+            return family
+        modes, members = self.fixed_base, list(family.members)
+        rates = modes.rate[members]
+        apart = max((abs(branch.splitting) for branch in family.branches), default=0.0)
+        uneven = np.ptp(rates) > UNEVEN * (apart + rates.max())
+        if not apart or uneven:
+            return family
+        lost = float(rates.mean() + self._lost(np.array([family.omega]))[0])
+        weights, levels = family.levels(modes.count[members], lost)
+        exchange = shared(weights, levels)
+        passes = exchange.beats and exchange.most > LEAST_SHARE_OF_BEATS and lost < family.omega
+        exchange = replace(exchange, beats=exchange.beats and lost < family.omega)
+        return replace(family, exchange=exchange, beats=beats_of(weights, levels) if passes else ())
+
+    def _lost(self, omega: Floats) -> Floats:
+        """ζω (1/s) by the damping ratio of the scene."""
+        return np.asarray(ratio_at(self.rig)(omega) * omega) if self.scene.damping_ratio else 0.0 * omega
+
+    def beat(self, family: Family, branch: FamilyBranch) -> float | None:
+        """2π/|Δω| (s) between a mode of a family and the nearest other one; None where energy does not come back."""
+        if not family.beats:
             return None
-        share = float(modes.mass[members[0]]) / family.mass
-        drag = self.rig.cart.damping / family.omega if self.rig.cart else 0.0
-        moved = family.splitting * family.rest / (family.rest - 1j * drag)
-        lost = 1j * float(rate.mean())
-        passed = transfer(lost + moved * share, lost + moved * (1 - share), moved * sqrt(share * (1 - share)))
-        return replace(passed, beats=passed.beats and lost.imag < family.omega)
+        weights, levels = family.levels(self.fixed_base.count[list(family.members)], 0.0)
+        place = family.branches.index(branch)
+        gaps = [
+            abs((levels[place] - level).real)
+            for level, weight in zip(levels, weights, strict=True)
+            if level != levels[place] and passes_energy(weights[place], weight)
+        ]
+        return float(2 * np.pi / min(gaps)) if gaps else None
+
+    @property
+    def structure_modes(self) -> tuple[tuple[float, Floats], ...]:
+        """ω (rad/s) of the modes that belong to the structure rather than to a family, with η in its own modes."""
+        return self.solver.others
+
+    @cached_property
+    def omega(self) -> Floats:
+        """All different natural frequencies (rad/s), ascending."""
+        still = [family.omega for family in self.families if family.still]
+        moving = [branch.omega for family in self.families for branch in family.branches if branch.is_finite]
+        return np.unique([*still, *moving, *(omega for omega, _ in self.structure_modes)])
 
     @cached_property
     def cart_modes(self) -> tuple[CartMode, ...]:
-        """The modes that move the cart, ascending, except a free cart's rigid translation; none on a fixed support."""
-        if not self.on_cart:
+        """The modes that move the cart, ascending, except a free cart's rigid translation; none without a cart."""
+        if not (self.on_cart and self.secular and isinstance(self.solver, SecularEquation)):
             return ()
-        zeros = self.dynamic.zeros
+        dynamic, zeros = self.secular, self.secular.zeros
         with np.errstate(divide="ignore"):
             push = 1 / zeros.modal_mass
         if not np.all(np.isfinite(push)):
             raise ComputationError("the modes that move this cart are beyond double precision")
-        whole = float(push.sum()) + (0.0 if self._held else 1 / self.dynamic.at_rest)
-        light = self.dynamic.with_cart(0.0).zeros.omega.tolist()
+        whole = float(push.sum()) + (0.0 if dynamic.spring else 1 / dynamic.at_rest)
+        light = dynamic.with_cart(0.0).zeros.omega.tolist()
         heavy = np.sqrt(zeros.square).tolist()
-        # The mode with most of its potential energy in the cart's spring, k x²/(φᵀMφ ω²), is the cart's own.
-        leading = int((push / zeros.omega**2).argmax()) if self._held else -1
+        owner = self.solver.owner.tolist()
         return tuple(
             CartMode(
                 omega=float(omega),
                 participation=float(push[j]) / whole,
                 light=light[j] if j < len(light) else inf,
                 heavy=heavy[j],
-                family=None if j == leading else j - (self._held and j > leading),
+                family=None if owner[j] < 0 else owner[j],
             )
             for j, omega in enumerate(zeros.omega)
         )
 
-    @cached_property
-    def pairs(self) -> tuple[EnergyExchange, ...]:
-        """Pairs of modes of different pendula, those that exchange most energy first."""
-        return (
-            energy_exchanges(self.fixed_base, self.dynamic, self.pole, self.rig.cart.damping) if self.rig.cart else ()
-        )
-
-    @cached_property
-    def damped(self) -> tuple[Damped, ...]:
-        """The damping and excitation of each mode."""
-        return damped_modes(self.rig, negative_damping(self.scene, self.rig))
-
-    def rows(self, most: int | None = None) -> list[FamilyRow]:
-        """The table of families, or its first lines."""
-        return [self._row(index, family) for index, family in enumerate(self.families[:most])]
-
-    def _row(self, index: int, family: Family) -> FamilyRow:
-        moving = None if family.cart_mode is None else self.cart_modes[family.cart_mode].omega
-        if not self.on_cart:
-            modes = mode_words(None, self.number(family.omega))
-        else:
-            still = self.number(family.omega) if family.fold > 1 else None
-            modes = mode_words(still, None if moving is None else self.number(moving), family.fold - 1)
-        return FamilyRow(
-            family=family_name(index),
-            omega=family.omega,
-            mass=family.mass,
-            strength=family.strength if self.on_cart else None,
-            splitting=family.splitting,
-            beat=family.beat,
-            share=family.exchange.most if family.exchange else None,
-            modes=modes,
-            fold=family.fold,
-        )
+    def swept(self, masses: Floats) -> Floats:
+        """ω (len(masses), Z) in rad/s of the modes that move the cart, for carts of these masses (kg) above 0."""
+        assert self.secular
+        return np.array([self.secular.with_cart(float(mass)).zeros.omega for mass in masses])
 
     def residual(self) -> float:
         """Relative error of the total mass from modal effective and residual masses, two independent routes."""
+        assert self.secular
         hanging = sum(float(np.sum(block.mass.sum(0) * block.count)) for block in self.rig.blocks)
-        return abs(self.dynamic.residual + float(self.dynamic.mass.sum()) - hanging) / hanging
+        return abs(self.secular.residual + float(self.secular.mass.sum()) - hanging) / hanging
 
-    def swept(self, masses: Floats) -> Floats:
-        """ω (len(masses), Z) in rad/s of the modes that move the cart, for carts of these masses (kg) above 0."""
-        return np.array([self.dynamic.with_cart(float(mass)).zeros.omega for mass in masses])
+    # ------------------------------------------------------------------------------------------- exchange, dampers
 
-    @property
-    def _held(self) -> int:
-        """1 if a spring holds the cart, which adds a pole at 0."""
-        return int(self.dynamic.spring > 0)
+    @cached_property
+    def pairs(self) -> tuple[EnergyExchange, ...]:
+        """Pairs of own modes of different kinds, those that exchange most first; none of more than MOST_MODES modes.
 
-    def _rest(self) -> Floats:
-        """m_r (C,)."""
-        if not self.on_cart:
-            return np.full(len(self.dynamic.omega), np.inf)
-        omega, index = self.dynamic.omega, np.arange(len(self.dynamic.omega))
-        parts = np.array_split(index, 1 + len(omega) ** 2 // 1_000_000)
-        return np.concatenate([self.dynamic(omega[p], left_out=index == p[:, None]) for p in parts])
+        A pair that nothing else resists is rigidly coupled and omitted: it exchanges nothing.
+        """
+        count, kinds = len(self.fixed_base.omega), self.fixed_base.kind
+        if count > MOST_MODES or not self.is_coupled:
+            return ()
+        pairs = [(a, b) for a in range(count) for b in range(a + 1, count) if kinds[a] != kinds[b]]
+        exchanges = [pair for a, b in pairs if (pair := self._pair(a, b))]
+        return tuple(sorted(exchanges, key=lambda pair: -pair.exchange.most))
+
+    def _pair(self, a: int, b: int) -> EnergyExchange | None:
+        modes, at = self.fixed_base, [a, b]
+        try:
+            free = self.solver.pulled((a, b))
+            lossy = self.solver.pulled((a, b), damped=True) if self.scene.has_damping else free
+        except np.linalg.LinAlgError:
+            return None
+        detuning, coupling, strength, passed = exchanged(modes.omega[at], modes.rate[at], free, lossy)
+        families = [family for family in self.families if {a, b} & set(family.members)]
+        alone, mass = sum(len(family.members) for family in families) == 2, inf
+        if self.on_cart and isinstance(self.solver, SecularEquation):
+            mass, steady = self.solver.between((a, b))
+            alone, coupling = alone and steady, abs(coupling)
+        return EnergyExchange(a, b, detuning, coupling, strength, mass, alone, passed)
+
+    @cached_property
+    def damped(self) -> tuple[Damped, ...]:
+        """The damping and excitation of each mode that oscillates, ascending; `from_cart` is that of any structure."""
+        if self.scene.is_structured:
+            stable_pencil(self.reduced.own_stiffness, self.reduced.hanging.inertia)
+        rig = rig_of(self.scene)
+        names = dict(zip(rig.names.values(), self.names, strict=True))
+        modes = damped_modes(rig, negative_damping(self.scene, rig))
+        return tuple(replace(mode, kind=mode.kind and names[mode.kind]) for mode in modes)
+
+    # ------------------------------------------------------------------------------------------------- the table
+
+    def rows(self, most: int | None = None) -> list[FamilyRow]:
+        """The table of families, or of the first of them: a line for each mode that moves other things."""
+        return [row for index, family in enumerate(self.families[:most]) for row in self._rows(index, family)]
+
+    def _rows(self, index: int, family: Family) -> Iterator[FamilyRow]:
+        name, share = family_name(index), family.exchange.most if family.exchange else None
+        numbered = family.still and (self.is_coupled or self.scene.is_structured)
+        still = self.number(family.omega) if numbered else None
+        structured = self.scene.is_structured
+        if not family.branches:
+            modes = mode_words(still, None, family.still) if structured else mode_words(None, self.number(family.omega))
+            mass, moves = (None, "nothing else") if structured else (family.mass, "")
+            yield FamilyRow(name, family.omega, mass, None, None, None, share, modes, moves, family.fold)
+        for k, branch in enumerate(family.branches):
+            moving = self.number(branch.omega) if branch.is_finite else None
+            yield FamilyRow(
+                family=name,
+                omega=family.omega,
+                mass=self.effective_mass(family, branch) if structured else family.mass,
+                strength=branch.strength,
+                splitting=branch.splitting if branch.is_finite else None,
+                beat=self.beat(family, branch),
+                share=None if k else share,
+                modes=mode_words(None if k else still, moving, family.still),
+                moves=self.moved(branch) if structured else "",
+                fold=family.fold,
+            )
+
+    def moved(self, branch: FamilyBranch) -> str:
+        """What of the structure moves in a mode, in words; empty where there is no structure."""
+        if branch.still:
+            return "structure still" if self.reduced.d else ""
+        return self.words(self.basis @ branch.motion)
+
+    def effective_mass(self, family: Family, branch: FamilyBranch) -> float | None:
+        """Σ N (Γ Φ u)² (kg) of a family along the motion u of the structure in one of its modes.
+
+        u is scaled as the structure's own modes are, by the point that moves most; None where the structure is still.
+        """
+        if branch.still:
+            return None
+        motion = self.basis @ branch.motion
+        scale = self._farthest(motion) or float(np.abs(motion).max())
+        pushes = self.reduced.push[:, list(family.members)].T @ motion / scale
+        return float(pushes @ pushes)
 
 
 @checked
-def explain(scene: Scene) -> Coupling | StructureCoupling:
+def explain(scene: Scene) -> Coupling:
     """The coupling of the pendula of a scene through its cart, or through the structure that they hang from.
 
-    Raises SceneError for inverted links and hoists, ComputationError beyond MOST_POLES distinct frequencies and where
-    double precision misses the modal effective masses.
+    Raises SceneError for inverted links and hoists, ComputationError beyond MOST_POLES distinct frequencies, or
+    MOST_COORDINATES of a structure, and where double precision misses the modal effective masses.
     """
     require(scene, "the explanation of the coupling")
     rig = rig_of(scene)
-    if rig.structure:
-        return StructureCoupling(scene, reduced(rig))
     if (size := sum(block.mass.size for block in rig.blocks)) > MOST_POLES:
         raise ComputationError(f"different pendula have {size} links: at most {MOST_POLES} are explained")
     with np.errstate(all="ignore"):
-        modes = fixed_base_modes(rig)
-        gathered = degenerate_modes((modes.omega**2,))
-        pole = np.repeat(np.arange(len(gathered.first)), gathered.size)
-        dynamic = DynamicMass(
-            omega=modes.omega[gathered.first],
-            mass=np.add.reduceat(modes.mass * modes.count, gathered.first),
-            cart=rig.cart.mass if rig.cart else 0.0,
-            residual=_residual(rig),
-            spring=rig.cart.stiffness if rig.cart else 0.0,
-        )
-        coupling = Coupling(scene, rig, modes, pole, dynamic)
-        if not np.all(np.isfinite(modes.rate**2)):
+        structure = reduced(rig)
+        if not np.all(np.isfinite(structure.fixed_base.rate**2)):
             raise ComputationError("the rates at which joint dampers drain these modes are beyond double precision")
-    if not (missed := coupling.residual()) <= MISSED:
+        on_one = structure.d <= 1 and structure.only_pushes
+        if not on_one:
+            refuse_beyond(structure)
+        secular = dynamic_mass(structure, together=scene.cart is not None) if on_one else None
+        coupling = Coupling(scene, structure, secular)
+    if not scene.is_structured and not (missed := coupling.residual()) <= MISSED:
         raise ComputationError(f"modal effective masses are beyond double precision: their sum is off by {missed:.1e}")
     return coupling
-
-
-def _residual(rig: Rig) -> float:
-    """The mass of all pendula felt from inertia alone at the pivots (kg)."""
-    natural, units = rig.natural()
-    return units.mass * float(sum((at_infinity(block)[0] * block.count).sum() for block in natural.blocks))

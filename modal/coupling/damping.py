@@ -2,19 +2,20 @@
 
 To first order in the dampers a mode φ of the conservative scene, φᵀMφ = E, decays as exp(−σt) with
 
-    σ = φᵀDφ/2E = c_c φ_x²/2E + Σ d_i (θ_i − θ_{i−1})²/2E + Σ drag_k (h_kᵀφ)²/2E
+    σ = φᵀDφ/2E = ηᵀD_s η/2E + Σ d_i (θ_i − θ_{i−1})²/2E + Σ drag_k (h_kᵀφ)²/2E
 
-with the displacement h_kᵀφ of a link's centre (Rayleigh, Theory of Sound, §102); modes of equal frequency are rotated
-until D is diagonal among them. A drive that applies the torque e θ_1' to every pendulum's top link contributes a growth
-rate e F, F = Σ θ_1²/2E: in the linear scene a mode grows once e exceeds σ/F. The van der Pol torques of the scene
-itself contribute Σ e_i (θ_i − θ_{i−1})²/2E at equilibrium. σ is listed with the eigenvalue −ζω ± iω√(1 − ζ²) of the
-damped scene itself.
+with D_s of what carries the pendula, c_c of a cart, the angle θ − Ωη of a first joint and the displacement h_kᵀφ of a
+link's centre (Rayleigh, Theory of Sound, §102); modes of equal frequency are rotated until D is diagonal among them.
+A drive that applies the torque e θ_1' to every pendulum's top link contributes a growth rate e F, F = Σ θ_1²/2E: in the
+linear scene a mode grows once e exceeds σ/F. The van der Pol torques of the scene itself contribute
+Σ e_i (θ_i − θ_{i−1})²/2E at equilibrium. σ is listed with the eigenvalue −ζω ± iω√(1 − ζ²) of the damped scene itself.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import groupby, pairwise
 from math import inf
 from typing import NamedTuple
@@ -22,25 +23,27 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from modal.assembly import Rig, centres, ratio_at
-from modal.coupling.fixed_base import without_damping
+from modal.assembly import Hanging, Rig, centres, modal_supports, ratio_at
+from modal.coupling.fixed_base import Kind, without_damping
 from modal.eigen import ModalSpectrum, SpectrumPart, find_spectrum
 from modal.errors import ComputationError
 from modal.report import Displayed
 from modal.scene import Pendulum, Scene, VanDerPol, validate_scene
 from modal.types import Floats
 
-Kind = tuple[int, int] | None
 CHUNK = 400_000
+STILL = 1e-20
+"""Largest share of a mode's kinetic energy in a structure that is said to stand still."""
 
 
 @dataclass(frozen=True, repr=False)
 class Damped(Displayed):
     """Modes of frequency `omega` (rad/s), `fold` of them, in the conservative scene; `still` if the cart is.
 
-    `kind` is the pendula's name where only these move.  Rates in 1/s: `from_cart`, `from_joints`, `from_drag` and
-    `from_ratio` (ζω of the scene's damping ratio) add up to σ, `from_drives` is the growth rate by the scene's own
-    drives.  `fed` is F in 1/(kg m²), `exact` the damped eigenvalue (rad/s), None where it is not available.
+    `kind` is the pendula's name where only these move.  Rates in 1/s: `from_cart`, or from the dampers of a structure
+    and its springs, `from_joints`, `from_drag` and `from_ratio` (ζω of the scene's damping ratio) add up to σ,
+    `from_drives` is the growth rate by the scene's own drives.  `fed` is F in 1/(kg m²), `exact` the damped eigenvalue
+    (rad/s), None where it is not available.
     """
 
     omega: float
@@ -76,20 +79,6 @@ class Damped(Displayed):
         return self.rate / self.fed if self.fed else inf
 
 
-class _Mode(NamedTuple):
-    """One mode or several equal ones, in natural units: rates and feed of each vector (d,)."""
-
-    part: SpectrumPart
-    omega: float
-    still: bool
-    cart: Floats
-    joints: Floats
-    drives: Floats
-    fed: Floats
-    drag: Floats
-    ratio: Floats
-
-
 def damped_modes(rig: Rig, strengths: tuple[Floats, ...]) -> tuple[Damped, ...]:
     """All modes of a rig in SI units that oscillate along the rail, ascending; all links must hang.
 
@@ -99,24 +88,18 @@ def damped_modes(rig: Rig, strengths: tuple[Floats, ...]) -> tuple[Damped, ...]:
     names, moment = rig.names, units.mass * units.length**2
     driven = tuple(strength / (moment * units.rate) for strength in strengths)
     with np.errstate(all="ignore"):
-        modes = _modes(natural, find_spectrum(without_damping(natural)), driven)
+        modes = _modes(_Losses(natural, driven), find_spectrum(without_damping(natural)))
         values = _exact(natural, modes)
+    rates = ("omega", "from_cart", "from_joints", "from_drives", "from_drag", "from_ratio")
     return tuple(
-        Damped(
-            omega=mode.omega * units.rate,
-            fold=mode.part.along if len(mode.cart) == 1 else 1,
-            still=mode.still,
-            kind=names[mode.part.kind] if mode.part.kind else None,
-            from_cart=float(mode.cart[k]) * units.rate,
-            from_joints=float(mode.joints[k]) * units.rate,
-            from_drives=float(mode.drives[k]) * units.rate,
-            fed=float(mode.fed[k]) / moment,
+        replace(
+            mode,
+            kind=names[kind] if kind else None,
+            fed=mode.fed / moment,
             exact=None if value is None else complex(value * units.rate),
-            from_drag=float(mode.drag[k]) * units.rate,
-            from_ratio=float(mode.ratio[k]) * units.rate,
+            **{rate: getattr(mode, rate) * units.rate for rate in rates},
         )
-        for mode, eigenvalues in zip(modes, values, strict=True)
-        for k, value in enumerate(eigenvalues)
+        for (kind, mode), value in zip(modes, values, strict=True)
     )
 
 
@@ -140,122 +123,165 @@ def _strengths(pendulum: Pendulum) -> list[float]:
 
 
 class _Shapes(NamedTuple):
-    """Some rows of a source: cart and φᵀMφ (d,), angles (n, P, d) of each block."""
+    """Some rows of a source: η and φᵀMφ (d,), angles (n, P, d) of each block."""
 
-    cart: Floats
+    eta: Floats
     modal_mass: Floats
     angles: tuple[Floats, ...]
 
 
-def _modes(rig: Rig, spectrum: ModalSpectrum, driven: tuple[Floats, ...]) -> list[_Mode]:
-    """Every oscillating mode, ascending."""
+def _modes(losses: _Losses, spectrum: ModalSpectrum) -> list[tuple[Kind | None, Damped]]:
+    """Every oscillating mode, ascending, and the kind of pendula where only these move."""
     swinging = [number for number, value in enumerate(spectrum.eigenvalue) if value]
     parts = [(number, part) for number in swinging for part in spectrum.groups[number]]
     parts.sort(key=lambda entry: (entry[1].source, entry[1].row))
     modes, omega = [], np.abs(spectrum.eigenvalue)
-    ratio = ratio_at(rig)(omega)
+    ratio = ratio_at(losses.rig)(omega)
     for source, members in groupby(parts, key=lambda entry: entry[1].source):
         owned = list(members)
-        for (number, part), shapes in zip(
-            owned, _shapes(rig, spectrum, source, [part for _, part in owned]), strict=True
-        ):
-            modes.append((number, _mode(rig, part, float(omega[number]), float(ratio[number]), shapes, driven)))
-    return [mode for _, mode in sorted(modes, key=lambda entry: entry[0])]
+        shapes = _shapes(losses.rig, spectrum, source, [part for _, part in owned])
+        for (number, part), each in zip(owned, shapes, strict=True):
+            modes.append((number, part.kind, losses.modes(part, float(omega[number]), float(ratio[number]), each)))
+    ascending = sorted(modes, key=lambda entry: entry[0])
+    return [(kind, mode) for _, kind, equal in ascending for mode in equal]
 
 
 def _shapes(rig: Rig, spectrum: ModalSpectrum, source: int, parts: list[SpectrumPart]) -> Iterator[_Shapes]:
-    """The rows of each of the parts of one source, computed a bounded amount of memory at a time."""
+    """The rows of each of the parts of one source, computed a bounded amount of memory at a time.
+
+    Of equal pendula in antiphase all swing alike, all else at rest: their rates are those of one.
+    """
     size = max(1, CHUNK // sum(block.mass.size for block in rig.blocks))
     for start in range(0, len(parts), size):
-        rows = [
-            list(range(part.row, part.row + (1 if part.kind else part.along))) for part in parts[start : start + size]
-        ]
+        chosen = parts[start : start + size]
+        rows = [list(range(part.row, part.row + (1 if part.kind else part.along))) for part in chosen]
         details = spectrum.details(source, [row for part_rows in rows for row in part_rows])
         ends = np.cumsum([len(part_rows) for part_rows in rows]).tolist()
-        for first, last in pairwise([0, *ends]):
-            here = slice(first, last)
-            angles = tuple(angle[..., here].real for angle in details.angles)
-            yield _Shapes(details.cart[here].real, details.modal_mass[here], angles)
+        moved = (details.eta if rig.structure else (details.cart,)) or (np.zeros(ends[-1]),) * rig.leading
+        eta = np.array(moved[: rig.leading]).reshape(rig.leading, ends[-1]).real
+        for part, (first, last) in zip(chosen, pairwise([0, *ends]), strict=True):
+            mass, angles = (
+                details.modal_mass[first:last],
+                tuple(angle[..., first:last].real for angle in details.angles),
+            )
+            if part.kind:
+                block, column = part.kind
+                alone, mass = angles[0][:, 0], mass * rig.blocks[block].count[column]
+                angles = tuple(np.zeros((*each.mass.shape, 1)) for each in rig.blocks)
+                angles[block][:, column] = alone
+            yield _Shapes(eta[:, first:last] * (not part.kind), mass, angles)
 
 
-def _mode(
-    rig: Rig, part: SpectrumPart, omega: float, ratio: float, shapes: _Shapes, driven: tuple[Floats, ...]
-) -> _Mode:
-    """φᵀDφ/2E by its sources, φᵀeφ/2E and φᵀFφ/2E, in the vectors that make D diagonal; drag and ζω come last."""
-    turns, damping, drive, top = _relative(rig, part, shapes, driven)
-    scale = 1 / np.sqrt(2 * shapes.modal_mass)
-    turns, moved = turns * scale, shapes.cart * scale
-    parts = (
-        np.outer(moved, moved) * (rig.cart.damping if rig.cart else 0.0),
-        (turns.T * damping) @ turns,
-        (turns.T * drive) @ turns,
-        (turns.T * top) @ turns,
-        _dragged(rig, part, shapes, scale),
-    )
-    vectors = np.linalg.eigh(parts[0] + parts[1] + parts[-1])[1]
-    cart, joints, drives, fed, drag = (np.einsum("ik,ij,jk->k", vectors, matrix, vectors) for matrix in parts)
-    still, modal = part.still or not shapes.cart.any(), np.full(len(scale), ratio * omega)
-    return _Mode(part, omega, still, cart, joints, drives, fed, drag, modal)
+@dataclass(frozen=True, eq=False)
+class _Losses:
+    """What drains and feeds the modes of a rig in natural units, `driven` the strengths of drives (n, P) of blocks."""
+
+    rig: Rig
+    driven: tuple[Floats, ...]
+
+    @cached_property
+    def hanging(self) -> Hanging:
+        """What carries the pendula as a structure."""
+        return Hanging(self.rig.carried)
+
+    @cached_property
+    def carrier(self) -> tuple[Floats, Floats]:
+        """M and D (d, d) of all that carries pendula, these as if they were stiff; D of modal supports alone."""
+        return self.hanging.inertia, modal_supports(self.hanging.structure)[2]
+
+    @cached_property
+    def pivots(self) -> tuple[tuple[Floats, Floats], ...]:
+        """Of every block, how its kinds move along the rail and turn, (P, d) each."""
+        phi, kinds = self.hanging.phi, self.hanging.kinds
+        rows = [np.zeros((2, block.size, self.hanging.structure.size)) for block in self.rig.blocks]
+        for (block, column), *each in zip(kinds.tolist(), phi.along, phi.turning, strict=True):
+            rows[block][:, column] = each
+        return tuple((along, turning) for along, turning in rows)
+
+    @cached_property
+    def joints(self) -> tuple[Floats, Floats, Floats]:
+        """Dampers and drives (J,) of all joints of blocks, and 1 for top joints, times the copies."""
+        blocks = self.rig.blocks
+        tops = [np.arange(block.n)[:, None] == np.zeros(block.size) for block in blocks]
+        every = [block.damping for block in blocks], self.driven, tops
+        damping, drive, top = (
+            np.concatenate([(part * block.count).ravel() for part, block in zip(parts, blocks, strict=True)])
+            for parts in every
+        )
+        return damping, drive, top
+
+    @cached_property
+    def dragged(self) -> list[Kind]:
+        """The kinds of pendula with drag."""
+        return [kind for kind in self.rig.names if self.rig.blocks[kind[0]].drag[:, kind[1]].any()]
+
+    def modes(self, part: SpectrumPart, omega: float, ratio: float, shapes: _Shapes) -> list[Damped]:
+        """φᵀDφ/2E by its sources, φᵀeφ/2E and φᵀFφ/2E, in the vectors that make D diagonal."""
+        scale = 1 / np.sqrt(2 * shapes.modal_mass)
+        eta, angles = shapes.eta * scale, [angle * scale for angle in shapes.angles]
+        turns = [np.diff(angle, axis=0, prepend=0.0) for angle in angles]
+        for turn, (_, turning) in zip(turns, self.pivots, strict=True):
+            turn[0] -= turning @ eta
+        rows = np.concatenate([turn.reshape(-1, len(scale)) for turn in turns])
+        damping, drive, top = ((rows.T * strength) @ rows for strength in self.joints)
+        parts = self._carried(eta, angles), damping, drive, top, self._dragged(eta, angles)
+        vectors = np.linalg.eigh(parts[0] + parts[1] + parts[-1])[1]
+        each = np.array([np.einsum("ik,ij,jk->k", vectors, matrix, vectors) for matrix in parts]).T
+        share = 2 * np.einsum("ik,ij,jk->k", eta, self.carrier[0], eta)
+        still = part.still or bool(np.all(share <= STILL * bool(self.rig.structure)))
+        fold = part.along if len(scale) == 1 else 1
+        return [
+            Damped(omega, fold, still, None, cart, joints, drives, fed, None, drag, ratio * omega)
+            for cart, joints, drives, fed, drag in each.tolist()
+        ]
+
+    def _carried(self, eta: Floats, angles: list[Floats]) -> Floats:
+        """Of what carries the pendula, of springs between points, and of what goes down, (R, R)."""
+        lost = np.asarray(eta.T @ self.carrier[1] @ eta)
+        for element in self.hanging.elements.damping:
+            pulled = np.zeros(eta.shape[1])
+            for at, value in zip(element.at, element.row, strict=True):
+                pulled += value * (eta[at] if at < len(eta) else self._angle(at - len(eta), angles))
+            lost += element.size * np.outer(pulled, pulled)
+        return lost
+
+    def _angle(self, link: int, angles: list[Floats]) -> Floats:
+        pendulum = self.hanging.owner(link)
+        block, column = self.hanging.kinds[pendulum]
+        return np.asarray(angles[block][link - int(self.hanging.first[pendulum]), column])
+
+    def _dragged(self, eta: Floats, angles: list[Floats]) -> Floats:
+        """Of the drag of links along the rail, (R, R)."""
+        lost = np.zeros((eta.shape[1],) * 2)
+        for number, column in self.dragged:
+            block = self.rig.blocks[number]
+            moved = self.pivots[number][0][column] @ eta + centres(block, column) @ angles[number][:, column]
+            lost += (moved.T * block.drag[:, column] * block.count[column]) @ moved
+        return lost
 
 
-def _dragged(rig: Rig, part: SpectrumPart, shapes: _Shapes, scale: Floats) -> Floats:
-    """φᵀDφ/2E of the drag alone, (d, d)."""
-    losses = np.zeros((len(scale), len(scale)))
-    for number, block in enumerate(rig.blocks):
-        for column in np.flatnonzero(block.drag.any(0)).tolist():
-            if part.kind is not None and part.kind != (number, column):
-                continue
-            angles = shapes.angles[0][:, 0] if part.kind else shapes.angles[number][:, column]
-            moved = np.asarray(shapes.cart + centres(block, column) @ angles) * scale
-            losses += (moved.T * block.drag[:, column] * (1 if part.kind else block.count[column])) @ moved
-    return losses
-
-
-def _relative(
-    rig: Rig, part: SpectrumPart, shapes: _Shapes, driven: tuple[Floats, ...]
-) -> tuple[Floats, Floats, Floats, Floats]:
-    """Relative angles (J, d) at all moving joints, their dampers and drives (J,), and 1 for top joints, folded."""
-    if part.kind:
-        index, column = part.kind
-        block = rig.blocks[index]
-        swung = np.diff(shapes.angles[0][:, 0], axis=0, prepend=0.0)
-        return swung, block.damping[:, column], driven[index][:, column], _tops(block.n, np.ones(1))
-    turns = [np.diff(angle, axis=0, prepend=0.0).reshape(-1, angle.shape[-1]) for angle in shapes.angles]
-    damping = [(block.damping * block.count).ravel() for block in rig.blocks]
-    drive = [(strength * block.count).ravel() for strength, block in zip(driven, rig.blocks, strict=True)]
-    tops = [_tops(block.n, block.count.astype(np.float64)) for block in rig.blocks]
-    return np.concatenate(turns), np.concatenate(damping), np.concatenate(drive), np.concatenate(tops)
-
-
-def _tops(n: int, count: Floats) -> Floats:
-    return np.concatenate([count, np.zeros((n - 1) * len(count))])
-
-
-def _exact(rig: Rig, modes: list[_Mode]) -> list[list[complex | None]]:
-    """The damped eigenvalue of every vector: of the same pendula's, the one that best satisfies λ² + 2σλ + ω² = 0."""
+def _exact(rig: Rig, modes: list[tuple[Kind | None, Damped]]) -> list[complex | None]:
+    """The damped eigenvalue of every mode: of the same pendula's, the one that best satisfies λ² + 2σλ + ω² = 0."""
     if not (rig.is_damped or rig.damping_ratio):
-        return [[complex(0.0, mode.omega)] * len(mode.cart) for mode in modes]
-    unknown: list[list[complex | None]] = [[None] * len(mode.cart) for mode in modes]
+        return [complex(0.0, mode.omega) for _, mode in modes]
+    exact: list[complex | None] = [None] * len(modes)
     try:
         spectrum = find_spectrum(rig)
     except ComputationError:
-        return unknown
-    values: dict[Kind, list[complex]] = {}
+        return exact
+    values: dict[Kind | None, list[complex]] = {}
     for value, group in zip(spectrum.eigenvalue.tolist(), spectrum.groups, strict=True):
         for part in group if value else ():
             values.setdefault(part.kind, []).extend([value] * (1 if part.kind else part.along))
-    wanted: dict[Kind, list[tuple[int, int]]] = {}
-    for m, mode in enumerate(modes):
-        wanted.setdefault(mode.part.kind, []).extend((m, k) for k in range(len(mode.cart)))
+    wanted: dict[Kind | None, list[int]] = {}
+    for m, (kind, _) in enumerate(modes):
+        wanted.setdefault(kind, []).append(m)
     for kind, places in wanted.items():
-        first = [
-            (modes[m].cart[k] + modes[m].joints[k] + modes[m].drag[k] + modes[m].ratio[k], modes[m].omega)
-            for m, k in places
-        ]
+        first = np.array([(modes[m][1].rate, modes[m][1].omega) for m in places])
         slow = slowest(np.array(values.get(kind, [])), len(places))
-        for (m, k), value in zip(places, nearest_values(np.array(first), slow), strict=True):
-            unknown[m][k] = value
-    return unknown
+        for m, value in zip(places, nearest_values(first, slow), strict=True):
+            exact[m] = value
+    return exact
 
 
 def slowest(values: NDArray[np.complex128], count: int) -> NDArray[np.complex128]:

@@ -1,4 +1,4 @@
-"""The damping of each family in words: what survives, and what drives feed."""
+"""The damping of each mode in words: what survives, and what drives feed."""
 
 from __future__ import annotations
 
@@ -47,13 +47,19 @@ def _named(coupling: Coupling, mode: Damped) -> str:
     whose = f", {mode.kind}" if mode.kind else ""
     number = coupling.number(mode.omega)
     name = "the mode" if number is None else f"mode {number}"
-    return f"{name} at {rad(mode.omega)} (cart {'still' if mode.still else 'moves'}{whose})"
+    if coupling.scene.is_structured and not coupling.reduced.d:
+        return f"{name} at {rad(mode.omega)}" + (f" ({mode.kind})" if mode.kind else "")
+    what = "structure" if coupling.scene.is_structured else "cart"
+    return f"{name} at {rad(mode.omega)} ({what} {'still' if mode.still else 'moves'}{whose})"
 
 
 def _mode(coupling: Coupling, mode: Damped) -> str:
+    carrier = "the cart's damper [c_c φ_x²/2φᵀMφ]"
+    if coupling.scene.is_structured:
+        carrier = "the dampers of the structure and its springs [ηᵀD_sη/2φᵀMφ]"
     first = (
         f"{capital(_named(coupling, mode))}: damping ratio {short(mode.ratio)} [σ/ω], rate {short(mode.rate)} 1/s "
-        f"[σ = φᵀDφ/2φᵀMφ], {short(mode.from_cart)} of it from the cart's damper [c_c φ_x²/2φᵀMφ] and "
+        f"[σ = φᵀDφ/2φᵀMφ], {short(mode.from_cart)} of it from {carrier} and "
         f"{short(mode.from_joints)} from the joints [Σ d_i(θ_i − θ_i−1)²/2φᵀMφ]"
         + (f", {short(mode.from_drag)} from drag [Σ drag_k(h_kᵀφ)²/2φᵀMφ]" if mode.from_drag else "")
         + (f", {short(mode.from_ratio)} from the damping ratio [ζω]" if mode.from_ratio else "")
@@ -71,6 +77,7 @@ def _is_first_order(mode: Damped) -> bool:
 
 def _survivors(coupling: Coupling, modes: tuple[Damped, ...]) -> Iterator[str]:
     last, first = (choose(modes, key=lambda mode: mode.decay) for choose in (min, max))
+    what = "structure" if coupling.scene.is_structured else "cart"
     most = NEGLIGIBLE * max(mode.rate for mode in modes)
     spared = [mode for mode in modes if mode.decay <= NEGLIGIBLE * first.decay and mode.rate <= most]
     if spared:
@@ -78,7 +85,7 @@ def _survivors(coupling: Coupling, modes: tuple[Damped, ...]) -> Iterator[str]:
         rest = f"; and {len(spared) - MOST_DAMPED} more" if len(spared) > MOST_DAMPED else ""
         yield f"Not damped at all [σ = 0]: {each}{rest}. In the end only these swing."
         if first.from_cart and all(mode.still for mode in spared):
-            yield "What leaves the cart still survives a damper on it: antiphase, as Huygens saw."
+            yield f"What leaves the {what} still survives a damper on it: antiphase, as Huygens saw."
     elif last.decay <= 0:
         yield (
             f"The slowest to decay is {_named(coupling, last)}: its rate is beyond double precision beside that of "

@@ -1,27 +1,45 @@
-"""The dynamic mass for a force on the cart, over frequency: the cart is still at its poles and moves at its zeros.
+"""The dynamic mass for a force on the cart, over frequency, and the families of pendula that it makes.
 
     m_dyn(ω) = m_c − k_c/ω² + m_res + Σ_r μ_r ω_r²/(ω_r² − ω²)
 
 over the fixed-base frequencies ω_r of all pendula, μ_r the total modal effective mass at ω_r and m_res the residual
-mass, which the pivots feel from inertia alone; a force F on the cart accelerates it by F/m_dyn.
-Near a pole ω_r² − ω² is evaluated as (ω_r − ω)(ω_r + ω), and a zero is stored as an offset from the nearest pole
-(`modal.eigen.secular`), so that neither loses digits however close the two are.
+mass, which the pivots feel from inertia alone; a force F on the cart accelerates it by F/m_dyn.  The cart is still at
+its poles and moves at its zeros.  Near a pole ω_r² − ω² is evaluated as (ω_r − ω)(ω_r + ω), and a zero is stored as an
+offset from the nearest pole (`modal.eigen.secular`), so that neither loses digits however close the two are.  So it is
+for any structure of one coordinate that pendula only push.
+
+A mode with square x moves the coordinate by 1 and the pendula of a family by a = x h/(ω_r² − x).  Its potential energy
+is x = (k + Σ ω_r² a²)/φᵀMφ: it belongs to the family, or to the coordinate on its spring, with the largest share of
+that.  On a fixed support, whose pendula nothing joins, there are families without modes that move anything.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from math import copysign, inf, isfinite, sqrt
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from modal.eigen import LIGHTEST, Poles, solve
+from modal.coupling.exchange import STRONG
+from modal.coupling.families import FamilyBranch
+from modal.coupling.reduced import MOST_COORDINATES, ReducedStructure
+from modal.eigen import LIGHTEST, Poles, at_infinity, degenerate_modes, solve
 from modal.errors import ComputationError
+from modal.modes import paired
 from modal.report import Displayed
 from modal.types import Booleans, Floats, Ints
 
 CHUNK = 2_000_000
+Other = tuple[float, Floats]
+FALLS = "the structure does not stand by itself: at rest it falls over, and nothing swings about it"
+NOTHING_HOLDS = 256 * 2.0**-52
+"""A stiffness this small over the sum of the sizes of its terms is 0."""
+STEADY = 0.2
+"""Largest relative change of m over the frequencies of an isolated pair."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -113,3 +131,184 @@ class DynamicMass(Displayed):
         if not np.all(np.isfinite(roots.offset)):
             raise ComputationError("the modes that move this cart are beyond double precision")
         return Zeros(square, weight, roots.anchor, roots.offset)
+
+
+@dataclass(frozen=True, eq=False)
+class SecularEquation:
+    """Modes of pendula on at most one coordinate, of own mode `unit` over it, with `damping` on it (N s/m).
+
+    `together` tells that all pendula are of one part, those that do not push it included; `lost` (K,) are the decay
+    rates (1/s) of pendula alone.
+    """
+
+    reduced: ReducedStructure
+    dynamic: DynamicMass
+    together: bool
+    unit: float
+    damping: float
+    lost: Floats
+
+    @cached_property
+    def members(self) -> tuple[Ints, ...]:
+        """The fixed-base modes of every family, ascending: those of one frequency that the coordinate joins."""
+        modes = self.reduced.fixed_base
+        gathered = degenerate_modes((modes.omega**2,))
+        alone = 1 + modes.kind
+        part = np.zeros_like(alone) if self.together else np.where(self._pushes, 0, alone)
+        members = []
+        for first, size in zip(gathered.first, gathered.size, strict=True):
+            alike = np.sort(gathered.order[first : first + size])
+            members += [alike[part[alike] == each] for each in dict.fromkeys(part[alike].tolist())]
+        return tuple(members)
+
+    @property
+    def _pushes(self) -> Any:
+        return self.reduced.push.any(0)
+
+    def still(self, r: int) -> int:
+        """How many combinations of different members of a family move nothing else."""
+        return len(self.members[r]) - int(self.poles[r] >= 0)
+
+    @cached_property
+    def poles(self) -> Ints:
+        """The pole of every family; −1 of those that do not move the coordinate."""
+        pushes = np.array([self.together or bool(self._pushes[members[0]]) for members in self.members])
+        pushes &= self.reduced.d > 0
+        return np.where(pushes, np.cumsum(pushes) - 1, -1)
+
+    @property
+    def _held(self) -> int:
+        """1 if a spring holds the coordinate, which adds a pole at 0."""
+        return int(self.dynamic.spring > 0)
+
+    @cached_property
+    def rest(self) -> Floats:
+        """m_r (C,): the dynamic mass at every pole of all but that one."""
+        omega, index = self.dynamic.omega, np.arange(len(self.dynamic.omega))
+        parts = np.array_split(index, 1 + len(omega) ** 2 // 1_000_000)
+        return np.concatenate([self.dynamic(omega[p], left_out=index == p[:, None]) for p in parts])
+
+    @cached_property
+    def owner(self) -> Ints:
+        """The pole that each zero belongs to, by its share in the potential energy; −1 for the coordinate's own mode.
+
+        Beyond MOST_COORDINATES poles both are in order.
+        """
+        zeros, dynamic, held = self.dynamic.zeros, self.dynamic, self._held
+        count, omega = len(zeros.anchor), zeros.omega
+        with np.errstate(all="ignore"):
+            energy = dynamic.spring / omega / omega / zeros.modal_mass
+            if len(dynamic.omega) > MOST_COORDINATES:
+                leading, order = int(energy.argmax()) if held else count, np.arange(count)
+                return np.where(order == leading, -1, order - (order > leading) * held)
+            apart = (zeros.square[held:, None] - zeros.square[zeros.anchor]) - zeros.offset
+            moved = dynamic.omega[:, None] * np.sqrt(dynamic.mass[:, None] / zeros.modal_mass)
+            shares = np.vstack([energy, (omega / apart * moved) ** 2])[1 - held :]
+        owner = np.full(count, -1)
+        for row, zero in enumerate(paired(np.nan_to_num(shares, posinf=1.0), np.ones(count, dtype=np.int64)).tolist()):
+            if zero >= 0:
+                owner[zero] = row - held
+        return owner
+
+    @cached_property
+    def branches(self) -> list[list[FamilyBranch]]:
+        """Of every family the mode that moves the coordinate."""
+        if not self.reduced.d:
+            return [[] for _ in self.members]
+        zeros, dynamic = self.dynamic.zeros, self.dynamic
+        zero_of = {int(pole): zero for zero, pole in enumerate(self.owner.tolist())}
+        moved, at = (1 / np.sqrt(zeros.modal_mass)).tolist(), zeros.omega.tolist()
+        rests, masses, omegas = self.rest.tolist(), dynamic.mass.tolist(), dynamic.omega.tolist()
+        branches: list[list[FamilyBranch]] = []
+        for members, pole in zip(self.members, self.poles.tolist(), strict=True):
+            if pole < 0:
+                branches.append([])
+                continue
+            rest, omega, pattern = rests[pole], omegas[pole], self.reduced.push[0, members]
+            strength = masses[pole] / rest if rest else inf
+            damped = rest / (rest - 1j * self.damping / omega) if self.damping else 1.0
+            moving, apart, eta, zero = inf, inf, 0.0, zero_of.get(pole)
+            if zero is not None:
+                moving, apart = at[zero], zeros.above(zero, pole + self._held)
+                eta = -copysign(moved[zero], apart * pattern[np.abs(pattern).argmax()])
+                pattern = -pattern * eta * moving / apart * (moving / (moving + omega)) if apart else pattern
+            motion = np.array([eta / self.unit])
+            branches.append([FamilyBranch(strength, moving, apart, motion, pattern, False, damped, zero)])
+        return branches
+
+    @cached_property
+    def others(self) -> tuple[Other, ...]:
+        """ω and own amplitude of the modes that belong to the coordinate rather than to a family."""
+        if not self.reduced.d:
+            return ()
+        zeros = self.dynamic.zeros
+        rows = np.flatnonzero(self.owner < 0)
+        swinging = [(float(zeros.omega[k]), np.array([1 / sqrt(zeros.modal_mass[k]) / self.unit])) for k in rows]
+        drift = (0.0, np.array([1 / sqrt(self.dynamic.at_rest) / self.unit]))
+        return tuple(swinging) if self._held else (drift, *swinging)
+
+    def pulled(self, modes: tuple[int, int], *, damped: bool = False) -> Any:
+        """F of some own modes halfway between their frequencies: how the coordinate, and dampers, shift their ω².
+
+        LinAlgError where nothing else resists.
+        """
+        at = list(modes)
+        omega = self.reduced.fixed_base.omega[at]
+        x = float(omega.prod())
+        resists = float(self._without(modes, [sqrt(x)])[0])
+        if not resists:
+            raise np.linalg.LinAlgError("nothing else resists these modes")
+        pushes = omega * (self.reduced.push[0, at] if self.reduced.d and isfinite(resists) else 0.0)
+        if not damped:
+            return np.outer(pushes, pushes) / resists
+        yields = 1 / (resists - 1j * self.damping / sqrt(x)) if isfinite(resists) else 0.0
+        return np.outer(pushes, pushes) * yields + np.diag(2j * omega * self.lost[at])
+
+    def _without(self, modes: tuple[int, int], omega: Sequence[float]) -> Floats:
+        """The dynamic mass (W,) at ω (W,) without the poles of two modes."""
+        pole_of = {int(k): int(self.poles[r]) for r, members in enumerate(self.members) for k in members}
+        left_out = np.isin(np.arange(len(self.dynamic.omega)), [pole_of[k] for k in modes])
+        return self.dynamic(omega, left_out=np.repeat(left_out[None], len(omega), axis=0))
+
+    def between(self, modes: tuple[int, int]) -> tuple[float, bool]:
+        """The m (kg) between two modes, and whether it is steady over their frequencies: if not, others take part.
+
+        A coupling beyond STRONG is none that is steady.
+        """
+        alone, at = self.reduced.fixed_base, list(modes)
+        omega, mass = alone.omega[at], (alone.mass * alone.count)[at]
+        m = float(self._without(modes, [sqrt(float(omega.prod()))])[0])
+        with np.errstate(all="ignore"):
+            shift = omega * mass / (2 * m) if m else np.full(2, inf)
+            middle, detuning = float((omega + shift).mean()), float(np.diff(omega + shift)[0])
+            swing = np.hypot(detuning / 2, np.sqrt(np.abs(shift.prod())))
+            ends = np.array([*omega, middle - swing, middle + swing])
+            beside = self._without(modes, [max(ends.min(), 0.0), max(ends.max(), 0.0)])
+            steady = bool(np.all(np.abs(beside - m) <= STEADY * abs(m)))
+        return m, steady and isfinite(m) and bool(mass.max() <= STRONG * abs(m))
+
+
+def dynamic_mass(reduced: ReducedStructure, *, together: bool) -> DynamicMass:
+    """The dynamic mass of at most one coordinate; of a fixed support that of a massless cart in its place.
+
+    Raises ComputationError for a coordinate that falls.
+    """
+    modes, rig = reduced.fixed_base, reduced.rig
+    moves = reduced.along[:, 0] ** 2 if reduced.d else np.ones(len(reduced.kinds))
+    mass = modes.mass * modes.count * moves[modes.kind]
+    chosen = np.arange(len(mass)) if together or not reduced.d else np.flatnonzero(reduced.push.any(0))
+    gathered = degenerate_modes((modes.omega[chosen] ** 2,))
+    natural, units = rig.natural()
+    residual = np.concatenate([at_infinity(block)[0] * block.count for block in natural.blocks])
+    carrier, spring = (float(S[0, 0]) if reduced.d else 0.0 for S in (reduced.own_inertia, reduced.own_stiffness))
+    terms = float(reduced.hanging.elements.terms.sum()) if reduced.d else 0.0
+    if spring < -NOTHING_HOLDS * terms:
+        raise ComputationError(FALLS)
+    first = chosen[gathered.order[gathered.first]] if len(chosen) else chosen
+    return DynamicMass(
+        omega=modes.omega[first],
+        mass=np.add.reduceat(mass[chosen[gathered.order]], gathered.first) if len(chosen) else np.zeros(0),
+        cart=carrier,
+        residual=units.mass * float((residual * moves).sum()),
+        spring=spring if spring > NOTHING_HOLDS * terms else 0.0,
+    )

@@ -20,29 +20,27 @@ the energy is on its way back after π/Re Ω; where Im Ω is larger than Re Ω i
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
-from math import isfinite, pi, sqrt
+from math import inf, isfinite, pi, sqrt
+from typing import Any
 
 import numpy as np
 
-from modal.coupling.dynamic_mass import DynamicMass
-from modal.coupling.fixed_base import FixedBaseModes
 from modal.report import Displayed
-from modal.types import Booleans, Floats, Ints
+from modal.types import Complexes, Floats
 
 SAMPLES = 2001
 MOST_MODES = 40
 """Modes up to which pairs are listed: among more, no two are isolated from the others."""
 STRONG = 0.5
 """Coupling strength μ/m above which first order is meaningless."""
+FAR = 0.2
+"""Relative difference of first order from the splitting above which what resists varies."""
 LEAST_SHARE_OF_BEATS = 0.01
 """Share of the energy of one pendulum that others must come to hold for a beat to be told."""
 UNEVEN = 1e-3
 """Largest differences of decay rates within a family, over its splitting and over the largest rate."""
-STEADY = 0.2
-"""Largest relative change of m over the frequencies of an isolated pair."""
 
 
 @dataclass(frozen=True)
@@ -86,20 +84,40 @@ def passes_energy(first: Floats, second: Floats) -> bool:
     return bool((4 * first * second).max() > LEAST_SHARE_OF_BEATS)
 
 
-def most_of_the_others(weights: Sequence[float], levels: Sequence[complex]) -> float:
-    """The most that all others ever hold of the energy given to one of several, over its levels, of that energy.
+def beats_of(weights: Floats, levels: Complexes) -> tuple[float, ...]:
+    """2π/|Δω| (s), the slowest first, of two levels that pass energy of a member (levels, members) and have it back."""
+    gaps = [b - a for (a, u), (b, v) in combinations(zip(levels, weights, strict=True), 2) if passes_energy(u, v)]
+    coming = [2 * pi / float(abs(gap.real)) for gap in gaps if abs(gap.real) > abs(gap.imag)]
+    return tuple(sorted(coming, reverse=True))
 
-    The one has the weights w_l, Σ w_l = 1, in modes of frequency Re δ_l (rad/s, from any origin) and decay rate Im δ_l
-    (1/s); the others hold Σ w_l |e_l|² − |Σ w_l e_l|² with e_l = exp(iδ_l t), over the slowest beat.
 
-    >>> round(most_of_the_others([2 / 3, 1 / 3], [0.0, 0.1]), 12), round(4 * (3 - 1) / 3**2, 12)
-    (0.888888888889, 0.888888888889)
+def shared(weights: Floats, levels: Complexes) -> Transfer:
+    """What all others ever hold of the energy given to any one of several, over their levels, as a part of it.
+
+    A member has the weights w_l, Σ w_l = 1, (levels, members), in modes of frequency Re δ_l (rad/s, from any origin)
+    and decay rate Im δ_l (1/s); the others hold Σ w_l |e_l|² − |Σ w_l e_l|² with e_l = exp(iδ_l t).
+
+    >>> passed = shared(np.array([[2 / 3], [1 / 3]]), np.array([0.0, 0.1 + 0.0j]))
+    >>> round(passed.most, 12), round(4 * (3 - 1) / 3**2, 12), round(passed.period, 6)
+    (0.888888888889, 0.888888888889, 62.831853)
     """
-    share, level = np.asarray(weights), np.asarray(levels, dtype=np.complex128)
-    gaps = np.abs(np.subtract.outer(level.real, level.real))
-    times = np.linspace(0.0, 2 * pi / float(gaps[gaps > 0].min()), SAMPLES) if gaps.any() else np.zeros(1)
-    amplitude = np.exp(1j * np.outer(times, level))
-    return float(((np.abs(amplitude) ** 2) @ share - np.abs(amplitude @ share) ** 2).max())
+    beats = beats_of(weights, levels)
+    gaps = np.subtract.outer(levels, levels)
+    apart = np.abs(gaps.real)[np.abs(gaps.real) > 0]
+    period = beats[0] if beats else 2 * pi / float(apart.min()) if apart.size else inf
+    lossless = not levels.imag.any()
+    rate = max(float(np.abs(gaps).max()) / 2, float(levels.imag.max()))
+    span = period if isfinite(period) and lossless else min(period, 100 / rate) if rate else 0.0
+    times = np.linspace(0.0, span, SAMPLES)
+    if not lossless:
+        times = np.concatenate((times, np.geomspace(1e-3, 1e6, SAMPLES) / rate))
+        times = times[times * levels.imag.min() < 300]  # numbers below 1e-130 would be slow, and nothing is left then
+    amplitude = np.exp(1j * np.outer(times, levels))
+    held, kept = (np.einsum("tl,lm->tm", part, weights) for part in (np.abs(amplitude) ** 2, amplitude))
+    others = held - np.abs(kept) ** 2
+    back = np.abs(np.exp(1j * levels * period) @ weights) ** 2 if isfinite(period) else np.zeros(1)
+    left = 1.0 if lossless and len(levels) == 2 else float(back.max())
+    return Transfer(period, float(others.max()), left, bool(beats), lossless)
 
 
 def _swung(times: Floats, turn: np.complex128, decay: float) -> Floats:
@@ -118,14 +136,16 @@ def _returned(half: np.complex128, turn: np.complex128, decay: float, time: floa
 class EnergyExchange(Displayed):
     """Modes `first` and `second`, indices into `FixedBaseModes`, all copies of each kind moving alike.
 
-    `detuning` δ and `coupling` g in rad/s, `cart_mass` the m (kg) between them, all without dampers, and `exchange`
-    the transfer with them; `alone` if no other mode takes part and g is small enough for the theory.
+    `detuning` δ and `coupling` g in rad/s, `strength` the larger of their own shifts over ω, `cart_mass` the m (kg) of
+    one coordinate between them, all without dampers, and `exchange` the transfer with them.  `alone` if no third mode
+    of that frequency takes part, and with one coordinate if m is steady and g small enough for the theory.
     """
 
     first: int
     second: int
     detuning: float
     coupling: float
+    strength: float
     cart_mass: float
     alone: bool
     exchange: Transfer
@@ -141,59 +161,15 @@ class EnergyExchange(Displayed):
         return self.exchange.most
 
 
-def energy_exchanges(
-    modes: FixedBaseModes, dynamic: DynamicMass, pole: Ints, damping: float = 0.0
-) -> tuple[EnergyExchange, ...]:
-    """Pairs of modes of different kinds, those that exchange most first.
+def exchanged(omega: Floats, rate: Floats, free: Any, lossy: Any) -> tuple[float, float, float, Transfer]:
+    """Detuning, coupling, strength and transfer of two modes at `omega` (2,), their pull F without and with dampers.
 
-    `pole` (K,) is the pole of each mode, `damping` (N s/m) the cart's.  A pair with nothing else on the cart, m = 0, is
-    rigidly coupled and omitted: it exchanges nothing.  There are none for more than MOST_MODES modes.
+    `rate` (2,) are their own decay rates: where one is overdamped nothing comes back.
     """
-    places = range(len(modes.omega)) if len(modes.omega) <= MOST_MODES else ()
-    pairs = [(a, b) for a, b in combinations(places, 2) if modes.kind[a] != modes.kind[b]]
-    chosen = np.array(pairs, dtype=np.int64).reshape(-1, 2)
-    masses = _between(dynamic, pole[chosen])
-    alone = _alone(modes, dynamic, pole, chosen, masses)
-    every = zip(pairs, masses.tolist(), alone.tolist(), strict=True)
-    exchanges = [_exchange(modes, a, b, m, damping, alone=by_itself) for (a, b), m, by_itself in every if m]
-    return tuple(sorted(exchanges, key=lambda pair: -pair.share))
-
-
-def _between(dynamic: DynamicMass, poles: Ints) -> Floats:
-    """The m (pairs,) in kg: the dynamic mass without the two poles of each pair, halfway between them."""
-    return _without(dynamic, poles, np.sqrt(dynamic.omega[poles].prod(1)))
-
-
-def _without(dynamic: DynamicMass, poles: Ints, omega: Floats) -> Floats:
-    """The dynamic mass (pairs,) in kg without the two poles of each pair, at these frequencies (pairs,)."""
-    index = np.arange(len(dynamic.omega))
-    return dynamic(omega, left_out=(index == poles[:, :1]) | (index == poles[:, 1:]))
-
-
-def _alone(modes: FixedBaseModes, dynamic: DynamicMass, pole: Ints, pairs: Ints, m: Floats) -> Booleans:
-    """Whether no other mode shares the poles of a pair, its coupling is weak, and m is steady over its frequencies."""
-    mass = (modes.mass * modes.count)[pairs]
-    omega, company = modes.omega[pairs], np.bincount(pole)[pole[pairs]]
-    with np.errstate(all="ignore"):
-        shift = omega * mass / (2 * m[:, None])
-        middle, detuning = (omega + shift).mean(1), np.diff(omega + shift)[:, 0]
-        swing = np.hypot(detuning / 2, np.sqrt(np.abs(shift.prod(1))))
-        ends = np.column_stack((omega, middle - swing, middle + swing))
-        beside = [_without(dynamic, pole[pairs], np.maximum(end, 0.0)) for end in (ends.min(1), ends.max(1))]
-        steady = np.all(np.abs(beside - m) <= STEADY * np.abs(m), axis=0) & (mass.max(1) <= STRONG * np.abs(m))
-    alone: Booleans = np.isfinite(m) & steady & (company.sum(1) == np.where(np.ptp(pole[pairs], axis=1), 2, 4))
-    return alone
-
-
-def _exchange(modes: FixedBaseModes, a: int, b: int, m: float, damping: float, *, alone: bool) -> EnergyExchange:
-    """The pair (a, b) on a cart that resists with m and a damper."""
-    wa, wb = float(modes.omega[a]), float(modes.omega[b])
-    ma, mb = (float(modes.mass[k] * modes.count[k]) for k in (a, b))
-    detuning = (wa - wb) + (wa * ma - wb * mb) / (2 * m)
-    coupling, yielding = sqrt(ma * mb * wa * wb), 1 / (2 * m - 2j * damping / sqrt(wa * wb)) if isfinite(m) else 0.0
-    first, second = (w * (1 + mu * yielding) + 1j * float(modes.rate[k]) for w, mu, k in ((wa, ma, a), (wb, mb, b)))
-    passed = transfer(first, second, coupling * yielding)
-    overdamped = float(modes.rate[a]) >= wa or float(modes.rate[b]) >= wb
-    return EnergyExchange(
-        a, b, detuning, coupling / (2 * abs(m)), m, alone, replace(passed, beats=passed.beats and not overdamped)
-    )
+    (wa, wb), x = omega.tolist(), float(omega.prod())
+    first, second = wa + free[0, 0] / (2 * wa), wb + free[1, 1] / (2 * wb)
+    shifts = [complex(lossy[k, k]) / (2 * w) for k, w in enumerate((wa, wb))]
+    passed = transfer(wa + shifts[0], wb + shifts[1], complex(lossy[0, 1]) / (2 * sqrt(x)))
+    strength = max(abs(free[0, 0]) / wa**2, abs(free[1, 1]) / wb**2, abs(free[0, 1]) / x)
+    passed = replace(passed, beats=passed.beats and bool(np.all(rate < omega)))
+    return float(first - second), float(free[0, 1]) / (2 * sqrt(x)), float(strength), passed

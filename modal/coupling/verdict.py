@@ -7,11 +7,8 @@ from math import isfinite
 
 from modal.coupling.analysis import Coupling
 from modal.coupling.exchange import STRONG, EnergyExchange
-from modal.coupling.exchange_words import collective
 from modal.coupling.families import FamilyRow
-from modal.coupling.structure_words import carrier_words
-from modal.coupling.structures import Exchanged
-from modal.coupling.wording import ROUGH, SLIGHT, AnyCoupling, left, member
+from modal.coupling.words import ROUGH, SLIGHT, carrier_words, collective, left, member
 from modal.report import capital, counted, listed, short
 
 NEGLIGIBLE = 1e-12
@@ -21,29 +18,23 @@ MOST_LETTERS = 40
 """Letters of the names of two pendula that a sentence has room for."""
 
 
-def verdict(coupling: AnyCoupling, rows: list[FamilyRow]) -> tuple[str, ...]:
+def verdict(coupling: Coupling, rows: list[FamilyRow]) -> tuple[str, ...]:
     """The sentences, from the table of families."""
     sentences = [_coupled(coupling)]
-    if _is_coupled(coupling):
+    if coupling.is_coupled:
         sentences += [*_strength(rows), *_beats(coupling, rows), *_between(coupling)]
     return (*sentences, *_lasting(coupling))
 
 
-def _is_coupled(coupling: AnyCoupling) -> bool:
-    return (
-        coupling.on_cart if isinstance(coupling, Coupling) else bool(coupling.reduced.d or coupling.structure.springs)
-    )
-
-
-def _coupled(coupling: AnyCoupling) -> str:
+def _coupled(coupling: Coupling) -> str:
     scene = coupling.scene
     pendula = counted(scene.n_pendula, "pendulum", "pendula")
-    if not _is_coupled(coupling):
+    if not coupling.is_coupled:
         why = "moves as prescribed" if scene.is_moved else "does not move"
         if scene.n_pendula == 1:
             return f"Nothing is coupled: one pendulum hangs from a support that {why}."
         return f"Nothing couples the {pendula}: their support {why}, and each swings alone."
-    if isinstance(coupling, Coupling):
+    if coupling.on_cart:
         dynamic = coupling.dynamic
         spring = f" on a spring of {short(dynamic.spring)} N/m" if dynamic.spring else ""
         cart = f"a cart of {short(dynamic.cart)} kg{spring}" if dynamic.cart else f"a massless cart{spring}"
@@ -78,7 +69,7 @@ def _strength(rows: list[FamilyRow]) -> Iterator[str]:
     yield f"The coupling is {kind}: its strength is {largest}{size:.3g} (family {most.family})."
 
 
-def _beats(coupling: AnyCoupling, rows: list[FamilyRow]) -> Iterator[str]:
+def _beats(coupling: Coupling, rows: list[FamilyRow]) -> Iterator[str]:
     """The slowest beat, or why there is none within families of several pendula."""
     beating = [row for row in rows if row.beat is not None]
     if not beating:
@@ -96,32 +87,26 @@ def _beats(coupling: AnyCoupling, rows: list[FamilyRow]) -> Iterator[str]:
     yield f"{slowest} {row.beat:.4g} s (family {row.family}){most}."
 
 
-def _no_beats(coupling: AnyCoupling) -> Iterator[str]:
+def _no_beats(coupling: Coupling) -> Iterator[str]:
     """Why equal pendula do not beat, where there are any."""
     if all(family.fold == 1 for family in coupling.families):
         return
     why = "the coupling is too strong, or another mode too near"
-    if isinstance(coupling, Coupling):
-        weak = [family for family in coupling.families if family.fold > 1 and family.is_first_order]
-        if weak:
-            scarce = any(family.exchange and family.exchange.beats for family in weak)
-            why = "dampers end it" if coupling.scene.has_damping and not scarce else SCARCE
-    elif any(
-        family.fold > 1 and all(branch.is_first_order(family.omega) for branch in family.branches)
-        for family in coupling.families
-    ):
-        why = SCARCE
+    weak = [family for family in coupling.families if family.fold > 1 and family.is_first_order]
+    if weak:
+        scarce = any(family.exchange and family.exchange.beats for family in weak)
+        why = "dampers end it" if coupling.scene.has_damping and not scarce else SCARCE
     yield f"Equal pendula do not beat: {why}."
 
 
-def _between(coupling: AnyCoupling) -> Iterator[str]:
+def _between(coupling: Coupling) -> Iterator[str]:
     """What pendula that differ exchange."""
     if len(coupling.names) == 1:
         return
-    if isinstance(coupling, Coupling) and (words := collective(coupling)):
+    if words := collective(coupling):
         yield words
         return
-    pairs: list[EnergyExchange | Exchanged] = [pair for pair in coupling.pairs if _is_isolated(coupling, pair)]
+    pairs = [pair for pair in coupling.pairs if _is_isolated(coupling, pair)]
     if not pairs:
         return
     pair = max(pairs, key=lambda pair: pair.exchange.most)
@@ -139,14 +124,14 @@ def _between(coupling: AnyCoupling) -> Iterator[str]:
     yield f"{capital(who)} exchange {'at most ' if why else 'up to '}{left(passed.most)} of their energy{period}{why}."
 
 
-def _is_isolated(coupling: AnyCoupling, pair: EnergyExchange | Exchanged) -> bool:
+def _is_isolated(coupling: Coupling, pair: EnergyExchange) -> bool:
     """Whether a pair of different families, whose beats the table does not have, is a pair by itself."""
     if any({pair.first, pair.second} <= set(family.members) for family in coupling.families):
         return False
-    return pair.alone if isinstance(pair, EnergyExchange) else pair.strength <= STRONG and bool(pair.coupling)
+    return pair.alone if coupling.on_cart else pair.strength <= STRONG and bool(pair.coupling)
 
 
-def _lasting(coupling: AnyCoupling) -> Iterator[str]:
+def _lasting(coupling: Coupling) -> Iterator[str]:
     """Which mode outlives the others, and what drives do."""
     scene = coupling.scene
     if scene.is_driven:
@@ -173,7 +158,7 @@ def _it(modes: Sequence[object]) -> str:
     return "this swings" if len(modes) == 1 else "these swing"
 
 
-def _driven(coupling: AnyCoupling) -> str:
+def _driven(coupling: Coupling) -> str:
     growing = [mode.omega for mode in coupling.damped if mode.from_drives > mode.decay]
     if growing:
         several = len(set(map(coupling.number, growing))) > 1
@@ -185,12 +170,12 @@ def _driven(coupling: AnyCoupling) -> str:
     return "Kicks sustain the swing, and have no rate at rest; `sync` tells which mode wins."
 
 
-def _name(coupling: AnyCoupling, omega: float) -> str:
+def _name(coupling: Coupling, omega: float) -> str:
     number = coupling.number(omega)
     return f"the mode at {short(omega)} rad/s" if number is None else f"mode {number}"
 
 
-def _listed(coupling: AnyCoupling, omegas: list[float]) -> str:
+def _listed(coupling: Coupling, omegas: list[float]) -> str:
     """Modes 3 and 4; of many how many they are."""
     numbers = sorted({number for omega in omegas if (number := coupling.number(omega)) is not None})
     if not numbers or len(numbers) > MOST_NUMBERS:
@@ -198,6 +183,6 @@ def _listed(coupling: AnyCoupling, omegas: list[float]) -> str:
     return f"mode{'s' if len(numbers) > 1 else ''} {listed(list(map(str, numbers)), len(numbers))}"
 
 
-def _called(coupling: AnyCoupling, omegas: list[float]) -> str:
+def _called(coupling: Coupling, omegas: list[float]) -> str:
     words = _listed(coupling, omegas)
     return f"{words} {'are' if words.startswith('modes') or words.endswith(' modes') else 'is'}"

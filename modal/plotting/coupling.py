@@ -11,14 +11,17 @@ from matplotlib.figure import Figure
 from matplotlib.gridspec import GridSpec
 from matplotlib.lines import Line2D
 
-from modal.coupling import Coupling, Family, StructureCoupling, family_name
-from modal.plotting.layout import SMALL, headline, key
-from modal.plotting.structure_coupling import structure_figure
-from modal.plotting.style import MARKED, WIDE, colour, ink, muted, paper, save, sheet
+from modal.coupling import Coupling, Family, family_name
+from modal.plotting.layout import SMALL, headline, key, shortened
+from modal.plotting.style import MARKED, QUIET, WIDE, colour, ink, mixed, muted, paper, save, sheet
 from modal.scene import title_of
 from modal.types import Floats
 
-MOST_CLOSE, MANY, POINTS = 3, 24, 1200
+MOST_CLOSE, MOST_PANELS, MANY, POINTS, LETTERS = 3, 4, 24, 1200, 46
+APART = 0.075
+"""Least distance of words at levels, over the height of their axis."""
+LEAST = 1e-6
+"""Smallest share of kinetic energy that makes a mode of the scene one of a panel."""
 CLOSEST = 0.02
 """Fraction of an axis that a pole's line needs."""
 TOP = 2.2
@@ -36,36 +39,62 @@ RISE, LOW_RISE = 2.5, 1.4
 CART_MASS = r"mass of the cart $m_c$ (kg)"
 
 
-def draw_coupling(coupling: Coupling | StructureCoupling, stream: IO[bytes], kind: str = "png") -> None:
+def draw_coupling(coupling: Coupling, stream: IO[bytes], kind: str = "png") -> None:
     """Write the picture as png, svg or pdf."""
     save(coupling_figure(coupling), stream, kind)
 
 
-def coupling_figure(coupling: Coupling | StructureCoupling) -> Figure:
-    """The coupling in one picture; of many poles and lines it shows some and says so."""
-    if isinstance(coupling, StructureCoupling):
-        return structure_figure(coupling)
-    close = close_families(coupling)
-    figure = sheet(WIDE, 10.5 if close else 7.6)
-    rows = GridSpec(3 if close else 2, max(1, len(close)), figure, height_ratios=(3, 2.1, 3) if close else (1, 1))
-    draw_mass(figure.add_subplot(rows[0, :]), coupling)
-    for column, number in enumerate(close):
-        draw_close(figure.add_subplot(rows[1, column]), coupling, number)
-    draw_limits(figure.add_subplot(rows[-1, :]), coupling)
+def coupling_figure(coupling: Coupling) -> Figure:
+    """The coupling in one picture; of many poles and lines, or modes of a structure, it shows some and says so."""
+    if coupling.scene.is_structured:
+        figure = _of_structure(coupling)
+    else:
+        close = close_families(coupling)
+        figure = sheet(WIDE, 10.5 if close else 7.6)
+        rows = GridSpec(3 if close else 2, max(1, len(close)), figure, height_ratios=(3, 2.1, 3) if close else (1, 1))
+        draw_mass(figure.add_subplot(rows[0, :]), coupling)
+        for column, number in enumerate(close):
+            draw_close(figure.add_subplot(rows[1, column]), coupling, number)
+        draw_limits(figure.add_subplot(rows[-1, :]), coupling)
     _finish(figure, coupling)
     return figure
 
 
+def _of_structure(coupling: Coupling) -> Figure:
+    """A panel for each of the lowest own modes, and all levels."""
+    panels = min(coupling.reduced.d, MOST_PANELS)
+    lines, columns = -(-panels // 2), 2 if panels > 1 else 1
+    figure = sheet(WIDE, 3.0 * lines + 4.0)
+    rows = GridSpec(lines + 1, columns, figure, height_ratios=(*[3.0] * lines, 3.6))
+    for s in range(panels):
+        last = s == panels - 1 and panels % 2 == 1
+        place = rows[s // columns, :] if last else rows[s // columns, s % columns]
+        draw_mass(figure.add_subplot(place), coupling, s)
+    draw_levels(figure.add_subplot(rows[lines, :]), coupling, span(*_marks(coupling, 0))[2])
+    return figure
+
+
 def _finish(figure: Figure, coupling: Coupling) -> None:
-    what = "dynamic mass for a force on the cart" if coupling.on_cart else "dynamic mass for a cart here"
-    headline(figure, title_of(coupling.scene), what)
     entries = {
         "dynamic mass": Line2D([], [], color=curve()),
         "poles: the cart stands still": Line2D([], [], color=pole(), ls=MARKED, lw=1.4),
         "zeros: the cart moves": Line2D([], [], color=zero(), marker="o", mec=paper()),
         "mass for a fast push": Line2D([], [], color=muted(), ls=MARKED, lw=0.9),
     }
-    entries = entries if coupling.on_cart else dict(list(entries.items())[:3])
+    what = "dynamic mass for a force on the cart" if coupling.on_cart else "dynamic mass for a cart here"
+    if coupling.scene.is_structured:
+        d, words = coupling.reduced.d, ("mass that a push feels", "pendula alone, all else held", "modes of the scene")
+        entries = {
+            **dict(zip(words, entries.values(), strict=False)),
+            "the structure alone, pendula stiff": Line2D([], [], color=colour(1), ls=MARKED, lw=1.4),
+        }
+        shown = f", the lowest {MOST_PANELS} of {d}" if d > MOST_PANELS else ""
+        what = f"mass felt by a push along the structure's own modes{shown}, and all levels"
+        if not d:
+            what, entries = "levels of pendula alone and together", {name: entries[name] for name in words[1:]}
+    elif not coupling.on_cart:
+        entries = dict(list(entries.items())[:3])
+    headline(figure, title_of(coupling.scene), what)
     key(figure, list(entries.values()), list(entries))
 
 
@@ -94,34 +123,67 @@ def name(index: int) -> str:
     return rf"ω$_\mathrm{{{family_name(index)}}}$"
 
 
+def _letter(coupling: Coupling, omega: float) -> str:
+    """The name of the first family at a pole."""
+    return name(int(np.abs(np.array([family.omega for family in coupling.families]) - omega).argmin()))
+
+
+def _marks(coupling: Coupling, s: int) -> tuple[Floats, Floats]:
+    """All frequencies that an axis has to show, and the poles."""
+    poles = _poles(coupling)
+    if not coupling.scene.is_structured:
+        return np.concatenate([poles, _zeros(coupling, s)]), poles
+    every = np.concatenate([coupling.omega, poles, [mode.omega for mode in coupling.modes]])
+    return every[every > 0], poles
+
+
+def _poles(coupling: Coupling) -> Floats:
+    """The frequencies at which pendula hold still what carries them."""
+    if coupling.scene.is_structured:
+        return np.array([family.omega for family in coupling.families])
+    return np.asarray(coupling.dynamic.omega)
+
+
+def _zeros(coupling: Coupling, s: int) -> Floats:
+    """The frequencies of modes that move the cart, or own mode s of a structure by more than LEAST of their energy."""
+    if not coupling.scene.is_structured:
+        return np.array([mode.omega for mode in coupling.cart_modes])
+    branches = [(branch.omega, branch.motion) for family in coupling.families for branch in family.branches]
+    every = [*branches, *coupling.structure_modes]
+    return np.array([w for w, motion in every if w > 0 and coupling.modes[s].mass * motion[s] ** 2 > LEAST])
+
+
 def crowded(coupling: Coupling) -> bool:
     """Whether poles are too close to be drawn one by one: more than MANY, or a band without room for their lines."""
-    poles = coupling.dynamic.omega
-    low, high, wide = span(np.append(poles, [mode.omega for mode in coupling.cart_modes]), poles)
+    poles = _poles(coupling)
+    low, high, wide = span(*_marks(coupling, 0))
     share = np.ptp(np.log(poles)) / np.log(high / low) if wide else np.ptp(poles) / (high - low)
     return len(poles) > MANY or (len(poles) > 4 and bool(share < CLOSEST * len(poles)))
 
 
-def draw_mass(axis: Axes, coupling: Coupling) -> None:
-    """m_dyn over ω, its poles above and its zeros on the line m_dyn = 0."""
-    dynamic, poles, whole = coupling.dynamic, coupling.dynamic.omega, coupling.dynamic.at_rest
-    zeros = np.array([mode.omega for mode in coupling.cart_modes])
-    low, high, wide = span(np.concatenate([poles, zeros]), poles)
-    if not wide and dynamic(low)[0] > TOP * whole:
+def draw_mass(axis: Axes, coupling: Coupling, s: int = 0) -> None:
+    """m_dyn over ω, its poles above and its zeros on the line m_dyn = 0; of a structure that along its own mode s."""
+    structured, poles, zeros = coupling.scene.is_structured, np.unique(_poles(coupling)), _zeros(coupling, s)
+    whole = coupling.modes[s].mass if structured else coupling.dynamic.at_rest
+    low, high, wide = span(*_marks(coupling, s))
+    if not (wide or structured) and coupling.dynamic(low)[0] > TOP * whole:
         low, high = 0.0, 1.5 * high
     axis.set(xlim=(low, high), ylim=(-1.2 * whole, TOP * whole), xscale="log" if wide else "linear")
-    axis.set(xlabel="angular frequency ω (rad/s)", ylabel=FELT)
+    axis.set(xlabel="angular frequency ω (rad/s)", ylabel="mass felt (kg)" if structured else FELT)
     axis.yaxis.set_major_formatter("{x:g}")
     axis.axhline(0.0, color=ink(), lw=0.8)
     if coupling.on_cart:
-        axis.axhline(dynamic.at_infinity, color=muted(), lw=0.9, ls=MARKED)
-    crowd = crowded(coupling)
+        axis.axhline(coupling.dynamic.at_infinity, color=muted(), lw=0.9, ls=MARKED)
+    crowd, thin = not structured and crowded(coupling), _thinner(len(poles))
     omega = _grid(poles, zeros, low, high, wide)
     omega = omega[(omega <= poles[0]) | (omega >= poles[-1])] if crowd else omega
-    mass = np.clip(dynamic(omega), -20 * whole, 20 * whole)
+    with np.errstate(all="ignore"):
+        mass = coupling.felt(omega)[:, s] if structured else coupling.dynamic(omega)
     mass[np.isin(omega, poles)] = np.nan
-    thin = _thinner(len(poles))
-    axis.plot(omega, mass, color=curve(), lw=1.6 * thin, zorder=3)
+    if structured:
+        leaps = np.abs(np.diff(np.sign(mass))) * (np.abs(mass[1:]) + np.abs(mass[:-1])) > 2 * TOP * whole
+        mass[:-1][leaps] = np.nan
+    axis.plot(omega, np.clip(mass, -20 * whole, 20 * whole), color=curve(), lw=1.6 * thin, zorder=3)
     if crowd:
         axis.axvspan(poles[0], poles[-1], color=pole(), alpha=0.18, lw=0)
         middle = float(np.sqrt(poles[0] * poles[-1]))
@@ -130,9 +192,17 @@ def draw_mass(axis: Axes, coupling: Coupling) -> None:
     else:
         for value in poles:
             axis.axvline(value, color=pole(), ls=MARKED, lw=1.4 * thin)
-        _labels(axis, poles, [f"{name(k)} {value:.5g}" for k, value in enumerate(poles)], pole(), above=True)
+        names = [_letter(coupling, value) for value in poles.tolist()]
+        values = [f" {value:.5g}" * (not structured) for value in poles]
+        _labels(axis, poles, [f"{a}{b}" for a, b in zip(names, values, strict=True)], pole(), above=True)
     axis.plot(zeros, 0 * zeros, "o", color=zero(), ms=6 * thin, zorder=4, mec=paper(), mew=0.8 * thin)
-    _labels(axis, zeros, [f"{value:.5g}" for value in zeros], zero(), above=False)
+    if structured:
+        mode = coupling.modes[s]
+        words = shortened(coupling.words(mode.shape), LETTERS)
+        axis.axvline(mode.omega or np.nan, color=colour(1), ls=MARKED, lw=1.4, zorder=1)
+        axis.set_title(f"s{s + 1}: {words}", loc="left", pad=15, parse_math=False)
+    else:
+        _labels(axis, zeros, [f"{value:.5g}" for value in zeros], zero(), above=False)
 
 
 def span(omega: Floats, poles: Floats) -> tuple[float, float, bool]:
@@ -238,7 +308,7 @@ def _beside(coupling: Coupling, number: int, apart: Floats) -> Floats:
     family, dynamic = coupling.families[number], coupling.dynamic
     pole_part = family.mass * (family.omega / apart) * (family.omega / (2 * family.omega + apart))
     marked = np.tile(np.arange(len(dynamic.omega)) == number, (len(apart), 1))
-    return dynamic(family.omega + apart, left_out=marked) - pole_part
+    return np.asarray(dynamic(family.omega + apart, left_out=marked) - pole_part)
 
 
 def draw_limits(axis: Axes, coupling: Coupling) -> None:
@@ -277,7 +347,7 @@ def draw_limits(axis: Axes, coupling: Coupling) -> None:
     _here(axis, here, spot, now[chosen[chosen < len(now)]], size=6 * thin)
     if not crowd:
         _ends(axis, low, [(value, f"{value:.5g}") for value in light[np.isfinite(light)].tolist()], zero(), (4, 4))
-        _ends(axis, high, [(value, name(k)) for k, value in enumerate(poles.tolist())], pole(), (5, -3))
+        _ends(axis, high, [(value, _letter(coupling, value)) for value in poles.tolist()], pole(), (5, -3))
     axis.set_title("massless cart  ←  modes that move the cart, as its mass changes  →  fixed support")
 
 
@@ -346,3 +416,76 @@ def _here(axis: Axes, here: float, spot: float, now: Floats, *, size: float) -> 
         fontsize=SMALL,
         bbox=plain(),
     )
+
+
+def draw_levels(axis: Axes, coupling: Coupling, wide: bool) -> None:
+    """Frequencies of pendula alone, of the scene, and of the structure alone, joined where one becomes another."""
+    left, right = (0.0, 0.9), (3.1, 4.0)
+    middle = (1.6, 2.4)
+    told: dict[str, list[tuple[float, str]]] = {"left": [], "middle": [], "right": []}
+    for r, family in enumerate(coupling.families):
+        axis.plot(left, [family.omega] * 2, color=colour(0), lw=1.8)
+        told["left"].append((family.omega, rf"ω$_\mathrm{{{family_name(r)}}}$ {family.omega:.5g}"))
+        if family.still:
+            _level(axis, middle, family.omega, left[1], family.omega, colour(0))
+            words = f"{family.omega:.5g}" + (f" × {family.still}" if family.still > 1 else "") + ", nothing else moves"
+            told["middle"].append((family.omega, words))
+        for branch in family.branches:
+            _level(axis, middle, branch.omega, left[1], family.omega, colour(0))
+            told["middle"].append((branch.omega, f"{branch.omega:.5g}"))
+    matched = zip(coupling.structure_modes, _matched(coupling), strict=True)
+    for (omega, _), s in matched:
+        _level(axis, middle, omega, right[0], coupling.modes[s].omega, colour(1))
+        told["middle"].append((omega, f"{omega:.5g}"))
+    for s, mode in enumerate(coupling.modes):
+        axis.plot(right, [mode.omega] * 2, color=colour(1), lw=1.8)
+        told["right"].append((mode.omega, f"s{s + 1} {mode.omega:.5g}"))
+    axis.set(
+        xlim=(-0.75, 4.75 if coupling.modes else 3.2),
+        ylabel="angular frequency ω (rad/s)",
+        yscale="log" if wide else "linear",
+    )
+    axis.margins(y=0.08)
+    places = {"left": (left[0] - 0.05, "right"), "middle": (2.45, "left"), "right": (right[1] + 0.05, "left")}
+    for column, (x, ha) in places.items():
+        _words(axis, told[column], x, ha)
+    axis.set_xticks([0.45, 2.0, 3.55][: 3 if coupling.modes else 2])
+    axis.set_xticklabels(["pendula alone", "the scene", "the structure alone"][: 3 if coupling.modes else 2])
+    axis.grid(visible=False)
+    axis.set_title("levels", loc="left")
+
+
+def _level(axis: Axes, middle: tuple[float, float], omega: float, side: float, before: float, hue: str) -> None:
+    """A level of the scene, and the line to what it comes from."""
+    axis.plot(middle, [omega] * 2, color=colour(4), lw=1.8, zorder=3)
+    end = middle[0] if side < middle[0] else middle[1]
+    axis.plot([side, end], [before, omega], color=mixed(hue, 0.55), lw=0.9, gid=QUIET, zorder=1)
+
+
+def _matched(coupling: Coupling) -> list[int]:
+    """The structure's own mode that each mode of the scene that belongs to it is mostly of, none twice."""
+    left, matches = set(range(len(coupling.modes))), list[int]()
+    for _, motion in coupling.structure_modes:
+        energy: Floats = np.array([mode.mass for mode in coupling.modes]) * motion**2
+        best = max(left, key=lambda s, energy=energy: float(energy[s]))  # type: ignore[misc]
+        left.remove(best)
+        matches.append(best)
+    return matches
+
+
+def _words(axis: Axes, told: list[tuple[float, str]], x: float, ha: str) -> None:
+    """Words beside levels, pushed apart where they would touch; a drift stands at the lower end."""
+    axis.set_ylim(axis.get_ylim())
+    transform, linear = axis.transScale + axis.transLimits, axis.get_yscale() == "linear"
+    told = sorted(told)
+    places = [float(transform.transform((x, omega))[1]) if omega or linear else 0.0 for omega, _ in told]
+    for k in range(1, len(places)):
+        places[k] = max(places[k], places[k - 1] + APART)
+    highest = 1.0
+    for k in reversed(range(len(places))):
+        places[k] = min(places[k], highest)
+        highest = places[k] - APART
+    box = {"facecolor": paper(), "edgecolor": "none", "pad": 0.8}
+    for place, (_, words) in zip(places, told, strict=True):
+        look: dict[str, Any] = {"ha": ha, "va": "center", "fontsize": SMALL, "bbox": box, "zorder": 4}
+        axis.text(x, place, words, transform=axis.get_xaxis_transform(), **look)

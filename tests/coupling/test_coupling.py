@@ -24,7 +24,7 @@ from modal.coupling.report import sections
 from modal.plotting import draw_coupling
 from modal.plotting.coupling import draw_mass
 from modal.report import fitted
-from modal.scene import VanDerPol
+from modal.scene import Spring, VanDerPol
 
 
 def bob(m: float, l: float, count: int = 1, **link: Any) -> Pendulum:
@@ -107,7 +107,7 @@ def test_participation_is_that_of_the_table() -> None:
 
 def test_the_sum_rule_bites() -> None:
     explanation = explain(load("paper-cart-2"))
-    wrong = replace(explanation, dynamic=replace(explanation.dynamic, mass=explanation.dynamic.mass * (1 + 1e-6)))
+    wrong = replace(explanation, secular=replace(explanation.dynamic, mass=explanation.dynamic.mass * (1 + 1e-6)))
     assert explanation.residual() < 1e-15
     assert wrong.residual() > 1e-7
 
@@ -182,6 +182,44 @@ def swing(example: Scene, start: int, times: np.ndarray) -> np.ndarray:
     inertia = np.diag(written.M)[1:]
     energy = (rate[:, 1:] ** 2 + alone * theta[:, 1:] ** 2) * inertia
     return energy / (alone * inertia)[start]
+
+
+def test_a_family_has_the_mode_that_the_sign_of_its_strength_tells() -> None:
+    """ε = +0.20: the mode 0.25 rad/s above, as first order says, 0.316, and not the one 1.4 rad/s below."""
+    example = scene(Cart(mass=3.0, stiffness=20.0), bob(1, 1), bob(2, 0.5))
+    omega = np.sqrt(scipy.linalg.eigh(matrices(example).K, matrices(example).M, eigvals_only=True))
+    m_rest = 3.0 - 20.0 / 9.81 + 2.0 * 2 * 9.81 / (2 * 9.81 - 9.81)  # the cart, its spring, the other bob at ω² = g
+    first_order = np.sqrt(9.81) / m_rest / 2
+    assert first_order == pytest.approx(0.316, abs=5e-4)
+    assert omega - np.sqrt(9.81) == pytest.approx([-1.415, 0.249, 3.038], abs=5e-4)
+    held = example.replace(support=Cart(mass=3.0), spring=[Spring(between=("cart", "ground"), stiffness=20.0)])
+    for explanation in map(explain, (example, held)):
+        slow, fast = explanation.families
+        assert slow.first_order == pytest.approx(first_order, rel=1e-13)
+        assert slow.splitting == pytest.approx(omega[1] - np.sqrt(9.81), rel=1e-13)
+        assert fast.branches[0].omega == pytest.approx(omega[2], rel=1e-13)
+        assert [mode for mode, _ in explanation.structure_modes] == pytest.approx([omega[0]], rel=1e-13)
+
+
+@pytest.mark.parametrize("example", [HELD, load("crane-two-loads"), load("paper-cart-3"), CARTS["random 8"]])
+def test_modes_belong_to_what_has_most_of_their_potential_energy(example: Scene) -> None:
+    """Shares of families and of the cart's spring from dense matrices: the largest first, none twice."""
+    explanation, written = explain(example), matrices(example)
+    squares, shapes = scipy.linalg.eigh(written.K, written.M)
+    moving = [int(np.abs(np.sqrt(np.abs(squares)) - mode.omega).argmin()) for mode in explanation.cart_modes]
+    held = example.support.stiffness > 0
+    shares = [written.K[0, 0] * shapes[0, moving] ** 2 / squares[moving]] * held
+    K, within = written.K[1:, 1:], shapes[1:, moving]
+    alone, patterns = scipy.linalg.eigh(K, written.M[1:, 1:])
+    for family in explanation.families:
+        inside = patterns[:, np.abs(np.sqrt(alone) / family.omega - 1) < 1e-9]
+        shares.append(((inside.T @ K @ within) ** 2).sum(0) / family.omega**2 / squares[moving])
+    left = np.array(shares)
+    for _ in moving:
+        owner, mode = np.unravel_index(int(left.argmax()), left.shape)
+        told = explanation.cart_modes[mode].family
+        assert (told is None and owner == 0) if held and owner == 0 else told == owner - held
+        left[owner], left[:, mode] = -1.0, -1.0
 
 
 @pytest.mark.parametrize("n", [2, 3, 5])

@@ -15,7 +15,7 @@ from scenes import mild_scene, motion_scene
 
 from modal import natural_modes
 from modal.coupling import explain
-from modal.coupling.records import coupling_record, structure_record
+from modal.coupling.report import coupling_record
 from modal.errors import SceneError
 from modal.scene import Scene, example_names, load, scene_from
 from multipendula.page import joined, scene_data
@@ -115,7 +115,7 @@ def test_neighbours_beat_that_explain_has_in_one_family(answers: dict[str, Any],
         pytest.skip("has no page")
     rows, scene = answers[name], every()[name]
     try:
-        record = structure_record(explain(scene)) if scene.is_structured else coupling_record(explain(scene))
+        record = coupling_record(explain(scene))
     except SceneError:  # links that stand
         assert all(row["beat"] is None for row in rows)
         return

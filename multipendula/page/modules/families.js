@@ -1,10 +1,10 @@
 // Which neighbours of the table beat with each other: modes of one family, as `modal.coupling` has families.
 //
 // A pendulum's own modes are those with all else at rest; those of one frequency are a family.  Its combinations that move
-// nothing else stay at that frequency, and one mode moves the cart, at a zero of the dynamic mass between two poles: the
-// moving modes belong to the families in their order, but for that of a cart on its own spring.  On a structure each mode
-// belongs to what it has most of.  Of the energy of an own mode s a row has the share (f'M s)^2/(f'M f s'M s), over its
-// shapes f; two rows of other families beat, too, where they pass half of it on and back, 4 p q.
+// nothing else stay at that frequency; every other mode belongs to the family, or to the mode of what carries the pendula,
+// that has the largest share of its potential energy.  Of the energy of an own mode s a row has the share
+// (f'M s)^2/(f'M f s'M s), over its shapes f; two rows of other families beat, too, where they pass half of it on and
+// back, 4 p q.
 
 import { dot, eigen, formsIn, matricesBy } from "./matrices.js";
 import { mannerOf } from "./shapes.js";
@@ -20,7 +20,7 @@ export function beatsOf(system, rows) {
   const { M, K } = matricesBy(system.size, (x, z) => formsIn(system, x, z));
   const own = ownModes(system, rows, M, K);
   const families = familiesOf(own);
-  const family = system.structure ? onStructure(system, rows, swings, families, M, K) : onCart(system, rows, swings, families);
+  const family = byEnergy(system, rows, swings, families, M, K);
   return rows.map((row, i) => {
     if (!neighbours[i]) return NaN;
     const [here, there] = [families[family[i]], families[family[i + 1]]];
@@ -33,12 +33,14 @@ export function beatsOf(system, rows) {
 // The own modes of all pendula: their square, what kind of pendulum, their shares in all rows, and those without the
 // motion of what they hang from.
 function ownModes(system, rows, M, K) {
-  const momenta = momentaOf(rows, M);
+  const [momenta, forces] = [momentaOf(rows, M), momentaOf(rows, K)];
   return system.chains.flatMap(({ first, links }) => {
     const [from, to] = [system.lead + first, system.lead + first + links.length];
     const kind = JSON.stringify(links.map(({ m, l, c, I, stiffness }) => [m, l, c, I, stiffness]));
-    const alone = rows.map(({ shapes }, i) => shapes.map((x, k) => partOf(x, momenta[i][k].Mx, M, from, to)));
-    return within(M, K, from, to).map(({ square, s }) => ({ square, kind, shares: sharesOf(momenta, M, from, s), parts: sharesOf(alone, M, from, s) }));
+    const [alone, stored] = [[momenta, M], [forces, K]].map(([every, S]) => every.map((each) => each.map(({ x, Mx }) => partOf(x, Mx, S, from, to))));
+    return within(M, K, from, to).map(({ square, s }) => ({
+      square, kind, shares: sharesOf(momenta, M, from, s), parts: sharesOf(alone, M, from, s), stored: sharesOf(stored, K, from, s),
+    }));
   });
 }
 
@@ -75,7 +77,8 @@ function familiesOf(modes) {
     if (last && mode.square - last.square <= SAME * mode.square) last.members.push(mode);
     else families.push({ square: mode.square, members: [mode] });
   }
-  return families.map((one) => ({ ...one, held: one.members[0].parts.map((_, i) => one.members.reduce((total, { parts }) => total + parts[i], 0)) }));
+  const sum = ({ members }, name) => members[0][name].map((_, i) => members.reduce((total, mode) => total + mode[name][i], 0));
+  return families.map((one) => ({ ...one, held: sum(one, "parts"), stored: sum(one, "stored") }));
 }
 
 // The family whose combinations a row is, all else at rest; -1 where there is none: what it has of it is a whole number.
@@ -83,39 +86,22 @@ function stillIn(families, row, i) {
   return families.findIndex(({ held }) => Math.abs(held[i] - row.multiplicity) < WHOLE);
 }
 
-function onCart(system, rows, swings, families) {
-  const family = rows.map((row, i) => (swings[i] && row.still ? stillIn(families, row, i) : -1));
-  const moving = [...rows.keys()].filter((i) => swings[i] && !rows[i].still);
-  const held = system.cart.stiffness > 0;
-  if (moving.length !== families.length + held) return byShares(families, moving, family, held ? null : []);
-  const push = moving.map((i) => rows[i].swing.x[0] ** 2 / rows[i].swing.inertia);
-  const own = held ? push.indexOf(Math.max(...push)) : -1;
-  moving.forEach((i, j) => (family[i] = j === own ? -1 : j - (held && j > own)));
-  return family;
-}
-
-function onStructure(system, rows, swings, families, M, K) {
-  const family = rows.map((row, i) => (swings[i] ? stillIn(families, row, i) : -1));
-  const moving = [...rows.keys()].filter((i) => swings[i] && family[i] < 0);
-  const momenta = momentaOf(rows, M);
-  const carried = system.lead ? within(M, K, 0, system.lead).map(({ s }) => sharesOf(momenta, M, 0, s)) : [];
-  return byShares(families, moving, family, carried);
-}
-
-// Every moving row to what it has most of, each of the structure's own modes to one row.
-function byShares(families, moving, family, carried) {
-  const entries = moving.flatMap((i) => [
-    ...families.map(({ held }, number) => ({ i, number, share: held[i] })),
-    ...(carried ?? []).map((shares, mode) => ({ i, number: -1, mode, share: shares[i] })),
-  ]);
-  let room = moving.length - (carried?.length ?? 1);
-  const [rowsTaken, modesTaken] = [new Set(), new Set()];
-  for (const { i, number, mode } of entries.toSorted((one, other) => other.share - one.share)) {
-    if (rowsTaken.has(i) || (number < 0 ? modesTaken.has(mode) : room <= 0)) continue;
-    rowsTaken.add(i);
-    family[i] = number;
-    if (number < 0) modesTaken.add(mode);
-    else room--;
+// Every moving row to what has most of its potential energy, none of one mode of a carrier, and on a cart of one family, twice.
+function byEnergy(system, rows, swings, families, M, K) {
+  const family = rows.map((row, i) => (swings[i] && (system.structure || row.still) ? stillIn(families, row, i) : -1));
+  const moving = [...rows.keys()].filter((i) => swings[i] && family[i] < 0 && (system.structure || !rows[i].still));
+  const carried = system.lead ? within(M, K, 0, system.lead).filter(({ square }) => square > 0).map(({ s }) => sharesOf(momentaOf(rows, K), K, 0, s)) : [];
+  const places = [
+    ...families.map(({ stored, members }, number) => ({ number, shares: stored, room: system.cart ? 1 : members.length })),
+    ...carried.map((shares) => ({ number: -1, shares, room: 1 })),
+  ];
+  const entries = moving.flatMap((i) => places.map((place) => ({ i, place, share: place.shares[i] })));
+  const taken = new Set();
+  for (const { i, place } of entries.toSorted((one, other) => other.share - one.share)) {
+    if (taken.has(i) || !place.room) continue;
+    taken.add(i);
+    family[i] = place.number;
+    place.room--;
   }
   return family;
 }

@@ -1,0 +1,465 @@
+"""The sections of the report in words: what hangs there, what couples it, families, limits, and exchange of energy."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import isinf
+
+import numpy as np
+
+from modal.coupling.analysis import CartMode, Coupling
+from modal.coupling.exchange import MOST_MODES, STRONG, EnergyExchange, Transfer
+from modal.coupling.families import Family, FamilyBranch, family_name
+from modal.report import capital, counted, listed, percent, rad, short
+from modal.structure import Structure
+
+MOST_LISTED, FEW = 8, 3
+ROUGH = 0.1
+"""Coupling strength above which first order is only a guide."""
+GUIDE = " (approximate: the coupling is strong)"
+NEAR = " (approximate: another family is near)"
+SLIGHT = 1e-4
+"""Smallest fraction of an energy that is given as a number."""
+ELSEWHERE = "in the JSON form"
+HALF = 0.5
+NEGLIGIBLE = 1e-12
+NOUNS = {
+    "tilt": ("board", "boards"),
+    "heave": ("heaving support", "heaving supports"),
+    "modal": ("structure", "structures"),
+}
+
+
+def shown(coupling: Coupling) -> int:
+    """How many entries of each kind are listed, fewer where there are many."""
+    return MOST_LISTED if len(coupling.fixed_base.omega) <= MOST_MODES else FEW
+
+
+def member(coupling: Coupling, k: int) -> str:
+    """A fixed-base mode by its pendulum, and by its number where the pendulum has several."""
+    modes = coupling.fixed_base
+    name = coupling.names[modes.kind[k]]
+    several = int(np.sum(modes.kind == modes.kind[k])) > 1
+    return f"fixed-base mode {modes.number[k]} of {name}" if several else name
+
+
+def numbered(coupling: Coupling, omega: float) -> str:
+    """The number of a frequency's mode in the table, in parentheses, where it is known."""
+    number = coupling.number(omega)
+    return "" if number is None else f" (mode {number})"
+
+
+def left(share: float) -> str:
+    """A fraction of an energy in words."""
+    return percent(share) if share >= SLIGHT else f"less than {percent(SLIGHT)}"
+
+
+def carrier_words(structure: Structure) -> str:
+    """What pendula hang from: 2 swings (left and right), or a board."""
+    by_kind: dict[str, list[str]] = {}
+    for carrier in structure.carriers:
+        if carrier.size:
+            by_kind.setdefault(carrier.kind, []).append(carrier.name)
+    each = [
+        (f"a {_nouns(kind)[0]}" if len(names) == 1 else f"{len(names)} {_nouns(kind)[1]}")
+        + ("" if names == [kind] else f" ({listed(names[:MOST_LISTED], len(names))})")
+        for kind, names in by_kind.items()
+    ]
+    return listed(each, len(each))
+
+
+def _nouns(kind: str) -> tuple[str, str]:
+    """What one carrier is called, and several."""
+    return NOUNS.get(kind, (kind, f"{kind}s"))
+
+
+# ----------------------------------------------------------------------------------------- what hangs, what is felt
+
+
+def hung(coupling: Coupling) -> Iterator[str]:
+    """What hangs from what, and springs."""
+    scene, structure = coupling.scene, coupling.structure
+    kinds = f" of {counted(len(coupling.names), 'kind', 'kinds')}" if scene.n_pendula > 1 else ""
+    hanging = sum(float(np.sum(block.mass.sum(0) * block.count)) for block in coupling.rig.blocks)
+    what = (
+        f"{counted(scene.n_pendula, 'pendulum', 'pendula')}{kinds}, {counted(scene.n_links, 'link', 'links')} and "
+        f"{short(hanging)} kg in all, {'hangs' if scene.n_pendula == 1 else 'hang'}"
+    )
+    if coupling.on_cart:
+        dynamic = coupling.dynamic
+        yield f"{what} from a cart of {short(dynamic.cart)} kg: {short(dynamic.at_rest)} kg [M = m_c + Σ m]."
+        if scene.n_pendula == 1:
+            yield "One pendulum has no partner: the cart only shifts its frequencies."
+        if dynamic.spring:
+            alone = (dynamic.spring / dynamic.at_rest) ** 0.5
+            yield (
+                f"A spring of {short(dynamic.spring)} N/m holds the cart: with stiff pendula it would swing at "
+                f"{rad(alone)} [√(k_c/M)]."
+            )
+    elif structure.size:
+        named = [*structure.names[:MOST_LISTED], *["…"] * (structure.size > MOST_LISTED)]
+        size = counted(structure.size, "coordinate", "coordinates")
+        yield f"{what} from {carrier_words(structure)}: {size} [{', '.join(named)}]."
+    elif structure.springs:
+        yield f"{what} from a support that does not move: only springs between them couple them."
+    elif scene.is_moved and not scene.is_structured:
+        yield (
+            f"{what} from a support that moves as prescribed, whatever hangs from it: nothing couples pendula "
+            "[m_c = ∞], and each swings alone. All of this is about the support at rest."
+        )
+    else:
+        yield f"{what} from a fixed support. It does not move, so nothing couples pendula [m_c = ∞]: each swings alone."
+    if count := len(structure.springs):
+        to_links = len(coupling.reduced.hanging.tied)
+        acts = "acts" if count == 1 else "act"
+        joined = f" and {acts} on {counted(to_links, 'pendulum', 'pendula')}" if to_links else ""
+        yield f"{counted(count, 'spring joins', 'springs join')} points of the scene{joined}."
+    if scene.is_moved and scene.is_structured:
+        yield "The ground moves as prescribed: all of this is about the ground at rest."
+    if coupling.rig.spatial:
+        yield (
+            "The scene is in space; all of this is the motion along the rail. Across it the support does not move, and "
+            "nothing couples the pendula at small angles."
+        )
+
+
+def felt(coupling: Coupling) -> Iterator[str]:
+    """What a push on the cart feels, or would feel on a fixed support."""
+    dynamic, on_cart = coupling.dynamic, coupling.on_cart
+    sum_of_poles = "m_res + Σ μ_r ω_r²/(ω_r² − ω²)"
+    fast = f"{short(dynamic.at_infinity)} kg [m_dyn(∞) = m_c + m_res, m_res = {short(dynamic.residual)} kg]"
+    if on_cart:
+        slow = "the spring [−k_c/ω²]" if dynamic.spring else f"all {short(dynamic.at_rest)} kg [m_dyn(0) = M]"
+        spring = "− k_c/ω² + " if dynamic.spring else "+ "
+        yield (
+            f"A slow push on the cart feels {slow}, a fast one {fast}, and one at ω the dynamic mass "
+            f"m_dyn(ω) = m_c {spring}{sum_of_poles}."
+        )
+    else:
+        yield (
+            f"Were the support free to move, the pendula would add {short(dynamic.at_rest)} kg to its mass in a "
+            f"slow push [Σ m], {short(dynamic.residual)} kg in a fast one [m_res], and at ω {sum_of_poles}."
+        )
+    most = shown(coupling)
+    poles = listed([rad(omega) for omega in dynamic.omega[:most]], len(dynamic.omega))
+    yield f"Its poles, where the pendula hold a support still however it is pushed: {poles} [K φ = ω² A φ]."
+    if coupling.cart_modes:
+        moving = [f"{rad(mode.omega)}{numbered(coupling, mode.omega)}" for mode in coupling.cart_modes[:most]]
+        zeros = listed(moving, len(coupling.cart_modes))
+        yield f"Its zeros, where the cart swings by itself: {zeros} [m_dyn(ω) = 0]."
+    elif on_cart:
+        yield "It has no zeros: no mode of finite frequency moves the cart [m_dyn(∞) = 0]."
+    if on_cart and not dynamic.spring:
+        yield "The cart and all that hangs from it can also drift together [ω = 0]."
+
+
+def alone(coupling: Coupling) -> Iterator[str]:
+    """The structure's own modes, and the modes of the scene that are mostly its own."""
+    modes = coupling.modes
+    if not modes:
+        return
+    fast = coupling.fast
+    for s, mode in enumerate(modes[:MOST_LISTED], 1):
+        rate = f"at {rad(mode.omega)}" if mode.omega else "held by nothing [ω = 0]"
+        yield (
+            f"Mode s{s} of the structure, its pendula as if they were stiff: {coupling.words(mode.shape)}, {rate}"
+            f"{' [K_s u = ω²(M_s + Σ m ΦᵀΦ + Σ m ΨᵀΨ) u]' if s == 1 else ''}. A slow push along it moves "
+            f"{short(mode.mass)} kg [uᵀMu, at the point that moves most], a fast one "
+            f"{short(float(fast[s - 1]))} kg, the pendula left behind."
+        )
+    if len(modes) > MOST_LISTED:
+        yield f"{len(modes) - MOST_LISTED} more are {ELSEWHERE}."
+    yield (
+        "At ω a push along these modes feels the dynamic mass matrix −UᵀS(ω²)U/ω², with the dynamic stiffness "
+        "S(x) = K_s − x(M_s + Σ Φᵀ diag(m_dyn(x), m) Φ); where S is singular the scene swings by itself [det S = 0]."
+    )
+    for omega, motion in coupling.structure_modes[:MOST_LISTED]:
+        words = coupling.words(coupling.basis @ motion)
+        rate = f"at {rad(omega)}" if omega else "a drift, ω = 0"
+        yield f"In the scene, with the pendula swinging: {words}, {rate}{numbered(coupling, omega)}."
+
+
+# ------------------------------------------------------------------------------------------------------- families
+
+
+def families(coupling: Coupling) -> Iterator[str]:
+    """Sentences about each family."""
+    every, most = coupling.families, shown(coupling)
+    for index, family in enumerate(every[:most]):
+        yield _family(coupling, family_name(index), family)
+    if len(every) > most:
+        yield f"{len(every) - most} more families, up to {rad(every[-1].omega)}, are {ELSEWHERE}."
+
+
+def _family(coupling: Coupling, r: str, family: Family) -> str:
+    who = listed([member(coupling, k) for k in family.members[:MOST_LISTED]], len(family.members))
+    number = "" if coupling.is_coupled else numbered(coupling, family.omega)
+    mass = f"{short(family.mass)} kg [μ_{r} = Σ (φᵀb)²/(φᵀAφ)]"
+    if coupling.scene.is_structured and len(family.masses):
+        pushed = np.flatnonzero(family.masses > NEGLIGIBLE * family.masses.max()).tolist()
+        each = [f"{short(float(family.masses[s]))} kg along s{s + 1}" for s in pushed[:MOST_LISTED]]
+        mass = f"{listed(each, len(pushed))} [μ = Σ N(φᵀb Φu)²/φᵀAφ]" if pushed else mass
+    head = f"Family {r}, ω_{r} = {rad(family.omega)}{number} [K φ = ω² A φ]: {who}, of modal effective mass {mass}."
+    if not coupling.is_coupled:
+        return head
+    words = [head]
+    if family.still:
+        many = counted(family.still, "combination stays", "combinations stay")
+        rest = "with the cart still, in antiphase" if coupling.on_cart else "and moves nothing else"
+        if family.still > 1 and not coupling.on_cart:
+            rest = "and move nothing else"
+        end = ";" if family.branches else "."
+        words.append(f"{many} at ω_{r} {rest}{numbered(coupling, family.omega)} [Σ φᵀb = 0]{end}")
+    for branch in family.branches[:MOST_LISTED]:
+        words += [*_moved(coupling, r, family, branch), *_strength(coupling, r, family, branch)]
+    return " ".join((*words, *_beats(coupling, family)))
+
+
+def _moved(coupling: Coupling, r: str, family: Family, branch: FamilyBranch) -> Iterator[str]:
+    """How a mode of a family moves, and where it is."""
+    several = family.still > 0
+    if not branch.is_finite:
+        yield f"{'the' if several else 'The'} one that moves the cart has gone to infinite frequency [m_dyn(∞) = 0]."
+        return
+    bare = " without dampers" if coupling.scene.has_damping else ""
+    how, formula = f"{'one moves' if several else 'It moves'} the cart,", "[m_dyn(ω) = 0]"
+    if not coupling.on_cart:
+        told = [coupling.moved(branch), _pattern(family, branch)]
+        how, formula = ", ".join(filter(None, told)) or "one", "[det S = 0]"
+        how = how if several and branch is family.branches[0] else capital(how)
+    yield (
+        f"{how} at {rad(branch.omega)}{numbered(coupling, branch.omega)} {formula}, "
+        f"Δω = {short(branch.splitting)} rad/s away{bare} [ω_zero − ω_{r}]."
+    )
+
+
+def _pattern(family: Family, branch: FamilyBranch) -> str:
+    """The pendula of two members, whether they swing alike."""
+    if len(family.members) != 2 or abs(branch.pattern).min() < 0.1 * abs(branch.pattern).max():
+        return ""
+    return f"its two members in {'phase' if branch.pattern[0] * branch.pattern[1] > 0 else 'antiphase'}"
+
+
+def _strength(coupling: Coupling, r: str, family: Family, branch: FamilyBranch) -> Iterator[str]:
+    """The coupling strength of a mode, and what first order makes of it."""
+    if not branch.is_finite:
+        return
+    if isinf(branch.strength):
+        yield f"No other inertia opposes it [m_{r} = 0]."
+        return
+    first = branch.strength * family.omega / 2
+    guess = f", which to first order gives Δω ≈ {short(first)} rad/s [½ ε_{r} ω_{r}]{_guide(family, branch)}"
+    what = f"m_{r}" if coupling.secular else "what resists"
+    if abs(branch.strength) > STRONG:
+        guess = ", too strong for first order"
+    elif not branch.is_first_order(family.omega):
+        guess = f"; {what} changes too much up to the zero for first order"
+    resists = f"[ε_{r} ω_{r}² of F]"
+    if coupling.on_cart:
+        resists = f"[μ_{r}/m_{r}; m_{r} = {short(family.rest)} kg is the dynamic mass of all else at ω_{r}]"
+    yield f"Coupling strength ε_{r} = {short(branch.strength)} {resists}{guess}."
+
+
+def _guide(family: Family, branch: FamilyBranch) -> str:
+    return GUIDE if abs(branch.strength) > ROUGH else NEAR if branch.is_rough(family.omega) else ""
+
+
+def _beats(coupling: Coupling, family: Family) -> Iterator[str]:
+    """Beats within a family."""
+    moving = [branch for branch in family.branches if branch.is_finite]
+    if family.fold == 1 or not moving:
+        return
+    passed, n = family.exchange, family.fold
+    if passed is None:
+        yield (
+            "Dampers drain some of its pendula faster than others: what two of them exchange is said below."
+            if family.is_first_order
+            else "The coupling is too strong, or another family too near, for beats within this one."
+        )
+        return
+    guide = max((_guide(family, branch) for branch in moving), key=len)
+    if not passed.lossless:
+        yield from _damped_beats(coupling, family, passed, guide)
+        return
+    if len(moving) > 1 or not family.still:
+        if family.beats:
+            times = listed([f"{short(beat)} s" for beat in family.beats[:3]], len(family.beats))
+            yield f"Energy given to one of them beats with {times} [2π/|Δω| of two of these modes]{guide}."
+        return
+    share = ""
+    if len(family.members) == 1:
+        held = "all of it" if n == 2 else percent(4 * (n - 1) / n**2)
+        share = f"; halfway, the others hold {held} [4(N − 1)/N², N = {n}]"
+    yield (
+        f"One pendulum set swinging alone in this mode recovers its energy after {short(passed.period)} s [2π/|Δω|]"
+        f"{share}. A run shorter than half of that shows only part of the exchange{guide}."
+    )
+
+
+def _damped_beats(coupling: Coupling, family: Family, passed: Transfer, guide: str) -> Iterator[str]:
+    """The effect of dampers on beats."""
+    sigma = float(coupling.fixed_base.rate[family.members[0]])
+    if sigma >= family.omega:
+        yield "Joint dampers make its pendula overdamped [σ ≥ ω]: there are no beats."
+        return
+    aside = ", its drives aside," if coupling.scene.is_driven else ""
+    most = f"the others never hold more than {left(passed.most)} of the energy given"
+    if not passed.beats:
+        what = "cart" if coupling.on_cart else "structure"
+        yield (
+            f"There are no beats: the motion of the {what} decays before it has run out of phase with the rest "
+            f"[−Re Δλ > Im Δλ]. Of one pendulum set swinging alone{aside}, {most}{guide}."
+        )
+        return
+    yield (
+        f"One pendulum set swinging alone in this mode{aside} recovers {left(passed.left)} of its energy after a "
+        f"beat of {short(passed.period)} s [2π/Im Δλ]: dampers take the rest, and {most}{guide}."
+    )
+
+
+def limits(coupling: Coupling) -> Iterator[str]:
+    """Limits of each mode that moves the cart for cart masses from 0 to ∞."""
+    if not coupling.on_cart:
+        yield "A fixed support is the limit of an immense cart: the poles above are its frequencies [m_c → ∞]."
+        return
+    modes, most = coupling.cart_modes, shown(coupling)
+    busiest = sorted(range(len(modes)), key=lambda number: -modes[number].participation)[:most]
+    yield from (_limit(coupling, modes[number]) for number in sorted(busiest))
+    if len(modes) > most:
+        yield f"The {len(modes) - most} other modes that move the cart, all of them less, are {ELSEWHERE}."
+    if any(family.fold > 1 for family in coupling.families):
+        yield "The modes that leave the cart still do not feel its mass at all [ω = ω_r for every m_c]."
+    held = ", one to 0 with the cart's spring" if coupling.dynamic.spring else ""
+    yield f"As m_c → ∞ every coupling strength goes to 0 [ε_r = μ_r/m_r] and every mode to its pole{held}."
+
+
+def _limit(coupling: Coupling, mode: CartMode) -> str:
+    number = coupling.number(mode.omega)
+    name = "A mode that moves the cart" if number is None else f"Mode {number}"
+    whose = f"of family {family_name(mode.family)}" if mode.family is not None else "of the cart on its spring"
+    heavy, why = (rad(mode.heavy), "the pole below") if mode.heavy else ("0", "√(k_c/m_c)")
+    return (
+        f"{name}, {whose}, now at {rad(mode.omega)} with {percent(mode.participation)} of the "
+        f"cart's velocity after a push [φ_x²/Σφ_x²], goes to {rad(mode.light)} with a massless cart [zero of "
+        f"m_dyn − m_c] and to {heavy} with an immense one [{why}]."
+    )
+
+
+# ---------------------------------------------------------------------------------------------- exchange of energy
+
+
+def exchanges(coupling: Coupling) -> Iterator[str]:
+    """A sentence about each pair of modes of different pendula, or about all of them where there are many."""
+    if len(coupling.names) == 1 or not coupling.is_coupled:
+        return
+    if len(coupling.fixed_base.omega) > MOST_MODES:
+        yield from _many(coupling)
+        return
+    told = [pair for pair in coupling.pairs if coupling.on_cart or pair.coupling or pair.share > SLIGHT]
+    yield from (_pair(coupling, pair) for pair in told[:MOST_LISTED])
+    if not coupling.pairs:
+        yield (
+            "Only the inertia of the pendula opposes them [m = 0]: they move together and exchange no energy in beats."
+        )
+    elif (more := len(told) - MOST_LISTED) > 0:
+        yield f"{more} more pairs are {ELSEWHERE}."
+
+
+def _pair(coupling: Coupling, pair: EnergyExchange) -> str:
+    modes, on_cart = coupling.fixed_base, coupling.on_cart
+    a, b = (member(coupling, k) for k in (pair.first, pair.second))
+    resists = f"m = {short(pair.cart_mass)} kg"
+    if pair.strength > STRONG:
+        why = f"[μ/|m| = {short(pair.strength)}, {resists}]" if on_cart else f"[|F|/ω² = {short(pair.strength)}]"
+        return (
+            f"{capital(a)} and {b} are coupled too strongly for beats between two {why}: "
+            "their energy goes where the modes above carry it."
+        )
+    if on_cart and not pair.alone:
+        return (
+            f"{capital(a)} and {b} are not alone: other modes, or the cart's spring, make the dynamic mass m of all "
+            "else change between their frequencies [m(ω_a) ≠ m(ω_b)]; their energy goes where the modes above carry it."
+        )
+    overdamped = [capital(member(coupling, k)) for k in (pair.first, pair.second) if modes.rate[k] >= modes.omega[k]]
+    if overdamped:
+        return f"{listed(overdamped, len(overdamped))}: overdamped by its joints [σ ≥ ω], no beats."
+    copies = int(max(modes.count[[pair.first, pair.second]]))
+    alike = ", all copies moving alike" if copies > 1 and not on_cart else ""
+    delta = "δ = ω_a + F_aa/2ω_a − ω_b − F_bb/2ω_b" if not on_cart else "δ = ω_a(1 + μ_a/2m) − ω_b(1 + μ_b/2m)"
+    g = f"g = √(μ_aμ_bω_aω_b)/2|m|, {resists}" if on_cart else "g = F_ab/2√(ω_aω_b)"
+    others = "" if pair.alone else "; others of the same frequency take part"
+    return (
+        f"{capital(a)} and {b}{alike}: detuning {short(abs(pair.detuning))} rad/s [|δ|, {delta}] against coupling "
+        f"{short(abs(pair.coupling))} rad/s [{g}]: {_passed(pair)}{others}{GUIDE if pair.strength > ROUGH else ''}."
+    )
+
+
+def _passed(pair: EnergyExchange) -> str:
+    """Whether they exchange energy, how much, and how much comes back."""
+    passed, tuned = pair.exchange, abs(pair.detuning) < 2 * abs(pair.coupling)
+    if passed.lossless:
+        return (
+            f"{'they exchange energy' if tuned else 'detuning suppresses the exchange'}. One passes at most "
+            f"{percent(pair.share)} of its energy to the other [4g²/(4g² + δ²)] in beats of {short(pair.period)} s "
+            "[2π/√(4g² + δ²)]"
+        )
+    verdict = (
+        ("they exchange energy" if pair.share > HALF else "damping suppresses the exchange")
+        if tuned
+        else "detuning suppresses the exchange"
+    )
+    back = (
+        f"after a beat of {short(pair.period)} s [π/Re Ω, Ω² = g² + δ²/4 with the dampers] at most {left(passed.left)} "
+        "is back"
+        if passed.beats
+        else "nothing comes back in beats [Im Ω > Re Ω, Ω² = g² + δ²/4 with the dampers]"
+    )
+    return f"{verdict}. With the dampers the other never holds more than {left(pair.share)} of one's energy, and {back}"
+
+
+def collective(coupling: Coupling) -> str:
+    """One sentence on many different pendula that swing alike; empty where pairs are listed."""
+    if len(coupling.fixed_base.omega) <= MOST_MODES or not coupling.on_cart:
+        return ""
+    _, spread, shift, _ = _together(coupling)
+    if abs(shift) > spread:
+        return "The cart shifts them together by more than they differ: one mode stands out."
+    return "They differ by more than the cart shifts them: only neighbours in frequency exchange."
+
+
+def _together(coupling: Coupling) -> tuple[float, float, float, float]:
+    """Of first modes their median and their spread, their shift (rad/s) if they swing alike, and m (kg) of the rest."""
+    modes, dynamic = coupling.fixed_base, coupling.dynamic
+    first = modes.number == 1
+    omega, mass = modes.omega[first], float((modes.mass * modes.count)[first].sum())
+    middle, spread = float(np.median(omega)), float(np.ptp(omega))
+    left_out = np.array([bool(first[list(family.members)].any()) for family in coupling.families])
+    rest = float(dynamic([middle], left_out=left_out[None])[0])
+    return middle, spread, middle * mass / (2 * rest) if rest else float("inf"), rest
+
+
+def _many(coupling: Coupling) -> Iterator[str]:
+    """The first modes of many different pendula: their spread against their collective coupling."""
+    modes = coupling.fixed_base
+    head = f"{len(modes.omega)} modes of {len(coupling.names)} kinds are too many to list in pairs."
+    if not coupling.on_cart:
+        yield head
+        return
+    middle, spread, shift, rest = _together(coupling)
+    count = int(np.sum(modes.number == 1))
+    yield (
+        f"{head} Their first modes "
+        f"spread over {short(spread)} rad/s [max ω_r − min ω_r] about {rad(middle)} [median], "
+        f"{short(spread / max(1, count - 1))} rad/s from one to the next in the mean; swinging alike they would "
+        f"be shifted by {short(shift)} rad/s [½ ω Σμ/m, m = {short(rest)} kg]."
+    )
+    yield (
+        "The shift is the larger: one mode in which they swing together stands out from the others."
+        if abs(shift) > spread
+        else "The spread is the larger: neighbours in frequency exchange energy, those far apart do not."
+    )
+    top = max(coupling.cart_modes, key=lambda mode: mode.participation)
+    yield (
+        f"The mode that moves the cart most, at {rad(top.omega)}{numbered(coupling, top.omega)}, has "
+        f"{percent(top.participation)} of its velocity after a push [φ_x²/Σφ_x²]."
+    )
