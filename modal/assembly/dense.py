@@ -41,8 +41,8 @@ def joints(block: Block, column: int) -> Floats:
     return np.tril(np.tile(block.across[:, column] * block.length[:, column], (block.n, 1)))
 
 
-def displacements(columns: Columns, first: int, of: Callable[[Block, int], Floats] = centres) -> Floats:
-    """The displacement along the rail of what `of` tells of every link, rows (links, first + links).
+def displacements(columns: Columns, first: int, of: Callable[[Block, int], Floats] | None = None) -> Floats:
+    """The displacement along the rail of what `of`, or else `centres`, tells of every link, rows (links, first + links).
 
     The `first` coordinates move everything alike.
     """
@@ -50,6 +50,6 @@ def displacements(columns: Columns, first: int, of: Callable[[Block, int], Float
     rows, at = np.zeros((n, first + n)), 0
     rows[:, :first] = 1.0
     for block, column in columns:
-        rows[at : at + block.n, first + at : first + at + block.n] = of(block, column)
+        rows[at : at + block.n, first + at : first + at + block.n] = (of or centres)(block, column)
         at += block.n
     return rows

@@ -172,8 +172,9 @@ class Hanging:
         rows = enumerate(self.spring_rows)
         return [s for k, row in rows for s in row_squares(SPRING, k, row.row, number(getattr(row, size)), number)]
 
-    def squares(self, number: Number = floats) -> SceneSquares:
-        """Those of the whole scene without modal dampers, over η and the angles of all links."""
+    def squares(self, arithmetic: Number | None = None) -> SceneSquares:
+        """Those of the whole scene without modal dampers, over η and the angles of all links; of floats by default."""
+        number = arithmetic or floats
         structure, d, gravity, blocks = self.structure, self.structure.size, self.rig.gravity, self.rig.blocks
         parts = carrier_squares(structure, gravity, number)
         parts[1].extend(self._of_springs("stiffness", number))
@@ -341,9 +342,9 @@ def modal_supports(structure: Structure) -> tuple[Floats, Floats, Floats]:
     return M, K, D
 
 
-def scene_squares(rig: Rig, number: Number = floats) -> SceneSquares:
+def scene_squares(rig: Rig, arithmetic: Number | None = None) -> SceneSquares:
     """The squares of M, K and D of a whole scene, without modal dampers, over the coordinates of `Matrices`."""
-    return Hanging(rig.carried).squares(number)
+    return Hanging(rig.carried).squares(arithmetic)
 
 
 def null_space(rows: Floats) -> Floats:

@@ -206,13 +206,21 @@ def _squares(stack: Stack, accuracy: float) -> Iterator[Floats]:
     if free:
         yield np.zeros((1, len(stack.rate)))
     size = suspension.size + (not free)
-    squares = squares_of(suspension, np.arange(size), size, accuracy).x
+    squares = _squares_of(suspension, size, accuracy)
     yield np.where(_meet(stretches) if several else False, np.nan, squares)
 
 
 def _own_squares(block: Block, accuracy: float) -> Floats:
     """ω² (n, P, S) on fixed supports."""
-    return squares_of(Suspension.fixed(block), np.arange(block.n), block.n, accuracy).x.reshape(block.n, block.size, -1)
+    return _squares_of(Suspension.fixed(block), block.n, accuracy).reshape(block.n, block.size, -1)
+
+
+def _squares_of(suspension: Suspension, modes: int, accuracy: float) -> Floats:
+    """All ω² (R, S), rounded as those of many supports also where there is one: no member depends on the others."""
+    alone = suspension.supports == 1
+    several = suspension.take(np.zeros(2, dtype=np.int64)) if alone else suspension
+    squares = squares_of(several, np.arange(modes), modes, accuracy).x
+    return squares[:, :1] if alone else squares
 
 
 def _meet(stretches: Sequence[Floats]) -> Booleans:

@@ -162,6 +162,17 @@ def test_equal_entries_are_copies_of_one_pendulum(monkeypatch: pytest.MonkeyPatc
         np.testing.assert_array_max_ulp(omegas, np.array(alone), 2)
 
 
+@pytest.mark.parametrize("name", ["chain-3", "paper-cart-1", "paper-cart-2", "paper-cart-3"])
+def test_no_member_depends_on_the_others(name: str) -> None:
+    """To the bit: what a resumed sweep computes is what a whole one does."""
+    masses = np.linspace(0.5, 3.0, 5)
+    every = natural_frequencies(load(name), vary={"pendulum[0].links[0].mass": masses})
+    for k, mass in enumerate(masses.tolist()):
+        assert (
+            natural_frequencies(load(name), vary={"pendulum[0].links[0].mass": [mass]})[0].tolist() == every[k].tolist()
+        )
+
+
 def test_unequal_pendula_that_meet_are_looked_at_more_closely() -> None:
     pair = [Pendulum(links=[Bob(mass=m, length=1.0)]) for m in (1.0, 2.0)]
     scene = Scene(gravity=9.81, support=Cart(mass=3.0), pendulum=pair)
