@@ -148,9 +148,6 @@ def rows_of(name: str, quick: bool) -> list[Row]:
     if find_spec("numba"):
         routes["ours, numba"] = ours(scene, "numba"), size
         routes["ours, numba, recursion"] = by_recursion(scene, "numba"), size
-    if find_spec("heyoka"):
-        routes["ours, heyoka"] = ours(scene, "heyoka"), size
-        routes["ours, heyoka, recursion"] = by_recursion(scene, "heyoka"), size
     routes["`simulate` in a loop"] = one_by_one(scene), 8 if quick else 64
     return [measured(kind, route, starts[:count], reference, repeats) for kind, (route, count) in routes.items()]
 

@@ -25,7 +25,7 @@ GRAVITY, DURATION, STEP = 9.81, 2.5, 0.002
 ERRORS = 10  # times what the ensemble estimates an error to be at the end of the motion
 NEAR = 2e-7  # of a level, within which a turning point leaves open whether it is passed
 ALLOWED = {1e-9: 1e-6, 1e-6: 1e-3}  # errors of angles (rad) by tolerance, where those are smaller
-ENGINES = ["numpy", *(name for name in ("numba", "heyoka") if find_spec(name)), "simulate"]
+ENGINES = ["numpy", *(["numba"] if find_spec("numba") else []), "simulate"]
 
 
 class Chain(NamedTuple):

@@ -22,7 +22,7 @@ from nonlinear.ensembles.executors import WorkerPool
 from nonlinear.sweeps import Study, parse_measures, sweep
 
 THREADS, MEMBERS, DURATION = 4, 24, 1.5
-ENGINES = {"numpy": True, "numba": find_spec("numba") is not None, "heyoka": find_spec("heyoka") is not None}
+ENGINES = {"numpy": True, "numba": find_spec("numba") is not None}
 MEASURES = ("first_turn", "largest_angle", "lyapunov")
 
 

@@ -42,9 +42,9 @@ def joints(block: Block, column: int) -> Floats:
 
 
 def displacements(columns: Columns, first: int, of: Callable[[Block, int], Floats] | None = None) -> Floats:
-    """The displacement along the rail of what `of`, or else `centres`, tells of every link, rows (links, first + links).
+    """The displacement along the rail of what `of` tells of every link, rows (links, first + links).
 
-    The `first` coordinates move everything alike.
+    That is of its centre where nothing is given.  The `first` coordinates move everything alike.
     """
     n = sum(block.n for block, _ in columns)
     rows, at = np.zeros((n, first + n)), 0

@@ -421,13 +421,6 @@ CAPABILITIES: dict[str, Capability] = {
             takes=SIDE_BY_SIDE.takes - {"moved_support", "force"},
             unless={**STOPS, **_each(_of("moved_support force"), "takes no sweep, and no sine beside a record")},
         ),
-        replace(
-            SIDE_BY_SIDE,
-            name="engine heyoka",
-            takes=SIDE_BY_SIDE.takes - TOGETHER - {"quadratic_drag", "moved_support", "force", "hoist"},
-            refuses={**ALONE, **KINK},
-            unless={**STOPS, **_each(_of("moved_support force hoist"), NO_SERIES)},
-        ),
         replace(SIDE_BY_SIDE, name="an ensemble", refuses=NONE, singly=BESIDE_NONE),
         Capability(
             "motion in a few modes",

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 TOLERANCE, MOTIONS = 1e-9, 24
 """Of the integrator, and of a section, unless told."""
 FORMATS = ("text", "csv", "json")
-ENGINES = ("auto", "numpy", "numba", "heyoka", "simulate")
+ENGINES = ("auto", "numpy", "numba", "simulate")
 BY_ENERGY, BY_STROBES = ("energy", "crossing"), ("phase_deg", "spread", "settle", "of", "seed")
 """Options of a section at an energy, and of a stroboscopic one."""
 
@@ -209,9 +209,18 @@ def _scene(options: argparse.Namespace) -> Scene:
 
 def _add_engine(page: Page) -> None:
     more = " (default the fastest, counting what is still to be compiled)"
-    add_option(page.computed, "--engine", more, choices=ENGINES, default="auto")
+    add_option(page.computed, "--engine", more, type=_offered, choices=ENGINES, default="auto")
     add_tolerance(page, 1e-13, 1e-3)
     add_crew(page)
+
+
+def _offered(engine: str) -> str:
+    """The name of an engine; ArgumentTypeError for one that older versions had."""
+    from nonlinear.ensembles.question import RETIRED, WITHOUT_SERIES
+
+    if engine == RETIRED:
+        raise argparse.ArgumentTypeError(WITHOUT_SERIES)
+    return engine
 
 
 @contextmanager

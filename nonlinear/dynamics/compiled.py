@@ -16,7 +16,6 @@ from modal.errors import MissingExtraError
 from modal.types import Floats, Ints
 from nonlinear.dynamics.compiled_structure import FlatStructure, flat_of, link_at, rate_on_carriers
 from nonlinear.dynamics.compiling import available, in_place
-from nonlinear.dynamics.inputs import NOTHING
 from nonlinear.dynamics.joints import joint_law
 from nonlinear.dynamics.minimal import Minimal
 from nonlinear.dynamics.recursion import Answer, Turn, ended, hung, links_of, passed
@@ -25,7 +24,6 @@ from nonlinear.system import System
 
 CONSTANTS, TURNS = 12, 5
 NEAR = 1e6  # rad, up to which `sincos` reduces angles exactly
-LOOSE = np.empty(0)
 
 
 _joint_law, _sincos = in_place(joint_law), in_place(sincos)
@@ -58,14 +56,14 @@ def _joint(links, angles, rates, i, top):  # type: ignore[no-untyped-def]
 
 
 @partial(in_place, forceinline=True)
-def rate(  # type: ignore[no-untyped-def]  # noqa: PLR0912
-    y, links, first, cart, gravity, hinged, works, structure, push, moments, turns, derivative
+def rate(  # type: ignore[no-untyped-def]
+    y, links, first, cart, gravity, hinged, works, structure, turns, derivative
 ):
     """The whole of `Minimal.derivative`, into `derivative`.
 
     `first` are the first links of the pendula, `cart` holds mass, damper and spring, or is empty; where no joint is
     `hinged`, none has a spring, a damper or a drive.  `turns` (5, L) is room for sin, cos, and hx, hz, e over D, whose
-    divisions overlap on the way up.  Of what hangs from a `structure` neither push nor moments are asked.
+    divisions overlap on the way up.
     """
     if structure is not None:
         d, half = len(structure.kind), len(structure.kind) + len(links)
@@ -88,8 +86,6 @@ def rate(  # type: ignore[no-untyped-def]  # noqa: PLR0912
             if hinged:
                 hinge, lost = _joint(links, angles, rates, i, i == first[p])
                 Q, hinge_below, power = hinge - hinge_below, hinge, power + lost
-            if moments.size:
-                Q = moments[i] + Q
             if i == first[p + 1] - 1:
                 below, turn = _ended(link_at(links, i), sin[i], cos[i], rates[i], Q)
             else:
@@ -99,29 +95,28 @@ def rate(  # type: ignore[no-untyped-def]  # noqa: PLR0912
         mass, force = mass + below.xx, force + (below.px - gravity * below.xz)
     if on_cart:
         kept, working = _joint_law(y[0], y[half], cart[2], cart[1])
-        x2 = (push + working + kept - force) / (cart[0] + mass)
+        x2 = (working + kept - force) / (cart[0] + mass)
         derivative[half] = x2
-        power += y[half] * (push + working)
+        power += y[half] * working
     for p in range(len(first) - 1):
         ax, az = x2, -gravity
         for i in range(first[p], first[p + 1]):
             turn = Turn(hx[i], hz[i], e[i], 1.0, sin[i], cos[i], rates[i])
             turned[i], ax, az = _hung(link_at(links, i), turn, ax, az)
     if works:
-        for i in range(moments.size):
-            power += moments[i] * rates[i]
         derivative[2 * half] = power
 
 
 @dataclass(frozen=True, eq=False)
 class Compiled(Minimal):
-    """The equations of `Minimal` in one compiled pass, without bodies; MissingExtraError without numba."""
+    """The equations of `Minimal` in one compiled pass, without bodies or load; MissingExtraError without numba."""
 
     bodies: tuple[()] = ()
 
     def __post_init__(self) -> None:
         if not available():
             raise MissingExtraError("numba", "fast")
+        assert self.load is None
 
     @cached_property
     def scene(self) -> tuple[Floats, Ints, Floats, float, bool, bool, FlatStructure | None]:
@@ -139,10 +134,8 @@ class Compiled(Minimal):
 
     def derivative(self, time: float, y: Any) -> Any:
         """The derivative y' of one y (size,)."""
-        push, moments, _ = self.load(time, self.layout.state(y)) if self.load else NOTHING
-        loose = LOOSE if moments is None else np.ascontiguousarray(moments, dtype=float)
         slopes, turns = np.empty(self.layout.size), np.empty((TURNS, self.system.n_links))
-        rate(np.ascontiguousarray(y, dtype=float), *self.scene, float(push), loose, turns, slopes)
+        rate(np.ascontiguousarray(y, dtype=float), *self.scene, turns, slopes)
         return slopes
 
 

@@ -36,7 +36,7 @@ _stretched, _slack, _eliminate = in_place(stretched), in_place(slack), in_place(
 class FlatStructure(NamedTuple):
     """A structure in flat arrays; the last are room for what is computed.
 
-    Of every coordinate `kind`, `way` (d, 2), `length` of rods, and `law` (d, 3): stiffness, damping, carried weight; of
+    Of every coordinate `kind`, `length` of rods, and `law` (d, 3): stiffness, damping, carried weight; of
     every carrier its first coordinate (c + 1,), the one that is its angle or −1, and `body` (c, 4): mass, inertia about
     its origin, centre; of every pendulum its `carrier`, `where` (P, 2) it hangs, and whether its first joint moves as
     that of the one before it; of every spring `spring` (E,), `numbers` (E, 5): k, d, Δ₀, |Δ₀|, and of its ends `ends`
@@ -45,7 +45,6 @@ class FlatStructure(NamedTuple):
     """
 
     kind: Ints
-    way: Floats
     length: Floats
     law: Floats
     first: Ints
@@ -63,6 +62,7 @@ class FlatStructure(NamedTuple):
     right: Floats
     slopes: Floats
     turns: Floats
+    bias: Floats
     moved: Floats
     loads: Floats
 
@@ -71,7 +71,7 @@ def flat_of(system: System) -> FlatStructure:
     """The arrays of a system on a structure without modal supports."""
     carriers = Carriers(system)
     structure, d, links = carriers.structure, carriers.structure.size, system.n_links
-    kind, way, length, law = np.zeros(d, dtype=np.int64), np.zeros((d, 2)), np.ones(d), np.zeros((d, 3))
+    kind, slopes, length, law = np.zeros(d, dtype=np.int64), np.zeros((2, d)), np.ones(d), np.zeros((d, 3))
     angle, body = np.full(len(structure.carriers), -1), np.zeros((len(structure.carriers), 4))
     for number, carrier in enumerate(structure.carriers):
         s, h = carrier.centre
@@ -83,7 +83,7 @@ def flat_of(system: System) -> FlatStructure:
             kind[k] = TURNING if k == at else ARC if carrier.kind == "swing" else STRAIGHT
             length[k] = carrier.length or 1.0
             if kind[k] == STRAIGHT:
-                way[k] = WAYS[carrier.kind][k - structure.offsets[number]]
+                slopes[:, k] = WAYS[carrier.kind][k - structure.offsets[number]]
     springs = structure.springs
     kinds, numbers = np.zeros(len(springs), dtype=np.int64), np.zeros((len(springs), 5))
     ends, points = np.zeros((len(springs), 2, 2), dtype=np.int64), np.zeros((len(springs), 2, 2))
@@ -97,7 +97,7 @@ def flat_of(system: System) -> FlatStructure:
         for k, spring in enumerate(springs):
             for side, end in enumerate(spring.ends):
                 ends[k, side], points[k, side] = _end(carriers, end, spring.torsion)
-    room = np.zeros((d, d)), np.zeros(d), np.zeros((2, d)), np.zeros((3, d)), np.zeros((4, links)), np.zeros((4, links))
+    room = np.zeros((d, d)), np.zeros(d), slopes, np.zeros((3, d)), np.zeros((2, len(angle))), *np.zeros((2, 4, links))
     pivots, pulls = structure.pivots, bool(np.any(ends[..., 0] == ON_LINK))
     alike = [
         each.carrier == other.carrier and (each.where == other.where or angle[each.carrier] < 0)
@@ -107,7 +107,6 @@ def flat_of(system: System) -> FlatStructure:
     first = np.array(structure.offsets)
     return FlatStructure(
         kind,
-        way,
         length,
         law,
         first,
@@ -142,19 +141,12 @@ def _end(carriers: Carriers, end: End, torsion: bool) -> tuple[tuple[int, int], 
 
 @in_place
 def _slope(F, y, half, carrier, s, h):  # type: ignore[no-untyped-def]
-    """Slopes of a point of a carrier, into F.slopes, and its bias."""
-    bx = bz = 0.0
-    for k in range(F.first[carrier], F.first[carrier + 1]):
-        if F.kind[k] == STRAIGHT:
-            F.slopes[0, k], F.slopes[1, k] = F.way[k, 0], F.way[k, 1]
-        elif F.kind[k] == ARC:
-            slope, bias = _swung(F.turns[0, k], F.turns[1, k], F.length[k], y[half + k])
-            F.slopes[0, k], F.slopes[1, k] = slope
-            bx, bz = bx + bias[0], bz + bias[1]
-        else:
-            _, slope, bias = _turned(s, h, F.turns[0, k], F.turns[1, k], y[half + k])
-            F.slopes[0, k], F.slopes[1, k] = slope
-            bx, bz = bx + bias[0], bz + bias[1]
+    """Slopes of a point of a carrier, in F.slopes, and its bias; only what an angle does depends on the point."""
+    bx, bz, k = F.bias[0, carrier], F.bias[1, carrier], F.angle[carrier]
+    if k >= 0:
+        _, slope, bias = _turned(s, h, F.turns[0, k], F.turns[1, k], y[half + k])
+        F.slopes[0, k], F.slopes[1, k] = slope
+        bx, bz = bx + bias[0], bz + bias[1]
     return bx, bz
 
 
@@ -173,7 +165,7 @@ def _displaced(F, y, carrier, s, h):  # type: ignore[no-untyped-def]
     x = z = 0.0
     for k in range(F.first[carrier], F.first[carrier + 1]):
         if F.kind[k] == STRAIGHT:
-            dx, dz = F.way[k, 0] * y[k], F.way[k, 1] * y[k]
+            dx, dz = F.slopes[0, k] * y[k], F.slopes[1, k] * y[k]
         elif F.kind[k] == ARC:
             dx, dz = _along_arc(F.length[k], F.turns[0, k], F.turns[2, k])
         else:
@@ -280,6 +272,11 @@ def _begun(F, y, half, gravity):  # type: ignore[no-untyped-def]
             F.turns[2, k] = _versed(angle) if len(F.spring) else 0.0
     for c in range(len(F.angle)):
         m, about, s, h = F.body[c, 0], F.body[c, 1], F.body[c, 2], F.body[c, 3]
+        for k in range(F.first[c], F.first[c + 1]):
+            if F.kind[k] == ARC:
+                slope, bias = _swung(F.turns[0, k], F.turns[1, k], F.length[k], y[half + k])
+                F.slopes[0, k], F.slopes[1, k] = slope
+                F.bias[0, c], F.bias[1, c] = bias
         bx, bz = _slope(F, y, half, c, s, h)
         for k in range(F.first[c], F.first[c + 1]):
             kept, working = _joint_law(y[k], y[half + k], F.law[k, 0], F.law[k, 1], 0.0, 0.0)

@@ -15,7 +15,7 @@ from nonlinear.ensembles.energies import Accounts
 from nonlinear.ensembles.measures import COLUMNS, Columns, Context
 from nonlinear.ensembles.members import RATIO, MemberBlock, MemberPart
 from nonlinear.ensembles.plain import state_columns
-from nonlinear.ensembles.question import COMPILED, LANES, PLAIN, EnsembleRequest
+from nonlinear.ensembles.question import LANES, PLAIN, EnsembleRequest
 from nonlinear.ensembles.results import MemberResults, Wanted
 from nonlinear.integration.readiness import reproducible
 from nonlinear.simulation import simulate
@@ -44,13 +44,9 @@ def engine_of(name: str) -> Engine:
     """The engine of this name; MissingExtraError where what it needs is not installed."""
     if name == LANES:
         return lanes.run
-    if name == COMPILED:
-        from nonlinear.ensembles import compiled
+    from nonlinear.ensembles import compiled
 
-        return compiled.run
-    from nonlinear.ensembles import series
-
-    return series.run
+    return compiled.run
 
 
 def compute(question: EnsembleRequest, part: MemberPart) -> Chunk:

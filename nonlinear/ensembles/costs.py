@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from importlib.util import find_spec
 from typing import NamedTuple
 
 import numpy as np
@@ -19,30 +18,29 @@ from nonlinear.ensembles.question import (
     LANES,
     ONE_BY_ONE,
     PLAIN,
-    SERIES,
+    RETIRED,
+    WITHOUT_SERIES,
     EnsembleRequest,
     seconds_each,
     steps_of,
 )
-from nonlinear.ensembles.series import SEEN, series_of
-from nonlinear.integration import kernels, taylor_takes
+from nonlinear.integration import kernels
 from nonlinear.integration.crowds import Crowd
 from nonlinear.integration.readiness import Code, Forgone, Offer, best_of, forgone_by
-from nonlinear.system import Numbers, ends_may_meet, numbers_of, system_of
+from nonlinear.system import Numbers, numbers_of, system_of
 
-ENGINES = (LANES, COMPILED, SERIES, PLAIN)
-SOONER = {LANES: 1.0, COMPILED: 5.0, SERIES: 7.0}
-SOONER_WITHIN = {LANES: 1.0, COMPILED: 7.0, SERIES: 4.0}
-"""How many times as fast as lanes in NumPy an engine is once it runs, also where much is looked for within steps."""
-WITHIN = {"largest_angle", "section"}
+ENGINES = (LANES, COMPILED, PLAIN)
+SOONER = {LANES: 1.0, COMPILED: 5.0}
+"""How many times as fast as lanes in NumPy an engine is once it runs."""
+FOLDERS = "by which this folder was begun"
 TANGENT = "lyapunov"
 """The measure that needs tangent equations beside the others."""
-BESIDE = {COMPILED: 0.02, SERIES: 0.01}
-"""Seconds that a few members take as well."""
+STARTING = 0.02
+"""Seconds that numba's loop takes for a few members as well."""
 CALLING = 1.5e-4, 6e-5
 """Seconds that a step of lanes in NumPy takes for a few members as well: for each link, and for its square."""
-RECORDED = {name: CAPABILITIES[f"engine {name}"].unless["moved_support"] for name in (COMPILED, SERIES)}
-"""What of the functions of time an engine takes."""
+RECORDED = CAPABILITIES["engine numba"].unless["moved_support"]
+"""What of the functions of time numba takes."""
 
 
 class Decision(NamedTuple):
@@ -69,6 +67,10 @@ def choose_engine(
     Where the choice is free it is that of the engine by which a folder was `begun`; `anew` it does not depend on what
     is ready, so that processes that know nothing of each other choose alike.
     """
+    if RETIRED in (asked, begun) and asked in ("auto", RETIRED):
+        if begun != RETIRED:
+            raise SceneError([WITHOUT_SERIES])
+        return Decision(RETIRED, FOLDERS)
     if asked not in ("auto", *ENGINES):
         raise SceneError([f"engine {asked}: must be one of auto, {', '.join(ENGINES)}"])
     if asked == PLAIN:
@@ -81,13 +83,11 @@ def choose_engine(
         return Decision(PLAIN, f"one by one, for {why_not}")
     if not _recorded(asked, members.scene):
         where = "hoist" if members.scene.is_hoisted else "support.motion" if members.scene.is_moved else "force"
-        raise SceneError([f"{where}: engine {asked} {RECORDED[asked]}: take engine numpy"])
-    if asked == SERIES and find_spec("heyoka") and not taylor_takes(members.scene):
-        raise SceneError([f"engine {asked}: takes shorter chains and fewer links"])
+        raise SceneError([f"{where}: engine {asked} {RECORDED}: take engine numpy"])
     if asked != "auto":
         return Decision(asked, "as asked for")
     if begun in SOONER and _takes(begun, members):
-        return Decision(begun, "by which this folder was begun")
+        return Decision(begun, FOLDERS)
     offers = _offers(members, duration, tolerance, measures)
     best = best_of(offers, anew=anew)
     seconds = offers[best].price(anew=True) if anew else offers[best].seconds
@@ -96,35 +96,27 @@ def choose_engine(
 
 def _recorded(name: str, scene: Scene) -> bool:
     """Whether what time brings is a function of it that an engine can compile."""
-    inputs = Inputs(system_of(scene))
-    needed = {COMPILED: "polynomials", SERIES: "pieces"}.get(name)
-    return needed is None or getattr(inputs, needed) is not None
+    return name != COMPILED or Inputs(system_of(scene)).polynomials is not None
 
 
 def _offers(members: Members, duration: float, tolerance: float, measures: Sequence[str]) -> dict[str, Offer]:
     """What every engine that takes these members would take for them."""
-    sooner = SOONER_WITHIN if WITHIN & set(measures) else SOONER
     scene, whole = members.scene, members.size * seconds_each(members.scene, duration, tolerance)
     links, steps = scene.n_links, steps_of(scene, duration, tolerance)
-    beside = BESIDE | {LANES: steps * (CALLING[0] * links + CALLING[1] * links**2)}
+    beside = {COMPILED: STARTING, LANES: steps * (CALLING[0] * links + CALLING[1] * links**2)}
     numbers = first_numbers(members)
     return {
-        name: Offer(beside[name] + whole / sooner[name], code_of(name, numbers, tolerance, measures))
+        name: Offer(beside[name] + whole / SOONER[name], code_of(name, numbers, tolerance, measures))
         for name in SOONER
         if _takes(name, members)
     }
 
 
 def _takes(name: str, members: Members) -> bool:
-    """Whether it is a choice: equations that are not written out in a few lines numba compiles for minutes.
-
-    By series a massless cart overflows at its rest already, and springs whose ends meet pull on as if they had not.
-    """
-    if name == SERIES and ("massless_cart" in members.scene.features or ends_may_meet(system_of(members.scene))):
-        return False
+    """Whether it is a choice: equations that are not written out in a few lines numba compiles for minutes."""
     if not _recorded(name, members.scene) or refusals(members.scene, f"engine {name}", *members.varied):
         return False
-    return members.scene.n_links <= WRITTEN if name == COMPILED else name == LANES or taylor_takes(members.scene)
+    return name == LANES or members.scene.n_links <= WRITTEN
 
 
 def first_numbers(members: Members) -> Numbers:
@@ -144,9 +136,7 @@ def code_of(name: str, numbers: Numbers, tolerance: float, measures: Sequence[st
     if name == LANES:
         return None
     lanes = Lanes(numbers, tangent=TANGENT in measures)
-    if name == COMPILED:
-        return kernels.code_of(lanes, Crowd(lanes) if numbers.switching else None)
-    return series_of(lanes, tolerance, SEEN & set(measures))
+    return kernels.code_of(lanes, Crowd(lanes) if numbers.switching else None)
 
 
 def seconds_of(question: EnsembleRequest, chunks: int) -> float:
@@ -155,4 +145,4 @@ def seconds_of(question: EnsembleRequest, chunks: int) -> float:
     if question.engine == PLAIN:
         return count * ONE_BY_ONE
     each = seconds_each(question.scene, question.duration, question.tolerance)
-    return count * each / SOONER[question.engine]
+    return count * each / SOONER.get(question.engine, 1.0)

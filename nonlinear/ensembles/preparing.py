@@ -18,7 +18,7 @@ from modal.scene.doors import checked
 from nonlinear.ensembles.costs import code_of, first_numbers
 from nonlinear.ensembles.measures import requested_measures, validate_measures
 from nonlinear.ensembles.members import members_of
-from nonlinear.ensembles.question import COMPILED, SERIES
+from nonlinear.ensembles.question import COMPILED
 from nonlinear.ensembles.running import USUAL, ensemble
 from nonlinear.integration import ASKED, Choice, Request, choose, estimate_timescales, validate, validate_numbers
 from nonlinear.integration.costs import WRITTEN, integrator, offers
@@ -81,8 +81,7 @@ def compile_engines(scene: Scene, tolerance: float = USUAL, measures: Sequence[s
     tolerance
         That of the later runs: heyoka's code depends on it.
     measures
-        Those of `ensemble` that later runs ask for.  Exponents need equations of their own, and heyoka compiles what is
-        sought within steps.
+        Those of `ensemble` that later runs ask for.  Exponents need equations of their own.
 
     Returns
     -------
@@ -129,21 +128,20 @@ def _codes(scene: Scene, tolerance: float, measures: Sequence[str]) -> Iterator[
     problems += [f"support.{each.name}: modal supports are not compiled" for each in carriers if each.M is not None]
     kernel = partial(integrator, structured=system.structure is not None)
     yield _ready(ONE, COMPILED, problems, kernel, compiled)
-    yield _ready(ONE, SERIES, refusals(scene, "method taylor"), series, expanded)
+    yield _ready(ONE, "heyoka", refusals(scene, "method taylor"), series, expanded)
     starts = [[TILT] * scene.n_links] * 2
-    for engine in (COMPILED, SERIES):
 
-        def code(engine: str = engine) -> Code | None:
-            return code_of(engine, first_numbers(members_of(scene, starts, None)), tolerance, measures)
+    def code() -> Code | None:
+        return code_of(COMPILED, first_numbers(members_of(scene, starts, None)), tolerance, measures)
 
-        def together(engine: str = engine) -> object:
-            more: dict[str, Any] = {"tolerance": tolerance, "measures": measures, "workers": 1, "check": 0}
-            return ensemble(scene, duration, starts=starts, engine=engine, **more)
+    def together() -> object:
+        more: dict[str, Any] = {"tolerance": tolerance, "measures": measures, "workers": 1, "check": 0}
+        return ensemble(scene, duration, starts=starts, engine=COMPILED, **more)
 
-        problems = refusals(scene, f"engine {engine}")
-        if engine == COMPILED and scene.n_links > WRITTEN:
-            problems += [f"engine numba: takes minutes to compile for more than {WRITTEN} links"]
-        yield _ready(MANY, engine, problems, code, together)
+    problems = refusals(scene, "engine numba")
+    if scene.n_links > WRITTEN:
+        problems += [f"engine numba: takes minutes to compile for more than {WRITTEN} links"]
+    yield _ready(MANY, COMPILED, problems, code, together)
 
 
 def _ready(

@@ -26,7 +26,13 @@ from nonlinear.integration.costs import PER_PERIOD
 from nonlinear.system import System, system_of
 
 VERSION = 1
-PLAIN, LANES, COMPILED, SERIES = "simulate", "numpy", "numba", "heyoka"
+PLAIN, LANES, COMPILED = "simulate", "numpy", "numba"
+RETIRED = "heyoka"
+"""The engine of older folders, which are still read."""
+WITHOUT_SERIES = (
+    "engine heyoka: is no longer there, for Taylor series take single motions (simulate's method taylor): take auto, "
+    "in another folder than one that heyoka began"
+)
 SECONDS, FEWEST, MOST = 4.0, 16, 16_384  # of a chunk; its members
 ROOM = 64_000_000  # bytes of samples in a chunk
 ONE_BY_ONE = 0.15  # s that a run by itself takes at least

@@ -2,11 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
-
-import numpy as np
 
 from modal.types import Floats, Ints
 
@@ -55,25 +51,3 @@ class MemberResults:
     stretching: Floats | None = None
     crossed: Crossed | None = None
     rubbed: Floats | float = 0.0
-
-
-AXES = {"y": 1, "error": 0, "horizon": 0, "rows": 0, "first_turns": 1, "largest": 0, "stretching": 0}
-"""Along which members stand in each array."""
-
-
-def merged(parts: Sequence[tuple[Ints, MemberResults]]) -> MemberResults:
-    """What was found of groups of members, each with their numbers among all."""
-    order = np.argsort(np.concatenate([members for members, _ in parts]))
-    arrays: dict[str, Any] = {
-        name: np.take(np.concatenate([getattr(some, name) for _, some in parts], axis=axis), order, axis=axis)
-        for name, axis in AXES.items()
-        if getattr(parts[0][1], name) is not None
-    }
-    reasons = {int(members[k]): reason for members, some in parts for k, reason in some.reasons.items()}
-    crossed = [(members[some.crossed[0]], *some.crossed[1:]) for members, some in parts if some.crossed is not None]
-    whole = MemberResults(**arrays, reasons=reasons)
-    if crossed:
-        members, times, rows = (np.concatenate(column) for column in zip(*crossed, strict=True))
-        by_member = np.lexsort((times, members))
-        whole.crossed = members[by_member], times[by_member], rows[by_member]
-    return whole

@@ -31,7 +31,16 @@ from nonlinear.ensembles.measures import requested_measures, validate_measures
 from nonlinear.ensembles.members import Members, Starts, members_of
 from nonlinear.ensembles.parts import Parts, engine_of_folder
 from nonlinear.ensembles.plain import state_columns, validate_plain
-from nonlinear.ensembles.question import CHECKED, PLAIN, EnsembleRequest, chunk_of, refused, sample_of
+from nonlinear.ensembles.question import (
+    CHECKED,
+    PLAIN,
+    RETIRED,
+    WITHOUT_SERIES,
+    EnsembleRequest,
+    chunk_of,
+    refused,
+    sample_of,
+)
 from nonlinear.integration import sample_times, validate, validate_numbers, validate_whole
 from nonlinear.integration.readiness import Forgone, lose, rented
 from nonlinear.system import Motion, system_of
@@ -216,8 +225,7 @@ def ensemble(
     measures
         Names of what is computed on the way (`nonlinear.measures`).
     engine
-        "auto", "numpy", "numba" (extra `fast`), "heyoka" (extra `taylor`), or "simulate": one by one, which takes every
-        scene.
+        "auto", "numpy", "numba" (extra `fast`), or "simulate": one by one, which takes every scene.
     folder
         Where each chunk of members is kept as a file.  A call that was killed goes on there.
     check
@@ -263,6 +271,8 @@ def ensemble(
     question, decision = _question(scene, duration, starts, vary, output, tolerance, measures, choice, check, chunk)
     parts = None if folder is None else Parts(folder, question)
     left = _left(question, parts, share)
+    if left and question.engine == RETIRED:
+        raise SceneError([WITHOUT_SERIES])
     return _run(question, decision, parts, left, workers, crew, report)
 
 
@@ -319,7 +329,7 @@ def _question(
     chosen = decision.engine
     if chosen == PLAIN:
         validate_plain(wanted.names)
-    if chosen != PLAIN:
+    if chosen not in (PLAIN, RETIRED):
         engine_of(chosen)
     validate_measures(wanted.names, scene)
     keeps_end = output == END if isinstance(output, str) else output is None and not measures

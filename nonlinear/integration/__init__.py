@@ -25,7 +25,7 @@ from nonlinear.integration.changes import names_in, switching_source
 from nonlinear.integration.driver import Drive
 from nonlinear.integration.escapements import Escaping, escaping
 from nonlinear.integration.meeting import MEETING, meeting_source
-from nonlinear.integration.methods import ASKED, FORMS, Choice, choose, equations_of, taylor_takes, validate_method
+from nonlinear.integration.methods import ASKED, FORMS, Choice, choose, equations_of, validate_method
 from nonlinear.integration.run import Request, SimulationError, prepare
 from nonlinear.integration.steppers import EXPLICIT, SCIPY, SMALLEST, Pace, SciPyStepper, Stepper
 from nonlinear.integration.switches import switches_of
@@ -71,7 +71,6 @@ __all__ = [
     "slightly",
     "switches_of",
     "switching_source",
-    "taylor_takes",
     "validate",
     "validate_accuracy",
     "validate_events",

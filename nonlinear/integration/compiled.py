@@ -18,7 +18,7 @@ from scipy.integrate import DOP853
 
 from modal.types import Floats
 from nonlinear.dynamics import undisturbed
-from nonlinear.dynamics.compiled import LOOSE, TURNS, Compiled, rate
+from nonlinear.dynamics.compiled import TURNS, Compiled, rate
 from nonlinear.dynamics.compiling import compiled, in_place
 from nonlinear.integration.costs import integrator
 from nonlinear.integration.method import (
@@ -81,7 +81,7 @@ def _stages(first, last, y, h, K, z, scene, turns):  # type: ignore[no-untyped-d
     """The rates K at these stages of a step from y, whose last ends at z."""
     for number in range(first, last):
         _stage(number, y, h, K, z)
-        rate(z, *scene, 0.0, LOOSE, turns, K[number])
+        rate(z, *scene, turns, K[number])
 
 
 @compiled

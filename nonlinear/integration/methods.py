@@ -179,12 +179,6 @@ def _why_series(way: Offer) -> str:
     return f"a run long enough{', after others,' if paid else ''} to pay for compiling its series"
 
 
-def taylor_takes(scene: Scene) -> bool:
-    """Whether Taylor series can be had for so many links."""
-    validate_scene(scene)
-    return taylor.takes(system_of(scene))
-
-
 def body_of(group: Group, system: System) -> GroupBody:
     """The solver of one group in NumPy: dense matrices for short chains, a band for long ones, else the recursion."""
     if loses_digits(group, system):

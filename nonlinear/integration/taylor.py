@@ -15,7 +15,7 @@ from copy import deepcopy
 from importlib import import_module
 from math import ceil, exp, inf, log, pi
 from threading import Lock
-from typing import Any, Protocol
+from typing import Any
 from weakref import finalize
 
 import numpy as np
@@ -25,7 +25,7 @@ from modal.types import Floats
 from modal.vibration.prescribed import Polynomials
 from nonlinear.dynamics import Arranged, Generated, Module, module_of, undisturbed
 from nonlinear.dynamics.forms import Form
-from nonlinear.dynamics.inputs import Inputs, at_time
+from nonlinear.dynamics.inputs import at_time
 from nonlinear.integration.readiness import Code, installed, made, series
 from nonlinear.integration.steppers import Pace
 from nonlinear.system import System
@@ -165,18 +165,11 @@ def uneven(tolerance: float) -> float:
     return wanted if order % 4 else 0.99 * exp(2 - 2 * order)
 
 
-def shortened(tolerance: float) -> float:
-    """As `uneven`, but of one order less rather than more: looser by up to e², far above what a series errs by."""
-    wanted = max(tolerance, TIGHTEST)
-    order = ceil(1 - log(wanted) / 2)
-    return wanted if order % 4 else 1.01 * exp(4 - 2 * order)
-
-
 class Originals(dict[Any, Any]):
     """What has been compiled in this process, by what it was compiled from: a copy for everyone who asks.
 
-    Integrators and compiled functions of heyoka write into memory of their own while they work, and let Python's other
-    threads run: no two threads may use the same one.  A copy has its own memory and is not compiled again; as it takes
+    Integrators of heyoka write into memory of their own while they work, and let Python's other threads run: no two
+    threads may use the same one.  A copy has its own memory and is not compiled again; as it takes
     longer than a short run, the copies of users that are gone serve others.
     """
 
@@ -213,24 +206,15 @@ _COMPILED = Originals()
 """By the text of their equations and what else they were compiled for."""
 
 
-def code_of(form: Form, pieces: Sequence[Polynomials], tolerance: float, kind: str = "") -> Code:
-    """The series of this order for such scenes, and how far it is; the `kind` tells others than those of one motion."""
+def code_of(form: Form, pieces: Sequence[Polynomials], tolerance: float) -> Code:
+    """The series of this order for such scenes, and how far it is."""
     links, longest = form.system.n_links, max(group.n for group in form.system.groups)
     compiling = 0.05 * longest**2 if links <= UNROLLED else 0.2 * longest + 0.025 * links
     degrees = [piece.coefficients.shape[1] for piece in pieces]
-    return series(f"{form} {degrees} {tolerance} {kind}", compiling)
+    return series(f"{form} {degrees} {tolerance}", compiling)
 
 
-class Timed(Protocol):
-    """What has inputs of time."""
-
-    @property
-    def inputs(self) -> Inputs:
-        """Those."""
-        ...
-
-
-def pieces_of(equations: Timed) -> Sequence[Polynomials]:
+def pieces_of(equations: Arranged) -> Sequence[Polynomials]:
     """The polynomials that are inputs; ComputationError where inputs are neither these nor the time alone."""
     if (pieces := equations.inputs.pieces) is None:
         raise ComputationError("Taylor series cannot follow this function of time: choose another method")
@@ -296,52 +280,3 @@ def _heyoka() -> Any:
         return import_module("heyoka")
     except ImportError:
         raise MissingExtraError("heyoka", "taylor") from None
-
-
-Seen = tuple[str, int, float, Any]
-"""What is to be found within steps: its kind, a row of y, a level (rad or m), what to call with it."""
-EVENTS: dict[str, Callable[[Any, Any, float], Any]] = {
-    "sin": lambda heyoka, y, level: heyoka.sin((y - level) / 2.0),
-    "level": lambda heyoka, y, level: y - level,
-    "rest": lambda heyoka, y, level: 1.0 * y,
-}
-"""Of a component of y: an angle at a level and whole turns from it, anything at a level, anything at zero."""
-
-
-def batch_integrator(
-    module: Module, size: int, tolerance: float, seen: Sequence[Seen], pieces: Sequence[Polynomials] = ()
-) -> Any:
-    """Heyoka's integrator for as many members at a time as fit into a register, their constants being parameters.
-
-    Each is its caller's own; those that see something are compiled anew.
-    """
-
-    def compiled() -> Any:
-        heyoka = _heyoka()
-        width, rates = heyoka.recommended_simd_size(), expressions(module, size, pieces)
-        y = [component for component, _ in rates]
-        events = [heyoka.nt_event_batch(EVENTS[kind](heyoka, y[row], level), call) for kind, row, level, call in seen]
-        return heyoka.taylor_adaptive_batch(
-            rates,
-            np.zeros((size, width)),
-            pars=np.zeros((len(module.names) + len(at_time(pieces, 0.0)), width)),
-            tol=shortened(tolerance),
-            compact_mode=size > 4 * UNROLLED,
-            fast_math=True,
-            **({"nt_events": events} if events else {}),
-        )
-
-    if not seen:
-        return _COMPILED.copy_of(("batch", _text(module, pieces), size, tolerance), compiled)
-    with undisturbed():
-        return compiled()
-
-
-def evaluator(module: Module, size: int, pieces: Sequence[Polynomials] = ()) -> Any:
-    """The y' of many y (size, S) and constants as a compiled function, with vector registers, its caller's own."""
-
-    def compiled() -> Any:
-        y, rates = zip(*expressions(module, size, pieces), strict=True)
-        return _heyoka().cfunc(list(rates), vars=list(y), fast_math=True)
-
-    return _COMPILED.copy_of(("rates", _text(module, pieces), size), compiled)

@@ -147,20 +147,6 @@ def energy(equations: Minimal, y: Any) -> Any:
 
 @fast
 @uncompiled()
-@pytest.mark.parametrize("seed", range(5))
-def test_compiled_under_a_load(seed: int) -> None:
-    scene = long_scene(seed, 6)
-
-    def push(time: float, state: State) -> AppliedForces:
-        return AppliedForces(time + state.cart, np.cos(state.links) * state.link_rates)
-
-    plain = minimal(scene, load=push)
-    y = random_y(plain, seed)
-    assert apart(Compiled(plain.system, load=push).derivative(0.7, y), plain.derivative(0.7, y)) < 1e-14
-
-
-@fast
-@uncompiled()
 @pytest.mark.parametrize("turned", [1e3, 1e6, 1e9])
 def test_compiled_after_many_turns(turned: float) -> None:
     """Angles beyond those that the kernel reduces several at once keep their digits, too."""

@@ -139,11 +139,9 @@ def test_two_bobs_are_those_of_newtons_law_by_hand() -> None:
     assert run.motion.links == pytest.approx(exact, abs=1e-9)
 
 
-@pytest.mark.parametrize("engine", usually(["numpy", "numba"], ["numpy", "numba", "heyoka"]))
+@pytest.mark.parametrize("engine", ["numpy", "numba"])
 def test_members_are_single_runs(engine: str) -> None:
     """The loop for numba as Python; `ensembles/test_clocks.py` compiles one that has functions of time."""
-    if engine == "heyoka":
-        pytest.importorskip(engine)
     scene, paths = (
         pushed(*PUSHES, ON_CART, support=CART),
         ("force[0].amplitude", "force[4].frequency_hz", "force[1].amplitude"),

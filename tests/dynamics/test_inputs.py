@@ -10,7 +10,6 @@ from math import cos, inf, sin
 
 import numpy as np
 import pytest
-from amounts import usually
 from scipy.integrate import solve_ivp
 from support.loops import interpreted
 
@@ -181,10 +180,8 @@ def test_hoists_on_a_moved_support_in_air_move_alike_in_all_forms(motion: str, h
     assert reaction_forces_of(run).pivots == pytest.approx(reaction_forces_of(other).pivots, abs=1e-6)
 
 
-@pytest.mark.parametrize("engine", usually(["numpy", "numba"], ["numpy", "numba", "heyoka"]))
+@pytest.mark.parametrize("engine", ["numpy", "numba"])
 def test_hoists_on_a_moved_support_go_side_by_side(engine: str) -> None:
-    if engine == "heyoka":
-        pytest.importorskip(engine)
     scene, masses = hoisted("sine", "smooth", drag=0.2), [0.5, 0.7]
     options = {"workers": 1, "check": 0, "output": 5, "tolerance": 1e-10}
     with interpreted() if engine == "numba" else nullcontext():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -26,14 +27,15 @@ from nonlinear.ensembles import (
     members_of,
 )
 from nonlinear.ensembles.costs import ENGINES, choose_engine, code_of, first_numbers
-from nonlinear.ensembles.parts import HEADER, engine_of_folder
+from nonlinear.ensembles.parts import HEADER, Parts, engine_of_folder
 from nonlinear.integration import taylor
 from nonlinear.integration.kernels import path_of, source
-from nonlinear.integration.readiness import Code, lose, made
+from nonlinear.integration.readiness import Code, lose
 
 pytestmark = pytest.mark.usefixtures("any_engine")
 
 CHAIN, HUYGENS = load("chain-2"), load("huygens")
+RUBBING = CHAIN.replace(pendulum=[Pendulum(links=[Bob(mass=1.0, length=1.0, friction=0.1)])])
 
 
 @pytest.fixture
@@ -56,19 +58,16 @@ def code(engine: str, *measures: str) -> Code:
 
 
 def test_an_engine_is_chosen_by_its_cost(process: Process) -> None:
-    """Few members are not worth compiling for, many are; what looks within steps prefers kernels to events."""
+    """Few members are not worth compiling for, many are."""
     assert chosen(10) == "numpy"
-    assert chosen(1_000_000) == "heyoka"
-    assert chosen(1_000_000, "section") == "numba"
+    assert chosen(1_000_000) == "numba"
     many = members(1_000_000)
     assert choose_engine("auto", "the scene is in space", many, 10.0, 1e-9).engine == "simulate"
     with pytest.raises(SceneError, match="one by one"):
         choose_engine("numba", "the scene is in space", many, 10.0, 1e-9)
-    process.install("numba")
-    assert chosen(1_000_000) == "numba"
     process.install()
     assert chosen(1_000_000) == "numpy"
-    assert set(ENGINES) == {"numpy", "numba", "heyoka", "simulate"}
+    assert set(ENGINES) == {"numpy", "numba", "simulate"}
 
 
 def test_the_engine_that_is_ready_runs(process: Process) -> None:
@@ -86,11 +85,6 @@ def test_the_engine_that_is_ready_runs(process: Process) -> None:
     process.load(kernel.name, run=SimpleNamespace(signatures=["one"]))
     assert code("numba").loaded
     assert chosen(1) == "numba"
-    process.install("numba", "heyoka")
-    process.load("heyoka")
-    made(code("heyoka"))
-    assert chosen(4000) == "heyoka"
-    assert chosen(4000, "first_turn") != "numpy"
 
 
 def source_of() -> str:
@@ -129,8 +123,8 @@ def test_codes_are_those_of_the_form_of_the_members(process: Process) -> None:
     clocks = code_of("numba", first_numbers(members_of(HUYGENS, np.zeros((2, 2)), None)), 1e-9)
     assert clocks
     assert clocks.compiling > first.compiling + 5.0
-    assert code("heyoka").name != code("heyoka", "first_turn").name
-    assert code("heyoka", "order") == code("heyoka")
+    assert code("numba").name != code("numba", "lyapunov").name
+    assert code("numba", "order") == code("numba")
 
 
 def test_a_folder_goes_on_by_the_engine_it_was_begun_by(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -150,12 +144,30 @@ def test_a_folder_goes_on_by_the_engine_it_was_begun_by(tmp_path: Path, monkeypa
         ensemble(HUYGENS, 0.2, folder=folder, engine="numpy", **options)
 
 
+def test_a_folder_of_the_engine_that_is_gone_is_read_and_not_continued(tmp_path: Path) -> None:
+    options = {"starts": np.ones((4, 2)), "chunk": 2, "workers": 1, "check": 0}
+    kept = ensemble(CHAIN, 0.2, engine="numpy", **options)
+    parts = Parts(tmp_path, replace(kept.question, engine="heyoka"))
+    for number, chunk in enumerate(kept.chunks):
+        parts.keep(number, chunk)
+    runs = ensemble(CHAIN, 0.2, folder=tmp_path, **options)
+    assert (runs.engine, runs.reason) == ("heyoka", "by which this folder was begun")
+    np.testing.assert_array_equal(runs.final.links, kept.final.links)
+    parts.path(1).unlink()
+    asks: list[Callable[[], object]] = [
+        lambda: ensemble(CHAIN, 0.2, folder=tmp_path, **options),
+        lambda: ensemble(CHAIN, 0.2, engine="heyoka", **options),
+    ]
+    for ask in asks:
+        with pytest.raises(SceneError, match=r"^engine heyoka: is no longer there.*method taylor.*take auto"):
+            ask()
+
+
 def test_shares_do_not_depend_on_what_is_ready(process: Process) -> None:
     process.load("numba")
-    process.load("heyoka")
-    made(code("heyoka"))
+    process.load(code("numba").name, run=SimpleNamespace(signatures=["one"]))
     options = {"starts": np.ones((6, 2)), "chunk": 2, "workers": 1, "check": 0}
-    assert chosen(6) == "heyoka"
+    assert chosen(6) == "numba"
     assert ensemble(CHAIN, 0.2, share=(0, 2), **options).engine == "numpy"
 
 
@@ -169,16 +181,16 @@ def test_what_cannot_be_compiled_says_why(monkeypatch: pytest.MonkeyPatch) -> No
     monkeypatch.setitem(sys.modules, "heyoka", None)
     monkeypatch.setattr(taylor, "_COMPILED", taylor.Originals())
     chain = compile_engines(CHAIN)
-    assert [code.engine for code in chain.codes] == ["numba", "heyoka"] * 2
-    assert [code.runs for code in chain.codes] == ["one motion"] * 2 + ["many motions"] * 2
-    for code, extra in zip(chain.codes, ["fast", "taylor"] * 2, strict=True):
+    assert [code.engine for code in chain.codes] == ["numba", "heyoka", "numba"]
+    assert [code.runs for code in chain.codes] == ["one motion"] * 2 + ["many motions"]
+    for code, extra in zip(chain.codes, ["fast", "taylor", "fast"], strict=True):
         assert code.action == code.kept_in == ""
         assert installing(extra) in code.why_not
     long = Scene(gravity=9.81, pendulum=[Pendulum(links=[Bob(mass=1.0, length=1.0, count=33)])])
     assert "minutes" in compile_engines(long).codes[2].why_not
     clocks = compile_engines(HUYGENS)
     assert clocks.codes[0].why_not.startswith("escapement: ")
-    assert clocks.codes[3].why_not in "; ".join(refusals(HUYGENS, "engine heyoka"))
+    assert compile_engines(RUBBING).codes[1].why_not in "; ".join(refusals(RUBBING, "method taylor"))
     table = json.loads(compilation_table(clocks, "json"))
     assert [code["why_not"] for code in table["codes"]] == clocks.to_dict()["why_not"].tolist()
     with pytest.raises(SceneError, match="no such measure"):

@@ -13,15 +13,13 @@ from modal.scene import Bob, Cart, Pendulum, Scene
 from nonlinear import Event, State, simulate
 from nonlinear.ensembles import Ensemble, ensemble, find_section
 
-ENGINES = ["numpy", "heyoka", "simulate"]
+ENGINES = ["numpy", "simulate"]
 ONE = Scene(gravity=9.81, pendulum=[Pendulum(links=[Bob(mass=1.0, length=1.0)])])
 AMPLITUDE = 2.0
 PERIOD = 4 * ellipk(np.sin(AMPLITUDE / 2) ** 2) / np.sqrt(9.81)
 
 
 def run(engine: str, starts: list[State], duration: float, section: str, scene: Scene = ONE) -> Ensemble:
-    if engine in {"numba", "heyoka"}:
-        pytest.importorskip(engine)
     measures = ["first_turn", "largest_angle", f"section:{section}"]
     return ensemble(scene, duration, starts=starts, measures=measures, engine=engine, workers=1, check=0)
 

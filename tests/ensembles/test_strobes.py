@@ -42,7 +42,7 @@ from nonlinear.plotting import basins_figure, bifurcation_figure, strobes_figure
 EXAMPLES = Path(__file__).parents[2] / "examples"
 DRIVEN, SHAKEN = (load(EXAMPLES / f"{name}_pendulum.toml") for name in ("driven", "shaken"))
 ANGLE, RATE = (f"pendulum[0].start.{name}[0]" for name in ("angles_deg", "rates_deg"))
-QUICK = "heyoka" if find_spec("heyoka") else "numpy"
+QUICK = "numba" if find_spec("numba") else "numpy"
 PUSH = "pendulum[0].links[0]"
 
 
