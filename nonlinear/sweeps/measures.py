@@ -116,9 +116,9 @@ def run_all_together(scenes: Sequence[Scene], durations: Iterable[float]) -> Non
 
 
 def find_together(scenes: Sequence[Scene]) -> None:
-    """Compute and cache the modes of these scenes for measures, together where they have the same form."""
+    """Compute and cache the modes of these scenes for measures, together where they have one form, as one alone has."""
     _KNOWN.modes = {}
-    if len(scenes) < 2 or not can_stack(scenes):
+    if not scenes or not can_stack(scenes):
         return
     try:
         omega = natural_frequencies(scenes)
