@@ -98,7 +98,7 @@ def compile_engines(scene: Scene, tolerance: float = USUAL, measures: Sequence[s
     >>> from modal import load
     >>> from nonlinear import compile_engines
     >>> [code.runs for code in compile_engines(load("chain-spatial")).codes if code.why_not]
-    ['one motion', 'one motion', 'many motions', 'many motions']
+    ['one motion', 'one motion', 'many motions']
     """
     validate_scene(scene)
     system = system_of(scene)
