@@ -179,7 +179,7 @@ def _of_supports(scene: Scene, rig: Rig, structure: Structure, damping: Iterable
     for part in (part for part in damping if part.kind == SUPPORT):
         carrier = bisect(structure.offsets, part.at[0]) - 1
         place = f"support[{carrier}]" if isinstance(scene.support, tuple) else "support"
-        if part.rows is None:
+        if part.written is None:
             yield from _factors(f"{place}.D", part.total, part.at[0])
             continue
         body, start = structure.carriers[carrier], structure.offsets[carrier]

@@ -41,34 +41,43 @@ def floats(values: Any) -> Floats:
 class SquareRows(NamedTuple):
     """`size` (R,) times the squares of `rows` (R, c) over the coordinates `at` (c,), those of one `kind` of one part.
 
-    Rows of None are 1 at each coordinate.  `numbers` (R,) tell whose they are: links in the order of the file,
-    coordinates of a support, ways of springs.  `total` (c, c) is their sum where it is known without a product of rows,
-    up to the diagonal: of the centres of a chain, which are A and b, and of a modal support, which has no rows.
+    `written` are the rows, or what writes them once they are asked for; None is 1 at each coordinate.  `numbers` (R,)
+    tell whose they are: links in the order of the file, coordinates of a support, ways of springs.  `total` (c, c) is
+    their sum where it is known without a product of rows, up to the diagonal: of the centres of a chain, which are A
+    and b, and of a modal support, which has no rows.
     """
 
     kind: str
     numbers: Sequence[int]
     at: Sequence[int]
-    rows: Any
+    written: Any
     size: Any
     total: Any = None
 
     @property
+    def rows(self) -> Any:
+        """The rows themselves, (R, c), or None."""
+        return self.written() if callable(self.written) else self.written
+
+    @property
     def each(self) -> Iterator[tuple[int, Row, float]]:
         """Number, row and size of every square of floats that is not 0."""
+        rows = self.rows
         for k in np.flatnonzero(self.size).tolist():
-            moved = [] if self.rows is None else np.flatnonzero(self.rows[k]).tolist()
-            entries = {k: 1.0} if self.rows is None else {j: self.rows[k, j] for j in moved}
+            moved = [] if rows is None else np.flatnonzero(rows[k]).tolist()
+            entries = {k: 1.0} if rows is None else {j: rows[k, j] for j in moved}
             if entries:
                 yield self.numbers[k], {self.at[j]: float(value) for j, value in entries.items()}, float(self.size[k])
 
     def add_to(self, S: Any) -> None:
         """Add it to a matrix in place, up to the diagonal."""
-        if self.rows is None and self.total is None:
+        if self.written is None and self.total is None:
             S[self.at, self.at] = S[self.at, self.at] + self.size
         else:
-            at = np.ix_(self.at, self.at)
-            S[at] = S[at] + ((self.rows.T * self.size) @ self.rows if self.total is None else self.total)
+            first, end = self.at[0], self.at[-1] + 1
+            together = (slice(first, end),) * 2 if end - first == len(self.at) else np.ix_(self.at, self.at)
+            rows = self.rows if self.total is None else None
+            S[together] = S[together] + (self.total if rows is None else (rows.T * self.size) @ rows)
 
     def on(self, moves: Floats, first: int, link: int, number: Number) -> SquareRows:
         """Squares of a chain whose pivot moves by these rows (3, d) with coordinates of a structure.
@@ -77,7 +86,7 @@ class SquareRows(NamedTuple):
         """
         angles = [first - ANGLES + at for at in self.at if at >= ANGLES]
         placed = self._replace(numbers=[link + k for k in self.numbers], at=angles)
-        if self.rows is None:
+        if self.written is None:
             return placed
         carried = np.flatnonzero(moves[self.at[0]])
         if not len(carried) and not angles:
@@ -85,10 +94,10 @@ class SquareRows(NamedTuple):
         pivot = number(moves[self.at[0], carried])
 
         def lifted(S: Any) -> Any:
-            return np.hstack((S[:, :1] * pivot, S[:, 1:]))
+            return np.hstack((S[:, :1] * pivot, S[:, 1:])) if len(carried) else S[:, 1:]
 
         total = None if self.total is None else lifted(lifted(self.total).T).T
-        return placed._replace(at=carried.tolist() + angles, rows=lifted(self.rows), total=total)
+        return placed._replace(at=carried.tolist() + angles, written=lambda: lifted(self.rows), total=total)
 
 
 class SceneSquares(NamedTuple):
@@ -129,7 +138,9 @@ def matrix(squares: Iterable[SquareRows], n: int, number: Number = floats) -> An
     S = np.array(number(np.zeros((n, n))))
     for part in squares:
         part.add_to(S)
-    return np.where(np.tri(n, dtype=np.bool_), S, S.T)
+    for i in range(n):
+        S[i, i + 1 :] = S[i + 1 :, i]
+    return S
 
 
 def chain_squares(
@@ -144,7 +155,10 @@ def chain_squares(
 
     def centres(kind: str, pivot: int, way: Any, size: Any) -> SquareRows:
         arms, reach = way * l, way * c
-        rows = np.hstack((unit, np.tril(np.tile(arms, (n, 1)), -1) + np.diag(reach)))
+
+        def rows() -> Any:
+            return np.hstack((unit, np.tril(np.tile(arms, (n, 1)), -1) + np.diag(reach)))
+
         b = np.array(pair.first_moments(size, arms, reach))
         total = np.tile(np.append(size.sum(), b)[:, None], n + 1)
         total[1:, 1:] = total[1:, 1:] * arms

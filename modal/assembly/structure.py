@@ -151,7 +151,7 @@ class Hanging:
         """All elements but those of the chains along the rail; modal supports have matrices of their own."""
         structure = self.structure
         supports = carrier_squares(structure, self.rig.gravity)
-        inertia, held, lost = ([square for square in part if square.rows is not None] for part in supports)
+        inertia, held, lost = ([square for square in part if square.written is not None] for part in supports)
         for (carrier, where), (mass, drag) in self._hung.items():
             held += bend_squares(structure, carrier, where, self.rig.gravity * mass)
             down = slopes(structure, carrier, where)[1]
