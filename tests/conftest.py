@@ -38,7 +38,7 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
 
 def _chosen(name: str, cases: list[pytest.Item], *, named: bool) -> list[pytest.Item]:
     """The cases of a function that run, in a file that is named or not."""
-    if SCENES == "each":
+    if SCENES == "each" or cases[0].path.parent.name in MANUAL:
         return in_order(cases)
     if row := DAILY.get(name):
         return in_order(cases)[: None if named else row.cases]
