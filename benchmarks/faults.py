@@ -207,8 +207,9 @@ def faults(tree: Path, seed: int) -> list[Fault]:
 
 
 def site_of(tree: Path, fault: Fault) -> Site | None:
-    """Where a fault of the list stands, None where its text is gone."""
-    return next((site for site in sites(tree, fault.file) if site.fault == fault), None)
+    """Where a fault of the list stands, None where its text or its file is gone."""
+    there = sites(tree, fault.file) if (tree / fault.file).exists() else []
+    return next((site for site in there if site.fault == fault), None)
 
 
 def with_fault(source: str, site: Site) -> str:

@@ -151,10 +151,9 @@ class Rig(Displayed):
     """Blocks of different chains ("kinds" of pendula), the cart (None: fixed support), and the pendula's positions.
 
     `members` follows the file: (block, column, copies) for every pendulum entry, under constant forces for every copy.
-    `damping_ratio` is that of all modes,
-    or of each by its number (`modal.assembly.modal_damping`).
-    `cart_rest` (m) is the displacement of the cart at equilibrium.  Pendula on a `structure` (`modal.structure`) are
-    of one kind where their pivots move alike and no spring joins them to something; there is no cart then.
+    `damping_ratio` is that of all modes, or of each by its number (`modal.assembly.modal_damping`).  `cart_rest` (m) is
+    the displacement of the cart at equilibrium.  Pendula on a `structure` (`modal.structure`) are of one kind where
+    their pivots move alike and no spring joins them to something; there is no cart then.
     """
 
     gravity: float

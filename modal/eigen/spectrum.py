@@ -190,7 +190,7 @@ def _different(
     accelerance: Callable[[], float],
     limits: Limits,
 ) -> Iterator[Batch]:
-    """Modes of different kinds with squares `own`: those that leave the cart still by coincidence, and the others."""
+    """Modes of kinds that alone have these `squares`: what leaves the cart still by coincidence, and the others."""
     gathered = degenerate_modes(squares)
     few = sum(block.mass.size for block in heavy) <= MOST_LINKS_TOGETHER
     if few and gathered.closest > CLOSE and not gathered.shared.size:

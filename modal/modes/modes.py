@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from itertools import groupby
 from math import isnan
@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from modal.assembly import Matrices, Rig, matrices_of
-from modal.eigen import UNCERTAIN, Limits, notes
+from modal.eigen import UNCERTAIN, Details, Limits, SpectrumPart, notes
 from modal.errors import SceneError
 from modal.modes.eigenvalues import Eigenvalues, Short, kept
 from modal.modes.mode import Mode
@@ -22,16 +22,12 @@ from modal.modes.shapes import Shape, expand, validate_normalisation
 from modal.report import HTML_ROWS, TEXT_ROWS, Displayed, Summary, counted, deferred, more, scrolled
 from modal.scene import Scene, left_out, validate_scene
 from modal.scene.doors import checked, require_type
-from modal.types import Floats
+from modal.types import Booleans, Floats, Ints
 
 if TYPE_CHECKING:
     from os import PathLike
 
     from matplotlib.figure import Figure
-from dataclasses import fields
-
-from modal.eigen import Details, SpectrumPart
-from modal.types import Booleans, Ints
 
 GROWING = "Growing modes get nothing of the scene's damping_ratio, which belongs to modes that oscillate."
 SELECTED = "Only some of the modes were computed, and resonances among these alone."

@@ -101,7 +101,6 @@ STILL: Sentences = {
 PLANE: Sentences = {"space": "is computed in the plane"}
 NO_RATIO: Sentences = {"damping_ratio": "does not support damping ratios of modes"}
 STICKS = _each(FRICTION, "does not follow what sticks and slips")
-NO_DRAG = _each(DRAG, "is computed without drag")
 LOSSES = _each(LOSS, "needs a scene without losses")
 LOSSLESS: Sentences = {
     "loss": "Loss angles are left out: they are a complex stiffness at each frequency, which response, vibration and "

@@ -161,7 +161,7 @@ def state_space(scene: Scene, inputs: tuple[str, ...] = (), outputs: tuple[str, 
 def assembled(
     scene: Scene, instant: HoistInstant | None, inputs: tuple[str, ...] = (), outputs: tuple[str, ...] = ()
 ) -> StateSpace:
-    """The model of a scene of constant lengths as in `state_space`, with those of a moment of a hoist if `given`."""
+    """The model of a scene of constant lengths as in `state_space`, or (`instant`) at a moment of a hoist."""
     if 2 * scene.n_links > LARGEST_STATE:
         raise ComputationError(f"the model would have over {2 * scene.n_links} states: at most {LARGEST_STATE}")
     geometry = geometry_of(scene)

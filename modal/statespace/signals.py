@@ -82,7 +82,7 @@ class Geometry:
 
     @property
     def momentum(self) -> Floats:
-        """That of everything (q,) at unit velocity along the rail, in the directions of q."""
+        """That of everything but a cart alone (q,), at unit velocity along the rail, in the directions of q."""
         hanging: Floats = self.centres.T @ self.mass
         return hanging + self.carried.momentum if self.carried else hanging
 

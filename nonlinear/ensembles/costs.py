@@ -106,7 +106,7 @@ def _offers(members: Members, duration: float, tolerance: float, measures: Seque
     beside = {COMPILED: STARTING, LANES: steps * (CALLING[0] * links + CALLING[1] * links**2)}
     numbers = first_numbers(members)
     return {
-        name: Offer(beside[name] + whole / SOONER[name], code_of(name, numbers, tolerance, measures))
+        name: Offer(beside[name] + whole / SOONER[name], code_of(name, numbers, measures))
         for name in SOONER
         if _takes(name, members)
     }
@@ -128,7 +128,7 @@ def first_numbers(members: Members) -> Numbers:
         return numbers_of(members.scene)
 
 
-def code_of(name: str, numbers: Numbers, tolerance: float, measures: Sequence[str] = ()) -> Code | None:
+def code_of(name: str, numbers: Numbers, measures: Sequence[str] = ()) -> Code | None:
     """What an engine compiles for members with such numbers, and how far it is; None where it compiles nothing.
 
     Where exponents are measured it is the tangent equations, which come after the others.

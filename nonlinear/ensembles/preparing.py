@@ -132,7 +132,7 @@ def _codes(scene: Scene, tolerance: float, measures: Sequence[str]) -> Iterator[
     starts = [[TILT] * scene.n_links] * 2
 
     def code() -> Code | None:
-        return code_of(COMPILED, first_numbers(members_of(scene, starts, None)), tolerance, measures)
+        return code_of(COMPILED, first_numbers(members_of(scene, starts, None)), measures)
 
     def together() -> object:
         more: dict[str, Any] = {"tolerance": tolerance, "measures": measures, "workers": 1, "check": 0}

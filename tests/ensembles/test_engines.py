@@ -52,7 +52,7 @@ def chosen(size: int, *measures: str, **more: object) -> str:
 
 
 def code(engine: str, *measures: str) -> Code:
-    compiled = code_of(engine, first_numbers(members(1)), 1e-9, measures)
+    compiled = code_of(engine, first_numbers(members(1)), measures)
     assert compiled
     return compiled
 
@@ -117,10 +117,10 @@ def test_codes_are_those_of_the_form_of_the_members(process: Process) -> None:
     """A number that differs belongs to the form where the scene has none; switches make kernels of their own."""
     first = code("numba")
     damped = members_of(CHAIN, None, {"pendulum[0].links[0].damping": [0.1, 0.2]})
-    other = code_of("numba", first_numbers(damped), 1e-9)
+    other = code_of("numba", first_numbers(damped))
     assert other
     assert other.name != first.name
-    clocks = code_of("numba", first_numbers(members_of(HUYGENS, np.zeros((2, 2)), None)), 1e-9)
+    clocks = code_of("numba", first_numbers(members_of(HUYGENS, np.zeros((2, 2)), None)))
     assert clocks
     assert clocks.compiling > first.compiling + 5.0
     assert code("numba").name != code("numba", "lyapunov").name

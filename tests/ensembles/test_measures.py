@@ -177,7 +177,7 @@ def test_horizons_that_nobody_estimates_are_not_counted() -> None:
 def test_an_engine_that_has_run_is_ready() -> None:
     pytest.importorskip("numba")
     ensemble(load("chain-2"), 0.2, starts=ANGLES, engine="numba", workers=1, check=0)
-    code = code_of("numba", first_numbers(members_of(load("chain-2"), ANGLES, None)), 1e-9)
+    code = code_of("numba", first_numbers(members_of(load("chain-2"), ANGLES, None)))
     assert code
     assert code.loaded
 
