@@ -7,11 +7,11 @@ from math import isfinite
 
 from modal.coupling.analysis import Coupling
 from modal.coupling.damping import Damped
+from modal.coupling.words import NEGLIGIBLE
 from modal.modes.friction import stop_words
 from modal.report import capital, rad, short
 
 MOST_DAMPED = 12
-NEGLIGIBLE = 1e-12
 LET_GO_DEG = 10.0
 """Largest angle from which the report lets modes go that dry friction stops."""
 OFF = 0.1

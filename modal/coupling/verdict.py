@@ -8,10 +8,9 @@ from math import isfinite
 from modal.coupling.analysis import Coupling
 from modal.coupling.exchange import STRONG, EnergyExchange
 from modal.coupling.families import FamilyRow
-from modal.coupling.words import ROUGH, SLIGHT, carrier_words, collective, left, member
+from modal.coupling.words import NEGLIGIBLE, ROUGH, SLIGHT, carrier_words, collective, left, member
 from modal.report import capital, counted, listed, short
 
-NEGLIGIBLE = 1e-12
 SCARCE = "at most 1 % of the energy of one passes to the others"
 MOST_NUMBERS = 4
 MOST_LETTERS = 40

@@ -263,7 +263,8 @@ class ComponentMatrices:
         for number in sorted({heavy.block for heavy, _ in hung}):
             members = [(k, heavy, at) for k, (heavy, at) in enumerate(hung) if heavy.block == number]
             block = self.carried.rig.blocks[number].take(np.array([heavy.column for _, heavy, _ in members]))
-            h = np.array([float(heavy.along.sum()) if heavy.along.size else 1.0 for _, heavy, _ in members])
+            moved = len(self.component.eta) > 0
+            h = np.array([float(heavy.along.sum()) if moved else 1.0 for _, heavy, _ in members])
             heavier = block.heavier(np.array([heavy.weight for _, heavy, _ in members]) * h**2)
             places = np.array([at for *_, at in members])
             chains.append(HungChains(heavier, places, h, self.places[[k for k, *_ in members]]))

@@ -21,9 +21,9 @@ class SquareSum(NamedTuple):
 
     @property
     def matrix(self) -> Floats:
-        """The sum, (n, n)."""
+        """The sum, (n, n), symmetric to the last digit: else stiff dampers would feel it."""
         S: Floats = (self.rows.T * self.size) @ self.rows
-        return S
+        return (S + S.T) / 2
 
 
 def is_wide(size: int) -> bool:

@@ -23,11 +23,10 @@ from modal.eigen.components import PartedRig, StillGroup
 from modal.eigen.coupled import Counted, CoupledPendula
 from modal.eigen.degenerate import Still, degenerate_modes
 from modal.eigen.sources import Accelerance, Alone, Details, Rigid, Source, StillPendula, Together, bare_accelerance
-from modal.eigen.structured import FreeMotions, OnStructure
+from modal.eigen.structured import MOST_LINKS_TOGETHER, FreeMotions, OnStructure
 from modal.errors import ComputationError
 from modal.types import Booleans, Floats, Ints
 
-MOST_LINKS_TOGETHER = 600
 UNCERTAIN = 0.1
 """Bound on a relative error from which on no digit is certain: bounds are of first order, and larger ones none."""
 CLOSE = 1e-8
