@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from nonlinear.accuracy import Candidate, FrequencyTradeoff, WorkPrecision, WorkPrecisionRow
 
 METHODS = dict(zip(("RK45", "taylor", "LSODA", "Radau", "DOP853", "RK23"), range(HUES), strict=True))
+DECADE = 10.0
+"""Least ratio of the ends of a logarithmic axis."""
 MARKERS = {"minimal": "o", "spatial": "o", "compiled": "D", "maximal": "s"}
 MODAL = {LINEAR: "P", CORRECTED: "*"}
 SPACING = 2.0**-53
@@ -115,6 +117,13 @@ def frequencies_figure(result: FrequencyTradeoff) -> Figure:
         axis.plot(row.seconds, max(row.error, SPACING), marker, color=hue, ms=9, label=row.way)
     axis.set(xscale="log", yscale="log", xlabel="time of the processor (s)", ylabel="largest relative error of ω")
     axis.margins(0.2)
+    axis.set(xlim=_a_decade(*axis.get_xlim()), ylim=_a_decade(*axis.get_ylim()))
     headline(figure, title_of(result.scene), "time against accuracy of frequencies")
     key(figure, *axis.get_legend_handles_labels())
     return figure
+
+
+def _a_decade(low: float, high: float) -> tuple[float, float]:
+    """Limits of a logarithmic axis that span a decade about the same middle, or as much as they do."""
+    wider = max((DECADE * low / high) ** 0.5, 1.0)
+    return low / wider, high * wider
