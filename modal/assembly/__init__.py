@@ -38,10 +38,9 @@ from modal.assembly.losses import (
 )
 from modal.assembly.modal_damping import RatioAt, frequencies, modal_dampers, modal_factor, ratio_at
 from modal.assembly.single import Single, single
-from modal.assembly.squares import DRAG, DRAG_DOWN, JOINT, SPRING, WIRE
+from modal.assembly.squares import DRAG, DRAG_DOWN, JOINT, SPRING, WAYS, WIRE, Element, SquareRows, chain_squares
 from modal.assembly.stacks import Stack, can_stack, keep_form, stacked, varied
 from modal.assembly.structure import (
-    Element,
     Elements,
     Hanging,
     SpringRow,
@@ -57,6 +56,7 @@ __all__ = [
     "DRAG_DOWN",
     "JOINT",
     "SPRING",
+    "WAYS",
     "WIRE",
     "Arrays",
     "Block",
@@ -77,11 +77,13 @@ __all__ = [
     "Rig",
     "Single",
     "SpringRow",
+    "SquareRows",
     "Stack",
     "Units",
     "assembled",
     "can_stack",
     "centres",
+    "chain_squares",
     "coordinate_labels",
     "differences",
     "displacements",

@@ -260,7 +260,9 @@ class Rig(Displayed):
 
 def masses_below(mass: Floats) -> Floats:
     """Σ_{k>i} m_k for every link i, as in `modal.pair`, for arrays with links first."""
-    return np.concatenate([np.cumsum(mass[:0:-1], axis=0)[::-1], np.zeros_like(mass[:1])])
+    below = 0 * mass
+    np.add.accumulate(mass[:0:-1], axis=0, out=below[-2::-1])
+    return below
 
 
 def rig_of(scene: Scene, apart: Sequence[tuple[float, ...]] | None = None) -> Rig:

@@ -14,16 +14,18 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import accumulate
 from math import fsum
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from modal.assembly.arrays import Rig
+from modal.assembly.arrays import Block, Rig
 from modal.assembly.squares import (
     DOWN,
     DRAG_DOWN,
     SPRING,
+    Element,
     Number,
     SceneSquares,
     SquareRows,
@@ -50,19 +52,6 @@ from modal.structure import (
     turning,
 )
 from modal.types import Floats, Ints
-
-
-class Element(NamedTuple):
-    """`size` times the square of a row with these entries `row` at the coordinates `at`."""
-
-    at: tuple[int, ...]
-    row: tuple[float, ...]
-    size: float
-
-    def add_to(self, S: Floats) -> None:
-        """Add it to a matrix in place."""
-        row = np.array(self.row)
-        S[np.ix_(self.at, self.at)] += self.size * np.multiply.outer(row, row)
 
 
 class Elements(NamedTuple):
@@ -126,8 +115,8 @@ class Hanging:
     @cached_property
     def first(self) -> Ints:
         """The first link of every pendulum, in the order of the file, and the number of links, (P + 1,)."""
-        sizes = np.array([block.n for block in self.rig.blocks])[self.kinds[:, 0]]
-        return np.concatenate([[0], np.cumsum(sizes)])
+        sizes = [block.n for block in self.rig.blocks]
+        return np.array([0, *accumulate(sizes[block] for block in self.kinds[:, 0].tolist())])
 
     @cached_property
     def starts(self) -> Ints:
@@ -152,20 +141,25 @@ class Hanging:
         structure = self.structure
         supports = carrier_squares(structure, self.rig.gravity)
         inertia, held, lost = ([square for square in part if square.written is not None] for part in supports)
-        for (carrier, where), (mass, drag) in self._hung.items():
+        for (carrier, where), hung in self._hung.items():
+            mass, drag = (
+                fsum(float(getattr(block, name)[:, column].sum()) * copies for block, column, copies in hung)
+                for name in ("mass", "drag")
+            )
             held += bend_squares(structure, carrier, where, self.rig.gravity * mass)
             down = slopes(structure, carrier, where)[1]
-            inertia, lost = (
-                inertia + row_squares(DOWN, carrier, down, mass),
-                lost + row_squares(DRAG_DOWN, carrier, down, drag),
-            )
+            inertia += row_squares(DOWN, carrier, down, mass)
+            lost += row_squares(DRAG_DOWN, carrier, down, drag)
         parts: list[list[float]] = [[] for _ in range(structure.size)]
         for square in held:
-            parts[square.at[0]].append(float(square.size[0]))
+            parts[square.at[0, 0]].append(float(square.size[0, 0]))
         sums, terms = [fsum(each) for each in parts], np.array([fsum(map(abs, each)) for each in parts])
-        sprung, damped = (list(map(_element, self._of_springs(size))) for size in ("stiffness", "damping"))
-        own_held = [Element((k,), (1.0,), value) for k, value in enumerate(sums) if value]
-        return Elements(tuple(map(_element, inertia)), (*own_held, *sprung), (*map(_element, lost), *damped), terms)
+        own_held = (Element((k,), (1.0,), value) for k, value in enumerate(sums) if value)
+        masses, sprung, damped = (
+            tuple(element for square in squares for _, element in square.each)
+            for squares in (inertia, self._of_springs("stiffness"), lost + self._of_springs("damping"))
+        )
+        return Elements(masses, (*own_held, *sprung), damped, terms)
 
     def _of_springs(self, size: str, number: Number = floats) -> list[SquareRows]:
         """The squares of springs between points, or of their dampers."""
@@ -175,21 +169,27 @@ class Hanging:
     def squares(self, arithmetic: Number | None = None) -> SceneSquares:
         """Those of the whole scene without modal dampers, over η and the angles of all links; of floats by default."""
         number = arithmetic or floats
-        structure, d, gravity, blocks = self.structure, self.structure.size, self.rig.gravity, self.rig.blocks
+        structure, d, gravity = self.structure, self.structure.size, self.rig.gravity
         parts = carrier_squares(structure, gravity, number)
         parts[1].extend(self._of_springs("stiffness", number))
         parts[2].extend(self._of_springs("damping", number))
-        local = {kind: chain_squares(blocks[kind[0]], kind[1], gravity, number) for kind in self.rig.names}
-        rows, bent = np.stack(self.phi, axis=1), dict[Any, list[SquareRows]]()
-        for p, (block, column) in enumerate(self.kinds.tolist()):
-            link, pivot = int(self.first[p]), structure.pivots[p]
-            for part, chain in zip(parts, local[block, column], strict=True):
-                hung = (square.on(rows[p], d + link, link, number) for square in chain)
-                part.extend(each for each in hung if each.at)
-            if (key := (block, column, pivot)) not in bent:
-                weight = number(gravity) * number(blocks[block].mass[:, column]).sum()
-                bent[key] = bend_squares(structure, *pivot, weight, number)
-            parts[1].extend(bent[key])
+        for (carrier, where), hung in self._hung.items() if d else ():
+            weight = sum(copies * number(block.mass[:, column]).sum() for block, column, copies in hung)
+            parts[1].extend(bend_squares(structure, carrier, where, number(gravity) * weight, number))
+        on = np.array([pivot.carrier for pivot in structure.pivots])
+        for place, block in enumerate(self.rig.blocks):
+            local = chain_squares(block, gravity, number)
+            mine = np.flatnonzero(self.kinds[:, 0] == place)
+            for carrier in sorted(set(on[mine].tolist())):
+                pendula = mine[on[mine] == carrier]
+                which: Any = self.kinds[pendula, 1]
+                which = slice(None) if which.tolist() == list(range(block.size)) else which
+                columns = np.arange(*structure.offsets[carrier : carrier + 2])
+                ways = (way[pendula[:, None], columns] for way in self.phi)
+                moves = [number(way) if np.count_nonzero(way) else None for way in ways]
+                for part, squares in zip(parts, local, strict=True):
+                    for square in squares:
+                        part.extend(square.hung(which, self.first[pendula, None], d, columns, moves))
         return SceneSquares(*parts, d + int(self.first[-1]), number)
 
     @property
@@ -220,16 +220,14 @@ class Hanging:
                 rows[-d:][span, span] = carrier.K
         return int(null_space(rows).shape[1])
 
-    @property
-    def _hung(self) -> dict[tuple[int, Where], tuple[float, float]]:
-        """The mass (kg) and the drag (N s/m) of all pendula that hang from one point."""
-        hung: dict[tuple[int, Where], list[tuple[float, float]]] = {}
-        each = [(block.mass.sum(0), block.drag.sum(0)) for block in self.rig.blocks]
+    @cached_property
+    def _hung(self) -> dict[tuple[int, Where], list[tuple[Block, int, int]]]:
+        """The block, the column and the number of copies of all pendula that hang from one point."""
+        hung: dict[tuple[int, Where], list[tuple[Block, int, int]]] = {}
         for (block, column, copies), pendulum in zip(self.rig.members, self.starts.tolist(), strict=True):
             pivot = self.structure.pivots[pendulum]
-            mass, drag = (float(part[column]) * copies for part in each[block])
-            hung.setdefault((pivot.carrier, pivot.where), []).append((mass, drag))
-        return {point: (fsum(m for m, _ in weights), fsum(d for _, d in weights)) for point, weights in hung.items()}
+            hung.setdefault((pivot.carrier, pivot.where), []).append((self.rig.blocks[block], column, copies))
+        return hung
 
     @cached_property
     def spring_rows(self) -> tuple[SpringRow, ...]:
@@ -325,11 +323,6 @@ def _difference(first: Row, second: Row) -> Row:
     for column, value in second.items():
         row[column] = row.get(column, 0.0) - value
     return row
-
-
-def _element(square: SquareRows) -> Element:
-    """One square as an element."""
-    return Element(tuple(square.at), tuple(square.rows[0].tolist()), float(square.size[0]))
 
 
 def modal_supports(structure: Structure) -> tuple[Floats, Floats, Floats]:

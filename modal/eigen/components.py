@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from modal.assembly import ARRAYS, Block, Element, Hanging, Rig, modal_supports
+from modal.assembly import ARRAYS, Block, Element, Hanging, Rig, SquareRows, chain_squares, modal_supports
 from modal.eigen.recursion import at_infinity
 from modal.structure import slopes
 from modal.types import Floats, Ints
@@ -125,6 +125,14 @@ class PartedRig:
     def hanging(self) -> Hanging:
         """Its pendula and elements."""
         return Hanging(self.rig)
+
+    @cached_property
+    def chains(self) -> list[list[list[SquareRows]]]:
+        """The squares of M, K and D of every block but of what goes down as a whole, which the elements have."""
+        every = (chain_squares(block, self.rig.gravity) for block in self.rig.blocks)
+        return [
+            [[each._replace(written=each.rows) for each in part if each.at.size] for part in parts] for parts in every
+        ]
 
     @property
     def size(self) -> int:
