@@ -21,6 +21,7 @@ from dataclasses import dataclass
 
 from modal.assembly.arrays import Rig, rig_of
 from modal.assembly.modal_damping import modal_dampers
+from modal.assembly.squares import SceneSquares
 from modal.assembly.structure import scene_squares
 from modal.errors import ComputationError
 from modal.report import Displayed, Summary, brief, counted
@@ -89,14 +90,14 @@ def matrices(scene: Scene) -> Matrices:
     return matrices_of(rig_of(scene))
 
 
-def matrices_of(rig: Rig) -> Matrices:
-    """M, K and D from a scene's arrays."""
+def matrices_of(rig: Rig, squares: SceneSquares | None = None) -> Matrices:
+    """M, K and D from a scene's arrays, or from its `squares` where they are known."""
     size = sum(rig.blocks[block].n * copies for block, _, copies in rig.members) + rig.leading
     if size > LARGEST_DENSE:
         raise ComputationError(
             f"M, K and D would be dense {size} × {size} matrices: at most {LARGEST_DENSE} coordinates are allowed"
         )
-    M, K, D = scene_squares(rig).matrices
+    M, K, D = (squares or scene_squares(rig)).matrices
     return Matrices(M, K, D + modal_dampers(rig) if rig.damping_ratio else D, coordinate_labels(rig))
 
 

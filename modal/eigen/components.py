@@ -129,10 +129,9 @@ class PartedRig:
     @cached_property
     def chains(self) -> list[list[list[SquareRows]]]:
         """The squares of M, K and D of every block but of what goes down as a whole, which the elements have."""
-        every = (chain_squares(block, self.rig.gravity) for block in self.rig.blocks)
-        return [
-            [[each._replace(written=each.rows) for each in part if each.at.size] for part in parts] for parts in every
-        ]
+        every = [chain_squares(block, self.rig.gravity) for block in self.rig.blocks]
+        moving = ((filter(lambda each: each.at.size, part) for part in parts) for parts in every)
+        return [[[each._replace(written=each.rows) for each in part] for part in parts] for parts in moving]
 
     @property
     def size(self) -> int:
