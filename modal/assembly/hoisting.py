@@ -23,8 +23,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from modal.assembly.arrays import Rig, rig_of
-from modal.assembly.dense import displacements, joints
 from modal.assembly.linearization import Matrices, coordinate_labels, matrices_of
+from modal.assembly.squares import displacements, joints
 from modal.assembly.structure import Hanging, scene_squares
 from modal.errors import SceneError
 from modal.scene import Bob, Scene, validate_scene

@@ -16,8 +16,8 @@ from collections.abc import Callable
 import numpy as np
 
 from modal.assembly.arrays import Rig
-from modal.assembly.dense import Columns, assembled
-from modal.assembly.structure import Hanging, scene_squares
+from modal.assembly.squares import Columns
+from modal.assembly.structure import Hanging, assembled, scene_squares
 from modal.errors import ComputationError, SceneError
 from modal.types import Floats, Ints
 

@@ -15,6 +15,7 @@ and symbols run the same lines.  `chain_squares` are those of a block of chains 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -39,6 +40,9 @@ NOWHERE: Ints = np.zeros(0, dtype=np.int64)
 def floats(values: Any) -> Floats:
     """The floats themselves."""
     return np.asarray(values, dtype=np.float64)
+
+
+Columns = list[tuple[Block, int]]
 
 
 class Element(NamedTuple):
@@ -207,10 +211,7 @@ def chain_squares(block: Block, gravity: float, number: Number = floats) -> Part
         total[:, each + 1, each + 1] = pair.second_moment(size, arms, reach, 0, hung).T
 
         def written() -> Any:
-            whole = number(np.ones((P, n, n + 1)))
-            whole[:, :, 1:] = np.where(each[:, None] > each, arms.T[:, None, :], whole[:, :, 1:] * 0)
-            whole[:, each, each + 1] = reach.T
-            return whole
+            return np.concatenate((number(np.ones((P, n, 1))), displaced(arms, reach)), axis=2)
 
         return SquareRows(kind, links, angles, written, size.T, total)
 
@@ -237,6 +238,46 @@ def chain_squares(block: Block, gravity: float, number: Number = floats) -> Part
         stiffness.append(joints(spring))
     damping = [joints(damper)] if np.count_nonzero(block.damping) else []
     return inertias, stiffness, damping + (both(DRAG, DRAG_DOWN, drag) if np.count_nonzero(block.drag) else [])
+
+
+def displaced(arms: Any, reach: Any) -> Any:
+    """The displacement (P, n, n) of a point of every link by the angles of its chain.
+
+    That is `arms` (n, P) of each link above, and `reach` (n, P) of the link itself.
+    """
+    each = np.arange(len(arms))
+    rows = np.where(each[:, None] > each, arms.T[:, None, :], 0 * arms.T[:, None, :])
+    rows[:, each, each] = reach.T
+    return rows
+
+
+def centres(block: Block, column: int, way: Floats | None = None) -> Floats:
+    """The displacement of the centre of every link of a chain along the rail by every angle, (n, n).
+
+    A `way` is another direction: what the end of every link (n, P) moves there, per length and angle.
+    """
+    moves = block.across if way is None else way
+    arms, reach = (moves[:, [column]] * part[:, [column]] for part in (block.length, block.centre))
+    return np.asarray(displaced(arms, reach)[0])
+
+
+def joints(block: Block, column: int) -> Floats:
+    """The same of the lower joint of every link."""
+    return centres(replace(block, centre=block.length), column)
+
+
+def displacements(columns: Columns, first: int, of: Callable[[Block, int], Floats] | None = None) -> Floats:
+    """The displacement along the rail of what `of` tells of every link, rows (links, first + links).
+
+    That is of its centre where nothing is given.  The `first` coordinates move everything alike.
+    """
+    n = sum(block.n for block, _ in columns)
+    rows, at = np.zeros((n, first + n)), 0
+    rows[:, :first] = 1.0
+    for block, column in columns:
+        rows[at : at + block.n, first + at : first + at + block.n] = (of or centres)(block, column)
+        at += block.n
+    return rows
 
 
 def row_squares(kind: str, whose: int, row: Row, size: Any, number: Number = floats) -> list[SquareRows]:

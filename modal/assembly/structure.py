@@ -20,11 +20,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from modal.assembly.arrays import Block, Rig
+from modal.assembly.arrays import Block, CartNumbers, Rig
 from modal.assembly.squares import (
     DOWN,
     DRAG_DOWN,
     SPRING,
+    Columns,
     Element,
     Number,
     SceneSquares,
@@ -338,6 +339,13 @@ def modal_supports(structure: Structure) -> tuple[Floats, Floats, Floats]:
 def scene_squares(rig: Rig, arithmetic: Number | None = None) -> SceneSquares:
     """The squares of M, K and D of a whole scene, without modal dampers, over the coordinates of `Matrices`."""
     return Hanging(rig.carried).squares(arithmetic)
+
+
+def assembled(columns: Columns, cart: CartNumbers | None, gravity: float) -> tuple[Floats, Floats]:
+    """(M, K) of a cart or (None) a fixed support with one pendulum for each (block, column)."""
+    blocks, members = tuple(block for block, _ in columns), enumerate(column for _, column in columns)
+    rig = Rig(gravity, blocks, tuple((k, column, 1) for k, column in members), cart, spatial=False)
+    return scene_squares(rig).matrices[:2]
 
 
 def null_space(rows: Floats) -> Floats:

@@ -3,7 +3,7 @@
 A number of the file may belong to many links: copies of a pendulum, and a run of equal links.  All of them change with
 it, so their derivatives add up.
 
-On a structure they come from the derivatives of M, K and D (`modal.assembly.derivatives`), of every number that these
+On a structure they come from the derivatives of M, K and D (`modal.assembly.linearization`), of every number that these
 depend on:
 
     ∂λ/∂p = −φᵀ (λ² ∂M/∂p + λ ∂D/∂p + ∂K/∂p) φ / φᵀ (2λ M + D) φ

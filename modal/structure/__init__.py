@@ -10,8 +10,23 @@ what is here.
 
 from modal.structure.carriers import PLATFORM, CarrierNumbers, Moving, carrier_numbers
 from modal.structure.outlines import STILL, Piece, Scaffold
-from modal.structure.rest import Phi, Row, bends, drawn_together, is_damped, phi, slopes, tied, turning
-from modal.structure.scaling import coordinate_units, scaled
+from modal.structure.rest import (
+    BALANCED,
+    Phi,
+    Row,
+    Weight,
+    bends,
+    carried,
+    drawn_together,
+    hung_masses,
+    is_damped,
+    phi,
+    slopes,
+    tied,
+    turning,
+    unbalanced,
+    weights,
+)
 from modal.structure.structure import (
     CarrierEnd,
     End,
@@ -22,9 +37,10 @@ from modal.structure.structure import (
     Structure,
     Where,
     carrier_end,
+    coordinate_units,
+    scaled,
     structure_of,
 )
-from modal.structure.weights import BALANCED, Weight, carried, hung_masses, unbalanced, weights
 
 __all__ = [
     "BALANCED",
