@@ -204,9 +204,9 @@ class Hanging:
             M += copies * self.rig.blocks[block].mass[:, column].sum() * np.multiply.outer(along, along)
         return M
 
-    @property
-    def free(self) -> int:
-        """How many motions no spring holds; no link swings in them."""
+    @cached_property
+    def free(self) -> Floats:
+        """The motions (d, f) that no spring holds; no link swings in them."""
         d = self.structure.size
         rows = np.zeros((len(self.elements.stiffness) + len(self.rig.members) + d, d))
         for row, element in zip(rows, self.elements.stiffness, strict=False):
@@ -219,7 +219,7 @@ class Hanging:
             if carrier.K is not None:
                 span = slice(start, start + carrier.size)
                 rows[-d:][span, span] = carrier.K
-        return int(null_space(rows).shape[1])
+        return null_space(rows)
 
     @cached_property
     def _hung(self) -> dict[tuple[int, Where], list[tuple[Block, int, int]]]:
