@@ -28,8 +28,8 @@ from modal.assembly.squares import (
     Columns,
     Element,
     Number,
+    Parts,
     SceneSquares,
-    SquareRows,
     bend_squares,
     carrier_squares,
     chain_squares,
@@ -140,43 +140,48 @@ class Hanging:
     def elements(self) -> Elements:
         """All elements but those of the chains along the rail; modal supports have matrices of their own."""
         structure = self.structure
-        supports = carrier_squares(structure, self.rig.gravity)
-        inertia, held, lost = ([square for square in part if square.written is not None] for part in supports)
-        for (carrier, where), hung in self._hung.items():
-            mass, drag = (
-                fsum(float(getattr(block, name)[:, column].sum()) * copies for block, column, copies in hung)
-                for name in ("mass", "drag")
-            )
-            held += bend_squares(structure, carrier, where, self.rig.gravity * mass)
+        inertia, stiffness, damping = self._supporting(floats)
+        for carrier, where in self._hung:
             down = slopes(structure, carrier, where)[1]
+            mass, drag = (self._on_point((carrier, where), name, floats) for name in ("mass", "drag"))
             inertia += row_squares(DOWN, carrier, down, mass)
-            lost += row_squares(DRAG_DOWN, carrier, down, drag)
-        parts: list[list[float]] = [[] for _ in range(structure.size)]
-        for square in held:
-            parts[square.at[0, 0]].append(float(square.size[0, 0]))
-        sums, terms = [fsum(each) for each in parts], np.array([fsum(map(abs, each)) for each in parts])
-        own_held = (Element((k,), (1.0,), value) for k, value in enumerate(sums) if value)
-        masses, sprung, damped = (
-            tuple(element for square in squares for _, element in square.each)
-            for squares in (inertia, self._of_springs("stiffness"), lost + self._of_springs("damping"))
+            damping += row_squares(DRAG_DOWN, carrier, down, drag)
+        masses, held, lost = (
+            [(square.kind, element) for square in part if square.written is not None for _, element in square.each]
+            for part in (inertia, stiffness, damping)
         )
-        return Elements(masses, (*own_held, *sprung), damped, terms)
+        parts: list[list[float]] = [[] for _ in range(structure.size)]
+        for _, element in (each for each in held if each[0] != SPRING):
+            parts[element.at[0]].append(element.size)
+        sums, terms = map(fsum, parts), np.array([fsum(map(abs, each)) for each in parts])
+        own_held = [Element((k,), (1.0,), value) for k, value in enumerate(sums) if value]
+        springs = [element for kind, element in held if kind == SPRING]
+        return Elements(
+            tuple(each for _, each in masses), (*own_held, *springs), tuple(each for _, each in lost), terms
+        )
 
-    def _of_springs(self, size: str, number: Number = floats) -> list[SquareRows]:
-        """The squares of springs between points, or of their dampers."""
-        rows = enumerate(self.spring_rows)
-        return [s for k, row in rows for s in row_squares(SPRING, k, row.row, number(getattr(row, size)), number)]
+    def _supporting(self, number: Number) -> Parts:
+        """The squares of carriers, with what hangs from them as they sink, and of springs between points."""
+        structure, gravity = self.structure, self.rig.gravity
+        parts = carrier_squares(structure, gravity, number)
+        for carrier, where in self._hung if structure.size else ():
+            weight = number(gravity) * self._on_point((carrier, where), "mass", number)
+            parts[1].extend(bend_squares(structure, carrier, where, weight, number))
+        for k, row in enumerate(self.spring_rows):
+            parts[1].extend(row_squares(SPRING, k, row.row, number(row.stiffness), number))
+            parts[2].extend(row_squares(SPRING, k, row.row, number(row.damping), number))
+        return parts
+
+    def _on_point(self, point: tuple[int, Where], name: str, number: Number) -> Any:
+        """The mass or drag of all that hangs from a point, of floats to the last digit."""
+        each = [number(getattr(block, name)[:, column]).sum() * copies for block, column, copies in self._hung[point]]
+        return fsum(each) if number is floats else sum(each)
 
     def squares(self, arithmetic: Number | None = None) -> SceneSquares:
         """Those of the whole scene without modal dampers, over η and the angles of all links; of floats by default."""
         number = arithmetic or floats
         structure, d, gravity = self.structure, self.structure.size, self.rig.gravity
-        parts = carrier_squares(structure, gravity, number)
-        parts[1].extend(self._of_springs("stiffness", number))
-        parts[2].extend(self._of_springs("damping", number))
-        for (carrier, where), hung in self._hung.items() if d else ():
-            weight = sum(copies * number(block.mass[:, column]).sum() for block, column, copies in hung)
-            parts[1].extend(bend_squares(structure, carrier, where, number(gravity) * weight, number))
+        parts = self._supporting(number)
         on = np.array([pivot.carrier for pivot in structure.pivots])
         for place, block in enumerate(self.rig.blocks):
             local = chain_squares(block, gravity, number)
