@@ -164,7 +164,7 @@ class Hanging:
         """The squares of carriers, with what hangs from them as they sink, and of springs between points."""
         structure, gravity = self.structure, self.rig.gravity
         parts = carrier_squares(structure, gravity, number)
-        for carrier, where in self._hung if structure.size else ():
+        for carrier, where in self._hung if any(body.bends for body in structure.carriers) else ():
             weight = number(gravity) * self._on_point((carrier, where), "mass", number)
             parts[1].extend(bend_squares(structure, carrier, where, weight, number))
         for k, row in enumerate(self.spring_rows):
@@ -190,9 +190,10 @@ class Hanging:
                 pendula = mine[on[mine] == carrier]
                 which: Any = self.kinds[pendula, 1]
                 which = slice(None) if which.tolist() == list(range(block.size)) else which
-                columns = np.arange(*structure.offsets[carrier : carrier + 2])
-                ways = (way[pendula[:, None], columns] for way in self.phi)
+                start, stop = structure.offsets[carrier : carrier + 2]
+                ways = (way[pendula, start:stop] for way in self.phi)
                 moves = [number(way) if np.count_nonzero(way) else None for way in ways]
+                columns = np.arange(start, stop)
                 for part, squares in zip(parts, local, strict=True):
                     for square in squares:
                         part.extend(square.hung(which, self.first[pendula, None], d, columns, moves))

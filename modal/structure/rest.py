@@ -25,8 +25,6 @@ from modal.types import Floats
 
 Row = dict[int, float]
 """The entries of a row by their coordinates."""
-BENDING = frozenset({"swing", "tilt", "platform"})
-"""The kinds of carriers with points on bent paths."""
 DRAWN_TOGETHER = 1e-12
 """Ends of a spring this close, over their distance from the origin, are one point as drawn."""
 
@@ -79,7 +77,7 @@ def turning(structure: Structure, carrier: int) -> Row:
 def bends(body: CarrierNumbers, where: Where) -> Iterator[tuple[int, float]]:
     """−∂²z/∂η_k² (1/m, m) of a point of a carrier at rest, by its own coordinates k; mixed derivatives are 0."""
     still = (0.0,) * body.size
-    for k in range(body.size) if body.kind in BENDING else ():
+    for k in range(body.size) if body.bends else ():
         rates = tuple(float(k == j) for j in range(body.size))
         if bend := -float(body.moving(where, still, rates).bias[1]):
             yield k, bend
