@@ -46,6 +46,7 @@ from modal.structure import (
     SpringNumbers,
     Structure,
     Where,
+    bends,
     drawn_together,
     phi,
     slopes,
@@ -106,6 +107,15 @@ class Hanging:
     def phi(self) -> Phi:
         """How all pivots move."""
         return phi(self.structure)
+
+    @property
+    def bends(self) -> Floats:
+        """−∂²z/∂η² (P, d) of all pivots."""
+        bent = np.zeros(self.phi.down.shape)
+        for row, (carrier, where) in zip(bent, self.structure.pivots, strict=True):
+            for k, bend in bends(self.structure.carriers[carrier], where):
+                row[self.structure.offsets[carrier] + k] = bend
+        return bent
 
     @cached_property
     def kinds(self) -> Ints:
