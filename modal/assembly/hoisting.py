@@ -221,7 +221,7 @@ def instants(scene: Scene) -> Callable[[float], HoistInstant]:
         raise SceneError([LEANS])
     if rig.structure:
         _refuse_springs(scene)
-    hanging, first = Hanging(rig.carried), rig.leading
+    hanging, first = Hanging(rig), rig.leading
     each = [(rig.blocks[block], column) for block, column in hanging.kinds.tolist()]
     mass, inertia, linear, centre, sigma = (
         np.concatenate([getattr(block, name)[:, column] for block, column in each])

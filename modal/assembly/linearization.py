@@ -119,8 +119,7 @@ def coordinate_labels(rig: Rig) -> tuple[str, ...]:
     """`x` or the names of a structure's coordinates, then `theta[pendulum,link]`, both from 1, copies separately."""
     links = [rig.blocks[block].n for block, _, copies in rig.members for _ in range(copies)]
     angles = [f"theta[{p},{i}]" for p, n in enumerate(links, 1) for i in range(1, n + 1)]
-    leading = rig.structure.names if rig.structure else ["x"] if rig.cart else []
-    return (*leading, *angles)
+    return (*rig.support.names, *angles)
 
 
 STEPS = (2.0**-2, 2.0**-6, 2.0**-12)

@@ -147,7 +147,7 @@ def dissipators_of(scene: Scene) -> list[Dissipator]:
 def _every(scene: Scene) -> list[Dissipator]:
     """All squares of D, and those of K that may have a loss angle: of supports, of links from the first on, springs."""
     rig = rig_of(scene)
-    hanging = Hanging(rig.carried)
+    hanging = Hanging(rig)
     squares = hanging.squares()
     links = [
         (f"pendulum[{entry}].links[{at}]", link)

@@ -52,7 +52,7 @@ def frequencies(rig: Rig) -> Floats:
     """The different |λ| of the rig without dampers, ascending: 0 of a free cart, growth rates where it is unstable."""
     rates = [_eigen(*system[:3])[0] for system in _systems(rig)]
     if rig.leading:
-        rates.append(np.zeros(Hanging(rig.carried).free.shape[1]))
+        rates.append(np.zeros(Hanging(rig).free.shape[1]))
     return _different(np.concatenate(rates))
 
 
@@ -121,7 +121,7 @@ def _systems(rig: Rig) -> Iterator[_System]:
                 M, K = assembled([(rig.blocks[kind[0]], kind[1])], None, rig.gravity)
                 yield _System(M, K, np.zeros((len(M), 0)), list(index.T), balanced=True)
         blocks = tuple(block.heavier(block.count) for block in rig.blocks)
-        whole = replace(rig, blocks=blocks, members=tuple((*kind, 1) for kind in rig.names)).carried
+        whole = replace(rig, blocks=blocks, members=tuple((*kind, 1) for kind in rig.names))
         if not d:
             return
     hanging, places = Hanging(whole), [np.array([k]) for k in range(d)]

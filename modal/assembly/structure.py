@@ -100,8 +100,7 @@ class Hanging:
     @property
     def structure(self) -> Structure:
         """The structure."""
-        assert self.rig.structure is not None
-        return self.rig.structure
+        return self.rig.support
 
     @cached_property
     def phi(self) -> Phi:
@@ -209,12 +208,23 @@ class Hanging:
                         part.extend(square.hung(which, self.first[pendula, None], d, columns, moves))
         return SceneSquares(*parts, d + int(self.first[-1]), number)
 
+    @cached_property
+    def supporting(self) -> tuple[Floats, Floats, Floats]:
+        """M, K and D (d, d) of what carries the pendula, all links held, with what these weigh as they go down."""
+        d = self.structure.size
+        each = modal_supports(self.structure)
+        for S, elements in zip(each, self.elements[:3], strict=True):
+            for element in elements:
+                row = np.zeros(d)
+                for place, value in zip(element.at, element.row, strict=True):
+                    row[place : place + 1] = value
+                S[:] += element.size * np.multiply.outer(row, row)
+        return each
+
     @property
     def inertia(self) -> Floats:
         """M_s + Σ m (ΦᵀΦ + ΨᵀΨ), (d, d): the structure with all pendula as if they were stiff."""
-        M, _, _ = modal_supports(self.structure)
-        for element in self.elements.inertia:
-            element.add_to(M)
+        M = self.supporting[0].copy()
         for (block, column, copies), pendulum in zip(self.rig.members, self.starts.tolist(), strict=True):
             along = self.phi.along[pendulum]
             M += copies * self.rig.blocks[block].mass[:, column].sum() * np.multiply.outer(along, along)
@@ -354,7 +364,7 @@ def modal_supports(structure: Structure) -> tuple[Floats, Floats, Floats]:
 
 def scene_squares(rig: Rig, arithmetic: Number | None = None) -> SceneSquares:
     """The squares of M, K and D of a whole scene, without modal dampers, over the coordinates of `Matrices`."""
-    return Hanging(rig.carried).squares(arithmetic)
+    return Hanging(rig).squares(arithmetic)
 
 
 def assembled(columns: Columns, cart: CartNumbers | None, gravity: float) -> tuple[Floats, Floats]:
