@@ -30,20 +30,24 @@ import numpy as np
 from modal.assembly import Rig, ratio_at, rig_of
 from modal.coupling.damping import Damped, damped_modes, negative_damping
 from modal.coupling.dynamic_mass import DynamicMass, SecularEquation, dynamic_mass
-from modal.coupling.exchange import (
+from modal.coupling.families import (
     LEAST_SHARE_OF_BEATS,
     MOST_MODES,
     UNEVEN,
     EnergyExchange,
+    Family,
+    FamilyBranch,
+    FamilyRow,
     beats_of,
     exchanged,
+    family_cells,
+    family_name,
+    mode_words,
     passes_energy,
     shared,
 )
-from modal.coupling.families import Family, FamilyBranch, FamilyRow, family_cells, family_name, mode_words
-from modal.coupling.fixed_base import FixedBaseModes
 from modal.coupling.matrices import ReducedPencil, stable_pencil
-from modal.coupling.reduced import ReducedStructure, reduced, refuse_beyond
+from modal.coupling.reduced import FixedBaseModes, ReducedStructure, reduced, refuse_beyond
 from modal.errors import ComputationError
 from modal.modes import MOST_COMPARED, moving_words, natural_modes, table_numbers
 from modal.report import HTML_ROWS, Displayed, Summary, counted

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from modal.assembly import Hanging, Rig, centres, modal_supports, ratio_at
-from modal.coupling.fixed_base import Kind, without_damping
+from modal.coupling.reduced import Kind, without_damping
 from modal.eigen import ModalSpectrum, SpectrumPart, find_spectrum
 from modal.errors import ComputationError
 from modal.report import Displayed

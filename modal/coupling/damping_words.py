@@ -8,7 +8,7 @@ from math import isfinite
 from modal.coupling.analysis import Coupling
 from modal.coupling.damping import Damped
 from modal.coupling.words import NEGLIGIBLE
-from modal.modes.friction import stop_words
+from modal.modes.dissipation import stop_words
 from modal.report import capital, rad, short
 
 MOST_DAMPED = 12

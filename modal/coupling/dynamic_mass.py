@@ -24,8 +24,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from modal.coupling.exchange import STRONG
-from modal.coupling.families import FamilyBranch
+from modal.coupling.families import STRONG, FamilyBranch
 from modal.coupling.reduced import MOST_COORDINATES, ReducedStructure
 from modal.eigen import LIGHTEST, Poles, at_infinity, degenerate_modes, solve
 from modal.errors import ComputationError

@@ -14,8 +14,7 @@ from typing import Any
 from modal.coupling.analysis import CartMode, Coupling
 from modal.coupling.damping import Damped
 from modal.coupling.damping_words import damping
-from modal.coupling.exchange import EnergyExchange
-from modal.coupling.families import Family, FamilyRow, family_cells, family_name
+from modal.coupling.families import EnergyExchange, Family, FamilyRow, family_cells, family_name
 from modal.coupling.verdict import verdict
 from modal.coupling.words import ELSEWHERE, alone, exchanges, families, felt, hung, limits, shown
 from modal.report import Form, as_json, counted, finite, grid, headed, line_width, markdown, rad

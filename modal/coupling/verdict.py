@@ -6,8 +6,7 @@ from collections.abc import Iterator, Sequence
 from math import isfinite
 
 from modal.coupling.analysis import Coupling
-from modal.coupling.exchange import STRONG, EnergyExchange
-from modal.coupling.families import FamilyRow
+from modal.coupling.families import STRONG, EnergyExchange, FamilyRow
 from modal.coupling.words import NEGLIGIBLE, ROUGH, SLIGHT, carrier_words, collective, left, member
 from modal.report import capital, counted, listed, short
 

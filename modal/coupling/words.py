@@ -8,8 +8,7 @@ from math import isinf
 import numpy as np
 
 from modal.coupling.analysis import CartMode, Coupling
-from modal.coupling.exchange import MOST_MODES, STRONG, EnergyExchange, Transfer
-from modal.coupling.families import Family, FamilyBranch, family_name
+from modal.coupling.families import MOST_MODES, STRONG, EnergyExchange, Family, FamilyBranch, Transfer, family_name
 from modal.report import capital, counted, listed, percent, rad, short
 from modal.structure import Structure
 

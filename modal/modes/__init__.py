@@ -11,13 +11,12 @@ results to compare with.
 
 from modal.eigen import UNCERTAIN
 from modal.modes.closed_forms import hanging_rope, rope_error_of_bobs, rope_error_of_rods
+from modal.modes.dissipation import mode_losses, quality_factors, sliding_modes, stop_of
 from modal.modes.frequencies import natural_frequencies
-from modal.modes.friction import sliding_modes, stop_of
-from modal.modes.labels import moving_words
-from modal.modes.losses import mode_losses, quality_factors
 from modal.modes.mode import Mode
 from modal.modes.modes import ModalMatrix, Modes, all_shapes, equilibrium_words, natural_modes
 from modal.modes.numbering import MOST_COMPARED, counterparts, labelled, lettered, paired, table_numbers
+from modal.modes.rows import moving_words
 from modal.modes.sensitivity import sensitivities
 from modal.modes.shapes import Shape
 from modal.modes.tables import table

@@ -20,8 +20,7 @@ from modal.eigen import (
     short_squares,
     structured_error,
 )
-from modal.modes.mode import hertz, oscillating, swing_period
-from modal.modes.second_order import MOST_COORDINATES, SupportResponse
+from modal.modes.mode import MOST_COORDINATES, SupportResponse, hertz, oscillating, swing_period
 from modal.scene import Scene
 from modal.structure import phi
 from modal.types import Booleans, Floats, Ints

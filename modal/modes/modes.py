@@ -108,7 +108,7 @@ class Modes(Displayed, Eigenvalues, Sequence[Mode]):
         if not self.rig.is_damped or not isnan(mode.effective_mass):
             return mode
         with np.errstate(all="ignore"):
-            masses = deferred("modal.modes.undamped:undamped_masses")(self)
+            masses = deferred("modal.modes.numbering:undamped_masses")(self)
         along, across = float(masses.along[index]), float(masses.across[index])
         return replace(
             mode,

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from modal.assembly import Matrices
 from modal.errors import ComputationError, SceneError, meant
 from modal.modes.columns import COLUMNS, Column, Stds, added_by, columns_of, printed, that_fit
+from modal.modes.dissipation import sharing
 from modal.modes.eigenvalues import Eigenvalues
-from modal.modes.losses import sharing
 from modal.modes.mode import Mode
 from modal.modes.modes import Modes
 from modal.report import (
@@ -91,7 +91,7 @@ def table(
 def _sensitivities(modes: Modes, rows: Sequence[Mode], form: str, asked: bool) -> str:
     if not asked:
         return ""
-    from modal.modes.sensitivity_table import sensitivity_table
+    from modal.modes.sensitivity import sensitivity_table
 
     return sensitivity_table(modes, rows, form)
 
@@ -114,7 +114,7 @@ def _json(
         for record, row in zip(rows_of, rows, strict=True):
             record["shapes"] = [_shape_record(modes, row, k) for k in range(row.multiplicity)]
     if sensitive:
-        from modal.modes.sensitivity_table import of_mode
+        from modal.modes.sensitivity import of_mode
 
         for record, row in zip(rows_of, rows, strict=True):
             record["sensitivities"] = {path: slope.record() for path, slope in of_mode(modes, row).items()}
@@ -160,7 +160,7 @@ def _footnotes(modes: Modes, rows: Sequence[Mode], starred: str) -> list[str]:
 def _csv(modes: Modes, rows: Sequence[Mode], columns: Sequence[Column], *, sensitive: bool = False) -> str:
     records = _records(rows, columns)
     if sensitive:
-        from modal.modes.sensitivity_table import of_mode
+        from modal.modes.sensitivity import of_mode
 
         for record, row in zip(records, rows, strict=True):
             record |= {f"d_omega_d_{path}": finite(slope.derivative) for path, slope in of_mode(modes, row).items()}
