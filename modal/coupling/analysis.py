@@ -49,7 +49,7 @@ from modal.coupling.families import (
 from modal.coupling.matrices import ReducedPencil, stable_pencil
 from modal.coupling.reduced import FixedBaseModes, ReducedStructure, reduced, refuse_beyond
 from modal.errors import ComputationError
-from modal.modes import MOST_COMPARED, moving_words, natural_modes, table_numbers
+from modal.modes import MOST_COMPARED, Modes, counterparts, moving_words, natural_modes
 from modal.report import HTML_ROWS, Displayed, Summary, counted
 from modal.scene import Scene, name_of, require
 from modal.scene.doors import checked
@@ -167,12 +167,25 @@ class Coupling(Displayed):
         return self.reduced.names
 
     @cached_property
-    def _table(self) -> tuple[Floats, Ints] | None:
-        """ω of the modes without dampers and their numbers in the table; None where the table is not available."""
-        if self.scene.has_damping and self.scene.n_links > MOST_COMPARED:
+    def _solved(self) -> tuple[Modes, Modes] | None:
+        """The modes without dampers, and those of the table; None where the table is not available."""
+        damped = self.scene.has_damping
+        if damped and self.scene.n_links > MOST_COMPARED:
             return None
         try:
-            return natural_modes(self.scene.conservative).omega, table_numbers(self.scene)
+            table = natural_modes(self.scene)
+            return natural_modes(self.scene.conservative) if damped else table, table
+        except ComputationError:
+            return None
+
+    @cached_property
+    def _table(self) -> tuple[Floats, Ints] | None:
+        """ω of the modes without dampers and their numbers in the table; None where the table is not available."""
+        if self._solved is None:
+            return None
+        still, table = self._solved
+        try:
+            return still.omega, still.number if still is table else 1 + counterparts(still, table)
         except ComputationError:
             return None
 
@@ -406,7 +419,9 @@ class Coupling(Displayed):
             stable_pencil(self.reduced.own_stiffness, self.reduced.hanging.inertia)
         rig = rig_of(self.scene)
         names = dict(zip(rig.names.values(), self.names, strict=True))
-        modes = damped_modes(rig, negative_damping(self.scene, rig))
+        solved = () if self._solved is None or rig.spatial else self._solved
+        spectra = [modes.spectrum if modes.rig.members == rig.members else None for modes in solved]
+        modes = damped_modes(rig, negative_damping(self.scene, rig), *spectra)
         return tuple(replace(mode, kind=mode.kind and names[mode.kind]) for mode in modes)
 
     # ------------------------------------------------------------------------------------------------- the table
