@@ -29,7 +29,7 @@ import numpy as np
 
 from modal.assembly import Rig, ratio_at, rig_of
 from modal.coupling.damping import Damped, damped_modes, negative_damping
-from modal.coupling.dynamic_mass import DynamicMass, SecularEquation, dynamic_mass
+from modal.coupling.dynamic_mass import CartMode, DynamicMass, SecularEquation, dynamic_mass
 from modal.coupling.families import (
     LEAST_SHARE_OF_BEATS,
     MOST_MODES,
@@ -59,21 +59,6 @@ from modal.types import Floats, Ints
 MOST_POLES = 10_000
 MISSED = 1e-6
 """Largest relative error of the sum rule."""
-
-
-@dataclass(frozen=True)
-class CartMode:
-    """A mode that moves the cart: `omega` (rad/s), and its limits for extreme cart masses.
-
-    `light` is ω as m_c → 0, infinite where the mode is lost, `heavy` as m_c → ∞ (rad/s), `participation` the share in
-    the cart's velocity just after a push.  `family` counts from 0; None for the cart oscillating on its own spring.
-    """
-
-    omega: float
-    participation: float
-    light: float
-    heavy: float
-    family: int | None
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -138,6 +123,11 @@ class Coupling(Displayed):
     def on_cart(self) -> bool:
         """Whether there is a cart, and no other structure."""
         return self.scene.cart is not None
+
+    @property
+    def noun(self) -> str:
+        """What carries the pendula, or would, in a word."""
+        return "structure" if self.scene.is_structured else "cart"
 
     @property
     def is_coupled(self) -> bool:
@@ -346,30 +336,10 @@ class Coupling(Displayed):
         moving = [branch.omega for family in self.families for branch in family.branches if branch.is_finite]
         return np.unique([*still, *moving, *(omega for omega, _ in self.structure_modes)])
 
-    @cached_property
+    @property
     def cart_modes(self) -> tuple[CartMode, ...]:
         """The modes that move the cart, ascending, except a free cart's rigid translation; none without a cart."""
-        if not (self.on_cart and self.secular and isinstance(self.solver, SecularEquation)):
-            return ()
-        dynamic, zeros = self.secular, self.secular.zeros
-        with np.errstate(divide="ignore"):
-            push = 1 / zeros.modal_mass
-        if not np.all(np.isfinite(push)):
-            raise ComputationError("the modes that move this cart are beyond double precision")
-        whole = float(push.sum()) + (0.0 if dynamic.spring else 1 / dynamic.at_rest)
-        light = dynamic.with_cart(0.0).zeros.omega.tolist()
-        heavy = np.sqrt(zeros.square).tolist()
-        owner = self.solver.owner.tolist()
-        return tuple(
-            CartMode(
-                omega=float(omega),
-                participation=float(push[j]) / whole,
-                light=light[j] if j < len(light) else inf,
-                heavy=heavy[j],
-                family=None if owner[j] < 0 else owner[j],
-            )
-            for j, omega in enumerate(zeros.omega)
-        )
+        return self.solver.cart_modes if self.on_cart and isinstance(self.solver, SecularEquation) else ()
 
     def swept(self, masses: Floats) -> Floats:
         """ω (len(masses), Z) in rad/s of the modes that move the cart, for carts of these masses (kg) above 0."""

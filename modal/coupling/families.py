@@ -265,11 +265,6 @@ class Family(Displayed):
         return moving[0] if len(moving) == 1 else None
 
     @property
-    def first_order(self) -> float:
-        """Δω (rad/s) where what resists changes little from ω_r to the mode, ½ ε_r ω_r."""
-        return self.strength * self.omega / 2
-
-    @property
     def is_first_order(self) -> bool:
         """Whether there are modes that move other things, all near ω_r + ½ ε ω_r."""
         return bool(self.branches) and all(branch.is_first_order(self.omega) for branch in self.branches)

@@ -11,11 +11,11 @@ from dataclasses import dataclass
 from textwrap import TextWrapper, wrap
 from typing import Any
 
-from modal.coupling.analysis import CartMode, Coupling
+from modal.coupling.analysis import Coupling
 from modal.coupling.damping import Damped
-from modal.coupling.damping_words import damping
+from modal.coupling.dynamic_mass import CartMode
 from modal.coupling.families import EnergyExchange, Family, FamilyRow, family_cells, family_name
-from modal.coupling.verdict import verdict
+from modal.coupling.verdict import damping, verdict
 from modal.coupling.words import ELSEWHERE, alone, exchanges, families, felt, hung, limits, shown
 from modal.report import Form, as_json, counted, finite, grid, headed, line_width, markdown, rad
 from modal.scene import describe, title_of
@@ -93,8 +93,8 @@ def _left_out(coupling: Coupling) -> Iterator[str]:
     if coupling.rig.spatial:
         yield "Motion across the rail is left out: there nothing couples the pendula at small angles."
     if coupling.secular and coupling.reduced.d and any(link.drag for link in coupling.scene.links()):
-        what = "cart" if coupling.on_cart else "structure"
-        yield f"Beats count the drag of pendula as if the {what} were at rest; the damping of the modes has all of it."
+        rest = f"as if the {coupling.noun} were at rest"
+        yield f"Beats count the drag of pendula {rest}; the damping of the modes has all of it."
 
 
 def sections(coupling: Coupling) -> tuple[ReportSection, ...]:

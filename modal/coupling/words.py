@@ -7,7 +7,8 @@ from math import isinf
 
 import numpy as np
 
-from modal.coupling.analysis import CartMode, Coupling
+from modal.coupling.analysis import Coupling
+from modal.coupling.dynamic_mass import CartMode
 from modal.coupling.families import MOST_MODES, STRONG, EnergyExchange, Family, FamilyBranch, Transfer, family_name
 from modal.report import capital, counted, listed, percent, rad, short
 from modal.structure import Structure
@@ -204,9 +205,8 @@ def _family(coupling: Coupling, r: str, family: Family) -> str:
     words = [head]
     if family.still:
         many = counted(family.still, "combination stays", "combinations stay")
-        rest = "with the cart still, in antiphase" if coupling.on_cart else "and moves nothing else"
-        if family.still > 1 and not coupling.on_cart:
-            rest = "and move nothing else"
+        moves = "moves" if family.still == 1 else "move"
+        rest = "with the cart still, in antiphase" if coupling.on_cart else f"and {moves} nothing else"
         end = ";" if family.branches else "."
         words.append(f"{many} at ω_{r} {rest}{numbered(coupling, family.omega)} [Σ φᵀb = 0]{end}")
     for branch in family.branches[:MOST_LISTED]:
@@ -304,10 +304,9 @@ def _damped_beats(coupling: Coupling, family: Family, passed: Transfer, guide: s
     aside = ", its drives aside," if coupling.scene.is_driven else ""
     most = f"the others never hold more than {left(passed.most)} of the energy given"
     if not passed.beats:
-        what = "cart" if coupling.on_cart else "structure"
         yield (
-            f"There are no beats: the motion of the {what} decays before it has run out of phase with the rest "
-            f"[−Re Δλ > Im Δλ]. Of one pendulum set swinging alone{aside}, {most}{guide}."
+            f"There are no beats: the motion of the {coupling.noun} decays before it has run out of phase with the "
+            f"rest [−Re Δλ > Im Δλ]. Of one pendulum set swinging alone{aside}, {most}{guide}."
         )
         return
     yield (
