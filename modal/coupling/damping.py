@@ -27,6 +27,7 @@ from modal.assembly import Hanging, Rig, centres, modal_supports, ratio_at
 from modal.coupling.reduced import Kind, without_damping
 from modal.eigen import ModalSpectrum, SpectrumPart, find_spectrum
 from modal.errors import ComputationError
+from modal.modes.shapes import displacements
 from modal.report import Displayed
 from modal.scene import Pendulum, Scene, VanDerPol, validate_scene
 from modal.types import Floats
@@ -162,8 +163,7 @@ def _shapes(rig: Rig, spectrum: ModalSpectrum, source: int, parts: list[Spectrum
         rows = [list(range(part.row, part.row + (1 if part.kind else part.along))) for part in chosen]
         details = spectrum.details(source, [row for part_rows in rows for row in part_rows])
         ends = np.cumsum([len(part_rows) for part_rows in rows]).tolist()
-        moved = (details.eta if rig.structure else (details.cart,)) or (np.zeros(ends[-1]),) * rig.leading
-        eta = np.array(moved[: rig.leading]).reshape(rig.leading, ends[-1]).real
+        eta = np.array(displacements(rig, details)).reshape(rig.leading, ends[-1]).real
         for part, (first, last) in zip(chosen, pairwise([0, *ends]), strict=True):
             mass, angles = (
                 details.modal_mass[first:last],

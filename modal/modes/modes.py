@@ -54,7 +54,20 @@ class Modes(Displayed, Eigenvalues, Sequence[Mode]):
     """
 
     internal = Displayed.internal | {
-        *("every", "first", "limits", "natural", "on_cart", "place", "rig", "selected", "short", "spectrum", "units"),
+        *(
+            "every",
+            "first",
+            "hanging",
+            "limits",
+            "natural",
+            "on_cart",
+            "place",
+            "rig",
+            "selected",
+            "short",
+            "spectrum",
+            "units",
+        ),
         "which",
     }
 

@@ -20,7 +20,7 @@ from modal.eigen import UNCERTAIN, Details, ModeSwing, SpectrumPart, distortion,
 from modal.errors import ComputationError
 from modal.modes.eigenvalues import Eigenvalues
 from modal.modes.mode import BESIDE, PROMISED, SURE, UNKNOWN, Amplitude, Mode, answering, is_guide, resonances
-from modal.modes.shapes import expand, first_of_largest, is_balanced
+from modal.modes.shapes import displacements, expand, first_of_largest, is_balanced
 from modal.structure import Structure, coordinate_units
 from modal.types import Floats, Ints
 
@@ -32,7 +32,7 @@ UNNAMED = {"tilt": "board", "heave": "support", "modal": "structure"}
 ALIKE = {"cart": "carts", "swing": "swings"}
 COUNTED = ("", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten")
 MOST_NAMED = 3
-FIXED, CART_STILL, CART_MOVES = "fixed support", "cart still", "cart moves"
+FIXED, CART_STILL = "fixed support", "cart still"
 
 
 def family(*, where: str, folds: dict[str, int], motion: str, ratio: float) -> str:
@@ -157,8 +157,6 @@ def following(
 
     `several` tells that one column represents several pendula moving alike.
     """
-    if not pivots:
-        return ""
     energy = energies(shares, at)
     top = np.concatenate([angle[0, :, at] for angle in angles])
     signs = np.sign((top * np.conj(np.concatenate(pivots))).real)[energy >= NEGLIGIBLE * energy.max()]
@@ -334,30 +332,39 @@ def _family(modes: Eigenvalues, number: int, head: _RowPart, ratio: float) -> st
     if np.isnan(ratio):
         return BEYOND_DOUBLE
     details, at = head.details, head.at
-    if modes.rig.structure:
-        return _on_structure(modes, number, head, ratio)
-    if modes.eigenvalue[number] == 0:
+    if modes.on_cart and modes.eigenvalue[number] == 0:
         return "rigid translation"
-    still = head.part.still or details.cart[at] == 0
+    structure, d = modes.hanging.structure, modes.rig.leading
+    moved = displacements(modes.rig, details)
+    eta = np.zeros(d) if head.part.still else np.array([part[at] for part in moved])
+    words = moving_words(structure, eta, modes.hanging.inertia.diagonal()) if eta.any() else ""
+    still = CART_STILL if modes.on_cart else STRUCTURE_STILL if d else FIXED
     folds = dict.fromkeys(("", "antiphase", "across the rail"), 0)
     for part in modes.spectrum.groups[number]:
-        folds["antiphase" if part.still and modes.on_cart else ""] += part.along
-        folds["across the rail" if modes.on_cart else ""] += part.across
+        folds["antiphase" if is_balanced(modes.rig, part) else ""] += part.along
+        folds["across the rail" if d else ""] += part.across
+    motion = FREE
+    if modes.eigenvalue[number] != 0:
+        motion = _motion(modes, number, head, eta)
+    return family(where=words or still, folds=folds, motion=motion, ratio=ratio)
+
+
+def _motion(modes: Eigenvalues, number: int, head: _RowPart, eta: NDArray[np.inexact]) -> str:
+    """How the pendula move in a mode, where what carries them moves by η."""
+    details, at = head.details, head.at
     if head.part.still:
-        words = _whose(modes, number, head.part)
-    else:
-        several = sum(count for _, _, count in modes.rig.members) > 1
-        names = list(modes.rig.names.values())
-        words = agreement(details.angles, details.shares, at, names, several=several, still=still)
-        if words in ("", "in phase") and not still and modes.rig.cart and modes.rig.cart.stiffness:
-            pivots = [np.full(angles.shape[1], details.cart[at]) for angles in details.angles]
-            words = following(details.angles, details.shares, pivots, at, several=several) or words
-    return family(
-        where=FIXED if not modes.on_cart else CART_STILL if still else CART_MOVES,
-        folds=folds,
-        motion=motion_words(details.angles, details.shares, at, words),
-        ratio=ratio,
-    )
+        return motion_words(details.angles, details.shares, at, _whose(modes, number, head.part))
+    if not any(angle[:, :, at].any() for angle in details.angles):
+        return ""
+    several = sum(count for _, _, count in modes.rig.members) > 1
+    names, cart = list(modes.rig.names.values()), modes.rig.cart
+    told = agreement(details.angles, details.shares, at, names, several=several, still=not (cart and eta.any()))
+    if eta.any() and (not cart or (cart.stiffness and told in ("", "in phase"))):
+        pivots = [np.zeros(block.size, dtype=eta.dtype) for block in modes.rig.blocks]
+        for (block, column), pivot in zip(modes.hanging.kinds.tolist(), modes.hanging.phi.along @ eta, strict=True):
+            pivots[block][column] = pivot
+        told = following(details.angles, details.shares, pivots, at, several=several) or told
+    return motion_words(details.angles, details.shares, at, told)
 
 
 def moved_by(modes: Eigenvalues, number: int) -> tuple[Floats, Floats]:
@@ -383,32 +390,6 @@ def moved_by(modes: Eigenvalues, number: int) -> tuple[Floats, Floats]:
     return motion, share if not modes.rig.is_damped else np.full(structure.size, np.nan)
 
 
-def _on_structure(modes: Eigenvalues, number: int, head: _RowPart, ratio: float) -> str:
-    structure, details, at = modes.rig.structure, head.details, head.at
-    assert structure is not None
-    eta = np.array([part[at] for part in details.eta]) if not head.part.still else np.zeros(structure.size)
-    source = modes.spectrum.sources[head.part.source]
-    inertia = source.reduced.carried.inertia if eta.any() else eta  # type: ignore[attr-defined]
-    words = moving_words(structure, eta, inertia) if eta.any() else ""
-    parts = modes.spectrum.groups[number]
-    folds = {"": sum(part.along for part in parts if not is_balanced(modes.rig, part))}
-    folds["antiphase"] = sum(part.along for part in parts) - folds[""]
-    if modes.eigenvalue[number] == 0:
-        return family(where=words, folds=folds, motion=FREE, ratio=ratio)
-    motion = ""
-    if head.part.still:
-        motion = motion_words(details.angles, details.shares, at, _whose(modes, number, head.part))
-    elif any(angle[:, :, at].any() for angle in details.angles):
-        several = sum(count for _, _, count in modes.rig.members) > 1
-        names = list(modes.rig.names.values())
-        told = agreement(details.angles, details.shares, at, names, several=several, still=True)
-        pivots = [rows @ eta for rows in source.reduced.carried.pivots] if words else []  # type: ignore[attr-defined]
-        told = following(details.angles, details.shares, pivots, at, several=several) or told
-        motion = motion_words(details.angles, details.shares, at, told)
-    where = words or (STRUCTURE_STILL if structure.size else FIXED)
-    return family(where=where, folds=folds, motion=motion, ratio=ratio)
-
-
 def _whose(modes: Eigenvalues, number: int, part: SpectrumPart) -> str:
     """The pendula that move while the others are at rest, where there are different ones."""
     kinds = {other.kind for other in modes.spectrum.groups[number]}
@@ -418,15 +399,15 @@ def _whose(modes: Eigenvalues, number: int, part: SpectrumPart) -> str:
 
 
 def _resonances(modes: Eigenvalues, number: int) -> tuple[str, ...]:
-    """Resonances with modes that can exchange energy: on a cart all, on a fixed support the same pendulum's."""
+    """Resonances with modes that can exchange energy: all on what moves, on a fixed support the same pendulum's."""
     parts = modes.spectrum.groups[number]
-    fold = modes.multiplicity[number] if modes.on_cart else 1 + any(part.along and part.across for part in parts)
+    fold = modes.multiplicity[number] if modes.rig.leading else 1 + any(part.along and part.across for part in parts)
     among = (f"1:1 among its own {fold} shapes",) if fold > 1 else ()
     return among + resonances(modes.omega, number, _partners(modes, number), modes.first)
 
 
 def _partners(modes: Eigenvalues, number: int) -> Ints:
-    if modes.on_cart:
+    if modes.rig.leading:
         return np.flatnonzero(modes.lightly_damped)
     kinds = {part.kind for part in modes.spectrum.groups[number]}
     partners = np.array(sorted({row for kind in kinds for row in modes.spectrum.numbers_of_kind[kind]}))
