@@ -127,6 +127,11 @@ class Eigenvalues:
         members = natural.members if natural.structure else tuple((*kind, 1) for kind in natural.names)
         return Hanging(replace(natural, members=members).carried)
 
+    @cached_property
+    def inertia(self) -> Floats:
+        """Of each coordinate of what carries the pendula, these as if they were stiff, (d,)."""
+        return self.hanging.inertia.diagonal()
+
     def moving_near(self, omega: float) -> str:
         """The mode of the scene nearest to a frequency (rad/s) that moves more than pendula on a support at rest."""
         sizes = np.abs(self._whole.eigenvalue) * self.units.rate

@@ -54,21 +54,8 @@ class Modes(Displayed, Eigenvalues, Sequence[Mode]):
     """
 
     internal = Displayed.internal | {
-        *(
-            "every",
-            "first",
-            "hanging",
-            "limits",
-            "natural",
-            "on_cart",
-            "place",
-            "rig",
-            "selected",
-            "short",
-            "spectrum",
-            "units",
-        ),
-        "which",
+        *("every", "first", "hanging", "inertia", "limits", "natural", "on_cart", "place", "rig", "selected"),
+        *("short", "spectrum", "units", "which"),
     }
 
     @overload

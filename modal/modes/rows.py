@@ -337,7 +337,7 @@ def _family(modes: Eigenvalues, number: int, head: _RowPart, ratio: float) -> st
     structure, d = modes.hanging.structure, modes.rig.leading
     moved = displacements(modes.rig, details)
     eta = np.zeros(d) if head.part.still else np.array([part[at] for part in moved])
-    words = moving_words(structure, eta, modes.hanging.inertia.diagonal()) if eta.any() else ""
+    words = moving_words(structure, eta, modes.inertia) if eta.any() else ""
     still = CART_STILL if modes.on_cart else STRUCTURE_STILL if d else FIXED
     folds = dict.fromkeys(("", "antiphase", "across the rail"), 0)
     for part in modes.spectrum.groups[number]:
@@ -356,7 +356,7 @@ def _motion(modes: Eigenvalues, number: int, head: _RowPart, eta: NDArray[np.ine
         return motion_words(details.angles, details.shares, at, _whose(modes, number, head.part))
     if not any(angle[:, :, at].any() for angle in details.angles):
         return ""
-    several = sum(count for _, _, count in modes.rig.members) > 1
+    several = len(modes.rig.members) > 1 or modes.rig.members[0][2] > 1
     names, cart = list(modes.rig.names.values()), modes.rig.cart
     told = agreement(details.angles, details.shares, at, names, several=several, still=not (cart and eta.any()))
     if eta.any() and (not cart or (cart.stiffness and told in ("", "in phase"))):

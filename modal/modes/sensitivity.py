@@ -23,7 +23,7 @@ change with it, so their derivatives add up (`of_mode`).  On a structure they co
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, fields
 from decimal import Context, Decimal, localcontext
 from functools import lru_cache
@@ -38,7 +38,7 @@ from modal.errors import ComputationError, SceneError
 from modal.modes.mode import Mode
 from modal.modes.modes import Modes
 from modal.modes.shapes import Shape
-from modal.report import NOTHING, Displayed, Summary, brief, folded, grid, listed, tabulated
+from modal.report import Displayed, Summary, brief, tabulated
 from modal.scene import Body, Pendulum, Scene, refusals
 from modal.scene.doors import checked
 from modal.scene.parameters import Place, number_at, with_numbers
@@ -348,13 +348,6 @@ def _loaded(
     return centres, turns, turn
 
 
-MOST_NUMBERS = 200_000
-"""Derivatives beyond which a table is refused."""
-HEAD = "Sensitivities (p/ω) ∂ω/∂p: the percentage by which a frequency changes where a number p grows by 1 %."
-
-_WHY = "growing, damped by a damping_ratio, or shared by several modes"
-
-
 class Sensitivity(NamedTuple):
     """A number p of the scene, ∂ω/∂p in rad/s per unit of p, and (p/ω) ∂ω/∂p; None where it is undefined."""
 
@@ -480,49 +473,3 @@ def _one(path: str, number: float, derivative: float, omega: float) -> Iterator[
 
 def _sensitivity(number: float, derivative: float, omega: float) -> Sensitivity:
     return Sensitivity(number, derivative, number / omega * derivative if omega else None)
-
-
-def sensitivity_table(modes: Modes, rows: Sequence[Mode], form: str) -> str:
-    """A table of the relative sensitivities, a row for each number of the scene and a column for each mode.
-
-    `form` is text, markdown, latex or html.  Raises ComputationError for too many.
-    """
-    size = len(rows) * 5 * sum(len(pendulum.links) for pendulum in modes.scene.pendulum)
-    size *= modes.rig.leading if modes.rig.structure else 1
-    if size > MOST_NUMBERS:
-        raise ComputationError(f"{size} sensitivities are too many for a table: choose fewer modes")
-    each = [of_mode(modes, row) for row in rows]
-    places = list(dict.fromkeys(place for by_place in each for place in by_place))
-    cells = [
-        [
-            place,
-            *(
-                _short(value) if value is not None else NOTHING
-                for value in (_relative(by_place, place) for by_place in each)
-            ),
-        ]
-        for place in places
-    ]
-    headings = ["number", *(f"mode {row.number}" for row in rows)]
-    lacking = [f"{row.number}" for row, by_place in zip(rows, each, strict=True) if not by_place]
-    which = f"mode{'s' * (len(lacking) > 1)} {listed(lacking, len(lacking))}"
-    why = f"No single derivative: {which} ({_WHY})." if lacking else ""
-    if form == "text":
-        return "\n" + "\n\n".join(part for part in (folded(HEAD), grid(cells, headings), folded(why)) if part) + "\n"
-    from tabulate import tabulate
-
-    align = ["left", *["right"] * len(rows)]
-    names = {"markdown": "github", "latex": "latex", "html": "html"}
-    body = tabulate(cells, headings, tablefmt=names[form], colalign=align, disable_numparse=True) if cells else ""
-    line, between = {"markdown": ("{}", "\n\n"), "latex": ("% {}", "\n"), "html": ("<p>{}</p>", "\n")}[form]
-    parts = [line.format(HEAD), body, line.format(why) if why else ""]
-    return between[1:] + between.join(filter(None, parts)) + "\n"
-
-
-def _short(value: float) -> str:
-    """Four decimals, zero without a sign."""
-    return f"{round(value, 4) + 0.0:.4f}"
-
-
-def _relative(by_place: dict[str, Sensitivity], place: str) -> float | None:
-    return by_place[place].relative if place in by_place else None
