@@ -39,12 +39,12 @@ from modal.coupling.families import (
     FamilyBranch,
     FamilyRow,
     beats_of,
-    exchanged,
+    exchange_among,
     family_cells,
     family_name,
     mode_words,
+    pair_exchange,
     passes_energy,
-    shared,
 )
 from modal.coupling.matrices import ReducedPencil, stable_pencil
 from modal.coupling.reduced import FixedBaseModes, ReducedStructure, reduced, refuse_beyond
@@ -302,7 +302,7 @@ class Coupling(Displayed):
             return family
         lost = float(rates.mean() + self._lost(np.array([family.omega]))[0])
         weights, levels = family.levels(modes.count[members], lost)
-        exchange = shared(weights, levels)
+        exchange = exchange_among(weights, levels)
         passes = exchange.beats and exchange.most > LEAST_SHARE_OF_BEATS and lost < family.omega
         exchange = replace(exchange, beats=exchange.beats and lost < family.omega)
         return replace(family, exchange=exchange, beats=beats_of(weights, levels) if passes else ())
@@ -374,7 +374,7 @@ class Coupling(Displayed):
             lossy = self.solver.pulled((a, b), damped=True) if self.scene.has_damping else free
         except np.linalg.LinAlgError:
             return None
-        detuning, coupling, strength, passed = exchanged(modes.omega[at], modes.rate[at], free, lossy)
+        detuning, coupling, strength, passed = pair_exchange(modes.omega[at], modes.rate[at], free, lossy)
         families = [family for family in self.families if {a, b} & set(family.members)]
         alone, mass = sum(len(family.members) for family in families) == 2, inf
         if self.on_cart and isinstance(self.solver, SecularEquation):

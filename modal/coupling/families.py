@@ -97,13 +97,13 @@ def beats_of(weights: Floats, levels: Complexes) -> tuple[float, ...]:
     return tuple(sorted(coming, reverse=True))
 
 
-def shared(weights: Floats, levels: Complexes) -> Transfer:
+def exchange_among(weights: Floats, levels: Complexes) -> Transfer:
     """What all others ever hold of the energy given to any one of several, over their levels, as a part of it.
 
     A member has the weights w_l, Σ w_l = 1, (levels, members), in modes of frequency Re δ_l (rad/s, from any origin)
     and decay rate Im δ_l (1/s); the others hold Σ w_l |e_l|² − |Σ w_l e_l|² with e_l = exp(iδ_l t).
 
-    >>> passed = shared(np.array([[2 / 3], [1 / 3]]), np.array([0.0, 0.1 + 0.0j]))
+    >>> passed = exchange_among(np.array([[2 / 3], [1 / 3]]), np.array([0.0, 0.1 + 0.0j]))
     >>> round(passed.most, 12), round(4 * (3 - 1) / 3**2, 12), round(passed.period, 6)
     (0.888888888889, 0.888888888889, 62.831853)
     """
@@ -167,7 +167,7 @@ class EnergyExchange(Displayed):
         return self.exchange.most
 
 
-def exchanged(omega: Floats, rate: Floats, free: Any, lossy: Any) -> tuple[float, float, float, Transfer]:
+def pair_exchange(omega: Floats, rate: Floats, free: Any, lossy: Any) -> tuple[float, float, float, Transfer]:
     """Detuning, coupling, strength and transfer of two modes at `omega` (2,), their pull F without and with dampers.
 
     `rate` (2,) are their own decay rates: where one is overdamped nothing comes back.

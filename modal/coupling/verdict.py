@@ -11,7 +11,7 @@ from math import isfinite
 from modal.coupling.analysis import Coupling
 from modal.coupling.damping import Damped
 from modal.coupling.families import STRONG, EnergyExchange, FamilyRow
-from modal.coupling.words import NEGLIGIBLE, ROUGH, SLIGHT, carrier_words, collective, left, member
+from modal.coupling.words import NEGLIGIBLE, ROUGH, SLIGHT, carrier_words, collective_words, fraction, member_words
 from modal.modes.dissipation import stop_words
 from modal.report import capital, counted, listed, rad, short
 
@@ -81,11 +81,11 @@ def _beats(coupling: Coupling, rows: list[FamilyRow]) -> Iterator[str]:
     row = max(beating, key=lambda row: row.beat or 0.0)
     most = ""
     if row.share is not None:
-        held = "all" if row.share > 1 - SLIGHT else left(row.share)
+        held = "all" if row.share > 1 - SLIGHT else fraction(row.share)
         most = f"; halfway, {'the other holds' if row.fold == 2 else 'the others hold'} {held} of the energy"
         if coupling.scene.has_damping:
             who = "the other never holds" if row.fold == 2 else "the others never hold"
-            most = f"; {who} more than {left(row.share)} of the energy"
+            most = f"; {who} more than {fraction(row.share)} of the energy"
     slowest = "The slowest beat takes" if len(beating) > 1 else "The beat takes"
     yield f"{slowest} {row.beat:.4g} s (family {row.family}){most}."
 
@@ -106,14 +106,14 @@ def _between(coupling: Coupling) -> Iterator[str]:
     """What pendula that differ exchange."""
     if len(coupling.names) == 1:
         return
-    if words := collective(coupling):
+    if words := collective_words(coupling):
         yield words
         return
     pairs = [pair for pair in coupling.pairs if _is_isolated(coupling, pair)]
     if not pairs:
         return
     pair = max(pairs, key=lambda pair: pair.exchange.most)
-    names = [member(coupling, k) for k in (pair.first, pair.second)]
+    names = [member_words(coupling, k) for k in (pair.first, pair.second)]
     who = " and ".join(names) if sum(map(len, names)) <= MOST_LETTERS else "pendula of different kinds"
     passed, tuned = pair.exchange, abs(pair.detuning) < 2 * abs(pair.coupling)
     period = f" in {passed.period:.4g} s" if passed.beats else ""
@@ -124,7 +124,8 @@ def _between(coupling: Coupling) -> Iterator[str]:
         if tuned
         else ": detuning limits it"
     )
-    yield f"{capital(who)} exchange {'at most ' if why else 'up to '}{left(passed.most)} of their energy{period}{why}."
+    most = f"{'at most' if why else 'up to'} {fraction(passed.most)}"
+    yield f"{capital(who)} exchange {most} of their energy{period}{why}."
 
 
 def _is_isolated(coupling: Coupling, pair: EnergyExchange) -> bool:

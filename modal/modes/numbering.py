@@ -38,7 +38,6 @@ from modal.assembly import Rig
 from modal.eigen import UNCERTAIN, Limits, ModalSpectrum, SpectrumPart, degenerate_modes, find_spectrum
 from modal.errors import ComputationError
 from modal.modes.modes import Modes, natural_modes
-from modal.report import deferred
 from modal.scene import Scene
 from modal.scene.doors import checked
 from modal.types import Complexes, Floats, Ints
@@ -47,6 +46,10 @@ DIGITS = 9
 """Decimals to which similarities are compared; the earlier of two equally similar rows is taken."""
 MOST_COMPARED = 1000
 """Links of a scene up to which its shapes are compared where the numbers are optional."""
+LIGHT = 0.1
+"""Damping ratio below which a mode may be light."""
+ALIKE = 0.99
+"""Least modal assurance of the shape of a light mode and of the same without dampers."""
 
 
 @lru_cache(maxsize=4)
@@ -141,14 +144,12 @@ def on_free_cart(rig: Rig) -> bool:
     return rig.cart is not None and not rig.cart.stiffness
 
 
-def fixed_base_masses(
-    modes: Modes, numbers: Sequence[int] | None = None, squares: Sequence[float] | None = None
-) -> Floats:
+def fixed_base_masses(modes: Modes, numbers: Sequence[int] | None = None, own: Sequence[float] | None = None) -> Floats:
     """Modal effective mass in kg of the fixed-base mode that each mode belongs to, along the rail.
 
     Of the modes with these indices (from 0), by default all (R,).  On a fixed support that is the mode's own; NaN where
     modes do not belong to fixed-base modes one to one: on a cart with a spring, on a structure, about an inverted
-    equilibrium, and with dampers that are not light (`modal.modes.numbering`); 0 for the rigid translation.  `own` (R,)
+    equilibrium, and with dampers that are not light; 0 for the rigid translation.  `own` (R,)
     are the modes' own masses (kg), if known.
 
     >>> from modal import load, natural_modes
@@ -157,20 +158,16 @@ def fixed_base_masses(
     """
     rig, rows = modes.rig, np.arange(len(modes)) if numbers is None else np.asarray(numbers, dtype=np.int64)
     if rig.is_damped:
-        masses = deferred("modal.modes.numbering:undamped_masses")(modes)
-        return np.asarray(masses.held[rows])
-    if rig.structure or modes.scene.stands or rig.leans or (rig.cart and not on_free_cart(rig)):
+        return np.asarray(undamped_masses(modes).held[rows])
+    free = on_free_cart(rig)
+    if rig.structure or modes.scene.stands or rig.leans or (rig.leading and not free):
         return np.full(len(rows), np.nan)
-    if squares is not None and not rig.cart:
-        return np.asarray(squares, dtype=np.float64)
+    if own is not None and not free:
+        return np.asarray(own, dtype=np.float64)
+    spectrum = modes.spectrum
     with np.errstate(all="ignore"):
-        masses = _own(modes, rows) if not rig.cart else _held(modes, rows)
+        masses = _held(modes, rows) if free else _masses(spectrum, [spectrum.groups[row] for row in rows.tolist()])
     return np.where(modes.error[rows] < UNCERTAIN, masses * modes.units.mass, np.nan)
-
-
-def _own(modes: Modes, rows: Ints) -> Floats:
-    """The modes' own masses, in natural units."""
-    return _masses(modes.spectrum, [modes.spectrum.groups[row] for row in rows.tolist()])
 
 
 def _held(modes: Modes, rows: Ints) -> Floats:
@@ -216,12 +213,6 @@ def _masses(spectrum: ModalSpectrum, groups: Sequence[Sequence[SpectrumPart]]) -
         for (number, part), kg in zip(here, mass.tolist(), strict=True):
             masses[number] += kg * part.along
     return masses
-
-
-LIGHT = 0.1
-"""Damping ratio below which a mode may be light."""
-ALIKE = 0.99
-"""Least modal assurance of the shape of a light mode and of the same without dampers."""
 
 
 class UndampedMasses(NamedTuple):
