@@ -54,8 +54,8 @@ class Modes(Displayed, Eigenvalues, Sequence[Mode]):
     """
 
     internal = Displayed.internal | {
-        *("every", "first", "limits", "natural", "on_cart", "place", "rig", "selected", "short", "spectrum", "units"),
-        "which",
+        *("every", "first", "hanging", "inertia", "limits", "natural", "on_cart", "place", "rig", "selected"),
+        *("short", "spectrum", "units", "which"),
     }
 
     @overload
@@ -108,7 +108,7 @@ class Modes(Displayed, Eigenvalues, Sequence[Mode]):
         if not self.rig.is_damped or not isnan(mode.effective_mass):
             return mode
         with np.errstate(all="ignore"):
-            masses = deferred("modal.modes.undamped:undamped_masses")(self)
+            masses = deferred("modal.modes.numbering:undamped_masses")(self)
         along, across = float(masses.along[index]), float(masses.across[index])
         return replace(
             mode,
