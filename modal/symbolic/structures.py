@@ -21,8 +21,7 @@ import sympy as sp
 
 from modal import pair
 from modal.report import Displayed, Summary, counted
-from modal.symbolic.carriers import Chain, SymbolicCarrier, Where
-from modal.symbolic.lagrange import Coordinate, coordinate, time_derivative
+from modal.symbolic.carriers import Chain, Coordinate, SymbolicCarrier, Where, coordinate, time_derivative
 
 Place = tuple[Any, ...]
 """Along the rail and down; in space also across."""
