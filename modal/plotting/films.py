@@ -321,7 +321,7 @@ class ModalFilm(MovingFigure):
         for axis in axes.flat[len(rows) :]:
             axis.remove()
         words = [first + _caption(modes, rows)]
-        if layout is not None and layout.scaffold is not None:
+        if layout is not None:
             words += set_apart(layout.scaffold, modes.scene.n_pendula)
         caption(figure, "; ".join(words))
         self.show(0)
@@ -371,14 +371,14 @@ def _panel(axis: Axes, modes: Modes, row: Mode, layout: ShapeLayout | None, ampl
     if layout is None:
         draw = _profile(axis, modes, amplitude)
         return _Panel(axis, moved, draw, [], stands=row.omega == 0 or row.is_uncertain)
-    draw_rest(axis, modes, layout, real)
+    draw_rest(axis, layout, real)
     axis.set_axis_off()
     if row.omega == 0:
         draw_translation(axis, layout)
     largest = fitting_amplitude(layout, replace(real, cart=abs(shape.cart), supports=np.abs(shape.supports)), amplitude)
 
     def hang(axis: Axes, now: Shape) -> None:
-        draw_swing(axis, modes, layout, now, largest, {"color": colour(0)})
+        draw_swing(axis, layout, now, largest, {"color": colour(0)})
 
     return _Panel(axis, moved, hang, [], stands=row.omega == 0 or row.is_uncertain)
 
