@@ -35,7 +35,6 @@ from PIL import Image
 from modal.errors import ComputationError, SceneError, installing
 from modal.modes import Mode, Modes, Shape
 from modal.plotting.layout import caption, headline
-from modal.plotting.profiles import levels_of, number_pendula
 from modal.plotting.shapes import (
     AMPLITUDE_DEG,
     MOST_PANELS,
@@ -48,6 +47,8 @@ from modal.plotting.shapes import (
     fitting_amplitude,
     is_crowded,
     layout_of,
+    levels_of,
+    number_pendula,
     panel_words,
     set_apart,
     some_words,
