@@ -10,8 +10,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from modal.scene.points import LinkEnd, Where
 from modal.structure.carriers import CarrierNumbers
-from modal.structure.structure import LinkEnd, Structure, Where
+from modal.structure.structure import Structure
 from modal.types import Floats
 
 Row = dict[int, float]

@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 from math import sqrt
 
+from modal.scene.points import CarrierEnd, End, GroundEnd, LinkEnd, Where
 from modal.structure.carriers import CarrierNumbers
-from modal.structure.structure import CarrierEnd, End, GroundEnd, LinkEnd, Pivot, SpringNumbers, Structure, Where
+from modal.structure.structure import Pivot, SpringNumbers, Structure
 
 
 def scaled(structure: Structure, mass: float, length: float, gravity: float) -> Structure:

@@ -16,7 +16,8 @@ import numpy as np
 
 from modal.scene import Scene
 from modal.scene.doors import require_type
-from modal.structure.structure import Structure, Where, structure_of
+from modal.scene.points import Where
+from modal.structure.structure import Structure, structure_of
 
 BALANCED = 1e-12
 """Of the sum of the sizes of all moments: what is left of moments that balance."""

@@ -25,6 +25,8 @@ from typing import Any, NamedTuple
 
 import sympy as sp
 
+from modal.scene.points import Where
+
 
 class Coordinate(NamedTuple):
     """A coordinate q with its velocity v = q' and acceleration a = q'', as independent symbols."""
@@ -63,7 +65,6 @@ LETTERS: dict[str, tuple[str, ...]] = {
     "platform": ("x", "y", "phi"),
 }
 """The letters of the coordinates of every kind but "modal", which the name of a carrier follows."""
-Where = tuple[Any, Any] | int
 
 
 class Chain(NamedTuple):
