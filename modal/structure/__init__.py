@@ -8,6 +8,7 @@ In: a `Scene`.  Out: its `Structure`, carriers whose points move exactly, at any
 what is here.
 """
 
+from modal.scene.points import CarrierEnd, End, GroundEnd, LinkEnd, Where, carrier_end
 from modal.structure.carriers import PLATFORM, CarrierNumbers, Moving, carrier_numbers
 from modal.structure.outlines import STILL, Piece, Scaffold
 from modal.structure.rest import (
@@ -28,15 +29,9 @@ from modal.structure.rest import (
     weights,
 )
 from modal.structure.structure import (
-    CarrierEnd,
-    End,
-    GroundEnd,
-    LinkEnd,
     Pivot,
     SpringNumbers,
     Structure,
-    Where,
-    carrier_end,
     coordinate_units,
     scaled,
     structure_of,

@@ -19,8 +19,9 @@ import numpy as np
 
 from modal.scene import Scene
 from modal.scene.doors import require_type
+from modal.scene.points import LinkEnd, Where
 from modal.structure.carriers import CarrierNumbers
-from modal.structure.structure import LinkEnd, Structure, Where, structure_of
+from modal.structure.structure import Structure, structure_of
 from modal.types import Floats
 
 Row = dict[int, float]

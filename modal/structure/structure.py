@@ -15,15 +15,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import sqrt
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple
 
-from modal.scene import Scene, places_of
+from modal.scene import Scene
 from modal.scene.doors import require_type
-from modal.scene.points import CarrierPoint, GroundPoint, parse_point
+from modal.scene.points import CarrierEnd, End, GroundEnd, LinkEnd, Where, hanging_points, joined_points
 from modal.structure.carriers import CarrierNumbers, carrier_numbers
-
-Where = tuple[Any, Any] | int
-"""A point of a carrier: (s, h) in m from its origin, or the number of a point of a modal one."""
 
 
 class Pivot(NamedTuple):
@@ -31,29 +28,6 @@ class Pivot(NamedTuple):
 
     carrier: int
     where: Where
-
-
-class LinkEnd(NamedTuple):
-    """A point of a link, `link` in the order of the file, `below` (m) its upper joint (None: its centre of mass)."""
-
-    link: int
-    below: Any
-
-
-class CarrierEnd(NamedTuple):
-    """A point of a carrier."""
-
-    carrier: int
-    where: Where
-
-
-class GroundEnd(NamedTuple):
-    """A point of the ground (m along, m down); None: at the other end as drawn."""
-
-    place: tuple[Any, Any] | None
-
-
-End = LinkEnd | CarrierEnd | GroundEnd
 
 
 class SpringNumbers(NamedTuple):
@@ -117,41 +91,13 @@ def structure_of(scene: Scene) -> Structure:
     """The structure of a scene that is structured (`Scene.is_structured`)."""
     require_type("scene", scene, "Scene")
     carriers = tuple(carrier_numbers(support) for support in scene.supports)
-    named = {name: index for index, name in enumerate(scene.support_names)}
-    pivots = []
-    for pendulum in scene.pendulum:
-        point = None if pendulum.on is None else parse_point(pendulum.on)
-        carrier, where = 0, cast("Where", pendulum.position)
-        if isinstance(point, CarrierPoint):
-            carrier, where = named[point.name], where if point.point is None else point.point
-        pivots += [Pivot(carrier, where)] * pendulum.count
-    springs = []
-    for entry, spring in enumerate(scene.spring):
-        ends = [_ends(scene, text, named) for text in spring.between]
-        count = max(map(len, ends))
-        pairs = zip(*(each * (count if len(each) == 1 else 1) for each in ends), strict=True)
-        law = spring.kind == "torsion", spring.stiffness, spring.damping, entry
-        springs += [SpringNumbers(pair, *law) for pair in pairs]
-    return Structure(carriers, tuple(pivots), tuple(springs))
-
-
-def carrier_end(scene: Scene, text: str) -> CarrierEnd | None:
-    """The point of a carrier that a text names, None for any other point."""
-    require_type("scene", scene, "Scene")
-    ends = _ends(scene, text, {name: index for index, name in enumerate(scene.support_names)})
-    return ends[0] if len(ends) == 1 and isinstance(ends[0], CarrierEnd) else None
-
-
-def _ends(scene: Scene, text: str, named: dict[str, int]) -> list[End]:
-    """All points that the name of one end of a spring means: one, or one of every copy."""
-    point = parse_point(text)
-    if point is None:
-        return [CarrierEnd(0, (0.0, 0.0))]
-    if isinstance(point, GroundPoint):
-        return [GroundEnd(point.place)]
-    if isinstance(point, CarrierPoint):
-        return [CarrierEnd(named[point.name], point.place if point.point is None else point.point)]
-    return [LinkEnd(place.link, place.below) for place in places_of(scene, text)]
+    pivots = tuple(Pivot(*point) for point in hanging_points(scene))
+    springs = tuple(
+        SpringNumbers(ends, spring.kind == "torsion", spring.stiffness, spring.damping, entry)
+        for entry, ends in joined_points(scene)
+        for spring in [scene.spring[entry]]
+    )
+    return Structure(carriers, pivots, springs)
 
 
 def scaled(structure: Structure, mass: float, length: float, gravity: float) -> Structure:
