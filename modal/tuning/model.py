@@ -23,6 +23,7 @@ from modal.assembly import differences, matrices_of, rig_of, scene_squares
 from modal.errors import SceneError, meant
 from modal.scene import Scene, require
 from modal.scene.parameters import Place, Variable, with_numbers
+from modal.statespace.geometry import Geometry, geometry_of
 from modal.statespace.points import EXAMPLES, is_point, point_input, pushed, validate_points
 from modal.statespace.signals import (
     DRIVES,
@@ -31,9 +32,7 @@ from modal.statespace.signals import (
     PUSHES,
     READINGS,
     SUPPORT,
-    Geometry,
     Signal,
-    geometry_of,
     inputs_of,
     outputs_of,
 )
@@ -173,7 +172,7 @@ def _moved_problems(scene: Scene, geometry: Geometry, name: str) -> list[str]:
         require(scene, "a linear model of a moved support")
     except SceneError as error:
         return list(error.problems)
-    if geometry.carried and any(carrier.M is not None for carrier in geometry.carried.structure.carriers):
+    if any(carrier.M is not None for carrier in geometry.structure.carriers):
         return [f"input {name}: a modal support does not say how the ground drives its coordinates: give forces"]
     return []
 
@@ -182,7 +181,7 @@ def _inputs(geometry: Geometry) -> dict[str, tuple[Source, Signal]]:
     """The forces of a scene by name."""
     known = {*inputs_of(geometry), "coordinate_forces"}
     names = [name for name in PUSHES if name in known and (name != "cart_force" or geometry.on_cart)]
-    if geometry.on_cart and geometry.carried:
+    if geometry.on_cart:
         names.remove("coordinate_forces")
     groups = [(name, PUSHES[name](geometry)) for name in names]
     return {signal.name: ((name, k), signal) for name, group in groups for k, signal in enumerate(group.signals)}

@@ -33,9 +33,10 @@ from modal.scene.doors import checked
 from modal.scene.records import Spectrum
 from modal.statespace import ModalForm, frequency_response, state_space, to_modal_form
 from modal.statespace.gains import without_noise
+from modal.statespace.geometry import geometry_of
 from modal.statespace.points import EXAMPLES, is_point, push_of
 from modal.statespace.response import Term, terms
-from modal.statespace.signals import Signal, geometry_of, own_inputs
+from modal.statespace.signals import Signal, own_inputs
 from modal.types import Booleans, Complexes, Floats
 from modal.vibration.response import ModalResponse
 from modal.vibration.spectra import acceleration_psd, psd_at
@@ -273,7 +274,7 @@ def random_response(
     >>> found.source.unit, found.rms.shape
     ('N', (1,))
     """
-    known = (INPUT, *((own_inputs(geometry_of(scene)) if scene.is_structured else ()) or ("cart_force",)))
+    known = (INPUT, *(own_inputs(geometry_of(scene)) or ("cart_force",)))
     if source not in {*known, "cart_force"} and not is_point(source):
         raise SceneError([f"input {source}: must be {', '.join(known)}, or {EXAMPLES}"])
     require(scene, "random vibration" if source == INPUT else "a frequency response")
