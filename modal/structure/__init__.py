@@ -8,13 +8,12 @@ In: a `Scene`.  Out: its `Structure`, carriers whose points move exactly, at any
 what is here.
 """
 
-from modal.structure.carriers import PLATFORM, CarrierNumbers, Moving, carrier_numbers
+from modal.structure.carriers import PLATFORM, CarrierNumbers, Moving
 from modal.structure.outlines import STILL, Piece, Scaffold
 from modal.structure.rest import (
     BALANCED,
     Phi,
     Row,
-    Weight,
     bends,
     carried,
     drawn_together,
@@ -59,12 +58,10 @@ __all__ = [
     "Scaffold",
     "SpringNumbers",
     "Structure",
-    "Weight",
     "Where",
     "bends",
     "carried",
     "carrier_end",
-    "carrier_numbers",
     "coordinate_units",
     "drawn_together",
     "hung_masses",
