@@ -219,8 +219,8 @@ def chain_squares(block: Block, gravity: float, number: Number = floats) -> Part
         if block.sinking is not None:
             return [centres(along, way, size), centres(down, number(block.sinking), size)]
         moved = centres(along, way, size)
-        unit = moved.total[:, :1, :1]
-        return [moved, SquareRows(down, links, angles[:, :0], number(np.ones((P, n, 1))), size.T, unit)]
+        unit, total = lambda: number(np.ones((P, n, 1))), moved.total[:, :1, :1]
+        return [moved, SquareRows(down, links, angles[:, :0], unit, size.T, total)]
 
     def joints(size: Any) -> SquareRows:
         turns, total = number(np.eye(n, n + 1, k=1) - np.eye(n, n + 1)), number(np.zeros((P, n + 1, n + 1)))

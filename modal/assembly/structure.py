@@ -202,10 +202,10 @@ class Hanging:
                 start, stop = structure.offsets[carrier : carrier + 2]
                 ways = (way[pendula, start:stop] for way in self.phi)
                 moves = [number(way) if np.count_nonzero(way) else None for way in ways]
-                columns = np.arange(start, stop)
+                columns, first = np.arange(start, stop), self.first[pendula, None]
                 for part, squares in zip(parts, local, strict=True):
                     for square in squares:
-                        part.extend(square.hung(which, self.first[pendula, None], d, columns, moves))
+                        part.extend(square.hung(which, first, d, columns, moves))
         return SceneSquares(*parts, d + int(self.first[-1]), number)
 
     @cached_property
