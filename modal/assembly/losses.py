@@ -179,9 +179,10 @@ def _of_supports(scene: Scene, rig: Rig, structure: Structure, damping: Iterable
             yield from _factors(f"{place}.D", part.total[0], start)
             continue
         body, start = structure.carriers[carrier], structure.offsets[carrier]
-        for number, each in part.each:
+        for number, (at, row, size) in part.each:
             suffix = f".{PLATFORM[number - start]}" if body.kind == "platform" else ""
-            yield Dissipator(f"{place}.damping{suffix}", CART if rig.cart else OTHER, each.entries, damping=each.size)
+            kind = CART if rig.cart else OTHER
+            yield Dissipator(f"{place}.damping{suffix}", kind, dict(zip(at, row, strict=True)), size)
 
 
 def _factors(place: str, D: Floats, start: int) -> list[Dissipator]:

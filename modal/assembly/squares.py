@@ -52,15 +52,12 @@ class Element(NamedTuple):
     row: tuple[float, ...]
     size: float
 
-    @property
-    def entries(self) -> Row:
-        """Its row by coordinates."""
-        return dict(zip(self.at, self.row, strict=True))
-
-    def add_to(self, S: Floats) -> None:
-        """Add it to a matrix in place."""
-        row = np.array(self.row)
-        S[np.ix_(self.at, self.at)] += self.size * np.multiply.outer(row, row)
+    def over(self, d: int) -> Floats:
+        """Its row over the first d coordinates, (d,)."""
+        row = np.zeros(d)
+        for place, value in zip(self.at, self.row, strict=True):
+            row[place : place + 1] = value
+        return row
 
 
 class SquareRows(NamedTuple):
