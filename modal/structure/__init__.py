@@ -8,7 +8,7 @@ In: a `Scene`.  Out: its `Structure`, carriers whose points move exactly, at any
 what is here.
 """
 
-from modal.structure.carriers import PLATFORM, CarrierNumbers, Moving
+from modal.structure.carriers import PLATFORM, CarrierNumbers, Moving, carrier_numbers
 from modal.structure.outlines import STILL, Piece, Scaffold
 from modal.structure.rest import (
     BALANCED,
@@ -62,6 +62,7 @@ __all__ = [
     "bends",
     "carried",
     "carrier_end",
+    "carrier_numbers",
     "coordinate_units",
     "drawn_together",
     "hung_masses",
