@@ -139,18 +139,16 @@ def _marks(coupling: Coupling, s: int) -> tuple[Floats, Floats]:
 
 def _poles(coupling: Coupling) -> Floats:
     """The frequencies at which pendula hold still what carries them."""
-    if coupling.scene.is_structured:
-        return np.array([family.omega for family in coupling.families])
-    return np.asarray(coupling.dynamic.omega)
+    return np.array([family.omega for family in coupling.families])
 
 
 def _zeros(coupling: Coupling, s: int) -> Floats:
-    """The frequencies of modes that move the cart, or own mode s of a structure by more than LEAST of their energy."""
-    if not coupling.scene.is_structured:
-        return np.array([mode.omega for mode in coupling.cart_modes])
+    """The frequencies of modes that move own mode s of what carries pendula, of several by LEAST of their energy."""
     branches = [(branch.omega, branch.motion) for family in coupling.families for branch in family.branches]
-    every = [*branches, *coupling.structure_modes]
-    return np.array([w for w, motion in every if w > 0 and coupling.modes[s].mass * motion[s] ** 2 > LEAST])
+    every = [(w, motion) for w, motion in (*branches, *coupling.structure_modes) if w > 0]
+    if len(coupling.modes) > 1:
+        every = [(w, motion) for w, motion in every if coupling.modes[s].mass * motion[s] ** 2 > LEAST]
+    return np.sort([w for w, _ in every])
 
 
 def crowded(coupling: Coupling) -> bool:

@@ -68,7 +68,7 @@ class Scaffold:
             pivot = self.structure.pivots[pendulum]
             places.setdefault(pivot.carrier if isinstance(pivot.where, int) else pivot, []).append(k)
         for members in places.values():
-            step = self.unit * (0.95 if len(members) <= 2 else 0.5)
+            step = self.unit * (0.95 if len(members) <= 4 else 0.5)
             shift[members] = step * (np.arange(len(members)) - (len(members) - 1) / 2)
         return shift
 
