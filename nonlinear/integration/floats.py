@@ -233,6 +233,7 @@ class FloatDOP853:
         left = -V[j] / R[j] if R[j] > 0 else 0.0
         if abs(left) > 2 * NEAR * (self._usual[0] + end - self.t):
             left = 0.0
+        left = max(left, (self.t - end) / 2)  # no switch is before its step, where inputs may be others
         self.h_abs, switched.met = self._usual[0], j
         self._seek_none()
         return [value + left * rate for value, rate in zip(after, f, strict=True)], end + left

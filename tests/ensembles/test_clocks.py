@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from support.amounts import usually
 from support.loops import interpreted
 from support.pieces import Pieces
@@ -201,6 +202,16 @@ def test_a_joint_at_rest_slips_under_a_torque_that_jumps_beyond_its_limit(engine
     assert 9.81 * (1 - np.cos(theta)) == pytest.approx(0.5 * theta, rel=1e-9)
     assert theta > 0.1
     assert rate == 0.0
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_torque_that_grows_from_its_limit_turns_a_joint_from_the_first_moment_on(engine: str) -> None:
+    """From 0.5 to 2 N m in 1.5 s against friction of 0.5 N m, while it turns forwards; before the start it is none."""
+    torque = {"on": "pendulum[0].links[0]", "direction": "torque", "kind": "record"}
+    torque |= {"time_s": np.linspace(0.0, 1.5, 8).tolist(), "moment_nm": np.linspace(0.5, 2.0, 8).tolist()}
+    pendulum = [{"links": [{"kind": "bob", "mass": 1.0, "length": 1.0, "friction": 0.5}]}]
+    free = solve_ivp(lambda t, y: [y[1], t - 9.81 * np.sin(y[0])], (0.0, 1.5), [0.0, 0.0], rtol=1e-11, atol=1e-13)
+    assert ended(engine, hung(pendulum=pendulum, force=[torque]), 1.5)[:, 0] == pytest.approx(free.y[:, -1], abs=1e-8)
 
 
 @pytest.mark.parametrize("engine", ENGINES)
