@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import cos, pi, sin, sqrt
 from typing import Any
 
@@ -334,6 +335,8 @@ def test_files_keep_what_friction_did(tmp_path: Any, kind: str) -> None:
         read = files.load(path)
         assert repr(read.friction) == repr(run.friction)
         assert resume(read, 1.0).final.links == pytest.approx(run.final.links)
+    files.save(replace(run, run=replace(run.run, method="RK45")), path)  # which took friction once
+    assert files.load(path).run.method == "RK45"
 
 
 @pytest.mark.parametrize("seed", range(4))
