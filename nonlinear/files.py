@@ -25,7 +25,7 @@ from modal.scene.doors import checked
 from modal.scene.sealed import finite_array, index, reading, require_keys
 from modal.types import Floats
 from nonlinear.dynamics import links_of_contacts
-from nonlinear.integration import FORMS, TRUNCATED, SolverInfo, Trajectory, validate_method
+from nonlinear.integration import FORMS, SCIPY, TRUNCATED, SolverInfo, Trajectory, validate_method
 from nonlinear.reduction import CORRECTED, LINEAR
 from nonlinear.system import (
     NO_FRICTION,
@@ -217,8 +217,8 @@ def _run(record: dict[str, Any], system: System, scene: Scene) -> SolverInfo:
         raise TypeError
     if run.form in FORMS:
         integrated = replace(system, spatial=system.spatial and run.form in {"spatial", "hamiltonian"})
-        validate_method(scene, run.method, run.form, system=integrated)
-    elif run.form not in REDUCED:
+        validate_method(scene, form=run.form, system=integrated)
+    if run.method not in (*SCIPY, "taylor") if run.form in FORMS else run.form not in REDUCED:
         raise ValueError
     return run
 

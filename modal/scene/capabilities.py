@@ -101,6 +101,7 @@ STILL: Sentences = {
 PLANE: Sentences = {"space": "is computed in the plane"}
 NO_RATIO: Sentences = {"damping_ratio": "does not support damping ratios of modes"}
 STICKS = _each(FRICTION, "does not follow what sticks and slips")
+SWITCHES: Sentences = {**STICKS, "escapement": "does not end its steps at kicks"}
 LOSSES = _each(LOSS, "needs a scene without losses")
 LOSSLESS: Sentences = {
     "loss": "Loss angles are left out: they are a complex stiffness at each frequency, which response, vibration and "
@@ -207,6 +208,14 @@ SIDE_BY_SIDE = Capability(
     SHAPE | DRAG | LOSS | DRIVES | TOGETHER | FORCED | STRUCTURED | {"moved_support", "hoist"},
     refuses=BESIDE_NONE,
     unless=STOPS,
+)
+
+UNSWITCHED = Capability(
+    "a method other than DOP853",
+    ACTING | {"van_der_pol", "hoist", "space"} | STRUCTURED,
+    refuses=SWITCHES,
+    unless=ENDS,
+    instead=("form minimal", "method DOP853 takes it"),
 )
 
 BODILESS: Sentences = {
@@ -371,10 +380,10 @@ CAPABILITIES: dict[str, Capability] = {
         ),
         Capability(
             "method taylor",
-            SHAPE | LOSS | DRIVES | STRUCTURED | {"constant_force"},
+            SHAPE | LOSS | {"van_der_pol"} | STRUCTURED | {"constant_force"},
             refuses={
                 **PLANE,
-                **STICKS,
+                **SWITCHES,
                 **KINK,
                 "load": "has no series of forces from Python",
             },
@@ -383,18 +392,20 @@ CAPABILITIES: dict[str, Capability] = {
         ),
         Capability(
             "compiled equations",
-            SHAPE | DRIVES | STRUCTURED | {"dampers"},
+            SHAPE | {"van_der_pol"} | STRUCTURED | {"dampers"},
             refuses=_each(
-                FRICTION | DRAG | FORCED | _of("space hoist moved_support damping_ratio load"), "do not cover {it}"
+                FRICTION | DRAG | FORCED | _of("escapement space hoist moved_support damping_ratio load"),
+                "do not cover {it}",
             ),
             unless=ENDS,
             instead=("form minimal", "method DOP853 takes it"),
         ),
-        Capability(
-            "an implicit method",
-            ACTING | FRICTION | DRIVES | STRUCTURED | {"hoist"},
-            refuses={"space": "cannot keep the constraints of motion in space"},
-            unless=ENDS,
+        UNSWITCHED,
+        replace(
+            UNSWITCHED,
+            name="an implicit method",
+            takes=UNSWITCHED.takes - {"space"},
+            refuses={**UNSWITCHED.refuses, "space": "cannot keep the constraints of motion in space"},
         ),
         SIDE_BY_SIDE,
         replace(

@@ -103,7 +103,9 @@ def choose_references(scene: Scene) -> tuple[Candidate, Candidate]:
         return Candidate("minimal", "taylor", taylor.TIGHTEST), finest
     if not refusals(scene, "form hamiltonian"):
         return finest, Candidate("hamiltonian", "DOP853", 1e-13)
-    return finest, Candidate("minimal", "LSODA", 1e-13)
+    if not refusals(scene, "an implicit method"):
+        return finest, Candidate("minimal", "LSODA", 1e-13)
+    return finest, Candidate("minimal", "DOP853", 1e-12)
 
 
 def _growth(question: Question) -> Floats:

@@ -46,8 +46,7 @@ from modal.scene import Scene, name_of, require
 from modal.scene.doors import checked
 from modal.types import Booleans, Complexes, Floats, Ints
 from nonlinear.averaging.describing import mixed, pulls, rubbed
-from nonlinear.dynamics import Contacts, contacts_of
-from nonlinear.integration import Escaping, escaping
+from nonlinear.dynamics import Contacts, Escaping, contacts_of, escaping
 from nonlinear.reduction import residual_forces
 from nonlinear.system import State, System, system_of
 

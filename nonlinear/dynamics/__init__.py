@@ -10,11 +10,10 @@ solved without M by one pass up each chain and one down (`recursion`), written o
 """
 
 from nonlinear.dynamics.banded import Banded
-from nonlinear.dynamics.contacts import Contacts, contacts_of, links_of_contacts
+from nonlinear.dynamics.contacts import Contacts, Escaping, contacts_of, escaping, links_of_contacts, refuse_jam
 from nonlinear.dynamics.dense import Dense, Elimination, Small, loses_digits
 from nonlinear.dynamics.equilibrium import is_unstable_equilibrium
 from nonlinear.dynamics.forms import Form, form_of, jacobian_of, module_of
-from nonlinear.dynamics.friction import Frictional, refuse_jam
 from nonlinear.dynamics.generated import Generated, Written
 from nonlinear.dynamics.hamiltonian import Hamiltonian
 from nonlinear.dynamics.hoisted_maximal import HoistedMaximal
@@ -39,8 +38,8 @@ __all__ = [
     "Contacts",
     "Dense",
     "Elimination",
+    "Escaping",
     "Form",
-    "Frictional",
     "Generated",
     "GroupBody",
     "Hamiltonian",
@@ -66,6 +65,7 @@ __all__ = [
     "acting",
     "children_without_interrupts",
     "contacts_of",
+    "escaping",
     "exactly_symmetric",
     "find_symmetries",
     "form_of",

@@ -1,26 +1,39 @@
-"""The contacts of dry friction: where they are, and accelerations that leave those that stick at rest.
+"""Dry friction and escapements: where they act, and accelerations that leave contacts that stick at rest.
 
 At each of J contacts the velocity of sliding is γ' = (J v)_j, a difference of two neighbouring rates or the cart's
-velocity, and a torque or force τ_j of friction adds Jᵀτ to the generalized forces.  Where accelerations without the
-friction of the contacts that stick are a, those with it are
+velocity.  The torque or force τ_j of friction opposes it and is at most the limit M_j,
+
+    γ' ≠ 0:  τ = −M sign γ',        γ' = 0:  |τ| ≤ M,  and τ = −M sign γ'' where sliding begins
+
+(Coulomb; Glocker, Set-Valued Force Laws, 2001, §2).  It adds Jᵀτ to the generalized forces, so that γ'' = a + Gτ with
+the accelerations a without friction and G = J M⁻¹ Jᵀ, symmetric and positive definite.  Which contacts at rest begin to
+slide is a linear complementarity problem with bounds, which has one solution (`complementarity`).  Where accelerations
+without the friction of the contacts that stick are a, those with it are
 
     a + M⁻¹Jᵀτ,   (J M⁻¹ Jᵀ τ)_j = −(J a)_j,   j among the contacts that stick,
 
-and on a rail with a coefficient, where N₀ and the response c₀ are those with the others held,
+and on a rail with a coefficient, whose limit is μ|N|, where N₀ and the response c₀ are those with the others held,
 
     τ₀ = k N,   N = N₀ + n₀ τ₀,   k = −s μ sign N        so that   τ₀ = k N₀/(1 − k n₀),  n₀ = ∂N/∂a · c₀.
+
+An escapement's kick P at a joint is an impulse +P on the link below and −P on the one above.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from modal.errors import ComputationError
 from modal.types import Floats, Ints
 from nonlinear.system import System
+
+JAM = 1e4  # friction on the rail over that of all weights and centrifugal forces, beyond which it has no bound
+JAMMED = "the rail's friction has no consistent value: its coefficient is too large for these links"
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,6 +86,64 @@ def contacts_of(system: System) -> Contacts:
 def links_of_contacts(system: System) -> Ints:
     """The link below each contact (J,), −1 for the rail."""
     return np.asarray(contacts_of(system).below - system.first)
+
+
+def refuse_jam(system: System, rates: Floats, force: float) -> None:
+    """ComputationError where this friction (N) of the rail is beyond all weights and inertial forces.
+
+    `rates` are those of the links (L,).  Before it has no value it grows as 1/(1 + s μ e n₀), and no integrator's
+    steps, however short, reach that end.
+    """
+    thrown = sum(float(group.block.b.ravel() @ rates[group.index].ravel() ** 2) for group in system.groups)
+    coefficient = system.rail.coefficient if system.rail else 0.0
+    if abs(force) > JAM * coefficient * (system.gravity * system.total_mass + thrown):
+        raise ComputationError(JAMMED)
+
+
+@dataclass(frozen=True, eq=False)
+class Escaping:
+    """The J joints with escapements of a system, all arrays (J,): the links below and above (−1: support).
+
+    `bent` is the equilibrium angle (rad); `impulse` (N m s) and `angle` (rad) are those of the kicks.
+    """
+
+    system: System
+    below: Ints
+    above: Ints
+    bent: Floats
+    impulse: Floats
+    angle: Floats
+
+    def gamma(self, values: Floats, rest: Floats | float = 0.0) -> Floats:
+        """The value at every joint (..., J) from the values of all coordinates (..., half)."""
+        padded = np.concatenate((values, np.zeros_like(values[..., :1])), axis=-1)
+        below, above = np.array(self.pairs, dtype=np.int64).reshape(-1, 2).T
+        return np.asarray(padded[..., below] - padded[..., above] - rest)
+
+    @cached_property
+    def pairs(self) -> tuple[tuple[int, int], ...]:
+        """The coordinates of v below and above every joint, −1 standing for a support that does not turn."""
+        system, first = self.system, self.system.first
+        above = np.where(self.above < 0, -1, self.above + first)
+        if system.structure is not None:
+            for joint in np.flatnonzero(self.above < 0):
+                pivot = system.structure.pivots[system.pendulum[self.below[joint]]]
+                angle = system.structure.angle_of(pivot.carrier)
+                above[joint] = -1 if angle is None else angle
+        return tuple(zip((self.below + first).tolist(), above.tolist(), strict=True))
+
+
+def escaping(system: System) -> Escaping:
+    """The joints with escapements, in the order of the groups."""
+    parts: list[Floats] = []
+    for group in system.groups:
+        if group.kicked and group.excitation:
+            above = np.vstack((np.full_like(group.index[:1], -1), group.index[:-1]))
+            drive = group.excitation
+            columns = (group.index, above, group.bent, drive.impulse, drive.angle)
+            parts.append(np.stack([part[drive.impulse > 0] for part in columns]))
+    below, above, *rest = np.hstack(parts) if parts else np.empty((5, 0))
+    return Escaping(system, below.astype(np.int64), above.astype(np.int64), *rest)
 
 
 class Rubbed(NamedTuple):

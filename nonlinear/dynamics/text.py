@@ -196,8 +196,7 @@ class Module:
     def scalar(self, name: str, called: str = "") -> str:
         """The source of a function (c, y, u, v) of lists, by default `called` as it is here, for Python and numba."""
         components = self.components(name)
-        text = "\n".join((*self._lines[name].lines, *components))
-        reads = [constant for constant in self.names if re.search(rf"\b{constant}\b", text)]
+        reads = self._read((*self._lines[name].lines, *components))
         reads += [f"{kind}{k}" for kind, k in (symbol.operation[1:] for symbol in self._lines[name].given)]
         lines = [*(f"{read} = {read[0]}[{read[1:]}]" for read in reads), *self._lines[name].lines]
         returned = f"return [{', '.join(components)}]"
@@ -214,11 +213,15 @@ class Module:
             if names and name not in names:
                 continue
             components = self.components(name)
-            text = "\n".join((*lines.lines, *components))
-            constants = [constant for constant in self.names if re.search(rf"\b{constant}\b", text)]
+            constants = self._read((*lines.lines, *components))
             ends = (f"o[{k}] = {word};" for k, word in enumerate(components))
             made.append(_braced(f"{name}(c, y, u, v, o)", lines, constants, *ends))
         return "\n".join(("{", *made, "}"))
+
+    def _read(self, lines: Sequence[str]) -> list[str]:
+        """The constants that are read in these lines."""
+        read = set(re.findall(r"\bc\d+\b", "\n".join(lines)))
+        return [constant for constant in self.names if constant in read]
 
     def _kinds(self, name: str) -> list[str]:
         wanted = {symbol.operation[1] for symbol in self._lines[name].given}

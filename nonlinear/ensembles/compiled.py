@@ -13,7 +13,7 @@ from modal.types import Floats, Ints
 from nonlinear.chaos import TRANSIENT
 from nonlinear.dynamics import Lanes, undisturbed
 from nonlinear.dynamics.compiling import available
-from nonlinear.dynamics.friction import JAMMED as STUCK
+from nonlinear.dynamics.contacts import JAMMED as STUCK
 from nonlinear.dynamics.inputs import Inputs
 from nonlinear.dynamics.lanes import Rates
 from nonlinear.ensembles.lanes import Watches, stretched, task_of, watches_of

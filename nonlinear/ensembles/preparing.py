@@ -122,8 +122,6 @@ def _codes(scene: Scene, tolerance: float, measures: Sequence[str]) -> Iterator[
         return request.run(choose(scene, duration, tolerance, "taylor"))
 
     problems = refusals(scene, "compiled equations")
-    if system.kicked and system.n_links <= WRITTEN:
-        problems += [f"escapement: kicks of up to {WRITTEN} links are found by plain DOP853"]
     carriers = system.structure.carriers if system.structure else ()
     problems += [f"support.{each.name}: modal supports are not compiled" for each in carriers if each.M is not None]
     kernel = partial(integrator, structured=system.structure is not None)

@@ -23,7 +23,6 @@ from nonlinear.integration.arguments import (
 )
 from nonlinear.integration.changes import names_in, switching_source
 from nonlinear.integration.driver import Drive
-from nonlinear.integration.escapements import Escaping, escaping
 from nonlinear.integration.meeting import MEETING, meeting_source
 from nonlinear.integration.methods import ASKED, FORMS, Choice, choose, equations_of, validate_method
 from nonlinear.integration.run import Request, SimulationError, prepare
@@ -45,7 +44,6 @@ __all__ = [
     "TRUNCATED",
     "Choice",
     "Drive",
-    "Escaping",
     "Pace",
     "Request",
     "SciPyStepper",
@@ -57,7 +55,6 @@ __all__ = [
     "choose",
     "departure",
     "equations_of",
-    "escaping",
     "estimate_timescales",
     "extent",
     "meeting_source",

@@ -19,24 +19,26 @@ WRITTEN = 32  # links of a scene up to which equations are generated in floats
 PER_PERIOD = 14.0  # steps of DOP853 per period at tolerance 1e-6 and large angles
 SERIES_PER_PERIOD = 40.0  # steps of Taylor series per period, at any tolerance
 PER_KICK = 2.0  # steps: one cut short, one that lands on the kick
-LOOKING = 4e-4  # s to look through a step of series for kicks, in Python
 COMPILING = 8.0  # s to compile the integrator
 
 
 def offers(scene: Scene, system: System, duration: float, tolerance: float, size: float = 1.0) -> dict[str, Offer]:
-    """Plain DOP853, compiled DOP853 and, where heyoka takes it, Taylor series for the integrated `system`."""
+    """Plain DOP853 and, where nothing switches, compiled DOP853 and heyoka's series if they take the `system`."""
     links, longest = system.n_links, max(group.n for group in system.groups)
     periods = duration * estimate_timescales(scene).swing / (2 * pi)
     kicks = periods * PER_KICK * system.kicks_a_period
     steps = periods * PER_PERIOD * (1e-6 / tolerance) ** (1 / 8) + kicks
-    each = 1.5e-5 + links * (1e-5 + 6e-7 * longest) if links <= WRITTEN else 2e-3 + 6e-6 * links
+    switches = system.rubs or system.kicked
+    written = links <= WRITTEN or switches
+    each = 1.5e-5 + links * (1e-5 + 6e-7 * longest) if written else 2e-3 + 6e-6 * links
+    if switches:
+        return {"DOP853": Offer(steps * each)}
     compiled = integrator(structured=system.structure is not None)
     ways = {"DOP853": Offer(steps * each), "compiled": Offer(steps * (5e-6 + 8e-7 * links), compiled)}
     if taylor.takes(system):
         each = 3e-6 + links * (1e-6 if links <= taylor.UNROLLED else 1.5e-6 + 2e-7 * longest)
-        each += LOOKING * bool(system.kicked)
         code = taylor.code_of(form_of(system), Inputs(system).pieces or (), taylor.uneven(tolerance * size))
-        ways["taylor"] = Offer((periods * SERIES_PER_PERIOD + kicks) * each, code)
+        ways["taylor"] = Offer(periods * SERIES_PER_PERIOD * each, code)
     return ways
 
 

@@ -7,20 +7,19 @@ from contextlib import nullcontext
 from dataclasses import dataclass, field
 from functools import partial
 from itertools import pairwise
-from math import isfinite
+from math import isfinite, ulp
 from typing import Any, cast
 
 import numpy as np
+import scipy
 
 from modal.errors import ComputationError
 from modal.report import silent
 from modal.types import Floats
 from nonlinear.dynamics import Arranged, Recursion
 from nonlinear.dynamics.minimal import inverted
-from nonlinear.integration.escapements import Due, Escapements, lowest, root
 from nonlinear.integration.floats import FloatStepper
-from nonlinear.integration.friction import StickSlip, Transition
-from nonlinear.integration.steppers import SciPyStepper, Stepper, Sweeper
+from nonlinear.integration.steppers import Stepper, Sweeper
 from nonlinear.integration.switched import Switched
 from nonlinear.system import NO_FRICTION, NO_KICKS, Equations, Event, EventRecord, Friction, Kicks, State
 
@@ -35,6 +34,8 @@ SINGULAR = 1.5e-8
 """Share of all masses that a massless cart feels: the root of rounding, where accelerations keep half their digits."""
 ASIDE = 0.01
 """Of the time between two looks: at which the slope is seen."""
+SHARP, TURNS = 1e-15, 1e-9  # of an interval, to which a root and a turning point are sought
+EPSILON = float(np.finfo(float).eps)
 
 
 @dataclass
@@ -76,7 +77,7 @@ class RunRecord:
 class Drive:
     """A stepper, the system it integrates, the sampled times (ascending, the first is the start) and the events.
 
-    `escapements` kick on the way, `friction` sticks and slips; `report` is called with the simulated time.
+    `report` is called with the simulated time.
     """
 
     stepper: Stepper
@@ -84,8 +85,6 @@ class Drive:
     times: Floats
     events: Sequence[Event] = ()
     report: Callable[[float], object] = silent
-    escapements: Escapements | None = None
-    friction: StickSlip | None = None
 
     def run(self) -> RunRecord:
         """Advance to the last sampled time, or as far as possible."""
@@ -103,12 +102,9 @@ class Drive:
         except KeyboardInterrupt:
             record.stopped, record.interrupted = f"interrupted at {record.reached:.9g} s", True
         except ComputationError as error:
-            refused = self.friction.equations.refused if self.friction else ""
-            record.stopped, record.failed = refused or str(error), True
+            record.stopped, record.failed = str(error), True
         record.friction = self._rubbed(record)
         record.close()
-        if self.escapements:
-            record.kicks = self.escapements.kicks
         if isinstance(self.equations, Switched):
             record.kicks = self.equations.switches.kicked()
         return record
@@ -128,9 +124,7 @@ class Drive:
     @property
     def _rests(self) -> bool:
         """Whether nothing moves any more."""
-        if isinstance(self.equations, Switched):
-            return self.equations.rests and not self._sweeps
-        return bool(self.friction and self.friction.rest == self.friction.rest)
+        return isinstance(self.equations, Switched) and self.equations.rests and not self._sweeps
 
     @property
     def _at_once(self) -> bool:
@@ -139,7 +133,7 @@ class Drive:
 
     @property
     def _sweeps(self) -> bool:
-        return isinstance(self.stepper, Sweeper) and not (self.events or self.escapements or self.friction)
+        return isinstance(self.stepper, Sweeper) and not self.events
 
     def _rest(self, record: RunRecord) -> None:
         """Everything is at rest for good: the samples that are left are all the same."""
@@ -153,7 +147,7 @@ class Drive:
         time, row = record.last or (float(self.times[0]), self.stepper.y)
         if isinstance(self.equations, Switched):
             return self.equations.record(time, np.asarray(row).tolist())
-        return self.friction.record(time, np.asarray(row)) if self.friction else NO_FRICTION
+        return NO_FRICTION
 
     def _far(self, record: RunRecord) -> None:
         """Many steps in which nothing but samples is needed."""
@@ -183,8 +177,6 @@ class Drive:
     def _on(self, record: RunRecord) -> None:
         """One step and everything that happens within it."""
         before = self.stepper.time
-        if self.friction and isinstance(self.stepper, SciPyStepper) and self.stepper.lands:
-            self.friction.land(before, self.stepper.y)
         with np.errstate(all="ignore"):
             self.stepper.step()
         self._within(record, before)
@@ -193,50 +185,19 @@ class Drive:
         """Everything that happens within the last step."""
         record.steps += 1
         now, y = self.stepper.time, self.stepper.y
-        kick = self.escapements.next(self.stepper, before) if self.escapements else None
-        change = self.friction.next(self.stepper, before) if self.friction else None
-        if kick and change and kick.time <= change.time:
-            change = None
-        if change:
-            kick, now, y = None, change.time, self.stepper.exact(change.time)
-        if kick:
-            now, y = kick.time, self.stepper.exact(kick.time)
         stop = _first_stop(record, sorted(self._happenings(before, now), key=lambda happening: happening[0].time))
         if stop is not None:
             now, y = stop, self.stepper.exact(stop)
         self._sample(record, now)
         record.last = now, self.equations.project(y)[0]
-        if self.friction:
-            self.friction.passed(self.stepper, before, now)
         if isinstance(self.equations, Switched):
             self._switch(record, before, y)
-        else:
-            self._change(record, before, (kick, change), y)
-        self.report(now - self.times[0])
-
-    def _change(self, record: RunRecord, before: float, due: tuple[Due | None, Transition | None], y: Floats) -> None:
-        """Go on from y, after a kick or a change of friction that is due."""
-        (kick, change), now = due, record.reached
-        if self.friction and change:
-            if not self._ends(record):
-                changed = self.friction.changed(change, y)
-                known = {event.name for event in record.happenings if event.time > now - BESIDE * (now - before)}
-                _first_stop(record, (event for event in self._jumps(now, y, changed) if event[0].name not in known))
-                record.last = now, changed
-                self.stepper.restart(changed, now)
-        elif self.escapements and kick:
-            if not self._ends(record):
-                kicked = self.escapements.kicked(kick, y)
-                _first_stop(record, self._jumps(now, y, kicked))
-                if self.friction:
-                    self.friction.struck(now, kicked)
-                record.last = now, kicked
-                self.stepper.restart(kicked, now)
         else:
             mended, drift = self.equations.project(self.stepper.y)
             record.drift = max(record.drift, drift)
             if drift:
                 self.stepper.restart(mended)
+        self.report(now - self.times[0])
 
     def _switch(self, record: RunRecord, before: float, y: Floats) -> None:
         """What happens at y where the last step ended at a switch of its own."""
@@ -325,6 +286,25 @@ class Drive:
 
     def _state(self, row: Floats) -> State:
         return self.equations.read(row[None])[0]
+
+
+def root(value: Callable[[float], float], start: float, end: float) -> float:
+    """Where a value between two times of either sign is zero, to the last digits of the interval or of the time."""
+    close = max(SHARP * (end - start), ulp(max(abs(start), abs(end))))
+    return float(scipy.optimize.brentq(value, start, end, xtol=close, rtol=4 * EPSILON))
+
+
+def lowest(value: Callable[[float], float], start: float, end: float) -> tuple[float, float]:
+    """Where a value between two times is lowest, and that value.
+
+    It is sought in parts of the interval: SciPy's own tolerance is 1.5e-8 of what varies, of a late time whole steps.
+    """
+
+    def inside(part: float) -> float:
+        return value(start + part * (end - start))
+
+    least = scipy.optimize.minimize_scalar(inside, bounds=(0.0, 1.0), method="bounded", options={"xatol": TURNS})
+    return float(start + least.x * (end - start)), float(least.fun)
 
 
 def _passes(event: Event, low: float, high: float) -> bool:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Callable, Sequence
-from functools import lru_cache
+from functools import lru_cache, partial
 from math import inf, nan, nextafter, ulp
 from typing import Any, NamedTuple, cast
 
@@ -19,7 +19,7 @@ from modal.types import Floats
 from nonlinear.dynamics import Written
 from nonlinear.dynamics.generated import UNDEFINED, Listed, Rate
 from nonlinear.dynamics.text import function_in
-from nonlinear.integration.meeting import AGAIN, NEAR, STANDS, meet, seen
+from nonlinear.integration.meeting import AGAIN, NEAR, STANDS, meet
 from nonlinear.integration.method import (
     EXTRA,
     FIFTH,
@@ -31,8 +31,10 @@ from nonlinear.integration.method import (
     SHRINKS,
     STAGES,
     THIRD,
+    advance,
     controlled,
     gained,
+    summed,
     terms_of,
     weighted,
 )
@@ -41,6 +43,7 @@ from nonlinear.integration.steppers import first_step as first_step_of
 from nonlinear.integration.switched import Switched
 from nonlinear.system import Equations
 
+WIDE = 64  # components of y from which on sums over stages are NumPy's, 1.2 times as fast for 40 clocks on a cart
 AT_ONCE, SHOWN = 256, 8  # steps, and those of motions with switches whose progress is reported
 
 Numbers = Sequence[float]
@@ -88,7 +91,8 @@ class FloatDOP853:
         max_step: float = inf,
     ) -> None:
         beside = "" if inputs is None else ", (t + {} * h,)" if clocked else ", inputs(t + {} * h, z)"
-        self.rate, self.inputs, self.attempt = rate, inputs, attempt_of(len(y), beside)
+        attempt = attempt_of(len(y), beside) if len(y) < WIDE else partial(wide_attempt, clocked=clocked)
+        self.rate, self.inputs, self.attempt = rate, inputs, attempt
         self.derivative, self.n, self.nfev, self.status = derivative, len(y), 0, "running"
         self.t, self.t_bound, self.max_step, self.rtol = t, t_bound, max_step, rtol
         self.y, self.f = y, self.fun(t, y)
@@ -214,12 +218,12 @@ class FloatDOP853:
             looked.append(values(t + NODES[stage] * length, z, stages[stage], inputs, length))
         looked.append(values(t + length, after, stages[-1], inputs, length))
         V, R = zip(*looked, strict=True)
-        self._tried[0] = following
-        if self._which[0] >= 0 or seen(length, V, R, LOOKS):
-            places = self._which, self._low, self._high, self._tried, self._usual
-            answer = meet(0, (length,), V, R, LOOKS, *places)
-        else:
-            self._usual[0], answer = following, STANDS
+        self._tried[0], aim = following, self._which[0]
+        some = lively(V, R, aim)
+        which = [some.index(aim) if aim >= 0 else -1]
+        v, r = ([[row[j] for j in some] for row in rows] for rows in (V, R))
+        answer = meet(0, (length,), v, r, LOOKS, which, self._low, self._high, self._tried, self._usual)
+        self._which[0] = some[which[0]] if which[0] >= 0 else -1
         switched.look, self._last = looked[-1 if answer == STANDS else 0], looked[-1]
         return answer
 
@@ -229,6 +233,7 @@ class FloatDOP853:
         left = -V[j] / R[j] if R[j] > 0 else 0.0
         if abs(left) > 2 * NEAR * (self._usual[0] + end - self.t):
             left = 0.0
+        left = max(left, (self.t - end) / 2)  # no switch is before its step, where inputs may be others
         self.h_abs, switched.met = self._usual[0], j
         self._seek_none()
         return [value + left * rate for value, rate in zip(after, f, strict=True)], end + left
@@ -351,6 +356,14 @@ class FloatStepper(DOP853Stepper[Written]):
         return mended
 
 
+def lively(V: Sequence[Numbers], R: Sequence[Numbers], aim: int) -> list[int]:
+    """Which values may pass within a step, from what they and their rates are at its looks, and the one aimed at."""
+    some = {j for j, (a, da) in enumerate(zip(V[0], R[0], strict=True)) if a > 0 and da > 0} | {aim} - {-1}
+    for b, rates, later in zip(V[1:], R, R[1:], strict=False):
+        some |= {j for j, (v, da, db) in enumerate(zip(b, rates, later, strict=True)) if not v < 0 or da > 0 > db}
+    return sorted(some)
+
+
 def interpolated(steps: Sequence[FloatStep], times: Floats, derivative: Any) -> Floats:
     """The y (T, size) at ascending times within these steps, by the method's own interpolation."""
     start, end = np.array([(step.start, step.end) for step in steps]).T
@@ -398,6 +411,36 @@ def attempt_of(size: int, beside: str = "") -> Callable[..., Any]:
     stages, looks = (", ".join(names) for names in ([f"k{s}" for s in range(STAGES + 1)], [f"z{s}_" for s in SEEN]))
     lines += [f"  return fifth, third, z, [{stages}], ({looks})"]
     return function_in("\n".join(lines), "attempt")
+
+
+def wide_attempt(
+    rate: Rate,
+    h: float,
+    y: Numbers,
+    first: Numbers,
+    relative: float,
+    absolute: Numbers,
+    t: float,
+    inputs: Any,
+    *,
+    clocked: bool,
+) -> tuple[float, float, list[float], Sequence[Numbers], Sequence[Numbers]]:
+    """The same step for long y, to the last digit, with NumPy's sums over stages."""
+    rates, begun, after, work = np.empty((STAGES + 1, len(y))), np.array(y), np.empty(len(y)), np.empty(len(y))
+    stages, looks, z, errors = [first], list[Numbers](), list[float](), list[float]()
+    rates[0], step = first, np.asarray(h)
+    for stage in range(1, STAGES + 1):
+        advance(stage, begun, step, rates, after, work)
+        z, time = after.tolist(), t + NODES[stage] * h
+        stages.append(rate(z) if inputs is None else rate(z, (time,) if clocked else inputs(time, z)))
+        rates[stage] = stages[-1]
+        looks += [z] * (stage in SEEN)
+    allowed, share = absolute + relative * np.maximum(abs(begun), abs(after)), after
+    for shares in (FIFTH, THIRD):
+        summed(shares, rates, share, work)
+        share /= allowed
+        errors.append(float(sum((share * share).tolist())))
+    return errors[0], errors[1], z, stages, looks
 
 
 def _all(name: str, size: int) -> str:

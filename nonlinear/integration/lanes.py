@@ -288,6 +288,7 @@ class Front:
             at = self.which[met], met
             left = -self.value[at] / self.rise[at]
             left = np.where(np.abs(left) <= ROUNDED * (self.usual[met] + self.h[met]), left, 0.0)
+            left = np.maximum(left, -self.h[met] / 2)
             self.h[met] += left
             step.after[:, met] += beside(left, self.y) * step.stages[-1][:, met]
             self.tried[met] = self.usual[met]

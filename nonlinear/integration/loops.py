@@ -366,6 +366,7 @@ def looping(
                     left = -V[len(V) - 1, j, k] / V[len(V) - 1, N + j, k]
                     if not abs(left) <= ROUNDED * (usual[k] + h[k]):
                         left = 0.0
+                    left = max(left, -h[k] / 2)
                     h[k] += left
                     for i in range(D):
                         z[i, k] += left * K[STAGES, i, k]

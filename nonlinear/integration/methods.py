@@ -12,7 +12,6 @@ from modal.scene import CAPABILITIES, Scene, refusals, validate_scene
 from nonlinear.dynamics import (
     Arranged,
     Dense,
-    Frictional,
     Generated,
     GroupBody,
     Minimal,
@@ -22,7 +21,6 @@ from nonlinear.dynamics import (
     Spatial,
     SpatialRecursion,
     Symmetry,
-    contacts_of,
     loses_digits,
     undisturbed,
 )
@@ -41,7 +39,6 @@ FORMS = ("auto", "minimal", "maximal", "hamiltonian", "spatial")
 STIFF = 30.0  # fastest decay over the fastest oscillation
 SHORTEST = 1e-13  # link length over the longest, below which positions in maximal coordinates cannot resolve it
 ROOM = 1e140  # largest moment of inertia, and inverse of the smallest, whose square does not overflow
-RUBBED = 8  # contacts with dry friction up to which the equations are written out
 FEWEST = 96  # links of a scene up to which it is one dense matrix
 CHAINS, PAIRS = 12, 28  # links, in pendula of three or more and of one or two, up to which it is slower than floats
 """Where nothing acts but gravity, by benchmarks/forms.py and in runs of 1000 samples: one derivative, with SciPy's
@@ -99,8 +96,9 @@ def validate_method(
         if Inputs(system).pieces is None:
             words = CAPABILITIES["method taylor"].unless["moved_support"]
             problems.append(f"{where}: method taylor {words}: method DOP853 takes it")
-    if method in SCIPY and method not in EXPLICIT:
-        problems += refusals(scene, "an implicit method", *more)
+    if method in SCIPY and method != "DOP853":
+        stepping = "a method other than DOP853" if method in EXPLICIT else "an implicit method"
+        problems += refusals(scene, stepping, *more)
     if form == "maximal" and method in SCIPY and method not in EXPLICIT:
         problems.append(f"method {method}: cannot keep the constraints of the {form} form; {', '.join(EXPLICIT)} can")
     if problems:
@@ -140,8 +138,6 @@ def choose(
     if carried:
         ways.pop("compiled", None)
     written = system.n_links <= WRITTEN
-    if written and system.kicked:
-        ways.pop("compiled", None)
     if method != "auto" or tolerance * size < taylor.TIGHTEST or ends_may_meet(system):
         ways.pop("taylor", None)
     method, why = _automatic(scene, duration, tolerance, form, ways) if method == "auto" else (method, ASKED)
@@ -162,9 +158,11 @@ def _automatic(
     scales = estimate_timescales(scene)
     if scales.decay * duration > STIFF * max(scales.swing * duration, 1.0):
         fast = f"the fastest decay, about {scales.decay:.3g}/s, is far faster than the fastest oscillation"
-        if form == "minimal":
-            return "Radau", fast
-        return "DOP853", f"{fast}, but the {form} form has only explicit methods: this takes many steps"
+        if form != "minimal":
+            return "DOP853", f"{fast}, but the {form} form has only explicit methods: this takes many steps"
+        if refusals(scene, "an implicit method"):
+            return "DOP853", f"{fast}, but only DOP853 ends steps at switches: this takes many steps"
+        return "Radau", fast
     if "taylor" in ways and tolerance < FINEST:
         return "taylor", "an accuracy near that of double precision, which takes a method of high order"
     if ways and best_of(ways) == "taylor":
@@ -218,12 +216,8 @@ def equations_of(
 
         if choice.form == "maximal":
             return HoistedMaximal(system, load)
-    if system.rubs or (system.kicked and choice.form == "minimal" and not choice.compiled):
-        contacts, free = contacts_of(system), _free(system, load)
-        if choice.method == "DOP853" and isinstance(free, Generated) and len(contacts.pairs) <= RUBBED:
-            return Switched(free)
-        if system.rubs:
-            return Frictional(_numeric(system, load), contacts)
+    if system.rubs or system.kicked:
+        return Switched(Generated(system, load=load))
     if choice.form == "spatial":
         return _in_space(system, load)
     if choice.form == "maximal":
@@ -257,7 +251,7 @@ def _free(system: System, load: Load | None) -> Arranged:
 
 def _acted_on(system: System, load: Load | None) -> bool:
     """Whether anything acts besides gravity, or switches."""
-    return bool(system.rubs or system.kicked or system.hoisting) or Small(system, load=load).acts
+    return bool(system.hoisting) or Small(system, load=load).acts
 
 
 def _bare(system: System) -> int:

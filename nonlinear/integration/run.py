@@ -15,7 +15,6 @@ from modal.scene import Scene, validate_scene
 from modal.types import Floats
 from nonlinear.dynamics import (
     Arranged,
-    Frictional,
     HoistedMaximal,
     Reduced,
     Symmetry,
@@ -25,9 +24,7 @@ from nonlinear.dynamics import (
 from nonlinear.dynamics.inputs import Inputs
 from nonlinear.integration.arguments import extent, shaken
 from nonlinear.integration.driver import Drive, RunRecord
-from nonlinear.integration.escapements import escapements
 from nonlinear.integration.floats import FloatStepper
-from nonlinear.integration.friction import StickSlip
 from nonlinear.integration.methods import Choice, choose, equations_of, validate_room
 from nonlinear.integration.readiness import rented
 from nonlinear.integration.steppers import AT_EASE, Pace, SciPyStepper, Stepper, first_step, sharpened
@@ -76,11 +73,8 @@ class Prepared:
 
     def go(self, events: Sequence[Event] = (), report: Callable[[float], object] = silent) -> Trajectory:
         """Run once, to the end or as far as possible; SimulationError where the integrator fails."""
-        system, y = self.equations.system, self.stepper.y
-        kicks = system.kicked and not isinstance(self.equations, Switched)
-        kicking = escapements(system, cast("Arranged", self.equations).layout, y, self.before) if kicks else None
-        rubbing = StickSlip(self.equations, self.stepper.time, y) if isinstance(self.equations, Frictional) else None
-        record = Drive(self.stepper, self.equations, self.times, events, report, kicking, rubbing).run()
+        system = self.equations.system
+        record = Drive(self.stepper, self.equations, self.times, events, report).run()
         trajectory = self._trajectory(record)
         if record.failed:
             hint = _hint(system) or _haste(self.scene, float(self.times[-1] - self.times[0]))
@@ -134,8 +128,6 @@ def prepare(
     validate_scene(scene)
     hoisted = isinstance(equations, HoistedMaximal)
     y = cast("HoistedMaximal", equations).begin_at(start, float(times[0])) if hoisted else equations.begin(start)
-    if isinstance(equations, Frictional):
-        equations.release(float(times[0]), y)
     if isinstance(equations, Switched):
         equations.release(float(times[0]), y, before)
     slope = _slope(equations, float(times[0]), y)

@@ -12,13 +12,11 @@ import numpy as np
 
 from modal.errors import ComputationError
 from modal.types import Floats
-from nonlinear.dynamics.contacts import contacts_of
+from nonlinear.dynamics.contacts import JAMMED, contacts_of, escaping, refuse_jam
 from nonlinear.dynamics.forms import Form, form_of
-from nonlinear.dynamics.friction import JAMMED, refuse_jam
 from nonlinear.dynamics.switching import Pairs, switched, switching_of
 from nonlinear.dynamics.text import Module, function_in
 from nonlinear.integration.changes import TEXTS, Places, changing, compiled_source
-from nonlinear.integration.escapements import escaping
 from nonlinear.system import NO_KICKS, Friction, Kicks, System, entries_of, prescribed_of
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(6)

@@ -7,8 +7,9 @@ import numpy as np
 from modal.errors import ComputationError
 from modal.scene.doors import require_type
 from modal.types import Floats
-from nonlinear.dynamics import Frictional, Lanes, Reactions, vectors
+from nonlinear.dynamics import Lanes, Reactions, vectors
 from nonlinear.integration import Choice, Trajectory, equations_of
+from nonlinear.integration.switched import Switched
 from nonlinear.system import Layout, Motion, numbers_of
 
 
@@ -61,7 +62,7 @@ def _one_by_one(trajectory: Trajectory, motion: Motion) -> Motion:
     rows = []
     for at, time in enumerate(trajectory.times.tolist()):
         y = equations.begin(motion[at])
-        if isinstance(equations, Frictional):
+        if isinstance(equations, Switched):
             equations.release(time, y)
         rows.append(equations.derivative(time, y))
     return equations.read(np.array(rows))

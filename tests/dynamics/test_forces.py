@@ -15,7 +15,6 @@ from support.loops import interpreted
 from modal.scene import Scene, scene_from
 from nonlinear import ensemble, files, simulate
 from nonlinear.dynamics import Maximal
-from nonlinear.integration import methods
 from nonlinear.postprocessing import reaction_forces_of
 
 ROD = {"kind": "rod", "mass": 1.0, "length": 1.0}
@@ -172,13 +171,11 @@ def test_reaction_forces_balance_what_acts() -> None:
     assert newton.normal == pytest.approx(saddle.normal, abs=1e-9)
 
 
-def test_dry_friction_on_joints_and_rail_under_forces(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_dry_friction_on_joints_and_rail_under_forces() -> None:
     rubbing = [BOB | {"friction": 0.3}, BOB | {"friction": 0.1}]
     scene = pushed(*PUSH_LOWER, support=CART | {"friction_coefficient": 0.05}, links=rubbing, count=1)
     run = simulate(scene, 0.8, tolerance=1e-10, output=5)
     assert np.ptp(run.mechanics.energy - run.motion.work) < 1e-8
-    monkeypatch.setattr(methods, "RUBBED", -1)
-    assert run.motion.links == pytest.approx(simulate(scene, 0.8, tolerance=1e-10, output=5).motion.links, abs=1e-8)
 
 
 def test_runs_under_forces_are_saved(tmp_path: Any) -> None:

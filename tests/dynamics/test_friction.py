@@ -9,19 +9,11 @@ import numpy as np
 import pytest
 
 from modal.scene import scene_from
-from nonlinear.dynamics import (
-    Contacts,
-    Frictional,
-    Mechanics,
-    Minimal,
-    Recursion,
-    Small,
-    contacts_of,
-)
+from nonlinear.dynamics import Contacts, contacts_of
 from nonlinear.dynamics.complementarity import consistent, on_rail
 from nonlinear.integration import Choice, equations_of
 from nonlinear.integration.switched import Switched
-from nonlinear.system import AppliedForces, State, System, system_of
+from nonlinear.system import System, system_of
 
 
 def every_state(a: np.ndarray, G: np.ndarray, limit: np.ndarray) -> list[np.ndarray]:
@@ -50,74 +42,8 @@ def test_it_is_the_one_state_of_all(seed: int) -> None:
     assert np.all((np.abs(tau) < limit) == (sign == 0))
 
 
-def scene(coefficient: float, **angles: float) -> Frictional:
-    links = [
-        {"kind": "bob", "mass": 1.0, "length": 1.0, "friction": 0.2},
-        {"kind": "rod", "mass": 2.0, "length": 0.7, "friction": 0.1, "quadratic_drag": 0.1},
-    ]
-    support = {"kind": "cart", "mass": 0.5, "friction_coefficient": coefficient}
-    scene = scene_from({"gravity": 9.81, "support": support, "pendulum": [{"links": links}]})
-    equations = equations_of(system_of(scene), Choice("minimal", "RK45", False, ""))
-    assert isinstance(equations, Frictional)
-    return equations
-
-
-@pytest.mark.parametrize("seed", range(12))
-def test_the_reaction_of_the_rail_carries_what_newton_says(seed: int) -> None:
-    """N = Σ m (g − z'') with the accelerations under friction, and τ = −μ|N| sign x'."""
-    rng = np.random.default_rng(seed)
-    equations = scene(0.3)
-    system = equations.system
-    state = State(rng.normal(size=2), 6 * rng.normal(size=2), 0.0, float(rng.normal()))
-    y = equations.begin(state)
-    equations.release(0.0, y)
-    rate = equations.derivative(0.0, y)
-    half, step = equations.layout.half, 1e-5
-    speeds = [Mechanics(system, equations.read((y + way * step * rate)[None])).speeds[0, :, 1] for way in (-1.0, 1.0)]
-    drag = np.zeros(2)
-    from nonlinear.dynamics.drag import forces_of
-
-    drag = forces_of(system, Mechanics(system, equations.read(y[None])).speeds)[0, :, 1]
-    falling = (speeds[1] - speeds[0]) / (2 * step)
-    normal = 0.5 * 9.81 + float(np.sum(system.mass * (9.81 - falling) + drag))
-    friction = equations.settled(0.0, y, np.sign(equations.sliding(y)))
-    assert friction.tau[0] == pytest.approx(-0.3 * abs(normal) * np.sign(state.cart_rate), rel=1e-6)
-    assert half == 3
-
-
 def test_a_rail_that_jams_has_no_state() -> None:
     assert not on_rail([1.0], [1.0], [2.0], [1.0], [1.0, -1.0], 1)[0]
-
-
-def test_written_out_and_by_the_recursion_it_is_the_same() -> None:
-    links = [{"kind": "rod", "mass": 1.0, "length": 0.5, "friction": 0.1, "count": 5}]
-    system = system_of(scene_from({"gravity": 9.81, "pendulum": [{"links": links}]}))
-    long = Frictional(Minimal(system, tuple(Recursion(group) for group in system.groups)), contacts_of(system))
-    rng = np.random.default_rng(3)
-    y = long.begin(State(rng.normal(size=5), rng.normal(size=5)))
-    long.release(0.0, y)
-    written = equations_of(system, Choice("minimal", "DOP853", False, ""))
-    assert isinstance(written, Switched)
-    written.release(0.0, y)
-    assert written.derivative(0.0, y) == pytest.approx(long.derivative(0.0, y), rel=1e-9, abs=1e-9)
-
-
-def test_a_load_acts_alike_written_out_and_by_a_matrix() -> None:
-    links = [{"kind": "rod", "mass": 1.0, "length": 0.5, "friction": 0.1, "count": 3}]
-    support = {"kind": "cart", "mass": 1.0, "friction": 0.2}
-    system = system_of(scene_from({"gravity": 9.81, "support": support, "pendulum": [{"links": links}]}))
-
-    def load(time: float, state: State) -> AppliedForces:
-        return AppliedForces(0.3 + state.cart, np.array([0.1, -0.2, 0.3]) * time)
-
-    apart = equations_of(system, Choice("minimal", "DOP853", False, ""), load)
-    within = Frictional(Small(system, load=load), contacts_of(system))
-    assert isinstance(apart, Switched)
-    rng = np.random.default_rng(8)
-    y = within.begin(State(rng.normal(size=3), rng.normal(size=3), 0.4, -0.3))
-    apart.release(2.0, y)
-    within.release(2.0, y)
-    assert apart.derivative(2.0, y) == pytest.approx(within.derivative(2.0, y), rel=1e-9)
 
 
 # -------------------------------------------------------------------------------- with everything else that acts
@@ -204,17 +130,11 @@ def in_phase(equations: Switched, sign: np.ndarray, time: float, y: np.ndarray) 
 
 
 @pytest.mark.parametrize("name", BESIDE)
-@pytest.mark.parametrize("written", [True, False])
-def test_every_set_of_sticking_contacts_obeys_newton(name: str, written: bool) -> None:
+def test_every_set_of_sticking_contacts_obeys_newton(name: str) -> None:
     numbers = dict(BESIDE[name])
     system = system_of(scene_from({"gravity": 9.81, "pendulum": [{"links": numbers.pop("links")}], **numbers}))
-    contacts, free = contacts_of(system), Minimal(system, tuple(map(Recursion, system.groups)))
-    if system.hoisting:
-        free = Minimal(system, (None,))
-    equations = Frictional(free, contacts)
-    if written:
-        equations = equations_of(system, Choice("minimal", "DOP853", False, ""))  # type: ignore[assignment]
-        assert isinstance(equations, Switched)
+    contacts, equations = contacts_of(system), equations_of(system, Choice("minimal", "DOP853", False, ""))
+    assert isinstance(equations, Switched)
     rng, half = np.random.default_rng(4), equations.layout.half
     for sign in product((-1.0, 0.0, 1.0), repeat=len(contacts.pairs)):
         s = np.array(sign)
@@ -222,13 +142,9 @@ def test_every_set_of_sticking_contacts_obeys_newton(name: str, written: bool) -
         slides = np.abs(rng.normal(size=len(s))) * s
         for (below, above), gamma in zip(contacts.pairs, slides, strict=True):
             y[half + below] = gamma + (y[half + above] if above >= 0 else 0.0)
-        if isinstance(equations, Switched):
-            in_phase(equations, s, 0.7, y)
-        else:
-            equations.set_sign(s)
+        in_phase(equations, s, 0.7, y)
         rate, expected = equations.derivative(0.7, y), newton(system, 0.7, y, s, contacts)
         assert rate[half : 2 * half] == pytest.approx(expected, rel=1e-10, abs=1e-10)
         assert not contacts.relative(rate[: 2 * half].reshape(2, half))[:, s == 0].any()
-        if written:
-            both = equations.derivative(0.7, np.stack((y, y), axis=1))
-            assert both == pytest.approx(np.stack((rate, rate), axis=1), rel=1e-12, abs=1e-12)
+        both = equations.derivative(0.7, np.stack((y, y), axis=1))
+        assert both == pytest.approx(np.stack((rate, rate), axis=1), rel=1e-12, abs=1e-12)

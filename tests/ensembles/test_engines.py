@@ -189,7 +189,7 @@ def test_what_cannot_be_compiled_says_why(monkeypatch: pytest.MonkeyPatch) -> No
     long = Scene(gravity=9.81, pendulum=[Pendulum(links=[Bob(mass=1.0, length=1.0, count=33)])])
     assert "minutes" in compile_engines(long).codes[2].why_not
     clocks = compile_engines(HUYGENS)
-    assert clocks.codes[0].why_not.startswith("escapement: ")
+    assert clocks.codes[0].why_not in "; ".join(refusals(HUYGENS, "compiled equations"))
     assert compile_engines(RUBBING).codes[1].why_not in "; ".join(refusals(RUBBING, "method taylor"))
     table = json.loads(compilation_table(clocks, "json"))
     assert [code["why_not"] for code in table["codes"]] == clocks.to_dict()["why_not"].tolist()

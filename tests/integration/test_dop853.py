@@ -242,7 +242,7 @@ def test_samples_of_many_steps_at_once_are_those_of_each(name: str, pace: Pace, 
 
 @engines
 @pytest.mark.parametrize("tolerance", [1e-4, 1e-7, 1e-11])
-@pytest.mark.parametrize("name", ["paper-cart-3", "chain-3", "huygens", "mixed"])
+@pytest.mark.parametrize("name", ["paper-cart-3", "chain-3", "mixed"])
 def test_a_run_is_the_run_in_numpy(name: str, tolerance: float, engine: str, monkeypatch: pytest.MonkeyPatch) -> None:
     scene = mixed() if name == "mixed" else load(name)
     start = leaning(scene) if name == "mixed" else None
@@ -255,16 +255,12 @@ def test_a_run_is_the_run_in_numpy(name: str, tolerance: float, engine: str, mon
     ours, theirs = runs
     inner: list[Any] = [each.equations for each in runs]
     kinds = [type(each.inner if isinstance(each, Reduced) else each).__name__ for each in inner]
-    switched = name == "huygens" and engine == "floats"
-    assert kinds == ["Switched" if switched else "Generated" if engine == "floats" else "Compiled", "Small"]
-    assert switched or (ours.run.steps, ours.run.calls) == (theirs.run.steps, theirs.run.calls)
-    assert len(ours.kicks.time) == len(theirs.kicks.time)
+    assert kinds == ["Generated" if engine == "floats" else "Compiled", "Small"]
+    assert (ours.run.steps, ours.run.calls) == (theirs.run.steps, theirs.run.calls)
     for part in ("links", "link_rates", "cart", "work"):
         mine, other = getattr(ours.motion, part), getattr(theirs.motion, part)
-        assert np.max(np.abs(mine - other)) < (10 * tolerance if switched else 1e-11) * max(
-            1.0, float(np.max(np.abs(other)))
-        )
-    assert ours.energy_drift() <= (2.0 if switched else 1.001) * theirs.energy_drift() + 1e-13
+        assert np.max(np.abs(mine - other)) < 1e-11 * max(1.0, float(np.max(np.abs(other))))
+    assert ours.energy_drift() <= 1.001 * theirs.energy_drift() + 1e-13
 
 
 def test_coefficients_are_those_of_scipy() -> None:

@@ -16,11 +16,10 @@ from modal.errors import ComputationError
 from modal.scene import Scene, scene_from
 from nonlinear import State, simulate
 from nonlinear.dynamics.inputs import Inputs
-from nonlinear.integration import Trajectory, methods
-from nonlinear.integration.escapements import lowest, root
+from nonlinear.integration import Trajectory
+from nonlinear.integration.driver import lowest, root
 from nonlinear.integration.meeting import AGAIN, MET, bent, highest, meet
 from nonlinear.integration.method import LOOKS
-from nonlinear.integration.switched import Switched
 from nonlinear.integration.switches import Switches, switches_of
 from nonlinear.system import system_of
 
@@ -133,24 +132,6 @@ def test_a_motion_with_switches_is_that_of_simulate(name: str) -> None:
         assert friction.begin == pytest.approx(run.friction.begin, abs=1e-7)
         assert friction.end == pytest.approx(run.friction.end, abs=1e-7)
         assert friction.work == pytest.approx(run.friction.work, abs=1e-7)
-
-
-@pytest.mark.parametrize("name", SCENES)
-def test_floats_end_steps_where_numpy_finds_changes_on_interpolants(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    written = simulate(SCENES[name], usually(1.2, 2.5), tolerance=1e-11, output=41)
-    monkeypatch.setattr(methods, "RUBBED", -1)
-    apart = simulate(SCENES[name], usually(1.2, 2.5), tolerance=1e-11, output=41)
-    assert isinstance(written.equations, Switched)
-    assert not isinstance(apart.equations, Switched)
-    assert written.motion.links == pytest.approx(apart.motion.links, abs=2e-8)
-    assert written.kicks.time == pytest.approx(apart.kicks.time, abs=2e-8)
-    assert written.kicks.energy == pytest.approx(apart.kicks.energy, abs=1e-8)
-    assert written.friction.link.tolist() == apart.friction.link.tolist()
-    assert written.friction.begin == pytest.approx(apart.friction.begin, abs=1e-7)
-    assert written.friction.end == pytest.approx(apart.friction.end, abs=1e-7)
-    assert written.friction.work == pytest.approx(apart.friction.work, abs=1e-7)
-    assert written.friction.rest == pytest.approx(apart.friction.rest, abs=1e-7, nan_ok=True)
-    assert written.energy_drift() < 1e-9
 
 
 def test_two_joints_kicked_at_once_get_the_energy_of_both() -> None:
@@ -317,12 +298,11 @@ CLOCKS = scene_from(
 )
 
 
-@pytest.mark.parametrize("method", ["DOP853", "RK45"])
-def test_a_motion_costs_the_same_however_late_it_begins(method: str) -> None:
+def test_a_motion_costs_the_same_however_late_it_begins() -> None:
     """From 1,024 s on the floats of the time are farther apart than a switch within a short step was sought to."""
-    early = simulate(CLOCKS, 1.0, method=method, output=[0, 1.0], tolerance=1e-6)
+    early = simulate(CLOCKS, 1.0, output=[0, 1.0], tolerance=1e-6)
     for late in (1e3, 1e6, 1e9):
-        run = simulate(CLOCKS, 1.0, method=method, output=[0, 1.0], tolerance=1e-6, start_time=late)
+        run = simulate(CLOCKS, 1.0, output=[0, 1.0], tolerance=1e-6, start_time=late)
         assert (run.run.calls, len(run.kicks.time)) == (early.run.calls, len(early.kicks.time))
         spacing = np.spacing(late) * (len(run.kicks.time) + 4)
         np.testing.assert_allclose(run.motion.links, early.motion.links, rtol=0, atol=1e-12 + 2 * spacing)

@@ -192,6 +192,7 @@ export class SwitchedIntegrator {
       const [V, R] = this.last;
       let left = R[j] > 0 ? -V[j] / R[j] : 0;
       if (Math.abs(left) > 2 * whole.NEAR * (seeking.usual[0] + length)) left = 0;
+      left = Math.max(left, -length / 2);
       method.y.set(method.trial.map((value, i) => value + left * this.rate[i]));
       time = end + left;
       [method.next, this.met, this.look] = [seeking.usual[0], j, null];
