@@ -4,14 +4,14 @@ In: a `System` and its state.  Out: accelerations, and the positions, energies, 
 
     M(q) q'' = f(q, q', t)
 
-solved without M by one pass up each chain and one down (`recursion`), written out in floats for small scenes
-(`generated`), densely, as a band for long chains, or compiled (`compiled`, extra `fast`).  Start with `minimal`;
+solved without M by one pass up each chain and one down (`recursion`), written out in floats (`generated`), as a band
+for long chains, or compiled (`compiled`, extra `fast`).  Start with `minimal`;
 `symmetries` replaces a scene by a smaller one that moves alike.
 """
 
 from nonlinear.dynamics.banded import Banded
 from nonlinear.dynamics.contacts import Contacts, contacts_of, links_of_contacts
-from nonlinear.dynamics.dense import Dense, Elimination, Small, loses_digits
+from nonlinear.dynamics.elimination import Elimination, loses_digits
 from nonlinear.dynamics.equilibrium import is_unstable_equilibrium
 from nonlinear.dynamics.forms import Form, form_of, jacobian_of, module_of
 from nonlinear.dynamics.friction import Frictional, refuse_jam
@@ -37,7 +37,6 @@ __all__ = [
     "Arranged",
     "Banded",
     "Contacts",
-    "Dense",
     "Elimination",
     "Form",
     "Frictional",
@@ -55,7 +54,6 @@ __all__ = [
     "Reactions",
     "Recursion",
     "Reduced",
-    "Small",
     "Spatial",
     "SpatialHamiltonian",
     "SpatialRecursion",

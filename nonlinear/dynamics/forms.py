@@ -16,7 +16,7 @@ import numpy as np
 
 from modal.structure import End, GroundEnd, LinkEnd
 from modal.types import Ints
-from nonlinear.dynamics.dense import Elimination, loses_digits
+from nonlinear.dynamics.elimination import Elimination, loses_digits
 from nonlinear.dynamics.inputs import Inputs
 from nonlinear.dynamics.minimal import GroupBody, Minimal, Recursion
 from nonlinear.dynamics.spatial import Spatial, SpatialRecursion

@@ -17,8 +17,8 @@ import numpy as np
 
 from modal.errors import ComputationError
 from modal.types import Floats
-from nonlinear.dynamics.dense import SINGULAR
 from nonlinear.dynamics.drag import plane_drag
+from nonlinear.dynamics.elimination import SINGULAR
 from nonlinear.dynamics.energies import energy_on_carriers
 from nonlinear.dynamics.forms import Form, Symbolic, form_of, jacobian_of, module_of
 from nonlinear.dynamics.generated import UNDEFINED, Generated, Listed

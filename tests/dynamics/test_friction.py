@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from dense_form import DenseForm
 
 from modal.scene import scene_from
 from nonlinear.dynamics import (
@@ -15,7 +16,6 @@ from nonlinear.dynamics import (
     Mechanics,
     Minimal,
     Recursion,
-    Small,
     contacts_of,
 )
 from nonlinear.dynamics.complementarity import consistent, on_rail
@@ -111,7 +111,7 @@ def test_a_load_acts_alike_written_out_and_by_a_matrix() -> None:
         return AppliedForces(0.3 + state.cart, np.array([0.1, -0.2, 0.3]) * time)
 
     apart = equations_of(system, Choice("minimal", "DOP853", False, ""), load)
-    within = Frictional(Small(system, load=load), contacts_of(system))
+    within = Frictional(DenseForm(system, load=load), contacts_of(system))
     assert isinstance(apart, Switched)
     rng = np.random.default_rng(8)
     y = within.begin(State(rng.normal(size=3), rng.normal(size=3), 0.4, -0.3))
