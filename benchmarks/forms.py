@@ -110,7 +110,7 @@ def in_forms(name: str, scene: Scene, seconds: float) -> list[tuple[str, ...]]:
         ]
     else:
         forms = [
-            ("Lagrange, angles", bodies(system, Recursion), "minimal"),
+            ("Lagrange, angles", Generated(system), "minimal"),
             ("Hamilton", Hamiltonian(system), "hamiltonian"),
         ]
         forms.append(("maximal", Maximal(system), "maximal"))

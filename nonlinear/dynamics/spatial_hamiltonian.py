@@ -38,7 +38,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from modal.types import Floats
-from nonlinear.dynamics import spatial_joints as ball_joints
+from nonlinear.dynamics.energies import energies
 from nonlinear.dynamics.joints import cart_force
 from nonlinear.dynamics.minimal import Arranged, inverted
 from nonlinear.dynamics.spatial import Spatial, SpatialRecursion
@@ -108,16 +108,9 @@ class SpatialHamiltonian(Arranged):
         return inverted(self.system, solvers, q, p, self.lagrangian.places)
 
     def hamiltonian(self, q: Any, p: Any) -> Any:
-        """H = ½ (p_x x' + Σ π·u') + V (J), V as in `nonlinear.dynamics.hamiltonian.potential`."""
-        system, first = self.system, self.system.first
-        H = (p * self.velocities(q, p)).sum(0) / 2 + (system.cart.stiffness * q[0] ** 2 / 2 if system.cart else 0.0)
-        for place, group in self._groups:
-            u = upon_sphere(q[first:][place])
-            b = group.block.b.reshape(*group.block.b.shape, *[1] * (u.ndim - 3))
-            H = H - (system.gravity * b * u[2]).sum((0, 1))
-            if group.sprung:
-                H = H + ball_joints.spring_energy(group, u).sum((0, 1))
-        return H
+        """H = ½ (p_x x' + Σ π·u') + V (J), V from the scene's rest."""
+        v = self.velocities(q, p)
+        return (p * v).sum(0) / 2 + energies(self.system, q, v).stored
 
     def derivative(self, time: Any, y: Any) -> Any:
         """The derivative y' (size, ...): (x', u'), then (p_x', π'), then the power."""

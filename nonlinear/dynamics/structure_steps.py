@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from nonlinear.dynamics.energies import energies_on_carriers
+from nonlinear.dynamics.energies import energies
 from nonlinear.dynamics.forms import Form, TapedEquations, form_of
 from nonlinear.dynamics.inputs import QUIET
 from nonlinear.dynamics.minimal import Minimal
@@ -75,7 +75,8 @@ class StructureSteps:
         )
         change = [tape.symbol("in", "v", k) for k in range(2 * half)]
         moved = along(tape, smooth, y[: 2 * half], change)
-        T, V = energies_on_carriers(equations.system, q, v)
+        parts = energies(equations.system, q, v)
+        T, V = parts.moving, parts.stored
         still = replace(slow, support=None, forces=())
         power = Minimal(still, equations.bodies, equations.minimal.load).rates(y, QUIET)[-1]
         mass, drained = (_second(tape, energy, v, x, z) for energy in (T, power))
