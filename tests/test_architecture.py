@@ -301,7 +301,7 @@ FIRST_MOMENTS, DIRECTIONS = (
 KEPT = {
     "nonlinear.dynamics.recursion": "the text",
     "nonlinear.dynamics.elimination": "the text of short chains",
-    "nonlinear.dynamics.spatial_hamiltonian": "the canonical form in space, an independent route",
+    "nonlinear.dynamics.hamiltonian": "the canonical form in space, an independent route",
     "nonlinear.reduction.truncated": "the motion in a few modes",
     "nonlinear.postprocessing.frequencies": "the amplitude series of a frequency",
     "nonlinear.chaos.studies": "the energies that a section can have",

@@ -16,19 +16,16 @@ from nonlinear.dynamics.equilibrium import is_unstable_equilibrium
 from nonlinear.dynamics.forms import Form, form_of, jacobian_of, module_of
 from nonlinear.dynamics.friction import Frictional, refuse_jam
 from nonlinear.dynamics.generated import Generated, Written
-from nonlinear.dynamics.hamiltonian import Hamiltonian
-from nonlinear.dynamics.hoisted_maximal import HoistedMaximal
+from nonlinear.dynamics.hamiltonian import Hamiltonian, SpatialHamiltonian
 from nonlinear.dynamics.inputs import Inputs, Instant
 from nonlinear.dynamics.interrupts import children_without_interrupts, undisturbed
 from nonlinear.dynamics.joints import acting
 from nonlinear.dynamics.lanes import Lanes
-from nonlinear.dynamics.links import link_steps, sine_steps, support_steps
-from nonlinear.dynamics.maximal import Maximal
+from nonlinear.dynamics.maximal import HoistedMaximal, Maximal
 from nonlinear.dynamics.mechanics import Mechanics, Reactions, vectors
 from nonlinear.dynamics.minimal import Arranged, GroupBody, Minimal, Recursion
 from nonlinear.dynamics.spatial import Spatial, SpatialRecursion
-from nonlinear.dynamics.spatial_hamiltonian import SpatialHamiltonian
-from nonlinear.dynamics.structure_steps import StructureSteps, structure_steps
+from nonlinear.dynamics.steps import StructureSteps, link_steps, sine_steps, structure_steps, support_steps
 from nonlinear.dynamics.symmetries import Reduced, Symmetry, exactly_symmetric, find_symmetries, symmetrize, synchronous
 from nonlinear.dynamics.tape import Tape
 from nonlinear.dynamics.text import Module, sincos

@@ -9,8 +9,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from typing import Any, NamedTuple
 
-from nonlinear.dynamics.applied import on_cart
-from nonlinear.dynamics.drag import External
+from nonlinear.dynamics.external import External, on_cart
 from nonlinear.dynamics.inputs import Instant
 from nonlinear.dynamics.joints import Base, cart_force
 from nonlinear.system import System

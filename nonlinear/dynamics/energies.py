@@ -12,9 +12,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from nonlinear.dynamics import spatial_joints as ball_joints
 from nonlinear.dynamics.inputs import lengthened
 from nonlinear.dynamics.joints import spring_energy
+from nonlinear.dynamics.spatial import joint_energy
 from nonlinear.dynamics.structure import Carriers, CarriersAt
 from nonlinear.system import Group, System
 
@@ -128,7 +128,7 @@ def _in_plane(group: Group, angles: Any, rates: Any, base: Any) -> LinkMotion:
 def _in_space(group: Group, u: Any, w: Any, base: Any) -> LinkMotion:
     sigma = _spread(group.block.sigma, u[0])
     lifts = sigma * (u[0] * u[0] + u[1] * u[1] + (u[2] - sigma) ** 2) / 2
-    return LinkMotion(w, u, (w * w).sum(0), lifts, ball_joints.spring_energy(group, u) if group.sprung else 0.0)
+    return LinkMotion(w, u, (w * w).sum(0), lifts, joint_energy(group, u) if group.sprung else 0.0)
 
 
 def _hung(system: System, group: Group, times: Any, like: Any) -> tuple[Group, Any]:

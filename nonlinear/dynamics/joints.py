@@ -18,8 +18,7 @@ from typing import Any
 import numpy as np
 
 from modal.types import Floats
-from nonlinear.dynamics.applied import applied, on_cart
-from nonlinear.dynamics.drag import plane_drag
+from nonlinear.dynamics.external import applied, on_cart, plane_drag
 from nonlinear.system import AppliedForces, Group, State, System
 
 

@@ -20,9 +20,8 @@ from modal.errors import ComputationError
 from modal.report import Displayed
 from modal.structure import CarrierEnd
 from modal.types import Booleans, Floats
-from nonlinear.dynamics.applied import resultants
-from nonlinear.dynamics.drag import forces_of
 from nonlinear.dynamics.energies import Energies, energies
+from nonlinear.dynamics.external import forces_of, resultants
 from nonlinear.dynamics.structure import Carriers, CarriersAt
 from nonlinear.system import Layout, Motion, System, drawn_place
 

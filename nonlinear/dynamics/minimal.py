@@ -19,10 +19,9 @@ from typing import Any, Protocol, cast
 import numpy as np
 
 from modal.types import Floats, Ints
-from nonlinear.dynamics.applied import applied
 from nonlinear.dynamics.bearing import Bearing, RailAt
 from nonlinear.dynamics.contacts import Rubbed
-from nonlinear.dynamics.drag import External, plane_drag
+from nonlinear.dynamics.external import External, applied, plane_drag
 from nonlinear.dynamics.inputs import Inputs, Instant, Lengths, lengthened
 from nonlinear.dynamics.joints import Base, bending_torques, inertial_torques, modal_drag
 from nonlinear.dynamics.recursion import Answer, Bias, downward, driven, links_of, upward

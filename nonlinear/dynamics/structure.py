@@ -25,7 +25,7 @@ import numpy as np
 from modal.structure import CarrierEnd, CarrierNumbers, Moving, Structure, carried
 from modal.types import Ints
 from nonlinear.dynamics.bearing import Bearing, Joints
-from nonlinear.dynamics.drag import External
+from nonlinear.dynamics.external import External
 from nonlinear.dynamics.inputs import QUIET, Instant
 from nonlinear.dynamics.springs import Springs, Strained, Tension, filled, versed
 from nonlinear.system import Group, System

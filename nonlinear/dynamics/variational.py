@@ -17,9 +17,9 @@ import numpy as np
 
 from modal.errors import ComputationError
 from modal.types import Floats
-from nonlinear.dynamics.drag import plane_drag
 from nonlinear.dynamics.elimination import SINGULAR
 from nonlinear.dynamics.energies import energies
+from nonlinear.dynamics.external import plane_drag
 from nonlinear.dynamics.forms import Form, Symbolic, form_of, jacobian_of, module_of
 from nonlinear.dynamics.generated import UNDEFINED, Generated, Listed
 from nonlinear.dynamics.joints import cart_force, modal_drag

@@ -75,7 +75,7 @@ def test_the_reaction_of_the_rail_carries_what_newton_says(seed: int) -> None:
     half, step = equations.layout.half, 1e-5
     speeds = [Mechanics(system, equations.read((y + way * step * rate)[None])).speeds[0, :, 1] for way in (-1.0, 1.0)]
     drag = np.zeros(2)
-    from nonlinear.dynamics.drag import forces_of
+    from nonlinear.dynamics.external import forces_of
 
     drag = forces_of(system, Mechanics(system, equations.read(y[None])).speeds)[0, :, 1]
     falling = (speeds[1] - speeds[0]) / (2 * step)

@@ -16,7 +16,7 @@ import scipy
 from modal import pair
 from modal.types import Floats
 from nonlinear.dynamics import Minimal, acting
-from nonlinear.dynamics.applied import sizes_at
+from nonlinear.dynamics.external import sizes_at
 from nonlinear.dynamics.inputs import NOTHING
 from nonlinear.dynamics.joints import frame_of
 
