@@ -19,7 +19,6 @@ from nonlinear.dynamics.generated import Generated, Written
 from nonlinear.dynamics.hamiltonian import Hamiltonian, SpatialHamiltonian
 from nonlinear.dynamics.inputs import Inputs, Instant
 from nonlinear.dynamics.interrupts import children_without_interrupts, undisturbed
-from nonlinear.dynamics.joints import acting
 from nonlinear.dynamics.lanes import Lanes
 from nonlinear.dynamics.maximal import HoistedMaximal, Maximal
 from nonlinear.dynamics.mechanics import Mechanics, Reactions, vectors
@@ -58,7 +57,6 @@ __all__ = [
     "Symmetry",
     "Tape",
     "Written",
-    "acting",
     "children_without_interrupts",
     "contacts_of",
     "exactly_symmetric",

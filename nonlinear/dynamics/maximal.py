@@ -43,7 +43,7 @@ import scipy
 from modal.errors import ComputationError
 from modal.types import Floats, Ints
 from nonlinear.dynamics.external import forces_of, resultants
-from nonlinear.dynamics.joints import acting, frame_of
+from nonlinear.dynamics.joints import cart_force, joint_torques, modal_drag
 from nonlinear.dynamics.mechanics import Reactions
 from nonlinear.system import AppliedForces, Load, Motion, State, System
 
@@ -100,7 +100,7 @@ class Maximal:
         """The unknowns, and the power (W) of dampers, drives, the load and inertial forces."""
         system, forces, push = self.system, np.zeros(self.pivots.size), self._push(time, state)
         support, links = self.pivots.parts(forces)
-        on_cart, on_links, power = acting(system, state, push, None)
+        on_cart, on_links, power = acting(system, state, push)
         support += on_cart, system.gravity * system.cart.mass if system.cart else 0.0
         links[:, 1] = system.gravity * system.mass
         links[:, 2] = on_links
@@ -411,7 +411,7 @@ class HoistedMaximal(Maximal):
         system, speed, acceleration = frozen(self.system, time)
         pivots, forces = Pivots(system), np.zeros(self.pivots.size)
         support, links = pivots.parts(forces)
-        on_cart, on_links, power = acting(system, state, push, None)
+        on_cart, on_links, power = acting(system, state, push)
         support += on_cart, system.gravity * system.cart.mass if system.cart else 0.0
         links[:, 1] = system.gravity * system.mass
         links[:, 2] = on_links
@@ -467,3 +467,33 @@ def directions(angles: Floats) -> tuple[Floats, Floats]:
     """The unit vectors u along and n across every link, (2, ...): along the rail, down."""
     sin, cos = np.sin(angles), np.cos(angles)
     return np.stack((sin, cos)), np.stack((cos, -sin))
+
+
+def frame_of(system: System, time: float) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Acceleration (m/s²) and velocity (m/s) of the support, each along the rail and down, at a time (s)."""
+    support = system.support
+    return (support.acceleration(time), support.velocity(time)) if support else ((0.0, 0.0), (0.0, 0.0))
+
+
+def acting(system: System, state: State, push: AppliedForces) -> tuple[float, Floats, float]:
+    """Force (N) along the rail, generalized forces (N m) on the absolute angles, (L,), and non-conservative power (W).
+
+    They are those of joints, of damping ratios, of a cart's spring and damper and of a load: what acts on centres is
+    left to the links, which are free.  Conservative forces do not count in the power.
+    """
+    torques, power = state.links * 0.0, 0.0
+    for group in system.groups:
+        if group.hinged:
+            angles, rates = state.links[group.index], state.link_rates[group.index]
+            torques[group.index], lost = joint_torques(group, angles, rates)
+            power += float(lost)
+    if push.moments is not None:
+        torques, power = torques + push.moments, power + float(push.moments @ state.link_rates)
+    kept, working = cart_force(system, state.cart, state.cart_rate)
+    outside = push.cart + working if system.cart else 0.0
+    if system.modal_damping is not None:
+        rates = np.append(state.cart_rate, state.link_rates) if system.cart else state.link_rates
+        drag = modal_drag(system, rates)
+        torques, power = torques + drag[-len(torques) :], power + float(drag[-len(torques) :] @ state.link_rates)
+        outside += drag[0] if system.cart else 0.0
+    return outside + kept, torques, power + float(state.cart_rate * outside)

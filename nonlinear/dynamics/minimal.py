@@ -486,16 +486,14 @@ class Minimal(Suspended):
         return plane_drag(group, links, rates, cart_rate, support, speed)
 
 
-def drained_on_carriers(system: System, q: Floats, v: Floats, support: tuple[Any, Any] = (0.0, 0.0)) -> Floats:
-    """The power (W), (S,), that dampers, drives and drag bring to states of a structure side by side, q, v (half, S).
+def drained(system: System, q: Floats, v: Floats, support: tuple[Any, Any] = (0.0, 0.0)) -> Floats:
+    """The power (W), (S,), that dampers, drives of joints and drag bring to states side by side, q and v (half, S).
 
-    As in `nonlinear.dynamics.joints.drained`, drag is that in the laboratory, where the `support` moves so fast (m/s).
+    Drag is that in the laboratory, where the `support` moves at these velocities (m/s) along the rail and down.
     """
-    equations = Minimal(system, tuple(Recursion(group, tail=1) for group in system.groups))
-    y, instant, first = np.concatenate((q, v)), Instant(velocity=support), system.first
-    if not equations.layout.works:
-        return np.zeros(q.shape[1:])
-    power = equations.rates(np.concatenate((y, np.zeros_like(y[:1]))), instant)[-1]
+    equations, first = Minimal(system, (None,) * len(system.groups), counts_work=False), system.first
+    y, instant = np.concatenate((q, v)), Instant(velocity=support)
+    _, power = equations.forces(y, instant)
     bearing = equations.bearing(q, v, instant)
     for k, group in enumerate(system.groups):
         if group.dragged:
@@ -504,7 +502,7 @@ def drained_on_carriers(system: System, q: Floats, v: Floats, support: tuple[Any
             assert external is not None
             along, down = external.forces.sum((1, 2))
             power = power + along * support[0] + down * support[1]
-    return np.asarray(power)
+    return np.asarray(power + 0.0 * q[0])
 
 
 def transmitted(group: Group, winding: Any, angles: Any, rates: Any, turns: Any, start: Any, external: Any) -> Any:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -17,10 +17,7 @@ from modal.scene import Scene, SupportMotion, places_of
 from modal.scene.points import Place
 from modal.structure import CarrierEnd, carrier_end
 from modal.types import Floats, Ints
-from modal.vibration import PrescribedMotion, prescribed_motion
-
-if TYPE_CHECKING:
-    from modal.vibration import Course, PrescribedMotion
+from modal.vibration import Course, PrescribedMotion, prescribed_motion
 
 Direction = tuple[float, float]
 ALONG, UP = (1.0, 0.0), (0.0, -1.0)
@@ -52,8 +49,6 @@ class ActingForce:
     @property
     def course(self) -> Course:
         """Its size in time."""
-        from modal.vibration import Course
-
         return Course(self.motion, self.motion.force)
 
     def spots(self, index: Ints) -> list[Spot]:
@@ -71,8 +66,6 @@ def acting_forces(scene: Scene) -> tuple[ActingForce, ...]:
     """The forces on a scene as functions of time."""
     if not scene.force:
         return ()
-    from modal.vibration import prescribed_motion
-
     return tuple(
         ActingForce(
             tuple(places_of(scene, force.on)),

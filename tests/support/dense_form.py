@@ -15,10 +15,7 @@ import scipy
 
 from modal import pair
 from modal.types import Floats
-from nonlinear.dynamics import Minimal, acting
-from nonlinear.dynamics.external import sizes_at
-from nonlinear.dynamics.inputs import NOTHING
-from nonlinear.dynamics.joints import frame_of
+from nonlinear.dynamics import Minimal
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,18 +39,19 @@ class DenseForm(Minimal):
 
     def derivative(self, time: float, y: Any) -> Any:
         """The time derivative of one y, (size,)."""
-        (A, b), system, layout, state = self.arrays, self.system, self.layout, self.layout.state(y)
+        (A, b), system, layout = self.arrays, self.system, self.layout
         first, half = layout.first, layout.half
         angles, squared = y[first:half], y[half + first : 2 * half] ** 2
         apart = angles[:, None] - angles
         M, force, slopes = np.empty((half, half)), np.empty(half), np.zeros(y.size)
         M[first:, first:] = A * np.cos(apart)
-        push = self.load(time, state) if self.load else NOTHING
-        on_cart, on_links, power = acting(system, state, push, frame_of(system, time), sizes_at(system, time))
-        force[first:] = on_links - system.gravity * b * np.sin(angles) - (A * np.sin(apart)) @ squared
+        instant = self.inputs.at(time, y, layout)
+        (Q, power), (along, down) = self.forces(y, instant), instant.support
+        weight = b * ((system.gravity - down) * np.sin(angles) + along * np.cos(angles))
+        force[first:] = Q[first:] - weight - (A * np.sin(apart)) @ squared
         if system.cart:
             M[0, 0], M[0, 1:] = system.cart.mass + float(system.mass.sum()), b * np.cos(angles)
-            M[1:, 0], force[0] = M[0, 1:], on_cart + (b * np.sin(angles)) @ squared
+            M[1:, 0], force[0] = M[0, 1:], Q[0] + (b * np.sin(angles)) @ squared
         slopes[:half] = y[half : 2 * half]
         slopes[half : 2 * half] = scipy.linalg.solve(M, force, assume_a="pos")
         if layout.works:
