@@ -27,13 +27,11 @@ from scipy.integrate import solve_ivp
 from modal import Cart, InitialCondition, Pendulum, Rod, Scene, load
 from nonlinear.dynamics import (
     Banded,
-    Dense,
     Generated,
     Hamiltonian,
     Maximal,
     Minimal,
     Recursion,
-    Small,
     Spatial,
     SpatialHamiltonian,
     SpatialRecursion,
@@ -92,7 +90,7 @@ def row(name: str, scene: Scene) -> tuple[str, ...]:
     system, links = system_of(scene), scene.n_links
     problem = Problem(name, scene, np.deg2rad(np.linspace(90, 45, links)), DURATION)
     chosen = equations_of(system, Choice("minimal", "DOP853", False, ""))
-    forms = [Generated(system), Small(system), bodies(system, Dense), bodies(system, Banded), chosen]
+    forms = [Generated(system), bodies(system, Recursion), bodies(system, Banded), chosen]
     times = [microseconds(lambda form=form: stepped(form, problem)) for form in forms]
     textbooks = microseconds(rival(problem))
     every = *times, textbooks, times[-1] / textbooks, whole(problem)
@@ -112,7 +110,7 @@ def in_forms(name: str, scene: Scene, seconds: float) -> list[tuple[str, ...]]:
         ]
     else:
         forms = [
-            ("Lagrange, angles", bodies(system, Recursion), "minimal"),
+            ("Lagrange, angles", Generated(system), "minimal"),
             ("Hamilton", Hamiltonian(system), "hamiltonian"),
         ]
         forms.append(("maximal", Maximal(system), "maximal"))
@@ -169,7 +167,7 @@ def main() -> None:
     scenes = [("chain", bobs(n)) for n in (QUICK if quick else CHAINS)]
     scenes += [("pairs on a cart", on_cart(n, 2)) for n in (QUICK if quick else PAIRS)]
     scenes += [("fives on a cart", on_cart(n, 5)) for n in (QUICK if quick else FIVES)]
-    forms = "floats (µs)", "one matrix", "dense", "banded", "chosen", "textbook"
+    forms = "floats (µs)", "recursion", "banded", "chosen", "textbook"
     heads = "scene", "links", *forms, "chosen / textbook", "whole"
     print(tabulate([row(*each) for each in scenes], heads, tablefmt="github", disable_numparse=True))
     compared = [(f"{n} bobs", started(bobs(n), np.linspace(40, 20, n))) for n in ((2,) if quick else (2, 5, 20))]

@@ -20,7 +20,7 @@ import numpy as np
 import scipy
 
 from modal import Cart, Pendulum, Rod, Scene, matrices
-from nonlinear.dynamics import Banded, Dense, Minimal, Recursion, compiled
+from nonlinear.dynamics import Banded, Minimal, Recursion, compiled
 from nonlinear.system import system_of
 
 NUMBERS, CHAINS = (1, 2, 10, 100), (10, 100, 1000)
@@ -151,7 +151,6 @@ def pinocchio(scene: Scene, y: np.ndarray) -> Accelerations:
 
 ENGINES: dict[str, tuple[Callable[[Scene, np.ndarray], Accelerations], str | None]] = {
     "Recursion": (bound(Recursion), None),
-    "Dense": (bound(Dense), None),
     "Banded": (bound(Banded), None),
     "Compiled": (by_numba, "numba"),
     "textbook": (textbook, None),
@@ -178,7 +177,7 @@ def microseconds(call: Accelerations) -> float:
 
 def too_large(name: str, scene: Scene) -> bool:
     """Whether matrices would exceed memory or time."""
-    sizes = {"textbook": scene.n_links, "Dense": scene.pendulum[0].n_links, "Pinocchio": scene.n_links}
+    sizes = {"textbook": scene.n_links, "Pinocchio": scene.n_links}
     return sizes.get(name, 0) > MOST_DENSE
 
 

@@ -300,9 +300,8 @@ FIRST_MOMENTS, DIRECTIONS = (
 )
 KEPT = {
     "nonlinear.dynamics.recursion": "the text",
-    "nonlinear.dynamics.dense": "the text of short chains, and the small dense form",
-    "nonlinear.dynamics.hamiltonian": "the canonical form, an independent route",
-    "nonlinear.dynamics.spatial_hamiltonian": "the canonical form in space, an independent route",
+    "nonlinear.dynamics.elimination": "the text of short chains",
+    "nonlinear.dynamics.hamiltonian": "the canonical form in space, an independent route",
     "nonlinear.reduction.truncated": "the motion in a few modes",
     "nonlinear.postprocessing.frequencies": "the amplitude series of a frequency",
     "nonlinear.chaos.studies": "the energies that a section can have",

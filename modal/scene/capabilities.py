@@ -372,8 +372,8 @@ CAPABILITIES: dict[str, Capability] = {
         ),
         Capability(
             "form hamiltonian",
-            ACTING | {"van_der_pol", "space"},
-            refuses={**STICKS, **NO_SMOOTH, **CONSTANT, **BODILESS},
+            ACTING | STRUCTURED | {"van_der_pol", "space"},
+            refuses={**STICKS, **NO_SMOOTH, **CONSTANT},
             unless=ENDS,
             apart={("space", "damping_ratio"): "motion in space has no damping ratios"},
             instead=MINIMAL,

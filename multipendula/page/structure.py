@@ -1,7 +1,7 @@
 """What the page of a structure has of its own: the equations and the drawing of this scene, written from Python.
 
 The module `structure` of the page is made here.  Of a scene that is no structure it says null; else it has the
-functions of `nonlinear.dynamics.structure_steps`, those of `modal.structure.outlines` recorded, and the numbers that
+functions of `nonlinear.dynamics.steps`, those of `modal.structure.outlines` recorded, and the numbers that
 they take: the entries of `nonlinear.system.entries_of` that are `kept`, with their `places` in the scene, then what is
 `prescribed`, with the places and units of its `constants`.
 """

@@ -4,30 +4,26 @@ In: a `System` and its state.  Out: accelerations, and the positions, energies, 
 
     M(q) q'' = f(q, q', t)
 
-solved without M by one pass up each chain and one down (`recursion`), written out in floats for small scenes
-(`generated`), densely, as a band for long chains, or compiled (`compiled`, extra `fast`).  Start with `minimal`;
+solved without M by one pass up each chain and one down (`recursion`), written out in floats (`generated`), as a band
+for long chains, or compiled (`compiled`, extra `fast`).  Start with `minimal`;
 `symmetries` replaces a scene by a smaller one that moves alike.
 """
 
 from nonlinear.dynamics.banded import Banded
 from nonlinear.dynamics.contacts import Contacts, Escaping, contacts_of, escaping, links_of_contacts, refuse_jam
-from nonlinear.dynamics.dense import Dense, Elimination, Small, loses_digits
+from nonlinear.dynamics.elimination import Elimination, loses_digits
 from nonlinear.dynamics.equilibrium import is_unstable_equilibrium
 from nonlinear.dynamics.forms import Form, form_of, jacobian_of, module_of
 from nonlinear.dynamics.generated import Generated, Written
-from nonlinear.dynamics.hamiltonian import Hamiltonian
-from nonlinear.dynamics.hoisted_maximal import HoistedMaximal
+from nonlinear.dynamics.hamiltonian import Hamiltonian, SpatialHamiltonian
 from nonlinear.dynamics.inputs import Inputs, Instant
 from nonlinear.dynamics.interrupts import children_without_interrupts, undisturbed
-from nonlinear.dynamics.joints import acting
 from nonlinear.dynamics.lanes import Lanes
-from nonlinear.dynamics.links import link_steps, sine_steps, support_steps
-from nonlinear.dynamics.maximal import Maximal
+from nonlinear.dynamics.maximal import HoistedMaximal, Maximal
 from nonlinear.dynamics.mechanics import Mechanics, Reactions, vectors
 from nonlinear.dynamics.minimal import Arranged, GroupBody, Minimal, Recursion
 from nonlinear.dynamics.spatial import Spatial, SpatialRecursion
-from nonlinear.dynamics.spatial_hamiltonian import SpatialHamiltonian
-from nonlinear.dynamics.structure_steps import StructureSteps, structure_steps
+from nonlinear.dynamics.steps import StructureSteps, link_steps, sine_steps, structure_steps, support_steps
 from nonlinear.dynamics.symmetries import Reduced, Symmetry, exactly_symmetric, find_symmetries, symmetrize, synchronous
 from nonlinear.dynamics.tape import Tape
 from nonlinear.dynamics.text import Module, sincos
@@ -36,7 +32,6 @@ __all__ = [
     "Arranged",
     "Banded",
     "Contacts",
-    "Dense",
     "Elimination",
     "Escaping",
     "Form",
@@ -54,7 +49,6 @@ __all__ = [
     "Reactions",
     "Recursion",
     "Reduced",
-    "Small",
     "Spatial",
     "SpatialHamiltonian",
     "SpatialRecursion",
@@ -62,7 +56,6 @@ __all__ = [
     "Symmetry",
     "Tape",
     "Written",
-    "acting",
     "children_without_interrupts",
     "contacts_of",
     "escaping",

@@ -9,8 +9,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from typing import Any, NamedTuple
 
-from nonlinear.dynamics.applied import on_cart
-from nonlinear.dynamics.drag import External
+from nonlinear.dynamics.external import External, on_cart
 from nonlinear.dynamics.inputs import Instant
 from nonlinear.dynamics.joints import Base, cart_force
 from nonlinear.system import System
@@ -43,8 +42,12 @@ class Bearing(ABC):
         """A group's solver with all that acts on it; `reaction` are the torques (P, ...) of its first joints."""
 
     @abstractmethod
+    def pushed(self, drag: Any) -> tuple[Any, Any]:
+        """The generalized forces (first, ...) and the power (W) of what acts here; `drag` is that of damping ratios."""
+
+    @abstractmethod
     def solved(self, drag: Any) -> tuple[Any, Any]:
-        """The accelerations (first, ...) and the power (W) of what acts here; `drag` is that of damping ratios."""
+        """The accelerations (first, ...) that these make, and the power."""
 
     @abstractmethod
     def fall(self, group: int) -> Any:
@@ -80,17 +83,23 @@ class RailAt(Bearing):
         self.mass, self.force = self.mass + mass, self.force + force
         self.taken.append((body, memory))
 
-    def solved(self, drag: Any) -> tuple[Any, Any]:
-        """The cart's acceleration, if there is one."""
-        cart = self.system.cart
-        if not cart:
+    def pushed(self, drag: Any) -> tuple[Any, Any]:
+        """The force on the cart, if there is one."""
+        if not self.system.cart:
             return [], 0.0
         kept, working = cart_force(self.system, self.x, self.rate)
         outside = self.instant.push.cart + working + (0.0 if drag is None else drag[0])
         if self.instant.forces:
             outside = outside + on_cart(self.system, self.instant.forces)
-        self.acceleration = (outside + kept - self.force) / (cart.mass + self.mass)
-        return [self.acceleration], self.rate * outside
+        return [outside + kept - self.force], self.rate * outside
+
+    def solved(self, drag: Any) -> tuple[Any, Any]:
+        """The cart's acceleration, if there is one."""
+        forces, power = self.pushed(drag)
+        if self.system.cart:
+            self.acceleration = forces[0] / (self.system.cart.mass + self.mass)
+            forces = [self.acceleration]
+        return forces, power
 
     def fall(self, group: int) -> Any:
         """Under the acceleration of the cart."""

@@ -9,9 +9,9 @@ import numpy as np
 
 from modal.types import Floats
 from nonlinear.dynamics.contacts import contacts_of
-from nonlinear.dynamics.joints import acting
+from nonlinear.dynamics.joints import link_torques
 from nonlinear.dynamics.minimal import Minimal, Recursion
-from nonlinear.system import AppliedForces, Group, State, System
+from nonlinear.system import Group, State, System
 
 ROUNDING = 16 * float(np.finfo(float).eps)  # of moments that are in balance, relative to their parts
 TINY = float(np.finfo(float).tiny)
@@ -31,11 +31,10 @@ def is_unstable_equilibrium(system: System, start: State) -> bool:
         return False
     angles = np.arctan2(np.hypot(*start.links.T[:2]), start.links[:, 2]) if system.spatial else start.links
     still = ~np.any(start.link_rates.reshape(system.n_links, -1), axis=1)
-    _, felt, _ = acting(replace(system, spatial=False), State(angles, 0.0 * angles), AppliedForces())
     judged = []
     for group in system.groups:
         weight, bent = system.gravity * group.block.b, angles[group.index]
-        left = np.abs(felt[group.index] - weight * np.sin(bent))
+        left = np.abs(link_torques(group, bent, 0.0 * bent) - weight * np.sin(bent))
         balanced = left <= ROUNDING * (weight + group.block.stiffness) * (1 + np.abs(bent))
         judged.append((np.all(balanced & still[group.index], axis=0), _falls(group, weight * np.cos(bent))))
     resting, falling = (np.concatenate(part) for part in zip(*judged, strict=True))

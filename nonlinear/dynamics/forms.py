@@ -16,7 +16,7 @@ import numpy as np
 
 from modal.structure import End, GroundEnd, LinkEnd
 from modal.types import Ints
-from nonlinear.dynamics.dense import Elimination, loses_digits
+from nonlinear.dynamics.elimination import Elimination, loses_digits
 from nonlinear.dynamics.inputs import Inputs
 from nonlinear.dynamics.minimal import GroupBody, Minimal, Recursion
 from nonlinear.dynamics.spatial import Spatial, SpatialRecursion
@@ -219,11 +219,15 @@ class TapedEquations(Symbolic):
         self.y = self.tape.inputs("y", self.minimal.layout.size)
         self.u = self.tape.inputs("u", inputs.count)
         self.instant = inputs.instant(self.u)
+
+    @cached_property
+    def rates(self) -> list[Any]:
+        """The rates y', with contacts that all slide, and N of a rail with a coefficient."""
         sliding = self.instant
         if sliding.gripping:
-            sliding = sliding._replace(gripping=sliding.gripping._replace(sticks=[0.0] * len(form.contacts)))
+            sliding = sliding._replace(gripping=sliding.gripping._replace(sticks=[0.0] * len(sliding.gripping.pairs)))
         rates, rubbed = self.minimal.rubbed(self.y, sliding)
-        self.rates = [*rates.tolist(), *([] if rubbed.normal is None else [rubbed.normal])]
+        return [*rates.tolist(), *([] if rubbed.normal is None else [rubbed.normal])]
 
     @cached_property
     def held(self) -> list[Any]:

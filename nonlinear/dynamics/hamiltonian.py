@@ -1,134 +1,340 @@
-"""Hamilton's equations in the plane, the comparison suggested at the end of paper 002, by O(links) passes.
+"""Hamilton's equations, the comparison suggested at the end of paper 002: in the plane from T and V alone.
 
-With n = (cos θ, −sin θ) across a link, u = (sin θ, cos θ) along it, v the velocity of its centre and P the momentum of
-all that hangs below it,
+    p = ∂T/∂q'        q' = M⁻¹ p        p' = ∂T/∂q − ∂V/∂q + Q        H = T + V
 
-    w = m c v + l P       p_θ = I θ' + n·w       p_x = m_c x' + Σ m v_x                 momenta without a matrix
-    q' = ∂H/∂p = M⁻¹ p          `nonlinear.dynamics.recursion` without gravity or rates, with p in place of the forces
-    p_θ' = −∂H/∂θ = −θ' u·w − g b sin θ + springs        p_x' = −k_c x                 H = ½ pᵀM⁻¹p + V
+T and V are recorded from `nonlinear.dynamics.energies` and differentiated backwards on the tape; M⁻¹ p is a pass of
+`nonlinear.dynamics.recursion` without gravity or rates, with p in place of the forces; Q are the forces that act, of
+dampers, drives, drag, loads, and of the inertia of all masses where the support moves.  No accelerations are needed
+for any, so that a comparison with Lagrange's form tells something.  The p_x of a free cart is constant to the last
+digit.  Vectors p are ordered like q, (x, links) or (η, links).
 
-and dampers and loads add their generalized forces to p'.  The p_x of a free cart is constant to the last digit.
-Vectors p are ordered like q, (x, links); further axes of angles and momenta are independent states side by side.
+In space they are on unit vectors u and their momenta π, y = (x, u, p_x, π, work), by O(links) passes.  With the kinetic
+energy T = ½ M x'² + x' e_x·Σ b_i u_i' + ½ Σ A_ij u_i'·u_j' of the pair, let
+
+    P_i = ∂T/∂u_i' = Σ_j A_ij u_j' + b_i x' e_x        π_i = P_i − (u_i·P_i) u_i        p_x = ∂T/∂x'
+
+P_i is the derivative as if every component of u_i' were free, and π_i what of it counts on the sphere |u_i| = 1, so
+that u_i·π_i = 0.  As u_i·u_i' = 0, p_x x' + Σ π_i·u_i' = 2T, and H(x, u, p_x, π) = ½ (p_x x' + Σ π_i·u_i') + V with the
+rates that solve
+
+    u_i·u_i' = 0        (1 − u_i u_iᵀ)(Σ_j A_ij u_j' + b_i x' e_x) = π_i        M x' + e_x·Σ b_i u_i' = p_x.
+
+They are ∂H/∂π and ∂H/∂p_x; a pass of `nonlinear.dynamics.spatial` without gravity and rates, with (p_x, π) in place of
+the forces, gives them without a matrix.  Lagrange's equations on the sphere are P_i' = g b_i e_z + Q_i + λ_i u_i, with
+forces Q_i across the link and λ_i along it, so
+
+    π_i' = P_i' − (u_i'·P_i + u_i·P_i') u_i − (u_i·P_i) u_i'
+         = (1 − u_i u_iᵀ)(g b_i e_z + Q_i) − (u_i'·π_i) u_i − (u_i·P_i) u_i'        p_x' = −k_c x − c_c x' + F
+
+without λ_i, since u_i'·P_i = u_i'·π_i; and u_i·π_i' + u_i'·π_i = 0 keeps π_i across u_i.  Without Q and F these are the
+equations of H by Dirac's brackets for the constraints |u_i| = 1 and u_i·π_i = 0 (Dirac, Lectures on Quantum Mechanics,
+1964, ch. 1),
+
+    {u_a, u_b} = 0        {u_a, π_b} = δ_ab − u_a u_b        {π_a, π_b} = π_a u_b − u_a π_b,
+
+as tests confirm by differences of H.  In the plane of the rail π = p_θ n, and they are the equations
+above.  One pass gives P: with v the velocity of a link's centre and S the sum of m v of all
+below it, P = I u' + m c v + l S.  Between steps `project` normalizes u and takes π across it.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import cached_property
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from modal.types import Floats
-from nonlinear.dynamics.applied import sizes_at
-from nonlinear.dynamics.joints import acting, frame_of, spring_energy
-from nonlinear.dynamics.minimal import Recursion, inverted
-from nonlinear.system import AppliedForces, Group, Layout, Load, Motion, State, System
+from nonlinear.dynamics.energies import energies
+from nonlinear.dynamics.forms import Form, TapedEquations
+from nonlinear.dynamics.generated import Generated, Listed, Rate
+from nonlinear.dynamics.joints import cart_force
+from nonlinear.dynamics.minimal import Arranged, Minimal, inverted
+from nonlinear.dynamics.spatial import Spatial, SpatialRecursion, dot
+from nonlinear.dynamics.structure import Carriers, CarriersAt, displacement
+from nonlinear.dynamics.tape import gradient
+from nonlinear.dynamics.text import Module
+from nonlinear.system import Group, Load, Motion, State, System, entries_of, prescribed_of
 
 
-class Carried(NamedTuple):
-    """n·w and u·w (kg m²/s) of every link, (n, P), and the momentum of the pendula along the rail (kg m/s), (P,)."""
-
-    across: Floats
-    along: Floats
-    rail: Floats
-
-
-def carried(group: Group, angles: Floats, rates: Floats, cart_rate: float) -> Carried:
-    """The momentum that each link of a group carries: velocities from the top down, momenta from the tip up."""
-    block, sin, cos = group.block, np.sin(angles), np.cos(angles)
-    n, u = np.stack((cos, -sin)), np.stack((sin, cos))
-    ends = np.cumsum(block.length * rates * n, axis=1)
-    ends[0] += cart_rate
-    momentum = block.mass * (ends - (block.length - block.centre) * rates * n)
-    through = np.cumsum(momentum[:, ::-1], axis=1)[:, ::-1]
-    w = block.centre * momentum + block.length * (through - momentum)
-    return Carried((n * w).sum(0), (u * w).sum(0), through[0, 0])
-
-
-def momenta(system: System, state: State) -> Floats:
-    """The momenta ∂T/∂q' (half,): p_x (kg m/s) of a cart, then p_θ (kg m²/s) of every link."""
-    on_links, rail = np.empty_like(state.links), 0.0
-    for group in system.groups:
-        rates = state.link_rates[group.index]
-        shares = carried(group, state.links[group.index], rates, state.cart_rate)
-        on_links[group.index] = group.block.inertia * rates + shares.across
-        rail = rail + shares.rail.sum()
-    return np.concatenate(([rail + system.cart.mass * state.cart_rate], on_links)) if system.cart else on_links
-
-
-def velocities(system: System, q: Any, p: Any) -> Any:
-    """The velocities q' = M⁻¹ p (half, ...) at the coordinates (half, ...)."""
-    return inverted(system, [(group, Recursion(group, p.ndim - 1)) for group in system.groups], q, p)
-
-
-def potential(system: System, cart: Any, links: Any) -> Any:
-    """V (J) of gravity and of every spring: −g Σ b with all links hanging and all springs relaxed."""
-    energy = system.cart.stiffness * cart**2 / 2 if system.cart else 0.0
-    for group in system.groups:
-        angles = links[group.index]
-        b = group.block.b.reshape(*group.block.b.shape, *[1] * (angles.ndim - 2))
-        energy = energy - (system.gravity * b * np.cos(angles)).sum((0, 1))
-        energy = energy + spring_energy(group, angles).sum((0, 1))
-    return energy
-
-
-def hamiltonian(system: System, cart: Any, links: Any, p: Any) -> Any:
-    """H = ½ pᵀM⁻¹p + V (J)."""
-    q = np.concatenate((0 * links[:1], links)) if system.cart else links
-    return (p * velocities(system, q, p)).sum(0) / 2 + potential(system, cart, links)
-
-
-@dataclass(frozen=True, eq=False)
-class Hamiltonian:
-    """Hamilton's equations of a plane scene with y = (q, p, work)."""
-
-    system: System
-    load: Load | None = None
+class Hamiltonian(Generated):
+    """Hamilton's equations of a plane scene with y = (q, p, work), written out."""
 
     @cached_property
-    def layout(self) -> Layout:
-        """The arrangement of y, with momenta in place of velocities."""
-        system, works = self.system, self.system.works or self.load is not None
-        return Layout.of(system, works=works)
+    def constants(self) -> list[float]:
+        """What stands in the text for this scene."""
+        numbers = entries_of(self.system), prescribed_of(self.system)
+        return hamilton_of(self.form).constants(self.form.numbers(*numbers))
 
-    def derivative(self, time: float, y: Floats) -> Floats:
-        """The derivative y' (size,): q', then p' = −∂H/∂q plus the forces of dampers and loads."""
-        state = self.read(y[None])[0]
-        push = self.load(time, state) if self.load else AppliedForces()
-        rates = self.layout.begin(state)[self.layout.half : 2 * self.layout.half]
-        on_cart, on_links, power = acting(
-            self.system, state, push, frame_of(self.system, time), sizes_at(self.system, time)
+    def function(self, name: str, target: str = "floats") -> Callable[..., Any]:
+        """A function of `hamilton_of`."""
+        return hamilton_of(self.form).function(name, self.constants, target)
+
+    @cached_property
+    def rate(self) -> Rate:
+        """The time derivative of one y in floats, a list, from y and the inputs u."""
+        return self._rate("floats")
+
+    @cached_property
+    def rate_of_arrays(self) -> Callable[..., Any]:
+        """The same of many y side by side."""
+        return self._rate("arrays")
+
+    def _rate(self, target: str) -> Callable[..., Any]:
+        velocities, slopes, half = (
+            self.function("velocities", target),
+            self.function("slopes", target),
+            self.layout.half,
         )
-        for group in self.system.groups:
-            angles, turning = state.links[group.index], state.link_rates[group.index]
-            thrown = turning * carried(group, angles, turning, state.cart_rate).along
-            on_links[group.index] -= thrown + self.system.gravity * group.block.b * np.sin(angles)
-        return np.concatenate((rates, [on_cart] if self.system.cart else [], on_links, [power] * self.layout.works))
+
+        def rate(y: Any, u: Any = ()) -> list[Any]:
+            v = velocities(y)
+            return [*v, *slopes([*y[:half], *v, *y[2 * half :]], u)]
+
+        return rate
+
+    @cached_property
+    def listed(self) -> Listed | None:
+        """The inputs u at a time (s) and a y, whose velocities a load sees; None where there are none."""
+        given, half = super().listed, self.layout.half
+        if given is None or self.load is None:
+            return given
+        velocities = self.function("velocities")
+        return lambda time, y: given(time, [*y[:half], *velocities(y), *y[2 * half :]])
+
+    def momenta(self, q: Any, v: Any) -> Any:
+        """The momenta p = ∂T/∂q' (half, S) at coordinates q and rates v (half, S)."""
+        return self._turned("momenta", q, v)
+
+    def velocities(self, q: Any, p: Any) -> Any:
+        """The rates q' = M⁻¹ p (half, S) that belong to momenta p (half, S)."""
+        return self._turned("velocities", q, p)
+
+    def hamiltonian(self, q: Any, p: Any) -> Any:
+        """H = T + V (J), (S,), V from the scene's rest."""
+        return self._turned("energy", q, self.velocities(q, p))[0]
+
+    def _turned(self, name: str, q: Any, other: Any) -> Any:
+        y = [*q, *other, *[0.0] * self.layout.works]
+        return np.array([value + 0 * q[0] for value in self.function(name, "arrays")(y)])
 
     def begin(self, state: State) -> Floats:
         """The vector y of a state."""
-        y = self.layout.begin(state)
-        y[self.layout.half : 2 * self.layout.half] = momenta(self.system, state)
+        y, half = self.layout.begin(state), self.layout.half
+        y[half : 2 * half] = self.momenta(y[:half, None], y[half : 2 * half, None])[:, 0]
         return y
 
     def read(self, rows: Floats) -> Motion:
         """The motion in vectors (T, size), momenta converted to velocities."""
         half, states = self.layout.half, np.array(rows)
-        states[:, half : 2 * half] = velocities(self.system, rows[:, :half].T, rows[:, half : 2 * half].T).T
+        states[:, half : 2 * half] = self.velocities(rows[:, :half].T, rows[:, half : 2 * half].T).T
         return self.layout.read(states)
+
+    @property
+    def scale(self) -> Floats:
+        """Natural units of y, (size,): for momenta the diagonal of M at rest times that of rates."""
+        units, half = self.layout.natural(self.system), self.layout.half
+        rest = np.concatenate((np.zeros(self.layout.first), self.system.rest))
+        units[half : 2 * half] *= np.diag(self.momenta(np.tile(rest[:, None], half), np.eye(half)))
+        return units
+
+
+@lru_cache(maxsize=64)
+def hamilton_of(form: Form) -> Module:
+    """The functions "velocities" of (q, p) and, of (q, q'), "momenta", "energy", and "slopes", p' and the power."""
+    equations = TapedEquations(form)
+    tape, system, minimal = equations.tape, equations.system, equations.minimal
+    half = minimal.layout.half
+    y, q, v = equations.y, equations.y[:half], equations.y[half : 2 * half]
+    parts = energies(system, q, v)
+    stored = parts.stored
+    if system.support:
+        stored = stored + inertial_energy(system, q, v, equations.instant.support)
+    acting = Minimal(without_springs(system), equations.bodies, minimal.load, counts_work=form.works)
+    Q, power = acting.forces(y, equations.instant)
+    thrown, kept = gradient(tape, parts.moving, q), gradient(tape, stored, q)
+    slopes = [a - b + each for a, b, each in zip(thrown, kept, Q, strict=True)]
+    solvers = list(zip(system.groups, equations.bodies, strict=True))
+    return Module(
+        tape,
+        {
+            "velocities": inverted(system, solvers, q, v).tolist(),
+            "momenta": gradient(tape, parts.moving, v),
+            "slopes": [*slopes, power] if form.works else slopes,
+            "energy": [parts.total],
+        },
+    )
+
+
+def without_springs(system: System) -> System:
+    """The same system, none of whose springs pulls."""
+    groups, structure = [], system.structure
+    for group in system.groups:
+        groups.append(replace(group, block=replace(group.block, stiffness=0.0 * group.block.stiffness)))
+    if structure is not None:
+        carriers = [
+            replace(each, stiffness=(0.0,) * len(each.stiffness), K=None if each.K is None else 0.0 * each.K)
+            for each in structure.carriers
+        ]
+        springs = [spring._replace(stiffness=0.0) for spring in structure.springs]
+        structure = replace(structure, carriers=tuple(carriers), springs=tuple(springs))
+    cart = system.cart and system.cart._replace(stiffness=0.0)
+    return replace(system, groups=tuple(groups), cart=cart, structure=structure)
+
+
+def inertial_energy(system: System, q: Any, v: Any, support: tuple[Any, Any]) -> Any:
+    """Σ m a·r (J) of all masses at their places r, where a `support` accelerates with a: −∂/∂q are inertial forces."""
+    (along, down), first, energy = support, system.first, 0.0
+    bearing = None if system.structure is None else CarriersAt(Carriers(system), q, v, bare=True)
+    for number, group in enumerate(system.groups):
+        angles, b = q[first:][group.index], group.block.b
+        energy = energy + (b * (along * np.sin(angles) + down * np.cos(angles))).sum()
+        if bearing is not None:
+            (x, z), _ = bearing.pivots(number)
+            energy = energy + (group.block.mass.sum(0) * (along * x + down * z)).sum()
+    if bearing is not None:
+        for number, carrier in enumerate(bearing.structure.carriers):
+            x, z = displacement(carrier, carrier.centre, bearing.structure.part(number, bearing.eta))
+            energy = energy + carrier.mass * (along * x + down * z)
+    return energy
+
+
+class FreeMomentum(NamedTuple):
+    """P = ∂T/∂u' (kg m²/s) of every link, (3, n, P, ...), and the momentum along the rail (kg m/s), (P, ...)."""
+
+    links: Any
+    rail: Any
+
+
+def free_momentum(group: Group, rates: Any, cart_rate: Any) -> FreeMomentum:
+    """The momenta of a group at the rates u' (3, n, P, ...): velocities from the top down, momenta from the tip up."""
+    block = group.block
+    mass, length, centre, inertia = (
+        constant.reshape(*constant.shape, *[1] * (rates.ndim - 3))
+        for constant in (block.mass, block.length, block.centre, block.inertia)
+    )
+    ends = np.cumsum(length * rates, axis=1)
+    ends[0] += cart_rate
+    momentum = mass * (ends - (length - centre) * rates)
+    through = np.cumsum(momentum[:, ::-1], axis=1)[:, ::-1]
+    return FreeMomentum(inertia * rates + centre * momentum + length * (through - momentum), through[0, 0])
+
+
+def tangent(u: Any, vector: Any) -> Any:
+    """The part of a vector (3, ...) across the unit vector u."""
+    return vector - dot(u, vector) * u
+
+
+def upon_sphere(vector: Any) -> Any:
+    """A vector (3, ...) of length 1."""
+    return vector / np.sqrt(dot(vector, vector))
+
+
+@dataclass(frozen=True, eq=False)
+class SpatialHamiltonian(Arranged):
+    """Hamilton's equations of a scene in space with y = (x, u, p_x, π, work)."""
+
+    system: System
+    load: Load | None = None
+    counts_work: bool = True
+
+    @cached_property
+    def lagrangian(self) -> Spatial:
+        """Lagrange's equations, whose forces these share."""
+        return Spatial(self.system, (), self.load, self.counts_work)
+
+    def momenta(self, q: Any, v: Any) -> Any:
+        """The momenta (p_x, π), (half, ...), from coordinates (x, u) and their rates."""
+        first, system = self.system.first, self.system
+        p, rail = np.zeros_like(v), 0.0
+        for place, group in self._groups:
+            P = free_momentum(group, v[first:][place], v[0] if first else 0.0)
+            p[first:][place] = tangent(upon_sphere(q[first:][place]), P.links)
+            rail = rail + P.rail.sum(0)
+        if system.cart:
+            p[0] = rail + system.cart.mass * v[0]
+        return p
+
+    def velocities(self, q: Any, p: Any) -> Any:
+        """The rates (x', u'), (half, ...), that belong to the momenta (p_x, π)."""
+        solvers = [(group, SpatialRecursion(group, p.ndim - 1)) for group in self.system.groups]
+        return inverted(self.system, solvers, q, p, self.lagrangian.places)
+
+    def hamiltonian(self, q: Any, p: Any) -> Any:
+        """H = ½ (p_x x' + Σ π·u') + V (J), V from the scene's rest."""
+        v = self.velocities(q, p)
+        return (p * v).sum(0) / 2 + energies(self.system, q, v).stored
+
+    def derivative(self, time: Any, y: Any) -> Any:
+        """The derivative y' (size, ...): (x', u'), then (p_x', π'), then the power."""
+        layout, system, lagrangian = self.layout, self.system, self.lagrangian
+        first, half = layout.first, layout.half
+        rates = np.empty_like(y)
+        rates[:half] = v = self.velocities(y[:half], y[half : 2 * half])
+        instant = self.inputs.at(time, np.concatenate((y[:half], v, y[2 * half :])), layout)
+        frame = instant.support if system.support else None
+        moments = None if instant.push.moments is None else np.ravel(instant.push.moments)
+        cart_rate, pulled, power = (v[0] if first else 0.0), 0.0, 0.0
+        for place, group in self._groups:
+            u, w = upon_sphere(y[first:half][place]), v[first:][place]
+            force, work, _ = lagrangian.acting(group, u, w, None if moments is None else moments[place], frame)
+            power = power + work
+            external = lagrangian.external(group, u, w, cart_rate, instant)
+            if external is not None:
+                force, pulled, power = force + external.generalized, pulled + external.on_cart, power + external.power
+            force = force + self._weight(group, u, instant.support)
+            pi, P = tangent(u, y[half + first : 2 * half][place]), free_momentum(group, w, cart_rate).links
+            rates[half + first : 2 * half][place] = tangent(u, force) - dot(w, pi) * u - dot(u, P) * w
+        if first:
+            kept, working = cart_force(system, y[0], v[0])
+            rates[half] = instant.push.cart + working + kept + pulled
+            power = power + v[0] * (instant.push.cart + working)
+        if layout.works:
+            rates[-1] = power
+        return rates
+
+    def _weight(self, group: Group, u: Any, frame: Sequence[Any]) -> Any:
+        """First moments times g − a, (3, n, P, ...), of a support with the acceleration a along the rail and down."""
+        along, down = frame
+        b = group.block.b.reshape(*group.block.b.shape, *[1] * (u.ndim - 3)) + 0 * u[0]
+        return np.stack((-along * b, 0 * b, (self.system.gravity - down) * b))
+
+    @property
+    def _groups(self) -> list[tuple[Any, Group]]:
+        return list(zip(self.lagrangian.places, self.system.groups, strict=True))
+
+    def begin(self, state: State) -> Floats:
+        """The vector y of a state."""
+        y, half = self.layout.begin(state), self.layout.half
+        y[half : 2 * half] = self.momenta(y[:half], y[half : 2 * half])
+        return y
+
+    def read(self, rows: Floats) -> Motion:
+        """The motion in vectors (T, size), momenta converted to velocities."""
+        half, states = self.layout.half, np.array(rows)
+        states[:, half : 2 * half] = self.velocities(rows[:, :half].T, rows[:, half : 2 * half].T).T
+        return self.layout.read(states)
+
+    @cached_property
+    def inertia(self) -> Floats:
+        """The diagonal of A (kg m²), (L,)."""
+        inertia = np.empty(self.system.n_links)
+        for group in self.system.groups:
+            inertia[group.index] = group.block.diagonal
+        return inertia
+
+    @property
+    def tangent_units(self) -> Floats:
+        """The natural size of the momenta of links (kg m²/s), (L,)."""
+        return self.inertia * super().tangent_units
 
     @property
     def scale(self) -> Floats:
         """Natural units of y, (size,): for momenta the largest entry of each diagonal of M times that of rates."""
         system, layout = self.system, self.layout
-        units, inertia = layout.natural(system), np.empty(system.n_links)
-        for group in system.groups:
-            inertia[group.index] = group.block.diagonal
+        units = layout.natural(system)
         mass = [system.cart.mass + float(system.mass.sum())] if system.cart else []
-        units[layout.half : 2 * layout.half] *= np.concatenate((mass, inertia))
+        units[layout.half : 2 * layout.half] *= np.concatenate((mass, np.repeat(self.inertia, 3)))
         return units
-
-    def project(self, y: Floats) -> tuple[Floats, float]:
-        """Minimal coordinates have no constraints."""
-        return y, 0.0

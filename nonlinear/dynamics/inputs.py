@@ -235,8 +235,9 @@ class Inputs:
 
 def lengthened(group: Group, moving: Any, length: Any) -> Group:
     """A group with other lengths (n, P, ...) of its links, of which those that are `moving` (L,) are bobs on ropes."""
-    roped = moving[group.index].reshape(*group.index.shape, *[1] * (np.ndim(length) - 2))
-    return replace(group, block=replace(group.block, length=length, centre=np.where(roped, length, group.block.centre)))
+    more, centre = [1] * (np.ndim(length) - 2), group.block.centre
+    roped, centre = moving[group.index].reshape(*group.index.shape, *more), centre.reshape(*group.index.shape, *more)
+    return replace(group, block=replace(group.block, length=length, centre=np.where(roped, length, centre)))
 
 
 def _on_first(push: AppliedForces, system: System) -> list[float]:

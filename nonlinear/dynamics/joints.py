@@ -12,15 +12,12 @@ x and of the angles θ, however large these are.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from modal.types import Floats
-from nonlinear.dynamics.applied import applied, on_cart
-from nonlinear.dynamics.drag import plane_drag
-from nonlinear.system import AppliedForces, Group, State, System
+from nonlinear.system import Group, System
 
 
 def joint_law(gamma: Any, rate: Any, stiffness: Any, damping: Any, strength: Any = 0.0, curb: Any = 0.0) -> Any:
@@ -82,26 +79,6 @@ def modal_drag(system: System, rates: Any) -> Any:
     return -np.tensordot(D, rates, 1) if D.ndim == 2 else -(D * rates).sum(1)
 
 
-def drained(system: System, q: Floats, v: Floats, support: tuple[Any, Any] = (0.0, 0.0)) -> Floats:
-    """The power (W), (S,), that dampers, drives of joints and drag bring to states side by side, q and v (half, S).
-
-    Drag is that in the laboratory, where the `support` moves at these velocities (m/s) along the rail and down.
-    """
-    first = system.first
-    x, speed = (q[0], v[0]) if first else (0.0 * v[0], 0.0 * v[0])
-    power = cart_force(system, x, speed)[1] * speed
-    for group in system.groups:
-        angles, rates = q[first:][group.index], v[first:][group.index]
-        power = power + joint_torques(group, angles, rates)[1]
-        if group.dragged:
-            external = plane_drag(group, angles, rates, speed, support)
-            along, down = external.forces.sum((1, 2))
-            power = power + external.power + along * support[0] + down * support[1]
-    if system.modal_damping is not None:
-        power = power + (modal_drag(system, v) * v).sum(0)
-    return np.asarray(power)
-
-
 def inertial_torques(group: Group, angles: Any, support: Any) -> Any:
     """Torques (n, P, ...) of the inertial forces −m a in the frame of a support, a along the rail and down (m/s²).
 
@@ -138,52 +115,3 @@ def bend(group: Group, angles: Any, base: Any = None) -> Any:
 
 def _spread(constant: Floats, like: Any) -> Floats:
     return constant.reshape(*constant.shape, *[1] * (like.ndim - constant.ndim))
-
-
-Frame = tuple[tuple[float, float], tuple[float, float]]
-AT_REST: Frame = ((0.0, 0.0), (0.0, 0.0))
-
-
-def frame_of(system: System, time: float) -> Frame:
-    """Acceleration (m/s²) and velocity (m/s) of the support, each along the rail and down, at a time (s)."""
-    support = system.support
-    return (support.acceleration(time), support.velocity(time)) if support else AT_REST
-
-
-def acting(
-    system: System, state: State, push: AppliedForces, frame: Frame | None = AT_REST, sizes: Sequence[float] = ()
-) -> tuple[float, Floats, float]:
-    """Force (N) along the rail, generalized forces (N m) on the absolute angles, (L,), and non-conservative power (W).
-
-    Pivot forces are excluded.  Drag and inertial forces are those in a `frame` that moves; without one the caller adds
-    them.  `sizes` (N or N m) are those of the scene's forces.  Conservative forces do not count in the power.
-    """
-    torques, power, dragged = state.links * 0.0, 0.0, 0.0
-    for group in system.groups:
-        place = group.index
-        angles, rates = state.links[place], state.link_rates[place]
-        if group.hinged:
-            torques[place], drained = joint_torques(group, angles, rates)
-            power += float(drained)
-        if frame is not None and group.dragged:
-            external = plane_drag(group, angles, rates, state.cart_rate, frame[1])
-            torques[place] += external.generalized
-            dragged, power = dragged + float(external.on_cart), power + float(external.power)
-        if sizes:
-            pushed = applied(group, system.forces, sizes, angles, rates, state.cart_rate)
-            torques[place] += pushed.generalized
-            dragged, power = dragged + float(pushed.on_cart), power + float(pushed.power)
-        if frame is not None and any(frame[0]):
-            inertial = inertial_torques(group, angles, frame[0])
-            torques[place] += inertial
-            power += float(np.sum(inertial * rates))
-    if push.moments is not None:
-        torques, power = torques + push.moments, power + float(push.moments @ state.link_rates)
-    kept, working = cart_force(system, state.cart, state.cart_rate)
-    outside = push.cart + working + on_cart(system, sizes) if system.cart else 0.0
-    if system.modal_damping is not None:
-        rates = np.append(state.cart_rate, state.link_rates) if system.cart else state.link_rates
-        drag = modal_drag(system, rates)
-        torques, power = torques + drag[-len(torques) :], power + float(drag[-len(torques) :] @ state.link_rates)
-        outside += drag[0] if system.cart else 0.0
-    return outside + kept + dragged, torques, power + float(state.cart_rate * outside)

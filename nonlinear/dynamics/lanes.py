@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from nonlinear.dynamics.dense import FRAIL, LIGHT
+from nonlinear.dynamics.elimination import FRAIL, LIGHT
 from nonlinear.dynamics.forms import Form, form_of, module_of
 from nonlinear.dynamics.inputs import Inputs
 from nonlinear.dynamics.minimal import Minimal, Recursion

@@ -20,11 +20,19 @@ positions drift off (linearly with the velocities' error, quadratically with the
 same matrix per Newton step (Hairer, Lubich & Wanner, Geometric Numerical Integration, 2006, §IV.4).  It leaves the
 centre of mass and the momentum along the rail unchanged.  Source: paper 000, section IV, corrected
 (`modal.symbolic.papers.cart_dae`), written link by link.
+
+Where ropes have a prescribed length the constraints depend on time: the centre of a bob is at c_i = l_i(t) from its
+upper pivot, so that
+
+    G q' = −c_i' u_i,      γ_i gains −c_i'' u_i − 2 c_i' θ_i' n_i,
+
+and the winch does the work ∫ Σ c_i' u_i·λ_i dt of the pivot forces.  Since `project` must know the lengths, the time is
+a component of y, before the work.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from math import sqrt
 from typing import NamedTuple
@@ -34,9 +42,8 @@ import scipy
 
 from modal.errors import ComputationError
 from modal.types import Floats, Ints
-from nonlinear.dynamics.applied import resultants
-from nonlinear.dynamics.drag import forces_of
-from nonlinear.dynamics.joints import acting, frame_of
+from nonlinear.dynamics.external import forces_of, resultants
+from nonlinear.dynamics.joints import cart_force, joint_torques, modal_drag
 from nonlinear.dynamics.mechanics import Reactions
 from nonlinear.system import AppliedForces, Load, Motion, State, System
 
@@ -93,7 +100,7 @@ class Maximal:
         """The unknowns, and the power (W) of dampers, drives, the load and inertial forces."""
         system, forces, push = self.system, np.zeros(self.pivots.size), self._push(time, state)
         support, links = self.pivots.parts(forces)
-        on_cart, on_links, power = acting(system, state, push, None)
+        on_cart, on_links, power = acting(system, state, push)
         support += on_cart, system.gravity * system.cart.mass if system.cart else 0.0
         links[:, 1] = system.gravity * system.mass
         links[:, 2] = on_links
@@ -373,3 +380,120 @@ def _entries(pivots: Pivots) -> tuple[Ints, Ints, Floats, Floats, Ints]:
     values = np.concatenate([np.full(len(where), value) for where, _, value in still])
     arms, turners = (np.concatenate([entry[part] for entry in turning]) for part in (2, 3))
     return rows, columns, values, arms, turners
+
+
+def frozen(system: System, time: float) -> tuple[System, Floats, Floats]:
+    """The system with the lengths of a time (s), and their speeds and accelerations (L,)."""
+    hoisting = system.hoisting
+    assert hoisting is not None
+    length, speed, acceleration = hoisting.at(time)
+    groups = []
+    for group in system.groups:
+        lengths = length[group.index]
+        centre = np.where(hoisting.moving[group.index], lengths, group.block.centre)
+        groups.append(replace(group, block=replace(group.block, length=lengths, centre=centre)))
+    return replace(system, groups=tuple(groups), hoisting=None), speed, acceleration
+
+
+@dataclass(frozen=True, eq=False)
+class HoistedMaximal(Maximal):
+    """The equations of `Maximal` with the lengths of `system.hoisting`, y = (q, q', time, work)."""
+
+    def derivative(self, time: float, y: Floats) -> Floats:
+        """The derivative y', (size,)."""
+        size, state = self.pivots.size, self._state(y)
+        push = self._push(time, state)
+        unknowns, power = self._found(time, state, push)
+        return np.concatenate((y[size : 2 * size], unknowns[:size], [1.0, power]))
+
+    def _found(self, time: float, state: State, push: AppliedForces) -> tuple[Floats, float]:
+        """The unknowns, and the power (W) of dampers, drives, the load and the winches."""
+        system, speed, acceleration = frozen(self.system, time)
+        pivots, forces = Pivots(system), np.zeros(self.pivots.size)
+        support, links = pivots.parts(forces)
+        on_cart, on_links, power = acting(system, state, push)
+        support += on_cart, system.gravity * system.cart.mass if system.cart else 0.0
+        links[:, 1] = system.gravity * system.mass
+        links[:, 2] = on_links
+        cart, moving = pivots.parts(pivots.placed(state)[1] + self._winding(state.links, speed))
+        power += replace(self, system=system)._outside(time, state, moving, cart, support, links)
+        u, n = directions(state.links)
+        gamma = pivots.gamma(state.links, state.link_rates)
+        gamma[-2 * system.n_links :] -= (acceleration * u + 2 * speed * state.link_rates * n).T.ravel()
+        unknowns = Saddle(pivots).solve(state.links, forces, gamma)
+        held = unknowns[-2 * system.n_links :].reshape(-1, 2)
+        return unknowns, power + float(np.sum(speed * np.sum(u.T * held, axis=1)))
+
+    def begin(self, state: State) -> Floats:
+        """The vector y of a state at time 0."""
+        return self.begin_at(state, 0.0)
+
+    def begin_at(self, state: State, time: float) -> Floats:
+        """The vector y of a state at a time (s), with closed pivots and zero work."""
+        system, speed, _ = frozen(self.system, time)
+        q, v = Pivots(system).placed(state)
+        return np.concatenate((q, v + self._winding(state.links, speed), [time, 0.0]))
+
+    @property
+    def scale(self) -> Floats:
+        """Natural units of y, (size,)."""
+        units = super().scale
+        return np.concatenate((units[:-1], [1 / self.system.rate], units[-1:]))
+
+    def project(self, y: Floats) -> tuple[Floats, float]:
+        """The nearest y that satisfies every constraint, and the largest violation removed."""
+        size = self.pivots.size
+        system, speed, _ = frozen(self.system, float(y[2 * size]))
+        still = Maximal(system, controlled=self.controlled)
+        moved = y.copy()
+        moved[size : 2 * size] -= self._winding(self._state(y).links, speed)
+        projected, drift = still.project(moved)
+        if not self.controlled:
+            return y, drift
+        projected[size : 2 * size] += self._winding(self._state(projected).links, speed)
+        return projected, drift
+
+    def _winding(self, angles: Floats, speed: Floats) -> Floats:
+        """Velocities that the ropes' speeds (L,) alone give to everything below them."""
+        forces = np.zeros(self.pivots.size)
+        links = self.pivots.parts(forces)[1]
+        along = speed * directions(angles)[0]
+        for group in self.system.groups:
+            links[group.index, :2] = np.moveaxis(np.cumsum(along[:, group.index], axis=1), 0, -1)
+        return forces
+
+
+def directions(angles: Floats) -> tuple[Floats, Floats]:
+    """The unit vectors u along and n across every link, (2, ...): along the rail, down."""
+    sin, cos = np.sin(angles), np.cos(angles)
+    return np.stack((sin, cos)), np.stack((cos, -sin))
+
+
+def frame_of(system: System, time: float) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Acceleration (m/s²) and velocity (m/s) of the support, each along the rail and down, at a time (s)."""
+    support = system.support
+    return (support.acceleration(time), support.velocity(time)) if support else ((0.0, 0.0), (0.0, 0.0))
+
+
+def acting(system: System, state: State, push: AppliedForces) -> tuple[float, Floats, float]:
+    """Force (N) along the rail, generalized forces (N m) on the absolute angles, (L,), and non-conservative power (W).
+
+    They are those of joints, of damping ratios, of a cart's spring and damper and of a load: what acts on centres is
+    left to the links, which are free.  Conservative forces do not count in the power.
+    """
+    torques, power = state.links * 0.0, 0.0
+    for group in system.groups:
+        if group.hinged:
+            angles, rates = state.links[group.index], state.link_rates[group.index]
+            torques[group.index], lost = joint_torques(group, angles, rates)
+            power += float(lost)
+    if push.moments is not None:
+        torques, power = torques + push.moments, power + float(push.moments @ state.link_rates)
+    kept, working = cart_force(system, state.cart, state.cart_rate)
+    outside = push.cart + working if system.cart else 0.0
+    if system.modal_damping is not None:
+        rates = np.append(state.cart_rate, state.link_rates) if system.cart else state.link_rates
+        drag = modal_drag(system, rates)
+        torques, power = torques + drag[-len(torques) :], power + float(drag[-len(torques) :] @ state.link_rates)
+        outside += drag[0] if system.cart else 0.0
+    return outside + kept, torques, power + float(state.cart_rate * outside)

@@ -1,8 +1,7 @@
 """Positions, energies, momenta and forces of a motion, by the same code in the plane and in space.
 
 Vectors have the components (along the rail, down) in the plane and (along, across, down) in space.  Potential energy is
-measured from the scene's equilibrium, by σ − cos θ = 2 σ sin² ((θ − rest)/2) and, in space, σ − u·e_z =
-σ |u − σ e_z|²/2, with σ = 1 for a link that hangs there and −1 for an inverted one: small motions keep their digits.
+measured from the scene's equilibrium (`nonlinear.dynamics.energies`).
 
 On a support that moves as prescribed positions are those in the laboratory; velocities, energies and momenta are those
 in the support's frame.
@@ -21,12 +20,10 @@ from modal.errors import ComputationError
 from modal.report import Displayed
 from modal.structure import CarrierEnd
 from modal.types import Booleans, Floats
-from nonlinear.dynamics import spatial_joints as ball_joints
-from nonlinear.dynamics.applied import resultants
-from nonlinear.dynamics.drag import forces_of
-from nonlinear.dynamics.joints import spring_energy
+from nonlinear.dynamics.energies import Energies, energies
+from nonlinear.dynamics.external import forces_of, resultants
 from nonlinear.dynamics.structure import Carriers, CarriersAt
-from nonlinear.system import Group, Motion, System, drawn_place
+from nonlinear.system import Layout, Motion, System, drawn_place
 
 AT_ONCE = 20_000  # links times instants in one block
 
@@ -103,9 +100,10 @@ class Mechanics(Displayed):
 
     @property
     def _coordinates(self) -> tuple[Floats, Floats]:
-        """Q = (η, θ) and its rates, (half, T)."""
-        motion = self.motion
-        return np.hstack((motion.supports, motion.links)).T, np.hstack((motion.support_rates, motion.link_rates)).T
+        """The coordinates and their rates, (half, T)."""
+        layout = Layout.of(self.system, works=False, width=3 if self.system.spatial else 1)
+        q, v = np.split(layout.rows(self.motion).T, 2)
+        return q, v
 
     @cached_property
     def pivots(self) -> tuple[Floats, Floats, Floats]:
@@ -176,56 +174,28 @@ class Mechanics(Displayed):
         return self._chained(cart, w, lambda l, v, a: v * u)[1]
 
     @cached_property
+    def _parts(self) -> Energies:
+        return energies(self.system, *self._coordinates, 0.0 if self.lengths is None else self.times)
+
+    @property
     def kinetic(self) -> Floats:
         """Kinetic energy (J) of every link, (T, L)."""
-        squares = [np.sum(values**2, axis=-1) for values in (self.speeds, self.vectors[1])]
-        return np.asarray((self.system.mass * squares[0] + self.system.by_link("inertia") * squares[1]) / 2)
+        return np.asarray(self._parts.kinetic.T)
 
-    @cached_property
-    def heights(self) -> Floats:
-        """Height of every centre of mass above its equilibrium position (m), (T, L)."""
-        links, sigma = self.motion.links, self.system.by_link("sigma")
-        if self.system.spatial:
-            lifts = sigma * np.sum((links - np.outer(sigma, [0.0, 0.0, 1.0])) ** 2, axis=-1) / 2
-        else:
-            lifts = 2 * sigma * np.sin((links - self.system.rest) / 2) ** 2
-        base = self.system.by_link("length")[:, None]
-        cart = np.zeros(len(links)) if self.bearing is None else -self.pivots[1][..., 1:]
-        return self._chained(cart, lifts[..., None], lambda l, v, a: sigma[:, None] * (base - l))[1][..., 0]
-
-    @cached_property
+    @property
     def potential(self) -> Floats:
         """Potential energy (J) of every link relative to equilibrium, with its upper joint's spring, (T, L)."""
-        energy = self.system.mass * self.system.gravity * self.heights
-        for number, group in enumerate(self.system.groups):
-            if group.sprung:
-                energy[:, group.index] += self._springs(number, group)
-        return np.asarray(energy)
+        return np.asarray(self._parts.potential.T)
 
-    def _springs(self, number: int, group: Group) -> Floats:
-        links = self.motion.links[:, group.index]
-        if self.system.spatial:
-            energy = ball_joints.spring_energy(group, np.moveaxis(links, (0, -1), (-1, 0)))
-        else:
-            base = self.bearing.joints(number).base if self.bearing else None
-            energy = spring_energy(group, np.moveaxis(links, 0, -1), base[0] if base else None)
-        return np.moveaxis(energy, -1, 0)
-
-    @cached_property
+    @property
     def cart_kinetic(self) -> Floats:
         """Kinetic energy (J) of the cart or the carriers, (T,)."""
-        if self.bearing is not None:
-            return np.asarray(self.bearing.kinetic) + 0.0 * self.motion.cart
-        mass = self.system.cart.mass if self.system.cart else 0.0
-        return np.asarray(mass * self.motion.cart_rate**2 / 2)
+        return np.asarray(self._parts.cart_kinetic + 0.0 * self.motion.cart)
 
-    @cached_property
+    @property
     def cart_potential(self) -> Floats:
         """Energy (J) of the cart's spring; that of carriers and of all springs between points, (T,)."""
-        if self.bearing is not None:
-            return np.asarray(self.bearing.potential + self.springs[2].sum(1))
-        stiffness = self.system.cart.stiffness if self.system.cart else 0.0
-        return np.asarray(stiffness * self.motion.cart**2 / 2)
+        return np.asarray(self._parts.cart_potential + 0.0 * self.motion.cart)
 
     @cached_property
     def energy(self) -> Floats:
@@ -237,8 +207,9 @@ class Mechanics(Displayed):
     def energies(self) -> tuple[Floats, Floats]:
         """Kinetic and potential energy (J) of the scene, each (T,), in blocks that fit a processor's cache."""
         rows, times = max(1, AT_ONCE // self.system.n_links), len(self.motion.cart)
+        none = 0.0 * self.motion.cart
         if times <= rows:
-            return self.kinetic.sum(1) + self.cart_kinetic, self.potential.sum(1) + self.cart_potential
+            return np.asarray(self._parts.moving + none), np.asarray(self._parts.stored + none)
         clauses = [slice(at, at + rows) for at in range(0, times, rows)]
         whens = [None if self.times is None else self.times[clause] for clause in clauses]
         parts = [
@@ -247,9 +218,6 @@ class Mechanics(Displayed):
         ]
         kinetic, potential = map(np.concatenate, zip(*parts, strict=True))
         return kinetic, potential
-
-    def _at(self, rows: slice) -> Mechanics:
-        return Mechanics(self.system, self.motion.at(rows), None if self.times is None else self.times[rows])
 
     def of_pendula(self, values: Floats) -> Floats:
         """Sums over each pendulum of values (T, L) of links, (T, N)."""

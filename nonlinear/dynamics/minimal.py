@@ -19,10 +19,9 @@ from typing import Any, Protocol, cast
 import numpy as np
 
 from modal.types import Floats, Ints
-from nonlinear.dynamics.applied import applied
 from nonlinear.dynamics.bearing import Bearing, RailAt
 from nonlinear.dynamics.contacts import Rubbed
-from nonlinear.dynamics.drag import External, plane_drag
+from nonlinear.dynamics.external import External, applied, plane_drag
 from nonlinear.dynamics.inputs import Inputs, Instant, Lengths, lengthened
 from nonlinear.dynamics.joints import Base, bending_torques, inertial_torques, modal_drag
 from nonlinear.dynamics.recursion import Answer, Bias, downward, driven, links_of, upward
@@ -181,40 +180,23 @@ class Suspended(Arranged):
         """The structure, if there is one."""
         return None if self.system.structure is None else Carriers(self.system)
 
-    def bearing(self, q: Any, v: Any, instant: Instant) -> Bearing:
+    def bearing(self, q: Any, v: Any, instant: Instant, *, massless: bool = False) -> Bearing:
         """What carries the first joints, at this instant."""
         if self.carriers is not None:
-            return CarriersAt(self.carriers, q, v, instant)
+            return CarriersAt(self.carriers, q, v, instant, massless=massless)
         cart = self.system.cart is not None
         return RailAt(self.system, q[0], v[0] if cart else 0.0, instant)
 
     def rubbed(self, y: Any, instant: Instant) -> tuple[Any, Rubbed]:
         """The same, and what dry friction does."""
         system, layout = self.system, self.layout
-        first, half, push = layout.first, layout.half, instant.push
+        first, half = layout.first, layout.half
         q, v = y[:half], y[half : 2 * half]
         slopes = np.empty_like(y)
         slopes[:half] = v
         links, rates, bearing = q[first:], v[first:], self.bearing(q, v, instant)
-        drag = None if system.modal_damping is None else modal_drag(system, v)
-        moments = push.moments if push.moments is None or links.ndim > 1 else np.ravel(push.moments)
-        power, externals = 0.0, []
-        for k, (place, (group, body)) in enumerate(zip(self.places, self.hung(instant), strict=True)):
-            directions, speed, moment = links[place], rates[place], None if moments is None else moments[place]
-            joints = bearing.joints(k)
-            frame = instant.support if system.support else None
-            forces, work, reaction = self.acting(group, directions, speed, moment, frame, joints.base)
-            if bearing.torques is not None:
-                forces = forces + bearing.torques[place]
-            if drag is not None:
-                resisting = drag[first:][place]
-                forces, work = forces + resisting, work + np.sum(resisting * speed, axis=(0, 1))
-            external = self.external(group, directions, speed, joints.velocity, instant)
-            if external is not None:
-                forces, work = forces + external.generalized, work + external.power
-            bearing.take(k, body, directions, speed, forces, external, reaction)
-            power = power + work
-            externals.append((group, external))
+        drag = self.modal_drag(v)
+        _, externals, power = self.loaded(y, instant, bearing, self.hung(instant))
         carried, working = bearing.solved(drag)
         for k, each in enumerate(carried):
             slopes[half + k] = each
@@ -239,6 +221,53 @@ class Suspended(Arranged):
             slopes[-1] = power
         return slopes, rubbed
 
+    def forces(self, y: Any, instant: Instant) -> tuple[Any, Any]:
+        """The generalized forces Q (half, ...) of all that acts, weights left out, and the power (W)."""
+        half, first = self.layout.half, self.layout.first
+        v, groups = y[half : 2 * half], self.system.groups
+        bearing, Q = self.bearing(y[:half], v, instant, massless=True), np.zeros_like(v)
+        forces, _, power = self.loaded(y, instant, bearing, [(group, Unanswering()) for group in groups])
+        pushed, working = bearing.pushed(self.modal_drag(v))
+        for place, force in zip(self.places, forces, strict=True):
+            Q[first:][place] = force
+        for k, each in enumerate(pushed):
+            Q[k] = each
+        return Q, power + working
+
+    def modal_drag(self, v: Any) -> Any:
+        """The generalized forces of damping ratios; None without any."""
+        return None if self.system.modal_damping is None else modal_drag(self.system, v)
+
+    def loaded(
+        self, y: Any, instant: Instant, bearing: Bearing, hung: Sequence[tuple[Group, Any]]
+    ) -> tuple[list[Any], list[External | None], Any]:
+        """The generalized forces on the links of every group, those from outside, and the power (W).
+
+        The bearing has taken them, with the groups.
+        """
+        system, first, half, push = self.system, self.layout.first, self.layout.half, instant.push
+        links, rates, drag = y[first:half], y[half + first : 2 * half], self.modal_drag(y[half : 2 * half])
+        moments = push.moments if push.moments is None or links.ndim > 1 else np.ravel(push.moments)
+        power, every, externals = 0.0, [], []
+        for k, (place, (group, body)) in enumerate(zip(self.places, hung, strict=True)):
+            directions, speed, moment = links[place], rates[place], None if moments is None else moments[place]
+            joints = bearing.joints(k)
+            frame = instant.support if system.support else None
+            forces, work, reaction = self.acting(group, directions, speed, moment, frame, joints.base)
+            if bearing.torques is not None:
+                forces = forces + bearing.torques[place]
+            if drag is not None:
+                resisting = drag[first:][place]
+                forces, work = forces + resisting, work + np.sum(resisting * speed, axis=(0, 1))
+            external = self.external(group, directions, speed, joints.velocity, instant)
+            if external is not None:
+                forces, work = forces + external.generalized, work + external.power
+            bearing.take(k, body, directions, speed, forces, external, reaction)
+            power = power + work
+            externals.append(external)
+            every.append(forces)
+        return every, externals, power
+
     def _wound(
         self,
         power: Any,
@@ -252,7 +281,9 @@ class Suspended(Arranged):
         """The `power` (W) with that of what winds the ropes."""
         lengths, gravity = instant.lengths, self.system.gravity
         assert lengths is not None
-        for k, (place, (group, external)) in enumerate(zip(self.places, externals, strict=True)):
+        for k, (place, group, external) in enumerate(
+            zip(self.places, self.lengthened(instant), externals, strict=True)
+        ):
             winding = [part[group.index] for part in lengths[1:]]
             moved = links[place], rates[place], turned[place]
             # without the support's acceleration: with the work of its inertial forces on what the ropes move
@@ -330,6 +361,22 @@ def inverted(
     for place, body, memory in solved:
         rates[first:][place] = body.turn(memory, rates[0] if system.cart else 0.0)
     return rates
+
+
+class Unanswering:
+    """A body without mass: what acts on a group goes to its bearing alone."""
+
+    def pull(self, links: Any, rates: Any, torques: Any, gravity: float) -> tuple[Any, Any, Any]:
+        """None."""
+        return 0.0, 0.0, None
+
+    def response(self, angles: Any, rates: Any, torques: Any) -> Unanswering:
+        """None."""
+        return self
+
+    def projected(self, columns: Any, slopes: Sequence[Any], felt: tuple[Any, Any], total: Callable[[Any], Any]) -> Any:
+        """Nothing on any coordinate."""
+        return [[0.0] * (k + 1) for k in range(len(slopes))], [0.0] * len(slopes)
 
 
 class Recursion:
@@ -439,16 +486,14 @@ class Minimal(Suspended):
         return plane_drag(group, links, rates, cart_rate, support, speed)
 
 
-def drained_on_carriers(system: System, q: Floats, v: Floats, support: tuple[Any, Any] = (0.0, 0.0)) -> Floats:
-    """The power (W), (S,), that dampers, drives and drag bring to states of a structure side by side, q, v (half, S).
+def drained(system: System, q: Floats, v: Floats, support: tuple[Any, Any] = (0.0, 0.0)) -> Floats:
+    """The power (W), (S,), that dampers, drives of joints and drag bring to states side by side, q and v (half, S).
 
-    As in `nonlinear.dynamics.joints.drained`, drag is that in the laboratory, where the `support` moves so fast (m/s).
+    Drag is that in the laboratory, where the `support` moves at these velocities (m/s) along the rail and down.
     """
-    equations = Minimal(system, tuple(Recursion(group, tail=1) for group in system.groups))
-    y, instant, first = np.concatenate((q, v)), Instant(velocity=support), system.first
-    if not equations.layout.works:
-        return np.zeros(q.shape[1:])
-    power = equations.rates(np.concatenate((y, np.zeros_like(y[:1]))), instant)[-1]
+    equations, first = Minimal(system, (None,) * len(system.groups), counts_work=False), system.first
+    y, instant = np.concatenate((q, v)), Instant(velocity=support)
+    _, power = equations.forces(y, instant)
     bearing = equations.bearing(q, v, instant)
     for k, group in enumerate(system.groups):
         if group.dragged:
@@ -457,7 +502,7 @@ def drained_on_carriers(system: System, q: Floats, v: Floats, support: tuple[Any
             assert external is not None
             along, down = external.forces.sum((1, 2))
             power = power + along * support[0] + down * support[1]
-    return np.asarray(power)
+    return np.asarray(power + 0.0 * q[0])
 
 
 def transmitted(group: Group, winding: Any, angles: Any, rates: Any, turns: Any, start: Any, external: Any) -> Any:

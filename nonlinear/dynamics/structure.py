@@ -25,7 +25,7 @@ import numpy as np
 from modal.structure import CarrierEnd, CarrierNumbers, Moving, Structure, carried
 from modal.types import Ints
 from nonlinear.dynamics.bearing import Bearing, Joints
-from nonlinear.dynamics.drag import External
+from nonlinear.dynamics.external import External
 from nonlinear.dynamics.inputs import QUIET, Instant
 from nonlinear.dynamics.springs import Springs, Strained, Tension, filled, versed
 from nonlinear.system import Group, System
@@ -202,11 +202,23 @@ class Carriers:
 class CarriersAt(Bearing):
     """Carriers with η and η' at an instant."""
 
-    def __init__(self, carriers: Carriers, q: Any, v: Any, instant: Instant = QUIET, *, bare: bool = False) -> None:
-        """Without weights, springs and all that acts, if `bare`: then it answers generalized forces alone."""
+    def __init__(
+        self,
+        carriers: Carriers,
+        q: Any,
+        v: Any,
+        instant: Instant = QUIET,
+        *,
+        bare: bool = False,
+        massless: bool = False,
+    ) -> None:
+        """Without weights, springs and all that acts, if `bare`: then it answers generalized forces alone.
+
+        Without what their own mass does, if `massless`: then what acts here are forces alone.
+        """
         self.carriers, self.structure, system = carriers, carriers.structure, carriers.system
         size = self.structure.size
-        self.instant, self.bare, self.system = instant, bare, system
+        self.instant, self.bare, self.massless, self.system = instant, bare, massless, system
         self.eta, self.rates = list(q[:size]), list(v[:size])
         self.moves = carriers._moved(self.eta, self.rates)
         self.right: list[Any] = [0.0] * size
@@ -233,10 +245,12 @@ class CarriersAt(Bearing):
             return
         first = self.structure.offsets[number]
         kept, working = held(carrier, eta, rates)
-        forces = thrown(carrier, centre, self.felt)  # type: ignore[arg-type]
+        forces: Any = [0.0] * carrier.size
+        if not self.massless:
+            each = thrown(carrier, centre, self.felt)  # type: ignore[arg-type]
+            forces = [force - self.carriers.weights[first + k] for k, force in enumerate(each)]
         for k, (spring, damper, force) in enumerate(zip(kept, working, forces, strict=True)):
-            weight = self.carriers.weights[first + k]
-            self.right[first + k] = spring + damper + (force - weight)
+            self.right[first + k] = spring + damper + force
             self.power = self.power + damper * rates[k]
         if self.system.support and centre is not None:
             vx, vz = centre.velocity(rates)
@@ -396,8 +410,8 @@ class CarriersAt(Bearing):
         if external is not None and np.ndim(external.at_base):
             self.power = self.power - external.at_base[bundle.columns].sum(0) * self.rates[angle]
 
-    def solved(self, drag: Any) -> tuple[Any, Any]:
-        """η'' of all carriers."""
+    def pushed(self, drag: Any) -> tuple[Any, Any]:
+        """All that acts on the carriers."""
         structure, instant = self.structure, self.instant
         pushes = [] if drag is None else [drag[: structure.size]]
         if instant.push.supports is not None:
@@ -409,6 +423,11 @@ class CarriersAt(Bearing):
         for force, size in zip(self.system.forces, instant.forces, strict=False):
             if isinstance(force.carrier, CarrierEnd):
                 self._act(force.carrier, force.direction, size)
+        return self.right, self.power
+
+    def solved(self, drag: Any) -> tuple[Any, Any]:
+        """η'' of all carriers."""
+        self.pushed(drag)
         self.solution = self.answered()
         return self.solution, self.power
 

@@ -3,7 +3,7 @@
 Equal pendula (bit for bit) with equal starts move as one: a pendulum with their masses, dampers and springs added up
 pulls the cart as they do together.  A start in space in the vertical plane of the rail stays in it, so angles
 suffice; this is not used where joints have springs, for a joint in space does not wind up
-(`nonlinear.dynamics.spatial_joints`).
+(`nonlinear.dynamics.spatial`).
 
 No force depends on whole turns of a joint without a spring, nor on the position of a cart without one: where these are
 so large that integrators would scale their tolerance by them, they are removed.  Masses and lengths so far from 1 that

@@ -5,7 +5,8 @@ tape, each once, without those that involve only a 0.  The inputs have a kind: "
 time brings), "y" (the state), "v" (a direction).  `nonlinear.dynamics.text` writes what is on the tape.
 
 Derivatives are found on the same tape by the chain rule, forwards: `partials` are the entries of a Jacobian that are
-not zero, `along` is its product with a vector (Griewank and Walther, Evaluating Derivatives, 2008, §3.1).
+not zero, `along` is its product with a vector; `gradient` goes backwards (Griewank and Walther, Evaluating Derivatives,
+2008, §§3.1 and 3.2).
 """
 
 from __future__ import annotations
@@ -171,6 +172,19 @@ def along(tape: Tape, outputs: Sequence[Any], by: Sequence[Symbol], v: Sequence[
         if id(symbol) not in slopes:
             slopes[id(symbol)] = _chained(symbol, slopes)
     return [slopes[id(output)].get(0, 0.0) if isinstance(output, Symbol) else 0.0 for output in outputs]
+
+
+def gradient(tape: Tape, output: Any, by: Sequence[Any]) -> list[Any]:
+    """The derivatives of one output by these inputs, backwards: of a whole chain in a few times its operations."""
+    slopes: dict[int, Any] = {id(output): 1.0}
+    for symbol in reversed(order(tape, uses(tape, [output]))):
+        operator, *operands = symbol.operation
+        for k, operand in enumerate(operands if operator != "in" else ()):
+            if isinstance(operand, Symbol):
+                alone = [float(k == other) for other in range(len(operands))]
+                share = RULES[operator](symbol, *operands, *alone) * slopes[id(symbol)]
+                slopes[id(operand)] = slopes.get(id(operand), 0.0) + share
+    return [slopes.get(id(symbol), 0.0) for symbol in by]
 
 
 LEAST = 1e-300

@@ -2,8 +2,8 @@
 
     y' = f(y, u),   V' = J V,   J = ∂f/∂y
 
-So are those of what a motion conserves: all are recorded from the plain arithmetic of the equations and of Hamilton's
-form (`nonlinear.dynamics.tape`).
+So are those of what a motion conserves: all are recorded from the plain arithmetic of the equations and of the energies
+(`nonlinear.dynamics.tape`).
 """
 
 from __future__ import annotations
@@ -17,17 +17,16 @@ import numpy as np
 
 from modal.errors import ComputationError
 from modal.types import Floats
-from nonlinear.dynamics.dense import SINGULAR
-from nonlinear.dynamics.drag import plane_drag
-from nonlinear.dynamics.energies import energy_on_carriers
+from nonlinear.dynamics.elimination import SINGULAR
+from nonlinear.dynamics.energies import energies
+from nonlinear.dynamics.external import plane_drag
 from nonlinear.dynamics.forms import Form, Symbolic, form_of, jacobian_of, module_of
 from nonlinear.dynamics.generated import UNDEFINED, Generated, Listed
-from nonlinear.dynamics.hamiltonian import momenta, potential
 from nonlinear.dynamics.joints import cart_force, modal_drag
 from nonlinear.dynamics.switching import switched, switching_of
-from nonlinear.dynamics.tape import partials
+from nonlinear.dynamics.tape import gradient, partials
 from nonlinear.dynamics.text import Module
-from nonlinear.system import State, entries_of, prescribed_of
+from nonlinear.system import entries_of, prescribed_of
 
 Force = Callable[[float], Floats]
 TINY = 1e-20  # imaginary part of a number: its square vanishes beside any
@@ -142,10 +141,7 @@ class Variational(Generated):
         return self._conserved("energy", y)
 
     def momenta(self, q: Floats, v: Floats) -> Floats:
-        """The momenta ∂T/∂q' = M(q) v (half, S) of a structure at many coordinates q and rates v (half, S).
-
-        Any other scene has them from `nonlinear.dynamics.hamiltonian`.
-        """
+        """The momenta ∂T/∂q' = M(q) v (half, S) at many coordinates q and rates v (half, S)."""
         return np.array([np.broadcast_to(value, q.shape[1:]) for value in self._momenta([*q, *v])])
 
     def impulse_slope(self, y: Floats, along: Floats) -> Floats:
@@ -182,24 +178,24 @@ class Variational(Generated):
 
 @lru_cache(maxsize=64)
 def _gradients(form: Form) -> Module:
-    """The functions "energy" and, without a structure, "momentum" of a form: the derivatives of both by y."""
+    """The functions "energy" and, on one cart, "momentum" of a form, the derivatives of both by y, and "momenta"."""
     symbolic = Symbolic(form)
-    system, on_cart = symbolic.system, form.first
+    tape, system, on_cart = symbolic.tape, symbolic.system, form.first
     half = system.n_links + on_cart
-    y = symbolic.tape.inputs("y", 2 * half)
-    if system.structure is not None:
-        (slopes,) = partials(symbolic.tape, [energy_on_carriers(system, y[:half], y[half:])], list(y))
-        energy = [slopes.get(k, 0.0) for k in range(2 * half)]
-        return Module(symbolic.tape, {"energy": energy, "momenta": energy[half:]})
-    links, rates, cart, speed = y[on_cart:half], y[half + on_cart :], y[0] if on_cart else 0.0, y[half]
-    p = momenta(system, State(links, rates, cart_rate=speed if on_cart else 0.0))
-    energy = (y[half:] * p).sum() / 2 + potential(system, cart, links)
-    outside = cart_force(system, 0.0, speed)[1] if on_cart else 0.0
-    if system.modal_damping is not None:
-        outside = outside + modal_drag(system, y[half:])[0]
-    for group in system.groups:
-        if group.dragged:
-            outside = outside + plane_drag(group, links[group.index], rates[group.index], speed).on_cart
-    slopes, conserved, lost = partials(symbolic.tape, [energy, p[0], outside], list(y))
-    momentum = [conserved.get(k, 0.0) - (lost.get(half + k, 0.0) if k < half else 0.0) for k in range(2 * half)]
-    return Module(symbolic.tape, {"energy": [slopes.get(k, 0.0) for k in range(2 * half)], "momentum": momentum})
+    y = tape.inputs("y", 2 * half)
+    parts = energies(system, y[:half], y[half:])
+    energy, p = gradient(tape, parts.total, y), gradient(tape, parts.moving, y[half:])
+    functions = {"energy": energy, "momenta": p}
+    if system.structure is None and on_cart:
+        links, rates, speed = y[1:half], y[half + 1 :], y[half]
+        outside = cart_force(system, 0.0, speed)[1]
+        if system.modal_damping is not None:
+            outside = outside + modal_drag(system, y[half:])[0]
+        for group in system.groups:
+            if group.dragged:
+                outside = outside + plane_drag(group, links[group.index], rates[group.index], speed).on_cart
+        kept, lost = partials(tape, [p[0], outside], list(y))
+        functions["momentum"] = [
+            kept.get(k, 0.0) - (lost.get(half + k, 0.0) if k < half else 0.0) for k in range(2 * half)
+        ]
+    return Module(tape, functions)

@@ -11,13 +11,12 @@ from modal.errors import SceneError
 from modal.scene import CAPABILITIES, Scene, refusals, validate_scene
 from nonlinear.dynamics import (
     Arranged,
-    Dense,
+    Banded,
     Generated,
     GroupBody,
     Minimal,
     Recursion,
     Reduced,
-    Small,
     Spatial,
     SpatialRecursion,
     Symmetry,
@@ -26,7 +25,7 @@ from nonlinear.dynamics import (
 )
 from nonlinear.dynamics.inputs import Inputs
 from nonlinear.integration import taylor
-from nonlinear.integration.costs import WRITTEN, offers
+from nonlinear.integration.costs import FLOATS, WRITTEN, offers
 from nonlinear.integration.readiness import Forgone, Offer, best_of, forgone_by
 from nonlinear.integration.steppers import EXPLICIT, SCIPY, SMALLEST
 from nonlinear.integration.switched import Switched
@@ -39,12 +38,9 @@ FORMS = ("auto", "minimal", "maximal", "hamiltonian", "spatial")
 STIFF = 30.0  # fastest decay over the fastest oscillation
 SHORTEST = 1e-13  # link length over the longest, below which positions in maximal coordinates cannot resolve it
 ROOM = 1e140  # largest moment of inertia, and inverse of the smallest, whose square does not overflow
-FEWEST = 96  # links of a scene up to which it is one dense matrix
-CHAINS, PAIRS = 12, 28  # links, in pendula of three or more and of one or two, up to which it is slower than floats
-"""Where nothing acts but gravity, by benchmarks/forms.py and in runs of 1000 samples: one derivative, with SciPy's
-steps, takes 21 µs as a matrix of 12 and 22 µs of 20, in floats 25 µs and 43 µs for chains, 15 µs and 24 µs for pairs.
-Springs, dampers, drag and loads cost the matrix 30 µs more: there floats go up to WRITTEN."""
-SHORT, MANY, FEW = 32, 1000, 75  # links of a chain and of a group solved densely; pendula solved as one band
+SHORT, FEW = 4, 75  # links of a chain from which, pendula of a group up to which, a band is faster than the recursion
+"""By whole runs of 200 samples (benchmarks/forms.py): 100 pairs on a cart take 1.4 s by the recursion and 2.6 s by a
+band, twenty chains of twenty 4.9 s and 1.6 s."""
 ABREAST, LARGEST = 16, 128  # pendula side by side in space, and links there, up to which equations are written out
 FINEST = 1e-13  # tolerance below which only Taylor series gain accuracy
 
@@ -178,15 +174,9 @@ def _why_series(way: Offer) -> str:
 
 
 def body_of(group: Group, system: System) -> GroupBody:
-    """The solver of one group in NumPy: dense matrices for short chains, a band for long ones, else the recursion."""
-    if loses_digits(group, system):
+    """The solver of one group in NumPy: a band for long chains, the recursion for many short ones."""
+    if group.n < SHORT or group.index.shape[1] > FEW or loses_digits(group, system):
         return Recursion(group)
-    if group.n < SHORT and group.index.size <= MANY:
-        return Dense(group)
-    if group.n < SHORT or group.index.shape[1] > FEW:
-        return Recursion(group)
-    from nonlinear.dynamics import Banded
-
     return Banded(group)
 
 
@@ -245,28 +235,13 @@ def _in_space(system: System, load: Load | None) -> Arranged:
 
 def _free(system: System, load: Load | None) -> Arranged:
     """The equations in minimal coordinates in the plane, without dry friction."""
-    most = WRITTEN if _acted_on(system, load) else min(WRITTEN, _bare(system))
-    return Generated(system, load=load) if system.n_links <= most else _numeric(system, load)
-
-
-def _acted_on(system: System, load: Load | None) -> bool:
-    """Whether anything acts besides gravity, or switches."""
-    return bool(system.hoisting) or Small(system, load=load).acts
-
-
-def _bare(system: System) -> int:
-    """Links up to which floats beat a dense matrix where only gravity acts; all where that would lose digits."""
-    if system.structure is not None or any(loses_digits(group, system) for group in system.groups):
-        return WRITTEN
-    return CHAINS if max(group.n for group in system.groups) > 2 else PAIRS
+    return Generated(system, load=load) if system.n_links <= FLOATS else _numeric(system, load)
 
 
 def _numeric(system: System, load: Load | None) -> Arranged:
-    """The same by matrices or recursions."""
+    """The same by bands or recursions."""
     if system.hoisting is not None:
         return Minimal(system, (None,) * len(system.groups), load)
     if system.structure is not None:
         return Minimal(system, tuple(Recursion(group) for group in system.groups), load)
-    if system.n_links <= FEWEST and not any(loses_digits(group, system) for group in system.groups):
-        return Small(system, load=load)
     return Minimal(system, tuple(body_of(group, system) for group in system.groups), load)

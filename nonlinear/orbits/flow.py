@@ -21,7 +21,7 @@ import scipy
 from modal.errors import ComputationError
 from modal.report import Displayed
 from modal.types import Floats
-from nonlinear.dynamics.dense import SINGULAR
+from nonlinear.dynamics.elimination import SINGULAR
 from nonlinear.dynamics.generated import UNDEFINED, Listed, Rate
 from nonlinear.dynamics.variational import TINY, Force, Variational
 from nonlinear.integration.analytic import impulses_since, kicked

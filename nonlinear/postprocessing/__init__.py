@@ -4,13 +4,12 @@ In: a `Trajectory`.  Out: signals at other times, line frequencies far finer tha
 Start with `summary`.
 """
 
-from nonlinear.postprocessing.averages import last, smooth
 from nonlinear.postprocessing.extents import Extent, angles_of, extent_of, largest_angle, places_of
 from nonlinear.postprocessing.frequencies import LEAST_PERIODS, ORDER, SpectralLine, attention, line, lines
 from nonlinear.postprocessing.reaction_forces import reaction_forces_of
 from nonlinear.postprocessing.resampling import extremes, picked, resample
 from nonlinear.postprocessing.ropes import PushingLink, pushing_links, slack_words, words_of
-from nonlinear.postprocessing.spectra import WINDOW_NAME, power_spectrum, resolution
+from nonlinear.postprocessing.series import WINDOW_NAME, last, power_spectrum, resolution, smooth
 from nonlinear.postprocessing.summary import run_inventory
 
 __all__ = [

@@ -17,7 +17,7 @@ from modal.modes.solution_report import loaded, not_loaded
 from modal.report import visible
 from modal.scene import LengthLaw, SineMotion, refusals, title_of
 from modal.scene.doors import require_type
-from nonlinear.dynamics import Dense, Generated, Reduced, Small, is_unstable_equilibrium
+from nonlinear.dynamics import Generated, Reduced, is_unstable_equilibrium
 from nonlinear.integration import CLOSED, EXPLICIT, SCIPY, TRUNCATED, SolverInfo, Trajectory, departure
 from nonlinear.postprocessing.extents import Extent, extent_of, places_of
 from nonlinear.postprocessing.resampling import extremes
@@ -229,15 +229,8 @@ def _matrices(inner: Any, run: SolverInfo) -> Iterator[tuple[int, int]]:
         yield len(inner.scale), 1
     if run.form == TRUNCATED:
         yield inner.shapes.shape[1], 1
-    elif run.form == "maximal":
-        if inner.saddle.is_dense:
-            yield inner.saddle.size, 1
-    elif isinstance(inner, Small) and run.method != "taylor":
-        yield inner.layout.half, 1
-    elif run.method != "taylor":
-        for group, body in zip(inner.system.groups, getattr(inner, "bodies", ()), strict=False):
-            if isinstance(body, Dense):
-                yield group.n, group.index.shape[1]
+    elif run.form == "maximal" and inner.saddle.is_dense:
+        yield inner.saddle.size, 1
 
 
 def _coordinates(trajectory: Trajectory, inner: Any) -> Iterator[str]:

@@ -25,9 +25,9 @@ import numpy as np
 
 from modal.scene.doors import require_type
 from modal.types import Floats
-from nonlinear.dynamics import spatial_joints as ball_joints
-from nonlinear.dynamics.drag import drag, plane_drag
+from nonlinear.dynamics.external import drag, plane_drag
 from nonlinear.dynamics.joints import cart_force, link_torques, modal_drag
+from nonlinear.dynamics.spatial import generalized, joint_moments
 from nonlinear.dynamics.variational import Variational
 from nonlinear.reduction.two_planes import factors
 from nonlinear.system import Group, System
@@ -113,7 +113,7 @@ def _spatial(group: Group, moved: list[Floats], felt: Floats, cart_rate: Floats)
     u, w = (sigma * np.array(part) for part in ([*(s * p), np.cos(theta)], [*(s * rate + r * h * p), -s * h]))
     braking: Any = 0.0
     if group.sprung or group.damped:
-        forces -= ball_joints.generalized(ball_joints.moments(group, u, w), u)
+        forces -= generalized(joint_moments(group, u, w), u)
     if group.dragged:
         resisting, braking, *_ = drag(group, w, cart_rate)
         forces -= resisting

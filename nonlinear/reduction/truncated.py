@@ -27,9 +27,9 @@ import numpy as np
 
 from modal.errors import ComputationError
 from modal.types import Floats
-from nonlinear.dynamics import Generated, acting
+from nonlinear.dynamics import Generated, Minimal
 from nonlinear.dynamics.variational import Variational
-from nonlinear.system import AppliedForces, Group, Load, Motion, State, System
+from nonlinear.system import Group, Load, Motion, State, System
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,6 +129,11 @@ class Truncated:
         return self.system.total_mass * np.outer(self.cart, self.cart)
 
     @cached_property
+    def acting(self) -> Minimal:
+        """What acts on the whole scene."""
+        return Minimal(self.system, (None,) * len(self.system.groups), self.load)
+
+    @cached_property
     def carriers(self) -> Floats:
         """The part of a structure in the shapes, (d, R)."""
         return self.shapes[: self.system.first]
@@ -151,10 +156,9 @@ class Truncated:
         if self.system.structure is not None:
             return self._on_structure(time, y)
         state, R = self.state(y), self.size
-        push = self.load(time, state) if self.load else AppliedForces()
-        M = self._constant.copy()
-        on_cart, on_links, power = acting(self.system, state, push)
-        force = on_links @ self.links + on_cart * self.cart
+        M, z, first = self._constant.copy(), self.acting.layout.begin(state), self.system.first
+        Q, power = self.acting.forces(z, self.acting.inputs.at(time, z, self.acting.layout))
+        force = Q[first:] @ self.links + (Q[0] * self.cart if first else 0.0)
         for turning in self.turnings:
             place = turning.group.index.T
             mass, pull = turning.equations(self.cart, state.links[place], state.link_rates[place], self.system.gravity)

@@ -5,7 +5,6 @@ with `system`.
 """
 
 from modal.assembly import Hoisting, Hoists
-from nonlinear.system.directions import of_plane, unit_vectors, velocities
 from nonlinear.system.events import (
     NO_FRICTION,
     NO_KICKS,
@@ -16,7 +15,6 @@ from nonlinear.system.events import (
     level_crossing,
     turning_point,
 )
-from nonlinear.system.forces import UP, ActingForce
 from nonlinear.system.initial import has_start, initial_state, state_at_rest, validate_state
 from nonlinear.system.numbers import (
     Numbers,
@@ -30,8 +28,20 @@ from nonlinear.system.numbers import (
     with_prescribed,
 )
 from nonlinear.system.populations import Population, burdens, populations_of, representatives, unrepresented
+from nonlinear.system.prescribed import UP, ActingForce
 from nonlinear.system.springs import drawn_place, ends_may_meet, place_of, slack_of
-from nonlinear.system.state import AppliedForces, Equations, Layout, Load, Motion, State, apart
+from nonlinear.system.state import (
+    AppliedForces,
+    Equations,
+    Layout,
+    Load,
+    Motion,
+    State,
+    apart,
+    of_plane,
+    unit_vectors,
+    velocities,
+)
 from nonlinear.system.system import Group, System, system_of
 from nonlinear.system.translations import translations
 

@@ -16,8 +16,7 @@ from modal.scene import Pendulum, Scene, doors, validate_scene
 from modal.scene.supports import Adrift, Combined, Displaced, Turned
 from modal.structure import structure_of
 from modal.types import Floats
-from nonlinear.system.directions import of_plane, unit_vectors, velocities
-from nonlinear.system.state import State
+from nonlinear.system.state import State, of_plane, unit_vectors, velocities
 from nonlinear.system.system import System
 
 NO_START = (

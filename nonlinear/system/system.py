@@ -29,12 +29,11 @@ from modal.report import Displayed, Summary, counted
 from modal.scene import Escapement, Pendulum, Scene, VanDerPol, validate_scene
 from modal.structure import Structure, is_damped
 from modal.types import Floats, Ints
-from nonlinear.system.forces import ActingForce, acting_forces
+from nonlinear.system.prescribed import ActingForce, MovingSupport, acting_forces, moving_support
 from nonlinear.system.springs import slack_of
 
 if TYPE_CHECKING:
     from modal.vibration import Course, PrescribedMotion
-    from nonlinear.system.support import MovingSupport
 
 NONE = (0.0, 0.0, 0.0, 0.0)
 
@@ -440,8 +439,6 @@ def system_of(scene: Scene, hoists: Hoists | None = None) -> System:
 def _support(scene: Scene) -> MovingSupport | None:
     if not scene.is_moved:
         return None
-    from nonlinear.system.support import moving_support
-
     return moving_support(scene.motions)
 
 

@@ -21,7 +21,7 @@ from modal.types import Floats
 from nonlinear.integration import Trajectory
 from nonlinear.postprocessing import PushingLink, SpectralLine, lines
 from nonlinear.reduction import ModalMotion, modal_motion
-from nonlinear.verification.measurement import pushing_in
+from nonlinear.verification.modes import pushing_in
 
 MOST_LINES = 3
 STEADY = 1e-2  # relative error of a line above which it is not steady

@@ -23,8 +23,7 @@ from modal.report import (
 from modal.scene import describe, left_out, title_of
 from modal.scene.doors import checked
 from nonlinear.postprocessing import PushingLink, words_of
-from nonlinear.verification.measurement import Measurement
-from nonlinear.verification.modes import FARTHEST, Check, ModeCheck
+from nonlinear.verification.modes import FARTHEST, Check, Measurement, ModeCheck
 from nonlinear.verification.motion import Comparison, ModeInMotion
 
 MODES = ("mode", "ω (rad/s)", "κ (1/rad²)", "measured", "rel. error ≤", "1 % at (°)", "measured (°)", "description")

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import sympy as sp
+from dense_form import DenseForm
 from scenes import extreme_scene
 from scipy.integrate import solve_ivp
 
@@ -18,7 +19,7 @@ from nonlinear.chaos import Case, Exponent, Finding, lyapunov_exponent, measure,
 from nonlinear.chaos.claims import verdicts
 from nonlinear.chaos.studies import ChaosStudy, level_starts
 from nonlinear.chaos.tangent import Tangent
-from nonlinear.dynamics import Dense, Mechanics, Minimal
+from nonlinear.dynamics import Mechanics
 from nonlinear.plotting import draw_finding, draw_running
 from nonlinear.sweeps import parse_measures
 from nonlinear.system import State, system_of
@@ -65,7 +66,7 @@ def test_the_tangent_is_the_slope_of_the_derivative(scene: Scene) -> None:
 def test_the_motion_carried_along_is_the_simulated_one() -> None:
     """The dense form with its work column, one trajectory at a time, gives the same y'."""
     system = system_of(DAMPED)
-    tangent, plain = Tangent(system), Minimal(system, tuple(map(Dense, system.groups)))
+    tangent, plain = Tangent(system), DenseForm(system)
     y = np.random.default_rng(1).standard_normal((tangent.equations.layout.size, 3))
     f, _ = tangent.product(y, np.ones_like(y))
     for k in range(3):

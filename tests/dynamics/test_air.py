@@ -7,6 +7,7 @@ from math import cos, hypot, sin
 
 import numpy as np
 import pytest
+from dense_form import DenseForm
 from scipy.integrate import solve_ivp
 
 from modal import Bob, InitialCondition, Pendulum, Rod, Scene
@@ -20,7 +21,6 @@ from nonlinear.dynamics import (
     Maximal,
     Minimal,
     Recursion,
-    Small,
     Spatial,
     SpatialRecursion,
 )
@@ -113,7 +113,7 @@ def test_drag_on_a_moved_support_by_every_form(motion: object, linear: float, qu
     scene = moved(motion, linear, quadratic)
     system, state = system_of(scene), swinging(scene)
     recursion = Minimal(system, tuple(Recursion(group) for group in system.groups))
-    forms = [Generated(system), recursion, Small(system)]
+    forms = [Generated(system), recursion, DenseForm(system)]
     rates, *others = (form.derivative(0.7, form.begin(state)) for form in forms)
     for other in others:
         assert other == pytest.approx(rates, rel=1e-11, abs=1e-12)

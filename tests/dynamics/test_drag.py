@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from amounts import usually
+from dense_form import DenseForm
 from scipy.optimize import brentq
 
 from modal.assembly import matrices, rig_of
@@ -16,7 +17,7 @@ from modal.modes import natural_modes
 from modal.scene import Scene, scene_from
 from modal.statespace import state_space
 from nonlinear import simulate
-from nonlinear.dynamics import Generated, Maximal, Minimal, Recursion, Small, Spatial, SpatialRecursion
+from nonlinear.dynamics import Generated, Maximal, Minimal, Recursion, Spatial, SpatialRecursion
 from nonlinear.postprocessing import reaction_forces_of
 from nonlinear.reduction import residual_forces
 from nonlinear.system import State, of_plane, system_of
@@ -59,7 +60,7 @@ def test_every_form_of_the_equations_agrees() -> None:
     plain = Minimal(system, recursion)
     expected = plain.derivative(0.0, plain.begin(state))
     half = plain.layout.half
-    for other in (Generated(system), Small(system)):
+    for other in (Generated(system), DenseForm(system)):
         assert other.derivative(0.0, other.begin(state)) == pytest.approx(expected, rel=1e-10, abs=1e-10)
     maximal = Maximal(system)
     rates = maximal.derivative(0.0, maximal.begin(state))
@@ -154,7 +155,7 @@ STANDING = scene_of(
 @pytest.mark.parametrize("scene", [LINEAR, STANDING], ids=["hanging", "standing"])
 def test_the_damping_matrix_is_that_of_the_full_equations(scene: Scene) -> None:
     system, model = system_of(scene), matrices(scene)
-    equations = Small(system)
+    equations = DenseForm(system)
     half, size = equations.layout.half, 1e-6
 
     def accelerations(v: np.ndarray) -> np.ndarray:
@@ -220,7 +221,7 @@ def test_residual_forces_of_a_solution_vanish() -> None:
     scene = MIXED
     run = simulate(scene, 1.0, tolerance=1e-12, output=11)
     system, motion = run.system, run.motion
-    equations = Small(system)
+    equations = DenseForm(system)
     rows = np.array([equations.derivative(0.0, equations.begin(motion[k])) for k in range(11)]).T
     half = equations.layout.half
     q = np.vstack((motion.cart, motion.links.T - system.rest[:, None]))

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from amounts import usually
+from dense_form import DenseForm
 from scenes import motion_scene, random_state
 from scipy.integrate import solve_ivp
 from support.uncompiled import uncompiled
@@ -35,7 +36,7 @@ from modal.scene import (
 from modal.scene.links import Drive
 from modal.types import Floats
 from nonlinear import files as recordings
-from nonlinear.dynamics import Banded, Dense, Mechanics, Minimal, Recursion, Small, escaping
+from nonlinear.dynamics import Banded, Mechanics, Minimal, Recursion, escaping
 from nonlinear.dynamics.compiled import Compiled
 from nonlinear.dynamics.compiled import available as numba_here
 from nonlinear.integration import Trajectory
@@ -125,14 +126,14 @@ def test_a_van_der_pol_torque_adds_its_moments_over_the_mass_matrix_and_its_powe
     scene = with_drives(bare, seed, "vv-")
     system, free, state = system_of(scene), system_of(bare), random_state(system_of(scene), seed)
     systems = [
-        Small(system),
-        *(Minimal(system, tuple(map(body, system.groups))) for body in (Recursion, Dense, Banded)),
+        DenseForm(system),
+        *(Minimal(system, tuple(map(body, system.groups))) for body in (Recursion, Banded)),
     ]
     systems += [Compiled(system)] * numba_here()
     on_cart = system.first
     torques = own_torques(scene, state.links, state.link_rates)
     expected = np.linalg.solve(own_mass(scene, state.links), np.concatenate((np.zeros(on_cart), torques)))
-    still = Small(free)
+    still = DenseForm(free)
     half = still.layout.half
     bare_rate = still.derivative(0.0, still.begin(state))
     for equations in systems:

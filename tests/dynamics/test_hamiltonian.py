@@ -6,15 +6,16 @@ import numpy as np
 import pytest
 from amounts import usually
 from scenes import blowing, minimal, plane_scene, random_state
+from structured_scenes import MOVED, STRUCTURED
 from test_identities import centres
 from test_maximal import final
 
 from modal.scene import Cart, Scene
-from nonlinear.dynamics import Hamiltonian
-from nonlinear.dynamics.hamiltonian import hamiltonian, momenta, velocities
+from nonlinear.dynamics import Generated, Hamiltonian
 from nonlinear.system import State, System, system_of
 
 SEEDS = range(60)
+EVERY = {name: scene for name, scene in {**STRUCTURED, **MOVED}.items() if "hoist" not in scene.features}
 STEP = 1e-30
 
 
@@ -53,11 +54,11 @@ def test_momenta_are_M_times_velocities_and_back(seed: int) -> None:
     system = system_of(scene)
     state = random_state(system, seed)
     q, v = vectors(system, state)
-    p = momenta(system, state)
-    theirs = dense_M(scene, q) @ v
-    np.testing.assert_allclose(p, theirs, rtol=0, atol=1e-13 * np.abs(theirs).max())
-    q = np.append([state.cart] * system.first, state.links)
-    np.testing.assert_allclose(velocities(system, q, p), v, rtol=0, atol=1e-11 * np.abs(v).max())
+    equations, theirs = Hamiltonian(system), dense_M(scene, q) @ v
+    p = equations.momenta(q[:, None], v[:, None])
+    np.testing.assert_allclose(p[:, 0], theirs, rtol=0, atol=1e-13 * np.abs(theirs).max())
+    back = equations.velocities(q[:, None], p)[:, 0]
+    np.testing.assert_allclose(back, v, rtol=0, atol=1e-11 * np.abs(v).max())
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -66,25 +67,22 @@ def test_H_is_the_energy(seed: int) -> None:
     system = system_of(scene)
     state = random_state(system, seed)
     q, v = vectors(system, state)
-    kinetic = v @ dense_M(scene, q) @ v / 2
-    energy = hamiltonian(system, state.cart, state.links, momenta(system, state))
-    assert energy == pytest.approx(kinetic + potential(scene, q), rel=1e-11, abs=1e-12 * kinetic)
+    kinetic, equations = v @ dense_M(scene, q) @ v / 2, Hamiltonian(system)
+    stored = potential(scene, q) - potential(scene, np.append([0.0] * system.first, system.rest))
+    (energy,) = equations.hamiltonian(q[:, None], equations.momenta(q[:, None], v[:, None]))
+    assert energy == pytest.approx(kinetic + stored, rel=1e-11, abs=1e-12 * kinetic)
 
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_the_slopes_of_H_are_the_motion(seed: int) -> None:
     """q' = ∂H/∂p and p' = −∂H/∂q by complex steps; dampers add minus what they resist."""
     system = system_of(plane_scene(seed))
-    state, first = random_state(system, seed), system.first
+    state = random_state(system, seed)
     q, v = vectors(system, state)
-    p, half = momenta(system, state), len(q)
-
-    def slope(direction: np.ndarray) -> float:
-        at, push = q + 1j * STEP * direction[:half], p + 1j * STEP * direction[half:]
-        return hamiltonian(system, at[0] if first else 0.0, at[first:], push).imag / STEP
-
-    slopes = np.array([slope(unit) for unit in np.eye(2 * half)])
-    equations = Hamiltonian(system)
+    equations, half = Hamiltonian(system), len(q)
+    p = equations.momenta(q[:, None], v[:, None])[:, 0]
+    moved = np.concatenate((q, p))[:, None] + 1j * STEP * np.eye(2 * half)
+    slopes = equations.hamiltonian(moved[:half], moved[half:]).imag / STEP
     rates = equations.derivative(0.0, equations.begin(state))
     scale = np.abs(slopes).max()
     np.testing.assert_allclose(rates[:half], slopes[half:], rtol=0, atol=1e-11 * scale)
@@ -93,6 +91,23 @@ def test_the_slopes_of_H_are_the_motion(seed: int) -> None:
     assert equations.layout.works == bool(dampers(system, state).any())
     if equations.layout.works:
         assert rates[-1] == pytest.approx(dampers(system, state) @ v, rel=1e-12, abs=1e-12)
+
+
+@pytest.mark.parametrize("name", EVERY)
+def test_on_structures_the_slopes_are_lagranges_mapped_to_momenta(name: str) -> None:
+    """p' = M q'' + (M' q') q' with the accelerations of Lagrange's form, by a complex step along the motion."""
+    system = system_of(EVERY[name])
+    equations, lagrangian = Hamiltonian(system), Generated(system)
+    half, y = equations.layout.half, np.random.default_rng(3).uniform(-0.7, 0.7, equations.layout.size)
+    theirs = lagrangian.derivative(0.3, y)
+    moved = (y + 1j * STEP * theirs)[:, None]
+    turning = equations.momenta(moved[:half], moved[half : 2 * half])[:, 0].imag / STEP
+    q, v = y[:half], y[half : 2 * half].copy()
+    y[half : 2 * half] = equations.momenta(q[:, None], v[:, None])[:, 0]
+    mine = equations.derivative(0.3, y)
+    np.testing.assert_allclose(mine[:half], v, rtol=0, atol=1e-13)
+    np.testing.assert_allclose(mine[half : 2 * half], turning, rtol=0, atol=1e-13 * np.abs(turning).max())
+    np.testing.assert_allclose(mine[2 * half :], theirs[2 * half :], rtol=1e-12, atol=1e-12)
 
 
 def dampers(system: System, state: State) -> np.ndarray:

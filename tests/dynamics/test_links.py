@@ -14,7 +14,7 @@ from scenes import motion_scene
 from modal.assembly import matrices
 from modal.scene import Scene
 from nonlinear.dynamics import Generated, Mechanics, Minimal, Module, link_steps, support_steps
-from nonlinear.dynamics.links import LINK
+from nonlinear.dynamics.steps import LINK
 from nonlinear.system import System, system_of
 
 SEEDS = usually(range(4), range(60))

@@ -29,8 +29,7 @@ from modal.scene import (
     SweepMotion,
 )
 from nonlinear.dynamics import Generated, Minimal, Spatial, jacobian_of, joints, minimal, module_of, spatial
-from nonlinear.dynamics import spatial_joints as ball_joints
-from nonlinear.dynamics.spatial_recursion import facing
+from nonlinear.dynamics.spatial import damper_power, facing, generalized, joint_energy, joint_moments
 from nonlinear.integration import methods
 from nonlinear.simulation import simulate
 from nonlinear.system import (
@@ -45,7 +44,7 @@ from nonlinear.system import (
     unit_vectors,
     velocities,
 )
-from nonlinear.system.directions import angles_of
+from nonlinear.system.state import angles_of
 
 EZ = np.array([0.0, 0.0, 1.0])
 
@@ -592,12 +591,12 @@ def test_joint_forces_are_minus_the_gradients(seed: int) -> None:
         u, w = gathered(state.links, group.index), gathered(state.link_rates, group.index)
         still, spin = np.zeros_like(w), rng.normal(size=u.shape)
         along = np.cross(spin, u, axis=0)
-        force = ball_joints.generalized(ball_joints.moments(group, u, still), u)
-        rise = central(lambda v: ball_joints.spring_energy(group, v / np.linalg.norm(v, axis=0)).sum(), u, along)  # noqa: B023
+        force = generalized(joint_moments(group, u, still), u)
+        rise = central(lambda v: joint_energy(group, v / np.linalg.norm(v, axis=0)).sum(), u, along)  # noqa: B023
         assert np.sum(force * along) == pytest.approx(-rise, rel=1e-7, abs=1e-9)
-        drag = ball_joints.generalized(ball_joints.moments(group, u, w) - ball_joints.moments(group, u, still), u)
-        assert np.sum(drag * w) == pytest.approx(ball_joints.damper_power(group, u, w), rel=1e-12, abs=1e-12)
-    total = sum(ball_joints.spring_energy(g, gathered(state.links, g.index)).sum() for g in equations.system.groups)
+        drag = generalized(joint_moments(group, u, w) - joint_moments(group, u, still), u)
+        assert np.sum(drag * w) == pytest.approx(damper_power(group, u, w), rel=1e-12, abs=1e-12)
+    total = sum(joint_energy(g, gathered(state.links, g.index)).sum() for g in equations.system.groups)
     assert total == pytest.approx(springs(equations, state.links), rel=1e-12)
 
 
@@ -610,35 +609,33 @@ def test_joints_in_the_plane_are_those_of_the_plane(seed: int) -> None:
     for group in equations.system.groups:
         u, w = gathered(state.links, group.index), gathered(state.link_rates, group.index)
         theta, rate = flat.links[group.index], flat.link_rates[group.index]
-        moments, (expected, power) = ball_joints.moments(group, u, w), joints.joint_torques(group, theta, rate)
+        moments, (expected, power) = joint_moments(group, u, w), joints.joint_torques(group, theta, rate)
         np.testing.assert_allclose(moments[1], expected, rtol=1e-11, atol=1e-12)
         assert not moments[[0, 2]].any()
-        np.testing.assert_allclose(
-            ball_joints.spring_energy(group, u), joints.spring_energy(group, theta), rtol=1e-11, atol=1e-13
-        )
-        assert ball_joints.damper_power(group, u, w) == pytest.approx(power, rel=1e-12)
+        np.testing.assert_allclose(joint_energy(group, u), joints.spring_energy(group, theta), rtol=1e-11, atol=1e-13)
+        assert damper_power(group, u, w) == pytest.approx(power, rel=1e-12)
 
 
 @pytest.mark.parametrize(("angle", "expected"), [(0.0, 0.0), (1e-9, -2e-9), (np.pi - 1e-6, -2 * (np.pi - 1e-6))])
 def test_a_spring_straight_slightly_and_almost_fully_bent(angle: float, expected: float) -> None:
     group = system_of(single(Bob(mass=1, length=1, stiffness=2.0))).groups[0]
     u = unit_vectors(np.array([[angle]]), 0.0)
-    moments = ball_joints.moments(group, gathered(u[0], np.array([[0]])), np.zeros((3, 1, 1)))
+    moments = joint_moments(group, gathered(u[0], np.array([[0]])), np.zeros((3, 1, 1)))
     assert moments[1, 0, 0] == pytest.approx(expected, rel=1e-9, abs=0)
 
 
 def test_a_spring_bent_right_back_pulls_no_way() -> None:
     group = system_of(single(Bob(mass=1, length=1, stiffness=2.0))).groups[0]
     u = -EZ.reshape(3, 1, 1)
-    assert not ball_joints.moments(group, u, 0 * u).any()
-    assert ball_joints.spring_energy(group, u) == pytest.approx(np.pi**2)
+    assert not joint_moments(group, u, 0 * u).any()
+    assert joint_energy(group, u) == pytest.approx(np.pi**2)
 
 
 def test_complex_steps_pass_a_straight_spring() -> None:
     """The stiffness of a straight joint is its spring's own."""
     group = system_of(single(Bob(mass=1, length=1, stiffness=2.0))).groups[0]
     u = EZ.reshape(3, 1, 1) + 1e-30j * np.array([1.0, 0.0, 0.0]).reshape(3, 1, 1)
-    force = ball_joints.generalized(ball_joints.moments(group, u, 0 * u), u)
+    force = generalized(joint_moments(group, u, 0 * u), u)
     assert force[0, 0, 0].imag / 1e-30 == pytest.approx(-2.0)
 
 

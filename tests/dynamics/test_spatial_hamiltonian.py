@@ -13,7 +13,7 @@ from test_space import acted_on, any_state, central, flat_state, spatial_of, unw
 from modal.errors import SceneError
 from modal.scene import Bob, Cart, Pendulum, Rod, Scene
 from nonlinear.dynamics import Hamiltonian, SpatialHamiltonian
-from nonlinear.dynamics.spatial_hamiltonian import free_momentum
+from nonlinear.dynamics.hamiltonian import free_momentum
 from nonlinear.simulation import simulate
 from nonlinear.system import State, of_plane, system_of, unit_vectors, velocities
 

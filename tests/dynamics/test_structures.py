@@ -18,7 +18,7 @@ from modal.types import Floats
 from nonlinear import load as load_run
 from nonlinear import save, simulate
 from nonlinear.dynamics import Generated, Lanes, Minimal, Recursion
-from nonlinear.dynamics.energies import energy_on_carriers
+from nonlinear.dynamics.energies import energies
 from nonlinear.dynamics.variational import Variational
 from nonlinear.ensembles import ensemble
 from nonlinear.integration import taylor
@@ -422,7 +422,7 @@ def test_jacobian_and_slope_of_the_energy_by_complex_steps() -> None:
     J = np.array([plain(system).derivative(0.0, np.append(step, 0.0))[:size].imag / STEP for step in steps]).T
     np.testing.assert_allclose(equations.linearized(y)[1], J, rtol=0, atol=1e-12 * np.abs(J).max())
     half = size // 2
-    slope = np.array([np.imag(energy_on_carriers(system, step[:half], step[half:])) / STEP for step in steps])
+    slope = np.array([np.imag(energies(system, step[:half], step[half:]).total) / STEP for step in steps])
     np.testing.assert_allclose(equations.energy_slope(y), slope, rtol=0, atol=1e-12 * np.abs(slope).max())
 
 

@@ -96,9 +96,9 @@ def test_rent_is_what_a_run_takes(process: Process, monkeypatch: pytest.MonkeyPa
 def test_a_run_takes_what_is_ready_and_compiles_what_pays(process: Process) -> None:
     assert chosen(CART, 0.1) == ("DOP853", False)
     assert chosen(CART, 1000.0) != ("DOP853", False)
-    assert chosen(CHAIN, 10.0) == ("DOP853", False)
+    assert chosen(CHAIN, 5.0) == ("DOP853", False)
     process.keep(*INTEGRATOR)
-    assert chosen(CHAIN, 10.0) == ("DOP853", True)
+    assert chosen(CHAIN, 5.0) == ("DOP853", True)
     process.load("nonlinear.integration.compiled", loaded=lambda *, structured: not structured)
     assert chosen(CART, 0.1) == ("DOP853", True)
     assert choose(CART, 10.0, 1e-9, "RK45").compiled is False

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from dense_form import DenseForm
 from scenes import long_scene, motion_scene, random_state
 from scipy.integrate import DOP853
 from support.amounts import usually
@@ -17,7 +18,7 @@ from support.uncompiled import uncompiled
 from modal import Bob, Cart, Pendulum, Scene, load
 from modal.scene import VanDerPol
 from modal.types import Floats
-from nonlinear.dynamics import Dense, Elimination, Generated, Mechanics, Minimal, Recursion, Reduced, mechanics
+from nonlinear.dynamics import Elimination, Generated, Mechanics, Minimal, Recursion, Reduced, mechanics
 from nonlinear.dynamics.compiled import Compiled, available
 from nonlinear.dynamics.text import function_in
 from nonlinear.integration import Choice, Pace, Request, SciPyStepper, equations_of, method, methods
@@ -75,7 +76,7 @@ def test_elimination_is_the_dense_solution_for_one_y_and_for_many(seed: int) -> 
     system = system_of(motion_scene(seed))
     layout = plain(system).layout
     many = np.random.default_rng(seed).uniform(-3, 3, (layout.size, 7))
-    expected = np.array([plain(system, Dense).derivative(0.0, y) for y in many.T]).T
+    expected = np.array([DenseForm(system).derivative(0.0, y) for y in many.T]).T
     assert apart(plain(system, Elimination, tail=1).derivative(0.0, many), expected) < 1e-11
     assert apart(Generated(system).derivative(0.0, many), expected) < 1e-11
     assert apart(plain(system, Elimination).derivative(0.0, many[:, 0]), expected[:, 0]) < 1e-11
@@ -106,15 +107,14 @@ def test_energies_of_few_instants_at_once_are_those_of_all(monkeypatch: pytest.M
     assert np.array_equal(run.mechanics.energy, sum(whole))
 
 
-def test_long_chains_take_one_matrix_unless_more_than_gravity_acts() -> None:
-    def kind(count: int, pendula: int = 1, **more: Any) -> str:
-        chain = Pendulum(links=[Bob(mass=1.0, length=1.0, count=count, **more)], count=pendula)
+def test_few_links_are_written_out_and_more_go_by_bands_or_recursions() -> None:
+    def kind(count: int, pendula: int = 1) -> str:
+        chain = Pendulum(links=[Bob(mass=1.0, length=1.0, count=count)], count=pendula)
         support = {"support": Cart(mass=100.0)} if pendula > 1 else {}
         return type(equations_of(system_of(Scene(gravity=9.81, pendulum=[chain], **support)), PLAIN)).__name__
 
-    assert [kind(count) for count in (12, 13, 20, 96, 97)] == ["Generated", "Small", "Small", "Small", "Minimal"]
-    assert [kind(2, pendula) for pendula in (14, 15, 48, 49)] == ["Generated", "Small", "Small", "Minimal"]
-    assert [kind(count, damping=0.1) for count in (20, 32, 33)] == ["Generated", "Generated", "Small"]
+    assert [kind(count) for count in (12, 100, 101)] == ["Generated", "Generated", "Minimal"]
+    assert [kind(2, pendula) for pendula in (50, 51)] == ["Generated", "Minimal"]
 
 
 def test_scenes_that_differ_in_numbers_alone_share_one_text() -> None:
@@ -249,13 +249,13 @@ def test_a_run_is_the_run_in_numpy(name: str, tolerance: float, engine: str, mon
     runs = []
     for compiled, written in ((engine != "floats", 100), (False, 0)):
         way = Choice("minimal", "DOP853", compiled, "", tolerance)
-        monkeypatch.setattr(methods, "WRITTEN", written)
+        monkeypatch.setattr(methods, "FLOATS", written)
         monkeypatch.setattr(Request, "choice", lambda self, tolerance, way=way: way)
         runs.append(simulate(scene, 2.0, start=start, tolerance=tolerance))
     ours, theirs = runs
     inner: list[Any] = [each.equations for each in runs]
     kinds = [type(each.inner if isinstance(each, Reduced) else each).__name__ for each in inner]
-    assert kinds == ["Generated" if engine == "floats" else "Compiled", "Small"]
+    assert kinds == ["Generated" if engine == "floats" else "Compiled", "Minimal"]
     assert (ours.run.steps, ours.run.calls) == (theirs.run.steps, theirs.run.calls)
     for part in ("links", "link_rates", "cart", "work"):
         mine, other = getattr(ours.motion, part), getattr(theirs.motion, part)

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from amounts import usually
-from test_bodies import apart, exact, minimal
+from test_bodies import apart, exact
 
 from modal import Bob, Cart, ComputationError, Pendulum, Rod, Scene, SceneError
-from nonlinear.dynamics import Dense, Generated, Recursion, Small
+from nonlinear.dynamics import Banded, Generated, Recursion
 from nonlinear.integration import Choice, Trajectory, equations_of
 from nonlinear.integration.methods import body_of
 from nonlinear.integration.steppers import sharpened
@@ -43,8 +43,9 @@ def test_ordinary_links_stay_on_the_fast_body(kind: type) -> None:
         system = system_of(chain(*masses, kind=kind))
         assert type(equations_of(system, MINIMAL)) is Generated
         assert type(equations_of(system, MINIMAL, lambda time, state: AppliedForces())) is Generated
-        assert type(body_of(system.groups[0], system)) is Dense
-    system = system_of(chain(1.0, 1.0, 2000.0, kind=kind))
+    system = system_of(chain(1.0, 1.0, 1.0, 999.0, kind=kind))
+    assert type(body_of(system.groups[0], system)) is Banded
+    system = system_of(chain(1.0, 1.0, 1.0, 2000.0, kind=kind))
     assert type(body_of(system.groups[0], system)) is Recursion
 
 
@@ -55,14 +56,6 @@ def test_a_mass_ratio_of_1e12_swings_right() -> None:
     run = simulate(chain(1.0, ratio), 2 * ratio**-0.5, start=start, output=9)
     right = tiny * np.cos(np.sqrt(2 * 9.81 * ratio) * run.times)
     assert run.motion.links[:, 0] == pytest.approx(right, abs=1e-8 * tiny)
-
-
-@pytest.mark.parametrize("body", [Small, Dense])
-def test_a_singular_mass_matrix_is_an_error(body: type) -> None:
-    scene = chain(1.0, 4.0**30)  # whose root is exact
-    equations = Small(system_of(scene)) if body is Small else minimal(scene, Dense)
-    with pytest.raises(ComputationError, match="singular in double precision"):
-        equations.derivative(0.0, np.zeros(4))
 
 
 # --------------------------------------------------------------------------------------------- no beginning

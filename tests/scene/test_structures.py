@@ -234,7 +234,7 @@ def test_what_is_conservative_and_still_has_neither_dampers_nor_motions() -> Non
     shaken = scene_from(described(support=[planar], pendulum=[hung(on="ship")], ground={"motion": SINE}))
     assert shaken.features == {"structure", "dampers", "moved_support"}
     assert shaken.conservative.still.features == {"structure"}
-    assert refusals(scene, "form hamiltonian")
+    assert refusals(scene, "form maximal")
 
 
 def test_titles_say_what_pendula_hang_from() -> None:

@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-import scipy
 
 from modal import Bob, Cart, Fixed, Pendulum, Scene, natural_modes
 from modal.errors import ComputationError
@@ -67,10 +66,8 @@ def test_degrees_of_freedom(how: dict[str, object], coordinates: int, integrated
     [
         (2, 2, "auto", {}),
         (2, 2, "driven", {}),
-        (2, 20, "auto", {(41, 41): 1}),
-        (40, 1, "auto", {(41, 41): 1}),
-        (2, 50, "auto", {(50, 2, 2): 1}),
-        (100, 1, "auto", {}),
+        (2, 50, "auto", {}),
+        (101, 1, "auto", {}),
         (2, 1, "maximal", {(13, 13): 1}),
     ],
 )
@@ -88,7 +85,6 @@ def test_matrices_are_those_that_are_really_solved(
 
     scene = scene_of(cart=True, links=links, pendula=pendula)
     monkeypatch.setattr(np.linalg, "solve", counted(np.linalg.solve))
-    monkeypatch.setattr(scipy.linalg.lapack, "dposv", counted(scipy.linalg.lapack.dposv))
     how = {"load": lambda time, state: AppliedForces()} if form == "driven" else {"form": form}
     inventory = run_inventory(run_of(scene, **how))
     assert set(solved) == set(expected)

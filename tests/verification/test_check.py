@@ -19,8 +19,7 @@ from nonlinear.reduction import modal_motion, rest_angles, start_in_mode
 from nonlinear.simulation import simulate
 from nonlinear.system import Motion, state_at_rest
 from nonlinear.verification import AMPLITUDES_DEG, Check, check, check_table, compare, comparison_table
-from nonlinear.verification.measurement import Measurement, measure_mode, sampled
-from nonlinear.verification.modes import limit, one_percent
+from nonlinear.verification.modes import Measurement, limit, measure_mode, one_percent, sampled
 
 PAPER = load("paper-cart-2")
 KAPPA = {1: -0.038802, 2: -0.042729, 3: -0.857142, 4: -0.867200}

@@ -1,4 +1,4 @@
-// The equations of motion in the plane: loops over the steps of `nonlinear.dynamics.links`, which are written into
+// The equations of motion in the plane: loops over the steps of `nonlinear.dynamics.steps`, which are written into
 // `steps`, from joint to joint; any number of chains and links.
 //
 // y = (x, angles, x', rates, work): x and x' stay 0 without a cart, work is that of dampers, drives, drag, a moved

@@ -1,35 +1,20 @@
-"""Small scenes and short chains in the plane: dense matrices, which for few links beat every cleverer form.
-
-A whole scene is one matrix,
-
-    M_ij = A_ij cos(θ_i − θ_j),   M_0i = b_i cos θ_i,   M_00 = m_c + Σ m
-    M (x'', θ'') = (F + Σ b_i sin θ_i θ_i'²,  Q_i − g b_i sin θ_i − Σ_j A_ij sin(θ_i − θ_j) θ_j'²)
-
-(solved by Cholesky's method; sin(θ_i − θ_j) = sin θ_i cos θ_j − cos θ_i sin θ_j makes two products with A of the sum),
-or every pendulum of a group has a matrix of its own, and all are solved at once:
+"""Short chains in the plane: the dense matrices of all pendula of a group at once, eliminated from the tips up.
 
     Σ_j A_ij [cos(θ_i − θ_j) θ_j'' + sin(θ_i − θ_j) θ_j'²] + b_i cos θ_i x'' + g b_i sin θ_i = Q_i
 
-is solved for θ_i'' with the cart at rest and for the response to x'' = 1.
+is solved for θ_i'' with the cart at rest and for the response to x'' = 1.  Of few links it takes fewer operations than
+the recursion, of many it would take more: it is what their text says (`nonlinear.dynamics.forms`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
-import scipy
 
 from modal import pair
-from modal.errors import ComputationError
-from modal.types import Floats
-from nonlinear.dynamics.applied import sizes_at
-from nonlinear.dynamics.inputs import NOTHING
-from nonlinear.dynamics.joints import acting, frame_of
-from nonlinear.dynamics.minimal import Minimal, Projection
+from nonlinear.dynamics.minimal import Projection
 from nonlinear.system import Group, System
 
 LIGHT = 1e-2  # cart mass over suspended mass below which the dense form would lose digits
@@ -55,106 +40,8 @@ def loses_digits(group: Group, system: System) -> bool:
     return light or bool(np.any(group.block.mass < FRAIL * heaviest))
 
 
-@dataclass(frozen=True, eq=False)
-class Small(Minimal):
-    """The equations of `Minimal` without its bodies, for one y at a time."""
-
-    bodies: tuple[()] = ()
-
-    @cached_property
-    def _arrays(self) -> tuple[int, int, Floats, Floats, Floats]:
-        """Coordinates before the links and in all; A (L, L), zero between pendula, b and g b (L,), as in the file."""
-        size = self.system.n_links
-        A, b = np.zeros((size, size)), np.zeros(size)
-        for group in self.system.groups:
-            block = group.block
-            inertia = np.array(pair.inertia_matrix(block.mass, block.length, block.centre, block.inertia))
-            for column, places in enumerate(group.index.T):
-                A[np.ix_(places, places)] = inertia[..., column]
-            b[group.index] = block.b
-        return self.layout.first, self.layout.half, A, b, self.system.gravity * b
-
-    @cached_property
-    def acts(self) -> bool:
-        """Whether any force acts besides gravity."""
-        cart, groups = self.system.cart, self.system.groups
-        held = cart is not None and (cart.stiffness or cart.damping)
-        acted_on = self.load or self.system.prescribed or self.system.modal_damping is not None
-        return bool(held or acted_on or any(group.hinged or group.dragged for group in groups))
-
-    @cached_property
-    def _total(self) -> float:
-        return (self.system.cart.mass if self.system.cart else 0.0) + float(self.system.mass.sum())
-
-    def derivative(self, time: float, y: Any) -> Any:
-        """The time derivative of one y, (size,)."""
-        first, half, A, b, weight = self._arrays
-        angles, squared = y[first:half], y[half + first : 2 * half] ** 2
-        sin, cos = np.sin(angles), np.cos(angles)
-        M, force, slopes = np.empty((half, half)), np.empty(half), np.zeros(y.size)
-        inner = M[first:, first:]
-        np.multiply(sin[:, None], sin, out=inner)
-        inner += cos[:, None] * cos
-        inner *= A
-        force[first:] = cos * (A @ (sin * squared)) - sin * (A @ (cos * squared) + weight)
-        if first:
-            M[0, 0], M[0, 1:] = self._total, b * cos
-            force[0] = (b * sin) @ squared
-        slopes[:half] = y[half : 2 * half]
-        if self.acts:
-            self._push(time, y, force, slopes)
-        *_, accelerations, failed = scipy.linalg.lapack.dposv(M.T, force, lower=1, overwrite_a=1, overwrite_b=1)
-        if failed:
-            raise ComputationError(SINGULAR)
-        slopes[half : 2 * half] = accelerations
-        return slopes
-
-    def _push(self, time: float, y: Floats, force: Floats, slopes: Floats) -> None:
-        """Add the forces of springs, dampers and loads."""
-        first, state = self.layout.first, self.layout.state(y)
-        push = self.load(time, state) if self.load else NOTHING
-        on_cart, on_links, power = acting(
-            self.system, state, push, frame_of(self.system, time), sizes_at(self.system, time)
-        )
-        force[first:] += on_links
-        if first:
-            force[0] += on_cart
-        if self.layout.works:
-            slopes[-1] = power
-
-
-class Dense:
-    """A group of short chains; the cart is coupled through Σ b cos θ θ'' less the centrifugal terms."""
-
-    def __init__(self, group: Group) -> None:
-        block = group.block
-        A = pair.inertia_matrix(block.mass, block.length, block.centre, block.inertia)
-        self.A = np.ascontiguousarray(np.moveaxis(np.array(A), 2, 0))
-        self.b = block.b.T
-        self.mass = float(block.mass.sum())
-
-    def pull(self, angles: Any, rates: Any, moments: Any, gravity: float) -> tuple[Any, Any, Any]:
-        """The effective mass (kg) and force (N) along the rail."""
-        theta, squared = angles.T, rates.T**2
-        apart = theta[:, :, None] - theta[:, None, :]
-        across, along = self.b * np.cos(theta), self.b * np.sin(theta)
-        thrown = (self.A * np.sin(apart)) @ squared[..., None]
-        sides = np.stack((moments.T - gravity * along - thrown[..., 0], across), axis=-1)
-        try:
-            free, pushed = np.moveaxis(np.linalg.solve(self.A * np.cos(apart), sides), -1, 0)
-        except np.linalg.LinAlgError:
-            raise ComputationError(SINGULAR) from None
-        force = np.sum(across * free) - np.sum(along * squared)
-        return self.mass - np.sum(across * pushed), force, (free, pushed)
-
-    def turn(self, memory: Any, push: Any) -> Any:
-        """θ'' (n, P)."""
-        free, pushed = memory
-        return (free - pushed * push).T
-
-
 class Elimination:
-    """`Dense` by elimination from the tips up, for arrays (n, P, ...) of any type that `sine` and `cosine` accept."""
+    """A group of short chains, as arrays (n, P, ...) of any type that `sine` and `cosine` accept."""
 
     def __init__(self, group: Group, tail: int = 0, sine: Any = np.sin, cosine: Any = np.cos) -> None:
         block, self.sine, self.cosine = group.block, sine, cosine
