@@ -59,6 +59,11 @@ def inputs_of_time() -> dict[str, Scene]:
     for name, values in samples.items():
         record = RecordMotion(time_s=tuple(times.tolist()), displacement_m=tuple(values.tolist()))
         scenes[f"record, {name}"] = of(Moved(motion=record))
+    for rate in (100, 500, 1000):
+        often = np.linspace(0.0, 10.0, 10 * rate + 1)
+        accelerations = 0.3 * np.sin(3 * often) + 0.1 * np.sin(19 * often)
+        record = RecordMotion(time_s=tuple(often.tolist()), acceleration_m_per_s2=tuple(accelerations.tolist()))
+        scenes[f"record at {rate} Hz"] = of(Moved(motion=record))
     for profile in ("smooth", "trapezoidal"):
         scenes[f"hoist, {profile}"] = roped(Hoist(to=0.7, duration=10.0, profile=profile), 1.3)
     for name, values in lengths.items():

@@ -171,11 +171,12 @@ class Course(NamedTuple):
         """Its value at a time (s) of any type that takes plain arithmetic."""
         return self.motion.derivative(time, self.order)
 
-    def at(self, time: float) -> float:
-        """At one time (s), as fast as it can be had."""
+    @property
+    def at(self) -> Callable[[float], float]:
+        """Its value at one time (s), as fast as it can be had."""
         if self.order == 2:
-            return self.motion.acceleration_at(time)
-        return self.motion.velocity_at(time) if self.order == 1 else float(self.motion.derivative(time, 0))
+            return self.motion.acceleration_at
+        return self.motion.velocity_at if self.order == 1 else lambda time: float(self.motion.derivative(time, 0))
 
     def beside(self, times: Any) -> Floats:
         """At many times (s)."""

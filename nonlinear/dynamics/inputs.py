@@ -25,6 +25,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from modal.scene.hoist import LengthLaw
+from modal.types import Floats
 from modal.vibration.prescribed import Course, Polynomials
 from nonlinear.dynamics.contacts import Gripping
 from nonlinear.system import AppliedForces, Group, Layout, Load, System
@@ -35,6 +36,11 @@ CLOCK = Polynomials(np.empty(0), np.zeros(1), np.array([[0.0, 1.0]]))
 LEAST_BEND = 10.0
 """Bends of accelerations over the tolerance, in gravity, that steps may pass over: they then add less than the method
 itself errs by, for smooth records, noisy ones and such with jumps, of 201 to 20,001 samples."""
+
+DEGREE = 9
+"""Of the polynomials by which a record is seen to be smooth, one above the order of the methods."""
+LOOKS, FEWEST_LOOKS, MOST_LOOKS = 2, 32, 8
+"""Looks at the shortest piece of a record, in its shortest window, and at most for each of its pieces."""
 
 
 class Lengths(NamedTuple):
@@ -112,7 +118,9 @@ class Inputs:
         if self.is_analytic:
             parts.insert(0, lambda time: (time,))
         elif courses := [course.at for course in self.system.courses]:
-            parts.insert(0, lambda time: [each(time) for each in courses])
+            first = courses[0]
+            alone = len(courses) == 1
+            parts.insert(0, (lambda time: (first(time),)) if alone else lambda time: [at(time) for at in courses])
         if len(parts) == 1:
             return parts[0]
         return lambda time: [number for part in parts for number in part(time)]
@@ -170,10 +178,20 @@ class Inputs:
         for force, course in zip(system.forces, system.courses[len(system.courses) - forces :], strict=True):
             yield course, weight if force.direction else weight * float(np.min(system.by_link("length")))
 
-    @property
-    def shortest(self) -> float:
-        """The time (s) in which the support's acceleration or a force may change substantially; inf without any."""
-        return self.system.shortest
+    def longest_step(self, accuracy: float = 0.0) -> float:
+        """The time (s) in which the support's acceleration and every force change too little to be missed by a step.
+
+        For an `accuracy`, a relative tolerance, records are looked at: of one that is smooth over many samples a step
+        may pass over as many.
+        """
+        longest = inf
+        for course, unit in self._bending(float(np.min(self.system.gravity))):
+            pieces, window = course.polynomials if accuracy else None, 0.0
+            if pieces is not None and pieces.period == inf:
+                largest = float(np.abs(pieces.coefficients[:, 0]).max())
+                window = smooth_window(pieces, course.motion.breaks, LEAST_BEND * accuracy * min(unit, largest))
+            longest = min(longest, max(course.motion.shortest, window))
+        return longest
 
     def instant(self, u: Sequence[Any]) -> Instant:
         """The instant of these inputs."""
@@ -271,8 +289,41 @@ def _derivatives(law: LengthLaw) -> Iterator[Polynomials]:
 
 
 def _bends(polynomials: Polynomials, least: float) -> set[float]:
-    """The knots (s) at which a function bends by at least so much."""
-    return {*polynomials.knots[polynomials.kinks >= least].tolist()}
+    """The knots (s) at which a function bends by more than so much."""
+    return {*polynomials.knots[polynomials.kinks > least].tolist()}
+
+
+def smooth_window(pieces: Polynomials, breaks: Sequence[float], error: float) -> float:
+    """The longest time (s) such that within it, wherever it begins, one polynomial of DEGREE is right to an `error`.
+
+    Between the `breaks` (s); of windows that double; 0 where the shortest of them already has more to it.
+    """
+    knots = pieces.knots
+    width = float(np.diff(knots).min()) / LOOKS
+    ends = np.unique(np.clip([knots[0], *breaks, knots[-1]], knots[0], knots[-1]))
+    if ends[-1] - ends[0] > MOST_LOOKS * len(knots) * width:
+        return 0.0
+    counts = np.maximum(np.round(np.diff(ends) / width).astype(int), 1)
+    stretches = [
+        pieces.beside(start + (end - start) * (np.arange(count) + 0.5) / count)
+        for start, end, count in zip(ends[:-1], ends[1:], counts.tolist(), strict=True)
+    ]
+    window, looks = 0.0, FEWEST_LOOKS
+    while all(_is_smooth(values, looks, error) for values in stretches):
+        if looks >= counts.max():
+            return inf
+        window, looks = looks * width, 2 * looks
+    return window
+
+
+def _is_smooth(values: Floats, looks: int, error: float) -> bool:
+    """Whether a polynomial of DEGREE is right to the error in all windows of so many of the values (T,)."""
+    looks = min(looks, len(values))
+    basis, _ = np.linalg.qr(np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, looks), min(DEGREE, looks - 1)))
+    windows = np.lib.stride_tricks.sliding_window_view(values, looks)
+    chosen = np.concatenate((windows[:: max(looks // 2, 1)], windows[-1:]))
+    fitted = np.einsum("lk,wk->wl", basis, np.einsum("wl,lk->wk", chosen, basis))
+    return bool(np.abs(chosen - fitted).max() <= error)
 
 
 def _filled(values: Sequence[Any]) -> Any:

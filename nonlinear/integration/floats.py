@@ -275,7 +275,11 @@ class FloatStepper(DOP853Stepper[Written]):
 
     def _off_breaks(self, listed: Listed) -> Listed:
         """The inputs, seen strictly between the surrounding breaks."""
-        return lambda time, y: listed(self.clear_of_breaks(time), y)
+
+        def inside(time: float, y: Numbers) -> Any:
+            return listed(time if self._low < time < self._high else self.clear_of_breaks(time), y)
+
+        return inside
 
     def _begun(self, time: float, y: Floats, first: float | None) -> FloatDOP853:
         solver = cast("FloatDOP853", super()._begun(time, y, first))

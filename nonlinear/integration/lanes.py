@@ -110,7 +110,7 @@ class LaneTask:
     @cached_property
     def longest(self) -> float:
         """The time (s) in which a moved support may change."""
-        return float(self.lanes.inputs.shortest)
+        return float(self.lanes.inputs.longest_step(float(self.relative.min())))
 
     @cached_property
     def ends(self) -> Floats:

@@ -200,8 +200,9 @@ class Request:
         validate_room(self.scene, self.integrated)
         equations, pace = equations_of(self.system, choice, self.load, self.smaller), self.pace
         inputs = Inputs(self.system)
-        breaks = inputs.breaks(0.0 if choice.method == "taylor" else choice.tolerance)
-        pace = replace(pace, longest=min(pace.longest, inputs.shortest), breaks=tuple(sorted({*pace.breaks, *breaks})))
+        accuracy = 0.0 if choice.method == "taylor" else choice.tolerance
+        breaks = tuple(sorted({*pace.breaks, *inputs.breaks(accuracy)}))
+        pace = replace(pace, longest=min(pace.longest, inputs.longest_step(accuracy)), breaks=breaks)
         if (self.load or self.system.prescribed) and self.system.rubs:
             pace = replace(pace, longest=min(pace.longest, LOOKED / estimate_timescales(self.scene).swing))
         return prepare(self.scene, equations, choice, self.start, self.times, self.size, self.before, pace)

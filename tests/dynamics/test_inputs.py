@@ -220,3 +220,28 @@ def test_a_bend_below_the_tolerance_ends_no_step() -> None:
     assert counts["smooth"][0] == 2
     assert counts["smooth"][2] == 397 <= counts["noisy"][1]
     assert 2 < counts["steps"][0] < counts["steps"][1] < 300
+
+
+def test_a_step_passes_over_many_samples_of_a_smooth_record() -> None:
+    """Of 5,001 samples to 87 steps; the window is narrower for a lower tolerance, four samples where none is given."""
+    times = np.linspace(0.0, 5.0, 5001)
+    smooth = 0.3 * np.sin(3 * times) + 0.1 * np.sin(19 * times)
+    record = RecordMotion(time_s=tuple(times), acceleration_m_per_s2=tuple(smooth))
+    moved = shaken(np.zeros(len(TIMES))).replace(support=Moved(motion=record))
+    assert simulate(moved, 5.0, tolerance=TOLERANCE, output=2).run.steps < 100
+    longest = [Inputs(system_of(moved)).longest_step(accuracy) for accuracy in (TOLERANCE, 1e-12, 0.0)]
+    assert longest[0] > longest[1] > 10 * longest[2] == pytest.approx(0.04)
+
+
+@pytest.mark.parametrize("width", [0.01, 0.1, 0.4])
+def test_no_step_passes_over_a_pulse(width: float) -> None:
+    """A pulse of 10 to 400 samples in a record of 5,001 that is zero elsewhere, beneath a pendulum at rest."""
+    times = np.linspace(0.0, 5.0, 5001)
+    within = np.clip((times - 3.2117) / width, -0.5, 0.5)
+    record = RecordMotion(time_s=tuple(times), acceleration_m_per_s2=tuple(5 * np.cos(np.pi * within) ** 4))
+    scene = shaken(np.zeros(len(TIMES))).replace(support=Moved(motion=record))
+    scene = scene.replace(pendulum=(scene.pendulum[0].replace(start=InitialCondition(angles_deg=(0.0,))),))
+    runs = [simulate(scene, 5.0, tolerance=TOLERANCE, output=2, max_step=most) for most in (None, 0.002)]
+    angles = [float(run.motion.links[-1, 0]) for run in runs]
+    assert abs(angles[1]) > 1e-3
+    assert angles[0] == pytest.approx(angles[1], abs=5 * TOLERANCE)
