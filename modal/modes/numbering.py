@@ -37,7 +37,7 @@ import numpy as np
 from modal.assembly import Rig
 from modal.eigen import UNCERTAIN, Limits, ModalSpectrum, SpectrumPart, degenerate_modes, find_spectrum
 from modal.errors import ComputationError
-from modal.modes.modes import Modes, natural_modes
+from modal.modes.modes import Modes, all_shapes, natural_modes
 from modal.scene import Scene
 from modal.scene.doors import checked
 from modal.types import Complexes, Floats, Ints
@@ -133,10 +133,10 @@ def likeness(modes: Modes, others: Modes) -> Floats:
 
 def _stacked(modes: Modes, M: Floats) -> tuple[Complexes, Ints]:
     """All shapes along the rail (n, C), n the size of M, with φᴴMφ = 1, and the row (C,) of each."""
-    along = modes.matrix.take(~modes.matrix.across)
-    phi = along.shapes[-len(M) :].astype(np.complex128)
-    size = np.sqrt(np.einsum("ic,ij,jc->c", phi.conj(), M, phi).real)
-    return phi / np.where(size > 0, size, 1.0), along.row
+    along = [(row, shape) for row, vectors in enumerate(all_shapes(modes)) for shape in vectors if not shape.across]
+    phi = np.array([modes.column(shape)[-len(M) :] for _, shape in along], dtype=np.complex128).T
+    size = np.sqrt(np.einsum("ic,ic->c", phi.conj(), M @ phi).real)
+    return phi / np.where(size > 0, size, 1.0), np.array([row for row, _ in along])
 
 
 def on_free_cart(rig: Rig) -> bool:

@@ -210,7 +210,7 @@ def _scaled(rig: Rig, vector: _Vector, units: Units, scale: complex, *, across: 
     undamped = np.isfinite(vector.momentum)
     momentum = vector.momentum * scale.real * units.mass * units.length
     return Shape(
-        cart=eta[0] if rig.cart else 0.0 * scale,
+        cart=eta[0] if rig.cart else 0.0 * scale * units.length,
         angles=vector.angles * scale,
         kinetic_energy_share=vector.shares,
         modal_mass=float(modal_mass),
