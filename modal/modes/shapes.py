@@ -146,8 +146,9 @@ def is_balanced(rig: Rig, part: SpectrumPart) -> bool:
 
 
 def _of_all(rig: Rig, details: Details) -> _Vector:
+    kinds = [(block, column) for block, column, copies in rig.members for _ in range(copies)]
     angles, shares = (
-        np.concatenate([np.tile(values[block][:, column, 0], copies) for block, column, copies in rig.members])
+        np.concatenate([values[block][:, column, 0] for block, column in kinds])
         for values in (details.angles, details.shares)
     )
     eta = np.array([moved[0] for moved in displacements(rig, details)])
