@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal, get_args
+from typing import Any, Literal, TypeVar, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
-from modal.assembly import Rig, Units
+from modal.assembly import Hanging, Rig, Units
 from modal.eigen import Details, SpectrumPart
 from modal.errors import ComputationError
 from modal.report import Displayed, Summary, brief, counted
 from modal.structure import coordinate_units
 from modal.types import Floats
 
+A = TypeVar("A", bound=np.inexact)
 Normalisation = Literal["angle", "mass"]
 NONE: NDArray[np.inexact] = np.zeros(0)
 NONE.flags.writeable = False
@@ -135,6 +136,14 @@ def displacements(rig: Rig, details: Details) -> tuple[NDArray[np.inexact], ...]
     """How all rows move each coordinate of what carries the pendula, d arrays (R,); 0 in modes of single pendula."""
     moved = details.eta if rig.structure else (details.cart,)
     return (moved or (np.zeros(len(details.modal_mass)),) * rig.leading)[: rig.leading]
+
+
+def by_kind(hanging: Hanging, values: NDArray[A]) -> tuple[NDArray[A], ...]:
+    """Values (pendula, …), the same for all of a kind, by the kinds (P, …) of every block."""
+    kinds = tuple(np.zeros((block.size, *values.shape[1:]), values.dtype) for block in hanging.rig.blocks)
+    for (block, column), value in zip(hanging.kinds.tolist(), values, strict=True):
+        kinds[block][column] = value
+    return kinds
 
 
 def is_balanced(rig: Rig, part: SpectrumPart) -> bool:
