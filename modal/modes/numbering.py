@@ -144,12 +144,14 @@ def on_free_cart(rig: Rig) -> bool:
     return rig.cart is not None and not rig.cart.stiffness
 
 
-def fixed_base_masses(modes: Modes, numbers: Sequence[int] | None = None, own: Sequence[float] | None = None) -> Floats:
+def fixed_base_masses(
+    modes: Modes, numbers: Sequence[int] | None = None, effective: Sequence[float] | None = None
+) -> Floats:
     """Modal effective mass in kg of the fixed-base mode that each mode belongs to, along the rail.
 
     Of the modes with these indices (from 0), by default all (R,).  On a fixed support that is the mode's own; NaN where
     modes do not belong to fixed-base modes one to one: on a cart with a spring, on a structure, about an inverted
-    equilibrium, and with dampers that are not light; 0 for the rigid translation.  `own` (R,)
+    equilibrium, and with dampers that are not light; 0 for the rigid translation.  `effective` (R,)
     are the modes' own masses (kg), if known.
 
     >>> from modal import load, natural_modes
@@ -162,8 +164,8 @@ def fixed_base_masses(modes: Modes, numbers: Sequence[int] | None = None, own: S
     free = on_free_cart(rig)
     if rig.structure or modes.scene.stands or rig.leans or (rig.leading and not free):
         return np.full(len(rows), np.nan)
-    if own is not None and not free:
-        return np.asarray(own, dtype=np.float64)
+    if effective is not None and not free:
+        return np.asarray(effective, dtype=np.float64)
     spectrum = modes.spectrum
     with np.errstate(all="ignore"):
         masses = _held(modes, rows) if free else _masses(spectrum, [spectrum.groups[row] for row in rows.tolist()])
