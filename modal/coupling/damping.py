@@ -187,7 +187,7 @@ class _Losses:
     @cached_property
     def hanging(self) -> Hanging:
         """What carries the pendula as a structure."""
-        return Hanging(self.rig.carried)
+        return Hanging(self.rig)
 
     @cached_property
     def carrier(self) -> tuple[Floats, Floats]:

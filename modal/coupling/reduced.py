@@ -31,7 +31,7 @@ from typing import Any
 
 import numpy as np
 
-from modal.assembly import Element, Hanging, Rig, assembled, centres, dissipators_of, modal_supports
+from modal.assembly import Hanging, Rig, assembled, centres, dissipators_of
 from modal.eigen import find_spectrum
 from modal.errors import ComputationError
 from modal.report import Displayed
@@ -217,31 +217,18 @@ class ReducedStructure:
     @cached_property
     def own_inertia(self) -> Floats:
         """(d, d): M_s with what pendula weigh as they go down."""
-        M, _, _ = modal_supports(self.hanging.structure)
-        for element in self.hanging.elements.inertia:
-            element.add_to(M)
-        return M
+        return self.hanging.supporting[0]
 
     @cached_property
     def own_stiffness(self) -> Floats:
         """K_s (d, d)."""
         copies = np.array([float(self.rig.blocks[block].count[column]) for block, column in self.kinds])
-        turned, elements = self.joints[0], self.hanging.elements.stiffness
-        return self._carried(elements, modal_supports(self.hanging.structure)[1]) + (copies * turned.T) @ turned
+        return self.hanging.supporting[1] + (copies * self.joints[0].T) @ self.joints[0]
 
     @property
     def own_damping(self) -> Floats:
         """D_s (d, d), without joints and drag along the rail."""
-        return self._carried(self.hanging.elements.damping, modal_supports(self.hanging.structure)[2])
-
-    def _carried(self, elements: Sequence[Element], S: Floats) -> Floats:
-        """What elements add over η to a matrix (d, d)."""
-        for element in elements:
-            row = np.zeros(self.d)
-            for at, value in zip(element.at, element.row, strict=True):
-                row[at : at + 1] += value
-            S = S + element.size * np.outer(row, row)
-        return S
+        return self.hanging.supporting[2]
 
     @cached_property
     def push(self) -> Floats:
@@ -355,7 +342,7 @@ class ReducedStructure:
 
 def reduced(rig: Rig) -> ReducedStructure:
     """A rig in SI units in these coordinates."""
-    hanging = Hanging(rig.carried)
+    hanging = Hanging(rig)
     return ReducedStructure(hanging, fixed_base_modes(hanging.rig, _held(hanging)))
 
 

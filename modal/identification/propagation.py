@@ -24,6 +24,7 @@ from modal.modes import Modes
 from modal.report import percent
 from modal.scene import Scene
 from modal.scene.doors import checked
+from modal.statespace.geometry import Geometry, geometry_of
 from modal.statespace.model import StateSpace
 from modal.statespace.points import is_point, push_of
 from modal.statespace.shapers import Drive, Shaper, residual_vibration, swing_rows
@@ -33,9 +34,7 @@ from modal.statespace.signals import (
     PUSHES,
     READINGS,
     SUPPORT,
-    Geometry,
     Signal,
-    geometry_of,
     reading_in,
 )
 from modal.types import Complexes, Floats

@@ -273,9 +273,9 @@ class Modes(Displayed, Eigenvalues, Sequence[Mode]):
     def animate(self, path: str | PathLike[str], numbers: Sequence[int] | None = None, **options: Any) -> None:
         """Write a film of these modes (indices from 0) to a .gif, .mp4 or .html file, by default of the first ones.
 
-        `options` are those of `modal.plotting.modal_films.film_modes`.
+        `options` are those of `modal.plotting.films.film_modes`.
         """
-        deferred("modal.plotting.modal_films:save_film")(self, path, _indices(numbers), **options)
+        deferred("modal.plotting.films:save_film")(self, path, _indices(numbers), **options)
 
     def _summary(self) -> Summary:
         summary: Summary = deferred("modal.modes.tables:summarize")(self, TEXT_ROWS)

@@ -16,7 +16,7 @@ Chu & Lancaster, SIAM J. Matrix Anal. Appl. 14, 903 (1993).)
 
 A number of the scene's file may belong to many links: copies of a pendulum, and a run of equal links.  All of them
 change with it, so their derivatives add up (`of_mode`).  On a structure they come from the derivatives of M, K and D
-(`modal.assembly.derivatives`), of every number that these depend on:
+(`modal.assembly.linearization`), of every number that these depend on:
 
     ∂λ/∂p = −φᵀ (λ² ∂M/∂p + λ ∂D/∂p + ∂K/∂p) φ / φᵀ (2λ M + D) φ
 """

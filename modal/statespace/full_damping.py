@@ -16,8 +16,9 @@ import numpy as np
 from modal.assembly import Dissipator, losses_of, ratio_at, rig_of, scene_squares
 from modal.eigen import Arithmetic, Digits
 from modal.scene import Scene
+from modal.statespace.geometry import geometry_of_rig
 from modal.statespace.model import fixed
-from modal.statespace.signals import Signal, geometry_of_rig
+from modal.statespace.signals import Signal
 from modal.statespace.structural import (
     Given,
     Reading,

@@ -39,17 +39,16 @@ from modal.report import Displayed, Summary, counted, deferred
 from modal.scene import Fixed, Scene, require, validate_scene
 from modal.scene.doors import checked
 from modal.scene.points import CarrierPoint, parse_point
+from modal.statespace.geometry import Geometry, geometry_of
 from modal.statespace.points import EXAMPLES, is_point, push_of, validate_points
 from modal.statespace.signals import (
     DRIVES,
     PRESCRIBED,
     READINGS,
     SUPPORT,
-    Geometry,
     InputGroup,
     OutputGroup,
     Signal,
-    geometry_of,
     inputs_of,
     outputs_of,
     reading_in,
@@ -176,7 +175,7 @@ def assembled(
     drive, push = _drive(wanted), _pushes(scene, geometry, wanted)
     if drive in SUPPORT:
         require(scene, "a linear model of a moved support")
-        if geometry.carried and any(carrier.M is not None for carrier in geometry.carried.structure.carriers):
+        if any(carrier.M is not None for carrier in geometry.structure.carriers):
             raise SceneError([f"input {drive}: {NO_SHARE}"])
     matrices_by = _held if drive in DRIVES and scene.has_modal_damping else matrices
     linear = instant.matrices if instant else matrices_by(scene)
@@ -336,11 +335,9 @@ def _split(M: Floats, K: Floats, D: Floats, F: Floats) -> tuple[Floats, Floats, 
 
 def _translation(geometry: Geometry) -> Floats | None:
     """The motion (q,) in which everything translates along the rail by 1 m; None where there is none."""
-    if geometry.carried is None:
-        return np.eye(geometry.size)[0] if geometry.on_cart else None
     motion = np.zeros(geometry.size)
-    motion[: geometry.leading] = [coordinate.along for coordinate in geometry.carried.coordinates]
-    carriers = all(carrier.kind in TRANSLATING for carrier in geometry.carried.structure.carriers)
+    motion[: geometry.leading] = [coordinate.along for coordinate in geometry.coordinates]
+    carriers = all(carrier.kind in TRANSLATING for carrier in geometry.structure.carriers)
     return motion if carriers and np.all(geometry.centres @ motion == 1.0) else None
 
 
@@ -382,13 +379,11 @@ def refuse_no_inertia(M: Floats) -> None:
 
 
 def _positions(geometry: Geometry) -> list[Signal]:
-    groups = ["coordinates" if geometry.carried else "cart_position"] * bool(geometry.leading) + ["angles"]
-    return [signal for name in groups for signal in READINGS[name](geometry).signals]
+    return [signal for name in ("coordinates", "angles") for signal in READINGS[name](geometry).signals]
 
 
 def _rates(geometry: Geometry) -> list[Signal]:
-    groups = ["coordinate_rates" if geometry.carried else "cart_velocity"] * bool(geometry.leading) + ["rates"]
-    return [signal for name in groups for signal in READINGS[name](geometry).signals]
+    return [signal for name in ("coordinate_rates", "rates") for signal in READINGS[name](geometry).signals]
 
 
 READ = {True: "pivot_forces", False: "tip_accelerations"}

@@ -22,7 +22,8 @@ from modal.errors import SceneError
 from modal.scene import Scene, places_of
 from modal.scene.motion import Acting
 from modal.scene.points import CarrierPoint, GroundPoint, Place, parse_point, point_problems
-from modal.statespace.signals import Geometry, InputGroup, Signal, pushes_in
+from modal.statespace.geometry import Geometry
+from modal.statespace.signals import InputGroup, Signal, pushes_in
 from modal.structure import Row, Structure, slopes, turning
 from modal.types import Floats
 
@@ -113,8 +114,7 @@ def pushed(geometry: Geometry, point: PointInput) -> InputGroup:
     """
     F, thrust = np.zeros((geometry.size, 1)), np.zeros((len(geometry.tips), 1))
     if point.carrier is not None:
-        assert geometry.carried is not None
-        for column, value in carrier_row(geometry.carried.structure, point.carrier, point.direction).items():
+        for column, value in carrier_row(geometry.structure, point.carrier, point.direction).items():
             F[column] = value
     elif not point.places:
         F[0] = 1.0
@@ -137,13 +137,13 @@ def carrier_row(structure: Structure, point: CarrierPoint, direction: Acting) ->
 
 def row_of(geometry: Geometry, place: Place, direction: Acting) -> Floats:
     """The generalized force (q,) of a force of 1 N or a torque of 1 N m at one link."""
-    first, row, carried = geometry.leading, np.zeros(geometry.size), geometry.carried
+    first, row = geometry.leading, np.zeros(geometry.size)
     if direction == "torque":
         row[first + place.link] = 1.0
         if place.below is None and place.above >= 0:
             row[first + place.above] = -1.0
-        if place.below is None and place.above < 0 and carried:
-            row[:first] = -carried.turning[place.link, :first]
+        if place.below is None and place.above < 0:
+            row[:first] = 0.0 - geometry.turning[place.link]
         return row
     way = geometry.across if direction == "horizontal" else -geometry.sinking
     top = int(np.flatnonzero(geometry.pendulum == geometry.pendulum[place.link])[0])
@@ -153,6 +153,6 @@ def row_of(geometry: Geometry, place: Place, direction: Acting) -> Floats:
     row[first + place.link] = way[place.link] * below
     if direction == "horizontal":
         row[:first] = geometry.centres[place.link, :first]
-    elif carried:
-        row[:first] = 0.0 - carried.down[place.link, :first]
+    else:
+        row[:first] = 0.0 - geometry.down[place.link]
     return row

@@ -27,10 +27,11 @@ from modal.scene import Pendulum, Scene
 from modal.scene.doors import checked
 from modal.scene.points import PendulumPoint, parse_point
 from modal.statespace.gains import NOISE, without_noise
+from modal.statespace.geometry import geometry_of
 from modal.statespace.modal_form import ModalBlock, ModalForm, block_diagonal, to_modal_form
 from modal.statespace.model import StateSpace, state_space
 from modal.statespace.points import is_point
-from modal.statespace.signals import OF_A_CART, SUPPORT, Signal, geometry_of, own_signals
+from modal.statespace.signals import OF_A_CART, SUPPORT, Signal, own_signals
 from modal.types import Floats
 
 Choice = Literal["contribution", "lowest"]

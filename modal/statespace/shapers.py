@@ -43,8 +43,8 @@ from modal.modes import MOST_COMPARED, Modes, counterparts, natural_modes
 from modal.report import Displayed, Summary, counted, tabulated
 from modal.scene import Scene, refusals, validate_scene
 from modal.scene.doors import checked, checked_index, require_type
+from modal.statespace.geometry import coordinates_of
 from modal.statespace.model import fixed
-from modal.statespace.signals import coordinates_of
 from modal.structure import structure_of
 from modal.types import Booleans, Complexes, Floats
 

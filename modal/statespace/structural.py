@@ -17,8 +17,9 @@ import numpy as np
 from modal.assembly import SPRING, Dissipator, Rig, loss_at, scene_squares
 from modal.eigen import Arithmetic
 from modal.scene import Scene
+from modal.statespace.geometry import Geometry
 from modal.statespace.points import is_point, point_input, pushed
-from modal.statespace.signals import PRESCRIBED, PUSHES, READINGS, Geometry, OutputGroup, Signal
+from modal.statespace.signals import PRESCRIBED, PUSHES, READINGS, OutputGroup, Signal
 from modal.types import Booleans, Floats
 
 
@@ -69,7 +70,7 @@ def inputs_named(scene: Scene, geometry: Geometry, signals: Sequence[Signal | Di
     """What these inputs are; KeyError for an unknown name."""
     none = np.zeros(geometry.size), np.zeros(len(geometry.tips))
     every: dict[str, Given] = {}
-    for group in (make(geometry) for name, make in PUSHES.items() if name != "cart_force"):
+    for group in (make(geometry) for make in PUSHES.values()):
         for k, signal in enumerate(group.signals):
             every[signal.name] = Given(group.F[:, k], group.thrust[:, k])
     for name, (held, order) in PRESCRIBED.items():
@@ -88,9 +89,8 @@ def inputs_named(scene: Scene, geometry: Geometry, signals: Sequence[Signal | Di
 
 def outputs_named(geometry: Geometry, signals: Sequence[Signal]) -> list[Reading]:
     """What these outputs are; KeyError for an unknown name."""
-    left_out = () if geometry.on_cart else ("cart_position", "cart_velocity")
     every: dict[str, Reading] = {}
-    for group in (make(geometry) for name, make in READINGS.items() if name not in left_out):
+    for group in (make(geometry) for make in READINGS.values()):
         for k, signal in enumerate(group.signals):
             every[signal.name] = _reading(group, k)
     return [every[signal.name] for signal in signals]

@@ -26,6 +26,7 @@ from modal.scene.doors import checked, checked_number
 from modal.statespace.hoisting import Travel, is_held, largest_swing
 from modal.statespace.shapers import UNSHAPED, Drive, Shaper, Train, drives_of, swings_of
 from modal.statespace.varying import motion_history
+from modal.structure import structure_of
 from modal.types import Floats
 
 SAMPLES = 600
@@ -134,10 +135,10 @@ def shaped_travel(
         if not held:
             left[: len(left) // 2] -= _leaning(scene, end, pushed) * command(np.array([end]))
         residual.append(largest_swing(scene.at(end), left, held=held))
-    lead = 1 if scene.cart is not None else rig_of(scene).leading
+    lead = rig_of(scene).leading
     angles = np.array([states[:, lead : states.shape[1] // 2] for states in histories])
     moved = np.array([states[:, pushed] for states in histories])
-    unit = "m" if held else "N m" if _turns(scene, pushed) else "N"
+    unit = "m" if held else "N m" if pushed in structure_of(scene).turning else "N"
     return ShapedTravel(
         scene, drive, distance, times, np.array(commands), moved, angles, np.array(residual), over, unit
     )
@@ -147,14 +148,6 @@ def _leaning(scene: Scene, time: float, pushed: int) -> Floats:
     """Where everything is at rest under a constant force of 1 on a coordinate, (n,)."""
     stiffness = matrices_along(scene)(time).K
     return np.asarray(np.linalg.pinv(stiffness, hermitian=True)[:, pushed])
-
-
-def _turns(scene: Scene, coordinate: int) -> bool:
-    """Whether a coordinate that a force moves is an angle."""
-    from modal.statespace.signals import coordinates_of
-    from modal.structure import structure_of
-
-    return scene.is_structured and coordinates_of(structure_of(scene))[coordinate].unit == "rad"
 
 
 def _slow_push(scene: Scene, begin: float, pushed: int) -> Floats:

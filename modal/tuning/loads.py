@@ -10,7 +10,7 @@ import numpy as np
 from modal.report import Displayed
 from modal.scene import Scene
 from modal.scene.parameters import Place, with_numbers
-from modal.statespace.signals import geometry_of
+from modal.statespace.geometry import geometry_of
 from modal.tuning.pieces import Pieces, Quantities
 from modal.tuning.quantities import Quantity
 from modal.types import Floats
@@ -80,10 +80,10 @@ def _dampers(objective: Objective, scene: Scene) -> list[tuple[Place, str, float
             number = sum(entry.count for entry in scene.pendulum[p].links[:i]) + 1
             if link.damping:
                 dampers.append(((*place, "damping"), f"rel_{before[p] + 1}_{number}", link.damping, "rad"))
-        if place[0] == "spring" and geometry.carried:
+        if place[0] == "spring":
             spring = scene.spring[int(place[1])]
             label = str(int(place[1]) + 1)
-            labels = [row.label for row in geometry.carried.springs]
+            labels = [row.label for row in geometry.springs]
             if spring.damping and label in labels and spring.kind == "linear":
                 dampers.append(((*place, "damping"), f"spring_extension_{label}", spring.damping, "m"))
     return dampers

@@ -19,10 +19,11 @@ from typing import Any, NamedTuple
 import numpy as np
 import scipy
 
-from modal.assembly import differences, matrices
+from modal.assembly import differences, matrices_of, rig_of, scene_squares
 from modal.errors import SceneError, meant
 from modal.scene import Scene, require
 from modal.scene.parameters import Place, Variable, with_numbers
+from modal.statespace.geometry import Geometry, geometry_of
 from modal.statespace.points import EXAMPLES, is_point, point_input, pushed, validate_points
 from modal.statespace.signals import (
     DRIVES,
@@ -31,9 +32,7 @@ from modal.statespace.signals import (
     PUSHES,
     READINGS,
     SUPPORT,
-    Geometry,
     Signal,
-    geometry_of,
     inputs_of,
     outputs_of,
 )
@@ -95,7 +94,9 @@ class ChannelModel:
 
     def arrays(self, scene: Scene) -> Arrays:
         """The model of a scene of the same form."""
-        geometry, linear = geometry_of(scene), matrices(scene)
+        rig = rig_of(scene)
+        geometry, squares = geometry_of(scene), scene_squares(rig)
+        linear = matrices_of(rig, squares)
         n, many = geometry.size, len(self.channels)
         Y, F = np.zeros((many, 3, n)), np.zeros((many, n))
         thrust, translation = np.zeros(many), np.zeros((many, 3))
@@ -114,8 +115,7 @@ class ChannelModel:
                 F[c] = push.F[:, entry[1]]
                 if group.pushed:
                     thrust[c] = push.thrust[k, entry[1]]
-        momentum = linear.M[:, 0] if geometry.on_cart else geometry.momentum
-        carried = np.stack([geometry.windage, momentum])
+        carried = np.stack([squares.windage, squares.momentum])
         return Arrays(linear.M, linear.K, linear.D, carried, F, Y, thrust, translation)
 
 
@@ -172,7 +172,7 @@ def _moved_problems(scene: Scene, geometry: Geometry, name: str) -> list[str]:
         require(scene, "a linear model of a moved support")
     except SceneError as error:
         return list(error.problems)
-    if geometry.carried and any(carrier.M is not None for carrier in geometry.carried.structure.carriers):
+    if any(carrier.M is not None for carrier in geometry.structure.carriers):
         return [f"input {name}: a modal support does not say how the ground drives its coordinates: give forces"]
     return []
 
@@ -181,7 +181,7 @@ def _inputs(geometry: Geometry) -> dict[str, tuple[Source, Signal]]:
     """The forces of a scene by name."""
     known = {*inputs_of(geometry), "coordinate_forces"}
     names = [name for name in PUSHES if name in known and (name != "cart_force" or geometry.on_cart)]
-    if geometry.on_cart and geometry.carried:
+    if geometry.on_cart:
         names.remove("coordinate_forces")
     groups = [(name, PUSHES[name](geometry)) for name in names]
     return {signal.name: ((name, k), signal) for name, group in groups for k, signal in enumerate(group.signals)}

@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 from modal.assembly import matrices, quadratic_drags, rig_of
 from modal.errors import ComputationError, SceneError
 from modal.scene import Scene, SineMotion, require, validate_scene
-from modal.statespace.signals import geometry_of
+from modal.statespace.geometry import geometry_of
 from modal.structure import BALANCED, hung_masses, structure_of, weights
 from modal.types import Booleans, Complexes, Floats
 

@@ -25,6 +25,7 @@ from typing import Any
 
 import numpy as np
 
+from modal.assembly import scene_squares
 from modal.errors import ComputationError, SceneError
 from modal.modes import mode_losses, natural_modes
 from modal.scene import Scene, require
@@ -32,9 +33,10 @@ from modal.scene.doors import checked
 from modal.scene.records import Spectrum
 from modal.statespace import ModalForm, frequency_response, state_space, to_modal_form
 from modal.statespace.gains import without_noise
+from modal.statespace.geometry import geometry_of
 from modal.statespace.points import EXAMPLES, is_point, push_of
 from modal.statespace.response import Term, terms
-from modal.statespace.signals import Signal, geometry_of, own_inputs
+from modal.statespace.signals import Signal, own_inputs
 from modal.types import Booleans, Complexes, Floats
 from modal.vibration.response import ModalResponse
 from modal.vibration.spectra import acceleration_psd, psd_at
@@ -186,12 +188,13 @@ def exact_terms(form: ModalForm) -> Iterator[Term]:
     Else the rounding of a mode that nothing reaches would ring for ever.  A mode φ is reached by pᵀφ, with p the
     generalized force, or for the support's acceleration the momentum or the windage of everything at unit velocity.
     """
-    modes, geometry, name = form.modes, geometry_of(form.modes.scene), form.model.inputs[0].name
+    modes, name = form.modes, form.model.inputs[0].name
     shaken = int(name == INPUT)
     if shaken:
-        p = np.column_stack([modes.matrices.M[:, 0] if modes.on_cart else geometry.momentum, geometry.windage])
+        squares = scene_squares(modes.rig)
+        p = np.column_stack([squares.momentum, squares.windage])
     else:
-        p = push_of(modes.scene, geometry, name).F[:, :1]
+        p = push_of(modes.scene, geometry_of(modes.scene), name).F[:, :1]
     for block, term in zip(form.blocks, terms(form), strict=True):
         phi = block.right[shaken : len(p) + shaken]
         reached = block.mode is None or bool(np.any(without_noise(phi.T, p)))
@@ -271,7 +274,7 @@ def random_response(
     >>> found.source.unit, found.rms.shape
     ('N', (1,))
     """
-    known = (INPUT, *((own_inputs(geometry_of(scene)) if scene.is_structured else ()) or ("cart_force",)))
+    known = (INPUT, *(own_inputs(geometry_of(scene)) or ("cart_force",)))
     if source not in {*known, "cart_force"} and not is_point(source):
         raise SceneError([f"input {source}: must be {', '.join(known)}, or {EXAMPLES}"])
     require(scene, "random vibration" if source == INPUT else "a frequency response")

@@ -10,7 +10,8 @@ from scenes import decimal_scene
 
 from modal import Bob, Cart, ComputationError, Fixed, Pendulum, Rod, Scene, SceneError, load, matrices, natural_modes
 from modal.statespace import StateSpace, state_space
-from modal.statespace.signals import INPUTS, OUTPUTS, geometry_of
+from modal.statespace.geometry import geometry_of
+from modal.statespace.signals import INPUTS, OUTPUTS
 
 SHIPPED = ["crane-hook", "crane-two-loads", "paper-cart-2", "metronomes", "cart-upright", "chain-3", "chain-spatial"]
 

@@ -12,7 +12,7 @@ from scipy.special import mathieu_a, mathieu_b
 
 from modal import Bob, Cart, Pendulum, Scene, SceneError, matrices
 from modal.scene import ConstantForce, Moved, SineMotion, SweepMotion
-from modal.statespace.signals import geometry_of
+from modal.statespace.geometry import geometry_of
 from modal.vibration import hill, parametric_stability, stabilities, tongues
 
 G = 9.81

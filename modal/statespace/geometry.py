@@ -1,0 +1,226 @@
+"""Where the points of a scene are, and how they move: rows over q = (η, θ_1, …), to first order about the equilibrium.
+
+A fixed support and a cart are structures of no and of one coordinate η.  A horizontal displacement is a row h over q:
+of a centre h = Φ + Σ_{above} l cos θ + c cos θ, of a lower joint Φ + Σ l cos θ, with the equilibrium's angles θ, 0 or π
+without constant forces; a pivot moves along the rail by Φ η, and down by Ψ η.  A horizontal force at that point acts on
+q with hᵀ.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from modal.assembly import Hanging, Rig, SpringRow, displacements, joints, rig_of
+from modal.scene import Scene
+from modal.structure import Structure, slopes
+from modal.types import Floats, Ints
+
+
+class Coordinate(NamedTuple):
+    """A coordinate of a structure: its `name` (`lower_m`), its unit, what it is, and what a force on it pushes.
+
+    `along` is how far the origin of its carrier moves along the rail with it.
+    """
+
+    name: str
+    unit: str
+    meaning: str
+    pushed: str
+    along: float
+
+    @property
+    def is_cart(self) -> bool:
+        """Whether it is the place of one cart alone."""
+        return self.name == "x"
+
+    @property
+    def force(self) -> str:
+        """The name of the force or torque on it."""
+        if self.is_cart:
+            return "cart_force"
+        return f"{self.name.removesuffix(f'_{self.unit}')}_{'torque' if self.unit == 'rad' else 'force'}"
+
+    @property
+    def force_unit(self) -> str:
+        """N or N m; 1 of a coordinate of a modal support."""
+        return {"m": "N", "rad": "N m"}.get(self.unit, "1")
+
+    def derivative(self, order: int) -> str:
+        """The name of its rate or its second derivative, as `lower_dot_m_per_s`."""
+        dots, unit = "_dot" if order == 1 else "_ddot", f"_{self.unit}_per_s{'' if order == 1 else order}"
+        if self.is_cart:
+            return self.name + dots
+        return self.name.removesuffix(f"_{self.unit}") + dots + unit * bool(self.unit)
+
+
+WORDS = {
+    "cart": ("displacement of the cart", "force along the rail on the cart"),
+    "swing": ("displacement along its arc of the swing", "force along its arc on the swing"),
+    "tilt": ("angle of the board", "torque on the board"),
+    "heave": ("displacement upwards of the support", "force upwards on the support"),
+    "sway_m": ("displacement along the rail of the platform", "force along the rail on the platform"),
+    "heave_m": ("displacement upwards of the platform", "force upwards on the platform"),
+    "roll_rad": ("angle of the platform", "torque on the platform"),
+    "modal": ("coordinate of the modal support", "generalized force on a coordinate of the modal support"),
+}
+"""What coordinates are, and forces on them, by the kind of their carrier or their own ending."""
+
+
+@dataclass(frozen=True, eq=False)
+class Geometry:
+    """Rows over q of every link's centre, lower joint and angle relative to the link above, each (links, q).
+
+    `labels` (links,) are "p_i", both from 1, every copy numbered; `mass` (links,), linear `drag` (links,), `pendulum`
+    (links,) from 0; `rest` (links,) the equilibrium's angles θ and `place` (m) the cart's; `length` and `centre`
+    (links,) those of the links, and `across` and `sinking` (links,) their cos θ and −sin θ; `down` and `turning`
+    (links, d) the displacement downwards of every link's pivot and the angle of its carrier by every coordinate η.
+    `springs` are those between points.  The coordinates of a scene that `is_structured` have signals of their own
+    names.  Where lengths change, `rate` and `bend` (links, q) are the first two derivatives in time of the rows of
+    centres and lower joints.
+    """
+
+    structure: Structure
+    coordinates: tuple[Coordinate, ...]
+    is_structured: bool
+    springs: tuple[SpringRow, ...]
+    labels: tuple[str, ...]
+    pendulum: Ints
+    centres: Floats
+    joints: Floats
+    relative: Floats
+    down: Floats
+    turning: Floats
+    mass: Floats
+    drag: Floats
+    length: Floats
+    centre: Floats
+    across: Floats
+    sinking: Floats
+    rest: Floats
+    place: float
+    rate: Floats | None = None
+    bend: Floats | None = None
+
+    @property
+    def on_cart(self) -> bool:
+        """Whether q begins with the x of one cart alone."""
+        return any(coordinate.is_cart for coordinate in self.coordinates)
+
+    @property
+    def leading(self) -> int:
+        """How many coordinates come before the angles."""
+        return len(self.coordinates)
+
+    @property
+    def size(self) -> int:
+        """Number of coordinates."""
+        return int(self.centres.shape[1])
+
+    @property
+    def angles(self) -> Floats:
+        """The rows of the absolute angles."""
+        return np.eye(self.size)[self.leading :]
+
+    @property
+    def momentum(self) -> Floats:
+        """That of everything (q,), at unit velocity along the rail, in the directions of q."""
+        momentum: Floats = self.centres.T @ self.mass
+        for number, carrier in enumerate(self.structure.carriers):
+            if carrier.M is None and carrier.size:
+                for column, value in slopes(self.structure, number, carrier.centre)[0].items():
+                    momentum[column] += carrier.mass * value
+        return momentum
+
+    @property
+    def windage(self) -> Floats:
+        """The force of still air (q,) against unit velocity of everything along the rail, in the directions of q."""
+        return np.asarray(self.centres.T @ self.drag)
+
+    @property
+    def tips(self) -> list[int]:
+        """The last link of every pendulum."""
+        return np.flatnonzero(np.diff(self.pendulum, append=-1)).tolist()
+
+    @cached_property
+    def extension(self) -> Floats:
+        """The rows (springs, q) of the extensions of all springs."""
+        rows = np.zeros((len(self.springs), self.size))
+        for k, spring in enumerate(self.springs):
+            rows[k, list(spring.row)] = list(spring.row.values())
+        return rows
+
+    @cached_property
+    def pulls(self) -> Floats:
+        """The force along the rail (pendula, springs) that each spring has on every pendulum where its force is 1."""
+        pulls = np.zeros((len(self.tips), len(self.springs)))
+        for k, spring in enumerate(self.springs):
+            for pendulum, sign in spring.on_pendula:
+                pulls[pendulum, k] += sign * spring.along
+        return pulls
+
+
+def coordinates_of(structure: Structure) -> tuple[Coordinate, ...]:
+    """The coordinates of a structure in their order."""
+    if structure.names == ("x",):
+        return (Coordinate("x", "m", "position of the cart", "force on the cart along the rail", 1.0),)
+    coordinates = []
+    for number, carrier in enumerate(structure.carriers):
+        still = (0.0,) * carrier.size
+        origin = carrier.moving(0 if carrier.M is not None else (0.0, 0.0), still, still).slopes
+        for k, suffix in enumerate(carrier.suffixes):
+            unit = "" if carrier.M is not None else suffix.rpartition("_")[2]
+            meaning, pushed = (f"{words} {carrier.name}" for words in WORDS.get(suffix) or WORDS[carrier.kind])
+            along = 0.0 if carrier.M is not None or unit == "rad" else float(origin[k][0])
+            name = structure.names[structure.offsets[number] + k]
+            coordinates.append(Coordinate(name, unit, meaning, pushed, along))
+    return tuple(coordinates)
+
+
+def geometry_of(scene: Scene) -> Geometry:
+    """The rows of a scene, one for each copy."""
+    return geometry_of_rig(rig_of(scene))
+
+
+def geometry_of_rig(rig: Rig) -> Geometry:
+    """The rows of the scene of a rig."""
+    hanging = Hanging(rig.carried)
+    structure, first = hanging.structure, hanging.first
+    hung = [(rig.blocks[block], column) for block, column in hanging.kinds.tolist()]
+    sizes = np.diff(first)
+    owner, tops, total = np.repeat(np.arange(len(hung)), sizes), first[:-1], int(first[-1])
+    along, down, turning = (part[owner] for part in hanging.phi)
+    swung = np.eye(total) - np.eye(total, k=-1)
+    swung[tops[1:], tops[1:] - 1] = 0.0
+    relative = np.hstack([0.0 * turning, swung])
+    relative[tops, : structure.size] -= turning[tops]
+    centres, below = (np.hstack([along, displacements(hung, 0, of)]) for of in (None, joints))
+
+    def numbers(name: str) -> Floats:
+        parts = ((getattr(block, name), column, block.n) for block, column in hung)
+        return np.concatenate([np.zeros(n) if part is None else part[:, column] for part, column, n in parts])
+
+    return Geometry(
+        structure=structure,
+        coordinates=coordinates_of(structure),
+        is_structured=rig.structure is not None,
+        springs=hanging.spring_rows,
+        labels=tuple(f"{p}_{i}" for p, size in enumerate(sizes.tolist(), 1) for i in range(1, size + 1)),
+        pendulum=owner,
+        centres=centres,
+        joints=below,
+        relative=relative,
+        down=down,
+        turning=turning,
+        mass=numbers("mass"),
+        drag=numbers("drag"),
+        length=numbers("length"),
+        centre=numbers("centre"),
+        across=numbers("across"),
+        sinking=numbers("sinking"),
+        rest=rig.rest_angles,
+        place=rig.cart_rest,
+    )
