@@ -125,7 +125,7 @@ class Eigenvalues:
         """The pendula, one of each kind on a cart or a fixed support, and what carries them as a structure, natural."""
         natural = self.natural
         members = natural.members if natural.structure else tuple((*kind, 1) for kind in natural.names)
-        return Hanging(replace(natural, members=members).carried)
+        return Hanging(replace(natural, members=members))
 
     @cached_property
     def inertia(self) -> Floats:

@@ -372,8 +372,7 @@ def moved_by(modes: Eigenvalues, number: int) -> tuple[Floats, Floats]:
     the structure.  The shares are those of the velocity of each coordinate just after a sudden push on it; they are NaN
     with dampers.
     """
-    structure = modes.rig.structure
-    assert structure is not None
+    structure = modes.rig.support
     motion, share, taken = np.zeros(structure.size), np.zeros(structure.size), False
     for part in (part for part in modes.spectrum.groups[number] if not part.still):
         details = modes.spectrum.details(part.source, [part.row])

@@ -125,9 +125,7 @@ def expand(
     vector = _of_copies(rig, part, part.kind, copy, details) if part.kind else _of_all(rig, details)
     if not np.all(np.isfinite(vector.angles)):
         raise ComputationError("a mode shape of this scene is beyond double precision")
-    structure = rig.carried.structure
-    assert structure is not None
-    vector = replace(vector, eta=vector.eta * np.array(coordinate_units(structure, units.length)))
+    vector = replace(vector, eta=vector.eta * np.array(coordinate_units(rig.support, units.length)))
     scale = _scale(vector, units, normalise)
     return _scaled(rig, vector, units, scale, across=copy >= part.along, uncertain=uncertain)
 
