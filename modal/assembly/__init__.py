@@ -11,7 +11,7 @@ dense form for printing, for small problems and for tests.
 """
 
 from modal.assembly.arrays import ARRAYS, Block, CartNumbers, Rig, Units, masses_below, rig_of
-from modal.assembly.equilibrium import Equilibrium, Rest, equilibrium_of
+from modal.assembly.equilibrium import Equilibrium, equilibrium_of
 from modal.assembly.hoisting import (
     Hoisting,
     HoistInstant,
@@ -37,7 +37,6 @@ from modal.assembly.losses import (
 from modal.assembly.modal_damping import RatioAt, frequencies, modal_dampers, modal_factor, ratio_at
 from modal.assembly.squares import (
     DRAG,
-    DRAG_DOWN,
     JOINT,
     SPRING,
     WAYS,
@@ -50,9 +49,8 @@ from modal.assembly.squares import (
     displacements,
     joints,
 )
-from modal.assembly.stacks import Single, Stack, can_stack, keep_form, single, stacked, varied
+from modal.assembly.stacks import Stack, can_stack, keep_form, single, stacked, varied
 from modal.assembly.structure import (
-    Elements,
     Hanging,
     SpringRow,
     assembled,
@@ -65,7 +63,6 @@ __all__ = [
     "ARRAYS",
     "CART",
     "DRAG",
-    "DRAG_DOWN",
     "JOINT",
     "SPRING",
     "WAYS",
@@ -76,7 +73,6 @@ __all__ = [
     "Columns",
     "Dissipator",
     "Element",
-    "Elements",
     "Equilibrium",
     "Hanging",
     "HoistInstant",
@@ -85,9 +81,7 @@ __all__ = [
     "LossAngles",
     "Matrices",
     "RatioAt",
-    "Rest",
     "Rig",
-    "Single",
     "SpringRow",
     "SquareRows",
     "Stack",

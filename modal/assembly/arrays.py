@@ -169,19 +169,23 @@ class Rig(Displayed):
     def total_mass(self) -> float:
         """Total mass of all links and what they hang from (kg); NaN with a modal support, whose own is not known."""
         hanging = sum(float(np.sum(block.mass.sum(0) * block.count)) for block in self.blocks)
-        return hanging + sum(nan if carrier.M is not None else float(carrier.mass) for carrier in self.support.carriers)
+        return hanging + sum(nan if carrier.M is not None else float(carrier.mass) for carrier in self.carriers)
+
+    @cached_property
+    def carriers(self) -> tuple[CarrierNumbers, ...]:
+        """What carries the pendula: a fixed support has no coordinate, a cart one."""
+        if self.structure:
+            return self.structure.carriers
+        if not self.cart:
+            return (CarrierNumbers("fixed", "fixed", (0.0, 0.0)),)
+        mass, damping, stiffness = self.cart
+        return (CarrierNumbers("cart", "cart", (0.0, 0.0), mass, stiffness=(stiffness,), damping=(damping,)),)
 
     @cached_property
     def support(self) -> Structure:
-        """What carries the pendula as a structure: a fixed support has no coordinate, a cart one."""
-        if self.structure:
-            return self.structure
-        numbers = CarrierNumbers("fixed", "fixed", (0.0, 0.0))
-        if self.cart:
-            mass, damping, stiffness = self.cart
-            numbers = CarrierNumbers("cart", "cart", (0.0, 0.0), mass, stiffness=(stiffness,), damping=(damping,))
+        """The carriers with the pivot of every pendulum."""
         pivots = (Pivot(0, (0.0, 0.0)),) * sum(copies for *_, copies in self.members)
-        return Structure((numbers,), pivots, ())
+        return self.structure or Structure(self.carriers, pivots, ())
 
     @property
     def carried(self) -> Rig:
@@ -191,12 +195,13 @@ class Rig(Displayed):
     @property
     def leading(self) -> int:
         """How many coordinates come before the angles of the links: none, the cart's, or those of the structure."""
-        return self.support.size
+        return sum(carrier.size for carrier in self.carriers)
 
     @property
     def is_damped(self) -> bool:
         """Whether there are dampers or drag."""
-        return is_damped(self.support) or any(block.is_damped for block in self.blocks)
+        carried = is_damped(self.structure or Structure(self.carriers, (), ()))
+        return carried or any(block.is_damped for block in self.blocks)
 
     @property
     def rest_angles(self) -> Floats:

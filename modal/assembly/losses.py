@@ -157,19 +157,14 @@ def _every(scene: Scene) -> list[Dissipator]:
         for _ in range(link.count)
     ]
     springs = [(f"spring[{row.entry}]", scene.spring[row.entry]) for row in hanging.spring_rows]
-    owners = {kind: springs if kind == SPRING else links for kind in (*DAMPER_KEYS, *LOSS_KEYS)}
     every = list[Dissipator]()
-    for part in (part for part in squares.damping if part.kind in DAMPER_KEYS):
-        kind, key = DRAG if part.kind == DRAG_DOWN else part.kind, DAMPER_KEYS[part.kind]
-        for number, each in part.each:
-            place, _ = owners[part.kind][number]
-            every.append(Dissipator(f"{place}.{key}", kind, each.entries, damping=each.size, number=number))
-    for part in (part for part in squares.stiffness if part.kind in LOSS_KEYS):
-        key = LOSS_KEYS[part.kind]
-        for number, each in part.each:
-            place, owner = owners[part.kind][number]
-            held = Dissipator(f"{place}.{key}", part.kind, each.entries, stiffness=each.size, number=number)
-            every.append(held._replace(loss=getattr(owner, key)))
+    for keys, parts in ((DAMPER_KEYS, squares.damping), (LOSS_KEYS, squares.stiffness)):
+        for part in (part for part in parts if part.kind in keys):
+            kind, key = DRAG if part.kind == DRAG_DOWN else part.kind, keys[part.kind]
+            for number, (at, row, size) in part.each:
+                place, owner = (springs if kind == SPRING else links)[number]
+                d, k, loss = (size, 0.0, 0.0) if keys is DAMPER_KEYS else (0.0, size, getattr(owner, key))
+                every.append(Dissipator(f"{place}.{key}", kind, dict(zip(at, row, strict=True)), d, k, loss, number))
     every.sort(key=lambda each: (each.kind == SPRING, each.number, each.kind == DRAG))
     return [*_of_supports(scene, rig, hanging.structure, squares.damping), *every]
 
@@ -184,9 +179,10 @@ def _of_supports(scene: Scene, rig: Rig, structure: Structure, damping: Iterable
             yield from _factors(f"{place}.D", part.total[0], start)
             continue
         body, start = structure.carriers[carrier], structure.offsets[carrier]
-        for number, each in part.each:
+        for number, (at, row, size) in part.each:
             suffix = f".{PLATFORM[number - start]}" if body.kind == "platform" else ""
-            yield Dissipator(f"{place}.damping{suffix}", CART if rig.cart else OTHER, each.entries, damping=each.size)
+            kind = CART if rig.cart else OTHER
+            yield Dissipator(f"{place}.damping{suffix}", kind, dict(zip(at, row, strict=True)), size)
 
 
 def _factors(place: str, D: Floats, start: int) -> list[Dissipator]:

@@ -52,15 +52,12 @@ class Element(NamedTuple):
     row: tuple[float, ...]
     size: float
 
-    @property
-    def entries(self) -> Row:
-        """Its row by coordinates."""
-        return dict(zip(self.at, self.row, strict=True))
-
-    def add_to(self, S: Floats) -> None:
-        """Add it to a matrix in place."""
-        row = np.array(self.row)
-        S[np.ix_(self.at, self.at)] += self.size * np.multiply.outer(row, row)
+    def over(self, d: int) -> Floats:
+        """Its row over the first d coordinates, (d,)."""
+        row = np.zeros(d)
+        for place, value in zip(self.at, self.row, strict=True):
+            row[place : place + 1] = value
+        return row
 
 
 class SquareRows(NamedTuple):
@@ -219,8 +216,8 @@ def chain_squares(block: Block, gravity: float, number: Number = floats) -> Part
         if block.sinking is not None:
             return [centres(along, way, size), centres(down, number(block.sinking), size)]
         moved = centres(along, way, size)
-        unit = moved.total[:, :1, :1]
-        return [moved, SquareRows(down, links, angles[:, :0], number(np.ones((P, n, 1))), size.T, unit)]
+        unit, total = lambda: number(np.ones((P, n, 1))), moved.total[:, :1, :1]
+        return [moved, SquareRows(down, links, angles[:, :0], unit, size.T, total)]
 
     def joints(size: Any) -> SquareRows:
         turns, total = number(np.eye(n, n + 1, k=1) - np.eye(n, n + 1)), number(np.zeros((P, n + 1, n + 1)))

@@ -23,6 +23,14 @@ NUMBERS = ("mass", "length", "centre", "inertia")
 SUPPORT = {("gravity",), ("support", "mass"), ("support", "stiffness")}
 CHANGING = {"centre", "inertia"}
 """Numbers of a link at which zero is another form, as it is for both of a support."""
+OTHERS = frozenset(
+    {"inverted", "joint_springs", "dampers", "linear_drag", "massless_cart", "constant_force", "structure", "springs"}
+)
+"""The features of scenes whose equations stacks do not have."""
+SEVERAL = OTHERS | {"space", "copies", "damping_ratio"}
+"""Those whose modes are not those of one plain chain."""
+MOST = 20
+"""Links up to which floats are quicker than arrays."""
 KIND, SIZE = attrgetter("__class__", "count", "damping", "stiffness", "drag"), attrgetter("mass", "length")
 
 
@@ -57,10 +65,7 @@ def _form(scene: Scene) -> Hashable:
 
 
 def _is_plain(scene: Scene) -> bool:
-    cart = scene.cart
-    still = not any(link.damping or link.stiffness or link.drag for link in scene.links())
-    straight = not scene.stands and "constant_force" not in scene.features
-    return still and straight and not scene.is_structured and not (cart and (cart.damping or not cart.mass))
+    return OTHERS.isdisjoint(scene.features) and not (scene.cart and not scene.cart.mass)
 
 
 def stacked(scenes: Sequence[Scene]) -> Stack:
@@ -163,17 +168,6 @@ def _pendula_of(chosen: list[tuple[Pendulum, int]], scaled: Sequence[Floats]) ->
     return Block(mass, length, centre, inertia, damping=none, stiffness=none, drag=none, sigma=down, count=count)
 
 
-MOST = 20
-"""Links up to which floats are quicker than arrays."""
-OTHERS = frozenset(
-    {
-        *("space", "copies", "inverted", "joint_springs", "dampers", "linear_drag", "damping_ratio", "massless_cart"),
-        *("constant_force", "structure", "springs"),
-    }
-)
-"""The features of scenes whose modes are not those of one plain chain."""
-
-
 class Single(NamedTuple):
     """Mass, length, centre and inertia of each link, top first, and the cart (None: fixed), in natural units."""
 
@@ -186,7 +180,7 @@ def single(scene: Scene) -> Single | None:
     """The numbers of a scene that is one short plain chain; None for any other."""
     validate_scene(scene)
     pendula = scene.pendulum
-    if len(pendula) > 1 or not OTHERS.isdisjoint(scene.features) or pendula[0].n_links > MOST:
+    if len(pendula) > 1 or not SEVERAL.isdisjoint(scene.features) or pendula[0].n_links > MOST:
         return None
     links, support = pendula[0].links, scene.support
     units = Units.of(max([link.mass for link in links]), max([link.length for link in links]), scene.gravity)

@@ -202,10 +202,10 @@ class Hanging:
                 start, stop = structure.offsets[carrier : carrier + 2]
                 ways = (way[pendula, start:stop] for way in self.phi)
                 moves = [number(way) if np.count_nonzero(way) else None for way in ways]
-                columns = np.arange(start, stop)
+                columns, first = np.arange(start, stop), self.first[pendula, None]
                 for part, squares in zip(parts, local, strict=True):
                     for square in squares:
-                        part.extend(square.hung(which, self.first[pendula, None], d, columns, moves))
+                        part.extend(square.hung(which, first, d, columns, moves))
         return SceneSquares(*parts, d + int(self.first[-1]), number)
 
     @cached_property
@@ -215,10 +215,7 @@ class Hanging:
         each = modal_supports(self.structure)
         for S, elements in zip(each, self.elements[:3], strict=True):
             for element in elements:
-                row = np.zeros(d)
-                for place, value in zip(element.at, element.row, strict=True):
-                    row[place : place + 1] = value
-                S[:] += element.size * np.multiply.outer(row, row)
+                S[:] += element.size * np.multiply.outer(element.over(d), element.over(d))
         return each
 
     @property
@@ -233,19 +230,11 @@ class Hanging:
     @cached_property
     def free(self) -> Floats:
         """The motions (d, f) that no spring holds; no link swings in them."""
-        d = self.structure.size
-        rows = np.zeros((len(self.elements.stiffness) + len(self.rig.members) + d, d))
-        for row, element in zip(rows, self.elements.stiffness, strict=False):
-            for place, value in zip(element.at, element.row, strict=True):
-                row[place : place + 1] = value
-        joints = rows[len(self.elements.stiffness) :]
-        for row, (block, column, _), first in zip(joints, self.rig.members, self.starts.tolist(), strict=False):
-            row[:] = self.phi.turning[first] * (self.rig.blocks[block].stiffness[0, column] > 0)
-        for carrier, start in zip(self.structure.carriers, self.structure.offsets, strict=False):
-            if carrier.K is not None:
-                span = slice(start, start + carrier.size)
-                rows[-d:][span, span] = carrier.K
-        return null_space(rows)
+        d, blocks = self.structure.size, self.rig.blocks
+        rows = [element.over(d) for element in self.elements.stiffness]
+        for (block, column, _), first in zip(self.rig.members, self.starts.tolist(), strict=True):
+            rows.append(self.phi.turning[first] * (blocks[block].stiffness[0, column] > 0))
+        return null_space(np.array([*rows, *modal_supports(self.structure)[1]]))
 
     @cached_property
     def _hung(self) -> dict[tuple[int, Where], list[tuple[Block, int, int]]]:

@@ -59,7 +59,7 @@ class ComponentMatrices:
         elements, d = self.squares[which], len(self.component.eta)
         rows, sizes = [np.zeros((len(elements), self.size))], [np.array([element.size for element in elements])]
         for row, element in zip(rows[0], elements, strict=True):
-            row[list(element.at)] = element.row
+            row[:] = element.over(self.size)
         for heavy, at in zip(self.component.heavies, self.places.tolist(), strict=False):
             pivots, p = (heavy.along, 0 * heavy.along, heavy.felt), heavy.column
             for square in self.carried.chains[heavy.block][which]:
@@ -173,16 +173,13 @@ class ComponentMatrices:
         eta = self.component.eta
         d = len(eta)
         joints = [heavy.felt[eta] * (block.stiffness[0, heavy.column] > 0) for block, heavy in self._chains]
-        rows = np.zeros((len(self.squares[1]), d))
-        M = np.zeros((d, d))
-        for row, element in zip(rows, self.squares[1], strict=True):
-            row[[k for k in element.at if k < d]] = [value for k, value in zip(*element[:2], strict=True) if k < d]
+        rows, M = [element.over(d) for element in self.squares[1]], np.zeros((d, d))
         for element in self.squares[0]:
-            element.add_to(M)
+            M += element.size * np.multiply.outer(element.over(d), element.over(d))
         for block, heavy in self._chains:
             mass = heavy.weight * block.mass[:, heavy.column].sum()
             M += mass * np.multiply.outer(heavy.along[eta], heavy.along[eta])
-        basis = null_space(np.concatenate([rows, np.reshape(joints, (len(joints), d))]))
+        basis = null_space(np.array([*rows, *joints]).reshape(len(rows) + len(joints), d))
         motions = np.zeros((self.size, basis.shape[1]))
         for k in range(basis.shape[1]):
             before = motions[:d, :k]

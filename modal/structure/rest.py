@@ -57,7 +57,7 @@ def phi(structure: Structure) -> Phi:
         for part, row in zip(rows, ways, strict=True):
             for column, value in row.items():
                 part[k, column] = value
-    return Phi(*(part[at] for part in rows))
+    return Phi(*rows[:, at])
 
 
 def slopes(structure: Structure, carrier: int, where: Where) -> tuple[Row, Row]:

@@ -319,3 +319,14 @@ def test_the_parts_of_a_rig_hold_all_of_it() -> None:
         sum(ComponentMatrices(carried, component).size for component in components) == 6
     )  # one bob, on the lift, swings for itself
     assert balanced == ()
+
+
+def test_terms_are_the_sums_of_what_cancels() -> None:
+    """Weights above the axis of a board take from its stiffness; the sum of terms keeps their sizes."""
+    hung = Pendulum(links=[Bob(mass=2.0, length=1.5, stiffness=3.0)], position=(0.0, 0.25))
+    board = Tilt(mass=4.0, inertia=1.0, stiffness=50.0, centre=(0.0, -0.5))
+    carried = PartedRig(rig_of(Scene(gravity=10.0, support=board, pendulum=[hung])))
+    reduced = ComponentMatrices(carried, carried.parted[0][0])
+    sinking, rising, joint = 10 * 2 * 0.25, 10 * 4 * 0.5, 3.0
+    assert np.diag(reduced.factors[1].matrix).tolist() == [50 - rising + sinking + joint, 10 * 2 * 1.5 + joint]
+    assert reduced.terms.tolist() == [50 + rising + sinking + joint, 10 * 2 * 1.5 + joint]
