@@ -19,7 +19,7 @@ def exported(package: str, homes: tuple[str, ...], later: Mapping[str, str] | No
         if name in homes:
             return import_module(f"{package}.{name}")
         if name in offering.__all__:
-            return next(exports[name] for home in homes if name in (exports := vars(find(home))))
+            return next(getattr(module, name) for module in map(find, homes) if hasattr(module, name))
         if later and name in later:
             return getattr(import_module(f"{package}.{later[name]}"), name)
         raise AttributeError(f"module {package!r} has no attribute {name!r}", name=name, obj=offering)

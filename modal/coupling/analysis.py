@@ -22,7 +22,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
-from math import inf, sqrt
+from math import isfinite, sqrt
 from typing import Any
 
 import numpy as np
@@ -339,7 +339,7 @@ class Coupling(Displayed):
     @property
     def cart_modes(self) -> tuple[CartMode, ...]:
         """The modes that move the cart, ascending, except a free cart's rigid translation; none without a cart."""
-        return self.solver.cart_modes if self.on_cart and isinstance(self.solver, SecularEquation) else ()
+        return self.solver.cart_modes
 
     def swept(self, masses: Floats) -> Floats:
         """ω (len(masses), Z) in rad/s of the modes that move the cart, for carts of these masses (kg) above 0."""
@@ -376,10 +376,9 @@ class Coupling(Displayed):
             return None
         detuning, coupling, strength, passed = pair_exchange(modes.omega[at], modes.rate[at], free, lossy)
         families = [family for family in self.families if {a, b} & set(family.members)]
-        alone, mass = sum(len(family.members) for family in families) == 2, inf
-        if self.on_cart and isinstance(self.solver, SecularEquation):
-            mass, steady = self.solver.between((a, b))
-            alone, coupling = alone and steady, abs(coupling)
+        mass, steady = self.solver.between((a, b))
+        alone = steady and sum(len(family.members) for family in families) == 2
+        coupling = abs(coupling) if isfinite(mass) else coupling
         return EnergyExchange(a, b, detuning, coupling, strength, mass, alone, passed)
 
     @cached_property

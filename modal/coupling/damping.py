@@ -27,7 +27,7 @@ from modal.assembly import Hanging, Rig, centres, modal_supports, ratio_at
 from modal.coupling.reduced import Kind, without_damping
 from modal.eigen import ModalSpectrum, SpectrumPart, find_spectrum
 from modal.errors import ComputationError
-from modal.modes.shapes import displacements
+from modal.modes.shapes import by_kind, displacements
 from modal.report import Displayed
 from modal.scene import Pendulum, Scene, VanDerPol, validate_scene
 from modal.types import Floats
@@ -197,11 +197,8 @@ class _Losses:
     @cached_property
     def pivots(self) -> tuple[tuple[Floats, Floats], ...]:
         """Of every block, how its kinds move along the rail and turn, (P, d) each."""
-        phi, kinds = self.hanging.phi, self.hanging.kinds
-        rows = [np.zeros((2, block.size, self.hanging.structure.size)) for block in self.rig.blocks]
-        for (block, column), *each in zip(kinds.tolist(), phi.along, phi.turning, strict=True):
-            rows[block][:, column] = each
-        return tuple((along, turning) for along, turning in rows)
+        along, turning = (by_kind(self.hanging, rows) for rows in (self.hanging.phi.along, self.hanging.phi.turning))
+        return tuple(zip(along, turning, strict=True))
 
     @cached_property
     def joints(self) -> tuple[Floats, Floats, Floats]:

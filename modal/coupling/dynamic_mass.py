@@ -263,10 +263,12 @@ class SecularEquation:
 
     @cached_property
     def cart_modes(self) -> tuple[CartMode, ...]:
-        """The modes that move a cart, ascending, except a free cart's rigid translation.
+        """The modes that move a cart, ascending, except a free cart's rigid translation; none without a cart.
 
         ComputationError where one of them hardly moves it, beyond double precision.
         """
+        if not self.together:
+            return ()
         dynamic, zeros = self.dynamic, self.dynamic.zeros
         with np.errstate(divide="ignore"):
             push = 1 / zeros.modal_mass
@@ -306,8 +308,10 @@ class SecularEquation:
     def between(self, modes: tuple[int, int]) -> tuple[float, bool]:
         """The m (kg) between two modes, and whether it is steady over their frequencies: if not, others take part.
 
-        A coupling beyond STRONG is none that is steady.
+        A coupling beyond STRONG is none that is steady; where there is no cart, infinite and steady.
         """
+        if not self.together:
+            return inf, True
         alone, at = self.reduced.fixed_base, list(modes)
         omega, mass = alone.omega[at], (alone.mass * alone.count)[at]
         m = float(self._without(modes, [sqrt(float(omega.prod()))])[0])

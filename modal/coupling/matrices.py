@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from modal.coupling.damping import STILL
-from modal.coupling.dynamic_mass import FALLS, NOTHING_HOLDS, Other
+from modal.coupling.dynamic_mass import FALLS, NOTHING_HOLDS, CartMode, Other
 from modal.coupling.families import FamilyBranch
 from modal.coupling.reduced import ReducedStructure, pencil
 from modal.eigen import degenerate_modes
@@ -179,6 +179,15 @@ class ReducedPencil:
         at = (self.reduced.d + members).tolist()
         stiffness = self.reduced.K[np.ix_(at, at)]
         return np.asarray(stiffness - np.diag(np.diag(stiffness)) + self.reduced.eliminated(at, x))
+
+    @property
+    def cart_modes(self) -> tuple[CartMode, ...]:
+        """None: the mass of no single cart is felt."""
+        return ()
+
+    def between(self, modes: tuple[int, int]) -> tuple[float, bool]:
+        """No one mass that two modes push, and that nothing is known to take part with them."""
+        return inf, True
 
     def pulled(self, modes: tuple[int, int], *, damped: bool = False) -> Any:
         """F of two own modes halfway between their frequencies, with dampers or without.

@@ -6,20 +6,25 @@ effective mass, the amplitude at which the small-angle frequency is off by 1 %, 
     q(t) = Re Σ_r c_r φ_r e^{λ_r t}
 
 Start with `modes`.  `numbering` gives a mode the same number everywhere, `tables` prints, `rope` is what long chains
-approach.
+approach.  The names below are loaded on first use: who finds modes needs no tables.
 """
 
-from modal.eigen import UNCERTAIN
-from modal.modes.dissipation import mode_losses, quality_factors, sliding_modes, stop_of
-from modal.modes.frequencies import natural_frequencies
-from modal.modes.mode import Mode
-from modal.modes.modes import ModalMatrix, Modes, all_shapes, equilibrium_words, natural_modes
-from modal.modes.numbering import MOST_COMPARED, counterparts, labelled, lettered, paired, table_numbers
-from modal.modes.rope import hanging_rope, rope_error_of_bobs, rope_error_of_rods
-from modal.modes.rows import moving_words
-from modal.modes.sensitivity import sensitivities
-from modal.modes.shapes import Shape
-from modal.modes.tables import table
+from typing import TYPE_CHECKING
+
+from modal.lazy import exported
+
+if TYPE_CHECKING:
+    from modal.eigen import UNCERTAIN
+    from modal.modes.dissipation import mode_losses, quality_factors, sliding_modes, stop_of
+    from modal.modes.frequencies import natural_frequencies
+    from modal.modes.mode import Mode
+    from modal.modes.modes import ModalMatrix, Modes, all_shapes, equilibrium_words, natural_modes
+    from modal.modes.numbering import MOST_COMPARED, counterparts, labelled, lettered, paired, table_numbers
+    from modal.modes.rope import hanging_rope, rope_error_of_bobs, rope_error_of_rods
+    from modal.modes.rows import moving_words
+    from modal.modes.sensitivity import sensitivities
+    from modal.modes.shapes import Shape
+    from modal.modes.tables import table
 
 __all__ = [
     "MOST_COMPARED",
@@ -48,3 +53,9 @@ __all__ = [
     "table",
     "table_numbers",
 ]
+
+if not TYPE_CHECKING:
+    __getattr__ = exported(
+        __name__,
+        ("modes", "mode", "shapes", "numbering", "rows", "dissipation", "tables", "frequencies", "sensitivity", "rope"),
+    )

@@ -273,8 +273,7 @@ def coordinate_columns(modes: Modes, rows: Sequence[Mode]) -> list[Column]:
         heading = f"{label} ({unit})" if label and unit in {"m", "rad"} else name
         return _of_rows(name, of_rows, heading, "", 4)
 
-    names = modes.rig.structure.names if modes.rig.structure else ()
-    return [column(k, name, which) for which in (0, 1) for k, name in enumerate(names)]
+    return [column(k, name, which) for which in (0, 1) for k, name in enumerate(modes.rig.support.names)]
 
 
 def added_by(modes: Modes, chosen: str, every: Sequence[Column]) -> frozenset[str]:

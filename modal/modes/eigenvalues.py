@@ -125,12 +125,13 @@ class Eigenvalues:
         """The pendula, one of each kind on a cart or a fixed support, and what carries them as a structure, natural."""
         natural = self.natural
         members = natural.members if natural.structure else tuple((*kind, 1) for kind in natural.names)
-        return Hanging(replace(natural, members=members).carried)
+        return Hanging(replace(natural, members=members))
 
     @cached_property
     def inertia(self) -> Floats:
-        """Of each coordinate of what carries the pendula, these as if they were stiff, (d,)."""
-        return self.hanging.inertia.diagonal()
+        """Of each coordinate of what carries the pendula, these as if they were stiff, (d,); 1 of a single one."""
+        d = self.rig.leading
+        return self.hanging.inertia.diagonal() if d > 1 else np.ones(d)
 
     def moving_near(self, omega: float) -> str:
         """The mode of the scene nearest to a frequency (rad/s) that moves more than pendula on a support at rest."""

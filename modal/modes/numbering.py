@@ -37,7 +37,7 @@ import numpy as np
 from modal.assembly import Rig
 from modal.eigen import UNCERTAIN, Limits, ModalSpectrum, SpectrumPart, degenerate_modes, find_spectrum
 from modal.errors import ComputationError
-from modal.modes.modes import Modes, natural_modes
+from modal.modes.modes import Modes, all_shapes, natural_modes
 from modal.scene import Scene
 from modal.scene.doors import checked
 from modal.types import Complexes, Floats, Ints
@@ -133,10 +133,10 @@ def likeness(modes: Modes, others: Modes) -> Floats:
 
 def _stacked(modes: Modes, M: Floats) -> tuple[Complexes, Ints]:
     """All shapes along the rail (n, C), n the size of M, with φᴴMφ = 1, and the row (C,) of each."""
-    along = modes.matrix.take(~modes.matrix.across)
-    phi = along.shapes[-len(M) :].astype(np.complex128)
-    size = np.sqrt(np.einsum("ic,ij,jc->c", phi.conj(), M, phi).real)
-    return phi / np.where(size > 0, size, 1.0), along.row
+    along = [(row, shape) for row, vectors in enumerate(all_shapes(modes)) for shape in vectors if not shape.across]
+    phi = np.array([modes.column(shape)[-len(M) :] for _, shape in along], dtype=np.complex128).T
+    size = np.sqrt(np.einsum("ic,ic->c", phi.conj(), M @ phi).real)
+    return phi / np.where(size > 0, size, 1.0), np.array([row for row, _ in along])
 
 
 def on_free_cart(rig: Rig) -> bool:
@@ -144,12 +144,14 @@ def on_free_cart(rig: Rig) -> bool:
     return rig.cart is not None and not rig.cart.stiffness
 
 
-def fixed_base_masses(modes: Modes, numbers: Sequence[int] | None = None, own: Sequence[float] | None = None) -> Floats:
+def fixed_base_masses(
+    modes: Modes, numbers: Sequence[int] | None = None, effective: Sequence[float] | None = None
+) -> Floats:
     """Modal effective mass in kg of the fixed-base mode that each mode belongs to, along the rail.
 
     Of the modes with these indices (from 0), by default all (R,).  On a fixed support that is the mode's own; NaN where
     modes do not belong to fixed-base modes one to one: on a cart with a spring, on a structure, about an inverted
-    equilibrium, and with dampers that are not light; 0 for the rigid translation.  `own` (R,)
+    equilibrium, and with dampers that are not light; 0 for the rigid translation.  `effective` (R,)
     are the modes' own masses (kg), if known.
 
     >>> from modal import load, natural_modes
@@ -162,8 +164,8 @@ def fixed_base_masses(modes: Modes, numbers: Sequence[int] | None = None, own: S
     free = on_free_cart(rig)
     if rig.structure or modes.scene.stands or rig.leans or (rig.leading and not free):
         return np.full(len(rows), np.nan)
-    if own is not None and not free:
-        return np.asarray(own, dtype=np.float64)
+    if effective is not None and not free:
+        return np.asarray(effective, dtype=np.float64)
     spectrum = modes.spectrum
     with np.errstate(all="ignore"):
         masses = _held(modes, rows) if free else _masses(spectrum, [spectrum.groups[row] for row in rows.tolist()])

@@ -20,7 +20,7 @@ from modal.eigen import UNCERTAIN, Details, ModeSwing, SpectrumPart, distortion,
 from modal.errors import ComputationError
 from modal.modes.eigenvalues import Eigenvalues
 from modal.modes.mode import BESIDE, PROMISED, SURE, UNKNOWN, Amplitude, Mode, answering, is_guide, resonances
-from modal.modes.shapes import displacements, expand, first_of_largest, is_balanced
+from modal.modes.shapes import by_kind, displacements, expand, first_of_largest, is_balanced
 from modal.structure import Structure, coordinate_units
 from modal.types import Floats, Ints
 
@@ -148,7 +148,7 @@ def moving_words(structure: Structure, eta: NDArray[np.inexact], inertia: NDArra
 def following(
     angles: tuple[NDArray[np.inexact], ...],
     shares: tuple[NDArray[np.float64], ...],
-    pivots: list[NDArray[np.inexact]],
+    pivots: Sequence[NDArray[np.inexact]],
     at: int,
     *,
     several: bool,
@@ -360,9 +360,7 @@ def _motion(modes: Eigenvalues, number: int, head: _RowPart, eta: NDArray[np.ine
     names, cart = list(modes.rig.names.values()), modes.rig.cart
     told = agreement(details.angles, details.shares, at, names, several=several, still=not (cart and eta.any()))
     if eta.any() and (not cart or (cart.stiffness and told in ("", "in phase"))):
-        pivots = [np.zeros(block.size, dtype=eta.dtype) for block in modes.rig.blocks]
-        for (block, column), pivot in zip(modes.hanging.kinds.tolist(), modes.hanging.phi.along @ eta, strict=True):
-            pivots[block][column] = pivot
+        pivots = by_kind(modes.hanging, modes.hanging.phi.along @ eta)
         told = following(details.angles, details.shares, pivots, at, several=several) or told
     return motion_words(details.angles, details.shares, at, told)
 
@@ -374,8 +372,7 @@ def moved_by(modes: Eigenvalues, number: int) -> tuple[Floats, Floats]:
     the structure.  The shares are those of the velocity of each coordinate just after a sudden push on it; they are NaN
     with dampers.
     """
-    structure = modes.rig.structure
-    assert structure is not None
+    structure = modes.rig.support
     motion, share, taken = np.zeros(structure.size), np.zeros(structure.size), False
     for part in (part for part in modes.spectrum.groups[number] if not part.still):
         details = modes.spectrum.details(part.source, [part.row])

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal, get_args
+from typing import Any, Literal, TypeVar, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
-from modal.assembly import Rig, Units
+from modal.assembly import Hanging, Rig, Units
 from modal.eigen import Details, SpectrumPart
 from modal.errors import ComputationError
 from modal.report import Displayed, Summary, brief, counted
 from modal.structure import coordinate_units
 from modal.types import Floats
 
+A = TypeVar("A", bound=np.inexact)
 Normalisation = Literal["angle", "mass"]
 NONE: NDArray[np.inexact] = np.zeros(0)
 NONE.flags.writeable = False
@@ -124,9 +125,7 @@ def expand(
     vector = _of_copies(rig, part, part.kind, copy, details) if part.kind else _of_all(rig, details)
     if not np.all(np.isfinite(vector.angles)):
         raise ComputationError("a mode shape of this scene is beyond double precision")
-    structure = rig.carried.structure
-    assert structure is not None
-    vector = replace(vector, eta=vector.eta * np.array(coordinate_units(structure, units.length)))
+    vector = replace(vector, eta=vector.eta * np.array(coordinate_units(rig.support, units.length)))
     scale = _scale(vector, units, normalise)
     return _scaled(rig, vector, units, scale, across=copy >= part.along, uncertain=uncertain)
 
@@ -135,6 +134,14 @@ def displacements(rig: Rig, details: Details) -> tuple[NDArray[np.inexact], ...]
     """How all rows move each coordinate of what carries the pendula, d arrays (R,); 0 in modes of single pendula."""
     moved = details.eta if rig.structure else (details.cart,)
     return (moved or (np.zeros(len(details.modal_mass)),) * rig.leading)[: rig.leading]
+
+
+def by_kind(hanging: Hanging, values: NDArray[A]) -> tuple[NDArray[A], ...]:
+    """Values (pendula, …), the same for all of a kind, by the kinds (P, …) of every block."""
+    kinds = tuple(np.zeros((block.size, *values.shape[1:]), values.dtype) for block in hanging.rig.blocks)
+    for (block, column), value in zip(hanging.kinds.tolist(), values, strict=True):
+        kinds[block][column] = value
+    return kinds
 
 
 def is_balanced(rig: Rig, part: SpectrumPart) -> bool:
@@ -146,8 +153,9 @@ def is_balanced(rig: Rig, part: SpectrumPart) -> bool:
 
 
 def _of_all(rig: Rig, details: Details) -> _Vector:
+    kinds = [(block, column) for block, column, copies in rig.members for _ in range(copies)]
     angles, shares = (
-        np.concatenate([np.tile(values[block][:, column, 0], copies) for block, column, copies in rig.members])
+        np.concatenate([values[block][:, column, 0] for block, column in kinds])
         for values in (details.angles, details.shares)
     )
     eta = np.array([moved[0] for moved in displacements(rig, details)])
@@ -210,7 +218,7 @@ def _scaled(rig: Rig, vector: _Vector, units: Units, scale: complex, *, across: 
     undamped = np.isfinite(vector.momentum)
     momentum = vector.momentum * scale.real * units.mass * units.length
     return Shape(
-        cart=eta[0] if rig.cart else 0.0 * scale,
+        cart=eta[0] if rig.cart else 0.0 * scale * units.length,
         angles=vector.angles * scale,
         kinetic_energy_share=vector.shares,
         modal_mass=float(modal_mass),

@@ -16,7 +16,6 @@ from modal.modes.dissipation import sharing
 from modal.modes.eigenvalues import Eigenvalues
 from modal.modes.mode import Mode
 from modal.modes.modes import Modes
-from modal.modes.sensitivity import of_mode
 from modal.report import (
     NOTHING,
     Summary,
@@ -104,6 +103,8 @@ def _sensitivities(modes: Modes, rows: Sequence[Mode], form: str) -> str:
     size *= modes.rig.leading if modes.rig.structure else 1
     if size > MOST_SENSITIVITIES:
         raise ComputationError(f"{size} sensitivities are too many for a table: choose fewer modes")
+    from modal.modes.sensitivity import of_mode
+
     each = [of_mode(modes, row) for row in rows]
     relative = [{place: slope.relative for place, slope in slopes.items()} for slopes in each]
     places = list(dict.fromkeys(place for slopes in each for place in slopes))
@@ -148,6 +149,8 @@ def _json(
         for record, row in zip(rows_of, rows, strict=True):
             record["shapes"] = [_shape_record(modes, row, k) for k in range(row.multiplicity)]
     if sensitive:
+        from modal.modes.sensitivity import of_mode
+
         for record, row in zip(rows_of, rows, strict=True):
             record["sensitivities"] = {path: slope.record() for path, slope in of_mode(modes, row).items()}
     whole = {"scene": describe(modes.scene), "modes": rows_of, "route": modes.route, "notes": list(modes.notes)}
@@ -192,6 +195,8 @@ def _footnotes(modes: Modes, rows: Sequence[Mode], starred: str) -> list[str]:
 def _csv(modes: Modes, rows: Sequence[Mode], columns: Sequence[Column], *, sensitive: bool = False) -> str:
     records = _records(rows, columns)
     if sensitive:
+        from modal.modes.sensitivity import of_mode
+
         for record, row in zip(records, rows, strict=True):
             record |= {f"d_omega_d_{path}": finite(slope.derivative) for path, slope in of_mode(modes, row).items()}
     keys = list(records[0]) if records else [column.key for column in columns]
