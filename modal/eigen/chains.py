@@ -12,18 +12,16 @@ mode is localized.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from functools import cached_property
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from modal.assembly import Block, CartNumbers
 from modal.eigen.bisection import NEAR, confirmed, lies_within, located, searched
-from modal.eigen.counts import Built, counted
 from modal.eigen.rayleigh import at_pivot, twisted, without_each
-from modal.eigen.recursion import Swept, at_infinity, from_above, from_below, joint_masses, kinetic
-from modal.eigen.seeds import LARGEST, seed_matrices, seeds, slow_seeds
+from modal.eigen.recursion import Swept, from_above, from_below, joint_masses, kinetic
+from modal.eigen.seeds import LARGEST, seeds, slow_seeds
 from modal.eigen.sturm import Suspension
 from modal.types import Booleans, Floats, Ints
 
@@ -218,101 +216,38 @@ def fixed_shapes(chains: Block, x: Floats) -> ChainShapes:
 # -------------------------------------------------------------------------------------------------- on a cart
 
 
-def bare_mass(blocks: tuple[Block, ...], cart: CartNumbers) -> float:
-    """m_c + Σ residual masses: the mass felt by a force on the cart at infinite frequency; 0 where M is singular."""
-    return float(cart.mass) + float(sum(at_infinity(block)[0].sum() for block in blocks))
+def cart_shapes(blocks: tuple[Block, ...], cart: CartNumbers, x: Floats) -> ChainShapes:
+    """Shapes at x (R,) of chains that share a cart, all of them and the cart together."""
+    below, above = _both_ways(blocks, cart, x)
+    joints = [joint_masses(block.constants.p, block.constants.r) for block in blocks]
+    pivot = cart.mass + sum(float(masses[0].sum()) for masses in joints)
+    for masses in joints:
+        masses[0] = pivot
+    gaps, costs = zip(*map(_mismatch, below, above, joints), strict=True)
+    twists = _cheapest(costs)
+    climbed = [_climb(upper, twist) for upper, twist in zip(above, twists, strict=True)]
+    moved = np.sum([y[0].sum(0) for y in climbed], axis=0)
+    shapes = [
+        _joined(lower, y, upper.turn, twist, np.broadcast_to(moved, y[0].shape))
+        for lower, y, upper, twist in zip(below, climbed, above, twists, strict=True)
+    ]
+    energies = tuple(kinetic(block, y, a) for block, (y, a) in zip(blocks, shapes, strict=True))
+    modal_mass = cart.mass * moved**2 + sum(energy.sum((0, 1)) for energy in energies)
+    missed = sum(np.where(twist, gap, 0.0).sum((0, 1)) for twist, gap in zip(twists, gaps, strict=True))
+    turns = tuple(a for _, a in shapes)
+    return ChainShapes(moved, turns, energies, modal_mass, cart.stiffness * moved / x, missed / modal_mass)
 
 
-def is_singular(blocks: tuple[Block, ...], cart: CartNumbers) -> bool:
-    """Whether M is singular: a massless cart over bobs has no inertia."""
-    return cart.mass == 0 and bare_mass(blocks, cart) == 0
-
-
-@dataclass(frozen=True, eq=False)
-class CartProblem:
-    """Chains that share a cart; counts are folded into the chains' masses.
-
-    `known` are the indices, among all oscillatory modes, of those that need not be computed.
-    """
-
-    blocks: tuple[Block, ...]
-    cart: CartNumbers
-    known: Ints = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
-    limits: Limits = EVERYTHING
-    slack = 1
-
-    @property
-    def route(self) -> str:
-        """Dense where that is accurate enough, else the effective mass."""
-        return self.oscillating.route
-
-    @property
-    def built(self) -> Built:
-        """All chains and the cart."""
-        links = sum(block.mass.size for block in self.blocks)
-        return Built(f"cart and {counted(links, 'link')}", 1, links + 1, seed_matrices(links, 1))
-
-    @property
-    def n_modes(self) -> int:
-        """Number of oscillatory modes: a free cart's rigid translation is a coordinate, but not one of these."""
-        links = sum(block.n * block.size for block in self.blocks)
-        return links + bool(self.cart.stiffness > 0) - is_singular(self.blocks, self.cart)
-
-    @cached_property
-    def oscillating(self) -> Squares:
-        """ω² (R,) of every other oscillatory mode, ascending, within the limits."""
-        if self.limits.squares is not None:
-            return Squares.exact(self.limits.squares)
-        wanted = np.delete(np.arange(self.n_modes), self.known)[: self.limits.lowest]
-        suspension = Suspension.on_cart(self.blocks, self.cart)
-        x, error = squares_of(suspension, wanted, self.n_modes, self.limits.accuracy)
-        return Squares(x[:, 0], error[:, 0])
-
-    @property
-    def squares(self) -> Floats:
-        """ω² (R,)."""
-        return self.oscillating.x
-
-    @property
-    def dense_error(self) -> Floats:
-        """Bounds on the relative errors of ω (R,) beyond rounding."""
-        return self.oscillating.error / 2
-
-    def shapes(self, rows: Ints) -> ChainShapes:
-        """Shapes of these modes, all chains and the cart together."""
-        x = self.squares[rows]
-        below, above = self._both_ways(x)
-        gaps, costs = zip(*map(_mismatch, below, above, self._joint_masses()), strict=True)
-        twists = _cheapest(costs)
-        climbed = [_climb(upper, twist) for upper, twist in zip(above, twists, strict=True)]
-        cart = np.sum([y[0].sum(0) for y in climbed], axis=0)
-        shapes = [
-            _joined(lower, y, upper.turn, twist, np.broadcast_to(cart, y[0].shape))
-            for lower, y, upper, twist in zip(below, climbed, above, twists, strict=True)
-        ]
-        energies = tuple(kinetic(block, y, a) for block, (y, a) in zip(self.blocks, shapes, strict=True))
-        modal_mass = self.cart.mass * cart**2 + sum(energy.sum((0, 1)) for energy in energies)
-        missed = sum(np.where(twist, gap, 0.0).sum((0, 1)) for twist, gap in zip(twists, gaps, strict=True))
-        turns = tuple(a for _, a in shapes)
-        return ChainShapes(cart, turns, energies, modal_mass, self.cart.stiffness * cart / x, missed / modal_mass)
-
-    def _both_ways(self, x: Floats) -> tuple[list[Swept], list[Swept]]:
-        """Elimination from the free ends, and from the cart with all the other chains on it."""
-        below = [from_below(block, x[None]) for block in self.blocks]
-        others = without_each(self.cart.mass - self.cart.stiffness / x, [swept.mass[0] for swept in below])
-        energy = without_each(np.full(x.shape, self.cart.mass), [swept.energy[0] for swept in below])
-        above = [from_above(block, x[None], *felt) for block, *felt in zip(self.blocks, others, energy, strict=True)]
-        pivot = self.cart.mass + sum(swept.nearest[0].sum(0) for swept in below)
-        for swept in below:
-            swept.nearest[0] = pivot
-        return below, above
-
-    def _joint_masses(self) -> list[Floats]:
-        joints = [joint_masses(block.constants.p, block.constants.r) for block in self.blocks]
-        pivot = self.cart.mass + sum(float(masses[0].sum()) for masses in joints)
-        for masses in joints:
-            masses[0] = pivot
-        return joints
+def _both_ways(blocks: tuple[Block, ...], cart: CartNumbers, x: Floats) -> tuple[list[Swept], list[Swept]]:
+    """Elimination from the free ends, and from the cart with all the other chains on it."""
+    below = [from_below(block, x[None]) for block in blocks]
+    others = without_each(cart.mass - cart.stiffness / x, [swept.mass[0] for swept in below])
+    energy = without_each(np.full(x.shape, cart.mass), [swept.energy[0] for swept in below])
+    above = [from_above(block, x[None], *felt) for block, *felt in zip(blocks, others, energy, strict=True)]
+    pivot = cart.mass + sum(swept.nearest[0].sum(0) for swept in below)
+    for swept in below:
+        swept.nearest[0] = pivot
+    return below, above
 
 
 def _mismatch(below: Swept, above: Swept, masses: Floats) -> tuple[Floats, Floats]:

@@ -142,6 +142,8 @@ class ComponentMatrices:
     @cached_property
     def is_damped(self) -> bool:
         """Whether there are dampers or drag."""
+        if not self.carried.rig.is_damped:
+            return False
         return bool(self.squares[2]) or any(
             block.damping[:, heavy.column].any() or block.drag[:, heavy.column].any() for block, heavy in self._chains
         )
@@ -203,6 +205,10 @@ class ComponentMatrices:
         """
         eta = self.component.eta
         d = len(eta)
+        if self.carried.is_plain:
+            cart = self.carried.rig.cart
+            number = int(cart is not None and cart.stiffness == 0)
+            return np.asarray(np.eye(self.size, number) / np.sqrt(self.carried.rig.total_mass))
         joints = [heavy.felt[eta] * (block.stiffness[0, heavy.column] > 0) for block, heavy in self._chains]
         rows = np.zeros((len(self.squares[1]), d))
         M = np.zeros((d, d))
@@ -219,6 +225,8 @@ class ComponentMatrices:
             before = motions[:d, :k]
             motion = basis[:, k] - before @ (before.T @ (M @ basis[:, k]))
             motions[:d, k] = motion / np.sqrt(motion @ M @ motion)
+        if not self.is_damped:
+            return motions
         damped = self.factors[2].rows @ motions
         dragged = (damped.T * self.factors[2].size) @ damped
         if np.count_nonzero(dragged - np.diag(np.diag(dragged))):
@@ -228,6 +236,8 @@ class ComponentMatrices:
     @cached_property
     def coasting(self) -> Floats:
         """Free motions (n, f) that no damper drags either."""
+        if not self.is_damped:
+            return self.free
         rows, free = self.factors[2].rows, self.free
         stretched, terms = rows @ free, np.abs(rows) @ np.abs(free)
         dragged = np.where(np.abs(stretched) > CANCELLED * terms, stretched, 0.0)

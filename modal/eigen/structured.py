@@ -21,9 +21,10 @@ from modal.eigen.chains import EVERYTHING, Limits
 from modal.eigen.component_matrices import ComponentMatrices
 from modal.eigen.components import PartedRig
 from modal.eigen.counts import Built, counted
+from modal.eigen.coupled import MOST_LINKS_TOGETHER, CartPendula
 from modal.eigen.factor import BEYOND, SquareSum, is_wide
 from modal.eigen.recursion import joints, kinetic
-from modal.eigen.sources import ROUNDOFF, Details, largest_angle, structured_error
+from modal.eigen.sources import ROUNDOFF, Details, largest_angle, oscillating, structured_error
 from modal.errors import ComputationError
 from modal.report import deferred
 from modal.types import Booleans, Complexes, Floats, Ints
@@ -32,8 +33,6 @@ LARGEST = 1200
 """Coordinates of one component up to which shapes, and frequencies from factors, are computed."""
 LIGHT = 0.1
 """Damping ratio, and out-of-phase share of a shape, up to which a mode has an amplitude coefficient."""
-MOST_LINKS_TOGETHER = 600
-"""Links with joint springs or inverted ones on a cart up to which counts find modes, dense matrices of more."""
 NARROW = 64.0
 """Factor on the error where the triangular factors are computed in floats no wider than the results."""
 Numbers = NDArray[Any]
@@ -89,11 +88,14 @@ class FreeMotions:
     """The motions of one component that nothing holds, ω = 0; where a damper drags it no dynamics are left of them."""
 
     reduced: ComponentMatrices
+    moving: CartPendula | OnStructure
     route = "exact"
 
     @property
     def built(self) -> Built:
         """One problem that is not solved."""
+        if self.reduced.carried.is_plain:
+            return Built("free cart with everything at rest on it", 1, 0)
         return Built("free motion of the structure with everything at rest on it", self._number, 0)
 
     @property
@@ -117,11 +119,22 @@ class FreeMotions:
 
     def details(self, rows: Ints) -> Details:
         """The structure alone is displaced, every angle is zero."""
-        shape = self.reduced.free[:, rows]
-        moved, unit = moved_of(self.reduced, shape), np.ones(len(rows))
-        momentum = _cancelled(self.reduced.momentum, shape)
-        momentum = momentum + (np.nan if self.reduced.is_damped else 0.0)
-        return _details(moved, unit, momentum, 0 * unit, moved.energies)
+        carried, at = self.reduced.carried, self.reduced.component.eta
+        eta, unit = np.zeros((carried.size, len(rows))), np.ones(len(rows))
+        eta[at] = self.reduced.free[: len(at), rows]
+        moved = StructureShapes(carried, eta, tuple(np.zeros((*b.mass.shape, len(rows))) for b in carried.rig.blocks))
+        momentum = _cancelled(carried.momenta[at], eta[at])
+        if not carried.is_plain:
+            momentum = momentum + (np.nan if self.reduced.is_damped else 0.0)
+            return _details(moved, unit, momentum, 0 * unit, moved.energies)
+        dragged, cart = self.dragged[rows], eta[0]
+        return replace(
+            _details(moved, unit, np.where(dragged, np.nan, momentum), 0 * unit, moved.energies),
+            cart=cart,
+            participation=np.where(dragged, 0.0, cart**2 / self.moving.accelerance),
+            kappa=0 * unit,
+            eta=(),
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -199,7 +212,7 @@ class OnStructure:
     def eigenvalue(self) -> Complexes:
         """iω, growth rates, and with dampers −ζω + iω√(1−ζ²)."""
         if self._is_counted:
-            return np.sqrt(np.abs(self.squares)) * np.where(self.squares < 0, 1.0, 1j)
+            return oscillating(self.squares)
         return np.asarray(self._product[0] * 1j) if self._is_product else self._dense.eigenvalue
 
     @cached_property

@@ -12,7 +12,8 @@ from modal import Bob, Cart, Fixed, Pendulum, Rod, Scene, natural_modes
 from modal.assembly import rig_of
 from modal.eigen import chains, rayleigh, seeds, short, sturm
 from modal.eigen.bisection import confirmed, located, searched
-from modal.eigen.chains import CartProblem, squares_of
+from modal.eigen.chains import squares_of
+from modal.eigen.coupled import CartPendula
 from modal.eigen.rayleigh import at_pivot, twisted
 from modal.eigen.sturm import Suspension
 from modal.types import Floats, Ints
@@ -26,7 +27,7 @@ def suspended(scene: Scene) -> tuple[Suspension, int]:
     rig = rig_of(scene).natural()[0]
     if rig.cart is None:
         return Suspension.fixed(rig.blocks[0]), rig.blocks[0].n
-    return Suspension.on_cart(rig.blocks, rig.cart), CartProblem(rig.blocks, rig.cart).n_modes
+    return Suspension.on_cart(rig.blocks, rig.cart), CartPendula(rig).n_modes
 
 
 def bits(x: Floats) -> Ints:

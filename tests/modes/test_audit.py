@@ -294,8 +294,8 @@ def test_terms_that_cancel_in_an_upright_scene(cart: Cart | None, monkeypatch: p
     other = Pendulum(links=links[:2], equilibrium=("down", "up"))
     example = scene(upright, other, cart=cart) if cart else scene(upright)
     rig = rig_of(example).natural()[0]
-    carried = PartedRig.of(rig)
-    assert structured.OnStructure(ComponentMatrices(carried, carried.parted[0][0]))._dense.order
+    carried = PartedRig(rig)
+    assert structured.OnStructure(ComponentMatrices(carried, carried.whole))._dense.order
     hanging = [(replace(b, sigma=np.abs(b.sigma)), p) for b in rig.blocks for p in range(b.size)]
     np.testing.assert_allclose(handed[0], np.diag(assembled(hanging, rig.cart, 1.0)[1]), rtol=1e-14)
 
