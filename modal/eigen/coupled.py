@@ -24,13 +24,12 @@ import numpy as np
 
 from modal.assembly import Block, CartNumbers, Rig
 from modal.eigen.amplitude import quartic
-from modal.eigen.chains import EVERYTHING, ChainShapes, Limits, Squares, cart_shapes, fixed_shapes, squares_of
-from modal.eigen.counts import Built, counted
-from modal.eigen.recursion import at_infinity, joints, kinetic
+from modal.eigen.chains import ChainShapes, cart_shapes, fixed_shapes
+from modal.eigen.recursion import Suspension, at_infinity, joints, kinetic
 from modal.eigen.secular import Poles, Roots, solve
 from modal.eigen.seeds import seed_matrices
-from modal.eigen.sources import Details, chain_details, oscillating, structured_error
-from modal.eigen.sturm import Suspension
+from modal.eigen.sources import Built, Details, chain_details, counted, oscillating, structured_error
+from modal.eigen.squares import EVERYTHING, Limits, Squares, squares_of
 from modal.types import Complexes, Floats, Ints
 
 CHUNK = 100_000

@@ -1,19 +1,36 @@
 """The dense route, for small scenes that have no structured one.
 
-Undamped: the symmetric pencil K φ = ω² M φ, also with inverted links and an indefinite K.  (`modal.eigen.quadratic` is
-for dampers.)  A free cart's position is eliminated first, and its momentum with it, so that its rigid translation is
-exact.
+Undamped: the symmetric pencil K φ = ω² M φ, also with inverted links and an indefinite K.  A free cart's position is
+eliminated first, and its momentum with it, so that its rigid translation is exact.
+
+With dampers, M q'' + D q' + K q = 0, each eigenvalue is from a problem scaled to a rate of its own magnitude.
+
+Dampers spread the eigenvalues: a stiff one makes a fast decay d/m and a slow one k/d in addition to the oscillations
+√(k/m), and one matrix is accurate only for those near its own norm.  So the quadratic problem is solved once for every
+magnitude of rate that its diagonal suggests.  For the rate γ, with λ = γμ and the coordinates scaled so that
+P = γ²M + γD + K has a unit diagonal, Cayley's θ = (μ + 1)/(μ − 1) turns it into
+
+    P θ² x + 2(γ²M − K) θ x + (γ²M − γD + K) x = 0,
+
+whose matrices are all bounded: decaying modes have |θ| < 1, and a backward error δ changes μ by 2δ/|θ² − 1| of itself.
+Above every growth rate P is positive definite; at one it is singular, and γ is shifted.  Solutions for neighbouring γ
+are joined at a gap that both resolve, and more are computed where the bounds require it.  A joint dominated by its
+damper has the difference of its angles as its coordinate, so that P keeps what D would mask.
+(Scaling by such magnitudes: Gaubert & Sharify, Tropical scaling of polynomial matrices, LNCIS 389, 291 (2009).)
+The free position of a cart is an eigenvalue 0, the smallest, and is omitted.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import reduce
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from modal.errors import ComputationError
-from modal.types import Complexes, Floats
+from modal.types import Complexes, Floats, Ints
 
 LARGEST_DAMPED = 500
 LARGEST_UNDAMPED = 2000
@@ -134,3 +151,208 @@ def refuse_beyond(largest: int, size: int, cause: str) -> None:
             f"{cause} need the dense route: {size} coordinates, at most {largest} "
             "(equal pendula count once; without them any size works)"
         )
+
+
+LIGHT = 1e-2
+"""Damping ratio below which the real part of an eigenvalue comes from its shape."""
+SPAN = 1e2
+"""Ratio up to which rates are solved together: one digit either way."""
+MOVED = (1.0, 2.0, 0.5)
+"""Factor by which a rate may be shifted."""
+WISHED, LOST, NEAR, MOST = 1e-8, 1e-2, 30.0, 12
+"""Bounds between which an eigenvalue needs a rate within the third factor; most rates."""
+
+
+class Dampers(NamedTuple):
+    """Strength of the damper between each coordinate and the one `above` it (−1: the ground), both (size,).
+
+    Further ones, as drag, act on the coordinates with D = `roots`ᵀ `roots`, (R, size).
+    """
+
+    strength: Floats
+    above: Ints
+    roots: Floats | None = None
+
+    @property
+    def hung(self) -> Dampers:
+        """The dampers without the cart in row 0."""
+        return Dampers(self.strength[1:], np.maximum(self.above[1:] - 1, -1))
+
+
+@dataclass(frozen=True, eq=False)
+class _QuadraticProblem:
+    """M, K, the absolute terms of which K is the sum, all (size, size), the dampers, and C of D_modal = CᵀC."""
+
+    M: Floats
+    K: Floats
+    sizes: Floats
+    dampers: Dampers
+    modal: Floats
+
+    @property
+    def rates(self) -> list[float]:
+        """√(k/m) or, where a damper dominates, d/m and k/d of every coordinate; those within SPAN merged."""
+        m, d, k = np.diag(self.M), self.dampers.strength, np.diag(self.sizes)
+        if self.dampers.roots is not None:
+            d = d + (self.dampers.roots**2).sum(0)
+        strong = d > np.sqrt(m) * np.sqrt(k)
+        wished = np.concatenate([np.sqrt(k / m)[~strong], (d / m)[strong], (k[strong] / d[strong])])
+        ascending = np.sort(wished[wished > 0])
+        rates = []
+        while ascending.size:
+            near = ascending <= SPAN * ascending[0]
+            rates.append(float(np.sqrt(ascending[0]) * np.sqrt(ascending[near][-1])))
+            ascending = ascending[~near]
+        return rates
+
+    def turned(self, rate: float) -> tuple[Floats, Floats]:
+        """Coordinates q (size, size) as columns of the old ones, and each damper's displacement in terms of q, by rows.
+
+        A joint whose damper outweighs everything else on its link at this rate is described by the difference of its
+        angles.
+        """
+        strength, above, _ = self.dampers
+        held = (above >= 0) & (rate * strength > rate * (rate * np.diag(self.M)) + np.diag(self.sizes))
+        turned = np.eye(len(strength))
+        for i in np.flatnonzero(held):
+            turned[i] += turned[above[i]]
+        return turned, turned - np.where(above[:, None] >= 0, turned[above], 0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class _Solution:
+    """All eigenvalues (N,) by magnitude, shapes (size, N) and relative error bounds (N,)."""
+
+    value: Complexes
+    shape: Complexes
+    error: Floats
+
+    def take(self, chosen: Ints | slice) -> _Solution:
+        return _Solution(self.value[chosen], self.shape[:, chosen], self.error[chosen])
+
+    @property
+    def gaps(self) -> np.typing.NDArray[np.bool_]:
+        """Whether the first k are certainly smaller than all others, (N + 1,)."""
+        size = np.abs(self.value)
+        below = np.maximum.accumulate(np.append(0.0, size * (1 + self.error)))
+        above = np.minimum.accumulate(np.append(size / (1 + self.error), np.inf)[::-1])[::-1]
+        return np.asarray(below < above)
+
+    def wishes(self, rates: list[float]) -> float | None:
+        """The magnitude of the best-known eigenvalue that a rate other than these would improve; None without any."""
+        size = np.abs(self.value)
+        away = np.abs(np.log(size[:, None] / np.array(rates))).min(1)
+        asking = np.flatnonzero((self.error > WISHED) & (self.error < LOST) & (away > np.log(NEAR)))
+        return float(size[asking[np.argmin(self.error[asking])]]) if asking.size else None
+
+    def joined(self, faster: _Solution) -> _Solution:
+        """The slow part of this one and the fast part of another, cut where the sum of their bounds is smallest."""
+        slower, other = (np.log(part.error) for part in (self, faster))
+        cost = np.append(0.0, np.cumsum(slower)) + np.append(np.cumsum(other[::-1])[::-1], 0.0)
+        allowed = self.gaps & faster.gaps
+        allowed[[0, -1]] = True
+        cut = int(np.argmin(np.where(allowed, cost, np.inf)))
+        slow, fast = self.take(slice(cut)), faster.take(slice(cut, None))
+        return _Solution(
+            np.append(slow.value, fast.value), np.hstack([slow.shape, fast.shape]), np.append(slow.error, fast.error)
+        )
+
+
+def damped(M: Floats, K: Floats, terms: Floats, dampers: Dampers, modal: Floats | None = None, *, free: bool) -> Eigen:
+    """Modes of M q'' + D q' + K q = 0; with `free`, the cart in row 0 has no spring (it may have a damper).
+
+    `terms` (size,) are the sums of the absolute terms of K's diagonal, where springs and gravity may cancel;
+    `modal` (R, size) is a C whose CᵀC is added to D.
+    """
+    refuse_singular(M)
+    sizes = np.abs(K)
+    np.fill_diagonal(sizes, terms)
+    coasts = free and dampers.strength[0] == 0 and dampers.roots is None
+    inertia, stiffness, lost = without_cart(M, K) if coasts else (M, K, 1.0)
+    first = int(coasts)
+    extra = np.zeros((0, len(M))) if modal is None else modal
+    problem = _QuadraticProblem(
+        inertia, stiffness, sizes[first:, first:], dampers.hung if coasts else dampers, extra[:, first:]
+    )
+    solution, number = _solved_everywhere(problem)
+    solution = solution.take(slice(int(free and not coasts), None))
+    value, error = solution.value, lost * solution.error
+    rounded_up = (value.imag != 0) & (value.real > 0) & (value.real <= error * np.abs(value))
+    value = np.where(rounded_up, 1j * value.imag, value)
+    chosen = np.flatnonzero(value.imag >= 0)
+    shape = solution.shape[:, chosen]
+    return Eigen(value[chosen], with_cart(M, shape, free=coasts), error[chosen], 2 * len(inertia), number)
+
+
+def _solved_everywhere(problem: _QuadraticProblem) -> tuple[_Solution, int]:
+    """The solutions for all rates, joined, and their number."""
+    solved = {rate: _solved(problem, rate) for rate in problem.rates}
+    while True:
+        solution = reduce(_Solution.joined, (solved[rate] for rate in sorted(solved)))
+        rate = solution.wishes(list(solved))
+        if rate is None or len(solved) >= MOST:
+            return solution, len(solved)
+        solved[rate] = _solved(problem, rate)
+
+
+class _Scaled(NamedTuple):
+    """γ²M, K and a C with CᵀC = γD (a row per damper or drag) in the coordinates of the columns of `shape`, and P⁻¹."""
+
+    rate: float
+    shape: Floats
+    M: Floats
+    K: Floats
+    friction: Floats
+    inverse: Floats
+
+    @property
+    def sensitivity(self) -> float:
+        """‖P⁻¹‖."""
+        return float(np.linalg.norm(self.inverse, 2))
+
+
+def _scaled(problem: _QuadraticProblem, rate: float) -> _Scaled:
+    turned, seen = problem.turned(rate)
+    M, K, sizes = (turned.T @ part @ turned for part in (rate * (rate * problem.M), problem.K, problem.sizes))
+    friction = np.sqrt(rate * problem.dampers.strength)[:, None] * seen
+    if len(problem.modal):
+        friction = np.vstack([friction, np.sqrt(rate) * problem.modal @ turned])
+    if problem.dampers.roots is not None:
+        friction = np.vstack((friction, np.sqrt(rate) * (problem.dampers.roots @ turned)))
+    scale = 1 / np.sqrt(np.diag(M) + (friction**2).sum(0) + np.diag(sizes))
+    M, K = (part * scale * scale[:, None] for part in (M, K))
+    friction = friction * scale
+    return _Scaled(rate, turned * scale, M, K, friction, np.linalg.inv(M + friction.T @ friction + K))
+
+
+def _solved(problem: _QuadraticProblem, rate: float) -> _Solution:
+    """All eigenvalues and shapes; the bound is the first-order one.
+
+    It is the condition number times a backward error of a few roundings of the matrix's norm and of P⁻¹'s sensitivity,
+    or, where that is less, as among multiple eigenvalues, what no perturbation of this size exceeds (Elsner, Linear
+    Algebra Appl. 71, 77 (1985)).
+    """
+    scaled = min((_scaled(problem, rate * moved) for moved in MOVED), key=lambda candidate: candidate.sensitivity)
+    M, K, D, n = scaled.M, scaled.K, scaled.friction.T @ scaled.friction, len(scaled.M)
+    state = np.block([[np.zeros((n, n)), np.eye(n)], [-scaled.inverse @ part for part in (M - D + K, 2 * (M - K))]])
+    theta, right = np.linalg.eig(state)
+    theta = np.where(np.abs(theta * theta - 1) < EPS, theta * (1 - EPS), theta)
+    condition = np.linalg.norm(np.linalg.pinv(right), axis=1) * np.linalg.norm(right, axis=0)
+    norm = float(np.linalg.norm(state, 2))
+    backward = 16 * len(state) * EPS * scaled.sensitivity * norm
+    furthest = backward ** (1 / len(state)) * (2 * norm + backward) ** (1 - 1 / len(state))
+    error = 2 * np.minimum(backward * condition, furthest) / np.abs(theta * theta - 1)
+    value = _lightly_damped(np.asarray((theta + 1) / (theta - 1), dtype=complex), right[:n], M, scaled.friction)
+    order = np.argsort(np.abs(value), kind="stable")
+    return _Solution(scaled.rate * value, scaled.shape @ right[:n].astype(complex), error).take(order)
+
+
+def _lightly_damped(values: Complexes, shape: Complexes, M: Floats, friction: Floats) -> Complexes:
+    """Eigenvalues with Re μ = −φᴴDφ/(2 φᴴMφ) where the real part is below the rounding of the state matrix.
+
+    This is exact where μ is not real (μ² φᴴMφ + μ φᴴDφ + φᴴKφ = 0 has real coefficients), and D has no cancellation.
+    """
+    inertia = np.einsum("ir,ij,jr->r", shape.conj(), M, shape, optimize=True).real
+    lost = (np.abs(friction @ shape) ** 2).sum(0)
+    light = (values.imag != 0) & (np.abs(values.real) < LIGHT * np.abs(values))
+    return np.where(light, -lost / (2 * inertia) + 1j * values.imag, values)

@@ -5,6 +5,7 @@
     StillPendula   combinations of equal pendula that leave a structure still
 
 `modal.eigen.coupled` is for plain chains on one cart, `modal.eigen.structured` for all else.  All in natural units.
+Each reports the sizes of the problems that it solved.
 """
 
 from __future__ import annotations
@@ -12,17 +13,17 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import log2
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from modal.assembly import Block
 from modal.eigen.amplitude import coefficient, quartic
-from modal.eigen.chains import EVERYTHING, ChainShapes, Limits, Squares, fixed_shapes, fixed_squares
+from modal.eigen.chains import ChainShapes, fixed_shapes, fixed_squares
 from modal.eigen.components import PartedRig, StillGroup
-from modal.eigen.counts import Built, counted
 from modal.eigen.seeds import seed_matrices
+from modal.eigen.squares import EVERYTHING, Limits, Squares
 from modal.types import Complexes, Floats, Ints
 
 ROUNDOFF = 2.0**-53
@@ -216,3 +217,21 @@ def largest_angle(angles: tuple[NDArray[np.inexact], ...]) -> Floats:
     """Max |θ| (R,) over all links."""
     largest: Floats = np.max([np.abs(angle).max((0, 1)) for angle in angles], axis=0)
     return largest
+
+
+class Built(NamedTuple):
+    """A number of `problems` of one form, each with `unknowns`; square `matrices` as (name, order, count).
+
+    `is_complex` tells whether eigenvalues were sought in the complex plane.
+    """
+
+    what: str
+    problems: int
+    unknowns: int
+    matrices: tuple[tuple[str, int, int], ...] = ()
+    is_complex: bool = False
+
+
+def counted(number: int, noun: str, several: str = "") -> str:
+    """A number and its noun: 1 link, 3 links."""
+    return f"{number} {noun if number == 1 else several or noun + 's'}"

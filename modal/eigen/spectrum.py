@@ -17,11 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from modal.assembly import RatioAt, Rig, ratio_at
-from modal.eigen.chains import EVERYTHING, SEEDS, Limits
 from modal.eigen.component_matrices import ComponentMatrices
 from modal.eigen.components import PartedRig, StillGroup
 from modal.eigen.coupled import CartPendula, StillModes
 from modal.eigen.sources import Alone, Details, Source, StillPendula
+from modal.eigen.squares import EVERYTHING, SEEDS, Limits
 from modal.eigen.structured import FreeMotions, OnStructure
 from modal.errors import ComputationError
 from modal.types import Booleans, Floats, Ints

@@ -9,22 +9,24 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from modal.assembly import RatioAt, modal_factor
-from modal.eigen import dense, quadratic
+from modal.eigen import dense
 from modal.eigen.amplitude import coefficient, quartic
-from modal.eigen.chains import EVERYTHING, Limits
-from modal.eigen.component_matrices import ComponentMatrices
-from modal.eigen.components import PartedRig
-from modal.eigen.counts import Built, counted
+from modal.eigen.component_matrices import (
+    BEYOND,
+    ComponentMatrices,
+    Numbers,
+    SquareSum,
+    StructureShapes,
+    is_wide,
+    moved_of,
+)
 from modal.eigen.coupled import MOST_LINKS_TOGETHER, CartPendula
-from modal.eigen.factor import BEYOND, SquareSum, is_wide
-from modal.eigen.recursion import joints, kinetic
-from modal.eigen.sources import ROUNDOFF, Details, largest_angle, oscillating, structured_error
+from modal.eigen.sources import ROUNDOFF, Built, Details, counted, largest_angle, oscillating, structured_error
+from modal.eigen.squares import EVERYTHING, Limits
 from modal.errors import ComputationError
 from modal.report import deferred
 from modal.types import Booleans, Complexes, Floats, Ints
@@ -35,34 +37,6 @@ LIGHT = 0.1
 """Damping ratio, and out-of-phase share of a shape, up to which a mode has an amplitude coefficient."""
 NARROW = 64.0
 """Factor on the error where the triangular factors are computed in floats no wider than the results."""
-Numbers = NDArray[Any]
-
-
-@dataclass(frozen=True, eq=False)
-class StructureShapes:
-    """R shapes of one component: every η (d, R) of the structure, and the angles (n, P, R) of every block."""
-
-    carried: PartedRig
-    eta: Numbers
-    angles: tuple[Numbers, ...]
-
-    @property
-    def energies(self) -> tuple[Floats, ...]:
-        """Twice the kinetic energy of each link of one copy over ω², (n, P, R); a mean over copies that move down."""
-        energies = []
-        for number, (block, angle) in enumerate(zip(self.carried.rig.blocks, self.angles, strict=True)):
-            along = self.carried.pivots[number] @ self.eta
-            turn = angle * (block.across * block.length)[:, :, None]
-            parts = [(along.real, turn.real)] + [(along.imag, turn.imag)] * np.iscomplexobj(angle)
-            if block.sinking is not None:
-                fallen = angle * (block.sinking * block.length)[:, :, None]
-                parts += [(0 * along.real, fallen.real), (0 * along.real, fallen.imag)]
-            energy = sum((kinetic(block, joints(y, a), a) for y, a in parts), start=np.zeros(angle.shape))
-            sunk = self.carried.sinking[number]
-            if sunk is not None:
-                energy += block.mass[:, :, None] * np.abs(np.einsum("pij,ir,jr->pr", sunk, self.eta, self.eta.conj()))
-            energies.append(energy)
-        return tuple(energies)
 
 
 def _details(
@@ -267,9 +241,9 @@ class OnStructure:
             modes = dense.indefinite(inertia, stiffness, free=self._is_free, terms=terms)
             return replace(modes, shape=back @ modes.shape, error=modes.error * lost + turned)
         roots, modal = self._dampers
-        dampers = quadratic.Dampers(roots.strength[kept], _kept(roots.above, kept), _rows(roots.roots, kept))
+        dampers = dense.Dampers(roots.strength[kept], _kept(roots.above, kept), _rows(roots.roots, kept))
         ratios = None if modal is None else modal[:, kept]
-        modes = quadratic.damped(inertia, stiffness, terms, dampers, ratios, free=self._is_free)
+        modes = dense.damped(inertia, stiffness, terms, dampers, ratios, free=self._is_free)
         left = slice(max(free - coasting.shape[1], 0), None)
         return replace(
             modes,
@@ -296,7 +270,7 @@ class OnStructure:
         return SquareSum(np.concatenate([D.rows, modal]), np.concatenate([D.size, np.ones(len(modal))]))
 
     @cached_property
-    def _dampers(self) -> tuple[quadratic.Dampers, Floats | None]:
+    def _dampers(self) -> tuple[dense.Dampers, Floats | None]:
         """Dampers of joints below the first by their links, all others by their rows; and C with D_modal = CᵀC."""
         reduced, D = self.reduced, self.reduced.factors[2]
         strength, above = np.zeros(reduced.size), np.full(reduced.size, -1)
@@ -318,7 +292,7 @@ class OnStructure:
             else:
                 omega, shapes = _product_modes(K, M, reduced.free.shape[1])
                 modal = np.sqrt(2 * self.ratio(omega) * omega)[:, None] * (M.matrix @ shapes).T
-        return quadratic.Dampers(strength, above, roots if len(roots) else None), modal
+        return dense.Dampers(strength, above, roots if len(roots) else None), modal
 
     def details(self, rows: Ints) -> Details:
         """Shapes over the whole structure and every kind of pendulum."""
@@ -435,19 +409,6 @@ def _product_modes(stiffness: SquareSum, inertia: SquareSum, free: int) -> tuple
     """ω and shapes by `modal.eigen.product`, which loads SciPy's linear algebra: scenes without structures do not."""
     modes: tuple[Floats, Floats] = deferred("modal.eigen.product:product_modes")(stiffness, inertia, free)
     return modes
-
-
-def moved_of(reduced: ComponentMatrices, shape: Numbers) -> StructureShapes:
-    """The shapes (n, R) of a component over the whole scene."""
-    carried, component = reduced.carried, reduced.component
-    eta = np.zeros((carried.size, shape.shape[1]), shape.dtype)
-    eta[component.eta] = shape[: len(component.eta)]
-    angles = tuple(np.zeros((*block.mass.shape, shape.shape[1]), shape.dtype) for block in carried.rig.blocks)
-    for heavy, at in zip(component.heavies, reduced.places.tolist(), strict=False):
-        angle = shape[at : at + carried.rig.blocks[heavy.block].n]
-        for share in heavy.shares:
-            angles[heavy.block][:, share.column] += share.amplitude * angle
-    return StructureShapes(carried, eta, angles)
 
 
 def _cancelled(row: Floats, shape: Numbers) -> Floats:

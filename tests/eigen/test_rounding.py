@@ -7,7 +7,7 @@ import pytest
 
 from modal import Bob, ComputationError, Pendulum, Scene
 from modal.assembly import rig_of
-from modal.eigen import dense, product, sprung_chains
+from modal.eigen import dense, product, trees
 from modal.eigen.components import StillGroup
 
 EPS = np.finfo(float).eps
@@ -43,7 +43,7 @@ def test_a_pivot_of_zero_counts_as_below() -> None:
     links = (Bob(mass=1.0, length=1.0, stiffness=1.0),)
     (block,) = rig_of(Scene(gravity=1.0, pendulum=[Pendulum(links=links)])).blocks
     x = np.array([np.nextafter(2.0, 0.0), 2.0, np.nextafter(2.0, 3.0)])
-    below, mass = sprung_chains.count_and_mass(block, x)
+    below, mass = trees.sprung_count_and_mass(block, x)
     assert below.tolist() == [[0, 1, 1]]
     assert np.sign(mass).tolist() == [[1, -1, -1]]
 

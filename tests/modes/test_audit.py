@@ -33,11 +33,11 @@ from modal import (
     natural_modes,
 )
 from modal.assembly import assembled, rig_of
-from modal.eigen import bisection, chains, dense, sources, structured
+from modal.eigen import chains, dense, sources, squares, structured
 from modal.eigen import coupled as crowd
 from modal.eigen.component_matrices import ComponentMatrices
 from modal.eigen.components import PartedRig
-from modal.eigen.sturm import Suspension
+from modal.eigen.recursion import Suspension
 from modal.modes.solution_report import PACKAGES, SolutionReport, report_solution
 
 
@@ -226,7 +226,7 @@ def test_a_long_chain_takes_memory_in_proportion(monkeypatch: pytest.MonkeyPatch
         problem.count(trial)
         return trial
 
-    monkeypatch.setattr(bisection, "_between", one_step)
+    monkeypatch.setattr(squares, "_between", one_step)
     natural_modes(scene(rods(400)))[0]
     part, whole = (peak(lambda n=n: natural_modes(scene(rods(n)))[0]) for n in (800, 6_000))
     assert whole < 10 * part

@@ -25,7 +25,7 @@ from modal import (
     matrices,
     natural_modes,
 )
-from modal.eigen.quadratic import Dampers, damped
+from modal.eigen.dense import Dampers, damped
 from modal.eigen.structured import OnStructure
 from modal.modes import Modes
 from modal.statespace import state_space
