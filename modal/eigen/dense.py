@@ -1,7 +1,7 @@
 """The dense route, for small scenes that have no structured one.
 
-Undamped: the symmetric pencil K φ = ω² M φ, also with inverted links and an indefinite K.  A free cart's position is
-eliminated first, and its momentum with it, so that its rigid translation is exact.
+Undamped: the symmetric pencil K φ = ω² M φ, also with inverted links and an indefinite K.  Free
+motions are eliminated first, and their momentum with them, so that they are exact.
 
 With dampers, M q'' + D q' + K q = 0, each eigenvalue is from a problem scaled to a rate of its own magnitude.
 
@@ -17,7 +17,6 @@ Above every growth rate P is positive definite; at one it is singular, and γ is
 are joined at a gap that both resolve, and more are computed where the bounds require it.  A joint dominated by its
 damper has the difference of its angles as its coordinate, so that P keeps what D would mask.
 (Scaling by such magnitudes: Gaubert & Sharify, Tropical scaling of polynomial matrices, LNCIS 389, 291 (2009).)
-The free position of a cart is an eigenvalue 0, the smallest, and is omitted.
 """
 
 from __future__ import annotations
@@ -55,41 +54,38 @@ class Eigen:
     number: int = 1
 
 
-def undamped(M: Floats, K: Floats, *, free: bool, singular: bool) -> Eigen:
-    """Modes of K φ = ω² M φ, K positive definite except for a `free` cart in row 0.
+def undamped(M: Floats, K: Floats, whole: Floats, *, singular: bool) -> Eigen:
+    """Modes of K φ = ω² M φ, K positive definite; M is the `whole` inertia less that of motions that are left out.
 
     Where M is known to be `singular`, by one dimension, the mode at infinite frequency is omitted.
     """
-    inertia, stiffness, _ = without_cart(M, K) if free else (M, K, 1.0)
-    scale, L, sensitivity = _factored(stiffness)
-    inverse_square, v = np.linalg.eigh(_in_factors(L, inertia * scale * scale[:, None]))
+    scale, L, sensitivity = _factored(K)
+    inverse_square, v = np.linalg.eigh(_in_factors(L, M * scale * scale[:, None]))
     inverse_square, v = inverse_square[singular:], v[:, singular:]
     if inverse_square.size and inverse_square[0] <= 4 * len(M) * EPS * inverse_square[-1]:
         raise ComputationError("the frequencies spread too far for the dense route that this scene needs")
     inverse_square, v = inverse_square[::-1], v[:, ::-1]
     shape = scale[:, None] * np.linalg.solve(L.T, v)
-    rounded = M[1:, 1:] if free else M
-    largest = np.trace(_in_factors(L, rounded * scale * scale[:, None]))
+    largest = np.trace(_in_factors(L, whole * scale * scale[:, None]))
     error = 2 * len(M) * EPS * (sensitivity + largest / inverse_square)
-    return Eigen(1j / np.sqrt(inverse_square), with_cart(M, shape, free), error, len(L))
+    return Eigen(1j / np.sqrt(inverse_square), shape, error, len(L))
 
 
-def indefinite(M: Floats, K: Floats, *, free: bool, terms: Floats) -> Eigen:
+def indefinite(M: Floats, K: Floats, *, terms: Floats, lost: float = 1.0) -> Eigen:
     """Modes of K φ = x M φ about an equilibrium that may be unstable: λ = i√x, and for x < 0 the growth rate √−x > 0.
 
-    `terms` (size,) are the sums of the absolute terms of K's diagonal, where springs and gravity may cancel.
-    The decaying counterpart −√−x of a growing mode has the same shape and is not listed.
+    `terms` (size,) are the sums of the absolute terms of K's diagonal, where springs and gravity may cancel, `lost` is
+    the factor on errors by what was subtracted from M.  The decaying counterpart −√−x of a growing mode has the same
+    shape and is not listed.
     """
-    refuse_singular(M)
-    inertia, stiffness, lost = without_cart(M, K) if free else (M, K, 1.0)
-    scale, L, sensitivity = _factored(inertia)
-    x, v = np.linalg.eigh(_in_factors(L, stiffness * scale * scale[:, None]))
+    scale, L, sensitivity = _factored(M)
+    x, v = np.linalg.eigh(_in_factors(L, K * scale * scale[:, None]))
     shape = scale[:, None] * np.linalg.solve(L.T, v)
     x = np.where(x == 0, np.finfo(float).tiny, x)
-    largest = max(np.abs(x).max(initial=0.0), (terms[len(M) - len(inertia) :] * scale**2).max(initial=0.0))
+    largest = max(np.abs(x).max(initial=0.0), (terms * scale**2).max(initial=0.0))
     error = 2 * len(M) * EPS * sensitivity * lost * largest / np.abs(x)
     value = np.sqrt(np.abs(x)) * np.where(x < 0, 1.0, 1j)
-    return Eigen(value, with_cart(M, shape, free), error, len(L))
+    return Eigen(value, shape, error, len(L))
 
 
 def in_phase(shape: NDArray[np.inexact], first: int) -> NDArray[np.inexact]:
@@ -116,19 +112,6 @@ def _in_factors(L: Floats, S: Floats) -> Floats:
     return reduced
 
 
-def without_cart(M: Floats, K: Floats) -> tuple[Floats, Floats, float]:
-    """The pendula with a free cart that keeps the total momentum zero, A − b bᵀ/M_tot, and its loss of digits."""
-    A = M[1:, 1:]
-    reduced = A - np.outer(M[1:, 0], M[0, 1:]) / M[0, 0]
-    lost = float((np.diag(A) / np.diag(reduced)).max(initial=1.0))
-    return reduced, K[1:, 1:], lost
-
-
-def with_cart(M: Floats, shape: NDArray[np.inexact], free: bool) -> NDArray[np.inexact]:
-    """The shapes with the displacement of a free cart that keeps the total momentum zero."""
-    return np.vstack([-(M[0, 1:] @ shape) / M[0, 0], shape]) if free else shape
-
-
 def is_singular(M: Floats) -> bool:
     """Whether a positive semidefinite matrix, scaled to a unit diagonal, has lost a dimension to rounding."""
     if np.any(np.diag(M) <= 0):
@@ -136,12 +119,6 @@ def is_singular(M: Floats) -> bool:
     scale = 1 / np.sqrt(np.diag(M))
     spectrum = np.linalg.eigvalsh(M * scale * scale[:, None])
     return bool(spectrum[0] <= 4 * EPS * spectrum[-1])
-
-
-def refuse_singular(M: Floats) -> None:
-    """ComputationError if `is_singular`."""
-    if is_singular(M):
-        raise ComputationError(SINGULAR)
 
 
 def refuse_beyond(largest: int, size: int, cause: str) -> None:
@@ -172,11 +149,6 @@ class Dampers(NamedTuple):
     strength: Floats
     above: Ints
     roots: Floats | None = None
-
-    @property
-    def hung(self) -> Dampers:
-        """The dampers without the cart in row 0."""
-        return Dampers(self.strength[1:], np.maximum(self.above[1:] - 1, -1))
 
 
 @dataclass(frozen=True, eq=False)
@@ -258,30 +230,23 @@ class _Solution:
         )
 
 
-def damped(M: Floats, K: Floats, terms: Floats, dampers: Dampers, modal: Floats | None = None, *, free: bool) -> Eigen:
-    """Modes of M q'' + D q' + K q = 0; with `free`, the cart in row 0 has no spring (it may have a damper).
+def damped(
+    M: Floats, K: Floats, terms: Floats, dampers: Dampers, modal: Floats | None = None, lost: float = 1.0
+) -> Eigen:
+    """Modes of M q'' + D q' + K q = 0, with `terms` and `lost` of `indefinite`.
 
-    `terms` (size,) are the sums of the absolute terms of K's diagonal, where springs and gravity may cancel;
     `modal` (R, size) is a C whose CᵀC is added to D.
     """
-    refuse_singular(M)
     sizes = np.abs(K)
     np.fill_diagonal(sizes, terms)
-    coasts = free and dampers.strength[0] == 0 and dampers.roots is None
-    inertia, stiffness, lost = without_cart(M, K) if coasts else (M, K, 1.0)
-    first = int(coasts)
     extra = np.zeros((0, len(M))) if modal is None else modal
-    problem = _QuadraticProblem(
-        inertia, stiffness, sizes[first:, first:], dampers.hung if coasts else dampers, extra[:, first:]
-    )
-    solution, number = _solved_everywhere(problem)
-    solution = solution.take(slice(int(free and not coasts), None))
+    solution, number = _solved_everywhere(_QuadraticProblem(M, K, sizes, dampers, extra))
     value, error = solution.value, lost * solution.error
     rounded_up = (value.imag != 0) & (value.real > 0) & (value.real <= error * np.abs(value))
     value = np.where(rounded_up, 1j * value.imag, value)
     chosen = np.flatnonzero(value.imag >= 0)
     shape = solution.shape[:, chosen]
-    return Eigen(value[chosen], with_cart(M, shape, free=coasts), error[chosen], 2 * len(inertia), number)
+    return Eigen(value[chosen], shape, error[chosen], 2 * len(M), number)
 
 
 def _solved_everywhere(problem: _QuadraticProblem) -> tuple[_Solution, int]:

@@ -138,11 +138,6 @@ class OnStructure:
         return self.reduced.carried.is_plain
 
     @property
-    def _is_free(self) -> bool:
-        """Whether it is a cart that nothing holds."""
-        return self._is_plain and self.reduced.carried.hanging.structure.carriers[0].stiffness == (0.0,)
-
-    @property
     def _is_product(self) -> bool:
         return self.reduced.is_positive and not (self.is_damped or self._is_plain or self._is_counted)
 
@@ -227,29 +222,28 @@ class OnStructure:
         if self.is_singular and not undamped:
             raise ComputationError(dense.SINGULAR)
         M, K = (factor.matrix for factor in self.reduced.factors[:2])
-        if not self._is_plain and dense.is_singular(M):
-            raise ComputationError(BEYOND)
-        if undamped:
-            return dense.undamped(M, K, free=self._is_free, singular=self.is_singular)
-        coasting, free = np.zeros((len(M), 0)), 0
-        if not self._is_plain:
-            coasting, free = self.reduced.coasting if self.is_damped else self.reduced.free, self.reduced.free.shape[1]
+        if not undamped and dense.is_singular(M):
+            raise ComputationError(dense.SINGULAR if self._is_plain else BEYOND)
+        coasting = self.reduced.coasting
         kept, back, inertia, lost = _without(coasting, M)
-        stiffness, terms = K[np.ix_(kept, kept)], self.reduced.terms[kept]
+        stiffness, terms, left = K[np.ix_(kept, kept)], self.reduced.terms[kept], slice(None)
+        grown = len(M) / max(len(kept), 1)
+        if undamped:
+            modes = dense.undamped(inertia, stiffness, M[np.ix_(kept, kept)], singular=self.is_singular)
+            modes = replace(modes, error=modes.error * grown)
+        elif not self.is_damped:
+            modes = dense.indefinite(inertia, stiffness, terms=terms, lost=lost * grown)
+        else:
+            roots, modal = self._dampers
+            dampers = dense.Dampers(roots.strength[kept], _kept(roots.above, kept), _rows(roots.roots, kept))
+            modes = dense.damped(inertia, stiffness, terms, dampers, _rows(modal, kept), lost)
+            left = slice(self.reduced.free.shape[1] - coasting.shape[1], None)
         turned = self._turned_by_rounding(K) if leans else 0.0
-        if not self.is_damped:
-            modes = dense.indefinite(inertia, stiffness, free=self._is_free, terms=terms)
-            return replace(modes, shape=back @ modes.shape, error=modes.error * lost + turned)
-        roots, modal = self._dampers
-        dampers = dense.Dampers(roots.strength[kept], _kept(roots.above, kept), _rows(roots.roots, kept))
-        ratios = None if modal is None else modal[:, kept]
-        modes = dense.damped(inertia, stiffness, terms, dampers, ratios, free=self._is_free)
-        left = slice(max(free - coasting.shape[1], 0), None)
         return replace(
             modes,
             eigenvalue=modes.eigenvalue[left],
             shape=back @ modes.shape[:, left],
-            error=modes.error[left] * lost + turned,
+            error=modes.error[left] + turned,
         )
 
     def _turned_by_rounding(self, K: Floats) -> float:
@@ -286,7 +280,7 @@ class OnStructure:
         if self.ratio is not None:
             M, K, _ = reduced.factors
             if self._is_plain:
-                modal = modal_factor(M.matrix, K.matrix, self._is_free, self.ratio)
+                modal = modal_factor(M.matrix, K.matrix, bool(reduced.free.size), self.ratio)
             elif not reduced.is_positive:
                 raise ComputationError("damping_ratio: is not computed with dampers where a coordinate falls")
             else:
@@ -371,7 +365,7 @@ class OnStructure:
             return 1.0 / float(tree.bare[0])
         M, shape = self.reduced.factors[0], self._dense.shape.real
         finite = float(np.sum(shape[0] ** 2 / (M.size[:, None] * (M.rows @ shape) ** 2).sum(0)))
-        return finite + (1.0 / float(M.matrix[0, 0]) if self._is_free else 0.0)
+        return finite + (1.0 / float(M.matrix[0, 0]) if self.reduced.free.size else 0.0)
 
     def _kappa(self, details: Details, value: Complexes, shape: Numbers) -> Floats:
         """κ of the in-phase part of each shape: exact without dampers, to first order in light ones.

@@ -275,7 +275,7 @@ def test_unstable_modes_are_recognised() -> None:
     from modal.modes.labels import FIXED, family
 
     dampers = Dampers(np.array([0.2]), np.array([-1]))
-    spectrum = damped(np.eye(1), -np.eye(1), np.ones(1), dampers, free=False)
+    spectrum = damped(np.eye(1), -np.eye(1), np.ones(1), dampers)
     assert spectrum.eigenvalue == pytest.approx([np.sqrt(1.01) - 0.1, -np.sqrt(1.01) - 0.1], rel=1e-14)
     assert family(where=FIXED, folds={"": 1}, motion="", ratio=-0.1) == "fixed support: unstable"
 
