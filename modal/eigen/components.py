@@ -211,13 +211,11 @@ class PartedRig:
     @cached_property
     def whole(self) -> Component:
         """All kinds of pendula and the one coordinate of a cart, or none."""
-        kinds = [(number, column) for number, block in enumerate(self.rig.blocks) for column in range(block.size)]
-        moved, still = np.ones(self.size), np.zeros(self.size)
-        counts = [int(self.rig.blocks[number].count[column]) for number, column in kinds]
-        heavies = (
-            Heavy(*kind, float(count), moved, still, (Share(kind[1], count, 1.0, first),))
-            for first, (kind, count) in enumerate(zip(kinds, counts, strict=True))
-        )
+        moved, still, heavies = np.ones(self.size), np.zeros(self.size), list[Heavy]()
+        for number, block in enumerate(self.rig.blocks):
+            for column, count in enumerate(block.count.tolist()):
+                shares = (Share(column, count, 1.0, len(heavies)),)
+                heavies.append(Heavy(number, column, float(count), moved, still, shares))
         return Component(0, np.arange(self.size), tuple(heavies))
 
     @cached_property
