@@ -4,31 +4,40 @@ In: a `Rig`.  Out: a `ModalSpectrum`, the eigenvalues in ascending order, each w
 
     K φ = ω² M φ,    with dampers  (λ² M + λ D + K) φ = 0
 
-A chain uses the effective-mass recursion and bisection (`chains`, in floats `short`), many different pendula on one
-cart the secular equation (`coupled`).  All else is a structure (`structured`), a cart one of one coordinate, a chain on
-a support at rest one of none: counts go on through trees of springs (`trees`), with joint springs or inverted links by
-`sprung_chains`; loops and springs between links take the factors of K and M (`product`), dampers the quadratic problem
-(`quadratic`).  Start with `spectrum`, which chooses.
+A rig is parted into what moves together (`components`), all of a cart, chain by chain what is at rest.  Plain chains
+use the effective-mass recursion and bisection (`squares`, in floats `short`), on a cart of many different ones the
+secular equation (`coupled`).  All else is a structure (`structured`), a cart one of one coordinate, a support at rest
+one of none: counts go on through trees of springs (`trees`);
+loops and springs between links take the factors of K and M (`product`), dampers the quadratic problem (`dense`).
+Start with `spectrum`, which chooses.
 
-`elimination` is the recursion at any complex frequency, with loads, in the floats or decimals of `arithmetic`.
+`elimination` is the recursion at any complex frequency, with loads, in floats or decimals.
 """
 
 from modal.eigen.amplitude import ModeSwing, distortion, one_percent_amplitude
-from modal.eigen.arithmetic import REPLICAS, Arithmetic, Digits, Rounded, evaluated
-from modal.eigen.bisection import smallest_where
-from modal.eigen.chains import EVERYTHING, Limits, squares_of
-from modal.eigen.counts import counted
-from modal.eigen.coupled import LIGHTEST
-from modal.eigen.degenerate import TOLERANCE, degenerate_modes
+from modal.eigen.coupled import CLOSE, LIGHTEST, TOLERANCE, degenerate_modes
 from modal.eigen.dense import is_singular
-from modal.eigen.elimination import FORCE, TORQUE, TURN, Hung, Load, cart_of, hung
-from modal.eigen.recursion import at_infinity
+from modal.eigen.elimination import (
+    FORCE,
+    REPLICAS,
+    TORQUE,
+    TURN,
+    Arithmetic,
+    Digits,
+    Hung,
+    Load,
+    Rounded,
+    cart_of,
+    evaluated,
+    hung,
+)
+from modal.eigen.recursion import Suspension, at_infinity
 from modal.eigen.secular import Poles, solve
 from modal.eigen.short import short_squares
-from modal.eigen.sources import Details, Rigid, largest_angle, structured_error
-from modal.eigen.spectrum import CLOSE, UNCERTAIN, ModalSpectrum, SpectrumPart, find_spectrum, notes
-from modal.eigen.structured import LIGHT
-from modal.eigen.sturm import Suspension
+from modal.eigen.sources import Details, counted, largest_angle, structured_error
+from modal.eigen.spectrum import UNCERTAIN, ModalSpectrum, SpectrumPart, find_spectrum, notes
+from modal.eigen.squares import EVERYTHING, Limits, smallest_where, squares_of
+from modal.eigen.structured import LIGHT, FreeMotions
 
 __all__ = [
     "CLOSE",
@@ -44,13 +53,13 @@ __all__ = [
     "Arithmetic",
     "Details",
     "Digits",
+    "FreeMotions",
     "Hung",
     "Limits",
     "Load",
     "ModalSpectrum",
     "ModeSwing",
     "Poles",
-    "Rigid",
     "Rounded",
     "SpectrumPart",
     "Suspension",

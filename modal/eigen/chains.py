@@ -1,7 +1,4 @@
-"""Frequencies and shapes by the effective mass, for chains on a fixed support and for chains that share a cart.
-
-On a fixed support every chain is independent: ω² is found where its count of D < 0 steps.  On a cart the pivots move
-together, and the count gains one where the mass felt by the rail, m_c − k_c/ω² + Σ μ', is positive.
+"""Shapes by the effective mass, of chains on a fixed support and of chains that share a cart.
 
 A shape is built from both ends and joined at one joint (a twisted factorization: Dhillon & Parlett, SIAM J. Matrix
 Anal. Appl. 25, 858 (2004), §2).  There it is out of balance by ω² (μ + ν) y, so its Rayleigh quotient deviates from ω²
@@ -12,45 +9,17 @@ mode is localized.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from functools import cached_property
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 
 from modal.assembly import Block, CartNumbers
-from modal.eigen.bisection import NEAR, confirmed, lies_within, located, searched
-from modal.eigen.counts import Built, counted
-from modal.eigen.rayleigh import at_pivot, twisted, without_each
-from modal.eigen.recursion import Swept, at_infinity, from_above, from_below, joint_masses, kinetic
-from modal.eigen.seeds import LARGEST, seed_matrices, seeds, slow_seeds
-from modal.eigen.sturm import Suspension
-from modal.types import Booleans, Floats, Ints
+from modal.eigen.recursion import Suspension, Swept, from_above, from_below, joint_masses, kinetic
+from modal.eigen.seeds import without_each
+from modal.eigen.squares import EVERYTHING, Limits, Squares, squares_of
+from modal.types import Booleans, Floats
 
-SEEDS = "dense seeds"
 ROUNDING = 1e-15
-LONG, FEW = 100, 20
-"""Links above which seeds of all cost more than those of one mode in FEW."""
-CACHED = 100_000
-"""Numbers of one array of many supports, few enough for all of them to stay in a processor's cache."""
-CLOSEST = 2.0**-51
-"""Relative distance of ω² that counts leave where there are many supports: two to four units in the last place."""
-FARTHER = 16
-"""Distance from a second guess in units in the last place."""
-
-
-class Limits(NamedTuple):
-    """What is required of a spectrum: a relative accuracy of ω (0: every digit), and a number of the lowest modes.
-
-    The oscillatory `squares` (R,) of a single chain may be known already.
-    """
-
-    accuracy: float = 0.0
-    lowest: int | None = None
-    squares: Floats | None = None
-
-
-EVERYTHING = Limits()
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,124 +37,6 @@ class ChainShapes:
     modal_mass: Floats
     momentum: Floats
     residual: Floats
-
-
-class Squares(NamedTuple):
-    """ω² and bounds on their relative errors beyond rounding, in one array shape."""
-
-    x: Floats
-    error: Floats
-
-    @classmethod
-    def exact(cls, x: Floats) -> Squares:
-        """Squares that are exact to rounding."""
-        return cls(x, np.zeros(x.shape))
-
-    @property
-    def route(self) -> str:
-        """The method in words."""
-        dense = self.error > 0
-        routes = [SEEDS] * bool(dense.any()) + ["effective mass"] * (not dense.all() or not dense.size)
-        return ", ".join(routes)
-
-
-def squares_of(suspension: Suspension, wanted: Ints, modes: int, accuracy: float = 0.0) -> Squares:
-    """ω² (R, S) with these indices (R,), from 0, among the oscillatory modes of each support.
-
-    Dense eigenvalues within `accuracy`, relative in ω, are used unchanged.
-    """
-    if not wanted.size:
-        return Squares.exact(np.zeros((0, suspension.supports)))
-    if _is_slow(suspension, wanted):
-        guess, error = slow_seeds(suspension, len(wanted))
-        near = guess, np.maximum(error, 3 * accuracy)  # nothing tells that none was missed, so that a count must
-        return _settled(suspension, wanted, _tried(suspension, wanted, accuracy, near), modes)
-    if suspension.size > LARGEST or _are_few(suspension, wanted):
-        return Squares.exact(located(suspension, wanted, modes))
-    step = max(1, CACHED // suspension.size**2)
-    starts = range(0, suspension.supports, step)
-    pieces = [suspension.take(slice(at, at + step)) for at in starts] if len(starts) > 1 else [suspension]
-    tried = [_tried(piece, wanted, accuracy, seeds(piece)) for piece in pieces]
-    every = Tried(*(np.concatenate(parts, axis=1) for parts in zip(*tried, strict=True)))
-    return _settled(suspension, wanted, every, modes)
-
-
-def _is_slow(suspension: Suspension, wanted: Ints) -> bool:
-    """Whether these are a few of the lowest modes of one long support without a spring."""
-    sprung = suspension.stiffness is not None and bool(suspension.stiffness[0] > 0)
-    lowest = bool(wanted[-1] == len(wanted) - 1)
-    return _are_few(suspension, wanted) and suspension.supports == 1 and lowest and not sprung
-
-
-def _are_few(suspension: Suspension, wanted: Ints) -> bool:
-    return FEW * len(wanted) < suspension.size - LONG
-
-
-class Tried(NamedTuple):
-    """ω² of a first way, bounds on their errors beyond rounding, where counts refute it, the seeds and their errors."""
-
-    x: Floats
-    error: Floats
-    missed: Booleans
-    guess: Floats
-    known: Floats
-
-
-def _settled(suspension: Suspension, wanted: Ints, tried: Tried, modes: int) -> Squares:
-    """All ω², those that were missed found mode by mode another way."""
-    x, error, missed, guess, known = tried
-    rows, supports = np.nonzero(missed)
-    if not rows.size:
-        return Squares(x, error)
-    if suspension.supports == 1:
-        x[rows] = _otherwise(suspension, wanted[rows, None], guess[rows], known[rows], modes)
-        return Squares(x, error)
-    squares, step = [], max(1, CACHED // suspension.size)
-    for at in range(0, len(rows), step):
-        row, support = rows[at : at + step], supports[at : at + step]
-        alone = wanted[None, row], guess[None, row, support], known[None, row, support]
-        squares.append(_otherwise(suspension.take(support), *alone, modes)[0])
-    x[missed] = np.concatenate(squares)
-    return Squares(x, error)
-
-
-def _tried(suspension: Suspension, wanted: Ints, accuracy: float, near: tuple[Floats, Floats]) -> Tried:
-    """Seeds `near` all modes where they are known to be accurate enough, else a Rayleigh quotient step from each."""
-    guess, known = (values[wanted] for values in near)
-    x, error, missed = guess.copy(), known.copy(), np.zeros(guess.shape, dtype=np.bool_)
-    rows = np.flatnonzero((known > 2 * accuracy).any(1))
-    if accuracy and rows.size:
-        inside = lies_within(suspension, wanted[rows], guess[rows], 2 * accuracy)
-        error[rows] = np.where(inside, 2 * accuracy, error[rows])
-        rows = np.flatnonzero((error > 2 * accuracy).any(1))
-    if rows.size:
-        x[rows], missed[rows] = _improved(suspension, wanted[rows], guess[rows])
-        error[rows] = 0.0
-    return Tried(x, error, missed, guess, known)
-
-
-def _improved(suspension: Suspension, wanted: Ints, guess: Floats) -> tuple[Floats, Booleans]:
-    """A Rayleigh quotient step at the pivot, and where the count does not confirm it.
-
-    Of one support the float at which the count steps, of many a float within CLOSEST of it.
-    """
-    squares = at_pivot(suspension, guess)
-    if suspension.supports == 1:
-        return confirmed(suspension, wanted, squares, FARTHER if _are_few(suspension, wanted) else NEAR)
-    return squares, ~lies_within(suspension, wanted, squares, CLOSEST)
-
-
-def _otherwise(suspension: Suspension, wanted: Ints, guess: Floats, error: Floats, modes: int) -> Floats:
-    """The eigenvalues with these indices (R, S) from another shape, and by a search where that is not confirmed."""
-    squares, missed = confirmed(suspension, wanted, twisted(suspension, guess), FARTHER)
-    if missed.any():
-        rows, supports = (np.flatnonzero(missed.any(axis)) for axis in (1, 0))
-        part = np.ix_(rows, supports)
-        squares[part] = searched(suspension.take(supports), wanted[part], guess[part], error[part], modes)
-    return squares
-
-
-# ---------------------------------------------------------------------------------------------- fixed support
 
 
 def fixed_squares(block: Block, limits: Limits = EVERYTHING) -> Squares:
@@ -218,101 +69,38 @@ def fixed_shapes(chains: Block, x: Floats) -> ChainShapes:
 # -------------------------------------------------------------------------------------------------- on a cart
 
 
-def bare_mass(blocks: tuple[Block, ...], cart: CartNumbers) -> float:
-    """m_c + Σ residual masses: the mass felt by a force on the cart at infinite frequency; 0 where M is singular."""
-    return float(cart.mass) + float(sum(at_infinity(block)[0].sum() for block in blocks))
+def cart_shapes(blocks: tuple[Block, ...], cart: CartNumbers, x: Floats) -> ChainShapes:
+    """Shapes at x (R,) of chains that share a cart, all of them and the cart together."""
+    below, above = _both_ways(blocks, cart, x)
+    joints = [joint_masses(block.constants.p, block.constants.r) for block in blocks]
+    pivot = cart.mass + sum(float(masses[0].sum()) for masses in joints)
+    for masses in joints:
+        masses[0] = pivot
+    gaps, costs = zip(*map(_mismatch, below, above, joints), strict=True)
+    twists = _cheapest(costs)
+    climbed = [_climb(upper, twist) for upper, twist in zip(above, twists, strict=True)]
+    moved = np.sum([y[0].sum(0) for y in climbed], axis=0)
+    shapes = [
+        _joined(lower, y, upper.turn, twist, np.broadcast_to(moved, y[0].shape))
+        for lower, y, upper, twist in zip(below, climbed, above, twists, strict=True)
+    ]
+    energies = tuple(kinetic(block, y, a) for block, (y, a) in zip(blocks, shapes, strict=True))
+    modal_mass = cart.mass * moved**2 + sum(energy.sum((0, 1)) for energy in energies)
+    missed = sum(np.where(twist, gap, 0.0).sum((0, 1)) for twist, gap in zip(twists, gaps, strict=True))
+    turns = tuple(a for _, a in shapes)
+    return ChainShapes(moved, turns, energies, modal_mass, cart.stiffness * moved / x, missed / modal_mass)
 
 
-def is_singular(blocks: tuple[Block, ...], cart: CartNumbers) -> bool:
-    """Whether M is singular: a massless cart over bobs has no inertia."""
-    return cart.mass == 0 and bare_mass(blocks, cart) == 0
-
-
-@dataclass(frozen=True, eq=False)
-class CartProblem:
-    """Chains that share a cart; counts are folded into the chains' masses.
-
-    `known` are the indices, among all oscillatory modes, of those that need not be computed.
-    """
-
-    blocks: tuple[Block, ...]
-    cart: CartNumbers
-    known: Ints = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
-    limits: Limits = EVERYTHING
-    slack = 1
-
-    @property
-    def route(self) -> str:
-        """Dense where that is accurate enough, else the effective mass."""
-        return self.oscillating.route
-
-    @property
-    def built(self) -> Built:
-        """All chains and the cart."""
-        links = sum(block.mass.size for block in self.blocks)
-        return Built(f"cart and {counted(links, 'link')}", 1, links + 1, seed_matrices(links, 1))
-
-    @property
-    def n_modes(self) -> int:
-        """Number of oscillatory modes: a free cart's rigid translation is a coordinate, but not one of these."""
-        links = sum(block.n * block.size for block in self.blocks)
-        return links + bool(self.cart.stiffness > 0) - is_singular(self.blocks, self.cart)
-
-    @cached_property
-    def oscillating(self) -> Squares:
-        """ω² (R,) of every other oscillatory mode, ascending, within the limits."""
-        if self.limits.squares is not None:
-            return Squares.exact(self.limits.squares)
-        wanted = np.delete(np.arange(self.n_modes), self.known)[: self.limits.lowest]
-        suspension = Suspension.on_cart(self.blocks, self.cart)
-        x, error = squares_of(suspension, wanted, self.n_modes, self.limits.accuracy)
-        return Squares(x[:, 0], error[:, 0])
-
-    @property
-    def squares(self) -> Floats:
-        """ω² (R,)."""
-        return self.oscillating.x
-
-    @property
-    def dense_error(self) -> Floats:
-        """Bounds on the relative errors of ω (R,) beyond rounding."""
-        return self.oscillating.error / 2
-
-    def shapes(self, rows: Ints) -> ChainShapes:
-        """Shapes of these modes, all chains and the cart together."""
-        x = self.squares[rows]
-        below, above = self._both_ways(x)
-        gaps, costs = zip(*map(_mismatch, below, above, self._joint_masses()), strict=True)
-        twists = _cheapest(costs)
-        climbed = [_climb(upper, twist) for upper, twist in zip(above, twists, strict=True)]
-        cart = np.sum([y[0].sum(0) for y in climbed], axis=0)
-        shapes = [
-            _joined(lower, y, upper.turn, twist, np.broadcast_to(cart, y[0].shape))
-            for lower, y, upper, twist in zip(below, climbed, above, twists, strict=True)
-        ]
-        energies = tuple(kinetic(block, y, a) for block, (y, a) in zip(self.blocks, shapes, strict=True))
-        modal_mass = self.cart.mass * cart**2 + sum(energy.sum((0, 1)) for energy in energies)
-        missed = sum(np.where(twist, gap, 0.0).sum((0, 1)) for twist, gap in zip(twists, gaps, strict=True))
-        turns = tuple(a for _, a in shapes)
-        return ChainShapes(cart, turns, energies, modal_mass, self.cart.stiffness * cart / x, missed / modal_mass)
-
-    def _both_ways(self, x: Floats) -> tuple[list[Swept], list[Swept]]:
-        """Elimination from the free ends, and from the cart with all the other chains on it."""
-        below = [from_below(block, x[None]) for block in self.blocks]
-        others = without_each(self.cart.mass - self.cart.stiffness / x, [swept.mass[0] for swept in below])
-        energy = without_each(np.full(x.shape, self.cart.mass), [swept.energy[0] for swept in below])
-        above = [from_above(block, x[None], *felt) for block, *felt in zip(self.blocks, others, energy, strict=True)]
-        pivot = self.cart.mass + sum(swept.nearest[0].sum(0) for swept in below)
-        for swept in below:
-            swept.nearest[0] = pivot
-        return below, above
-
-    def _joint_masses(self) -> list[Floats]:
-        joints = [joint_masses(block.constants.p, block.constants.r) for block in self.blocks]
-        pivot = self.cart.mass + sum(float(masses[0].sum()) for masses in joints)
-        for masses in joints:
-            masses[0] = pivot
-        return joints
+def _both_ways(blocks: tuple[Block, ...], cart: CartNumbers, x: Floats) -> tuple[list[Swept], list[Swept]]:
+    """Elimination from the free ends, and from the cart with all the other chains on it."""
+    below = [from_below(block, x[None]) for block in blocks]
+    others = without_each(cart.mass - cart.stiffness / x, [swept.mass[0] for swept in below])
+    energy = without_each(np.full(x.shape, cart.mass), [swept.energy[0] for swept in below])
+    above = [from_above(block, x[None], *felt) for block, *felt in zip(blocks, others, energy, strict=True)]
+    pivot = cart.mass + sum(swept.nearest[0].sum(0) for swept in below)
+    for swept in below:
+        swept.nearest[0] = pivot
+    return below, above
 
 
 def _mismatch(below: Swept, above: Swept, masses: Floats) -> tuple[Floats, Floats]:

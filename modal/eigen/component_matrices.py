@@ -3,7 +3,8 @@
     M = Σ m b bᵀ,      K = Σ k a aᵀ,      D = Σ d c cᵀ
 
 over the component's η and the angles of its combinations of pendula (`modal.eigen.components`): rows and sizes, none
-of which is the difference of two numbers of the scene.  What moves without any spring is found from the rows alone.
+of which is the difference of two numbers of the scene, so that `modal.eigen.product` finds modes with every digit.
+What moves without any spring is found from the rows alone.
 """
 
 from __future__ import annotations
@@ -11,14 +12,39 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from modal.assembly import WAYS, Block, Element, null_space
 from modal.eigen.components import CANCELLED, ROUNDED, Component, Heavy, PartedRig
-from modal.eigen.factor import SquareSum
+from modal.eigen.recursion import joints, kinetic
 from modal.eigen.trees import HungChains, Tree
 from modal.types import Floats, Ints
+
+WIDE = 200
+"""Coordinates up to which the triangular factors are computed in the widest floats of the machine."""
+BEYOND = "the ratios in this scene are beyond double precision on its product form"
+Numbers = NDArray[Any]
+
+
+class SquareSum(NamedTuple):
+    """The sum of `size` (E,) times the squares of `rows` (E, n)."""
+
+    rows: Floats
+    size: Floats
+
+    @property
+    def matrix(self) -> Floats:
+        """The sum, (n, n), symmetric to the last digit: else stiff dampers would feel it."""
+        S: Floats = (self.rows.T * self.size) @ self.rows
+        return (S + S.T) / 2
+
+
+def is_wide(size: int) -> bool:
+    """Whether the triangular factors of so many coordinates are computed in wider floats."""
+    return size <= WIDE and bool(np.finfo(np.longdouble).eps < np.finfo(float).eps)
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,6 +137,8 @@ class ComponentMatrices:
     @cached_property
     def is_damped(self) -> bool:
         """Whether there are dampers or drag."""
+        if not self.carried.rig.is_damped:
+            return False
         return bool(self.squares[2]) or any(
             block.damping[:, heavy.column].any() or block.drag[:, heavy.column].any() for block, heavy in self._chains
         )
@@ -172,6 +200,10 @@ class ComponentMatrices:
         """
         eta = self.component.eta
         d = len(eta)
+        if self.carried.is_plain:
+            cart = self.carried.rig.cart
+            number = int(cart is not None and cart.stiffness == 0)
+            return np.asarray(np.eye(self.size, number) / np.sqrt(self.carried.rig.total_mass))
         joints = [heavy.felt[eta] * (block.stiffness[0, heavy.column] > 0) for block, heavy in self._chains]
         rows, M = [element.over(d) for element in self.squares[1]], np.zeros((d, d))
         for element in self.squares[0]:
@@ -185,6 +217,8 @@ class ComponentMatrices:
             before = motions[:d, :k]
             motion = basis[:, k] - before @ (before.T @ (M @ basis[:, k]))
             motions[:d, k] = motion / np.sqrt(motion @ M @ motion)
+        if not self.is_damped:
+            return motions
         damped = self.factors[2].rows @ motions
         dragged = (damped.T * self.factors[2].size) @ damped
         if np.count_nonzero(dragged - np.diag(np.diag(dragged))):
@@ -194,6 +228,8 @@ class ComponentMatrices:
     @cached_property
     def coasting(self) -> Floats:
         """Free motions (n, f) that no damper drags either."""
+        if not self.is_damped:
+            return self.free
         rows, free = self.factors[2].rows, self.free
         stretched, terms = rows @ free, np.abs(rows) @ np.abs(free)
         dragged = np.where(np.abs(stretched) > CANCELLED * terms, stretched, 0.0)
@@ -235,6 +271,46 @@ class ComponentMatrices:
             places = np.array([at for *_, at in members])
             chains.append(HungChains(heavier, places, h, self.places[[k for k, *_ in members]]))
         return chains
+
+
+@dataclass(frozen=True, eq=False)
+class StructureShapes:
+    """R shapes of one component: every η (d, R) of the structure, and the angles (n, P, R) of every block."""
+
+    carried: PartedRig
+    eta: Numbers
+    angles: tuple[Numbers, ...]
+
+    @property
+    def energies(self) -> tuple[Floats, ...]:
+        """Twice the kinetic energy of each link of one copy over ω², (n, P, R); a mean over copies that move down."""
+        energies = []
+        for number, (block, angle) in enumerate(zip(self.carried.rig.blocks, self.angles, strict=True)):
+            along = self.carried.pivots[number] @ self.eta
+            turn = angle * (block.across * block.length)[:, :, None]
+            parts = [(along.real, turn.real)] + [(along.imag, turn.imag)] * np.iscomplexobj(angle)
+            if block.sinking is not None:
+                fallen = angle * (block.sinking * block.length)[:, :, None]
+                parts += [(0 * along.real, fallen.real), (0 * along.real, fallen.imag)]
+            energy = sum((kinetic(block, joints(y, a), a) for y, a in parts), start=np.zeros(angle.shape))
+            sunk = self.carried.sinking[number]
+            if sunk is not None:
+                energy += block.mass[:, :, None] * np.abs(np.einsum("pij,ir,jr->pr", sunk, self.eta, self.eta.conj()))
+            energies.append(energy)
+        return tuple(energies)
+
+
+def moved_of(reduced: ComponentMatrices, shape: Numbers) -> StructureShapes:
+    """The shapes (n, R) of a component over the whole scene."""
+    carried, component = reduced.carried, reduced.component
+    eta = np.zeros((carried.size, shape.shape[1]), shape.dtype)
+    eta[component.eta] = shape[: len(component.eta)]
+    angles = tuple(np.zeros((*block.mass.shape, shape.shape[1]), shape.dtype) for block in carried.rig.blocks)
+    for heavy, at in zip(component.heavies, reduced.places.tolist(), strict=False):
+        angle = shape[at : at + carried.rig.blocks[heavy.block].n]
+        for share in heavy.shares:
+            angles[heavy.block][:, share.column] += share.amplitude * angle
+    return StructureShapes(carried, eta, angles)
 
 
 def _tree(

@@ -104,27 +104,20 @@ class Component(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class PartedRig:
-    """A rig on a structure, parted; `is_plain` tells that all it hangs from is one cart or a support at rest."""
+    """A rig, parted into what moves together."""
 
     rig: Rig
-    is_plain: bool = False
 
-    @classmethod
-    def of(cls, rig: Rig) -> PartedRig:
-        """Any rig, with one pendulum for all equal ones on a cart or a support at rest."""
-        if rig.structure:
-            return cls(rig)
-        return cls(replace(rig, members=tuple((*kind, 1) for kind in rig.names)).carried, is_plain=True)
-
-    @classmethod
-    def alone(cls, chain: Block) -> PartedRig:
-        """One chain on a support at rest, in natural units."""
-        return cls.of(Rig(1.0, (chain,), ((0, 0, 1),), None, spatial=False))
+    @property
+    def is_plain(self) -> bool:
+        """Whether all it hangs from is one cart or a support at rest."""
+        return self.rig.structure is None
 
     @cached_property
     def hanging(self) -> Hanging:
-        """Its pendula and elements."""
-        return Hanging(self.rig)
+        """Its pendula and elements, with one pendulum for all equal ones on a cart or a support at rest."""
+        rig = self.rig
+        return Hanging(replace(rig, members=tuple((*kind, 1) for kind in rig.names)).carried if self.is_plain else rig)
 
     @cached_property
     def chains(self) -> list[list[list[SquareRows]]]:
@@ -136,13 +129,13 @@ class PartedRig:
     @property
     def size(self) -> int:
         """How many coordinates the structure has."""
-        return self.hanging.structure.size
+        return self.rig.leading
 
     @cached_property
     def _columns(self) -> dict[tuple[int, int], int]:
         """The first pendulum of every (block, column)."""
         pendula: dict[tuple[int, int], int] = {}
-        for (block, column, _), first in zip(self.rig.members, self.hanging.starts.tolist(), strict=True):
+        for (block, column, _), first in zip(self.hanging.rig.members, self.hanging.starts.tolist(), strict=True):
             pendula.setdefault((block, column), first)
         return pendula
 
@@ -200,7 +193,7 @@ class PartedRig:
     def parted(self) -> tuple[tuple[Component, ...], tuple[StillGroup, ...]]:
         """The components, and the combinations of pendula in different columns that leave the structure still."""
         if self.is_plain:
-            return (Component(0, np.arange(self.size), tuple(self._alone(*kind) for kind in self.rig.names)),), ()
+            return ((self.whole,) if self.size else ()), ()
         tied = {p: self.size + k for k, p in enumerate(sorted(self.hanging.tied))}
         owned: dict[int, list[Heavy]] = {int(k): [] for k in self.groups}
         alike: dict[tuple[int, int, bytes], list[int]] = {}
@@ -221,6 +214,26 @@ class PartedRig:
         eta = np.arange(self.size)
         components = [Component(g, eta[self.groups[: self.size] == g], tuple(heavy)) for g, heavy in owned.items()]
         return tuple(components), tuple(still)
+
+    @cached_property
+    def whole(self) -> Component:
+        """All kinds of pendula and the one coordinate of a cart, or none."""
+        moved, still, heavies = np.ones(self.size), np.zeros(self.size), list[Heavy]()
+        for number, block in enumerate(self.rig.blocks):
+            for column, count in enumerate(block.count.tolist()):
+                shares = (Share(column, count, 1.0, len(heavies)),)
+                heavies.append(Heavy(number, column, float(count), moved, still, shares))
+        return Component(0, np.arange(self.size), tuple(heavies))
+
+    @cached_property
+    def carrying(self) -> tuple[Ints, ...]:
+        """How many combinations of the copies of every column of each block move with what they hang from."""
+        if self.is_plain:
+            return tuple(np.full(block.size, self.size) for block in self.rig.blocks)
+        moving = [np.zeros(block.size, dtype=np.int64) for block in self.rig.blocks]
+        for heavy in (heavy for component in self.parted[0] for heavy in component.heavies):
+            moving[heavy.block][[share.column for share in heavy.shares]] = 1
+        return tuple(moving)
 
     def _alone(self, block: int, column: int) -> Heavy:
         count, rows = int(self.rig.blocks[block].count[column]), self._rows(block, column)
@@ -255,6 +268,8 @@ class PartedRig:
     @cached_property
     def pivots(self) -> tuple[Floats, ...]:
         """Φ (P, d) of every column of each block."""
+        if self.is_plain:
+            return tuple(np.ones((block.size, self.size)) for block in self.rig.blocks)
         first = self._columns
         return tuple(
             self.hanging.phi.along[[first[number, p] for p in range(block.size)]]
@@ -264,8 +279,8 @@ class PartedRig:
     @cached_property
     def sinking(self) -> tuple[Floats | None, ...]:
         """The mean of ψ ψᵀ (P, d, d) over the copies of every column of each block; None where no pivot moves down."""
-        down = self.hanging.phi.down
-        if not down.any():
+        down = None if self.is_plain else self.hanging.phi.down
+        if down is None or not down.any():
             return (None,) * len(self.rig.blocks)
         means = [np.zeros((block.size, self.size, self.size)) for block in self.rig.blocks]
         for (block, column, copies), first in zip(self.rig.members, self.hanging.starts.tolist(), strict=True):
@@ -285,6 +300,8 @@ class PartedRig:
     @cached_property
     def momenta(self) -> Floats:
         """The momentum along the rail by each rate of the structure, (d,)."""
+        if self.is_plain:
+            return np.full(self.size, self.rig.total_mass)
         structure, whole = self.hanging.structure, np.zeros(self.size)
         for carrier, body in enumerate(structure.carriers):
             span = slice(structure.offsets[carrier], structure.offsets[carrier + 1])

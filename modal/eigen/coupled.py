@@ -1,10 +1,18 @@
-"""A cart with many different pendula: the fixed-base modes of each, coupled by the secular equation.
+"""Plain chains on one cart: different ones coupled by the secular equation, their equal frequencies apart.
 
 With the cart displaced by X, the fixed-base mode r of a pendulum follows with amplitude
 x P_r X / (E_r (λ_r − x)), where P_r = φ_rᵀ b is its momentum, E_r = φ_rᵀ A φ_r and μ_r = P_r²/E_r its modal
 effective mass.  Equal λ_r are one pole.  With α the residual mass of a pendulum, its momentum and twice its energy over
 ω² are sums over its modes, X (α + Σ μ_r λ_r/(λ_r − x)) and X² (α + Σ μ_r λ_r²/(λ_r − x)²): nothing cancels where a
 light cart moves under pendula that stay in place.
+
+Of d fixed-base modes of one frequency, with momenta P_i and modal masses E_i, all but one leave the cart still.  Moving
+with amplitudes a_i/√E_i they push it with Σ a_i p_i, p_i = P_i/√E_i; the combinations orthogonal to p,
+
+    a^(k) = (p_1 p_{k+1}, …, p_k p_{k+1}, −s_k, 0, …)/√(s_k s_{k+1}),    s_k = p_1² + … + p_k²,    k = 1 … d − 1,
+
+leave it still, are orthonormal, and for equal pendula become (1, −1, 0, …)/√2, (1, 1, −2, 0, …)/√6, …  The one mode
+that moves the cart sees a single pole of weight Σ p_i².
 """
 
 from __future__ import annotations
@@ -14,18 +22,315 @@ from functools import cached_property
 
 import numpy as np
 
-from modal.assembly import Block, CartNumbers
-from modal.eigen.chains import CartProblem, ChainShapes, bare_mass, fixed_shapes
-from modal.eigen.counts import Built, counted
-from modal.eigen.degenerate import DegenerateModes
-from modal.eigen.recursion import at_infinity, joints, kinetic
+from modal.assembly import Block, CartNumbers, Rig
+from modal.eigen.amplitude import quartic
+from modal.eigen.chains import ChainShapes, cart_shapes, fixed_shapes
+from modal.eigen.recursion import Suspension, at_infinity, joints, kinetic
 from modal.eigen.secular import Poles, Roots, solve
 from modal.eigen.seeds import seed_matrices
-from modal.types import Floats, Ints
+from modal.eigen.sources import Built, Details, chain_details, counted, oscillating, structured_error
+from modal.eigen.squares import EVERYTHING, Limits, Squares, squares_of
+from modal.types import Complexes, Floats, Ints
 
 CHUNK = 100_000
 LIGHTEST = 1e-290
 """Least weight of a pole: a lighter one changes no digit of any root, and its products underflow."""
+CLOSE = 1e-8
+"""Relative gap of squares below which shapes come from the secular equation, which keeps their differences."""
+MOST_LINKS_TOGETHER = 600
+"""Links on a cart up to which counts find modes, the secular equation those of more."""
+SLACK = 4
+"""Factor of the error of a zero of the secular equation over that of one recursion."""
+TOLERANCE = 16 * 2.0**-52
+"""Squares this close are taken as equal: the largest difference of equal ones by rounding."""
+
+
+@dataclass(frozen=True, eq=False)
+class DegenerateModes:
+    """The fixed-base modes of all kinds, clustered where their frequencies are equal.
+
+    `order` (K,) sorts the modes, counted block by block, mode by mode, column by column; cluster c consists of
+    `size[c]` of them from `first[c]` on and has the square `square[c]`, that of its lowest member; all (C,).  `rounded`
+    tells whether the members of any differ in their last digits.
+    """
+
+    order: Ints
+    first: Ints
+    size: Ints
+    square: Floats
+    rounded: bool
+
+    @property
+    def inside(self) -> Ints:
+        """Gaps inside clusters, as indices into the gaps between all K modes; each has a mode of that square."""
+        inner = np.ones(len(self.order), dtype=np.bool_)
+        inner[self.first] = False
+        return np.flatnonzero(inner) - 1
+
+    @property
+    def closest(self) -> float:
+        """The smallest relative gap between two different squares."""
+        return float((np.diff(self.square) / self.square[1:]).min(initial=1.0))
+
+    @property
+    def shared(self) -> Ints:
+        """Clusters with more than one member."""
+        return np.flatnonzero(self.size > 1)
+
+
+def degenerate_modes(squares: tuple[Floats, ...]) -> DegenerateModes:
+    """Clusters of the squares (n, P) of every block."""
+    flat = np.concatenate([square.ravel() for square in squares])
+    order = np.argsort(flat, kind="stable")
+    ascending = flat[order]
+    far = np.diff(ascending, prepend=-1.0) > TOLERANCE * ascending
+    starts = np.append(np.flatnonzero(far), len(flat))
+    for run in np.flatnonzero(np.diff(starts) > 2):
+        first, last = (int(end) for end in starts[run : run + 2])
+        while (first := int(np.searchsorted(ascending[:last], ascending[first] * (1 + TOLERANCE), "right"))) < last:
+            far[first] = True
+    starts = np.flatnonzero(far)
+    sizes = np.diff(starts, append=len(flat))
+    rounded = bool(np.any(ascending[starts] != ascending[starts + sizes - 1]))
+    return DegenerateModes(order, starts, sizes, ascending[starts], rounded)
+
+
+@dataclass(frozen=True, eq=False)
+class CartPendula:
+    """The modes of one heavy pendulum of each kind, all of them plain, and the cart.
+
+    `fixed` are the squares (n, P) of every block on a support at rest where there are different kinds.  Few links take
+    counts; many of different kinds, and the shapes of close ones, the secular equation.
+    """
+
+    rig: Rig
+    fixed: tuple[Floats, ...] = ()
+    limits: Limits = EVERYTHING
+    is_damped = False
+
+    @property
+    def cart(self) -> CartNumbers:
+        """The cart."""
+        assert self.rig.cart is not None
+        return self.rig.cart
+
+    @cached_property
+    def blocks(self) -> tuple[Block, ...]:
+        """The chains, their counts folded into their masses."""
+        return tuple(block.heavier(block.count) for block in self.rig.blocks)
+
+    @cached_property
+    def clusters(self) -> DegenerateModes:
+        """The fixed-base modes of different kinds."""
+        return degenerate_modes(self.fixed)
+
+    @cached_property
+    def coupled(self) -> CoupledPendula:
+        """The secular equation."""
+        return CoupledPendula(self.blocks, self.cart, self.fixed, self.clusters)
+
+    @property
+    def _links(self) -> int:
+        return sum(block.mass.size for block in self.blocks)
+
+    @property
+    def _held(self) -> int:
+        """1 if a spring holds the cart."""
+        return int(self.cart.stiffness > 0)
+
+    @property
+    def n_modes(self) -> int:
+        """Number of oscillatory modes: a free cart's rigid translation is a coordinate, but not one of these."""
+        return self._links + self._held - self.is_singular
+
+    @property
+    def _are_few(self) -> bool:
+        return not self.fixed or self._links <= MOST_LINKS_TOGETHER
+
+    @cached_property
+    def _are_apart(self) -> bool:
+        return not self.fixed or (self._are_few and self.clusters.closest > CLOSE and not self.clusters.shared.size)
+
+    @cached_property
+    def bare_mass(self) -> float:
+        """The mass felt by a force on the cart at infinite frequency; 0 where M is singular."""
+        return bare_mass(self.blocks, self.cart)
+
+    @property
+    def is_singular(self) -> bool:
+        """Whether M is singular: a massless cart over bobs has no inertia."""
+        return not self.cart.mass and self.bare_mass == 0
+
+    @property
+    def accelerance(self) -> float:
+        """Σ φ_x² over all finite modes (1/kg): (M⁻¹)_xx = 1/α, or γ/β² where M is singular (see `at_infinity`)."""
+        if not self.is_singular:
+            return 1.0 / self.bare_mass
+        _, beta, gamma = (float(sum(map(np.sum, parts))) for parts in zip(*map(at_infinity, self.blocks), strict=True))
+        held = float(self.cart.stiffness) + beta
+        return gamma / held / held
+
+    @property
+    def route(self) -> str:
+        """The secular equation for many different kinds, dense where that is accurate enough, or the effective mass."""
+        return self.oscillating.route if self._are_few else "secular equation"
+
+    @property
+    def built(self) -> Built:
+        """All chains and the cart, or the distinct fixed-base modes of the pendula."""
+        seeds = seed_matrices(self._links, 1) if self._are_few else ()
+        if self._are_apart:
+            return Built(f"cart and {counted(self._links, 'link')}", 1, self._links + 1, seeds)
+        poles, shapes = len(self.clusters.first), vars(self.coupled).get("modes", ())
+        kept = tuple(("own shapes", b.n, b.size) for b, _ in zip(self.blocks, shapes, strict=False) if b.n > 1)
+        return Built(f"cart and {counted(poles, 'pole')}", 1, poles + 1, (*seeds, *kept))
+
+    @cached_property
+    def oscillating(self) -> Squares:
+        """ω² (R,) of the oscillatory modes that move the cart, ascending, within the limits."""
+        if self.limits.squares is not None:
+            return Squares.exact(self.limits.squares)
+        if not self._are_few:
+            return Squares.exact(self.coupled.squares)
+        limits, wanted = self.limits, np.arange(self.n_modes)
+        if not self._are_apart:
+            limits, wanted = EVERYTHING, np.delete(wanted, self.clusters.inside + self._held)
+        suspension = Suspension.on_cart(self.blocks, self.cart)
+        x, error = squares_of(suspension, wanted[: limits.lowest], self.n_modes, limits.accuracy)
+        return Squares(x[:, 0], error[:, 0])
+
+    @property
+    def squares(self) -> Floats:
+        """ω² (R,)."""
+        return self.oscillating.x
+
+    @cached_property
+    def eigenvalue(self) -> Complexes:
+        """iω."""
+        return oscillating(self.squares)
+
+    @property
+    def error(self) -> Floats:
+        """Relative error bounds."""
+        return self.oscillating.error / 2 + self.rounding * (1 if self._are_few else SLACK)
+
+    @property
+    def rounding(self) -> float:
+        """The bound of one recursion."""
+        deepest, chains = max(block.n for block in self.blocks), sum(block.size for block in self.blocks)
+        return structured_error(deepest, chains)
+
+    def details(self, rows: Ints) -> Details:
+        """Shapes in which all copies of a kind move alike."""
+        x = self.squares[rows]
+        return self.described(
+            x, cart_shapes(self.blocks, self.cart, x) if self._are_apart else self.coupled.shapes(rows, x)
+        )
+
+    def described(self, x: Floats, motion: ChainShapes) -> Details:
+        """The properties of shapes at x (R,)."""
+        angles = tuple(a * (b.sigma / b.length)[:, :, None] for a, b in zip(motion.turns, self.blocks, strict=True))
+        parts = [quartic(b, x, motion.cart, angle).sum(0) for b, angle in zip(self.blocks, angles, strict=True)]
+        copies = (part / block.count[:, None] for part, block in zip(motion.energies, self.rig.blocks, strict=True))
+        return chain_details(motion, x, angles, np.sum(parts, axis=0), tuple(copies), self.accelerance)
+
+
+@dataclass(frozen=True, eq=False)
+class StillModes:
+    """The modes of different pendula that together hold the cart still; a row is a cluster and a vector in it."""
+
+    pendula: CartPendula
+    route = "effective mass"
+    is_damped = False
+    built = Built("equal frequencies of different pendula", 1, 0)
+
+    @property
+    def clusters(self) -> DegenerateModes:
+        """The fixed-base modes."""
+        return self.pendula.clusters
+
+    @cached_property
+    def folds(self) -> Ints:
+        """The number of vectors of each shared cluster."""
+        return self.clusters.size[self.clusters.shared] - 1
+
+    @property
+    def squares(self) -> Floats:
+        """ω² of every row."""
+        return np.repeat(self.clusters.square[self.clusters.shared], self.folds)
+
+    @cached_property
+    def eigenvalue(self) -> Complexes:
+        """iω."""
+        return oscillating(self.squares)
+
+    @property
+    def error(self) -> Floats:
+        """Relative error bounds."""
+        return np.full(len(self.squares), self.pendula.rounding)
+
+    def details(self, rows: Ints) -> Details:
+        """Shapes of these rows."""
+        blocks = self.pendula.blocks
+        turns, energies = ([np.zeros((*b.mass.shape, len(rows))) for b in blocks] for _ in range(2))
+        residual = np.zeros(len(rows))
+        ends = np.cumsum(self.folds)
+        for at, row in enumerate(rows):
+            group = int(np.searchsorted(ends, row, side="right"))
+            members = self._members(int(self.clusters.shared[group]))
+            number = int(row - ends[group] + self.folds[group])
+            for member, amplitude in zip(members, _combination(members, number), strict=False):
+                turns[member.block][:, member.column, at] = amplitude * member.turn
+                energies[member.block][:, member.column, at] = amplitude**2 * member.energy
+                residual[at] = max(residual[at], member.residual)
+        zero = np.zeros(len(rows))
+        motion = ChainShapes(zero, tuple(turns), tuple(energies), zero + 1.0, zero, residual)
+        return self.pendula.described(self.squares[rows], motion)
+
+    def _members(self, cluster: int) -> list[_Member]:
+        """The modes in a cluster, each of modal mass 1, the one with the largest momentum first."""
+        first, size = int(self.clusters.first[cluster]), int(self.clusters.size[cluster])
+        places = np.sort(self.clusters.order[first : first + size])
+        members, offset = [], 0
+        for index, block in enumerate(self.pendula.blocks):
+            here = places[(places >= offset) & (places < offset + block.mass.size)] - offset
+            columns = here % block.size
+            motion = fixed_shapes(block.take(columns), np.full(len(here), self.clusters.square[cluster]))
+            scale = 1 / np.sqrt(motion.modal_mass)
+            members += [
+                _Member(
+                    block=index,
+                    column=int(column),
+                    momentum=float(motion.momentum[k] * scale[k]),
+                    turn=motion.turns[0][:, 0, k] * scale[k],
+                    energy=motion.energies[0][:, 0, k] * scale[k] ** 2,
+                    residual=float(motion.residual[k]),
+                )
+                for k, column in enumerate(columns)
+            ]
+            offset += block.mass.size
+        return sorted(members, key=lambda member: -abs(member.momentum))
+
+
+@dataclass(frozen=True, eq=False)
+class _Member:
+    """A pendulum's fixed-base mode of modal mass 1: its momentum p, turns and energies (n,)."""
+
+    block: int
+    column: int
+    momentum: float
+    turn: Floats
+    energy: Floats
+    residual: float
+
+
+def _combination(members: list[_Member], number: int) -> Floats:
+    """The amplitudes a^(number + 1) of the first number + 2 members."""
+    p = np.array([member.momentum for member in members[: number + 2]])
+    p = p / abs(p[0]) if p[0] else np.ones_like(p)
+    s = np.cumsum(p * p)
+    amplitudes: Floats = np.append(p[:-1] * p[-1], -s[-2]) / np.sqrt(s[-2]) / np.sqrt(s[-1])
+    return amplitudes
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,17 +350,6 @@ class CoupledPendula:
     cart: CartNumbers
     fixed: tuple[Floats, ...]
     clusters: DegenerateModes
-    route = "secular equation"
-    slack = 4
-    dense_error = 0.0
-
-    @property
-    def built(self) -> Built:
-        """The distinct fixed-base modes of the pendula, and the cart."""
-        poles = len(self.clusters.first)
-        shapes = vars(self).get("modes", ())
-        squares = tuple(("own shapes", b.n, b.size) for b, _ in zip(self.blocks, shapes, strict=False) if b.n > 1)
-        return Built(f"cart and {counted(poles, 'pole')}", 1, poles + 1, squares)
 
     @cached_property
     def modes(self) -> tuple[_Own, ...]:
@@ -83,9 +377,8 @@ class CoupledPendula:
         """ω² of every mode that moves the cart, ascending."""
         return self.poles.square[self.roots.anchor] + self.roots.offset
 
-    def shapes(self, rows: Ints) -> ChainShapes:
-        """Shapes of these modes."""
-        x = self.squares[rows]
+    def shapes(self, rows: Ints, x: Floats) -> ChainShapes:
+        """Shapes of these modes, whose squares are known to be x (R,)."""
         amplitudes = [
             (modes.momentum / modes.modal_mass)[..., None] * x / distance
             for modes, distance in zip(self.modes, self._distances(rows), strict=True)
@@ -128,23 +421,9 @@ class CoupledPendula:
         return [part.reshape(*squares.shape, len(rows)) for part, squares in parts]
 
 
-class Counted(CoupledPendula):
-    """`CoupledPendula` with few links, its frequencies found by the effective mass."""
-
-    route = "effective mass"
-    slack = 1
-
-    @property
-    def built(self) -> Built:
-        """The same modes and cart, and the matrix of the whole scene."""
-        built, links = super().built, sum(block.mass.size for block in self.blocks)
-        return built._replace(matrices=(*seed_matrices(links, 1), *built.matrices))
-
-    @cached_property
-    def squares(self) -> Floats:
-        """ω² of every mode that moves the cart, ascending."""
-        held = 1 if self.cart.stiffness > 0 else 0
-        return CartProblem(self.blocks, self.cart, self.clusters.inside + held).squares
+def bare_mass(blocks: tuple[Block, ...], cart: CartNumbers) -> float:
+    """m_c + Σ residual masses."""
+    return float(cart.mass) + float(sum(at_infinity(block)[0].sum() for block in blocks))
 
 
 def _own_modes(block: Block, square: Floats) -> _Own:

@@ -1,19 +1,35 @@
 """The dense route, for small scenes that have no structured one.
 
-Undamped: the symmetric pencil K φ = ω² M φ, also with inverted links and an indefinite K.  (`modal.eigen.quadratic` is
-for dampers.)  A free cart's position is eliminated first, and its momentum with it, so that its rigid translation is
-exact.
+Undamped: the symmetric pencil K φ = ω² M φ, also with inverted links and an indefinite K.  Free
+motions are eliminated first, and their momentum with them, so that they are exact.
+
+With dampers, M q'' + D q' + K q = 0, each eigenvalue is from a problem scaled to a rate of its own magnitude.
+
+Dampers spread the eigenvalues: a stiff one makes a fast decay d/m and a slow one k/d in addition to the oscillations
+√(k/m), and one matrix is accurate only for those near its own norm.  So the quadratic problem is solved once for every
+magnitude of rate that its diagonal suggests.  For the rate γ, with λ = γμ and the coordinates scaled so that
+P = γ²M + γD + K has a unit diagonal, Cayley's θ = (μ + 1)/(μ − 1) turns it into
+
+    P θ² x + 2(γ²M − K) θ x + (γ²M − γD + K) x = 0,
+
+whose matrices are all bounded: decaying modes have |θ| < 1, and a backward error δ changes μ by 2δ/|θ² − 1| of itself.
+Above every growth rate P is positive definite; at one it is singular, and γ is shifted.  Solutions for neighbouring γ
+are joined at a gap that both resolve, and more are computed where the bounds require it.  A joint dominated by its
+damper has the difference of its angles as its coordinate, so that P keeps what D would mask.
+(Scaling by such magnitudes: Gaubert & Sharify, Tropical scaling of polynomial matrices, LNCIS 389, 291 (2009).)
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import reduce
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from modal.errors import ComputationError
-from modal.types import Complexes, Floats
+from modal.types import Complexes, Floats, Ints
 
 LARGEST_DAMPED = 500
 LARGEST_UNDAMPED = 2000
@@ -38,41 +54,38 @@ class Eigen:
     number: int = 1
 
 
-def undamped(M: Floats, K: Floats, *, free: bool, singular: bool) -> Eigen:
-    """Modes of K φ = ω² M φ, K positive definite except for a `free` cart in row 0.
+def undamped(M: Floats, K: Floats, whole: Floats, *, singular: bool) -> Eigen:
+    """Modes of K φ = ω² M φ, K positive definite; M is the `whole` inertia less that of motions that are left out.
 
     Where M is known to be `singular`, by one dimension, the mode at infinite frequency is omitted.
     """
-    inertia, stiffness, _ = without_cart(M, K) if free else (M, K, 1.0)
-    scale, L, sensitivity = _factored(stiffness)
-    inverse_square, v = np.linalg.eigh(_in_factors(L, inertia * scale * scale[:, None]))
+    scale, L, sensitivity = _factored(K)
+    inverse_square, v = np.linalg.eigh(_in_factors(L, M * scale * scale[:, None]))
     inverse_square, v = inverse_square[singular:], v[:, singular:]
     if inverse_square.size and inverse_square[0] <= 4 * len(M) * EPS * inverse_square[-1]:
         raise ComputationError("the frequencies spread too far for the dense route that this scene needs")
     inverse_square, v = inverse_square[::-1], v[:, ::-1]
     shape = scale[:, None] * np.linalg.solve(L.T, v)
-    rounded = M[1:, 1:] if free else M
-    largest = np.trace(_in_factors(L, rounded * scale * scale[:, None]))
+    largest = np.trace(_in_factors(L, whole * scale * scale[:, None]))
     error = 2 * len(M) * EPS * (sensitivity + largest / inverse_square)
-    return Eigen(1j / np.sqrt(inverse_square), with_cart(M, shape, free), error, len(L))
+    return Eigen(1j / np.sqrt(inverse_square), shape, error, len(L))
 
 
-def indefinite(M: Floats, K: Floats, *, free: bool, terms: Floats) -> Eigen:
+def indefinite(M: Floats, K: Floats, *, terms: Floats, lost: float = 1.0) -> Eigen:
     """Modes of K φ = x M φ about an equilibrium that may be unstable: λ = i√x, and for x < 0 the growth rate √−x > 0.
 
-    `terms` (size,) are the sums of the absolute terms of K's diagonal, where springs and gravity may cancel.
-    The decaying counterpart −√−x of a growing mode has the same shape and is not listed.
+    `terms` (size,) are the sums of the absolute terms of K's diagonal, where springs and gravity may cancel, `lost` is
+    the factor on errors by what was subtracted from M.  The decaying counterpart −√−x of a growing mode has the same
+    shape and is not listed.
     """
-    refuse_singular(M)
-    inertia, stiffness, lost = without_cart(M, K) if free else (M, K, 1.0)
-    scale, L, sensitivity = _factored(inertia)
-    x, v = np.linalg.eigh(_in_factors(L, stiffness * scale * scale[:, None]))
+    scale, L, sensitivity = _factored(M)
+    x, v = np.linalg.eigh(_in_factors(L, K * scale * scale[:, None]))
     shape = scale[:, None] * np.linalg.solve(L.T, v)
     x = np.where(x == 0, np.finfo(float).tiny, x)
-    largest = max(np.abs(x).max(initial=0.0), (terms[len(M) - len(inertia) :] * scale**2).max(initial=0.0))
+    largest = max(np.abs(x).max(initial=0.0), (terms * scale**2).max(initial=0.0))
     error = 2 * len(M) * EPS * sensitivity * lost * largest / np.abs(x)
     value = np.sqrt(np.abs(x)) * np.where(x < 0, 1.0, 1j)
-    return Eigen(value, with_cart(M, shape, free), error, len(L))
+    return Eigen(value, shape, error, len(L))
 
 
 def in_phase(shape: NDArray[np.inexact], first: int) -> NDArray[np.inexact]:
@@ -99,19 +112,6 @@ def _in_factors(L: Floats, S: Floats) -> Floats:
     return reduced
 
 
-def without_cart(M: Floats, K: Floats) -> tuple[Floats, Floats, float]:
-    """The pendula with a free cart that keeps the total momentum zero, A − b bᵀ/M_tot, and its loss of digits."""
-    A = M[1:, 1:]
-    reduced = A - np.outer(M[1:, 0], M[0, 1:]) / M[0, 0]
-    lost = float((np.diag(A) / np.diag(reduced)).max(initial=1.0))
-    return reduced, K[1:, 1:], lost
-
-
-def with_cart(M: Floats, shape: NDArray[np.inexact], free: bool) -> NDArray[np.inexact]:
-    """The shapes with the displacement of a free cart that keeps the total momentum zero."""
-    return np.vstack([-(M[0, 1:] @ shape) / M[0, 0], shape]) if free else shape
-
-
 def is_singular(M: Floats) -> bool:
     """Whether a positive semidefinite matrix, scaled to a unit diagonal, has lost a dimension to rounding."""
     if np.any(np.diag(M) <= 0):
@@ -121,12 +121,6 @@ def is_singular(M: Floats) -> bool:
     return bool(spectrum[0] <= 4 * EPS * spectrum[-1])
 
 
-def refuse_singular(M: Floats) -> None:
-    """ComputationError if `is_singular`."""
-    if is_singular(M):
-        raise ComputationError(SINGULAR)
-
-
 def refuse_beyond(largest: int, size: int, cause: str) -> None:
     """ComputationError for more coordinates than this route allows."""
     if size > largest:
@@ -134,3 +128,196 @@ def refuse_beyond(largest: int, size: int, cause: str) -> None:
             f"{cause} need the dense route: {size} coordinates, at most {largest} "
             "(equal pendula count once; without them any size works)"
         )
+
+
+LIGHT = 1e-2
+"""Damping ratio below which the real part of an eigenvalue comes from its shape."""
+SPAN = 1e2
+"""Ratio up to which rates are solved together: one digit either way."""
+MOVED = (1.0, 2.0, 0.5)
+"""Factor by which a rate may be shifted."""
+WISHED, LOST, NEAR, MOST = 1e-8, 1e-2, 30.0, 12
+"""Bounds between which an eigenvalue needs a rate within the third factor; most rates."""
+
+
+class Dampers(NamedTuple):
+    """Strength of the damper between each coordinate and the one `above` it (−1: the ground), both (size,).
+
+    Further ones, as drag, act on the coordinates with D = `roots`ᵀ `roots`, (R, size).
+    """
+
+    strength: Floats
+    above: Ints
+    roots: Floats | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class _QuadraticProblem:
+    """M, K, the absolute terms of which K is the sum, all (size, size), the dampers, and C of D_modal = CᵀC."""
+
+    M: Floats
+    K: Floats
+    sizes: Floats
+    dampers: Dampers
+    modal: Floats
+
+    @property
+    def rates(self) -> list[float]:
+        """√(k/m) or, where a damper dominates, d/m and k/d of every coordinate; those within SPAN merged."""
+        m, d, k = np.diag(self.M), self.dampers.strength, np.diag(self.sizes)
+        if self.dampers.roots is not None:
+            d = d + (self.dampers.roots**2).sum(0)
+        strong = d > np.sqrt(m) * np.sqrt(k)
+        wished = np.concatenate([np.sqrt(k / m)[~strong], (d / m)[strong], (k[strong] / d[strong])])
+        ascending = np.sort(wished[wished > 0])
+        rates = []
+        while ascending.size:
+            near = ascending <= SPAN * ascending[0]
+            rates.append(float(np.sqrt(ascending[0]) * np.sqrt(ascending[near][-1])))
+            ascending = ascending[~near]
+        return rates
+
+    def turned(self, rate: float) -> tuple[Floats, Floats]:
+        """Coordinates q (size, size) as columns of the old ones, and each damper's displacement in terms of q, by rows.
+
+        A joint whose damper outweighs everything else on its link at this rate is described by the difference of its
+        angles.
+        """
+        strength, above, _ = self.dampers
+        held = (above >= 0) & (rate * strength > rate * (rate * np.diag(self.M)) + np.diag(self.sizes))
+        turned = np.eye(len(strength))
+        for i in np.flatnonzero(held):
+            turned[i] += turned[above[i]]
+        return turned, turned - np.where(above[:, None] >= 0, turned[above], 0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class _Solution:
+    """All eigenvalues (N,) by magnitude, shapes (size, N) and relative error bounds (N,)."""
+
+    value: Complexes
+    shape: Complexes
+    error: Floats
+
+    def take(self, chosen: Ints | slice) -> _Solution:
+        return _Solution(self.value[chosen], self.shape[:, chosen], self.error[chosen])
+
+    @property
+    def gaps(self) -> np.typing.NDArray[np.bool_]:
+        """Whether the first k are certainly smaller than all others, (N + 1,)."""
+        size = np.abs(self.value)
+        below = np.maximum.accumulate(np.append(0.0, size * (1 + self.error)))
+        above = np.minimum.accumulate(np.append(size / (1 + self.error), np.inf)[::-1])[::-1]
+        return np.asarray(below < above)
+
+    def wishes(self, rates: list[float]) -> float | None:
+        """The magnitude of the best-known eigenvalue that a rate other than these would improve; None without any."""
+        size = np.abs(self.value)
+        away = np.abs(np.log(size[:, None] / np.array(rates))).min(1)
+        asking = np.flatnonzero((self.error > WISHED) & (self.error < LOST) & (away > np.log(NEAR)))
+        return float(size[asking[np.argmin(self.error[asking])]]) if asking.size else None
+
+    def joined(self, faster: _Solution) -> _Solution:
+        """The slow part of this one and the fast part of another, cut where the sum of their bounds is smallest."""
+        slower, other = (np.log(part.error) for part in (self, faster))
+        cost = np.append(0.0, np.cumsum(slower)) + np.append(np.cumsum(other[::-1])[::-1], 0.0)
+        allowed = self.gaps & faster.gaps
+        allowed[[0, -1]] = True
+        cut = int(np.argmin(np.where(allowed, cost, np.inf)))
+        slow, fast = self.take(slice(cut)), faster.take(slice(cut, None))
+        return _Solution(
+            np.append(slow.value, fast.value), np.hstack([slow.shape, fast.shape]), np.append(slow.error, fast.error)
+        )
+
+
+def damped(
+    M: Floats, K: Floats, terms: Floats, dampers: Dampers, modal: Floats | None = None, lost: float = 1.0
+) -> Eigen:
+    """Modes of M q'' + D q' + K q = 0, with `terms` and `lost` of `indefinite`.
+
+    `modal` (R, size) is a C whose CᵀC is added to D.
+    """
+    sizes = np.abs(K)
+    np.fill_diagonal(sizes, terms)
+    extra = np.zeros((0, len(M))) if modal is None else modal
+    solution, number = _solved_everywhere(_QuadraticProblem(M, K, sizes, dampers, extra))
+    value, error = solution.value, lost * solution.error
+    rounded_up = (value.imag != 0) & (value.real > 0) & (value.real <= error * np.abs(value))
+    value = np.where(rounded_up, 1j * value.imag, value)
+    chosen = np.flatnonzero(value.imag >= 0)
+    shape = solution.shape[:, chosen]
+    return Eigen(value[chosen], shape, error[chosen], 2 * len(M), number)
+
+
+def _solved_everywhere(problem: _QuadraticProblem) -> tuple[_Solution, int]:
+    """The solutions for all rates, joined, and their number."""
+    solved = {rate: _solved(problem, rate) for rate in problem.rates}
+    while True:
+        solution = reduce(_Solution.joined, (solved[rate] for rate in sorted(solved)))
+        rate = solution.wishes(list(solved))
+        if rate is None or len(solved) >= MOST:
+            return solution, len(solved)
+        solved[rate] = _solved(problem, rate)
+
+
+class _Scaled(NamedTuple):
+    """γ²M, K and a C with CᵀC = γD (a row per damper or drag) in the coordinates of the columns of `shape`, and P⁻¹."""
+
+    rate: float
+    shape: Floats
+    M: Floats
+    K: Floats
+    friction: Floats
+    inverse: Floats
+
+    @property
+    def sensitivity(self) -> float:
+        """‖P⁻¹‖."""
+        return float(np.linalg.norm(self.inverse, 2))
+
+
+def _scaled(problem: _QuadraticProblem, rate: float) -> _Scaled:
+    turned, seen = problem.turned(rate)
+    M, K, sizes = (turned.T @ part @ turned for part in (rate * (rate * problem.M), problem.K, problem.sizes))
+    friction = np.sqrt(rate * problem.dampers.strength)[:, None] * seen
+    if len(problem.modal):
+        friction = np.vstack([friction, np.sqrt(rate) * problem.modal @ turned])
+    if problem.dampers.roots is not None:
+        friction = np.vstack((friction, np.sqrt(rate) * (problem.dampers.roots @ turned)))
+    scale = 1 / np.sqrt(np.diag(M) + (friction**2).sum(0) + np.diag(sizes))
+    M, K = (part * scale * scale[:, None] for part in (M, K))
+    friction = friction * scale
+    return _Scaled(rate, turned * scale, M, K, friction, np.linalg.inv(M + friction.T @ friction + K))
+
+
+def _solved(problem: _QuadraticProblem, rate: float) -> _Solution:
+    """All eigenvalues and shapes; the bound is the first-order one.
+
+    It is the condition number times a backward error of a few roundings of the matrix's norm and of P⁻¹'s sensitivity,
+    or, where that is less, as among multiple eigenvalues, what no perturbation of this size exceeds (Elsner, Linear
+    Algebra Appl. 71, 77 (1985)).
+    """
+    scaled = min((_scaled(problem, rate * moved) for moved in MOVED), key=lambda candidate: candidate.sensitivity)
+    M, K, D, n = scaled.M, scaled.K, scaled.friction.T @ scaled.friction, len(scaled.M)
+    state = np.block([[np.zeros((n, n)), np.eye(n)], [-scaled.inverse @ part for part in (M - D + K, 2 * (M - K))]])
+    theta, right = np.linalg.eig(state)
+    theta = np.where(np.abs(theta * theta - 1) < EPS, theta * (1 - EPS), theta)
+    condition = np.linalg.norm(np.linalg.pinv(right), axis=1) * np.linalg.norm(right, axis=0)
+    norm = float(np.linalg.norm(state, 2))
+    backward = 16 * len(state) * EPS * scaled.sensitivity * norm
+    furthest = backward ** (1 / len(state)) * (2 * norm + backward) ** (1 - 1 / len(state))
+    error = 2 * np.minimum(backward * condition, furthest) / np.abs(theta * theta - 1)
+    value = _lightly_damped(np.asarray((theta + 1) / (theta - 1), dtype=complex), right[:n], M, scaled.friction)
+    order = np.argsort(np.abs(value), kind="stable")
+    return _Solution(scaled.rate * value, scaled.shape @ right[:n].astype(complex), error).take(order)
+
+
+def _lightly_damped(values: Complexes, shape: Complexes, M: Floats, friction: Floats) -> Complexes:
+    """Eigenvalues with Re μ = −φᴴDφ/(2 φᴴMφ) where the real part is below the rounding of the state matrix.
+
+    This is exact where μ is not real (μ² φᴴMφ + μ φᴴDφ + φᴴKφ = 0 has real coefficients), and D has no cancellation.
+    """
+    inertia = np.einsum("ir,ij,jr->r", shape.conj(), M, shape, optimize=True).real
+    lost = (np.abs(friction @ shape) ** 2).sum(0)
+    light = (values.imag != 0) & (np.abs(values.real) < LIGHT * np.abs(values))
+    return np.where(light, -lost / (2 * inertia) + 1j * values.imag, values)

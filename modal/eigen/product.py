@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 import scipy
 
-from modal.eigen.factor import BEYOND, SquareSum, is_wide
+from modal.eigen.component_matrices import BEYOND, SquareSum, is_wide
 from modal.errors import ComputationError
 from modal.types import Floats, Ints
 

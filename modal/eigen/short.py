@@ -1,7 +1,7 @@
 """All frequencies of one short chain, in floats: arrays of so few numbers take longer to make than to use.
 
-The route is that of `chains`: dense seeds, a Rayleigh quotient step at the pivot, and counts on either side of the
-float at which they step, link by link with the arithmetic of `sturm` and `rayleigh`.  Where counts do not confirm
+The route is that of `squares`: dense seeds, a Rayleigh quotient step at the pivot, and counts on either side of the
+float at which they step, link by link with the arithmetic of `recursion` and `seeds`.  Where counts do not confirm
 that float there is no answer, and the general route has its further ways.
 """
 
@@ -17,8 +17,8 @@ import numpy as np
 
 from modal import pair
 from modal.assembly import CartNumbers
-from modal.eigen.chains import FARTHER
 from modal.eigen.recursion import NUDGE
+from modal.eigen.squares import FARTHER
 from modal.types import Floats
 
 Link = tuple[float, float, float, float]

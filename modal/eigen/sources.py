@@ -1,33 +1,29 @@
 """Sources of modes: each holds modes of one structure and describes any of its rows.
 
-    Rigid          a free cart's translation, ω = 0, exact
     Alone          pendula on a support that is still in these modes: a fixed one, across the rail, or because equal
                    pendula in antiphase hold the cart still
     StillPendula   combinations of equal pendula that leave a structure still
-    Together       one pendulum of each kind, as heavy as all its copies, and the cart
 
-These are of plain chains; `modal.eigen.structured` is for dampers, joint springs, inverted links and structures.  All
-in natural units.
+`modal.eigen.coupled` is for plain chains on one cart, `modal.eigen.structured` for all else.  All in natural units.
+Each reports the sizes of the problems that it solved.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import log2
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from modal.assembly import Block, CartNumbers
+from modal.assembly import Block
 from modal.eigen.amplitude import coefficient, quartic
-from modal.eigen.chains import EVERYTHING, ChainShapes, Limits, Squares, fixed_shapes, fixed_squares
+from modal.eigen.chains import ChainShapes, fixed_shapes, fixed_squares
 from modal.eigen.components import PartedRig, StillGroup
-from modal.eigen.counts import Built, counted
-from modal.eigen.recursion import at_infinity
 from modal.eigen.seeds import seed_matrices
+from modal.eigen.squares import EVERYTHING, Limits, Squares
 from modal.types import Complexes, Floats, Ints
 
 ROUNDOFF = 2.0**-53
@@ -81,34 +77,7 @@ class Source(Protocol):
         """Properties of these rows."""
 
 
-class SquaresProblem(Protocol):
-    """A problem solved by `Together`: squares and shapes, and its error relative to that of one recursion."""
-
-    @property
-    def route(self) -> str:
-        """The route in words."""
-
-    @property
-    def slack(self) -> float | Floats:
-        """The factor on the error bound, one for all or (R,)."""
-
-    @property
-    def dense_error(self) -> float | Floats:
-        """Bounds on the relative errors of ω beyond rounding, one for all or (R,)."""
-
-    @property
-    def squares(self) -> Floats:
-        """ω² (R,)."""
-
-    @property
-    def built(self) -> Built:
-        """The sizes of the problems solved."""
-
-    def shapes(self, rows: Ints) -> ChainShapes:
-        """Shapes of these rows."""
-
-
-def _oscillating(squares: Floats) -> NDArray[np.complex128]:
+def oscillating(squares: Floats) -> NDArray[np.complex128]:
     """iω, or the growth rate where ω² < 0."""
     return np.sqrt(np.abs(squares)) * np.where(squares < 0, 1.0, 1j)
 
@@ -116,34 +85,6 @@ def _oscillating(squares: Floats) -> NDArray[np.complex128]:
 def structured_error(links: int, chains: int) -> float:
     """Bound on the relative error of ω: each step of a count perturbs the scene's data by a few roundings."""
     return (12 + 6 * links + log2(chains + 1)) * ROUNDOFF
-
-
-@dataclass(frozen=True, eq=False)
-class Rigid:
-    """The rigid translation of everything on a free cart; if a dashpot drags the cart it has no dynamics left."""
-
-    blocks: tuple[Block, ...]
-    total_mass: float
-    accelerance: Callable[[], float]
-    dragged: bool
-    route = "exact"
-    eigenvalue = np.zeros(1, dtype=complex)
-    error = np.zeros(1)
-    built = Built("free cart with everything at rest on it", 1, 0)
-
-    def details(self, rows: Ints) -> Details:
-        """The only shape: the cart alone is displaced, every angle is zero."""
-        zero = np.zeros(len(rows))
-        return Details(
-            modal_mass=zero + self.total_mass,
-            momentum=zero + (np.nan if self.dragged else self.total_mass),
-            cart=zero + 1.0,
-            participation=zero + (0.0 if self.dragged else 1.0 / self.total_mass / self.accelerance()),
-            kappa=zero,
-            residual=zero,
-            angles=tuple(np.zeros((*b.mass.shape, len(rows))) for b in self.blocks),
-            shares=tuple((b.mass / self.total_mass)[:, :, None] + zero for b in self.blocks),
-        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,7 +118,7 @@ class Alone:
     @cached_property
     def eigenvalue(self) -> NDArray[np.complex128]:
         """iω."""
-        return _oscillating(self.squares.ravel())
+        return oscillating(self.squares.ravel())
 
     @property
     def error(self) -> Floats:
@@ -192,7 +133,7 @@ class Alone:
         angle = motion.turns[0] / chains.length[:, None, :]
         square, turned = (x[:, None], angle.swapaxes(1, 2)) if several else (x, angle)
         gamma = quartic(chains, square, np.zeros(1), turned).ravel()
-        return _details(motion, x, (angle,), gamma, motion.energies, np.inf)
+        return chain_details(motion, x, (angle,), gamma, motion.energies, np.inf)
 
 
 @dataclass(frozen=True, eq=False)
@@ -251,91 +192,25 @@ class StillPendula:
         )
 
 
-@dataclass(frozen=True, eq=False)
-class Together:
-    """One heavy pendulum of each kind and the cart, with the modes found by a problem.
-
-    `accelerance` returns Σ φ_x² over all finite modes when a table needs it.
-    """
-
-    blocks: tuple[Block, ...]
-    counts: tuple[Ints, ...]
-    problem: SquaresProblem
-    accelerance: Callable[[], float]
-
-    @property
-    def route(self) -> str:
-        """The problem's."""
-        return self.problem.route
-
-    @property
-    def built(self) -> Built:
-        """The problem's."""
-        return self.problem.built
-
-    @cached_property
-    def eigenvalue(self) -> NDArray[np.complex128]:
-        """iω."""
-        return _oscillating(self.problem.squares)
-
-    @property
-    def error(self) -> Floats:
-        """Relative error bounds."""
-        deepest, chains = max(block.n for block in self.blocks), sum(block.size for block in self.blocks)
-        rounding = self.problem.slack * structured_error(deepest, chains)
-        return np.broadcast_to(self.problem.dense_error + rounding, self.problem.squares.shape)
-
-    def details(self, rows: Ints) -> Details:
-        """Shapes in which all copies of a kind move alike."""
-        x, motion = self.problem.squares[rows], self.problem.shapes(rows)
-        angles = tuple(a * (b.sigma / b.length)[:, :, None] for a, b in zip(motion.turns, self.blocks, strict=True))
-        parts = [quartic(b, x, motion.cart, angle).sum(0) for b, angle in zip(self.blocks, angles, strict=True)]
-        return _details(
-            motion, x, angles, np.sum(parts, axis=0), per_copy(motion.energies, self.counts), self.accelerance()
-        )
-
-
-def _details(
+def chain_details(
     motion: ChainShapes,
     x: Floats,
     angles: tuple[Floats, ...],
     gamma: Floats,
     energies: tuple[Floats, ...],
-    bare_accelerance: float,
+    accelerance: float,
 ) -> Details:
+    """Properties of plain chains at x (R,), whose support gets the acceleration `accelerance` from a unit force."""
     return Details(
         modal_mass=motion.modal_mass,
         momentum=motion.momentum,
         cart=motion.cart,
-        participation=motion.cart**2 / motion.modal_mass / bare_accelerance,
+        participation=motion.cart**2 / motion.modal_mass / accelerance,
         kappa=np.where(x > 0, coefficient(gamma, motion.modal_mass, x, largest_angle(angles)), np.nan),
         residual=motion.residual,
         angles=angles,
         shares=tuple(part / motion.modal_mass for part in energies),
     )
-
-
-@dataclass(frozen=True, eq=False)
-class Accelerance:
-    """Σ φ_x² over all finite modes (1/kg), from `compute` at its first use; unlike a closure it can be pickled."""
-
-    compute: Callable[[], float]
-
-    @cached_property
-    def value(self) -> float:
-        """The number."""
-        return self.compute()
-
-    def __call__(self) -> float:
-        """The number."""
-        return self.value
-
-
-def bare_accelerance(blocks: tuple[Block, ...], cart: CartNumbers) -> float:
-    """Σ φ_x² over all finite modes (1/kg): (M⁻¹)_xx = 1/α, or γ/β² where M is singular (see `at_infinity`)."""
-    alpha, beta, gamma = (float(sum(map(np.sum, parts))) for parts in zip(*map(at_infinity, blocks), strict=True))
-    held, bare = float(cart.stiffness) + beta, float(cart.mass) + alpha
-    return 1.0 / bare if bare > 0 else gamma / held / held
 
 
 def largest_angle(angles: tuple[NDArray[np.inexact], ...]) -> Floats:
@@ -344,6 +219,19 @@ def largest_angle(angles: tuple[NDArray[np.inexact], ...]) -> Floats:
     return largest
 
 
-def per_copy(energies: tuple[Floats, ...], counts: tuple[Ints, ...]) -> tuple[Floats, ...]:
-    """Energies of one copy, from those of `counts` copies combined."""
-    return tuple(part / count[:, None] for part, count in zip(energies, counts, strict=True))
+class Built(NamedTuple):
+    """A number of `problems` of one form, each with `unknowns`; square `matrices` as (name, order, count).
+
+    `is_complex` tells whether eigenvalues were sought in the complex plane.
+    """
+
+    what: str
+    problems: int
+    unknowns: int
+    matrices: tuple[tuple[str, int, int], ...] = ()
+    is_complex: bool = False
+
+
+def counted(number: int, noun: str, several: str = "") -> str:
+    """A number and its noun: 1 link, 3 links."""
+    return f"{number} {noun if number == 1 else several or noun + 's'}"

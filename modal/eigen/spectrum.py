@@ -8,29 +8,26 @@ pendula.  In space the motion across the rail is that on a fixed support.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
 from itertools import pairwise, repeat
 
 import numpy as np
 from numpy.typing import NDArray
 
-from modal.assembly import Block, CartNumbers, RatioAt, Rig, ratio_at
-from modal.eigen.chains import EVERYTHING, SEEDS, CartProblem, Limits, is_singular
+from modal.assembly import RatioAt, Rig, ratio_at
 from modal.eigen.component_matrices import ComponentMatrices
 from modal.eigen.components import PartedRig, StillGroup
-from modal.eigen.coupled import Counted, CoupledPendula
-from modal.eigen.degenerate import Still, degenerate_modes
-from modal.eigen.sources import Accelerance, Alone, Details, Rigid, Source, StillPendula, Together, bare_accelerance
-from modal.eigen.structured import MOST_LINKS_TOGETHER, FreeMotions, OnStructure
+from modal.eigen.coupled import CartPendula, StillModes
+from modal.eigen.sources import Alone, Details, Source, StillPendula
+from modal.eigen.squares import EVERYTHING, SEEDS, Limits
+from modal.eigen.structured import FreeMotions, OnStructure
 from modal.errors import ComputationError
 from modal.types import Booleans, Floats, Ints
 
 UNCERTAIN = 0.1
 """Bound on a relative error from which on no digit is certain: bounds are of first order, and larger ones none."""
-CLOSE = 1e-8
-"""Relative gap of squares below which shapes come from the secular equation, which keeps their differences."""
 MASSLESS = (
     "The mass matrix is singular: a massless cart over bobs has no inertia of its own, "
     "so one mode has no finite frequency and is left out."
@@ -87,17 +84,15 @@ def batches(rig: Rig, limits: Limits) -> Iterator[Batch]:
     Equal frequencies of different pendula on a cart are recognized from all digits of their own modes.
     """
     ratio = ratio_at(rig) if rig.damping_ratio else None
-    carried = PartedRig.of(rig) if rig.structure or (rig.cart and _needs_more(rig, rig.cart)) else None
-    components, balanced = carried.parted if carried else ((), ())
-    joined = {(heavy.block, share.column) for part in components for heavy in part.heavies for share in heavy.shares}
-    coupled = rig.cart is not None and rig.n_kinds > 1 and not carried
+    carried = PartedRig(rig)
+    components, balanced = carried.parted
+    plain = rig.cart is not None and not rig.cart.damping and all(block.is_plain.all() for block in rig.blocks)
+    coupled = plain and rig.n_kinds > 1
     alike = rig.n_kinds == 1 and not rig.structure
     shown = limits if alike else EVERYTHING if coupled else Limits(lowest=limits.lowest)
     alone = [Alone(block, shown) for block in rig.blocks]
     for index, (block, source) in enumerate(zip(rig.blocks, alone, strict=True)):
-        along = block.count - (rig.cart is not None)
-        if rig.structure:
-            along[[column for number, column in joined if number == index]] -= 1
+        along = block.count - carried.carrying[index]
         across = block.count if rig.spatial else np.zeros_like(along)
         groups = [group for group in balanced if group.block == index]
         needed = (along + across > 0) | coupled
@@ -109,36 +104,26 @@ def batches(rig: Rig, limits: Limits) -> Iterator[Batch]:
             kinds = column[there]
             yield Batch(each, rows[there], along[kinds], across[kinds], still=True, block=index, columns=kinds)
             for group in (group for group in groups if group.columns[0] in columns):
-                yield from _balanced(group, each, rows[column == group.columns[0]], carried)
-    if carried:
-        for component in components:
-            yield from _component(rig, OnStructure(ComponentMatrices(carried, component), ratio, limits))
-    elif rig.cart:
-        yield from _on_cart(rig, rig.cart, alone, limits)
+                yield from _balanced(carried, group, each, rows[column == group.columns[0]])
+    fixed = tuple(source.squares for source in alone) if coupled else ()
+    for component in components:
+        reduced = ComponentMatrices(carried, component)
+        moving = CartPendula(rig, fixed, limits) if plain else OnStructure(reduced, ratio, limits)
+        if reduced.free.size:
+            yield _moving(FreeMotions(reduced, moving))
+        if isinstance(moving, CartPendula) and fixed and moving.clusters.shared.size:
+            yield _still(StillModes(moving))
+        if rig.cart or reduced.size > reduced.coasting.shape[1]:
+            yield _moving(moving)
 
 
-def _component(rig: Rig, source: OnStructure) -> Iterator[Batch]:
-    """The free motions of what moves together, and its other modes."""
-    reduced = source.reduced
-    if rig.cart:
-        if rig.cart.stiffness == 0:
-            yield _rigid(rig, Accelerance(partial(_accelerance_of, source)))
-        yield _moving(source)
-        return
-    if reduced.free.size:
-        yield _moving(FreeMotions(reduced))
-    if reduced.size > reduced.coasting.shape[1]:
-        yield _moving(source)
+def _still(modes: StillModes) -> Batch:
+    first = np.cumsum(modes.folds) - modes.folds
+    return Batch(modes, first, modes.folds, np.zeros_like(first), still=True)
 
 
-def _rigid(rig: Rig, accelerance: Accelerance) -> Batch:
-    dragged = bool(rig.cart and rig.cart.damping > 0) or any(block.drag.any() for block in rig.blocks)
-    return _moving(Rigid(rig.blocks, rig.total_mass, accelerance, dragged))
-
-
-def _balanced(group: StillGroup, source: Source, rows: Ints, carried: PartedRig | None) -> Iterator[Batch]:
+def _balanced(carried: PartedRig, group: StillGroup, source: Source, rows: Ints) -> Iterator[Batch]:
     """The combination that pushes along the rail, and all others."""
-    assert carried is not None
     still = StillPendula(carried, group, source, rows)
     first, zero = np.arange(len(rows)) * group.number, np.zeros_like(rows)
     if group.pushes:
@@ -153,54 +138,8 @@ def _sources(source: Alone, needed: Booleans, ratio: RatioAt | None) -> Iterator
     if structured.size:
         yield structured, source if structured.size == block.size else Alone(block.take(structured), source.limits)
     for column in np.flatnonzero(needed & ~block.is_plain):
-        carried = PartedRig.alone(block.take(np.array([column])))
-        (component,) = carried.parted[0]
-        yield np.array([column]), OnStructure(ComponentMatrices(carried, component), ratio, source.limits)
-
-
-def _needs_more(rig: Rig, cart: CartNumbers) -> bool:
-    """Whether the effective mass does not suffice for the pendula on a cart."""
-    return cart.damping > 0 or not all(block.is_plain.all() for block in rig.blocks)
-
-
-def _accelerance_of(source: OnStructure) -> float:
-    return source.accelerance
-
-
-def _on_cart(rig: Rig, cart: CartNumbers, alone: list[Alone], limits: Limits) -> Iterator[Batch]:
-    """Plain chains that a cart joins."""
-    heavy = tuple(block.heavier(block.count) for block in rig.blocks)
-    counts = tuple(block.count for block in rig.blocks)
-    accelerance = Accelerance(partial(bare_accelerance, heavy, cart))
-    if cart.stiffness == 0:
-        yield _rigid(rig, accelerance)
-    if rig.n_kinds == 1:
-        yield _moving(Together(heavy, counts, CartProblem(heavy, cart, limits=limits), accelerance))
-    else:
-        squares = tuple(source.squares for source in alone)
-        yield from _different(heavy, counts, cart, squares, accelerance, limits)
-
-
-def _different(
-    heavy: tuple[Block, ...],
-    counts: tuple[Ints, ...],
-    cart: CartNumbers,
-    squares: tuple[Floats, ...],
-    accelerance: Callable[[], float],
-    limits: Limits,
-) -> Iterator[Batch]:
-    """Modes of kinds that alone have these `squares`: what leaves the cart still by coincidence, and the others."""
-    gathered = degenerate_modes(squares)
-    few = sum(block.mass.size for block in heavy) <= MOST_LINKS_TOGETHER
-    if few and gathered.closest > CLOSE and not gathered.shared.size:
-        yield _moving(Together(heavy, counts, CartProblem(heavy, cart, limits=limits), accelerance))
-        return
-    if gathered.shared.size:
-        still = Still(heavy, gathered)
-        first = np.cumsum(still.folds) - still.folds
-        yield Batch(Together(heavy, counts, still, accelerance), first, still.folds, np.zeros_like(first), still=True)
-    problem = (Counted if few else CoupledPendula)(heavy, cart, squares, gathered)
-    yield _moving(Together(heavy, counts, problem, accelerance))
+        chain = PartedRig(Rig(1.0, (block.take(np.array([column])),), ((0, 0, 1),), None, spatial=False))
+        yield np.array([column]), OnStructure(ComponentMatrices(chain, chain.whole), ratio, source.limits)
 
 
 def _moving(source: Source) -> Batch:
@@ -208,13 +147,16 @@ def _moving(source: Source) -> Batch:
     return Batch(source, rows, np.ones_like(rows), np.zeros_like(rows))
 
 
-def notes(rig: Rig, sources: Iterable[Source]) -> tuple[str, ...]:
+def notes(sources: Sequence[Source]) -> tuple[str, ...]:
     """What these `sources` omitted or took as equal, and why."""
-    massless = rig.cart is not None and not rig.leans and is_singular(rig.blocks, rig.cart)
-    problems = [source.problem for source in sources if isinstance(source, Together)]
-    merged = any(isinstance(problem, Still) and problem.clusters.rounded for problem in problems)
+    merged = any(isinstance(source, StillModes) and source.clusters.rounded for source in sources)
     dense = any(SEEDS in source.route for source in sources)
-    return (MASSLESS,) * massless + (MERGED,) * merged + (DENSE,) * dense
+    return (MASSLESS,) * _omitted(sources) + (MERGED,) * merged + (DENSE,) * dense
+
+
+def _omitted(sources: Iterable[Source]) -> int:
+    """How many modes have no finite frequency."""
+    return sum(isinstance(source, CartPendula | OnStructure) and source.is_singular for source in sources)
 
 
 @dataclass(frozen=True, eq=False)
@@ -297,12 +239,12 @@ def find_spectrum(rig: Rig, limits: Limits = EVERYTHING) -> ModalSpectrum:
 
 def _compare_with_states(rig: Rig, parts: Sequence[Batch]) -> None:
     """ComputationError where the modes are not as many as the states, of which a decay or a dragged rest has one."""
-    missing = rig.cart is not None and not rig.leans and is_singular(rig.blocks, rig.cart)
+    missing = _omitted(batch.source for batch in parts)
     links = sum(int(block.count.sum()) * block.n for block in rig.blocks) * (1 + rig.spatial)
     states, known = 2 * (rig.leading + links - missing), 0
     for batch in parts:
         value = batch.source.eigenvalue[batch.rows]
-        dragged = batch.source.dragged if isinstance(batch.source, Rigid | FreeMotions) else ~_undamped(batch)
+        dragged = batch.source.dragged if isinstance(batch.source, FreeMotions) else ~_undamped(batch)
         known += int(((batch.along + batch.across) * np.where(dragged & (value.imag == 0), 1, 2)).sum())
     if known != states:
         raise ComputationError(f"the modes found have {known} of the {states} states of this scene")

@@ -9,21 +9,24 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from modal.assembly import RatioAt, modal_factor
-from modal.eigen import dense, quadratic
+from modal.eigen import dense
 from modal.eigen.amplitude import coefficient, quartic
-from modal.eigen.chains import EVERYTHING, Limits
-from modal.eigen.component_matrices import ComponentMatrices
-from modal.eigen.components import PartedRig
-from modal.eigen.counts import Built, counted
-from modal.eigen.factor import BEYOND, SquareSum, is_wide
-from modal.eigen.recursion import joints, kinetic
-from modal.eigen.sources import ROUNDOFF, Details, largest_angle, structured_error
+from modal.eigen.component_matrices import (
+    BEYOND,
+    ComponentMatrices,
+    Numbers,
+    SquareSum,
+    StructureShapes,
+    is_wide,
+    moved_of,
+)
+from modal.eigen.coupled import MOST_LINKS_TOGETHER, CartPendula
+from modal.eigen.sources import ROUNDOFF, Built, Details, counted, largest_angle, oscillating, structured_error
+from modal.eigen.squares import EVERYTHING, Limits
 from modal.errors import ComputationError
 from modal.report import deferred
 from modal.types import Booleans, Complexes, Floats, Ints
@@ -32,38 +35,8 @@ LARGEST = 1200
 """Coordinates of one component up to which shapes, and frequencies from factors, are computed."""
 LIGHT = 0.1
 """Damping ratio, and out-of-phase share of a shape, up to which a mode has an amplitude coefficient."""
-MOST_LINKS_TOGETHER = 600
-"""Links with joint springs or inverted ones on a cart up to which counts find modes, dense matrices of more."""
 NARROW = 64.0
 """Factor on the error where the triangular factors are computed in floats no wider than the results."""
-Numbers = NDArray[Any]
-
-
-@dataclass(frozen=True, eq=False)
-class StructureShapes:
-    """R shapes of one component: every η (d, R) of the structure, and the angles (n, P, R) of every block."""
-
-    carried: PartedRig
-    eta: Numbers
-    angles: tuple[Numbers, ...]
-
-    @property
-    def energies(self) -> tuple[Floats, ...]:
-        """Twice the kinetic energy of each link of one copy over ω², (n, P, R); a mean over copies that move down."""
-        energies = []
-        for number, (block, angle) in enumerate(zip(self.carried.rig.blocks, self.angles, strict=True)):
-            along = self.carried.pivots[number] @ self.eta
-            turn = angle * (block.across * block.length)[:, :, None]
-            parts = [(along.real, turn.real)] + [(along.imag, turn.imag)] * np.iscomplexobj(angle)
-            if block.sinking is not None:
-                fallen = angle * (block.sinking * block.length)[:, :, None]
-                parts += [(0 * along.real, fallen.real), (0 * along.real, fallen.imag)]
-            energy = sum((kinetic(block, joints(y, a), a) for y, a in parts), start=np.zeros(angle.shape))
-            sunk = self.carried.sinking[number]
-            if sunk is not None:
-                energy += block.mass[:, :, None] * np.abs(np.einsum("pij,ir,jr->pr", sunk, self.eta, self.eta.conj()))
-            energies.append(energy)
-        return tuple(energies)
 
 
 def _details(
@@ -89,11 +62,14 @@ class FreeMotions:
     """The motions of one component that nothing holds, ω = 0; where a damper drags it no dynamics are left of them."""
 
     reduced: ComponentMatrices
+    moving: CartPendula | OnStructure
     route = "exact"
 
     @property
     def built(self) -> Built:
         """One problem that is not solved."""
+        if self.reduced.carried.is_plain:
+            return Built("free cart with everything at rest on it", 1, 0)
         return Built("free motion of the structure with everything at rest on it", self._number, 0)
 
     @property
@@ -117,11 +93,22 @@ class FreeMotions:
 
     def details(self, rows: Ints) -> Details:
         """The structure alone is displaced, every angle is zero."""
-        shape = self.reduced.free[:, rows]
-        moved, unit = moved_of(self.reduced, shape), np.ones(len(rows))
-        momentum = _cancelled(self.reduced.momentum, shape)
-        momentum = momentum + (np.nan if self.reduced.is_damped else 0.0)
-        return _details(moved, unit, momentum, 0 * unit, moved.energies)
+        carried, at = self.reduced.carried, self.reduced.component.eta
+        eta, unit = np.zeros((carried.size, len(rows))), np.ones(len(rows))
+        eta[at] = self.reduced.free[: len(at), rows]
+        moved = StructureShapes(carried, eta, tuple(np.zeros((*b.mass.shape, len(rows))) for b in carried.rig.blocks))
+        momentum = _cancelled(carried.momenta[at], eta[at])
+        if not carried.is_plain:
+            momentum = momentum + (np.nan if self.reduced.is_damped else 0.0)
+            return _details(moved, unit, momentum, 0 * unit, moved.energies)
+        dragged, cart = self.dragged[rows], eta[0]
+        return replace(
+            _details(moved, unit, np.where(dragged, np.nan, momentum), 0 * unit, moved.energies),
+            cart=cart,
+            participation=np.where(dragged, 0.0, cart**2 / self.moving.accelerance),
+            kappa=0 * unit,
+            eta=(),
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,11 +136,6 @@ class OnStructure:
     @property
     def _is_plain(self) -> bool:
         return self.reduced.carried.is_plain
-
-    @property
-    def _is_free(self) -> bool:
-        """Whether it is a cart that nothing holds."""
-        return self._is_plain and self.reduced.carried.hanging.structure.carriers[0].stiffness == (0.0,)
 
     @property
     def _is_product(self) -> bool:
@@ -199,7 +181,7 @@ class OnStructure:
     def eigenvalue(self) -> Complexes:
         """iω, growth rates, and with dampers −ζω + iω√(1−ζ²)."""
         if self._is_counted:
-            return np.sqrt(np.abs(self.squares)) * np.where(self.squares < 0, 1.0, 1j)
+            return oscillating(self.squares)
         return np.asarray(self._product[0] * 1j) if self._is_product else self._dense.eigenvalue
 
     @cached_property
@@ -240,29 +222,28 @@ class OnStructure:
         if self.is_singular and not undamped:
             raise ComputationError(dense.SINGULAR)
         M, K = (factor.matrix for factor in self.reduced.factors[:2])
-        if not self._is_plain and dense.is_singular(M):
-            raise ComputationError(BEYOND)
-        if undamped:
-            return dense.undamped(M, K, free=self._is_free, singular=self.is_singular)
-        coasting, free = np.zeros((len(M), 0)), 0
-        if not self._is_plain:
-            coasting, free = self.reduced.coasting if self.is_damped else self.reduced.free, self.reduced.free.shape[1]
+        if not undamped and dense.is_singular(M):
+            raise ComputationError(dense.SINGULAR if self._is_plain else BEYOND)
+        coasting = self.reduced.coasting
         kept, back, inertia, lost = _without(coasting, M)
-        stiffness, terms = K[np.ix_(kept, kept)], self.reduced.terms[kept]
+        stiffness, terms, left = K[np.ix_(kept, kept)], self.reduced.terms[kept], slice(None)
+        grown = len(M) / max(len(kept), 1)
+        if undamped:
+            modes = dense.undamped(inertia, stiffness, M[np.ix_(kept, kept)], singular=self.is_singular)
+            modes = replace(modes, error=modes.error * grown)
+        elif not self.is_damped:
+            modes = dense.indefinite(inertia, stiffness, terms=terms, lost=lost * grown)
+        else:
+            roots, modal = self._dampers
+            dampers = dense.Dampers(roots.strength[kept], _kept(roots.above, kept), _rows(roots.roots, kept))
+            modes = dense.damped(inertia, stiffness, terms, dampers, _rows(modal, kept), lost)
+            left = slice(self.reduced.free.shape[1] - coasting.shape[1], None)
         turned = self._turned_by_rounding(K) if leans else 0.0
-        if not self.is_damped:
-            modes = dense.indefinite(inertia, stiffness, free=self._is_free, terms=terms)
-            return replace(modes, shape=back @ modes.shape, error=modes.error * lost + turned)
-        roots, modal = self._dampers
-        dampers = quadratic.Dampers(roots.strength[kept], _kept(roots.above, kept), _rows(roots.roots, kept))
-        ratios = None if modal is None else modal[:, kept]
-        modes = quadratic.damped(inertia, stiffness, terms, dampers, ratios, free=self._is_free)
-        left = slice(max(free - coasting.shape[1], 0), None)
         return replace(
             modes,
             eigenvalue=modes.eigenvalue[left],
             shape=back @ modes.shape[:, left],
-            error=modes.error[left] * lost + turned,
+            error=modes.error[left] + turned,
         )
 
     def _turned_by_rounding(self, K: Floats) -> float:
@@ -283,7 +264,7 @@ class OnStructure:
         return SquareSum(np.concatenate([D.rows, modal]), np.concatenate([D.size, np.ones(len(modal))]))
 
     @cached_property
-    def _dampers(self) -> tuple[quadratic.Dampers, Floats | None]:
+    def _dampers(self) -> tuple[dense.Dampers, Floats | None]:
         """Dampers of joints below the first by their links, all others by their rows; and C with D_modal = CᵀC."""
         reduced, D = self.reduced, self.reduced.factors[2]
         strength, above = np.zeros(reduced.size), np.full(reduced.size, -1)
@@ -299,13 +280,13 @@ class OnStructure:
         if self.ratio is not None:
             M, K, _ = reduced.factors
             if self._is_plain:
-                modal = modal_factor(M.matrix, K.matrix, self._is_free, self.ratio)
+                modal = modal_factor(M.matrix, K.matrix, bool(reduced.free.size), self.ratio)
             elif not reduced.is_positive:
                 raise ComputationError("damping_ratio: is not computed with dampers where a coordinate falls")
             else:
                 omega, shapes = _product_modes(K, M, reduced.free.shape[1])
                 modal = np.sqrt(2 * self.ratio(omega) * omega)[:, None] * (M.matrix @ shapes).T
-        return quadratic.Dampers(strength, above, roots if len(roots) else None), modal
+        return dense.Dampers(strength, above, roots if len(roots) else None), modal
 
     def details(self, rows: Ints) -> Details:
         """Shapes over the whole structure and every kind of pendulum."""
@@ -384,7 +365,7 @@ class OnStructure:
             return 1.0 / float(tree.bare[0])
         M, shape = self.reduced.factors[0], self._dense.shape.real
         finite = float(np.sum(shape[0] ** 2 / (M.size[:, None] * (M.rows @ shape) ** 2).sum(0)))
-        return finite + (1.0 / float(M.matrix[0, 0]) if self._is_free else 0.0)
+        return finite + (1.0 / float(M.matrix[0, 0]) if self.reduced.free.size else 0.0)
 
     def _kappa(self, details: Details, value: Complexes, shape: Numbers) -> Floats:
         """κ of the in-phase part of each shape: exact without dampers, to first order in light ones.
@@ -422,19 +403,6 @@ def _product_modes(stiffness: SquareSum, inertia: SquareSum, free: int) -> tuple
     """ω and shapes by `modal.eigen.product`, which loads SciPy's linear algebra: scenes without structures do not."""
     modes: tuple[Floats, Floats] = deferred("modal.eigen.product:product_modes")(stiffness, inertia, free)
     return modes
-
-
-def moved_of(reduced: ComponentMatrices, shape: Numbers) -> StructureShapes:
-    """The shapes (n, R) of a component over the whole scene."""
-    carried, component = reduced.carried, reduced.component
-    eta = np.zeros((carried.size, shape.shape[1]), shape.dtype)
-    eta[component.eta] = shape[: len(component.eta)]
-    angles = tuple(np.zeros((*block.mass.shape, shape.shape[1]), shape.dtype) for block in carried.rig.blocks)
-    for heavy, at in zip(component.heavies, reduced.places.tolist(), strict=False):
-        angle = shape[at : at + carried.rig.blocks[heavy.block].n]
-        for share in heavy.shares:
-            angles[heavy.block][:, share.column] += share.amplitude * angle
-    return StructureShapes(carried, eta, angles)
 
 
 def _cancelled(row: Floats, shape: Numbers) -> Floats:

@@ -203,7 +203,7 @@ class Modes(Displayed, Eigenvalues, Sequence[Mode]):
         `normalise` is "angle" (the largest angle is 1 rad; where there is none, the cart moves 1 m) or "mass"
         (φᵀMφ = 1).  The vectors of one row are orthogonal in M: equal pendula in antiphase are spanned by
         (1, −1, 0, …), (1, 1, −2, 0, …), … along the rail, then one pendulum at a time across it; different pendula
-        of equal frequency as in `modal.eigen.degenerate`.  The sign makes the first of the largest angles positive.
+        of equal frequency as in `modal.eigen.coupled`.  The sign makes the first of the largest angles positive.
         Where no digit of the frequency is certain, `Shape.uncertain` is set. Raises IndexError for a mode or
         copy that does not exist, ValueError for another normalisation.
         """
@@ -220,7 +220,7 @@ class Modes(Displayed, Eigenvalues, Sequence[Mode]):
     def notes(self) -> tuple[str, ...]:
         """What was omitted or approximated, and why."""
         with np.errstate(all="ignore"):
-            of_routes = notes(self.natural, self.spectrum.sources)
+            of_routes = notes(self.spectrum.sources)
         grows = self.scene.has_modal_damping and bool(((self.eigenvalue.real > 0) & (self.eigenvalue.imag == 0)).any())
         told = (*equilibrium_words(self.rig), *left_out(self.scene))
         return *of_routes, *[GROWING] * grows, *told, *[SELECTED] * self.selected

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from modal.assembly import Rig
-from modal.eigen import ModalSpectrum, Rigid, counted
+from modal.eigen import FreeMotions, ModalSpectrum, counted
 from modal.modes.modes import Modes
 
 PACKAGES = (
@@ -164,7 +164,7 @@ def _coordinates_left_out(rig: Rig) -> Iterator[str]:
 def _solving_left_out(modes: Modes) -> Iterator[str]:
     sources, size = modes.spectrum.sources, coordinates(modes.rig)
     built = [source.built for source in sources]
-    if any(isinstance(source, Rigid) for source in sources):
+    if modes.rig.cart and any(isinstance(source, FreeMotions) for source in sources):
         yield "no search for the free cart's own frequency: 0 exactly"
     why = "the scene's damping_ratio leaves the undamped shapes" if modes.is_classical else "nothing damps"
     if not any(route.is_complex for route in built):

@@ -9,8 +9,8 @@ import pytest
 from modal import Bob, Body, Cart, Pendulum, Scene, load, natural_modes
 from modal.assembly import rig_of
 from modal.eigen import Poles, degenerate_modes, secular, solve
-from modal.eigen.chains import CartProblem, fixed_squares
-from modal.eigen.coupled import CoupledPendula
+from modal.eigen.chains import cart_shapes, fixed_squares
+from modal.eigen.coupled import CartPendula, CoupledPendula
 from modal.errors import ComputationError
 from modal.modes import Modes
 
@@ -25,11 +25,12 @@ def random_crowd(seed: int, size: int = 40) -> Scene:
     return Scene(gravity=9.81, support=Cart(mass=mass, stiffness=float(rng.choice([0, 5.0]))), pendulum=pendula)
 
 
-def problems(scene: Scene) -> tuple[CoupledPendula, CartProblem]:
+def problems(scene: Scene) -> tuple[CoupledPendula, CartPendula]:
+    """The secular equation, and the effective mass."""
     rig, _ = rig_of(scene).natural()
-    heavy = tuple(block.heavier(block.count) for block in rig.blocks)
+    direct = CartPendula(rig)
     squares = tuple(fixed_squares(block).x for block in rig.blocks)
-    return CoupledPendula(heavy, rig.cart, squares, degenerate_modes(squares)), CartProblem(heavy, rig.cart)
+    return CoupledPendula(direct.blocks, direct.cart, squares, degenerate_modes(squares)), direct
 
 
 @pytest.mark.parametrize("seed", range(20))
@@ -37,7 +38,8 @@ def test_two_routes_to_the_same_modes(seed: int) -> None:
     crowd, direct = problems(random_crowd(seed))
     x = crowd.squares
     np.testing.assert_allclose(x, direct.squares, rtol=1e-14)
-    by_crowd, two = crowd.shapes(np.arange(len(x))), direct.shapes(np.arange(len(x)))
+    by_crowd = crowd.shapes(np.arange(len(x)), x)
+    two = cart_shapes(direct.blocks, direct.cart, direct.squares)
     gap = np.diff(x, prepend=0, append=2 * x[-1])
     apart = np.minimum(gap[1:], gap[:-1]) / x
     for a, b in zip((by_crowd.cart[None, None], *by_crowd.turns), (two.cart[None, None], *two.turns), strict=True):
@@ -105,7 +107,7 @@ def test_thousand_pendula_take_the_secular_route() -> None:
 
 def natural_modes_by_count(modes: Modes) -> np.ndarray:
     rig, units = modes.rig.natural()
-    return np.sqrt(CartProblem(rig.blocks, rig.cart).squares) * units.rate
+    return np.sqrt(CartPendula(rig).squares) * units.rate
 
 
 def test_two_thousand_equal_lengths_of_different_mass() -> None:

@@ -7,7 +7,7 @@ import pytest
 
 from modal import Bob, ComputationError, Pendulum, Scene
 from modal.assembly import rig_of
-from modal.eigen import dense, product, sprung_chains
+from modal.eigen import dense, product, trees
 from modal.eigen.components import StillGroup
 
 EPS = np.finfo(float).eps
@@ -43,7 +43,7 @@ def test_a_pivot_of_zero_counts_as_below() -> None:
     links = (Bob(mass=1.0, length=1.0, stiffness=1.0),)
     (block,) = rig_of(Scene(gravity=1.0, pendulum=[Pendulum(links=links)])).blocks
     x = np.array([np.nextafter(2.0, 0.0), 2.0, np.nextafter(2.0, 3.0)])
-    below, mass = sprung_chains.count_and_mass(block, x)
+    below, mass = trees.sprung_count_and_mass(block, x)
     assert below.tolist() == [[0, 1, 1]]
     assert np.sign(mass).tolist() == [[1, -1, -1]]
 
@@ -61,9 +61,9 @@ def test_a_push_that_has_cancelled_is_none(turn: float, pushes: bool) -> None:
 def test_undamped_modes_are_refused_where_their_bound_says_nothing() -> None:
     """Of K = 1 and M = diag(1, d) it is 4ε (1 + (1 + d)/ω⁻²): half of ω at the limit, a few roundings for d = 1/2."""
     with pytest.raises(ComputationError, match="spread too far"):
-        dense.undamped(np.diag([1.0, 7 * EPS]), np.eye(2), free=False, singular=False)
-    last = dense.undamped(np.diag([1.0, 9 * EPS]), np.eye(2), free=False, singular=False)
+        dense.undamped(np.diag([1.0, 7 * EPS]), np.eye(2), np.diag([1.0, 7 * EPS]), singular=False)
+    last = dense.undamped(np.diag([1.0, 9 * EPS]), np.eye(2), np.diag([1.0, 9 * EPS]), singular=False)
     assert 0.25 < last.error.max() < 0.5
-    easy = dense.undamped(np.diag([1.0, 0.5]), np.eye(2), free=False, singular=False)
+    easy = dense.undamped(np.diag([1.0, 0.5]), np.eye(2), np.diag([1.0, 0.5]), singular=False)
     np.testing.assert_allclose(easy.eigenvalue.imag, [1.0, np.sqrt(2)], rtol=EPS)
     np.testing.assert_allclose(easy.error, 4 * EPS * np.array([2.5, 4.0]), rtol=1e-12)

@@ -10,11 +10,11 @@ from scenes import extreme_pendulum, extreme_scene, long_scene
 
 from modal import Bob, Cart, Fixed, Pendulum, Rod, Scene, natural_modes
 from modal.assembly import rig_of
-from modal.eigen import chains, rayleigh, seeds, short, sturm
-from modal.eigen.bisection import confirmed, located, searched
-from modal.eigen.chains import CartProblem, squares_of
-from modal.eigen.rayleigh import at_pivot, twisted
-from modal.eigen.sturm import Suspension
+from modal.eigen import recursion, seeds, short, squares
+from modal.eigen.coupled import CartPendula
+from modal.eigen.recursion import Suspension
+from modal.eigen.seeds import at_pivot, twisted
+from modal.eigen.squares import confirmed, located, searched, squares_of
 from modal.types import Floats, Ints
 
 ULPS = 4
@@ -26,7 +26,7 @@ def suspended(scene: Scene) -> tuple[Suspension, int]:
     rig = rig_of(scene).natural()[0]
     if rig.cart is None:
         return Suspension.fixed(rig.blocks[0]), rig.blocks[0].n
-    return Suspension.on_cart(rig.blocks, rig.cart), CartProblem(rig.blocks, rig.cart).n_modes
+    return Suspension.on_cart(rig.blocks, rig.cart), CartPendula(rig).n_modes
 
 
 def bits(x: Floats) -> Ints:
@@ -133,7 +133,7 @@ def test_without_a_dense_matrix_it_is_bisection(monkeypatch: pytest.MonkeyPatch)
     def fails(suspension: Suspension) -> None:
         raise np.linalg.LinAlgError
 
-    monkeypatch.setattr(chains, "seeds", fails)
+    monkeypatch.setattr(squares, "seeds", fails)
     np.testing.assert_array_equal(natural_modes(scene).omega, expected)
 
 
@@ -145,16 +145,16 @@ def test_scalar_arithmetic_is_that_of_numpy(seed: int) -> None:
     """
     rng = np.random.default_rng(seed)
     numbers = 10 ** rng.uniform(-2, 2, (2, 1 + 5 * seed, 1, 1, 1))
-    hung = sturm.chains_of(numbers[0], numbers[1], numbers[1] / 2, numbers[0] * numbers[1] ** 2 / 12)
+    hung = recursion.chains_of(numbers[0], numbers[1], numbers[1] / 2, numbers[0] * numbers[1] ** 2 / 12)
     x = np.append(10 ** rng.uniform(-6, 6, 33), 1 / (hung.r * hung.inverse)[0, 0, 0])[:, None]
     rows = (hung.inverse, hung.r, hung.p, hung.m, hung.mJ, hung.q)
     links = list(zip(*(values[::-1, 0, 0, 0].tolist() for values in rows), strict=True))
     counted = [link[:5] for link in links]
     with np.errstate(all="ignore"):
         each = [
-            (sturm._counted(hung, x, 0.0), lambda y: short._swept(counted, y)),
-            (sturm._counted(hung, x, sturm.NUDGE), lambda y: short._nudged(counted, y, sturm.NUDGE)),
-            (rayleigh._mass_and_energy(hung, x), lambda y: short._swept_with_energy(links, y)),
+            (recursion._counted(hung, x, 0.0), lambda y: short._swept(counted, y)),
+            (recursion._counted(hung, x, recursion.NUDGE), lambda y: short._nudged(counted, y, recursion.NUDGE)),
+            (seeds._mass_and_energy(hung, x), lambda y: short._swept_with_energy(links, y)),
         ]
     for expected, by_numbers in each:
         for k, y in enumerate(x[:, 0].tolist()):

@@ -17,9 +17,9 @@ from modal.assembly import assembled, rig_of
 from modal.eigen import structured
 from modal.eigen.component_matrices import ComponentMatrices
 from modal.eigen.components import PartedRig
-from modal.eigen.sprung_chains import count_and_mass
-from modal.eigen.sturm import Suspension
-from modal.eigen.sturm import count_and_mass as unsprung
+from modal.eigen.recursion import Suspension
+from modal.eigen.recursion import count_and_mass as unsprung
+from modal.eigen.trees import sprung_count_and_mass as count_and_mass
 from modal.modes import Modes
 from modal.modes.solution_report import report_solution
 
@@ -173,8 +173,8 @@ def test_the_count_is_that_of_the_matrices() -> None:
         heavy = tuple(block.heavier(block.count) for block in rig.blocks)
         if not rig.cart:
             continue
-        carried = PartedRig.of(rig)
-        tree = ComponentMatrices(carried, carried.parted[0][0]).tree
+        carried = PartedRig(rig)
+        tree = ComponentMatrices(carried, carried.whole).tree
         assert tree is not None
         K, M = (part for part in _assembled(heavy, rig.cart))
         free = rig.cart.stiffness == 0

@@ -19,7 +19,7 @@ from modal import (
     natural_modes,
 )
 from modal.assembly import rig_of
-from modal.eigen import Suspension, bisection, chains, seeds
+from modal.eigen import Suspension, seeds, squares
 from modal.modes import frequencies
 from modal.scene import parameters
 from modal.scene.parameters import vary
@@ -96,14 +96,14 @@ def test_no_scene_is_made() -> None:
 
 def test_two_counts_confirm_a_mode_of_a_scene(monkeypatch: pytest.MonkeyPatch) -> None:
     trials = []
-    reached = bisection._reached
+    reached = squares._reached
 
-    def counted(problem: bisection.Counting, wanted: Floats, points: Floats) -> Floats:
+    def counted(problem: squares.Counting, wanted: Floats, points: Floats) -> Floats:
         trials.append(points.size)
         return reached(problem, wanted, points)  # type: ignore[arg-type, return-value]
 
-    monkeypatch.setattr(bisection, "_reached", counted)
-    monkeypatch.setattr(chains, "_otherwise", None)
+    monkeypatch.setattr(squares, "_reached", counted)
+    monkeypatch.setattr(squares, "_otherwise", None)
     values = {path: column[:6] for path, column in numbers(0.1).items()}
     natural_frequencies(chain(Cart(mass=2.0)), vary=values)
     assert trials == [2 * 3 * 6]
@@ -188,15 +188,15 @@ def test_lanczos_seeds_are_near_the_lowest_modes(support: Fixed | Cart) -> None:
 
 def test_few_modes_of_a_long_chain_take_few_counts(monkeypatch: pytest.MonkeyPatch) -> None:
     trials = []
-    reached = bisection._reached
+    reached = squares._reached
 
-    def counted(problem: bisection.Counting, wanted: Floats, points: Floats) -> Floats:
+    def counted(problem: squares.Counting, wanted: Floats, points: Floats) -> Floats:
         trials.append(points.size)
         return reached(problem, wanted, points)  # type: ignore[arg-type, return-value]
 
-    monkeypatch.setattr(bisection, "_reached", counted)
+    monkeypatch.setattr(squares, "_reached", counted)
     assert len(natural_modes(load("rope"), modes=slice(0, 3))) == 3
-    assert trials == [3 * (2 * chains.FARTHER + 1)]
+    assert trials == [3 * (2 * squares.FARTHER + 1)]
 
 
 @pytest.mark.parametrize("accuracy", [None, 1e-6])
@@ -208,6 +208,6 @@ def test_a_mode_that_lanczos_misses_is_told_by_the_count(
 
     scene = Scene(gravity=9.81, pendulum=[Pendulum(links=[Rod(mass=1.0, length=1.0, count=300)])])
     expected = natural_modes(scene).omega[:3]
-    monkeypatch.setattr(chains, "slow_seeds", second_on)
+    monkeypatch.setattr(squares, "slow_seeds", second_on)
     modes = natural_modes(scene, modes=slice(0, 3), accuracy=accuracy)
     np.testing.assert_allclose(modes.omega, expected, rtol=accuracy or 4e-16)

@@ -1,0 +1,269 @@
+"""ω² of chains to the last bit: seeds, one Rayleigh quotient step from each, and counts that confirm them or search.
+
+Zeros of a monotone count are found on the floats themselves, all of them at once.  Positive floats are ordered like the
+integers that share their bits, so bisecting these integers finds exponent and mantissa alike and ends at two
+neighbouring floats, after at most 62 counts.  Where few zeros are sought each count tries several points in the same
+interval, which costs little more than one.
+
+A guess is used if the count confirms it: x is found where the count steps within two units in the last place of the
+guess.  The others are sought in brackets about theirs, which are widened until the count steps inside.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from modal.eigen.recursion import Suspension
+from modal.eigen.seeds import LARGEST, at_pivot, seeds, slow_seeds, twisted
+from modal.errors import ComputationError
+from modal.types import Booleans, Floats, Ints
+
+STRIDE = 2.0**24
+BEYOND = "the ratios in this scene are beyond double precision: a frequency overflows"
+NEAR = 2
+"""Distance from a guess in units in the last place."""
+WIDER, WIDEST = 2**8, 2**62
+TRIALS = 800
+"""Number of trial values that cost hardly more than one."""
+SEEDS = "dense seeds"
+LONG, FEW = 100, 20
+"""Links above which seeds of all cost more than those of one mode in FEW."""
+CACHED = 100_000
+"""Numbers of one array of many supports, few enough for all of them to stay in a processor's cache."""
+CLOSEST = 2.0**-51
+"""Relative distance of ω² that counts leave where there are many supports: two to four units in the last place."""
+FARTHER = 16
+"""Distance from a second guess in units in the last place."""
+
+
+class Limits(NamedTuple):
+    """What is required of a spectrum: a relative accuracy of ω (0: every digit), and a number of the lowest modes.
+
+    The oscillatory `squares` (R,) of a single chain may be known already.
+    """
+
+    accuracy: float = 0.0
+    lowest: int | None = None
+    squares: Floats | None = None
+
+
+EVERYTHING = Limits()
+
+
+def smallest_where(reached: Callable[[Floats], Booleans], low: Floats, high: Floats) -> Floats:
+    """The smallest float x in (low, high] with reached(x), elementwise; `reached` turns from False to True once."""
+    lo, hi = low.view(np.int64).copy(), high.view(np.int64).copy()
+    while np.any(hi - lo > 1):
+        middle = lo + (hi - lo) // 2
+        inside = reached(middle.view(np.float64))
+        hi = np.where(inside, middle, hi)
+        lo = np.where(inside, lo, middle)
+    return hi.view(np.float64)
+
+
+def above_all(count: Callable[[Floats], Ints], start: Floats, wanted: Ints) -> Floats:
+    """Powers of STRIDE times `start` until `count` has reached `wanted` everywhere."""
+    high = start * STRIDE
+    if not np.all((start > 0) & np.isfinite(start)):
+        raise ComputationError(BEYOND)
+    while np.any(count(high) < wanted):
+        high = high * STRIDE
+        if not np.all(high < 1e280):
+            raise ComputationError(BEYOND)
+    return high
+
+
+class Counting(Protocol):
+    """S problems of one form, whose eigenvalues below trial values (R, S) can be counted."""
+
+    @property
+    def low(self) -> Floats:
+        """Lower bounds of all eigenvalues, (S,)."""
+
+    def count(self, x: Floats) -> Ints:
+        """The number of eigenvalues below each x (R, S)."""
+
+    def take(self, supports: Ints | slice) -> Counting:
+        """A subset of the problems."""
+
+
+def located(problem: Counting, wanted: Ints, modes: int) -> Floats:
+    """The eigenvalues with these indices (R,), from 0, of each problem with `modes` eigenvalues, (R, S)."""
+    low = problem.low[None].view(np.int64)
+    high = above_all(problem.count, problem.low[None], np.array(modes)).view(np.int64)
+    parts = max(2, len(wanted))
+    inner = np.arange(1, parts)[:, None]
+    points = low + (high - low) // parts * inner + (high - low) % parts * inner // parts  # as many as are sought
+    counts = problem.count(points.view(np.float64))
+    first = np.stack([np.searchsorted(column, wanted, side="right") for column in counts.T], axis=1)
+    ends = np.concatenate([low, points, high])
+    return _between(problem, wanted, *(np.take_along_axis(ends, first + step, 0) for step in (0, 1)))
+
+
+def confirmed(problem: Counting, wanted: Ints, guess: Floats, near: int = NEAR) -> tuple[Floats, Booleans]:
+    """The eigenvalues confirmed within `near` units in the last place of guesses (R, S), and a mask of the others."""
+    bits = np.where(guess > 0, guess, 1.0).view(np.int64)
+    steps = np.arange(-near, near + 1)
+    reached = _reached(problem, wanted, bits + steps[:, None, None])
+    squares = (bits + steps[reached.argmax(0)]).view(np.float64)
+    return squares, reached[0] | ~reached[-1]
+
+
+def lies_within(problem: Counting, wanted: Ints, guess: Floats, error: Floats | float) -> Booleans:
+    """Whether each eigenvalue lies within a relative error of its guess (R, S)."""
+    ends = np.stack([guess * (1 - error), guess * (1 + error)])
+    reached = _reached(problem, wanted, ends.view(np.int64))
+    return np.asarray(~reached[0] & reached[1])
+
+
+def searched(problem: Counting, wanted: Ints, guess: Floats, error: Floats, modes: int) -> Floats:
+    """The eigenvalues from guesses (R, S) with relative errors (R, S), infinite where there is no guess."""
+    least = problem.low[None].view(np.int64)
+    most = above_all(problem.count, problem.low[None], np.array(modes)).view(np.int64)
+    bits = np.clip(np.where(np.isfinite(error), guess, 1.0).view(np.int64), least, most)
+    width = (np.minimum(error, 1.0) * 2.0**53).astype(np.int64) + WIDER
+    while True:
+        lo, hi = bits - np.minimum(width, bits - least), bits + np.minimum(width, most - bits)
+        reached = _reached(problem, wanted, np.stack([lo, hi]))
+        wrong = (reached[0] & (lo > least)) | (~reached[1] & (hi < most))
+        if not wrong.any():
+            return _between(problem, wanted, lo, hi)
+        width = np.where(wrong, np.where(width < WIDEST // WIDER, width * WIDER, WIDEST), width)
+
+
+def _between(problem: Counting, wanted: Ints, lo: Ints, hi: Ints) -> Floats:
+    """The floats at which the count passes each index, between these bit patterns."""
+    parts = max(2, TRIALS // max(1, lo.size))
+    inner = np.arange(1, parts)[:, None, None]
+    while np.any((gap := hi - lo) > 1):
+        points = lo + (gap // parts) * inner + (gap % parts) * inner // parts
+        reached = _reached(problem, wanted, points)
+        first = np.where(reached.any(0), reached.argmax(0), parts - 1)[None]
+        ends = np.concatenate([lo[None], points, hi[None]])
+        lo, hi = (np.take_along_axis(ends, first + step, 0)[0] for step in (0, 1))
+    return hi.view(np.float64)
+
+
+def _reached(problem: Counting, wanted: Ints, points: Ints) -> Booleans:
+    """Whether the count at points (K, R, S) has passed the indices (R,), or (R, S)."""
+    x = np.ascontiguousarray(points).view(np.float64)
+    counts = problem.count(x.reshape(-1, points.shape[-1])).reshape(points.shape)
+    return np.asarray(counts > (wanted[:, None] if wanted.ndim == 1 else wanted))
+
+
+class Squares(NamedTuple):
+    """ω² and bounds on their relative errors beyond rounding, in one array shape."""
+
+    x: Floats
+    error: Floats
+
+    @classmethod
+    def exact(cls, x: Floats) -> Squares:
+        """Squares that are exact to rounding."""
+        return cls(x, np.zeros(x.shape))
+
+    @property
+    def route(self) -> str:
+        """The method in words."""
+        dense = self.error > 0
+        routes = [SEEDS] * bool(dense.any()) + ["effective mass"] * (not dense.all() or not dense.size)
+        return ", ".join(routes)
+
+
+def squares_of(suspension: Suspension, wanted: Ints, modes: int, accuracy: float = 0.0) -> Squares:
+    """ω² (R, S) with these indices (R,), from 0, among the oscillatory modes of each support.
+
+    Dense eigenvalues within `accuracy`, relative in ω, are used unchanged.
+    """
+    if not wanted.size:
+        return Squares.exact(np.zeros((0, suspension.supports)))
+    if _is_slow(suspension, wanted):
+        guess, error = slow_seeds(suspension, len(wanted))
+        near = guess, np.maximum(error, 3 * accuracy)  # nothing tells that none was missed, so that a count must
+        return _settled(suspension, wanted, _tried(suspension, wanted, accuracy, near), modes)
+    if suspension.size > LARGEST or _are_few(suspension, wanted):
+        return Squares.exact(located(suspension, wanted, modes))
+    step = max(1, CACHED // suspension.size**2)
+    starts = range(0, suspension.supports, step)
+    pieces = [suspension.take(slice(at, at + step)) for at in starts] if len(starts) > 1 else [suspension]
+    tried = [_tried(piece, wanted, accuracy, seeds(piece)) for piece in pieces]
+    every = Tried(*(np.concatenate(parts, axis=1) for parts in zip(*tried, strict=True)))
+    return _settled(suspension, wanted, every, modes)
+
+
+def _is_slow(suspension: Suspension, wanted: Ints) -> bool:
+    """Whether these are a few of the lowest modes of one long support without a spring."""
+    sprung = suspension.stiffness is not None and bool(suspension.stiffness[0] > 0)
+    lowest = bool(wanted[-1] == len(wanted) - 1)
+    return _are_few(suspension, wanted) and suspension.supports == 1 and lowest and not sprung
+
+
+def _are_few(suspension: Suspension, wanted: Ints) -> bool:
+    return FEW * len(wanted) < suspension.size - LONG
+
+
+class Tried(NamedTuple):
+    """ω² of a first way, bounds on their errors beyond rounding, where counts refute it, the seeds and their errors."""
+
+    x: Floats
+    error: Floats
+    missed: Booleans
+    guess: Floats
+    known: Floats
+
+
+def _settled(suspension: Suspension, wanted: Ints, tried: Tried, modes: int) -> Squares:
+    """All ω², those that were missed found mode by mode another way."""
+    x, error, missed, guess, known = tried
+    rows, supports = np.nonzero(missed)
+    if not rows.size:
+        return Squares(x, error)
+    if suspension.supports == 1:
+        x[rows] = _otherwise(suspension, wanted[rows, None], guess[rows], known[rows], modes)
+        return Squares(x, error)
+    squares, step = [], max(1, CACHED // suspension.size)
+    for at in range(0, len(rows), step):
+        row, support = rows[at : at + step], supports[at : at + step]
+        alone = wanted[None, row], guess[None, row, support], known[None, row, support]
+        squares.append(_otherwise(suspension.take(support), *alone, modes)[0])
+    x[missed] = np.concatenate(squares)
+    return Squares(x, error)
+
+
+def _tried(suspension: Suspension, wanted: Ints, accuracy: float, near: tuple[Floats, Floats]) -> Tried:
+    """Seeds `near` all modes where they are known to be accurate enough, else a Rayleigh quotient step from each."""
+    guess, known = (values[wanted] for values in near)
+    x, error, missed = guess.copy(), known.copy(), np.zeros(guess.shape, dtype=np.bool_)
+    rows = np.flatnonzero((known > 2 * accuracy).any(1))
+    if accuracy and rows.size:
+        inside = lies_within(suspension, wanted[rows], guess[rows], 2 * accuracy)
+        error[rows] = np.where(inside, 2 * accuracy, error[rows])
+        rows = np.flatnonzero((error > 2 * accuracy).any(1))
+    if rows.size:
+        x[rows], missed[rows] = _improved(suspension, wanted[rows], guess[rows])
+        error[rows] = 0.0
+    return Tried(x, error, missed, guess, known)
+
+
+def _improved(suspension: Suspension, wanted: Ints, guess: Floats) -> tuple[Floats, Booleans]:
+    """A Rayleigh quotient step at the pivot, and where the count does not confirm it.
+
+    Of one support the float at which the count steps, of many a float within CLOSEST of it.
+    """
+    squares = at_pivot(suspension, guess)
+    if suspension.supports == 1:
+        return confirmed(suspension, wanted, squares, FARTHER if _are_few(suspension, wanted) else NEAR)
+    return squares, ~lies_within(suspension, wanted, squares, CLOSEST)
+
+
+def _otherwise(suspension: Suspension, wanted: Ints, guess: Floats, error: Floats, modes: int) -> Floats:
+    """The eigenvalues with these indices (R, S) from another shape, and by a search where that is not confirmed."""
+    squares, missed = confirmed(suspension, wanted, twisted(suspension, guess), FARTHER)
+    if missed.any():
+        rows, supports = (np.flatnonzero(missed.any(axis)) for axis in (1, 0))
+        part = np.ix_(rows, supports)
+        squares[part] = searched(suspension.take(supports), wanted[part], guess[part], error[part], modes)
+    return squares
