@@ -34,7 +34,7 @@ HEAVY = {
     },
     "sympy": {"modal.symbolic"},
     "control": {"modal.exports.scripts"},
-    "flint": {"modal.exact.balls"},
+    "flint": {"modal.exact.enclosures"},
     "numba": {"nonlinear.dynamics.compiling"},
     "heyoka": {"nonlinear.integration.taylor"},
     "distributed": {"nonlinear.ensembles.cluster"},

@@ -6,13 +6,11 @@ In: a `Scene`.  Out: `Rig`, arrays of pendula with equal ones counted once, and 
 
 Every other room works on these arrays and never asks what kind a link is.  Start with `arrays`; `squares` are M, K and
 D as sums of squares in any arithmetic, `structure` puts them together for what carries pendula, a fixed support or a
-cart being the simplest; `stacks` are many scenes of one form, `single` is one short chain in floats, `linearization` is
-the dense form for printing, for small problems and for tests.
+cart being the simplest; `stacks` are many scenes of one form, and one short chain in floats; `linearization` is the
+dense form for printing, for small problems and for tests.
 """
 
 from modal.assembly.arrays import ARRAYS, Block, CartNumbers, Rig, Units, masses_below, rig_of
-from modal.assembly.dense import Columns, assembled, centres, displacements, joints, on_rail
-from modal.assembly.derivatives import Arrays, differences
 from modal.assembly.equilibrium import Equilibrium, Rest, equilibrium_of
 from modal.assembly.hoisting import (
     Hoisting,
@@ -25,7 +23,7 @@ from modal.assembly.hoisting import (
     no_hoist,
     quadratic_drags,
 )
-from modal.assembly.linearization import Matrices, coordinate_labels, matrices, matrices_of
+from modal.assembly.linearization import Arrays, Matrices, coordinate_labels, differences, matrices, matrices_of
 from modal.assembly.losses import (
     CART,
     Dissipator,
@@ -37,14 +35,27 @@ from modal.assembly.losses import (
     on_lines,
 )
 from modal.assembly.modal_damping import RatioAt, frequencies, modal_dampers, modal_factor, ratio_at
-from modal.assembly.single import Single, single
-from modal.assembly.squares import DRAG, DRAG_DOWN, JOINT, SPRING, WIRE
-from modal.assembly.stacks import Stack, can_stack, keep_form, stacked, varied
-from modal.assembly.structure import (
+from modal.assembly.squares import (
+    DRAG,
+    DRAG_DOWN,
+    JOINT,
+    SPRING,
+    WAYS,
+    WIRE,
+    Columns,
     Element,
+    SquareRows,
+    centres,
+    chain_squares,
+    displacements,
+    joints,
+)
+from modal.assembly.stacks import Single, Stack, can_stack, keep_form, single, stacked, varied
+from modal.assembly.structure import (
     Elements,
     Hanging,
     SpringRow,
+    assembled,
     modal_supports,
     null_space,
     scene_squares,
@@ -57,6 +68,7 @@ __all__ = [
     "DRAG_DOWN",
     "JOINT",
     "SPRING",
+    "WAYS",
     "WIRE",
     "Arrays",
     "Block",
@@ -77,11 +89,13 @@ __all__ = [
     "Rig",
     "Single",
     "SpringRow",
+    "SquareRows",
     "Stack",
     "Units",
     "assembled",
     "can_stack",
     "centres",
+    "chain_squares",
     "coordinate_labels",
     "differences",
     "displacements",
@@ -106,7 +120,6 @@ __all__ = [
     "no_hoist",
     "null_space",
     "on_lines",
-    "on_rail",
     "quadratic_drags",
     "ratio_at",
     "rig_of",

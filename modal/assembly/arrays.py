@@ -169,40 +169,39 @@ class Rig(Displayed):
     def total_mass(self) -> float:
         """Total mass of all links and what they hang from (kg); NaN with a modal support, whose own is not known."""
         hanging = sum(float(np.sum(block.mass.sum(0) * block.count)) for block in self.blocks)
-        if self.structure:
-            hanging += sum(float(carrier.mass) if carrier.M is None else nan for carrier in self.structure.carriers)
-        return hanging + (self.cart.mass if self.cart else 0.0)
+        return hanging + sum(nan if carrier.M is not None else float(carrier.mass) for carrier in self.support.carriers)
 
-    @property
-    def carried(self) -> Rig:
-        """The same with its support as a structure: a fixed one has no coordinate, a cart one."""
+    @cached_property
+    def support(self) -> Structure:
+        """What carries the pendula as a structure: a fixed support has no coordinate, a cart one."""
         if self.structure:
-            return self
+            return self.structure
         numbers = CarrierNumbers("fixed", "fixed", (0.0, 0.0))
         if self.cart:
             mass, damping, stiffness = self.cart
             numbers = CarrierNumbers("cart", "cart", (0.0, 0.0), mass, stiffness=(stiffness,), damping=(damping,))
         pivots = (Pivot(0, (0.0, 0.0)),) * sum(copies for *_, copies in self.members)
-        return replace(self, cart=None, structure=Structure((numbers,), pivots, ()))
+        return Structure((numbers,), pivots, ())
+
+    @property
+    def carried(self) -> Rig:
+        """The same on its support as a structure."""
+        return self if self.structure else replace(self, cart=None, structure=self.support)
 
     @property
     def leading(self) -> int:
         """How many coordinates come before the angles of the links: none, the cart's, or those of the structure."""
-        return self.structure.size if self.structure else int(self.cart is not None)
+        return self.support.size
 
     @property
     def is_damped(self) -> bool:
         """Whether there are dampers or drag."""
-        carried = bool(self.structure and is_damped(self.structure))
-        return carried or bool(self.cart and self.cart.damping > 0) or any(block.is_damped for block in self.blocks)
+        return is_damped(self.support) or any(block.is_damped for block in self.blocks)
 
     @property
     def rest_angles(self) -> Floats:
         """The equilibrium's angle (L,) of every link in the order of the file: 0 hanging, π inverted, or moved."""
-        straight = {number: np.where(block.sigma > 0, 0.0, np.pi) for number, block in enumerate(self.blocks)}
-        each = {
-            number: block.rest.angle if block.rest else straight[number] for number, block in enumerate(self.blocks)
-        }
+        each = [block.rest.angle if block.rest else np.where(block.sigma > 0, 0.0, np.pi) for block in self.blocks]
         return np.concatenate([np.tile(each[block][:, column], copies) for block, column, copies in self.members])
 
     @property
@@ -260,7 +259,9 @@ class Rig(Displayed):
 
 def masses_below(mass: Floats) -> Floats:
     """Σ_{k>i} m_k for every link i, as in `modal.pair`, for arrays with links first."""
-    return np.concatenate([np.cumsum(mass[:0:-1], axis=0)[::-1], np.zeros_like(mass[:1])])
+    below = 0 * mass
+    np.add.accumulate(mass[:0:-1], axis=0, out=below[-2::-1])
+    return below
 
 
 def rig_of(scene: Scene, apart: Sequence[tuple[float, ...]] | None = None) -> Rig:

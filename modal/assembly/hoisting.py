@@ -18,19 +18,17 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import isfinite
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from modal.assembly.arrays import Rig, rig_of
-from modal.assembly.dense import displacements, joints
 from modal.assembly.linearization import Matrices, coordinate_labels, matrices_of
 from modal.assembly.structure import Hanging, scene_squares
 from modal.errors import SceneError
 from modal.scene import Bob, Scene, validate_scene
 from modal.scene.doors import checked
 from modal.scene.points import PendulumPoint, parse_point
-from modal.structure import bends
 from modal.types import Floats, Ints
 
 Law = Callable[[Any], tuple[Any, Any, Any]]
@@ -223,20 +221,18 @@ def instants(scene: Scene) -> Callable[[float], HoistInstant]:
         raise SceneError([LEANS])
     if rig.structure:
         _refuse_springs(scene)
-    chains = [
-        rig.blocks[block].take(np.array([column])) for block, column, copies in rig.members for _ in range(copies)
-    ]
+    hanging, first = Hanging(rig), rig.leading
+    each = [(rig.blocks[block], column) for block, column in hanging.kinds.tolist()]
     mass, inertia, linear, centre, sigma = (
-        np.concatenate([getattr(chain, name)[:, 0] for chain in chains])
+        np.concatenate([getattr(block, name)[:, column] for block, column in each])
         for name in ("mass", "inertia", "drag", "centre", "sigma")
     )
-    metre = [(replace(chain, length=np.ones_like(chain.length)), 0) for chain in chains]
-    carried = _carried(rig.carried)
-    sunk = carried.down.T
-    first, labels, quadratic = rig.leading, coordinate_labels(rig), quadratic_drags(scene)
-    pattern = displacements(metre, 0, joints)
+    owner = np.repeat(np.arange(len(each)), np.diff(hanging.first))
+    along, down, bent = (rows[owner] for rows in (hanging.phi.along, hanging.phi.down, hanging.bends))
+    labels, quadratic, sunk = coordinate_labels(rig), quadratic_drags(scene), down.T
+    pattern = np.tril(owner[:, None] == owner) * sigma
     above, arms = np.where(hoisting.moving, pattern, np.tril(pattern, -1)), np.diag(~hoisting.moving * sigma * centre)
-    index, sides = np.arange(first, first + len(mass)), carried.along
+    index, (bare_M, bare_K, bare_D) = np.arange(first, first + len(mass)), _without_links(rig)
     resting: dict[bytes, HoistInstant] = {}
 
     def rest(time: float) -> HoistInstant:
@@ -248,52 +244,30 @@ def instants(scene: Scene) -> Callable[[float], HoistInstant]:
         if not (speed.any() or acceleration.any()):
             key = length.tobytes()
             return resting[key] if key in resting else resting.setdefault(key, rest(time))
-        rows = np.hstack((sides, above * length + arms))
-        rate, bend = (np.hstack((0 * sides, pattern * part)) for part in (speed, acceleration))
+        rows = np.hstack((along, above * length + arms))
+        rate, bend = (np.hstack((0 * along, pattern * part)) for part in (speed, acceleration))
         falling, fallen = rate.sum(1), bend.sum(1)
         drag = linear + quadratic * np.abs(falling)
         massive, dragged = rows.T * mass, rows.T * drag
-        M = massive @ rows + carried.M
+        M = massive @ rows + bare_M
         M[index, index] += inertia
-        M[:first, :first] += (sunk * mass) @ carried.down
+        M[:first, :first] += (sunk * mass) @ down
         pull = mass * (rig.gravity - fallen) - drag * falling
-        K = carried.K + massive @ bend + dragged @ rate
+        K = bare_K + massive @ bend + dragged @ rate
         K[index, index] += (rows.T @ pull)[first:]
-        K[range(first), range(first)] += pull @ carried.bends
-        D = carried.D + 2 * massive @ rate + dragged @ rows
-        D[:first, :first] += (sunk * (linear + 2 * quadratic * np.abs(falling))) @ carried.down
+        K[range(first), range(first)] += pull @ bent
+        D = bare_D + 2 * massive @ rate + dragged @ rows
+        D[:first, :first] += (sunk * (linear + 2 * quadratic * np.abs(falling))) @ down
         return HoistInstant(Matrices(M, K, D, labels), rate, bend, drag)
 
     return at
 
 
-class _Carried(NamedTuple):
-    """What carries L links: M, K and D without them, the rows (L, d) of their pivots, and −∂²z/∂η² of these."""
-
-    M: Floats
-    K: Floats
-    D: Floats
-    along: Floats
-    down: Floats
-    bends: Floats
-
-
-def _carried(rig: Rig) -> _Carried:
-    """The structure of a rig."""
-    hanging, structure, d = Hanging(rig), rig.structure, rig.leading
-    assert structure is not None
-    light = dict.fromkeys(("mass", "inertia", "drag"), np.zeros_like)
-    blocks = [
-        replace(block, **{name: zero(getattr(block, name)) for name, zero in light.items()}) for block in rig.blocks
-    ]
-    M, K, D = scene_squares(replace(rig, blocks=tuple(blocks))).matrices
-    each = np.diff(hanging.first)
-    bent = np.zeros((len(each), d))
-    for row, (carrier, where) in zip(bent, structure.pivots, strict=True):
-        for k, bend in bends(structure.carriers[carrier], where):
-            row[structure.offsets[carrier] + k] = bend
-    along, down, bent = (np.repeat(rows, each, axis=0) for rows in (hanging.phi.along, hanging.phi.down, bent))
-    return _Carried(M, K, D, along, down, bent)
+def _without_links(rig: Rig) -> tuple[Floats, Floats, Floats]:
+    """M, K and D of what carries links that weigh nothing, with their joints."""
+    names = ("mass", "inertia", "drag")
+    blocks = (replace(block, **{name: 0 * getattr(block, name) for name in names}) for block in rig.blocks)
+    return scene_squares(replace(rig, blocks=tuple(blocks))).matrices
 
 
 def _refuse_springs(scene: Scene) -> None:

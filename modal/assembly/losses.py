@@ -147,7 +147,7 @@ def dissipators_of(scene: Scene) -> list[Dissipator]:
 def _every(scene: Scene) -> list[Dissipator]:
     """All squares of D, and those of K that may have a loss angle: of supports, of links from the first on, springs."""
     rig = rig_of(scene)
-    hanging = Hanging(rig.carried)
+    hanging = Hanging(rig)
     squares = hanging.squares()
     links = [
         (f"pendulum[{entry}].links[{at}]", link)
@@ -161,15 +161,15 @@ def _every(scene: Scene) -> list[Dissipator]:
     every = list[Dissipator]()
     for part in (part for part in squares.damping if part.kind in DAMPER_KEYS):
         kind, key = DRAG if part.kind == DRAG_DOWN else part.kind, DAMPER_KEYS[part.kind]
-        for number, row, size in part.each:
+        for number, each in part.each:
             place, _ = owners[part.kind][number]
-            every.append(Dissipator(f"{place}.{key}", kind, row, damping=size, number=number))
+            every.append(Dissipator(f"{place}.{key}", kind, each.entries, damping=each.size, number=number))
     for part in (part for part in squares.stiffness if part.kind in LOSS_KEYS):
         key = LOSS_KEYS[part.kind]
-        for number, row, size in part.each:
+        for number, each in part.each:
             place, owner = owners[part.kind][number]
-            loss: Loss = getattr(owner, key)
-            every.append(Dissipator(f"{place}.{key}", part.kind, row, stiffness=size, loss=loss, number=number))
+            held = Dissipator(f"{place}.{key}", part.kind, each.entries, stiffness=each.size, number=number)
+            every.append(held._replace(loss=getattr(owner, key)))
     every.sort(key=lambda each: (each.kind == SPRING, each.number, each.kind == DRAG))
     return [*_of_supports(scene, rig, hanging.structure, squares.damping), *every]
 
@@ -177,15 +177,16 @@ def _every(scene: Scene) -> list[Dissipator]:
 def _of_supports(scene: Scene, rig: Rig, structure: Structure, damping: Iterable[SquareRows]) -> Iterator[Dissipator]:
     """The dampers of supports."""
     for part in (part for part in damping if part.kind == SUPPORT):
-        carrier = bisect(structure.offsets, part.at[0]) - 1
+        start = int(part.at[0, 0])
+        carrier = bisect(structure.offsets, start) - 1
         place = f"support[{carrier}]" if isinstance(scene.support, tuple) else "support"
         if part.written is None:
-            yield from _factors(f"{place}.D", part.total, part.at[0])
+            yield from _factors(f"{place}.D", part.total[0], start)
             continue
         body, start = structure.carriers[carrier], structure.offsets[carrier]
-        for number, row, size in part.each:
+        for number, each in part.each:
             suffix = f".{PLATFORM[number - start]}" if body.kind == "platform" else ""
-            yield Dissipator(f"{place}.damping{suffix}", CART if rig.cart else OTHER, row, damping=size)
+            yield Dissipator(f"{place}.damping{suffix}", CART if rig.cart else OTHER, each.entries, damping=each.size)
 
 
 def _factors(place: str, D: Floats, start: int) -> list[Dissipator]:

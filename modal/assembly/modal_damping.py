@@ -11,13 +11,14 @@ the size of every eigenproblem is that of the different pendula.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
 from modal.assembly.arrays import Rig
-from modal.assembly.dense import Columns, assembled
-from modal.assembly.structure import Hanging, scene_squares
+from modal.assembly.structure import Hanging, assembled
 from modal.errors import ComputationError, SceneError
 from modal.types import Floats, Ints
 
@@ -27,7 +28,6 @@ LARGEST = 2500
 """Coordinates of different pendula up to which D_modal is computed."""
 BEYOND = "damping_ratio: the ratios in this scene are beyond double precision on the dense route of modal dampers"
 NOISE = 4 * float(np.finfo(float).eps)
-Kind = tuple[int, int]
 Ratios = float | tuple[float, ...]
 RatioAt = Callable[[Floats], Floats]
 
@@ -50,14 +50,9 @@ def ratio_at(rig: Rig) -> RatioAt:
 
 def frequencies(rig: Rig) -> Floats:
     """The different |λ| of the rig without dampers, ascending: 0 of a free cart, growth rates where it is unstable."""
-    if rig.structure:
-        return _different(_on_structure(rig)[0])
-    rates = [np.zeros(int(rig.cart is not None and rig.cart.stiffness == 0))]
-    for block, column in rig.names:
-        if rig.cart is None or rig.spatial or rig.blocks[block].count[column] > 1:
-            rates.append(_eigen(*_chain(rig, (block, column)))[0])
-    if rig.cart:
-        rates.append(_eigen(*_heavy(rig))[0])
+    rates = [_eigen(*system[:3])[0] for system in _systems(rig)]
+    if rig.leading:
+        rates.append(np.zeros(Hanging(rig).free.shape[1]))
     return _different(np.concatenate(rates))
 
 
@@ -68,85 +63,84 @@ def _different(rates: Floats) -> Floats:
     return np.asarray(each[np.append(True, np.diff(each) > SAME * each[1:])])
 
 
-def modal_factor(M: Floats, K: Floats, free: bool, ratio: RatioAt) -> Floats:
-    """C (R, n) with D_modal = CᵀC of a system M, K; `free` if nothing holds the cart in row 0.
+def modal_factor(M: Floats, K: Floats, free: Floats | bool, ratio: RatioAt) -> Floats:
+    """C (R, n) with D_modal = CᵀC of a system M, K, and its `free` motions, or whether nothing holds a cart in row 0.
 
-    ComputationError for more than LARGEST coordinates and beyond double precision.
+    ComputationError beyond double precision.
     """
-    rate, momentum = _eigen(M, K, free)
+    loose = np.eye(len(M), int(free)) if isinstance(free, bool) else free
+    rate, momentum = _eigen(M, K, loose)
     swings = (rate > 0) & np.isfinite(rate)
     omega = rate[swings]
-    factor: Floats = np.sqrt(2 * ratio(omega) * omega)[:, None] * momentum.T[swings]
-    return np.hstack([np.zeros((len(factor), int(free))), factor])
+    return np.asarray(np.sqrt(2 * ratio(omega) * omega)[:, None] * momentum.T[swings])
 
 
 def modal_dampers(rig: Rig) -> Floats:
     """D_modal (n, n) of a whole rig, in the coordinates of its matrices."""
-    ratio, first = ratio_at(rig), int(rig.cart is not None)
-    if rig.structure:
-        rate, momentum = _on_structure(rig)
-        C = np.sqrt(2 * ratio(rate[rate > 0]) * rate[rate > 0])[:, None] * momentum.T[rate > 0]
-        return np.asarray(C.T @ C)
-    places = _places(rig, first)
-    D = np.zeros((first + sum(index.size for index in places.values()),) * 2)
-    for kind, index in places.items():
-        count = len(index)
-        if rig.cart is None or count > 1:
-            C = modal_factor(*_chain(rig, kind), ratio)
-            alone = C.T @ C
-            if rig.cart:
-                D[index[:, None, :, None], index[None, :, None, :]] -= alone / count
-            D[index[:, :, None], index[:, None, :]] += alone
-    if rig.cart:
-        C = modal_factor(*_heavy(rig), ratio)
-        common, at = np.zeros((len(C), len(D))), 1
-        common[:, 0] = C[:, 0]
-        for index in places.values():
-            size = index.shape[1]
-            common[:, index] = C[:, None, at : at + size] / len(index)
-            at += size
-        D += common.T @ common
+    ratio = ratio_at(rig)
+    size = rig.leading + sum(rig.blocks[block].n * copies for block, _, copies in rig.members)
+    D = np.zeros((size, size))
+    for M, K, free, places, balanced in _systems(rig):
+        C = modal_factor(M, K, free, ratio)
+        if not balanced:
+            shares = np.zeros((len(C), size))
+            for column, index in zip(C.T, places, strict=True):
+                shares[:, index] = column[:, None] / len(index)
+            D += shares.T @ shares
+            continue
+        alone, index, count = C.T @ C, np.array(places).T, len(places[0])
+        D[index[:, :, None], index[:, None, :]] += alone
+        if rig.leading:
+            D[index[:, None, :, None], index[None, :, None, :]] -= alone / count
     return D
 
 
-def _on_structure(rig: Rig) -> tuple[Floats, Floats]:
-    """ω (n,), 0 of free motions and negative of growing ones, and Mφ (n, n) with φᵀMφ = 1 of a rig on a structure."""
-    hanging = Hanging(rig)
-    _refuse_large(hanging.structure.size + int(hanging.first[-1]))
-    M, K, _ = scene_squares(rig).matrices
-    scale = 1 / np.sqrt(np.diag(M))
-    try:
-        L = np.asarray(np.linalg.cholesky(M * scale * scale[:, None]), dtype=np.float64)
-    except np.linalg.LinAlgError:
-        raise ComputationError(BEYOND) from None
-    square, v = np.linalg.eigh(_in_factors(L, K * scale * scale[:, None]))
-    square[np.argsort(np.abs(square))[: hanging.free]] = 0.0
-    return np.sign(square) * np.sqrt(np.abs(square)), L @ v / scale[:, None]
+class _System(NamedTuple):
+    """M and K, the motions (n, f) that nothing holds, and the `places` in the whole of all copies of each coordinate.
+
+    These move alike, or keep the balance to what carries them.
+    """
+
+    M: Floats
+    K: Floats
+    free: Floats
+    places: Sequence[Ints]
+    balanced: bool
 
 
-def _places(rig: Rig, first: int) -> dict[Kind, Ints]:
-    """The rows (copies, n) of every kind's angles, in the order of `Rig.names`, after those of the cart."""
-    places: dict[Kind, list[Ints]] = {kind: [] for kind in rig.names}
-    at = first
+def _systems(rig: Rig) -> Iterator[_System]:
+    """What carries pendula with one heavy one of each kind, and those of one kind with this at rest.
+
+    On a structure every pendulum is one of its own.
+    """
+    every, whole, d = _places(rig), rig, rig.leading
+    if not rig.structure:
+        for kind, index in every.items():
+            if not d or rig.spatial or len(index) > 1:
+                _refuse_large(index.shape[1])
+                M, K = assembled([(rig.blocks[kind[0]], kind[1])], None, rig.gravity)
+                yield _System(M, K, np.zeros((len(M), 0)), list(index.T), balanced=True)
+        blocks = tuple(block.heavier(block.count) for block in rig.blocks)
+        whole = replace(rig, blocks=blocks, members=tuple((*kind, 1) for kind in rig.names))
+        if not d:
+            return
+    hanging, places = Hanging(whole), [np.array([k]) for k in range(d)]
+    places += [copies for index in every.values() for copies in index.T]
+    _refuse_large(len(places))
+    M, K, _ = hanging.squares().matrices
+    free = np.concatenate((hanging.free, np.zeros((len(places) - d, hanging.free.shape[1]))))
+    yield _System(M, K, free, places, balanced=False)
+
+
+def _places(rig: Rig) -> dict[tuple[int, ...], Ints]:
+    """The rows (copies, n) of every kind's angles, in the order of `Rig.names`; on a structure of every pendulum's."""
+    places: dict[tuple[int, ...], list[Ints]] = {} if rig.structure else {kind: [] for kind in rig.names}
+    at = rig.leading
     for block, column, copies in rig.members:
-        n = rig.blocks[block].n
-        places[block, column].append(at + np.arange(copies * n).reshape(copies, n))
-        at += copies * n
-    return {kind: np.concatenate(rows) for kind, rows in places.items()}
-
-
-def _chain(rig: Rig, kind: Kind) -> tuple[Floats, Floats, bool]:
-    """M and K of one pendulum on a fixed support, which has no free cart."""
-    _refuse_large(rig.blocks[kind[0]].n)
-    return (*assembled([(rig.blocks[kind[0]], kind[1])], None, rig.gravity), False)
-
-
-def _heavy(rig: Rig) -> tuple[Floats, Floats, bool]:
-    """M and K of the cart and one heavy pendulum of each kind, and whether nothing holds the cart."""
-    heavy = [block.heavier(block.count) for block in rig.blocks]
-    columns: Columns = [(heavy[block], column) for block, column in rig.names]
-    _refuse_large(1 + sum(block.n for block, _ in columns))
-    return (*assembled(columns, rig.cart, rig.gravity), rig.cart is not None and rig.cart.stiffness == 0)
+        for _ in range(copies):
+            kind = (at,) if rig.structure else (block, column)
+            places.setdefault(kind, []).append(np.arange(at, at := at + rig.blocks[block].n))
+    return {kind: np.array(rows) for kind, rows in places.items()}
 
 
 def _refuse_large(size: int) -> None:
@@ -157,30 +151,35 @@ def _refuse_large(size: int) -> None:
         )
 
 
-def _eigen(M: Floats, K: Floats, free: bool) -> tuple[Floats, Floats]:
-    """ω (R,), negative of growing modes and infinite of massless ones, and Mφ (n − free, R) with φᵀMφ = 1.
+def _eigen(M: Floats, K: Floats, free: Floats) -> tuple[Floats, Floats]:
+    """ω (R,), negative of growing modes and infinite of massless ones, and Mφ (n, R) with φᵀMφ = 1.
 
-    Of a `free` cart the rows of the pendula alone: as the total momentum is 0, so is the cart's row of Mφ.
+    Of every `free` motion (n, f) one coordinate that no other moves is left out: its momentum balances the others'.
     """
-    if free:
-        M, K = M[1:, 1:] - np.outer(M[1:, 0], M[0, 1:]) / M[0, 0], K[1:, 1:]
-    scale = 1 / np.sqrt(np.diag(M) if np.any(np.diag(K) <= 0) else np.diag(K))
-    inertia, stiffness = (part * scale * scale[:, None] for part in (M, K))
-    L: Floats
+    alone = np.count_nonzero(free, axis=1) == 1
+    loose = [int(np.flatnonzero(alone & (motion == 1))[0]) for motion in free.T]
+    held = np.setdiff1d(np.arange(len(M)), loose)
+    push = (M @ free)[held]
+    inertia = M[np.ix_(held, held)] - push @ np.linalg.solve(free.T @ M @ free, push.T)
+    stiffness = K[np.ix_(held, held)]
+    scale = 1 / np.sqrt(np.diag(inertia) if np.any(np.diag(stiffness) <= 0) else np.diag(stiffness))
+    inertia, stiffness = (part * scale * scale[:, None] for part in (inertia, stiffness))
     try:
         L = np.asarray(np.linalg.cholesky(stiffness), dtype=np.float64)
         square, v = np.linalg.eigh(_in_factors(L, inertia))
         square = np.where(square > NOISE * square[-1], square, 0.0)
         with np.errstate(divide="ignore"):
-            return 1 / np.sqrt(square), L @ v * np.sqrt(square) / scale[:, None]
+            rate, momentum = 1 / np.sqrt(square), L @ v * np.sqrt(square) / scale[:, None]
     except np.linalg.LinAlgError:
-        pass
-    try:
-        L = np.asarray(np.linalg.cholesky(inertia), dtype=np.float64)
-    except np.linalg.LinAlgError:
-        raise ComputationError(BEYOND) from None
-    square, v = np.linalg.eigh(_in_factors(L, stiffness))
-    return np.sign(square) * np.sqrt(np.abs(square)), L @ v / scale[:, None]
+        try:
+            L = np.asarray(np.linalg.cholesky(inertia), dtype=np.float64)
+        except np.linalg.LinAlgError:
+            raise ComputationError(BEYOND) from None
+        square, v = np.linalg.eigh(_in_factors(L, stiffness))
+        rate, momentum = np.sign(square) * np.sqrt(np.abs(square)), L @ v / scale[:, None]
+    whole = np.zeros((len(M), len(rate)))
+    whole[held], whole[loose] = momentum, -free[held].T @ momentum
+    return rate, whole
 
 
 def _in_factors(L: Floats, S: Floats) -> Floats:

@@ -8,29 +8,33 @@ of a spring; c is the turn of a joint, the displacement of a dragged centre, or 
 support brings matrices: those are sums already, without rows.
 
 Rows and sizes are made from the numbers of the scene by products and sums alone, so that floats, decimals, fractions
-and symbols run the same lines.  `chain_squares` are those of one pendulum over its pivot and its angles,
+and symbols run the same lines.  `chain_squares` are those of a block of chains over their pivots and angles,
 `carrier_squares` those of what pendula hang from; `modal.assembly.structure` puts them together.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from modal import pair
-from modal.assembly.arrays import Block
+from modal.assembly.arrays import Block, masses_below
 from modal.structure import Row, Structure, Where, bends, slopes, turning
-from modal.types import Floats
+from modal.types import Floats, Ints
 
 ALONG, DOWN, INERTIA, WIRE, WEIGHT, SUPPORT = "along", "down", "inertia", "wire", "weight", "support"
 JOINT, SPRING, DRAG, DRAG_DOWN = "joint", "spring", "drag", "drag down"
 """What a square is of: a centre's displacement, an angle, what gravity holds, a support, a joint, a spring, drag."""
-ALONG_PIVOT, DOWN_PIVOT, TURN_PIVOT, ANGLES = range(4)
-"""The coordinates of a chain: its pivot along the rail and down, the turn of its carrier; its angles from ANGLES on."""
+WAYS = {ALONG: 0, DRAG: 0, DOWN: 1, DRAG_DOWN: 1, JOINT: 2}
+"""Which motion of its pivot a chain's square feels, by `modal.structure.Phi`; angles from the vertical feel none."""
 Number = Callable[[Any], Any]
 """Floats as numbers of an arithmetic."""
+CHUNK = 64
+"""Rows of A that are written together, so that they stay in the cache of a processor."""
+NOWHERE: Ints = np.zeros(0, dtype=np.int64)
 
 
 def floats(values: Any) -> Floats:
@@ -38,66 +42,97 @@ def floats(values: Any) -> Floats:
     return np.asarray(values, dtype=np.float64)
 
 
-class SquareRows(NamedTuple):
-    """`size` (R,) times the squares of `rows` (R, c) over the coordinates `at` (c,), those of one `kind` of one part.
+Columns = list[tuple[Block, int]]
 
-    `written` are the rows, or what writes them once they are asked for; None is 1 at each coordinate.  `numbers` (R,)
-    tell whose they are: links in the order of the file, coordinates of a support, ways of springs.  `total` (c, c) is
-    their sum where it is known without a product of rows, up to the diagonal: of the centres of a chain, which are A
-    and b, and of a modal support, which has no rows.
+
+class Element(NamedTuple):
+    """`size` times the square of a row with these entries `row` at the coordinates `at`."""
+
+    at: tuple[int, ...]
+    row: tuple[float, ...]
+    size: float
+
+    @property
+    def entries(self) -> Row:
+        """Its row by coordinates."""
+        return dict(zip(self.at, self.row, strict=True))
+
+    def add_to(self, S: Floats) -> None:
+        """Add it to a matrix in place."""
+        row = np.array(self.row)
+        S[np.ix_(self.at, self.at)] += self.size * np.multiply.outer(row, row)
+
+
+class SquareRows(NamedTuple):
+    """`size` (P, R) times the squares of `rows` (P, R, c) over the coordinates `at` (P, c): P parts of one `kind`.
+
+    `written` are the rows, or what writes them once they are asked for; None is 1 at each coordinate.  `numbers` (P, R)
+    tell whose they are: links in the order of the file, coordinates of a support, ways of springs.  `total` (P, c, c)
+    is their sum where it is known without a product of rows: of the centres of chains, which are A and b, and of a
+    modal support, which has no rows.  Where pivots `moves` (P, k) with the coordinates `columns` (k,), rows and sums
+    begin with an entry for the pivot.
     """
 
     kind: str
-    numbers: Sequence[int]
-    at: Sequence[int]
+    numbers: Ints
+    at: Ints
     written: Any
     size: Any
     total: Any = None
+    columns: Ints = NOWHERE
+    moves: Any = None
 
     @property
     def rows(self) -> Any:
-        """The rows themselves, (R, c), or None."""
+        """The rows themselves, (P, R, c), or None."""
         return self.written() if callable(self.written) else self.written
 
     @property
-    def each(self) -> Iterator[tuple[int, Row, float]]:
-        """Number, row and size of every square of floats that is not 0."""
+    def each(self) -> Iterator[tuple[int, Element]]:
+        """Number and element of every square of floats that is not 0."""
         rows = self.rows
-        for k in np.flatnonzero(self.size).tolist():
-            moved = [] if rows is None else np.flatnonzero(rows[k]).tolist()
-            entries = {k: 1.0} if rows is None else {j: rows[k, j] for j in moved}
-            if entries:
-                yield self.numbers[k], {self.at[j]: float(value) for j, value in entries.items()}, float(self.size[k])
+        for p, k in np.argwhere(self.size).tolist():
+            places, row = self.at[p], np.ones(1) if rows is None else rows[p, k]
+            if rows is None:
+                places = places[k : k + 1]
+            elif self.moves is not None:
+                places, row = np.append(self.columns, places), np.append(row[0] * self.moves[p], row[1:])
+            moved = np.flatnonzero(row)
+            if len(moved):
+                at, entries = tuple(places[moved].tolist()), tuple(row[moved].tolist())
+                yield int(self.numbers[p, k]), Element(at, entries, float(self.size[p, k]))
 
     def add_to(self, S: Any) -> None:
-        """Add it to a matrix in place, up to the diagonal."""
+        """Add it to a matrix in place."""
         if self.written is None and self.total is None:
-            S[self.at, self.at] = S[self.at, self.at] + self.size
+            S[self.at, self.at] += self.size
+            return
+        T, at = squared(self.rows, self.size) if self.total is None else self.total, self.at
+        if self.moves is not None:
+            corner, edge = (self.columns[:, None], self.columns), (at[:, :, None], self.columns)
+            S[corner] += squared(self.moves, T[:, 0, 0])
+            pushed = S[edge] + T[:, 1:, :1] * self.moves[:, None, :]
+            S[edge], S[edge[::-1]] = pushed, pushed
+            T = T[:, 1:, 1:]
+        if len(at) == 1 and len(T[0]) and at[0, -1] - at[0, 0] == len(T[0]) - 1:
+            together = slice(at[0, 0], at[0, -1] + 1)
+            S[together, together] += T[0]
         else:
-            first, end = self.at[0], self.at[-1] + 1
-            together = (slice(first, end),) * 2 if end - first == len(self.at) else np.ix_(self.at, self.at)
-            rows = self.rows if self.total is None else None
-            S[together] = S[together] + (self.total if rows is None else (rows.T * self.size) @ rows)
+            S[at[:, :, None], at[:, None, :]] += T
 
-    def on(self, moves: Floats, first: int, link: int, number: Number) -> SquareRows:
-        """Squares of a chain whose pivot moves by these rows (3, d) with coordinates of a structure.
+    def hung(self, which: Any, first: Ints, d: int, columns: Ints, ways: Sequence[Any]) -> Iterator[SquareRows]:
+        """Those of chains `which` (P,) of a block whose links are numbered from `first` (P, 1), after d coordinates.
 
-        Its angles begin at `first`, its links are numbered from `link` on.
+        Their pivots move by each of the `ways` (P, k) with the coordinates `columns` (k,); None where they rest.
         """
-        angles = [first - ANGLES + at for at in self.at if at >= ANGLES]
-        placed = self._replace(numbers=[link + k for k in self.numbers], at=angles)
-        if self.written is None:
-            return placed
-        carried = np.flatnonzero(moves[self.at[0]])
-        if not len(carried) and not angles:
-            return placed
-        pivot = number(moves[self.at[0], carried])
-
-        def lifted(S: Any) -> Any:
-            return np.hstack((S[:, :1] * pivot, S[:, 1:])) if len(carried) else S[:, 1:]
-
-        total = None if self.total is None else lifted(lifted(self.total).T).T
-        return placed._replace(at=carried.tolist() + angles, written=lambda: lifted(self.rows), total=total)
+        moves = ways[WAYS[self.kind]] if self.kind in WAYS else None
+        if moves is None and not self.at.size:
+            return
+        numbers, top = first + self.numbers[0], slice(int(self.kind in WAYS and moves is None), None)
+        at = d + numbers if self.at.size else self.at[which]
+        total = None if self.total is None else self.total[which, top, top]
+        rows = None if self.written is None else lambda: self.rows[which, :, top]
+        yield SquareRows(self.kind, numbers, at, rows, self.size[which], total, columns, moves)
 
 
 class SceneSquares(NamedTuple):
@@ -126,64 +161,123 @@ class SceneSquares(NamedTuple):
         return self._along(self.damping, DRAG)
 
     def _along(self, parts: Iterable[SquareRows], kind: str) -> Any:
-        whole = np.array(self.number(np.zeros(self.n)))
-        for part in parts:
-            if part.kind == kind:
-                whole[part.at] = whole[part.at] + part.rows.T @ part.size
+        whole = self.number(np.zeros(self.n))
+        for part in (part for part in parts if part.kind == kind):
+            felt = (part.rows * part.size[:, :, None]).sum(1)
+            if part.moves is not None:
+                whole[part.columns] += (part.moves * felt[:, :1]).sum(0)
+                felt = felt[:, 1:]
+            whole[part.at] += felt
         return whole
+
+
+def squared(rows: Any, size: Any) -> Any:
+    """The sum of `size` (…, R) times the squares of `rows` (…, R, c), symmetric to the last digit."""
+    S, each = (rows * size[..., None]).swapaxes(-1, -2) @ rows, np.arange(rows.shape[-1])
+    return np.where(each[:, None] >= each, S, S.swapaxes(-1, -2)) if len(each) > 1 else S
 
 
 def matrix(squares: Iterable[SquareRows], n: int, number: Number = floats) -> Any:
     """The sum of all squares over n coordinates, (n, n)."""
-    S = np.array(number(np.zeros((n, n))))
+    S = number(np.zeros((n, n)))
     for part in squares:
         part.add_to(S)
-    for i in range(n):
-        S[i, i + 1 :] = S[i + 1 :, i]
     return S
 
 
-def chain_squares(
-    block: Block, column: int, gravity: float, number: Number = floats
-) -> tuple[list[SquareRows], list[SquareRows], list[SquareRows]]:
-    """Those of M, K and D of a chain, over one of ALONG_PIVOT, … and its angles, from ANGLES on."""
-    n = block.n
+Parts = tuple[list[SquareRows], list[SquareRows], list[SquareRows]]
+"""Squares of M, of K and of D."""
+
+
+def chain_squares(block: Block, gravity: float, number: Number = floats) -> Parts:
+    """Those of M, K and D of the chains of a block over their n angles, and a pivot before where they feel it."""
+    n, P = block.mass.shape
     names = ("mass", "length", "centre", "across", "inertia", "stiffness", "damping", "drag")
-    m, l, c, way, inertia, spring, damper, drag = (number(getattr(block, name)[:, column]) for name in names)
-    links, angles = range(n), list(range(ANGLES, ANGLES + n))
-    unit = number(np.ones((n, 1)))
+    m, l, c, way, inertia, spring, damper, drag = (number(getattr(block, name)) for name in names)
+    links = angles = np.arange(n)[None].repeat(P, 0)
+    each = np.arange(n)
 
-    def centres(kind: str, pivot: int, way: Any, size: Any) -> SquareRows:
-        arms, reach = way * l, way * c
+    def centres(kind: str, way: Any, size: Any) -> SquareRows:
+        arms, reach, hung = way * l, way * c, masses_below(size)
+        b = pair.first_moment(size, arms, reach, hung)
+        total = np.empty((P, n + 1, n + 1), dtype=size.dtype)
+        total[:, 0, 0], total[:, 0, 1:], total[:, 1:, 0] = size[0] + hung[0], b.T, b.T
+        moment, arm = b.T[:, :, None], arms.T[:, :, None]
+        for i in range(0, n, CHUNK):
+            rows = slice(i, i + CHUNK)
+            lower = each[rows, None] > each
+            below, above = moment[:, rows] * arm.swapaxes(1, 2), arm[:, rows] * moment.swapaxes(1, 2)
+            total[:, 1:, 1:][:, rows] = np.where(lower, below, above)
+        total[:, each + 1, each + 1] = pair.second_moment(size, arms, reach, 0, hung).T
 
-        def rows() -> Any:
-            return np.hstack((unit, np.tril(np.tile(arms, (n, 1)), -1) + np.diag(reach)))
+        def written() -> Any:
+            return np.concatenate((number(np.ones((P, n, 1))), displaced(arms, reach)), axis=2)
 
-        b = np.array(pair.first_moments(size, arms, reach))
-        total = np.tile(np.append(size.sum(), b)[:, None], n + 1)
-        total[1:, 1:] = total[1:, 1:] * arms
-        total[range(1, n + 1), range(1, n + 1)] = pair.second_moments(size, arms, reach, 0 * size)
-        return SquareRows(kind, links, [pivot, *angles], rows, size, total)
-
-    sinking, held = None, number(gravity) * way * np.array(pair.first_moments(m, l, c))
-    if block.sinking is not None and block.rest is not None:
-        sinking, held = number(block.sinking[:, column]), number(block.rest.held[:, column])
+        return SquareRows(kind, links, angles, written, size.T, total)
 
     def both(along: str, down: str, size: Any) -> list[SquareRows]:
-        sunk = None if sinking is None else centres(down, DOWN_PIVOT, sinking, size)
-        return [centres(along, ALONG_PIVOT, way, size), sunk or SquareRows(down, links, [DOWN_PIVOT], unit, size)]
+        if block.sinking is not None:
+            return [centres(along, way, size), centres(down, number(block.sinking), size)]
+        moved = centres(along, way, size)
+        unit = moved.total[:, :1, :1]
+        return [moved, SquareRows(down, links, angles[:, :0], number(np.ones((P, n, 1))), size.T, unit)]
 
     def joints(size: Any) -> SquareRows:
-        turns = np.hstack((-np.eye(n, 1), np.eye(n) - np.eye(n, k=-1)))
-        return SquareRows(JOINT, links, [TURN_PIVOT, *angles], number(turns), size)
+        turns, total = number(np.eye(n, n + 1, k=1) - np.eye(n, n + 1)), number(np.zeros((P, n + 1, n + 1)))
+        total[:, each, each] = size.T
+        total[:, each + 1, each + 1] = total[:, each + 1, each + 1] + size.T
+        total[:, each, each + 1] = total[:, each + 1, each] = -size.T
+        return SquareRows(JOINT, links, angles, lambda: turns[None].repeat(P, 0), size.T, total)
 
-    inertias, stiffness = both(ALONG, DOWN, m), [SquareRows(WIRE, links, angles, None, held)]
-    if block.inertia[:, column].any():
-        inertias.append(SquareRows(INERTIA, links, angles, None, inertia))
-    if block.stiffness[:, column].any():
+    inertias = both(ALONG, DOWN, m)
+    held = number(gravity) * inertias[0].total[:, 0, 1:] if block.rest is None else number(block.rest.held).T
+    stiffness = [SquareRows(WIRE, links, angles, None, held)]
+    if np.count_nonzero(block.inertia):
+        inertias.append(SquareRows(INERTIA, links, angles, None, inertia.T))
+    if np.count_nonzero(block.stiffness):
         stiffness.append(joints(spring))
-    damping = [joints(damper)] if block.damping[:, column].any() else []
-    return inertias, stiffness, damping + (both(DRAG, DRAG_DOWN, drag) if block.drag[:, column].any() else [])
+    damping = [joints(damper)] if np.count_nonzero(block.damping) else []
+    return inertias, stiffness, damping + (both(DRAG, DRAG_DOWN, drag) if np.count_nonzero(block.drag) else [])
+
+
+def displaced(arms: Any, reach: Any) -> Any:
+    """The displacement (P, n, n) of a point of every link by the angles of its chain.
+
+    That is `arms` (n, P) of each link above, and `reach` (n, P) of the link itself.
+    """
+    each = np.arange(len(arms))
+    rows = np.where(each[:, None] > each, arms.T[:, None, :], 0 * arms.T[:, None, :])
+    rows[:, each, each] = reach.T
+    return rows
+
+
+def centres(block: Block, column: int, way: Floats | None = None) -> Floats:
+    """The displacement of the centre of every link of a chain along the rail by every angle, (n, n).
+
+    A `way` is another direction: what the end of every link (n, P) moves there, per length and angle.
+    """
+    moves = block.across if way is None else way
+    arms, reach = (moves[:, [column]] * part[:, [column]] for part in (block.length, block.centre))
+    return np.asarray(displaced(arms, reach)[0])
+
+
+def joints(block: Block, column: int) -> Floats:
+    """The same of the lower joint of every link."""
+    return centres(replace(block, centre=block.length), column)
+
+
+def displacements(columns: Columns, first: int, of: Callable[[Block, int], Floats] | None = None) -> Floats:
+    """The displacement along the rail of what `of` tells of every link, rows (links, first + links).
+
+    That is of its centre where nothing is given.  The `first` coordinates move everything alike.
+    """
+    n = sum(block.n for block, _ in columns)
+    rows, at = np.zeros((n, first + n)), 0
+    rows[:, :first] = 1.0
+    for block, column in columns:
+        rows[at : at + block.n, first + at : first + at + block.n] = (of or centres)(block, column)
+        at += block.n
+    return rows
 
 
 def row_squares(kind: str, whose: int, row: Row, size: Any, number: Number = floats) -> list[SquareRows]:
@@ -191,19 +285,18 @@ def row_squares(kind: str, whose: int, row: Row, size: Any, number: Number = flo
     at = [column for column, value in sorted(row.items()) if value]
     if not at or size == 0:
         return []
-    return [SquareRows(kind, [whose], at, number([[row[column] for column in at]]), np.array([size]))]
+    entries = number([[[row[column] for column in at]]])
+    return [SquareRows(kind, np.array([[whose]]), np.array([at]), entries, np.array([[size]]))]
 
 
-def carrier_squares(
-    structure: Structure, gravity: float, number: Number = floats
-) -> tuple[list[SquareRows], list[SquareRows], list[SquareRows]]:
+def carrier_squares(structure: Structure, gravity: float, number: Number = floats) -> Parts:
     """Those of M, K and D of the carriers themselves, without what hangs from them and springs between points."""
     inertia, stiffness, damping = list[SquareRows](), list[SquareRows](), list[SquareRows]()
     for carrier, (body, start) in enumerate(zip(structure.carriers, structure.offsets, strict=False)):
         if body.M is not None:
-            at = list(range(start, start + body.size))
+            at = np.arange(start, start + body.size)[None]
             for part, S in zip((inertia, stiffness, damping), (body.M, body.K, body.D), strict=True):
-                part.append(SquareRows(SUPPORT, at, at, None, np.zeros(body.size), number(S)))
+                part.append(SquareRows(SUPPORT, at, at, None, np.zeros(at.shape), number(S)[None]))
             continue
         mass = number(float(body.mass))
         if body.size:

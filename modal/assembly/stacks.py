@@ -1,6 +1,7 @@
 """Scenes of one form as one set of arrays: the same pendula, links and support, with different numbers in each.
 
-The natural units of every scene are powers of two as in `modal.assembly.arrays`, with g = 1.
+The natural units of every scene are powers of two as in `modal.assembly.arrays`, with g = 1.  One short chain is plain
+floats without the arrays of a rig, bit for bit those of `Rig.natural`: a table of two rows needs no more.
 """
 
 from __future__ import annotations
@@ -9,11 +10,12 @@ from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import chain
 from operator import attrgetter
+from typing import NamedTuple
 
 import numpy as np
 
-from modal.assembly.arrays import Block, CartNumbers, different
-from modal.scene import Pendulum, Scene, validate_scene
+from modal.assembly.arrays import Block, CartNumbers, Units, different
+from modal.scene import Cart, Pendulum, Scene, validate_scene
 from modal.scene.parameters import Place
 from modal.types import Booleans, Floats
 
@@ -159,3 +161,44 @@ def _pendula_of(chosen: list[tuple[Pendulum, int]], scaled: Sequence[Floats]) ->
     mass, length, centre, inertia = arrays if len(first) == len(chosen) else [values[:, first] for values in arrays]
     none, down = np.broadcast_to(0.0, mass.shape), np.broadcast_to(1.0, mass.shape)
     return Block(mass, length, centre, inertia, damping=none, stiffness=none, drag=none, sigma=down, count=count)
+
+
+MOST = 20
+"""Links up to which floats are quicker than arrays."""
+OTHERS = frozenset(
+    {
+        *("space", "copies", "inverted", "joint_springs", "dampers", "linear_drag", "damping_ratio", "massless_cart"),
+        *("constant_force", "structure", "springs"),
+    }
+)
+"""The features of scenes whose modes are not those of one plain chain."""
+
+
+class Single(NamedTuple):
+    """Mass, length, centre and inertia of each link, top first, and the cart (None: fixed), in natural units."""
+
+    links: list[tuple[float, float, float, float]]
+    cart: CartNumbers | None
+    units: Units
+
+
+def single(scene: Scene) -> Single | None:
+    """The numbers of a scene that is one short plain chain; None for any other."""
+    validate_scene(scene)
+    pendula = scene.pendulum
+    if len(pendula) > 1 or not OTHERS.isdisjoint(scene.features) or pendula[0].n_links > MOST:
+        return None
+    links, support = pendula[0].links, scene.support
+    units = Units.of(max([link.mass for link in links]), max([link.length for link in links]), scene.gravity)
+    kg, metre = units.mass, units.length
+    moment = kg * metre**2
+    rows = []
+    for link in links:
+        mass, length = link.mass, link.length
+        centre, inertia = link.proportions(mass, length)
+        rows += [(mass / kg, length / metre, centre / metre, inertia / moment)] * link.count
+    if not isinstance(support, Cart):
+        return Single(rows, None, units)
+    if not support.mass:
+        return None
+    return Single(rows, CartNumbers(support.mass / kg, 0.0, support.stiffness / units.stiffness), units)

@@ -14,19 +14,22 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import accumulate
 from math import fsum
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from modal.assembly.arrays import Rig
+from modal.assembly.arrays import Block, CartNumbers, Rig
 from modal.assembly.squares import (
     DOWN,
     DRAG_DOWN,
     SPRING,
+    Columns,
+    Element,
     Number,
+    Parts,
     SceneSquares,
-    SquareRows,
     bend_squares,
     carrier_squares,
     chain_squares,
@@ -43,6 +46,7 @@ from modal.structure import (
     SpringNumbers,
     Structure,
     Where,
+    bends,
     drawn_together,
     phi,
     slopes,
@@ -50,19 +54,6 @@ from modal.structure import (
     turning,
 )
 from modal.types import Floats, Ints
-
-
-class Element(NamedTuple):
-    """`size` times the square of a row with these entries `row` at the coordinates `at`."""
-
-    at: tuple[int, ...]
-    row: tuple[float, ...]
-    size: float
-
-    def add_to(self, S: Floats) -> None:
-        """Add it to a matrix in place."""
-        row = np.array(self.row)
-        S[np.ix_(self.at, self.at)] += self.size * np.multiply.outer(row, row)
 
 
 class Elements(NamedTuple):
@@ -109,13 +100,21 @@ class Hanging:
     @property
     def structure(self) -> Structure:
         """The structure."""
-        assert self.rig.structure is not None
-        return self.rig.structure
+        return self.rig.support
 
     @cached_property
     def phi(self) -> Phi:
         """How all pivots move."""
         return phi(self.structure)
+
+    @property
+    def bends(self) -> Floats:
+        """−∂²z/∂η² (P, d) of all pivots."""
+        bent = np.zeros(self.phi.down.shape)
+        for row, (carrier, where) in zip(bent, self.structure.pivots, strict=True):
+            for k, bend in bends(self.structure.carriers[carrier], where):
+                row[self.structure.offsets[carrier] + k] = bend
+        return bent
 
     @cached_property
     def kinds(self) -> Ints:
@@ -126,8 +125,8 @@ class Hanging:
     @cached_property
     def first(self) -> Ints:
         """The first link of every pendulum, in the order of the file, and the number of links, (P + 1,)."""
-        sizes = np.array([block.n for block in self.rig.blocks])[self.kinds[:, 0]]
-        return np.concatenate([[0], np.cumsum(sizes)])
+        sizes = [block.n for block in self.rig.blocks]
+        return np.array([0, *accumulate(sizes[block] for block in self.kinds[:, 0].tolist())])
 
     @cached_property
     def starts(self) -> Ints:
@@ -150,62 +149,90 @@ class Hanging:
     def elements(self) -> Elements:
         """All elements but those of the chains along the rail; modal supports have matrices of their own."""
         structure = self.structure
-        supports = carrier_squares(structure, self.rig.gravity)
-        inertia, held, lost = ([square for square in part if square.written is not None] for part in supports)
-        for (carrier, where), (mass, drag) in self._hung.items():
-            held += bend_squares(structure, carrier, where, self.rig.gravity * mass)
+        inertia, stiffness, damping = self._supporting(floats)
+        for carrier, where in self._hung:
             down = slopes(structure, carrier, where)[1]
-            inertia, lost = (
-                inertia + row_squares(DOWN, carrier, down, mass),
-                lost + row_squares(DRAG_DOWN, carrier, down, drag),
-            )
+            mass, drag = (self._on_point((carrier, where), name, floats) for name in ("mass", "drag"))
+            inertia += row_squares(DOWN, carrier, down, mass)
+            damping += row_squares(DRAG_DOWN, carrier, down, drag)
+        masses, held, lost = (
+            [(square.kind, element) for square in part if square.written is not None for _, element in square.each]
+            for part in (inertia, stiffness, damping)
+        )
         parts: list[list[float]] = [[] for _ in range(structure.size)]
-        for square in held:
-            parts[square.at[0]].append(float(square.size[0]))
-        sums, terms = [fsum(each) for each in parts], np.array([fsum(map(abs, each)) for each in parts])
-        sprung, damped = (list(map(_element, self._of_springs(size))) for size in ("stiffness", "damping"))
+        for _, element in (each for each in held if each[0] != SPRING):
+            parts[element.at[0]].append(element.size)
+        sums, terms = map(fsum, parts), np.array([fsum(map(abs, each)) for each in parts])
         own_held = [Element((k,), (1.0,), value) for k, value in enumerate(sums) if value]
-        return Elements(tuple(map(_element, inertia)), (*own_held, *sprung), (*map(_element, lost), *damped), terms)
+        springs = [element for kind, element in held if kind == SPRING]
+        return Elements(
+            tuple(each for _, each in masses), (*own_held, *springs), tuple(each for _, each in lost), terms
+        )
 
-    def _of_springs(self, size: str, number: Number = floats) -> list[SquareRows]:
-        """The squares of springs between points, or of their dampers."""
-        rows = enumerate(self.spring_rows)
-        return [s for k, row in rows for s in row_squares(SPRING, k, row.row, number(getattr(row, size)), number)]
+    def _supporting(self, number: Number) -> Parts:
+        """The squares of carriers, with what hangs from them as they sink, and of springs between points."""
+        structure, gravity = self.structure, self.rig.gravity
+        parts = carrier_squares(structure, gravity, number)
+        for carrier, where in self._hung if any(body.bends for body in structure.carriers) else ():
+            weight = number(gravity) * self._on_point((carrier, where), "mass", number)
+            parts[1].extend(bend_squares(structure, carrier, where, weight, number))
+        for k, row in enumerate(self.spring_rows):
+            parts[1].extend(row_squares(SPRING, k, row.row, number(row.stiffness), number))
+            parts[2].extend(row_squares(SPRING, k, row.row, number(row.damping), number))
+        return parts
+
+    def _on_point(self, point: tuple[int, Where], name: str, number: Number) -> Any:
+        """The mass or drag of all that hangs from a point, of floats to the last digit."""
+        each = [number(getattr(block, name)[:, column]).sum() * copies for block, column, copies in self._hung[point]]
+        return fsum(each) if number is floats else sum(each)
 
     def squares(self, arithmetic: Number | None = None) -> SceneSquares:
         """Those of the whole scene without modal dampers, over η and the angles of all links; of floats by default."""
         number = arithmetic or floats
-        structure, d, gravity, blocks = self.structure, self.structure.size, self.rig.gravity, self.rig.blocks
-        parts = carrier_squares(structure, gravity, number)
-        parts[1].extend(self._of_springs("stiffness", number))
-        parts[2].extend(self._of_springs("damping", number))
-        local = {kind: chain_squares(blocks[kind[0]], kind[1], gravity, number) for kind in self.rig.names}
-        rows, bent = np.stack(self.phi, axis=1), dict[Any, list[SquareRows]]()
-        for p, (block, column) in enumerate(self.kinds.tolist()):
-            link, pivot = int(self.first[p]), structure.pivots[p]
-            for part, chain in zip(parts, local[block, column], strict=True):
-                hung = (square.on(rows[p], d + link, link, number) for square in chain)
-                part.extend(each for each in hung if each.at)
-            if (key := (block, column, pivot)) not in bent:
-                weight = number(gravity) * number(blocks[block].mass[:, column]).sum()
-                bent[key] = bend_squares(structure, *pivot, weight, number)
-            parts[1].extend(bent[key])
+        structure, d, gravity = self.structure, self.structure.size, self.rig.gravity
+        parts = self._supporting(number)
+        on = np.array([pivot.carrier for pivot in structure.pivots])
+        for place, block in enumerate(self.rig.blocks):
+            local = chain_squares(block, gravity, number)
+            mine = np.flatnonzero(self.kinds[:, 0] == place)
+            for carrier in sorted(set(on[mine].tolist())):
+                pendula = mine[on[mine] == carrier]
+                which: Any = self.kinds[pendula, 1]
+                which = slice(None) if which.tolist() == list(range(block.size)) else which
+                start, stop = structure.offsets[carrier : carrier + 2]
+                ways = (way[pendula, start:stop] for way in self.phi)
+                moves = [number(way) if np.count_nonzero(way) else None for way in ways]
+                columns = np.arange(start, stop)
+                for part, squares in zip(parts, local, strict=True):
+                    for square in squares:
+                        part.extend(square.hung(which, self.first[pendula, None], d, columns, moves))
         return SceneSquares(*parts, d + int(self.first[-1]), number)
+
+    @cached_property
+    def supporting(self) -> tuple[Floats, Floats, Floats]:
+        """M, K and D (d, d) of what carries the pendula, all links held, with what these weigh as they go down."""
+        d = self.structure.size
+        each = modal_supports(self.structure)
+        for S, elements in zip(each, self.elements[:3], strict=True):
+            for element in elements:
+                row = np.zeros(d)
+                for place, value in zip(element.at, element.row, strict=True):
+                    row[place : place + 1] = value
+                S[:] += element.size * np.multiply.outer(row, row)
+        return each
 
     @property
     def inertia(self) -> Floats:
         """M_s + Σ m (ΦᵀΦ + ΨᵀΨ), (d, d): the structure with all pendula as if they were stiff."""
-        M, _, _ = modal_supports(self.structure)
-        for element in self.elements.inertia:
-            element.add_to(M)
+        M = self.supporting[0].copy()
         for (block, column, copies), pendulum in zip(self.rig.members, self.starts.tolist(), strict=True):
             along = self.phi.along[pendulum]
             M += copies * self.rig.blocks[block].mass[:, column].sum() * np.multiply.outer(along, along)
         return M
 
-    @property
-    def free(self) -> int:
-        """How many motions no spring holds; no link swings in them."""
+    @cached_property
+    def free(self) -> Floats:
+        """The motions (d, f) that no spring holds; no link swings in them."""
         d = self.structure.size
         rows = np.zeros((len(self.elements.stiffness) + len(self.rig.members) + d, d))
         for row, element in zip(rows, self.elements.stiffness, strict=False):
@@ -218,18 +245,16 @@ class Hanging:
             if carrier.K is not None:
                 span = slice(start, start + carrier.size)
                 rows[-d:][span, span] = carrier.K
-        return int(null_space(rows).shape[1])
+        return null_space(rows)
 
-    @property
-    def _hung(self) -> dict[tuple[int, Where], tuple[float, float]]:
-        """The mass (kg) and the drag (N s/m) of all pendula that hang from one point."""
-        hung: dict[tuple[int, Where], list[tuple[float, float]]] = {}
-        each = [(block.mass.sum(0), block.drag.sum(0)) for block in self.rig.blocks]
+    @cached_property
+    def _hung(self) -> dict[tuple[int, Where], list[tuple[Block, int, int]]]:
+        """The block, the column and the number of copies of all pendula that hang from one point."""
+        hung: dict[tuple[int, Where], list[tuple[Block, int, int]]] = {}
         for (block, column, copies), pendulum in zip(self.rig.members, self.starts.tolist(), strict=True):
             pivot = self.structure.pivots[pendulum]
-            mass, drag = (float(part[column]) * copies for part in each[block])
-            hung.setdefault((pivot.carrier, pivot.where), []).append((mass, drag))
-        return {point: (fsum(m for m, _ in weights), fsum(d for _, d in weights)) for point, weights in hung.items()}
+            hung.setdefault((pivot.carrier, pivot.where), []).append((self.rig.blocks[block], column, copies))
+        return hung
 
     @cached_property
     def spring_rows(self) -> tuple[SpringRow, ...]:
@@ -327,11 +352,6 @@ def _difference(first: Row, second: Row) -> Row:
     return row
 
 
-def _element(square: SquareRows) -> Element:
-    """One square as an element."""
-    return Element(tuple(square.at), tuple(square.rows[0].tolist()), float(square.size[0]))
-
-
 def modal_supports(structure: Structure) -> tuple[Floats, Floats, Floats]:
     """M, K and D (d, d) over η that modal supports bring with them."""
     M, K, D = np.zeros((3, structure.size, structure.size))
@@ -344,7 +364,14 @@ def modal_supports(structure: Structure) -> tuple[Floats, Floats, Floats]:
 
 def scene_squares(rig: Rig, arithmetic: Number | None = None) -> SceneSquares:
     """The squares of M, K and D of a whole scene, without modal dampers, over the coordinates of `Matrices`."""
-    return Hanging(rig.carried).squares(arithmetic)
+    return Hanging(rig).squares(arithmetic)
+
+
+def assembled(columns: Columns, cart: CartNumbers | None, gravity: float) -> tuple[Floats, Floats]:
+    """(M, K) of a cart or (None) a fixed support with one pendulum for each (block, column)."""
+    blocks, members = tuple(block for block, _ in columns), enumerate(column for _, column in columns)
+    rig = Rig(gravity, blocks, tuple((k, column, 1) for k, column in members), cart, spatial=False)
+    return scene_squares(rig).matrices[:2]
 
 
 def null_space(rows: Floats) -> Floats:

@@ -11,8 +11,7 @@ cart.  Start with `analysis`.
 
 from modal.coupling.analysis import Coupling, StructureMode, explain
 from modal.coupling.damping import damped_modes, negative_damping
-from modal.coupling.exchange import passes_energy
-from modal.coupling.families import Family, FamilyBranch, FamilyRow, family_name
+from modal.coupling.families import Family, FamilyBranch, FamilyRow, family_name, passes_energy
 from modal.coupling.report import coupling_report
 
 StructureCoupling, PendulumFamily = Coupling, Family

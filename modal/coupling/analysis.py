@@ -29,23 +29,27 @@ import numpy as np
 
 from modal.assembly import Rig, ratio_at, rig_of
 from modal.coupling.damping import Damped, damped_modes, negative_damping
-from modal.coupling.dynamic_mass import DynamicMass, SecularEquation, dynamic_mass
-from modal.coupling.exchange import (
+from modal.coupling.dynamic_mass import CartMode, DynamicMass, SecularEquation, dynamic_mass
+from modal.coupling.families import (
     LEAST_SHARE_OF_BEATS,
     MOST_MODES,
     UNEVEN,
     EnergyExchange,
+    Family,
+    FamilyBranch,
+    FamilyRow,
     beats_of,
-    exchanged,
+    exchange_among,
+    family_cells,
+    family_name,
+    mode_words,
+    pair_exchange,
     passes_energy,
-    shared,
 )
-from modal.coupling.families import Family, FamilyBranch, FamilyRow, family_cells, family_name, mode_words
-from modal.coupling.fixed_base import FixedBaseModes
 from modal.coupling.matrices import ReducedPencil, stable_pencil
-from modal.coupling.reduced import ReducedStructure, reduced, refuse_beyond
+from modal.coupling.reduced import FixedBaseModes, ReducedStructure, reduced, refuse_beyond
 from modal.errors import ComputationError
-from modal.modes import MOST_COMPARED, moving_words, natural_modes, table_numbers
+from modal.modes import MOST_COMPARED, Modes, counterparts, moving_words, natural_modes
 from modal.report import HTML_ROWS, Displayed, Summary, counted
 from modal.scene import Scene, name_of, require
 from modal.scene.doors import checked
@@ -55,21 +59,6 @@ from modal.types import Floats, Ints
 MOST_POLES = 10_000
 MISSED = 1e-6
 """Largest relative error of the sum rule."""
-
-
-@dataclass(frozen=True)
-class CartMode:
-    """A mode that moves the cart: `omega` (rad/s), and its limits for extreme cart masses.
-
-    `light` is ω as m_c → 0, infinite where the mode is lost, `heavy` as m_c → ∞ (rad/s), `participation` the share in
-    the cart's velocity just after a push.  `family` counts from 0; None for the cart oscillating on its own spring.
-    """
-
-    omega: float
-    participation: float
-    light: float
-    heavy: float
-    family: int | None
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -136,6 +125,11 @@ class Coupling(Displayed):
         return self.scene.cart is not None
 
     @property
+    def noun(self) -> str:
+        """What carries the pendula, or would, in a word."""
+        return "structure" if self.scene.is_structured else "cart"
+
+    @property
     def is_coupled(self) -> bool:
         """Whether there is anything that could couple pendula."""
         return bool(self.reduced.d or self.structure.springs)
@@ -163,12 +157,25 @@ class Coupling(Displayed):
         return self.reduced.names
 
     @cached_property
-    def _table(self) -> tuple[Floats, Ints] | None:
-        """ω of the modes without dampers and their numbers in the table; None where the table is not available."""
-        if self.scene.has_damping and self.scene.n_links > MOST_COMPARED:
+    def _solved(self) -> tuple[Modes, Modes] | None:
+        """The modes without dampers, and those of the table; None where the table is not available."""
+        damped = self.scene.has_damping
+        if damped and self.scene.n_links > MOST_COMPARED:
             return None
         try:
-            return natural_modes(self.scene.conservative).omega, table_numbers(self.scene)
+            table = natural_modes(self.scene)
+            return natural_modes(self.scene.conservative) if damped else table, table
+        except ComputationError:
+            return None
+
+    @cached_property
+    def _table(self) -> tuple[Floats, Ints] | None:
+        """ω of the modes without dampers and their numbers in the table; None where the table is not available."""
+        if self._solved is None:
+            return None
+        still, table = self._solved
+        try:
+            return still.omega, still.number if still is table else 1 + counterparts(still, table)
         except ComputationError:
             return None
 
@@ -295,7 +302,7 @@ class Coupling(Displayed):
             return family
         lost = float(rates.mean() + self._lost(np.array([family.omega]))[0])
         weights, levels = family.levels(modes.count[members], lost)
-        exchange = shared(weights, levels)
+        exchange = exchange_among(weights, levels)
         passes = exchange.beats and exchange.most > LEAST_SHARE_OF_BEATS and lost < family.omega
         exchange = replace(exchange, beats=exchange.beats and lost < family.omega)
         return replace(family, exchange=exchange, beats=beats_of(weights, levels) if passes else ())
@@ -329,30 +336,10 @@ class Coupling(Displayed):
         moving = [branch.omega for family in self.families for branch in family.branches if branch.is_finite]
         return np.unique([*still, *moving, *(omega for omega, _ in self.structure_modes)])
 
-    @cached_property
+    @property
     def cart_modes(self) -> tuple[CartMode, ...]:
         """The modes that move the cart, ascending, except a free cart's rigid translation; none without a cart."""
-        if not (self.on_cart and self.secular and isinstance(self.solver, SecularEquation)):
-            return ()
-        dynamic, zeros = self.secular, self.secular.zeros
-        with np.errstate(divide="ignore"):
-            push = 1 / zeros.modal_mass
-        if not np.all(np.isfinite(push)):
-            raise ComputationError("the modes that move this cart are beyond double precision")
-        whole = float(push.sum()) + (0.0 if dynamic.spring else 1 / dynamic.at_rest)
-        light = dynamic.with_cart(0.0).zeros.omega.tolist()
-        heavy = np.sqrt(zeros.square).tolist()
-        owner = self.solver.owner.tolist()
-        return tuple(
-            CartMode(
-                omega=float(omega),
-                participation=float(push[j]) / whole,
-                light=light[j] if j < len(light) else inf,
-                heavy=heavy[j],
-                family=None if owner[j] < 0 else owner[j],
-            )
-            for j, omega in enumerate(zeros.omega)
-        )
+        return self.solver.cart_modes if self.on_cart and isinstance(self.solver, SecularEquation) else ()
 
     def swept(self, masses: Floats) -> Floats:
         """ω (len(masses), Z) in rad/s of the modes that move the cart, for carts of these masses (kg) above 0."""
@@ -387,7 +374,7 @@ class Coupling(Displayed):
             lossy = self.solver.pulled((a, b), damped=True) if self.scene.has_damping else free
         except np.linalg.LinAlgError:
             return None
-        detuning, coupling, strength, passed = exchanged(modes.omega[at], modes.rate[at], free, lossy)
+        detuning, coupling, strength, passed = pair_exchange(modes.omega[at], modes.rate[at], free, lossy)
         families = [family for family in self.families if {a, b} & set(family.members)]
         alone, mass = sum(len(family.members) for family in families) == 2, inf
         if self.on_cart and isinstance(self.solver, SecularEquation):
@@ -402,7 +389,9 @@ class Coupling(Displayed):
             stable_pencil(self.reduced.own_stiffness, self.reduced.hanging.inertia)
         rig = rig_of(self.scene)
         names = dict(zip(rig.names.values(), self.names, strict=True))
-        modes = damped_modes(rig, negative_damping(self.scene, rig))
+        solved = () if self._solved is None or rig.spatial else self._solved
+        spectra = [modes.spectrum if modes.rig.members == rig.members else None for modes in solved]
+        modes = damped_modes(rig, negative_damping(self.scene, rig), *spectra)
         return tuple(replace(mode, kind=mode.kind and names[mode.kind]) for mode in modes)
 
     # ------------------------------------------------------------------------------------------------- the table

@@ -24,9 +24,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from modal.assembly import Hanging, Rig, centres, modal_supports, ratio_at
-from modal.coupling.fixed_base import Kind, without_damping
+from modal.coupling.reduced import Kind, without_damping
 from modal.eigen import ModalSpectrum, SpectrumPart, find_spectrum
 from modal.errors import ComputationError
+from modal.modes.shapes import displacements
 from modal.report import Displayed
 from modal.scene import Pendulum, Scene, VanDerPol, validate_scene
 from modal.types import Floats
@@ -79,17 +80,22 @@ class Damped(Displayed):
         return self.rate / self.fed if self.fed else inf
 
 
-def damped_modes(rig: Rig, strengths: tuple[Floats, ...]) -> tuple[Damped, ...]:
+def damped_modes(
+    rig: Rig,
+    strengths: tuple[Floats, ...],
+    undamped: ModalSpectrum | None = None,
+    damped: ModalSpectrum | None = None,
+) -> tuple[Damped, ...]:
     """All modes of a rig in SI units that oscillate along the rail, ascending; all links must hang.
 
-    `strengths` are those of `negative_damping`.
+    `strengths` are those of `negative_damping`; its spectra without dampers and with them may be known already.
     """
     natural, units = replace(rig, spatial=False).natural()
     names, moment = rig.names, units.mass * units.length**2
     driven = tuple(strength / (moment * units.rate) for strength in strengths)
     with np.errstate(all="ignore"):
-        modes = _modes(_Losses(natural, driven), find_spectrum(without_damping(natural)))
-        values = _exact(natural, modes)
+        modes = _modes(_Losses(natural, driven), undamped or find_spectrum(without_damping(natural)))
+        values = _exact(natural, modes, damped)
     rates = ("omega", "from_cart", "from_joints", "from_drives", "from_drag", "from_ratio")
     return tuple(
         replace(
@@ -157,8 +163,7 @@ def _shapes(rig: Rig, spectrum: ModalSpectrum, source: int, parts: list[Spectrum
         rows = [list(range(part.row, part.row + (1 if part.kind else part.along))) for part in chosen]
         details = spectrum.details(source, [row for part_rows in rows for row in part_rows])
         ends = np.cumsum([len(part_rows) for part_rows in rows]).tolist()
-        moved = (details.eta if rig.structure else (details.cart,)) or (np.zeros(ends[-1]),) * rig.leading
-        eta = np.array(moved[: rig.leading]).reshape(rig.leading, ends[-1]).real
+        eta = np.array(displacements(rig, details)).reshape(rig.leading, ends[-1]).real
         for part, (first, last) in zip(chosen, pairwise([0, *ends]), strict=True):
             mass, angles = (
                 details.modal_mass[first:last],
@@ -182,7 +187,7 @@ class _Losses:
     @cached_property
     def hanging(self) -> Hanging:
         """What carries the pendula as a structure."""
-        return Hanging(self.rig.carried)
+        return Hanging(self.rig)
 
     @cached_property
     def carrier(self) -> tuple[Floats, Floats]:
@@ -260,13 +265,13 @@ class _Losses:
         return lost
 
 
-def _exact(rig: Rig, modes: list[tuple[Kind | None, Damped]]) -> list[complex | None]:
+def _exact(rig: Rig, modes: list[tuple[Kind | None, Damped]], spectrum: ModalSpectrum | None) -> list[complex | None]:
     """The damped eigenvalue of every mode: of the same pendula's, the one that best satisfies λ² + 2σλ + ω² = 0."""
     if not (rig.is_damped or rig.damping_ratio):
         return [complex(0.0, mode.omega) for _, mode in modes]
     exact: list[complex | None] = [None] * len(modes)
     try:
-        spectrum = find_spectrum(rig)
+        spectrum = spectrum or find_spectrum(rig)
     except ComputationError:
         return exact
     values: dict[Kind | None, list[complex]] = {}

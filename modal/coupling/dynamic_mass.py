@@ -24,8 +24,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from modal.coupling.exchange import STRONG
-from modal.coupling.families import FamilyBranch
+from modal.coupling.families import STRONG, FamilyBranch
 from modal.coupling.reduced import MOST_COORDINATES, ReducedStructure
 from modal.eigen import LIGHTEST, Poles, at_infinity, degenerate_modes, solve
 from modal.errors import ComputationError
@@ -131,6 +130,21 @@ class DynamicMass(Displayed):
         if not np.all(np.isfinite(roots.offset)):
             raise ComputationError("the modes that move this cart are beyond double precision")
         return Zeros(square, weight, roots.anchor, roots.offset)
+
+
+@dataclass(frozen=True)
+class CartMode:
+    """A mode that moves the cart: `omega` (rad/s), and its limits for extreme cart masses.
+
+    `light` is ω as m_c → 0, infinite where the mode is lost, `heavy` as m_c → ∞ (rad/s), `participation` the share in
+    the cart's velocity just after a push.  `family` counts from 0; None for the cart oscillating on its own spring.
+    """
+
+    omega: float
+    participation: float
+    light: float
+    heavy: float
+    family: int | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -246,6 +260,25 @@ class SecularEquation:
         swinging = [(float(zeros.omega[k]), np.array([1 / sqrt(zeros.modal_mass[k]) / self.unit])) for k in rows]
         drift = (0.0, np.array([1 / sqrt(self.dynamic.at_rest) / self.unit]))
         return tuple(swinging) if self._held else (drift, *swinging)
+
+    @cached_property
+    def cart_modes(self) -> tuple[CartMode, ...]:
+        """The modes that move a cart, ascending, except a free cart's rigid translation.
+
+        ComputationError where one of them hardly moves it, beyond double precision.
+        """
+        dynamic, zeros = self.dynamic, self.dynamic.zeros
+        with np.errstate(divide="ignore"):
+            push = 1 / zeros.modal_mass
+        if not np.all(np.isfinite(push)):
+            raise ComputationError("the modes that move this cart are beyond double precision")
+        whole = float(push.sum()) + (0.0 if dynamic.spring else 1 / dynamic.at_rest)
+        light = [*dynamic.with_cart(0.0).zeros.omega.tolist(), *[inf] * len(push)]
+        columns = (push / whole).tolist(), light, np.sqrt(zeros.square).tolist(), self.owner.tolist()
+        return tuple(
+            CartMode(omega, share, low, high, None if owner < 0 else owner)
+            for omega, share, low, high, owner in zip(zeros.omega.tolist(), *columns, strict=False)
+        )
 
     def pulled(self, modes: tuple[int, int], *, damped: bool = False) -> Any:
         """F of some own modes halfway between their frequencies: how the coordinate, and dampers, shift their ω².

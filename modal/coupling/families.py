@@ -1,22 +1,185 @@
-"""Families of modes and their table: what couples them, how strongly, and how slowly they beat.
+"""Families of modes: what couples them, how strongly, how slowly they beat, and what energy pendula exchange.
 
 Pendula of one fixed-base frequency ω_r that something joins form family r.  Those of their combinations that move
 nothing else stay at ω_r; each other one, a branch, has a coupling strength ε and a mode of the scene near
 ω_r (1 + ε/2).
+
+Modes a and b of different pendula, of fixed-base frequencies ω_a, ω_b and modal effective masses μ_a, μ_b, share a
+cart that resists them with m, the dynamic mass of everything else halfway between them.  To first order in μ/m their
+slow amplitudes obey i a' = H a with
+
+    H_aa = ω_a (1 + μ_a/2m),    H_ab = g = √(μ_a μ_b ω_a ω_b)/2m,    δ = H_aa − H_bb,
+
+so that of the energy given to one the other receives at most 4g²/(4g² + δ²), once in every 2π/√(4g² + δ²)
+(two coupled oscillators: Landau & Lifshitz, Mechanics, §23).  More than half is transferred where |δ| < 2|g|.  All of
+this assumes a constant m: where it varies between ω_a and ω_b, something else takes part in the exchange.
+
+Dampers make H complex.  A damper c_c on the cart adds c_c/iω to m, those of the joints add iσ_a to H_aa.  With
+Ω = √(g² + δ²/4) and h half the trace of H,
+
+    a = e^{iht} (cos Ωt + iδ/2 sin Ωt / Ω),    b = ig e^{iht} sin Ωt / Ω,
+
+the energy is on its way back after π/Re Ω; where Im Ω is larger than Re Ω it never comes back.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from math import inf, isfinite, sqrt
+from dataclasses import dataclass, replace
+from itertools import combinations
+from math import inf, isfinite, pi, sqrt
+from typing import Any
 
 import numpy as np
 
-from modal.coupling.exchange import FAR, STRONG, Transfer
 from modal.modes import lettered
 from modal.report import NOTHING, Displayed, short
 from modal.types import Complexes, Floats, Ints
+
+SAMPLES = 2001
+MOST_MODES = 40
+"""Modes up to which pairs are listed: among more, no two are isolated from the others."""
+STRONG = 0.5
+"""Coupling strength μ/m above which first order is meaningless."""
+FAR = 0.2
+"""Relative difference of first order from the splitting above which what resists varies."""
+LEAST_SHARE_OF_BEATS = 0.01
+"""Share of the energy of one pendulum that others must come to hold for a beat to be told."""
+UNEVEN = 1e-3
+"""Largest differences of decay rates within a family, over its splitting and over the largest rate."""
+
+
+@dataclass(frozen=True)
+class Transfer:
+    """The later distribution of energy given to one of two coupled amplitudes, as fractions of it.
+
+    `most` is the maximum that the other ever has; after `period` seconds, from one to the other and back, `left` is the
+    maximum that the first has again.  `beats` if any of it comes back, which dampers can prevent.  `lossless` without
+    dampers.
+    """
+
+    period: float
+    most: float
+    left: float
+    beats: bool
+    lossless: bool
+
+
+def transfer(first: complex, second: complex, coupling: complex) -> Transfer:
+    """The transfer between the amplitudes a' = iHa, H = [[first, coupling], [coupling, second]] in rad/s."""
+    half, decay = np.complex128(first - second) / 2, (first.imag + second.imag) / 2
+    with np.errstate(all="ignore"):
+        turn = np.sqrt(np.complex128(coupling) ** 2 + half**2)
+        period = float(pi / abs(turn.real))
+        if not (first.imag or second.imag or coupling.imag):
+            most = float(abs(coupling / turn) ** 2) if turn else 0.0
+            return Transfer(period, most, 1.0, beats=isfinite(period), lossless=True)
+        rate = max(float(abs(turn)), decay)
+        early, late = np.linspace(0.0, min(period, 100 / rate), SAMPLES), np.geomspace(1e-3, 1e6, SAMPLES) / rate
+        other = _swung(np.concatenate((early, late)), turn, decay) * abs(coupling) ** 2
+        left = float(max(_returned(sign * half, turn, decay, period) for sign in (1, -1))) if isfinite(period) else 0.0
+    return Transfer(period, float(other.max()), left, beats=bool(abs(turn.real) > abs(turn.imag)), lossless=False)
+
+
+def passes_energy(first: Floats, second: Floats) -> bool:
+    """Whether two levels with these shares of each member (n,) pass energy of any to the others, 4 w_1 w_2 of it.
+
+    >>> passes_energy(np.array([0.5]), np.array([0.5])), passes_energy(np.array([1.0]), np.array([1e-4]))
+    (True, False)
+    """
+    return bool((4 * first * second).max() > LEAST_SHARE_OF_BEATS)
+
+
+def beats_of(weights: Floats, levels: Complexes) -> tuple[float, ...]:
+    """2π/|Δω| (s), the slowest first, of two levels that pass energy of a member (levels, members) and have it back."""
+    gaps = [b - a for (a, u), (b, v) in combinations(zip(levels, weights, strict=True), 2) if passes_energy(u, v)]
+    coming = [2 * pi / float(abs(gap.real)) for gap in gaps if abs(gap.real) > abs(gap.imag)]
+    return tuple(sorted(coming, reverse=True))
+
+
+def exchange_among(weights: Floats, levels: Complexes) -> Transfer:
+    """What all others ever hold of the energy given to any one of several, over their levels, as a part of it.
+
+    A member has the weights w_l, Σ w_l = 1, (levels, members), in modes of frequency Re δ_l (rad/s, from any origin)
+    and decay rate Im δ_l (1/s); the others hold Σ w_l |e_l|² − |Σ w_l e_l|² with e_l = exp(iδ_l t).
+
+    >>> passed = exchange_among(np.array([[2 / 3], [1 / 3]]), np.array([0.0, 0.1 + 0.0j]))
+    >>> round(passed.most, 12), round(4 * (3 - 1) / 3**2, 12), round(passed.period, 6)
+    (0.888888888889, 0.888888888889, 62.831853)
+    """
+    beats = beats_of(weights, levels)
+    gaps = np.subtract.outer(levels, levels)
+    apart = np.abs(gaps.real)[np.abs(gaps.real) > 0]
+    period = beats[0] if beats else 2 * pi / float(apart.min()) if apart.size else inf
+    lossless = not levels.imag.any()
+    rate = max(float(np.abs(gaps).max()) / 2, float(levels.imag.max()))
+    span = period if isfinite(period) and lossless else min(period, 100 / rate) if rate else 0.0
+    times = np.linspace(0.0, span, SAMPLES)
+    if not lossless:
+        times = np.concatenate((times, np.geomspace(1e-3, 1e6, SAMPLES) / rate))
+        times = times[times * levels.imag.min() < 300]  # numbers below 1e-130 would be slow, and nothing is left then
+    amplitude = np.exp(1j * np.outer(times, levels))
+    held, kept = (np.einsum("tl,lm->tm", part, weights) for part in (np.abs(amplitude) ** 2, amplitude))
+    others = held - np.abs(kept) ** 2
+    back = np.abs(np.exp(1j * levels * period) @ weights) ** 2 if isfinite(period) else np.zeros(1)
+    left = 1.0 if lossless and len(levels) == 2 else float(back.max())
+    return Transfer(period, float(others.max()), left, bool(beats), lossless)
+
+
+def _swung(times: Floats, turn: np.complex128, decay: float) -> Floats:
+    """|e^{iht} sin Ωt / Ω|² at these times, with separate exponentials, none of which grows."""
+    grown = np.exp((1j * turn - decay) * times) - np.exp((-1j * turn - decay) * times)
+    return np.abs(grown / (2 * turn) if turn else times * np.exp(-decay * times)) ** 2
+
+
+def _returned(half: np.complex128, turn: np.complex128, decay: float, time: float) -> float:
+    """|a|² at a time."""
+    up, down = (np.exp((sign * 1j * turn - decay) * time) for sign in (1, -1))
+    return float(np.abs((up + down) / 2 + half * (up - down) / (2 * turn)) ** 2)
+
+
+@dataclass(frozen=True, repr=False)
+class EnergyExchange(Displayed):
+    """Modes `first` and `second`, indices into `FixedBaseModes`, all copies of each kind moving alike.
+
+    `detuning` δ and `coupling` g in rad/s, `strength` the larger of their own shifts over ω, `cart_mass` the m (kg) of
+    one coordinate between them, all without dampers, and `exchange` the transfer with them.  `alone` if no third mode
+    of that frequency takes part, and with one coordinate if m is steady and g small enough for the theory.
+    """
+
+    first: int
+    second: int
+    detuning: float
+    coupling: float
+    strength: float
+    cart_mass: float
+    alone: bool
+    exchange: Transfer
+
+    @property
+    def period(self) -> float:
+        """Seconds from one pendulum to the other and back."""
+        return self.exchange.period
+
+    @property
+    def share(self) -> float:
+        """The largest fraction of one's energy that the other ever has, 0 … 1."""
+        return self.exchange.most
+
+
+def pair_exchange(omega: Floats, rate: Floats, free: Any, lossy: Any) -> tuple[float, float, float, Transfer]:
+    """Detuning, coupling, strength and transfer of two modes at `omega` (2,), their pull F without and with dampers.
+
+    `rate` (2,) are their own decay rates: where one is overdamped nothing comes back.
+    """
+    (wa, wb), x = omega.tolist(), float(omega.prod())
+    first, second = wa + free[0, 0] / (2 * wa), wb + free[1, 1] / (2 * wb)
+    shifts = [complex(lossy[k, k]) / (2 * w) for k, w in enumerate((wa, wb))]
+    passed = transfer(wa + shifts[0], wb + shifts[1], complex(lossy[0, 1]) / (2 * sqrt(x)))
+    strength = max(abs(free[0, 0]) / wa**2, abs(free[1, 1]) / wb**2, abs(free[0, 1]) / x)
+    passed = replace(passed, beats=passed.beats and bool(np.all(rate < omega)))
+    return float(first - second), float(free[0, 1]) / (2 * sqrt(x)), float(strength), passed
+
 
 ROUGH = 0.02
 """Relative difference of a splitting from that with a constant ε above which both are only a guide."""
@@ -100,11 +263,6 @@ class Family(Displayed):
         """Δω (rad/s) of the only mode that moves other things; None where there is none, or several."""
         moving = [branch.splitting for branch in self.branches if branch.is_finite]
         return moving[0] if len(moving) == 1 else None
-
-    @property
-    def first_order(self) -> float:
-        """Δω (rad/s) where what resists changes little from ω_r to the mode, ½ ε_r ω_r."""
-        return self.strength * self.omega / 2
 
     @property
     def is_first_order(self) -> bool:

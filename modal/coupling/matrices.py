@@ -20,8 +20,7 @@ import numpy as np
 from modal.coupling.damping import STILL
 from modal.coupling.dynamic_mass import FALLS, NOTHING_HOLDS, Other
 from modal.coupling.families import FamilyBranch
-from modal.coupling.fixed_base import pencil
-from modal.coupling.reduced import ReducedStructure
+from modal.coupling.reduced import ReducedStructure, pencil
 from modal.eigen import degenerate_modes
 from modal.errors import ComputationError
 from modal.modes import paired

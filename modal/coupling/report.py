@@ -11,13 +11,21 @@ from dataclasses import dataclass
 from textwrap import TextWrapper, wrap
 from typing import Any
 
-from modal.coupling.analysis import CartMode, Coupling
+from modal.coupling.analysis import Coupling
 from modal.coupling.damping import Damped
-from modal.coupling.damping_words import damping
-from modal.coupling.exchange import EnergyExchange
-from modal.coupling.families import Family, FamilyRow, family_cells, family_name
-from modal.coupling.verdict import verdict
-from modal.coupling.words import ELSEWHERE, alone, exchanges, families, felt, hung, limits, shown
+from modal.coupling.dynamic_mass import CartMode
+from modal.coupling.families import EnergyExchange, Family, FamilyRow, family_cells, family_name
+from modal.coupling.verdict import damping, verdict
+from modal.coupling.words import (
+    ELSEWHERE,
+    exchanges,
+    families,
+    limits,
+    most_listed,
+    own_mode_words,
+    pendula_words,
+    push_words,
+)
 from modal.report import Form, as_json, counted, finite, grid, headed, line_width, markdown, rad
 from modal.scene import describe, title_of
 from modal.scene.doors import checked
@@ -47,7 +55,7 @@ def coupling_report(coupling: Coupling, form: Form = "text", *, words: bool = Fa
     if form == "json":
         return as_json({**coupling_record(coupling), "verdict_sentences": list(told), "left_out": list(left)})
     title = f"{title_of(coupling.scene)}: what couples the pendula"
-    names = {family_name(index) for index in range(shown(coupling))}
+    names = {family_name(index) for index in range(most_listed(coupling))}
     rows = [row for row in rows if row.family in names]
     headings, cells = family_cells(rows)
     parts = [
@@ -84,7 +92,7 @@ def left_out(coupling: Coupling) -> tuple[str, ...]:
 
 
 def _left_out(coupling: Coupling) -> Iterator[str]:
-    every, most = coupling.families, shown(coupling)
+    every, most = coupling.families, most_listed(coupling)
     if len(every) > most:
         more = counted(len(every) - most, "more family is", "more families are")
         yield f"{more} {ELSEWHERE}, up to {rad(every[-1].omega)}."
@@ -94,18 +102,18 @@ def _left_out(coupling: Coupling) -> Iterator[str]:
     if coupling.rig.spatial:
         yield "Motion across the rail is left out: there nothing couples the pendula at small angles."
     if coupling.secular and coupling.reduced.d and any(link.drag for link in coupling.scene.links()):
-        what = "cart" if coupling.on_cart else "structure"
-        yield f"Beats count the drag of pendula as if the {what} were at rest; the damping of the modes has all of it."
+        rest = f"as if the {coupling.noun} were at rest"
+        yield f"Beats count the drag of pendula {rest}; the damping of the modes has all of it."
 
 
 def sections(coupling: Coupling) -> tuple[ReportSection, ...]:
     """The sections of the report."""
     structured = coupling.scene.is_structured
-    support = [("The structure alone", alone)]
+    support = [("The structure alone", own_mode_words)]
     if not structured:
-        support = [("What the cart feels" if coupling.on_cart else "What a cart would feel", felt)]
+        support = [("What the cart feels" if coupling.on_cart else "What a cart would feel", push_words)]
     parts = [
-        ("What hangs there", hung),
+        ("What hangs there", pendula_words),
         *support,
         ("Families of modes", families),
         *[("The cart's mass from 0 to ∞", limits)] * (not structured),

@@ -1,4 +1,7 @@
-"""The verdict on a coupling in at most five sentences: what couples, how strongly, how slowly it beats, what lasts."""
+"""The verdict on a coupling in at most five sentences: what couples, how strongly, how slowly it beats, what lasts.
+
+What dampers and drives do to each mode, at length, is a section of the report.
+"""
 
 from __future__ import annotations
 
@@ -6,10 +9,11 @@ from collections.abc import Iterator, Sequence
 from math import isfinite
 
 from modal.coupling.analysis import Coupling
-from modal.coupling.exchange import STRONG, EnergyExchange
-from modal.coupling.families import FamilyRow
-from modal.coupling.words import NEGLIGIBLE, ROUGH, SLIGHT, carrier_words, collective, left, member
-from modal.report import capital, counted, listed, short
+from modal.coupling.damping import Damped
+from modal.coupling.families import STRONG, EnergyExchange, FamilyRow
+from modal.coupling.words import NEGLIGIBLE, ROUGH, SLIGHT, carrier_words, collective_words, fraction, member_words
+from modal.modes.dissipation import stop_words
+from modal.report import capital, counted, listed, rad, short
 
 SCARCE = "at most 1 % of the energy of one passes to the others"
 MOST_NUMBERS = 4
@@ -77,11 +81,11 @@ def _beats(coupling: Coupling, rows: list[FamilyRow]) -> Iterator[str]:
     row = max(beating, key=lambda row: row.beat or 0.0)
     most = ""
     if row.share is not None:
-        held = "all" if row.share > 1 - SLIGHT else left(row.share)
+        held = "all" if row.share > 1 - SLIGHT else fraction(row.share)
         most = f"; halfway, {'the other holds' if row.fold == 2 else 'the others hold'} {held} of the energy"
         if coupling.scene.has_damping:
             who = "the other never holds" if row.fold == 2 else "the others never hold"
-            most = f"; {who} more than {left(row.share)} of the energy"
+            most = f"; {who} more than {fraction(row.share)} of the energy"
     slowest = "The slowest beat takes" if len(beating) > 1 else "The beat takes"
     yield f"{slowest} {row.beat:.4g} s (family {row.family}){most}."
 
@@ -102,14 +106,14 @@ def _between(coupling: Coupling) -> Iterator[str]:
     """What pendula that differ exchange."""
     if len(coupling.names) == 1:
         return
-    if words := collective(coupling):
+    if words := collective_words(coupling):
         yield words
         return
     pairs = [pair for pair in coupling.pairs if _is_isolated(coupling, pair)]
     if not pairs:
         return
     pair = max(pairs, key=lambda pair: pair.exchange.most)
-    names = [member(coupling, k) for k in (pair.first, pair.second)]
+    names = [member_words(coupling, k) for k in (pair.first, pair.second)]
     who = " and ".join(names) if sum(map(len, names)) <= MOST_LETTERS else "pendula of different kinds"
     passed, tuned = pair.exchange, abs(pair.detuning) < 2 * abs(pair.coupling)
     period = f" in {passed.period:.4g} s" if passed.beats else ""
@@ -120,7 +124,8 @@ def _between(coupling: Coupling) -> Iterator[str]:
         if tuned
         else ": detuning limits it"
     )
-    yield f"{capital(who)} exchange {'at most ' if why else 'up to '}{left(passed.most)} of their energy{period}{why}."
+    most = f"{'at most' if why else 'up to'} {fraction(passed.most)}"
+    yield f"{capital(who)} exchange {most} of their energy{period}{why}."
 
 
 def _is_isolated(coupling: Coupling, pair: EnergyExchange) -> bool:
@@ -144,17 +149,18 @@ def _lasting(coupling: Coupling) -> Iterator[str]:
     modes = coupling.damped
     if not modes:
         return
-    last, first = (choose(modes, key=lambda mode: mode.decay) for choose in (min, max))
+    last, first = _slowest_and_fastest(modes)
     spared = [mode for mode in modes if mode.decay <= NEGLIGIBLE * first.decay]
     if spared:
         who = capital(_called(coupling, [mode.omega for mode in spared]))
-        yield f"{who} not damped: in the end only {_it(spared)}."
+        yield f"{who} not damped: in the end only {'this swings' if len(spared) == 1 else 'these swing'}."
     else:
         yield f"{capital(_name(coupling, last.omega))} lasts longest: it falls to 1/e in {1 / last.decay:.4g} s."
 
 
-def _it(modes: Sequence[object]) -> str:
-    return "this swings" if len(modes) == 1 else "these swing"
+def _slowest_and_fastest(modes: Sequence[Damped]) -> tuple[Damped, Damped]:
+    """The first modes that decay most slowly and fastest."""
+    return min(modes, key=lambda mode: mode.decay), max(modes, key=lambda mode: mode.decay)
 
 
 def _driven(coupling: Coupling) -> str:
@@ -185,3 +191,113 @@ def _listed(coupling: Coupling, omegas: list[float]) -> str:
 def _called(coupling: Coupling, omegas: list[float]) -> str:
     words = _listed(coupling, omegas)
     return f"{words} {'are' if words.startswith('modes') or words.endswith(' modes') else 'is'}"
+
+
+MOST_DAMPED = 12
+LET_GO_DEG = 10.0
+"""Largest angle from which the report lets modes go that dry friction stops."""
+OFF = 0.1
+"""Relative difference of the exact rate from first order that is mentioned."""
+
+
+def damping(coupling: Coupling) -> Iterator[str]:
+    """Sentences about every mode, about the survivors, and about a drive."""
+    yield from map(capital, stop_words(coupling.scene, LET_GO_DEG)[:MOST_DAMPED])
+    if not (coupling.scene.has_damping or coupling.scene.is_driven):
+        rubbed = coupling.scene.has_friction or coupling.scene.has_drag
+        kept = "in the linear scene every mode keeps its amplitude" if rubbed else "every mode keeps its amplitude"
+        yield f"Nothing {'else ' if rubbed else ''}dissipates energy [D = 0]: {kept}."
+        return
+    modes = coupling.damped
+    yield from (_mode(coupling, mode) for mode in modes[:MOST_DAMPED] if coupling.scene.has_damping)
+    if len(modes) > MOST_DAMPED:
+        yield f"{len(modes) - MOST_DAMPED} more modes are in the JSON form."
+    if not modes:
+        yield "No mode of finite frequency is left to be damped [m_dyn(∞) = 0]."
+        return
+    if all(mode.exact is None for mode in modes):
+        yield "The damped eigenvalues themselves cannot be computed for this scene: all rates are those of first order."
+    if coupling.scene.is_driven:
+        yield from _own_drives(coupling, modes)
+        return
+    yield from _survivors(coupling, modes)
+    yield from _drive(coupling, modes)
+
+
+def _named(coupling: Coupling, mode: Damped) -> str:
+    """A mode by its frequency and the moving parts."""
+    whose = f", {mode.kind}" if mode.kind else ""
+    number = coupling.number(mode.omega)
+    name = "the mode" if number is None else f"mode {number}"
+    if coupling.scene.is_structured and not coupling.reduced.d:
+        return f"{name} at {rad(mode.omega)}" + (f" ({mode.kind})" if mode.kind else "")
+    return f"{name} at {rad(mode.omega)} ({coupling.noun} {'still' if mode.still else 'moves'}{whose})"
+
+
+def _mode(coupling: Coupling, mode: Damped) -> str:
+    carrier = "the cart's damper [c_c φ_x²/2φᵀMφ]"
+    if coupling.scene.is_structured:
+        carrier = "the dampers of the structure and its springs [ηᵀD_sη/2φᵀMφ]"
+    first = (
+        f"{capital(_named(coupling, mode))}: damping ratio {short(mode.ratio)} [σ/ω], rate {short(mode.rate)} 1/s "
+        f"[σ = φᵀDφ/2φᵀMφ], {short(mode.from_cart)} of it from {carrier} and "
+        f"{short(mode.from_joints)} from the joints [Σ d_i(θ_i − θ_i−1)²/2φᵀMφ]"
+        + (f", {short(mode.from_drag)} from drag [Σ drag_k(h_kᵀφ)²/2φᵀMφ]" if mode.from_drag else "")
+        + (f", {short(mode.from_ratio)} from the damping ratio [ζω]" if mode.from_ratio else "")
+    )
+    if mode.exact is None:
+        return first + "."
+    kind = f"damping ratio {short(mode.decay / abs(mode.exact))} [−Re λ/|λ|]" if mode.exact.imag else "overdamped"
+    off = "" if _is_first_order(mode) else "; first order no longer holds"
+    return f"{first}; the damped scene itself: {kind}, rate {short(mode.decay)} 1/s [−Re λ]{off}."
+
+
+def _is_first_order(mode: Damped) -> bool:
+    return abs(mode.decay - mode.rate) <= OFF * mode.rate
+
+
+def _survivors(coupling: Coupling, modes: tuple[Damped, ...]) -> Iterator[str]:
+    last, first = _slowest_and_fastest(modes)
+    most = NEGLIGIBLE * max(mode.rate for mode in modes)
+    spared = [mode for mode in modes if mode.decay <= NEGLIGIBLE * first.decay and mode.rate <= most]
+    if spared:
+        each = "; ".join(_named(coupling, mode) for mode in spared[:MOST_DAMPED])
+        rest = f"; and {len(spared) - MOST_DAMPED} more" if len(spared) > MOST_DAMPED else ""
+        yield f"Not damped at all [σ = 0]: {each}{rest}. In the end only these swing."
+        if first.from_cart and all(mode.still for mode in spared):
+            yield f"What leaves the {coupling.noun} still survives a damper on it: antiphase, as Huygens saw."
+    elif last.decay <= 0:
+        yield (
+            f"The slowest to decay is {_named(coupling, last)}: its rate is beyond double precision beside that of "
+            f"{_named(coupling, first)}."
+        )
+    elif last.decay < first.decay:
+        formula = "1/σ" if last.exact is None else "−1/Re λ"
+        yield (
+            f"The slowest to decay is {_named(coupling, last)}: it falls to 1/e in {short(1 / last.decay)} s "
+            f"[{formula}], {short(first.decay / last.decay)} times as long as the fastest, {_named(coupling, first)}."
+        )
+
+
+def _own_drives(coupling: Coupling, modes: tuple[Damped, ...]) -> Iterator[str]:
+    """The effect of the scene's van der Pol torques; the kicks of escapements have no rate at equilibrium."""
+    fed = [mode for mode in modes if mode.from_drives]
+    for mode in fed[:MOST_DAMPED]:
+        net = mode.from_drives - mode.decay
+        fate = "it grows from rest" if net > 0 else "it dies out nevertheless"
+        feed = "[Σ e_i(θ_i − θ_i−1)²/2φᵀMφ]"
+        words = f"The drives feed {_named(coupling, mode)} with {short(mode.from_drives)} 1/s {feed}"
+        yield f"{words}: {fate}, net {short(net)} 1/s."
+    yield "Linear modes cannot tell which mode wins at large angles; `sync` can."
+
+
+def _drive(coupling: Coupling, modes: tuple[Damped, ...]) -> Iterator[str]:
+    reached = [mode for mode in modes if isfinite(mode.threshold)]
+    if not reached or not all(map(_is_first_order, modes)):
+        return
+    first = min(reached, key=lambda mode: mode.threshold)
+    yield (
+        f"A drive that gives every pendulum the torque e θ_1' at its pivot starts {_named(coupling, first)} first, "
+        f"from e = {first.threshold:.4g} N m s/rad on [σ/F, F = Σθ_1²/2φᵀMφ = {short(first.fed)} 1/(kg m²)]. Linear "
+        "modes cannot tell which one wins at large angles."
+    )

@@ -7,9 +7,9 @@ from math import isinf
 
 import numpy as np
 
-from modal.coupling.analysis import CartMode, Coupling
-from modal.coupling.exchange import MOST_MODES, STRONG, EnergyExchange, Transfer
-from modal.coupling.families import Family, FamilyBranch, family_name
+from modal.coupling.analysis import Coupling
+from modal.coupling.dynamic_mass import CartMode
+from modal.coupling.families import MOST_MODES, STRONG, EnergyExchange, Family, FamilyBranch, Transfer, family_name
 from modal.report import capital, counted, listed, percent, rad, short
 from modal.structure import Structure
 
@@ -30,12 +30,12 @@ NOUNS = {
 }
 
 
-def shown(coupling: Coupling) -> int:
+def most_listed(coupling: Coupling) -> int:
     """How many entries of each kind are listed, fewer where there are many."""
     return MOST_LISTED if len(coupling.fixed_base.omega) <= MOST_MODES else FEW
 
 
-def member(coupling: Coupling, k: int) -> str:
+def member_words(coupling: Coupling, k: int) -> str:
     """A fixed-base mode by its pendulum, and by its number where the pendulum has several."""
     modes = coupling.fixed_base
     name = coupling.names[modes.kind[k]]
@@ -43,13 +43,13 @@ def member(coupling: Coupling, k: int) -> str:
     return f"fixed-base mode {modes.number[k]} of {name}" if several else name
 
 
-def numbered(coupling: Coupling, omega: float) -> str:
+def number_words(coupling: Coupling, omega: float) -> str:
     """The number of a frequency's mode in the table, in parentheses, where it is known."""
     number = coupling.number(omega)
     return "" if number is None else f" (mode {number})"
 
 
-def left(share: float) -> str:
+def fraction(share: float) -> str:
     """A fraction of an energy in words."""
     return percent(share) if share >= SLIGHT else f"less than {percent(SLIGHT)}"
 
@@ -76,7 +76,7 @@ def _nouns(kind: str) -> tuple[str, str]:
 # ----------------------------------------------------------------------------------------- what hangs, what is felt
 
 
-def hung(coupling: Coupling) -> Iterator[str]:
+def pendula_words(coupling: Coupling) -> Iterator[str]:
     """What hangs from what, and springs."""
     scene, structure = coupling.scene, coupling.structure
     kinds = f" of {counted(len(coupling.names), 'kind', 'kinds')}" if scene.n_pendula > 1 else ""
@@ -123,7 +123,7 @@ def hung(coupling: Coupling) -> Iterator[str]:
         )
 
 
-def felt(coupling: Coupling) -> Iterator[str]:
+def push_words(coupling: Coupling) -> Iterator[str]:
     """What a push on the cart feels, or would feel on a fixed support."""
     dynamic, on_cart = coupling.dynamic, coupling.on_cart
     sum_of_poles = "m_res + Σ μ_r ω_r²/(ω_r² − ω²)"
@@ -140,11 +140,11 @@ def felt(coupling: Coupling) -> Iterator[str]:
             f"Were the support free to move, the pendula would add {short(dynamic.at_rest)} kg to its mass in a "
             f"slow push [Σ m], {short(dynamic.residual)} kg in a fast one [m_res], and at ω {sum_of_poles}."
         )
-    most = shown(coupling)
+    most = most_listed(coupling)
     poles = listed([rad(omega) for omega in dynamic.omega[:most]], len(dynamic.omega))
     yield f"Its poles, where the pendula hold a support still however it is pushed: {poles} [K φ = ω² A φ]."
     if coupling.cart_modes:
-        moving = [f"{rad(mode.omega)}{numbered(coupling, mode.omega)}" for mode in coupling.cart_modes[:most]]
+        moving = [f"{rad(mode.omega)}{number_words(coupling, mode.omega)}" for mode in coupling.cart_modes[:most]]
         zeros = listed(moving, len(coupling.cart_modes))
         yield f"Its zeros, where the cart swings by itself: {zeros} [m_dyn(ω) = 0]."
     elif on_cart:
@@ -153,7 +153,7 @@ def felt(coupling: Coupling) -> Iterator[str]:
         yield "The cart and all that hangs from it can also drift together [ω = 0]."
 
 
-def alone(coupling: Coupling) -> Iterator[str]:
+def own_mode_words(coupling: Coupling) -> Iterator[str]:
     """The structure's own modes, and the modes of the scene that are mostly its own."""
     modes = coupling.modes
     if not modes:
@@ -176,7 +176,7 @@ def alone(coupling: Coupling) -> Iterator[str]:
     for omega, motion in coupling.structure_modes[:MOST_LISTED]:
         words = coupling.words(coupling.basis @ motion)
         rate = f"at {rad(omega)}" if omega else "a drift, ω = 0"
-        yield f"In the scene, with the pendula swinging: {words}, {rate}{numbered(coupling, omega)}."
+        yield f"In the scene, with the pendula swinging: {words}, {rate}{number_words(coupling, omega)}."
 
 
 # ------------------------------------------------------------------------------------------------------- families
@@ -184,7 +184,7 @@ def alone(coupling: Coupling) -> Iterator[str]:
 
 def families(coupling: Coupling) -> Iterator[str]:
     """Sentences about each family."""
-    every, most = coupling.families, shown(coupling)
+    every, most = coupling.families, most_listed(coupling)
     for index, family in enumerate(every[:most]):
         yield _family(coupling, family_name(index), family)
     if len(every) > most:
@@ -192,8 +192,8 @@ def families(coupling: Coupling) -> Iterator[str]:
 
 
 def _family(coupling: Coupling, r: str, family: Family) -> str:
-    who = listed([member(coupling, k) for k in family.members[:MOST_LISTED]], len(family.members))
-    number = "" if coupling.is_coupled else numbered(coupling, family.omega)
+    who = listed([member_words(coupling, k) for k in family.members[:MOST_LISTED]], len(family.members))
+    number = "" if coupling.is_coupled else number_words(coupling, family.omega)
     mass = f"{short(family.mass)} kg [μ_{r} = Σ (φᵀb)²/(φᵀAφ)]"
     if coupling.scene.is_structured and len(family.masses):
         pushed = np.flatnonzero(family.masses > NEGLIGIBLE * family.masses.max()).tolist()
@@ -205,11 +205,10 @@ def _family(coupling: Coupling, r: str, family: Family) -> str:
     words = [head]
     if family.still:
         many = counted(family.still, "combination stays", "combinations stay")
-        rest = "with the cart still, in antiphase" if coupling.on_cart else "and moves nothing else"
-        if family.still > 1 and not coupling.on_cart:
-            rest = "and move nothing else"
+        moves = "moves" if family.still == 1 else "move"
+        rest = "with the cart still, in antiphase" if coupling.on_cart else f"and {moves} nothing else"
         end = ";" if family.branches else "."
-        words.append(f"{many} at ω_{r} {rest}{numbered(coupling, family.omega)} [Σ φᵀb = 0]{end}")
+        words.append(f"{many} at ω_{r} {rest}{number_words(coupling, family.omega)} [Σ φᵀb = 0]{end}")
     for branch in family.branches[:MOST_LISTED]:
         words += [*_moved(coupling, r, family, branch), *_strength(coupling, r, family, branch)]
     return " ".join((*words, *_beats(coupling, family)))
@@ -228,7 +227,7 @@ def _moved(coupling: Coupling, r: str, family: Family, branch: FamilyBranch) -> 
         how, formula = ", ".join(filter(None, told)) or "one", "[det S = 0]"
         how = how if several and branch is family.branches[0] else capital(how)
     yield (
-        f"{how} at {rad(branch.omega)}{numbered(coupling, branch.omega)} {formula}, "
+        f"{how} at {rad(branch.omega)}{number_words(coupling, branch.omega)} {formula}, "
         f"Δω = {short(branch.splitting)} rad/s away{bare} [ω_zero − ω_{r}]."
     )
 
@@ -303,16 +302,15 @@ def _damped_beats(coupling: Coupling, family: Family, passed: Transfer, guide: s
         yield "Joint dampers make its pendula overdamped [σ ≥ ω]: there are no beats."
         return
     aside = ", its drives aside," if coupling.scene.is_driven else ""
-    most = f"the others never hold more than {left(passed.most)} of the energy given"
+    most = f"the others never hold more than {fraction(passed.most)} of the energy given"
     if not passed.beats:
-        what = "cart" if coupling.on_cart else "structure"
         yield (
-            f"There are no beats: the motion of the {what} decays before it has run out of phase with the rest "
-            f"[−Re Δλ > Im Δλ]. Of one pendulum set swinging alone{aside}, {most}{guide}."
+            f"There are no beats: the motion of the {coupling.noun} decays before it has run out of phase with the "
+            f"rest [−Re Δλ > Im Δλ]. Of one pendulum set swinging alone{aside}, {most}{guide}."
         )
         return
     yield (
-        f"One pendulum set swinging alone in this mode{aside} recovers {left(passed.left)} of its energy after a "
+        f"One pendulum set swinging alone in this mode{aside} recovers {fraction(passed.left)} of its energy after a "
         f"beat of {short(passed.period)} s [2π/Im Δλ]: dampers take the rest, and {most}{guide}."
     )
 
@@ -322,7 +320,7 @@ def limits(coupling: Coupling) -> Iterator[str]:
     if not coupling.on_cart:
         yield "A fixed support is the limit of an immense cart: the poles above are its frequencies [m_c → ∞]."
         return
-    modes, most = coupling.cart_modes, shown(coupling)
+    modes, most = coupling.cart_modes, most_listed(coupling)
     busiest = sorted(range(len(modes)), key=lambda number: -modes[number].participation)[:most]
     yield from (_limit(coupling, modes[number]) for number in sorted(busiest))
     if len(modes) > most:
@@ -367,7 +365,7 @@ def exchanges(coupling: Coupling) -> Iterator[str]:
 
 def _pair(coupling: Coupling, pair: EnergyExchange) -> str:
     modes, on_cart = coupling.fixed_base, coupling.on_cart
-    a, b = (member(coupling, k) for k in (pair.first, pair.second))
+    a, b = (member_words(coupling, k) for k in (pair.first, pair.second))
     resists = f"m = {short(pair.cart_mass)} kg"
     if pair.strength > STRONG:
         why = f"[μ/|m| = {short(pair.strength)}, {resists}]" if on_cart else f"[|F|/ω² = {short(pair.strength)}]"
@@ -380,7 +378,9 @@ def _pair(coupling: Coupling, pair: EnergyExchange) -> str:
             f"{capital(a)} and {b} are not alone: other modes, or the cart's spring, make the dynamic mass m of all "
             "else change between their frequencies [m(ω_a) ≠ m(ω_b)]; their energy goes where the modes above carry it."
         )
-    overdamped = [capital(member(coupling, k)) for k in (pair.first, pair.second) if modes.rate[k] >= modes.omega[k]]
+    overdamped = [
+        capital(member_words(coupling, k)) for k in (pair.first, pair.second) if modes.rate[k] >= modes.omega[k]
+    ]
     if overdamped:
         return f"{listed(overdamped, len(overdamped))}: overdamped by its joints [σ ≥ ω], no beats."
     copies = int(max(modes.count[[pair.first, pair.second]]))
@@ -409,15 +409,16 @@ def _passed(pair: EnergyExchange) -> str:
         else "detuning suppresses the exchange"
     )
     back = (
-        f"after a beat of {short(pair.period)} s [π/Re Ω, Ω² = g² + δ²/4 with the dampers] at most {left(passed.left)} "
-        "is back"
+        f"after a beat of {short(pair.period)} s [π/Re Ω, Ω² = g² + δ²/4 with the dampers] at most "
+        f"{fraction(passed.left)} is back"
         if passed.beats
         else "nothing comes back in beats [Im Ω > Re Ω, Ω² = g² + δ²/4 with the dampers]"
     )
-    return f"{verdict}. With the dampers the other never holds more than {left(pair.share)} of one's energy, and {back}"
+    most = fraction(pair.share)
+    return f"{verdict}. With the dampers the other never holds more than {most} of one's energy, and {back}"
 
 
-def collective(coupling: Coupling) -> str:
+def collective_words(coupling: Coupling) -> str:
     """One sentence on many different pendula that swing alike; empty where pairs are listed."""
     if len(coupling.fixed_base.omega) <= MOST_MODES or not coupling.on_cart:
         return ""
@@ -460,6 +461,6 @@ def _many(coupling: Coupling) -> Iterator[str]:
     )
     top = max(coupling.cart_modes, key=lambda mode: mode.participation)
     yield (
-        f"The mode that moves the cart most, at {rad(top.omega)}{numbered(coupling, top.omega)}, has "
+        f"The mode that moves the cart most, at {rad(top.omega)}{number_words(coupling, top.omega)}, has "
         f"{percent(top.participation)} of its velocity after a push [φ_x²/Σφ_x²]."
     )

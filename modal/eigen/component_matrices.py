@@ -14,7 +14,7 @@ from functools import cached_property
 
 import numpy as np
 
-from modal.assembly import Block, Element, null_space
+from modal.assembly import WAYS, Block, Element, null_space
 from modal.eigen.components import CANCELLED, ROUNDED, Component, Heavy, PartedRig
 from modal.eigen.factor import SquareSum
 from modal.eigen.trees import HungChains, Tree
@@ -56,20 +56,22 @@ class ComponentMatrices:
         return self._factor(0), self._factor(1), self._factor(2)
 
     def _factor(self, which: int) -> SquareSum:
-        elements = self.squares[which]
-        rows = np.zeros((len(elements), self.size))
-        for row, element in zip(rows, elements, strict=True):
+        elements, d = self.squares[which], len(self.component.eta)
+        rows, sizes = [np.zeros((len(elements), self.size))], [np.array([element.size for element in elements])]
+        for row, element in zip(rows[0], elements, strict=True):
             row[list(element.at)] = element.row
-        parts = [chain[which] for chain in self._hanging]
-        return SquareSum(
-            np.concatenate([rows, *(part.rows for part in parts)]),
-            np.concatenate([[element.size for element in elements], *(part.size for part in parts)]),
-        )
-
-    @cached_property
-    def _hanging(self) -> list[tuple[SquareSum, SquareSum, SquareSum]]:
-        """The squares of M, K and D of every combination."""
-        return [self._chain(*each) for each in zip(self.component.heavies, self.places[:-1].tolist(), strict=True)]
+        for heavy, at in zip(self.component.heavies, self.places.tolist(), strict=False):
+            pivots, p = (heavy.along, 0 * heavy.along, heavy.felt), heavy.column
+            for square in self.carried.chains[heavy.block][which]:
+                there, local = np.flatnonzero(square.size[p]), square.at[p]
+                part = np.zeros((len(there), self.size))
+                entries = np.eye(len(local))[there] if square.written is None else square.written[p, there]
+                part[:, at + local] = entries[:, -len(local) :]
+                if square.kind in WAYS:
+                    part[:, :d] = entries[:, :1] * pivots[WAYS[square.kind]][self.component.eta]
+                rows.append(part)
+                sizes.append(heavy.weight * square.size[p, there])
+        return SquareSum(np.concatenate(rows), np.concatenate(sizes))
 
     @cached_property
     def squares(self) -> tuple[tuple[Element, ...], ...]:
@@ -96,45 +98,12 @@ class ComponentMatrices:
             if carrier.M is not None and carrier.K is not None and carrier.D is not None and start in self._known:
                 yield self._known[start], (carrier.M, carrier.K, carrier.D)
 
-    def _chain(self, heavy: Heavy, at: int) -> tuple[SquareSum, SquareSum, SquareSum]:
-        """The squares of M, K and D of one combination."""
-        block, p, w = self.carried.rig.blocks[heavy.block], heavy.column, heavy.weight
-        eta, n, size = self.component.eta, block.n, self.size
-        ways = block.across[:, p]
-        angle = np.zeros((n, size))
-        angle[np.arange(n), at + np.arange(n)] = 1.0
-        centre = np.zeros((n, size))
-        centre[:, : len(eta)] = heavy.along[eta]
-        centre[:, at : at + n] = np.tril(np.tile(ways * block.length[:, p], (n, 1)), -1)
-        centre[np.arange(n), at + np.arange(n)] = ways * block.centre[:, p]
-        turn = angle.copy()
-        turn[1:] -= angle[:-1]
-        turn[0, : len(eta)] -= heavy.felt[eta]
-
-        def factor(*parts: tuple[Floats, Floats]) -> SquareSum:
-            rows, sizes = (np.concatenate([part[k] for part in parts]) for k in (0, 1))
-            return SquareSum(rows[sizes != 0], w * sizes[sizes != 0])
-
-        moved = [centre]
-        if block.sinking is not None:
-            down = np.zeros((n, size))
-            down[:, at : at + n] = np.tril(np.tile(block.sinking[:, p] * block.length[:, p], (n, 1)), -1)
-            down[np.arange(n), at + np.arange(n)] = block.sinking[:, p] * block.centre[:, p]
-            moved.append(down)
-        weight = block.rest.held[:, p] if block.rest else ways * block.b[:, p] * self.carried.rig.gravity
-        return (
-            factor(*((rows, block.mass[:, p]) for rows in moved), (angle, block.inertia[:, p])),
-            factor((angle, weight), (turn, block.stiffness[:, p])),
-            factor((turn, block.damping[:, p]), *((rows, block.drag[:, p]) for rows in moved)),
-        )
-
     @cached_property
     def momentum(self) -> Floats:
         """The momentum along the rail (n,) by each rate; NaN where a modal support is part of the component."""
         momentum = np.zeros(self.size)
         momentum[: len(self.component.eta)] = self.carried.momenta[self.component.eta]
-        for heavy, at in zip(self.component.heavies, self.places.tolist(), strict=False):
-            block = self.carried.rig.blocks[heavy.block]
+        for (block, heavy), at in zip(self._chains, self.places.tolist(), strict=False):
             several = sum(share.copies * share.amplitude for share in heavy.shares)
             momentum[at : at + block.n] = several * block.across[:, heavy.column] * block.b[:, heavy.column]
         return momentum

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from modal.assembly import ARRAYS, Block, Element, Hanging, Rig, modal_supports
+from modal.assembly import ARRAYS, Block, Element, Hanging, Rig, SquareRows, chain_squares
 from modal.eigen.recursion import at_infinity
 from modal.structure import slopes
 from modal.types import Floats, Ints
@@ -125,6 +125,13 @@ class PartedRig:
     def hanging(self) -> Hanging:
         """Its pendula and elements."""
         return Hanging(self.rig)
+
+    @cached_property
+    def chains(self) -> list[list[list[SquareRows]]]:
+        """The squares of M, K and D of every block but of what goes down as a whole, which the elements have."""
+        every = [chain_squares(block, self.rig.gravity) for block in self.rig.blocks]
+        moving = ((filter(lambda each: each.at.size, part) for part in parts) for parts in every)
+        return [[[each._replace(written=each.rows) for each in part] for part in parts] for parts in moving]
 
     @property
     def size(self) -> int:
@@ -269,9 +276,7 @@ class PartedRig:
     @cached_property
     def accelerances(self) -> Floats:
         """Σ φ_η² over all modes (d,), φᵀMφ = 1: what a sudden force on each coordinate gives it, per unit of force."""
-        M, _, _ = modal_supports(self.hanging.structure)
-        for element in self.hanging.elements.inertia:
-            element.add_to(M)
+        M = self.hanging.supporting[0].copy()
         for number, block in enumerate(self.rig.blocks):
             felt = at_infinity(block)[0].ravel() * block.count
             M += (self.pivots[number].T * felt) @ self.pivots[number]

@@ -10,8 +10,7 @@ Start with `characteristic` for polynomials and with `enclosures` for proofs (ex
 
 from modal.exact.characteristic import Polynomial, Variable, eliminated, equal_bobs, exact, exact_links, of_scene
 from modal.exact.enclosures import enclose
-from modal.exact.polynomials import product, scaled, total
-from modal.exact.roots import isolate
+from modal.exact.polynomials import isolate, product, scaled, total
 
 __all__ = [
     "Polynomial",

@@ -21,8 +21,7 @@ from typing import Any, Literal, NamedTuple
 
 from modal import pair
 from modal.errors import ComputationError
-from modal.exact.polynomials import integers, primitive, product, quotient, scaled, total
-from modal.exact.roots import Interval, isolate
+from modal.exact.polynomials import Interval, integers, isolate, primitive, product, quotient, scaled, total
 from modal.report import Displayed
 from modal.scene import Cart, Pendulum, Scene, require, validate_scene
 

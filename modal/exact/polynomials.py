@@ -1,12 +1,20 @@
-"""Polynomials as bare lists, lowest power first, of integers, fractions or symbols: sums, products, quotients."""
+"""Polynomials as bare lists of coefficients, and intervals that provably contain the roots of real-rooted ones.
+
+Sums, products and quotients take integers, fractions or symbols, lowest power first.  Of roots, highest power first and
+by integer arithmetic alone, Descartes' rule is exact where all are real: the number of those above a, with their
+multiplicities, is that of the sign changes in the coefficients of p(a + y).  Once a simple root is isolated, the sign
+of p halves its interval.  Endpoints are dyadic, and every interval is half-open: low < root ≤ high.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from fractions import Fraction
-from itertools import zip_longest
+from itertools import pairwise, zip_longest
 from math import gcd, lcm
-from typing import Any
+from typing import Any, NamedTuple
+
+from modal.errors import ComputationError
 
 
 def total(p: Sequence[Any], q: Sequence[Any]) -> list[Any]:
@@ -51,3 +59,105 @@ def quotient(p: Sequence[Any], q: Sequence[Any]) -> list[Fraction]:
         for k, c in enumerate(q[:size], power):
             rest[k] -= coefficients[power] * c
     return coefficients
+
+
+Narrow = Callable[[Fraction, Fraction], bool]
+
+
+class Interval(NamedTuple):
+    """low < root ≤ high, and the number of roots: more than one only where they are closer than the width."""
+
+    low: Fraction
+    high: Fraction
+    multiplicity: int
+
+
+def isolate(coefficients: Sequence[int], width: Fraction, *, relative: bool = False) -> list[Interval]:
+    """Ascending intervals, none wider than `width`, of all roots of a real-rooted polynomial, highest power first.
+
+    With `relative`, none is wider than `width` times its smaller end, for a polynomial without the root 0.
+    The caller guarantees that all roots are real (K and M are symmetric, M positive): ComputationError where
+    Newton's inequalities disprove it.  Intervals that are all simple prove it.
+    """
+    if width <= 0:
+        raise ValueError(f"width = {width}: must be positive")
+    if not _newton(coefficients):
+        raise ComputationError(f"the polynomial with coefficients {list(coefficients)} has roots that are not real")
+    if relative and coefficients[-1] == 0:
+        raise ValueError("the root 0 has no relative width")
+    narrow = _relative(width) if relative else lambda low, high: high - low <= width
+    bound, degree = Fraction(_root_bound(coefficients)), len(coefficients) - 1
+    return list(_split(coefficients, narrow, (-bound, degree), (bound, 0)))
+
+
+def _relative(width: Fraction) -> Narrow:
+    return lambda low, high: low * high > 0 and high - low <= width * min(abs(low), abs(high))
+
+
+def above(coefficients: Sequence[int], a: Fraction) -> int:
+    """Number of roots > a, with multiplicity, of a real-rooted polynomial."""
+    return _sign_changes(_shifted(coefficients, a))
+
+
+def _split(
+    p: Sequence[int], narrow: Narrow, low: tuple[Fraction, int], high: tuple[Fraction, int]
+) -> Iterator[Interval]:
+    """The roots between two points, each given with the number of roots above it."""
+    count = low[1] - high[1]
+    if count == 1:
+        yield _halved(p, narrow, low[0], *high)
+    elif count and narrow(low[0], high[0]):
+        yield Interval(low[0], high[0], count)
+    elif count:
+        middle = (low[0] + high[0]) / 2
+        between = (middle, above(p, middle))
+        yield from _split(p, narrow, low, between)
+        yield from _split(p, narrow, between, high)
+
+
+def _halved(p: Sequence[int], narrow: Narrow, low: Fraction, high: Fraction, above_high: int) -> Interval:
+    """A simple root narrowed by signs: just above it p has the sign of (−1)^(roots above high) times the first."""
+    beyond = (-1) ** above_high * p[0] > 0
+    while not narrow(low, high):
+        middle = (low + high) / 2
+        value = _scaled_value(p, middle)
+        if value == 0 or (value > 0) == beyond:
+            high = middle
+        else:
+            low = middle
+    return Interval(low, high, 1)
+
+
+def _scaled_value(p: Sequence[int], a: Fraction) -> int:
+    """p(a) times the denominator of a to the degree: an integer of the same sign."""
+    value, power = 0, 1
+    for c in p:
+        value = value * a.numerator + c * power
+        power *= a.denominator
+    return value
+
+
+def _shifted(p: Sequence[int], a: Fraction) -> list[int]:
+    """Coefficients of p((u + y)/v), a = u/v, times v^degree."""
+    c = [value * a.denominator**i for i, value in enumerate(p)]
+    for end in range(len(c), 1, -1):
+        for i in range(1, end):
+            c[i] += a.numerator * c[i - 1]
+    return c
+
+
+def _sign_changes(p: Sequence[int]) -> int:
+    signs = [c > 0 for c in p if c]
+    return sum(a != b for a, b in pairwise(signs))
+
+
+def _newton(p: Sequence[int]) -> bool:
+    """Newton's inequalities, necessary for real roots: c_k² ≥ c_{k−1} c_{k+1} (k + 1)(n − k + 1)/(k (n − k))."""
+    n = len(p) - 1
+    return all(p[k] ** 2 * k * (n - k) >= p[k - 1] * p[k + 1] * (k + 1) * (n - k + 1) for k in range(1, n))
+
+
+def _root_bound(p: Sequence[int]) -> int:
+    """A power of two above every |root| (Cauchy: 1 + max |c_i/c_0|)."""
+    largest = max(abs(c) for c in p) // abs(p[0]) + 2
+    return 1 << int(largest).bit_length()

@@ -1,6 +1,6 @@
 """Exact derivatives of M, K and D, of eigenvalues and of shapes by any number of a scene.
 
-Those of the matrices are difference quotients with large steps (`modal.assembly.derivatives`).
+Those of the matrices are difference quotients with large steps (`modal.assembly.linearization`).
 With Q = λ²M + λD + K, Q_p = λ²M_p + λD_p + K_p and Q_λ = 2λM + D a simple
 eigenvalue and its shape follow from
 

@@ -4,11 +4,10 @@ In: a `Scene` and a `Variation`.  Out: `Loci`: each mode followed by its shape, 
 
     dω²/dp = φᵀ (dK/dp − ω² dM/dp) φ,    φᵀ M φ = 1
 
-Start with `following`; `tracking` pairs the modes of neighbouring values, `crossings` finds crossings and veerings.
+Start with `following`; `tracking` pairs the modes of neighbouring values, and finds crossings and veerings.
 """
 
-from modal.loci.columns import followed_columns
-from modal.loci.crossings import CloseApproach
-from modal.loci.following import Loci, follow_loci, loci_csv, loci_text
+from modal.loci.following import Loci, follow_loci, followed_columns, loci_csv, loci_text
+from modal.loci.tracking import CloseApproach
 
 __all__ = ["CloseApproach", "Loci", "follow_loci", "followed_columns", "loci_csv", "loci_text"]

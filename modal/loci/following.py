@@ -2,7 +2,7 @@
 
 Modes are followed by shape (`modal.loci.tracking`).  An interval over which a shape changes too much is halved.  Where
 two loci exchange their order, the interval is refined until the gap is below the error bounds, or until the shapes are
-found to interchange (`modal.loci.crossings`).
+found to interchange (`modal.loci.tracking`).
 """
 
 from __future__ import annotations
@@ -10,13 +10,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import sqrt
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from modal.errors import ComputationError, SceneError
-from modal.loci.crossings import CloseApproach, find_close_approaches
-from modal.loci.tracking import LociPoint, follow, solve_at
+from modal.loci.tracking import CloseApproach, LociPoint, find_close_approaches, follow, solve_at
 from modal.modes import labelled
 from modal.report import Displayed, Summary, counted, csv_rows, deferred, grid, silent, tabulated, with_unit
 from modal.scene import Scene, left_out, name_of
@@ -26,6 +25,30 @@ from modal.types import Floats, Ints
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+
+def followed_columns(
+    variation: Variation | None,
+    value: float,
+    omega: float,
+    *,
+    stable: bool,
+    angle_deg: float,
+    growth: float | None = None,
+) -> dict[str, Any]:
+    """The varied number under its place and unit, then frequency, stability (1 or 0), largest angle and growth rate.
+
+    Without a variation there is no number; without a growth rate (1/s) no column for it.
+
+    >>> from modal.scene.parameters import parse_variations
+    >>> (axis,) = parse_variations(["support.mass=1:2:2"])
+    >>> list(followed_columns(axis, 1.0, 3.0, stable=True, angle_deg=5.0))
+    ['support.mass_kg', 'omega_rad_per_s', 'stable', 'largest_angle_deg']
+    """
+    along = {} if variation is None else {variation.column: value}
+    columns = {**along, "omega_rad_per_s": omega, "stable": int(stable), "largest_angle_deg": angle_deg}
+    return columns if growth is None else {**columns, "growth_per_s": growth}
+
 
 MOST_SOLVED = 20_000
 DEEPEST = 200

@@ -5,19 +5,18 @@ effective mass, the amplitude at which the small-angle frequency is off by 1 %, 
 
     q(t) = Re Σ_r c_r φ_r e^{λ_r t}
 
-Start with `modes`.  `numbering` gives a mode the same number everywhere, `tables` prints, `closed_forms` has exact
-results to compare with.
+Start with `modes`.  `numbering` gives a mode the same number everywhere, `tables` prints, `rope` is what long chains
+approach.
 """
 
 from modal.eigen import UNCERTAIN
-from modal.modes.closed_forms import hanging_rope, rope_error_of_bobs, rope_error_of_rods
+from modal.modes.dissipation import mode_losses, quality_factors, sliding_modes, stop_of
 from modal.modes.frequencies import natural_frequencies
-from modal.modes.friction import sliding_modes, stop_of
-from modal.modes.labels import moving_words
-from modal.modes.losses import mode_losses, quality_factors
 from modal.modes.mode import Mode
 from modal.modes.modes import ModalMatrix, Modes, all_shapes, equilibrium_words, natural_modes
 from modal.modes.numbering import MOST_COMPARED, counterparts, labelled, lettered, paired, table_numbers
+from modal.modes.rope import hanging_rope, rope_error_of_bobs, rope_error_of_rods
+from modal.modes.rows import moving_words
 from modal.modes.sensitivity import sensitivities
 from modal.modes.shapes import Shape
 from modal.modes.tables import table

@@ -11,10 +11,10 @@ from textwrap import wrap
 import numpy as np
 
 from modal.errors import SceneError, meant
-from modal.modes.fixed_base import fixed_base_masses, on_free_cart
-from modal.modes.losses import quality_factors
+from modal.modes.dissipation import quality_factors
 from modal.modes.mode import Mode
 from modal.modes.modes import Modes
+from modal.modes.numbering import fixed_base_masses, on_free_cart
 from modal.modes.rows import moved_by
 from modal.report import NOTHING, full, line_width
 from modal.types import Floats
@@ -364,7 +364,7 @@ def _with_stds(stds: Stds) -> list[Column]:
 
 def _at_amplitude(modes: Modes, amplitude_deg: float) -> Column:
     """The damping ratio with dry friction and quadratic drag at a largest angle (deg)."""
-    from modal.modes.friction import damping_ratios
+    from modal.modes.dissipation import damping_ratios
 
     ratios = damping_ratios(modes, radians(amplitude_deg))
     angle = f"{amplitude_deg:g}"

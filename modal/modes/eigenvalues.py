@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from modal.assembly import Rig, Units, rig_of, single
+from modal.assembly import Hanging, Rig, Units, rig_of, single
 from modal.eigen import (
     EVERYTHING,
     LIGHT,
@@ -20,10 +20,8 @@ from modal.eigen import (
     short_squares,
     structured_error,
 )
-from modal.modes.mode import hertz, oscillating, swing_period
-from modal.modes.second_order import MOST_COORDINATES, SupportResponse
+from modal.modes.mode import MOST_COORDINATES, SupportResponse, hertz, oscillating, swing_period
 from modal.scene import Scene
-from modal.structure import phi
 from modal.types import Booleans, Floats, Ints
 
 A = TypeVar("A", bound=NDArray[Any])
@@ -119,8 +117,20 @@ class Eigenvalues:
 
     @property
     def pivots_sink(self) -> bool:
-        """Whether a coordinate of the structure moves a pivot down to first order."""
-        return self.rig.structure is not None and bool(phi(self.rig.structure).down.any())
+        """Whether a coordinate of what carries the pendula moves a pivot down to first order."""
+        return bool(self.hanging.phi.down.any())
+
+    @cached_property
+    def hanging(self) -> Hanging:
+        """The pendula, one of each kind on a cart or a fixed support, and what carries them as a structure, natural."""
+        natural = self.natural
+        members = natural.members if natural.structure else tuple((*kind, 1) for kind in natural.names)
+        return Hanging(replace(natural, members=members).carried)
+
+    @cached_property
+    def inertia(self) -> Floats:
+        """Of each coordinate of what carries the pendula, these as if they were stiff, (d,)."""
+        return self.hanging.inertia.diagonal()
 
     def moving_near(self, omega: float) -> str:
         """The mode of the scene nearest to a frequency (rad/s) that moves more than pendula on a support at rest."""

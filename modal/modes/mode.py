@@ -1,21 +1,31 @@
-"""One row of the table of modes, and its resonances.
+"""One row of the table of modes, its resonances, and the second order of supports.
 
 A small nonlinearity can move energy between modes whose frequencies are near 1:1 or 1:3.  Modes within WIDTH of the
 ratio are near, whatever the amplitude; others if their responses at the angle of 1 % together change this angle by more
 than 3 %, less a margin for what the estimate leaves out (`modal.eigen.amplitude.distortion`, which follows the drift of
 both frequencies).  A mode that shakes its structure at twice its frequency is near 1:2 if the response
-of the structure changes this angle by more than 3 % from |κ|a² = 1 % (`modal.modes.second_order`).
+of the structure changes this angle by more than 3 % from |κ|a² = 1 %.
+
+Such modes leave the structure still to first order.  A pivot that a coordinate η moves down by Ψ η gives the Lagrangian
+−η' Ψᵀ σb θθ', so that q = a φ cos ωt pushes η with a² f cos 2ωt, f = −ω² Σ Ψ σ b φ².  With D(2ω) = K + 2iωD − 4ω²M of
+the whole scene the averaged Lagrangian changes by a⁴ fᵀ D(2ω)⁻¹ f/4, and κ by
+
+    κ₂(ω) = −fᵀ D(2ω)⁻¹ f/(φᵀMφ ω²).
+
+Near 2:1 this depends on the frequency itself, ω(a)²/ω² − 1 = 2a² (κ₀ + κ₂(ω(a))), κ₀ that of a support held still.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import pi
-from typing import Any
+from math import degrees, pi, sqrt
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from modal.assembly import Hanging, Rig, scene_squares
 from modal.eigen import UNCERTAIN
+from modal.modes.shapes import Shape
 from modal.report import Displayed, Summary, deferred
 from modal.types import Floats, Ints
 
@@ -58,8 +68,8 @@ class Mode(Displayed):
     relative_error_bound  bound on the relative error of omega
     indistinct          whether a neighbour is closer than the sum of both bounds
 
-    NaN where a quantity is undefined: effective mass of a mode whose shape dampers change (`modal.modes.undamped`; with
-    light ones it is that of the mode without), κ above a damping ratio of 0.1 or where the parts of a shape are
+    NaN where a quantity is undefined: effective mass of a mode whose shape dampers change (with light ones it is that
+    of the mode without, see `modal.modes.numbering`), κ above a damping ratio of 0.1 or where the parts of a shape are
     far out of phase, everything but `residual` in a row that is uncertain.
 
     >>> from modal import load, natural_modes
@@ -186,3 +196,65 @@ def answering(omega: Floats, number: int, partners: Ints) -> list[tuple[int, int
         at = int(np.searchsorted(omega[others], harmonic * omega[number]))
         pairs += [(harmonic, k) for k in others[max(at - NEAREST, 0) : at + NEAREST].tolist() if omega[k]]
     return pairs
+
+
+ONE_PERCENT = 0.01
+MOST_COORDINATES = 1200
+"""Of a dense matrix that is solved once a mode, as in `modal.eigen.structured`."""
+
+
+class Amplitude(NamedTuple):
+    """κ (1/rad²), and the largest angle (deg) at which ω is 1 % off; both NaN where they are unknown."""
+
+    kappa: float
+    one_percent_deg: float
+
+
+UNKNOWN = Amplitude(np.nan, np.nan)
+
+
+@dataclass(frozen=True, eq=False)
+class SupportResponse:
+    """The response of the structure of a rig to modes that leave it still to first order."""
+
+    hanging: Hanging
+    M: Floats
+    K: Floats
+    D: Floats
+
+    @classmethod
+    def of(cls, rig: Rig) -> SupportResponse:
+        """That of a rig in SI units."""
+        return cls(Hanging(rig), *scene_squares(rig).matrices)
+
+    def pushes(self, shape: Shape) -> Floats:
+        """Σ Ψ σ b φ² (d,) of a shape over all links, 0 where only rounding is left."""
+        hanging, squares = self.hanging, np.real(shape.angles) ** 2
+        moments = np.concatenate([self._moments(*kind) for kind in hanging.kinds.tolist()])
+        each = hanging.phi.down * np.add.reduceat(moments * squares, hanging.first[:-1])[:, None]
+        pushes, terms = each.sum(0), np.abs(each).sum(0)
+        return np.where(np.abs(pushes) <= len(each) * 2.0**-48 * terms, 0.0, pushes)
+
+    def _moments(self, number: int, column: int) -> Floats:
+        block = self.hanging.rig.blocks[number]
+        return np.asarray(block.sigma[:, column] * block.b[:, column])
+
+    def amplitude(self, shape: Shape, omega: float, held: float) -> Amplitude:
+        """Those of a shape with a largest angle of 1 that pushes the structure; κ is `held` on a support held still."""
+        pushes = self.pushes(shape)
+
+        def second(r: float) -> float:
+            """κ₂ (1/rad²) at r ω."""
+            driven = 2 * r * omega
+            stiffness = self.K + 1j * driven * self.D - driven**2 * self.M
+            force = np.zeros(len(stiffness))
+            force[: len(pushes)] = -((r * omega) ** 2) * pushes
+            return float(-(force @ np.linalg.solve(stiffness, force)).real) / (shape.modal_mass * omega**2)
+
+        try:
+            kappa = held + second(1.0)
+            r = 1 + np.copysign(ONE_PERCENT, kappa)
+            square = (r**2 - 1) / 2 / (held + second(r))
+        except np.linalg.LinAlgError:
+            return UNKNOWN
+        return Amplitude(kappa, degrees(sqrt(square)) if 0 < square < np.inf else np.nan)

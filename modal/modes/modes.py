@@ -54,8 +54,8 @@ class Modes(Displayed, Eigenvalues, Sequence[Mode]):
     """
 
     internal = Displayed.internal | {
-        *("every", "first", "limits", "natural", "on_cart", "place", "rig", "selected", "short", "spectrum", "units"),
-        "which",
+        *("every", "first", "hanging", "inertia", "limits", "natural", "on_cart", "place", "rig", "selected"),
+        *("short", "spectrum", "units", "which"),
     }
 
     @overload
@@ -108,7 +108,7 @@ class Modes(Displayed, Eigenvalues, Sequence[Mode]):
         if not self.rig.is_damped or not isnan(mode.effective_mass):
             return mode
         with np.errstate(all="ignore"):
-            masses = deferred("modal.modes.undamped:undamped_masses")(self)
+            masses = deferred("modal.modes.numbering:undamped_masses")(self)
         along, across = float(masses.along[index]), float(masses.across[index])
         return replace(
             mode,
@@ -273,9 +273,9 @@ class Modes(Displayed, Eigenvalues, Sequence[Mode]):
     def animate(self, path: str | PathLike[str], numbers: Sequence[int] | None = None, **options: Any) -> None:
         """Write a film of these modes (indices from 0) to a .gif, .mp4 or .html file, by default of the first ones.
 
-        `options` are those of `modal.plotting.modal_films.film_modes`.
+        `options` are those of `modal.plotting.films.film_modes`.
         """
-        deferred("modal.plotting.modal_films:save_film")(self, path, _indices(numbers), **options)
+        deferred("modal.plotting.films:save_film")(self, path, _indices(numbers), **options)
 
     def _summary(self) -> Summary:
         summary: Summary = deferred("modal.modes.tables:summarize")(self, TEXT_ROWS)

@@ -1,21 +1,42 @@
-"""One number for every mode: its number in the table of the scene with dampers.
+"""The modes of another scene that belong to those of a scene: without its dampers, with its cart held.
 
-A scene without its dampers, or with its cart fixed, has different modes.  Each of them gets the number of the most
-similar mode of the table.  The similarity of rows r and s, of shapes φ and ψ, is
+Each mode has one number, that in the table of the scene with dampers.  A scene without them, or with its cart fixed,
+has different modes, and each of these gets the number of the most similar one.  The similarity of rows r and s, of
+shapes φ and ψ, is
 
     w_rs = Σ |φᴴMψ|² / ((φᴴMφ)(ψᴴMψ))        over all pairs of their shapes along the rail,
 
-and rows are paired one to one, the most similar first.
+the modal assurance criterion with M as weight (Allemang, Sound and Vibration 37(8), 14 (2003)); rows are paired one to
+one, the most similar first.
+
+A damped mode has no real shape, of which its modal effective mass (φᵀMe)²/(φᵀMφ) would be.  Where the damping ratio is
+below LIGHT and w at least ALIKE for each shape, the mode without dampers stands for it: 1 − w is of second order in
+what dampers change, so that the masses are right to some √(1 − ALIKE).
+
+About a free cart a rigid translation has all of the effective mass, and every other mode none: it leaves the centre of
+mass where it is.  Held, the same pendula swing in their fixed-base modes ψ, K ψ = ω² A ψ, of effective mass
+
+    μ = (ψᵀb)²/(ψᵀAψ),        Σ μ = mass of the pendula − what their pivots feel from inertia alone.
+
+The squares of the n frequencies of the cart beside 0 and those of the n fixed-base modes interlace (Cauchy; Golub &
+Van Loan, Matrix Computations, theorem 8.1.7, for the constraint x = 0), and every mode goes down to the fixed-base mode
+below it as the mass of the cart grows.  In ascending order they therefore belong together, one to one.  Of N fixed-base
+modes of one frequency N − 1 stay there without pushing the cart, and the last one, which moves it, has their mass.
 """
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
+from modal.assembly import Rig
+from modal.eigen import UNCERTAIN, Limits, ModalSpectrum, SpectrumPart, degenerate_modes, find_spectrum
+from modal.errors import ComputationError
 from modal.modes.modes import Modes, natural_modes
 from modal.scene import Scene
 from modal.scene.doors import checked
@@ -25,6 +46,10 @@ DIGITS = 9
 """Decimals to which similarities are compared; the earlier of two equally similar rows is taken."""
 MOST_COMPARED = 1000
 """Links of a scene up to which its shapes are compared where the numbers are optional."""
+LIGHT = 0.1
+"""Damping ratio below which a mode may be light."""
+ALIKE = 0.99
+"""Least modal assurance of the shape of a light mode and of the same without dampers."""
 
 
 @lru_cache(maxsize=4)
@@ -51,15 +76,27 @@ def counterparts(modes: Modes, others: Modes, among: Sequence[int] | None = None
 
 
 def paired(alike: Floats, room: Ints) -> Ints:
-    """A column for every row, the largest entries first, each column for at most `room` rows; −1 without one."""
-    partners, left = np.full(len(alike), -1), room.copy()
-    missing = min(len(alike), int(room.sum()))
-    for place in np.argsort(-alike, axis=None, kind="stable").tolist():
-        row, column = divmod(place, alike.shape[1])
-        if not missing:
-            break
-        if partners[row] < 0 and left[column]:
-            partners[row], left[column], missing = column, left[column] - 1, missing - 1
+    """A column for every row, the largest entries first, each column for at most `room` rows; −1 without one.
+
+    Rows ask for columns in the order of their entries, and a column leaves the row with the smallest one where more ask
+    than it has room for: the same pairs as by sorting all entries (Gale & Shapley, Amer. Math. Monthly 69, 9 (1962)).
+    """
+    open_to, partners = np.nan_to_num(alike, nan=-1.0), np.full(len(alike), -1)
+    rows_of: dict[int, list[int]] = {}
+    asking = list(range(len(alike) if alike.size else 0))
+    while asking:
+        row = asking.pop()
+        column = int(open_to[row].argmax())
+        if open_to[row, column] == -np.inf:
+            continue
+        open_to[row, column], partners[row] = -np.inf, column
+        rows = rows_of.setdefault(column, [])
+        rows.append(row)
+        if len(rows) > room[column]:
+            left = min(rows, key=lambda other: (alike[other, column], -other))
+            rows.remove(left)
+            partners[left] = -1
+            asking.append(left)
     return partners
 
 
@@ -100,3 +137,110 @@ def _stacked(modes: Modes, M: Floats) -> tuple[Complexes, Ints]:
     phi = along.shapes[-len(M) :].astype(np.complex128)
     size = np.sqrt(np.einsum("ic,ij,jc->c", phi.conj(), M, phi).real)
     return phi / np.where(size > 0, size, 1.0), along.row
+
+
+def on_free_cart(rig: Rig) -> bool:
+    """Whether the support is a cart that no spring holds."""
+    return rig.cart is not None and not rig.cart.stiffness
+
+
+def fixed_base_masses(modes: Modes, numbers: Sequence[int] | None = None, own: Sequence[float] | None = None) -> Floats:
+    """Modal effective mass in kg of the fixed-base mode that each mode belongs to, along the rail.
+
+    Of the modes with these indices (from 0), by default all (R,).  On a fixed support that is the mode's own; NaN where
+    modes do not belong to fixed-base modes one to one: on a cart with a spring, on a structure, about an inverted
+    equilibrium, and with dampers that are not light; 0 for the rigid translation.  `own` (R,)
+    are the modes' own masses (kg), if known.
+
+    >>> from modal import load, natural_modes
+    >>> fixed_base_masses(natural_modes(load("paper-cart-2"))).round(6).tolist()
+    [0.0, 0.0, 2.848179, 0.0, 0.580392]
+    """
+    rig, rows = modes.rig, np.arange(len(modes)) if numbers is None else np.asarray(numbers, dtype=np.int64)
+    if rig.is_damped:
+        return np.asarray(undamped_masses(modes).held[rows])
+    free = on_free_cart(rig)
+    if rig.structure or modes.scene.stands or rig.leans or (rig.leading and not free):
+        return np.full(len(rows), np.nan)
+    if own is not None and not free:
+        return np.asarray(own, dtype=np.float64)
+    spectrum = modes.spectrum
+    with np.errstate(all="ignore"):
+        masses = _held(modes, rows) if free else _masses(spectrum, [spectrum.groups[row] for row in rows.tolist()])
+    return np.where(modes.error[rows] < UNCERTAIN, masses * modes.units.mass, np.nan)
+
+
+def _held(modes: Modes, rows: Ints) -> Floats:
+    """Masses of the fixed-base modes that belong to modes on a free cart, in natural units."""
+    along = np.array([_along(parts) for parts in modes.spectrum.groups], dtype=np.int64)
+    behind = _before(modes.spectrum) + np.cumsum(along) - 1  # shapes up to each row, without the rigid translation
+    natural, _ = replace(modes.rig, cart=None, damping_ratio=0.0, spatial=False).natural()
+    lowest = int(behind.max(initial=0)) + 1 if modes.selected else None
+    held = find_spectrum(natural, Limits(lowest=lowest))
+    omega = np.abs(held.eigenvalue)
+    gathered = degenerate_modes((omega**2,))
+    ends = np.cumsum(np.add.reduceat([_along(parts) for parts in held.groups], gathered.first))
+    owner: list[int] = []
+    groups: list[tuple[SpectrumPart, ...]] = []
+    for at, row in enumerate(rows.tolist()):
+        passed = [behind[row] - along[row], behind[row]]
+        for cluster in range(*np.searchsorted(ends, passed, side="right").tolist()):
+            start, size = int(gathered.first[cluster]), int(gathered.size[cluster])
+            owner += [at] * size
+            groups += held.groups[start : start + size]
+    masses: Floats = np.zeros(len(rows))
+    np.add.at(masses, owner, _masses(held, groups))
+    return masses
+
+
+def _before(spectrum: ModalSpectrum) -> int:
+    """How many shapes along the rail have lower frequencies than those that were selected."""
+    parts = [part for index, batch in enumerate(spectrum.batches) for part in batch.parts(index)]
+    return _along(parts[k] for k in spectrum.order[: spectrum.cuts[0]].tolist())
+
+
+def _along(parts: Iterable[SpectrumPart]) -> int:
+    return sum(part.along for part in parts)
+
+
+def _masses(spectrum: ModalSpectrum, groups: Sequence[Sequence[SpectrumPart]]) -> Floats:
+    """The effective mass of each group of parts along the rail."""
+    every = [(number, part) for number, parts in enumerate(groups) for part in parts if part.along]
+    masses = np.zeros(len(groups))
+    for source in {part.source for _, part in every}:
+        here = [(number, part) for number, part in every if part.source == source]
+        mass = spectrum.details(source, [part.row for _, part in here]).effective_mass
+        for (number, part), kg in zip(here, mass.tolist(), strict=True):
+            masses[number] += kg * part.along
+    return masses
+
+
+class UndampedMasses(NamedTuple):
+    """Effective masses (R,) in kg along the rail, across it, and of the fixed-base mode; NaN where no mode is light."""
+
+    along: Floats
+    across: Floats
+    held: Floats
+
+
+@lru_cache(maxsize=2)
+def undamped_masses(modes: Modes) -> UndampedMasses:
+    """The masses of the modes without dampers that stand for these; none for more than MOST_COMPARED links."""
+    masses = UndampedMasses(*np.full((3, len(modes)), np.nan))
+    if modes.scene.n_links > MOST_COMPARED:
+        return masses
+    try:
+        without = natural_modes(modes.scene.conservative)
+        alike = likeness(modes, without)
+    except ComputationError:
+        return masses
+    counterpart = alike.argmax(axis=1)
+    fold = modes.multiplicity
+    light = (modes.damping_ratio >= 0) & (modes.damping_ratio < LIGHT) & (without.multiplicity[counterpart] == fold)
+    light &= alike[np.arange(len(modes)), counterpart] >= ALIKE * fold
+    held = fixed_base_masses(without)
+    for row, other in zip(np.flatnonzero(light).tolist(), counterpart[light].tolist(), strict=True):
+        mode = without[other]
+        masses.along[row], masses.across[row] = mode.effective_mass, mode.effective_mass_across
+        masses.held[row] = held[other]
+    return masses

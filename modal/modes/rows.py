@@ -1,4 +1,8 @@
-"""The rows of the table of modes: sums over the parts of each mode, its description and its resonances."""
+"""The rows of the table of modes: sums over the parts of each mode, its description and its resonances.
+
+The description says in words what carries the pendula and whether it moves, the phases of the pendula, and the order
+within the chain.
+"""
 
 from __future__ import annotations
 
@@ -9,28 +13,169 @@ from math import isfinite, radians
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from modal.assembly import Block, Rig
 from modal.eigen import UNCERTAIN, Details, ModeSwing, SpectrumPart, distortion, largest_angle, one_percent_amplitude
 from modal.errors import ComputationError
 from modal.modes.eigenvalues import Eigenvalues
-from modal.modes.labels import (
-    CART_MOVES,
-    CART_STILL,
-    FIXED,
-    FREE,
-    STRUCTURE_STILL,
-    agreement,
-    family,
-    following,
-    motion_words,
-    moving_words,
-)
-from modal.modes.mode import BESIDE, PROMISED, SURE, Mode, answering, is_guide, resonances
-from modal.modes.second_order import UNKNOWN, Amplitude
-from modal.modes.shapes import expand, first_of_largest, is_balanced
-from modal.structure import coordinate_units
+from modal.modes.mode import BESIDE, PROMISED, SURE, UNKNOWN, Amplitude, Mode, answering, is_guide, resonances
+from modal.modes.shapes import displacements, expand, first_of_largest, is_balanced
+from modal.structure import Structure, coordinate_units
 from modal.types import Floats, Ints
+
+NEGLIGIBLE = 0.01
+STRUCTURE_STILL, FREE = "supports still", "free"
+VERBS = {"cart": "moves", "swing": "moves", "tilt": "tilts", "heave": "heaves", "modal": "moves"}
+PLATFORM = ("sways", "heaves", "rolls")
+UNNAMED = {"tilt": "board", "heave": "support", "modal": "structure"}
+ALIKE = {"cart": "carts", "swing": "swings"}
+COUNTED = ("", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten")
+MOST_NAMED = 3
+FIXED, CART_STILL = "fixed support", "cart still"
+
+
+def family(*, where: str, folds: dict[str, int], motion: str, ratio: float) -> str:
+    """The description of one distinct frequency.
+
+    `where` describes the motion of the support; `folds` counts the shapes of each sort ("" needs no word), `motion`
+    comes from `motion_words`, `ratio` is −Re λ/|λ|.
+    """
+    total = sum(folds.values())
+    named = [(sort, count) for sort, count in folds.items() if count and sort]
+    several = len([count for count in folds.values() if count]) > 1
+    sorts = [", ".join(f"{sort} {count}" for sort, count in named)] if several else [sort for sort, _ in named]
+    words = ", ".join(word for word in (*sorts, motion, _decay(ratio)) if word)
+    where += f", {total}-fold" if total > 1 else ""
+    return f"{where}: {words}" if words else where
+
+
+def _decay(ratio: float) -> str:
+    if ratio < -1e-12:
+        return "unstable"
+    return "overdamped" if ratio >= 1.0 else ""
+
+
+def motion_words(
+    angles: tuple[NDArray[np.inexact], ...], shares: tuple[NDArray[np.float64], ...], at: int, agreement: str
+) -> str:
+    """The given `agreement` of pendula, and the order of the most energetic one's links, in mode `at`."""
+    energy = energies(shares, at)
+    busiest = int(energy.argmax())
+    sizes = np.cumsum([share.shape[1] for share in shares])
+    block = int(np.searchsorted(sizes, busiest, side="right"))
+    column = busiest - int(sizes[block]) + shares[block].shape[1]
+    chain = _in_phase_with_largest(angles[block][:, column, at])
+    return ", ".join(word for word in (agreement, _order(chain)) if word)
+
+
+def energies(shares: tuple[NDArray[np.float64], ...], at: int) -> NDArray[np.float64]:
+    """Each kind's share of the kinetic energy in mode `at`, (P,)."""
+    return np.concatenate([share[:, :, at].sum(0) for share in shares])
+
+
+def agreement(
+    angles: tuple[NDArray[np.inexact], ...],
+    shares: tuple[NDArray[np.float64], ...],
+    at: int,
+    names: list[str],
+    *,
+    several: bool,
+    still: bool,
+) -> str:
+    """The phase agreement of the top links of all pendula with a fair share of the energy in mode `at`.
+
+    `names` are those of all P kinds; `several` tells that one column represents several pendula moving alike, `still`
+    that the cart does not move.
+    """
+    top, energy = np.concatenate([angle[0, :, at] for angle in angles]), energies(shares, at)
+    if len(top) == 1:
+        return "in phase" if several else ""
+    busy = energy >= NEGLIGIBLE * energy.max()
+    if busy.sum() == 1:
+        return f"mostly {names[int(energy.argmax())]}"
+    signs = np.sign(_in_phase_with_largest(top[busy]))
+    if np.all(signs > 0) or np.all(signs < 0):
+        return "in phase"
+    return "antiphase" if still else "mixed phases"
+
+
+def _order(chain: NDArray[np.float64]) -> str:
+    """Slow and fast for two links; else the number of neighbouring links that move in opposite directions."""
+    if len(chain) == 1:
+        return ""
+    signs = np.sign(chain[chain != 0])
+    opposed = int(np.sum(signs[1:] != signs[:-1]))
+    if len(chain) == 2:
+        return "fast" if opposed else "slow"
+    if opposed in (0, len(chain) - 1):
+        return "fastest (neighbours opposed)" if opposed else "slowest (all links agree)"
+    return f"{opposed} of {len(chain) - 1} joints opposed"
+
+
+def _in_phase_with_largest(values: NDArray[np.inexact]) -> NDArray[np.float64]:
+    largest = values[np.abs(values).argmax()]
+    aligned = values * (np.conj(largest) / abs(largest)) if largest != 0 else values
+    phased: NDArray[np.float64] = aligned.real
+    return phased
+
+
+def moving_words(structure: Structure, eta: NDArray[np.inexact], inertia: NDArray[np.float64]) -> str:
+    """What moves of a structure, by its coordinates (d,): two carts in antiphase, board tilts."""
+    weight = np.abs(eta) * np.sqrt(inertia)
+    moved = np.flatnonzero(weight >= NEGLIGIBLE * weight.max()).tolist()
+    owners = [int(np.searchsorted(structure.offsets, k, side="right")) - 1 for k in moved]
+    kinds = {structure.carriers[owner].kind for owner in owners}
+    if len(moved) > 1 and len(kinds) == 1 and (kind := kinds.pop()) in ALIKE:
+        signs = np.sign(_in_phase_with_largest(eta[moved]))
+        phase = "in phase" if (signs > 0).all() else "in antiphase" if len(moved) == 2 else "in mixed phases"
+        every = len(moved) == sum(carrier.kind == kind for carrier in structure.carriers)
+        if not every and len(moved) <= MOST_NAMED:
+            return f"{_listed([_named(structure, owner) for owner in owners])} {phase}"
+        count = COUNTED[len(moved)] if len(moved) < len(COUNTED) else str(len(moved))
+        return f"{count} {ALIKE[kind]} {phase}"
+    told: dict[int, list[str]] = {}
+    for k, owner in zip(moved, owners, strict=True):
+        moving = structure.carriers[owner]
+        verb = PLATFORM[k - structure.offsets[owner]] if moving.kind == "platform" else VERBS[moving.kind]
+        if verb not in told.setdefault(owner, []):
+            told[owner].append(verb)
+    if len(told) > MOST_NAMED:
+        return f"{len(moved)} coordinates move"
+    return ", ".join(f"{_named(structure, owner)} {_listed(verbs)}" for owner, verbs in told.items())
+
+
+def following(
+    angles: tuple[NDArray[np.inexact], ...],
+    shares: tuple[NDArray[np.float64], ...],
+    pivots: list[NDArray[np.inexact]],
+    at: int,
+    *,
+    several: bool,
+) -> str:
+    """Whether all pendula with a fair share of the energy swing with their pivots (P,) or against; "" for neither.
+
+    `several` tells that one column represents several pendula moving alike.
+    """
+    energy = energies(shares, at)
+    top = np.concatenate([angle[0, :, at] for angle in angles])
+    signs = np.sign((top * np.conj(np.concatenate(pivots))).real)[energy >= NEGLIGIBLE * energy.max()]
+    if not (signs > 0).all() and not (signs < 0).all():
+        return ""
+    many = several or len(top) > 1
+    return (
+        ("pendula follow" if many else "pendulum follows") if signs[0] > 0 else f"pendul{'a' if many else 'um'} opposed"
+    )
+
+
+def _named(structure: Structure, owner: int) -> str:
+    carrier = structure.carriers[owner]
+    return UNNAMED.get(carrier.kind, carrier.name) if carrier.name == carrier.kind else carrier.name
+
+
+def _listed(words: list[str]) -> str:
+    return " and ".join((", ".join(words[:-1]), words[-1])) if len(words) > 1 else words[0]
+
 
 BEYOND_DOUBLE = "beyond double precision"
 LIGHTLY = 0.1
@@ -187,30 +332,39 @@ def _family(modes: Eigenvalues, number: int, head: _RowPart, ratio: float) -> st
     if np.isnan(ratio):
         return BEYOND_DOUBLE
     details, at = head.details, head.at
-    if modes.rig.structure:
-        return _on_structure(modes, number, head, ratio)
-    if modes.eigenvalue[number] == 0:
+    if modes.on_cart and modes.eigenvalue[number] == 0:
         return "rigid translation"
-    still = head.part.still or details.cart[at] == 0
+    structure, d = modes.hanging.structure, modes.rig.leading
+    moved = displacements(modes.rig, details)
+    eta = np.zeros(d) if head.part.still else np.array([part[at] for part in moved])
+    words = moving_words(structure, eta, modes.inertia) if eta.any() else ""
+    still = CART_STILL if modes.on_cart else STRUCTURE_STILL if d else FIXED
     folds = dict.fromkeys(("", "antiphase", "across the rail"), 0)
     for part in modes.spectrum.groups[number]:
-        folds["antiphase" if part.still and modes.on_cart else ""] += part.along
-        folds["across the rail" if modes.on_cart else ""] += part.across
+        folds["antiphase" if is_balanced(modes.rig, part) else ""] += part.along
+        folds["across the rail" if d else ""] += part.across
+    motion = FREE
+    if modes.eigenvalue[number] != 0:
+        motion = _motion(modes, number, head, eta)
+    return family(where=words or still, folds=folds, motion=motion, ratio=ratio)
+
+
+def _motion(modes: Eigenvalues, number: int, head: _RowPart, eta: NDArray[np.inexact]) -> str:
+    """How the pendula move in a mode, where what carries them moves by η."""
+    details, at = head.details, head.at
     if head.part.still:
-        words = _whose(modes, number, head.part)
-    else:
-        several = sum(count for _, _, count in modes.rig.members) > 1
-        names = list(modes.rig.names.values())
-        words = agreement(details.angles, details.shares, at, names, several=several, still=still)
-        if words in ("", "in phase") and not still and modes.rig.cart and modes.rig.cart.stiffness:
-            pivots = [np.full(angles.shape[1], details.cart[at]) for angles in details.angles]
-            words = following(details.angles, details.shares, pivots, at, several=several) or words
-    return family(
-        where=FIXED if not modes.on_cart else CART_STILL if still else CART_MOVES,
-        folds=folds,
-        motion=motion_words(details.angles, details.shares, at, words),
-        ratio=ratio,
-    )
+        return motion_words(details.angles, details.shares, at, _whose(modes, number, head.part))
+    if not any(angle[:, :, at].any() for angle in details.angles):
+        return ""
+    several = len(modes.rig.members) > 1 or modes.rig.members[0][2] > 1
+    names, cart = list(modes.rig.names.values()), modes.rig.cart
+    told = agreement(details.angles, details.shares, at, names, several=several, still=not (cart and eta.any()))
+    if eta.any() and (not cart or (cart.stiffness and told in ("", "in phase"))):
+        pivots = [np.zeros(block.size, dtype=eta.dtype) for block in modes.rig.blocks]
+        for (block, column), pivot in zip(modes.hanging.kinds.tolist(), modes.hanging.phi.along @ eta, strict=True):
+            pivots[block][column] = pivot
+        told = following(details.angles, details.shares, pivots, at, several=several) or told
+    return motion_words(details.angles, details.shares, at, told)
 
 
 def moved_by(modes: Eigenvalues, number: int) -> tuple[Floats, Floats]:
@@ -236,32 +390,6 @@ def moved_by(modes: Eigenvalues, number: int) -> tuple[Floats, Floats]:
     return motion, share if not modes.rig.is_damped else np.full(structure.size, np.nan)
 
 
-def _on_structure(modes: Eigenvalues, number: int, head: _RowPart, ratio: float) -> str:
-    structure, details, at = modes.rig.structure, head.details, head.at
-    assert structure is not None
-    eta = np.array([part[at] for part in details.eta]) if not head.part.still else np.zeros(structure.size)
-    source = modes.spectrum.sources[head.part.source]
-    inertia = source.reduced.carried.inertia if eta.any() else eta  # type: ignore[attr-defined]
-    words = moving_words(structure, eta, inertia) if eta.any() else ""
-    parts = modes.spectrum.groups[number]
-    folds = {"": sum(part.along for part in parts if not is_balanced(modes.rig, part))}
-    folds["antiphase"] = sum(part.along for part in parts) - folds[""]
-    if modes.eigenvalue[number] == 0:
-        return family(where=words, folds=folds, motion=FREE, ratio=ratio)
-    motion = ""
-    if head.part.still:
-        motion = motion_words(details.angles, details.shares, at, _whose(modes, number, head.part))
-    elif any(angle[:, :, at].any() for angle in details.angles):
-        several = sum(count for _, _, count in modes.rig.members) > 1
-        names = list(modes.rig.names.values())
-        told = agreement(details.angles, details.shares, at, names, several=several, still=True)
-        pivots = [rows @ eta for rows in source.reduced.carried.pivots] if words else []  # type: ignore[attr-defined]
-        told = following(details.angles, details.shares, pivots, at, several=several) or told
-        motion = motion_words(details.angles, details.shares, at, told)
-    where = words or (STRUCTURE_STILL if structure.size else FIXED)
-    return family(where=where, folds=folds, motion=motion, ratio=ratio)
-
-
 def _whose(modes: Eigenvalues, number: int, part: SpectrumPart) -> str:
     """The pendula that move while the others are at rest, where there are different ones."""
     kinds = {other.kind for other in modes.spectrum.groups[number]}
@@ -271,15 +399,15 @@ def _whose(modes: Eigenvalues, number: int, part: SpectrumPart) -> str:
 
 
 def _resonances(modes: Eigenvalues, number: int) -> tuple[str, ...]:
-    """Resonances with modes that can exchange energy: on a cart all, on a fixed support the same pendulum's."""
+    """Resonances with modes that can exchange energy: all on what moves, on a fixed support the same pendulum's."""
     parts = modes.spectrum.groups[number]
-    fold = modes.multiplicity[number] if modes.on_cart else 1 + any(part.along and part.across for part in parts)
+    fold = modes.multiplicity[number] if modes.rig.leading else 1 + any(part.along and part.across for part in parts)
     among = (f"1:1 among its own {fold} shapes",) if fold > 1 else ()
     return among + resonances(modes.omega, number, _partners(modes, number), modes.first)
 
 
 def _partners(modes: Eigenvalues, number: int) -> Ints:
-    if modes.on_cart:
+    if modes.rig.leading:
         return np.flatnonzero(modes.lightly_damped)
     kinds = {part.kind for part in modes.spectrum.groups[number]}
     partners = np.array(sorted({row for kind in kinds for row in modes.spectrum.numbers_of_kind[kind]}))

@@ -94,14 +94,13 @@ class Shape(Displayed):
 
 @dataclass(frozen=True, eq=False)
 class _Vector:
-    """A shape in the scale of its source, in natural units, with its φᵀMφ and φᵀMe."""
+    """A shape over what carries the pendula (d,) and all links, in the scale of its source, with its φᵀMφ and φᵀMe."""
 
-    cart: complex
+    eta: NDArray[np.inexact]
     angles: NDArray[np.inexact]
     shares: Floats
     modal_mass: float
     momentum: float
-    supports: NDArray[np.inexact] = field(default_factory=lambda: NONE)
 
 
 def validate_normalisation(name: str) -> Normalisation:
@@ -125,14 +124,17 @@ def expand(
     vector = _of_copies(rig, part, part.kind, copy, details) if part.kind else _of_all(rig, details)
     if not np.all(np.isfinite(vector.angles)):
         raise ComputationError("a mode shape of this scene is beyond double precision")
-    vector = replace(vector, supports=vector.supports * _lengths(rig, units))
+    structure = rig.carried.structure
+    assert structure is not None
+    vector = replace(vector, eta=vector.eta * np.array(coordinate_units(structure, units.length)))
     scale = _scale(vector, units, normalise)
-    return _scaled(vector, units, scale, across=copy >= part.along, uncertain=uncertain)
+    return _scaled(rig, vector, units, scale, across=copy >= part.along, uncertain=uncertain)
 
 
-def _lengths(rig: Rig, units: Units) -> Floats:
-    """The natural unit of every coordinate of a structure."""
-    return np.array(coordinate_units(rig.structure, units.length) if rig.structure else ())
+def displacements(rig: Rig, details: Details) -> tuple[NDArray[np.inexact], ...]:
+    """How all rows move each coordinate of what carries the pendula, d arrays (R,); 0 in modes of single pendula."""
+    moved = details.eta if rig.structure else (details.cart,)
+    return (moved or (np.zeros(len(details.modal_mass)),) * rig.leading)[: rig.leading]
 
 
 def is_balanced(rig: Rig, part: SpectrumPart) -> bool:
@@ -148,8 +150,8 @@ def _of_all(rig: Rig, details: Details) -> _Vector:
         np.concatenate([np.tile(values[block][:, column, 0], copies) for block, column, copies in rig.members])
         for values in (details.angles, details.shares)
     )
-    supports = np.array([part[0] for part in details.eta])
-    return _Vector(details.cart[0], angles, shares.real, details.modal_mass[0], details.momentum[0], supports)
+    eta = np.array([moved[0] for moved in displacements(rig, details)])
+    return _Vector(eta, angles, shares.real, details.modal_mass[0], details.momentum[0])
 
 
 def _of_copies(rig: Rig, part: SpectrumPart, kind: tuple[int, int], copy: int, details: Details) -> _Vector:
@@ -168,8 +170,8 @@ def _of_copies(rig: Rig, part: SpectrumPart, kind: tuple[int, int], copy: int, d
         shares.append(np.outer(amplitudes**2, share).ravel() if amplitudes.any() else np.zeros(count * n))
     single = copy >= part.along or not is_balanced(rig, part)
     momentum = details.momentum[0] if single or np.isnan(details.momentum[0]) else 0.0
-    still = np.zeros(rig.structure.size if rig.structure else 0)
-    return _Vector(0.0, np.concatenate(angles), np.concatenate(shares), details.modal_mass[0], momentum, still)
+    still = np.zeros(rig.leading)
+    return _Vector(still, np.concatenate(angles), np.concatenate(shares), details.modal_mass[0], momentum)
 
 
 def _weights(rig: Rig, part: SpectrumPart, kind: tuple[int, int], copy: int) -> Floats:
@@ -192,29 +194,28 @@ def first_of_largest(angles: NDArray[np.inexact]) -> Any:
 def _scale(vector: _Vector, units: Units, how: Normalisation) -> complex:
     """The factor from the vector's angles to normalised ones: the first of the largest becomes real and positive.
 
-    A rigid translation has no angles: there the cart moves by 1 m instead of the largest angle's 1 rad, and of a
-    structure the coordinate that moves most.
+    A rigid translation has no angles: there the coordinate that moves most, as that of a cart, moves by 1 of its unit
+    instead of the largest angle's 1 rad.
     """
-    moves = vector.angles.any()
-    still = vector.supports[np.abs(vector.supports).argmax()] if vector.supports.size else vector.cart * units.length
-    leading = first_of_largest(vector.angles) if moves else still
+    leading = first_of_largest(vector.angles) if vector.angles.any() else vector.eta[np.abs(vector.eta).argmax()]
     turn = np.conj(leading) / abs(leading)
     length = abs(leading) if how == "angle" else np.sqrt(vector.modal_mass * units.mass) * units.length
     scale: complex = turn / length
     return scale if np.iscomplexobj(vector.angles) else scale.real
 
 
-def _scaled(vector: _Vector, units: Units, scale: complex, *, across: bool, uncertain: bool) -> Shape:
+def _scaled(rig: Rig, vector: _Vector, units: Units, scale: complex, *, across: bool, uncertain: bool) -> Shape:
+    eta = vector.eta * scale
     modal_mass = vector.modal_mass * abs(scale) ** 2 * units.mass * units.length**2
     undamped = np.isfinite(vector.momentum)
     momentum = vector.momentum * scale.real * units.mass * units.length
     return Shape(
-        cart=vector.cart * scale * units.length,
+        cart=eta[0] if rig.cart else 0.0 * scale,
         angles=vector.angles * scale,
         kinetic_energy_share=vector.shares,
         modal_mass=float(modal_mass),
         participation_factor=float(momentum / modal_mass) if undamped else np.nan,
         across=across,
         uncertain=uncertain,
-        supports=vector.supports * scale if vector.supports.size else NONE,
+        supports=NONE if rig.cart else eta,
     )

@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 from modal.assembly import Matrices
 from modal.errors import ComputationError, SceneError, meant
 from modal.modes.columns import COLUMNS, Column, Stds, added_by, columns_of, printed, that_fit
+from modal.modes.dissipation import sharing
 from modal.modes.eigenvalues import Eigenvalues
-from modal.modes.losses import sharing
 from modal.modes.mode import Mode
 from modal.modes.modes import Modes
+from modal.modes.sensitivity import of_mode
 from modal.report import (
     NOTHING,
     Summary,
@@ -28,8 +29,10 @@ from modal.report import (
     finite,
     fits,
     folded,
+    grid,
     headed,
     html,
+    listed,
     markdown,
     one_line,
     widths_of,
@@ -40,8 +43,10 @@ from modal.types import Floats
 
 __all__ = ["GUIDE", "matrices_table", "table"]
 
-MOST_SHAPE_NUMBERS = 5_000_000
+MOST_SHAPE_NUMBERS, MOST_SENSITIVITIES = 5_000_000, 200_000
 GUIDE = "the 1 % angle is approximate"
+SENSITIVITIES = "Sensitivities (p/ω) ∂ω/∂p: the percentage by which a frequency changes where a number p grows by 1 %."
+NO_DERIVATIVE = "growing, damped by a damping_ratio, or shared by several modes"
 UNDAMPED = "Effective masses are those of the modes without dampers; – where dampers change a shape too much."
 SPLIT = "± –: the numbers split a frequency that several modes share, so it has no standard deviation of its own."
 
@@ -84,16 +89,45 @@ def table(
     split = stds is not None and any(isnan(stds[row.number][0]) for row in rows if not row.is_uncertain)
     notes = _footnotes(modes, rows, starred) + [SPLIT] * split
     if form == "text":
-        return _text(modes, shown, cells, notes, chosen, elsewhere) + _sensitivities(modes, rows, form, sensitive)
-    return _WRITERS[form](modes, shown, cells, notes) + _sensitivities(modes, rows, form, sensitive)
+        written = _text(modes, shown, cells, notes, chosen, elsewhere)
+    else:
+        written = _WRITERS[form](modes, shown, cells, notes)
+    return written + (_sensitivities(modes, rows, form) if sensitive else "")
 
 
-def _sensitivities(modes: Modes, rows: Sequence[Mode], form: str, asked: bool) -> str:
-    if not asked:
-        return ""
-    from modal.modes.sensitivity_table import sensitivity_table
+def _sensitivities(modes: Modes, rows: Sequence[Mode], form: str) -> str:
+    """A table of the relative sensitivities, a row for each number of the scene and a column for each mode.
 
-    return sensitivity_table(modes, rows, form)
+    ComputationError for too many.
+    """
+    size = len(rows) * 5 * sum(len(pendulum.links) for pendulum in modes.scene.pendulum)
+    size *= modes.rig.leading if modes.rig.structure else 1
+    if size > MOST_SENSITIVITIES:
+        raise ComputationError(f"{size} sensitivities are too many for a table: choose fewer modes")
+    each = [of_mode(modes, row) for row in rows]
+    relative = [{place: slope.relative for place, slope in slopes.items()} for slopes in each]
+    places = list(dict.fromkeys(place for slopes in each for place in slopes))
+    cells = [[place, *(_decimals(slopes.get(place)) for slopes in relative)] for place in places]
+    headings = ["number", *(f"mode {row.number}" for row in rows)]
+    lacking = [f"{row.number}" for row, slopes in zip(rows, each, strict=True) if not slopes]
+    which = f"mode{'s' * (len(lacking) > 1)} {listed(lacking, len(lacking))}"
+    why = f"No single derivative: {which} ({NO_DERIVATIVE})." if lacking else ""
+    if form == "text":
+        parts = folded(SENSITIVITIES), grid(cells, headings), folded(why)
+        return "\n" + "\n\n".join(filter(None, parts)) + "\n"
+    from tabulate import tabulate
+
+    align = ["left", *["right"] * len(rows)]
+    names = {"markdown": "github", "latex": "latex", "html": "html"}
+    body = tabulate(cells, headings, tablefmt=names[form], colalign=align, disable_numparse=True) if cells else ""
+    line, between = {"markdown": ("{}", "\n\n"), "latex": ("% {}", "\n"), "html": ("<p>{}</p>", "\n")}[form]
+    parts = line.format(SENSITIVITIES), body, line.format(why) if why else ""
+    return between[1:] + between.join(filter(None, parts)) + "\n"
+
+
+def _decimals(value: float | None) -> str:
+    """Four decimals, zero without a sign."""
+    return NOTHING if value is None else f"{round(value, 4) + 0.0:.4f}"
 
 
 def _records(rows: Sequence[Mode], columns: Sequence[Column]) -> list[dict[str, Any]]:
@@ -114,8 +148,6 @@ def _json(
         for record, row in zip(rows_of, rows, strict=True):
             record["shapes"] = [_shape_record(modes, row, k) for k in range(row.multiplicity)]
     if sensitive:
-        from modal.modes.sensitivity_table import of_mode
-
         for record, row in zip(rows_of, rows, strict=True):
             record["sensitivities"] = {path: slope.record() for path, slope in of_mode(modes, row).items()}
     whole = {"scene": describe(modes.scene), "modes": rows_of, "route": modes.route, "notes": list(modes.notes)}
@@ -160,8 +192,6 @@ def _footnotes(modes: Modes, rows: Sequence[Mode], starred: str) -> list[str]:
 def _csv(modes: Modes, rows: Sequence[Mode], columns: Sequence[Column], *, sensitive: bool = False) -> str:
     records = _records(rows, columns)
     if sensitive:
-        from modal.modes.sensitivity_table import of_mode
-
         for record, row in zip(records, rows, strict=True):
             record |= {f"d_omega_d_{path}": finite(slope.derivative) for path, slope in of_mode(modes, row).items()}
     keys = list(records[0]) if records else [column.key for column in columns]
@@ -190,8 +220,8 @@ def _text(
     if left:
         words = f"left out to fit {columns()} columns: {', '.join(left)}"
         notes = [f"{words}; {elsewhere}" if elsewhere else words, *notes]
-    grid = aligned(cells, headings, _align(shown))
-    return "\n".join([headed(title_of(modes.scene)), "", grid, "", *map(folded, notes)]).rstrip() + "\n"
+    body = aligned(cells, headings, _align(shown))
+    return "\n".join([headed(title_of(modes.scene)), "", body, "", *map(folded, notes)]).rstrip() + "\n"
 
 
 def _markdown(modes: Modes, columns: Sequence[Column], cells: list[list[str]], notes: list[str]) -> str:

@@ -7,9 +7,8 @@ with `style` and `layout`; each of the other modules makes one kind of figure.
 
 from modal.plotting.coupling import coupling_figure, draw_coupling
 from modal.plotting.curves import draw_curves, envelope, is_blob, pick
-from modal.plotting.films import MovingFigure, form_problems, frame_rate, require_writer, write_film
+from modal.plotting.films import LOOP, MovingFigure, film_modes, form_problems, frame_rate, require_writer, write_film
 from modal.plotting.free_body import free_body_tikz, plot_free_body
-from modal.plotting.hoisting import draw_hoist
 from modal.plotting.identification import (
     assurance_figure,
     draw_assurance,
@@ -32,11 +31,9 @@ from modal.plotting.layout import (
     side_by_side,
 )
 from modal.plotting.loci import draw_loci, scale
-from modal.plotting.modal_films import LOOP, film_modes
-from modal.plotting.response import bode_figure, draw_bode, draw_impulse
+from modal.plotting.response import bode_figure, draw_bode, draw_impulse, draw_tuning, tuning_figure
 from modal.plotting.shapes import MOST_PANELS, USUAL_PANELS, draw_shapes, shapes_figure
 from modal.plotting.sketches import sketch_figure
-from modal.plotting.sliders import slide
 from modal.plotting.style import (
     COMPUTED,
     HUES,
@@ -65,9 +62,8 @@ from modal.plotting.style import (
     theme,
     thickness,
 )
-from modal.plotting.themes import ThemedPicture, pair_of, show_both_themes
-from modal.plotting.travels import draw_travel, travel_figure
-from modal.plotting.tuning import draw_tuning, tuning_figure
+from modal.plotting.themes import ThemedPicture, pair_of, show_both_themes, slide
+from modal.plotting.travels import draw_hoist, draw_travel, travel_figure
 
 __all__ = [
     "COMPUTED",

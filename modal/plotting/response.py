@@ -1,10 +1,13 @@
-"""Bode plots with the modes marked, and impulse responses, from the closed forms of `modal.statespace.response`."""
+"""Bode plots with the modes marked, impulse responses, and peaks before and after tuning.
+
+Values come from the closed forms of `modal.statespace.response`.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from math import ceil, floor
-from typing import IO
+from typing import IO, TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -16,10 +19,14 @@ from modal.errors import ComputationError
 from modal.modes import UNCERTAIN
 from modal.plotting.curves import RANGE, draw_curves
 from modal.plotting.layout import LONGEST, headline, key, log_ticks, mark_modes
-from modal.plotting.style import MOST_CURVES, WIDTH, colour, muted, save, sheet, spots, thickness
+from modal.plotting.style import MARKED, MOST_CURVES, WIDTH, colour, muted, save, sheet, spots, thickness
 from modal.scene import title_of
 from modal.statespace import ModalForm, Signal, frequency_response, impulse_response, impulse_times
 from modal.types import Complexes, Floats
+
+if TYPE_CHECKING:
+    from modal.tuning import Curves, Tuned
+
 
 POINTS = 2000
 TURN = 2 * np.pi
@@ -292,3 +299,60 @@ def _units(form: ModalForm, shown: list[int], source: int) -> str:
     units = list(dict.fromkeys(form.model.outputs[output].unit for output in shown))
     several = " or ".join(units) if len(units) <= MOST_UNITS else "each unit"
     return f"{several} per {form.model.inputs[source].unit}"
+
+
+DEEP_TUNED = 60.0
+"""Most decibels below the highest of the tuned peaks that a panel shows."""
+ABOVE = 6.0
+"""Decibels above the highest peak after, where the one before is beyond them by more than HIGH."""
+HIGH = 40.0
+MOST_TUNED = 5
+LONGEST_NAMES = 30
+
+
+def draw_tuning(tuned: Tuned, stream: IO[bytes], kind: str = "png") -> None:
+    """Write the picture of `tuning_figure` as png, svg or pdf."""
+    save(tuning_figure(tuned), stream, kind)
+
+
+def tuning_figure(tuned: Tuned) -> Figure:
+    """|H| of every tuned peak before and after, with the equal peaks marked.
+
+    Raises ComputationError where no peak is tuned, or more than a picture holds.
+    """
+    every = tuned.curves()
+    if not every:
+        raise ComputationError("no peak was tuned: there are no curves to draw")
+    if len(every) > MOST_TUNED:
+        raise ComputationError(f"{len(every)} responses do not fit in a figure: choose at most {MOST_TUNED}")
+    figure = sheet(WIDTH, 1.7 + 2.9 * len(every))
+    panels = figure.subplots(len(every), 1, squeeze=False)[:, 0]
+    for axis, response in zip(panels, every, strict=True):
+        _draw(axis, response, tuned)
+    panels[-1].set_xlabel("frequency (Hz)")
+    handles = [Line2D([], [], color=colour(k), lw=thickness(k, FIRST)) for k in range(2)]
+    handles.append(Line2D([], [], color=muted(), ls=MARKED, lw=1.0))
+    headline(figure, title_of(tuned.given), "before and after tuning")
+    key(figure, handles, ["before", "after", "highest peak after"])
+    return figure
+
+
+def _draw(axis: Axes, response: Curves, tuned: Tuned) -> None:
+    with np.errstate(divide="ignore"):
+        before, after = (20 * np.log10(np.where(size > 0, size, np.nan)) for size in (response.before, response.after))
+    top = float(np.nanmax(after))
+    highest = min(float(np.nanmax(before)), top + HIGH)
+    low = max(min(float(np.nanmin(before)), float(np.nanmin(after))), top - DEEP_TUNED)
+    curves = [
+        (response.frequency_hz, np.clip(decibels, low - ABOVE, highest + 2 * ABOVE)) for decibels in (before, after)
+    ]
+    draw_curves(axis, curves, first=FIRST, log="x")
+    axis.axhline(top, color=muted(), ls=MARKED, lw=1.0, zorder=0)
+    words = (
+        f"{response.name}\n(dB re 1 {response.unit})"
+        if len(response.name) + len(response.unit) > LONGEST_NAMES
+        else f"{response.name} (dB)"
+    )
+    ends = float(response.frequency_hz[0]), float(response.frequency_hz[-1])
+    axis.set(xscale="log", xlim=ends, ylim=(low - 2, max(highest, top) + ABOVE), ylabel=words)
+    log_ticks(axis.xaxis, ends[1] / ends[0])

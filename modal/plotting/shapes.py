@@ -1,4 +1,7 @@
-"""Pictures of mode shapes: pendula and their cart, at equilibrium in grey and at both extremes of the oscillation."""
+"""Pictures of mode shapes: pendula and what they hang from, in grey at rest, and at both extremes of the oscillation.
+
+Of many pendula the angles of their links are drawn over the number of the pendulum.
+"""
 
 from __future__ import annotations
 
@@ -10,20 +13,115 @@ from typing import IO, Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import FancyBboxPatch
+from matplotlib.lines import Line2D
+from matplotlib.ticker import MaxNLocator
 
 from modal.errors import ComputationError
 from modal.modes import Mode, Modes, Shape
 from modal.plotting.carriers import draw_pieces
-from modal.plotting.layout import caption, evenly, headline, side_by_side
-from modal.plotting.profiles import profiles_figure
-from modal.plotting.style import MARKED, QUIET, WIDE, colour, ink, mixed, muted, paper, rest, save, sheet
+from modal.plotting.curves import draw_curves
+from modal.plotting.layout import NUMBER, caption, evenly, headline, key
+from modal.plotting.style import HUES, MARKED, QUIET, WIDE, WIDTH, colour, mixed, muted, paper, rest, save, sheet
 from modal.scene import AnyLink, Bob, Rod, Scene, title_of
 from modal.scene.doors import require_type
-from modal.structure import Scaffold
-from modal.types import Floats
+from modal.structure import STILL, Piece, Scaffold
+from modal.types import Floats, Ints
 
-FARTHEST = 0.3  # largest displacement of the cart over the picture's depth
+COLUMNS, LETTERS = 3, 40
+ROOM = 1.15  # of the axis over the largest angle
+MOVES, LOCAL, FEWEST = 0.02, 0.2, 6
+"""Angle over the largest from which a pendulum counts as moving; part of the pendula below which only those about the
+moving ones are drawn, with as many or FEWEST to either side."""
+DOTS = 120  # pendula up to which dots are large
+
+
+def profiles_figure(modes: Modes, rows: Sequence[Mode], amplitude_deg: float, first: str = "") -> Figure:
+    """One panel for each row: angles (°) over the number of the pendulum, a curve for every level of links.
+
+    The shape is linear and to scale, the largest angle of any link `amplitude_deg`; `first` is the first of the
+    notes below.
+    """
+    lines = -(-len(rows) // COLUMNS)
+    columns = -(-len(rows) // lines)
+    figure = sheet(WIDE if columns > 1 else WIDTH, 1.2 + 2.9 * lines)
+    axes = figure.subplots(lines, columns, squeeze=False, sharey=True)
+    levels = levels_of(modes.scene)
+    drawn = evenly(levels.shape[1], HUES)
+    for place, (axis, row) in enumerate(zip(axes.flat, rows, strict=False)):
+        cart = _profile(axis, modes, row, levels[:, drawn], amplitude_deg)
+        axis.set_title(panel_words(row, LETTERS) + cart, linespacing=1.3)
+        if place % columns:
+            axis.set_ylabel("")
+    for axis in axes.flat[len(rows) :]:
+        axis.remove()
+    local = any(np.ptp(axis.get_xlim()) < len(levels) - 1 for axis in axes.flat[: len(rows)])
+    headline(figure, title_of(modes.scene), "mode shapes")
+    notes = first + _notes(modes, rows, levels, drawn, amplitude_deg, local=local)
+    if len(drawn) > 1:
+        marks = [Line2D([], [], color=colour(k), marker="o", ms=3) for k in range(len(drawn))]
+        key(figure, marks, [f"link {level + 1}" for level in drawn], columns=HUES, notes=notes)
+    else:
+        caption(figure, notes)
+    return figure
+
+
+def levels_of(scene: Scene) -> Ints:
+    """The index of the link of each pendulum (rows) at each level (columns), −1 where it has none."""
+    counts = [sum(link.count for link in pendulum.links) for pendulum in scene.pendulum for _ in range(pendulum.count)]
+    levels = np.full((len(counts), max(counts)), -1, dtype=np.int64)
+    first = np.cumsum([0, *counts[:-1]])
+    for k, (start, count) in enumerate(zip(first.tolist(), counts, strict=True)):
+        levels[k, :count] = start + np.arange(count)
+    return levels
+
+
+def _profile(axis: Axes, modes: Modes, row: Mode, levels: Ints, amplitude_deg: float) -> str:
+    """Draw a row; how far the cart goes, in words."""
+    shape = modes.shape(modes.index_of(row))
+    angles: Floats = amplitude_deg * np.real(shape.angles)
+    numbers = np.arange(1.0, len(levels) + 1)
+    curves = [(numbers, np.where(level < 0, np.nan, angles[level])) for level in levels.T]
+    draw_curves(axis, curves, first=1.1, marker="o", ms=3.5 if len(numbers) <= DOTS else 1.8, mew=0)
+    number_pendula(axis, *_part(np.array([y for _, y in curves])), amplitude_deg)
+    if modes.rig.cart is None or row.omega == 0:
+        return ""
+    cart = float(np.radians(amplitude_deg) * complex(shape.cart).real)
+    return f"\ncart at {cart:.3g} m".replace("-", "−") if cart else "\ncart at rest"
+
+
+def number_pendula(axis: Axes, first: int, last: int, amplitude_deg: float) -> None:
+    """Make an axis of angles (°), up to the largest, over the numbers of these pendula."""
+    side = 0.02 * (last - first) + 0.5
+    axis.set(xlim=(first - side, last + side), ylim=(-ROOM * amplitude_deg, ROOM * amplitude_deg))
+    axis.set(xlabel=f"number of the pendulum ({NUMBER})", ylabel="angle (°)")
+    axis.xaxis.set_major_locator(MaxNLocator(6, integer=True))
+    axis.axhline(0.0, color=muted(), lw=0.8, zorder=0)
+
+
+def _part(angles: Floats) -> tuple[int, int]:
+    """The first and the last pendulum drawn, of angles (D, N): all, or those about a small part that moves."""
+    size, count = np.nan_to_num(np.abs(angles)).max(0), angles.shape[1]
+    moving = np.flatnonzero(size > MOVES * size.max())
+    if not moving.size or moving[-1] - moving[0] + 1 > LOCAL * count:
+        return 1, count
+    first, last = int(moving[0]) + 1, int(moving[-1]) + 1
+    room = max(last - first + 1, FEWEST)
+    return max(1, first - room), min(count, last + room)
+
+
+def _notes(modes: Modes, rows: Sequence[Mode], levels: Ints, drawn: Ints, amplitude_deg: float, *, local: bool) -> str:
+    words = [f"angles at one end of the motion, the largest {amplitude_deg:g}°", f"{len(levels)} pendula"]
+    if local:
+        words += ["of local modes those about the moving ones drawn"]
+    if any(row.multiplicity > 1 for row in rows):
+        words += ["one shape of each repeated mode"]
+    if len(drawn) < levels.shape[1]:
+        words += [f"{len(drawn)} of {levels.shape[1]} links of each drawn"]
+    return "; ".join(words)
+
+
+FARTHEST, SWUNG = 0.3, 0.55
+"""Largest displacement of what pendula hang from, and room beside them, over the longest chain."""
 LINE, LETTER = 0.2, 0.08  # height of a title line and width of a letter (inches)
 MOST_PANELS, USUAL_PANELS, MOST_PENDULA, MOST_MARKS = 24, 12, 12, 40
 """Most panels that can be asked for, and that are drawn unasked; most pendula as they hang; most links with marks."""
@@ -42,28 +140,27 @@ LEAST, WIDEST = 4.6, 1.4  # least width of a picture (inches); width over height
 
 @dataclass(frozen=True, eq=False)
 class ShapeLayout:
-    """The pendula drawn, their links' angles at equilibrium, the index of the first link of each, and their pivots.
+    """The pendula drawn, their links' angles at equilibrium, the index of the first link of each, what they hang from.
 
-    In metres: the longest chain, the extent below and above the rail, and half the width, about `middle`.  What hangs
-    from a structure is drawn with its `scaffold`.  The heaviest bob is `mark` points wide.
+    In metres: the longest chain, the lower and the upper edge of a panel, and half its width, about `middle`.  The
+    heaviest bob is `mark` points wide.
     """
 
     links: tuple[tuple[AnyLink, ...], ...]
     rests: tuple[Floats, ...]
     offsets: tuple[int, ...]
-    pivots: Floats
+    scaffold: Scaffold
     depth: float
-    below: float
-    above: float
-    half_width: float
-    scaffold: Scaffold | None = None
+    bottom: float = 0.0
+    top: float = 0.0
+    half_width: float = 0.0
     middle: float = 0.0
     mark: float = MARK
 
     def within(self, width: float) -> ShapeLayout:
         """The same with marks small enough for structures and long chains, in a panel of this width (inches)."""
         points = 72 * width / (2 * self.half_width)
-        mark = MARK if self.scaffold is None else min(MARK, 0.4 * self.depth * points)
+        mark = min(MARK, 0.4 * self.depth * points)
         if self.is_linear:
             mark = min(mark, APART * points * min(link.length for links in self.links for link in links))
         return replace(self, mark=mark)
@@ -74,26 +171,26 @@ class ShapeLayout:
         return max(map(len, self.links)) > FEW_LINKS
 
     @property
-    def bottom(self) -> float:
-        """The lower edge of a panel."""
-        return -(self.below + 0.14 * self.depth)
-
-    @property
-    def top(self) -> float:
-        """The upper edge of a panel."""
-        return max(0.22 * self.depth, self.above + 0.14 * self.depth) if self.scaffold is None else self.above
-
-    @property
     def ends(self) -> tuple[float, float]:
         """The left and the right edge of a panel."""
         return self.middle - self.half_width, self.middle + self.half_width
 
-    def places(self, shape: Shape, amplitude: float) -> Floats:
-        """Where the pendula hang in a real shape times an amplitude, (K, 2) in m to the right and up."""
-        if self.scaffold is None:
-            shift = shape.cart.real * amplitude
-            return np.column_stack((self.pivots + shift, np.zeros_like(self.pivots)))
-        return np.asarray(self.scaffold.pivots(amplitude * shape.supports.real[None])[0])
+    def moved(self, shape: Shape, amplitude: float) -> Floats:
+        """The coordinates η (1, d) of what the pendula hang from in a real shape times an amplitude."""
+        return np.asarray(amplitude * shape.leading.real[None, : self.scaffold.structure.size])
+
+    def chains(self, shape: Shape, amplitude: float) -> list[Floats]:
+        """The joints of the pendula in a real shape times an amplitude, (n + 1, 2) each."""
+        pivots = self.scaffold.pivots(self.moved(shape, amplitude))[0]
+        return [
+            _hung(links, rest, pivot, amplitude * shape.angles.real[at : at + len(links)], linear=self.is_linear)
+            for links, rest, at, pivot in zip(self.links, self.rests, self.offsets, pivots, strict=True)
+        ]
+
+    def pieces(self, eta: Floats, chains: Sequence[Floats]) -> list[Piece]:
+        """What the pendula hang from, and their springs, at η (1, d)."""
+        joints = (chain[None] for chain in chains)
+        return self.scaffold.pieces(eta, dict(zip(self.scaffold.drawn.tolist(), joints, strict=True)))
 
 
 def draw_shapes(
@@ -129,7 +226,7 @@ def shapes_figure(
         raise ComputationError(f"{len(numbers)} modes do not fit in one figure: choose at most {MOST_PANELS} modes")
     rows = list(modes.rows(numbers))
     if is_crowded(modes.scene):
-        return profiles_figure(modes, rows, panel_words, amplitude_deg, first)
+        return profiles_figure(modes, rows, amplitude_deg, first)
     layout = layout_of(modes)
     panel = 2 * layout.half_width / (0.955 * (layout.top - layout.bottom))
     columns, lines = arranged(len(rows), panel)
@@ -170,73 +267,60 @@ def arranged(count: int, ratio: float) -> tuple[int, int]:
 
 
 def layout_of(modes: Modes) -> ShapeLayout:
-    """What is drawn of the pendula, and where."""
-    hanging: list[tuple[tuple[AnyLink, ...], Floats, int]] = []
-    first, angles = 0, modes.rig.rest_angles
-    most = max(1, MOST_PENDULA // len(modes.scene.pendulum)) if modes.rig.structure else MOST_PENDULA
-    for pendulum in modes.scene.pendulum:
-        links = tuple(link for link in pendulum.links for _ in range(link.count))
-        firsts = [first + k * len(links) for k in range(min(pendulum.count, most))]
-        hanging += [(links, angles[at : at + len(links)], at) for at in firsts]
-        first += pendulum.count * len(links)
-    picked = evenly(len(hanging), MOST_PENDULA)
-    if modes.rig.structure:
-        return _on_structure(modes, [hanging[k] for k in picked])
-    chains, rests, offsets = (tuple(column) for column in zip(*(hanging[k] for k in picked), strict=True))
-    levels = [_placed(chain, np.cos(angle)) for chain, angle in zip(chains, rests, strict=True)]
-    aside = max(float(np.abs(_placed(chain, np.sin(angle))).max()) for chain, angle in zip(chains, rests, strict=True))
-    depth = max(aside, *(float(np.ptp(level)) for level in levels))
-    pivots = side_by_side(len(picked), depth)
-    below, above = (max(float((sign * level).max()) for level in levels) for sign in (1, -1))
-    half_width = float(pivots[-1] + 0.6 * depth)
-    if modes.rig.leans:
-        below = max(sum(link.length for link in chain) for chain in chains)
-        half_width += aside + 0.2 * depth
-    return ShapeLayout(chains, rests, offsets, pivots, depth, below, above, half_width)
-
-
-def _on_structure(modes: Modes, hanging: list[tuple[tuple[AnyLink, ...], Floats, int]]) -> ShapeLayout:
-    """The layout of pendula on a structure: as it is drawn at rest, with room for it to move."""
-    structure = modes.rig.structure
+    """What is drawn of the pendula, and where: what they hang from as drawn at rest, with room for it to move."""
+    scene, structure = modes.scene, modes.rig.carried.structure
     assert structure is not None
-    first = np.cumsum([0, *(pendulum.n_links for pendulum in modes.scene.pendulum for _ in range(pendulum.count))])
-    chains, rests, offsets = (tuple(column) for column in zip(*hanging, strict=True))
-    depth = max(float(np.ptp(_placed(chain, np.ones(len(chain))))) for chain in chains)
-    drawn = np.searchsorted(first, offsets)
+    copies = [pendulum for pendulum in scene.pendulum for _ in range(pendulum.count)]
+    first = np.cumsum([0, *(pendulum.n_links for pendulum in copies)])
+    most = MOST_PENDULA if len(copies) <= MOST_PENDULA else max(1, MOST_PENDULA // len(scene.pendulum))
+    counts = [pendulum.count for pendulum in scene.pendulum]
+    begins = np.cumsum([0, *counts[:-1]]).tolist()
+    some = np.concatenate([begin + np.arange(min(count, most)) for begin, count in zip(begins, counts, strict=True)])
+    drawn = some[evenly(len(some), MOST_PENDULA)]
+    chains = tuple(tuple(link for link in copies[k].links for _ in range(link.count)) for k in drawn)
+    rests = tuple(modes.rig.rest_angles[first[k] : first[k + 1]] for k in drawn)
+    depth = max(_extent(chain) for chain in chains)
     scaffold = Scaffold(structure, drawn, first, depth)
-    layout = ShapeLayout(chains, rests, offsets, np.zeros(0), depth, 0.0, 0.0, 0.0, scaffold)
+    layout = ShapeLayout(chains, rests, tuple(first[drawn].tolist()), scaffold, depth)
     still = np.zeros((1, structure.size))
     pivots = scaffold.pivots(still)[0]
-    hung = [_hung(chain, rest, pivot)[None] for chain, rest, pivot in zip(chains, rests, pivots, strict=True)]
-    pieces = scaffold.pieces(still, dict(zip(drawn.tolist(), hung, strict=True)))
-    points = np.concatenate([part.reshape(-1, 2) for part in (*hung, *(piece.points for piece in pieces))])
-    (left, low), (right, high) = points.min(0), points.max(0)
+    hung = [_hung(chain, rest, pivot) for chain, rest, pivot in zip(chains, rests, pivots, strict=True)]
+    pieces = layout.pieces(still, hung)
+    every = [(joints, SWUNG) for joints in (*hung, *map(_centres, chains, hung))]
+    every += [(piece.points.reshape(-1, 2), 0.0 if piece.role in STILL else FARTHEST) for piece in pieces]
+    left = min(float(points[:, 0].min()) - room * depth for points, room in every)
+    right = max(float(points[:, 0].max()) + room * depth for points, room in every)
+    low, high = (end(float(end(points[:, 1])) for points, _ in every) for end in (min, max))
     rises = 0.3 * any(carrier.kind in {"tilt", "heave", "platform", "modal"} for carrier in structure.carriers)
     return replace(
         layout,
-        below=-float(low) + rises * depth,
-        above=float(high) + (0.1 + rises) * depth,
-        half_width=(right - left) / 2 + 0.6 * depth,
+        bottom=low - (0.14 + rises) * depth,
+        top=high + (0.1 + rises) * depth,
+        half_width=(right - left) / 2 + 0.05 * depth,
         middle=(left + right) / 2,
     )
 
 
-def _hung(links: tuple[AnyLink, ...], angles: Floats, pivot: Floats) -> Floats:
-    """The joints of a chain at these angles from the downward vertical, (n + 1, 2) to the right and up."""
+def _extent(links: tuple[AnyLink, ...]) -> float:
+    """The length of a chain, of one whose last centre of mass is beyond it as far as that."""
+    joints = np.cumsum([0.0, *(link.length for link in links)])
+    return float(max(joints[-1], *(joints[:-1] + [link.centre for link in links])))
+
+
+def _hung(
+    links: tuple[AnyLink, ...], rest: Floats, pivot: Floats, angles: Floats | float = 0.0, *, linear: bool = False
+) -> Floats:
+    """The joints of a chain turned by angles from rest, or displaced as by small ones, (n + 1, 2) right and up."""
     length = np.array([link.length for link in links])[:, None]
-    ways = np.column_stack((np.sin(angles), -np.cos(angles)))
+    ways = np.column_stack((np.sin(rest + angles), -np.cos(rest + angles)))
+    if linear:
+        ways = np.column_stack((np.sin(rest) + angles * np.cos(rest), angles * np.sin(rest) - np.cos(rest)))
     return np.asarray(pivot + np.vstack(([0.0, 0.0], np.cumsum(length * ways, axis=0))))
-
-
-def _placed(links: tuple[AnyLink, ...], way: Floats) -> Floats:
-    """How far the joints and the centres of mass of a chain are away, with the way of its links per length."""
-    joints = np.cumsum([0.0, *(way * [link.length for link in links])])
-    return np.concatenate([joints, joints[:-1] + way * [link.centre for link in links]])
 
 
 def _panel(axis: Axes, modes: Modes, row: Mode, layout: ShapeLayout, amplitude: float) -> None:
     shape = modes.shape(modes.index_of(row)).at()
-    draw_rest(axis, modes, layout, shape)
+    draw_rest(axis, layout, shape)
     if row.omega == 0:
         draw_translation(axis, layout)
         return
@@ -245,27 +329,23 @@ def _panel(axis: Axes, modes: Modes, row: Mode, layout: ShapeLayout, amplitude: 
         for constants in (2, 1, 0):
             left = float(np.exp(-constants))
             look = {"color": mixed(colour(0), max(left, FAINTEST)), **({"gid": QUIET} if constants else {})}
-            draw_swing(axis, modes, layout, shape, left * amplitude, look)
+            draw_swing(axis, layout, shape, left * amplitude, look)
     else:
-        draw_swing(axis, modes, layout, shape, -amplitude, {"color": colour(1)})
-        draw_swing(axis, modes, layout, shape, amplitude, {"color": colour(0)})
+        draw_swing(axis, layout, shape, -amplitude, {"color": colour(1)})
+        draw_swing(axis, layout, shape, amplitude, {"color": colour(0)})
 
 
-def draw_rest(axis: Axes, modes: Modes, layout: ShapeLayout, shape: Shape) -> None:
+def draw_rest(axis: Axes, layout: ShapeLayout, shape: Shape) -> None:
     """The rail and everything at equilibrium, on an axis with the limits of the layout."""
     axis.set_xlim(*layout.ends)
     axis.set_ylim(layout.bottom, layout.top)
     axis.set_aspect("equal")
-    if layout.scaffold is None:
-        axis.plot(layout.ends, [0, 0], color=muted(), lw=1.0, zorder=0)
-    draw_swing(axis, modes, layout, shape, 0.0, {"color": rest(), "gid": QUIET})
+    draw_swing(axis, layout, shape, 0.0, {"color": rest(), "gid": QUIET})
 
 
 def draw_translation(axis: Axes, layout: ShapeLayout) -> None:
     """The sign of a rigid translation."""
-    reach, height = 0.3 * layout.depth, 0.13 * layout.depth
-    if layout.scaffold is not None:
-        height = layout.top - 0.05 * layout.depth
+    reach, height = 0.3 * layout.depth, layout.top - 0.05 * layout.depth
     arrow = {"arrowstyle": "<->", "color": colour(0), "lw": 1.6}
     axis.annotate("", (layout.middle + reach, height), (layout.middle - reach, height), arrowprops=arrow)
 
@@ -283,83 +363,57 @@ def panel_words(row: Mode, letters: int) -> str:
 
 
 def fitting_amplitude(layout: ShapeLayout, shape: Shape, amplitude: float) -> float:
-    """A reduced amplitude where the cart would leave the picture; long chains are drawn linearly, by displacement."""
+    """A reduced amplitude where the support would leave the picture; long chains are drawn by displacements."""
+    support = layout.scaffold.reach(layout.moved(shape, 1.0)[0])
     if layout.is_linear:
-        cart = float(np.real(shape.cart))
-        reach = [
-            np.abs(cart + np.cumsum([link.length for link in links] * shape.angles[first : first + len(links)])).max()
-            for links, first in zip(layout.links, layout.offsets, strict=True)
-        ]
-        amplitude *= SIDEWAYS * layout.depth / (np.radians(AMPLITUDE_DEG) * max(*reach, abs(cart), 1e-300))
-    if layout.scaffold is not None:
-        return float(min(amplitude, FARTHEST * layout.depth / max(layout.scaffold.reach(shape.supports), 1e-300)))
-    return float(min(amplitude, FARTHEST * layout.depth / max(abs(shape.cart), 1e-300)))
+        small = 1e-4 / max(float(np.abs(shape.leading).max()), 1.0)
+        pairs = zip(layout.chains(shape, small), layout.chains(shape, 0.0), strict=True)
+        reach = max(float(np.abs(now - still)[:, 0].max()) / small for now, still in pairs)
+        amplitude *= SIDEWAYS * layout.depth / (np.radians(AMPLITUDE_DEG) * max(reach, support, 1e-300))
+    return float(min(amplitude, FARTHEST * layout.depth / max(support, 1e-300)))
 
 
-def draw_swing(
-    axis: Axes, modes: Modes, layout: ShapeLayout, shape: Shape, amplitude: float, look: dict[str, Any]
-) -> None:
-    """A real shape times an amplitude (rad)."""
-    places, still = layout.places(shape, amplitude), layout.places(shape, 0.0)
-    joints = {}
-    for k, (links, angle, first) in enumerate(zip(layout.links, layout.rests, layout.offsets, strict=True)):
-        angles = amplitude * shape.angles[first : first + len(links)]
-        length = np.array([link.length for link in links])
-        sin, cos = np.sin(angle), np.cos(angle)
-        lean = np.sin(angle + angles), np.cos(angle + angles)
-        if layout.is_linear:
-            lean = sin + angles * cos, cos - angles * sin
-        x, y = (np.concatenate([[0.0], np.cumsum(length * part)]) for part in lean)
-        x, y = places[k, 0] + x, places[k, 1] - y
-        joints[k] = np.column_stack((x, y))
-        if amplitude != 0 and np.array_equal(places[k], still[k]) and not angles.any():
-            continue
-        axis.plot(x, y, **look, lw=THIN if layout.is_linear else THICK, zorder=2)
-        if len(links) <= MOST_MARKS:
-            _marks(axis, links, x, y, look, layout)
-    if layout.scaffold is None:
-        _support(axis, modes, layout, float(shape.cart.real) * amplitude, look, filled=amplitude == 0)
-        return
-    shown = {p: joints[k][None] for k, p in enumerate(layout.scaffold.drawn.tolist())}
-    pieces = layout.scaffold.pieces(amplitude * shape.supports.real[None], shown)
-    if amplitude != 0 and not shape.supports.any():
-        pieces = [piece for piece in pieces if piece.role == "spring"]
-    draw_pieces(axis, pieces, look, rests=amplitude == 0)
+def draw_swing(axis: Axes, layout: ShapeLayout, shape: Shape, amplitude: float, look: dict[str, Any]) -> None:
+    """A real shape times an amplitude (rad): at rest all of it, else what is not where it rests."""
+    swung, still = (layout.chains(shape, factor) for factor in (amplitude, 0.0))
+    rests = amplitude == 0
+    for links, joints, before in zip(layout.links, swung, still, strict=True):
+        if rests or not np.array_equal(joints, before):
+            axis.plot(*joints.T, **look, lw=THIN if layout.is_linear else THICK, zorder=2)
+            if len(links) <= MOST_MARKS:
+                _marks(axis, links, joints, look, layout)
+    pieces, resting = (
+        layout.pieces(layout.moved(shape, factor), chains) for factor, chains in ((amplitude, swung), (0.0, still))
+    )
+    moving = (
+        piece
+        for piece, before in zip(pieces, resting, strict=True)
+        if rests or not np.array_equal(piece.points, before.points)
+    )
+    draw_pieces(axis, moving, look, rests=rests)
 
 
-def _marks(
-    axis: Axes, links: Sequence[AnyLink], x: Floats, y: Floats, look: dict[str, Any], layout: ShapeLayout
-) -> None:
+def _centres(links: Sequence[AnyLink], joints: Floats) -> Floats:
+    """The centres of mass of the links between these joints."""
+    part = np.array([[link.centre / link.length] for link in links])
+    return np.asarray(joints[:-1] + part * np.diff(joints, axis=0))
+
+
+def _marks(axis: Axes, links: Sequence[AnyLink], joints: Floats, look: dict[str, Any], layout: ShapeLayout) -> None:
     heaviest, most = max(link.mass for link in links), layout.mark
-    for i, link in enumerate(links):
-        part = link.centre / link.length
-        centre = (x[i] + part * (x[i + 1] - x[i]), y[i] + part * (y[i + 1] - y[i]))
-        if part > 1:
-            axis.plot([x[i + 1], centre[0]], [y[i + 1], centre[1]], ls=MARKED, **look, lw=1.2, zorder=2)
+    for i, (link, centre) in enumerate(zip(links, _centres(links, joints), strict=True)):
+        if link.centre > link.length:
+            axis.plot(*np.transpose([joints[i + 1], centre]), ls=MARKED, **look, lw=1.2, zorder=2)
         if isinstance(link, Rod):
-            axis.plot(x[i : i + 2], y[i : i + 2], **look, lw=min(4.0, 0.6 * most), zorder=3)
+            axis.plot(*joints[i : i + 2].T, **look, lw=min(4.0, 0.6 * most), zorder=3)
         else:
             size = most * (link.mass / heaviest) ** (1 / 3)
             marker = "o" if isinstance(link, Bob) else "D"
             axis.plot(*centre, marker, ms=max(size, min(SMALLEST, most)), **look, mec=paper(), mew=0.7, zorder=4)
     if layout.is_linear:
         return
-    axis.plot(
-        x[:-1], y[:-1], "o", ms=min(2.6, 0.4 * most), **look | {"color": paper()}, mec=look["color"], mew=0.9, zorder=5
-    )
-
-
-def _support(
-    axis: Axes, modes: Modes, layout: ShapeLayout, shift: float, look: dict[str, Any], *, filled: bool
-) -> None:
-    left, right = layout.pivots[0] - 0.16 * layout.depth, layout.pivots[-1] + 0.16 * layout.depth
-    height = 0.075 * layout.depth
-    if modes.rig.cart is None:
-        axis.plot([left, right], [0, 0], color=ink(), lw=3.0, zorder=1)
-        return
-    face = look["color"] if filled else "none"
-    style: dict[str, Any] = {"boxstyle": f"round,pad=0,rounding_size={height / 3}", "lw": 1.3, "zorder": 1}
-    axis.add_patch(FancyBboxPatch((left + shift, 0.0), right - left, height, fc=face, ec=look["color"], **style))
+    look = look | {"color": paper(), "mec": look["color"]}
+    axis.plot(*joints[:-1].T, "o", ms=min(2.6, 0.4 * most), **look, mew=0.9, zorder=5)
 
 
 def _caption(modes: Modes, rows: Sequence[Mode], layout: ShapeLayout, amplitude_deg: float) -> str:
@@ -374,9 +428,7 @@ def _caption(modes: Modes, rows: Sequence[Mode], layout: ShapeLayout, amplitude_
     words += [sideways if layout.is_linear else angles]
     if any(row.multiplicity > 1 for row in rows):
         words += ["one shape of each repeated mode"]
-    if layout.scaffold is not None:
-        words += set_apart(layout.scaffold, modes.scene.n_pendula)
-    return "; ".join(words)
+    return "; ".join([*words, *set_apart(layout.scaffold, modes.scene.n_pendula)])
 
 
 def set_apart(scaffold: Scaffold, count: int) -> list[str]:

@@ -2,25 +2,37 @@
 
 θ is measured from the downward vertical, positive towards positive x; l runs from joint to joint, c to the centre of
 mass.  A symbol has the number of its link, of its pendulum, or of both; numbers that are equal throughout the scene
-have one symbol without a number.  A sketch is not to scale, and without springs, dampers, friction and drives.
+have one symbol without a number.  A sketch is not to scale, and without dampers, friction and drives: what pendula hang
+from stands side by side, their pivots no farther from each other than the longest link and their own extent ask for.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Arc, Circle, FancyArrowPatch, FancyBboxPatch
+from matplotlib.patches import Arc, FancyArrowPatch
 
 from modal.errors import ComputationError
 from modal.plotting.carriers import draw_pieces
-from modal.plotting.structure_sketches import labels_of, schematic
 from modal.plotting.style import MARKED, colour, ink, muted, paper, shade, sheet
 from modal.scene import AnyLink, Bob, Rod, Scene, validate_scene
+from modal.structure import (
+    CarrierEnd,
+    End,
+    LinkEnd,
+    Piece,
+    Pivot,
+    Scaffold,
+    SpringNumbers,
+    Structure,
+    Where,
+    structure_of,
+)
 from modal.types import Floats
 
 TILTS = (31.0, 48.0, 26.0, 40.0)
@@ -30,11 +42,20 @@ SHORTEST = 0.7
 """Least length of a drawn link over that of the longest, which is the unit of all lengths below."""
 INCHES = 1.6
 """Inches of the longest link."""
-ABOVE, MARGIN, BESIDE = 0.56, 0.42, 0.72
-TALL, WHEEL, OVERHANG = 0.2, 0.06, 0.34
+ABOVE, MARGIN, ROOM = 0.56, 0.42, 0.92
 WEIGHT, ARC = 0.36, 0.36
-BODY = 0.14  # fraction of ink in the cart
 OBLIQUE = 0.55 * np.array([np.cos(np.radians(35)), np.sin(np.radians(35))])
+FARTHEST, FIXED, ROD, GAP = 0.85, 1.25, 0.8, 1.05
+"""Largest distance of a point from its carrier's origin, the same of what is fixed, length of a swing's rods, and room
+between carriers."""
+COORDINATES = {
+    "moved": ("s",),
+    "cart": ("x",),
+    "swing": ("x",),
+    "tilt": (r"\varphi",),
+    "heave": ("z",),
+    "platform": ("x", "z", r"\varphi"),
+}
 
 
 @dataclass(frozen=True)
@@ -47,6 +68,14 @@ class _SketchedLink:
     centre: Floats
     tilt: float
     number: str
+
+
+class Label(NamedTuple):
+    """A symbol at a place, and the end of an arrow that begins there, of a coordinate."""
+
+    symbol: str
+    place: tuple[float, float]
+    arrow: tuple[float, float] | None = None
 
 
 def sketch_figure(scene: Scene, angles_deg: Sequence[float] | None = None, *, push: str = "") -> Figure:
@@ -67,76 +96,61 @@ def sketch_figure(scene: Scene, angles_deg: Sequence[float] | None = None, *, pu
     _refuse(scene, chains, push)
     if scene.space == "space":
         return _in_space()
-    tilts = _tilts(chains, angles_deg)
-    if scene.is_structured:
-        return _structured(scene, chains, tilts)
-    pendula = _placed(scene, chains, tilts)
-    links = [drawn for chain in pendula for drawn in chain]
-    weighed = [drawn.centre - np.array([0, WEIGHT]) for drawn in links]
-    points = np.array([*weighed, *(point for drawn in links for point in (drawn.joint, drawn.end))])
-    (left, bottom), (right, top) = points.min(axis=0), points.max(axis=0)
-    pivots = np.array([chain[0].joint[0] for chain in pendula])
-    gravity = max(right + 0.2, pivots.max() + OVERHANG + 0.5)
-    lowest, highest = bottom - 0.14, max(top + 0.2, ABOVE)
-    figure, axis = _sheet(min(left, pivots.min()) - BESIDE, gravity + 0.3, lowest, highest)
-    _arrow(axis, (gravity, WEIGHT / 2), (gravity, -WEIGHT / 2), ink())
-    _say(axis, "g", gravity + 0.13, 0.0)
-    _support(axis, scene, pivots, push)
-    for chain in pendula:
-        for drawn, below in zip(chain, [*chain[1:], None], strict=True):
-            _link(axis, drawn, below, _symbols(scene))
-    return figure
-
-
-def _structured(scene: Scene, chains: list[list[AnyLink]], tilts: list[Floats]) -> Figure:
-    """Carriers side by side with their coordinates, springs, and a pendulum of each entry."""
     longest = max(link.length for chain in chains for link in chain)
     lengths = [np.maximum([link.length / longest for link in chain], SHORTEST) for chain in chains]
-    scaffold = schematic(scene, lengths)
+    tilts = _tilts(chains, angles_deg)
+    hung = [
+        np.vstack(([0, 0], np.cumsum(length[:, None] * np.stack((np.sin(tilt), -np.cos(tilt)), axis=1), axis=0)))
+        for length, tilt in zip(lengths, tilts, strict=True)
+    ]
+    scaffold = _schematic(scene, chains, lengths, hung)
     still = np.zeros((1, scaffold.structure.size))
-    drawn, joints = [], {}
-    for p, (chain, angles, length) in enumerate(zip(chains, tilts, lengths, strict=True)):
-        ways = np.stack((np.sin(angles), -np.cos(angles)), axis=1)
-        joints[p] = scaffold.pivots(still)[0, p] + np.vstack(([0, 0], np.cumsum(length[:, None] * ways, axis=0)))
-        named = [_number(scene, p + 1, i) for i in range(1, len(chain) + 1)]
-        centres = [min(link.centre / link.length, 1.4) for link in chain]
-        drawn.append(
-            [
-                _SketchedLink(link, start, end, start + centre * (end - start), float(angle), number)
-                for link, start, end, centre, angle, number in zip(
-                    chain, joints[p], joints[p][1:], centres, angles, named, strict=False
-                )
-            ]
-        )
-    pieces = scaffold.pieces(still, {p: places[None] for p, places in joints.items()})
-    told = list(labels_of(scaffold, pieces))
-    weights = [link.centre - np.array([0, WEIGHT]) for chain in drawn for link in chain]
+    joints = [pivot + chain for pivot, chain in zip(scaffold.pivots(still)[0], hung, strict=True)]
+    pendula = [_sketched(scene, p, *pendulum) for p, pendulum in enumerate(zip(chains, tilts, joints, strict=True), 1)]
+    pieces = scaffold.pieces(still, {p: places[None] for p, places in enumerate(joints)})
+    labels = list(_labels(scaffold, pieces, push))
+    weights = np.array([link.centre - (0, WEIGHT) for chain in pendula for link in chain])
     points = np.concatenate(
         [piece.points.reshape(-1, 2) for piece in pieces]
-        + list(joints.values())
-        + [np.array(weights), *(np.array([label.place]) for label in told)]
+        + joints
+        + [np.array([*weights, *(told.place for told in labels)])]
     )
     (left, bottom), (right, top) = points.min(axis=0), points.max(axis=0)
     figure, axis = _sheet(left - MARGIN, right + 0.8, bottom - 0.2, max(top, ABOVE) + 0.2)
     _arrow(axis, (right + 0.45, WEIGHT / 2), (right + 0.45, -WEIGHT / 2), ink())
     _say(axis, "g", right + 0.58, 0.0)
     draw_pieces(axis, pieces, {"color": shade(0.6)}, rests=True)
-    for links in drawn:
-        for link, below in zip(links, [*links[1:], None], strict=True):
-            _link(axis, link, below, _symbols(scene))
-    for label in told:
-        x, y = label.place
+    for label in labels:
+        (x, y), hue = label.place, colour(4) if label.symbol == push else ink()
         if label.arrow:
-            _arrow(axis, (x, y), label.arrow, ink())
+            _arrow(axis, (x, y), label.arrow, hue)
             x, y = label.arrow[0] + 0.14, label.arrow[1] + 0.04
-        _say(axis, label.symbol, x, y, zorder=7)
+        _say(axis, label.symbol, x, y, zorder=7, color=hue)
+    for chain in pendula:
+        for drawn, below in zip(chain, [*chain[1:], None], strict=True):
+            _link(axis, drawn, below, _symbols(scene))
     return figure
 
 
+def _sketched(scene: Scene, pendulum: int, chain: list[AnyLink], tilts: Floats, joints: Floats) -> list[_SketchedLink]:
+    """The links of a pendulum by its number."""
+    links = []
+    for i, (link, tilt) in enumerate(zip(chain, tilts.tolist(), strict=True)):
+        centre = joints[i] + min(link.centre / link.length, 1.4) * (joints[i + 1] - joints[i])
+        links.append(_SketchedLink(link, joints[i], joints[i + 1], centre, tilt, _number(scene, pendulum, i + 1)))
+    return links
+
+
+def _drawn(scene: Scene) -> list[int]:
+    """The numbers of the pendula that are drawn, from 0: of equal ones on a structure the first."""
+    counts = [pendulum.count for pendulum in scene.pendulum]
+    return np.cumsum([0, *counts[:-1]]).tolist() if scene.is_structured else list(range(sum(counts)))
+
+
 def _chains(scene: Scene) -> list[list[AnyLink]]:
-    """The links of every pendulum, of an entry on a structure once."""
-    pendula = (pendulum for pendulum in scene.pendulum for _ in range(1 if scene.is_structured else pendulum.count))
-    return [[link for link in pendulum.links for _ in range(link.count)] for pendulum in pendula]
+    """The links of every pendulum that is drawn."""
+    copies = [pendulum for pendulum in scene.pendulum for _ in range(pendulum.count)]
+    return [[link for link in copies[k].links for _ in range(link.count)] for k in _drawn(scene)]
 
 
 def _refuse(scene: Scene, chains: list[list[AnyLink]], push: str) -> None:
@@ -158,34 +172,6 @@ def _tilts(chains: list[list[AnyLink]], angles_deg: Sequence[float] | None) -> l
         raise ComputationError(f"{len(angles_deg)} angles for {count} links")
     angles = np.concatenate([TILTS[: len(chain)] for chain in chains]) if angles_deg is None else np.array(angles_deg)
     return np.split(np.radians(angles), np.cumsum([len(chain) for chain in chains])[:-1])
-
-
-def _placed(scene: Scene, chains: list[list[AnyLink]], tilts: list[Floats]) -> list[list[_SketchedLink]]:
-    """Every link in its place; pendula as far apart as their extents ask for."""
-    longest = max(link.length for chain in chains for link in chain)
-    shapes = []
-    for chain, angles in zip(chains, tilts, strict=True):
-        length = np.maximum([link.length / longest for link in chain], SHORTEST)
-        ways = np.stack((np.sin(angles), -np.cos(angles)), axis=1)
-        shapes.append((length, ways, np.vstack(([0, 0], np.cumsum(length[:, None] * ways, axis=0)))))
-    widths = [float(np.ptp(joints[:, 0])) + 2.2 * MARGIN for _, _, joints in shapes]
-    places = np.cumsum([0.0, *widths[:-1]])
-    numbers = [_number(scene, p, i) for p, chain in enumerate(chains, 1) for i in range(1, len(chain) + 1)]
-    named = iter(numbers)
-    return [
-        [
-            _SketchedLink(
-                link,
-                joints[i] + (place, 0),
-                joints[i + 1] + (place, 0),
-                joints[i] + (place, 0) + min(link.centre / link.length, 1.4) * length[i] * ways[i],
-                float(angles[i]),
-                next(named),
-            )
-            for i, link in enumerate(chain)
-        ]
-        for chain, angles, (length, ways, joints), place in zip(chains, tilts, shapes, places, strict=True)
-    ]
 
 
 def _number(scene: Scene, pendulum: int, link: int) -> str:
@@ -229,37 +215,120 @@ def _arrow(
     axis.add_patch(FancyArrowPatch((start[0], start[1]), (end[0], end[1]), **look, zorder=6))
 
 
-def _support(axis: Axes, scene: Scene, pivots: Floats, push: str) -> None:
-    left, right = pivots.min() - OVERHANG, pivots.max() + OVERHANG
-    if scene.cart is not None:
-        _cart(axis, left, right, push)
-        return
-    axis.plot([left, right], [0, 0], color=ink(), lw=2.6, zorder=2)
-    for foot in np.arange(left, right - 0.05, 0.09):
-        axis.plot([foot, foot + 0.07], [0, 0.07], color=muted(), lw=0.9, zorder=1)
-    if scene.is_moved:
-        middle = (left + right) / 2
-        _arrow(axis, (middle, 0.22), (middle + 0.42, 0.22), ink())
-        _say(axis, "s", middle + 0.21, 0.38)
+def _schematic(scene: Scene, chains: list[list[AnyLink]], lengths: list[Floats], hung: list[Floats]) -> Scaffold:
+    """What the pendula hang from, not to scale, with those that are drawn, of these lengths and places of joints."""
+    structure, drawn = structure_of(scene), _drawn(scene)
+    longest = max(link.length for chain in chains for link in chain)
+    pivots = [structure.pivots[k] for k in drawn]
+    factors = [_factor(structure, k, pivots, longest) for k in range(len(structure.carriers))]
+    carriers = tuple(
+        replace(
+            carrier,
+            position=(0.0, 0.0),
+            length=ROD,
+            centre=(carrier.centre[0] * by, carrier.centre[1] * by),
+            damping=(0.0,) * len(carrier.damping),
+        )
+        for carrier, by in zip(structure.carriers, factors, strict=True)
+    )
+    placed = [Pivot(pivot.carrier, _scaled(pivot.where, factors[pivot.carrier])) for pivot in pivots]
+    starts = np.cumsum([0, *(pendulum.n_links for pendulum in scene.pendulum for _ in range(pendulum.count))])
+    links: dict[int, tuple[int, float]] = {}
+    for k, chain, length in zip(drawn, chains, lengths, strict=True):
+        for at, link in enumerate(chain):
+            links[int(starts[k]) + at] = len(links), float(length[at]) / link.length
+    springs = (_kept(spring, factors, links) for spring in structure.springs if spring.stiffness)
+    joined = tuple(spring for spring in springs if spring is not None)
+    first = np.cumsum([0, *map(len, chains)])
+    return Scaffold(Structure(carriers, tuple(_spread(placed, hung)), joined), np.arange(len(placed)), first, 1.0, GAP)
 
 
-def _cart(axis: Axes, left: float, right: float, push: str) -> None:
-    """A box on its rail, its coordinate x from a mark on the left, and the push on its right end."""
-    middle, low = (left + right) / 2, -TALL / 2
-    axis.plot([left - 0.3, right + 0.3], [low - 2 * WHEEL] * 2, color=muted(), lw=1.4, zorder=1)
-    look: dict[str, Any] = {"boxstyle": "round,pad=0,rounding_size=0.04", "ec": ink(), "lw": 1.3}
-    axis.add_patch(FancyBboxPatch((left, low), right - left, TALL, fc=shade(BODY), zorder=2, **look))
-    for wheel in (left + 0.13, right - 0.13):
-        axis.add_patch(Circle((wheel, low - WHEEL), WHEEL, fc=paper(), ec=ink(), lw=1.3, zorder=1.5))
-    _say(axis, "m_c", left + 0.17, 0.0, zorder=7)
-    start = left - 0.3
-    axis.plot([start, start], [low - 2 * WHEEL, 0.34], color=muted(), lw=1.0, zorder=1)
-    axis.plot([middle, middle], [TALL / 2, 0.34], color=muted(), lw=1.0, zorder=1)
-    _arrow(axis, (start, 0.28), (middle, 0.28), ink())
-    _say(axis, "x", (start + middle) / 2, 0.42)
-    if push:
-        _arrow(axis, (right, 0.0), (right + 0.34, 0.0), colour(4))
-        _say(axis, push, right + 0.24, 0.14, color=colour(4))
+def _spread(pivots: list[Pivot], hung: list[Floats]) -> list[Pivot]:
+    """Pivots side by side, at least as far apart as the extents of their pendula ask for."""
+    rows: dict[tuple[int, float], list[int]] = {}
+    for p, (carrier, where) in enumerate(pivots):
+        if not isinstance(where, int):
+            rows.setdefault((carrier, where[1]), []).append(p)
+    for members in rows.values():
+        before = [pivots[p].where[0] for p in members]  # type: ignore[index]
+        along = list(before)
+        for k in range(1, len(members)):
+            along[k] = max(along[k], along[k - 1] + float(np.ptp(hung[members[k - 1]][:, 0])) + ROOM)
+        shift = float(np.mean(along) - np.mean(before))
+        for p, place in zip(members, along, strict=True):
+            pivots[p] = Pivot(pivots[p].carrier, (place - shift, pivots[p].where[1]))  # type: ignore[index]
+    return pivots
+
+
+def _factor(structure: Structure, k: int, pivots: list[Pivot], longest: float) -> float:
+    """By how much the points of a carrier are drawn nearer."""
+    points: list[Where] = [pivot.where for pivot in pivots if pivot.carrier == k]
+    ends = (end for spring in structure.springs for end in spring.ends)
+    points += [end.where for end in ends if isinstance(end, CarrierEnd) and end.carrier == k]
+    far = max((abs(float(part)) for where in points if not isinstance(where, int) for part in where), default=0.0)
+    if far and not structure.carriers[k].size:
+        return FIXED / far
+    return min(1 / longest, FARTHEST / far) if far else 1 / longest
+
+
+def _scaled(where: Where, by: float) -> Where:
+    return where if isinstance(where, int) else (where[0] * by, where[1] * by)
+
+
+def _kept(spring: SpringNumbers, factors: list[float], links: dict[int, tuple[int, float]]) -> SpringNumbers | None:
+    """A spring between what is drawn, None for one of another copy.
+
+    `links` are the drawn ones by their numbers in the file, each with its number here and by how much it is longer.
+    """
+    ends: list[End] = []
+    for end in spring.ends:
+        if isinstance(end, CarrierEnd):
+            ends.append(CarrierEnd(end.carrier, _scaled(end.where, factors[end.carrier])))
+        elif not isinstance(end, LinkEnd):
+            ends.append(end._replace(place=None))
+        elif end.link in links:
+            number, longer = links[end.link]
+            ends.append(LinkEnd(number, None if end.below is None else end.below * longer))
+        else:
+            return None
+    return spring._replace(ends=(ends[0], ends[1]))
+
+
+def _labels(scaffold: Scaffold, pieces: list[Piece], push: str) -> Iterator[Label]:
+    """The symbols of carriers with their coordinates, of a push on a cart, and of springs."""
+    still = np.zeros((1, scaffold.structure.size))
+    named = sum(carrier.size > 0 for carrier in scaffold.structure.carriers) > 1
+    for k, carrier in enumerate(scaffold.structure.carriers):
+        if carrier.kind not in COORDINATES:
+            continue
+        index = rf"_\mathrm{{{carrier.name.replace('_', chr(92) + '_')}}}" if named else ""
+        left, right, level = scaffold.body(k)
+        platform = carrier.kind == "platform"
+        (x, y), (end, _) = (scaffold.place(k, (s, level), still)[0].tolist() for s in (left, right))
+        if carrier.size:
+            alone = "_c" if carrier.kind == "cart" else "_s"
+            yield Label("m" + (index or alone), _beside(carrier.kind, x, y))
+        start = x + 0.2 if platform else (x + end) / 2 + 0.06
+        for number, symbol in enumerate(COORDINATES[carrier.kind]):
+            place = (start, y + 0.2 if not platform else y + 0.16)
+            way = {"x": (0.3, 0.0), "s": (0.3, 0.0), "z": (0.0, 0.3)}.get(symbol)
+            if symbol == r"\varphi":
+                place = (place[0] + 0.16 * (number > 0), place[1] + 0.2 * (number > 0))
+            yield Label(symbol + index, place, way and (place[0] + way[0], place[1] + way[1]))
+        if push and carrier.kind == "cart":
+            yield Label(push, (end, y), (end + 0.34, y))
+    springs = [piece for piece in pieces if piece.role == "spring"]
+    for number, piece in enumerate(springs, 1):
+        x, y = piece.points[0].mean(0)
+        across, down = np.ptp(piece.points[0], axis=0)
+        tall = down > 0.8 * across
+        place = (float(x) + 0.17, float(y)) if tall else (float(x), float(y) + 0.16)
+        yield Label(f"k_{{{number}}}" if len(springs) > 1 else "k", place)
+
+
+def _beside(kind: str, x: float, y: float) -> tuple[float, float]:
+    """Where the mass of a carrier is written, by the left end of its body."""
+    return {"platform": (x + 0.1, y), "swing": (x, y - 0.2)}.get(kind, (x + 0.02, y + 0.2))
 
 
 def _link(axis: Axes, drawn: _SketchedLink, below: _SketchedLink | None, differ: dict[str, bool]) -> None:

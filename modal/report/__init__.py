@@ -36,8 +36,7 @@ from modal.report.escaping import (
     visible,
 )
 from modal.report.fitting import breadth, broken, columns, fits, fitted, folded, padded
-from modal.report.progress import silent
-from modal.report.prose import WIDTH, capital, counted, line_width, listed, percent, rad, short, with_unit
+from modal.report.prose import WIDTH, capital, counted, line_width, listed, percent, rad, short, silent, with_unit
 from modal.report.tables import (
     NOTHING,
     Form,

@@ -1,4 +1,4 @@
-"""Numbers and lists in running text."""
+"""Numbers and lists in running text; what a long computation says on its way, if anything."""
 
 from __future__ import annotations
 
@@ -51,3 +51,19 @@ def with_unit(heading: str, unit: str) -> str:
 def capital(words: str) -> str:
     """The text with its first letter capitalized."""
     return words[:1].upper() + words[1:]
+
+
+class Silence:
+    """Called with how far a computation has come; says nothing.  Signatures show it by its name, `silent`."""
+
+    def __call__(self, *progress: object) -> None:
+        """Say nothing."""
+
+    def __repr__(self) -> str:
+        return "silent"
+
+    def __reduce__(self) -> str:
+        return "silent"
+
+
+silent = Silence()

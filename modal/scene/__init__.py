@@ -4,14 +4,12 @@ In: TOML, or the same objects from Python.  Out: an immutable `Scene`, checked c
 
     pendulum[2].links[0].mass = -1.0: must be positive
 
-Start with `model`, whose pendula are chains of `links` and hang from `supports`; `springs` join points, `losses` are
-the loss angles of both, `structures` tells what is wrong with supports and springs, `support_arrays` reads those of
-linear structures; `motion` moves a support and acts on `points`, `periods` tells when that repeats, `records` reads its
-records, `hoist` changes a length; `files` reads and writes scenes, `sealed` detects damaged files, `validation` checks
-every part and words the messages, `parameters` finds and varies numbers by path, `number_names` calls them in words,
-`contents` reads files, `doors` checks
-arguments, `titles` says what hangs in a scene
-without a title, `free_bodies` takes it apart, `summary` what a scene shows of itself.
+Start with `model`, whose pendula are chains of `links`, with their loss angles, and hang from `supports`, which springs
+join; `structures` tells what is wrong with both; `motion` moves a support and acts on `points`, `periods` tells when
+that repeats, `records` reads its records, `hoist` changes a length; `files` reads and writes scenes, `sealed` detects
+damaged files, `contents` reads any and tells what it is; `validation` checks every part and words the messages,
+`parameters` finds and varies numbers by path, `number_names` calls them in words, `doors` checks arguments, `titles`
+says what hangs in a scene, `free_bodies` takes it apart.
 """
 
 from modal.scene.capabilities import CAPABILITIES, left_out, one_by_one, refusals, require
@@ -19,8 +17,7 @@ from modal.scene.features import FEATURES
 from modal.scene.files import STANDARD, dump, dumps, example_names, kind_of, load, parse, whole_file
 from modal.scene.free_bodies import FreeBodies, FreeBody, free_bodies
 from modal.scene.hoist import Hoist, LengthLaw
-from modal.scene.links import AnyLink, Bob, Body, Escapement, Rod, VanDerPol
-from modal.scene.losses import LossTable, is_lossy
+from modal.scene.links import AnyLink, Bob, Body, Escapement, LossTable, Rod, VanDerPol, is_lossy
 from modal.scene.model import (
     InitialCondition,
     Pendulum,
@@ -50,8 +47,7 @@ from modal.scene.parameters import parse_variations
 from modal.scene.periods import DrivePeriod, drive_period, frequencies_of, sines_of
 from modal.scene.points import places_of
 from modal.scene.records import Spectrum
-from modal.scene.springs import Spring
-from modal.scene.supports import Carrier, Cart, Fixed, Heave, ModalSupport, Platform, Swing, Tilt
+from modal.scene.supports import Carrier, Cart, Fixed, Heave, ModalSupport, Platform, Spring, Swing, Tilt
 from modal.scene.titles import name_of, title_of, what_hangs
 
 __all__ = [

@@ -139,16 +139,13 @@ EXCITED = {DRIVES: "nothing excites this scene: it has no steady oscillation; gi
 # ------------------------------------------------------------------------------------------------------- the table
 
 AT_ONE_TIME: Sentences = {"hoist": "needs constant lengths: take those of one time, Scene.at(seconds)"}
-TABLE = Capability(
-    "the table of modes", LINEAR | STRUCTURED | {"loss"}, leaves=OMITTED, unless=LEANING, beside=UNLOADED
-)
+TABLE = Capability("the table of modes", LINEAR | STRUCTURED | {"loss"}, leaves=OMITTED, unless=LEANING)
 CONSTANT_MODEL = Capability(
     "a constant linear model",
     LINEAR - {"massless_cart"} | STRUCTURED,
     leaves={**ABOUT, **LOSSLESS},
     refuses=AT_ONE_TIME,
     unless={"massless_cart": "the mass matrix is singular", **LEANING},
-    beside=UNLOADED,
 )
 MOVED_MODEL = replace(
     CONSTANT_MODEL,
@@ -168,8 +165,6 @@ AVERAGED = Capability(
         "quadratic_drag": "has no exact average of quadratic drag",
         **_each(FRICTION - {"joint_friction"}, "cannot tell when a cart sticks"),
     },
-    apart=UNRUBBED,
-    beside=UNLOADED,
 )
 
 PERIODIC = Capability(
@@ -177,8 +172,6 @@ PERIODIC = Capability(
     SHAPE | LOSS | DRIVES | FRICTION | STRUCTURED,
     refuses={**STILL, **CONSTANT, **PLANE, "quadratic_drag": "is computed without quadratic drag"},
     unless=ENDS,
-    apart=UNRUBBED,
-    beside=UNLOADED,
 )
 
 FORCED_ORBIT = Capability(
@@ -186,7 +179,6 @@ FORCED_ORBIT = Capability(
     SHAPE | {"dampers", "damping_ratio", "moved_support"} | DRAG | FORCED | STRUCTURED,
     refuses={**CONSTANT, **PLANE, **STICKS, **_each(DRIVES, "does not follow clocks and drives at joints")},
     unless=ENDS,
-    beside=UNLOADED,
     needs={DRIVEN_IN_TIME: 'nothing drives this scene: give it a [[force]], or a support of kind = "moved"'},
 )
 
@@ -201,15 +193,12 @@ SECTIONED = Capability(
         **_each(LOSS | DRAG | FRICTION | DRIVES, "needs a motion that keeps its energy"),
     },
     unless=ENDS,
-    beside=UNLOADED,
 )
 STROBED = Capability(
     "a stroboscopic section",
     SHAPE | LOSS | DRAG | FRICTION | DRIVES | FORCED | STRUCTURED | {"moved_support"},
     refuses={**CONSTANT, **PLANE},
     unless=STOPS,
-    apart=UNRUBBED,
-    beside=UNLOADED,
     needs={DRIVEN_IN_TIME: "a stroboscopic section needs a period: a sine that moves the support or acts as a force"},
 )
 
@@ -218,8 +207,6 @@ SIDE_BY_SIDE = Capability(
     SHAPE | DRAG | LOSS | DRIVES | TOGETHER | FORCED | STRUCTURED | {"moved_support", "hoist"},
     refuses=BESIDE_NONE,
     unless=STOPS,
-    apart=UNRUBBED,
-    beside=UNLOADED,
 )
 
 BODILESS: Sentences = {
@@ -235,9 +222,16 @@ UNTOLD: Sentences = {**STRUCTURES, **IN_TIME}
 
 
 def _told(capability: Capability) -> Capability:
-    """A capability with the entries of `UNTOLD` that it has none of its own for."""
+    """A capability with what all say that have no entry of their own: of structures, losses, loads and friction."""
     more = {name: words for name, words in UNTOLD.items() if not capability.entries(name)}
-    return replace(capability, refuses={**capability.refuses, **more})
+    beside = {} if capability.entries("load") else UNLOADED
+    apart = UNRUBBED if capability.takes & FRICTION and capability.takes >= STRUCTURED else {}
+    return replace(
+        capability,
+        refuses={**capability.refuses, **more},
+        beside={**capability.beside, **beside},
+        apart={**apart, **capability.apart},
+    )
 
 
 CAPABILITIES: dict[str, Capability] = {
@@ -250,7 +244,6 @@ CAPABILITIES: dict[str, Capability] = {
             LINEAR - {"inverted"} | {"structure", "springs"},
             leaves={**ABOUT, **LOSSLESS},
             refuses={**CONSTANT, **SHIFTED, "inverted": "has no frequency of a link that stands"},
-            beside=UNLOADED,
         ),
         CONSTANT_MODEL,
         replace(CONSTANT_MODEL, name="a frequency response", takes=CONSTANT_MODEL.takes | {"loss"}, leaves=ABOUT),
@@ -277,7 +270,6 @@ CAPABILITIES: dict[str, Capability] = {
             leaves={**OMITTED, **LOSSLESS},
             refuses=SHIFTED,
             unless={"inverted": "is unstable"},
-            beside=UNLOADED,
             needs={_of("cart structure"): 'support.kind: a shaper needs kind = "cart", or a structure'},
         ),
         Capability(
@@ -285,7 +277,6 @@ CAPABILITIES: dict[str, Capability] = {
             LINEAR - NO_RATIO.keys() | STRUCTURED,
             leaves={**ABOUT, **LOSSLESS},
             refuses={**CONSTANT, **NO_RATIO, **SHIFTED},
-            beside=UNLOADED,
         ),
         Capability(
             "tuning",
@@ -298,14 +289,12 @@ CAPABILITIES: dict[str, Capability] = {
                 "inverted": "needs a stable equilibrium",
             },
             unless={"massless_cart": "the mass matrix is singular"},
-            beside=UNLOADED,
         ),
         Capability(
             "a derivation",
             SHAPE | {"dampers", "massless_cart", "space", "structure", "springs"},
             leaves=_each(DRIVES, UNDRIVEN),
             refuses={**STILL, **CONSTANT, **NO_RATIO, **_each(FRICTION | DRAG | {"loss"}, "has no symbols for {it}")},
-            beside=UNLOADED,
         ),
         Capability(
             "a free-body diagram",
@@ -317,14 +306,12 @@ CAPABILITIES: dict[str, Capability] = {
                 "structure": "takes apart what hangs from one cart or from what stands still",
                 "springs": "takes apart what joints alone hold together",
             },
-            beside=UNLOADED,
         ),
         Capability(
             "a polynomial in ω²",
             LINEAR - LOSS,
             leaves={**ABOUT, **LOSSLESS},
             refuses={**CONSTANT, **LOSSES, **SHIFTED, **BODILESS},
-            beside=UNLOADED,
         ),
         Capability(
             "an enclosure",
@@ -338,14 +325,11 @@ CAPABILITIES: dict[str, Capability] = {
                 "joint_springs": "counts modes of free joints",
                 **BODILESS,
             },
-            beside=UNLOADED,
         ),
         Capability(
             "the live page",
             SHAPE | {"dampers", "moved_support", "force"} | DRAG | DRIVES | FRICTION | STRUCTURED,
             refuses=_each(_of("constant_force hoist space damping_ratio massless_cart loss"), "cannot show {it}"),
-            apart=UNRUBBED,
-            beside=UNLOADED,
         ),
         Capability(
             "form minimal",
@@ -353,7 +337,6 @@ CAPABILITIES: dict[str, Capability] = {
             refuses=PLANE,
             unless=ENDS,
             apart={
-                **UNRUBBED,
                 **HOISTING,
                 ("hoist", "escapement"): "kicks act on constant lengths",
             },
@@ -433,22 +416,18 @@ CAPABILITIES: dict[str, Capability] = {
                 **_each(DRIVES, "has no drives"),
                 **NO_INERTIA,
             },
-            beside=UNLOADED,
         ),
         Capability(
             "motion in closed form",
             LINEAR | STRUCTURED,
             leaves=_each(DRIVES, UNDRIVEN),
             refuses={**STILL, **CONSTANT, **STICKS, "quadratic_drag": "has no term for quadratic drag"},
-            beside=UNLOADED,
             apart={("space", "damping_ratio"): "motion in space has no damping ratios"},
         ),
         Capability(
             "a comparison of methods",
             ACTING - {"load"} | FRICTION | DRIVES | STRUCTURED | {"space", "hoist"},
             unless=ENDS,
-            apart=UNRUBBED,
-            beside=UNLOADED,
         ),
         Capability(
             "a check of modes",
@@ -456,7 +435,6 @@ CAPABILITIES: dict[str, Capability] = {
             leaves={name: words for name, words in ABOUT.items() if name not in STILL},
             refuses={name: words for name, words in {**STILL, **CONSTANT}.items() if name not in LEANING},
             unless=LEANING,
-            beside=UNLOADED,
             apart={("space", "damping_ratio"): "motion in space has no damping ratios"},
         ),
         Capability(
@@ -464,8 +442,6 @@ CAPABILITIES: dict[str, Capability] = {
             SHAPE | LOSS | DRAG | FRICTION | DRIVES | STRUCTURED,
             refuses={**STILL, **CONSTANT, **PLANE},
             unless=ENDS,
-            apart=UNRUBBED,
-            beside=UNLOADED,
         ),
         Capability(
             "a periodic orbit of a mode",
@@ -480,7 +456,6 @@ CAPABILITIES: dict[str, Capability] = {
             },
             refuses={**STILL, **CONSTANT, **PLANE},
             unless={"inverted": "the equilibrium is unstable", "massless_cart": HANGS_STRAIGHT},
-            beside=UNLOADED,
         ),
         PERIODIC,
         replace(
@@ -496,8 +471,6 @@ CAPABILITIES: dict[str, Capability] = {
             SHAPE | LOSS | DRAG | FRICTION | DRIVES | FORCED | STRUCTURED | {"moved_support"},
             refuses={**CONSTANT, **PLANE},
             unless=STOPS,
-            apart=UNRUBBED,
-            beside=UNLOADED,
         ),
         SECTIONED,
         replace(
@@ -527,7 +500,7 @@ CAPABILITIES: dict[str, Capability] = {
                 "hoist": "needs constant lengths",
             },
             apart=AIRLESS,
-            beside={**UNLOADED, **_each(_of("cart massless_cart"), "a cart is not a support that moves as prescribed")},
+            beside=_each(_of("cart massless_cart"), "a cart is not a support that moves as prescribed"),
             needs={_of("moved_support"): 'support.kind: a Floquet multiplier needs kind = "moved"'},
         ),
         AVERAGED,
@@ -538,16 +511,12 @@ CAPABILITIES: dict[str, Capability] = {
             SHAPE - {"inverted"} | LOSS | DRAG | FRICTION | DRIVES | STRUCTURED,
             refuses={**STILL, **CONSTANT, **PLANE, "inverted": "compares phases of hanging pendula"},
             unless=ENDS,
-            apart=UNRUBBED,
-            beside=UNLOADED,
         ),
         Capability(
             "a fit of motions",
             SHAPE | {"dampers", "moved_support", "hoist"} | DRAG | FRICTION | DRIVES | FORCED | STRUCTURED,
             refuses={**PLANE, **NO_RATIO},
             unless=ENDS,
-            apart=UNRUBBED,
-            beside=UNLOADED,
         ),
     )
 }

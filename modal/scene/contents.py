@@ -2,17 +2,154 @@
 
 A device may have no end, and a pipe may have no writer.  So a file is looked at before it is opened, is opened without
 waiting, and is looked at again while it is held open; no more is read of it than the limit.
+
+A file that was given in place of another, a run for a scene or a picture for measurements, is told what it is:
+
+    run.npz: is a run, not a scene: plot and animate take it; a scene is the TOML file that was simulated
+
+This is read from how it begins, of an archive from the names of what it holds; nothing is unpacked but its header.
 """
 
 from __future__ import annotations
 
+import codecs
 import os
+import re
+import zlib
+from io import BytesIO
 from os import PathLike
 from stat import S_ISREG
-from typing import IO
+from typing import IO, NamedTuple
+from zipfile import BadZipFile, ZipFile
 
 from modal.errors import SceneError
-from modal.scene.recognition import EXPECTED, as_text, recognize
+
+MARKS = {
+    **{codecs.BOM_UTF32_LE: "utf-32", codecs.BOM_UTF32_BE: "utf-32"},
+    **{codecs.BOM_UTF16_LE: "utf-16", codecs.BOM_UTF16_BE: "utf-16"},
+}
+"""Byte-order marks of encodings, the longer before the shorter that begin alike."""
+BEGINNING = 20_000
+"""Bytes of a text that are looked at."""
+SIGNATURES = (
+    (b"\x89PNG", "picture", "a PNG picture"),
+    (b"GIF8", "picture", "a GIF picture"),
+    (b"\xff\xd8\xff", "picture", "a JPEG picture"),
+    (b"%PDF", "picture", "a PDF document"),
+    (b"MATLAB 5.0", "model", "a MATLAB file"),
+    (b"\x93NUMPY", "arrays", "an array of NumPy"),
+)
+"""How binary files begin, their kinds, and what they are."""
+TEXTS = (
+    (r'\A\s*# \{"sha256": "\w*", "multipendula_trajectory"', "run table", "a run"),
+    (r'\A\s*# \{"sha256": "\w*", "multipendula_', "run table", "a result saved by multipendula"),
+    (r"(?s)\A\s*(<\?xml.{0,2000}?)?<svg", "picture", "an SVG picture"),
+    (r"(?i)\A\s*<(!doctype )?html", "page", "a web page"),
+    (r"\A\s*\{\s*[\"}]|\A\s*\[\s*\{\s*\"", "json", "JSON"),
+    (r"(?m)^[ \t]*(\[\[?(pendulum|support|force|spring|ground)\]\]?|gravity[ \t]*=)", "scene", "a scene"),
+    (r"\A([ \t]*(#[^\n]*)?\r?\n)*[^\n=,;\t]+([,;\t][^\n=,;\t]*)+\n[-+\"\d.]", "table", "a CSV table"),
+)
+"""How texts begin, their kinds, and what they are; the first that fits."""
+
+
+class Expected(NamedTuple):
+    """What is asked for, in words, and the kinds of files that may be it."""
+
+    words: str
+    kinds: frozenset[str]
+
+
+EXPECTED = {
+    "scene": Expected("a scene", frozenset({"scene"})),
+    "table": Expected("a CSV table", frozenset({"table", "run table"})),
+    "report": Expected("a JSON report of fit", frozenset({"json"})),
+    "": Expected("a text file", frozenset()),
+}
+OF_RUN = "plot and animate take it; a scene is the TOML file that was simulated"
+AS_CSV = "numbers are read from CSV text"
+INSTEAD = {
+    ("scene", "run"): OF_RUN,
+    ("scene", "run table"): OF_RUN,
+    ("scene", "table"): "measurements follow a scene, as in `fit SCENE DATA.csv`",
+    ("scene", "json"): 'scenes are TOML, gravity = 9.81 in place of {"gravity": 9.81}',
+    ("scene", "picture"): "give the TOML file of the scene that it shows",
+    ("scene", "page"): "give the TOML file of the scene that it shows",
+    ("scene", "model"): "give the TOML file of the scene that was exported",
+    ("scene", "arrays"): 'a support names such a file, in [support] with kind = "modal" and file = "…"',
+    ("table", "run"): "save the run under a name that ends in .csv, and give that file",
+    ("table", "scene"): "the scene comes first, then files of measurements, as in `fit SCENE DATA.csv`",
+    ("table", "excel"): "save the sheet as CSV, and give that file",
+    ("table", "model"): AS_CSV,
+    ("table", "arrays"): AS_CSV,
+    ("table", "json"): AS_CSV,
+    ("table", "picture"): AS_CSV,
+    ("table", "page"): AS_CSV,
+}
+"""What to give in place of a file of the second kind where one of the first is asked for."""
+
+
+class FileKind(NamedTuple):
+    """A kind of file, what one is in words, and whether it is text."""
+
+    kind: str
+    words: str
+    is_text: bool = False
+
+    def problem(self, expected: str) -> str:
+        """Why it is not what was expected, a key of `EXPECTED` or words, and what to give instead."""
+        instead = INSTEAD.get((expected, self.kind), "")
+        asked = EXPECTED[expected].words if expected in EXPECTED else expected
+        return f"is {self.words}, not {asked}{': ' if instead else ''}{instead}"
+
+
+def recognize(content: bytes) -> FileKind | None:
+    r"""The kind of a file with this content, None where nothing tells.
+
+    >>> recognize(b"\x89PNG...").problem("scene")
+    'is a PNG picture, not a scene: give the TOML file of the scene that it shows'
+    """
+    for beginning, kind, words in SIGNATURES:
+        if content.startswith(beginning):
+            return FileKind(kind, words)
+    if content[4:8] == b"ftyp":
+        return FileKind("picture", "a film")
+    if content.startswith(b"PK\x03\x04"):
+        return _archive(content)
+    text = as_text(content[:BEGINNING], errors="replace")
+    known = next(((kind, words) for pattern, kind, words in TEXTS if re.search(pattern, text)), None)
+    return FileKind(known[0], known[1], is_text=True) if known else None
+
+
+def as_text(content: bytes, errors: str = "strict") -> str:
+    """Text in UTF-8, or in UTF-16 or UTF-32 with a mark at its beginning, as Windows PowerShell writes it.
+
+    Raises UnicodeDecodeError.
+    """
+    encoding = next((name for mark, name in MARKS.items() if content.startswith(mark)), "utf-8-sig")
+    return content.decode(encoding, errors)
+
+
+def _archive(content: bytes) -> FileKind | None:
+    """What a ZIP archive holds, from the names of its members and the beginning of its header."""
+    try:
+        with ZipFile(BytesIO(content)) as zipped:
+            names = set(zipped.namelist())
+            if "header.npy" in names:
+                with zipped.open("header.npy") as header:
+                    told = header.read(BEGINNING).replace(b"\0", b"")
+                if b"multipendula_" in told:
+                    is_run = b"multipendula_trajectory" in told
+                    return FileKind("run", "a run") if is_run else FileKind("sweep", "a result saved by multipendula")
+    except (BadZipFile, zlib.error, NotImplementedError, RuntimeError, EOFError, OSError, ValueError):
+        return FileKind("damaged", "a damaged archive")
+    if {"A.npy", "B.npy", "C.npy", "D.npy"} <= names:
+        return FileKind("model", "a model")
+    if any(name.endswith(".npy") for name in names):
+        return FileKind("arrays", "an archive of arrays (NPZ)")
+    return (
+        FileKind("excel", "an Excel workbook") if "[Content_Types].xml" in names else FileKind("zip", "a ZIP archive")
+    )
+
 
 LARGEST_FILE = 256_000_000
 """Bytes of a scene, and of a file of data."""
@@ -97,3 +234,28 @@ def private(path: str, flags: int) -> int:
 def _at_once(path: str, flags: int) -> int:
     """A descriptor, without waiting for the other end of what has become a pipe."""
     return os.open(path, flags | getattr(os, "O_NONBLOCK", 0))
+
+
+try:
+    import fcntl
+except ImportError:  # Windows, browsers
+    fcntl = None  # type: ignore[assignment]
+
+BEYOND = 1 << 62
+"""A byte that is never read: on Windows no other process can read locked bytes."""
+
+
+def lock(stream: IO[bytes]) -> None:
+    """Lock an open file for this process until it is closed, as far as the system has locks; OSError where it cannot.
+
+    >>> from tempfile import TemporaryFile
+    >>> with TemporaryFile() as stream:
+    ...     lock(stream)
+    """
+    if fcntl:
+        fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    elif os.name == "nt":
+        import msvcrt
+
+        stream.seek(BEYOND)
+        msvcrt.locking(stream.fileno(), msvcrt.LK_NBLCK, 1)  # type: ignore[attr-defined]

@@ -10,8 +10,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-from modal.scene.links import AnyLink, Escapement, VanDerPol
-from modal.scene.losses import is_lossy
+from modal.scene.links import AnyLink, Escapement, VanDerPol, is_lossy
 from modal.scene.validation import Part
 
 

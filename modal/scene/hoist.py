@@ -3,9 +3,13 @@
     smooth        l = l₀ + Δ (10 s³ − 15 s⁴ + 6 s⁵),  s = (t − begin)/duration: speed and acceleration end at 0
     trapezoidal   the speed rises linearly for a share of the duration, is constant, and falls as long
     a record      the cubic spline through its points with speed 0 at both ends; where that would leave the range of
-                  its samples (`modal.scene.interpolation`), cubics that do not
+                  its samples, cubics that do not
 
 Before a law begins and after its end the length is constant.
+
+A spline through a step, a corner or a hole overshoots without limit.  Where it leaves the range of the four samples
+around an interval, there a record is joined without it, the splines on either side are made anew, and so on until
+none leaves; fewer than six samples are too few for one.
 """
 
 from __future__ import annotations
@@ -20,10 +24,9 @@ from typing import Any, Literal
 import numpy as np
 
 from modal.report import Displayed
-from modal.scene.interpolation import monotone_slopes, splined_stretches, unsplined_intervals, unsplined_words
 from modal.scene.stored import SeveralOrNone
 from modal.scene.validation import LARGEST, POSITIVE, REAL, UNREAD, Part, field, list_of, number, one_of, optional
-from modal.types import Floats
+from modal.types import Booleans, Floats
 
 RECORD = ("time_s", "length_m")
 SAME = 1e-9
@@ -249,3 +252,69 @@ def _speeds(times: Floats, lengths: Floats, ends: Floats) -> Floats:
     for i in reversed(range(len(right))):
         speed[i + 1] = (right[i] - h[i] * speed[i + 2]) / diagonal[i]
     return speed
+
+
+LEAST_SAMPLES = 6
+"""Samples of a spline of degree 5."""
+LEAVING = 0.02
+"""What a spline may leave the samples around by, over the range of the record."""
+PEAK = 0.45
+"""And over the range of these samples: a sine of 2.8 samples a period, of which a spline still is within a percent,
+is 0.42 of it above them at its top."""
+INNER = np.arange(1, 8) / 8
+"""Places within an interval at which a spline is looked at."""
+Spline = Callable[[int, int], Callable[[Floats], Floats]]
+"""The spline through the samples from one to another, both included."""
+
+
+def unsplined_intervals(times: Floats, values: Floats, spline: Spline) -> Booleans:
+    """The intervals (T - 1,) between samples at `times`, both (T,), that are joined without a spline."""
+    before, after = (
+        np.maximum(np.arange(-1, len(times) - 2), 0),
+        np.minimum(np.arange(2, len(times) + 1), len(times) - 1),
+    )
+    around = np.array([values[before], values[:-1], values[1:], values[after]])
+    low, high = around.min(0), around.max(0)
+    room = LEAVING * np.ptp(values) + PEAK * (high - low)
+    straight, seen = np.zeros(len(times) - 1, dtype=bool), set[tuple[int, int]]()
+    while new := [ends for ends in splined_stretches(straight) if ends not in seen]:
+        for first, last in new:
+            seen.add((first, last))
+            if straight.any() and last - first + 1 < LEAST_SAMPLES:
+                straight[first:last] = True
+                continue
+            inner = times[first:last, None] + np.diff(times)[first:last, None] * INNER
+            joined, here = spline(first, last)(inner), slice(first, last)
+            outside = (joined < (low - room)[here, None]) | (joined > (high + room)[here, None]) | np.isnan(joined)
+            straight[here] = outside.any(axis=1)
+    return straight
+
+
+def splined_stretches(straight: Booleans) -> list[tuple[int, int]]:
+    """The first and the last sample of each stretch of intervals that are joined by a spline."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([True], straight, [True])).astype(np.int8)))
+    return [(int(first), int(last)) for first, last in edges.reshape(-1, 2)]
+
+
+def unsplined_words(times: Floats, unsplined: Booleans, joined_by: str) -> str:
+    """One line of where a record is joined without a spline; "" for nowhere."""
+    at = np.flatnonzero(unsplined)
+    if not at.size:
+        return ""
+    where = "all intervals" if unsplined.all() else f"{at.size} of {unsplined.size} intervals"
+    ends = f"from {times[at[0]]:.5g} to {times[at[-1] + 1]:.5g} s"
+    return f"{joined_by} join the samples of {where}, {ends}, where a spline would leave their range"
+
+
+def monotone_slopes(times: Floats, values: Floats) -> Floats:
+    """Slopes (T,) with which cubics between samples stay within the range of both.
+
+    (Fritsch & Butland, SIAM J. Sci. Stat. Comput. 5, 300 (1984), equation (7).)
+    """
+    h = np.diff(times)
+    slope = np.diff(values) / h
+    slopes = np.concatenate((slope[:1], np.zeros(len(times) - 2), slope[-1:]))
+    alike = np.flatnonzero(slope[:-1] * slope[1:] > 0)
+    left, right, share = slope[alike], slope[alike + 1], (h[alike] + 2 * h[alike + 1]) / (3 * (h[alike] + h[alike + 1]))
+    slopes[alike + 1] = left * right / (share * right + (1 - share) * left)
+    return slopes

@@ -16,11 +16,9 @@ from unicodedata import category
 from modal.errors import SceneError
 from modal.report import Displayed, Summary, deferred
 from modal.scene.features import DRAG, DRIVES, FRICTION, LOSS, features
-from modal.scene.links import AnyLink, Bob, Body, Link, Rod
-from modal.scene.losses import is_lossy
+from modal.scene.links import AnyLink, Bob, Body, Link, Rod, is_lossy
 from modal.scene.motion import FORCE, AppliedForce, ConstantForce, Force, Ground, Moved, SupportMotion
 from modal.scene.points import point_problems
-from modal.scene.springs import Spring
 from modal.scene.stored import (
     OneOrSeveral,
     OneOrSeveralKinds,
@@ -40,6 +38,7 @@ from modal.scene.supports import (
     Placed,
     Planar,
     Platform,
+    Spring,
     Swing,
     Tilt,
 )
@@ -389,7 +388,7 @@ class Scene(Displayed, Part):
         return (link for pendulum in self.pendulum for link in pendulum.links)
 
     def _summary(self) -> Summary:
-        summary: Summary = deferred("modal.scene.summary:summarize")(self)
+        summary: Summary = deferred("modal.scene.titles:summarize")(self)
         return summary
 
     def problems(self) -> Iterator[str]:

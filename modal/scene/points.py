@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from modal.errors import meant
 from modal.scene.features import Described
@@ -70,6 +70,33 @@ class Place(NamedTuple):
     link: int
     above: int
     below: float | None
+
+
+Where = tuple[Any, Any] | int
+"""A point of a carrier: (s, h) in m from its origin, or the number of a point of a modal one."""
+
+
+class LinkEnd(NamedTuple):
+    """A point of a link, `link` in the order of the file, `below` (m) its upper joint (None: its centre of mass)."""
+
+    link: int
+    below: Any
+
+
+class CarrierEnd(NamedTuple):
+    """A point of a support by its index."""
+
+    carrier: int
+    where: Where
+
+
+class GroundEnd(NamedTuple):
+    """A point of the ground (m along, m down); None: at the other end as drawn."""
+
+    place: tuple[Any, Any] | None
+
+
+End = LinkEnd | CarrierEnd | GroundEnd
 
 
 def parse_point(text: str) -> PendulumPoint | CarrierPoint | GroundPoint | None:
@@ -176,3 +203,48 @@ def places_of(scene: Described, text: str) -> list[Place]:
         for top in (before + copy * pendulum.n_links for copy in copies)
         for k in range(pendulum.links[point.link].count)
     ]
+
+
+def hanging_points(scene: Described) -> list[CarrierEnd]:
+    """Where every pendulum hangs, counting copies."""
+    numbers, ends = _numbers(scene), list[CarrierEnd]()
+    for pendulum in scene.pendulum:
+        point = None if pendulum.on is None else parse_point(pendulum.on)
+        carrier, where = 0, pendulum.position
+        if isinstance(point, CarrierPoint):
+            carrier, where = numbers[point.name], where if point.point is None else point.point
+        ends += [CarrierEnd(carrier, where)] * pendulum.count
+    return ends
+
+
+def joined_points(scene: Described) -> Iterator[tuple[int, tuple[End, End]]]:
+    """The entry and both ends of every spring, those of copies one after another."""
+    numbers = _numbers(scene)
+    for entry, spring in enumerate(scene.spring):
+        ends = [_ends(scene, text, numbers) for text in spring.between]
+        count = max(map(len, ends))
+        for a, b in zip(*(each * (count if len(each) == 1 else 1) for each in ends), strict=True):
+            yield entry, (a, b)
+
+
+def carrier_end(scene: Described, text: str) -> CarrierEnd | None:
+    """The point of a carrier that a text names, None for any other point."""
+    ends = _ends(scene, text, _numbers(scene))
+    return ends[0] if len(ends) == 1 and isinstance(ends[0], CarrierEnd) else None
+
+
+def _numbers(scene: Described) -> dict[str, int]:
+    """The index of every support by its name."""
+    return {name: index for index, name in enumerate(scene.support_names)}
+
+
+def _ends(scene: Described, text: str, numbers: dict[str, int]) -> list[End]:
+    """All points that the name of one end of a spring means: one, or one of every copy."""
+    point = parse_point(text)
+    if point is None:
+        return [CarrierEnd(0, (0.0, 0.0))]
+    if isinstance(point, GroundPoint):
+        return [GroundEnd(point.place)]
+    if isinstance(point, CarrierPoint):
+        return [CarrierEnd(numbers[point.name], point.place if point.point is None else point.point)]
+    return [LinkEnd(place.link, place.below) for place in places_of(scene, text)]

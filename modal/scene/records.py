@@ -25,7 +25,7 @@ from modal.errors import SceneError, meant
 from modal.scene.contents import LARGEST_READ, SIZES_READ, SMALLEST_READ, text_of
 from modal.scene.hoist import RECORD
 from modal.scene.motion import FORCES, RECORDED, Quantity, spectrum_problems
-from modal.scene.support_arrays import ARRAYS, read_matrices
+from modal.scene.supports import ARRAYS, read_matrices
 
 MOST_ROWS = 2_000_000
 TIMES = ("time_s", "time", "t_s")

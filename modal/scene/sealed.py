@@ -20,8 +20,7 @@ from zipfile import BadZipFile, ZipFile, ZipInfo
 import numpy as np
 
 from modal.errors import SceneError
-from modal.scene.contents import content_of
-from modal.scene.recognition import recognize
+from modal.scene.contents import content_of, recognize
 from modal.types import Floats
 
 LARGEST = 1_500_000_000
@@ -43,7 +42,7 @@ KINDS = {
     "model": ("model", "json", "arrays"),
     "NPZ file of M, K and points": ("arrays",),
 }
-"""The kinds of files (`modal.scene.recognition`) that a damaged one of these may be taken for."""
+"""The kinds of files (`modal.scene.contents`) that a damaged one of these may be taken for."""
 UNREADABLE = (
     *(ValueError, KeyError, TypeError, AttributeError, IndexError, EOFError, RecursionError, OverflowError),
     *(NotImplementedError, RuntimeError, BadZipFile, zlib.error),

@@ -8,23 +8,34 @@ In: a `Scene`.  Out: its `Structure`, carriers whose points move exactly, at any
 what is here.
 """
 
+from modal.scene.points import CarrierEnd, End, GroundEnd, LinkEnd, Where, carrier_end
 from modal.structure.carriers import PLATFORM, CarrierNumbers, Moving, carrier_numbers
 from modal.structure.outlines import STILL, Piece, Scaffold
-from modal.structure.rest import Phi, Row, bends, drawn_together, is_damped, phi, slopes, tied, turning
-from modal.structure.scaling import coordinate_units, scaled
+from modal.structure.rest import (
+    BALANCED,
+    Phi,
+    Row,
+    Weight,
+    bends,
+    carried,
+    drawn_together,
+    hung_masses,
+    is_damped,
+    phi,
+    slopes,
+    tied,
+    turning,
+    unbalanced,
+    weights,
+)
 from modal.structure.structure import (
-    CarrierEnd,
-    End,
-    GroundEnd,
-    LinkEnd,
     Pivot,
     SpringNumbers,
     Structure,
-    Where,
-    carrier_end,
+    coordinate_units,
+    scaled,
     structure_of,
 )
-from modal.structure.weights import BALANCED, Weight, carried, hung_masses, unbalanced, weights
 
 __all__ = [
     "BALANCED",

@@ -96,6 +96,11 @@ class CarrierNumbers:
         return {"tilt": 0, "platform": 2}.get(self.kind)
 
     @property
+    def bends(self) -> bool:
+        """Whether its points move on bent paths."""
+        return self.kind in {"swing", "tilt", "platform"}
+
+    @property
     def suffixes(self) -> tuple[str, ...]:
         """What follows its name in the name of every coordinate."""
         return COORDINATES[self.kind] if self.M is None else tuple(str(k) for k in range(1, self.size + 1))

@@ -15,8 +15,9 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
+from modal.scene.points import CarrierEnd, End, GroundEnd, LinkEnd, Where
 from modal.structure.carriers import CarrierNumbers
-from modal.structure.structure import CarrierEnd, End, GroundEnd, LinkEnd, SpringNumbers, Structure, Where
+from modal.structure.structure import SpringNumbers, Structure
 from modal.types import Floats, Ints
 
 Role = Literal["body", "line", "spring", "dot", "ground", "hatch", "guide"]

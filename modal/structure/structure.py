@@ -12,17 +12,15 @@ the weight at the drawn rest: its potential is ½ k η² + W η with W_i = g Σ 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, NamedTuple, cast
+from math import sqrt
+from typing import Any, NamedTuple
 
-from modal.scene import Scene, places_of
+from modal.scene import Scene
 from modal.scene.doors import require_type
-from modal.scene.points import CarrierPoint, GroundPoint, parse_point
+from modal.scene.points import CarrierEnd, End, GroundEnd, LinkEnd, Where, hanging_points, joined_points
 from modal.structure.carriers import CarrierNumbers, carrier_numbers
-
-Where = tuple[Any, Any] | int
-"""A point of a carrier: (s, h) in m from its origin, or the number of a point of a modal one."""
 
 
 class Pivot(NamedTuple):
@@ -30,29 +28,6 @@ class Pivot(NamedTuple):
 
     carrier: int
     where: Where
-
-
-class LinkEnd(NamedTuple):
-    """A point of a link, `link` in the order of the file, `below` (m) its upper joint (None: its centre of mass)."""
-
-    link: int
-    below: Any
-
-
-class CarrierEnd(NamedTuple):
-    """A point of a carrier."""
-
-    carrier: int
-    where: Where
-
-
-class GroundEnd(NamedTuple):
-    """A point of the ground (m along, m down); None: at the other end as drawn."""
-
-    place: tuple[Any, Any] | None
-
-
-End = LinkEnd | CarrierEnd | GroundEnd
 
 
 class SpringNumbers(NamedTuple):
@@ -116,38 +91,72 @@ def structure_of(scene: Scene) -> Structure:
     """The structure of a scene that is structured (`Scene.is_structured`)."""
     require_type("scene", scene, "Scene")
     carriers = tuple(carrier_numbers(support) for support in scene.supports)
-    named = {name: index for index, name in enumerate(scene.support_names)}
-    pivots = []
-    for pendulum in scene.pendulum:
-        point = None if pendulum.on is None else parse_point(pendulum.on)
-        carrier, where = 0, cast("Where", pendulum.position)
-        if isinstance(point, CarrierPoint):
-            carrier, where = named[point.name], where if point.point is None else point.point
-        pivots += [Pivot(carrier, where)] * pendulum.count
-    springs = []
-    for entry, spring in enumerate(scene.spring):
-        ends = [_ends(scene, text, named) for text in spring.between]
-        count = max(map(len, ends))
-        pairs = zip(*(each * (count if len(each) == 1 else 1) for each in ends), strict=True)
-        law = spring.kind == "torsion", spring.stiffness, spring.damping, entry
-        springs += [SpringNumbers(pair, *law) for pair in pairs]
-    return Structure(carriers, tuple(pivots), tuple(springs))
+    pivots = tuple(Pivot(*point) for point in hanging_points(scene))
+    springs = tuple(
+        SpringNumbers(ends, spring.kind == "torsion", spring.stiffness, spring.damping, entry)
+        for entry, ends in joined_points(scene)
+        for spring in [scene.spring[entry]]
+    )
+    return Structure(carriers, pivots, springs)
 
 
-def carrier_end(scene: Scene, text: str) -> CarrierEnd | None:
-    """The point of a carrier that a text names, None for any other point."""
-    require_type("scene", scene, "Scene")
-    ends = _ends(scene, text, {name: index for index, name in enumerate(scene.support_names)})
-    return ends[0] if len(ends) == 1 and isinstance(ends[0], CarrierEnd) else None
+def scaled(structure: Structure, mass: float, length: float, gravity: float) -> Structure:
+    """The same structure with these units of mass (kg), length (m) and acceleration (m/s²).
+
+    Coordinates in m change with the unit of length; angles and those of modal supports keep their values.
+    """
+    force, rate = mass * gravity, sqrt(gravity / length)
+    metres = force / length, mass * rate
+    angles = force * length, mass * length**2 * rate
+
+    def place(where: Where) -> Where:
+        return where if isinstance(where, int) else (where[0] / length, where[1] / length)
+
+    def carrier(numbers: CarrierNumbers) -> CarrierNumbers:
+        position = numbers.position[0] / length, numbers.position[1] / length
+        if numbers.M is not None and numbers.K is not None and numbers.D is not None and numbers.points is not None:
+            return replace(
+                numbers,
+                position=position,
+                M=numbers.M / (mass * length**2),
+                K=numbers.K / angles[0],
+                D=numbers.D / angles[1],
+                points=numbers.points / length,
+            )
+        units = [angles if suffix.endswith("rad") else metres for suffix in numbers.suffixes]
+        return replace(
+            numbers,
+            position=position,
+            mass=numbers.mass / mass,
+            inertia=numbers.inertia / (mass * length**2),
+            length=numbers.length / length,
+            centre=(numbers.centre[0] / length, numbers.centre[1] / length),
+            stiffness=tuple(k / unit[0] for k, unit in zip(numbers.stiffness, units, strict=True)),
+            damping=tuple(c / unit[1] for c, unit in zip(numbers.damping, units, strict=True)),
+        )
+
+    def end(side: End) -> End:
+        if isinstance(side, LinkEnd):
+            return LinkEnd(side.link, None if side.below is None else side.below / length)
+        if isinstance(side, CarrierEnd):
+            return CarrierEnd(side.carrier, place(side.where))
+        return GroundEnd(None if side.place is None else (side.place[0] / length, side.place[1] / length))
+
+    def spring(numbers: SpringNumbers) -> SpringNumbers:
+        unit = angles if numbers.torsion else metres
+        first, second = numbers.ends
+        ends, stiffness, damping = (end(first), end(second)), numbers.stiffness / unit[0], numbers.damping / unit[1]
+        return numbers._replace(ends=ends, stiffness=stiffness, damping=damping)
+
+    pivots = {pivot: Pivot(pivot.carrier, place(pivot.where)) for pivot in set(structure.pivots)}
+    carriers, springs = tuple(map(carrier, structure.carriers)), tuple(map(spring, structure.springs))
+    return Structure(carriers, tuple(pivots[pivot] for pivot in structure.pivots), springs)
 
 
-def _ends(scene: Scene, text: str, named: dict[str, int]) -> list[End]:
-    """All points that the name of one end of a spring means: one, or one of every copy."""
-    point = parse_point(text)
-    if point is None:
-        return [CarrierEnd(0, (0.0, 0.0))]
-    if isinstance(point, GroundPoint):
-        return [GroundEnd(point.place)]
-    if isinstance(point, CarrierPoint):
-        return [CarrierEnd(named[point.name], point.place if point.point is None else point.point)]
-    return [LinkEnd(place.link, place.below) for place in places_of(scene, text)]
+def coordinate_units(structure: Structure, length: float) -> tuple[float, ...]:
+    """The unit of every coordinate where that of length is `length` (m): itself in m, 1 of angles and modal ones."""
+    return tuple(
+        length if carrier.M is None and not suffix.endswith("rad") else 1.0
+        for carrier in structure.carriers
+        for suffix in carrier.suffixes
+    )

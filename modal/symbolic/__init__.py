@@ -10,8 +10,8 @@ which are taken apart in `modal.scene.free_bodies`; `structures` has the energie
 stands still or one cart are the smallest; `papers` holds each numbered equation as printed and as corrected.
 """
 
+from modal.symbolic.carriers import Coordinate, coordinate, lagrange_equations, time_derivative
 from modal.symbolic.derivation import derive
-from modal.symbolic.lagrange import Coordinate, coordinate, lagrange_equations, time_derivative
 from modal.symbolic.lagrangian import derive_lagrangian, vanishes
 from modal.symbolic.newton_euler import NewtonEuler, part_sections
 from modal.symbolic.roots import polynomial_roots, symbolic

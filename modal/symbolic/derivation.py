@@ -18,9 +18,9 @@ from modal.errors import SceneError
 from modal.scene import Bob, Cart, Fixed, Pendulum, Rod, Scene, load
 from modal.scene.doors import require_type
 from modal.symbolic import system as symbolic
+from modal.symbolic.carriers import time_derivative
 from modal.symbolic.eigen import modes_section, polynomial_section
 from modal.symbolic.hamiltonian import TITLE, hamiltonian, momentum, whole_energy
-from modal.symbolic.lagrange import time_derivative
 from modal.symbolic.lagrangian import (
     NOT_IN_SPACE,
     derive_lagrangian,

@@ -20,10 +20,11 @@ from sympy.polys.matrices import DomainMatrix
 
 from modal.exact import Polynomial, equal_bobs, of_scene
 from modal.scene import Scene
+from modal.scene.points import CarrierEnd
 from modal.symbolic.carriers import ORIGIN, STILL, Chain
 from modal.symbolic.papers import equal
 from modal.symbolic.roots import Kind, Root, of_kinds, polynomial_roots
-from modal.symbolic.structures import OnCarrier, SymbolicStructure
+from modal.symbolic.structures import SymbolicStructure
 from modal.symbolic.typesetting import Conjugates, Line, Section
 
 MOST_LINKS = 60
@@ -145,7 +146,7 @@ def _determinant(system: SymbolicStructure) -> list[EigenPolynomial] | str:
         return _factors(_expanded(system)) if not system.is_of_pair else [EigenPolynomial("", 1, _expanded(system))]
     polynomials = [EigenPolynomial("along the rail", 1, _expanded(system))]
     for chain in dict.fromkeys(system.chains):
-        alone = SymbolicStructure("", system.gravity, (STILL,), (chain,), (OnCarrier(0, ORIGIN),))
+        alone = SymbolicStructure("", system.gravity, (STILL,), (chain,), (CarrierEnd(0, ORIGIN),))
         polynomials.append(EigenPolynomial("across the rail", system.chains.count(chain), _expanded(alone)))
     return polynomials
 

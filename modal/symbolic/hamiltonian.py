@@ -28,8 +28,7 @@ from sympy.polys.matrices import DomainMatrix
 from sympy.polys.matrices.exceptions import DMNonInvertibleMatrixError
 
 from modal.errors import SceneError
-from modal.symbolic.carriers import Chain
-from modal.symbolic.lagrange import Coordinate, coordinate, time_derivative
+from modal.symbolic.carriers import Chain, Coordinate, coordinate, time_derivative
 from modal.symbolic.lagrangian import (
     NOT_IN_SPACE,
     derive_lagrangian,

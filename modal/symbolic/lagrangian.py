@@ -24,7 +24,7 @@ import sympy as sp
 
 from modal.errors import SceneError
 from modal.scene.doors import require_type
-from modal.symbolic.lagrange import Coordinate, coordinate, lagrange_equations
+from modal.symbolic.carriers import Coordinate, coordinate, lagrange_equations
 from modal.symbolic.structures import SymbolicStructure, indices
 
 NOT_IN_SPACE = "joint springs and dampers in space: only the linearized equations are derived"

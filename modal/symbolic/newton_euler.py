@@ -25,8 +25,8 @@ from modal.errors import SceneError
 from modal.report import Displayed, Summary
 from modal.scene import title_of
 from modal.scene.free_bodies import Effort, FreeBodies, FreeBody, force_names, joint_law, normal
+from modal.symbolic.carriers import Coordinate, coordinate
 from modal.symbolic.derivation import MOST_WRITTEN
-from modal.symbolic.lagrange import Coordinate, coordinate
 from modal.symbolic.papers import equal, residual
 from modal.symbolic.typesetting import Line, Section
 

@@ -6,8 +6,8 @@ With places of points from `carriers` and along each chain, r_i = r_p + Σ l (si
     V = −Σ m g z + Σ (½ k η² + W η) + Σ ½ k (ℓ − ℓ₀)² + joints,    R = Σ ½ d ℓ'² + …
 
 W is the slope of the weights along η as drawn, ∂(Σ m g z)/∂η, which the own spring carries; ℓ₀ is the length of a
-spring as drawn.  Where that is 0, ½ k |Δr|² and ½ d |Δr'|² replace its terms.  Nothing here calls `modal.structure`,
-neither its kinematics nor its lists of pivots and ends: it is another route from a scene to all its numbers.
+spring as drawn.  Where that is 0, ½ k |Δr|² and ½ d |Δr'|² replace its terms.  Nothing here calls `modal.structure`:
+it is another route from where chains hang and springs end to all numbers of a scene.
 """
 
 from __future__ import annotations
@@ -21,34 +21,11 @@ import sympy as sp
 
 from modal import pair
 from modal.report import Displayed, Summary, counted
-from modal.symbolic.carriers import Chain, SymbolicCarrier, Where
-from modal.symbolic.lagrange import Coordinate, coordinate, time_derivative
+from modal.scene.points import CarrierEnd, End, LinkEnd
+from modal.symbolic.carriers import Chain, Coordinate, SymbolicCarrier, coordinate, time_derivative
 
 Place = tuple[Any, ...]
 """Along the rail and down; in space also across."""
-
-
-class OnCarrier(NamedTuple):
-    """A point of a carrier by its index: where a chain hangs, or a spring ends."""
-
-    carrier: int
-    where: Where
-
-
-class OnLink(NamedTuple):
-    """A point of a link by its number in the file, `below` its upper joint (None: its centre of mass)."""
-
-    link: int
-    below: Any
-
-
-class OnGround(NamedTuple):
-    """A point (along, down) of the ground; None: where the other end is drawn."""
-
-    place: tuple[Any, Any] | None
-
-
-End = OnCarrier | OnLink | OnGround
 
 
 class JoinedSpring(NamedTuple):
@@ -103,7 +80,7 @@ class SymbolicStructure(Displayed):
     gravity: Any
     carriers: tuple[SymbolicCarrier, ...]
     chains: tuple[Chain, ...]
-    hung: tuple[OnCarrier, ...]
+    hung: tuple[CarrierEnd, ...]
     joined: tuple[JoinedSpring, ...] = ()
     spatial: bool = False
 
@@ -219,17 +196,17 @@ class SymbolicStructure(Displayed):
             yield self.chains[p].mass[i], self.on_link(number, None)
 
     def _end(self, end: End, other: End) -> Place:
-        if isinstance(end, OnLink):
+        if isinstance(end, LinkEnd):
             return self.on_link(*end)
-        if isinstance(end, OnCarrier):
+        if isinstance(end, CarrierEnd):
             return self.carriers[end.carrier].place(end.where)
         return self._drawn(self._end(other, end)) if end.place is None else end.place
 
     def _turned(self, end: End) -> Any:
         """The angle at one end of a torsion spring; the ground, and what does not turn, has 0."""
-        if isinstance(end, OnLink):
+        if isinstance(end, LinkEnd):
             return self.angles[end.link].q
-        angle = self.carriers[end.carrier].angle if isinstance(end, OnCarrier) else None
+        angle = self.carriers[end.carrier].angle if isinstance(end, CarrierEnd) else None
         return sp.S.Zero if angle is None else angle.q
 
     def _drawn(self, place: Place) -> Place:

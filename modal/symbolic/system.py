@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import sympy as sp
@@ -10,11 +10,11 @@ import sympy as sp
 from modal import pair
 from modal.errors import SceneError
 from modal.exact import exact, exact_links
-from modal.scene import ModalSupport, Pendulum, Scene, Spring, places_of, require, title_of
-from modal.scene.points import CarrierPoint, GroundPoint, parse_point
+from modal.scene import ModalSupport, Pendulum, Scene, require, title_of
+from modal.scene.points import CarrierEnd, End, hanging_points, joined_points
 from modal.scene.supports import Fixed, Planar
 from modal.symbolic.carriers import ORIGIN, STILL, Chain, SymbolicCarrier
-from modal.symbolic.structures import End, JoinedSpring, OnCarrier, OnGround, OnLink, SymbolicStructure
+from modal.symbolic.structures import JoinedSpring, SymbolicStructure
 
 SYMBOLIC = ("masses", "lengths", "gravity", "cart", "supports", "springs")
 MOST_LINKS = 1000
@@ -37,7 +37,7 @@ def cart(
 
 
 def _hanging(title: str, support: SymbolicCarrier, chains: tuple[Chain, ...]) -> SymbolicStructure:
-    return SymbolicStructure(title, symbol("g"), (support,), chains, (OnCarrier(0, ORIGIN),) * len(chains))
+    return SymbolicStructure(title, symbol("g"), (support,), chains, (CarrierEnd(0, ORIGIN),) * len(chains))
 
 
 def _links(n: int, kind: str, symbolic: tuple[str, ...], sigma: tuple[int, ...]) -> Chain:
@@ -61,10 +61,8 @@ def of_structured(scene: Scene, symbolic: tuple[str, ...] = ()) -> SymbolicStruc
     alone = [support.kind for support in scene.supports] == ["cart"]
     named = zip(scene.supports, scene.support_names, strict=True)
     carriers = tuple(_carrier(support, name, () if alone else (name,), symbolic) for support, name in named)
-    hung = tuple(_hung(scene, pendulum) for pendulum in scene.pendulum for _ in range(pendulum.count))
-    joined = tuple(
-        joined for entry, spring in enumerate(scene.spring) for joined in _joined(scene, entry, spring, symbolic)
-    )
+    hung = tuple(map(_exact, hanging_points(scene)))
+    joined = tuple(_joined(scene, entry, ends, symbolic) for entry, ends in joined_points(scene))
     chains, in_space = chains_of(scene, symbolic), scene.space == "space"
     return SymbolicStructure(title_of(scene), gravity, carriers, chains, hung, joined, in_space)
 
@@ -110,38 +108,23 @@ def _matrix(rows: Any, size: int) -> Any:
     return sp.zeros(size, size) if rows is None else sp.Matrix([list(map(rational, row)) for row in rows])
 
 
-def _hung(scene: Scene, pendulum: Any) -> OnCarrier:
-    point = None if pendulum.on is None else parse_point(pendulum.on)
-    if not isinstance(point, CarrierPoint):
-        return OnCarrier(0, _rationals(pendulum.position))
-    where = _rationals(pendulum.position) if point.point is None else point.point
-    return OnCarrier(scene.support_names.index(point.name), where)
+def _exact(end: End) -> Any:
+    """A point with its decimals as exact fractions."""
+    return type(end)(*(_exact_part(part) for part in end))
 
 
-def _joined(scene: Scene, entry: int, spring: Spring, symbolic: tuple[str, ...]) -> Iterator[JoinedSpring]:
-    """The springs that one entry means: one, or one of every copy."""
+def _exact_part(part: Any) -> Any:
+    return _rationals(part) if isinstance(part, tuple) else rational(part) if isinstance(part, float) else part
+
+
+def _joined(scene: Scene, entry: int, ends: tuple[End, End], symbolic: tuple[str, ...]) -> JoinedSpring:
+    """A spring of an entry, whose symbols those of copies share."""
+    spring = scene.spring[entry]
     numbers = [
         symbol(f"{letter}_{entry + 1}") if value and "springs" in symbolic else rational(value)
         for letter, value in (("k", spring.stiffness), ("d", spring.damping))
     ]
-    starts, stops = (list(_ends(scene, text)) for text in spring.between)
-    count = max(len(starts), len(stops))
-    for a, b in zip(*(ends * count if len(ends) == 1 else ends for ends in (starts, stops)), strict=True):
-        yield JoinedSpring((a, b), spring.kind == "torsion", *numbers)
-
-
-def _ends(scene: Scene, text: str) -> Iterator[End]:
-    point = parse_point(text)
-    if isinstance(point, GroundPoint):
-        yield OnGround(None if point.place is None else _rationals(point.place))
-    elif isinstance(point, CarrierPoint):
-        where = _rationals(point.place) if point.point is None else point.point
-        yield OnCarrier(scene.support_names.index(point.name), where)
-    elif point is None:
-        yield OnCarrier(scene.support_names.index("cart"), (sp.S.Zero, sp.S.Zero))
-    else:
-        for place in places_of(scene, text):
-            yield OnLink(place.link, None if place.below is None else rational(place.below))
+    return JoinedSpring((_exact(ends[0]), _exact(ends[1])), spring.kind == "torsion", *numbers)
 
 
 def chains_of(scene: Scene, symbolic: tuple[str, ...]) -> tuple[Chain, ...]:

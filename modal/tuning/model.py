@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import scipy
 
-from modal.assembly import differences, matrices
+from modal.assembly import differences, matrices_of, rig_of, scene_squares
 from modal.errors import SceneError, meant
 from modal.scene import Scene, require
 from modal.scene.parameters import Place, Variable, with_numbers
@@ -112,7 +112,9 @@ class ChannelModel:
 
     def arrays(self, scene: Scene) -> Arrays:
         """The model of a scene of the same form."""
-        geometry, linear = geometry_of(scene), matrices(scene)
+        rig = rig_of(scene)
+        geometry, squares = geometry_of(scene), scene_squares(rig)
+        linear = matrices_of(rig, squares)
         n, many = geometry.size, len(self.channels)
         Y, F = np.zeros((many, 3, n)), np.zeros((many, n))
         thrust, translation = np.zeros(many), np.zeros((many, 3))
@@ -131,8 +133,7 @@ class ChannelModel:
                 F[c] = push.F[:, entry[1]]
                 if group.pushed:
                     thrust[c] = push.thrust[k, entry[1]]
-        momentum = linear.M[:, 0] if geometry.on_cart else geometry.momentum
-        carried = np.stack([geometry.windage, momentum])
+        carried = np.stack([squares.windage, squares.momentum])
         return Arrays(linear.M, linear.K, linear.D, carried, F, Y, thrust, translation)
 
 

@@ -188,7 +188,7 @@ class Tuned(Displayed):
 
     def plot(self, **options: Any) -> Figure:
         """A matplotlib figure of the curves before and after; `options` are those of `modal.plotting.tuning_figure`."""
-        figure: Figure = deferred("modal.plotting.tuning:tuning_figure")(self, **options)
+        figure: Figure = deferred("modal.plotting.response:tuning_figure")(self, **options)
         return figure
 
     def _summary(self) -> Summary:

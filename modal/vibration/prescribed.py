@@ -1,7 +1,7 @@
 """The prescribed motion of a support as functions of time: displacement, velocity and acceleration.
 
 A record is joined by an interpolating spline of degree 5 (3 where it has fewer than 6 samples) of the recorded
-quantity, and by straight lines where that leaves the samples (`modal.scene.interpolation`), or where displacements are
+quantity, and by straight lines where that leaves the samples (`modal.scene.hoist`), or where displacements are
 recorded by cubics within them, as velocities cannot jump; the others are its derivatives and integrals, exactly.  The
 integral of an acceleration begins at zero velocity, every integral at zero displacement.  Outside the record the
 acceleration is zero.
@@ -37,7 +37,7 @@ from modal.scene import (
     SweepForce,
     SweepMotion,
 )
-from modal.scene.interpolation import monotone_slopes, splined_stretches, unsplined_intervals, unsplined_words
+from modal.scene.hoist import monotone_slopes, splined_stretches, unsplined_intervals, unsplined_words
 from modal.scene.records import Spectrum
 from modal.types import Booleans, Floats
 from modal.vibration.courses import Constant, Polynomials, PrescribedMotion, Sine, SweptSine

@@ -25,6 +25,7 @@ from typing import Any
 
 import numpy as np
 
+from modal.assembly import scene_squares
 from modal.errors import ComputationError, SceneError
 from modal.modes import Modes, mode_losses, natural_modes
 from modal.report import Displayed
@@ -203,12 +204,13 @@ def exact_terms(form: ModalForm) -> Iterator[Term]:
     Else the rounding of a mode that nothing reaches would ring for ever.  A mode φ is reached by pᵀφ, with p the
     generalized force, or for the support's acceleration the momentum or the windage of everything at unit velocity.
     """
-    modes, geometry, name = form.modes, geometry_of(form.modes.scene), form.model.inputs[0].name
+    modes, name = form.modes, form.model.inputs[0].name
     shaken = int(name == INPUT)
     if shaken:
-        p = np.column_stack([modes.matrices.M[:, 0] if modes.on_cart else geometry.momentum, geometry.windage])
+        squares = scene_squares(modes.rig)
+        p = np.column_stack([squares.momentum, squares.windage])
     else:
-        p = push_of(modes.scene, geometry, name).F[:, :1]
+        p = push_of(modes.scene, geometry_of(modes.scene), name).F[:, :1]
     for block, term in zip(form.blocks, terms(form), strict=True):
         phi = block.right[shaken : len(p) + shaken]
         reached = block.mode is None or bool(np.any(without_noise(phi.T, p)))

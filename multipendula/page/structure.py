@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from modal.modes.labels import ALIKE, COUNTED, PLATFORM, UNNAMED, VERBS
+from modal.modes.rows import ALIKE, COUNTED, PLATFORM, UNNAMED, VERBS
 from modal.scene import Scene
 from modal.structure import STILL, Piece, Scaffold, Structure
 from multipendula.page.prescribed import leading

@@ -21,8 +21,7 @@ from textwrap import dedent
 from time import monotonic, sleep
 from typing import IO, Any
 
-from modal.scene.contents import private
-from modal.scene.locks import lock
+from modal.scene.contents import lock, private
 
 DIGEST = sha256().digest_size
 OTHERS_WRITE = 0o022

@@ -9,7 +9,7 @@ from contextlib import contextmanager, suppress
 from typing import IO
 
 from modal.errors import SceneError
-from modal.scene.locks import lock
+from modal.scene.contents import lock
 
 TAKEN = {errno.EAGAIN, errno.EACCES, errno.EDEADLK}
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from math import ceil, degrees, floor, isfinite, isinf, log10
 from typing import Any
 
-from modal.modes.friction import stop_words
+from modal.modes.dissipation import stop_words
 from modal.report import (
     NOTHING,
     Form,

@@ -14,7 +14,7 @@ from scipy.linalg import eig
 from modal import Pendulum, SceneError, matrices, natural_modes
 from modal.assembly import equilibrium_of, matrices_at, rig_of
 from modal.modes import sensitivities
-from modal.modes.friction import damping_ratios
+from modal.modes.dissipation import damping_ratios
 from modal.scene import Scene, scene_from
 from modal.scene.points import parse_point
 from nonlinear import simulate

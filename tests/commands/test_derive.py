@@ -13,8 +13,9 @@ from amounts import usually
 from test_cli import printed, refused
 
 from modal import Bob, Cart, Pendulum, Scene, dump, load, natural_modes
-from modal.symbolic import coordinate, line_breaks, plain, typeset
+from modal.symbolic import coordinate, plain, typeset
 from modal.symbolic.papers import CORRECTED, PRINTED, RIGHT, catalogue
+from modal.symbolic.typesetting import LINE, broken_lines, is_short, letters
 
 
 def test_a_derivation_in_text(capsys: pytest.CaptureFixture[str]) -> None:
@@ -63,7 +64,7 @@ def test_formulas_of_the_papers_fit_the_line(capsys: pytest.CaptureFixture[str],
     latex = printed(capsys, "derive", f"paper:{number}", "--format", "latex")
     displays = re.findall(r"\\begin\{(?:equation|align)\*\}\n(.*?)\n\\end", latex, flags=re.DOTALL)
     rows = [row for display in displays for row in display.split("\\\\\n")]
-    assert max(map(line_breaks.width, rows)) <= line_breaks.LINE
+    assert max(map(letters, rows)) <= LINE
     assert len(rows) > len(displays) > 10
     if ENGINE:
         assert "Overfull" not in set_by_latex(latex, tmp_path)
@@ -73,16 +74,16 @@ def test_formulas_of_the_papers_fit_the_line(capsys: pytest.CaptureFixture[str],
 def test_a_broken_formula_has_all_its_parts(number: str) -> None:
     for equation in (line.formula for section in catalogue.paper(number)[1] for line in section.lines):
         whole = sp.latex(equation, long_frac_ratio=2)
-        parts = line_breaks.lines(whole, 20.0)
+        parts = broken_lines(whole, 20.0)
         joined = "".join(parts).replace(r"\bigl", r"\left").replace(r"\bigr", r"\right")
         assert re.sub(r"\s", "", joined) == re.sub(r"\s", "", whole)
-        assert len(parts) > 1 or line_breaks.width(whole) <= 20.0 or "matrix" in whole
+        assert len(parts) > 1 or letters(whole) <= 20.0 or "matrix" in whole
 
 
 def test_the_estimate_of_widths_bites() -> None:
-    assert not line_breaks.fits(" + ".join(["x"] * 40))
-    assert line_breaks.lines(r"a \left(b + c\right)", 3.0) == [r"a \bigl(b", r"+ c\bigr)"]
-    assert line_breaks.width(r"\frac{x + y}{z}") < line_breaks.width("x + y + z") < 2 * line_breaks.width("x + y")
+    assert not is_short(" + ".join(["x"] * 40))
+    assert broken_lines(r"a \left(b + c\right)", 3.0) == [r"a \bigl(b", r"+ c\bigr)"]
+    assert letters(r"\frac{x + y}{z}") < letters("x + y + z") < 2 * letters("x + y")
 
 
 @pytest.mark.parametrize("title", LETTERS)

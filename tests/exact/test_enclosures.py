@@ -13,8 +13,7 @@ from scenes import extreme_scene
 from modal import Bob, Cart, ComputationError, Pendulum, Scene, SceneError, load, natural_modes
 from modal.errors import MissingExtraError
 from modal.exact import enclose
-from modal.exact.balls import flint
-from modal.exact.enclosures import Enclosure, _decimal, _problems
+from modal.exact.enclosures import Enclosure, _decimal, _problems, flint
 
 pytest.importorskip("flint")
 

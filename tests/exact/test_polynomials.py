@@ -17,7 +17,7 @@ from amounts import usually
 from modal import Bob, Body, Cart, ComputationError, Fixed, Pendulum, Rod, Scene, SceneError, natural_modes, pair
 from modal.exact import Polynomial, equal_bobs, exact, exact_links, isolate, of_scene
 from modal.exact.characteristic import Factor
-from modal.exact.roots import above
+from modal.exact.polynomials import above
 from modal.symbolic import polynomial_roots, symbolic
 from modal.symbolic.roots import closed_forms
 

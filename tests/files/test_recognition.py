@@ -11,8 +11,7 @@ import pytest
 
 from modal import SceneError, dumps, load
 from modal.identification import read_modes
-from modal.scene.contents import decoded, first_line, text_of
-from modal.scene.recognition import as_text, recognize
+from modal.scene.contents import as_text, decoded, first_line, recognize, text_of
 from modal.scene.records import read_record
 from nonlinear import load as load_run
 from nonlinear import save, simulate

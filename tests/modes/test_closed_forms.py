@@ -6,6 +6,7 @@ from fractions import Fraction
 from functools import cache
 from math import pi, sqrt
 
+import closed_forms
 import mpmath as mp
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ from scipy.special import jn_zeros
 
 from modal import Bob, Cart, Pendulum, Rod, Scene, natural_modes
 from modal.exact import characteristic as polynomials
-from modal.modes import Modes, closed_forms
+from modal.modes import Modes, rope
 from modal.symbolic import symbolic
 
 G = 9.81
@@ -118,20 +119,20 @@ def test_beat_period() -> None:
 
 
 def test_bessel_zeros() -> None:
-    np.testing.assert_allclose(closed_forms.bessel_zeros(1000), jn_zeros(0, 1000), rtol=1e-15)
+    np.testing.assert_allclose(rope.bessel_zeros(1000), jn_zeros(0, 1000), rtol=1e-15)
 
 
 def test_the_rope_is_the_limit() -> None:
-    rope = closed_forms.hanging_rope(3) * sqrt(G)
-    assert rope[0] == pytest.approx(2.40482555769577 / 2 * sqrt(G), rel=1e-14)
-    np.testing.assert_allclose(equal_chain(1000, Rod, length=1e-3).omega[:3], rope, rtol=5e-6)
+    limit = rope.hanging_rope(3) * sqrt(G)
+    assert limit[0] == pytest.approx(2.40482555769577 / 2 * sqrt(G), rel=1e-14)
+    np.testing.assert_allclose(equal_chain(1000, Rod, length=1e-3).omega[:3], limit, rtol=5e-6)
 
 
 @cache
 def errors(link: type[Bob] | type[Rod], count: int) -> np.ndarray:
     """ω/ω_rope − 1 of the lowest `count` modes for n in LONG, (len(LONG), count)."""
-    rope = closed_forms.hanging_rope(count) * sqrt(G)
-    return np.array([equal_chain(int(n), link, length=1 / n).omega[:count] / rope - 1 for n in LONG])
+    limit = rope.hanging_rope(count) * sqrt(G)
+    return np.array([equal_chain(int(n), link, length=1 / n).omega[:count] / limit - 1 for n in LONG])
 
 
 def order(values: np.ndarray) -> float:
@@ -145,14 +146,14 @@ def test_bobs_approach_the_rope_as_1_over_4n(mode: int) -> None:
     assert order(gaps) == pytest.approx(-1, abs=0.1)
     extrapolated = 2 * gaps[-1] * LONG[-1] - gaps[-2] * LONG[-2]
     assert extrapolated == pytest.approx(-1 / 4, rel=1e-3)
-    predicted = np.array([closed_forms.rope_error_of_bobs(int(n)) for n in LONG])
+    predicted = np.array([rope.rope_error_of_bobs(int(n)) for n in LONG])
     assert gaps[-1] / predicted[-1] == pytest.approx(1, abs=0.1)
 
 
 @pytest.mark.parametrize("mode", range(4))
 def test_rods_approach_the_rope_as_1_over_n_squared(mode: int) -> None:
     gaps = errors(Rod, 4)[:, mode]
-    predicted = np.array([closed_forms.rope_error_of_rods(int(n), 4)[mode] for n in LONG])
+    predicted = np.array([rope.rope_error_of_rods(int(n), 4)[mode] for n in LONG])
     assert order(gaps) == pytest.approx(-2, abs=0.1)
     ratio = gaps / predicted
     assert ratio[-1] == pytest.approx(1, abs=1e-3)

@@ -11,7 +11,7 @@ from modal.assembly import matrices
 from modal.coupling import explain
 from modal.errors import SceneError
 from modal.modes.columns import COLUMNS, DROPPED, columns_of, printed
-from modal.modes.fixed_base import fixed_base_masses
+from modal.modes.numbering import fixed_base_masses
 from modal.modes.tables import table
 from modal.report import fitted
 from modal.scene.parameters import number_at, vary
@@ -274,7 +274,7 @@ def test_the_cumulative_mass_is_all_of_it_in_the_end() -> None:
 
 @pytest.mark.parametrize("name", ["crane-hook", "chain-unequal", "paper-cart-2", "crane-two-loads"])
 def test_sensitivities_are_those_of_the_numbers_in_the_file(name: str) -> None:
-    from modal.modes.sensitivity_table import of_mode
+    from modal.modes.sensitivity import of_mode
     from modal.scene.parameters import find_places
 
     scene = load(name)

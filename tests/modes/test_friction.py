@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from modal.modes import natural_modes
-from modal.modes.friction import damping_ratios, sliding_modes, stop_of, stop_words
+from modal.modes.dissipation import damping_ratios, sliding_modes, stop_of, stop_words
 from modal.modes.tables import table
 from modal.scene import Scene, scene_from
 from nonlinear import simulate

@@ -271,7 +271,7 @@ def test_light_damping_of_one_pendulum() -> None:
 
 def test_unstable_modes_are_recognised() -> None:
     """λ² + 0.2 λ − 1 = 0 grows, and decays a little faster; words for an oscillation that grows are there too."""
-    from modal.modes.labels import FIXED, family
+    from modal.modes.rows import FIXED, family
 
     dampers = Dampers(np.array([0.2]), np.array([-1]))
     spectrum = damped(np.eye(1), -np.eye(1), np.ones(1), dampers, free=False)

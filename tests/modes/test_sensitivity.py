@@ -14,8 +14,7 @@ from response_oracle import Oracle
 
 from modal import Bob, Body, Cart, ComputationError, Fixed, Pendulum, Rod, Scene, natural_modes
 from modal.modes import Modes
-from modal.modes.sensitivity import Sensitivities, _centres, _hung, centre_displacements, sensitivities
-from modal.modes.sensitivity_table import of_mode
+from modal.modes.sensitivity import Sensitivities, _centres, _hung, centre_displacements, of_mode, sensitivities
 from modal.symbolic import symbolic
 
 STEP = 2e-5

@@ -12,7 +12,7 @@ from structures import Oracle
 from modal import Bob, Cart, Fixed, Pendulum, Scene, load, natural_frequencies, natural_modes
 from modal.assembly import matrices
 from modal.modes import all_shapes, table
-from modal.modes.fixed_base import fixed_base_masses
+from modal.modes.numbering import fixed_base_masses
 from modal.modes.solution_report import report_solution
 from modal.scene import Spring
 from modal.scene.supports import Heave, Planar, Platform, Tilt

@@ -16,7 +16,7 @@ import modal
 from modal.errors import ComputationError, SceneError
 from modal.modes import Modes, natural_modes
 from modal.plotting import film_modes
-from modal.plotting.modal_films import DECAYING, FOLDS, LOOP, ModalFilm, motion
+from modal.plotting.films import DECAYING, FOLDS, LOOP, ModalFilm, motion
 from modal.plotting.shapes import layout_of
 from modal.plotting.style import theme
 from modal.scene import Bob, Pendulum, Scene

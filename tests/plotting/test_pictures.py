@@ -44,10 +44,10 @@ from modal.plotting import (
     sheet,
     thickness,
 )
-from modal.plotting.hoisting import hoist_figure
 from modal.plotting.loci import loci_figure
 from modal.plotting.response import impulse_figure
 from modal.plotting.style import theme
+from modal.plotting.travels import hoist_figure
 from modal.scene import InitialCondition, VanDerPol
 from modal.scene.parameters import parse_variations
 from modal.statespace import ModalForm, state_space, to_modal_form

@@ -119,7 +119,7 @@ def test_every_coordinate_length_mass_and_force_has_its_symbol() -> None:
 
 def test_a_link_leans_by_its_angle() -> None:
     axis = sketch_figure(SCENES["a double pendulum"], [30.0, -40.0]).axes[0]
-    drawn = [np.array(line.get_xydata()) for line in axis.lines if line.get_linewidth() == 1.8]
+    drawn = [np.array(line.get_xydata()) for line in axis.lines if line.get_zorder() == 3]
     angles = [np.degrees(np.arctan2(end[0] - start[0], start[1] - end[1])) for start, end in drawn]
     np.testing.assert_allclose(angles, [30, -40], atol=1e-12)
     assert np.allclose(drawn[0][1], drawn[1][0])

@@ -21,8 +21,8 @@ from PIL import Image
 import modal
 from modal import natural_modes
 from modal.plotting import ThemedPicture, pair_of, shapes_figure, show_both_themes
-from modal.plotting.dark import dark_twin
 from modal.plotting.style import save, theme
+from modal.plotting.themes import dark_twin
 from modal.types import Floats
 from nonlinear import simulate
 from nonlinear.plotting import show_film

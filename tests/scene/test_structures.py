@@ -12,7 +12,7 @@ from modal import Cart, Fixed, Scene, SceneError, Tilt, load
 from modal.scene import Moved, dumps, left_out, parse, refusals, scene_from, title_of
 from modal.scene.files import schema
 from modal.scene.parameters import find_places, parse_variations, unit_at, validate_variations, vary
-from modal.scene.support_arrays import read_matrices
+from modal.scene.supports import read_matrices
 from modal.structure import carried, hung_masses, structure_of, unbalanced, weights
 
 BOB = {"kind": "bob", "mass": 1.0, "length": 1.0}
@@ -348,7 +348,7 @@ def test_a_modal_support_is_read_from_its_file(tmp_path: Path, monkeypatch: pyte
     assert np.array_equal(scene.support[0].points, points)
     assert np.array_equal(scene.support[0].K, root @ root.T)
     assert parse(dumps(scene).encode()) == scene
-    monkeypatch.setattr("modal.scene.support_arrays.LARGEST_FILE", 100)
+    monkeypatch.setattr("modal.scene.supports.LARGEST_FILE", 100)
     with pytest.raises(SceneError, match=r'support\[0\].file = "frame.npz": has arrays of more than'):
         parse(text.encode(), tmp_path)
 

@@ -14,7 +14,7 @@ from response_oracle import Oracle
 from modal import Bob, Cart, Pendulum, Rod, Scene, SceneError, load
 from modal.assembly import Dissipator, dissipators_of, loss_at, losses_of, matrices
 from modal.modes import mode_losses, natural_modes, quality_factors, table
-from modal.modes.losses import sharing
+from modal.modes.dissipation import sharing
 from modal.scene import LossTable, SineMotion, Spring
 from modal.scene.motion import ConstantForce, Moved
 from modal.statespace import frequency_response, impulse_response, state_space, to_modal_form

@@ -18,7 +18,7 @@ from modal.identification.measured import read_modes
 from modal.identification.propagation import response_slopes
 from modal.loci import follow_loci
 from modal.modes import sensitivities
-from modal.modes.sensitivity_table import of_mode
+from modal.modes.sensitivity import of_mode
 from modal.scene import RecordMotion, scene_from
 from modal.scene.parameters import find_places, number_at, parse_variations, unit_at, vary
 from modal.scene.records import Spectrum

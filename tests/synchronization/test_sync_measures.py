@@ -19,7 +19,7 @@ from scenes import motion_scene, random_state
 import modal
 from modal import Bob, Cart, Fixed, Pendulum, Scene
 from modal.assembly import rig_of
-from modal.coupling.fixed_base import fixed_base_modes
+from modal.coupling.reduced import fixed_base_modes
 from modal.errors import ComputationError
 from modal.scene import InitialCondition, VanDerPol
 from nonlinear.dynamics import Mechanics
