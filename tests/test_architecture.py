@@ -24,7 +24,6 @@ HEAVY = {
         "modal.eigen.product",
         "modal.statespace.hoisting",
         "modal.statespace.travels",
-        "modal.statespace.varying",
         "modal.statespace.sampling",
         "modal.statespace.transfer",
         "modal.vibration",

@@ -24,7 +24,7 @@ from modal import Bob, Cart, Pendulum, Scene
 from modal.scene import Hoist
 from modal.statespace import shaper_for
 from modal.statespace.hoisting import Travel, frequencies_along, shaper_residual, travel_residuals
-from modal.statespace.varying import varying_model
+from modal.statespace.sampling import varying_model
 
 TINY = 1e-30
 PROMISED = 1e-7

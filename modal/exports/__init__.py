@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from modal.exports.scripts import to_control as to_control
     from modal.exports.scripts import to_scipy as to_scipy
     from modal.statespace import StateSpace
-    from modal.statespace.varying import VaryingModel
+    from modal.statespace.sampling import VaryingModel
 
 
 LATER = {"read_json": "data", "read_npz": "data", "to_control": "scripts", "to_scipy": "scripts"}

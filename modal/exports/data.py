@@ -28,8 +28,8 @@ from modal.scene.sealed import (
     verify_sealed_text,
 )
 from modal.statespace import Signal, StateSpace, to_modal_form
+from modal.statespace.sampling import VaryingModel
 from modal.statespace.transfer import transfer_functions
-from modal.statespace.varying import VaryingModel
 from modal.types import Complexes, Floats
 
 KINDS = ("states", "inputs", "outputs")

@@ -16,7 +16,7 @@ import numpy as np
 from modal.exports.text import digits, heading, identifier, joined, matrices, meaning, preamble, rest
 from modal.report import matlab_text, python_text
 from modal.statespace import Signal, StateSpace
-from modal.statespace.varying import VaryingModel
+from modal.statespace.sampling import VaryingModel
 from modal.types import Floats
 
 if TYPE_CHECKING:

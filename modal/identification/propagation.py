@@ -26,7 +26,6 @@ from modal.scene import Scene
 from modal.scene.doors import checked
 from modal.statespace.geometry import Geometry, geometry_of
 from modal.statespace.model import StateSpace
-from modal.statespace.points import is_point, push_of
 from modal.statespace.shapers import Drive, Shaper, residual_vibration, swing_rows
 from modal.statespace.signals import (
     DRIVES,
@@ -35,6 +34,8 @@ from modal.statespace.signals import (
     READINGS,
     SUPPORT,
     Signal,
+    is_point,
+    push_of,
     reading_in,
 )
 from modal.types import Complexes, Floats

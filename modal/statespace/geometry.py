@@ -16,11 +16,13 @@ import numpy as np
 
 from modal.assembly import Hanging, Rig, SpringRow, displacements, joints, rig_of
 from modal.scene import Scene
-from modal.structure import Structure, slopes
+from modal.scene.motion import Acting
+from modal.scene.points import CarrierPoint, Place
+from modal.structure import Row, Structure, slopes, turning
 from modal.types import Floats, Ints
 
 
-class Coordinate(NamedTuple):
+class StructureCoordinate(NamedTuple):
     """A coordinate of a structure: its `name` (`lower_m`), its unit, what it is, and what a force on it pushes.
 
     `along` is how far the origin of its carrier moves along the rail with it.
@@ -84,7 +86,7 @@ class Geometry:
     """
 
     structure: Structure
-    coordinates: tuple[Coordinate, ...]
+    coordinates: tuple[StructureCoordinate, ...]
     is_structured: bool
     springs: tuple[SpringRow, ...]
     labels: tuple[str, ...]
@@ -163,10 +165,10 @@ class Geometry:
         return pulls
 
 
-def coordinates_of(structure: Structure) -> tuple[Coordinate, ...]:
+def coordinates_of(structure: Structure) -> tuple[StructureCoordinate, ...]:
     """The coordinates of a structure in their order."""
     if structure.names == ("x",):
-        return (Coordinate("x", "m", "position of the cart", "force on the cart along the rail", 1.0),)
+        return (StructureCoordinate("x", "m", "position of the cart", "force on the cart along the rail", 1.0),)
     coordinates = []
     for number, carrier in enumerate(structure.carriers):
         still = (0.0,) * carrier.size
@@ -176,7 +178,7 @@ def coordinates_of(structure: Structure) -> tuple[Coordinate, ...]:
             meaning, pushed = (f"{words} {carrier.name}" for words in WORDS.get(suffix) or WORDS[carrier.kind])
             along = 0.0 if carrier.M is not None or unit == "rad" else float(origin[k][0])
             name = structure.names[structure.offsets[number] + k]
-            coordinates.append(Coordinate(name, unit, meaning, pushed, along))
+            coordinates.append(StructureCoordinate(name, unit, meaning, pushed, along))
     return tuple(coordinates)
 
 
@@ -224,3 +226,35 @@ def geometry_of_rig(rig: Rig) -> Geometry:
         rest=rig.rest_angles,
         place=rig.cart_rest,
     )
+
+
+def carrier_row(structure: Structure, point: CarrierPoint, direction: Acting) -> Row:
+    """The generalized force of a force of 1 N, or a torque of 1 N m, on a point of a support, by coordinates."""
+    carrier = [body.name for body in structure.carriers].index(point.name)
+    if direction == "torque":
+        return turning(structure, carrier)
+    along, down = slopes(structure, carrier, point.place if point.point is None else point.point)
+    return along if direction == "horizontal" else {column: 0.0 - value for column, value in down.items()}
+
+
+def row_of(geometry: Geometry, place: Place, direction: Acting) -> Floats:
+    """The generalized force (q,) of a force of 1 N or a torque of 1 N m at one link."""
+    first, row = geometry.leading, np.zeros(geometry.size)
+    if direction == "torque":
+        row[first + place.link] = 1.0
+        if place.below is None and place.above >= 0:
+            row[first + place.above] = -1.0
+        if place.below is None and place.above < 0:
+            row[:first] = 0.0 - geometry.turning[place.link]
+        return row
+    way = geometry.across if direction == "horizontal" else -geometry.sinking
+    top = int(np.flatnonzero(geometry.pendulum == geometry.pendulum[place.link])[0])
+    above = slice(top, place.link)
+    row[first + top : first + place.link] = (way * geometry.length)[above]
+    below = geometry.centre[place.link] if place.below is None else place.below
+    row[first + place.link] = way[place.link] * below
+    if direction == "horizontal":
+        row[:first] = geometry.centres[place.link, :first]
+    else:
+        row[:first] = 0.0 - geometry.down[place.link]
+    return row

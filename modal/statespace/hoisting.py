@@ -6,33 +6,42 @@ each other veer apart, and keep their order, unless nothing couples their modes:
 and of equal pendula against each other while the cart stays still, are followed apart from all others.
 
 The swing after a travel is integrated in the time-varying model, without any such assumption, with the motion of the
-cart among its states: drag acts against still air, so that the speed of the cart pushes as its acceleration does.  An
-input shaper is made for constant lengths; what it leaves where they change is integrated likewise.
+cart among its states: between two corners of a command and of the laws of lengths by a matrix exponential where lengths
+are constant, with u and its derivatives as further states, along a hoist by steps.  Drag acts against still air, so
+that the speed of the cart pushes as its acceleration does.  An input shaper is made for constant lengths; what it
+leaves where they change is integrated likewise.
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
+import scipy
 
-from modal.assembly import hoisting_of, matrices, matrices_along, no_hoist, rig_of
+from modal.assembly import Matrices, hoisting_of, matrices, matrices_along, no_hoist, rig_of
 from modal.errors import ComputationError, SceneError
 from modal.modes import labelled, natural_modes, table_numbers
 from modal.report import Displayed
-from modal.scene import Body, Fixed, Pendulum, Scene
-from modal.scene.points import PendulumPoint, parse_point
+from modal.scene import Fixed, Pendulum, Scene
 from modal.statespace.model import fixed, refuse_no_inertia
+from modal.statespace.reduction import heavier, joined_pendula
+from modal.statespace.sampling import hoisting_times
 from modal.statespace.shapers import UNSHAPED, Drive, Kind, Shaper, Train, drives_of, shaper_for
-from modal.statespace.varying import hoisting_times, motion_history, pushed_by
 from modal.types import Floats, Ints
 
 LOOKS = 200
 """Times at which the size of a command is looked up."""
 MOST_LINKS = 100
 """Links of a scene whose swing is integrated in the time-varying model."""
+MOST_SWINGS = 1e5  # of the fastest mode during one law of length
+POWERS = 6
+"""Coefficients of a quintic."""
+TOLERANCE = 1e-10
+Command = Callable[[Floats], Floats]
 UNSTABLE = "the equilibrium is unstable along the hoist: no swing is left at rest"
 
 
@@ -92,7 +101,7 @@ def _uncoupled(scene: Scene, held: bool) -> list[tuple[Scene, int]]:
     alone = [(still.replace(support=Fixed(), pendulum=(pendulum,)), copies) for pendulum, copies in equal.items()]
     if held or still.cart is None:
         return alone
-    together = tuple(_heavier(pendulum, copies) for pendulum, copies in equal.items())
+    together = tuple(heavier(pendulum, copies) for pendulum, copies in equal.items())
     return [
         (still.replace(pendulum=together), 1),
         *((pendulum, copies - 1) for pendulum, copies in alone if copies > 1),
@@ -101,30 +110,15 @@ def _uncoupled(scene: Scene, held: bool) -> list[tuple[Scene, int]]:
 
 def _uncoupled_on_structure(still: Scene) -> list[tuple[Scene, int]]:
     """The same where copies of a pendulum move a structure together; copies that springs join stay as they are."""
-    joined = {
-        point.pendulum
-        for pendulum in still.spring
-        for end in pendulum.between
-        if isinstance(point := parse_point(end), PendulumPoint)
-    }
-    together, alone = [], []
+    joined, together, alone = joined_pendula(still), [], []
     for index, pendulum in enumerate(still.pendulum):
         if pendulum.count == 1 or index in joined:
             together.append(pendulum)
             continue
-        together.append(_heavier(pendulum.replace(count=1, start=None), pendulum.count))
+        together.append(heavier(pendulum, pendulum.count))
         single = pendulum.replace(count=1, start=None, on=None, position=(0.0, 0.0))
         alone.append((still.replace(support=Fixed(), spring=(), ground=None, pendulum=(single,)), pendulum.count - 1))
     return [(still.replace(pendulum=tuple(together)), 1), *alone]
-
-
-def _heavier(pendulum: Pendulum, copies: int) -> Pendulum:
-    """One pendulum that moves a cart as so many equal ones in phase."""
-    links = []
-    for link in pendulum.links:
-        inertia = {"inertia": copies * link.inertia} if isinstance(link, Body) else {}
-        links.append(link.replace(mass=copies * link.mass, stiffness=copies * link.stiffness, **inertia))
-    return pendulum.replace(links=tuple(links))
 
 
 def _followed(scene: Scene, times: Floats) -> tuple[Floats, Floats]:
@@ -341,3 +335,95 @@ def residual_words(scene: Scene, count: int, kind: Kind, drive: Drive, shaper: S
     mean = shaper_for(mean_lengths(scene), count, kind, drive)
     left, other = (100 * shaper_residual(scene, tried, drive) for tried in (shaper, mean))
     yield f"along the hoist it leaves {left:.3g} % of the swing of one impulse; one for the mean lengths {other:.3g} %"
+
+
+# ------------------------------------------------------------------------------------------------- motion in time
+
+
+def motion_history(
+    scene: Scene,
+    command: Command,
+    times: Floats,
+    stops: Sequence[float],
+    *,
+    pushed: int | None,
+    size: float,
+    start: Floats | float = 0.0,
+) -> Floats:
+    """(q, q') (T, 2n) at ascending times (T,) from `start` at the first on, the `stops` of the command among them.
+
+    Between its stops the `command` is a quintic: the force on the coordinate `pushed`, or (None) the acceleration of a
+    cart whose motion is prescribed.  `size` is that of the motion.
+    """
+    along, hoisting = matrices_along(scene), hoisting_of(scene)
+    breaks = hoisting.breaks if hoisting else ()
+    spans = [getattr(law, "breaks", (-np.inf, np.inf)) for _, law in hoisting.laws] if hoisting else []
+    states = np.zeros((len(times), 2 * len(along(float(times[0])).M)))
+    n = states.shape[1] // 2
+    states[0] = start
+    corners = np.unique([times[0], *stops, *breaks, times[-1]])
+    for begin, end in pairwise(corners[(corners >= times[0]) & (corners <= times[-1])].tolist()):
+        rows = np.flatnonzero((times >= begin) & (times <= end))
+        if not any(span[0] < end and begin < span[-1] for span in spans):
+            _advance(states, times, rows, pushed_by(along((begin + end) / 2), pushed), command)
+            continue
+        swings = (
+            (end - begin) * float(np.linalg.norm(pushed_by(along(begin), pushed)[0][:, :n], 2)) ** 0.5 / (2 * np.pi)
+        )
+        if not swings <= MOST_SWINGS:
+            raise ComputationError(f"the hoist takes {swings:.3g} swings: at most {MOST_SWINGS:g} are followed")
+
+        def slope(time: float, state: Floats, last: float = float(np.nextafter(end, begin))) -> Floats:
+            A, B = pushed_by(along(min(time, last)), pushed)
+            return np.concatenate((state[n:], A @ state + B * command(np.array([time]))[0]))
+
+        solved = scipy.integrate.solve_ivp(
+            slope,
+            (begin, end),
+            states[rows[0]],
+            method="DOP853",
+            t_eval=times[rows],
+            rtol=TOLERANCE,
+            atol=TOLERANCE * 1e-3 * size,
+        )
+        if not solved.success:
+            raise ComputationError(f"the motion along the hoist cannot be integrated: {solved.message}")
+        states[rows] = solved.y.T
+    return states
+
+
+def _advance(states: Floats, times: Floats, rows: Ints, equations: tuple[Floats, Floats], command: Command) -> None:
+    """Fill in the states at these rows but the first, of constant equations and a command without a corner."""
+    known: dict[float, tuple[Floats, Floats]] = {}
+    for row in rows[1:].tolist():
+        begin, end = times[row - 1], times[row]
+        step = round(float(end - begin), 12)
+        if step not in known:
+            known[step] = _step(*equations, float(end - begin))
+        free, driven = known[step]
+        states[row] = free @ states[row - 1] + driven @ command(np.linspace(begin, end, POWERS + 2)[1:-1])
+
+
+def _step(A: Floats, B: Floats, duration: float) -> tuple[Floats, Floats]:
+    """What becomes of (q, q') (2n, 2n), and of a quintic by its values inside (2n, POWERS), in a time."""
+    n = len(B)
+    whole = np.zeros((2 * n + POWERS,) * 2)
+    whole[:n, n : 2 * n] = np.eye(n) * duration
+    whole[n : 2 * n, : 2 * n] = A * duration
+    whole[n : 2 * n, 2 * n] = B * duration
+    whole[2 * n :, 2 * n :] = np.eye(POWERS, k=1)
+    moved = scipy.linalg.expm(whole)[: 2 * n]
+    inside = np.linspace(0.0, 1.0, POWERS + 2)[1:-1]
+    rows = inside[:, None] ** np.arange(POWERS) / scipy.special.factorial(np.arange(POWERS))
+    return moved[:, : 2 * n], np.linalg.solve(rows.T, moved[:, 2 * n :].T).T
+
+
+def pushed_by(linear: Matrices, pushed: int | None) -> tuple[Floats, Floats]:
+    """A (n, 2n) and B (n,) of q'' = A (q, q') + B u, u the force on a coordinate, else the acceleration of a cart."""
+    held = pushed is None
+    n, first = len(linear.M), int(held)
+    force = -linear.M[:, 0] if held else np.eye(n)[pushed or 0]
+    right = np.hstack((-linear.K, -linear.D, force[:, None]))[first:]
+    solved = np.eye(n, 2 * n + 1, 2 * n) if held else np.zeros((n, 2 * n + 1))
+    solved[first:] = np.linalg.solve(linear.M[first:, first:], right)
+    return solved[:, :-1], solved[:, -1]

@@ -219,8 +219,11 @@ def _own(modes: Modes, n: int, size: int, kind: str, first: int) -> Iterator[Mod
             coasts = value == 0 and not np.any(np.abs(forces) > RIGID * (np.abs(linear.D) @ np.abs(phi)))
             vectors: tuple[Numbers, Numbers, Numbers] = phi, linear.M @ phi, 0 * forces if coasts else forces
             alone = np.isrealobj(phi) and (not value.imag if modes.is_classical else not vectors[2].any())
-            make = _swing if alone else _pair if value.imag else _single
-            made = make(name, f"coordinate of {kind}mode {name}", value, *vectors)
+            meaning = f"coordinate of {kind}mode {name}"
+            if alone:
+                made = _swing(name, meaning, value, *vectors[:2])
+            else:
+                made = (_pair if value.imag else _single)(name, meaning, value, *vectors)
             right, left = np.zeros((n, len(made.A))), np.zeros((len(made.A), n))
             right[first : first + size], right[n - size :] = made.right
             left[:, first : first + size], left[:, n - size :] = made.left
@@ -238,7 +241,7 @@ class _Made(NamedTuple):
     pushed: Complexes
 
 
-def _swing(name: str, meaning: str, value: complex, phi: Floats, Mphi: Floats, Dphi: Floats) -> _Made:
+def _swing(name: str, meaning: str, value: complex, phi: Floats, Mphi: Floats) -> _Made:
     """Undamped: η and η', also for a rigid translation and, with λ = ±√−ω², for a growing mode."""
     states = (
         Signal(f"eta_{name}", "kg^(1/2) m", meaning),

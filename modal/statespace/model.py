@@ -40,9 +40,9 @@ from modal.scene import Fixed, Scene, require, validate_scene
 from modal.scene.doors import checked
 from modal.scene.points import CarrierPoint, parse_point
 from modal.statespace.geometry import Geometry, geometry_of
-from modal.statespace.points import EXAMPLES, is_point, push_of, validate_points
 from modal.statespace.signals import (
     DRIVES,
+    EXAMPLES,
     PRESCRIBED,
     READINGS,
     SUPPORT,
@@ -50,8 +50,11 @@ from modal.statespace.signals import (
     OutputGroup,
     Signal,
     inputs_of,
+    is_point,
     outputs_of,
+    push_of,
     reading_in,
+    validate_points,
     validate_signals,
 )
 from modal.types import Floats
@@ -146,7 +149,7 @@ class _Motion(NamedTuple):
 def state_space(scene: Scene, inputs: tuple[str, ...] = (), outputs: tuple[str, ...] = ()) -> StateSpace:
     """The model of a scene with these groups of inputs and outputs (`modal.statespace.signals.INPUTS` and `OUTPUTS`).
 
-    Inputs may also be points, as "force:pendulum[0].links[1]@0.5" (`modal.statespace.points`), and on a structure the
+    Inputs may also be points, as "force:pendulum[0].links[1]@0.5" (`modal.statespace.signals`), and on a structure the
     force on one coordinate by its name; outputs may be the names of its coordinates, of their rates and of springs.  By
     default the input is the force on a cart, the forces on all coordinates of a structure, or else the joint torques,
     and the outputs are the cart's position or the coordinates of the structure, and the absolute angles.  Raises

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Literal, NamedTuple, get_args
 
@@ -21,8 +21,9 @@ import numpy as np
 
 from modal.assembly import frequencies, ratio_at, rig_of
 from modal.eigen import TOLERANCE
-from modal.errors import SceneError
+from modal.errors import ComputationError, SceneError
 from modal.modes import Modes, natural_modes
+from modal.report import Displayed, Summary, brief, counted, first_line
 from modal.scene import Pendulum, Scene
 from modal.scene.doors import checked
 from modal.scene.points import PendulumPoint, parse_point
@@ -30,15 +31,22 @@ from modal.statespace.gains import NOISE, without_noise
 from modal.statespace.geometry import geometry_of
 from modal.statespace.modal_form import ModalBlock, ModalForm, block_diagonal, to_modal_form
 from modal.statespace.model import StateSpace, state_space
-from modal.statespace.points import is_point
-from modal.statespace.signals import OF_A_CART, SUPPORT, Signal, own_signals
-from modal.types import Floats
+from modal.statespace.signals import OF_A_CART, SUPPORT, Signal, is_point, own_signals
+from modal.types import Complexes, Floats
 
 Choice = Literal["contribution", "lowest"]
 APART = "acts differently on equal pendula, so they cannot be merged"
 
 
 # ------------------------------------------------------------------------------------------------ exact reduction
+
+
+UNDAMPED = 1e-11
+"""Damping ratio below which an eigenvalue computed from A counts as undamped."""
+CERTAIN = 1e-6
+"""Largest relative residual of the Lyapunov equations for which the gramians are accepted."""
+NEGLIGIBLE = 1e-8
+"""Relative size below which Hankel singular values are uncertain, from square roots of rounded gramians."""
 
 
 class Folded(NamedTuple):
@@ -64,8 +72,7 @@ def fold_equals(scene: Scene) -> Folded:
     members, kinds = rig_of(scene).members, dict[tuple[int, ...], list[int]]()
     for p in range(len(scene.pendulum)):
         kinds.setdefault((p,) if leans or scene.is_structured else members[p][:2], []).append(p)
-    ends = [parse_point(text) for spring in scene.spring for text in spring.between]
-    joined = {point.pendulum for point in ends if isinstance(point, PendulumPoint)}
+    joined = joined_pendula(scene)
     starts = np.cumsum([1, *(entry.count for entry in scene.pendulum)]).tolist()
     first, copies, merged = list[int](), list[int](), list[Pendulum]()
     for entries in kinds.values():
@@ -74,11 +81,17 @@ def fold_equals(scene: Scene) -> Folded:
         alone = entries[0] in joined
         first += range(start, start + count) if alone else [start]
         copies += [1] * count if alone else [count]
-        merged.append(entry if alone else _heavier(entry, count))
+        merged.append(entry if alone else heavier(entry, count))
     if max(copies) == 1:
         return Folded(scene, tuple(first), tuple(copies))
     folded = scene.replace(damping_ratio=0.0, pendulum=merged, force=())
     return Folded(folded.replace(damping_ratio=_carried(scene, folded)), tuple(first), tuple(copies))
+
+
+def joined_pendula(scene: Scene) -> set[int]:
+    """The entries of pendula that springs join to something."""
+    ends = [parse_point(text) for spring in scene.spring for text in spring.between]
+    return {point.pendulum for point in ends if isinstance(point, PendulumPoint)}
 
 
 def _carried(scene: Scene, folded: Scene) -> float | tuple[float, ...]:
@@ -135,7 +148,7 @@ def _rate_alone(form: ModalForm, block: ModalBlock) -> ModalBlock:
     return block._replace(A=np.zeros((1, 1)), right=block.right[:, 1:], left=block.left[1:], states=block.states[1:])
 
 
-def _heavier(pendulum: Pendulum, count: int) -> Pendulum:
+def heavier(pendulum: Pendulum, count: int) -> Pendulum:
     """That many copies as one."""
     return pendulum.replace(links=tuple(link.heavier(count) for link in pendulum.links), count=1, start=None)
 
@@ -245,3 +258,94 @@ def _static_gain(form: ModalForm, block: ModalBlock) -> Floats:
     """−C A⁻¹ B of one block."""
     gain: Floats = -(form.model.C @ block.right) @ np.linalg.solve(block.A, block.left @ form.model.B)
     return gain
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Balanced(Displayed):
+    """A reduced model, all n Hankel singular values of the original in descending order, and the error bound.
+
+    `error_bound` is twice the sum of those omitted: no largest singular value of G(iω) is off by more.
+    """
+
+    model: StateSpace
+    hankel: Floats
+    error_bound: float
+
+    def _summary(self) -> Summary:
+        title = f"Balanced model of {len(self.model.A)} of {counted(len(self.hankel), 'state', 'states')}"
+        return Summary(title, [("error bound", brief(self.error_bound)), ("model", first_line(self.model))])
+
+
+def balance(model: StateSpace, count: int) -> Balanced:
+    """The model reduced to `count` states, with the same inputs and outputs.
+
+    Its states are combinations of all old ones, and the choice depends on the units of inputs and outputs.  Raises
+    ValueError for a count outside 1 … n; ComputationError for a model in discrete time, for one that is not stable and
+    damped in every mode, for which gramians do not exist, and for a count beyond the controllable and observable
+    states.
+    """
+    if not 1 <= count <= len(model.A):
+        raise ValueError(f"count = {count}: must be between 1 and the {len(model.A)} states of the model")
+    if model.dt:
+        raise ComputationError("balanced reduction needs a continuous model")
+    values, V = np.linalg.eig(model.A)
+    _require_damping(values)
+    reach, sight = (
+        _root(_gramian(model.A, values, V, model.B)),
+        _root(_gramian(model.A.T, *_duals(values, V), model.C.T)),
+    )
+    U, hankel, Wt = np.linalg.svd(sight.T @ reach)
+    kept = int(np.count_nonzero(hankel > NEGLIGIBLE * hankel[0]))
+    if count > kept:
+        raise ComputationError(
+            f"only {kept} states are controllable and observable: choose at most as many, or make it minimal first"
+        )
+    scale = 1 / np.sqrt(hankel[:count])
+    right, left = reach @ Wt[:count].T * scale, (sight @ U[:, :count] * scale).T
+    states = tuple(
+        Signal(f"balanced_{k}", "", f"state of Hankel singular value {hankel[k - 1]:.3g}") for k in range(1, count + 1)
+    )
+    reduced = replace(model, scene=None, A=left @ model.A @ right, B=left @ model.B, C=model.C @ right, states=states)
+    return Balanced(reduced, hankel, float(2 * hankel[count:].sum()))
+
+
+def _require_damping(values: Complexes) -> None:
+    upper = values[values.imag >= 0]
+    upper = upper[np.argsort(np.abs(upper), kind="stable")]
+    rounding = UNDAMPED * np.abs(values).max()
+    for value in upper.tolist():
+        if value.real < -max(rounding, UNDAMPED * abs(value)):
+            continue
+        what = (
+            "is a rigid translation"
+            if abs(value) <= 1e4 * rounding
+            else "grows"
+            if value.real > rounding
+            else "has ζ = 0"
+        )
+        raise ComputationError(
+            f"balanced reduction needs a stable, damped model: a mode {what} (λ = {value:.3g} 1/s); modal truncation "
+            "does without, and where no input reaches this mode or no output sees it, make the model minimal first"
+        )
+
+
+def _duals(values: Complexes, V: Complexes) -> tuple[Complexes, Complexes]:
+    """Eigenvalues and eigenvectors of Aᵀ."""
+    return values, np.asarray(np.linalg.inv(V).T, dtype=np.complex128)
+
+
+def _gramian(A: Floats, values: Complexes, V: Complexes, B: Floats) -> Floats:
+    """X of A X + X Aᵀ + B Bᵀ = 0."""
+    b = np.linalg.solve(V, B.astype(np.complex128))
+    X: Floats = (V @ (-(b @ b.conj().T) / (values[:, None] + values.conj())) @ V.conj().T).real
+    push = B @ B.T
+    if np.linalg.norm(A @ X + X @ A.T + push) > CERTAIN * (np.linalg.norm(push) + 2 * np.linalg.norm(A @ X)):
+        raise ComputationError("two modes of this model are equal to double precision: its gramians are uncertain")
+    return (X + X.T) / 2
+
+
+def _root(X: Floats) -> Floats:
+    """L with L Lᵀ = X, omitting eigenvalues made negative by rounding."""
+    values, vectors = np.linalg.eigh(X)
+    root: Floats = vectors * np.sqrt(np.clip(values, 0.0, None))
+    return root

@@ -1,4 +1,4 @@
-"""Continuous models sampled every T seconds.
+"""Models at instants: continuous ones sampled every T seconds, and the linear model along a hoist at its times.
 
 With the input held between samples (zoh), from one exponential, exactly,
 
@@ -11,20 +11,36 @@ with the input linear between samples (foh), with  exp([[A, B, 0], [0, 0, 1/T], 
 and by the trapezoidal rule (tustin), s = (2/T) (ζ − 1)/(ζ + 1), with N = (1 − A T/2)⁻¹ and w = z − (T/2)(A z + B u),
 
     w[k+1] = N (1 + A T/2) w[k] + T N B u[k],    y = C N w + (D + C N B T/2) u.
+
+Along a hoist z' = A(t) z + B(t) u, y = C z + D u: lengths and their rates enter A and B (`modal.assembly.hoisting`).
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from math import isfinite
 
 import numpy as np
 import scipy
+from numpy.typing import ArrayLike
 
+from modal.assembly import hoisting_of, instants, no_hoist
 from modal.errors import ComputationError, SceneError
+from modal.report import Displayed
+from modal.scene import Scene, validate_scene
 from modal.scene.doors import checked_number
-from modal.statespace.model import StateSpace
+from modal.statespace.model import StateSpace, assembled
+from modal.statespace.signals import Signal
 from modal.types import Floats
+
+SAMPLES = 201
+MOST_NUMBERS = 50_000_000
+JUMPING = {
+    "cart_velocity": "cart_acceleration",
+    "support_velocity": "support_acceleration",
+    "support_displacement": "support_acceleration",
+}
+"""Inputs whose models would need the change of the mass matrix along a hoist, and what to use."""
 
 
 def sample(model: StateSpace, dt: float, method: str = "zoh") -> StateSpace:
@@ -92,3 +108,81 @@ def _exponential(matrix: Floats) -> Floats:
 
 
 METHODS = {"zoh": _held, "foh": _linear, "tustin": _trapezoidal}
+
+
+# ------------------------------------------------------------------------------------------------- along a hoist
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class VaryingModel(Displayed):
+    """A (T, n, n) and B (T, n, m) at `times` (T,) in s; C (p, n) and D (p, m), with times in front where they vary.
+
+    Everything else is as in `StateSpace`.
+    """
+
+    times: Floats
+    A: Floats
+    B: Floats
+    C: Floats
+    D: Floats
+    states: tuple[Signal, ...]
+    inputs: tuple[Signal, ...]
+    outputs: tuple[Signal, ...]
+    title: str
+    operating_point: tuple[tuple[str, float], ...]
+    scene: Scene
+
+
+def hoisting_times(scene: Scene, samples: int = SAMPLES) -> Floats:
+    """Evenly spaced times (samples,) in s from the begin of the first hoist to the end of the last.
+
+    SceneError for a scene without a hoist.
+    """
+    hoisting = hoisting_of(validate_scene(scene))
+    if hoisting is None:
+        raise no_hoist(scene)
+    if samples < 2:
+        raise SceneError([f"samples {samples}: must be at least 2"])
+    return np.linspace(hoisting.breaks[0], hoisting.breaks[-1], samples)
+
+
+def varying_model(
+    scene: Scene,
+    times: ArrayLike | None = None,
+    inputs: tuple[str, ...] = (),
+    outputs: tuple[str, ...] = (),
+) -> VaryingModel:
+    """The model of a scene with a hoist at these times (T,) in s, by default `hoisting_times`.
+
+    Raises SceneError for a scene without one and for a prescribed velocity of the cart or displacement
+    of the support, else as `state_space`.
+    """
+    usual = hoisting_times(scene)
+    at = usual if times is None else np.atleast_1d(np.asarray(times, dtype=np.float64))
+    if at.ndim != 1 or not np.all(np.isfinite(at)) or np.any(np.diff(at) <= 0):
+        raise SceneError(["times: must be ascending times in seconds"])
+    problems = [
+        f"input {name}: along a hoist its model would need the change of the mass matrix; use {JUMPING[name]}"
+        for name in inputs
+        if name in JUMPING
+    ]
+    if problems:
+        raise SceneError(problems)
+    along = instants(scene)
+
+    def model(time: float) -> StateSpace:
+        return assembled(scene.at(time), along(time), inputs, outputs)
+
+    first = model(float(at[0]))
+    if len(at) * (first.A.size + first.B.size) > MOST_NUMBERS:
+        raise ComputationError(f"a model of {len(first.A)} states at {len(at)} times is too large: use fewer times")
+    each = [first, *map(model, at[1:].tolist())]
+    A, B, C, D = (np.array([getattr(sampled, name) for sampled in each]) for name in "ABCD")
+    return VaryingModel(
+        at, A, B, _constant(C), _constant(D), first.states, first.inputs, first.outputs, scene.title,
+        first.operating_point, scene,
+    )  # fmt: skip
+
+
+def _constant(values: Floats) -> Floats:
+    return np.asarray(values[0]) if np.array_equal(values, np.broadcast_to(values[0], values.shape)) else values

@@ -5,17 +5,32 @@ Where the support moves (the fixed support, or the ground to which rail, spring 
 frame; positions, the velocity of one cart alone and forces on pivots are those in the laboratory.  The coordinates of a
 structure and their rates are relative to the ground, accelerations are those in the laboratory.  A spring has the
 extension e, positive where it is longer, and the force k e + d e', positive where it pulls its ends together.
+
+Inputs may also be at points: a force, a lift or a torque anywhere on a link, and the forces of the scene itself,
+
+    force:pendulum[0].links[1]@0.5      a force along the rail on that point, in N
+    lift:pendulum[0].links[1]           a force upwards, here on the centre of mass
+    torque:pendulum[0].links[1]         a torque, in N m: of the joint above the link; with @ on the link alone
+    force:left@0.2,0.1                  a force along the rail on that point of a support; lift: upwards
+    torque:beam                         a torque on a support that turns
+    force[0]                            the first [[force]] of the scene: its point and direction
+
+written as in a scene file (`modal.scene.points`): without `copies` the input acts on every copy alike.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import NamedTuple
+import re
+from collections.abc import Callable, Mapping, Sequence
+from typing import NamedTuple, TypeVar, get_args
 
 import numpy as np
 
 from modal.errors import SceneError, meant
-from modal.statespace.geometry import Coordinate, Geometry
+from modal.scene import Scene, places_of
+from modal.scene.motion import Acting
+from modal.scene.points import CarrierPoint, GroundPoint, Place, parse_point, point_problems
+from modal.statespace.geometry import Geometry, StructureCoordinate, carrier_row, row_of
 from modal.types import Floats
 
 
@@ -220,6 +235,7 @@ def _pendula(geometry: Geometry) -> range:
     return range(1, len(geometry.tips) + 1)
 
 
+Group = TypeVar("Group", InputGroup, OutputGroup)
 READINGS: dict[str, Callable[[Geometry], OutputGroup]] = {
     "cart_position": _coordinates,
     "cart_velocity": _coordinate_rates,
@@ -250,26 +266,30 @@ OUTPUTS = tuple(name for name in READINGS if name not in OF_STRUCTURES | OF_SPRI
 """Those of scenes on a fixed support or a cart."""
 
 
+def by_name(groups: Mapping[str, Callable[[Geometry], Group]], geometry: Geometry) -> dict[str, tuple[Group, int]]:
+    """Every signal of these groups by its name: its group, and where it is there."""
+    every = (make(geometry) for make in groups.values())
+    return {signal.name: (group, k) for group in every for k, signal in enumerate(group.signals)}
+
+
 def pushes_in(geometry: Geometry, name: str) -> InputGroup:
     """A group of inputs, or the one on a coordinate of a structure by its name."""
     if name in PUSHES:
         return PUSHES[name](geometry)
-    every = _coordinate_forces(geometry)
-    at = [signal.name for signal in every.signals].index(name)
-    return InputGroup(every.signals[at : at + 1], every.F[:, [at]], every.thrust[:, [at]])
+    every, k = by_name(PUSHES, geometry)[name]
+    return InputGroup([every.signals[k]], every.F[:, [k]], every.thrust[:, [k]])
 
 
 def reading_in(geometry: Geometry, name: str) -> OutputGroup:
     """A group of outputs, or one of the signals of a structure by its name."""
     if name in READINGS:
         return READINGS[name](geometry)
-    every = next(group for group in _named_readings(geometry) if name in {signal.name for signal in group.signals})
-    at = [[signal.name for signal in every.signals].index(name)]
+    every, k = by_name(READINGS, geometry)[name]
     position, rate, second, moved = (
-        None if part is None else part[at]
+        None if part is None else part[[k]]
         for part in (every.position, every.rate, every.acceleration, every.translation)
     )
-    return OutputGroup([every.signals[at[0]]], position, rate, second, translation=moved)
+    return OutputGroup([every.signals[k]], position, rate, second, translation=moved)
 
 
 def _named_readings(geometry: Geometry) -> list[OutputGroup]:
@@ -284,7 +304,7 @@ def own_inputs(geometry: Geometry) -> tuple[str, ...]:
     return tuple(each.force for each in _own(geometry))
 
 
-def _own(geometry: Geometry) -> tuple[Coordinate, ...]:
+def _own(geometry: Geometry) -> tuple[StructureCoordinate, ...]:
     """The coordinates with signals of their own names."""
     return geometry.coordinates if geometry.is_structured else ()
 
@@ -348,3 +368,102 @@ def _lacks(word: str, geometry: Geometry) -> str:
     if word in OF_SPRINGS and not geometry.springs:
         return "the scene has no springs between points"
     return ""
+
+
+WAYS: dict[str, Acting] = {"force": "horizontal", "lift": "vertical", "torque": "torque"}
+MEANING = {"horizontal": "force along the rail on", "vertical": "force upwards on", "torque": "torque on"}
+OF_SCENE = re.compile(r"force\[([0-9]{1,9})\]", re.ASCII)
+EXAMPLES = "force:POINT, lift:POINT or torque:POINT, as force:pendulum[0].links[1]@0.5, or force[0] of the scene"
+assert set(WAYS.values()) == set(get_args(Acting))
+
+
+class PointInput(NamedTuple):
+    """An input by its name: the point in words, how it acts there, and every link that it is on.
+
+    Without links it acts on the cart, or on the point `carrier` of a support.
+    """
+
+    name: str
+    on: str
+    direction: Acting
+    places: tuple[Place, ...]
+    carrier: CarrierPoint | None = None
+
+
+def is_point(name: str) -> bool:
+    """Whether a name is one of an input at a point.
+
+    >>> is_point("lift:pendulum[0].links[1]"), is_point("force[0]"), is_point("cart_force")
+    (True, True, False)
+    """
+    return (name.partition(":")[0] in WAYS and ":" in name) or bool(OF_SCENE.fullmatch(name))
+
+
+def point_input(scene: Scene, name: str) -> PointInput:
+    """The input of this name; SceneError where the scene has no such point or force.
+
+    >>> from modal import load
+    >>> [place.link for place in point_input(load("chain-2"), "force:pendulum[0].links[0]@0.5").places]
+    [0, 1]
+    """
+    listed = OF_SCENE.fullmatch(name)
+    if listed:
+        if int(listed[1]) >= len(scene.force):
+            raise SceneError([f"input {name}: the scene has {len(scene.force)} entries of force, numbered from 0"])
+        force = scene.force[int(listed[1])]
+        point = parse_point(force.on)
+        carrier = point if isinstance(point, CarrierPoint) else None
+        return PointInput(name, force.on, force.direction, tuple(places_of(scene, force.on)), carrier)
+    kind, _, on = name.partition(":")
+    try:
+        point = parse_point(on)
+    except ValueError as error:
+        raise SceneError([f"input {name}: {error}"]) from None
+    problems = list(point_problems(scene, on))
+    if point is None and kind != "force":
+        problems.append("the cart runs on a horizontal rail: only force:cart acts on it")
+    if isinstance(point, GroundPoint):
+        problems.append("the ground does not yield to a force: name a support or a link")
+    if isinstance(point, CarrierPoint) and not problems and not scene.is_structured:
+        problems.append('all points of the support move alike: write "cart"' if scene.cart else "the support is fixed")
+    if problems:
+        raise SceneError([f"input {name}: {words}" for words in problems])
+    carrier = point if isinstance(point, CarrierPoint) else None
+    return PointInput(name, on, WAYS[kind], tuple(places_of(scene, on)), carrier)
+
+
+def validate_points(scene: Scene, names: Sequence[str]) -> None:
+    """SceneError naming everything that is wrong with the names of points among these."""
+    problems: list[str] = []
+    for name in filter(is_point, names):
+        try:
+            point_input(scene, name)
+        except SceneError as error:
+            problems += error.problems
+    if problems:
+        raise SceneError(list(dict.fromkeys(problems)))
+
+
+def push_of(scene: Scene, geometry: Geometry, name: str) -> InputGroup:
+    """The generalized forces of a group of inputs, or of an input at a point."""
+    return pushed(geometry, point_input(scene, name)) if is_point(name) else pushes_in(geometry, name)
+
+
+def pushed(geometry: Geometry, point: PointInput) -> InputGroup:
+    """The generalized force of an input at a point, and its external force on every pendulum.
+
+    With the way n of a link's end per length and angle, cos θ along the rail and sin θ upwards, a force on link i has
+    l_k n_k on the links k above it and s n_i on its own, at the distance s from the upper joint.
+    """
+    F, thrust = np.zeros((geometry.size, 1)), np.zeros((len(geometry.tips), 1))
+    if point.carrier is not None:
+        for column, value in carrier_row(geometry.structure, point.carrier, point.direction).items():
+            F[column] = value
+    elif not point.places:
+        F[0] = 1.0
+    for place in point.places:
+        F[:, 0] += row_of(geometry, place, point.direction)
+        if point.direction == "horizontal":
+            thrust[int(geometry.pendulum[place.link])] += 1.0
+    unit = "N m" if point.direction == "torque" else "N"
+    return InputGroup([Signal(point.name, unit, f"{MEANING[point.direction]} {point.on}")], F, thrust)

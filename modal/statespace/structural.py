@@ -10,17 +10,33 @@ is left out.  The matrices are the squares of the scene (`modal.assembly.squares
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from decimal import Context, Decimal, localcontext
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from modal.assembly import SPRING, Dissipator, Rig, loss_at, scene_squares
-from modal.eigen import Arithmetic
+from modal.assembly import SPRING, Dissipator, Rig, loss_at, losses_of, ratio_at, rig_of, scene_squares
+from modal.eigen import Arithmetic, Digits
 from modal.scene import Scene
-from modal.statespace.geometry import Geometry
-from modal.statespace.points import is_point, point_input, pushed
-from modal.statespace.signals import PRESCRIBED, PUSHES, READINGS, OutputGroup, Signal
+from modal.statespace.geometry import Geometry, geometry_of_rig
+from modal.statespace.model import fixed
+from modal.statespace.signals import (
+    PRESCRIBED,
+    PUSHES,
+    READINGS,
+    OutputGroup,
+    Signal,
+    by_name,
+    is_point,
+    point_input,
+    pushed,
+)
 from modal.types import Booleans, Floats
+
+DIGITS, MOST = 80, 40
+"""Digits of D_modal, and most coordinates for which they are computed."""
+SWEEPS = 40
 
 
 class Given(NamedTuple):
@@ -45,11 +61,6 @@ class Reading(NamedTuple):
     pulls: Floats | None = None
 
 
-def row_in(dissipator: Dissipator, size: int, numbers: Arithmetic) -> Any:
-    """The generalized force (size, 1) of a pair of unit forces along the row of a dissipator."""
-    return numbers.number(_dense(dissipator, size))[:, None]
-
-
 def _dense(dissipator: Dissipator, size: int) -> Floats:
     row = np.zeros(size)
     row[list(dissipator.row)] = list(dissipator.row.values())
@@ -69,31 +80,26 @@ def loss_matrix(losses: Sequence[Dissipator], size: int, numbers: Arithmetic) ->
 def inputs_named(scene: Scene, geometry: Geometry, signals: Sequence[Signal | Dissipator]) -> list[Given]:
     """What these inputs are; KeyError for an unknown name."""
     none = np.zeros(geometry.size), np.zeros(len(geometry.tips))
-    every: dict[str, Given] = {}
-    for group in (make(geometry) for make in PUSHES.values()):
-        for k, signal in enumerate(group.signals):
-            every[signal.name] = Given(group.F[:, k], group.thrust[:, k])
-    for name, (held, order) in PRESCRIBED.items():
-        every[name] = Given(*none, "cart" if held else "ground", order)
-    pushes = []
+    every, pushes = by_name(PUSHES, geometry), []
     for wanted in signals:
         if isinstance(wanted, Dissipator):
             pushes.append(Given(_dense(wanted, geometry.size), none[1]))
         elif is_point(wanted.name):
             at_point = pushed(geometry, point_input(scene, wanted.name))
             pushes.append(Given(at_point.F[:, 0], at_point.thrust[:, 0]))
+        elif wanted.name in PRESCRIBED:
+            held, order = PRESCRIBED[wanted.name]
+            pushes.append(Given(*none, "cart" if held else "ground", order))
         else:
-            pushes.append(every[wanted.name])
+            group, k = every[wanted.name]
+            pushes.append(Given(group.F[:, k], group.thrust[:, k]))
     return pushes
 
 
 def outputs_named(geometry: Geometry, signals: Sequence[Signal]) -> list[Reading]:
     """What these outputs are; KeyError for an unknown name."""
-    every: dict[str, Reading] = {}
-    for group in (make(geometry) for make in READINGS.values()):
-        for k, signal in enumerate(group.signals):
-            every[signal.name] = _reading(group, k)
-    return [every[signal.name] for signal in signals]
+    every = by_name(READINGS, geometry)
+    return [_reading(*every[signal.name]) for signal in signals]
 
 
 def _reading(group: OutputGroup, k: int) -> Reading:
@@ -150,32 +156,47 @@ def structural_response(
         if held:
             q[0] = np.array([zero + int(push.moves == "cart") for push in driven])
         carried = np.array([zero + int(push.moves == "ground") for push in driven])
-        powers = [1, numbers.imaginary(omega) if is_damped else None, -square]
-        outputs = []
-        for row in read:
-            output = 0 * q[0]
-            for order, part in enumerate(row.rows):
-                if part is not None:
-                    moved = (numbers.number(part)[:, None, None] * q).sum(0)
-                    output = output + powers[order - row.order] * moved
-            translation, order = row.moved
-            if translation:
-                output = output + powers[order - row.order] * numbers.number(translation) * carried
-            for spring in pulling if row.pulls is not None else ():
-                pull = row.pulls[spring.number] * spring.stiffness  # type: ignore[index]
-                longer = (row_in(spring, len(q), numbers)[:, None] * q).sum(0)
-                output = output + numbers.imaginary(numbers.number(pull * loss_at(spring.loss, numbers.rates)) * longer)
-            if row.pendulum is not None:
-                for i in np.flatnonzero(geometry.pendulum == row.pendulum):
-                    if geometry.drag[i]:
-                        output = output - powers[1] * numbers.number(geometry.drag[i]) * carried
-                    moved = (numbers.number(geometry.centres[i])[:, None, None] * q).sum(0)
-                    output = output + square * numbers.number(geometry.mass[i]) * (moved + carried)
-                output = output + numbers.number(np.array([push.thrust[row.pendulum] for push in driven]))[:, None]
-            outputs.append(felt(output))
-        return np.array(outputs)
+        read_off = _Answer(geometry, numbers, q, carried, is_damped=is_damped)
+        return np.array([felt(read_off.output(row, driven, pulling)) for row in read])
 
     return evaluate
+
+
+class _Answer:
+    """The coordinates q (n, m, W) for every input, and whether each displaces the ground, `carried` (m, W)."""
+
+    def __init__(self, geometry: Geometry, numbers: Arithmetic, q: Any, carried: Any, *, is_damped: bool) -> None:
+        self.geometry, self.numbers, self.q, self.carried = geometry, numbers, q, carried
+        self.powers = [1, numbers.imaginary(numbers.omega) if is_damped else None, -(numbers.omega * numbers.omega)]
+
+    def along(self, row: Floats) -> Any:
+        """A row (q,) times q, (m, W)."""
+        return (self.numbers.number(row)[:, None, None] * self.q).sum(0)
+
+    def output(self, row: Reading, driven: Sequence[Given], pulling: Sequence[Dissipator]) -> Any:
+        """An output (m, W) for every input."""
+        number, output = self.numbers.number, 0 * self.q[0]
+        for order, part in enumerate(row.rows):
+            if part is not None:
+                output = output + self.powers[order - row.order] * self.along(part)
+        translation, order = row.moved
+        if translation:
+            output = output + self.powers[order - row.order] * number(translation) * self.carried
+        for spring in pulling if row.pulls is not None else ():
+            pull = row.pulls[spring.number] * spring.stiffness  # type: ignore[index]
+            lost = number(pull * loss_at(spring.loss, self.numbers.rates)) * self.along(_dense(spring, len(self.q)))
+            output = output + self.numbers.imaginary(lost)
+        return output if row.pendulum is None else self._on_pivot(output, row.pendulum, driven)
+
+    def _on_pivot(self, output: Any, pendulum: int, driven: Sequence[Given]) -> Any:
+        """The force on a pivot besides: inertia, drag, and what pushes the pendulum."""
+        geometry, number = self.geometry, self.numbers.number
+        for i in np.flatnonzero(geometry.pendulum == pendulum):
+            if geometry.drag[i]:
+                output = output - self.powers[1] * number(geometry.drag[i]) * self.carried
+            moved = self.along(geometry.centres[i]) + self.carried
+            output = output - self.powers[2] * number(geometry.mass[i]) * moved
+        return output + number(np.array([push.thrust[pendulum] for push in driven]))[:, None]
 
 
 def _filled(rig: Rig) -> Booleans:
@@ -207,3 +228,115 @@ def solved(A: Any, F: Any, numbers: Arithmetic, filled: Booleans | None = None) 
         if len(row):
             F[k] = numbers.felt(F[k] - (row[:, None] * F[at]).sum(0))
     return F
+
+
+def whole_response(
+    scene: Scene, inputs: Sequence[Signal | Dissipator], outputs: Sequence[Signal]
+) -> tuple[Callable[[Arithmetic], Any], list[Given], list[Reading]]:
+    """The evaluation (p, m, W) of a whole scene, with what its inputs and outputs are."""
+    rig = rig_of(scene).carried
+    geometry = geometry_of_rig(rig)
+    driven, read = inputs_named(scene, geometry, inputs), outputs_named(geometry, outputs)
+    dampers: Any = None
+    if scene.has_modal_damping:
+        held = any(push.moves == "cart" for push in driven)
+        dampers = _below(in_digits(fixed(scene)), 1) if held else in_digits(scene)
+    losses = losses_of(scene) if scene.has_losses else []
+    return structural_response(geometry, rig, driven, read, dampers, losses), driven, read
+
+
+def is_small(scene: Scene) -> bool:
+    """Whether D_modal of this scene can be computed in decimals in seconds."""
+    return scene.n_links + rig_of(scene).leading <= MOST
+
+
+# ------------------------------------------------------------------------------------------------------- D_modal
+
+
+@lru_cache(maxsize=8)
+def in_digits(scene: Scene) -> Any:
+    """D_modal (n, n) in decimals."""
+    rig = rig_of(scene)
+    with localcontext(Context(prec=DIGITS)):
+        numbers = Digits(np.ones(1), DIGITS, is_real=True)
+        M, K, _ = scene_squares(rig, numbers.number).matrices
+        free = int(rig.cart is not None and rig.cart.stiffness == 0)
+        if free:
+            M, K = M[1:, 1:] - M[1:, :1] * M[:1, 1:] / M[0, 0], K[1:, 1:]
+        square, momentum = _modes(M, K)
+        least = max(square).scaleb(-DIGITS // 2)
+        swings = [k for k, value in enumerate(square) if value > (least if rig.structure else 0)]
+        omega = [square[k].sqrt() for k in swings]
+        ratios = ratio_at(rig)(np.array(omega, dtype=np.float64))
+        strength = [2 * Decimal(ratio) * value for ratio, value in zip(ratios.tolist(), omega, strict=True)]
+        C = momentum[:, swings]
+        return _below((C * np.array(strength, dtype=object)) @ C.T, free)
+
+
+def _below(D: Any, rows: int) -> Any:
+    """A square matrix with as many rows and columns of zeros before it."""
+    padded = np.full((len(D) + rows,) * 2, Decimal(0), dtype=object)
+    padded[rows:, rows:] = D
+    return padded
+
+
+def _modes(M: Any, K: Any) -> tuple[list[Decimal], Any]:
+    """ω² of every mode with a mass and Mφ (n, R), φᵀMφ = 1; of a singular M from the factors of K."""
+    L = _cholesky(M)
+    if L is not None:
+        square, V = _jacobi(_in_factors(L, K))
+        return square, L @ V
+    L = _cholesky(K)
+    assert L is not None
+    inverse, V = _jacobi(_in_factors(L, M))
+    kept = [k for k, value in enumerate(inverse) if value > max(inverse).scaleb(-DIGITS // 2)]
+    roots = np.array([inverse[k].sqrt() for k in kept], dtype=object)
+    return [1 / inverse[k] for k in kept], (L @ V[:, kept]) * roots
+
+
+def _cholesky(S: Any) -> Any:
+    """L with LLᵀ = S; None where S is singular to half the digits."""
+    L = np.array(S)
+    for k in range(len(L)):
+        L[k, k + 1 :] = Decimal(0)
+        square = L[k, k] - (L[k, :k] * L[k, :k]).sum()
+        if square <= abs(S[k, k]).scaleb(-DIGITS // 2):
+            return None
+        L[k, k] = square.sqrt()
+        L[k + 1 :, k] = (L[k + 1 :, k] - (L[k + 1 :, :k] * L[k, :k]).sum(1)) / L[k, k]
+    return L
+
+
+def _in_factors(L: Any, S: Any) -> Any:
+    """L⁻¹ S L⁻ᵀ."""
+    return _forward(L, _forward(L, S).T)
+
+
+def _forward(L: Any, S: Any) -> Any:
+    solution = np.array(S)
+    for k in range(len(L)):
+        solution[k] = (solution[k] - (L[k, :k, None] * solution[:k]).sum(0)) / L[k, k]
+    return solution
+
+
+def _jacobi(S: Any) -> tuple[list[Decimal], Any]:
+    """Eigenvalues and eigenvectors of a symmetric S."""
+    S, size = (S + S.T) / 2, len(S)
+    V: Any = np.frompyfunc(Decimal, 1, 1)(np.eye(size))
+    for _ in range(SWEEPS):
+        turned = False
+        for i in range(size):
+            for j in range(i + 1, size):
+                if abs(S[i, j]) <= (abs(S[i, i] * S[j, j])).sqrt().scaleb(3 - DIGITS):
+                    continue
+                turned = True
+                tau = (S[j, j] - S[i, i]) / (2 * S[i, j])
+                t = (1 if tau >= 0 else -1) / (abs(tau) + (1 + tau * tau).sqrt())
+                c = 1 / (1 + t * t).sqrt()
+                s = c * t
+                S[i], S[j] = c * S[i] - s * S[j], s * S[i] + c * S[j]
+                S[:, i], S[:, j] = c * S[:, i] - s * S[:, j], s * S[:, i] + c * S[:, j]
+                V[:, i], V[:, j] = c * V[:, i] - s * V[:, j], s * V[:, i] + c * V[:, j]
+        if not turned:
+            break
+    return [S[k, k] for k in range(size)], V

@@ -9,7 +9,7 @@ zeros are the finite eigenvalues λ of the pencil
     [ c  d ]  − λ  [ 0  0 ]
 
 of the terms that are left (Emami-Naeini & Van Dooren, Automatica 18, 415 (1982)), made exact by Newton's method on G(s)
-by elimination (`modal.statespace.frequency`).  There are as many as there are poles, less the relative degree; that and
+by elimination (`modal.statespace.response`).  There are as many as there are poles, less the relative degree; that and
 the number of zeros at s = 0 are the powers of s that G follows far above and far below all poles, and g is the value of
 G Π (s − p_k)/Π (s − z_i) between them.
 """
@@ -24,9 +24,8 @@ from numpy.typing import ArrayLike
 
 from modal.errors import ComputationError
 from modal.report import Displayed, Summary, brief, counted
-from modal.statespace.frequency import ExactResponse
 from modal.statespace.modal_form import ModalForm, block_diagonal
-from modal.statespace.response import terms
+from modal.statespace.response import ExactResponse, terms
 from modal.statespace.signals import Signal
 from modal.types import Complexes, Floats
 

@@ -6,7 +6,7 @@ of a structure, is what moves the coordinate so far along the shape φ in which 
     F = m x'' + c x' + k x,     m = φᵀMφ,  c = φᵀDφ,  k = φᵀKφ,
 
 so that the force on a free cart is that on all masses, and on a ship at its moorings ends in their pull at d.  A shaped
-command is Σ A_i u(t − t_i).  Between its corners a command is a quintic polynomial (`modal.statespace.varying`).
+command is Σ A_i u(t − t_i).  Between its corners a command is a quintic polynomial (`modal.statespace.hoisting`).
 """
 
 from __future__ import annotations
@@ -23,9 +23,8 @@ from modal.errors import SceneError
 from modal.report import Displayed, Summary, deferred, tabulated
 from modal.scene import Scene, refusals
 from modal.scene.doors import checked, checked_number
-from modal.statespace.hoisting import Travel, is_held, largest_swing
+from modal.statespace.hoisting import Travel, is_held, largest_swing, motion_history
 from modal.statespace.shapers import UNSHAPED, Drive, Shaper, Train, drives_of, swings_of
-from modal.statespace.varying import motion_history
 from modal.structure import structure_of
 from modal.types import Floats
 

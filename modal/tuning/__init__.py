@@ -5,18 +5,16 @@ scene of the best numbers, what each is worth, Den Hartog's values beside them, 
 
     min over p of max over k |H(iω_k; p)|,      dH = −yᵀ dZ x
 
-Start with `search`; `quantities` names what is tuned, `model` has responses with exact derivatives, `peaks` all peaks,
-`minimax` the descent and Newton's method on equal peaks, `worth` what numbers are worth.
+Start with `search`; `quantities` names what is tuned, `model` has responses with exact derivatives and all peaks,
+`minimax` the descent and Newton's method on equal peaks, `objective` what is minimized and what numbers are worth.
 """
 
 from modal.tuning.closed_forms import Absorber, absorbers, den_hartog, exact_optimum
-from modal.tuning.loads import Load
-from modal.tuning.objective import Aim
+from modal.tuning.objective import Aim, Load, MassCase, Worth
 from modal.tuning.quantities import FreeNumber, Limit, Quantity, parse_limit, parse_quantity
 from modal.tuning.report import tuned_json, tuned_record, tuned_text
 from modal.tuning.result import Curves, Rule, Tuned, Valley
 from modal.tuning.search import tune
-from modal.tuning.worth import MassCase, Worth
 
 __all__ = [
     "Absorber",

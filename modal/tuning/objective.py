@@ -1,21 +1,42 @@
-"""What is minimized: quantities with weights and limits, in the logarithms of free numbers, over several cases."""
+"""What is minimized: quantities with weights and limits, in the logarithms of free numbers, over several cases.
+
+What the best numbers are worth follows from it: how far each may be off, the worst that masses ±5 % make of them, and
+what the tuned dampers have to bear, their stroke and their torque or force, of the peak or the RMS that is tuned.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
+import scipy
 
-from modal.report import Displayed, Summary
+from modal.errors import SceneError
+from modal.report import Displayed, Summary, listed
 from modal.scene import Scene
-from modal.scene.parameters import Place
+from modal.scene.parameters import Place, with_numbers
+from modal.statespace.geometry import geometry_of
 from modal.tuning.minimax import APART, HELPING, Evaluation, Faces
 from modal.tuning.pieces import Pieces, Quantities, Setting
 from modal.tuning.quantities import FreeNumber, Limit, Quantity
 from modal.types import Floats
 
 Factors = Mapping[Place, float]
+
+
+SHARE = 0.05
+"""By which masses may be off."""
+CORNERS = 4
+"""Masses of which all corners are tried; of more the worst corner is climbed to."""
+CLIMBS = 4
+STEP, FURTHEST = 0.01, 3.0
+"""First and last distances, in logarithms, at which the objective is looked at."""
+FEW = 4
+"""Masses that are named."""
+OFF = 0.01
+"""Of the objective, by which it may be worse."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -146,3 +167,248 @@ def _joined(parts: Sequence[Faces]) -> Faces:
         np.concatenate([part.gradients for part in parts]),
         np.concatenate([part.at for part in parts]),
     )
+
+
+@dataclass(frozen=True)
+class Worth(Displayed):
+    """What a number is worth: the objective's relative change where it is 1 % larger, or smaller, and its range.
+
+    Within `low` and `high`, in the number's unit, the objective is at most 1 % worse; infinite or 0 where it always is.
+    """
+
+    path: str
+    larger: float
+    smaller: float
+    low: float
+    high: float
+
+
+def worths(objective: Objective, z: Floats) -> tuple[Worth, ...]:
+    """What every number is worth."""
+    best = objective.value(z)
+    answers = []
+    for k, entry in enumerate(objective.free):
+        loss = _loss(objective, z, k, best)
+        low, high = (_edge(loss, way) for way in (-1.0, 1.0))
+        number = float(np.exp(z[k]))
+        answers.append(
+            Worth(
+                entry.path,
+                loss(np.log1p(0.01)),
+                loss(np.log1p(-0.01)),
+                number * float(np.exp(low)) if np.isfinite(low) else 0.0,
+                number * float(np.exp(high)) if np.isfinite(high) else np.inf,
+            )
+        )
+    return tuple(answers)
+
+
+def _loss(objective: Objective, z: Floats, k: int, best: float) -> Callable[[float], float]:
+    """By what part the objective is worse where a number is changed by a logarithm."""
+
+    def loss(change: float) -> float:
+        aside = z.copy()
+        aside[k] += change
+        try:
+            worse = float(objective.direction * (objective.value(aside) - best))
+        except SceneError:
+            return np.inf
+        return worse / abs(best) if best else np.inf * worse if worse else 0.0
+
+    return loss
+
+
+def _edge(loss: Callable[[float], float], way: float) -> float:
+    """The change at which the objective is 1 % worse, infinite where it never is."""
+    inner, outer = 0.0, STEP
+    while loss(way * outer) < OFF:
+        inner, outer = outer, 2 * outer
+        if outer > FURTHEST:
+            return way * np.inf
+    while not np.isfinite(loss(way * outer)):
+        outer = (inner + outer) / 2
+        if outer - inner < 1e-6:
+            return way * outer
+    if loss(way * outer) < OFF:
+        return way * outer
+    root = scipy.optimize.brentq(lambda at: loss(way * at) - OFF, inner, outer, xtol=1e-6, rtol=1e-6)
+    return way * float(root)
+
+
+@dataclass(frozen=True)
+class MassCase(Displayed):
+    """Masses times `factors` by their places, with the objective's `value` and its `cost` there."""
+
+    factors: Factors
+    value: float
+    cost: float
+
+    @property
+    def words(self) -> str:
+        """Which masses are heavier and which lighter."""
+        heavier = [with_numbers(place) for place, factor in self.factors.items() if factor > 1]
+        lighter = [with_numbers(place) for place, factor in self.factors.items() if factor < 1]
+        if not heavier or not lighter:
+            return "all heavier" if heavier else "all lighter"
+        few, way, other = min(
+            (heavier, "heavier", "lighter"), (lighter, "lighter", "heavier"), key=lambda pair: len(pair[0])
+        )
+        return f"{way}: {listed(few[:FEW], len(few))}; all others {other}"
+
+
+def worst_case(objective: Objective, z: Floats) -> MassCase:
+    """The worst that masses ±5 %, each for itself, make of the objective."""
+    nominal = MassCase({}, objective.value(z), _cost(objective, z, {}))
+    return max((nominal, *worst_cases(objective, z)), key=lambda case: case.cost)
+
+
+def worst_cases(objective: Objective, z: Floats) -> list[MassCase]:
+    """Corners of the box of masses ±5 % in which one piece of the objective or another is worst."""
+    places = _free_masses(objective, z)
+    corners: list[Factors]
+    if len(places) <= CORNERS:
+        signs = product((1 - SHARE, 1 + SHARE), repeat=len(places))
+        corners = [dict(zip(places, corner, strict=True)) for corner in signs]
+    else:
+        corners = list(_climbed(objective, z, places))
+    cases: list[MassCase] = []
+    for factors in corners:
+        if factors and all(case.factors != factors for case in cases):
+            cases.append(MassCase(factors, objective.value(z, factors), _cost(objective, z, factors)))
+    return cases
+
+
+def _free_masses(objective: Objective, z: Floats) -> list[Place]:
+    """The places of masses that may change without moving the equilibrium."""
+    from modal.tuning.pieces import masses_of
+
+    places = []
+    for place in masses_of(objective.quantities.scene):
+        try:
+            objective.scene_at(z, {place: 1 + SHARE})
+            objective.scene_at(z, {place: 1 - SHARE})
+        except SceneError:
+            continue
+        places.append(place)
+    return places
+
+
+def _climbed(objective: Objective, z: Floats, places: list[Place]) -> Iterator[Factors]:
+    """From the masses as they are along every piece, and from there on along the worst one."""
+    first = _signs(objective, z, places, {})
+    for signs in first:
+        factors = _corner(places, signs)
+        for _ in range(CLIMBS):
+            better = _signs(objective, z, places, factors, worst=True)
+            after = _corner(places, better[0]) if better else factors
+            if after == factors or _cost(objective, z, after) <= _cost(objective, z, factors):
+                break
+            factors = after
+        yield factors
+
+
+def _corner(places: list[Place], signs: Floats) -> Factors:
+    return {place: 1 + SHARE * float(np.sign(sign) or 1.0) for place, sign in zip(places, signs, strict=True)}
+
+
+def _signs(
+    objective: Objective, z: Floats, places: list[Place], factors: Factors, *, worst: bool = False
+) -> list[Floats]:
+    """The direction in which each piece of a cost grows, by the masses; of the worst piece alone where asked."""
+    pieces = objective.quantities.at(objective.numbers(z), factors, by=places)
+    signs: list[Floats] = []
+    for aim, piece in zip(objective.aims, pieces, strict=False):
+        if not len(piece.values):
+            continue
+        costs = aim.sign * piece.values
+        order = np.argsort(-costs, kind="stable")
+        near = [k for k in order.tolist() if costs[k] >= costs[order[0]] - 0.5 * abs(costs[order[0]])]
+        signs += [np.sign(aim.sign * piece.gradients[k]) for k in (near[:1] if worst else near[:6])]
+    unique: list[Floats] = []
+    for one_sign in signs:
+        if all(np.any(one_sign != other) for other in unique):
+            unique.append(one_sign)
+    return unique
+
+
+def _cost(objective: Objective, z: Floats, factors: Factors) -> float:
+    cases = objective.cases
+    try:
+        objective.cases = (factors,)
+        return objective.evaluate(z, False).cost
+    finally:
+        objective.cases = cases
+
+
+@dataclass(frozen=True)
+class Load(Displayed):
+    """The `stroke` of a damper in `unit` (rad or m) and its `effort` in N m or N, per unit of an input or as RMS.
+
+    `at_hz` and `effort_at_hz` are where they are largest, 0 for an RMS.
+    """
+
+    path: str
+    per: str
+    stroke: float
+    unit: str
+    at_hz: float
+    effort: float
+    effort_unit: str
+    effort_at_hz: float
+
+
+def loads(objective: Objective, scene: Scene) -> tuple[Load, ...]:
+    """Those of the dampers of a scene that belong to links and springs with a free number."""
+    aim = next((aim.quantity for aim in objective.aims if aim.quantity.kind in {"peak", "rms"}), None)
+    if aim is None:
+        return ()
+    felt_loads = []
+    for place, output, damping, unit in _dampers(objective, scene):
+        rate = output.replace("rel_", "rel_dot_", 1)
+        quantity = Quantity(aim.kind, output, aim.input)
+        outputs = [quantity, Quantity(aim.kind, rate, aim.input)] if unit == "rad" else [quantity]
+        felt = Quantities(scene, (), outputs, objective.quantities.setting)
+        pieces = felt.at(np.zeros(0))
+        if not all(len(aim.values) for aim in pieces):
+            continue
+        stroke, at = _largest(pieces[0].values, pieces[0])
+        if unit == "rad":
+            effort, effort_at = _largest(damping * pieces[1].values, pieces[1])
+        else:
+            effort, effort_at = _largest(damping * pieces[0].values * pieces[0].at, pieces[0])
+        per = felt.form.signals[0][1].unit if aim.kind == "peak" else ""
+        felt_loads.append(
+            Load(with_numbers(place), per, stroke, unit, at, effort, "N m" if unit == "rad" else "N", effort_at)
+        )
+    return tuple(felt_loads)
+
+
+def _largest(values: Floats, pieces: Pieces) -> tuple[float, float]:
+    """The largest of the values with its frequency (Hz)."""
+    best = int(values.argmax())
+    return float(values[best]), pieces.hertz(best)
+
+
+def _dampers(objective: Objective, scene: Scene) -> list[tuple[Place, str, float, str]]:
+    """Places of dampers with what they feel, their constants and the unit of their stroke."""
+    dampers: list[tuple[Place, str, float, str]] = []
+    geometry = geometry_of(scene)
+    before = np.concatenate(([0], np.cumsum([entry.count for entry in scene.pendulum])))
+    for place in dict.fromkeys(_owner(entry.place) for entry in objective.free):
+        if place[0] == "pendulum" and len(place) == 4:
+            p, i = int(place[1]), int(place[3])
+            link = scene.pendulum[p].links[i]
+            number = sum(entry.count for entry in scene.pendulum[p].links[:i]) + 1
+            if link.damping:
+                dampers.append(((*place, "damping"), f"rel_{before[p] + 1}_{number}", link.damping, "rad"))
+        if place[0] == "spring":
+            spring = scene.spring[int(place[1])]
+            label = str(int(place[1]) + 1)
+            labels = [row.label for row in geometry.springs]
+            if spring.damping and label in labels and spring.kind == "linear":
+                dampers.append(((*place, "damping"), f"spring_extension_{label}", spring.damping, "m"))
+    return dampers
+
+
+def _owner(place: Place) -> Place:
+    return place[:4] if place[0] == "pendulum" else place[:2]

@@ -27,12 +27,11 @@ from modal.scene.records import Spectrum
 from modal.statespace.hoisting import Travel, travel_swing
 from modal.statespace.shapers import Kind
 from modal.tuning.interpolation import Interpolated, interpolated
-from modal.tuning.model import MOST_COORDINATES, Arrays, Channel, Model, TunedNumbers, reduced
-from modal.tuning.peaks import UNDAMPED, find_peaks
+from modal.tuning.model import MOST_COORDINATES, UNDAMPED, Arrays, Channel, Model, TunedNumbers, find_peaks, reduced
 from modal.tuning.quantities import FreeNumber, Quantity
 from modal.types import Booleans, Floats
+from modal.vibration.prescribed import acceleration_psd, psd_at
 from modal.vibration.random import nodes
-from modal.vibration.spectra import acceleration_psd, psd_at
 
 FIFTY = log(50.0)
 STEP = 2e-3

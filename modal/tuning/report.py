@@ -11,10 +11,8 @@ import numpy as np
 from modal.report import as_json, finite, grid, percent, titled
 from modal.scene import title_of
 from modal.scene.parameters import with_numbers
-from modal.tuning.loads import Load
-from modal.tuning.objective import extreme
+from modal.tuning.objective import SHARE, Load, extreme
 from modal.tuning.result import Rule, Tuned
-from modal.tuning.worth import SHARE
 
 EQUAL, ALIKE = 1e-6, 1e-3
 SHOWN = 6

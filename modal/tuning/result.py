@@ -12,12 +12,10 @@ import numpy as np
 from modal.report import Displayed, Summary, counted, deferred
 from modal.scene import Scene
 from modal.tuning.closed_forms import Absorber, absorbers, values_for
-from modal.tuning.loads import Load, loads
-from modal.tuning.objective import Objective
-from modal.tuning.peaks import find_peaks
+from modal.tuning.model import find_peaks
+from modal.tuning.objective import Load, MassCase, Objective, Worth, loads, worst_case, worths
 from modal.tuning.pieces import Pieces, Quantities
 from modal.tuning.quantities import Quantity
-from modal.tuning.worth import MassCase, Worth, worst_case, worths
 from modal.types import Floats
 
 if TYPE_CHECKING:

@@ -17,12 +17,11 @@ from modal.scene.records import Spectrum, read_spectrum
 from modal.statespace.shapers import Kind
 from modal.tuning.closed_forms import beside, den_hartog, single_links, values_for
 from modal.tuning.minimax import ALLOWED, Minimum, descend
-from modal.tuning.objective import Aim, Objective
-from modal.tuning.peaks import UNDAMPED
+from modal.tuning.model import UNDAMPED
+from modal.tuning.objective import Aim, Objective, worst_cases
 from modal.tuning.pieces import Setting
 from modal.tuning.quantities import SOURCE, FreeNumber, Quantity, find_free, key_of, parse_limit, parse_quantity
 from modal.tuning.result import Tuned, Valley
-from modal.tuning.worth import worst_cases
 from modal.types import Floats
 
 TRIED, KEPT = 12, 3

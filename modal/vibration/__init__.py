@@ -5,29 +5,18 @@ temperature.  Out: the motion as functions of time; PSD and RMS of every output 
 their combination by SRSS and CQC; thermal noise with its budget; Floquet multipliers under vertical motion, and the
 boundaries of growth.
 
-Start with `prescribed`; `random`, `thermal`, `shock`, `parametric` and `boundaries` (of growth) each answer one
-question.
+Start with `prescribed`; `random`, `thermal`, `shock`, `hill` (growth under vertical motion) and `boundaries` (of that)
+each answer one question.
 """
 
 from modal.vibration.boundaries import Boundary, Tongues, tongues
-from modal.vibration.combination import correlation, cqc, srss
-from modal.vibration.hill import vertical_sine
-from modal.vibration.oscillators import response_spectrum
-from modal.vibration.parametric import KINDS, ParametricStability, parametric_stability, stabilities
-from modal.vibration.prescribed import (
-    Course,
-    Polynomials,
-    PrescribedMotion,
-    RandomProcess,
-    Record,
-    SweptSine,
-    prescribed_motion,
-)
+from modal.vibration.courses import Course, Polynomials, PrescribedMotion, SweptSine
+from modal.vibration.hill import KINDS, ParametricStability, parametric_stability, stabilities, vertical_sine
+from modal.vibration.prescribed import RandomProcess, Record, prescribed_motion
 from modal.vibration.random import RandomResponse, random_response
-from modal.vibration.report import random_report, shock_report
-from modal.vibration.shock import ShockResponse, shock_response
+from modal.vibration.report import random_report, shock_report, thermal_frequencies, thermal_report
+from modal.vibration.shock import ShockResponse, correlation, cqc, response_spectrum, shock_response, srss
 from modal.vibration.thermal import BOLTZMANN, ThermalNoise, thermal_noise
-from modal.vibration.thermal_report import thermal_frequencies, thermal_report
 
 __all__ = [
     "BOLTZMANN",

@@ -4,7 +4,7 @@ With H the response of an output to the support's acceleration and S the one-sid
 
     S_y(f) = |H(2πi f)|² S(f)        RMS² = ∫ S_y df        RMS² of a mode alone = ∫ |H_r|² S df
 
-H comes from elimination (`modal.statespace.frequency`), since the sum over its modes H_r cancels far from them, and the
+H comes from elimination (`modal.statespace.response`), since the sum over its modes H_r cancels far from them, and the
 integrals are taken by Gauss's rule on intervals that shrink towards every resonance, to nearly full precision however
 sharp it is.  For white noise about a lightly damped
 mode with H_r = (N1 s + N0)/(s² + 2ζω s + ω²) they are Miles' equation (J. Aeronaut. Sci. 21, 753 (1954)),
@@ -27,19 +27,18 @@ import numpy as np
 
 from modal.assembly import scene_squares
 from modal.errors import ComputationError, SceneError
-from modal.modes import mode_losses, natural_modes
+from modal.modes import Modes, mode_losses, natural_modes
+from modal.report import Displayed
 from modal.scene import Scene, require
 from modal.scene.doors import checked
 from modal.scene.records import Spectrum
 from modal.statespace import ModalForm, frequency_response, state_space, to_modal_form
 from modal.statespace.gains import without_noise
 from modal.statespace.geometry import geometry_of
-from modal.statespace.points import EXAMPLES, is_point, push_of
 from modal.statespace.response import Term, terms
-from modal.statespace.signals import Signal, own_inputs
+from modal.statespace.signals import EXAMPLES, Signal, is_point, own_inputs, push_of
 from modal.types import Booleans, Complexes, Floats
-from modal.vibration.response import ModalResponse
-from modal.vibration.spectra import acceleration_psd, psd_at
+from modal.vibration.prescribed import acceleration_psd, psd_at
 
 USUAL = ("angles", "tip_accelerations")
 INPUT = "support_acceleration"
@@ -55,6 +54,23 @@ MOST = 5e6
 """Most modes, squared, times outputs."""
 DIVERGES = "undamped and within reach of the noise: the RMS grows without bound"
 DRIFTS = "grows without bound: the PSD reaches down to 0 Hz, where this output drifts without limit"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ModalResponse(Displayed):
+    """The response of p outputs, as a sum over the modes of `form`."""
+
+    form: ModalForm
+
+    @property
+    def modes(self) -> Modes:
+        """The modes of the scene."""
+        return self.form.modes
+
+    @property
+    def outputs(self) -> tuple[Signal, ...]:
+        """The outputs."""
+        return self.form.model.outputs
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -261,7 +277,7 @@ def random_response(
     """The response of a scene to a PSD of its support's motion along the rail, at small angles.
 
     `outputs` are groups of `modal.statespace.signals.OUTPUTS`.  Another `source` is "cart_force", on a structure the
-    force on a coordinate, or an input at a point, as "force[0]" (`modal.statespace.points`), of which the PSD is in
+    force on a coordinate, or an input at a point, as "force[0]" (`modal.statespace.signals`), of which the PSD is in
     N²/Hz or (N m)²/Hz.  Raises
     ComputationError where a mode grows by itself, since nothing is then stationary, and the errors of `state_space` and
     `to_modal_form`.

@@ -6,7 +6,7 @@ PSD 4 k_B T c_j (the fluctuation-dissipation theorem: Callen & Welton, Phys. Rev
     S_y(f) = 4 k_B T Σ_j c_j(ω) |H_yj(ω)|²,        = 4 k_B T |Im H_xF|/ω   of a displacement x,
 
 which by reciprocity is a sum of (Im k_j) |Δ_j|² over the elongations Δ_j for a force on x: positive terms, where
-Im H_xF would cancel for small losses.  H comes from elimination (`modal.statespace.frequency`), to 13 digits at any
+Im H_xF would cancel for small losses.  H comes from elimination (`modal.statespace.response`), to 13 digits at any
 frequency.
 For dampers alone ∫ S_x df = k_B T (K⁻¹)_xx; with a constant loss angle the integral grows without bound towards 0 Hz.
 """
@@ -26,11 +26,10 @@ from modal.modes import natural_modes
 from modal.scene import Scene, require
 from modal.scene.doors import checked
 from modal.statespace import state_space, to_modal_form
-from modal.statespace.frequency import ExactResponse
-from modal.statespace.full_damping import MOST, is_small
+from modal.statespace.response import ExactResponse
+from modal.statespace.structural import MOST, is_small
 from modal.types import Complexes, Floats
-from modal.vibration.random import PRECISE, nodes, poles_of
-from modal.vibration.response import ModalResponse
+from modal.vibration.random import PRECISE, ModalResponse, nodes, poles_of
 
 BOLTZMANN = 1.380649e-23
 """k_B in J/K, exact in the SI."""

@@ -45,7 +45,7 @@ from multipendula.parser import Page
 
 if TYPE_CHECKING:
     from modal.scene import Scene
-    from modal.statespace.varying import VaryingModel
+    from modal.statespace.sampling import VaryingModel
 
 
 def export(options: argparse.Namespace) -> None:
@@ -76,7 +76,7 @@ def export(options: argparse.Namespace) -> None:
 def _varying(scene: Scene, options: argparse.Namespace) -> VaryingModel:
     """The model along a hoist."""
     from modal.errors import SceneError
-    from modal.statespace.varying import varying_model
+    from modal.statespace.sampling import varying_model
 
     asked = [name for name in ("discrete", "minimal", "dominant") if getattr(options, name)]
     if asked:

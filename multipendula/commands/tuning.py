@@ -101,7 +101,7 @@ def _swing(best: Tuned, degrees: float) -> FiniteSwing:
     from math import radians, tau
 
     from modal.errors import SceneError
-    from modal.statespace.points import is_point, point_input
+    from modal.statespace.signals import is_point, point_input
     from nonlinear.orbits import finite_swing
 
     quantity = best.objective.aims[0].quantity

@@ -26,7 +26,7 @@ import numpy as np
 
 from modal.scene.hoist import LengthLaw
 from modal.types import Floats
-from modal.vibration.prescribed import Course, Polynomials
+from modal.vibration.courses import Course, Polynomials
 from nonlinear.dynamics.contacts import Gripping
 from nonlinear.system import AppliedForces, Group, Layout, Load, System
 

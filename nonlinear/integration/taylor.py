@@ -22,7 +22,7 @@ import numpy as np
 
 from modal.errors import ComputationError, MissingExtraError
 from modal.types import Floats
-from modal.vibration.prescribed import Polynomials
+from modal.vibration.courses import Polynomials
 from nonlinear.dynamics import Arranged, Generated, Module, module_of, undisturbed
 from nonlinear.dynamics.forms import Form
 from nonlinear.dynamics.inputs import at_time

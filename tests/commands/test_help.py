@@ -198,8 +198,7 @@ print(*sys.modules)"""
 
 def test_the_words_are_those_of_the_packages() -> None:
     from modal.exports import FORMATS
-    from modal.statespace.points import WAYS
-    from modal.statespace.signals import INPUTS, OF_SPRINGS, OF_STRUCTURES, OUTPUTS, PUSHES
+    from modal.statespace.signals import INPUTS, OF_SPRINGS, OF_STRUCTURES, OUTPUTS, PUSHES, WAYS
     from modal.symbolic.derivation import ASKED_FOR, SECTIONS
     from modal.symbolic.system import SYMBOLIC
     from nonlinear.integration import FORMS

@@ -23,7 +23,7 @@ from modal.modes import natural_modes
 from modal.modes.sensitivity import sensitivities
 from modal.scene.parameters import parse_variations
 from modal.statespace import modal_gains, state_space, to_modal_form
-from modal.statespace.balancing import balance
+from modal.statespace.reduction import balance
 from modal.statespace.sampling import sample
 from modal.statespace.shapers import shaper_for
 from modal.statespace.transfer import transfer_functions

@@ -14,7 +14,7 @@ from modal import Bob, Body, Cart, Fixed, Pendulum, Rod, Scene, dump, natural_mo
 from modal.scene import Spring
 from modal.scene.records import Spectrum
 from modal.statespace import ModalForm, frequency_response, state_space, to_modal_form
-from modal.statespace.frequency import ExactResponse
+from modal.statespace.response import ExactResponse
 from modal.statespace.transfer import transfer_functions
 from modal.vibration import random_response
 from multipendula.cli import main

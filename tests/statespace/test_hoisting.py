@@ -5,6 +5,7 @@ from io import BytesIO
 import hoists
 import numpy as np
 import pytest
+from control_scenes import model_at
 from scipy.integrate import solve_ivp
 from scipy.io import loadmat
 from scipy.special import jv, yv
@@ -23,7 +24,7 @@ from modal.statespace.hoisting import (
     shaper_residual,
     travel_residuals,
 )
-from modal.statespace.varying import hoisting_times, model_at, varying_model
+from modal.statespace.sampling import hoisting_times, varying_model
 from nonlinear.simulation import simulate
 from nonlinear.system import AppliedForces, State
 

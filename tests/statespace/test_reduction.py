@@ -12,8 +12,7 @@ from control_scenes import DRIVES, SCENES, at, crane, hanging, mixed, of_control
 
 from modal import Bob, Cart, ComputationError, Pendulum, Rod, Scene, SceneError, load, natural_modes
 from modal.statespace import StateSpace, minimal, state_space, truncate
-from modal.statespace.balancing import balance
-from modal.statespace.reduction import fold_equals
+from modal.statespace.reduction import balance, fold_equals
 
 OMEGA = np.array([0.05, 0.31, 0.9, 1.7, 3.3, 8.0, 25.0])
 

@@ -15,8 +15,10 @@ from modal.exports import FORMATS
 from modal.exports.data import read_json
 from modal.scene import Ground, Pendulum, SineForce, SineMotion, scene_from
 from modal.statespace import StateSpace, state_space
-from modal.statespace.frequency import ExactResponse
+from modal.statespace.geometry import geometry_of
+from modal.statespace.response import ExactResponse
 from modal.statespace.sampling import sample
+from modal.statespace.signals import own_signals
 
 OMEGA = np.array([0.3, 1.1, 2.7, 8.0, 30.0])
 EVERY = (
@@ -371,3 +373,10 @@ def test_every_format_has_the_names_of_a_structure() -> None:
     back = read_json(FORMATS["json"].write(model))
     assert np.array_equal(back.A, model.A)
     assert back.outputs == model.outputs
+
+
+def test_the_states_of_coordinates_bear_names_of_their_own() -> None:
+    states = {signal.name for signal in state_space(TOWER, ("support_displacement",)).states}
+    assert states & own_signals(geometry_of(TOWER)) == {
+        *("lower_m_free", "upper_m_free", "lower_dot_free_m_per_s", "upper_dot_free_m_per_s"),
+    }

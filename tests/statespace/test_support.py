@@ -5,13 +5,13 @@ from __future__ import annotations
 import mpmath as mp
 import numpy as np
 import pytest
+from control_scenes import model_at
 from scenes import mild_scene
 
 from modal import Bob, Body, Cart, Fixed, Pendulum, Rod, Scene, SceneError, Spring, load, matrices, natural_modes
 from modal.scene import ConstantForce, Hoist, Moved, SineMotion
 from modal.statespace import StateSpace, frequency_response, modal_gains, state_space, to_modal_form
 from modal.statespace.response import terms
-from modal.statespace.varying import model_at
 from nonlinear import State, simulate
 
 MOVES = ("support_displacement", "support_velocity", "support_acceleration")

@@ -17,13 +17,12 @@ from modal.plotting import tuning_figure
 from modal.scene import scene_from
 from modal.scene.parameters import with_numbers
 from modal.scene.records import Spectrum
-from modal.statespace.frequency import ExactResponse
 from modal.statespace.hoisting import Travel, travel_swing
+from modal.statespace.response import ExactResponse
 from modal.tuning import Tuned, den_hartog, exact_optimum, tune, tuned_record, tuned_text
 from modal.tuning.interpolation import interpolated
 from modal.tuning.minimax import Evaluation, Faces, descend
-from modal.tuning.model import Channel, TunedNumbers, reduced
-from modal.tuning.peaks import find_peaks
+from modal.tuning.model import Channel, TunedNumbers, find_peaks, reduced
 from modal.vibration import random_response
 from multipendula import cli
 

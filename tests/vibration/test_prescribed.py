@@ -11,8 +11,7 @@ from scipy.integrate import cumulative_simpson
 from modal import SceneError
 from modal.scene import RandomMotion, RecordMotion, SineMotion, SupportMotion, SweepMotion
 from modal.vibration import Record, prescribed_motion
-from modal.vibration.prescribed import band
-from modal.vibration.spectra import psd_at
+from modal.vibration.prescribed import band, psd_at
 
 TIMES = np.linspace(0.0, 4.0, 81)
 WAVE = np.sin(2.1 * TIMES) + 0.3 * np.cos(4.7 * TIMES)

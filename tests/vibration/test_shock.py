@@ -16,7 +16,7 @@ from modal import Bob, Cart, Fixed, Pendulum, Rod, Scene
 from modal.scene import RecordMotion
 from modal.statespace import state_space
 from modal.vibration import Record, correlation, cqc, prescribed_motion, response_spectrum, shock_response, srss
-from modal.vibration.oscillators import phi
+from modal.vibration.shock import phi
 
 TIMES = np.arange(120) * 0.05
 PUSH = RecordMotion(

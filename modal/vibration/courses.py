@@ -1,0 +1,264 @@
+"""Functions of time: what a support's motion or a force is, with two derivatives, and those of closed form."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from bisect import bisect_right
+from collections.abc import Callable, Mapping, Sequence
+from copy import copy
+from math import cos, inf, radians, sin, tau
+from types import MappingProxyType
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from modal.scene import (
+    ConstantForce,
+    SineForce,
+    SineMotion,
+    SweepForce,
+    SweepMotion,
+)
+from modal.types import Floats
+
+
+class Polynomials(NamedTuple):
+    """A function of time t: Σ c_k (t − t_i)^k in K pieces, of which each ends at one of the `knots` (K − 1,) in s.
+
+    The t_i are the `origins` (K,), c the `coefficients` (K, d); it repeats after the `period` (s), inf where it does
+    not.
+    """
+
+    knots: Floats
+    origins: Floats
+    coefficients: Floats
+    period: float = inf
+
+    def beside(self, times: Floats) -> Floats:
+        """The function at times of any shape (s), where it does not repeat."""
+        piece = np.searchsorted(self.knots, times, side="right")
+        s, value = times - self.origins[piece], np.zeros(np.shape(times))
+        for coefficient in self.coefficients.T[::-1]:
+            value = value * s + coefficient[piece]
+        return value
+
+    @property
+    def in_floats(self) -> Callable[[float], float]:
+        """The function at one time (s) in plain floats, where it does not repeat."""
+        knots, origins, falling = self.knots.tolist(), self.origins.tolist(), self.coefficients[:, ::-1].tolist()
+
+        def at(time: float) -> float:
+            piece = bisect_right(knots, time)
+            s, value = time - origins[piece], 0.0
+            for coefficient in falling[piece]:
+                value = value * s + coefficient
+            return value
+
+        return at
+
+    @property
+    def kinks(self) -> Floats:
+        """How far the polynomials on both sides of each knot are apart half a piece away from it, at most, (K − 1,)."""
+        before, after = self.coefficients[:-1], self.coefficients[1:].copy()
+        moved, s = before.copy(), (self.knots - self.origins[:-1])[:, None]
+        for lowest in range(moved.shape[1] - 1):
+            for k in reversed(range(lowest, moved.shape[1] - 1)):
+                moved[:, k] += s[:, 0] * moved[:, k + 1]
+        wide = np.diff(self.knots, prepend=-inf, append=inf)
+        wide = np.where(np.isfinite(wide), wide, 0.0)
+        reach = np.maximum(wide[:-1], wide[1:])[:, None] / 2
+        return np.asarray(np.sum(np.abs(after - moved) * reach ** np.arange(moved.shape[1]), axis=1))
+
+
+class PrescribedMotion(ABC):
+    """A support's displacement (m), velocity (m/s) and acceleration (m/s²) in its direction.
+
+    `breaks` (s) are the times at which its acceleration has a kink or a jump, `shortest` (s) the time in which it may
+    change substantially.
+    """
+
+    breaks: tuple[float, ...] = ()
+    shortest: float = inf
+    words: str = ""
+    """What the user should know of it."""
+    units: Mapping[str, float] = {}
+    """The keys of a scene that its constants come from, and the units of these there."""
+    force: int = 2
+    """The derivative that is the force, where a force is prescribed: a record's ends with it."""
+
+    @property
+    def constants(self) -> tuple[Any, ...]:
+        """The numbers of a motion that plain arithmetic of these and of the time gives; none of any other."""
+        return ()
+
+    def with_constants(self, constants: Sequence[Any]) -> PrescribedMotion:
+        """The motion with other constants, of any type that takes plain arithmetic and a sine."""
+        raise NotImplementedError
+
+    def polynomials(self, order: int) -> Polynomials | None:
+        """The velocity (order 1) or the acceleration (2) piece by piece; None where it is no polynomial."""
+        return None
+
+    @abstractmethod
+    def derivative(self, time: Any, order: int) -> Any:
+        """The derivative of the displacement of this order, 0 to 2, at times of any shape (s)."""
+
+    def beside(self, times: Any, order: int) -> Floats:
+        """The velocity (order 1) or the acceleration (2) at many times, as fast as it can be had."""
+        return np.asarray(self.derivative(np.asarray(times, dtype=float), order))
+
+    def displacement(self, time: ArrayLike) -> Floats:
+        """Displacement (m) at times of any shape (s)."""
+        return np.asarray(self.derivative(np.asarray(time, dtype=float), 0))
+
+    def velocity(self, time: ArrayLike) -> Floats:
+        """Velocity (m/s)."""
+        return np.asarray(self.derivative(np.asarray(time, dtype=float), 1))
+
+    def acceleration(self, time: ArrayLike) -> Floats:
+        """Acceleration (m/s²)."""
+        return np.asarray(self.derivative(np.asarray(time, dtype=float), 2))
+
+    def acceleration_at(self, time: float) -> float:
+        """The acceleration (m/s²) at one time (s)."""
+        return float(self.derivative(time, 2))
+
+    def velocity_at(self, time: float) -> float:
+        """The velocity (m/s) at one time (s)."""
+        return float(self.derivative(time, 1))
+
+
+class Course(NamedTuple):
+    """What is prescribed in time: a derivative of a function."""
+
+    motion: PrescribedMotion
+    order: int
+
+    def of(self, time: Any) -> Any:
+        """Its value at a time (s) of any type that takes plain arithmetic."""
+        return self.motion.derivative(time, self.order)
+
+    @property
+    def at(self) -> Callable[[float], float]:
+        """Its value at one time (s), as fast as it can be had."""
+        if self.order == 2:
+            return self.motion.acceleration_at
+        return self.motion.velocity_at if self.order == 1 else lambda time: float(self.motion.derivative(time, 0))
+
+    def beside(self, times: Any) -> Floats:
+        """At many times (s)."""
+        return self.motion.beside(times, self.order)
+
+    @property
+    def polynomials(self) -> Polynomials | None:
+        """The value piece by piece; None where it is no polynomial."""
+        return self.motion.polynomials(self.order) if self.order else None
+
+
+class Sine(PrescribedMotion):
+    """A sin(ω t + φ)."""
+
+    units = MappingProxyType({"amplitude": 1.0, "frequency_hz": tau, "phase_deg": radians(1.0)})
+    force = 0
+
+    def __init__(self, motion: SineMotion | SineForce) -> None:
+        self.amplitude, self.omega, self.phase = motion.amplitude, tau * motion.frequency_hz, radians(motion.phase_deg)
+        self.shortest = 0.5 / motion.frequency_hz
+
+    @property
+    def constants(self) -> tuple[Any, Any, Any]:
+        """Amplitude (m), angular frequency (rad/s) and phase (rad)."""
+        return self.amplitude, self.omega, self.phase
+
+    def with_constants(self, constants: Sequence[Any]) -> Sine:
+        """A sine with these."""
+        changed = copy(self)
+        changed.amplitude, changed.omega, changed.phase = constants
+        return changed
+
+    def derivative(self, time: Any, order: int) -> Any:
+        """A ωⁿ sin(ω t + φ + n π/2)."""
+        turned = self.omega * time + self.phase
+        return self.amplitude * self.omega**order * (np.sin(turned), np.cos(turned), -np.sin(turned))[order]
+
+    def acceleration_at(self, time: float) -> float:
+        """In plain floats."""
+        return -self.amplitude * self.omega**2 * sin(self.omega * time + self.phase)
+
+    def velocity_at(self, time: float) -> float:
+        """In plain floats."""
+        return self.amplitude * self.omega * cos(self.omega * time + self.phase)
+
+
+class Constant(PrescribedMotion):
+    """The same value at all times."""
+
+    units = MappingProxyType({"amplitude": 1.0})
+    force = 0
+
+    def __init__(self, motion: ConstantForce) -> None:
+        self.amplitude: Any = motion.amplitude
+
+    @property
+    def constants(self) -> tuple[Any]:
+        """The value."""
+        return (self.amplitude,)
+
+    def with_constants(self, constants: Sequence[Any]) -> Constant:
+        """Another value."""
+        other = copy(self)
+        (other.amplitude,) = constants
+        return other
+
+    def derivative(self, time: Any, order: int) -> Any:
+        """The value, and nothing."""
+        return self.amplitude + 0.0 * time if order == 0 else 0.0 * time
+
+    def acceleration_at(self, time: float) -> float:
+        """Nothing."""
+        return 0.0
+
+
+class SweptSine(PrescribedMotion):
+    """A sin(ψ) with ψ'' constant within the duration, zero outside."""
+
+    force = 0
+
+    def __init__(self, motion: SweepMotion | SweepForce) -> None:
+        self.amplitude, self.first, self.last = motion.amplitude, tau * motion.from_hz, tau * motion.to_hz
+        self.duration = motion.duration
+        self.breaks = (0.0, motion.duration)
+        self.shortest = 0.5 / max(motion.from_hz, motion.to_hz)
+
+    def acceleration_at(self, time: float) -> float:
+        """In plain floats."""
+        omega, phase, bent = self._turning(time)
+        return self.amplitude * (bent * cos(phase) - omega * omega * sin(phase))
+
+    def velocity_at(self, time: float) -> float:
+        """In plain floats."""
+        omega, phase, _ = self._turning(time)
+        return self.amplitude * omega * cos(phase)
+
+    def _turning(self, time: float) -> tuple[float, float, float]:
+        """Angular frequency (rad/s), phase (rad) and the change of the former (rad/s²) at one time (s)."""
+        if time < 0.0:
+            return self.first, self.first * time, 0.0
+        rate, within = (self.last - self.first) / self.duration, min(time, self.duration)
+        omega = self.first + rate * within
+        phase = (self.first + omega) / 2 * within + omega * (time - within)
+        return omega, phase, rate if time <= self.duration else 0.0
+
+    def derivative(self, time: Any, order: int) -> Any:
+        """By the chain rule."""
+        within = np.clip(time, 0.0, self.duration)
+        rate = (self.last - self.first) / self.duration
+        omega = self.first + rate * within
+        phase = (self.first + omega) / 2 * within + np.where(within == time, 0.0, omega * (time - within))
+        if order == 0:
+            return self.amplitude * np.sin(phase)
+        if order == 1:
+            return self.amplitude * omega * np.cos(phase)
+        bent = np.where(within == time, rate, 0.0)
+        return self.amplitude * (bent * np.cos(phase) - omega**2 * np.sin(phase))
