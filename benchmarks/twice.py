@@ -31,7 +31,7 @@ from modal.errors import MultipendulaError
 from modal.exports import FORMATS
 from modal.loci import follow_loci
 from modal.modes import Modes, quality_factors
-from modal.modes.sensitivity_table import of_mode
+from modal.modes import table as written
 from modal.scene.parameters import find_places, number_at, parse_variations
 from modal.scene.records import Spectrum
 from modal.statespace import StateSpace, frequency_response, modal_gains, state_space, to_modal_form
@@ -236,8 +236,9 @@ def gains(seen: Seen) -> Answers:
 
 def sensitivities(seen: Seen) -> Answers:
     """(p/ω) ∂ω/∂p of the places that both have, of which 12 digits of the largest are promised."""
-    slopes = [of_mode(seen.modes, seen.modes[k]) for k in seen.both]
-    rows = [[slope[p].relative if p in slope else np.nan for p in seen.places] for slope in slopes]
+    record = json.loads(written(seen.modes, [seen.modes[k] for k in seen.both], "json", sensitive=True))
+    slopes = [row["sensitivities"] for row in record["modes"]]
+    rows = [[slope[p]["relative"] if p in slope else np.nan for p in seen.places] for slope in slopes]
     return Answers({}, {"relative": np.array(rows, dtype=float)})
 
 
@@ -270,7 +271,8 @@ def tuning(seen: Seen) -> Answers:
     place = seen.places[0]
     middle = number(seen, place)
     tuned = tune(seen.scene, [f"{place}={0.5 * middle!r}:{2 * middle!r}"], minimize=[quantity])
-    return Answers({"before": np.array([tuned.before]), "after": np.array([tuned.after])})
+    before, after = (peak * _force(seen) ** 2 for peak in (tuned.before, tuned.after))
+    return Answers({"before": np.array([before]), "after": np.array([after])})
 
 
 def motion(seen: Seen) -> Answers:
@@ -286,7 +288,7 @@ def motion(seen: Seen) -> Answers:
     cart = 0.0 if structured or not len(first) else float(first[0])
     start = State(hung, np.zeros(links), cart, supports=first if structured else still, support_rates=still)
     step = 10.0 ** np.floor(np.log10(2 / seen.ends[1]))
-    run = simulate(scene, 5 * step, start=start, output=5)
+    run = simulate(scene, 5 * step, start=start, output=5, tolerance=1e-13)
     led = run.motion.supports if structured else run.motion.cart[:, None][:, : len(first)]
     return Answers({}, {"q": np.hstack([led * seen.side.size / unit, run.motion.links - stand])})
 
