@@ -235,10 +235,10 @@ def gains(seen: Seen) -> Answers:
 
 
 def sensitivities(seen: Seen) -> Answers:
-    """(p/ω) ∂ω/∂p of the places that both have, of which 12 digits of the largest are promised."""
+    """(p/ω) ∂ω/∂p of the places that both have beside 1, about the size of the largest: its digits are promised."""
     record = json.loads(written(seen.modes, [seen.modes[k] for k in seen.both], "json", sensitive=True))
     slopes = [row["sensitivities"] for row in record["modes"]]
-    rows = [[slope[p]["relative"] if p in slope else np.nan for p in seen.places] for slope in slopes]
+    rows = [[1.0, *(slope[p]["relative"] if p in slope else np.nan for p in seen.places)] for slope in slopes]
     return Answers({}, {"relative": np.array(rows, dtype=float)})
 
 
