@@ -186,8 +186,9 @@ Parts = tuple[list[SquareRows], list[SquareRows], list[SquareRows]]
 """Squares of M, of K and of D."""
 
 
-def chain_squares(block: Block, gravity: float, number: Number = floats) -> Parts:
+def chain_squares(block: Block, gravity: float, number: Number | None = None) -> Parts:
     """Those of M, K and D of the chains of a block over their n angles, and a pivot before where they feel it."""
+    number = number or floats
     n, P = block.mass.shape
     names = ("mass", "length", "centre", "across", "inertia", "stiffness", "damping", "drag")
     m, l, c, way, inertia, spring, damper, drag = (number(getattr(block, name)) for name in names)

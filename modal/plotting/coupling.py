@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import inf
 from typing import IO, Any
 
 import numpy as np
@@ -145,7 +146,7 @@ def _poles(coupling: Coupling) -> Floats:
 def _zeros(coupling: Coupling, s: int) -> Floats:
     """The frequencies of modes that move own mode s of what carries pendula, of several by LEAST of their energy."""
     branches = [(branch.omega, branch.motion) for family in coupling.families for branch in family.branches]
-    every = [(w, motion) for w, motion in (*branches, *coupling.structure_modes) if w > 0]
+    every = [(w, motion) for w, motion in (*branches, *coupling.structure_modes) if 0 < w < inf]
     if len(coupling.modes) > 1:
         every = [(w, motion) for w, motion in every if coupling.modes[s].mass * motion[s] ** 2 > LEAST]
     return np.sort([w for w, _ in every])

@@ -169,7 +169,8 @@ class Springs:
         places = [tuple(drawn_place(self.system, end) for end in ends) for ends in pairs]
         apart = [tuple(b[k] - a[k] if a and b else 0.0 for k in (0, 1)) for a, b in places]
         rest = [np.sqrt(x * x + z * z) for x, z in apart]
-        return np.stack([filled([each[k] for each in apart]) for k in (0, 1)]), filled(rest)
+        both = filled([each[k] for k in (0, 1) for each in apart])
+        return both.reshape(2, len(apart), *both.shape[1:]), filled(rest)
 
     def tensions(self, q: Any, v: Any, carrying: Carrying) -> list[tuple[Ints, Tension]]:
         """What springs of each kind do, with their numbers, at coordinates q and rates v (half, ...)."""
