@@ -20,7 +20,7 @@ from modal import pair
 from modal.assembly.equilibrium import Rest, equilibrium_of
 from modal.report import Displayed
 from modal.scene import Pendulum, Scene, validate_scene
-from modal.structure import CarrierNumbers, Pivot, Structure, is_damped, phi, scaled, structure_of, tied
+from modal.structure import CarrierEnd, CarrierNumbers, Structure, is_damped, phi, scaled, structure_of, tied
 from modal.types import Booleans, Floats, Ints
 
 ARRAYS = ("mass", "length", "centre", "inertia", "damping", "stiffness", "drag", "sigma")
@@ -184,7 +184,7 @@ class Rig(Displayed):
     @cached_property
     def support(self) -> Structure:
         """The carriers with the pivot of every pendulum."""
-        pivots = (Pivot(0, (0.0, 0.0)),) * sum(copies for *_, copies in self.members)
+        pivots = (CarrierEnd(0, (0.0, 0.0)),) * sum(copies for *_, copies in self.members)
         return self.structure or Structure(self.carriers, pivots, ())
 
     @property

@@ -26,7 +26,6 @@ from modal.structure import (
     End,
     LinkEnd,
     Piece,
-    Pivot,
     Scaffold,
     SpringNumbers,
     Structure,
@@ -231,7 +230,7 @@ def _schematic(scene: Scene, chains: list[list[AnyLink]], lengths: list[Floats],
         )
         for carrier, by in zip(structure.carriers, factors, strict=True)
     )
-    placed = [Pivot(pivot.carrier, _scaled(pivot.where, factors[pivot.carrier])) for pivot in pivots]
+    placed = [CarrierEnd(pivot.carrier, _scaled(pivot.where, factors[pivot.carrier])) for pivot in pivots]
     starts = np.cumsum([0, *(pendulum.n_links for pendulum in scene.pendulum for _ in range(pendulum.count))])
     links: dict[int, tuple[int, float]] = {}
     for k, chain, length in zip(drawn, chains, lengths, strict=True):
@@ -243,7 +242,7 @@ def _schematic(scene: Scene, chains: list[list[AnyLink]], lengths: list[Floats],
     return Scaffold(Structure(carriers, tuple(_spread(placed, hung)), joined), np.arange(len(placed)), first, 1.0, GAP)
 
 
-def _spread(pivots: list[Pivot], hung: list[Floats]) -> list[Pivot]:
+def _spread(pivots: list[CarrierEnd], hung: list[Floats]) -> list[CarrierEnd]:
     """Pivots side by side, at least as far apart as the extents of their pendula ask for."""
     rows: dict[tuple[int, float], list[int]] = {}
     for p, (carrier, where) in enumerate(pivots):
@@ -256,11 +255,11 @@ def _spread(pivots: list[Pivot], hung: list[Floats]) -> list[Pivot]:
             along[k] = max(along[k], along[k - 1] + float(np.ptp(hung[members[k - 1]][:, 0])) + ROOM)
         shift = float(np.mean(along) - np.mean(before))
         for p, place in zip(members, along, strict=True):
-            pivots[p] = Pivot(pivots[p].carrier, (place - shift, pivots[p].where[1]))  # type: ignore[index]
+            pivots[p] = CarrierEnd(pivots[p].carrier, (place - shift, pivots[p].where[1]))  # type: ignore[index]
     return pivots
 
 
-def _factor(structure: Structure, k: int, pivots: list[Pivot], longest: float) -> float:
+def _factor(structure: Structure, k: int, pivots: list[CarrierEnd], longest: float) -> float:
     """By how much the points of a carrier are drawn nearer."""
     points: list[Where] = [pivot.where for pivot in pivots if pivot.carrier == k]
     ends = (end for spring in structure.springs for end in spring.ends)

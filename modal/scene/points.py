@@ -206,7 +206,7 @@ def places_of(scene: Described, text: str) -> list[Place]:
 
 
 def hanging_points(scene: Described) -> list[CarrierEnd]:
-    """Where every pendulum hangs, counting copies."""
+    """Where every pendulum hangs, counting copies; those of one entry share one end."""
     numbers, ends = _numbers(scene), list[CarrierEnd]()
     for pendulum in scene.pendulum:
         point = None if pendulum.on is None else parse_point(pendulum.on)

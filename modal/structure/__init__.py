@@ -28,7 +28,6 @@ from modal.structure.rest import (
     weights,
 )
 from modal.structure.structure import (
-    Pivot,
     SpringNumbers,
     Structure,
     coordinate_units,
@@ -48,7 +47,6 @@ __all__ = [
     "Moving",
     "Phi",
     "Piece",
-    "Pivot",
     "Row",
     "Scaffold",
     "SpringNumbers",

@@ -23,13 +23,6 @@ from modal.scene.points import CarrierEnd, End, GroundEnd, LinkEnd, Where, hangi
 from modal.structure.carriers import CarrierNumbers, carrier_numbers
 
 
-class Pivot(NamedTuple):
-    """Where a pendulum hangs: the index of its carrier, and the point of it."""
-
-    carrier: int
-    where: Where
-
-
 class SpringNumbers(NamedTuple):
     """A spring and damper between two ends, N/m and N s/m; `torsion` N m/rad and N m s/rad between their angles.
 
@@ -48,7 +41,7 @@ class Structure:
     """Carriers in the order of the file, a pivot for each pendulum counting copies, springs."""
 
     carriers: tuple[CarrierNumbers, ...]
-    pivots: tuple[Pivot, ...]
+    pivots: tuple[CarrierEnd, ...]
     springs: tuple[SpringNumbers, ...]
 
     @cached_property
@@ -91,7 +84,7 @@ def structure_of(scene: Scene) -> Structure:
     """The structure of a scene that is structured (`Scene.is_structured`)."""
     require_type("scene", scene, "Scene")
     carriers = tuple(carrier_numbers(support) for support in scene.supports)
-    pivots = tuple(Pivot(*point) for point in hanging_points(scene))
+    pivots = tuple(hanging_points(scene))
     springs = tuple(
         SpringNumbers(ends, spring.kind == "torsion", spring.stiffness, spring.damping, entry)
         for entry, ends in joined_points(scene)
@@ -148,7 +141,7 @@ def scaled(structure: Structure, mass: float, length: float, gravity: float) -> 
         ends, stiffness, damping = (end(first), end(second)), numbers.stiffness / unit[0], numbers.damping / unit[1]
         return numbers._replace(ends=ends, stiffness=stiffness, damping=damping)
 
-    pivots = {pivot: Pivot(pivot.carrier, place(pivot.where)) for pivot in set(structure.pivots)}
+    pivots = {pivot: CarrierEnd(pivot.carrier, place(pivot.where)) for pivot in set(structure.pivots)}
     carriers, springs = tuple(map(carrier, structure.carriers)), tuple(map(spring, structure.springs))
     return Structure(carriers, tuple(pivots[pivot] for pivot in structure.pivots), springs)
 

@@ -23,7 +23,7 @@ from modal.report import Displayed
 from modal.scene import AnyLink, Body, Escapement, Scene, validate_scene, validate_scenes
 from modal.scene.doors import checked
 from modal.scene.parameters import Place
-from modal.structure import CarrierEnd, CarrierNumbers, End, GroundEnd, LinkEnd, Pivot, Structure, structure_of
+from modal.structure import CarrierEnd, CarrierNumbers, End, GroundEnd, LinkEnd, Structure, structure_of
 from modal.structure.carriers import PLATFORM
 from modal.types import Floats
 from nonlinear.system.system import Group, System, system_of
@@ -301,7 +301,7 @@ def structure_with(structure: Structure, numbers: Sequence[Any]) -> Structure:
         law = {"stiffness": stiffness, "damping": damping, "centre": centre, "position": position, **modal}
         carriers.append(replace(carrier, mass=mass, inertia=inertia, length=length, **law))
     pivots = {
-        id(pivot): pivot if isinstance(pivot.where, int) else Pivot(pivot.carrier, take(2))
+        id(pivot): pivot if isinstance(pivot.where, int) else CarrierEnd(pivot.carrier, take(2))
         for pivot in _pivots(structure)
     }
     springs = []
@@ -321,7 +321,7 @@ def _modal(carrier: CarrierNumbers) -> list[Floats]:
     return [part for part in (carrier.M, carrier.K, carrier.D, carrier.points) if part is not None]
 
 
-def _pivots(structure: Structure) -> list[Pivot]:
+def _pivots(structure: Structure) -> list[CarrierEnd]:
     """Each once, as copies of a pendulum have one."""
     return list({id(pivot): pivot for pivot in structure.pivots}.values())
 

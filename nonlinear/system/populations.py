@@ -20,7 +20,7 @@ from modal.report import Displayed, Summary, counted
 from modal.scene import Pendulum, Scene
 from modal.scene.doors import require_type
 from modal.scene.points import PendulumPoint, parse_point, places_of
-from modal.structure import Pivot, Structure, structure_of
+from modal.structure import CarrierEnd, Structure, structure_of
 from modal.types import Ints
 
 HALVES = 2  # pendula that stand for a population
@@ -125,7 +125,7 @@ def populations_of(scene: Scene) -> tuple[Population, ...]:
     )
 
 
-def _move_alike(structure: Structure, pivots: Sequence[Pivot]) -> bool:
+def _move_alike(structure: Structure, pivots: Sequence[CarrierEnd]) -> bool:
     """Whether these points of one carrier move alike: one point, or points of one that moves without turning."""
     carrier = structure.carriers[pivots[0].carrier]
     shifts = carrier.turning is None and carrier.points is None
