@@ -300,6 +300,7 @@ FIRST_MOMENTS, DIRECTIONS = (
 )
 KEPT = {
     "nonlinear.dynamics.recursion": "the text",
+    "nonlinear.dynamics.sticking": "the text of joints that stick",
     "nonlinear.dynamics.dense": "the text of short chains, and the small dense form",
     "nonlinear.dynamics.hamiltonian": "the canonical form, an independent route",
     "nonlinear.dynamics.spatial_hamiltonian": "the canonical form in space, an independent route",
