@@ -1,4 +1,4 @@
-"""Dry friction and escapements: where they act, and accelerations that leave contacts that stick at rest.
+"""Dry friction and escapements: where they act, and the laws that they obey.
 
 At each of J contacts the velocity of sliding is γ' = (J v)_j, a difference of two neighbouring rates or the cart's
 velocity.  The torque or force τ_j of friction opposes it and is at most the limit M_j,
@@ -7,21 +7,15 @@ velocity.  The torque or force τ_j of friction opposes it and is at most the li
 
 (Coulomb; Glocker, Set-Valued Force Laws, 2001, §2).  It adds Jᵀτ to the generalized forces, so that γ'' = a + Gτ with
 the accelerations a without friction and G = J M⁻¹ Jᵀ, symmetric and positive definite.  Which contacts at rest begin to
-slide is a linear complementarity problem with bounds, which has one solution (`complementarity`).  Where accelerations
-without the friction of the contacts that stick are a, those with it are
-
-    a + M⁻¹Jᵀτ,   (J M⁻¹ Jᵀ τ)_j = −(J a)_j,   j among the contacts that stick,
-
-and on a rail with a coefficient, whose limit is μ|N|, where N₀ and the response c₀ are those with the others held,
-
-    τ₀ = k N,   N = N₀ + n₀ τ₀,   k = −s μ sign N        so that   τ₀ = k N₀/(1 − k n₀),  n₀ = ∂N/∂a · c₀.
+slide is a linear complementarity problem with bounds, which has one solution (`complementarity`).  The friction of
+those that stick leaves them at rest, Ja + Gτ = 0 (`sticking`).
 
 An escapement's kick P at a joint is an impulse +P on the link below and −P on the one above.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -175,56 +169,3 @@ class Gripping(NamedTuple):
             if above >= 0:
                 column[above] = -1.0
         return columns
-
-    def rubbed(self, a: Any, columns: Any, reaction: Callable[[Any, bool], Any]) -> Rubbed:
-        """What friction makes of accelerations a (half,) without it, from M⁻¹Jᵀ (half, J).
-
-        `reaction` is N at accelerations, or, if False comes with them, its part that is linear in them.
-        """
-        accelerations, tau = self._held(a, columns)
-        if self.pressed is None:
-            return Rubbed(accelerations, tau)
-        response, others = self._held(columns[:, 0], columns)
-        base, slope = reaction(accelerations, True), reaction(response, False)
-        rail = self.pressed * base / (1.0 - self.pressed * slope)
-        others[0] = others[0] + 1.0
-        return Rubbed(
-            accelerations + response * rail,
-            [t + o * rail for t, o in zip(tau, others, strict=True)],
-            base + slope * rail,
-        )
-
-    def _held(self, a: Any, columns: Any) -> tuple[Any, list[Any]]:
-        """The accelerations under the friction of those that stick, which move exactly like what is above; and τ."""
-        accelerations, tau = a.copy(), self._friction(a, columns)
-        for j, each in enumerate(tau):
-            accelerations = accelerations + columns[:, j] * each
-        for (below, above), s in zip(self.pairs, self.sticks, strict=True):
-            accelerations[below] = (1.0 - s) * accelerations[below] + (s * accelerations[above] if above >= 0 else 0.0)
-        return accelerations, tau
-
-    def _friction(self, a: Any, columns: Any) -> list[Any]:
-        """The friction τ (J,) of those that stick.
-
-        Of a contact that slides the equation is τ = 0, so that one elimination serves every set of sticking contacts.
-        """
-        s, each = self.sticks, range(len(self.pairs))
-        G = [[s[i] * s[j] * self._relative(columns[:, j], i) for j in range(i + 1)] for i in each]
-        right = [-(s[i] * self._relative(a, i)) for i in each]
-        for i in each:
-            G[i][i] = G[i][i] + (1.0 - s[i])
-        for k in each:
-            for i in each[k + 1 :]:
-                share = G[i][k] / G[k][k]
-                for j in range(k + 1, i + 1):
-                    G[i][j] = G[i][j] - share * G[j][k]
-                right[i] = right[i] - share * right[k]
-        for k in reversed(each):
-            for i in each[k + 1 :]:
-                right[k] = right[k] - G[i][k] * right[i]
-            right[k] = right[k] / G[k][k]
-        return right
-
-    def _relative(self, values: Any, j: int) -> Any:
-        below, above = self.pairs[j]
-        return values[below] - values[above] if above >= 0 else values[below]

@@ -25,6 +25,7 @@ from nonlinear.dynamics.external import External, applied, plane_drag
 from nonlinear.dynamics.inputs import Inputs, Instant, Lengths, lengthened
 from nonlinear.dynamics.joints import Base, bending_torques, inertial_torques, modal_drag
 from nonlinear.dynamics.recursion import Answer, Bias, downward, driven, links_of, upward
+from nonlinear.dynamics.sticking import Sticking
 from nonlinear.dynamics.structure import Carriers, CarriersAt, inverted_on_carriers
 from nonlinear.system import Group, Layout, Load, Motion, State, System
 
@@ -209,7 +210,7 @@ class Suspended(Arranged):
         rubbed = Rubbed(accelerations, ())
         if instant.gripping is not None:
             normal = partial(self.reaction, y, instant)
-            rubbed = instant.gripping.rubbed(accelerations, self.responses(q, instant), normal)
+            rubbed = Sticking(system, self.lengthened(instant), instant.gripping, q, accelerations).rubbed(normal)
             accelerations[:] = rubbed.accelerations
             if isinstance(bearing, RailAt) and system.cart:
                 bearing.acceleration = accelerations[0]

@@ -9,10 +9,12 @@ import numpy as np
 import pytest
 
 from modal.scene import scene_from
-from nonlinear.dynamics import Contacts, contacts_of
+from nonlinear.dynamics import Contacts, contacts_of, form_of
 from nonlinear.dynamics.complementarity import consistent, on_rail
+from nonlinear.dynamics.switching import switched, switching_of
 from nonlinear.integration import Choice, equations_of
 from nonlinear.integration.switched import Switched
+from nonlinear.integration.switches import switches_of
 from nonlinear.system import System, system_of
 
 
@@ -46,6 +48,39 @@ def test_a_rail_that_jams_has_no_state() -> None:
     assert not on_rail([1.0], [1.0], [2.0], [1.0], [1.0, -1.0], 1)[0]
 
 
+# ---------------------------------------------------------------------------------------- many that push one another
+
+
+def rubbing(pendula: int, links: int, **cart: float) -> System:
+    rows = [{"kind": "rod", "mass": 0.5 + 0.3 * k, "length": 0.4, "friction": 0.1 * (k != 1)} for k in range(links)]
+    rail = {"kind": "cart", "mass": 1.0, **cart}
+    return system_of(scene_from({"gravity": 9.81, "support": rail, "pendulum": [{"links": rows}] * pendula}))
+
+
+@pytest.mark.parametrize(("pendula", "links"), [(2, 3), (6, 1), (1, 7)])
+def test_what_holds_joints_solves_the_matrix_of_responses(pendula: int, links: int) -> None:
+    switches = switches_of(rubbing(pendula, links, friction=0.2))
+    at, contacts, rng = switches.places, contacts_of(switches.form.system), np.random.default_rng(links)
+    for _ in range(8):
+        y, sticks, slides = rng.normal(size=at.size).tolist(), rng.random(at.J) < 0.6, rng.normal(size=at.J)
+        u = [*np.where(sticks, 0.0, slides), *sticks.astype(float)]
+        answer = np.array(switches.function("responses")(y, u, ()))
+        columns = answer[at.size :].reshape(at.half, at.J)
+        G, a = contacts.relative(columns.T).T, contacts.relative(answer[at.half : 2 * at.half])
+        tau = np.zeros(at.J)
+        tau[sticks] = np.linalg.solve(G[np.ix_(sticks, sticks)], -a[sticks])
+        assert switches.function("friction")(y, u, ()) == pytest.approx(tau, rel=1e-12, abs=1e-12)
+        expected = answer[at.half : 2 * at.half] + columns @ tau
+        rates = switches.function("sticking")(y, u, ())[at.half : 2 * at.half]
+        assert rates == pytest.approx(expected, rel=1e-12, abs=1e-12)
+
+
+def test_texts_grow_with_the_number_of_contacts() -> None:
+    few, many = (switching_of(switched(form_of(rubbing(pendula, 2, friction=0.2)))) for pendula in (3, 6))
+    for name in ("sticking", "friction", "values"):
+        assert many.python(name).count(" * ") < 2.1 * few.python(name).count(" * ")
+
+
 # -------------------------------------------------------------------------------- with everything else that acts
 
 LINKS = [{"kind": "bob", "mass": m, "length": l, "friction": f} for m, l, f in [(2.0, 1.0, 0.4), (0.7, 0.8, 0.3)]]
@@ -60,6 +95,7 @@ BESIDE: dict[str, dict[str, Any]] = {
         "support": {**CART, "friction": 0.0, "friction_coefficient": 0.2},
     },
     "coefficient": {"links": LINKS, "support": {**CART, "friction": 0.0, "friction_coefficient": 0.2}},
+    "chain": {"links": [*LINKS, {**LINKS[0], "friction": 0.0}, LINKS[1]], "support": CART},
     "drag": {"links": [{**link, "drag": 0.3} for link in LINKS], "support": CART},
     "damping ratio": {"links": LINKS, "support": CART, "damping_ratio": 0.05},
     "moved": {
