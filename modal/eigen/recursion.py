@@ -6,7 +6,12 @@ Elimination from the free end.  With t = ω²/k and μ the effective mass felt a
 
 the number of D < 0 is the number of frequencies below ω (Sylvester's law of inertia: Parlett, The Symmetric
 Eigenvalue Problem, §3.3), and a link whose upper joint moves by y turns by a = t (m s + μ) y / D and moves its lower
-joint to y (1 + t q) / D.  From above the same equations hold with s → 1 − s, p ↔ r and ν, the effective mass of
+joint to y (1 + t q) / D.  Counts take J apart, with w = 1 − t J,
+
+    D = w − t (m s² + μ),    μ' = ((w − t m (1 − s)²) μ + m w) / D,
+
+as of a link turned by a J far above its mass the roundings of r, p and m J, each by itself, would act like those of a
+multiple of the mass.  From above the same equations hold with s → 1 − s, p ↔ r and ν, the effective mass of
 everything above, in place of μ.
 
 Arrays: links first, then pendula, then trial values x = ω² (natural units, g = 1): (n, P, R).
@@ -25,7 +30,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -163,10 +168,16 @@ MOST_COUNTED = 127
 
 
 class Chains(NamedTuple):
-    """The recursion's constants (n, P, 1, S) with 1/k for k, and the entries of a dense matrix."""
+    """The recursion's constants (n, P, 1, S) with 1/k for k, and the entries of a dense matrix.
+
+    J = I/l² is apart from `near`, `far` and `cross`: m s², m (1 − s)² and m s (1 − s).
+    """
 
     m: Floats
-    mJ: Floats
+    J: Floats
+    near: Floats
+    far: Floats
+    cross: Floats
     r: Floats
     p: Floats
     q: Floats
@@ -201,7 +212,14 @@ def chains_of(mass: Floats, length: Floats, centre: Floats, inertia: Floats) -> 
     link = pair.link_constants(mass, length, centre, inertia, below)
     b = pair.first_moment(mass, length, centre, below)
     diagonal = pair.second_moment(mass, length, centre, inertia, below)
-    return Chains(link.m, link.mJ, link.r, link.p, link.q, 1 / link.k, length, b, diagonal)
+    apart = lever_masses(link, length, centre, inertia)
+    return Chains(link.m, *apart, link.r, link.p, link.q, 1 / link.k, length, b, diagonal)
+
+
+def lever_masses(link: Constants, length: Any, centre: Any, inertia: Any) -> tuple[Any, Any, Any, Any]:
+    """J = I/l², m s², m (1 − s)² and m s (1 − s) of a link, or of as many as the arrays hold."""
+    rest = (length - centre) / length
+    return inertia / length / length, link.upper * (centre / length), link.lower * rest, link.upper * rest
 
 
 @dataclass(frozen=True, eq=False)
@@ -281,20 +299,21 @@ def _counted(chains: Chains, x: Floats, nudge: float) -> tuple[Ints, Floats]:
     mu = np.zeros((chains.m.shape[1], *x.shape))
     below = np.zeros(mu.shape, dtype=np.int64)
     step = min(MOST_COUNTED, max(1, ROOM // max(1, mu.size)))
-    room = np.empty((4, min(step, chains.n), *mu.shape))
+    room = np.empty((5, min(step, chains.n), *mu.shape))
     for end in range(chains.n, 0, -step):
         some = slice(max(0, end - step), end)
-        t, gains, masses, pivots = room[:, : end - some.start]
+        t, light, gains, masses, pivots = room[:, : end - some.start]
         np.multiply(chains.inverse[some], x, out=t)
-        np.multiply(chains.p[some], t, out=gains)
-        np.subtract(1.0, gains, out=gains)
-        np.multiply(chains.mJ[some], t, out=masses)
-        np.subtract(chains.m[some], masses, out=masses)
-        factors = t, gains, masses, chains.r[some], pivots
-        for stretched, gain, added, r, D in zip(*(values[::-1] for values in factors), strict=True):
-            np.add(mu, r, out=D)
+        np.multiply(chains.J[some], t, out=light)
+        np.subtract(1.0, light, out=light)
+        np.multiply(chains.far[some], t, out=gains)
+        np.subtract(light, gains, out=gains)
+        np.multiply(chains.m[some], light, out=masses)
+        factors = t, light, gains, masses, chains.near[some], pivots
+        for stretched, w, gain, added, near, D in zip(*(values[::-1] for values in factors), strict=True):
+            np.add(mu, near, out=D)
             np.multiply(D, stretched, out=D)
-            np.subtract(1.0, D, out=D)
+            np.subtract(w, D, out=D)
             if nudge:
                 np.subtract(D, nudge, out=D)
             mu *= gain

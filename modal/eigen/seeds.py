@@ -178,16 +178,18 @@ def _mass_and_energy(chains: Chains, x: Floats) -> tuple[Floats, Floats]:
     room = np.empty((5, min(step, chains.n), *mass.shape))
     for end in range(chains.n, 0, -step):
         some = slice(max(0, end - step), end)
-        m, mJ, near, far, q = (values[some] for values in (chains.m, chains.mJ, chains.r, chains.p, chains.q))
+        m, J, near, far, cross, r, p, q = (values[some] for values in chains[:8])
         t, *products = room[:, : end - some.start]
         np.multiply(chains.inverse[some], x, out=t)
-        for constant, product in zip((near, far, mJ, q), products, strict=True):
+        for constant, product in zip((near, far, J, cross), products, strict=True):
             np.multiply(constant, t, out=product)
         free, gains, masses, shares = products
-        for whole, less in ((1.0, free), (1.0, gains), (m, masses)):
-            np.subtract(whole, less, out=less)
-        shares += 1.0
-        factors = t, near, far, 2 * q, free, gains, masses, shares
+        np.subtract(1.0, masses, out=masses)
+        np.subtract(masses, free, out=free)
+        np.subtract(masses, gains, out=gains)
+        shares += masses
+        masses *= m
+        factors = t, r, p, 2 * q, free, gains, masses, shares
         for stretched, r, p, twice, free, passed, added, carried in zip(
             *(values[::-1] for values in factors), strict=True
         ):
@@ -248,11 +250,13 @@ def _joined(suspension: Suspension, x: Floats) -> Iterator[tuple[_Side, _Side, F
 
 def _swept(chains: Chains, x: Floats, mass: Floats | float, energy: Floats | float, *, upward: bool) -> _Side:
     """One side of each joint in the order of the sweep, given mass and energy at the first joint."""
-    near, far = (chains.r, chains.p) if upward else (chains.p, chains.r)
     order = slice(None, None, -1 if upward else 1)
-    near, far, q, t = (values[order] for values in (near, far, chains.q, chains.inverse * x))
-    free, passed, carried = 1.0 - near * t, 1.0 - far * t, 1.0 + q * t
-    added = chains.m[order] - chains.mJ[order] * t
+    m, J, near, far, cross, r, p, q = (values[order] for values in chains[:8])
+    if not upward:
+        near, far, r, p = far, near, p, r
+    t = chains.inverse[order] * x
+    light = 1.0 - J * t
+    free, passed, carried, added = light - near * t, light - far * t, light + cross * t, m * light
     side = _Side(*(np.empty((chains.n + 1, *t.shape[1:])) for _ in range(2)))
     side.mass[0], side.energy[0] = mass, energy
     twice, D = 2 * q, np.empty(t.shape[1:])
@@ -265,11 +269,11 @@ def _swept(chains: Chains, x: Floats, mass: Floats | float, energy: Floats | flo
         lower /= D
         np.divide(carried[i], D, out=D)
         whole = side.energy[i + 1]
-        np.add(side.energy[i], near[i], out=whole)
+        np.add(side.energy[i], r[i], out=whole)
         whole *= D
         whole += twice[i]
         whole *= D
-        whole += far[i]
+        whole += p[i]
     return side
 
 

@@ -17,14 +17,14 @@ import numpy as np
 
 from modal import pair
 from modal.assembly import CartNumbers
-from modal.eigen.recursion import NUDGE
+from modal.eigen.recursion import NUDGE, lever_masses
 from modal.eigen.squares import FARTHER
 from modal.types import Floats
 
 Link = tuple[float, float, float, float]
 Count = Callable[[list[Any], float], tuple[int, float]]
 Constants = tuple[float, float, float, float, float]
-"""1/k, r, p, m and m J of a link."""
+"""1/k, J, m s², m (1 − s)² and m of a link."""
 
 STEPS = 3
 """Rayleigh quotient steps that a seed is given."""
@@ -46,9 +46,10 @@ def _found(links: Sequence[Link], cart: CartNumbers | None) -> Iterator[float]:
     """ω² of mode after mode, 0 for one that is not confirmed."""
     constants, scaled, below = [], [], 0.0
     for m, length, c, inertia in reversed(links):
-        _, mJ, r, p, q, _, _, k = pair.link_constants(m, length, c, inertia, below)
-        constants.append((1 / k, r, p, m, mJ, q))
-        scaled.append((k, length, r + below))
+        link = pair.link_constants(m, length, c, inertia, below)
+        J, near, far, cross = lever_masses(link, length, c, inertia)
+        constants.append((1 / link.k, J, near, far, m, cross, link.r, link.p, link.q))
+        scaled.append((link.k, length, link.r + below))
         below += m
     counted = [constant[:5] for constant in constants]
     seeds = _seeds(scaled, below, cart)
@@ -56,7 +57,7 @@ def _found(links: Sequence[Link], cart: CartNumbers | None) -> Iterator[float]:
         mass, stiffness = cart.mass, cart.stiffness
         rail, spring, before = mass, stiffness, int(stiffness == 0)
     else:  # the first link is to the others what a cart and its spring are to a whole chain
-        mass, stiffness = constants.pop()[1], scaled[-1][0]
+        mass, stiffness = constants.pop()[6], scaled[-1][0]
         rail, spring, before = -inf, 0.0, 0
     for j, seed in enumerate(seeds, before):
         x = seed
@@ -116,35 +117,38 @@ def _neighbour(count: Count, links: list[Constants], mass: float, stiffness: flo
 
 
 def _swept(links: list[Any], y: float) -> tuple[int, float]:
-    """Pivots D < 0 and the mass at the pivot of links (1/k, r, p, m, m J), tip first."""
+    """Pivots D < 0 and the mass at the pivot of links (1/k, J, m s², m (1 − s)², m), tip first."""
     mu, below = 0.0, 0
-    for k, r, p, m, mJ in links:
+    for k, J, near, far, m in links:
         t = y * k
-        D = 1.0 - (mu + r) * t
+        w = 1.0 - J * t
+        D = w - (mu + near) * t
         if D < 0.0:
             below += 1
-        mu = (mu * (1.0 - p * t) + (m - mJ * t)) / D
+        mu = (mu * (w - far * t) + m * w) / D
     return below, mu
 
 
 def _nudged(links: list[Any], y: float, nudge: float) -> tuple[int, float]:
     """The same with D less the nudge."""
     mu, below = 0.0, 0
-    for k, r, p, m, mJ in links:
+    for k, J, near, far, m in links:
         t = y * k
-        D = 1.0 - (mu + r) * t - nudge
-        mu = (mu * (1.0 - p * t) + (m - mJ * t)) / D
+        w = 1.0 - J * t
+        D = w - (mu + near) * t - nudge
+        mu = (mu * (w - far * t) + m * w) / D
         below += D < 0
     return below, mu
 
 
 def _swept_with_energy(links: list[Any], y: float) -> tuple[float, float]:
-    """Mass and energy at the pivot of links (1/k, r, p, m, m J, q), tip first."""
+    """Mass and energy at the pivot of links, their constants before m s (1 − s), r, p and q, tip first."""
     mu = energy = 0.0
-    for k, r, p, m, mJ, q in links:
+    for k, J, near, far, m, cross, r, p, q in links:
         t = y * k
-        D = 1.0 - r * t - t * mu
-        carried = (1.0 + q * t) / D
-        mu = (mu * (1.0 - p * t) + (m - mJ * t)) / D
+        w = 1.0 - J * t
+        D = w - near * t - t * mu
+        carried = (w + cross * t) / D
+        mu = (mu * (w - far * t) + m * w) / D
         energy = ((energy + r) * carried + 2.0 * q) * carried + p
     return mu, energy

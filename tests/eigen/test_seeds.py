@@ -147,7 +147,7 @@ def test_scalar_arithmetic_is_that_of_numpy(seed: int) -> None:
     numbers = 10 ** rng.uniform(-2, 2, (2, 1 + 5 * seed, 1, 1, 1))
     hung = recursion.chains_of(numbers[0], numbers[1], numbers[1] / 2, numbers[0] * numbers[1] ** 2 / 12)
     x = np.append(10 ** rng.uniform(-6, 6, 33), 1 / (hung.r * hung.inverse)[0, 0, 0])[:, None]
-    rows = (hung.inverse, hung.r, hung.p, hung.m, hung.mJ, hung.q)
+    rows = (hung.inverse, hung.J, hung.near, hung.far, hung.m, hung.cross, hung.r, hung.p, hung.q)
     links = list(zip(*(values[::-1, 0, 0, 0].tolist() for values in rows), strict=True))
     counted = [link[:5] for link in links]
     with np.errstate(all="ignore"):
