@@ -27,7 +27,7 @@ constants of the P chains that hang from each (n, P, 1, S), links first.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -39,6 +39,7 @@ from modal.assembly import Block, CartNumbers, masses_below
 from modal.pair import Constants
 from modal.types import Floats, Ints
 
+Sweep = Callable[[list[Any], float], tuple[float, float]]
 NUDGE = 2.0**-60
 """Subtracted from each D: far below its rounding, but turns an exact zero into a tiny negative number."""
 
@@ -163,6 +164,8 @@ def _empty(block: Block, x: Floats) -> Swept:
 
 ROOM = 16_000
 """Size of an array of trials over links that fits a processor's cache."""
+FEW = 8
+"""Trial values of all chains for which floats take less time than arrays."""
 MOST_COUNTED = 127
 """Links of which an integer of eight bits is a count."""
 
@@ -288,6 +291,8 @@ class Suspension:
 
 def count_and_mass(chains: Chains, x: Floats) -> tuple[Ints, Floats]:
     """Number of fixed-base frequencies of each chain below each x, and the mass felt at its pivot, (P, R, S)."""
+    if alone := one_by_one(swept, (chains.inverse, chains.J, chains.near, chains.far, chains.m), x):
+        return alone[0].astype(np.int64), alone[1]
     with np.errstate(all="ignore"):
         below, mass = _counted(chains, x, 0.0)
         if not (fine := np.isfinite(mass).all((0, 2))).all():
@@ -321,6 +326,63 @@ def _counted(chains: Chains, x: Floats, nudge: float) -> tuple[Ints, Floats]:
             mu /= D
         below += np.add.reduce((pivots < 0).view(np.int8), axis=0, dtype=np.int8)
     return below, mu
+
+
+def one_by_one(sweep: Sweep, constants: Sequence[Floats], x: Floats) -> tuple[Floats, Floats] | None:
+    """What a sweep over floats returns for each chain (n, P, 1, S) at each x (R, S), where these are FEW, (P, R, S).
+
+    None for more of them, and where a pivot is zero.
+    """
+    _, chains, _, supports = constants[0].shape
+    if chains * x.size > FEW:
+        return None
+    found = np.empty((2, chains, *x.shape))
+    for p in range(chains):
+        for s in range(supports):
+            links = list(zip(*(values[::-1, p, 0, s].tolist() for values in constants), strict=True))
+            try:
+                found[:, p, :, s] = np.transpose([sweep(links, y) for y in x[:, s].tolist()])
+            except ZeroDivisionError:
+                return None
+    return found[0], found[1]
+
+
+def swept(links: list[Any], y: float) -> tuple[int, float]:
+    """Pivots D < 0 and the mass at the pivot of links (1/k, J, m s², m (1 − s)², m), tip first."""
+    mu, below = 0.0, 0
+    for k, J, near, far, m in links:
+        t = y * k
+        w = 1.0 - J * t
+        D = w - (mu + near) * t
+        if D < 0.0:
+            below += 1
+        mu = (mu * (w - far * t) + m * w) / D
+    return below, mu
+
+
+def nudged(links: list[Any], y: float, nudge: float) -> tuple[int, float]:
+    """The same with D less the nudge."""
+    mu, below = 0.0, 0
+    for k, J, near, far, m in links:
+        t = y * k
+        w = 1.0 - J * t
+        D = w - (mu + near) * t - nudge
+        mu = (mu * (w - far * t) + m * w) / D
+        below += D < 0
+    return below, mu
+
+
+def swept_with_energy(links: list[Any], y: float) -> tuple[float, float]:
+    """Mass and energy at the pivot of links, their constants before m s (1 − s), r, p and q, tip first."""
+    mu = energy = 0.0
+    for k, J, near, far, m, cross, r, p, q in links:
+        t = y * k
+        w = 1.0 - J * t
+        D = w - near * t - t * mu
+        carried = (w + cross * t) / D
+        mu = (mu * (w - far * t) + m * w) / D
+        energy = ((energy + r) * carried + 2.0 * q) * carried + p
+    return mu, energy
 
 
 def _arranged(block: Block, shape: tuple[int, int, int]) -> Chains:

@@ -22,7 +22,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from modal.eigen.recursion import ROOM, Chains, Suspension, joint_masses
+from modal.eigen.recursion import ROOM, Chains, Suspension, joint_masses, one_by_one, swept_with_energy
 from modal.types import Floats
 
 EPS = 2.0**-53
@@ -172,6 +172,9 @@ def at_pivot(suspension: Suspension, x: Floats) -> Floats:
 
 def _mass_and_energy(chains: Chains, x: Floats) -> tuple[Floats, Floats]:
     """Mass, and twice the kinetic energy over ω², of chains whose pivots are displaced by 1, (P, R, S)."""
+    m, J, near, far, cross, r, p, q, inverse = chains[:9]
+    if alone := one_by_one(swept_with_energy, (inverse, J, near, far, m, cross, r, p, q), x):
+        return alone
     mass, energy = (np.zeros((chains.m.shape[1], *x.shape)) for _ in range(2))
     D = np.empty_like(mass)
     step = max(1, ROOM // max(1, mass.size))

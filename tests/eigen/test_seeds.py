@@ -10,7 +10,7 @@ from scenes import extreme_pendulum, extreme_scene, long_scene
 
 from modal import Bob, Cart, Fixed, Pendulum, Rod, Scene, natural_modes
 from modal.assembly import rig_of
-from modal.eigen import recursion, seeds, short, squares
+from modal.eigen import recursion, seeds, squares
 from modal.eigen.coupled import CartPendula
 from modal.eigen.recursion import Suspension
 from modal.eigen.seeds import at_pivot, twisted
@@ -152,9 +152,9 @@ def test_scalar_arithmetic_is_that_of_numpy(seed: int) -> None:
     counted = [link[:5] for link in links]
     with np.errstate(all="ignore"):
         each = [
-            (recursion._counted(hung, x, 0.0), lambda y: short._swept(counted, y)),
-            (recursion._counted(hung, x, recursion.NUDGE), lambda y: short._nudged(counted, y, recursion.NUDGE)),
-            (seeds._mass_and_energy(hung, x), lambda y: short._swept_with_energy(links, y)),
+            (recursion._counted(hung, x, 0.0), lambda y: recursion.swept(counted, y)),
+            (recursion._counted(hung, x, recursion.NUDGE), lambda y: recursion.nudged(counted, y, recursion.NUDGE)),
+            (seeds._mass_and_energy(hung, x), lambda y: recursion.swept_with_energy(links, y)),
         ]
     for expected, by_numbers in each:
         for k, y in enumerate(x[:, 0].tolist()):
