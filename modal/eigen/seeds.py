@@ -3,8 +3,9 @@
     1/ω² = eigenvalues of K^−½ M K^−½,
 
 without a free cart, whose momentum stays zero: A − b bᵀ/M_tot replaces M.  Scaled by gravity, each eigenvalue is known
-to N ε of the largest of K^−½ A K^−½ (Parlett, The Symmetric Eigenvalue Problem, §10.3), the terms of that difference,
-which exceeds the largest of the difference by Σ b/M_tot at most: slow modes to many digits, fast ones to fewer.
+to N ε of the largest (Parlett, The Symmetric Eigenvalue Problem, §10.3) and to a few ε of the largest of K^−½ A K^−½,
+of whose entries, none negative, the terms of that difference are rounded; it exceeds the largest of the difference by
+Σ b/M_tot at most.  Slow modes have many digits, fast ones fewer.
 
 They are improved by one Rayleigh quotient step each.  Elimination leaves at one joint, displaced by 1, an unbalanced
 mass T and a shape of kinetic energy N, twice over ω². The Rayleigh quotient of that shape is x (1 − T/N), with an error
@@ -44,9 +45,9 @@ def seeds(suspension: Suspension) -> tuple[Floats, Floats]:
         values = {1: _only, 2: _both}.get(size, np.linalg.eigvalsh)(matrix)
     except np.linalg.LinAlgError:
         values = np.full(matrix.shape[:2], np.nan)
-    largest = values[:, -1:] + removed[:, None]
+    largest = values[:, -1:]
     with np.errstate(all="ignore"):
-        error = ROUNDINGS * (size + EARLIER) * EPS * largest / values
+        error = ROUNDINGS * EPS * (size * largest + EARLIER * (largest + 2 * removed[:, None])) / values
         error = np.where((values > 0) & np.isfinite(error), error, np.inf)
         return np.asarray((1.0 / values).T[::-1]), error.T[::-1]
 
