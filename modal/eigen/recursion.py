@@ -336,15 +336,15 @@ def one_by_one(sweep: Sweep, constants: Sequence[Floats], x: Floats) -> tuple[Fl
     _, chains, _, supports = constants[0].shape
     if chains * x.size > FEW:
         return None
-    found = np.empty((2, chains, *x.shape))
+    results = np.empty((2, chains, *x.shape))
     for p in range(chains):
         for s in range(supports):
             links = list(zip(*(values[::-1, p, 0, s].tolist() for values in constants), strict=True))
             try:
-                found[:, p, :, s] = np.transpose([sweep(links, y) for y in x[:, s].tolist()])
+                results[:, p, :, s] = np.transpose([sweep(links, y) for y in x[:, s].tolist()])
             except ZeroDivisionError:
                 return None
-    return found[0], found[1]
+    return results[0], results[1]
 
 
 def swept(links: list[Any], y: float) -> tuple[int, float]:

@@ -257,11 +257,11 @@ def _improved(suspension: Suspension, wanted: Ints, guess: Floats) -> tuple[Floa
     """
     squares = at_pivot(suspension, guess)
     if suspension.supports == 1:
-        found, missed = confirmed(suspension, wanted, squares, FARTHER if _are_few(suspension, wanted) else NEAR)
+        steps, missed = confirmed(suspension, wanted, squares, FARTHER if _are_few(suspension, wanted) else NEAR)
         rows = np.flatnonzero(missed)
         if 0 < RARE * rows.size < len(wanted):
-            found[rows], missed[rows] = confirmed(suspension, wanted[rows], squares[rows], FARTHER)
-        return found, missed
+            steps[rows], missed[rows] = confirmed(suspension, wanted[rows], squares[rows], FARTHER)
+        return steps, missed
     return squares, ~lies_within(suspension, wanted, squares, CLOSEST)
 
 
