@@ -6,7 +6,12 @@ Elimination from the free end.  With t = ω²/k and μ the effective mass felt a
 
 the number of D < 0 is the number of frequencies below ω (Sylvester's law of inertia: Parlett, The Symmetric
 Eigenvalue Problem, §3.3), and a link whose upper joint moves by y turns by a = t (m s + μ) y / D and moves its lower
-joint to y (1 + t q) / D.  From above the same equations hold with s → 1 − s, p ↔ r and ν, the effective mass of
+joint to y (1 + t q) / D.  Counts take J apart, with w = 1 − t J,
+
+    D = w − t (m s² + μ),    μ' = ((w − t m (1 − s)²) μ + m w) / D,
+
+as of a link turned by a J far above its mass the roundings of r, p and m J, each by itself, would act like those of a
+multiple of the mass.  From above the same equations hold with s → 1 − s, p ↔ r and ν, the effective mass of
 everything above, in place of μ.
 
 Arrays: links first, then pendula, then trial values x = ω² (natural units, g = 1): (n, P, R).
@@ -22,10 +27,10 @@ constants of the P chains that hang from each (n, P, 1, S), links first.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -34,6 +39,7 @@ from modal.assembly import Block, CartNumbers, masses_below
 from modal.pair import Constants
 from modal.types import Floats, Ints
 
+Sweep = Callable[[list[Any], float], tuple[float, float]]
 NUDGE = 2.0**-60
 """Subtracted from each D: far below its rounding, but turns an exact zero into a tiny negative number."""
 
@@ -158,15 +164,23 @@ def _empty(block: Block, x: Floats) -> Swept:
 
 ROOM = 16_000
 """Size of an array of trials over links that fits a processor's cache."""
+FEW = 8
+"""Trial values of all chains for which floats take less time than arrays."""
 MOST_COUNTED = 127
 """Links of which an integer of eight bits is a count."""
 
 
 class Chains(NamedTuple):
-    """The recursion's constants (n, P, 1, S) with 1/k for k, and the entries of a dense matrix."""
+    """The recursion's constants (n, P, 1, S) with 1/k for k, and the entries of a dense matrix.
+
+    J = I/l² is apart from `near`, `far` and `cross`: m s², m (1 − s)² and m s (1 − s).
+    """
 
     m: Floats
-    mJ: Floats
+    J: Floats
+    near: Floats
+    far: Floats
+    cross: Floats
     r: Floats
     p: Floats
     q: Floats
@@ -201,7 +215,14 @@ def chains_of(mass: Floats, length: Floats, centre: Floats, inertia: Floats) -> 
     link = pair.link_constants(mass, length, centre, inertia, below)
     b = pair.first_moment(mass, length, centre, below)
     diagonal = pair.second_moment(mass, length, centre, inertia, below)
-    return Chains(link.m, link.mJ, link.r, link.p, link.q, 1 / link.k, length, b, diagonal)
+    apart = lever_masses(link, length, centre, inertia)
+    return Chains(link.m, *apart, link.r, link.p, link.q, 1 / link.k, length, b, diagonal)
+
+
+def lever_masses(link: Constants, length: Any, centre: Any, inertia: Any) -> tuple[Any, Any, Any, Any]:
+    """J = I/l², m s², m (1 − s)² and m s (1 − s) of a link, or of as many as the arrays hold."""
+    rest = (length - centre) / length
+    return inertia / length / length, link.upper * (centre / length), link.lower * rest, link.upper * rest
 
 
 @dataclass(frozen=True, eq=False)
@@ -270,6 +291,8 @@ class Suspension:
 
 def count_and_mass(chains: Chains, x: Floats) -> tuple[Ints, Floats]:
     """Number of fixed-base frequencies of each chain below each x, and the mass felt at its pivot, (P, R, S)."""
+    if alone := one_by_one(swept, (chains.inverse, chains.J, chains.near, chains.far, chains.m), x):
+        return alone[0].astype(np.int64), alone[1]
     with np.errstate(all="ignore"):
         below, mass = _counted(chains, x, 0.0)
         if not (fine := np.isfinite(mass).all((0, 2))).all():
@@ -281,20 +304,21 @@ def _counted(chains: Chains, x: Floats, nudge: float) -> tuple[Ints, Floats]:
     mu = np.zeros((chains.m.shape[1], *x.shape))
     below = np.zeros(mu.shape, dtype=np.int64)
     step = min(MOST_COUNTED, max(1, ROOM // max(1, mu.size)))
-    room = np.empty((4, min(step, chains.n), *mu.shape))
+    room = np.empty((5, min(step, chains.n), *mu.shape))
     for end in range(chains.n, 0, -step):
         some = slice(max(0, end - step), end)
-        t, gains, masses, pivots = room[:, : end - some.start]
+        t, light, gains, masses, pivots = room[:, : end - some.start]
         np.multiply(chains.inverse[some], x, out=t)
-        np.multiply(chains.p[some], t, out=gains)
-        np.subtract(1.0, gains, out=gains)
-        np.multiply(chains.mJ[some], t, out=masses)
-        np.subtract(chains.m[some], masses, out=masses)
-        factors = t, gains, masses, chains.r[some], pivots
-        for stretched, gain, added, r, D in zip(*(values[::-1] for values in factors), strict=True):
-            np.add(mu, r, out=D)
+        np.multiply(chains.J[some], t, out=light)
+        np.subtract(1.0, light, out=light)
+        np.multiply(chains.far[some], t, out=gains)
+        np.subtract(light, gains, out=gains)
+        np.multiply(chains.m[some], light, out=masses)
+        factors = t, light, gains, masses, chains.near[some], pivots
+        for stretched, w, gain, added, near, D in zip(*(values[::-1] for values in factors), strict=True):
+            np.add(mu, near, out=D)
             np.multiply(D, stretched, out=D)
-            np.subtract(1.0, D, out=D)
+            np.subtract(w, D, out=D)
             if nudge:
                 np.subtract(D, nudge, out=D)
             mu *= gain
@@ -302,6 +326,63 @@ def _counted(chains: Chains, x: Floats, nudge: float) -> tuple[Ints, Floats]:
             mu /= D
         below += np.add.reduce((pivots < 0).view(np.int8), axis=0, dtype=np.int8)
     return below, mu
+
+
+def one_by_one(sweep: Sweep, constants: Sequence[Floats], x: Floats) -> tuple[Floats, Floats] | None:
+    """What a sweep over floats returns for each chain (n, P, 1, S) at each x (R, S), where these are FEW, (P, R, S).
+
+    None for more of them, and where a pivot is zero.
+    """
+    _, chains, _, supports = constants[0].shape
+    if chains * x.size > FEW:
+        return None
+    results = np.empty((2, chains, *x.shape))
+    for p in range(chains):
+        for s in range(supports):
+            links = list(zip(*(values[::-1, p, 0, s].tolist() for values in constants), strict=True))
+            try:
+                results[:, p, :, s] = np.transpose([sweep(links, y) for y in x[:, s].tolist()])
+            except ZeroDivisionError:
+                return None
+    return results[0], results[1]
+
+
+def swept(links: list[Any], y: float) -> tuple[int, float]:
+    """Pivots D < 0 and the mass at the pivot of links (1/k, J, m s², m (1 − s)², m), tip first."""
+    mu, below = 0.0, 0
+    for k, J, near, far, m in links:
+        t = y * k
+        w = 1.0 - J * t
+        D = w - (mu + near) * t
+        if D < 0.0:
+            below += 1
+        mu = (mu * (w - far * t) + m * w) / D
+    return below, mu
+
+
+def nudged(links: list[Any], y: float, nudge: float) -> tuple[int, float]:
+    """The same with D less the nudge."""
+    mu, below = 0.0, 0
+    for k, J, near, far, m in links:
+        t = y * k
+        w = 1.0 - J * t
+        D = w - (mu + near) * t - nudge
+        mu = (mu * (w - far * t) + m * w) / D
+        below += D < 0
+    return below, mu
+
+
+def swept_with_energy(links: list[Any], y: float) -> tuple[float, float]:
+    """Mass and energy at the pivot of links, their constants before m s (1 − s), r, p and q, tip first."""
+    mu = energy = 0.0
+    for k, J, near, far, m, cross, r, p, q in links:
+        t = y * k
+        w = 1.0 - J * t
+        D = w - near * t - t * mu
+        carried = (w + cross * t) / D
+        mu = (mu * (w - far * t) + m * w) / D
+        energy = ((energy + r) * carried + 2.0 * q) * carried + p
+    return mu, energy
 
 
 def _arranged(block: Block, shape: tuple[int, int, int]) -> Chains:

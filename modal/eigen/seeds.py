@@ -3,8 +3,9 @@
     1/ω² = eigenvalues of K^−½ M K^−½,
 
 without a free cart, whose momentum stays zero: A − b bᵀ/M_tot replaces M.  Scaled by gravity, each eigenvalue is known
-to N ε of the largest of K^−½ A K^−½ (Parlett, The Symmetric Eigenvalue Problem, §10.3), the terms of that difference,
-which exceeds the largest of the difference by Σ b/M_tot at most: slow modes to many digits, fast ones to fewer.
+to N ε of the largest (Parlett, The Symmetric Eigenvalue Problem, §10.3) and to a few ε of the largest of K^−½ A K^−½,
+of whose entries, none negative, the terms of that difference are rounded; it exceeds the largest of the difference by
+Σ b/M_tot at most.  Slow modes have many digits, fast ones fewer.
 
 They are improved by one Rayleigh quotient step each.  Elimination leaves at one joint, displaced by 1, an unbalanced
 mass T and a shape of kinetic energy N, twice over ω². The Rayleigh quotient of that shape is x (1 − T/N), with an error
@@ -22,7 +23,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from modal.eigen.recursion import ROOM, Chains, Suspension, joint_masses
+from modal.eigen.recursion import ROOM, Chains, Suspension, joint_masses, one_by_one, swept_with_energy
 from modal.types import Floats
 
 EPS = 2.0**-53
@@ -44,9 +45,9 @@ def seeds(suspension: Suspension) -> tuple[Floats, Floats]:
         values = {1: _only, 2: _both}.get(size, np.linalg.eigvalsh)(matrix)
     except np.linalg.LinAlgError:
         values = np.full(matrix.shape[:2], np.nan)
-    largest = values[:, -1:] + removed[:, None]
+    largest = values[:, -1:]
     with np.errstate(all="ignore"):
-        error = ROUNDINGS * (size + EARLIER) * EPS * largest / values
+        error = ROUNDINGS * EPS * (size * largest + EARLIER * (largest + 2 * removed[:, None])) / values
         error = np.where((values > 0) & np.isfinite(error), error, np.inf)
         return np.asarray((1.0 / values).T[::-1]), error.T[::-1]
 
@@ -172,22 +173,27 @@ def at_pivot(suspension: Suspension, x: Floats) -> Floats:
 
 def _mass_and_energy(chains: Chains, x: Floats) -> tuple[Floats, Floats]:
     """Mass, and twice the kinetic energy over ω², of chains whose pivots are displaced by 1, (P, R, S)."""
+    m, J, near, far, cross, r, p, q, inverse = chains[:9]
+    if alone := one_by_one(swept_with_energy, (inverse, J, near, far, m, cross, r, p, q), x):
+        return alone
     mass, energy = (np.zeros((chains.m.shape[1], *x.shape)) for _ in range(2))
     D = np.empty_like(mass)
     step = max(1, ROOM // max(1, mass.size))
     room = np.empty((5, min(step, chains.n), *mass.shape))
     for end in range(chains.n, 0, -step):
         some = slice(max(0, end - step), end)
-        m, mJ, near, far, q = (values[some] for values in (chains.m, chains.mJ, chains.r, chains.p, chains.q))
+        m, J, near, far, cross, r, p, q = (values[some] for values in chains[:8])
         t, *products = room[:, : end - some.start]
         np.multiply(chains.inverse[some], x, out=t)
-        for constant, product in zip((near, far, mJ, q), products, strict=True):
+        for constant, product in zip((near, far, J, cross), products, strict=True):
             np.multiply(constant, t, out=product)
         free, gains, masses, shares = products
-        for whole, less in ((1.0, free), (1.0, gains), (m, masses)):
-            np.subtract(whole, less, out=less)
-        shares += 1.0
-        factors = t, near, far, 2 * q, free, gains, masses, shares
+        np.subtract(1.0, masses, out=masses)
+        np.subtract(masses, free, out=free)
+        np.subtract(masses, gains, out=gains)
+        shares += masses
+        masses *= m
+        factors = t, r, p, 2 * q, free, gains, masses, shares
         for stretched, r, p, twice, free, passed, added, carried in zip(
             *(values[::-1] for values in factors), strict=True
         ):
@@ -248,11 +254,13 @@ def _joined(suspension: Suspension, x: Floats) -> Iterator[tuple[_Side, _Side, F
 
 def _swept(chains: Chains, x: Floats, mass: Floats | float, energy: Floats | float, *, upward: bool) -> _Side:
     """One side of each joint in the order of the sweep, given mass and energy at the first joint."""
-    near, far = (chains.r, chains.p) if upward else (chains.p, chains.r)
     order = slice(None, None, -1 if upward else 1)
-    near, far, q, t = (values[order] for values in (near, far, chains.q, chains.inverse * x))
-    free, passed, carried = 1.0 - near * t, 1.0 - far * t, 1.0 + q * t
-    added = chains.m[order] - chains.mJ[order] * t
+    m, J, near, far, cross, r, p, q = (values[order] for values in chains[:8])
+    if not upward:
+        near, far, r, p = far, near, p, r
+    t = chains.inverse[order] * x
+    light = 1.0 - J * t
+    free, passed, carried, added = light - near * t, light - far * t, light + cross * t, m * light
     side = _Side(*(np.empty((chains.n + 1, *t.shape[1:])) for _ in range(2)))
     side.mass[0], side.energy[0] = mass, energy
     twice, D = 2 * q, np.empty(t.shape[1:])
@@ -265,11 +273,11 @@ def _swept(chains: Chains, x: Floats, mass: Floats | float, energy: Floats | flo
         lower /= D
         np.divide(carried[i], D, out=D)
         whole = side.energy[i + 1]
-        np.add(side.energy[i], near[i], out=whole)
+        np.add(side.energy[i], r[i], out=whole)
         whole *= D
         whole += twice[i]
         whole *= D
-        whole += far[i]
+        whole += p[i]
     return side
 
 

@@ -37,6 +37,8 @@ CLOSEST = 2.0**-51
 """Relative distance of ω² that counts leave where there are many supports: two to four units in the last place."""
 FARTHER = 16
 """Distance from a second guess in units in the last place."""
+RARE = 20
+"""Modes of which one is missed by rounding alone, so that counts further off confirm its guess."""
 
 
 class Limits(NamedTuple):
@@ -255,7 +257,11 @@ def _improved(suspension: Suspension, wanted: Ints, guess: Floats) -> tuple[Floa
     """
     squares = at_pivot(suspension, guess)
     if suspension.supports == 1:
-        return confirmed(suspension, wanted, squares, FARTHER if _are_few(suspension, wanted) else NEAR)
+        steps, missed = confirmed(suspension, wanted, squares, FARTHER if _are_few(suspension, wanted) else NEAR)
+        rows = np.flatnonzero(missed)
+        if 0 < RARE * rows.size < len(wanted):
+            steps[rows], missed[rows] = confirmed(suspension, wanted[rows], squares[rows], FARTHER)
+        return steps, missed
     return squares, ~lies_within(suspension, wanted, squares, CLOSEST)
 
 

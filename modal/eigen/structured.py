@@ -310,7 +310,8 @@ class OnStructure:
                 * np.abs(value) ** p
                 for part, p in terms
             )
-            residual = (np.abs(push) / np.where(size > 0, size, 1.0)).max(0)
+            unit = np.sqrt(M.size @ M.rows**2)[:, None]
+            residual = np.linalg.norm(push / unit, axis=0) / np.linalg.norm(size / unit, axis=0)
         described = _details(moved, modal_mass, momentum, residual, moved.energies)
         return self._of_cart(described, value, shape) if self._is_plain else described
 

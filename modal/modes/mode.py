@@ -62,9 +62,9 @@ class Mode(Displayed):
     kappa               κ in ω(a) = ω(1 + κa²), a the largest angle (1/rad²), see `modal.eigen.amplitude`
     linear_to_1_percent_deg  the largest angle (deg) of any link over the period at which ω is 1 % off: |κ|a² = 1 %
     resonances          modes near 1:1, 1:2 or 1:3 that make this angle a guide, in words, see `resonances`
-    residual            misfit of frequency and shape: on the structured routes |1 − ρ/ω²| of the shape's Rayleigh
-                        quotient ρ; on the dense route the largest unbalanced force among (λ²M + λD + K)φ over the
-                        sum of its terms' sizes
+    residual            misfit of frequency and shape: without dampers |1 − ρ/ω²| of the shape's Rayleigh
+                        quotient ρ, with dampers the norm of the unbalanced forces (λ²M + λD + K)φ over that of the
+                        sums of their terms' sizes, each force over the root of its coordinate's inertia
     relative_error_bound  bound on the relative error of omega
     indistinct          whether a neighbour is closer than the sum of both bounds
 

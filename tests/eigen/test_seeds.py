@@ -10,7 +10,7 @@ from scenes import extreme_pendulum, extreme_scene, long_scene
 
 from modal import Bob, Cart, Fixed, Pendulum, Rod, Scene, natural_modes
 from modal.assembly import rig_of
-from modal.eigen import recursion, seeds, short, squares
+from modal.eigen import recursion, seeds, squares
 from modal.eigen.coupled import CartPendula
 from modal.eigen.recursion import Suspension
 from modal.eigen.seeds import at_pivot, twisted
@@ -147,14 +147,14 @@ def test_scalar_arithmetic_is_that_of_numpy(seed: int) -> None:
     numbers = 10 ** rng.uniform(-2, 2, (2, 1 + 5 * seed, 1, 1, 1))
     hung = recursion.chains_of(numbers[0], numbers[1], numbers[1] / 2, numbers[0] * numbers[1] ** 2 / 12)
     x = np.append(10 ** rng.uniform(-6, 6, 33), 1 / (hung.r * hung.inverse)[0, 0, 0])[:, None]
-    rows = (hung.inverse, hung.r, hung.p, hung.m, hung.mJ, hung.q)
+    rows = (hung.inverse, hung.J, hung.near, hung.far, hung.m, hung.cross, hung.r, hung.p, hung.q)
     links = list(zip(*(values[::-1, 0, 0, 0].tolist() for values in rows), strict=True))
     counted = [link[:5] for link in links]
     with np.errstate(all="ignore"):
         each = [
-            (recursion._counted(hung, x, 0.0), lambda y: short._swept(counted, y)),
-            (recursion._counted(hung, x, recursion.NUDGE), lambda y: short._nudged(counted, y, recursion.NUDGE)),
-            (seeds._mass_and_energy(hung, x), lambda y: short._swept_with_energy(links, y)),
+            (recursion._counted(hung, x, 0.0), lambda y: recursion.swept(counted, y)),
+            (recursion._counted(hung, x, recursion.NUDGE), lambda y: recursion.nudged(counted, y, recursion.NUDGE)),
+            (seeds._mass_and_energy(hung, x), lambda y: recursion.swept_with_energy(links, y)),
         ]
     for expected, by_numbers in each:
         for k, y in enumerate(x[:, 0].tolist()):
