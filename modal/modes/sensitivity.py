@@ -378,7 +378,8 @@ def of_mode(modes: Modes, row: Mode) -> dict[str, Sensitivity]:
 def _on_structure(modes: Modes, omega: float, number: int) -> Iterator[tuple[str, Sensitivity]]:
     """Those of every number above 0 that may change alone; a board that it would unbalance has none."""
     refuse(modes, number)
-    for place, derivative in slopes_by_squares(modes, number).items():
+    phi = modes.column(modes.shape(number, 0, "mass")).astype(np.complex128)
+    for place, derivative in slopes_by_squares(modes, number, phi).items():
         yield with_numbers(place), _sensitivity(number_at(modes.scene, place), derivative, omega)
 
 

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from modal.assembly import Arrays, differences, rig_of, scene_squares
+from modal.assembly.linearization import LARGEST_DENSE
 from modal.assembly.squares import SceneSquares, SquareRows
 from modal.assembly.structure import modal_supports
 from modal.eigen import Digits
@@ -29,12 +30,14 @@ from modal.scene.validation import Part
 from modal.types import Complexes, Floats, Ints
 
 if TYPE_CHECKING:
-    from modal.modes.modes import Modes
+    from modal.modes.eigenvalues import Eigenvalues
 
 ULP, CANCELLED, UNSURE = 2.0**-52, 1e-13, 1e-9
 """Errors of relative derivatives above which digits are refined, and above which they have none."""
 DIGITS, STEPS, CLOSE = 80, 12, 30
 """Decimal digits, most steps, and digits to which two steps agree at the end."""
+KEPT = 1e-3
+"""Of the terms of a momentum: what of them is left with its digits."""
 FEW, MOST = 24, 120
 """Coordinates up to which every mode is refined, and up to which any is."""
 Keys = list[tuple[str, int, int]]
@@ -116,8 +119,16 @@ def _over_all(part: SquareRows, n: int, number: Callable[[Any], Any]) -> Any:
     return whole.reshape(-1, n)
 
 
-def refined(scene: Scene, value: complex, phi: Complexes, within: float) -> tuple[Complexes, Complexes]:
-    """The displacements z (N,) of `rows_of` and the shape (n,), to the last digit, of a simple mode.
+class Refined(NamedTuple):
+    """The displacements z (N,) of `rows_of`, the shape (n,) and the momentum along the rail, to the last digit."""
+
+    z: Complexes
+    phi: Complexes
+    momentum: complex
+
+
+def refined(scene: Scene, value: complex, phi: Complexes, within: float) -> Refined:
+    """A simple mode in digits.
 
     `value` is its eigenvalue, right `within` this relative error, and `phi` its shape, in the scale of which both are.
     ComputationError where no mode is found there.
@@ -126,25 +137,30 @@ def refined(scene: Scene, value: complex, phi: Complexes, within: float) -> tupl
         raise ComputationError(f"more than {MOST} coordinates: its digits are not refined")
     with localcontext(Context(prec=DIGITS)):
         numbers = Digits(np.ones(1), DIGITS, is_real=not scene.has_damping)
-        matrices, rows = _in_digits(scene)
+        matrices, rows, momentum = _in_digits(scene)
         eigenvalue, shape = _newton(numbers, [numbers.exact(S) for S in matrices], value, phi)
         if not abs(eigenvalue - value) <= within * abs(value):
             raise ComputationError("its digits are not found")
-        if numbers.is_real:
-            return _float(rows @ shape), _float(shape)
-        real, imag = (np.array([getattr(entry, name) for entry in shape]) for name in ("real", "imag"))
-        return _float(rows @ real) + 1j * _float(rows @ imag), _float(real) + 1j * _float(imag)
+        names = () if numbers.is_real else ("real", "imag")
+        parts = [np.array([getattr(entry, name) for entry in shape]) for name in names] or [shape]
+        left = [np.array([_rest(momentum, part)]) for part in parts]
+        each = [np.concatenate((rows @ p, p, rest)).astype(np.float64) for p, rest in zip(parts, left, strict=True)]
+    whole = each[0] + 1j * each[-1] if len(each) > 1 else each[0].astype(np.complex128)
+    return Refined(whole[: len(rows)], whole[len(rows) : -1], complex(whole[-1]))
+
+
+def _rest(row: Any, shape: Any) -> Decimal:
+    """A row times a shape, 0 where half of the digits cancel."""
+    terms = row * shape
+    whole: Decimal = terms.sum()
+    return whole if abs(whole) > np.abs(terms).sum().scaleb(-DIGITS // 2) else Decimal(0)
 
 
 @lru_cache(maxsize=2)
-def _in_digits(scene: Scene) -> tuple[tuple[Any, Any, Any], Any]:
-    """M, K and D, and the rows of `rows_of`, in decimals."""
+def _in_digits(scene: Scene) -> tuple[tuple[Any, Any, Any], Any, Any]:
+    """M, K and D, the rows of `rows_of` and the momentum along the rail, in decimals."""
     squares = scene_squares(rig_of(scene), Digits(np.ones(1), DIGITS, is_real=True).number)
-    return squares.matrices, rows_of(squares).rows
-
-
-def _float(values: Any) -> Complexes:
-    return np.asarray(values.astype(np.float64), dtype=np.complex128)
+    return squares.matrices, rows_of(squares).rows, squares.momentum
 
 
 def _newton(numbers: Digits, pencil: list[Any], value: complex, phi: Complexes) -> tuple[complex, Any]:
@@ -191,20 +207,22 @@ def _solved(P: Any, right: Any, numbers: Digits) -> Any:
     return solution
 
 
-def slopes_by_squares(modes: Modes, number: int) -> dict[Place, float]:
-    """∂ω/∂p of a simple mode on a structure by every number but 0 that may change alone, by its place.
+def slopes_by_squares(modes: Eigenvalues, number: int, phi: Complexes) -> dict[Place, float]:
+    """∂ω/∂p of a simple mode of shape φ (n,) on a structure by every number but 0 that may change alone.
 
     ComputationError where a derivative keeps few digits of a number that its terms cancel to.
     """
-    value, phi = complex(modes.eigenvalue[number]), modes.column(modes.shape(number, 0, "mass")).astype(np.complex128)
-    M, (rows, changes) = modes.matrices.M, square_changes(modes.scene)
+    if len(phi) > LARGEST_DENSE:
+        raise ComputationError(f"more than {LARGEST_DENSE} coordinates: derivatives need dense rows of their squares")
+    value, (rows, changes) = complex(modes.eigenvalue[number]), square_changes(modes.scene)
     if not value:
         return dict.fromkeys(changes, 0.0)
-    still = np.where(phi == 0, 4 * len(phi) / np.sqrt(np.maximum(M.diagonal(), 1e-300)), 0.0)
+    weight = (rows.size * (rows.power == 2)) @ rows.rows**2
+    still = np.where((phi == 0) & (weight > 0), 4 * len(phi) / np.sqrt(np.where(weight > 0, weight, 1.0)), 0.0)
     moved = _Moved(value, phi, rows.rows @ phi, ULP * (np.abs(rows.rows) @ (np.abs(phi) + still)))
     derivatives, lost = _slopes(modes, rows, changes, moved)
     if lost > CANCELLED or len(phi) <= FEW:
-        z, phi = refined(modes.scene, value, phi, 2 * float(modes.error[number]) + CANCELLED)
+        z, phi, _ = refined(modes.scene, value, phi, 2 * float(modes.error[number]) + CANCELLED)
         derivatives, lost = _slopes(modes, rows, changes, _Moved(value, phi, z, ULP * np.abs(z)))
         if not lost <= UNSURE:
             raise ComputationError("its derivatives are beyond double precision")
@@ -220,7 +238,9 @@ class _Moved(NamedTuple):
     rounding: Floats
 
 
-def _slopes(modes: Modes, rows: Rows, changes: dict[Place, _Change], moved: _Moved) -> tuple[dict[Place, float], float]:
+def _slopes(
+    modes: Eigenvalues, rows: Rows, changes: dict[Place, _Change], moved: _Moved
+) -> tuple[dict[Place, float], float]:
     """The derivatives by each number, and the largest error of p/ω ∂ω/∂p by rounding."""
     value, phi, z, rounding = moved
     pencil = np.sum(rows.power * value ** (rows.power - 1.0) * rows.size * z**2)
@@ -272,3 +292,23 @@ def _numbers(part: Any, at: Place = ()) -> Iterator[Place]:
             yield from _numbers(item, (*at, index))
     elif isinstance(part, float) and part:
         yield at
+
+
+@lru_cache(maxsize=2)
+def _momentum(scene: Scene) -> Floats:
+    """That along the rail by the rate of every coordinate (n,)."""
+    return np.asarray(scene_squares(rig_of(scene)).momentum)
+
+
+def momentum_left(modes: Eigenvalues, number: int, phi: Complexes) -> float | None:
+    """φᵀMe of a simple mode without dampers on a structure where its terms cancel; None where floats have its digits.
+
+    e moves everything along the rail by 1; `phi` is the shape (n,).
+    """
+    value, row = complex(modes.eigenvalue[number]), _momentum(modes.scene)
+    if not value or abs(row @ phi) > KEPT * (np.abs(row) @ np.abs(phi)):
+        return None
+    try:
+        return refined(modes.scene, value, phi, 2 * float(modes.error[number]) + CANCELLED).momentum.real
+    except ComputationError:
+        return None

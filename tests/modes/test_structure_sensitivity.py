@@ -1,4 +1,4 @@
-"""Derivatives of frequencies on structures, in which what cancels is 13 orders above what is left, by 50 digits."""
+"""Derivatives of frequencies and effective masses of structures in which terms of 13 orders cancel, by 50 digits."""
 
 import mpmath as mp
 import pytest
@@ -62,3 +62,20 @@ def test_what_cancels_and_is_not_refined_has_no_derivative(monkeypatch: pytest.M
     monkeypatch.setattr(squares, "MOST", 0)
     modes = natural_modes(BOARD)
     assert [bool(of_mode(modes, row)) for row in modes] == [True, False]
+
+
+@pytest.mark.parametrize("scene", [BOARD, SWING], ids=["board", "swing"])
+def test_effective_masses_that_cancel_keep_their_digits(scene: Scene) -> None:
+    """(φᵀMe)², of a sum over all centres of mass."""
+    oracle = Oracle(scene)
+    with mp.workdps(DIGITS):
+        M, K, _ = oracle.matrices()
+        inverse = mp.cholesky(M) ** -1
+        _, V = mp.eigsy(inverse * K * inverse.T)
+        momentum = mp.zeros(1, oracle.size)
+        for mass, (along, _) in oracle._drawn.parts.masses:
+            for at, slope in along.first.items():
+                momentum[at] += mass * slope
+        true = [float((momentum * inverse.T * V[:, k])[0] ** 2) for k in range(oracle.size)]
+    assert natural_modes(scene).effective_mass == pytest.approx(true, rel=1e-12, abs=0)
+    assert min(true) < 1e-9 * max(true)
