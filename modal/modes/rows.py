@@ -286,8 +286,8 @@ def _mode(modes: Eigenvalues, number: int, pieces: list[_RowPart]) -> Mode:
     head = _head(pieces)
     certain = 1.0 if modes.error[number] < UNCERTAIN else np.nan
     effective = certain * unit * sum(piece.effective_mass(modes.rig) for piece in pieces)
-    small = modes.scene.n_links + modes.rig.leading <= MOST
-    if small and modes.rig.structure and modes.multiplicity[number] == 1 and not modes.rig.is_damped and certain == 1:
+    few = isfinite(effective) and modes.scene.n_links + modes.rig.leading <= MOST
+    if few and modes.rig.structure and modes.multiplicity[number] == 1 and not modes.rig.is_damped and certain == 1:
         effective = _left_of(modes, number, head, effective)
     light = not modes.is_classical or ratio < LIGHTLY
     kappa = certain * float(head.details.kappa[head.at]) if light else np.nan

@@ -1,10 +1,11 @@
 """Derivatives of frequencies and effective masses of structures in which terms of 13 orders cancel, by 50 digits."""
 
 import mpmath as mp
+import numpy as np
 import pytest
 from structures import DIGITS, Oracle
 
-from modal import Bob, Pendulum, Platform, Rod, Scene, Spring, Swing, Tilt, natural_modes
+from modal import Bob, ModalSupport, Pendulum, Platform, Rod, Scene, Spring, Swing, Tilt, natural_modes
 from modal.modes import squares
 from modal.modes.sensitivity import of_mode
 from modal.scene.parameters import vary
@@ -79,3 +80,10 @@ def test_effective_masses_that_cancel_keep_their_digits(scene: Scene) -> None:
         true = [float((momentum * inverse.T * V[:, k])[0] ** 2) for k in range(oracle.size)]
     assert natural_modes(scene).effective_mass == pytest.approx(true, rel=1e-12, abs=0)
     assert min(true) < 1e-9 * max(true)
+
+
+def test_a_modal_support_has_no_effective_masses_where_momentum_cancels() -> None:
+    support = ModalSupport(name="frame", M=[[5.0]], K=[[2e3]], D=[[0.0]], points=[[[1.0], [0.0]]])
+    pendula = [Pendulum(on="frame[0]", links=[Bob(mass=1.0, length=length)]) for length in (1.0, 1.000001)]
+    modes = natural_modes(Scene(gravity=9.8, support=support, pendulum=pendula))
+    assert np.isnan(modes.effective_mass).tolist() == [True, True, True]
