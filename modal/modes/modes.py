@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import groupby
 from math import isnan
@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from modal.assembly import Matrices, Rig, matrices_of
-from modal.eigen import UNCERTAIN, Details, Limits, SpectrumPart, notes
+from modal.eigen import UNCERTAIN, Limits, SpectrumPart, notes
 from modal.errors import SceneError
 from modal.modes.eigenvalues import Eigenvalues, Short, kept
 from modal.modes.mode import Mode
-from modal.modes.rows import described
+from modal.modes.rows import described, row_of
 from modal.modes.shapes import Shape, expand, validate_normalisation
 from modal.report import HTML_ROWS, TEXT_ROWS, Displayed, Summary, counted, deferred, more, scrolled
 from modal.scene import Scene, left_out, validate_scene
@@ -432,7 +432,7 @@ def all_shapes(modes: Eigenvalues) -> list[list[Shape]]:
     details = {source: modes.spectrum.details(source, list(places)) for source, places in rows.items()}
 
     def shape(part: SpectrumPart, copy: int, uncertain: bool) -> Shape:
-        row = _row(details[part.source], rows[part.source][part.row_of(copy)])
+        row = row_of(details[part.source], rows[part.source][part.row_of(copy)])
         return expand(modes.rig, modes.units, part, copy, row, "mass", uncertain=uncertain)
 
     return [
@@ -449,12 +449,3 @@ def _rows(modes: Eigenvalues) -> dict[int, dict[int, int]]:
         for copy in range(part.along + part.across):
             places.setdefault(part.row_of(copy), len(places))
     return rows
-
-
-def _row(details: Details, at: int) -> Details:
-    """One row of the details, the last axis of every array."""
-    single: dict[str, Any] = {}
-    for field in fields(details):
-        value = getattr(details, field.name)
-        single[field.name] = tuple(part[..., [at]] for part in value) if isinstance(value, tuple) else value[[at]]
-    return Details(**single)

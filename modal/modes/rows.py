@@ -7,10 +7,10 @@ within the chain.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
 from itertools import groupby
 from math import isfinite, radians
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,7 @@ from modal.errors import ComputationError
 from modal.modes.eigenvalues import Eigenvalues
 from modal.modes.mode import BESIDE, PROMISED, SURE, UNKNOWN, Amplitude, Mode, answering, is_guide, resonances
 from modal.modes.shapes import by_kind, displacements, expand, first_of_largest, is_balanced
+from modal.modes.squares import MOST, momentum_left
 from modal.structure import Structure, coordinate_units
 from modal.types import Floats, Ints
 
@@ -285,6 +286,9 @@ def _mode(modes: Eigenvalues, number: int, pieces: list[_RowPart]) -> Mode:
     head = _head(pieces)
     certain = 1.0 if modes.error[number] < UNCERTAIN else np.nan
     effective = certain * unit * sum(piece.effective_mass(modes.rig) for piece in pieces)
+    few = isfinite(effective) and modes.scene.n_links + modes.rig.leading <= MOST
+    if few and modes.rig.structure and modes.multiplicity[number] == 1 and not modes.rig.is_damped and certain == 1:
+        effective = _left_of(modes, number, head, effective)
     light = not modes.is_classical or ratio < LIGHTLY
     kappa = certain * float(head.details.kappa[head.at]) if light else np.nan
     return Mode(
@@ -304,6 +308,25 @@ def _mode(modes: Eigenvalues, number: int, pieces: list[_RowPart]) -> Mode:
         relative_error_bound=float(modes.error[number]),
         indistinct=bool(modes.indistinct[number]),
     )
+
+
+def _left_of(modes: Eigenvalues, number: int, head: _RowPart, effective: float) -> float:
+    """The effective mass (kg) of a simple mode, from more digits where terms of its momentum cancel."""
+    shape = expand(modes.rig, modes.units, head.part, 0, row_of(head.details, head.at), "mass", uncertain=False)
+    if shape.across:
+        return effective
+    phi = np.concatenate((shape.leading[: modes.rig.leading], shape.angles)).astype(np.complex128)
+    momentum = momentum_left(modes, number, phi)
+    return effective if momentum is None else momentum**2
+
+
+def row_of(details: Details, at: int) -> Details:
+    """One row of the details, the last axis of every array."""
+    single: dict[str, Any] = {}
+    for field in fields(details):
+        value = getattr(details, field.name)
+        single[field.name] = tuple(part[..., [at]] for part in value) if isinstance(value, tuple) else value[[at]]
+    return Details(**single)
 
 
 def _without_shape(modes: Eigenvalues, number: int, ratio: float) -> Mode:

@@ -15,10 +15,8 @@ with φᵀMφ = 1 this is 2ω ∂ω/∂p = φᵀ(∂K/∂p − ω² ∂M/∂p)φ
 Chu & Lancaster, SIAM J. Matrix Anal. Appl. 14, 903 (1993).)
 
 A number of the scene's file may belong to many links: copies of a pendulum, and a run of equal links.  All of them
-change with it, so their derivatives add up (`of_mode`).  On a structure they come from the derivatives of M, K and D
-(`modal.assembly.linearization`), of every number that these depend on:
-
-    ∂λ/∂p = −φᵀ (λ² ∂M/∂p + λ ∂D/∂p + ∂K/∂p) φ / φᵀ (2λ M + D) φ
+change with it, so their derivatives add up (`of_mode`).  On a structure they come from the squares of which M, K and D
+are sums, and what every number changes of them (`modal.modes.squares`).
 """
 
 from __future__ import annotations
@@ -26,26 +24,24 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
 from decimal import Context, Decimal, localcontext
-from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from modal import pair
-from modal.assembly import Arrays, Rig, differences, matrices
+from modal.assembly import Rig
 from modal.eigen import TORQUE, UNCERTAIN, Digits, cart_of, hung
 from modal.errors import ComputationError, SceneError
 from modal.modes.mode import Mode
 from modal.modes.modes import Modes
 from modal.modes.shapes import Shape
+from modal.modes.squares import CANCELLED, ULP, slopes_by_squares
 from modal.report import Displayed, Summary, brief, tabulated
-from modal.scene import Body, Pendulum, Scene, refusals
+from modal.scene import Body, Pendulum, refusals
 from modal.scene.doors import checked
-from modal.scene.parameters import Place, number_at, with_numbers
-from modal.scene.validation import Part
+from modal.scene.parameters import number_at, with_numbers
 from modal.types import Complexes, Floats
 
-ULP, CANCELLED = 2.0**-52, 1e-13
 BY_PLACE = (
     "support: sensitivities link by link are those of pendula on a fixed support or one cart: take "
     "modal.modes.sensitivity.of_mode, which has them by places of the scene"
@@ -379,63 +375,12 @@ def of_mode(modes: Modes, row: Mode) -> dict[str, Sensitivity]:
         return {}
 
 
-LINEARIZED = frozenset(
-    {"gravity", "mass", "length", "centre", "inertia", "damping", "stiffness", "drag", "position", "links", "pendulum"}
-    | {"support", "spring", "sway", "heave", "roll"}
-)
-"""Keys of numbers, and of what holds them, on which M, K and D depend."""
-NOTHING_OF = 2.0**-40
-"""Of the largest entry of a matrix: a change by a number as large as itself that is rounding."""
-
-
 def _on_structure(modes: Modes, omega: float, number: int) -> Iterator[tuple[str, Sensitivity]]:
     """Those of every number above 0 that may change alone; a board that it would unbalance has none."""
     refuse(modes, number)
-    value, phi = complex(modes.eigenvalue[number]), modes.column(modes.shape(number, 0, "mass"))
-    dense = modes.matrices
-    pencil = phi @ (2 * value * dense.M + dense.D) @ phi
-    for place, (dM, dK, dD) in matrix_slopes(modes.scene).items():
-        derivative = 0.0
-        if value:
-            slope = -(phi @ (value**2 * dM + value * dD + dK) @ phi) / pencil
-            derivative = float((np.conj(value) * slope).real / abs(value))
+    phi = modes.column(modes.shape(number, 0, "mass")).astype(np.complex128)
+    for place, derivative in slopes_by_squares(modes, number, phi).items():
         yield with_numbers(place), _sensitivity(number_at(modes.scene, place), derivative, omega)
-
-
-@lru_cache(maxsize=2)
-def matrix_slopes(scene: Scene) -> dict[Place, Arrays]:
-    """∂M, ∂K and ∂D by every number but 0 of a scene on a structure, by its place."""
-    by_path, matrices_here = {}, _matrices(scene)
-    for place in _numbers(scene):
-        try:
-            slopes = differences(scene, place, 1.0, _matrices)
-        except SceneError:
-            continue
-        size = abs(number_at(scene, place))
-        if any(
-            size * np.abs(slope).max() > NOTHING_OF * np.abs(S).max()
-            for slope, S in zip(slopes, matrices_here, strict=True)
-        ):
-            by_path[place] = slopes
-    return by_path
-
-
-def _matrices(scene: Scene) -> Arrays:
-    dense = matrices(scene)
-    return dense.M, dense.K, dense.D
-
-
-def _numbers(part: Any, at: Place = ()) -> Iterator[Place]:
-    """The places of all numbers but 0 that M, K and D depend on."""
-    if isinstance(part, Part):
-        for name in part.fields:
-            if name in LINEARIZED:
-                yield from _numbers(getattr(part, name), (*at, name))
-    elif isinstance(part, tuple):
-        for index, item in enumerate(part):
-            yield from _numbers(item, (*at, index))
-    elif isinstance(part, float) and part:
-        yield at
 
 
 def _places(modes: Modes, omega: float, slopes: Sensitivities) -> Iterator[tuple[str, Sensitivity]]:

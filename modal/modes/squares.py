@@ -1,0 +1,314 @@
+"""How far a mode of a structure moves what its energies are squares of, and how these squares depend on numbers.
+
+M, K and D are sums of sizes s times the squares of rows r over the coordinates (`modal.assembly.squares`), so that
+
+    φᵀ ∂(λ²M + λD + K)/∂p φ = Σ λᵏ (∂s/∂p z² + 2 s z ∂r/∂p·φ),      z = r·φ, k = 2, 1, 0
+
+in which a displacement z that is the small difference of large terms is lost with φ rounded: there the mode is refined
+in many digits (`refined`), by Newton's iteration of λ in yᵀP(λ)y with P(λ)y = P'(λ)φ, P = λ²M + λD + K.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterator
+from decimal import Context, Decimal, localcontext
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from modal.assembly import Arrays, differences, rig_of, scene_squares
+from modal.assembly.linearization import LARGEST_DENSE
+from modal.assembly.squares import SceneSquares, SquareRows
+from modal.assembly.structure import modal_supports
+from modal.eigen import Digits
+from modal.errors import ComputationError, SceneError
+from modal.scene import Scene
+from modal.scene.parameters import Place, number_at
+from modal.scene.validation import Part
+from modal.types import Complexes, Floats, Ints
+
+if TYPE_CHECKING:
+    from modal.modes.eigenvalues import Eigenvalues
+
+ULP, CANCELLED, UNSURE = 2.0**-52, 1e-13, 1e-9
+"""Errors of relative derivatives above which digits are refined, and above which they have none."""
+DIGITS, STEPS, CLOSE = 80, 12, 30
+"""Decimal digits, most steps, and digits to which two steps agree at the end."""
+KEPT = 1e-3
+"""Of the terms of a momentum: what of them is left with its digits."""
+FEW, MOST = 24, 120
+"""Coordinates up to which every mode is refined, and up to which any is."""
+Keys = list[tuple[str, int, int]]
+
+
+LINEARIZED = frozenset(
+    {"gravity", "mass", "length", "centre", "inertia", "damping", "stiffness", "drag", "position", "links", "pendulum"}
+    | {"support", "spring", "sway", "heave", "roll"}
+)
+"""Keys of numbers, and of what holds them, on which M, K and D depend."""
+NOTHING_OF = 2.0**-40
+"""Of an entry of a row, or a size: a change by a number as large as itself that is rounding."""
+
+
+class _Change(NamedTuple):
+    """What a number changes of `Rows`: sizes (k,) and entries of rows (e,), at these places."""
+
+    sized: Ints
+    size: Floats
+    square: Ints
+    column: Ints
+    entry: Floats
+
+
+class Rows(NamedTuple):
+    """Squares of K, D and M, one after another: `size` (N,) times that of `rows` (N, n), with λ to the `power` (N,).
+
+    `keys` tell the squares of two scenes of one form apart.
+    """
+
+    size: Any
+    rows: Any
+    power: Ints
+    keys: Keys
+
+    def ordered(self, keys: Keys) -> tuple[Any, Any]:
+        """Size and rows in the order of other keys; of what rests there size and rows are 0."""
+        if keys == self.keys:
+            return self.size, self.rows
+        places = {key: place for place, key in enumerate(self.keys)}
+        size, rows = np.zeros(len(keys)), np.zeros((len(keys), self.rows.shape[1]))
+        for place, key in enumerate(keys):
+            if (there := places.get(key)) is not None:
+                size[place], rows[place] = self.size[there], self.rows[there]
+        return size, rows
+
+
+def rows_of(squares: SceneSquares) -> Rows:
+    """The squares of a scene with their rows; what modal supports bring has none."""
+    parts = [
+        (part, power)
+        for power, each in enumerate((squares.stiffness, squares.damping, squares.inertia))
+        for part in each
+        if part.written is not None or part.total is None
+    ]
+    met, keys = Counter[tuple[str, int]](), []
+    for part, power in parts:
+        for number in part.numbers.ravel().tolist():
+            key = f"{power} {part.kind}", number
+            keys.append((*key, met[key]))
+            met[key] += 1
+    size = np.concatenate([part.size.ravel() for part, _ in parts])
+    rows = np.concatenate([_over_all(part, squares.n, squares.number) for part, _ in parts])
+    return Rows(size, rows, np.repeat([power for _, power in parts], [part.size.size for part, _ in parts]), keys)
+
+
+def _over_all(part: SquareRows, n: int, number: Callable[[Any], Any]) -> Any:
+    """The rows of a part (P R, n)."""
+    P, R = part.size.shape
+    whole, rows = number(np.zeros((P, R, n))), part.rows
+    each, within = np.arange(P)[:, None, None], np.arange(R)[:, None]
+    if rows is None:
+        whole[each[..., 0], within[:, 0], part.at] = number(np.ones(1))[0]
+        return whole.reshape(-1, n)
+    if part.moves is not None:
+        whole[:, :, part.columns] = rows[:, :, :1] * part.moves[:, None, :]
+        rows = rows[:, :, 1:]
+    whole[each, within, part.at[:, None, :]] = rows
+    return whole.reshape(-1, n)
+
+
+class Refined(NamedTuple):
+    """The displacements z (N,) of `rows_of`, the shape (n,) and the momentum along the rail, to the last digit."""
+
+    z: Complexes
+    phi: Complexes
+    momentum: complex
+
+
+def refined(scene: Scene, value: complex, phi: Complexes, within: float) -> Refined:
+    """A simple mode in digits.
+
+    `value` is its eigenvalue, right `within` this relative error, and `phi` its shape, in the scale of which both are.
+    ComputationError where no mode is found there.
+    """
+    if len(phi) > MOST:
+        raise ComputationError(f"more than {MOST} coordinates: its digits are not refined")
+    with localcontext(Context(prec=DIGITS)):
+        numbers = Digits(np.ones(1), DIGITS, is_real=not scene.has_damping)
+        matrices, rows, momentum = _in_digits(scene)
+        eigenvalue, shape = _newton(numbers, [numbers.exact(S) for S in matrices], value, phi)
+        if not abs(eigenvalue - value) <= within * abs(value):
+            raise ComputationError("its digits are not found")
+        names = () if numbers.is_real else ("real", "imag")
+        parts = [np.array([getattr(entry, name) for entry in shape]) for name in names] or [shape]
+        left = [np.array([_rest(momentum, part)]) for part in parts]
+        each = [np.concatenate((rows @ p, p, rest)).astype(np.float64) for p, rest in zip(parts, left, strict=True)]
+    whole = each[0] + 1j * each[-1] if len(each) > 1 else each[0].astype(np.complex128)
+    return Refined(whole[: len(rows)], whole[len(rows) : -1], complex(whole[-1]))
+
+
+def _rest(row: Any, shape: Any) -> Decimal:
+    """A row times a shape, 0 where half of the digits cancel."""
+    terms = row * shape
+    whole: Decimal = terms.sum()
+    return whole if abs(whole) > np.abs(terms).sum().scaleb(-DIGITS // 2) else Decimal(0)
+
+
+@lru_cache(maxsize=2)
+def _in_digits(scene: Scene) -> tuple[tuple[Any, Any, Any], Any, Any]:
+    """M, K and D, the rows of `rows_of` and the momentum along the rail, in decimals."""
+    squares = scene_squares(rig_of(scene), Digits(np.ones(1), DIGITS, is_real=True).number)
+    return squares.matrices, rows_of(squares).rows, squares.momentum
+
+
+def _newton(numbers: Digits, pencil: list[Any], value: complex, phi: Complexes) -> tuple[complex, Any]:
+    """The eigenvalue, and its shape (n,) in digits, in the scale of φ."""
+    M, K, D = pencil
+    weight = np.array([abs(complex(entry)) for entry in M.diagonal()])
+    largest = int((np.sqrt(weight) * np.abs(phi)).argmax())
+    shape = _number(numbers, phi)
+    rate = _number(numbers, np.array([(value / 1j) ** 2 if numbers.is_real else value]))[0]
+    scale = shape[largest]
+    for _ in range(STEPS):
+        P, slope = (K - rate * M, -M) if numbers.is_real else (rate * rate * M + rate * D + K, (rate + rate) * M + D)
+        pushed = slope @ shape
+        shape = _solved(P, pushed, numbers)
+        step = (shape @ pushed) / (shape @ (slope @ shape))
+        rate, shape = rate - step, shape * (scale / shape[largest])
+        if abs(complex(step)) <= 10.0**-CLOSE * abs(complex(rate)):
+            break
+    eigenvalue = 1j * np.sqrt(complex(rate)) if numbers.is_real else complex(rate)
+    return complex(eigenvalue), shape
+
+
+def _number(numbers: Digits, values: Complexes) -> Any:
+    exact = numbers.number(values.real)
+    return exact if numbers.is_real else exact + numbers.imaginary(numbers.number(values.imag))
+
+
+def _solved(P: Any, right: Any, numbers: Digits) -> Any:
+    """P⁻¹ times a column, by elimination with pivots of the largest in each column."""
+    S, n = np.concatenate((P, right[:, None]), axis=1), len(P)
+    least = numbers.exact(np.array([Decimal(1).scaleb(-4 * DIGITS)]))[0]
+    for k in range(n):
+        sizes = np.abs(S[k:, k].astype(np.complex128))
+        top = k + int(sizes.argmax())
+        S[[k, top]] = S[[top, k]]
+        if S[k, k] == 0:
+            S[k, k] = least
+        below = S[k + 1 :, k] / S[k, k]
+        S[k + 1 :, k + 1 :] = S[k + 1 :, k + 1 :] - below[:, None] * S[k, k + 1 :]
+    solution = S[:, n]
+    for k in range(n - 1, -1, -1):
+        solution[k] = solution[k] / S[k, k]
+        solution[:k] = solution[:k] - S[:k, k] * solution[k]
+    return solution
+
+
+def slopes_by_squares(modes: Eigenvalues, number: int, phi: Complexes) -> dict[Place, float]:
+    """∂ω/∂p of a simple mode of shape φ (n,) on a structure by every number but 0 that may change alone.
+
+    ComputationError where a derivative keeps few digits of a number that its terms cancel to.
+    """
+    if len(phi) > LARGEST_DENSE:
+        raise ComputationError(f"more than {LARGEST_DENSE} coordinates: derivatives need dense rows of their squares")
+    value, (rows, changes) = complex(modes.eigenvalue[number]), square_changes(modes.scene)
+    if not value:
+        return dict.fromkeys(changes, 0.0)
+    weight = (rows.size * (rows.power == 2)) @ rows.rows**2
+    still = np.where((phi == 0) & (weight > 0), 4 * len(phi) / np.sqrt(np.where(weight > 0, weight, 1.0)), 0.0)
+    moved = _Moved(value, phi, rows.rows @ phi, ULP * (np.abs(rows.rows) @ (np.abs(phi) + still)))
+    derivatives, lost = _slopes(modes, rows, changes, moved)
+    if lost > CANCELLED or len(phi) <= FEW:
+        z, phi, _ = refined(modes.scene, value, phi, 2 * float(modes.error[number]) + CANCELLED)
+        derivatives, lost = _slopes(modes, rows, changes, _Moved(value, phi, z, ULP * np.abs(z)))
+        if not lost <= UNSURE:
+            raise ComputationError("its derivatives are beyond double precision")
+    return derivatives
+
+
+class _Moved(NamedTuple):
+    """An eigenvalue, its shape (n,), and displacements z (N,) with their rounding."""
+
+    value: complex
+    phi: Complexes
+    z: Complexes
+    rounding: Floats
+
+
+def _slopes(
+    modes: Eigenvalues, rows: Rows, changes: dict[Place, _Change], moved: _Moved
+) -> tuple[dict[Place, float], float]:
+    """The derivatives by each number, and the largest error of p/ω ∂ω/∂p by rounding."""
+    value, phi, z, rounding = moved
+    pencil = np.sum(rows.power * value ** (rows.power - 1.0) * rows.size * z**2)
+    M, _, D = modal_supports(modes.rig.support) if modes.rig.leading else (np.zeros((0, 0)),) * 3
+    eta = phi[: len(M)]
+    pencil += eta @ (2 * value * M + D) @ eta
+    power, derivatives, worst = value**rows.power, dict[Place, float](), 0.0
+    for place, change in changes.items():
+        s, r = change.sized, change.square
+        turned, pushed = change.entry * phi[change.column], 2 * power[r] * rows.size[r]
+        terms = np.concatenate((power[s] * change.size * z[s] ** 2, pushed * z[r] * turned))
+        unsure = np.sum(np.abs(power[s] * change.size) * (2 * np.abs(z[s]) + rounding[s]) * rounding[s])
+        unsure += np.sum(np.abs(pushed * turned) * rounding[r]) + ULP * np.sum(np.abs(terms))
+        slope = -terms.sum() / pencil
+        derivatives[place] = float((np.conj(value) * slope).real / abs(value))
+        worst = max(worst, abs(number_at(modes.scene, place)) * float(unsure) / abs(pencil * value))
+    return derivatives, worst
+
+
+@lru_cache(maxsize=2)
+def square_changes(scene: Scene) -> tuple[Rows, dict[Place, _Change]]:
+    """The squares of a scene on a structure, and what every number but 0 changes of them, by its place."""
+    by_place, here = {}, rows_of(scene_squares(rig_of(scene)))
+
+    def of(other: Scene) -> Arrays:
+        return rows_of(scene_squares(rig_of(other))).ordered(here.keys)
+
+    for place in _numbers(scene):
+        try:
+            size, rows = differences(scene, place, 1.0, of)
+        except SceneError:
+            continue
+        number = abs(number_at(scene, place))
+        sized = np.flatnonzero(number * np.abs(size) > NOTHING_OF * np.abs(here.size))
+        square, column = np.nonzero(number * np.abs(rows) > NOTHING_OF * np.abs(here.rows))
+        if len(sized) or len(square):
+            by_place[place] = _Change(sized, size[sized], square, column, rows[square, column])
+    return here, by_place
+
+
+def _numbers(part: Any, at: Place = ()) -> Iterator[Place]:
+    """The places of all numbers but 0 that M, K and D depend on."""
+    if isinstance(part, Part):
+        for name in part.fields:
+            if name in LINEARIZED:
+                yield from _numbers(getattr(part, name), (*at, name))
+    elif isinstance(part, tuple):
+        for index, item in enumerate(part):
+            yield from _numbers(item, (*at, index))
+    elif isinstance(part, float) and part:
+        yield at
+
+
+@lru_cache(maxsize=2)
+def _momentum(scene: Scene) -> Floats:
+    """That along the rail by the rate of every coordinate (n,)."""
+    return np.asarray(scene_squares(rig_of(scene)).momentum)
+
+
+def momentum_left(modes: Eigenvalues, number: int, phi: Complexes) -> float | None:
+    """φᵀMe of a simple mode without dampers on a structure where its terms cancel; None where floats have its digits.
+
+    e moves everything along the rail by 1; `phi` is the shape (n,).
+    """
+    value, row = complex(modes.eigenvalue[number]), _momentum(modes.scene)
+    if not value or abs(row @ phi) > KEPT * (np.abs(row) @ np.abs(phi)):
+        return None
+    try:
+        return refined(modes.scene, value, phi, 2 * float(modes.error[number]) + CANCELLED).momentum.real
+    except ComputationError:
+        return None
