@@ -16,9 +16,8 @@ everything above, in place of μ.
 
 Arrays: links first, then pendula, then trial values x = ω² (natural units, g = 1): (n, P, R).
 
-Counts are of all trial values at once.  The pivots D change sign as the eigenvalues do
-(Sylvester's law of inertia: Parlett, The Symmetric Eigenvalue Problem, §3.3).  On a fixed support the number of modes
-below ω is that of D < 0.  On a cart the pivots move together, and the count gains one where the mass felt by the rail,
+Counts are of all trial values at once.  On a fixed support the number of modes below ω is that of D < 0.  On a cart the
+pivots move together, and the count gains one where the mass felt by the rail,
 m_c − k_c/ω² + Σ μ', is positive.
 
 Many supports of one form are one problem: trial values x = ω² have the shape (R, S), R of each of S supports, and the
@@ -41,7 +40,8 @@ from modal.types import Floats, Ints
 
 Sweep = Callable[[list[Any], float], tuple[float, float]]
 NUDGE = 2.0**-60
-"""Subtracted from each D: far below its rounding, but turns an exact zero into a tiny negative number."""
+"""Subtracted from each D, in counts only after one that is zero: far below its rounding, but turns an exact zero into a
+tiny negative number."""
 
 
 def at_infinity(block: Block) -> tuple[Floats, Floats, Floats]:

@@ -1,12 +1,14 @@
-"""ω² of chains to the last bit: seeds, one Rayleigh quotient step from each, and counts that confirm them or search.
+"""ω² of chains to the last digits: seeds, one Rayleigh quotient step from each, and counts that confirm them or search.
 
 Zeros of a monotone count are found on the floats themselves, all of them at once.  Positive floats are ordered like the
 integers that share their bits, so bisecting these integers finds exponent and mantissa alike and ends at two
 neighbouring floats, after at most 62 counts.  Where few zeros are sought each count tries several points in the same
 interval, which costs little more than one.
 
-A guess is used if the count confirms it: x is found where the count steps within two units in the last place of the
-guess.  The others are sought in brackets about theirs, which are widened until the count steps inside.
+A guess is used if the count confirms it: of one support x is the float at which the count steps, within NEAR units in
+the last place of the guess, or FARTHER where few are sought or few were missed; of many supports the guess itself, if
+the count steps within CLOSEST of it.  The others are sought in brackets about theirs, which are widened until the count
+steps inside.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """What loss angles, dry friction and quadratic drag take from every mode.
 
-Of loss angles Q is the energy stored over that lost per cycle: with the elongation r_j q of every stiffness k_j with a
-loss angle φ_j in the mode shape q,
+Of loss angles Q is 2π times the energy stored over that lost per cycle: with the elongation r_j q of every stiffness
+k_j with a loss angle φ_j in the mode shape q,
 
     1/Q = 2ζ + Σ_j k_j φ_j(ω) |r_j q|² / (ω² qᴴ M q),
 

@@ -16,7 +16,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from modal.assembly import Block, Rig
-from modal.eigen import UNCERTAIN, Details, ModeSwing, SpectrumPart, distortion, largest_angle, one_percent_amplitude
+from modal.eigen import (
+    LIGHT,
+    UNCERTAIN,
+    Details,
+    ModeSwing,
+    SpectrumPart,
+    distortion,
+    largest_angle,
+    one_percent_amplitude,
+)
 from modal.errors import ComputationError
 from modal.modes.eigenvalues import Eigenvalues
 from modal.modes.mode import BESIDE, PROMISED, SURE, UNKNOWN, Amplitude, Mode, answering, is_guide, resonances
@@ -179,8 +188,6 @@ def _listed(words: list[str]) -> str:
 
 
 BEYOND_DOUBLE = "beyond double precision"
-LIGHTLY = 0.1
-"""Damping ratio up to which a mode has an amplitude coefficient, as in `modal.eigen.structured`."""
 
 
 class _RowPart(NamedTuple):
@@ -289,7 +296,7 @@ def _mode(modes: Eigenvalues, number: int, pieces: list[_RowPart]) -> Mode:
     few = isfinite(effective) and modes.scene.n_links + modes.rig.leading <= MOST
     if few and modes.rig.structure and modes.multiplicity[number] == 1 and not modes.rig.is_damped and certain == 1:
         effective = _left_of(modes, number, head, effective)
-    light = not modes.is_classical or ratio < LIGHTLY
+    light = not modes.is_classical or ratio < LIGHT
     kappa = certain * float(head.details.kappa[head.at]) if light else np.nan
     return Mode(
         number=modes.first + number + 1,

@@ -328,7 +328,7 @@ def tuning_figure(tuned: Tuned) -> Figure:
     figure = sheet(WIDTH, 1.7 + 2.9 * len(every))
     panels = figure.subplots(len(every), 1, squeeze=False)[:, 0]
     for axis, response in zip(panels, every, strict=True):
-        _draw(axis, response, tuned)
+        _draw(axis, response)
     panels[-1].set_xlabel("frequency (Hz)")
     handles = [Line2D([], [], color=colour(k), lw=thickness(k, FIRST)) for k in range(2)]
     handles.append(Line2D([], [], color=muted(), ls=MARKED, lw=1.0))
@@ -337,7 +337,7 @@ def tuning_figure(tuned: Tuned) -> Figure:
     return figure
 
 
-def _draw(axis: Axes, response: Curves, tuned: Tuned) -> None:
+def _draw(axis: Axes, response: Curves) -> None:
     with np.errstate(divide="ignore"):
         before, after = (20 * np.log10(np.where(size > 0, size, np.nan)) for size in (response.before, response.after))
     top = float(np.nanmax(after))

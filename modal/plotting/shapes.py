@@ -56,7 +56,7 @@ def profiles_figure(modes: Modes, rows: Sequence[Mode], amplitude_deg: float, fi
         axis.remove()
     local = any(np.ptp(axis.get_xlim()) < len(levels) - 1 for axis in axes.flat[: len(rows)])
     headline(figure, title_of(modes.scene), "mode shapes")
-    notes = first + _notes(modes, rows, levels, drawn, amplitude_deg, local=local)
+    notes = first + _notes(rows, levels, drawn, amplitude_deg, local=local)
     if len(drawn) > 1:
         marks = [Line2D([], [], color=colour(k), marker="o", ms=3) for k in range(len(drawn))]
         key(figure, marks, [f"link {level + 1}" for level in drawn], columns=HUES, notes=notes)
@@ -109,7 +109,7 @@ def _part(angles: Floats) -> tuple[int, int]:
     return max(1, first - room), min(count, last + room)
 
 
-def _notes(modes: Modes, rows: Sequence[Mode], levels: Ints, drawn: Ints, amplitude_deg: float, *, local: bool) -> str:
+def _notes(rows: Sequence[Mode], levels: Ints, drawn: Ints, amplitude_deg: float, *, local: bool) -> str:
     words = [f"angles at one end of the motion, the largest {amplitude_deg:g}°", f"{len(levels)} pendula"]
     if local:
         words += ["of local modes those about the moving ones drawn"]

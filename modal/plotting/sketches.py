@@ -339,7 +339,7 @@ def _link(axis: Axes, drawn: _SketchedLink, below: _SketchedLink | None, differ:
         *np.transpose([drawn.joint, drawn.end]), color=hue, lw=5.5 if thick else 1.8, solid_capstyle="round", zorder=3
     )
     axis.plot(*drawn.joint, "o", ms=4, color=paper(), mec=ink(), mew=1.1, zorder=7)
-    _angle(axis, drawn, side)
+    _angle(axis, drawn)
     along, middle = drawn.end - drawn.joint, drawn.link.centre / drawn.link.length
     at = 0.5 if not thick else 0.8 if middle < 0.65 else 0.32
     _say(axis, _symbol("l", drawn, differ["length"]), *(drawn.joint + at * along + 0.17 * across))
@@ -360,7 +360,7 @@ def _symbol(letter: str, drawn: _SketchedLink, numbered: bool) -> str:
     return f"{letter}_{{{drawn.number}}}" if numbered and drawn.number else letter
 
 
-def _angle(axis: Axes, drawn: _SketchedLink, side: float) -> None:
+def _angle(axis: Axes, drawn: _SketchedLink) -> None:
     """The vertical through the upper joint, and the arc of θ."""
     x, y = drawn.joint
     axis.plot([x, x], [y, y - 0.54], ls=MARKED, color=muted(), lw=1.0, zorder=1)

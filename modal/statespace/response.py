@@ -221,7 +221,7 @@ def _from_tips(
                 rows.append(moved)
                 continue
             block, column = members[row.pendulum]
-            values = _read(every[block], rig.blocks[block].n, column, row, numbers)
+            values = _read(every[block], column, row, numbers)
             G = values[0] * moved
             for k, place in enumerate(driven):
                 if place.pendulum == row.pendulum:
@@ -261,7 +261,7 @@ def _pivots(
     return pivots
 
 
-def _read(chain: Hung, links: int, column: int, row: SignalPlace, numbers: Arithmetic) -> Any:
+def _read(chain: Hung, column: int, row: SignalPlace, numbers: Arithmetic) -> Any:
     """An output for a displaced pivot, then for each load, (1 + L, W)."""
     if row.what == "pivot_force":
         square = numbers.omega * numbers.omega

@@ -25,7 +25,6 @@ from modal.scene.parameters import Place, find_places, number_at, unit_at, vary,
 KINDS = ("peak", "rms", "residual", "damping", "settling")
 POSITIVE = ("mass", "length", "centre", "inertia", "gravity")
 CAN_VANISH = ("damping", "stiffness", "drag")
-PLACED = ("position",)
 DIRECTIONS = ("sway", "heave", "roll")
 WORDS = re.compile(r"\s*(?:(?P<weight>[^*:]+)\*)?\s*(?P<kind>[a-z]+)\s*(?::(?P<of>.+))?\s*", re.ASCII)
 FURTHEST = {"damping": 1e4, "stiffness": 1e4, "drag": 1e4}

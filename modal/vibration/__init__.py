@@ -5,8 +5,8 @@ temperature.  Out: the motion as functions of time; PSD and RMS of every output 
 their combination by SRSS and CQC; thermal noise with its budget; Floquet multipliers under vertical motion, and the
 boundaries of growth.
 
-Start with `prescribed`; `random`, `thermal`, `shock`, `hill` (growth under vertical motion) and `boundaries` (of that)
-each answer one question.
+Start with `prescribed`, made of `courses`; `random`, `thermal`, `shock`, `hill` (growth under vertical motion) and
+`boundaries` (of that) each answer one question.
 """
 
 from modal.vibration.boundaries import Boundary, Tongues, tongues

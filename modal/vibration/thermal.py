@@ -39,7 +39,6 @@ TOLERANCE = 2e-14
 MOST_PAIRS = 20_000
 """Most dissipators times outputs."""
 HOTTEST = 1e6
-FORCES = {"N", "N m"}
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -54,10 +54,6 @@ class Contacts:
         padded = np.concatenate((values, np.zeros_like(values[..., :1])), axis=-1)
         return np.asarray(padded[..., self.below] - padded[..., self.above])
 
-    def jacobian(self, half: int) -> Floats:
-        """J, (J, half)."""
-        return self.relative(np.eye(half)).T.copy()
-
 
 def contacts_of(system: System) -> Contacts:
     """The contacts of a system with dry friction."""

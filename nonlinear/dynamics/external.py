@@ -123,7 +123,7 @@ def applied(
 ) -> External:
     """The forces of these sizes (N or N m) on a group, whose angles and rates are (n, P, ...).
 
-    `speed` (n, P, ...) is that at which ropes become longer; `cart_rate` is as in `nonlinear.dynamics.external.drag`.
+    `speed` (n, P, ...) is that at which ropes become longer; `cart_rate` is as in `drag`.
     """
     torques, resultants = np.zeros_like(angles), np.zeros_like(np.stack((angles, angles)))
     on_cart, power, at_base, length, centre = 0.0, 0.0, np.zeros_like(angles[0]), group.block.length, group.block.centre

@@ -4,7 +4,7 @@
 
 T and V are recorded from `nonlinear.dynamics.energies` and differentiated backwards on the tape; M⁻¹ p is a pass of
 `nonlinear.dynamics.recursion` without gravity or rates, with p in place of the forces; Q are the forces that act, of
-dampers, drives, drag, loads, and of the inertia of all masses where the support moves.  No accelerations are needed
+dampers, drives, drag and loads; where the support moves V has the work against its acceleration too.  No q'' is needed
 for any, so that a comparison with Lagrange's form tells something.  The p_x of a free cart is constant to the last
 digit.  Vectors p are ordered like q, (x, links) or (η, links).
 

@@ -231,8 +231,8 @@ class SpatialRecursion:
     def pull(self, u: Any, w: Any, torque: Any, gravity: float) -> tuple[Any, Any, Any]:
         """The effective mass (kg) and force (N) along the rail, summed over the pendula.
 
-        The stages of an integrator's step leave the sphere, where the two reflections of `spatial_recursion` would give
-        different results and y' would jump as a link passes the horizontal: so the directions are normalized first.
+        The stages of an integrator's step leave the sphere, where the two reflections of `upward` and `downward` would
+        give different results and y' would jump as a link passes the horizontal: so directions are normalized first.
         """
         u = u / np.sqrt(dot(u, u))
         answer, turns = upward(self.links, u, w, torque, facing(u))

@@ -135,7 +135,7 @@ def where(x: Any, a: Any, b: Any) -> Any:
 _of_each = np.frompyfunc(Symbol.where, 3, 1)
 
 
-def uses(tape: Tape, outputs: Sequence[Any]) -> dict[int, int]:
+def uses(outputs: Sequence[Any]) -> dict[int, int]:
     """How often each symbol is used, by its identity; the symbols of these are `order`."""
     counts: dict[int, int] = {}
     wanted = list(outputs)
@@ -159,7 +159,7 @@ def order(tape: Tape, used: dict[int, int]) -> list[Symbol]:
 def partials(tape: Tape, outputs: Sequence[Any], by: Sequence[Symbol]) -> list[dict[int, Any]]:
     """Of every output its derivatives by these inputs that are not zero, {number of the input: derivative}."""
     slopes: dict[int, dict[int, Any]] = {id(symbol): {k: 1.0} for k, symbol in enumerate(by)}
-    for symbol in order(tape, uses(tape, outputs)):
+    for symbol in order(tape, uses(outputs)):
         if id(symbol) not in slopes:
             slopes[id(symbol)] = _chained(symbol, slopes)
     return [slopes[id(output)] if isinstance(output, Symbol) else {} for output in outputs]
@@ -168,7 +168,7 @@ def partials(tape: Tape, outputs: Sequence[Any], by: Sequence[Symbol]) -> list[d
 def along(tape: Tape, outputs: Sequence[Any], by: Sequence[Symbol], v: Sequence[Any]) -> list[Any]:
     """J v, the derivatives of the outputs as these inputs change by v."""
     slopes: dict[int, dict[int, Any]] = {id(symbol): {0: change} for symbol, change in zip(by, v, strict=True)}
-    for symbol in order(tape, uses(tape, outputs)):
+    for symbol in order(tape, uses(outputs)):
         if id(symbol) not in slopes:
             slopes[id(symbol)] = _chained(symbol, slopes)
     return [slopes[id(output)].get(0, 0.0) if isinstance(output, Symbol) else 0.0 for output in outputs]
@@ -177,7 +177,7 @@ def along(tape: Tape, outputs: Sequence[Any], by: Sequence[Symbol], v: Sequence[
 def gradient(tape: Tape, output: Any, by: Sequence[Any]) -> list[Any]:
     """The derivatives of one output by these inputs, backwards: of a whole chain in a few times its operations."""
     slopes: dict[int, Any] = {id(output): 1.0}
-    for symbol in reversed(order(tape, uses(tape, [output]))):
+    for symbol in reversed(order(tape, uses([output]))):
         operator, *operands = symbol.operation
         for k, operand in enumerate(operands if operator != "in" else ()):
             if isinstance(operand, Symbol):

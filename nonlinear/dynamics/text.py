@@ -112,8 +112,8 @@ class Module:
 
     def __init__(self, tape: Tape, functions: Mapping[str, Sequence[Any]]) -> None:
         self.sizes, self.functions = dict(tape.sizes), {name: list(outputs) for name, outputs in functions.items()}
-        used = {name: uses(tape, outputs) for name, outputs in self.functions.items()}
-        every = uses(tape, [each for outputs in self.functions.values() for each in outputs])
+        used = {name: uses(outputs) for name, outputs in self.functions.items()}
+        every = uses([each for outputs in self.functions.values() for each in outputs])
         symbols = order(tape, every)
         still = _still(symbols)
         ends = _ends(symbols, self.functions.values(), still)

@@ -12,8 +12,6 @@ from modal.scene import title_of
 from nonlinear.identification.comparison import ComparedLaw
 from nonlinear.identification.result import Fit
 
-DIGITS = 6
-
 
 def fit_record(result: Fit, candidates: Sequence[ComparedLaw] = (), draws: int = 0) -> dict[str, Any]:
     """The report of a fit for JSON; `covariance` is that of `parameters` in their order.

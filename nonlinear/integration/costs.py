@@ -15,7 +15,7 @@ from nonlinear.integration.readiness import Code, Offer, cached
 from nonlinear.integration.timescales import estimate_timescales
 from nonlinear.system import System, system_of
 
-WRITTEN = 32  # links of a scene up to which kicks are found in floats, and compiled code of its own text pays
+WRITTEN = 32  # links of a scene up to which compiled code of its own text pays
 FLOATS = 100
 """Links of a scene up to which its equations are written out in floats: a run with a chain of 50 takes 0.5 s so and
 0.84 s by a band, of 100 1.25 s and 1.32 s, of 200 2.3 s and 1.36 s; with 50 pairs on a cart 0.9 s and, by the

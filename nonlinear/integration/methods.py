@@ -14,10 +14,14 @@ from nonlinear.dynamics import (
     Banded,
     Generated,
     GroupBody,
+    Hamiltonian,
+    HoistedMaximal,
+    Maximal,
     Minimal,
     Recursion,
     Reduced,
     Spatial,
+    SpatialHamiltonian,
     SpatialRecursion,
     Symmetry,
     loses_digits,
@@ -201,22 +205,15 @@ def equations_of(
     """The equations of motion in the chosen form, of the system that remains after symmetry reductions."""
     if symmetries:
         return Reduced(system, equations_of(symmetries[-1].system, choice), symmetries)
-    if system.hoisting is not None:
-        from nonlinear.dynamics import HoistedMaximal
-
-        if choice.form == "maximal":
-            return HoistedMaximal(system, load)
+    if system.hoisting is not None and choice.form == "maximal":
+        return HoistedMaximal(system, load)
     if system.rubs or system.kicked:
         return Switched(Generated(system, load=load))
     if choice.form == "spatial":
         return _in_space(system, load)
     if choice.form == "maximal":
-        from nonlinear.dynamics import Maximal
-
         return Maximal(system, load)
     if choice.form == "hamiltonian":
-        from nonlinear.dynamics import Hamiltonian, SpatialHamiltonian
-
         return SpatialHamiltonian(system, load) if system.spatial else Hamiltonian(system, load)
     if choice.compiled:
         with undisturbed():

@@ -35,12 +35,6 @@ UNMOVED = (
     "a massless cart has no equation of motion where all that pulls it hangs straight down, and the orbits of a mode "
     "pass there: give it a mass"
 )
-UNEVEN = (
-    "the orbits of a mode are followed where a motion is its own mirror image half a period later, and this structure "
-    "has supports or springs that respond differently in the two directions"
-)
-SEED, TRIALS, WIDE = 5, 3, 0.3  # motions at which that is asked, and how wide they are in natural units
-EVEN = 1e-9  # of the accelerations, a part that may be even by rounding
 
 
 @dataclass(frozen=True, eq=False)

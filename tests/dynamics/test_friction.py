@@ -139,7 +139,7 @@ def newton(system: System, time: float, y: np.ndarray, sign: np.ndarray, contact
         lift -= m * Jk[1]
     if system.modal_damping is not None:
         right -= system.modal_damping @ v
-    J, stuck = contacts.jacobian(half), sign == 0
+    J, stuck = contacts.relative(np.eye(half)).T.copy(), sign == 0
     right = right - J.T @ (sign * contacts.limit)
     size = half + int(stuck.sum())
     K, r = np.zeros((size + 1, size + 1)), np.append(right, np.zeros(size + 1 - half))

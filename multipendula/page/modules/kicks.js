@@ -1,4 +1,4 @@
-// Escapements: a kick whenever a joint passes its angle outwards, as in `nonlinear.integration.escapements`.
+// Escapements: a kick whenever a joint passes its angle outwards, as in `nonlinear.integration.switches`.
 //
 // A kick P acts on the link below the joint and -P on the one above, or on the carrier that turns; the velocities jump by
 // the accelerations that these moments give the scene at rest without gravity and springs.

@@ -184,7 +184,7 @@ function judged(system, rows) {
 }
 
 // -------------------------------------------------------------------------------------------------------- words
-// As in `modal.modes.labels`.
+// As in `modal.modes.rows`.
 
 function wordsOf(system, kinds) {
   return (row) => {

@@ -76,7 +76,7 @@ function shakes({ lead, size, chains }, x) {
 }
 
 // ------------------------------------------------------------------------------------------------ words
-// As in `modal.modes.labels`, whose vocabulary comes with the coordinates.
+// As in `modal.modes.rows`, whose vocabulary comes with the coordinates.
 
 function wordsFor(system, M, shapes, mode) {
   const [[real, twist]] = shapes;
