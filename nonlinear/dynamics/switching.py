@@ -69,9 +69,9 @@ def switching_of(form: Form, kicks: Pairs = ()) -> Module:
         signs = v[size + len(kicks) : size + len(kicks) + contacts]
         firm = v[told_at - contacts : told_at]
         limits = v[told_at + 3 * len(kicks) : told_at + 3 * len(kicks) + contacts]
-        sliding = [-s * _relative(y[half : 2 * half], pair) for s, pair in zip(signs, form.contacts, strict=True)]
+        sliding = [-s * joint_value(y[half : 2 * half], pair) for s, pair in zip(signs, form.contacts, strict=True)]
         slowing = [
-            -s * _relative(direction[half : 2 * half], pair) for s, pair in zip(signs, form.contacts, strict=True)
+            -s * joint_value(direction[half : 2 * half], pair) for s, pair in zip(signs, form.contacts, strict=True)
         ]
         rates, rubbed = minimal.rubbed(y, equations.instant)
         force = [*rubbed.tau, *([] if rubbed.normal is None else [rubbed.normal])]
@@ -100,7 +100,8 @@ def _size(x: Any) -> Any:
     return x.where(x, -x)
 
 
-def _relative(values: Any, pair: tuple[int, int]) -> Any:
+def joint_value(values: Any, pair: tuple[int, int]) -> Any:
+    """The value below a joint less that above it, of the coordinates of a pair; above −1 stands for what rests."""
     below, above = pair
     return values[below] - values[above] if above >= 0 else values[below]
 
@@ -108,8 +109,8 @@ def _relative(values: Any, pair: tuple[int, int]) -> Any:
 def _of_kicks(kicks: Pairs, rows: tuple[Any, Any], sides: Any, numbers: Any) -> tuple[list[Any], list[Any]]:
     """The values of kicks to the right, then to the left, and their rates."""
     bent, angle = numbers[: len(kicks)], numbers[len(kicks) :]
-    gamma = [_relative(rows[0], pair) - rest for pair, rest in zip(kicks, bent, strict=True)]
-    speed = [_relative(rows[1], pair) for pair in kicks]
+    gamma = [joint_value(rows[0], pair) - rest for pair, rest in zip(kicks, bent, strict=True)]
+    speed = [joint_value(rows[1], pair) for pair in kicks]
     right = [(-s).where(-FAR, g - a) for s, g, a in zip(sides, gamma, angle, strict=True)]
     left = [s.where(-FAR, -g - a) for s, g, a in zip(sides, gamma, angle, strict=True)]
     rates = [(-s).where(0.0, r) for s, r in zip(sides, speed, strict=True)]
@@ -127,5 +128,5 @@ def _after(equations: TapedEquations, kicks: Pairs, impulses: Sequence[Any]) -> 
         after = after + column * impulse
     fed = y[2 * half :].copy()
     for pair, impulse in zip(kicks, impulses, strict=True):
-        fed = fed + impulse * (0.5 * (_relative(v, pair) + _relative(after, pair)))
+        fed = fed + impulse * (0.5 * (joint_value(v, pair) + joint_value(after, pair)))
     return [*y[:half], *after, *fed]

@@ -14,7 +14,7 @@ from modal.errors import ComputationError
 from modal.types import Floats
 from nonlinear.dynamics.contacts import JAMMED, contacts_of, escaping, refuse_jam
 from nonlinear.dynamics.forms import Form, form_of
-from nonlinear.dynamics.switching import Pairs, switched, switching_of
+from nonlinear.dynamics.switching import Pairs, joint_value, switched, switching_of
 from nonlinear.dynamics.text import Module, function_in
 from nonlinear.integration.changes import TEXTS, Places, changing, compiled_source
 from nonlinear.system import NO_KICKS, Friction, Kicks, System, entries_of, prescribed_of
@@ -191,7 +191,7 @@ class Switches:
         at, work = self.places, [*state[self.places.told + 3 * self.places.J :]]
         for i, pair in enumerate(at.contacts):
             if not (at.presses and i == 0):
-                way = abs(_relative(y, pair) - state[at.told + 2 * at.J + i]) * abs(state[at.K + i])
+                way = abs(joint_value(y, pair) - state[at.told + 2 * at.J + i]) * abs(state[at.K + i])
                 work[i] = work[i] - self.numbers[3 * at.K + i] * way
         return work
 
@@ -240,11 +240,6 @@ def _scalars_of(module: Module) -> dict[str, str]:
 @lru_cache(maxsize=64)
 def _changing_of(module: Module, places: Places) -> Any:
     return changing(places, {name: function_in(text, name) for name, text in _scalars_of(module).items()})
-
-
-def _relative(values: Sequence[float], pair: tuple[int, int]) -> float:
-    below, above = pair
-    return values[below] - values[above] if above >= 0 else values[below]
 
 
 def kicks_of(system: System) -> tuple[Pairs, list[float]]:
