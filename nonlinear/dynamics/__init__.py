@@ -10,7 +10,7 @@ for long chains, or compiled (`compiled`, extra `fast`).  Start with `minimal`;
 """
 
 from nonlinear.dynamics.banded import Banded
-from nonlinear.dynamics.contacts import Contacts, Escaping, contacts_of, escaping, links_of_contacts, refuse_jam
+from nonlinear.dynamics.contacts import Contacts, Escaping, contacts_of, escaping, links_of_contacts
 from nonlinear.dynamics.elimination import Elimination, loses_digits
 from nonlinear.dynamics.equilibrium import is_unstable_equilibrium
 from nonlinear.dynamics.forms import Form, form_of, jacobian_of, module_of
@@ -68,7 +68,6 @@ __all__ = [
     "links_of_contacts",
     "loses_digits",
     "module_of",
-    "refuse_jam",
     "sincos",
     "sine_steps",
     "structure_steps",

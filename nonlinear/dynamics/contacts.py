@@ -22,7 +22,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from modal.errors import ComputationError
 from modal.types import Floats, Ints
 from nonlinear.system import System
 
@@ -78,16 +77,17 @@ def links_of_contacts(system: System) -> Ints:
     return np.asarray(contacts_of(system).below - system.first)
 
 
-def refuse_jam(system: System, rates: Floats, force: float) -> None:
-    """ComputationError where this friction (N) of the rail is beyond all weights and inertial forces.
+def jams(system: System, rates: Sequence[float], normal: float) -> bool:
+    """Whether N of a rail with a coefficient is beyond all weights and inertial forces (N), at `rates` of links (L,).
 
-    `rates` are those of the links (L,).  Before it has no value it grows as 1/(1 + s μ e n₀), and no integrator's
-    steps, however short, reach that end.
+    Before its friction has no value it grows as 1/(1 + s μ e n₀), and no integrator's steps, however short, reach
+    that end.
     """
-    thrown = sum(float(group.block.b.ravel() @ rates[group.index].ravel() ** 2) for group in system.groups)
-    coefficient = system.rail.coefficient if system.rail else 0.0
-    if abs(force) > JAM * coefficient * (system.gravity * system.total_mass + thrown):
-        raise ComputationError(JAMMED)
+    if abs(normal) <= JAM * system.gravity * system.total_mass:
+        return False
+    w = np.asarray(rates)
+    thrown = sum(float(group.block.b.ravel() @ w[group.index].ravel() ** 2) for group in system.groups)
+    return abs(normal) > JAM * (system.gravity * system.total_mass + thrown)
 
 
 @dataclass(frozen=True, eq=False)

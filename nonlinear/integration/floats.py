@@ -14,9 +14,10 @@ from typing import Any, NamedTuple, cast
 
 import numpy as np
 
-from modal.errors import SceneError
+from modal.errors import ComputationError, SceneError
 from modal.types import Floats
 from nonlinear.dynamics import Written
+from nonlinear.dynamics.contacts import JAMMED
 from nonlinear.dynamics.generated import UNDEFINED, Listed, Rate
 from nonlinear.dynamics.text import function_in
 from nonlinear.integration.meeting import AGAIN, NEAR, STANDS, meet
@@ -138,6 +139,11 @@ class FloatDOP853:
                 y, f = self._changed(y, f)
             step = None if switched and switched.rests else self._passed(y, f)
             if step is None:
+                break
+            if switched and switched.switches.jams(step.after, self._last[0], switched.state):
+                if not steps:
+                    raise ComputationError(JAMMED)
+                switched.met = None
                 break
             steps.append(step)
             self.passed = step
@@ -314,23 +320,23 @@ class FloatStepper(DOP853Stepper[Written]):
 
     def worked(self, before: float, now: float) -> None:
         """Count the work of friction that varies between these times (s) of the last step."""
-        if isinstance(self.equations, Switched):
-            self.equations.passed(self.inside, before, now)
+        if isinstance(self.equations, Switched) and self.equations.presses:
+            held = cast("FloatDOP853", self._solver).passed.held
+            self.equations.passed(self.inside, np.array([[before, now]]), [held])
 
     def sweep(self, times: Floats, every: bool = True) -> tuple[Floats, list[tuple[float, Numbers | Floats]], int]:
         """Many steps at once, as defined in `Sweeper`."""
         due, reached, mends = times.tolist(), 0, self._arranged.system.spatial
         switched = self.equations if isinstance(self.equations, Switched) else None
-        alone = mends or (switched is not None and switched.presses)
-        solver = self._on_its_way()
+        most, solver = 1 if mends else SHOWN if every and switched else AT_ONCE, self._on_its_way()
         ends: list[tuple[float, Numbers | Floats]] = []
         wanted: list[FloatStep] = []
         while True:
-            steps, some, more = solver.advance(due[reached:], 1 if alone else SHOWN if every and switched else AT_ONCE)
+            steps, some, more = solver.advance(due[reached:], most)
             wanted, reached = wanted + some, reached + more
-            if alone and steps:
-                self._within = None
-                self.worked(steps[0].start, steps[0].end)
+            if switched and switched.presses and steps:
+                spans, rates = np.array([(step.start, step.end) for step in steps]), self._rates_in(steps)
+                switched.passed(partial(_inside, steps, rates), spans, [step.held for step in steps])
             ends += [(step.end, self._mended() if mends else step.after) for step in steps]
             if not (mends and steps and reached < len(due) and len(ends) < AT_ONCE and solver.t < solver.t_bound):
                 break
@@ -358,6 +364,10 @@ class FloatStepper(DOP853Stepper[Written]):
             self.drift = max(self.drift, drift)
             self.restart(mended)
         return mended
+
+
+def _inside(steps: Sequence[FloatStep], derivative: Any, times: Floats) -> Floats:
+    return interpolated(steps, times, derivative)
 
 
 def lively(V: Sequence[Numbers], R: Sequence[Numbers], aim: int) -> list[int]:

@@ -100,10 +100,9 @@ class Switched(Written):
             w = [(late - early) / (times[1] - times[0]) for early, late in zip(*ends, strict=True)]
         return self.switches.values(y, f, u, self.state, w)
 
-    def passed(self, inside: Callable[[Floats], Floats], before: float, now: float) -> None:
-        """Count the work of friction on a rail with a coefficient between these times (s)."""
-        if self.presses:
-            self.switches.passed(inside, before, now, self.state, lambda time: self._timed(time, ()))
+    def passed(self, inside: Callable[[Floats], Floats], spans: Floats, held: Sequence[Sequence[float]]) -> None:
+        """Count the work of friction on a rail with a coefficient, as `Switches.passed` does."""
+        self.switches.passed(inside, spans, held, self.state, self.free.inputs_beside)
 
     @property
     def presses(self) -> bool:

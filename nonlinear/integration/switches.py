@@ -12,7 +12,7 @@ import numpy as np
 
 from modal.errors import ComputationError
 from modal.types import Floats
-from nonlinear.dynamics.contacts import JAMMED, contacts_of, escaping, refuse_jam
+from nonlinear.dynamics.contacts import JAMMED, contacts_of, escaping, jams
 from nonlinear.dynamics.forms import Form, form_of
 from nonlinear.dynamics.switching import Pairs, joint_value, switched, switching_of
 from nonlinear.dynamics.text import Module, function_in
@@ -138,26 +138,33 @@ class Switches:
     def passed(
         self,
         inside: Callable[[Floats], Floats],
-        before: float,
-        now: float,
+        spans: Floats,
+        held: Sequence[Sequence[float]],
         state: list[float],
-        u: Callable[[float], Sequence[float]] = lambda time: (),
+        inputs: Callable[[Floats, Floats], Sequence[Any]],
     ) -> None:
-        """The work within a step of friction on a rail with a coefficient, by Gauss's quadrature, added to the state.
+        """The work of friction on a rail with a coefficient between times (s), (S, 2), in steps, added to the state.
 
-        `inside` gives y (T, size) at times within the step, u the inputs before those of contacts.  ComputationError
-        where friction has no bound.
+        By Gauss's quadrature.  `inside` gives y (T, size) at ascending times, `held` are the inputs of contacts in each
+        step, `inputs` those before them at times (T,) and y (size, T).
         """
         at = self.places
-        if not at.presses or not state[at.K] or now <= before:
+        if not at.presses:
             return
-        times = (before + now) / 2 + (now - before) / 2 * NODES
-        rows, added, friction = inside(times).tolist(), self.inputs(state), self.function("friction")
-        forces = [friction(y, [*u(t), *added], ())[0] for t, y in zip(times.tolist(), rows, strict=True)]
+        slides = np.array([not step[at.J] for step in held]) & (spans[:, 1] > spans[:, 0])
+        if not slides.any():
+            return
+        before, now = spans[slides].T
+        times = ((before + now)[:, None] / 2 + (now - before)[:, None] / 2 * NODES).ravel()
+        y, contacts = inside(times).T, np.repeat(np.array(held)[slides].T, len(NODES), axis=1)
+        power = self.function("friction", "arrays")(y, (*inputs(times, y), *contacts), ())[0] * y[at.half]
+        state[at.told + 3 * at.J] += float((now - before) / 2 @ (power.reshape(-1, len(NODES)) @ WEIGHTS))
+
+    def jams(self, y: Sequence[float], values: Sequence[float], state: Sequence[float]) -> bool:
+        """Whether the rail's friction, which slides, has no bound at y with these values of the switches."""
+        at = self.places
         links = slice(at.half + self.form.first, 2 * at.half)
-        refuse_jam(self.form.system, np.array(rows[-1][links]), forces[-1])
-        work = sum(w * force * y[at.half] for w, force, y in zip(WEIGHTS.tolist(), forces, rows, strict=True))
-        state[at.told + 3 * at.J] += (now - before) / 2 * work
+        return at.presses and state[at.K] != 0 and jams(self.form.system, y[links], values[-1])
 
     def rests(self, state: Sequence[float]) -> bool:
         """Whether every coordinate is held for good, as nothing from outside changes."""

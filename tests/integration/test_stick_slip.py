@@ -14,7 +14,8 @@ from test_hamiltonian import dense_M
 
 from modal.scene import Cart, Scene, scene_from
 from nonlinear import SimulationError, simulate
-from nonlinear.integration import Choice, Trajectory, equations_of
+from nonlinear.integration import Choice, Trajectory, equations_of, floats
+from nonlinear.integration.floats import interpolated
 from nonlinear.integration.switched import Switched
 from nonlinear.postprocessing import reaction_forces_of
 from nonlinear.simulation import resume
@@ -238,6 +239,24 @@ def test_friction_on_the_rail_is_the_coefficient_times_its_reaction() -> None:
         assert abs(force) <= 0.1 * abs(normal[row]) * (1 + 1e-9)
         if state.cart_rate:
             assert force == pytest.approx(-np.sign(state.cart_rate) * 0.1 * abs(normal[row]))
+
+
+def test_friction_with_a_coefficient_works_in_many_steps_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    calls = []
+
+    def counted(steps: Any, *rest: Any) -> Any:
+        calls.append(len(steps))
+        return interpolated(steps, *rest)
+
+    monkeypatch.setattr(floats, "interpolated", counted)
+
+    def push(time: float, state: State) -> AppliedForces:
+        return AppliedForces(0.3 * sin(time) - 0.1 * state.links[0])
+
+    run = simulate(MANY["coefficient"], 2.0, tolerance=1e-10, load=push, output=11)
+    assert run.run.steps > 50
+    assert len(calls) <= 4
+    assert run.energy_drift() < 1e-9
 
 
 def test_a_run_goes_on_where_it_stopped() -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from itertools import pairwise, product
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -95,8 +95,13 @@ def moved(
             first_step=1e-5,
             dense_output=True,
         )
-        for before, now in pairwise(solution.t.tolist()):
-            switches.passed(lambda times, inside=solution.sol: inside(times).T[:, :size], before, now, state, timed)  # type: ignore[misc]
+
+        def inside(times: Any, solution: Any = solution) -> Any:
+            return solution.sol(times).T[:, :size]
+
+        spans = np.stack((solution.t[:-1], solution.t[1:]), axis=1)
+        held = [switches.inputs(state)] * len(spans)
+        switches.passed(inside, spans, held, state, lambda times, _: Inputs(switches.form.system).beside(times))
         t, y, columns = solution.t[-1], solution.y[:size, -1].tolist(), solution.y[size:, -1]
         passed = [j for j, times in enumerate(solution.t_events) if len(times)]
         if V is not None:
