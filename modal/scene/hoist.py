@@ -14,7 +14,6 @@ none leaves; fewer than six samples are too few for one.
 
 from __future__ import annotations
 
-from bisect import bisect_right
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
@@ -124,28 +123,6 @@ class LengthLaw(Displayed):
             speed = speed * s + length
             length = length * s + coefficient[piece]
         return length, np.where(moving, speed, 0.0), np.where(moving, acceleration, 0.0)
-
-    @cached_property
-    def at(self) -> Callable[[float], tuple[float, float, float]]:
-        """The same at one time, in plain floats, for up to the fifth power."""
-        knots = self.knots.tolist()
-        pieces = np.pad(self.coefficients, ((0, 0), (0, 6 - self.coefficients.shape[1]))).tolist()
-        first, last = knots[0], knots[-1]
-        before, after = ((float(self(time)[0]), 0.0, 0.0) for time in (first, last))
-
-        def at(time: float) -> tuple[float, float, float]:
-            if time < first:
-                return before
-            if time >= last:
-                return after
-            piece = bisect_right(knots, time) - 1
-            a, b, c, d, e, f = pieces[piece]
-            s = time - knots[piece]
-            length = ((((f * s + e) * s + d) * s + c) * s + b) * s + a
-            speed = (((5 * f * s + 4 * e) * s + 3 * d) * s + 2 * c) * s + b
-            return length, speed, ((20 * f * s + 12 * e) * s + 6 * d) * s + 2 * c
-
-        return at
 
     @property
     def breaks(self) -> tuple[float, ...]:

@@ -6,6 +6,7 @@ from abc import ABC, abstractmethod
 from bisect import bisect_right
 from collections.abc import Callable, Mapping, Sequence
 from copy import copy
+from functools import cached_property
 from math import cos, inf, radians, sin, tau
 from types import MappingProxyType
 from typing import Any, NamedTuple
@@ -26,8 +27,8 @@ from modal.types import Floats
 class Polynomials(NamedTuple):
     """A function of time t: Σ c_k (t − t_i)^k in K pieces, of which each ends at one of the `knots` (K − 1,) in s.
 
-    The t_i are the `origins` (K,), c the `coefficients` (K, d); it repeats after the `period` (s), inf where it does
-    not.
+    The t_i are the `origins` (K,), c the `coefficients` (K, d).  It repeats after the `period` (s), inf where it does
+    not; the origins of one that does part the period evenly, from its beginning to its end.
     """
 
     knots: Floats
@@ -36,26 +37,21 @@ class Polynomials(NamedTuple):
     period: float = inf
 
     def beside(self, times: Floats) -> Floats:
-        """The function at times of any shape (s), where it does not repeat."""
-        piece = np.searchsorted(self.knots, times, side="right")
+        """The function at times of any shape (s)."""
+        if self.period == inf:
+            piece = np.searchsorted(self.knots, times, side="right")
+        else:
+            times = times % self.period
+            piece = (times * self.pace + 0.5).astype(np.int64)
         s, value = times - self.origins[piece], np.zeros(np.shape(times))
         for coefficient in self.coefficients.T[::-1]:
             value = value * s + coefficient[piece]
         return value
 
     @property
-    def in_floats(self) -> Callable[[float], float]:
-        """The function at one time (s) in plain floats, where it does not repeat."""
-        knots, origins, falling = self.knots.tolist(), self.origins.tolist(), self.coefficients[:, ::-1].tolist()
-
-        def at(time: float) -> float:
-            piece = bisect_right(knots, time)
-            s, value = time - origins[piece], 0.0
-            for coefficient in falling[piece]:
-                value = value * s + coefficient
-            return value
-
-        return at
+    def pace(self) -> float:
+        """Pieces a second (1/s) of a function that repeats."""
+        return len(self.knots) / self.period
 
     @property
     def kinks(self) -> Floats:
@@ -69,6 +65,53 @@ class Polynomials(NamedTuple):
         wide = np.where(np.isfinite(wide), wide, 0.0)
         reach = np.maximum(wide[:-1], wide[1:])[:, None] / 2
         return np.asarray(np.sum(np.abs(after - moved) * reach ** np.arange(moved.shape[1]), axis=1))
+
+
+class Rows(dict[int, tuple[float, ...]]):
+    """The rows of these arrays side by side, in plain floats, made as they are asked for, so many at once."""
+
+    BLOCK = 512
+
+    def __init__(self, columns: Sequence[Floats]) -> None:
+        super().__init__()
+        self.columns = columns
+
+    def __missing__(self, row: int) -> tuple[float, ...]:
+        first = row - row % self.BLOCK
+        block = np.hstack([column[first : first + self.BLOCK] for column in self.columns])
+        self.update(enumerate(map(tuple, block.tolist()), first))
+        return self[row]
+
+
+def in_floats(functions: Sequence[Polynomials]) -> Callable[..., tuple[float, ...]]:
+    """The functions at one time (s) in plain floats, as one function that is written for them.
+
+    Those with the same pieces are looked up together; a further argument is of no use.
+    """
+    alike: dict[tuple[int, int, float], list[int]] = {}
+    for k, function in enumerate(functions):
+        alike.setdefault((id(function.knots), id(function.origins), function.period), []).append(k)
+    space: dict[str, Any] = {"bisect_right": bisect_right}
+    lines, values = ["def at(time, y=None):"], dict[int, str]()
+    for g, numbers in enumerate(alike.values()):
+        first, t, names, columns = functions[numbers[0]], "time", [f"s{g}"], [functions[numbers[0]].origins[:, None]]
+        for k in numbers:
+            used = functions[k].coefficients
+            used = used[:, : 1 + int(np.flatnonzero(used.any(axis=0)).max(initial=0))]
+            each = [f"c{k}_{power}" for power in range(used.shape[1])]
+            values[k] = each[-1]
+            for name in each[-2::-1]:
+                values[k] = f"({values[k]} * s{g} + {name})"
+            names, columns = names + each, [*columns, used]
+        space |= {f"K{g}": first.knots.tolist(), f"R{g}": Rows(columns)}
+        piece = f"bisect_right(K{g}, time)"
+        if first.period != inf:
+            t, piece = f"t{g}", f"int(t{g} * {first.pace!r} + 0.5)"
+            lines.append(f" t{g} = time % {first.period!r}")
+        lines += [f" {', '.join(names)} = R{g}[{piece}]", f" s{g} = {t} - s{g}"]
+    lines.append(f" return ({' '.join(f'{values[k]},' for k in range(len(functions)))})")
+    exec(compile("\n".join(lines), "<inputs>", "exec"), space)
+    return space["at"]  # type: ignore[no-any-return]
 
 
 class PrescribedMotion(ABC):
@@ -127,6 +170,30 @@ class PrescribedMotion(ABC):
     def velocity_at(self, time: float) -> float:
         """The velocity (m/s) at one time (s)."""
         return float(self.derivative(time, 1))
+
+
+class PiecewiseMotion(PrescribedMotion):
+    """A motion whose velocity and acceleration are polynomials piece by piece."""
+
+    @abstractmethod
+    def polynomials(self, order: int) -> Polynomials:
+        """The velocity (order 1) or the acceleration (2)."""
+
+    @cached_property
+    def acceleration_at(self) -> Callable[[float], float]:
+        """In plain floats, from the polynomials."""
+        at = in_floats([self.polynomials(2)])
+        return lambda time: at(time)[0]
+
+    @cached_property
+    def velocity_at(self) -> Callable[[float], float]:
+        """In plain floats, from the polynomials."""
+        at = in_floats([self.polynomials(1)])
+        return lambda time: at(time)[0]
+
+    def beside(self, times: Any, order: int) -> Floats:
+        """From the polynomials."""
+        return self.polynomials(order).beside(np.asarray(times, dtype=float))
 
 
 class Course(NamedTuple):

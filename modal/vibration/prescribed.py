@@ -40,7 +40,7 @@ from modal.scene import (
 from modal.scene.hoist import monotone_slopes, splined_stretches, unsplined_intervals, unsplined_words
 from modal.scene.records import Spectrum
 from modal.types import Booleans, Floats
-from modal.vibration.courses import Constant, Polynomials, PrescribedMotion, Sine, SweptSine
+from modal.vibration.courses import Constant, PiecewiseMotion, Polynomials, PrescribedMotion, Sine, SweptSine
 
 POWERS = {"acceleration": 0, "velocity": 2, "displacement": 4}
 """Powers of ω that make the PSD of an acceleration of each quantity's."""
@@ -70,7 +70,7 @@ def acceleration_psd(spectrum: Spectrum, f: Floats) -> Floats:
     return np.asarray(psd * (tau * f) ** POWERS[spectrum.of])
 
 
-class Record(PrescribedMotion):
+class Record(PiecewiseMotion):
     """A record joined by a spline."""
 
     def __init__(self, motion: RecordMotion | RecordForce) -> None:
@@ -145,20 +145,6 @@ class Record(PrescribedMotion):
             polynomials.append(Polynomials(knots, origins, np.concatenate((ends[:1], terms.T, ends[1:]))))
         return polynomials[0], polynomials[1]
 
-    @cached_property
-    def acceleration_at(self) -> Callable[[float], float]:
-        """In plain floats, from the polynomials."""
-        return self.polynomials(2).in_floats
-
-    @cached_property
-    def velocity_at(self) -> Callable[[float], float]:
-        """In plain floats, from the polynomials."""
-        return self.polynomials(1).in_floats
-
-    def beside(self, times: Any, order: int) -> Floats:
-        """From the polynomials."""
-        return self.polynomials(order).beside(np.asarray(times, dtype=float))
-
     def derivative(self, time: Any, order: int) -> Any:
         """Of the spline less its baseline; at constant velocity outside the record."""
         within = np.clip(time, self.first, self.last)
@@ -203,7 +189,7 @@ def _joined(times: Floats, values: Floats, degree: int, of: int) -> tuple[Any, B
     return scipy.interpolate.PPoly(coefficients[::-1], times), unsplined
 
 
-class RandomProcess(PrescribedMotion):
+class RandomProcess(PiecewiseMotion):
     """One realization of a random process, a sum of sines."""
 
     def __init__(self, motion: RandomMotion | RandomForce) -> None:
@@ -236,58 +222,32 @@ class RandomProcess(PrescribedMotion):
         parts = [self._summed(lines, flat[at : at + rows]) for at in range(0, len(flat), rows)]
         return np.concatenate(parts).reshape(times.shape)
 
-    def acceleration_at(self, time: float) -> float:
-        """In plain floats, from the table."""
-        return self._tabled(self._tables[1], time)
-
-    def velocity_at(self, time: float) -> float:
-        """In plain floats, from the table."""
-        return self._tabled(self._tables[0], time)
-
-    def beside(self, times: Any, order: int) -> Floats:
-        """From the table."""
-        table = self._arrays[order - 1]
-        place = np.asarray(times, dtype=float) % self.duration * (table.shape[1] / self.duration)
-        at = (place + 0.5).astype(np.int64)
-        s = (place - at) * (self.duration / table.shape[1])
-        value = np.zeros(place.shape)
-        for coefficient in table[:, at % table.shape[1]]:
-            value = value * s + coefficient
-        return value
-
     def polynomials(self, order: int) -> Polynomials:
-        """Those of the table."""
-        coefficients = self._arrays[order - 1].T[:, ::-1]
-        places = np.multiply(np.arange(len(coefficients) + 1), self.duration / len(coefficients), dtype=np.float64)
-        return Polynomials(
-            (places[:-1] + places[1:]) / 2, places, np.concatenate((coefficients, coefficients[:1])), self.duration
-        )
+        """Taylor's, about equal parts of the duration."""
+        if order not in self._polynomials:
+            self._polynomials[order] = self._expanded(order)
+        return self._polynomials[order]
 
     @cached_property
-    def _arrays(self) -> list[Floats]:
-        return [np.array(table).T for table in self._tables]
+    def _polynomials(self) -> dict[int, Polynomials]:
+        return {}
 
     @cached_property
-    def _tables(self) -> list[list[tuple[float, ...]]]:
-        """Taylor coefficients of velocity and acceleration, the highest first, at equal parts of the duration."""
-        numbers = np.rint(self.omega * self.duration / tau).astype(np.int64)
-        count = 2 * ceil(tau * numbers[-1] / SPACING / 2)
-        tables = []
-        for order in (1, 2):
-            rows = []
-            for term in range(TERMS):
-                bins = np.zeros(count // 2 + 1, dtype=complex)
-                bins[numbers] = self.lines * (1j * self.omega) ** (order + term) * (count / 2 / factorial(term))
-                rows.append(np.fft.irfft(bins, count))
-            tables.append([*zip(*(row.tolist() for row in reversed(rows)), strict=True)])
-        return tables
+    def _places(self) -> tuple[Floats, Floats]:
+        """Where pieces end, and the instants (s) about which they are expanded."""
+        count = 2 * ceil(self.duration * self.omega[-1] / SPACING / 2)
+        places = np.arange(count + 1) * (self.duration / count)
+        return (places[:-1] + places[1:]) / 2, places
 
-    def _tabled(self, table: list[tuple[float, ...]], time: float) -> float:
-        place = time % self.duration * (len(table) / self.duration)
-        at = int(place + 0.5)
-        s = (place - at) * (self.duration / len(table))
-        k, j, i, h, g, f, e, d, c, b, a = table[at % len(table)]
-        return ((((((((((k * s + j) * s + i) * s + h) * s + g) * s + f) * s + e) * s + d) * s + c) * s + b) * s) + a
+    def _expanded(self, order: int) -> Polynomials:
+        numbers, count = np.rint(self.omega * self.duration / tau).astype(np.int64), len(self._places[0])
+        coefficients = np.empty((count + 1, TERMS))
+        for term in range(TERMS):
+            bins = np.zeros(count // 2 + 1, dtype=complex)
+            bins[numbers] = self.lines * (1j * self.omega) ** (order + term) * (count / 2 / factorial(term))
+            coefficients[:-1, term] = np.fft.irfft(bins, count)
+        coefficients[-1] = coefficients[0]
+        return Polynomials(*self._places, coefficients, self.duration)
 
     def _summed(self, lines: Any, times: Floats) -> Floats:
         turned = np.multiply.outer(times, self.omega)

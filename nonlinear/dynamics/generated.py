@@ -106,8 +106,7 @@ class Generated(Written, Arranged):
         if not self.inputs.count:
             return None
         if self.load is None:
-            of_time = self.inputs.of_time
-            return lambda time, y: of_time(time)
+            return self.inputs.of_time
         return lambda time, y: self.inputs.listed(time, y, self.layout)
 
     def inputs_beside(self, times: Any, y: Any) -> Any:

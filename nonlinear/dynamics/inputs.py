@@ -26,7 +26,7 @@ import numpy as np
 
 from modal.scene.hoist import LengthLaw
 from modal.types import Floats
-from modal.vibration.courses import Course, Polynomials
+from modal.vibration.courses import Course, Polynomials, in_floats
 from nonlinear.dynamics.contacts import Gripping
 from nonlinear.system import AppliedForces, Group, Layout, Load, System
 
@@ -112,18 +112,15 @@ class Inputs:
         return values
 
     @cached_property
-    def of_time(self) -> Callable[[float], Sequence[float]]:
-        """The inputs of time alone at one time (s), in floats."""
-        parts: list[Callable[[float], Sequence[float]]] = [law.at for _, law in self.laws]
-        if self.is_analytic:
-            parts.insert(0, lambda time: (time,))
-        elif courses := [course.at for course in self.system.courses]:
-            first = courses[0]
-            alone = len(courses) == 1
-            parts.insert(0, (lambda time: (first(time),)) if alone else lambda time: [at(time) for at in courses])
-        if len(parts) == 1:
-            return parts[0]
-        return lambda time: [number for part in parts for number in part(time)]
+    def of_time(self) -> Callable[..., Sequence[float]]:
+        """The inputs of time alone at one time (s), in floats; a further argument is of no use."""
+        if self.is_analytic and not self.laws:
+            return lambda time, y=(): (time,)
+        if (polynomials := self.polynomials) is not None:
+            return in_floats(polynomials)
+        courses = [_clock] if self.is_analytic else [course.at for course in self.system.courses]
+        laws = [in_floats([*_derivatives(law)]) if isinstance(law, LengthLaw) else law.at for _, law in self.laws]
+        return lambda time, y=(): [*(at(time) for at in courses), *(number for law in laws for number in law(time))]
 
     def beside(self, times: Any) -> list[Any]:
         """The inputs of time alone at times of any shape (s), each of that shape."""
@@ -263,6 +260,10 @@ def _on_first(push: AppliedForces, system: System) -> list[float]:
     if system.structure is None:
         return [float(push.cart)] * system.first
     return [0.0] * system.first if push.supports is None else np.asarray(push.supports, dtype=float).tolist()
+
+
+def _clock(time: float) -> float:
+    return time
 
 
 def at_time(pieces: Sequence[Polynomials], time: float) -> list[float]:

@@ -129,7 +129,7 @@ class MovingSupport:
 
     def largest(self, times: Floats) -> Any:
         """The largest acceleration (m/s²) at times (T, ...), (...)."""
-        sizes = [motion.acceleration(times) for _, motion in self.motions]
+        sizes = [motion.beside(times, 2) for _, motion in self.motions]
         return np.sqrt(sum(size * size for size in sizes)).max(0)
 
 

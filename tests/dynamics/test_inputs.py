@@ -16,7 +16,7 @@ from support.loops import interpreted
 from modal import Bob, InitialCondition, Pendulum, Scene
 from modal.scene import Fixed, Hoist, Moved, RandomMotion, RecordMotion, SineMotion, SweepMotion
 from modal.vibration import prescribed_motion
-from modal.vibration.courses import Polynomials
+from modal.vibration.courses import Polynomials, Rows
 from nonlinear import ensemble, simulate
 from nonlinear.dynamics import inputs
 from nonlinear.dynamics.inputs import Inputs
@@ -53,6 +53,39 @@ def test_floats_and_arrays_are_the_derivatives_of_a_motion(name: str) -> None:
         near = 2e-12 * np.abs(exact).max()
         assert np.allclose([at(time) for time in times.tolist()], exact, rtol=0, atol=near)
         assert np.allclose(motion.beside(times[:, None], order)[:, 0], exact, rtol=0, atol=near)
+
+
+@pytest.mark.parametrize("profile", ["smooth", "trapezoidal", "file", "given"])
+@pytest.mark.parametrize("name", MOTIONS)
+def test_what_time_brings_is_every_derivative_in_order(name: str, profile: str) -> None:
+    more = {"profile": profile} if profile in {"smooth", "trapezoidal"} else {}
+    hoist = Hoist(to=0.7, begin=0.2, duration=1.5, **more)  # type: ignore[arg-type]
+    if profile == "file":
+        hoist = Hoist(time_s=(0.0, 0.4, 1.0, 1.3, 2.0, 2.2), length_m=(L, 1.1, 0.9, 0.95, 0.8, 0.7))
+    bob = Bob(mass=1.0, length=L, hoist=None if profile == "given" else hoist)
+    scene = Scene(gravity=G, support=Moved(motion=MOTIONS[name]), pendulum=(Pendulum(links=(bob,)),))
+    given = {(0, 0): lambda time: (L + 0.1 * sin(time), 0.1 * cos(time), -0.1 * sin(time))}
+    system = system_of(scene, given if profile == "given" else None)
+    inputs_of_time, motion = Inputs(system), prescribed_motion(MOTIONS[name])
+    ((_, law),) = inputs_of_time.laws
+    for time in (-0.3, 0.0, 0.21, 0.7, 1.234, 1.7, 2.1, 5.0):
+        moved = time if name == "sine" else float(motion.derivative(time, 2))
+        assert inputs_of_time.of_time(time) == pytest.approx([moved, *map(float, law(time))], rel=1e-11, abs=1e-11)
+
+
+def test_a_random_motion_is_never_summed_in_a_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    motion = RandomMotion(psd=(0.1, 0.1), frequency_hz=(0.1, 10.0), seed=3, duration=50.0)
+    process = prescribed_motion(motion)
+
+    def refuse(*_: object) -> None:
+        raise AssertionError
+
+    monkeypatch.setattr(type(process), "derivative", refuse)
+    made, fill = [], Rows.__missing__
+    monkeypatch.setattr(Rows, "__missing__", lambda rows, row: made.append(Rows.BLOCK) or fill(rows, row))
+    bob = Bob(mass=1.0, length=L)
+    simulate(Scene(gravity=G, support=Moved(motion=motion), pendulum=(Pendulum(links=(bob,)),)), 1.0)
+    assert sum(made) < 0.1 * len(process.polynomials(2).origins)
 
 
 def test_kinks_are_what_truncated_powers_add() -> None:
