@@ -2,8 +2,9 @@
 
     Σ_j A_ij [cos(θ_i − θ_j) θ_j'' + sin(θ_i − θ_j) θ_j'²] + b_i cos θ_i x'' + g b_i sin θ_i = Q_i
 
-is solved for θ_i'' with the cart at rest and for the response to x'' = 1.  Of few links it takes fewer operations than
-the recursion, of many it would take more: it is what their text says (`nonlinear.dynamics.forms`).
+is solved for θ_i'' with the cart at rest and for the response to x'' = 1.  Where the length l of a rope changes,
+θ'' + 2 l' θ'/l stands for θ'' and θ'² − l''/l for θ'².  Of few links it takes fewer operations than the recursion, of
+many it would take more: it is what their text says (`nonlinear.dynamics.forms`).
 """
 
 from __future__ import annotations
@@ -43,19 +44,31 @@ def loses_digits(group: Group, system: System) -> bool:
 class Elimination:
     """A group of short chains, as arrays (n, P, ...) of any type that `sine` and `cosine` accept."""
 
-    def __init__(self, group: Group, tail: int = 0, sine: Any = np.sin, cosine: Any = np.cos) -> None:
-        block, self.sine, self.cosine = group.block, sine, cosine
+    def __init__(
+        self, group: Group, tail: int = 0, sine: Any = np.sin, cosine: Any = np.cos, winding: Any = None
+    ) -> None:
+        block, self.sine, self.cosine, self.winding = group.block, sine, cosine, winding
         numbers = (block.mass, block.length, block.centre, block.inertia)
         self.A = np.array(pair.inertia_matrix(*numbers)).reshape(group.n, *block.b.shape, *[1] * tail)
         self.b, total = block.b.reshape(*block.b.shape, *[1] * tail), block.mass.sum()
         self.mass = float(total) if isinstance(total, float) else total
         self.masses = block.mass.sum(0).reshape(*block.b.shape[1:], *[1] * tail)
+        self.length = block.length
+
+    def squared(self, rates: Any, columns: Any = slice(None)) -> Any:
+        """θ'², less l''/l where lengths change."""
+        squares = rates * rates
+        return squares if self.winding is None else squares - self.winding[1][:, columns] / self.length[:, columns]
+
+    def unwound(self, rates: Any, turns: Any) -> Any:
+        """θ'' (n, P) from θ'' + 2 l' θ'/l."""
+        return turns if self.winding is None else turns - 2.0 * self.winding[0] * rates / self.length
 
     def pull(self, angles: Any, rates: Any, moments: Any, gravity: float) -> tuple[Any, Any, Any]:
         """Mass (kg) and force (N) of the pull along the rail, summed over the pendula."""
         M, side = self._equations(angles, rates, moments, gravity)
         s, across = self.sine(angles), list(self.b * self.cosine(angles))
-        mass, force = self.mass, -(self.b * s * (rates * rates)).sum((0, 1))
+        mass, force = self.mass, -(self.b * s * self.squared(rates)).sum((0, 1))
         for k in reversed(range(len(M))):
             for j in range(k):
                 share = M[k][j] / M[k][k]
@@ -64,11 +77,11 @@ class Elimination:
                 side[j], across[j] = side[j] - share * side[k], across[j] - share * across[k]
             share = across[k] / M[k][k]
             mass, force = mass - (share * across[k]).sum(0), force + (share * side[k]).sum(0)
-        return mass, force, (M, side, across)
+        return mass, force, (M, side, across, rates)
 
     def _equations(self, angles: Any, rates: Any, moments: Any, gravity: float) -> tuple[list[list[Any]], list[Any]]:
         """The lower half of A cos(θ_i − θ_j), and the right-hand side without x''."""
-        s, c, ww = self.sine(angles), self.cosine(angles), rates * rates
+        s, c, ww = self.sine(angles), self.cosine(angles), self.squared(rates)
         return self.equations(self.A, s, c, ww, list(moments - gravity * self.b * s))
 
     @staticmethod
@@ -85,9 +98,9 @@ class Elimination:
 
     def turn(self, memory: Any, push: Any) -> Any:
         """θ'' (n, P)."""
-        return np.array(
-            self._substituted(memory[0], (side - across * push for side, across in zip(*memory[1:], strict=True)))
-        )
+        M, sides, columns, rates = memory
+        left = (side - across * push for side, across in zip(sides, columns, strict=True))
+        return self.unwound(rates, np.array(self._substituted(M, left)))
 
     def _substituted(self, M: list[list[Any]], right: Iterable[Any]) -> list[Any]:
         """θ'' from the eliminated equations and what is left on their right-hand sides."""
@@ -118,7 +131,7 @@ class Eliminated:
         """The lower half of M_kl and force_k of the pendula in these columns, summed by `total`."""
         body, (angles, rates, torques) = self.body, (part[:, columns] for part in self.parts)
         A, b, mass = body.A[:, :, columns], body.b[:, columns], body.masses[columns]
-        s, c, ww = body.sine(angles), body.cosine(angles), rates * rates
+        s, c, ww = body.sine(angles), body.cosine(angles), body.squared(rates, columns)
         M, side = body.equations(A, s, c, ww, list(torques - b * (c * felt[0] - s * felt[1])))
         across = [list(b * (c * x - s * z)) for x, z in slopes]
         thrown = b * ww
@@ -148,4 +161,4 @@ class Eliminated:
             for column, acceleration in zip(across, push, strict=True):
                 left = [each - part * acceleration for each, part in zip(left, column, strict=True)]
             turns[:, columns] = np.array(self.body._substituted(M, left))
-        return turns
+        return self.body.unwound(self.parts[1], turns)

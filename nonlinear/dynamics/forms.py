@@ -99,9 +99,8 @@ def form_of(
     links, hoisting, support = system.n_links, system.hoisting, system.support
     at = {name: BEFORE + links * FIELDS.index(name) for name in ("length", "centre")}
     length, centre = (numbers[place : place + links] for place in at.values())
-    moving = np.zeros(links, dtype=bool) if hoisting is None else hoisting.moving
     chains = tuple(
-        (_table(group.index), _table(group.block.sigma), _eliminated(group, lost, moving) and _pays(group, system))
+        (_table(group.index), _table(group.block.sigma), _eliminated(group, lost) and _pays(group, system))
         for group, lost in zip(system.groups, weak, strict=True)
     )
     D = beside[: 0 if system.modal_damping is None else np.size(system.modal_damping)]
@@ -173,8 +172,8 @@ def _pays(group: Group, system: System) -> bool:
     return group.n <= (SHORT if most <= 1 else 2)
 
 
-def _eliminated(group: Group, frail: bool, moving: Any) -> bool:
-    return group.n <= SHORT and not frail and not moving[group.index].any()
+def _eliminated(group: Group, frail: bool) -> bool:
+    return group.n <= SHORT and not frail
 
 
 class Symbolic:
@@ -209,7 +208,7 @@ class TapedEquations(Symbolic):
         super().__init__(form)
         moving = np.array([place for law in form.laws for place in law], dtype=np.int64)
         bodies = (
-            None if np.isin(group.index, moving).any() else body
+            type(body) if np.isin(group.index, moving).any() else body
             for group, body in zip(self.system.groups, self.bodies, strict=True)
         )
         load = _unknown if form.pushed else None

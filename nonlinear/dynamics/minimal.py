@@ -128,11 +128,11 @@ class Arranged(ABC):
 class Suspended(Arranged):
     """The equations of a scene: `bodies` solve its groups, `load` acts from outside, y may include the work.
 
-    A group without a body has ropes that change their length.
+    A group without a body, or with its class alone, has ropes that change their length.
     """
 
     system: System
-    bodies: tuple[GroupBody | None, ...]
+    bodies: tuple[Any, ...]
     load: Load | None = None
     counts_work: bool = True
 
@@ -288,9 +288,8 @@ class Suspended(Arranged):
             winding = [part[group.index] for part in lengths[1:]]
             moved = links[place], rates[place], turned[place]
             # without the support's acceleration: with the work of its inertial forces on what the ropes move
-            force = transmitted(group, winding, *moved, bearing.start(k, gravity), external)
-            rope = np.stack((np.sin(links[place]), np.cos(links[place])))
-            power = power + (winding[0] * (rope * force).sum(0)).sum((0, 1))
+            pulls = tensions(group, winding, *moved, bearing.start(k, gravity), external)
+            power = power + (winding[0] * pulls).sum((0, 1))
         return power
 
     def external(self, group: Group, links: Any, rates: Any, cart_rate: Any, instant: Instant) -> External | None:
@@ -457,12 +456,15 @@ class Minimal(Suspended):
     def hung(self, instant: Instant) -> list[tuple[Group, GroupBody]]:
         """Every group and its solver, those whose ropes change their length with the lengths of this instant."""
         groups = zip(self.system.groups, self.bodies or [None] * len(self.system.groups), strict=True)
-        return [(group, body) if body else self._strung(group, instant) for group, body in groups]
+        return [
+            self._strung(group, body or Recursion, instant) if body is None or isinstance(body, type) else (group, body)
+            for group, body in groups
+        ]
 
-    def _strung(self, group: Group, instant: Instant) -> tuple[Group, GroupBody]:
+    def _strung(self, group: Group, kind: Callable[..., GroupBody], instant: Instant) -> tuple[Group, GroupBody]:
         assert instant.lengths is not None
         lengthened = self._lengthened(group, instant.lengths)
-        return lengthened, Recursion(lengthened, winding=[part[group.index] for part in instant.lengths[1:]])
+        return lengthened, kind(lengthened, winding=[part[group.index] for part in instant.lengths[1:]])
 
     def acting(
         self, group: Group, links: Any, rates: Any, moments: Any | None, support: Any, base: Base | None = None
@@ -504,6 +506,34 @@ def drained(system: System, q: Floats, v: Floats, support: tuple[Any, Any] = (0.
             along, down = external.forces.sum((1, 2))
             power = power + along * support[0] + down * support[1]
     return np.asarray(power + 0.0 * q[0])
+
+
+def tensions(group: Group, winding: Any, angles: Any, rates: Any, turns: Any, start: Any, external: Any) -> Any:
+    """The pulls u·f (n, P) in ropes, with f of `transmitted`, along which lengths change; 0 in all others.
+
+    With α = θ'' + 2 l' θ'/l, w = θ'² − l''/l and the mass S_i from a link i down
+
+        u_i·f_i = S_i (u_i·a − Σ_{j≤i} l_j (cos(θ_i − θ_j) w_j − sin(θ_i − θ_j) α_j))
+                  − Σ_{j>i} b_j (cos(θ_j − θ_i) w_j + sin(θ_j − θ_i) α_j) − u_i·ΣF
+    """
+    (speed, acceleration), l, b = winding, group.block.length, group.block.b
+    s, c, down = np.sin(angles), np.cos(angles), np.cumsum(group.block.mass[::-1], axis=0)[::-1]
+    alpha, w = turns + 2.0 * speed * rates / l, rates * rates - acceleration / l
+    pulls = np.zeros_like(alpha)
+    for i in range(len(pulls)):
+        if not np.any(speed[i] != 0):
+            continue
+        pull = s[i] * start[0] + c[i] * start[1] - l[i] * w[i]
+        for j in range(i):
+            pull = pull - l[j] * ((c[i] * c[j] + s[i] * s[j]) * w[j] - (s[i] * c[j] - c[i] * s[j]) * alpha[j])
+        pull = down[i] * pull
+        for j in range(i + 1, len(pulls)):
+            pull = pull - b[j] * ((c[j] * c[i] + s[j] * s[i]) * w[j] + (s[j] * c[i] - c[j] * s[i]) * alpha[j])
+        if external is not None:
+            along, below = external.forces[:, i:].sum(1)
+            pull = pull - (s[i] * along + c[i] * below)
+        pulls[i] = pull
+    return pulls
 
 
 def transmitted(group: Group, winding: Any, angles: Any, rates: Any, turns: Any, start: Any, external: Any) -> Any:

@@ -1,5 +1,6 @@
 """Ropes of prescribed length: exact solutions, Cartesian equations, energy books, and what refuses them."""
 
+import re
 from itertools import pairwise
 
 import numpy as np
@@ -15,7 +16,7 @@ from modal.errors import ComputationError, SceneError
 from modal.scene import Bob, Body, Cart, Fixed, Hoist, Pendulum, Rod, Scene
 from nonlinear import files
 from nonlinear.chaos import lyapunov_exponent
-from nonlinear.dynamics import Generated, HoistedMaximal, Mechanics
+from nonlinear.dynamics import Generated, HoistedMaximal, Mechanics, module_of
 from nonlinear.orbits.shooting import shooting
 from nonlinear.postprocessing import reaction_forces_of
 from nonlinear.reduction import simulate_truncated, superpose
@@ -171,6 +172,18 @@ def test_power_is_the_rate_of_energy() -> None:
     slope = equations.derivative(0.8, y)
     power = (energy(0.8 + step, y + step * slope) - energy(0.8 - step, y - step * slope)) / (2 * step)
     assert power == pytest.approx(slope[-1], rel=1e-7)
+
+
+def test_a_hoist_takes_few_operations_more() -> None:
+    """Those of the text of two bobs, the upper on a rope: 25 with constant lengths, 50 with the winch's power."""
+    rope = Hoist(to=0.7, duration=3.0)
+    counts = []
+    for hoist in (None, rope):
+        links = (Bob(mass=1.3, length=1.1, hoist=hoist), Bob(mass=0.7, length=0.6))
+        form = Generated(system_of(Scene(gravity=9.81, support=Fixed(), pendulum=(Pendulum(links=links),)))).form
+        counts.append(len(re.findall(r" [-+*/] ", module_of(form).python("rates"))))
+    assert counts[0] <= 25
+    assert counts[1] <= 50
 
 
 def adiabatic(duration: float) -> float:
