@@ -36,6 +36,7 @@ sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
 from support.loops import interpreted
 from support.places import SwitchedPlaces
 
+from modal.errors import SceneError
 from modal.scene import Scene, scene_from
 from modal.types import Floats
 from nonlinear import ensemble, simulate
@@ -371,15 +372,15 @@ def numbers_of(state: Any) -> Floats:
     return np.array([[*supports, *np.ravel(state.links)], [*rates, *np.ravel(state.link_rates)]], dtype=float)
 
 
-def in_floats(scene: Scene, seconds: float, tolerance: float) -> Floats:
-    return numbers_of(simulate(scene, seconds, output=2, tolerance=tolerance).final)
+def in_floats(scene: Scene, duration: float, tolerance: float) -> Floats:
+    return numbers_of(simulate(scene, duration, output=2, tolerance=tolerance).final)
 
 
 def side_by_side(engine: str) -> Callable[[Scene, float, float], Floats]:
-    def end(scene: Scene, seconds: float, tolerance: float) -> Floats:
+    def end(scene: Scene, duration: float, tolerance: float) -> Floats:
         """Of one member by this engine."""
         options: dict[str, Any] = {"engine": engine, "workers": 1, "check": 0, "tolerance": tolerance}
-        final = ensemble(scene, seconds, starts=[initial_state(scene)], **options).final
+        final = ensemble(scene, duration, starts=[initial_state(scene)], **options).final
         return numbers_of(final[0])
 
     return end
@@ -429,38 +430,42 @@ def spread(end: Floats, scene: dict[str, Any], times: int) -> Floats:
 
 
 class Judged:
-    """What a scene gave: differences from the oracle by engine, failures in words, seconds."""
+    """What a scene gave: differences from the oracle by engine, failures and refusals in words, seconds."""
 
-    def __init__(self, number: int, seconds: float = SECONDS, tolerance: float = TOLERANCE) -> None:
-        self.number, self.seconds, self.tolerance, self.events = number, seconds, tolerance, 0
+    def __init__(self, number: int, duration: float = SECONDS, tolerance: float = TOLERANCE) -> None:
+        self.number, self.duration, self.tolerance, self.events = number, duration, tolerance, 0
         self.differences: dict[str, float] = {}
         self.failures: dict[str, str] = {}
-        self.times: dict[str, float] = {}
+        self.refused: dict[str, str] = {}
+        self.seconds: dict[str, float] = {}
 
     @property
     def row(self) -> dict[str, Any]:
         """As it is kept."""
-        found = {"differences": self.differences, "failures": self.failures, "seconds": self.times}
-        return {"number": self.number, "pair": pair_of(self.number), "events": self.events, **found}
+        head = {"number": self.number, "pair": pair_of(self.number), "events": self.events}
+        return {**head, **{name: getattr(self, name) for name in ("differences", "failures", "refused", "seconds")}}
 
     def _run(self, name: str, compute: Callable[..., Floats], scene: dict[str, Any]) -> Floats | None:
         begun = time.perf_counter()
         try:
             with patience():
-                return compute(scene_from(scene), self.seconds, self.tolerance)
+                return compute(scene_from(scene), self.duration, self.tolerance)
+        except SceneError as error:
+            self.refused[name] = str(error)
+            return None
         except Exception as error:
             told = traceback.extract_tb(error.__traceback__)[-1]
             self.failures[name] = f"{type(error).__name__}: {error} ({Path(told.filename).name}:{told.lineno})"[:500]
             return None
         finally:
-            self.times[name] = round(time.perf_counter() - begun, 2)
+            self.seconds[name] = round(time.perf_counter() - begun, 2)
 
     def places(self, scene: dict[str, Any], name: str = "oracle") -> Floats | None:
         """The end of a scene by the oracle."""
 
-        def compute(built: Scene, seconds: float, tolerance: float) -> Floats:
+        def compute(built: Scene, duration: float, tolerance: float) -> Floats:
             oracle = SwitchedPlaces(built)
-            end = numbers_of(oracle.end(initial_state(built), seconds, tolerance))
+            end = numbers_of(oracle.end(initial_state(built), duration, tolerance))
             self.events += oracle.events
             return end
 
@@ -478,11 +483,11 @@ def judge(
     number: int,
     engines: Sequence[str] = tuple(ENGINES),
     at_once: Mapping[str, Sequence[str]] = NOTHING,
-    seconds: float = SECONDS,
+    duration: float = SECONDS,
     tolerance: float = TOLERANCE,
 ) -> dict[str, Any]:
     """A row of a scene by these engines, and where all switch `at_once` in the ways "three" and "mirrored" by those."""
-    written, judged = drawn(number), Judged(number, seconds, tolerance)
+    written, judged = drawn(number), Judged(number, duration, tolerance)
     true = judged.places(written)
     if true is None:
         return judged.row
@@ -513,7 +518,7 @@ def wrong(row: dict[str, Any]) -> bool:
 
 
 def table(rows: list[dict[str, Any]]) -> str:
-    """By pair: scenes, switches, the largest difference of each kind, and the numbers that fail."""
+    """By pair: scenes, switches, largest differences, how many an engine refuses, and which of them fail."""
     kinds = [f"{engine}{way}" for way in ("", " three", " mirrored") for engine in ENGINES]
     lines = []
     for pair in [*PAIRS, None]:
@@ -521,10 +526,11 @@ def table(rows: list[dict[str, Any]]) -> str:
         if not of_pair:
             continue
         largest = [max((row["differences"].get(kind, 0.0) for row in of_pair), default=0.0) for kind in kinds]
+        refused = sum(bool(row["refused"]) for row in of_pair)
         failing = ", ".join(str(row["number"]) for row in of_pair if wrong(row)) if pair else sum(map(wrong, of_pair))
         events = sum(row.get("events", 0) for row in of_pair)
-        lines.append([" × ".join(pair) if pair else "all", len(of_pair), events, *largest, failing])
-    return tabulate(lines, ["pair", "scenes", "switches", *kinds, "wrong"], floatfmt=".0e")
+        lines.append([" × ".join(pair) if pair else "all", len(of_pair), events, *largest, refused, failing])
+    return tabulate(lines, ["pair", "scenes", "switches", *kinds, "refused", "wrong"], floatfmt=".0e")
 
 
 def main() -> None:
