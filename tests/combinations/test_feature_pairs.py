@@ -52,7 +52,9 @@ def test_the_comparison_bites(monkeypatch: pytest.MonkeyPatch) -> None:
     """Gravity that is larger by one part in 1e8, and links in another order."""
     written = drawn(24)
     heavier: dict[str, Any] = {**written, "gravity": written["gravity"] * (1 + 1e-8)}
-    monkeypatch.setattr(feature_pairs, "SwitchedPlaces", lambda scene: SwitchedPlaces(scene_from(heavier)))
+    monkeypatch.setattr(
+        feature_pairs, "SwitchedPlaces", lambda scene, longest: SwitchedPlaces(scene_from(heavier), longest)
+    )
     assert judge(24, ("floats",), duration=SECONDS)["differences"]["floats"] > LIMIT
     end = np.array([[0.1, *range(3)]])
     copies = {"pendulum": [{"links": [{}, {}]}, {"links": [{}]}]}

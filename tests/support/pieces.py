@@ -68,6 +68,7 @@ class Switches:
     angle: Floats
     impulse: Floats
     breaks: Sequence[float] = ()
+    longest: float = LONGEST
     sign: Floats = field(init=False)
     side: Floats = field(init=False)
     events: int = 0
@@ -193,7 +194,7 @@ class Switches:
             for _, _, value in values:
                 value.terminal, value.direction = True, 1  # type: ignore[attr-defined]
             solution = solve_ivp(
-                rate, (t, until), y, "DOP853", rtol=tolerance, atol=tolerance, max_step=LONGEST,
+                rate, (t, until), y, "DOP853", rtol=tolerance, atol=tolerance, max_step=self.longest,
                 events=[value for _, _, value in values],
             )  # fmt: skip
             t, y = float(solution.t[-1]), self.mechanics.closed(solution.y[:, -1])

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 import scipy
 import sympy as sp
-from support.pieces import Switches
+from support.pieces import LONGEST, Switches
 
 from modal.scene import Escapement, Scene, VanDerPol
 from modal.scene.points import CarrierPoint, GroundPoint, PendulumPoint, parse_point
@@ -433,7 +433,7 @@ class Places:
 class SwitchedPlaces(Switches):
     """The motion of a scene with contacts and clocks."""
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: Scene, longest: float = LONGEST) -> None:
         places = Places(scene)
         unit, J, limits, kicked, drives = np.eye(places.size), [], [], [], []
         cart = scene.supports[0]
@@ -458,4 +458,5 @@ class SwitchedPlaces(Switches):
             np.reshape(kicked, shape) if kicked else np.zeros((0, places.size)),
             *np.reshape(drives, (-1, 2)).T,
             sorted(places.breaks),
+            longest,
         )
