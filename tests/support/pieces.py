@@ -1,7 +1,7 @@
 """Motions with escapements and dry friction, piece by piece: the oracle of switches.
 
-In every piece each coordinate moves under the forces of `nonlinear.dynamics.maximal`; friction
-is a moment on a link and its reverse on the one above, or a force on the cart, a joint or a cart that sticks is one
+In every piece each coordinate moves under the forces of `nonlinear.dynamics.maximal`, or of `support.places`.  Friction
+is a moment on a link and its reverse on the one above, or a force on the cart; a joint or a cart that sticks is one
 more constraint, and a kick is an impulse against all constraints.  At the `breaks` of a load what sticks is tried
 again.  The reaction of the rail is the constraint's own multiplier.  Which contacts stick is found by trying every set
 of them.  SciPy's DOP853 integrates each piece, to an event of `solve_ivp`.
@@ -24,7 +24,7 @@ from nonlinear import State
 from nonlinear.dynamics import Maximal
 from nonlinear.system import Load, system_of
 
-LONGEST = 0.02  # s of a step: nothing passes a switch and returns in less
+LONGEST = 0.02  # s of a step: little passes a switch and returns in less
 AT_REST, ROUNDED = 1e-11, 1e-9  # rad/s or m/s; of a limit
 BESIDE = 1e-12  # s, between which and a break a load is not asked
 
