@@ -178,10 +178,10 @@ def jumping(seed: int) -> tuple[Scene, Pieces]:
 
 @cache
 def by_pieces(seed: int) -> tuple[Scene, Floats]:
-    """Such a scene, and its angles after 1.3 s by the maximal form."""
+    """Such a scene, and its angles after 1.3 s by the maximal form; what begins to slide at the start may go on."""
     scene, pieces = jumping(seed)
     links = pieces.end(initial_state(scene), 1.3, 1e-11).links
-    assert pieces.events
+    assert pieces.events or pieces.sign.any()
     return scene, links
 
 

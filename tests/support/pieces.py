@@ -1,10 +1,10 @@
-"""Motions with escapements and dry friction, piece by piece in maximal coordinates: the oracle of switches.
+"""Motions with escapements and dry friction, piece by piece: the oracle of switches.
 
-In every piece each link moves freely under the forces of `nonlinear.dynamics.maximal`; friction is a moment on a link
-and its reverse on the one above, or a force on the cart, a joint or a cart that sticks is one more constraint, and a
-kick is an impulse against all constraints.  At the `breaks` of a load what sticks is tried again.  The reaction of the
-rail is the constraint's own multiplier.  Which contacts stick is found by trying every set of them.  SciPy's DOP853
-integrates each piece, to an event of `solve_ivp`.
+In every piece each coordinate moves under the forces of `nonlinear.dynamics.maximal`, or of `support.places`.  Friction
+is a moment on a link and its reverse on the one above, or a force on the cart; a joint or a cart that sticks is one
+more constraint, and a kick is an impulse against all constraints.  At the `breaks` of a load what sticks is tried
+again.  The reaction of the rail is the constraint's own multiplier.  Which contacts stick is found by trying every set
+of them.  SciPy's DOP853 integrates each piece, to an event of `solve_ivp`.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from itertools import product
+from typing import Protocol
 
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -23,53 +24,70 @@ from nonlinear import State
 from nonlinear.dynamics import Maximal
 from nonlinear.system import Load, system_of
 
-LONGEST = 0.02  # s of a step: nothing passes a switch and returns in less
+LONGEST = 0.02  # s of a step: little passes a switch and returns in less
 AT_REST, ROUNDED = 1e-11, 1e-9  # rad/s or m/s; of a limit
 BESIDE = 1e-12  # s, between which and a break a load is not asked
 
 
-@dataclass(eq=False)
-class Pieces:
-    """The motion of one pendulum in the plane: contacts of `sign` 0 stick; `side` is that of each clock's next kick."""
+class Mechanics(Protocol):
+    """Equations of motion of y = (q, q', …), with q and q' of one `size`."""
 
-    scene: Scene
-    load: Load | None = None
+    @property
+    def size(self) -> int:
+        """Number of coordinates."""
+
+    def unknowns(self, time: float, y: Floats) -> Floats:
+        """The accelerations, then forces of constraints, that of the rail first, without friction."""
+
+    def answers(self, time: float, y: Floats, forces: Floats) -> Floats:
+        """What each of these generalized forces (J, size), alone, adds to the unknowns."""
+
+    def begin(self, start: State) -> Floats:
+        """The y of a start."""
+
+    def closed(self, y: Floats) -> Floats:
+        """The y that satisfies all constraints."""
+
+    def read(self, y: Floats) -> State:
+        """The state of a y."""
+
+
+@dataclass(eq=False)
+class Switches:
+    """Motion with contacts along `J` (J, size) of these limits, the first that of a rail if it has a `coefficient`.
+
+    Clocks kick along `kicked` (C, size), whose products with q are their angles.  Contacts of `sign` 0 stick; `side` is
+    that of each clock's next kick.  `events` counts what has changed since the start.
+    """
+
+    mechanics: Mechanics
+    J: Floats
+    limit: Floats
+    coefficient: float
+    kicked: Floats
+    angle: Floats
+    impulse: Floats
     breaks: Sequence[float] = ()
+    longest: float = LONGEST
     sign: Floats = field(init=False)
     side: Floats = field(init=False)
     events: int = 0
 
-    def __post_init__(self) -> None:
-        (pendulum,), self.maximal = self.scene.pendulum, Maximal(system_of(self.scene), self.load)
-        links, cart = pendulum.links, self.scene.support
-        first, self.size = self.maximal.pivots.first, self.maximal.pivots.size
-        rows, limits = np.zeros((len(links), self.size)), [link.friction for link in links]
-        for i, row in enumerate(rows):
-            row[first + 3 * i + 2] = 1.0
-            if i:
-                row[first + 3 * i - 1] = -1.0
-        self.clocks = [i for i, link in enumerate(links) if link.drive is not None]
-        self.angle, self.impulse = (
-            np.array([getattr(links[i].drive, name) for i in self.clocks]) for name in ("angle_deg", "impulse")
-        )
-        self.angle, self.kicked = np.radians(self.angle), rows[self.clocks]
-        rubbing = [i for i, limit in enumerate(limits) if limit]
-        self.J, self.limit, self.coefficient = rows[rubbing], np.array([limits[i] for i in rubbing]), 0.0
-        if isinstance(cart, Cart) and (cart.friction or cart.friction_coefficient):
-            self.J = np.vstack((np.eye(self.size)[0], self.J))
-            self.limit, self.coefficient = np.append(cart.friction, self.limit), cart.friction_coefficient
+    @property
+    def size(self) -> int:
+        """Number of coordinates."""
+        return self.mechanics.size
 
     # ------------------------------------------------------------------------------------------------- one instant
 
-    def answers(self, t: float, y: Floats) -> tuple[Floats, Floats, Floats]:
-        """The unknowns of the maximal form without friction, by a unit of friction (J, ...), and the angles."""
-        angles = self.maximal.pivots.parts(y[: self.size])[1][:, 2]
-        units = [self.maximal.saddle.solve(angles, row, 0.0) for row in self.J]
-        return self.maximal.unknowns(t, y), np.reshape(units, (len(units), -1)), angles
+    def answers(self, t: float, y: Floats) -> tuple[Floats, Floats]:
+        """The unknowns without friction, and by a unit of friction (J, ...)."""
+        free = self.mechanics.unknowns(t, y)
+        return free, self.mechanics.answers(t, y, self.J) if len(self.J) else np.zeros((0, len(free)))
 
     def friction(self, t: float, y: Floats, sign: Floats) -> tuple[Floats, Floats, float]:
         """The friction (J,), the unknowns under it, and |N| of a rail with a coefficient, in this state of contacts."""
-        free, units, _ = self.answers(t, y)
+        free, units = self.answers(t, y)
         count = len(self.J)
         a, G = self.J @ free[: self.size], self.J @ units[:, : self.size].T
         for e in (1.0, -1.0):
@@ -104,18 +122,17 @@ class Pieces:
         assert agreeing, "no state of the contacts obeys Coulomb's law"
         return max(agreeing, key=lambda sign: np.count_nonzero(sign == 0))
 
-    def pushed(self, y: Floats, rows: Floats, jump: Floats) -> Floats:
+    def pushed(self, t: float, y: Floats, rows: Floats, jump: Floats) -> Floats:
         """The y after an impulse along these rows: these amounts of it."""
-        angles = self.maximal.pivots.parts(y[: self.size])[1][:, 2]
         jumped = y.copy()
-        jumped[self.size : 2 * self.size] += self.maximal.saddle.solve(angles, jump @ rows, 0.0)[: self.size]
+        jumped[self.size : 2 * self.size] += self.mechanics.answers(t, y, (jump @ rows)[None])[0, : self.size]
         return jumped
 
     # ------------------------------------------------------------------------------------------------- the motion
 
     def begin(self, start: State) -> Floats:
         """The y of a start, with the states of contacts and clocks there."""
-        y = self.maximal.begin(start)
+        y = self.mechanics.begin(start)
         gamma, speed = self.kicked @ y[: self.size], self.J @ y[self.size : 2 * self.size]
         self.side = np.where(np.abs(gamma) > self.angle, -np.sign(gamma), 0.0)
         self._decide(0.0, y, speed)
@@ -132,7 +149,7 @@ class Pieces:
         self.sign = self.consistent(t, y, choices)
 
     def _rate(self, t: float, y: Floats) -> Floats:
-        unknowns = self.friction(t, y, self.sign)[1] if len(self.J) else self.maximal.unknowns(t, y)
+        unknowns = self.friction(t, y, self.sign)[1] if len(self.J) else self.mechanics.unknowns(t, y)
         return np.concatenate((y[self.size : 2 * self.size], unknowns[: self.size], np.zeros(len(y) - 2 * self.size)))
 
     def _values(self) -> list[tuple[str, int, Callable[[float, Floats], float]]]:
@@ -159,9 +176,11 @@ class Pieces:
         y, t = self.begin(start), 0.0
         for until in (*(time for time in self.breaks if 0 < time < seconds), seconds):
             if t > 0:
+                before = self.sign
                 self._decide(t + BESIDE, y, self.J @ y[self.size : 2 * self.size])
+                self.events += int(np.count_nonzero(self.sign != before))
             y, t = self._until(until, t, y, tolerance), until
-        return self.maximal.read(y[None])[0]
+        return self.mechanics.read(y)
 
     def _until(self, until: float, t: float, y: Floats, tolerance: float) -> Floats:
         """The y at the next break or the end, from y at t."""
@@ -175,10 +194,10 @@ class Pieces:
             for _, _, value in values:
                 value.terminal, value.direction = True, 1  # type: ignore[attr-defined]
             solution = solve_ivp(
-                rate, (t, until), y, "DOP853", rtol=tolerance, atol=tolerance, max_step=LONGEST,
+                rate, (t, until), y, "DOP853", rtol=tolerance, atol=tolerance, max_step=self.longest,
                 events=[value for _, _, value in values],
             )  # fmt: skip
-            t, y = float(solution.t[-1]), self.maximal.project(solution.y[:, -1])[0]
+            t, y = float(solution.t[-1]), self.mechanics.closed(solution.y[:, -1])
             for (kind, j, _), times in zip(values, solution.t_events, strict=True):
                 if len(times):
                     y = self._changed(kind, j, min(max(t, low), high), y)
@@ -188,13 +207,13 @@ class Pieces:
     def _changed(self, kind: str, j: int, t: float, y: Floats) -> Floats:
         if kind in {"right", "left"}:
             side = 1.0 if kind == "right" else -1.0
-            y, self.side[j] = self.pushed(y, self.kicked[j : j + 1], np.array([side * self.impulse[j]])), -side
+            y, self.side[j] = self.pushed(t, y, self.kicked[j : j + 1], np.array([side * self.impulse[j]])), -side
             self._decide(t, y, self.J @ y[self.size : 2 * self.size])
             return y
         still = np.flatnonzero((self.sign == 0) | (np.arange(len(self.J)) == j))
         units = self.answers(t, y)[1][still, : self.size]
         speed = self.J @ y[self.size : 2 * self.size]
-        y = self.pushed(y, self.J[still], -np.linalg.solve(self.J[still] @ units.T, speed[still]))
+        y = self.pushed(t, y, self.J[still], -np.linalg.solve(self.J[still] @ units.T, speed[still]))
         speed[still] = 0.0
         way = -np.sign(self.friction(t, y, self.sign)[0][j]) if kind == "sticks" else 0.0
         self._decide(t, y, speed, j if kind == "sticks" else -1, float(way))
@@ -203,3 +222,61 @@ class Pieces:
 
 def _clipped(value: Callable[[float, Floats], float], low: float, high: float, t: float, y: Floats) -> float:
     return value(min(max(t, low), high), y)
+
+
+@dataclass(frozen=True, eq=False)
+class InMaximalCoordinates:
+    """`nonlinear.dynamics.maximal` with friction's moments and kicks as forces beside its own."""
+
+    maximal: Maximal
+
+    @property
+    def size(self) -> int:
+        """Number of coordinates."""
+        return self.maximal.pivots.size
+
+    def unknowns(self, time: float, y: Floats) -> Floats:
+        """Accelerations and forces."""
+        return self.maximal.unknowns(time, y)
+
+    def answers(self, time: float, y: Floats, forces: Floats) -> Floats:
+        """What these forces add."""
+        angles = self.maximal.pivots.parts(y[: self.size])[1][:, 2]
+        return np.array([self.maximal.saddle.solve(angles, row, 0.0) for row in forces])
+
+    def begin(self, start: State) -> Floats:
+        """The y of a start."""
+        return self.maximal.begin(start)
+
+    def closed(self, y: Floats) -> Floats:
+        """The y of closed pivots."""
+        return self.maximal.project(y)[0]
+
+    def read(self, y: Floats) -> State:
+        """The state."""
+        return self.maximal.read(y[None])[0]
+
+
+class Pieces(Switches):
+    """The motion of one pendulum in the plane, in maximal coordinates."""
+
+    def __init__(self, scene: Scene, load: Load | None = None, breaks: Sequence[float] = ()) -> None:
+        (pendulum,), maximal = scene.pendulum, Maximal(system_of(scene), load)
+        links, cart = pendulum.links, scene.support
+        first, size = maximal.pivots.first, maximal.pivots.size
+        rows, limits = np.zeros((len(links), size)), [link.friction for link in links]
+        for i, row in enumerate(rows):
+            row[first + 3 * i + 2] = 1.0
+            if i:
+                row[first + 3 * i - 1] = -1.0
+        clocks = [i for i, link in enumerate(links) if link.drive is not None]
+        angle, impulse = (
+            np.array([getattr(links[i].drive, name) for i in clocks]) for name in ("angle_deg", "impulse")
+        )
+        rubbing = [i for i, limit in enumerate(limits) if limit]
+        J, limit, coefficient = rows[rubbing], np.array([limits[i] for i in rubbing]), 0.0
+        if isinstance(cart, Cart) and (cart.friction or cart.friction_coefficient):
+            J = np.vstack((np.eye(size)[0], J))
+            limit, coefficient = np.append(cart.friction, limit), cart.friction_coefficient
+        clockwork = rows[clocks], np.radians(angle), impulse
+        super().__init__(InMaximalCoordinates(maximal), J, limit, coefficient, *clockwork, breaks)
