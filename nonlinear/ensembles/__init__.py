@@ -15,6 +15,7 @@ from nonlinear.ensembles.attractors import Attractor
 from nonlinear.ensembles.basins import Basins, basins_table, begins_in_mode, find_basins, grid_of
 from nonlinear.ensembles.bifurcations import BifurcationDiagram, bifurcation_table, find_bifurcations
 from nonlinear.ensembles.costs import ENGINES
+from nonlinear.ensembles.executors import WorkerPool
 from nonlinear.ensembles.measures import validate_measures
 from nonlinear.ensembles.members import Members, members_of
 from nonlinear.ensembles.plain import measured_run
@@ -36,6 +37,7 @@ __all__ = [
     "Members",
     "PoincareSection",
     "StroboscopicSection",
+    "WorkerPool",
     "basins_table",
     "begins_in_mode",
     "bifurcation_table",

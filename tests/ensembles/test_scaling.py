@@ -93,6 +93,32 @@ class Dying(Executor):
         return future
 
 
+class Losing(Executor):
+    """Loses every task of so many and goes on, as executors of clusters do."""
+
+    def __init__(self, every: int) -> None:
+        self.count, self.every = 0, every
+
+    def submit(self, function, /, *arguments, **more) -> Future:
+        future: Future = Future()
+        self.count += 1
+        if self.count % self.every == 0:
+            future.set_exception(RuntimeError("a node was reclaimed"))
+        else:
+            future.set_result(function(*arguments, **more))
+        return future
+
+
+def test_what_an_executor_loses_in_its_own_words_is_done_again(tmp_path: Path, alone: dict[str, bytes]) -> None:
+    run(tmp_path / "lost", crew=Losing(5))
+    assert contents(tmp_path / "lost") == alone
+    with ThreadPoolExecutor(2) as executor:
+        run(tmp_path / "threads", crew=executor)
+    assert contents(tmp_path / "threads") == alone
+    with pytest.raises(ComputationError, match="a worker failed: RuntimeError: a node was reclaimed"):
+        run(None, crew=Losing(1))
+
+
 def test_the_bytes_do_not_depend_on_workers(tmp_path: Path, alone: dict[str, bytes]) -> None:
     assert len(alone) == 10
     run(tmp_path / "shuffled", crew=WorkerPool(Shuffled(), 3))
