@@ -22,9 +22,8 @@ from nonlinear.ensembles.plain import measured_run
 from nonlinear.ensembles.preparing import Compilation, CompiledCode, compilation_table, compile_engines
 from nonlinear.ensembles.running import Ensemble, ensemble
 from nonlinear.ensembles.runs import measured_together, run_together, times_of
-from nonlinear.ensembles.sections import PoincareSection, find_section, section_table
+from nonlinear.ensembles.sections import PoincareSection, energy_of, find_section, section_table, starts_at
 from nonlinear.ensembles.strobes import StroboscopicSection, find_strobes, strobes_table
-from nonlinear.ensembles.surfaces import energy_of, starts_at
 
 __all__ = [
     "ENGINES",

@@ -146,7 +146,7 @@ class Failure(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Attempt(Generic[P, R]):
+class WorkerCall(Generic[P, R]):
     """A function whose errors are told from those of the executor that carries it."""
 
     function: Callable[[P], R]
@@ -200,7 +200,7 @@ def _shared(function: Callable[[P], R], portions: Iterator[P], crew: WorkerPool)
 
 def _submitted(function: Callable[[P], R], portion: P, crew: WorkerPool) -> Future[R | Failure]:
     try:
-        return crew.executor.submit(Attempt(function), portion)
+        return crew.executor.submit(WorkerCall(function), portion)
     except BrokenExecutor as error:
         failed: Future[R | Failure] = Future()
         failed.set_exception(error)

@@ -20,7 +20,7 @@ from typing import Any, cast
 import numpy as np
 
 from modal.errors import SceneError
-from modal.report import Displayed, Summary, counted, silent
+from modal.report import Displayed, Summary, counted, finite, silent
 from modal.scene import Scene, name_of, require
 from modal.scene.parameters import Vary
 from modal.types import Floats
@@ -139,9 +139,35 @@ class Ensemble(Displayed):
     @property
     def final(self) -> Motion:
         """The last states of all members; SceneError where they were not kept."""
-        columns = state_columns(self.question.system.structure is not None)
-        parts = {part: self.column(column) for part, column in columns.items()}
-        return Motion(**parts, work=np.full(self.size, np.nan))
+        links, rates, cart, speed, *carried = self.states()
+        return Motion(links, rates, cart, speed, np.full(self.size, np.nan), *carried)
+
+    def states(self, prefix: str = "") -> list[Floats]:
+        """Angles of links and their rates, place and speed of the cart; on a structure its coordinates and rates, too.
+
+        Those of columns with a `prefix`, such as "crossing_".
+        """
+        return [
+            self.column(prefix + name) for name in state_columns(self.question.system.structure is not None).values()
+        ]
+
+    def require(self, each: str = "") -> Ensemble:
+        """Itself; KeyboardInterrupt where it was cut short, SceneError where `each` start or value failed."""
+        if self.interrupted:
+            raise KeyboardInterrupt
+        if each and len(self.failures) == self.size:
+            raise SceneError([f"every {each} failed: {next(iter(self.failures.values()))}"])
+        return self
+
+    def record(self) -> dict[str, Any]:
+        """How motions were found, for JSON."""
+        return {
+            "motions": self.size,
+            "duration_s": self.question.duration,
+            "engine": self.engine,
+            "failed": len(self.failures),
+            "largest_energy_drift": finite(float(np.nanmax(self.energy_drift))),
+        }
 
     def to_dict(self) -> dict[str, Floats]:
         """Every quantity that is one number a member, (S,), by its name, after the values that were varied.

@@ -23,9 +23,8 @@ from modal.vibration import Boundary, tongues, vertical_sine
 from nonlinear.ensembles.executors import DIED, Crew, computed, cores, pool_of
 from nonlinear.integration import validate_whole
 from nonlinear.sweeps.checkpoint import Checkpoint
-from nonlinear.sweeps.energies import ENERGY, LYAPUNOV
 from nonlinear.sweeps.measures import FLOQUET, parse_measures
-from nonlinear.sweeps.study import Points, Row, Study, SweepTask, measure_each, measure_points
+from nonlinear.sweeps.study import ENERGY, LYAPUNOV, Points, Row, Study, SweepTask, measure_each, measure_points
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -280,7 +279,7 @@ def _lines(sweep: Sweep) -> Iterator[str]:
     yield from notes(sweep)
     if sweep.study.members:
         yield DRAWN.format(sweep.study.members, sweep.study.seed)
-    elif any(request.computation.numbered for request in sweep.study.measures):
+    elif any(request.computation.measure.numbered for request in sweep.study.measures):
         yield NUMBERED
 
 
@@ -303,7 +302,7 @@ def reasons(sweep: Sweep) -> Iterator[str]:
 def notes(sweep: Sweep) -> tuple[str, ...]:
     """What frequencies and damping ratios leave out anywhere in the sweep, a sentence each."""
     study = sweep.study
-    if not any(request.computation.numbered and not request.computation.runs for request in study.measures):
+    if not any(request.computation.measure.numbered and not request.computation.runs for request in study.measures):
         return ()
     scenes = [study.scene]
     with suppress(SceneError):
