@@ -95,6 +95,7 @@ FLAGS: dict[str, tuple[str, str]] = {
     "--settle": ("SECONDS", "time that passes before strobes are kept"),
     "--settled": ("", "begin where a simulated motion has settled"),
     "--shapes": ("", "add mode shapes and energy shares"),
+    "--share": ("K/N", "compute the K-th of N shares alone, for processes with a common --folder"),
     "--show": ("WORDS", "sections of a derivation"),
     "--signals": ("WORDS", "outputs of a linear model"),
     "--speed": ("FACTOR", "speed of a film over that of the motion"),

@@ -1,8 +1,8 @@
 """The list of measures: what can be measured of a scene or of its motion, and by which verb.
 
-Each is stated once, with its columns, what it needs and, for a verb that does not take it, the reason.  How each is
-computed stands in `nonlinear.ensembles.measures` for motions side by side and in `nonlinear.sweeps.measures` for
-scenes one by one, which take the former where both can.
+Each is stated once, with its columns, what it needs, what it is read off and, for a verb that does not take it, the
+reason.  How each is computed stands in `nonlinear.ensembles.measures` for motions side by side and in
+`nonlinear.sweeps.measures` for scenes one by one, which take the former where both can.
 
 >>> from nonlinear.measures import MEASURES, taken_by
 >>> MEASURES["lyapunov"].columns, "beat" in taken_by("basins")
@@ -22,6 +22,9 @@ VERBS = ("sweep", "basins", "spread", "ensemble")
 """Who takes measures: three commands, and the function `ensemble`."""
 LONGEST = 1e6  # seconds
 MODES, MODE, SECONDS = "modes", "mode", "seconds"
+SCENE_ITSELF, WHOLE_MOTION, MEMBERS_AT_ONCE = "the scene", "a whole motion", "members side by side"
+LAST_TENTH = "the last tenth of a motion"
+"""What measures are read off."""
 FORMER = {"amplitude": "largest_angle, with cart_travel beside it"}
 """Names of old, and what they are now."""
 
@@ -32,7 +35,8 @@ class Measure(Displayed):
 
     In columns R stands for the number of a mode, P for that of a pendulum, L for that of a link.  `counts` says what
     the N of NAME:N is, "" where there is none; `usual` is N unless told, 0 where that depends on the scene, `most` its
-    largest.  `needs` says what a scene must have, `refused` by which verbs it is not taken and why.
+    largest.  `needs` says what a scene must have, `reads` what it is read off, `numbered` whether its columns or values
+    number modes, `refused` by which verbs it is not taken and why.
     """
 
     name: str
@@ -42,6 +46,8 @@ class Measure(Displayed):
     counts: str = SECONDS
     usual: float = 0.0
     most: float = LONGEST
+    reads: str = SCENE_ITSELF
+    numbered: bool = False
     refused: Mapping[str, str] = field(default_factory=dict, compare=False)
 
     def _summary(self) -> Summary:
@@ -84,6 +90,7 @@ MEASURES: dict[str, Measure] = {
             counts=MODES,
             usual=4,
             most=1000,
+            numbered=True,
             refused=OF_SCENE,
         ),
         Measure(
@@ -94,6 +101,7 @@ MEASURES: dict[str, Measure] = {
             counts=MODES,
             usual=4,
             most=1000,
+            numbered=True,
             refused=OF_SCENE,
         ),
         Measure(
@@ -103,6 +111,7 @@ MEASURES: dict[str, Measure] = {
             needs=OSCILLATING,
             counts=MODE,
             most=1000,
+            numbered=True,
             refused=OF_SCENE,
         ),
         Measure(
@@ -112,6 +121,7 @@ MEASURES: dict[str, Measure] = {
             needs=OSCILLATING,
             counts=MODE,
             most=1000,
+            numbered=True,
             refused=OF_SCENE,
         ),
         Measure(
@@ -127,6 +137,7 @@ MEASURES: dict[str, Measure] = {
             words="the largest angle of any link in N seconds",
             columns=("largest_angle_deg",),
             needs=MOTION,
+            reads=WHOLE_MOTION,
             usual=10,
         ),
         Measure(
@@ -134,6 +145,7 @@ MEASURES: dict[str, Measure] = {
             words="the way between the cart's turning points in N seconds",
             columns=("cart_travel_m",),
             needs="a cart",
+            reads=WHOLE_MOTION,
             usual=10,
             refused=WHOLE,
         ),
@@ -142,6 +154,7 @@ MEASURES: dict[str, Measure] = {
             words="the largest drift of energy in N seconds, relative to its range",
             columns=("energy_drift",),
             needs=MOTION,
+            reads=WHOLE_MOTION,
             usual=10,
             refused=_refusing("basins ensemble", "an ensemble states the drift of every member beside its measures"),
         ),
@@ -150,6 +163,7 @@ MEASURES: dict[str, Measure] = {
             words="the time at which each link first goes over the top, inf where none does in N seconds",
             columns=("first_turn_P_L_s",),
             needs=PLANE,
+            reads=MEMBERS_AT_ONCE,
             usual=10,
         ),
         Measure(
@@ -157,12 +171,14 @@ MEASURES: dict[str, Measure] = {
             words="the largest Lyapunov exponent, from N seconds of the motion after half as many",
             columns=("lyapunov_per_s",),
             needs=PLANE,
+            reads=MEMBERS_AT_ONCE,
         ),
         Measure(
             name="order",
             words="the order parameter of the phases, its mean over the last tenth of N seconds, from 0 to 1",
             columns=("order",),
             needs="motion in the plane, with constant lengths",
+            reads=LAST_TENTH,
             usual=100,
         ),
         Measure(
@@ -170,6 +186,7 @@ MEASURES: dict[str, Measure] = {
             words="the mean energies over the last tenth of N seconds: of all pendula, of each, of what carries them",
             columns=("pendula_energy_J", "pendulum_P_energy_J", "cart_energy_J"),
             needs=MOTION,
+            reads=LAST_TENTH,
             usual=100,
             refused=_refusing("basins", "it has a number for every pendulum, and a map shows one"),
         ),
@@ -178,7 +195,9 @@ MEASURES: dict[str, Measure] = {
             words="the mode with most energy after N seconds, and its share",
             columns=("survivor", "survivor_share"),
             needs=PLANE,
+            reads=WHOLE_MOTION,
             usual=100,
+            numbered=True,
             refused=WHOLE | NAMES,
         ),
         Measure(
@@ -186,6 +205,7 @@ MEASURES: dict[str, Measure] = {
             words="the time from which that mode has 99 %, within N seconds",
             columns=("locking_time_s",),
             needs=PLANE,
+            reads=WHOLE_MOTION,
             usual=100,
             refused=WHOLE,
         ),
@@ -194,6 +214,7 @@ MEASURES: dict[str, Measure] = {
             words="the steady oscillation of sync in which the motion ends after N seconds, by its number, 0 for none",
             columns=("configuration",),
             needs="drives at joints",
+            reads=LAST_TENTH,
             usual=100,
             refused=NAMES,
         ),
@@ -202,6 +223,7 @@ MEASURES: dict[str, Measure] = {
             words="the periodic motion in which the motion ends after N seconds, by its number, 0 for none",
             columns=("attractor",),
             needs="sines that drive it, and losses",
+            reads=MEMBERS_AT_ONCE,
             refused=_refusing(
                 "sweep spread ensemble",
                 "attractors are told apart among many starts: basins maps them, a sweep of strobes follows them",
@@ -212,6 +234,7 @@ MEASURES: dict[str, Measure] = {
             words="the states at which an angle or the cart passes a value, section:theta[1,1]>0",
             columns=("crossing_…",),
             needs=PLANE,
+            reads=MEMBERS_AT_ONCE,
             counts="",
             refused=_refusing("sweep basins spread", "crossings are states: the command section draws them"),
         ),

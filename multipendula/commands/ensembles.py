@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from math import prod
 from typing import TYPE_CHECKING, Any
@@ -33,6 +33,7 @@ from multipendula.options import (
 from multipendula.parser import Page
 
 if TYPE_CHECKING:
+    from modal.report import Form
     from modal.scene import Scene
 
 TOLERANCE, MOTIONS = 1e-9, 24
@@ -52,11 +53,8 @@ def basins(options: argparse.Namespace) -> None:
     if begins_in_mode(scene, axes):
         tell_of_start("every member begins in the shape of the first mode that swings")
     with _engine(options, scene, prod(len(axis.values) for axis in axes)) as more:
-        outcome = find_basins(
-            scene, options.duration, vary=axes, measure=options.measure, folder=options.folder, **more
-        )
-    say(basins_table(outcome, options.format), options.format)
-    draw_in(options, options.output, "nonlinear.plotting", "draw_basins", outcome)
+        outcome = find_basins(scene, options.duration, vary=axes, measure=options.measure, **more)
+    _show(options, basins_table, "draw_basins", outcome)
 
 
 def _basins_arguments(page: Page) -> None:
@@ -72,7 +70,6 @@ def _basins_arguments(page: Page) -> None:
     more = " (default 30 sqrt(l/g), for a rhythm as long as sync needs, for attractors ten slowest decays)"
     add_duration(page, more)
     _add_engine(page)
-    add_option(page.written, "--folder")
     add_format(page, FORMATS)
     add_report(page, FORMATS)
 
@@ -95,8 +92,7 @@ def _crossings(options: argparse.Namespace, scene: Scene) -> None:
         )
     if options.energy is None and not has_start(scene):
         tell_of_start("its energy is that of the first mode that swings", "--energy chooses another")
-    say(section_table(section, options.format), options.format)
-    draw_in(options, options.output, "nonlinear.plotting", "draw_section", section)
+    _show(options, section_table, "draw_section", section)
 
 
 def _strobes(options: argparse.Namespace, scene: Scene) -> None:
@@ -111,8 +107,7 @@ def _strobes(options: argparse.Namespace, scene: Scene) -> None:
     with _engine(options, scene, options.members or MOTIONS) as more:
         more |= {name: value for name, value in asked.items() if value is not None}
         strobes = find_strobes(scene, options.duration, **more)
-    say(strobes_table(strobes, options.format), options.format)
-    draw_in(options, options.output, "nonlinear.plotting", "draw_strobes", strobes)
+    _show(options, strobes_table, "draw_strobes", strobes)
 
 
 def refuse(options: argparse.Namespace, names: Sequence[str], why: str) -> None:
@@ -152,6 +147,8 @@ def spread(options: argparse.Namespace) -> None:
 
     scene = _scene(options)
     members, seed = options.members or 1000, options.seed or 5
+    if options.folder and not options.duration:
+        raise SceneError(["--folder: needs --duration, for frequencies are not kept"])
     with _engine(options, scene, members) as more:
         more["measures"] = options.measure or ()
         more["estimate"] = estimate_of(scene, options.covariance)
@@ -161,8 +158,7 @@ def spread(options: argparse.Namespace) -> None:
         spreads = find_spread(
             scene, options.uncertain or (), options.duration, members=members, seed=seed, start=start, **more
         )
-    say(spread_table(spreads, options.format), options.format)
-    draw_in(options, options.output, "nonlinear.plotting", "draw_spread", spreads)
+    _show(options, spread_table, "draw_spread", spreads)
 
 
 def _spread_arguments(page: Page) -> None:
@@ -212,6 +208,8 @@ def _add_engine(page: Page) -> None:
     add_option(page.computed, "--engine", more, type=_offered, choices=ENGINES, default="auto")
     add_tolerance(page, 1e-13, 1e-3)
     add_crew(page)
+    add_option(page.computed, "--share", type=_share)
+    add_option(page.written, "--folder")
 
 
 def _offered(engine: str) -> str:
@@ -223,11 +221,38 @@ def _offered(engine: str) -> str:
     return engine
 
 
+def _share(text: str) -> tuple[int, int]:
+    """Which share of how many, from 0; ArgumentTypeError for none."""
+    first, _, of = text.partition("/")
+    if not (first.isdecimal() and of.isdecimal() and 1 <= int(first) <= int(of)):
+        raise argparse.ArgumentTypeError(f"{text}: must be K/N with whole numbers, K from 1 to N")
+    return int(first) - 1, int(of)
+
+
+def _show(options: argparse.Namespace, table: Callable[[Any, Form], str], figure: str, outcome: Any) -> None:
+    """The report and the picture; of a share only where it is kept."""
+    from modal.report import visible
+
+    if options.share:
+        first, of = options.share
+        print(
+            f"share {first + 1} of {of} is in {visible(options.folder)}: without --share the command takes all together"
+        )
+        return
+    say(table(outcome, options.format), options.format)
+    draw_in(options, options.output, "nonlinear.plotting", figure, outcome)
+
+
 @contextmanager
 def _engine(options: argparse.Namespace, scene: Scene, members: int) -> Iterator[dict[str, Any]]:
     """The arguments of an ensemble, with a progress bar in members."""
+    from modal.errors import SceneError
+
     tolerance = options.tolerance or TOLERANCE
     more: dict[str, Any] = {"engine": options.engine, "tolerance": tolerance, "workers": options.workers}
+    more |= {"folder": options.folder, "share": options.share}
+    if options.share and not options.folder:
+        raise SceneError(["--share: needs --folder"])
     with bar(members, "member") as shown:
         report = forewarning(shown, scene, options.duration, members, tolerance)
         if not options.scheduler:

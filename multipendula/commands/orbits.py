@@ -106,7 +106,7 @@ def _mode(scene: Scene, options: argparse.Namespace) -> tuple[Branch, ...]:
     largest = options.largest_angle or LARGEST
     if options.vary:
         (variation,) = parse_variations([options.vary])
-        with bar(0, "orbit") as report:
+        with bar(0, "orbits") as report:
             return (mode_along(scene, options.mode, variation, radians(largest), report=report),)
     with bar(largest, "deg") as report:
         return (nonlinear_mode(scene, options.mode, radians(largest), report=report),)
@@ -122,13 +122,13 @@ def _cycles(scene: Scene, options: argparse.Namespace) -> tuple[Branch, ...]:
         cycles = options.periods or 1
         require_forced(scene, variation)
         begun = _settled(scene, variation.path, variation.values[0], options)[0] if options.settled else None
-        with bar(0, "branch") as report:
+        with bar(0, "branches") as report:
             return follow_forced(scene, variation, start=begun, cycles=cycles, report=report)
     if options.periods:
         raise SceneError(['--periods: needs a [[force]], or a support of kind = "moved"'])
     require_cycles(scene, variation)
     start = _settled(scene, variation.path, variation.values[0], options) if options.settled else None
-    with bar(0, "branch") as report:
+    with bar(0, "branches") as report:
         return follow_cycles(scene, variation, start=start, report=report)
 
 

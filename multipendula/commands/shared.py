@@ -19,7 +19,7 @@ DAY, LONGEST = 86_400.0, 1e5  # s; days that are told as a number
 LONG, COORDINATE = 5.0, 9e-5  # s that are told first, and for the square of the coordinates of supports
 LATE = 1.0  # s until progress is shown, and between two looks at it
 MEASURED = "{desc}{percentage:3.0f} % |{bar:24}| {remaining} left, {elapsed} passed"
-COUNTED = "{desc}{n_fmt} {unit}s, {elapsed} passed"
+COUNTED = "{desc}{unit}: {n_fmt}, {elapsed} passed"
 MANY = 60  # links from which a command that integrates disturbances says beforehand that it takes long
 
 
@@ -155,7 +155,7 @@ def validated(options: argparse.Namespace, image: str | None, fitting: Callable[
 
 @contextmanager
 def bar(total: float, unit: str = "s", title: str = "") -> Iterator[Callable[[float], object]]:
-    """A progress bar in per cent with the time left, or in units where the total is not known (0).
+    """A progress bar in per cent with the time left, or how many units are done where the total is not known (0).
 
     It is shown on a terminal only, from one second on, also while nothing is reported.
     """

@@ -118,7 +118,7 @@ def _branches(scene: Scene, options: argparse.Namespace) -> None:
     if _has_populations(scene):
         _diagram(scene, variation, options)
         return
-    with bar(0, "branch") as report:
+    with bar(0, "branches") as report:
         branches = follow_branches(scene, variation, report)
     say(branches_csv(branches) if options.format == "csv" else branches_text(branches), options.format)
     if options.output:
@@ -138,7 +138,7 @@ def _has_populations(scene: Scene) -> bool:
 def _diagram(scene: Scene, variation: Variation, options: argparse.Namespace) -> None:
     from nonlinear.synchronization import diagram_csv, diagram_text, follow_populations
 
-    with bar(0, "motion") as report:
+    with bar(0, "motions") as report:
         diagram = follow_populations(scene, variation, report)
     say(diagram_csv(diagram) if options.format == "csv" else diagram_text(diagram), options.format)
     if options.output:

@@ -57,7 +57,7 @@ def tune(options: argparse.Namespace) -> None:
     problems += [f"--{name}: needs --travel METRES" for name in ("over", "kind") if _alone(options, name)]
     if problems:
         raise SceneError(problems)
-    with bar(0, "start"):
+    with bar(0, "starts"):
         best = tuned(
             scene,
             listed(options.free),

@@ -15,15 +15,15 @@ from nonlinear.ensembles.attractors import Attractor
 from nonlinear.ensembles.basins import Basins, basins_table, begins_in_mode, find_basins, grid_of
 from nonlinear.ensembles.bifurcations import BifurcationDiagram, bifurcation_table, find_bifurcations
 from nonlinear.ensembles.costs import ENGINES
+from nonlinear.ensembles.executors import WorkerPool
 from nonlinear.ensembles.measures import validate_measures
 from nonlinear.ensembles.members import Members, members_of
 from nonlinear.ensembles.plain import measured_run
 from nonlinear.ensembles.preparing import Compilation, CompiledCode, compilation_table, compile_engines
 from nonlinear.ensembles.running import Ensemble, ensemble
 from nonlinear.ensembles.runs import measured_together, run_together, times_of
-from nonlinear.ensembles.sections import PoincareSection, find_section, section_table
+from nonlinear.ensembles.sections import PoincareSection, energy_of, find_section, section_table, starts_at
 from nonlinear.ensembles.strobes import StroboscopicSection, find_strobes, strobes_table
-from nonlinear.ensembles.surfaces import energy_of, starts_at
 
 __all__ = [
     "ENGINES",
@@ -36,6 +36,7 @@ __all__ = [
     "Members",
     "PoincareSection",
     "StroboscopicSection",
+    "WorkerPool",
     "basins_table",
     "begins_in_mode",
     "bifurcation_table",

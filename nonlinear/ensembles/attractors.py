@@ -20,7 +20,7 @@ from modal.scene import Scene, drive_period
 from modal.scene.parameters import Variation
 from modal.types import Floats, Ints
 from nonlinear.ensembles.running import Ensemble, ensemble
-from nonlinear.ensembles.strobes import KEPT, natural_units, repetition, settling_time, strobe_columns, strobe_times
+from nonlinear.ensembles.strobes import KEPT, natural_units, repetition, settling_time, strobe_times
 from nonlinear.postprocessing import largest_angle
 from nonlinear.simulation import simulate
 from nonlinear.system import State
@@ -90,11 +90,7 @@ def find_attractors(
         raise SceneError([f"duration {duration:g} s: an attractor takes {KEPT} periods of {period:.4g} s"])
     times = strobe_times(period, settle=(last - KEPT + 1) * period)
     ensembled = ensemble(scene, max(duration, times[-1]), vary=axes, output=times.tolist(), report=report, **options)
-    if ensembled.interrupted:
-        raise KeyboardInterrupt
-    if len(ensembled.failures) == ensembled.size:
-        raise SceneError([f"every start failed: {next(iter(ensembled.failures.values()))}"])
-    states = [ensembled.column(name)[:, -KEPT:] for name in strobe_columns(ensembled.question.system)]
+    states = [part[:, -KEPT:] for part in ensembled.require("start").states()]
     strobes = natural_units(ensembled.question.system, states)
     repeats, turns = repetition(strobes, ensembled.question.system.n_links)
     labels, members = clustered(strobes, repeats, turns)

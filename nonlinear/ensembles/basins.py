@@ -158,13 +158,13 @@ def find_basins(
         measures=[measure],
         report=report,
         **options,
-    )
-    if mapped.interrupted:
-        raise KeyboardInterrupt
-    if len(mapped.failures) == mapped.size:
-        raise SceneError([f"every start failed: {next(iter(mapped.failures.values()))}"])
+    ).require("start")
     names = _names(started) if measure == "configuration" else ()
-    column = EARLIEST if measure == "first_turn" else next(name for name in mapped.columns if name.startswith(measure))
+    column = (
+        EARLIEST
+        if measure == "first_turn"
+        else next((name for name in mapped.columns if name.startswith(measure)), measure)
+    )
     return Basins(mapped, column, names)
 
 

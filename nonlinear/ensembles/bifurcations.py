@@ -41,7 +41,6 @@ from nonlinear.ensembles.strobes import (
     repetition,
     settling_time,
     state_records,
-    strobe_columns,
     strobe_times,
     validate_strobes,
     within_a_turn,
@@ -148,7 +147,7 @@ def find_bifurcations(
     times = np.full((len(periods), KEPT), np.nan)
     for k in known:
         times[k] = strobe_times(periods[k], phase_deg, settle=transients[k])
-    states = [np.full((*times.shape, *tail), np.nan) for tail in ((scene.n_links,), (scene.n_links,), (), ())]
+    states = [np.full((*times.shape, *tail), np.nan) for tail in _tails(system_of(scene))]
     for part in _parts(periods, known):
         rows, failed = _strobed(scene, variation, part, times[part], partial(_further, report, done), options)
         for state, row in zip(states, rows, strict=True):
@@ -158,6 +157,12 @@ def find_bifurcations(
     if len(reasons) == len(times):
         raise SceneError([f"every value failed: {next(iter(reasons.values()))}"])
     return BifurcationDiagram(scene, variation, phase_deg, transients, times, tuple(states), reasons, shown)
+
+
+def _tails(system: System) -> list[tuple[int, ...]]:
+    """The shapes of the parts of a state."""
+    links, carried = (system.n_links,), (system.first,)
+    return [links, links, (), (), *([carried, carried] if system.structure is not None else [])]
 
 
 def _variation(scene: Scene, vary: str | Variation) -> Variation:
@@ -209,14 +214,12 @@ def _strobed(
     starts = None if ".start." in variation.path else [usual_start(scene)] * len(part)
     more: dict[str, Any] = {"check": 0, **options}
     strobed = ensemble(scene, every[-1], starts=starts, vary=vary, output=every.tolist(), report=report, **more)
-    if strobed.interrupted:
-        raise KeyboardInterrupt
-    reasons = {int(part[k]): reason for k, reason in strobed.failures.items()}
+    reasons = {int(part[k]): reason for k, reason in strobed.require().failures.items()}
     if len(reasons) == len(part):
-        return [np.array(np.nan)] * len(strobe_columns(strobed.question.system)), reasons
+        return [np.array(np.nan)] * len(_tails(strobed.question.system)), reasons
     rows = len(strobed.question.times) - len(every) + np.searchsorted(every, times)
     members = np.arange(len(part))[:, None]
-    return [strobed.column(name)[members, rows] for name in strobe_columns(strobed.question.system)], reasons
+    return [state[members, rows] for state in strobed.states()], reasons
 
 
 # ------------------------------------------------------------------------------------------------------- as text

@@ -4,18 +4,22 @@ from __future__ import annotations
 
 import os
 import signal
-from collections.abc import Callable, Generator, Iterator
+from collections import deque
+from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
 from contextlib import contextmanager
-from itertools import islice
+from dataclasses import dataclass
+from itertools import chain, islice
 from threading import Thread
-from typing import NamedTuple, TypeVar
+from typing import Generic, NamedTuple, TypeVar
 
 from modal.errors import ComputationError
 from nonlinear.dynamics import children_without_interrupts
 
 AHEAD = 2
 """How many portions a worker has before it, its own included."""
+TRIES = 3
+"""How often a portion is handed to an executor that loses it."""
 DIED = "its process died, perhaps for lack of memory"
 P = TypeVar("P")
 R = TypeVar("R")
@@ -27,6 +31,9 @@ class WorkerPool(NamedTuple):
 
     executor: Executor
     size: int
+
+
+Crew = WorkerPool | Executor
 
 
 def cores() -> int:
@@ -97,31 +104,93 @@ def _one_thread_each() -> Iterator[None]:
             os.environ.pop(name, None)
 
 
-def spread(
-    function: Callable[[P], R], portions: Iterator[P], crew: WorkerPool
-) -> Generator[tuple[P, R], None, list[P]]:
-    """Portions with what the function makes of them, as they come, a few in flight at a time.
+def computed(
+    function: Callable[[P], R],
+    portions: Iterator[P],
+    crew: Crew | None,
+    count: int,
+    divided: Callable[[P], Sequence[P]],
+    lost: Callable[[P], R],
+) -> Generator[R, None, None]:
+    """What a function makes of portions, as it comes, by a crew or by `count` processes of this machine.
 
-    Portions whose workers died are handed back.  Raises ComputationError where the function fails.
+    Portions whose processes died are `divided` and computed one by one; `lost` is what a part gives at which its
+    process dies.  Raises ComputationError where a crew has died, or the function fails.
     """
-    flying: dict[Future[R], P] = {}
+    if crew is not None:
+        if (yield from _shared(function, portions, pool_of(crew))):
+            raise ComputationError("the workers have died")
+        return
+    for first in portions:
+        with processes(count) as pool:
+            left = yield from _shared(function, chain([first], portions), pool)
+        parts = deque(part for portion in left for part in divided(portion))
+        while parts:
+            with processes(1) as worker:
+                while parts:
+                    part = parts.popleft()
+                    if (yield from _shared(function, iter([part]), worker)):
+                        yield lost(part)
+                        break
+
+
+def pool_of(crew: Crew) -> WorkerPool:
+    """An executor with the number of portions it takes at a time, which most say."""
+    return crew if isinstance(crew, WorkerPool) else WorkerPool(crew, getattr(crew, "_max_workers", None) or cores())
+
+
+class Failure(NamedTuple):
+    """The error of a function in a worker: any other is the executor's, which has lost the worker."""
+
+    error: Exception
+
+
+@dataclass(frozen=True)
+class WorkerCall(Generic[P, R]):
+    """A function whose errors are told from those of the executor that carries it."""
+
+    function: Callable[[P], R]
+
+    def __call__(self, portion: P) -> R | Failure:
+        """What the function gives, or its error."""
+        try:
+            return self.function(portion)
+        except Exception as error:
+            return Failure(error)
+
+
+def _shared(function: Callable[[P], R], portions: Iterator[P], crew: WorkerPool) -> Generator[R, None, list[P]]:
+    """What the function makes of portions, a few in flight at a time; those of an executor that broke are handed back.
+
+    What an executor that still works has lost it is given again, TRIES times in all, in whatever words it tells of it.
+    """
+    flying: dict[Future[R | Failure], tuple[P, int]] = {}
+    ahead = AHEAD * crew.size
     try:
         while True:
-            for portion in islice(portions, AHEAD * crew.size - len(flying)):
-                flying[_handed(function, portion, crew)] = portion
+            flying |= {_submitted(function, portion, crew): (portion, 1) for portion in islice(portions, ahead)}
             if not flying:
                 return []
             done = wait(flying, return_when=FIRST_COMPLETED).done
-            if any(isinstance(future.exception(), BrokenExecutor) for future in done):
-                break
-            for future in done:
-                yield flying[future], future.result()
-                del flying[future]
-        for future in wait(flying).done:
-            if not future.exception():
-                yield flying[future], future.result()
-                del flying[future]
-        return list(flying.values())
+            broken = any(isinstance(future.exception(), BrokenExecutor) for future in done)
+            lost: list[P] = []
+            for future in wait(flying).done if broken else done:
+                portion, tries = flying.pop(future)
+                error = future.exception()
+                if error is None:
+                    result = future.result()
+                    if isinstance(result, Failure):
+                        raise result.error
+                    yield result
+                elif broken:
+                    lost.append(portion)
+                elif tries == TRIES or not isinstance(error, Exception):
+                    raise error
+                else:
+                    flying[_submitted(function, portion, crew)] = portion, tries + 1
+            if broken:
+                return lost
+            ahead = AHEAD * crew.size - len(flying)
     except Exception as error:
         raise ComputationError(f"a worker failed: {type(error).__name__}: {error}") from error
     finally:
@@ -129,10 +198,10 @@ def spread(
             future.cancel()
 
 
-def _handed(function: Callable[[P], R], portion: P, crew: WorkerPool) -> Future[R]:
+def _submitted(function: Callable[[P], R], portion: P, crew: WorkerPool) -> Future[R | Failure]:
     try:
-        return crew.executor.submit(function, portion)
+        return crew.executor.submit(WorkerCall(function), portion)
     except BrokenExecutor as error:
-        failed: Future[R] = Future()
+        failed: Future[R | Failure] = Future()
         failed.set_exception(error)
         return failed

@@ -23,7 +23,7 @@ from nonlinear.chaos import validate_duration
 from nonlinear.ensembles.energies import Accounts
 from nonlinear.ensembles.results import MemberResults, Passing, Wanted
 from nonlinear.integration import estimate_timescales
-from nonlinear.measures import measure_for, taken_by
+from nonlinear.measures import LAST_TENTH, MEASURES, MOTION, measure_for, taken_by
 from nonlinear.synchronization import ENDING
 from nonlinear.synchronization.phases import from_rest, own_shapes
 from nonlinear.system import Layout, Numbers, System
@@ -178,10 +178,8 @@ COLUMNS: dict[str, Callable[[Context, MemberResults, Floats], Columns]] = {
     "section": _section,
 }
 """How each measure that an ensemble takes is read off what was found and samples of the last tenth."""
-ENDS = {"order", "pendulum_energy", "configuration"}
+ENDS = {name for name in COLUMNS if MEASURES[name].reads == LAST_TENTH}
 """Those that are read off these samples."""
-IN_SPACE = {"largest_angle", "pendulum_energy"}
-"""Those that mean something in space."""
 
 
 @dataclass(frozen=True)
@@ -243,7 +241,7 @@ def validate_measures(names: Sequence[str], scene: Scene, seconds: float | None 
     """SceneError where a measure is none of such a scene, or not from so many seconds."""
     problems: list[str] = []
     if scene.space == "space":
-        problems += [f"{name}: only for motion in the plane" for name in names if name not in IN_SPACE]
+        problems += [f"{name}: only for motion in the plane" for name in names if MEASURES[name].needs != MOTION]
     if "order" in names and scene.is_hoisted:
         problems.append("order: needs constant lengths, since modes change with them")
     if "lyapunov" in names and not problems:

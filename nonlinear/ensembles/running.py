@@ -10,8 +10,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Generator, Iterator, Sequence
-from contextlib import closing, nullcontext
+from collections.abc import Callable, Generator, Sequence
+from contextlib import closing
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from math import isnan
@@ -19,14 +19,14 @@ from typing import Any, cast
 
 import numpy as np
 
-from modal.errors import ComputationError, SceneError
-from modal.report import Displayed, Summary, counted, silent
+from modal.errors import SceneError
+from modal.report import Displayed, Summary, counted, finite, silent
 from modal.scene import Scene, name_of, require
 from modal.scene.parameters import Vary
 from modal.types import Floats
 from nonlinear.ensembles.computing import DISAGREES, Chunk, compute, engine_of
 from nonlinear.ensembles.costs import Decision, choose_engine, seconds_of
-from nonlinear.ensembles.executors import DIED, WorkerPool, cores, processes, spread
+from nonlinear.ensembles.executors import DIED, Crew, computed, cores
 from nonlinear.ensembles.measures import requested_measures, validate_measures
 from nonlinear.ensembles.members import Members, Starts, members_of
 from nonlinear.ensembles.parts import Parts, engine_of_folder
@@ -139,9 +139,35 @@ class Ensemble(Displayed):
     @property
     def final(self) -> Motion:
         """The last states of all members; SceneError where they were not kept."""
-        columns = state_columns(self.question.system.structure is not None)
-        parts = {part: self.column(column) for part, column in columns.items()}
-        return Motion(**parts, work=np.full(self.size, np.nan))
+        links, rates, cart, speed, *carried = self.states()
+        return Motion(links, rates, cart, speed, np.full(self.size, np.nan), *carried)
+
+    def states(self, prefix: str = "") -> list[Floats]:
+        """Angles of links and their rates, place and speed of the cart; on a structure its coordinates and rates, too.
+
+        Those of columns with a `prefix`, such as "crossing_".
+        """
+        return [
+            self.column(prefix + name) for name in state_columns(self.question.system.structure is not None).values()
+        ]
+
+    def require(self, each: str = "") -> Ensemble:
+        """Itself; KeyboardInterrupt where it was cut short, SceneError where `each` start or value failed."""
+        if self.interrupted:
+            raise KeyboardInterrupt
+        if each and len(self.failures) == self.size:
+            raise SceneError([f"every {each} failed: {next(iter(self.failures.values()))}"])
+        return self
+
+    def record(self) -> dict[str, Any]:
+        """How motions were found, for JSON."""
+        return {
+            "motions": self.size,
+            "duration_s": self.question.duration,
+            "engine": self.engine,
+            "failed": len(self.failures),
+            "largest_energy_drift": finite(float(np.nanmax(self.energy_drift))),
+        }
 
     def to_dict(self) -> dict[str, Floats]:
         """Every quantity that is one number a member, (S,), by its name, after the values that were varied.
@@ -199,7 +225,7 @@ def ensemble(
     chunk: int | None = None,
     share: tuple[int, int] | None = None,
     workers: int | None = None,
-    crew: WorkerPool | None = None,
+    crew: Crew | None = None,
     report: Report = silent,
 ) -> Ensemble:
     """Members of a scene that differ in their starts, or in any of its numbers, integrated together.
@@ -237,7 +263,8 @@ def ensemble(
     workers
         A number of processes, 1 to stay in this one.
     crew
-        Another executor in place of processes.
+        Any `concurrent.futures.Executor` in place of processes, or a `WorkerPool` that says on how many chunks it works
+        at a time.
     report
         Is called with the number of members done.
 
@@ -355,7 +382,7 @@ def _run(
     parts: Parts | None,
     left: Sequence[int],
     workers: int | None,
-    crew: WorkerPool | None,
+    crew: Crew | None,
     report: Report,
 ) -> Ensemble:
     kept: dict[int, Chunk] = {}
@@ -381,7 +408,11 @@ def _size(question: EnsembleRequest, number: int) -> int:
 
 
 def _chunks(
-    question: EnsembleRequest, forgone: Forgone, left: Sequence[int], workers: int | None, crew: WorkerPool | None
+    question: EnsembleRequest,
+    forgone: Forgone,
+    left: Sequence[int],
+    workers: int | None,
+    crew: Crew | None,
 ) -> Generator[Numbered, None, None]:
     """The chunks that are left, by their numbers, as they come, without what an engine that is not ready would save."""
     count = min(workers or cores(), max(len(left), 1))
@@ -393,16 +424,8 @@ def _chunks(
             yield number, chunk
         return
     lose(forgone, seconds_of(question, len(left)) / count)
-    tasks: Iterator[ChunkTask] = (ChunkTask(number, _lean(question), question.part(number)) for number in left)
-    while True:
-        with nullcontext(crew) if crew else processes(count) as used:
-            lost = yield from _shared(tasks, used)
-        if not lost:
-            return
-        if crew:
-            raise ComputationError("the workers have died")
-        yield from _alone(lost)
-        return
+    tasks = (ChunkTask(number, _lean(question), question.part(number)) for number in left)
+    yield from computed(work, tasks, crew, count, lambda task: [task], _died)
 
 
 @dataclass(frozen=True, eq=False)
@@ -419,6 +442,12 @@ def work(task: ChunkTask) -> Numbered:
     return task.number, compute(task.question, task.part)
 
 
+def _died(task: ChunkTask) -> Numbered:
+    """A chunk at which its process died."""
+    first, size = task.part.first, task.part.size
+    return task.number, Chunk(first, size, {}, dict.fromkeys(range(first, first + size), DIED), {})
+
+
 def _lean(question: EnsembleRequest) -> EnsembleRequest:
     """The question with one member's worth of what may be many."""
     members = question.members
@@ -426,22 +455,3 @@ def _lean(question: EnsembleRequest) -> EnsembleRequest:
     states = None if members.states is None else members.states.at(slice(0, 1))
     small = Members(members.scene, members.axes, lists, states)
     return replace(question, members=small)
-
-
-def _shared(tasks: Iterator[ChunkTask], crew: WorkerPool) -> Generator[Numbered, None, list[ChunkTask]]:
-    with closing(spread(partial(work), tasks, crew)) as results:
-        while True:
-            try:
-                yield next(results)[1]
-            except StopIteration as end:
-                return list(end.value) + (list(tasks) if end.value else [])
-
-
-def _alone(tasks: Sequence[ChunkTask]) -> Generator[Numbered, None, None]:
-    """One chunk after another, each in a process that may die without harm to others."""
-    for task in tasks:
-        with processes(1) as worker:
-            lost = yield from _shared(iter([task]), worker)
-        if lost:
-            numbers = range(task.part.first, task.part.first + task.part.size)
-            yield task.number, Chunk(task.part.first, task.part.size, {}, dict.fromkeys(numbers, DIED), {})

@@ -7,6 +7,7 @@ Scenes of one form, the same pendula and links in number and the same joints, go
 from __future__ import annotations
 
 from collections.abc import Hashable, Iterable, Sequence
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -111,7 +112,8 @@ def measured_together(scenes: Sequence[Scene], seconds: float, name: str) -> dic
                 if len(scenes) == 1:
                     raise
                 for scene in part if len(part) > 1 else ():
-                    columns |= measured_together([scene], seconds, name)
+                    with suppress(MultipendulaError):
+                        columns |= _measured([scene], seconds, name)
     return columns
 
 

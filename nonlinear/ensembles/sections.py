@@ -1,6 +1,14 @@
 """Poincaré sections at an energy: where many motions of a conservative scene pass one value of one coordinate.
 
-Starts lie on the section and have the energy (`nonlinear.ensembles.surfaces`).
+Starts lie on the section and have the energy.  They are drawn at random: angles are even over all that it allows; the
+rates have the direction of a normal distribution, and are scaled so that kinetic energy makes up what potential energy
+leaves.  A cart begins in the middle of its rail.  As no spring stores less than nothing, each link alone bounds its
+angle,
+
+    g b (1 − cos θ) ≤ E − E_lowest,
+
+within which angles are drawn until all together leave a kinetic energy; on a section and on a structure they are drawn
+from all round.
 """
 
 from __future__ import annotations
@@ -12,23 +20,30 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from modal.report import Displayed, Form, Summary, as_csv, as_json, by_column, deferred, finite, silent, titled
+from modal.errors import SceneError
+from modal.report import Displayed, Form, Summary, as_csv, as_json, by_column, deferred, silent, titled
 from modal.scene import Scene, describe, name_of, require, title_of
 from modal.scene.doors import checked, checked_index, checked_number
 from modal.types import Floats
+from nonlinear.dynamics import Lanes
+from nonlinear.ensembles.energies import Accounts
 from nonlinear.ensembles.measures import section_of
-from nonlinear.ensembles.plain import CARRIED
 from nonlinear.ensembles.results import Passing
 from nonlinear.ensembles.running import Ensemble, ensemble
-from nonlinear.ensembles.surfaces import energy_of, starts_at
+from nonlinear.ensembles.strobes import state_records, within_a_turn
+from nonlinear.integration import estimate_timescales
 from nonlinear.reduction import usual_start
-from nonlinear.system import System, system_of
+from nonlinear.system import Numbers, State, System, numbers_of, system_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 ORBITS, PERIODS = 24, 200.0  # motions, and how long each goes on in sqrt(l/g), where nobody says
 MOST_ORBITS = 100_000
+TRIES = 20_000  # starts drawn for each one that has the energy
+ROUNDS = 20  # in which they are drawn
+SEED = 7
+FASTEST = 1e4  # of the scene's fastest swing: a motion with faster links takes days
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -73,15 +88,14 @@ class PoincareSection(Displayed):
 
     def points(self) -> tuple[Floats, Floats]:
         """What is drawn: an angle in (−180°, 180°] and its rate in °/s, or the cart's m and m/s, (C,) each."""
+        links, rates, cart, speed, *carried = self.ensemble.states("crossing_")
         place = self.system.labels.index(self.shown)
-        if self.system.structure is not None and place < self.system.first:
-            return tuple(self.ensemble.column(f"crossing_{name}")[:, place] for name in CARRIED.values())  # type: ignore[return-value]
+        if carried and place < self.system.first:
+            return carried[0][:, place], carried[1][:, place]
         if self.shown == "x":
-            return self.ensemble.column("crossing_cart_m"), self.ensemble.column("crossing_cart_rate_m_per_s")
+            return cart, speed
         link = place - self.system.first
-        angle = np.degrees(self.ensemble.column("crossing_links_rad")[:, link])
-        rate = np.degrees(self.ensemble.column("crossing_link_rates_rad_per_s")[:, link])
-        return np.asarray(180 - (180 - angle) % 360), rate
+        return within_a_turn(np.degrees(links[:, link])), np.degrees(rates[:, link])
 
 
 @checked
@@ -109,11 +123,9 @@ def find_section(
     starts = starts_at(scene, energy, orbits, section=section)
     length = PERIODS * sqrt(max(link.length for link in scene.links()) / scene.gravity)
     members = ensemble(scene, duration or length, starts=starts, measures=[f"section:{text}"], report=report, **options)
-    if members.interrupted:
-        raise KeyboardInterrupt
     crossed = system.labels[section.row]
     others = [label for label in system.labels[system.first :] if label != crossed]
-    return PoincareSection(members, energy, section, text, (others or [crossed])[0])
+    return PoincareSection(members.require(), energy, section, text, (others or [crossed])[0])
 
 
 @checked
@@ -137,32 +149,13 @@ def section_table(section: PoincareSection, form: Form) -> str:
 
 
 def _records(section: PoincareSection) -> list[dict[str, Any]]:
-    labels = section.system.labels[section.system.first :]
-    places = [label[len("theta") :].strip("[]").replace(",", "_") for label in labels]
-    column = section.ensemble.column
-    rows = zip(
-        section.orbit.astype(int).tolist(),
-        column("crossing_time_s").tolist(),
-        column("crossing_links_rad").tolist(),
-        column("crossing_link_rates_rad_per_s").tolist(),
-        _carried(section),
-        strict=True,
-    )
+    times, orbits = (section.ensemble.column(f"crossing_{name}").tolist() for name in ("time_s", "member"))
+    states = section.ensemble.states("crossing_")
+    records = state_records(section.system, states, carted=section.system.structure is None)
     return [
-        {"motion": motion + 1, "time_s": time}
-        | {f"theta_{place}_rad": value for place, value in zip(places, links, strict=True)}
-        | {f"theta_dot_{place}_rad_per_s": value for place, value in zip(places, rates, strict=True)}
-        | carried
-        for motion, time, links, rates, carried in rows
+        {"motion": int(orbit) + 1, "time_s": time} | record
+        for orbit, time, record in zip(orbits, times, records, strict=True)
     ]
-
-
-def _carried(section: PoincareSection) -> list[dict[str, float]]:
-    """The cart, or the coordinates of a structure, at every crossing."""
-    names = ("cart_m", "cart_rate_m_per_s") if section.system.structure is None else CARRIED.values()
-    columns = [section.ensemble.column(f"crossing_{name}") for name in names]
-    rows = np.hstack([each.reshape(len(section.orbit), -1) for each in columns]).tolist()
-    return [dict(zip(section.system.first_columns, row, strict=True)) for row in rows]
 
 
 def _whole(section: PoincareSection) -> dict[str, Any]:
@@ -171,10 +164,64 @@ def _whole(section: PoincareSection) -> dict[str, Any]:
         "scene": describe(members.question.scene),
         "section": section.coordinate,
         "energy_J": section.energy,
-        "motions": members.size,
-        "duration_s": members.question.duration,
-        "engine": members.engine,
-        "failed": len(members.failures),
-        "largest_energy_drift": finite(float(np.nanmax(members.energy_drift))),
+        **members.record(),
         "crossings": _records(section),
     }
+
+
+# ----------------------------------------------------------------------------------------------- starts at an energy
+
+
+def energy_of(scene: Scene, state: State) -> float:
+    """Of a state (J), above the scene's rest."""
+    numbers = numbers_of(scene)
+    layout = Lanes(numbers).layout
+    return float(Accounts(numbers, layout).energies(layout.begin(state)[:, None]).total[0])
+
+
+def starts_at(
+    scene: Scene, energy: float, count: int, *, section: Passing | None = None, seed: int | tuple[int, ...] = SEED
+) -> list[State]:
+    """So many states with this energy (J) above rest, on a section if there is one; SceneError where none is found."""
+    numbers = numbers_of(scene)
+    layout = Lanes(numbers).layout
+    accounts, pace = Accounts(numbers, layout), estimate_timescales(scene).swing
+    rng, first, half = np.random.default_rng(seed), layout.first, layout.half
+    lowest = None if layout.is_structured else float(accounts.lowest.max())
+    if lowest is not None and energy < lowest:
+        raise SceneError([f"energy {energy:g} J: is below {lowest + 0.0:.6g} J, that of links that all hang"])
+    widest: Floats = np.full((half - first, 1), np.pi)
+    if lowest is not None and section is None:
+        widest = _widest(numbers, energy - lowest)
+    starts: list[State] = []
+    for _ in range(ROUNDS):
+        y = np.zeros((layout.size, TRIES // ROUNDS * max(1, count // 10)))
+        y[first:half] = widest * rng.uniform(-1.0, 1.0, (half - first, y.shape[1]))
+        if section:
+            y[section.row] = section.level
+        y[half : 2 * half] = rng.standard_normal((half, y.shape[1]))
+        if section and section.direction:
+            y[half + section.row] = section.direction * np.abs(y[half + section.row])
+        energies = accounts.energies(y)
+        left = energy - energies.stored
+        good = np.flatnonzero(left >= 0)
+        y = y[:, good]
+        y[half : 2 * half] *= np.sqrt(left[good] / energies.moving[good])
+        if (fastest := float(np.abs(y[half + first : 2 * half]).max(initial=0.0))) > FASTEST * pace:
+            told = f"links would turn at {fastest:.3g} rad/s, over {FASTEST:g} times as fast as the scene swings"
+            raise SceneError([f"energy {energy:g} J: {told}"])
+        motion = layout.read(y.T)
+        starts += [motion[k] for k in range(min(len(good), count - len(starts)))]
+        if len(starts) == count:
+            return starts
+    words = "no motion of this energy passes the section" if section else "no start drawn at random has this energy"
+    raise SceneError([f"energy {energy:g} J: {words}"])
+
+
+def _widest(numbers: Numbers, above: float) -> Floats:
+    """The largest angle (rad) of every link with no more than so much energy (J) above that of hanging, (L, 1)."""
+    system = numbers.system
+    cosine = np.full((system.n_links, 1), -1.0)
+    for group in system.groups:
+        cosine[group.index, 0] = 1 - above / (system.gravity * group.block.b)
+    return np.asarray(np.arccos(np.clip(cosine, -1.0, 1.0)))

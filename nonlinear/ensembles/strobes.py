@@ -24,7 +24,6 @@ from modal.scene.doors import checked
 from modal.types import Floats, Ints
 from nonlinear.chaos.lyapunov import nearby
 from nonlinear.ensembles.measures import places
-from nonlinear.ensembles.plain import state_columns
 from nonlinear.ensembles.running import Ensemble, ensemble
 from nonlinear.integration import validate, validate_whole
 from nonlinear.reduction import usual_start
@@ -64,11 +63,6 @@ def settling_time(scene: Scene, period: float) -> float:
 
 
 # ------------------------------------------------------------------------------------------------------- repetition
-
-
-def strobe_columns(system: System) -> list[str]:
-    """The columns of a state."""
-    return list(state_columns(system.structure is not None).values())
 
 
 def natural_units(system: System, states: Sequence[Floats]) -> Floats:
@@ -160,7 +154,7 @@ class StroboscopicSection(Displayed):
 
         On a structure its coordinates and their rates, (S, K, d), follow.
         """
-        return [self.ensemble.column(name)[:, -len(self.times) :] for name in strobe_columns(self.system)]
+        return [part[:, -len(self.times) :] for part in self.ensemble.states()]
 
     @property
     def repeats(self) -> Ints:
@@ -246,9 +240,7 @@ def find_strobes(
         raise SceneError([f"duration {until:g} s: no strobe comes after {settle:g} s, at a period of {period:.4g} s"])
     starts = nearby(usual_start(scene), orbits, radians(spread_deg), np.random.default_rng(seed))
     members = ensemble(scene, max(until, times[-1]), starts=starts, output=times.tolist(), report=report, **options)
-    if members.interrupted:
-        raise KeyboardInterrupt
-    return StroboscopicSection(members, times, period, phase_deg, spread_deg, settle, shown)
+    return StroboscopicSection(members.require(), times, period, phase_deg, spread_deg, settle, shown)
 
 
 def links_named(names: Sequence[str], system: System) -> tuple[int, ...]:
@@ -289,14 +281,14 @@ def strobes_table(section: StroboscopicSection, form: Form) -> str:
     return titled(title_of(section.ensemble.question.scene), "stroboscopic section", ["\n".join(lines)], "text")
 
 
-def state_records(system: System, states: Sequence[Floats]) -> Iterator[dict[str, float]]:
-    """Of states (links, their rates, cart, its rate), (N, ...), a record each."""
-    named = places(system)
+def state_records(system: System, states: Sequence[Floats], carted: bool | None = None) -> Iterator[dict[str, float]]:
+    """Of states (links, their rates, cart, its rate), (N, ...), a record each, `carted` or not as they are."""
+    named, carted = places(system), system.cart is not None if carted is None else carted
     for links, rates, x, speed, *carried in zip(*(part.tolist() for part in states), strict=True):
         yield (
             {f"theta_{place}_rad": part for place, part in zip(named, links, strict=True)}
             | {f"theta_dot_{place}_rad_per_s": part for place, part in zip(named, rates, strict=True)}
-            | ({"x_m": x, "x_dot_m_per_s": speed} if system.cart is not None else {})
+            | ({"x_m": x, "x_dot_m_per_s": speed} if carted else {})
             | (dict(zip(system.first_columns, (*carried[0], *carried[1]), strict=True)) if carried else {})
         )
 
@@ -318,11 +310,7 @@ def _whole(section: StroboscopicSection) -> dict[str, Any]:
         "phase_deg": section.phase_deg,
         "spread_deg": section.spread_deg,
         "settle_s": section.settle,
-        "motions": members.size,
-        "duration_s": members.question.duration,
-        "engine": members.engine,
-        "failed": len(members.failures),
-        "largest_energy_drift": finite(float(np.nanmax(members.energy_drift))),
+        **members.record(),
         "repeats_after_periods": section.repeats.tolist(),
         "strobes": [{name: finite(value) for name, value in record.items()} for record in _records(section)],
     }

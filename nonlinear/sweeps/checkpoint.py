@@ -7,20 +7,23 @@ a journal.
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from hashlib import sha256
 from typing import IO
 
 from modal.errors import SceneError
+from modal.scene.contents import lock
 from modal.scene.sealed import index
-from nonlinear.sweeps.locks import locked, remove
 from nonlinear.sweeps.study import Row, Study
 
 VERSION = 2
 KNOWN = b'{"multipendula_journal"'
+TAKEN = {errno.EAGAIN, errno.EACCES, errno.EDEADLK}
+"""Errors by which a system says that another process has locked a file."""
 
 
 class Checkpoint:
@@ -67,7 +70,43 @@ def open_checkpoint(path: str | os.PathLike[str], study: Study, *, fresh: bool =
             yield kept
         finally:
             if kept.finished:
-                remove(stream, name)
+                _remove(stream, name)
+
+
+@contextmanager
+def locked(name: str) -> Iterator[IO[bytes]]:
+    """A file to read and append to, created if missing; SceneError where another process holds it.
+
+    The system releases it however its owner ends.  On a file system without locks it is opened without one.
+    """
+    while True:
+        with open(name, "ab+") as stream:
+            try:
+                lock(stream)
+            except OSError as error:
+                if error.errno in TAKEN:
+                    raise SceneError([f"{name}: another process is writing it"]) from None
+            if _stands(stream, name):
+                stream.seek(0)
+                yield stream
+                return
+
+
+def _stands(stream: IO[bytes], name: str) -> bool:
+    """Whether it is still the file of this name: its owner may have removed it just before releasing the lock."""
+    try:
+        return os.path.samestat(os.fstat(stream.fileno()), os.stat(name))
+    except FileNotFoundError:
+        return False
+
+
+def _remove(stream: IO[bytes], name: str) -> None:
+    """Remove a file while it is still locked; Windows removes none that another process has open."""
+    stream.truncate(0)
+    if os.name == "nt":
+        stream.close()
+    with suppress(FileNotFoundError, PermissionError):
+        os.unlink(name)
 
 
 @contextmanager

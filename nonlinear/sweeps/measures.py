@@ -12,20 +12,19 @@ quantity beyond double precision is NaN.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache, partial
 from itertools import islice
 from math import inf, nan, pi
-from threading import local
 
 import numpy as np
 from numpy.typing import NDArray
 
 from modal.assembly import can_stack
 from modal.coupling import passes_energy
-from modal.errors import ComputationError, SceneError
+from modal.errors import ComputationError, MultipendulaError, SceneError
 from modal.modes import UNCERTAIN, labelled, natural_frequencies, natural_modes
 from modal.report import counted
 from modal.scene import Scene, require
@@ -33,36 +32,98 @@ from modal.vibration import ParametricStability, parametric_stability, stabiliti
 from nonlinear.chaos import usual_duration
 from nonlinear.ensembles import measured_run, measured_together, run_together, times_of, validate_measures
 from nonlinear.integration import Trajectory
-from nonlinear.measures import MEASURES, Measure, requested
+from nonlinear.measures import LAST_TENTH, MEASURES, WHOLE_MOTION, Measure, requested
 from nonlinear.postprocessing import extremes
 from nonlinear.postprocessing import largest_angle as widest
 from nonlinear.reduction import usual_start
 from nonlinear.simulation import simulate
-from nonlinear.synchronization import Survival, find_survival
+from nonlinear.synchronization import find_survival
 
 Values = NDArray[np.complex128]
 
 
+Swinging = tuple[Values, tuple[int, ...]]
+"""λ of all oscillating modes, repeated by multiplicity, |λ| ascending, and the number of each."""
+
+
+class Portion:
+    """Scenes that are measured together; what measures need of them is computed of all when the first asks for it.
+
+    Modes are numbered as in the `table` of a scene.
+    """
+
+    def __init__(self, scenes: Sequence[Scene], table: Scene) -> None:
+        self.scenes, self.table = scenes, table
+        self._runs: dict[float, dict[Scene, Trajectory]] = {}
+        self._members: dict[tuple[str, float], dict[Scene, dict[str, float]]] = {}
+
+    def run(self, scene: Scene, seconds: float) -> Trajectory:
+        """The run of a scene, side by side where they are of one form; KeyboardInterrupt where Ctrl-C cut it short."""
+        if seconds not in self._runs:
+            self._runs[seconds] = run_together(self.scenes, seconds)
+        return self._runs[seconds].get(scene) or _run_of(scene, seconds)
+
+    def member(self, scene: Scene, seconds: float, name: str) -> dict[str, float]:
+        """A measure of ensembles for a scene from its usual start, an exponent over its usual time where that is 0."""
+        if (name, seconds) not in self._members:
+            durations: dict[float, list[Scene]] = {}
+            for each in self.scenes:
+                durations.setdefault(seconds or usual_duration(each), []).append(each)
+            self._members[name, seconds] = {}
+            for duration, alike in durations.items():
+                with suppress(MultipendulaError):  # a scene that is measured alone tells its own reason
+                    self._members[name, seconds] |= measured_together(alike, duration, name)
+        known = self._members[name, seconds].get(scene)
+        return known or measured_together([scene], seconds or usual_duration(scene), name)[scene]
+
+    @cached_property
+    def _modes(self) -> dict[Scene, Swinging]:
+        if not self.scenes or not can_stack(self.scenes):
+            return {}
+        try:
+            omega = natural_frequencies(self.scenes)
+        except ComputationError:
+            return {}
+        numbers = np.cumsum(np.diff(omega, axis=1, prepend=np.nan) != 0, axis=1)
+        rows = zip(self.scenes, omega, numbers, strict=True)
+        return {scene: (1j * row[row > 0], tuple(labels[row > 0].tolist())) for scene, row, labels in rows}
+
+    def swinging(self, scene: Scene) -> Swinging:
+        """The modes of a scene; of several of one form they are computed together, as those of one alone are."""
+        return self._modes.get(scene) or _swinging(scene)
+
+    def numbers(self, scene: Scene) -> tuple[int, ...]:
+        """The numbers of a scene's oscillating modes in the table, or in its own where their counts differ."""
+        numbers, wanted = self.swinging(scene)[1], self.swinging(self.table)[1]
+        return wanted if len(numbers) == len(wanted) else numbers
+
+    @cached_property
+    def _stability(self) -> dict[Scene, ParametricStability]:
+        with suppress(SceneError, ComputationError):  # each tells its own reason
+            return dict(zip(self.scenes, stabilities(self.scenes), strict=True))
+        return {}
+
+    def stability(self, scene: Scene) -> ParametricStability:
+        """The Floquet multipliers of a scene, together with those of others that differ in their motion alone."""
+        return self._stability.get(scene) or parametric_stability(scene)
+
+
 @dataclass(frozen=True)
 class Computation:
-    """How a measure is computed: a function of a scene and N, 0 where it chooses one itself.
+    """How a measure is computed: a function of a scene, of N, 0 where it chooses one itself, and the scene's portion.
 
-    The function is at module level, so that other processes can import it.  `numbered` marks one whose third argument
-    is the scene in whose table the modes are numbered, `runs` one that reads a run of so many seconds.  `door` refuses
-    a scene before anything is computed; `together` computes what the function needs of several scenes, for N.
+    The function is at module level, so that other processes can import it.  `door` refuses a scene before anything is
+    computed.
     """
 
     measure: Measure
-    function: Callable[..., dict[str, float]]
-    numbered: bool = False
-    runs: bool = False
+    function: Callable[[Scene, float, Portion], dict[str, float]]
     door: Callable[[Scene], object] | None = None
-    together: Callable[[Sequence[Scene], float], object] | None = None
 
     @property
-    def name(self) -> str:
-        """Of the measure."""
-        return self.measure.name
+    def runs(self) -> bool:
+        """Whether it reads a run of N seconds."""
+        return self.measure.reads in (WHOLE_MOTION, LAST_TENTH)
 
 
 @dataclass(frozen=True)
@@ -79,7 +140,7 @@ class RequestedMeasure:
     @property
     def name(self) -> str:
         """Of the measure."""
-        return self.computation.name
+        return self.computation.measure.name
 
     @property
     def text(self) -> str:
@@ -88,50 +149,7 @@ class RequestedMeasure:
 
     def of(self, scene: Scene, table: Scene | None = None) -> dict[str, float]:
         """Its values for a scene; modes are numbered as in the table of `table`, by default of the scene itself."""
-        more = [table or scene] if self.computation.numbered else []
-        return self.computation.function(scene, self.number, *more)
-
-
-Swinging = tuple[Values, tuple[int, ...]]
-
-
-class Known(local):
-    """What was computed of several scenes together, for the measures of each; every thread has its own points."""
-
-    def __init__(self) -> None:
-        self.runs: dict[tuple[Scene, float], Trajectory] = {}
-        self.modes: dict[Scene, Swinging] = {}
-        self.stability: dict[Scene, ParametricStability] = {}
-        self.members: dict[tuple[str, float], dict[Scene, dict[str, float]]] = {}
-
-
-_KNOWN = Known()
-
-
-def run_all_together(scenes: Sequence[Scene], durations: Iterable[float]) -> None:
-    """Have the runs of these scenes at hand for measures, side by side where they are of one form."""
-    _KNOWN.runs = {
-        (scene, seconds): run for seconds in durations for scene, run in run_together(scenes, seconds).items()
-    }
-
-
-def find_together(scenes: Sequence[Scene]) -> None:
-    """Compute and cache the modes of these scenes for measures, together where they have one form, as one alone has."""
-    _KNOWN.modes = {}
-    if not scenes or not can_stack(scenes):
-        return
-    try:
-        omega = natural_frequencies(scenes)
-    except ComputationError:
-        return
-    numbers = np.cumsum(np.diff(omega, axis=1, prepend=np.nan) != 0, axis=1)
-    for scene, row, labels in zip(scenes, omega, numbers, strict=True):
-        _KNOWN.modes[scene] = 1j * row[row > 0], tuple(labels[row > 0].tolist())
-
-
-def swinging(scene: Scene) -> Swinging:
-    """λ of all oscillating modes, repeated by multiplicity, |λ| ascending, and the number of each."""
-    return _KNOWN.modes.get(scene) or _swinging(scene)
+        return self.computation.function(scene, self.number, Portion([scene], table or scene))
 
 
 @lru_cache(maxsize=2)
@@ -142,42 +160,47 @@ def _swinging(scene: Scene) -> Swinging:
     return certain[rows], tuple((rows + 1).tolist())
 
 
-def numbers_in(scene: Scene, table: Scene) -> tuple[int, ...]:
-    """The numbers of a scene's oscillating modes in the table of another, or in its own if their counts differ."""
-    numbers, wanted = swinging(scene)[1], swinging(table)[1]
-    return wanted if len(numbers) == len(wanted) else numbers
+@lru_cache(maxsize=1)
+def _run_of(scene: Scene, seconds: float) -> Trajectory:
+    trajectory = simulate(scene, seconds, start=usual_start(scene), output=times_of(scene, seconds))
+    if trajectory.run.interrupted:
+        raise KeyboardInterrupt
+    return trajectory
 
 
-def frequencies(scene: Scene, count: float, table: Scene) -> dict[str, float]:
+_survival = lru_cache(maxsize=1)(find_survival)
+
+
+def frequencies(scene: Scene, count: float, portion: Portion) -> dict[str, float]:
     """The lowest natural frequencies |λ|."""
-    return {f"omega_{name}_rad_per_s": float(abs(value)) for name, value in _first(scene, count, table)}
+    return {f"omega_{name}_rad_per_s": float(abs(value)) for name, value in _first(scene, count, portion)}
 
 
-def damping(scene: Scene, count: float, table: Scene) -> dict[str, float]:
+def damping(scene: Scene, count: float, portion: Portion) -> dict[str, float]:
     """The damping ratios −Re λ/|λ| of these modes."""
-    return {f"damping_ratio_{name}": float(-v.real / abs(v) + 0.0) for name, v in _first(scene, count, table)}
+    return {f"damping_ratio_{name}": float(-v.real / abs(v) + 0.0) for name, v in _first(scene, count, portion)}
 
 
-def _first(scene: Scene, count: float, table: Scene) -> Iterator[tuple[str, np.complex128]]:
-    return islice(zip(labelled(numbers_in(scene, table)), swinging(scene)[0], strict=True), int(count))
+def _first(scene: Scene, count: float, portion: Portion) -> Iterator[tuple[str, np.complex128]]:
+    return islice(zip(labelled(portion.numbers(scene)), portion.swinging(scene)[0], strict=True), int(count))
 
 
-def splitting(scene: Scene, number: float, table: Scene) -> dict[str, float]:
+def splitting(scene: Scene, number: float, portion: Portion) -> dict[str, float]:
     """The frequency gap from one mode to the next."""
-    name, gap = _gap(scene, int(number), table)
+    name, gap = _gap(scene, int(number), portion)
     return {f"splitting_{name}_rad_per_s": gap}
 
 
-def beat(scene: Scene, number: float, table: Scene) -> dict[str, float]:
+def beat(scene: Scene, number: float, portion: Portion) -> dict[str, float]:
     """The beat period 2π/Δω of a mode and the next; infinite where they pass no energy between pendula."""
-    name, gap = _gap(scene, int(number), table)
-    return {f"beat_{name}_s": 2 * pi / gap if gap and _passes(scene, name, table) else inf}
+    name, gap = _gap(scene, int(number), portion)
+    return {f"beat_{name}_s": 2 * pi / gap if gap and _passes(scene, name, portion) else inf}
 
 
-def _passes(scene: Scene, number: int, table: Scene) -> bool:
+def _passes(scene: Scene, number: int, portion: Portion) -> bool:
     """Whether a mode and the next pass energy of some pendulum there and back: 4 w_1 w_2 of it, by their shares w."""
-    order = np.argsort(swinging(scene)[0].imag, kind="stable").tolist()
-    numbers, rows = numbers_in(scene, table), swinging(scene)[1]
+    order = np.argsort(portion.swinging(scene)[0].imag, kind="stable").tolist()
+    numbers, rows = portion.numbers(scene), portion.swinging(scene)[1]
     last = max(place for place, at in enumerate(order) if numbers[at] == number)
     modes = natural_modes(scene)
     sizes = [pendulum.n_links for pendulum in scene.pendulum for _ in range(pendulum.count)]
@@ -189,9 +212,9 @@ def _passes(scene: Scene, number: int, table: Scene) -> bool:
     return passes_energy(*shares)
 
 
-def _gap(scene: Scene, number: int, table: Scene) -> tuple[int, float]:
+def _gap(scene: Scene, number: int, portion: Portion) -> tuple[int, float]:
     """A mode's number (0: the first oscillating one), and the gap in Im λ (rad/s) from its last copy to the next."""
-    values, listed = swinging(scene)[0].imag, numbers_in(scene, table)
+    values, listed = portion.swinging(scene)[0].imag, portion.numbers(scene)
     order = np.argsort(values, kind="stable")
     omega, numbers = values[order], [listed[place] for place in order]
     number = number or next(iter(numbers), 0)
@@ -208,111 +231,41 @@ def _those(numbers: list[int]) -> str:
     return counted(len(numbers), "mode oscillates", "modes oscillate") + range_of
 
 
-def run_of(scene: Scene, seconds: float) -> Trajectory:
-    """The run, cached for the next measure of the same scene; KeyboardInterrupt where Ctrl-C cut it short."""
-    return _KNOWN.runs.get((scene, seconds)) or _run_of(scene, seconds)
-
-
-@lru_cache(maxsize=1)
-def _run_of(scene: Scene, seconds: float) -> Trajectory:
-    trajectory = simulate(scene, seconds, start=usual_start(scene), output=times_of(scene, seconds))
-    if trajectory.run.interrupted:
-        raise KeyboardInterrupt
-    return trajectory
-
-
-def energy_drift(scene: Scene, seconds: float) -> dict[str, float]:
+def energy_drift(scene: Scene, seconds: float, portion: Portion) -> dict[str, float]:
     """The energy drift of the run, relative."""
-    return {"energy_drift": run_of(scene, seconds).energy_drift()}
+    return {"energy_drift": portion.run(scene, seconds).energy_drift()}
 
 
-def largest_angle(scene: Scene, seconds: float) -> dict[str, float]:
+def largest_angle(scene: Scene, seconds: float, portion: Portion) -> dict[str, float]:
     """The largest angle of any link from the downward vertical, also at turning points between the samples."""
-    return {"largest_angle_deg": float(np.degrees(widest(run_of(scene, seconds))))}
+    return {"largest_angle_deg": float(np.degrees(widest(portion.run(scene, seconds))))}
 
 
-def cart_travel(scene: Scene, seconds: float) -> dict[str, float]:
+def cart_travel(scene: Scene, seconds: float, portion: Portion) -> dict[str, float]:
     """The peak-to-peak travel of the cart, also at turning points between the samples."""
-    run = run_of(scene, seconds)
+    run = portion.run(scene, seconds)
     left, right = extremes(run.times, run.motion.cart, run.motion.cart_rate)
     return {"cart_travel_m": float(right - left)}
 
 
-def side_by_side(name: str, scenes: Sequence[Scene], seconds: float) -> None:
-    """Have a measure of ensembles at hand for these scenes from their usual starts."""
-    _KNOWN.members[name, seconds] = measured_together(scenes, seconds, name)
-
-
-def turn_together(scenes: Sequence[Scene], seconds: float) -> None:
-    """The first turns of these scenes."""
-    side_by_side("first_turn", scenes, seconds)
-
-
-def first_turn(scene: Scene, seconds: float) -> dict[str, float]:
-    """When each link first goes over the top."""
-    known = _KNOWN.members.get(("first_turn", seconds), {})
-    return known.get(scene) or measured_together([scene], seconds, "first_turn")[scene]
-
-
-def diverge_together(scenes: Sequence[Scene], seconds: float) -> None:
-    """The exponents of these scenes, each over its usual duration where that is 0."""
-    for duration in dict.fromkeys(seconds or usual_duration(scene) for scene in scenes):
-        alike = [scene for scene in scenes if seconds or usual_duration(scene) == duration]
-        side_by_side("lyapunov", alike, duration)
-
-
-def lyapunov(scene: Scene, seconds: float) -> dict[str, float]:
-    """The largest Lyapunov exponent of the usual start, measured for so long after a transient of half that time."""
-    duration = seconds or usual_duration(scene)
-    known = _KNOWN.members.get(("lyapunov", duration), {})
-    return known.get(scene) or measured_together([scene], duration, "lyapunov")[scene]
-
-
-@lru_cache(maxsize=1)
-def _survival(scene: Scene, seconds: float) -> Survival:
-    return find_survival(run_of(scene, seconds))
-
-
-def order(scene: Scene, seconds: float) -> dict[str, float]:
-    """The order parameter of the leading fixed-base mode, its mean over the last tenth."""
-    return measured_run(run_of(scene, seconds), "order")
-
-
-def survivor(scene: Scene, seconds: float, table: Scene) -> dict[str, float]:
+def survivor(scene: Scene, seconds: float, portion: Portion) -> dict[str, float]:
     """The number in the table of the mode with most energy at the end, and its share."""
-    survival = _survival(scene, seconds)
-    number, numbers = survival.number, swinging(scene)[1]
+    survival = _survival(portion.run(scene, seconds))
+    number, numbers = survival.number, portion.swinging(scene)[1]
     if number in numbers:
-        number = numbers_in(scene, table)[numbers.index(number)]
+        number = portion.numbers(scene)[numbers.index(number)]
     return {"survivor": float(number), "survivor_share": survival.survivor_share}
 
 
-def locking(scene: Scene, seconds: float) -> dict[str, float]:
+def locking(scene: Scene, seconds: float, portion: Portion) -> dict[str, float]:
     """The time from which all other rows hold less than 1 % together; NaN if never."""
-    time = _survival(scene, seconds).locking_time()
+    time = _survival(portion.run(scene, seconds)).locking_time()
     return {"locking_time_s": nan if time is None else time}
 
 
-def pendulum_energy(scene: Scene, seconds: float) -> dict[str, float]:
-    """Mean energies over the last tenth: of all pendula, of each where they are few, and of the cart."""
-    return measured_run(run_of(scene, seconds), "pendulum_energy")
-
-
-def configuration(scene: Scene, seconds: float) -> dict[str, float]:
-    """The number of the relative equilibrium of `sync` at the end, 0 for none."""
-    return measured_run(run_of(scene, seconds), "configuration")
-
-
-def multiply_together(scenes: Sequence[Scene], number: float) -> None:
-    """Compute and cache the Floquet multipliers of these scenes, together where they differ in their motion alone."""
-    _KNOWN.stability = {}
-    with suppress(SceneError, ComputationError):  # each tells its own reason
-        _KNOWN.stability = dict(zip(scenes, stabilities(scenes), strict=True))
-
-
-def floquet(scene: Scene, number: float) -> dict[str, float]:
+def floquet(scene: Scene, number: float, portion: Portion) -> dict[str, float]:
     """The largest Floquet multiplier of small angles on a support that moves up and down, and what it means."""
-    stability = _KNOWN.stability.get(scene) or parametric_stability(scene)
+    stability = portion.stability(scene)
     return {
         "largest_multiplier": stability.largest,
         "growth_rate_per_s": stability.growth_rate,
@@ -320,44 +273,38 @@ def floquet(scene: Scene, number: float) -> dict[str, float]:
     }
 
 
-def in_plane(scene: Scene) -> None:
-    """SceneError where no link of a scene goes over the top."""
-    validate_measures(("first_turn",), scene)
+def read_off_end(name: str, scene: Scene, seconds: float, portion: Portion) -> dict[str, float]:
+    """A measure that ensembles read off the last tenth, of the run."""
+    return measured_run(portion.run(scene, seconds), name)
 
 
-def of_growth(scene: Scene) -> None:
+def read_off_member(name: str, scene: Scene, seconds: float, portion: Portion) -> dict[str, float]:
+    """A measure of ensembles, of the scene as a member."""
+    return portion.member(scene, seconds, name)
+
+
+def grows(scene: Scene) -> None:
     """SceneError where a scene has no Lyapunov exponent."""
     require(scene, "a Lyapunov exponent")
 
 
-def of_phases(scene: Scene) -> None:
-    """SceneError where the pendula of a scene have no order parameter."""
-    validate_measures(("order",), scene)
-
-
-def of_drives(scene: Scene) -> None:
-    """SceneError where a scene has no steady oscillations."""
-    validate_measures(("configuration",), scene)
-
-
 FLOQUET = "floquet"
+FUNCTIONS = (
+    *(frequencies, damping, splitting, beat, floquet),
+    *(largest_angle, cart_travel, energy_drift, survivor, locking),
+)
+DOORS: dict[str, Callable[[Scene], object]] = {
+    FLOQUET: vertical_sine,
+    "lyapunov": grows,
+    **{name: partial(validate_measures, (name,)) for name in ("first_turn", "order", "configuration")},
+}
+"""What refuses a scene before anything is computed."""
 COMPUTATIONS: dict[str, Computation] = {
-    computation.name: computation
-    for computation in (
-        *(
-            Computation(MEASURES[function.__name__], function, numbered=True)
-            for function in (frequencies, damping, splitting, beat)
-        ),
-        Computation(MEASURES[FLOQUET], floquet, door=vertical_sine, together=multiply_together),
-        *(
-            Computation(MEASURES[function.__name__], function, runs=True)
-            for function in (largest_angle, cart_travel, energy_drift, pendulum_energy, locking)
-        ),
-        Computation(MEASURES["first_turn"], first_turn, door=in_plane, together=turn_together),
-        Computation(MEASURES["lyapunov"], lyapunov, door=of_growth, together=diverge_together),
-        Computation(MEASURES["order"], order, runs=True, door=of_phases),
-        Computation(MEASURES["survivor"], survivor, runs=True, numbered=True),
-        Computation(MEASURES["configuration"], configuration, runs=True, door=of_drives),
+    name: Computation(MEASURES[name], function, DOORS.get(name))
+    for name, function in (
+        *((function.__name__, function) for function in FUNCTIONS),
+        *((name, partial(read_off_end, name)) for name in ("order", "pendulum_energy", "configuration")),
+        *((name, partial(read_off_member, name)) for name in ("first_turn", "lyapunov")),
     )
 }
 """How each measure that a sweep takes is computed."""

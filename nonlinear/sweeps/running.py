@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections import Counter, deque
+from collections import Counter
 from collections.abc import Callable, Generator, Iterator, Sequence
-from concurrent.futures import BrokenExecutor
-from contextlib import closing, nullcontext, suppress
+from contextlib import closing, suppress
 from dataclasses import dataclass
 from functools import cached_property, partial
 from itertools import islice, product
@@ -14,19 +13,18 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from modal.errors import ComputationError, SceneError
+from modal.errors import SceneError
 from modal.report import HTML_ROWS, Displayed, Summary, brief, deferred, grid, silent, visible
 from modal.scene import Scene, SineMotion, left_out, name_of
 from modal.scene.doors import checked, require_type
 from modal.scene.parameters import Place, Variable, Variation, find_places
 from modal.types import Floats
 from modal.vibration import Boundary, tongues, vertical_sine
-from nonlinear.ensembles.executors import DIED, WorkerPool, cores, processes, spread
+from nonlinear.ensembles.executors import DIED, Crew, computed, cores, pool_of
 from nonlinear.integration import validate_whole
 from nonlinear.sweeps.checkpoint import Checkpoint
-from nonlinear.sweeps.energies import ENERGY, LYAPUNOV
 from nonlinear.sweeps.measures import FLOQUET, parse_measures
-from nonlinear.sweeps.study import Point, Points, Row, Study, SweepTask, measure_each, measure_points
+from nonlinear.sweeps.study import ENERGY, LYAPUNOV, Points, Row, Study, SweepTask, measure_each, measure_points
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -140,15 +138,15 @@ def sweep(
     *,
     journal: Checkpoint | None = None,
     workers: int | None = None,
-    crew: WorkerPool | None = None,
+    crew: Crew | None = None,
     report: Report = silent,
 ) -> Sweep:
     """All points of a study: those already in a journal are taken from it, new ones are added to it.
 
     `workers` is a number of processes, 1 to stay in this one; by default, all cores are used once the sweep has taken
-    PATIENCE.  `crew` is for other executors, such as `nonlinear.ensembles.cluster`.  `report` is called with the number
-    of points done.  On Ctrl-C the rows found so far are returned.  Raises ComputationError where workers cannot be
-    started.
+    PATIENCE.  `crew` is any `concurrent.futures.Executor`, or that of `nonlinear.ensembles.cluster`.  `report` is given
+    the number of points done.  On Ctrl-C the rows found so far are returned.  Raises ComputationError where workers
+    cannot be started.
     """
     require_type("study", study, "Study")
     validate_whole(1, optional=True, workers=workers)
@@ -222,7 +220,7 @@ def chaos_by_energy(
     return sweep(Study(scene, (axis,), parse_measures([text]), members, seed), workers=workers, report=report)
 
 
-def _found(study: Study, left: Sequence[int], workers: int | None, crew: WorkerPool | None) -> Rows:
+def _found(study: Study, left: Sequence[int], workers: int | None, crew: Crew | None) -> Rows:
     task, count = SweepTask(study.scene, study.measures, study.members, study.seed), workers or cores()
     points, begun = ((index, study.point(index)) for index in left), monotonic()
     remaining = len(left)
@@ -239,17 +237,18 @@ def _found(study: Study, left: Sequence[int], workers: int | None, crew: WorkerP
             size = min(2 * size, most) if taken < brief else max(1, size // 2)
     if not remaining:
         return
-    count = crew.size if crew else min(count, remaining)
+    count = min(count, remaining) if crew is None else pool_of(crew).size
     size = max(1, min(CHUNK, remaining // ((2 if task.durations else 8) * count)))
     portions: Iterator[Points] = iter(lambda: list(islice(points, size)), [])
-    while True:
-        with nullcontext(crew) if crew else processes(count) as used:
-            lost = yield from _shared(task, portions, used)
-        if not lost:
-            return
-        if crew:
-            raise ComputationError("the workers have died")
-        yield from _alone(task, lost)
+    yield from computed(partial(measure_points, task), portions, crew, count, _divided, _died)
+
+
+def _divided(points: Points) -> list[Points]:
+    return [[point] for point in points]
+
+
+def _died(points: Points) -> list[Row]:
+    return [Row(index, {}, DIED) for index, _ in points]
 
 
 def _here(task: SweepTask, points: Points) -> Rows:
@@ -262,31 +261,6 @@ def _here(task: SweepTask, points: Points) -> Rows:
         yield done
         raise
     yield done
-
-
-def _shared(task: SweepTask, portions: Iterator[Points], crew: WorkerPool) -> Generator[list[Row], None, list[Point]]:
-    """The rows of all portions as they come; points whose workers died are returned."""
-    with closing(spread(partial(measure_points, task), portions, crew)) as results:
-        while True:
-            try:
-                yield next(results)[1]
-            except StopIteration as end:
-                return [point for portion in end.value for point in portion]
-
-
-def _alone(task: SweepTask, points: Sequence[Point]) -> Rows:
-    """One point at a time, to identify the one at which a process dies."""
-    left = deque(points)
-    while left:
-        with processes(1) as worker:
-            died = False
-            while left and not died:
-                point = left.popleft()
-                try:
-                    yield worker.executor.submit(measure_points, task, [point]).result()
-                except BrokenExecutor:
-                    died = True
-                    yield [Row(point[0], {}, DIED)]
 
 
 def sweep_text(sweep: Sweep) -> str:
@@ -305,7 +279,7 @@ def _lines(sweep: Sweep) -> Iterator[str]:
     yield from notes(sweep)
     if sweep.study.members:
         yield DRAWN.format(sweep.study.members, sweep.study.seed)
-    elif any(request.computation.numbered for request in sweep.study.measures):
+    elif any(request.computation.measure.numbered for request in sweep.study.measures):
         yield NUMBERED
 
 
@@ -328,7 +302,7 @@ def reasons(sweep: Sweep) -> Iterator[str]:
 def notes(sweep: Sweep) -> tuple[str, ...]:
     """What frequencies and damping ratios leave out anywhere in the sweep, a sentence each."""
     study = sweep.study
-    if not any(request.computation.numbered and not request.computation.runs for request in study.measures):
+    if not any(request.computation.measure.numbered and not request.computation.runs for request in study.measures):
         return ()
     scenes = [study.scene]
     with suppress(SceneError):

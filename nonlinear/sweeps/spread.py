@@ -338,10 +338,7 @@ def find_spread(
     if duration is not None:
         starts = None if start is None else [start] * members
         motion = ensemble(scene, duration, starts=starts, vary=values, output=SAMPLES, report=report, **options)
-        if len(motion.failures) == motion.size:
-            raise SceneError([f"every member failed: {next(iter(motion.failures.values()))}"])
-        if motion.interrupted:
-            raise KeyboardInterrupt
+        motion.require("member")
         failures = failures | motion.failures
     measured, reasons = _measured(SweepTask(scene, requests), values, members) if requests else ({}, {})
     return Spread(scene, parsed, values, omega, frequencies[0], failures | reasons, motion, estimate, measured)

@@ -1,8 +1,16 @@
-"""The definition of a sweep: a scene, its variations, and the measures computed at every point."""
+"""The definition of a sweep: a scene, its variations, and the measures computed at every point.
+
+Measures against energy: the energy (J, above the scene's rest) is varied as `start.energy`, alone or beside numbers of
+the scene.  At every energy starts are drawn at random, each is measured, and quantiles are kept.  Starts are those of
+`nonlinear.ensembles.starts_at`, which draws them for sections, too; every point has its own random numbers, by the seed
+and its place in the sweep, whoever computes it.  After Jones et al. (2011), who ask how the chaos of pendula changes
+with their energy.
+"""
 
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -14,13 +22,26 @@ import numpy as np
 
 from modal.errors import MultipendulaError, SceneError
 from modal.report import Displayed
-from modal.scene import Scene, describe, scene_from
+from modal.scene import Scene, describe, require, scene_from
 from modal.scene.parameters import Variable, Variation, validate_variations
-from nonlinear.sweeps.energies import ENERGY, measured_at, validate_energies
-from nonlinear.sweeps.measures import RequestedMeasure, find_together, parse_measures, run_all_together
+from modal.types import Floats
+from nonlinear import chaos
+from nonlinear.ensembles import ensemble, starts_at, validate_measures
+from nonlinear.integration import validate, validate_whole
+from nonlinear.measures import MEASURES, columns_of
+from nonlinear.sweeps.measures import Portion, RequestedMeasure, parse_measures
 
 MOST_AXES, MOST_POINTS = 3, 1_000_000
 VERSION = 1
+ENERGY = "start.energy"
+CAPABILITY = "a start by its energy"
+QUANTILES = {"q05": 0.05, "median": 0.5, "q95": 0.95}
+UNIT = re.compile(r"(_(rad|deg|m)_per_s|_per_s|_rad|_deg|_s|_m|_J)$")
+LYAPUNOV, CHAOTIC = "lyapunov", "chaotic_share"
+MOST_MEMBERS = 100_000
+TOLERANCE = 1e-9
+Measured = dict[str, float] | str
+"""Columns of numbers, or why there are none."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -28,7 +49,7 @@ class Study(Displayed):
     """A grid over one to MOST_AXES variations, the last one varying fastest; SceneError for an invalid one.
 
     Where `start.energy` is among them, `members` starts are drawn at every energy, by the `seed`
-    (`nonlinear.sweeps.energies`).
+    (`measured_at`).
     """
 
     scene: Scene
@@ -93,7 +114,7 @@ class Study(Displayed):
     @property
     def fingerprint(self) -> str:
         """A checksum that identifies the study."""
-        functions = [request.computation.function.__qualname__ for request in self.measures]
+        functions = [request.name for request in self.measures]
         return sha256(json.dumps([self.header(), functions]).encode()).hexdigest()
 
 
@@ -148,16 +169,9 @@ def measure_each(task: SweepTask, points: Points) -> Iterator[Row]:
     if task.members:
         yield from _of_members(task, points, scenes)
         return
-    valid = [scene for scene in scenes if isinstance(scene, Scene)]
-    if any(request.computation.numbered for request in task.measures):
-        find_together(valid)
-    for request in task.measures:
-        if request.computation.together:
-            request.computation.together(valid, request.number)
-    if seconds := task.durations:
-        run_all_together(valid, seconds)
+    portion = Portion([scene for scene in scenes if isinstance(scene, Scene)], task.scene)
     for (index, _), scene in zip(points, scenes, strict=True):
-        yield _row(task, index, scene)
+        yield _row(task, index, scene, portion)
 
 
 def _of_members(task: SweepTask, points: Points, scenes: Sequence[Scene | Exception]) -> Iterator[Row]:
@@ -186,15 +200,86 @@ def _scene(variable: Variable, values: dict[str, float]) -> Scene | Exception:
         return error
 
 
-def _row(task: SweepTask, index: int, scene: Scene | Exception) -> Row:
+def _row(task: SweepTask, index: int, scene: Scene | Exception, portion: Portion) -> Row:
     numbers: dict[str, float] = {}
     try:
         if isinstance(scene, Exception):
             raise scene
         for request in task.measures:
-            numbers |= {name: float(number) for name, number in request.of(scene, task.scene).items()}
+            measured = request.computation.function(scene, request.number, portion)
+            numbers |= {name: float(number) for name, number in measured.items()}
     except MultipendulaError as error:
         return Row(index, {}, " ".join(str(error).split()))
     except Exception as error:
         return Row(index, {}, " ".join(f"{type(error).__name__}: {error}".split()))
     return Row(index, numbers)
+
+
+# ----------------------------------------------------------------------------------------------- at energies
+
+
+def validate_energies(scene: Scene, requests: Sequence[RequestedMeasure], members: int, seed: int) -> None:
+    """SceneError where a scene does not keep its energy, or what is measured does not depend on the start."""
+    names = [request.name for request in requests]
+    validate(
+        lambda: require(scene, CAPABILITY),
+        lambda: validate_whole(1, members=members),
+        lambda: validate_whole(0, seed=seed),
+        *(partial(_of_starts, name) for name in names),
+    )
+    if members > MOST_MEMBERS:
+        raise SceneError([f"members {members}: must be at most {MOST_MEMBERS}"])
+    validate_measures(names, scene)
+    for request in requests:
+        if request.name == LYAPUNOV and request.number:
+            validate_measures((LYAPUNOV,), scene, request.number)
+
+
+def _of_starts(name: str) -> None:
+    """SceneError for a measure that an ensemble does not take."""
+    if why := MEASURES[name].refused.get("ensemble"):
+        raise SceneError([f"{name}: cannot be measured of starts drawn at an energy: {why}"])
+
+
+def measured_at(
+    scene: Scene, points: Sequence[tuple[int, float]], requests: Sequence[RequestedMeasure], members: int, seed: int
+) -> dict[int, Measured]:
+    """What is measured of so many starts at each energy (J), all side by side, by the indices of the points."""
+    results: dict[int, Measured] = {}
+    starts, known = [], []
+    for index, energy in points:
+        try:
+            starts += starts_at(scene, energy, members, seed=(seed, index))
+            known.append(index)
+        except SceneError as error:
+            results[index] = " ".join(str(error).split())
+    if not known:
+        return results
+    columns: dict[int, dict[str, float]] = {index: {} for index in known}
+    for request in requests:
+        seconds = request.number or chaos.usual_duration(scene)
+        tolerance = chaos.TOLERANCE if request.name == LYAPUNOV else TOLERANCE
+        runs = ensemble(scene, seconds, starts=starts, measures=[request.name], tolerance=tolerance, check=0, workers=1)
+        for column in columns_of(request.name, runs.require().columns):
+            for index, numbers in zip(known, runs.column(column).reshape(len(known), members), strict=True):
+                columns[index] |= dict(_statistics(column, numbers))
+                if request.name == LYAPUNOV:
+                    columns[index][CHAOTIC] = _chaotic(scene, seconds, numbers)
+    return results | columns
+
+
+def _statistics(column: str, numbers: Floats) -> Iterator[tuple[str, float]]:
+    """Quantiles under names such as lyapunov_median_per_s; of the members that did not fail."""
+    unit = UNIT.search(column)
+    stem, ending = (column[: unit.start()], unit[0]) if unit else (column, "")
+    known = numbers[~np.isnan(numbers)]
+    method = "linear" if np.isfinite(known).all() else "inverted_cdf"
+    for name, part in QUANTILES.items():
+        value = float(np.quantile(known, part, method=method)) if known.size else np.nan  # type: ignore[call-overload]
+        yield f"{stem}_{name}{ending}", value
+
+
+def _chaotic(scene: Scene, seconds: float, exponents: Floats) -> float:
+    """The share of starts whose exponent is too large for regular motion, of those that did not fail."""
+    known = exponents[~np.isnan(exponents)]
+    return float(np.mean(known > chaos.regular_exponent(scene, seconds))) if known.size else np.nan

@@ -183,3 +183,35 @@ def test_every_verb_takes_a_measure_by_the_same_words(capsys: pytest.CaptureFixt
     assert "--measure largest_angle:1: has its own --duration" in capsys.readouterr().err
     assert main(["basins", "chain-2", *grid, "--measure", "beat"]) == 2
     assert "basins does not take beat: it belongs to a scene whatever its start" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        "section chain-2 --energy 10 --members 40 --duration 2",
+        "basins chain-2 --duration 1 --vary pendulum[0].start.angles_deg[0]=-90:90:6 --vary gravity=9:10:6",
+    ],
+)
+def test_shares_in_a_folder_are_the_whole(command: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    asked = [*command.split(), "--engine", "numpy", "--format", "csv"]
+    assert main(asked) == 0
+    whole = capsys.readouterr().out
+    folder = ["--folder", str(tmp_path / "kept")]
+    for share in ("2/2", "1/2"):
+        assert main([*asked, *folder, "--share", share]) == 0
+        assert capsys.readouterr().out.startswith(f"share {share.replace('/', ' of ')} is in ")
+    before = {path.name: path.stat().st_mtime_ns for path in (tmp_path / "kept").iterdir()}
+    assert main([*asked, *folder]) == 0
+    assert capsys.readouterr().out == whole
+    assert {path.name: path.stat().st_mtime_ns for path in (tmp_path / "kept").iterdir()} == before
+    assert main([*asked, "--share", "1/2"]) == 2
+    assert "--share: needs --folder" in capsys.readouterr().err
+    assert main(["spread", "chain-2", "--uncertain", "gravity=0.1", *folder]) == 2
+    assert "--folder: needs --duration" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("text", ["0/2", "3/2", "1", "a/b", "1/2/3"])
+def test_shares_that_cannot_be_are_refused(text: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main(["section", "chain-2", "--folder", "kept", "--share", text])
+    assert "must be K/N with whole numbers" in capsys.readouterr().err

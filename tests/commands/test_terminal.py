@@ -367,3 +367,9 @@ def test_progress_is_per_cent_with_the_time_left_before_anything_is_reported(mon
             assert " 25 %" in told
         else:
             assert told == ""
+
+
+@pytest.mark.parametrize(("done", "words"), [(0, "branches: 0, 00:03 passed"), (1, "branches: 1, 00:03 passed")])
+def test_what_is_counted_is_told_in_english(done: int, words: str) -> None:
+    tqdm = pytest.importorskip("tqdm").tqdm
+    assert tqdm.format_meter(done, None, 3.0, unit="branches", bar_format=shared.COUNTED) == words

@@ -19,7 +19,7 @@ from modal.coupling.report import sections
 from modal.plotting import coupling_figure
 from modal.scene import Heave, ModalSupport, Platform, Spring, Swing, Tilt, VanDerPol
 from modal.scene.supports import Planar
-from nonlinear.sweeps.measures import beat
+from nonlinear.sweeps import parse_measures
 
 
 def bob(
@@ -331,7 +331,7 @@ def test_pendula_that_nothing_joins_do_not_beat(stiffness: float) -> None:
     assert not any(family.beats for family in explanation.families)
     assert all(row.beat is None for row in explanation.rows())
     assert explanation.families[0].branches[-1].strength == pytest.approx(0.5 / 3.0, rel=1e-3)
-    (value,) = beat(apart, 3.0, apart).values()
+    (value,) = parse_measures(["beat:3"])[0].of(apart).values()
     assert value == np.inf
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import pickle
 import random
+import shutil
 import signal
 import subprocess
 import sys
@@ -91,6 +92,32 @@ class Dying(Executor):
         else:
             future.set_exception(BrokenExecutor())
         return future
+
+
+class Losing(Executor):
+    """Loses every task of so many and goes on, as executors of clusters do."""
+
+    def __init__(self, every: int) -> None:
+        self.count, self.every = 0, every
+
+    def submit(self, function, /, *arguments, **more) -> Future:
+        future: Future = Future()
+        self.count += 1
+        if self.count % self.every == 0:
+            future.set_exception(RuntimeError("a node was reclaimed"))
+        else:
+            future.set_result(function(*arguments, **more))
+        return future
+
+
+def test_what_an_executor_loses_in_its_own_words_is_done_again(tmp_path: Path, alone: dict[str, bytes]) -> None:
+    run(tmp_path / "lost", crew=Losing(5))
+    assert contents(tmp_path / "lost") == alone
+    with ThreadPoolExecutor(2) as executor:
+        run(tmp_path / "threads", crew=executor)
+    assert contents(tmp_path / "threads") == alone
+    with pytest.raises(ComputationError, match="a worker failed: RuntimeError: a node was reclaimed"):
+        run(None, crew=Losing(1))
 
 
 def test_the_bytes_do_not_depend_on_workers(tmp_path: Path, alone: dict[str, bytes]) -> None:
@@ -236,6 +263,22 @@ def test_chunks_in_memory_and_on_disk_say_the_same(tmp_path: Path) -> None:
         np.testing.assert_array_equal(kept.column(name), memory.column(name))
     assert kept.differences == memory.differences
     assert kept.words() == memory.words()
+
+
+def test_a_folder_of_earlier_is_read_and_goes_on(tmp_path: Path) -> None:
+    """The folder was written by version 1; its chunks are not computed again, and one that is removed is as it was."""
+    shutil.copytree(Path(__file__).parent / "written", tmp_path / "written")
+    before = contents(tmp_path / "written")
+    question = {"starts": [[0.1], [0.2], [3.0]], "measures": ["largest_angle", "section:theta[1,1]=0"], "chunk": 2}
+    heard: list[float] = []
+    runs = run(tmp_path / "written", scene=load("chain-1"), report=heard.append, **question)
+    assert heard == [3]
+    assert contents(tmp_path / "written") == before
+    assert np.allclose(runs.column("largest_angle_deg"), np.degrees([0.1, 0.2, 3.0]), rtol=1e-9)
+    (tmp_path / "written" / "part-000001.npz").unlink()
+    again = run(tmp_path / "written", scene=load("chain-1"), **question)
+    for name in runs.columns:
+        assert np.allclose(again.column(name), runs.column(name), rtol=1e-9, atol=1e-9, equal_nan=True), name
 
 
 def peak(members: int) -> float:

@@ -17,7 +17,19 @@ from seen import flaws
 
 from modal.errors import SceneError
 from modal.plotting.style import theme
-from modal.scene import Bob, Cart, ConstantForce, Moved, Pendulum, RecordMotion, Scene, SineForce, SineMotion, load
+from modal.scene import (
+    Bob,
+    Cart,
+    ConstantForce,
+    Moved,
+    Pendulum,
+    RecordMotion,
+    Scene,
+    SineForce,
+    SineMotion,
+    load,
+    scene_from,
+)
 from modal.scene.parameters import Variation, vary
 from modal.types import Floats
 from multipendula.cli import main
@@ -309,6 +321,26 @@ def test_every_frequency_has_its_own_strobes() -> None:
         DRIVEN, "force[0].frequency_hz=0.9,1.3", phase_deg=180.0, settle=3.0, workers=1, engine=QUICK
     )
     assert apart.states[0][:, :8] == pytest.approx(bifurcations.states[0][::2, :8], abs=1e-5)
+
+
+def test_pendula_on_two_carts_have_a_diagram_with_both() -> None:
+    """The strobes of a value are those of a run of it: of links and of the carts."""
+    drawn = [
+        {
+            "on": name,
+            "links": [{"kind": "bob", "mass": 1.0, "length": 1.0, "damping": 2.0}],
+            "start": {"angles_deg": [20]},
+        }
+        for name in ("a", "b")
+    ]
+    carts = [{"kind": "cart", "name": name, "mass": 2.0, "stiffness": 30.0, "damping": 2.0} for name in ("a", "b")]
+    push = {"on": "pendulum[0].links[0]", "kind": "sine", "amplitude": 1.0, "frequency_hz": 0.5}
+    scene = scene_from({"gravity": 9.81, "support": carts, "pendulum": drawn, "force": [push]})
+    diagram = find_bifurcations(scene, "force[0].amplitude=1:2:2", settle=10.0, workers=1, engine=QUICK)
+    run = simulate(vary(scene, {"force[0].amplitude": 2.0}), diagram.times[1, -1], output=[0.0, *diagram.times[1]])
+    assert np.allclose(diagram.states[0][1], run.motion.links[1:], atol=1e-6)
+    assert np.allclose(diagram.states[4][1], run.motion.supports[1:], atol=1e-6)
+    assert "a_m" in diagram.to_dict()
 
 
 def test_values_without_a_common_period_fail_alone() -> None:

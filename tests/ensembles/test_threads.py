@@ -14,7 +14,7 @@ from nonlinear.ensembles import ensemble
 from nonlinear.ensembles.executors import WorkerPool
 from nonlinear.integration import taylor
 from nonlinear.sweeps import Study, parse_measures, sweep
-from nonlinear.sweeps.measures import run_all_together, run_of
+from nonlinear.sweeps.measures import Portion
 from nonlinear.system import system_of
 
 STARTS = np.random.default_rng(2).uniform(-3, 3, (16, 2))
@@ -45,14 +45,14 @@ def test_whoever_asks_for_a_compiled_series_has_it_alone() -> None:
     assert not np.any(other.pars == 2.0)
 
 
-def test_a_thread_keeps_its_runs_while_another_begins() -> None:
+def test_a_portion_keeps_its_runs_while_another_thread_measures() -> None:
     """Runs that were made side by side are not those of a scene alone, to the last digit."""
     scenes = [vary(load("chain-2"), {"gravity": 9.0 + 0.1 * k}) for k in range(8)]
-    run_all_together(scenes[:4], [1.0])
-    kept = [run_of(scene, 1.0) for scene in scenes[:4]]
+    ours, others = Portion(scenes[:4], scenes[0]), Portion(scenes[4:], scenes[0])
+    kept = [ours.run(scene, 1.0) for scene in scenes[:4]]
     with ThreadPoolExecutor(1) as executor:
-        executor.submit(run_all_together, scenes[4:], [1.0]).result()
-    assert all(run_of(scene, 1.0) is trajectory for scene, trajectory in zip(scenes, kept, strict=False))
+        executor.submit(others.run, scenes[4], 1.0).result()
+    assert all(ours.run(scene, 1.0) is trajectory for scene, trajectory in zip(scenes, kept, strict=False))
 
 
 def test_a_sweep_in_threads_is_that_of_one_thread() -> None:

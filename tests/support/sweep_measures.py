@@ -8,7 +8,7 @@ from pathlib import Path
 
 from modal.scene import Cart, Scene
 from nonlinear.measures import Measure
-from nonlinear.sweeps.measures import Computation
+from nonlinear.sweeps.measures import Computation, Portion
 
 
 def cart_of(scene: Scene) -> Cart:
@@ -26,33 +26,33 @@ def logged() -> list[str]:
     return path.read_text(encoding="utf-8").split() if path.exists() else []
 
 
-def product(scene: Scene, number: float) -> dict[str, float]:
+def product(scene: Scene, number: float, portion: Portion) -> dict[str, float]:
     cart = cart_of(scene)
     log(f"{cart.mass:g}")
     return {"product_kg": number * cart.mass + cart.damping}
 
 
-def failing(scene: Scene, number: float) -> dict[str, float]:
+def failing(scene: Scene, number: float, portion: Portion) -> dict[str, float]:
     if cart_of(scene).mass == number:
         raise RuntimeError("nothing\nto see")
-    return product(scene, 1.0)
+    return product(scene, 1.0, portion)
 
 
-def dying(scene: Scene, number: float) -> dict[str, float]:
+def dying(scene: Scene, number: float, portion: Portion) -> dict[str, float]:
     if cart_of(scene).mass == number:
         os._exit(7)
-    return product(scene, 1.0)
+    return product(scene, 1.0, portion)
 
 
-def interrupted(scene: Scene, number: float) -> dict[str, float]:
+def interrupted(scene: Scene, number: float, portion: Portion) -> dict[str, float]:
     if cart_of(scene).mass == number and os.environ.get("SWEEP_INTERRUPTS"):
         raise KeyboardInterrupt
-    return product(scene, 1.0)
+    return product(scene, 1.0, portion)
 
 
-def slow(scene: Scene, number: float) -> dict[str, float]:
+def slow(scene: Scene, number: float, portion: Portion) -> dict[str, float]:
     time.sleep(number)
-    return product(scene, 1.0)
+    return product(scene, 1.0, portion)
 
 
 PRODUCT, FAILING, DYING, INTERRUPTED, SLOW = (

@@ -306,6 +306,15 @@ def test_a_point_that_fails_hurts_no_other() -> None:
     assert "angles_deg: has 2 values for 1 links" in crossed.failures[0]
 
 
+def test_a_point_whose_time_is_too_short_hurts_no_other() -> None:
+    lengths = parse_variations(["pendulum[0].links[0].length=1,50"])
+    asking = Study(load("chain-1"), lengths, parse_measures(["lyapunov:10"]))
+    swept = sweep(asking, workers=1)
+    assert list(swept.failures) == [1]
+    assert "must be at least 45.2 s for this scene" in swept.failures[1]
+    assert np.isfinite(swept.values("lyapunov_per_s")[0])
+
+
 def test_a_point_that_kills_its_process_is_found_and_the_rest_is_measured() -> None:
     frequencies = parse_measures(["frequencies:2"])
     asking = study("support.mass=1,2,3,4", measure=sweep_measures.DYING, number=3.0)
@@ -515,6 +524,19 @@ def test_files_name_axes_and_units(tmp_path: Path) -> None:
     data = np.load(tmp_path / "s.npz")
     assert np.allclose(data["support.mass_kg"], [1, sqrt(10), 10], rtol=1e-14)
     assert data["beat_2_s"].shape == (3, 2)
+
+
+def test_files_and_journals_of_earlier_are_read(tmp_path: Path) -> None:
+    written = Path(__file__).parent / "written"
+    whole, table = (sweep_files.load(written / name) for name in ("sweep.npz", "sweep.csv"))
+    path = tmp_path / "sweep.npz.journal"
+    path.write_bytes((written / path.name).read_bytes())
+    with open_checkpoint(path, whole.study) as kept:
+        assert kept.rows == whole.rows == table.rows
+    again = sweep(whole.study, workers=1)
+    assert again.columns == whole.columns
+    for name in whole.columns:
+        assert np.allclose(again.values(name), whole.values(name), rtol=1e-9), name
 
 
 def test_other_files_are_refused_in_one_line(tmp_path: Path) -> None:

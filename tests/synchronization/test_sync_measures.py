@@ -31,7 +31,6 @@ from nonlinear.postprocessing import last, smooth
 from nonlinear.reduction import modal_motion, start_in_mode
 from nonlinear.simulation import simulate
 from nonlinear.sweeps import measures, parse_measures
-from nonlinear.sweeps.measures import locking, order, pendulum_energy, survivor
 from nonlinear.synchronization import Phases, find_survival, phases_of
 from nonlinear.synchronization.phases import own_shapes
 from nonlinear.system import Motion, state_at_rest, system_of
@@ -333,6 +332,11 @@ def test_what_survives_between_two_clocks_is_what_their_angles_show(start: tuple
 # ---------------------------------------------------------------------------------------------------- measures
 
 
+def measured(text: str, scene: Scene) -> dict[str, float]:
+    """One measure of a sweep."""
+    return parse_measures([text])[0].of(scene)
+
+
 def test_measures_of_a_sweep(monkeypatch: pytest.MonkeyPatch) -> None:
     scene, runs = bobs(1.0, 1.0, angles=(5.0, -3.0), drive=DRIVE), []
     monkeypatch.setattr(
@@ -356,14 +360,17 @@ def test_measures_of_a_sweep(monkeypatch: pytest.MonkeyPatch) -> None:
     assert [numbers[f"pendulum_{k}_energy_J"] for k in (1, 2)] == pytest.approx(energy, rel=1e-6)
     assert numbers["pendula_energy_J"] == pytest.approx(energy.sum(), rel=1e-6)
     assert numbers["cart_energy_J"] == pytest.approx((10 * run.motion.cart_rate[late] ** 2 / 2).mean(), rel=1e-6)
-    assert isnan(locking(scene, 20.0)["locking_time_s"])
+    assert isnan(measured("locking:20", scene)["locking_time_s"])
 
 
 def test_crowds_and_fixed_supports_have_fewer_numbers() -> None:
     scene = bobs(*[1.0] * 5, cart=None)
-    assert list(pendulum_energy(scene, 5.0)) == ["pendula_energy_J", *(f"pendulum_{k}_energy_J" for k in range(1, 6))]
-    assert order(scene, 5.0)["order"] == pytest.approx(1.0)
-    assert survivor(scene, 5.0, scene) == {"survivor": 1.0, "survivor_share": pytest.approx(1.0)}
+    assert list(measured("pendulum_energy:5", scene)) == [
+        "pendula_energy_J",
+        *(f"pendulum_{k}_energy_J" for k in range(1, 6)),
+    ]
+    assert measured("order:5", scene)["order"] == pytest.approx(1.0)
+    assert measured("survivor:5", scene) == {"survivor": 1.0, "survivor_share": pytest.approx(1.0)}
 
 
 def test_means_over_time() -> None:
