@@ -271,7 +271,7 @@ def forewarning(
 
 
 def _forewarn(scene: Scene, duration: float | None, members: int, tolerance: float, least: float) -> None:
-    from nonlinear.integration.costs import least_seconds
+    from nonlinear.integration.methods import least_seconds
 
     seconds = least_seconds(scene, duration, tolerance, members) if duration else 0.0
     if seconds > least:

@@ -10,6 +10,7 @@ for long chains, or compiled (`compiled`, extra `fast`).  Start with `minimal`;
 """
 
 from nonlinear.dynamics.banded import Banded
+from nonlinear.dynamics.compiling import children_without_interrupts, undisturbed
 from nonlinear.dynamics.contacts import Contacts, Escaping, contacts_of, escaping, links_of_contacts
 from nonlinear.dynamics.elimination import Elimination, loses_digits
 from nonlinear.dynamics.equilibrium import is_unstable_equilibrium
@@ -17,7 +18,6 @@ from nonlinear.dynamics.forms import Form, form_of, jacobian_of, module_of
 from nonlinear.dynamics.generated import Generated, Written
 from nonlinear.dynamics.hamiltonian import Hamiltonian, SpatialHamiltonian
 from nonlinear.dynamics.inputs import Inputs, Instant
-from nonlinear.dynamics.interrupts import children_without_interrupts, undisturbed
 from nonlinear.dynamics.lanes import Lanes
 from nonlinear.dynamics.maximal import HoistedMaximal, Maximal
 from nonlinear.dynamics.mechanics import Mechanics, Reactions, vectors

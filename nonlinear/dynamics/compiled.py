@@ -7,7 +7,7 @@ arrays; what it does at each link is `nonlinear.dynamics.recursion`, as it stand
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,7 @@ import numpy as np
 from modal.errors import MissingExtraError
 from modal.types import Floats, Ints
 from nonlinear.dynamics.compiled_structure import FlatStructure, flat_of, link_at, rate_on_carriers
-from nonlinear.dynamics.compiling import available, in_place
+from nonlinear.dynamics.compiling import available, compiled, in_place
 from nonlinear.dynamics.joints import joint_law
 from nonlinear.dynamics.minimal import Minimal
 from nonlinear.dynamics.recursion import Answer, Turn, ended, hung, links_of, passed
@@ -55,7 +55,7 @@ def _joint(links, angles, rates, i, top):  # type: ignore[no-untyped-def]
     return kept + working, working * speed
 
 
-@partial(in_place, forceinline=True)
+@in_place
 def rate(  # type: ignore[no-untyped-def]
     y, links, first, cart, gravity, hinged, works, structure, turns, derivative
 ):
@@ -107,6 +107,12 @@ def rate(  # type: ignore[no-untyped-def]
         derivative[2 * half] = power
 
 
+@compiled
+def one_rate(y, scene, turns, derivative):  # type: ignore[no-untyped-def]
+    """The same for Python, of the `scene` of `Compiled`."""
+    rate(y, *scene, turns, derivative)
+
+
 @dataclass(frozen=True, eq=False)
 class Compiled(Minimal):
     """The equations of `Minimal` in one compiled pass, without bodies or load; MissingExtraError without numba."""
@@ -135,7 +141,7 @@ class Compiled(Minimal):
     def derivative(self, time: float, y: Any) -> Any:
         """The derivative y' of one y (size,)."""
         slopes, turns = np.empty(self.layout.size), np.empty((TURNS, self.system.n_links))
-        rate(np.ascontiguousarray(y, dtype=float), *self.scene, turns, slopes)
+        one_rate(np.ascontiguousarray(y, dtype=float), self.scene, turns, slopes)
         return slopes
 
 

@@ -1,7 +1,8 @@
 """Compilation of functions by numba (extra `fast`), and the files in which it keeps what it has compiled.
 
 What is kept saves time and nothing else: a file that is cut, damaged, or that others could have written is dropped, and
-the function is compiled anew; where nothing can be written it is compiled in every process.
+the function is compiled anew, as it is where its code or that of anything it calls is another than then; where nothing
+can be written it is compiled in every process.  While foreign code is loaded and compiled, Ctrl-C is deferred.
 """
 
 from __future__ import annotations
@@ -9,16 +10,20 @@ from __future__ import annotations
 import inspect
 import os
 import pickle
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+import signal
+import threading
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
+from contextvars import ContextVar
 from errno import EPERM
-from functools import partial
+from functools import cached_property, partial
 from hashlib import sha256
 from importlib.util import find_spec
 from pathlib import Path
 from stat import S_IMODE, S_ISREG, S_ISVTX, S_IWGRP
 from textwrap import dedent
 from time import monotonic, sleep
+from types import CodeType, FunctionType, ModuleType
 from typing import IO, Any
 
 from modal.scene.contents import lock, private
@@ -30,6 +35,9 @@ PATIENCE = 120.0
 """Seconds that a process waits for what another one compiles, several times what the largest form takes."""
 ANY_ORDER = frozenset({"contract", "nsz", "reassoc"})
 """Of products and sums: contracted, and added up in any order, as vector instructions want it."""
+watching: ContextVar[Callable[[], AbstractContextManager[object]]] = ContextVar("watching", default=nullcontext)
+"""A block in which numba compiles one function, not in which it loads what it has kept."""
+ENDING = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
 
 
 def available() -> bool:
@@ -37,16 +45,29 @@ def available() -> bool:
     return find_spec("numba") is not None
 
 
-def compiled(function: Any, **options: Any) -> Any:
+def compiled(function: Any) -> Any:
     """The compiled function, cached on disk where there is a folder for it; the function itself without numba."""
     try:
         from numba import njit
     except ImportError:
         return function
+    options: dict[str, Any] = {"error_model": "numpy"}
     if _has_place(function):
         with suppress(RuntimeError):
-            return _kept(njit(cache=True, error_model="numpy", **options)(function))
-    return njit(error_model="numpy", **options)(function)
+            return _kept(_watched(njit(cache=True, **options)(function)))
+    return _watched(njit(**options)(function))
+
+
+def _watched(dispatcher: Any) -> Any:
+    """A compiled function, watched while numba compiles it."""
+    compiler = dispatcher._compiler
+    compiler.compile = partial(_watch, compiler.compile)
+    return dispatcher
+
+
+def _watch(compilation: Callable[..., Any], *signature: Any) -> Any:
+    with watching.get()():
+        return compilation(*signature)
 
 
 def _has_place(function: Any) -> bool:
@@ -63,7 +84,7 @@ def _kept(dispatcher: Any) -> Any:
     file = getattr(getattr(dispatcher, "_cache", None), "_cache_file", None)
     if file is not None:
         file.__class__ = type("KeptFile", (KeptFile, type(file)), {})
-        file.source = inspect.getfile(dispatcher.py_func)
+        file.function = dispatcher
         dispatcher.compile = partial(_compiled_once, dispatcher._cache, file, dispatcher.compile)
     return dispatcher
 
@@ -110,13 +131,24 @@ class KeptFile:
     Both begin with the SHA-256 of the rest.
     """
 
-    source: str
+    function: Any
     _has_turn = False
     _cache_path: str
     _index_name: str
-    _source_stamp: Any
     _version: str
     _dump: Callable[[Any], bytes]
+
+    @property
+    def _source_stamp(self) -> str:
+        """What was compiled, in place of the date of its file: known only once all that it calls is defined."""
+        return self._stamp
+
+    @cached_property
+    def _stamp(self) -> str:
+        digest = sha256()
+        for part in code_of(self.function):
+            digest.update(f"{part}\n".encode())
+        return digest.hexdigest()
 
     def load(self, key: Any) -> Any:
         """What is kept under a key, or None; files that cannot be used are removed."""
@@ -180,7 +212,7 @@ class KeptFile:
         need of this file.
         """
         path = Path(os.path.realpath(self._cache_path))
-        trusted = set(Path(os.path.realpath(self.source)).parents)
+        trusted = set(Path(os.path.realpath(inspect.getfile(self.function.py_func))).parents)
         for place in [path, *(set(path.parents) - trusted)]:
             status = os.stat(place)
             if place == path or not status.st_mode & S_ISVTX:
@@ -238,9 +270,39 @@ class KeptFile:
             raise
 
 
-def vectorized(function: Any, **options: Any) -> Any:
-    """As `compiled`, with products and sums in ANY_ORDER."""
-    return compiled(function, fastmath=set(ANY_ORDER), **options)
+def code_of(function: Any) -> Iterable[str]:
+    """The code of a compiled function and of all that it calls, with their options and the numbers that they read."""
+    seen: dict[int, Any] = {}
+
+    def parts(value: Any) -> Iterator[str]:
+        if id(value) in seen:
+            return
+        seen[id(value)] = value
+        if hasattr(value, "py_func"):
+            yield repr(sorted((name, _words(option)) for name, option in value.targetoptions.items()))
+            yield from parts(value.py_func)
+        elif isinstance(value, FunctionType):
+            yield repr([_words(default) for default in value.__defaults__ or ()])
+            yield from lines(value.__code__, value.__globals__)
+        elif isinstance(value, ModuleType | type):
+            yield f"{value.__name__} {getattr(value, '_fields', '')}"
+        else:
+            yield _words(value)
+
+    def lines(code: CodeType, space: dict[str, Any]) -> Iterator[str]:
+        yield f"{code.co_name} {code.co_code.hex()} {code.co_names} {code.co_varnames} {code.co_argcount}"
+        for constant in code.co_consts:
+            yield from lines(constant, space) if isinstance(constant, CodeType) else (_words(constant),)
+        for name in code.co_names:
+            if name in space:
+                yield from parts(space[name])
+
+    return parts(function)
+
+
+def _words(value: Any) -> str:
+    """A value in words that are the same in every process."""
+    return str(sorted(map(str, value))) if isinstance(value, set | frozenset) else repr(value)
 
 
 def part(function: Any, **options: Any) -> Any:
@@ -258,12 +320,12 @@ def vectorized_part(function: Any) -> Any:
     return part(function, fastmath=set(ANY_ORDER))
 
 
-def in_place(function: Any, **options: Any) -> Any:
-    """As `vectorized`, for what makes no array of its own but reads and fills those of its caller.
+def in_place(function: Any) -> Any:
+    """As `vectorized_part`, for what makes no array of its own but reads and fills those of its caller.
 
     Their references are not counted, which in small functions takes longer than what they compute.
     """
-    return vectorized(function, _nrt=False, **options)
+    return part(function, fastmath=set(ANY_ORDER), _nrt=False)
 
 
 def inner(function: Callable[..., Any], decorator: str) -> str:
@@ -272,3 +334,38 @@ def inner(function: Callable[..., Any], decorator: str) -> str:
     first = next(k for k, line in enumerate(lines) if line.startswith("    def "))
     body = dedent("\n".join(lines[first : len(lines) - 1])).splitlines()
     return "\n".join(f"@{decorator}\n{line}" if line.startswith("def ") else line for line in body)
+
+
+# ------------------------------------------------------------------------------------------------------- Ctrl-C
+
+
+@contextmanager
+def undisturbed() -> Iterator[None]:
+    """A block that Ctrl-C, or another signal that asks the process to end, interrupts only after it completes."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    caught: list[int] = []
+    handlers = {number: handler for number in ENDING if callable(handler := signal.getsignal(number))}
+    for number in handlers:
+        signal.signal(number, lambda number, frame: caught.append(number))
+    try:
+        yield
+    finally:
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
+    for number in caught:
+        handlers[signal.Signals(number)](number, None)
+
+
+@contextmanager
+def children_without_interrupts() -> Iterator[None]:
+    """Processes started in this block never receive Ctrl-C, where the platform permits; this one gets it later."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)

@@ -19,10 +19,11 @@ from nonlinear.dynamics.lanes import Rates
 from nonlinear.ensembles.lanes import Watches, stretched, task_of, watches_of
 from nonlinear.ensembles.results import MemberResults, Wanted
 from nonlinear.integration.crowds import Crowd, RailWork
-from nonlinear.integration.kernels import module_of, source
+from nonlinear.integration.kernels import code_of_text, module_of, source
 from nonlinear.integration.lanes import NOT_FINITE, TOO_SHORT, LaneTask, Watch
 from nonlinear.integration.loops import BESIDE_LINKS, INFINITE, JAMMED, SHORT, WIDTH
 from nonlinear.integration.method import LOOKS, STAGES
+from nonlinear.integration.readiness import readied
 from nonlinear.integration.switches import Switches
 from nonlinear.integration.within import Step
 from nonlinear.system import Numbers
@@ -76,7 +77,8 @@ def integrate(
         raise MissingExtraError("numba", "fast")
     crowd = Crowd(task.lanes) if task.numbers.switching else None
     switches = crowd.switches if crowd else None
-    module = module_of(source(task.lanes, crowd))
+    text = source(task.lanes, crowd)
+    module, code = module_of(text), code_of_text(task.lanes, text, switched=crowd is not None)
     size, count = task.begun.shape
     constants = crowd.constants() if crowd else task.lanes.constants(task.numbers)
     numbers, members = _given(constants, count), np.full(WIDTH, -1)
@@ -111,7 +113,7 @@ def integrate(
     rates = crowd.rates if crowd else task.lanes.rates
     filled = 0
     while filled >= 0:
-        with undisturbed():
+        with readied(code), undisturbed():
             filled = module.run(*arguments)
         kept = filled if filled >= 0 else -1 - filled
         if watches and kept:

@@ -21,7 +21,8 @@ from nonlinear.ensembles.members import members_of
 from nonlinear.ensembles.question import COMPILED
 from nonlinear.ensembles.running import USUAL, ensemble
 from nonlinear.integration import ASKED, Choice, Request, choose, estimate_timescales, validate, validate_numbers
-from nonlinear.integration.costs import WRITTEN, integrator, offers
+from nonlinear.integration.kernels import integrator
+from nonlinear.integration.methods import WRITTEN, offers
 from nonlinear.integration.readiness import Code, kept_in
 from nonlinear.system import state_at_rest, system_of
 

@@ -22,7 +22,7 @@ from nonlinear.ensembles.measures import RequestedMeasures, ending_times
 from nonlinear.ensembles.members import MemberPart, Members
 from nonlinear.ensembles.results import Wanted
 from nonlinear.integration import choose, estimate_timescales
-from nonlinear.integration.costs import PER_PERIOD
+from nonlinear.integration.methods import PER_PERIOD
 from nonlinear.system import System, system_of
 
 VERSION = 1

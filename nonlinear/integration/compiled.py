@@ -2,25 +2,21 @@
 
 Its sums over stages are written out from the data of `method`, where its control of steps stands too, so that it takes
 the steps of SciPy's.  Scenes are passed as arrays: one kernel serves all, and is cached on disk.
-numba's cache depends on the date of this file alone: whoever changes `method` or, in `nonlinear.dynamics`, `compiled`,
-`compiled_structure` and what it compiles, `recursion`, `sincos` or `joint_law` must touch this file as well.
 """
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
+from math import inf
 from typing import Any, cast
 
 import numpy as np
-from scipy.integrate import DOP853
 
 from modal.types import Floats
-from nonlinear.dynamics import undisturbed
 from nonlinear.dynamics.compiled import TURNS, Compiled, rate
-from nonlinear.dynamics.compiling import compiled, in_place
-from nonlinear.integration.costs import integrator
+from nonlinear.dynamics.compiling import compiled, in_place, part
+from nonlinear.integration.floats import FloatDOP853, interpolant
+from nonlinear.integration.kernels import integrator
 from nonlinear.integration.method import (
     EXTRA,
     FIFTH,
@@ -34,10 +30,11 @@ from nonlinear.integration.method import (
     gained,
     weighted,
 )
+from nonlinear.integration.readiness import readied
 from nonlinear.integration.steppers import Derivative, DOP853Stepper
+from nonlinear.integration.steppers import first_step as first_step_of
 
-SMALL_STEP = DOP853.TOO_SMALL_STEP
-COMPILING = "Compiling the integrator, which takes some ten seconds; the result is saved for later runs."
+SMALL_STEP = FloatDOP853.TOO_SMALL_STEP
 NOTHING_DUE = np.empty(0)
 TERMS = len(POWERS) + 3  # of the interpolant
 MOST, NUMBERS = 256, 200_000  # steps in one call of the kernel, and numbers of y that it returns
@@ -72,7 +69,7 @@ def _written(text: str, *names: str) -> list[Any]:
     return [in_place(space[name]) for name in names]
 
 
-_controlled = compiled(controlled)
+_controlled = part(controlled)
 _stage, _errors, _terms, _inside = _written(_texts(), "stage", "errors", "terms", "inside")
 
 
@@ -85,7 +82,7 @@ def _stages(first, last, y, h, K, z, scene, turns):  # type: ignore[no-untyped-d
 
 
 @compiled
-def _stepping(scene, clock, relative, absolute, y, stages, due, rows, ends, states):  # type: ignore[no-untyped-def]
+def steps(scene, clock, relative, absolute, y, stages, due, rows, ends, states):  # type: ignore[no-untyped-def]
     """Up to len(ends) steps to the end of `clock` (time, length to try, longest, end, length of the last step).
 
     `y` and the first of the `stages` are those of the beginning, then of the end.  Fills `rows` at the times `due`, and
@@ -95,11 +92,11 @@ def _stepping(scene, clock, relative, absolute, y, stages, due, rows, ends, stat
     time, tried, longest, end, _ = clock
     z, work, terms = np.empty_like(y), np.empty_like(y), np.empty((TERMS, y.size))
     turns = np.empty((TURNS, len(scene[0])))
-    steps = filled = calls = 0
-    while steps < len(ends) and time < end and (filled < len(due) or not len(due)):
+    passed = filled = calls = 0
+    while passed < len(ends) and time < end and (filled < len(due) or not len(due)):
         least, refused, accepted = 10 * abs(np.nextafter(time, end) - time), False, False
         length = min(max(tried, least), longest)
-        for i in range(y.size if steps else 0):
+        for i in range(y.size if passed else 0):
             stages[0, i] = stages[STAGES, i]
         while length >= least:
             until = min(time + length, end)
@@ -125,80 +122,75 @@ def _stepping(scene, clock, relative, absolute, y, stages, due, rows, ends, stat
                     _inside((due[filled] - time) / length, y, terms, rows, filled)
                 filled += 1
         for i in range(y.size):
-            y[i] = states[steps, i] = z[i]
-        ends[steps] = until
+            y[i] = states[passed, i] = z[i]
+        ends[passed] = until
         clock[0], clock[1], clock[4] = until, tried, length
-        time, steps = until, steps + 1
-    return steps, filled, calls
+        time, passed = until, passed + 1
+    return passed, filled, calls
 
 
-@compiled
-def _steps(scene, clock, relative, absolute, y, stages, due, rows, ends, states):  # type: ignore[no-untyped-def]
-    """`_stepping` of pendula on a support or a cart."""
-    return _stepping(scene, clock, relative, absolute, y, stages, due, rows, ends, states)
+class CompiledDOP853:
+    """The method in compiled steps, for the `scene` of compiled equations, with SciPy's names."""
 
+    def __init__(
+        self,
+        scene: tuple[Any, ...],
+        derivative: Derivative,
+        t: float,
+        y: Floats,
+        t_bound: float,
+        *,
+        rtol: float,
+        atol: Floats,
+        first_step: float | None = None,
+        max_step: float = inf,
+    ) -> None:
+        self.scene, self.derivative, self.n, self.nfev, self.status = scene, derivative, len(y), 0, "running"
+        self.t, self.y, self.t_bound, self.max_step, self.rtol = t, y, t_bound, max_step, rtol
+        self.t_old, self.y_old, self.length, self.f = t, y, 0.0, self.fun(t, y)
+        self.h_abs = first_step or first_step_of(y, self.f, atol + rtol * np.abs(y), min(max_step, t_bound - t))
+        self.absolute, self.stages = np.array(np.broadcast_to(atol, y.shape)), np.empty((STAGES + EXTRA + 1, self.n))
 
-@compiled
-def _steps_on_carriers(scene, clock, relative, absolute, y, stages, due, rows, ends, states):  # type: ignore[no-untyped-def]
-    """The same of pendula on a structure, kept by itself."""
-    return _stepping(scene, clock, relative, absolute, y, stages, due, rows, ends, states)
-
-
-def loaded(*, structured: bool = False) -> bool:
-    """Whether the kernel, that of structures if asked, is ready in this process."""
-    return bool(getattr(_steps_on_carriers if structured else _steps, "signatures", ()))
-
-
-@contextmanager
-def announced(*, structured: bool = False) -> Iterator[None]:
-    """A block that may load or compile the kernel, uninterrupted; a terminal is told what takes long."""
-    if loaded(structured=structured):
-        yield
-        return
-    if not integrator(structured=structured).kept and sys.stderr.isatty():
-        print(COMPILING, file=sys.stderr)
-    with undisturbed():
-        yield
-
-
-class CompiledDOP853(DOP853):  # type: ignore[misc]
-    """SciPy's method in compiled steps, for the `scene` of compiled equations."""
-
-    t: float
-    t_old: float
-    y: Floats
-    y_old: Floats
-    f: Floats
-    h_abs: float
-
-    def __init__(self, scene: tuple[Any, ...], *arguments: Any, **options: Any) -> None:
-        super().__init__(*arguments, **options)
-        self.scene, self.absolute = scene, np.array(np.broadcast_to(self.atol, self.y.shape))
+    def fun(self, time: float, y: Floats) -> Floats:
+        """The derivative, counted."""
+        self.nfev += 1
+        return self.derivative(time, y)
 
     def advance(self, due: Floats, most: int) -> tuple[Floats, Floats, Floats]:
         """Up to this many steps, none if the first fails: y at the times `due`, the ends of steps, y there."""
         clock = np.array([self.t, self.h_abs, self.max_step, self.t_bound, 0.0])
         rows, ends, states = np.empty((len(due), self.n)), np.empty(most), np.empty((most, self.n))
-        y, self.K_extended[0] = self.y.copy(), self.f
-        arguments = (self.rtol, self.absolute, y, self.K_extended, due, rows, ends, states)
-        structured = self.scene[-1] is not None
-        run = _steps_on_carriers if structured else _steps
-        with announced(structured=structured):
-            steps, filled, calls = run(self.scene, clock, *arguments)
+        y, self.stages[0] = self.y.copy(), self.f
+        arguments = (self.rtol, self.absolute, y, self.stages, due, rows, ends, states)
+        passed, filled, calls = steps(self.scene, clock, *arguments)
         self.nfev += calls
-        if steps:
-            self.t_old, self.y_old = (self.t, self.y) if steps == 1 else (float(ends[steps - 2]), states[steps - 2])
-            self.t, self.h_abs, *_, self.h_previous = clock.tolist()
-            self.y, self.f = y, self.K[STAGES].copy()
-        return rows[:filled], ends[:steps], states[:steps]
+        if passed:
+            self.t_old, self.y_old = (self.t, self.y) if passed == 1 else (float(ends[passed - 2]), states[passed - 2])
+            self.t, self.h_abs, *_, self.length = clock.tolist()
+            self.y, self.f = y, self.stages[STAGES].copy()
+        return rows[:filled], ends[:passed], states[:passed]
 
-    def _step_impl(self) -> tuple[bool, str | None]:
+    def step(self) -> str | None:
+        """Take one step; the message where that fails."""
         _, ends, _ = self.advance(NOTHING_DUE, 1)
-        return (True, None) if len(ends) else (False, SMALL_STEP)
+        self.status = "failed" if not len(ends) else "finished" if self.t >= self.t_bound else "running"
+        return None if len(ends) else SMALL_STEP
+
+    def dense_output(self) -> Callable[[Floats], Floats]:
+        """The y (size, T) at times within the last step."""
+        start, y, length = self.t_old, self.y_old[:, None], self.t - self.t_old
+        stages = [*self.stages[: STAGES + 1]]
+        terms = interpolant(start, self.length, self.y_old, self.y, stages, self.fun)
+        return lambda times: y + gained((times - start) / length, [term[:, None] for term in terms])
 
 
 class CompiledStepper(DOP853Stepper[Compiled]):
-    """DOP853 compiled, for compiled equations, with the arguments of `DOP853Stepper`."""
+    """DOP853 compiled, for compiled equations, with the arguments of `DOP853Stepper`; ready once it is made."""
+
+    def __init__(self, equations: Compiled, *arguments: Any, **options: Any) -> None:
+        with readied(integrator(structured=equations.system.structure is not None)):
+            super().__init__(equations, *arguments, **options)
+            cast("CompiledDOP853", self._solver).advance(NOTHING_DUE, 0)
 
     def _solver_of(self, f: Derivative, time: float, y: Floats, end: float, **options: Any) -> CompiledDOP853:
         return CompiledDOP853(self.equations.scene, self.f, time, y, end, **options)

@@ -26,10 +26,11 @@ from nonlinear.integration import loops, meeting
 from nonlinear.integration.crowds import Crowd
 from nonlinear.integration.loops import CLOCK, SIZES, TABLES, looping
 from nonlinear.integration.method import FIFTH, NODES, ROWS, SEEN, STAGES, THIRD, weighted
-from nonlinear.integration.readiness import Code, cached, folder, made_private, temporary
+from nonlinear.integration.readiness import Code, folder, look_up, made_private, temporary
 
-COMPILING = "Compiling the equations of this form, which takes some ten seconds; the result is saved for later runs."
-COMPILING_ANY, COMPILING_LINK, COMPILING_SWITCHES = 5.5, 0.55, 11.0  # s to compile any module, each link, switches
+COMPILING = 6.0
+"""Seconds to compile the integrator of single motions, as expected at first."""
+COMPILING_ANY, COMPILING_LINK, COMPILING_SWITCHES = 5.5, 0.55, 11.0  # and any module of lanes, each link, switches
 MAKING = Lock()
 HEAD = '"""Written by multipendula, which runs what it has written and no other file of this name."""'
 IMPORTED = """from math import floor, inf, log, sqrt
@@ -124,13 +125,23 @@ def path_of(text: str) -> Path:
 
 def code_of(lanes: Lanes, crowd: Crowd | None = None) -> Code:
     """The module for this form of scene and its switches, and how far it is."""
-    path = path_of(source(lanes, crowd))
-    compiling = COMPILING_ANY + COMPILING_LINK * lanes.system.n_links + COMPILING_SWITCHES * (crowd is not None)
+    return code_of_text(lanes, source(lanes, crowd), switched=crowd is not None)
 
-    def run() -> Any:
-        return getattr(sys.modules.get(path.stem), "run", None)
 
-    return Code("numba", path.stem, compiling, bool(getattr(run(), "signatures", ())), cached(path, "run"), run)
+def code_of_text(lanes: Lanes, text: str, *, switched: bool) -> Code:
+    """The same where its text is known."""
+    name = path_of(text).stem
+    expected = COMPILING_ANY + COMPILING_LINK * lanes.system.n_links + COMPILING_SWITCHES * switched
+    return look_up("numba", name, expected, "many motions", lambda: getattr(sys.modules.get(name), "run", None))
+
+
+def integrator(*, structured: bool = False) -> Code:
+    """The compiled integrator, or that of structures, and how far it is."""
+
+    def steps() -> Any:
+        return getattr(sys.modules.get("nonlinear.integration.compiled"), "steps", None)
+
+    return look_up("numba", "DOP853 on structures" if structured else "DOP853", COMPILING, "one motion", steps)
 
 
 def module_of(text: str) -> ModuleType:
@@ -142,8 +153,6 @@ def module_of(text: str) -> ModuleType:
 @lru_cache(maxsize=32)
 def _module_of(text: str) -> ModuleType:
     path = path_of(text)
-    if not cached(path, "run") and sys.stderr.isatty():
-        print(COMPILING, file=sys.stderr)
     module = sys.modules[path.stem] = ModuleType(path.stem)
     module.__file__ = _written(path.name, text)
     code = compile(text, module.__file__, "exec")  # here, so that no bytecode is run that lies beside the file

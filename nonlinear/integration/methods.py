@@ -1,9 +1,13 @@
-"""The choice of equations, body and integrator for a run, with its reason."""
+"""The choice of equations, body and integrator for a run, with its reason: roughly what each takes.
+
+Times (s) are those of benchmarks/simulation.py.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from math import pi
 
 import numpy as np
 
@@ -24,12 +28,13 @@ from nonlinear.dynamics import (
     SpatialHamiltonian,
     SpatialRecursion,
     Symmetry,
+    form_of,
     loses_digits,
     undisturbed,
 )
 from nonlinear.dynamics.inputs import Inputs
 from nonlinear.integration import taylor
-from nonlinear.integration.costs import FLOATS, WRITTEN, offers
+from nonlinear.integration.kernels import integrator
 from nonlinear.integration.readiness import Forgone, Offer, best_of, forgone_by
 from nonlinear.integration.steppers import EXPLICIT, SCIPY, SMALLEST
 from nonlinear.integration.switched import Switched
@@ -46,6 +51,15 @@ SHORT, FEW = 4, 75  # links of a chain from which, pendula of a group up to whic
 """By whole runs of 200 samples (benchmarks/forms.py): 100 pairs on a cart take 1.4 s by the recursion and 2.6 s by a
 band, twenty chains of twenty 4.9 s and 1.6 s."""
 ABREAST, LARGEST = 16, 128  # pendula side by side in space, and links there, up to which equations are written out
+WRITTEN = 32  # links of a scene up to which compiled code of its own text pays
+FLOATS = 100
+"""Links of a scene up to which its equations are written out in floats: a run with a chain of 50 takes 0.5 s so and
+0.84 s by a band, of 100 1.25 s and 1.32 s, of 200 2.3 s and 1.36 s; with 50 pairs on a cart 0.9 s and, by the
+recursion, 1.3 s, with 100 2.1 s and 1.4 s."""
+LONGEST = 32  # links of a chain from which those of a text take no more time each
+PER_PERIOD = 14.0  # steps of DOP853 per period at tolerance 1e-6 and large angles
+SERIES_PER_PERIOD = 40.0  # steps of Taylor series per period, at any tolerance
+PER_KICK = 2.0  # steps: one cut short, one that lands on the kick
 FINEST = 1e-13  # tolerance below which only Taylor series gain accuracy
 
 
@@ -175,6 +189,31 @@ def _why_series(way: Offer) -> str:
         return "its series are compiled already, and faster"
     paid = way.code and way.code.saved > 0.0
     return f"a run long enough{', after others,' if paid else ''} to pay for compiling its series"
+
+
+def offers(scene: Scene, system: System, duration: float, tolerance: float, size: float = 1.0) -> dict[str, Offer]:
+    """Plain DOP853 and, where nothing switches, compiled DOP853 and heyoka's series if they take the `system`."""
+    links, longest = system.n_links, max(group.n for group in system.groups)
+    periods = duration * estimate_timescales(scene).swing / (2 * pi)
+    kicks = periods * PER_KICK * system.kicks_a_period
+    steps = periods * PER_PERIOD * (1e-6 / tolerance) ** (1 / 8) + kicks
+    written = links <= FLOATS or system.rubs or system.kicked
+    each = 1.5e-5 + links * (1e-5 + 6e-7 * min(longest, LONGEST)) if written else 2e-3 + 6e-6 * links
+    if system.rubs or system.kicked:
+        return {"DOP853": Offer(steps * each)}
+    compiled = integrator(structured=system.structure is not None)
+    ways = {"DOP853": Offer(steps * each), "compiled": Offer(steps * (5e-6 + 8e-7 * links), compiled)}
+    if taylor.takes(system):
+        each = 3e-6 + links * (1e-6 if links <= taylor.UNROLLED else 1.5e-6 + 2e-7 * longest)
+        code = taylor.code_of(form_of(system), Inputs(system).pieces or (), taylor.uneven(tolerance * size))
+        ways["taylor"] = Offer(periods * SERIES_PER_PERIOD * each, code)
+    return ways
+
+
+def least_seconds(scene: Scene, duration: float, tolerance: float, members: int = 1) -> float:
+    """Roughly what so many motions of a scene take by the fastest way once it is ready, on one core (s)."""
+    ways = offers(scene, system_of(scene), duration, tolerance)
+    return float(members * min(way.running for way in ways.values()))
 
 
 def body_of(group: Group, system: System) -> GroupBody:

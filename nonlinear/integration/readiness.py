@@ -9,15 +9,16 @@ Manasse, Rudolph and Sleator, Algorithmica 3, 1988).  What is there already is s
 from __future__ import annotations
 
 import atexit
+import json
 import os
 import sys
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from contextvars import ContextVar
-from dataclasses import dataclass, field, replace
+from dataclasses import astuple, dataclass, field
 from errno import EPERM
-from functools import cache
+from functools import cache, partial
 from hashlib import sha256
 from importlib import metadata
 from importlib.util import find_spec
@@ -25,8 +26,14 @@ from math import inf, isfinite
 from pathlib import Path
 from shutil import rmtree
 from tempfile import mkdtemp
-from time import thread_time
+from threading import Event, Thread
+from time import perf_counter, thread_time
 from typing import Any
+
+from modal.scene import whole_file
+from modal.scene.contents import private
+from nonlinear.dynamics import undisturbed
+from nonlinear.dynamics.compiling import watching
 
 LOADING = {"numba": 0.15, "heyoka": 0.4}
 """Seconds to load a package."""
@@ -34,10 +41,13 @@ LINKING = {"numba": 0.2, "heyoka": 0.1}
 """And code that is kept on disk."""
 OWN, OTHERS = 0o700, 0o077
 """Permissions of a folder for its owner alone, and all those of others."""
+LATE = 0.5
+"""Seconds until progress is shown, and between two looks at it."""
 Forgone = tuple[tuple[str, float], ...]
 """Names of codes, and the share of a run's time that each would have saved."""
 _same = ContextVar("_same", default=False)
-_made: set[str] = set()
+_ready: set[str] = set()
+_spent: defaultdict[str, float] = defaultdict(float)
 _saved: defaultdict[str, float] = defaultdict(float)
 
 
@@ -61,7 +71,8 @@ def installed(package: str) -> bool:
 class Code:
     """What a package compiles, under a name of its own; the seconds that this takes, and how far it is.
 
-    `function` gives numba's, once its module is imported.
+    `function` gives numba's, once its module is imported; `expected` are the seconds before anything was measured,
+    `words` what it is called.
     """
 
     package: str
@@ -70,6 +81,8 @@ class Code:
     loaded: bool = False
     kept: bool = False
     function: Callable[[], Any] = field(default=lambda: None, compare=False, repr=False)
+    expected: float = 0.0
+    words: str = "code"
 
     @property
     def owed(self) -> float:
@@ -82,8 +95,8 @@ class Code:
 
     @property
     def anew(self) -> float:
-        """The same in a process that has loaded nothing, on a machine that keeps nothing."""
-        return LOADING[self.package] + self.compiling if installed(self.package) else inf
+        """The same in a process that has loaded nothing, on a machine that keeps nothing and has measured nothing."""
+        return LOADING[self.package] + self.expected if installed(self.package) else inf
 
     @property
     def _made(self) -> float:
@@ -181,64 +194,137 @@ def temporary() -> Path:
     return path
 
 
-def cached(module: Path, function: str) -> bool:
-    """Whether the present version of a compiled function of a module is in numba's cache on disk."""
-    home = os.environ.get("NUMBA_CACHE_DIR")
-    folder, name = f"{module.parent.name}_*", f"{module.stem}.{function}-*.nbi"
-    users = os.path.join(os.path.expanduser("~"), ".cache", "numba")
-    places: list[tuple[str | Path, str]] = (
-        [(home, folder)] if home else [(module.parent, "__pycache__"), (users, folder)]
-    )
-    try:
-        written = module.stat().st_mtime
-        return any(file.stat().st_mtime >= written for at, below in places for file in Path(at).glob(f"{below}/{name}"))
-    except OSError:
-        return False
+@dataclass(frozen=True)
+class Note:
+    """What is noted of code once it has run: the seconds that it took to compile, over those expected at first.
 
+    `kept` is the file or the folder in which its package keeps it, "" where it does not.
+    """
 
-def series(name: str, compiling: float) -> Code:
-    """Heyoka's code of this name, which heyoka itself keeps on disk; that it does is noted beside the kernels."""
-    try:
-        kept = _note(name).exists()
-    except OSError:
-        kept = False
-    return Code("heyoka", name, compiling, name in _made, kept)
+    seconds: float = 0.0
+    share: float = 1.0
+    kept: str = ""
 
-
-def made(code: Code) -> Code:
-    """The same code, which has just been loaded; it is noted that heyoka keeps it."""
-    _made.add(code.name)
-    if not code.kept and _keeps():
+    @classmethod
+    def of(cls, name: str) -> Note | None:
+        """What is noted under a name, if that can be read."""
         try:
+            seconds, share, kept = json.loads(_path_of(name).read_bytes())
+            return cls(float(seconds), float(share), str(kept))
+        except (OSError, ValueError, TypeError):
+            return None
+
+    def write(self, name: str) -> None:
+        """Note it where that is possible."""
+        with suppress(OSError):
             made_private(folder())
-            _note(code.name).touch()
-        except OSError:
-            pass
-    return replace(code, loaded=True)
+            with whole_file(_path_of(name), opener=private) as stream:
+                stream.write(json.dumps(astuple(self)).encode())
+
+
+def _path_of(name: str) -> Path:
+    return folder() / f"note_{sha256(name.encode()).hexdigest()[:20]}.json"
+
+
+def _named(package: str, name: str) -> str:
+    """The name of a note on what this version of a package compiles."""
+    return f"{package} {_version(package)} {name}"
+
+
+@cache
+def _version(package: str) -> str:
+    try:
+        return metadata.version(package)
+    except metadata.PackageNotFoundError:
+        return ""
+
+
+def look_up(package: str, name: str, expected: float, words: str, function: Callable[[], Any] = lambda: None) -> Code:
+    """Code of this name, as far as this process knows it, or the notes beside the kernels.
+
+    Compiling takes as long as it took here last; where it never did, as much longer than `expected` (s) as what the
+    package compiled last.
+    """
+    if name in _ready:
+        return Code(package, name, expected, True, False, function, expected, words)
+    note, last = Note.of(_named(package, name)), Note.of(package)
+    seconds = note.seconds if note and note.seconds else expected * (last.share if last else 1.0)
+    kept = bool(note and note.kept and os.path.exists(note.kept))
+    return Code(package, name, seconds, False, kept, function, expected, words)
+
+
+@contextmanager
+def readied(code: Code) -> Iterator[Callable[[], AbstractContextManager[object]]]:
+    """A block in which code is loaded or compiled, which Ctrl-C ends only afterwards, and what is noted of it.
+
+    It gets a block to compile in, which a terminal sees; numba takes that itself.
+    """
+    if code.name in _ready:
+        yield nullcontext
+        return
+    compiles = partial(_compiles, code)
+    token = watching.set(compiles)
+    try:
+        with undisturbed():
+            yield compiles
+    finally:
+        watching.reset(token)
+    if code.name in _ready:
+        return
+    _ready.add(code.name)
+    took, kept = _spent.pop(code.name, 0.0), _kept_at(code)
+    if took or (kept and not code.kept):
+        Note(took, took / code.expected if took else 1.0, kept).write(_named(code.package, code.name))
+    if took:
+        Note(took, took / code.expected).write(code.package)
+
+
+@contextmanager
+def _compiles(code: Code) -> Iterator[None]:
+    """A block that compiles a part of it."""
+    begun = perf_counter()
+    with progress(f"compiling {code.words}", code.compiling, _spent[code.name]):
+        yield
+    _spent[code.name] += perf_counter() - begun
+
+
+@contextmanager
+def progress(title: str, expected: float, passed: float = 0.0) -> Iterator[None]:
+    """A block that takes about so many seconds, as a terminal sees."""
+    if not sys.stderr.isatty():
+        yield
+        return
+    from tqdm import tqdm
+
+    begun, ended = perf_counter() - passed, Event()
+    form = f"{title}, about {expected:.0f} s |{{bar:24}}| {{elapsed}} passed"
+    with tqdm(total=expected, delay=LATE, leave=False, bar_format=form) as shown:
+        shown.start_t -= passed
+
+        def tick() -> None:
+            while not ended.wait(LATE):
+                shown.n = min(perf_counter() - begun, expected)
+                shown.refresh()
+
+        clock = Thread(target=tick, daemon=True)
+        clock.start()
+        try:
+            yield
+        finally:
+            ended.set()
+            clock.join()
 
 
 def kept_in(code: Code) -> str:
     """The folder where a code that has run is kept, "" where there is none."""
     if code.package == "heyoka":
-        return str(_states().get_diskcache_path()) if _keeps() else ""
+        state: Any = getattr(sys.modules.get("heyoka"), "llvm_state", None)
+        return str(state.get_diskcache_path()) if getattr(state, "get_diskcache_enabled", bool)() else ""
     return str(getattr(code.function(), "stats", [""])[0] or "")
 
 
-def _keeps() -> bool:
-    return bool(getattr(_states(), "get_diskcache_enabled", bool)())
-
-
-def _states() -> Any:
-    return getattr(sys.modules.get("heyoka"), "llvm_state", None)
-
-
-def _note(name: str) -> Path:
-    return folder() / f"series_{sha256(f'{_version()} {name}'.encode()).hexdigest()[:20]}.txt"
-
-
-@cache
-def _version() -> str:
-    try:
-        return metadata.version("heyoka")
-    except metadata.PackageNotFoundError:
-        return ""
+def _kept_at(code: Code) -> str:
+    """The file in that folder, where its package has one for each code."""
+    file = getattr(getattr(code.function(), "_cache", None), "_cache_file", None)
+    folder = kept_in(code)
+    return os.path.join(folder, file._index_name) if folder and file else folder

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, cast
@@ -25,8 +26,9 @@ from nonlinear.dynamics.inputs import Inputs
 from nonlinear.integration.arguments import extent, shaken
 from nonlinear.integration.driver import Drive, RunRecord
 from nonlinear.integration.floats import FloatStepper
+from nonlinear.integration.kernels import integrator
 from nonlinear.integration.methods import Choice, choose, equations_of, validate_room
-from nonlinear.integration.readiness import rented
+from nonlinear.integration.readiness import readied, rented
 from nonlinear.integration.steppers import AT_EASE, Pace, SciPyStepper, Stepper, first_step, sharpened
 from nonlinear.integration.switched import Switched
 from nonlinear.integration.timescales import estimate_timescales
@@ -198,14 +200,16 @@ class Request:
     def prepared(self, choice: Choice) -> Prepared:
         """The run prepared with this choice."""
         validate_room(self.scene, self.integrated)
-        equations, pace = equations_of(self.system, choice, self.load, self.smaller), self.pace
-        inputs = Inputs(self.system)
+        inputs, pace = Inputs(self.system), self.pace
         accuracy = 0.0 if choice.method == "taylor" else choice.tolerance
         breaks = tuple(sorted({*pace.breaks, *inputs.breaks(accuracy)}))
         pace = replace(pace, longest=min(pace.longest, inputs.longest_step(accuracy)), breaks=breaks)
         if (self.load or self.system.prescribed) and self.system.rubs:
             pace = replace(pace, longest=min(pace.longest, LOOKED / estimate_timescales(self.scene).swing))
-        return prepare(self.scene, equations, choice, self.start, self.times, self.size, self.before, pace)
+        structured = self.integrated.structure is not None
+        with readied(integrator(structured=structured)) if choice.compiled else nullcontext():
+            equations = equations_of(self.system, choice, self.load, self.smaller)
+            return prepare(self.scene, equations, choice, self.start, self.times, self.size, self.before, pace)
 
     def run(self, choice: Choice) -> Trajectory:
         """The motion computed with this choice; SimulationError where the integrator fails."""

@@ -11,6 +11,7 @@ preserved every digit in all starts tried.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import nullcontext
 from copy import deepcopy
 from importlib import import_module
 from math import ceil, exp, inf, log, pi
@@ -26,7 +27,7 @@ from modal.vibration.courses import Polynomials
 from nonlinear.dynamics import Arranged, Generated, Module, module_of, undisturbed
 from nonlinear.dynamics.forms import Form
 from nonlinear.dynamics.inputs import at_time
-from nonlinear.integration.readiness import Code, installed, made, series
+from nonlinear.integration.readiness import Code, installed, look_up, readied
 from nonlinear.integration.steppers import Pace
 from nonlinear.system import System
 
@@ -211,7 +212,7 @@ def code_of(form: Form, pieces: Sequence[Polynomials], tolerance: float) -> Code
     links, longest = form.system.n_links, max(group.n for group in form.system.groups)
     compiling = 0.05 * longest**2 if links <= UNROLLED else 0.2 * longest + 0.025 * links
     degrees = [piece.coefficients.shape[1] for piece in pieces]
-    return series(f"{form} {degrees} {tolerance}", compiling)
+    return look_up("heyoka", f"{form} {degrees} {tolerance}", compiling, "Taylor series")
 
 
 def pieces_of(equations: Arranged) -> Sequence[Polynomials]:
@@ -232,14 +233,18 @@ def integrator_of(equations: Generated, tolerance: float, user: object = None) -
     Once its `user` is gone others get it.
     """
     module, size, pieces = module_of(equations.form), equations.layout.size, pieces_of(equations)
+    code = code_of(equations.form, pieces, tolerance)
     pars = [*equations.constants, *at_time(pieces, 0.0)]
 
-    def compiled() -> Any:
-        options = {"tol": tolerance, "compact_mode": equations.system.n_links > UNROLLED}
-        return _heyoka().taylor_adaptive(expressions(module, size, pieces), np.zeros(size), pars=pars, **options)
+    options = {"tol": tolerance, "compact_mode": equations.system.n_links > UNROLLED}
+    with readied(code) as compiles:
 
-    integrator = _COMPILED.copy_of((_text(module, pieces), tolerance), compiled, user)
-    made(code_of(equations.form, pieces, tolerance))
+        def compiled() -> Any:
+            heyoka = _heyoka()
+            with nullcontext() if code.kept else compiles():
+                return heyoka.taylor_adaptive(expressions(module, size, pieces), np.zeros(size), pars=pars, **options)
+
+        integrator = _COMPILED.copy_of((_text(module, pieces), tolerance), compiled, user)
     integrator.pars[:] = pars
     return integrator
 

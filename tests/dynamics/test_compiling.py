@@ -11,6 +11,7 @@ from hashlib import sha256
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from threading import Thread
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -94,6 +95,29 @@ def test_parts_of_a_compiled_function_are_in_its_files_alone(tmp_path: Path, mon
     assert sum(again.stats.cache_hits.values()) == 1
     kept = [*(tmp_path / "__pycache__").iterdir()]
     assert {path.name.split("-")[0] for path in kept if path.suffix in {".nbi", ".nbc"}} == {"own.run"}
+
+
+def test_what_is_kept_is_dropped_where_what_it_calls_is_another(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Dates and comments are nothing; a number that it reads, code that it calls, and how that is compiled are."""
+    text = TEXT.replace("compiled\n", "compiled, part, vectorized_part\n", 1).replace("2.0 * x", "twice(x)")
+    text = text.replace("\n@compiled", "TWO = 2.0\n\n\n@part\ndef twice(x):\n    return TWO * x\n\n\n@compiled")
+
+    def hits(text: str, value: float) -> int:
+        monkeypatch.setitem(globals(), "TEXT", text)
+        run = loaded(tmp_path)
+        assert run(3.0) == value
+        return int(sum(run.stats.cache_hits.values()))
+
+    assert [hits(each, 7.0) for each in (text, text, text.replace("TWO * x", "TWO * x  # so"))] == [0, 1, 1]
+    for before, after, value in (
+        ("= 2.0", "= 4.00", 13.0),
+        ("TWO * x", "TWO * (x + 1.0)", 9.0),
+        ("+ 1.0", "+ 3.000", 9.0),
+        ("@part", "@vectorized_part", 7.0),
+    ):
+        assert hits(text.replace(before, after), value) == 0
 
 
 @posix
@@ -270,7 +294,11 @@ def test_what_one_process_compiles_others_wait_for(tmp_path: Path, monkeypatch: 
     """Locks of two open files exclude each other as those of two processes do; nobody waits for ever."""
     first, second = KeptFile(), KeptFile()
     for file in (first, second):
-        file._cache_path, file._index_name, file.source = str(tmp_path), "module.run.nbi", str(tmp_path / "module.py")
+        file._cache_path, file._index_name, file.function = (
+            str(tmp_path),
+            "module.run.nbi",
+            SimpleNamespace(py_func=files),
+        )
     ended: list[str] = []
 
     def waiting() -> None:

@@ -7,7 +7,6 @@ import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -29,7 +28,6 @@ from nonlinear.ensembles import (
 from nonlinear.ensembles.costs import ENGINES, choose_engine, code_of, first_numbers
 from nonlinear.ensembles.parts import HEADER, Parts, engine_of_folder
 from nonlinear.integration import taylor
-from nonlinear.integration.kernels import path_of, source
 from nonlinear.integration.readiness import Code, lose
 
 pytestmark = pytest.mark.usefixtures("any_engine")
@@ -75,22 +73,14 @@ def test_the_engine_that_is_ready_runs(process: Process) -> None:
     process.install("numba")
     assert chosen(4000) == "numpy"
     kernel = code("numba")
-    process.home.joinpath("multipendula").mkdir()
-    path_of(source_of()).write_text("")
-    process.keep(f"multipendula.{kernel.name}", "run")
+    process.keep(kernel.name)
     assert code("numba") == replace(kernel, kept=True)
     assert chosen(4000) == "numba"
     assert chosen(4000, "lyapunov") == "numpy"
     process.load("numba")
-    process.load(kernel.name, run=SimpleNamespace(signatures=["one"]))
+    process.ready(kernel.name)
     assert code("numba").loaded
     assert chosen(1) == "numba"
-
-
-def source_of() -> str:
-    from nonlinear.dynamics import Lanes
-
-    return source(Lanes(first_numbers(members(1))))
 
 
 def test_ensembles_in_a_loop_come_to_be_compiled(process: Process) -> None:
@@ -165,7 +155,7 @@ def test_a_folder_of_the_engine_that_is_gone_is_read_and_not_continued(tmp_path:
 
 def test_shares_do_not_depend_on_what_is_ready(process: Process) -> None:
     process.load("numba")
-    process.load(code("numba").name, run=SimpleNamespace(signatures=["one"]))
+    process.ready(code("numba").name)
     options = {"starts": np.ones((6, 2)), "chunk": 2, "workers": 1, "check": 0}
     assert chosen(6) == "numba"
     assert ensemble(CHAIN, 0.2, share=(0, 2), **options).engine == "numpy"

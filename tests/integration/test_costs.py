@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import os
 import sys
+from contextlib import nullcontext
 from dataclasses import replace
 from math import inf
 from pathlib import Path
@@ -14,21 +14,21 @@ from support.fresh import Process
 
 from modal import Bob, Pendulum, Scene, load
 from nonlinear.dynamics import compiled as kernels
-from nonlinear.integration import choose, costs, readiness, taylor
-from nonlinear.integration.costs import COMPILING
+from nonlinear.integration import choose, readiness, taylor
+from nonlinear.integration.kernels import COMPILING, integrator
+from nonlinear.integration.methods import offers
 from nonlinear.integration.readiness import (
     LINKING,
     LOADING,
     Code,
     Offer,
     best_of,
-    cached,
     forgone_by,
+    look_up,
     lose,
-    made,
+    readied,
     rented,
     reproducible,
-    series,
 )
 from nonlinear.simulation import simulate
 from nonlinear.system import state_at_rest, system_of
@@ -38,7 +38,7 @@ pytestmark = pytest.mark.usefixtures("any_engine")
 fast = pytest.mark.skipif(not kernels.available(), reason="numba is not installed")
 heyoka = pytest.mark.skipif(not taylor.available(), reason="heyoka is not installed")
 CART = load("paper-cart-2")
-INTEGRATOR = "nonlinear.integration.compiled", "_steps"
+INTEGRATOR = integrator().name
 CHAIN = Scene(gravity=9.81, pendulum=[Pendulum(links=[Bob(mass=1.0, length=1.0, count=100)])])
 
 
@@ -60,7 +60,7 @@ def test_what_is_owed_depends_on_what_is_loaded_and_kept(process: Process) -> No
     process.load("numba")
     assert code.owed == linking + 7.0
     assert replace(code, loaded=True).owed == 0.0
-    assert replace(code, loaded=True, kept=True).anew == loading + 7.0
+    assert replace(code, loaded=True, kept=True, expected=6.0).anew == loading + 6.0
     with reproducible():
         assert replace(code, loaded=True).owed == inf
     process.install()
@@ -70,7 +70,8 @@ def test_what_is_owed_depends_on_what_is_loaded_and_kept(process: Process) -> No
 def test_who_rents_buys_once_the_rent_has_paid_the_price(process: Process) -> None:
     """Runs of one second that would take a tenth: compiling for nine seconds pays after nine of them."""
     process.load("numba")
-    code = Code("numba", "kernel", 9.0 - LINKING["numba"] - 0.05)
+    price = 9.0 - LINKING["numba"] - 0.05
+    code = Code("numba", "kernel", price, expected=price)
     ways = {"plain": Offer(1.0), "fast": Offer(0.1, code), "slow": Offer(2.0, Code("numba", "other", 0.0, loaded=True))}
     taken = [best_of(ways)]
     while taken[-1] == "plain" and len(taken) < 20:
@@ -97,9 +98,9 @@ def test_a_run_takes_what_is_ready_and_compiles_what_pays(process: Process) -> N
     assert chosen(CART, 0.1) == ("DOP853", False)
     assert chosen(CART, 1000.0) != ("DOP853", False)
     assert chosen(CHAIN, 5.0) == ("DOP853", False)
-    process.keep(*INTEGRATOR)
+    process.keep(INTEGRATOR)
     assert chosen(CHAIN, 5.0) == ("DOP853", True)
-    process.load("nonlinear.integration.compiled", loaded=lambda *, structured: not structured)
+    process.ready(INTEGRATOR)
     assert chosen(CART, 0.1) == ("DOP853", True)
     assert choose(CART, 10.0, 1e-9, "RK45").compiled is False
     with reproducible():
@@ -110,7 +111,7 @@ def test_a_kept_kernel_serves_a_double_pendulum(process: Process) -> None:
     process.install("numba")
     scene = load("chain-2")
     assert chosen(scene, 1000.0) == ("DOP853", False)
-    process.keep(*INTEGRATOR)
+    process.keep(INTEGRATOR)
     assert chosen(scene, 1000.0) == ("DOP853", True)
     assert chosen(scene, 10.0) == ("DOP853", False)
 
@@ -120,11 +121,11 @@ def test_runs_in_a_loop_come_to_take_the_kernel(process: Process, kept: bool) ->
     """Each is too short for it; what they forgo together is not."""
     process.install("numba")
     if kept:
-        process.keep(*INTEGRATOR)
+        process.keep(INTEGRATOR)
     choice = choose(CART, 10.0, 1e-9)
     assert not choice.compiled
     ((name, share),) = choice.forgone
-    assert name == costs.integrator().name
+    assert name == integrator().name
     assert 0.5 < share < 1
     price = LOADING["numba"] + LINKING["numba"] + (0.0 if kept else COMPILING)
     lose(choice.forgone, 0.5 * price / share)
@@ -138,33 +139,58 @@ def test_what_is_not_installed_is_never_taken(process: Process) -> None:
     assert chosen(CART, 1e6) == ("DOP853", False)
 
 
-def test_a_file_that_numba_keeps_is_found_and_one_older_than_the_source_is_none(process: Process) -> None:
-    module = Path(costs.__file__).parent / "compiled.py"
-    assert not cached(module, "_steps")
-    file = process.keep(*INTEGRATOR)
-    assert cached(module, "_steps")
-    assert not cached(module.with_name("none.py"), "_steps")
-    os.utime(file, (0, 0))
-    assert not cached(module, "_steps")
+def test_what_is_noted_is_kept_as_long_as_its_file(process: Process) -> None:
+    assert not integrator().kept
+    file = process.keep(INTEGRATOR)
+    assert integrator().kept
+    assert not integrator(structured=True).kept
+    file.unlink()
+    assert not integrator().kept
 
 
-def test_what_heyoka_keeps_is_noted_for_other_processes(process: Process, monkeypatch: pytest.MonkeyPatch) -> None:
-    code = series("some equations", 2.0)
-    assert not code.loaded
-    assert not code.kept
-    process.load("heyoka", llvm_state=SimpleNamespace(get_diskcache_enabled=lambda: True))
-    assert made(code).loaded
-    assert series("some equations", 2.0).loaded
-    monkeypatch.setattr(readiness, "_made", set())
-    later = series("some equations", 2.0)
+def series(name: str, expected: float = 2.0) -> Code:
+    return look_up("heyoka", name, expected, "series")
+
+
+def test_what_heyoka_keeps_is_noted_for_other_processes(process: Process) -> None:
+    assert not series("some equations").loaded
+    assert not series("some equations").kept
+    states = {"get_diskcache_enabled": lambda: True, "get_diskcache_path": lambda: process.home}
+    process.load("heyoka", llvm_state=SimpleNamespace(**states))
+    with readied(series("some equations")):
+        pass
+    assert series("some equations").loaded
+    process.ready()
+    later = series("some equations")
     assert (later.loaded, later.kept) == (False, True)
-    assert not series("other equations", 2.0).kept
+    assert not series("other equations").kept
     process.load("heyoka")
-    assert not series(made(series("third", 2.0)).name, 2.0).kept
+    with readied(series("third")):
+        pass
+    process.ready()
+    assert not series("third").kept
+
+
+def test_compiling_takes_as_long_as_it_took_here_last(process: Process, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What was never compiled here takes as much longer than expected as what was compiled last."""
+    clock = iter([10.0, 14.0, 20.0, 22.0])
+    monkeypatch.setattr(readiness, "perf_counter", lambda: next(clock))
+    with readied(series("some equations")) as compiles:
+        for _ in range(2):
+            with compiles():
+                pass
+    process.ready()
+    assert series("some equations").compiling == 6.0
+    assert series("other equations", 5.0).compiling == 15.0
+    assert integrator().compiling == COMPILING
+    assert replace(series("some equations"), package="numba").anew == LOADING["numba"] + 2.0
+    for note in process.home.rglob("note_*"):
+        note.write_bytes(note.read_bytes()[:-3])
+    assert series("some equations").compiling == 2.0
 
 
 @fast
-def test_numba_keeps_the_integrator_where_it_is_looked_for() -> None:
+def test_numba_keeps_the_integrator_where_it_is_looked_for(monkeypatch: pytest.MonkeyPatch) -> None:
     from nonlinear.integration import compiled
 
     scene = load("chain-3")
@@ -172,39 +198,37 @@ def test_numba_keeps_the_integrator_where_it_is_looked_for() -> None:
     start = equations.begin(state_at_rest(scene, [10.0, 20.0, 30.0]))
     stepper = compiled.CompiledStepper(equations, 0.0, start, 1.0, 1e-6, 1e-6 * equations.scale)
     stepper.step()
-    assert costs.integrator().loaded
-    kept = cached(Path(compiled.__file__), "_steps")
-    assert kept == bool(compiled._steps.stats.cache_path)
+    assert integrator().loaded
+    monkeypatch.setattr(readiness, "_ready", set())
+    assert integrator().kept == bool(compiled.steps.stats.cache_path)
 
 
-@fast
-def test_compiling_is_announced_on_a_terminal_where_nothing_is_kept(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+def test_compiling_is_shown_on_a_terminal(
+    process: Process, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    from nonlinear.integration import compiled
-
-    for there, kept, terminal in (
+    monkeypatch.setattr(readiness, "LATE", 0.0)
+    for loaded, kept, terminal in (
         (False, False, True),
         (False, False, False),
         (False, True, True),
         (True, False, True),
     ):
-        monkeypatch.setattr(compiled, "loaded", lambda *, structured, there=there: there)
-        monkeypatch.setattr(costs, "cached", lambda module, function, kept=kept: kept)
+        process.ready(*["some equations"][: int(loaded)])
         monkeypatch.setattr(sys.stderr, "isatty", lambda terminal=terminal: terminal)
-        with compiled.announced():
+        with readied(series("some equations")) as compiles, nullcontext() if kept else compiles():
             pass
-        assert bool(capsys.readouterr().err) == (not there and not kept and terminal)
+        shown = capsys.readouterr().err
+        assert ("compiling series, about" in shown) == (not loaded and not kept and terminal)
 
 
 @heyoka
 def test_a_series_that_is_compiled_is_ready(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
-    monkeypatch.setattr(readiness, "_made", set())
+    monkeypatch.setattr(readiness, "_ready", set())
     scene, tolerance = load("chain-2"), 1e-13
 
     def code() -> Code | None:
-        return costs.offers(scene, system_of(scene), 1.0, tolerance)["taylor"].code
+        return offers(scene, system_of(scene), 1.0, tolerance)["taylor"].code
 
     before = code()
     simulate(scene, 0.1, method="taylor", tolerance=tolerance, start=state_at_rest(scene, [100.0, 100.0]))
@@ -212,11 +236,14 @@ def test_a_series_that_is_compiled_is_ready(monkeypatch: pytest.MonkeyPatch, tmp
     assert before
     assert after
     assert (before.loaded, after.loaded) == (False, True)
-    assert after.kept
     assert choose(scene, 1.0, tolerance).method == "taylor"
+    monkeypatch.setattr(readiness, "_ready", set())
+    later = code()
+    assert later
+    assert later.kept
 
 
 def test_only_steps_that_end_at_kicks_are_offered_to_clocks() -> None:
     clocks = load("huygens")
-    assert set(costs.offers(clocks, system_of(clocks), 1000.0, 1e-9)) == {"DOP853"}
+    assert set(offers(clocks, system_of(clocks), 1000.0, 1e-9)) == {"DOP853"}
     assert chosen(clocks, 1000.0)[0] == "DOP853"

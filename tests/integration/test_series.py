@@ -64,7 +64,7 @@ def loaded(scene: Scene, tolerance: float) -> bool:
 
 
 def test_scenes_that_differ_in_numbers_alone_share_one_series(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(readiness, "_made", set())
+    monkeypatch.setattr(readiness, "_ready", set())
     taylor._COMPILED.clear()
     for mass, length in ((1.3, 0.7), (2.9, 1.9)):
         scene = double(mass, length)
@@ -80,7 +80,7 @@ def test_scenes_that_differ_in_numbers_alone_share_one_series(monkeypatch: pytes
 
 def test_only_so_many_series_are_kept(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(taylor, "MOST_KEPT", 2)
-    monkeypatch.setattr(readiness, "_made", set())
+    monkeypatch.setattr(readiness, "_ready", set())
     taylor._COMPILED.clear()
     for tolerance in (1e-3, 1e-6, 1e-9):
         scene = load("chain-1")

@@ -11,6 +11,7 @@ from types import SimpleNamespace
 import pytest
 
 from nonlinear.integration import readiness, taylor
+from nonlinear.integration.readiness import Note
 
 
 @dataclass
@@ -25,7 +26,7 @@ class Process:
             self.patch.delitem(sys.modules, name, raising=False)
         for name in [name for name in sys.modules if name.startswith("lanes_")]:
             self.patch.delitem(sys.modules, name)
-        self.patch.setattr(readiness, "_made", set())
+        self.patch.setattr(readiness, "_ready", set())
         self.patch.setattr(readiness, "_saved", defaultdict(float))
         self.patch.setenv("NUMBA_CACHE_DIR", str(self.home))
         self.install("numba", "heyoka")
@@ -39,10 +40,13 @@ class Process:
         """Have loaded a module with such functions."""
         self.patch.setitem(sys.modules, name, SimpleNamespace(**more))
 
-    def keep(self, module: str, function: str) -> Path:
-        """Have kept a function of a module of a package that numba has compiled."""
-        package, _, name = module.rpartition(".")
-        file = self.home / f"{package.rpartition('.')[2]}_0" / f"{name}.{function}-1.py3.nbi"
-        file.parent.mkdir(exist_ok=True)
+    def ready(self, *names: str) -> None:
+        """Have loaded code of these names."""
+        self.patch.setattr(readiness, "_ready", set(names))
+
+    def keep(self, name: str, package: str = "numba") -> Path:
+        """Have noted that a package keeps code of this name, in a file."""
+        file = self.home / "kept"
         file.touch()
+        Note(kept=str(file)).write(readiness._named(package, name))
         return file

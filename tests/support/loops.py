@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from nonlinear.ensembles import compiled
-from nonlinear.integration import loops
+from nonlinear.integration import loops, readiness
 
 LANES = 4
 """Side by side: enough for members that come while others are under way, and no time for lanes that stand still."""
@@ -32,5 +32,6 @@ def interpreted() -> Iterator[None]:
         for place in (compiled, loops):
             patch.setattr(place, "WIDTH", LANES)
         patch.setattr(compiled, "module_of", module_of)
+        patch.setattr(readiness, "_ready", set(readiness._ready))
         patch.setattr(compiled, "available", lambda: True)
         yield

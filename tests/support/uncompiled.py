@@ -13,10 +13,12 @@ from types import ModuleType
 import numpy as np
 import pytest
 
+from nonlinear.integration import readiness
+
 KERNELS = {
     "nonlinear.dynamics.compiled_structure": (),
-    "nonlinear.dynamics.compiled": ("rate",),
-    "nonlinear.integration.compiled": ("_steps", "_steps_on_carriers"),
+    "nonlinear.dynamics.compiled": ("one_rate",),
+    "nonlinear.integration.compiled": ("steps",),
 }
 """What Python calls of each module; one imports the other in this order."""
 
@@ -41,6 +43,7 @@ def plain_modules() -> dict[str, ModuleType]:
 def uncompiled() -> Iterator[None]:
     """Compiled equations and steps without a compilation."""
     with pytest.MonkeyPatch.context() as patch, np.errstate(all="ignore"):
+        patch.setattr(readiness, "_ready", set(readiness._ready))
         for name, module in plain_modules().items():
             for kernel in KERNELS[name]:
                 patch.setattr(sys.modules[name], kernel, getattr(module, kernel))
