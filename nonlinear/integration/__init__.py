@@ -3,7 +3,8 @@
 In: a scene and the arguments of a run (`arguments`).  Out: a `Trajectory`: states at sampled times, events, and
 the drifts of energy, momentum and constraints.  `methods` chooses equations and integrator, with a reason; `driver`
 advances the steppers of `steppers`, of `floats` for generated equations, of `compiled` (extra `fast`) or of `taylor`;
-steps end at `switches`; `twins` measure how fast a small difference grows.  Start with `run`.
+steps end at `switches`, and what happens within them is seen by `watches` and, of one run, by `happenings`; `twins`
+measure how fast a small difference grows.  Start with `run`.
 """
 
 from nonlinear.integration.arguments import (

@@ -2,40 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, field
-from functools import partial
-from itertools import pairwise
-from math import isfinite, ulp
 from typing import Any, cast
 
 import numpy as np
-import scipy
 
 from modal.errors import ComputationError
 from modal.report import silent
 from modal.types import Floats
-from nonlinear.dynamics import Arranged, Recursion
+from nonlinear.dynamics import Arranged, Recursion, Reduced
 from nonlinear.dynamics.minimal import inverted
-from nonlinear.integration.floats import FloatStepper
-from nonlinear.integration.steppers import Stepper, Sweeper
+from nonlinear.integration.floats import AT_ONCE, FloatStepper
+from nonlinear.integration.happenings import Events, Happening, passes
+from nonlinear.integration.methods import Choice, equations_of
+from nonlinear.integration.steppers import DOP853Stepper, SciPyStepper, Stepper, Sweeper
 from nonlinear.integration.switched import Switched
+from nonlinear.integration.within import KnownStep, Step
 from nonlinear.system import NO_FRICTION, NO_KICKS, Equations, Event, EventRecord, Friction, Kicks, State
 
 BESIDE = 1e-6
 """Fraction of a step before a change of friction within which an event that was found there is the same."""
-SILENT, AFTER = 1e-9, 0.02
-"""An event's value that starts below this fraction of its value in the first step starts at zero, which is no crossing:
-its side is that after this fraction of the time to the first look."""
 LAST = 4e-16
 """Of the time: how far before the end of a run is its end, as in lanes."""
 SINGULAR = 1.5e-8
 """Share of all masses that a massless cart feels: the root of rounding, where accelerations keep half their digits."""
-ASIDE = 0.01
-"""Of the time between two looks: at which the slope is seen."""
-SHARP, TURNS = 1e-15, 1e-9  # of an interval, to which a root and a turning point are sought
-EPSILON = float(np.finfo(float).eps)
+WRITTEN_OUT = Choice("minimal", "DOP853", False, "")  # equations that take many y at once
+FIRST, MOST = 4, 64  # steps at once of a run that an event may end, at first and later
 
 
 @dataclass
@@ -86,6 +80,10 @@ class Drive:
     events: Sequence[Event] = ()
     report: Callable[[float], object] = silent
 
+    def __post_init__(self) -> None:
+        self._sought = Events(self.equations, self.events, float(self.times[0])) if self.events else None
+        self._most = FIRST if any(event.stop for event in self.events) else AT_ONCE
+
     def run(self) -> RunRecord:
         """Advance to the last sampled time, or as far as possible."""
         record = RunRecord(self.times, np.empty((len(self.times), len(self.stepper.y))))
@@ -133,7 +131,9 @@ class Drive:
 
     @property
     def _sweeps(self) -> bool:
-        return isinstance(self.stepper, Sweeper) and not self.events
+        if not isinstance(self.stepper, Sweeper):
+            return False
+        return not self.events or (isinstance(self.stepper, DOP853Stepper) and not isinstance(self.equations, Switched))
 
     def _rest(self, record: RunRecord) -> None:
         """Everything is at rest for good: the samples that are left are all the same."""
@@ -152,11 +152,29 @@ class Drive:
     def _far(self, record: RunRecord) -> None:
         """Many steps in which nothing but samples is needed."""
         whole = self.equations.whole() if isinstance(self.equations, Switched) else nullcontext()
+        stepper, every = cast("Sweeper", self.stepper), self.report is not silent or self._sought is not None
         with np.errstate(all="ignore"), whole:
-            stepper = cast("Sweeper", self.stepper)
-            swept = stepper.sweep(self.times[record.filled :], self.report is not silent)
-        record.drift = stepper.drift
-        self._keep(record, *swept)
+            begun = stepper.time, stepper.y
+            rows, ends, steps = stepper.sweep(self.times[record.filled :], every, self._most)
+            record.drift = stepper.drift
+            stop = self._seen(record, self._traced(*begun, ends)) if self._sought else None
+        if stop is not None:
+            rows = rows[: np.searchsorted(self.times, stop.time, side="right") - record.filled]
+            ends = [end for end in ends if end[0] < stop.time]
+            ends, steps = [*ends, (stop.time, self.equations.project(stop.y)[0])], len(ends) + 1
+        elif self._most < AT_ONCE:
+            self._most = min(2 * self._most, MOST)
+        self._keep(record, rows, ends, steps)
+
+    def _traced(self, begun: float, y: Floats, ends: Sequence[tuple[float, Any]]) -> Step:
+        """The steps of the last sweep, from this time (s) and y on, side by side."""
+        if isinstance(self.stepper, FloatStepper):
+            return self.stepper.traced()
+        times, rows = [begun, *(time for time, _ in ends)], [y, *(row for _, row in ends)]
+        inner = self.equations.inner if isinstance(self.equations, Reduced) else self.equations
+        derivative = equations_of(inner.system, WRITTEN_OUT).derivative
+        pace = cast("SciPyStepper", self.stepper).pace
+        return Step.of_run(np.array(times), np.array(rows).T, lambda y, t=0.0: derivative(t, y), bool(pace.breaks))
 
     def _keep(self, record: RunRecord, rows: Floats, ends: Sequence[Any], steps: int) -> None:
         first = record.filled
@@ -185,9 +203,11 @@ class Drive:
         """Everything that happens within the last step."""
         record.steps += 1
         now, y = self.stepper.time, self.stepper.y
-        stop = _first_stop(record, sorted(self._happenings(before, now), key=lambda happening: happening[0].time))
+        stop = None
+        if self._sought:
+            stop = self._seen(record, KnownStep.of(before, now, self.stepper.inside, self.stepper.exact))
         if stop is not None:
-            now, y = stop, self.stepper.exact(stop)
+            now, y = stop.time, stop.y
         self._sample(record, now)
         record.last = now, self.equations.project(y)[0]
         if isinstance(self.equations, Switched):
@@ -199,6 +219,26 @@ class Drive:
                 self.stepper.restart(mended)
         self.report(now - self.times[0])
 
+    def _seen(self, record: RunRecord, step: Step) -> Happening | None:
+        """Keep the events within a step, up to the first one that ends the run."""
+        sought = cast("Events", self._sought)
+        sought.see(step)
+        for happening in sought.taken():
+            if happening.failure:
+                record.stopped, record.failed = happening.failure, True
+                return happening
+            if self._ending(record, happening):
+                return happening
+        return None
+
+    def _ending(self, record: RunRecord, happening: Happening) -> bool:
+        """Whether an event, which is kept, ends the run."""
+        name, stop = happening.event.name, happening.event.stop
+        record.happenings.append(EventRecord(name, happening.time, happening.state))
+        if stop:
+            record.stopped = f"{name} at {happening.time:.9g} s"
+        return stop
+
     def _switch(self, record: RunRecord, before: float, y: Floats) -> None:
         """What happens at y where the last step ended at a switch of its own."""
         stepper, now = cast("FloatStepper", self.stepper), self.stepper.time
@@ -206,7 +246,11 @@ class Drive:
         switched = None if self._ends(record) else stepper.switch()
         if switched is not None:
             known = {event.name for event in record.happenings if event.time > now - BESIDE * (now - before)}
-            _first_stop(record, (event for event in self._jumps(now, y, switched) if event[0].name not in known))
+            for event in self.events:
+                states = [self._state(row) for row in (y, switched)]
+                jumps = passes(event, *map(event.value, states)) and event.name not in known
+                if jumps and self._ending(record, Happening(now, event, switched, states[1])):
+                    break
             record.last = now, switched
 
     def _ends(self, record: RunRecord) -> bool:
@@ -223,100 +267,5 @@ class Drive:
             project = self.equations.project
             record.keep(project(rows)[0] if self._at_once else np.array([project(row)[0] for row in rows]))
 
-    def _happenings(self, before: float, now: float) -> Iterator[tuple[EventRecord, bool]]:
-        if not self.events:
-            return
-        for event in self.events:
-            looks = np.linspace(before, now, event.looks + 1)
-            values = [self._value(event, time) for time in looks]
-            if before == self.times[0] and abs(values[0]) < SILENT * max(map(abs, values)):
-                looks[0] += AFTER * (looks[1] - looks[0])
-                values[0] = self._value(event, looks[0])
-            widest = max(abs(high - low) for low, high in pairwise(values))
-            for (start, low), (end, high) in pairwise(self._looked(event, looks.tolist(), values, widest)):
-                if _passes(event, low, high):
-                    time = self._refined(event, start, end)
-                    yield EventRecord(event.name, time, self._state(self.stepper.exact(time))), event.stop
-
-    def _looked(
-        self, event: Event, looks: Sequence[float], values: Sequence[float], widest: float
-    ) -> Iterator[tuple[float, float]]:
-        """Times and values, with those in between at which the value has passed zero and is about to return."""
-        yield looks[0], values[0]
-        for (start, low), (end, high) in pairwise(zip(looks, values, strict=True)):
-            if low * high > 0 and min(abs(low), abs(high)) < widest:
-                yield from self._turn(event, (start, end), (low, high))
-            yield end, high
-
-    def _turn(
-        self, event: Event, ends: tuple[float, float], values: tuple[float, float]
-    ) -> Iterator[tuple[float, float]]:
-        """Where between two times a value turns beyond zero, if it approaches zero from either."""
-        start, end = ends
-        side, aside = np.sign(values[0]), ASIDE * (end - start)
-
-        def height(time: float) -> float:
-            return float(side * self._value(event, time))
-
-        if height(start + aside) < abs(values[0]) and height(end - aside) < abs(values[1]):
-            time, least = lowest(height, start, end)
-            if least < 0:
-                yield time, float(side * least)
-
-    def _jumps(self, time: float, before: Floats, after: Floats) -> Iterator[tuple[EventRecord, bool]]:
-        """The events triggered by the jump of a kick."""
-        for event in self.events:
-            if _passes(event, *(event.value(self._state(row)) for row in (before, after))):
-                yield EventRecord(event.name, time, self._state(after)), event.stop
-
-    def _refined(self, event: Event, start: float, end: float) -> float:
-        """The root on the interpolant, then one secant step with the integrator's own value there."""
-        within = partial(self._value, event)
-        time = root(within, start, end)
-        width = (end - start) / 1000
-        slope = (within(time + width) - within(time - width)) / (2 * width)
-        moved = time - event.value(self._state(self.stepper.exact(time))) / slope if slope else time
-        return moved if start <= moved <= end else time
-
-    def _value(self, event: Event, time: float) -> float:
-        value = event.value(self._state(self.stepper.inside(np.array([time]))[0]))
-        if not isfinite(value):
-            raise ComputationError(f"event {event.name} is {value} at {time:.9g} s")
-        return value
-
     def _state(self, row: Floats) -> State:
         return self.equations.read(row[None])[0]
-
-
-def root(value: Callable[[float], float], start: float, end: float) -> float:
-    """Where a value between two times of either sign is zero, to the last digits of the interval or of the time."""
-    close = max(SHARP * (end - start), ulp(max(abs(start), abs(end))))
-    return float(scipy.optimize.brentq(value, start, end, xtol=close, rtol=4 * EPSILON))
-
-
-def lowest(value: Callable[[float], float], start: float, end: float) -> tuple[float, float]:
-    """Where a value between two times is lowest, and that value.
-
-    It is sought in parts of the interval: SciPy's own tolerance is 1.5e-8 of what varies, of a late time whole steps.
-    """
-
-    def inside(part: float) -> float:
-        return value(start + part * (end - start))
-
-    least = scipy.optimize.minimize_scalar(inside, bounds=(0.0, 1.0), method="bounded", options={"xatol": TURNS})
-    return float(start + least.x * (end - start)), float(least.fun)
-
-
-def _passes(event: Event, low: float, high: float) -> bool:
-    """Whether an event occurs between these two values."""
-    return (low < 0 <= high and event.direction >= 0) or (low > 0 >= high and event.direction <= 0)
-
-
-def _first_stop(record: RunRecord, events: Iterable[tuple[EventRecord, bool]]) -> float | None:
-    """Keep the events up to the first one that stops the run; its time (s)."""
-    for happening, stop in events:
-        record.happenings.append(happening)
-        if stop:
-            record.stopped = f"{happening.name} at {happening.time:.9g} s"
-            return happening.time
-    return None

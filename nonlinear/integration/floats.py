@@ -9,13 +9,14 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Callable, Sequence
 from functools import lru_cache, partial
+from itertools import chain
 from math import inf, nan, nextafter, ulp
 from typing import Any, NamedTuple, cast
 
 import numpy as np
 
 from modal.errors import ComputationError, SceneError
-from modal.types import Floats
+from modal.types import Floats, Ints
 from nonlinear.dynamics import Written
 from nonlinear.dynamics.contacts import JAMMED
 from nonlinear.dynamics.generated import UNDEFINED, Listed, Rate
@@ -25,7 +26,6 @@ from nonlinear.integration.method import (
     EXTRA,
     FIFTH,
     LOOKS,
-    MORE,
     NODES,
     ROWS,
     SEEN,
@@ -34,14 +34,13 @@ from nonlinear.integration.method import (
     THIRD,
     advance,
     controlled,
-    gained,
     summed,
-    terms_of,
     weighted,
 )
 from nonlinear.integration.steppers import BESIDE, Derivative, DOP853Stepper
 from nonlinear.integration.steppers import first_step as first_step_of
 from nonlinear.integration.switched import Switched
+from nonlinear.integration.within import Step
 from nonlinear.system import Equations
 
 WIDE = 64  # components of y from which on sums over stages are NumPy's, 1.2 times as fast for 40 clocks on a cart
@@ -115,10 +114,10 @@ class FloatDOP853:
 
     def dense_output(self) -> Callable[[Floats], Floats]:
         """The y (size, T) at times within the last step."""
-        start, end, before, after, stages, _ = self.passed
-        y, length = np.array(before)[:, None], end - start
-        terms = interpolant(start, length, np.array(before), np.array(after), [*np.array(stages)], self.fun)
-        return lambda times: y + gained((times - start) / length, [term[:, None] for term in terms])
+        self.nfev += EXTRA
+        start, end, none = self.passed.start, self.passed.end, np.zeros(1, dtype=np.int64)
+        inside = side_by_side([self.passed], lambda columns: self.derivative).within(none)
+        return lambda times: inside.take(np.zeros(np.size(times), dtype=np.int64)).at((times - start) / (end - start))
 
     def advance(self, due: Numbers, most: int) -> tuple[list[FloatStep], list[FloatStep], int]:
         """Up to this many steps, none if the first fails, until the last time that is `due` (all that, if none is).
@@ -265,6 +264,9 @@ class FloatDOP853:
 class FloatStepper(DOP853Stepper[Written]):
     """DOP853 in floats for generated equations, with the arguments of `DOP853Stepper`."""
 
+    _taken: Sequence[FloatStep] = ()
+    _seen: Step | None = None
+
     def _solver_of(self, f: Derivative, time: float, y: Floats, end: float, **options: Any) -> FloatDOP853:
         listed = self.equations.listed
         inputs = self._off_breaks(listed) if listed and self.pace.breaks else listed
@@ -324,32 +326,60 @@ class FloatStepper(DOP853Stepper[Written]):
             held = cast("FloatDOP853", self._solver).passed.held
             self.equations.passed(self.inside, np.array([[before, now]]), [held])
 
-    def sweep(self, times: Floats, every: bool = True) -> tuple[Floats, list[tuple[float, Numbers | Floats]], int]:
+    def sweep(
+        self, times: Floats, every: bool = True, most: int = AT_ONCE
+    ) -> tuple[Floats, list[tuple[float, Numbers | Floats]], int]:
         """Many steps at once, as defined in `Sweeper`."""
         due, reached, mends = times.tolist(), 0, self._arranged.system.spatial
         switched = self.equations if isinstance(self.equations, Switched) else None
-        most, solver = 1 if mends else SHOWN if every and switched else AT_ONCE, self._on_its_way()
+        solver = self._on_its_way()
         ends: list[tuple[float, Numbers | Floats]] = []
         wanted: list[FloatStep] = []
+        self._taken, self._seen = [], None
+        most = min(most, SHOWN) if every and switched else most
+        portion = 1 if mends else most
         while True:
-            steps, some, more = solver.advance(due[reached:], most)
-            wanted, reached = wanted + some, reached + more
+            steps, some, more = solver.advance(due[reached:], portion)
+            wanted, reached, self._taken = wanted + some, reached + more, [*self._taken, *steps]
             if switched and switched.presses and steps:
-                spans, rates = np.array([(step.start, step.end) for step in steps]), self._rates_in(steps)
-                switched.passed(partial(_inside, steps, rates), spans, [step.held for step in steps])
+                spans = np.array([(step.start, step.end) for step in steps])
+                switched.passed(partial(samples, self._abreast(steps)), spans, [step.held for step in steps])
             ends += [(step.end, self._mended() if mends else step.after) for step in steps]
-            if not (mends and steps and reached < len(due) and len(ends) < AT_ONCE and solver.t < solver.t_bound):
+            if not (mends and steps and reached < len(due) and len(ends) < most and solver.t < solver.t_bound):
                 break
         if not ends and not self.rests:
             raise self._stopped(solver.TOO_SMALL_STEP)
         self.before, self.y_before, self._within = solver.t_old, solver.y_old, None
         solver.status = "finished" if solver.t >= solver.t_bound else "running"
-        self._done += EXTRA * len(wanted)
-        rows = interpolated(wanted, times[:reached], self._rates_in(wanted)) if wanted else np.empty((0, solver.n))
+        rows = samples(self._lanes(wanted), times[:reached]) if wanted else np.empty((0, solver.n))
         rows, taken = self._arranged.project(rows)[0] if mends and reached else rows, len(ends)
         if self.rests and reached < len(due):
             rows, ends = np.vstack((rows, np.tile(solver.y, (len(due) - reached, 1)))), [*ends, (due[-1], solver.y)]
         return rows, ends, taken
+
+    def traced(self) -> Step:
+        """The steps of the last sweep side by side."""
+        return self._lanes(self._taken)
+
+    def _lanes(self, steps: Sequence[FloatStep]) -> Step:
+        """Some or all steps of the last sweep side by side."""
+        if (seen := self._seen) is None or len(seen.start) != len(steps):
+            self._seen = seen = self._abreast(steps)
+        return seen
+
+    def _abreast(self, steps: Sequence[FloatStep]) -> Step:
+        rates_of = lambda columns: self._counted([steps[column] for column in columns])  # noqa: E731
+        return side_by_side(steps, rates_of, breaks=bool(self.pace.breaks))
+
+    def _counted(self, steps: Sequence[FloatStep]) -> Derivative:
+        """The derivative in these steps side by side, counted."""
+        derivative = self._rates_in(steps)
+
+        def counted(times: Any, y: Any) -> Any:
+            self._done += y.shape[1]
+            return derivative(times, y)
+
+        return counted
 
     def _rates_in(self, steps: Sequence[FloatStep]) -> Derivative:
         """The derivative in these steps side by side."""
@@ -366,10 +396,6 @@ class FloatStepper(DOP853Stepper[Written]):
         return mended
 
 
-def _inside(steps: Sequence[FloatStep], derivative: Any, times: Floats) -> Floats:
-    return interpolated(steps, times, derivative)
-
-
 def lively(V: Sequence[Numbers], R: Sequence[Numbers], aim: int) -> list[int]:
     """Which values may pass within a step, from what they and their rates are at its looks, and the one aimed at."""
     some = {j for j, (a, da) in enumerate(zip(V[0], R[0], strict=True)) if a > 0 and da > 0} | {aim} - {-1}
@@ -378,27 +404,31 @@ def lively(V: Sequence[Numbers], R: Sequence[Numbers], aim: int) -> list[int]:
     return sorted(some)
 
 
-def interpolated(steps: Sequence[FloatStep], times: Floats, derivative: Any) -> Floats:
-    """The y (T, size) at ascending times within these steps, by the method's own interpolation."""
+def side_by_side(
+    steps: Sequence[FloatStep], derivatives: Callable[[Ints], Derivative], *, breaks: bool = False
+) -> Step:
+    """These steps as lanes, with the derivatives in some of them."""
+
+    def rates_of(columns: Ints) -> Any:
+        derivative = derivatives(columns)
+        return lambda y, times=0.0: derivative(times, y)
+
     start, end = np.array([(step.start, step.end) for step in steps]).T
     before, after = (np.array([getattr(step, name) for step in steps]).T for name in ("before", "after"))
-    stages = [*np.array([step.stages for step in steps]).transpose(1, 2, 0)]
-    length = end - start
-    terms = interpolant(start, length, before, after, stages, derivative)
-    at = np.searchsorted(end, times)
-    part = (times - start[at]) / length[at]
-    inside = before[:, at] + gained(part, [term[:, at] for term in terms])
-    return np.where(times == end[at], after[:, at], inside).T
+    each = chain.from_iterable(chain.from_iterable(step.stages for step in steps))
+    stages = np.fromiter(each, float, (STAGES + 1) * before.size).reshape(len(steps), STAGES + 1, -1)
+    every = np.arange(len(steps))
+    lanes = np.zeros_like(every), np.ones(len(steps), dtype=bool), start, end - start
+    step = Step(*lanes, before, after, np.moveaxis(stages, 0, 2), rates_of(every), rates_of, breaks)
+    step.ends = end
+    return step
 
 
-def interpolant(
-    start: Any, length: Any, before: Floats, after: Floats, stages: list[Floats], derivative: Any
-) -> list[Any]:
-    """The terms of the interpolant of one step or of many side by side, after three more stages."""
-    for stage, shares in enumerate(MORE, STAGES + 1):
-        moved = sum(share * stages[number] for number, share in shares)
-        stages.append(derivative(start + length * NODES[stage], before + length * moved))
-    return terms_of(length, after - before, stages)
+def samples(step: Step, times: Floats) -> Floats:
+    """The y (T, size) at ascending times within these steps of one run, by the method's own interpolation."""
+    at = np.searchsorted(step.ends, times)
+    inside = step.within_all().take(at).at((times - step.start[at]) / step.length[at])
+    return np.where(times == step.ends[at], step.after[:, at], inside).T
 
 
 # ------------------------------------------------------------------------------------------------- one attempted step

@@ -1,9 +1,9 @@
 """When a component of y passes a level: what counts, in every engine, and the passages within a step of lanes.
 
-A motion passes a level where it is on one side before and on the other after.  At its start a motion passes a level
-that it is on, to rounding, if it has a rate there: its equations go back in time as well.  Released from rest on a
-level it leaves it, or touches it, and does not pass.  An angle has the same level again at every whole turn, θ = level
-+ 2πk.
+A motion passes a level where it is on one side before, and after on the other or on the level.  At its start a motion
+passes a level that it is on, to rounding, if it has a rate there: its equations go back in time as well.  Released from
+rest on a level it leaves it, or touches it, and does not pass.  An angle has the same level again at every whole turn,
+θ = level + 2πk.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from modal.types import Booleans, Floats, Ints
-from nonlinear.integration.within import Step
+from nonlinear.integration.within import Inside, Step
 from nonlinear.system import Layout
 
 TURN = 2 * pi
@@ -31,10 +31,15 @@ class Level:
     value: float
     turns: bool
 
-    def cell(self, values: Any) -> Floats:
-        """Between which levels a value is: k from level k up to the next, below a level that does not turn −1."""
+    def below(self, values: Any) -> Floats:
+        """The k of the last level that is not above a value; −1 below a level that does not turn."""
         beyond = np.asarray(values) - self.value
         return np.floor(beyond / TURN) if self.turns else np.where(beyond >= 0, 0.0, -1.0)
+
+    def above(self, values: Any) -> Floats:
+        """The k of the first level that is not below a value; 1 above a level that does not turn."""
+        beyond = np.asarray(values) - self.value
+        return np.ceil(beyond / TURN) if self.turns else np.where(beyond > 0, 1.0, 0.0)
 
     def number(self, values: Any) -> Floats:
         """The k of the nearest level."""
@@ -120,25 +125,30 @@ def leaving(passages: Passages, starts: Starts) -> Booleans:
     return np.asarray(on & (passages.number == number) & ((passages.way == way) | (passages.time <= 0)))
 
 
-def reach(step: Step, row: int) -> tuple[Floats, Floats]:
-    """The lowest and the highest that a component of y, by its row, can be within a step, (W,)."""
-    start, end, rates = (step.motion(values) for values in (step.before[row], step.after[row], step.stages[:, row]))
-    turns = (rates.min(0) < 0) & (rates.max(0) > 0)
-    beyond = np.where(turns, step.length * np.abs(rates).max(0) / 2, 0.0)
-    return np.minimum(start, end) - beyond, np.maximum(start, end) + beyond
+class Crossed(NamedTuple):
+    """C passages within a step: lanes by their `column` and the `part` of the step, the level's `number`, the `way`.
+
+    `inside` is the motion within the steps of these lanes.
+    """
+
+    column: Ints
+    part: Floats
+    number: Floats
+    way: Floats
+    inside: Inside
 
 
-def passages(step: Step, level: Level, among: Booleans | None = None) -> Passages | None:
-    """What passes a level within a step that was taken, also there and back; None where nothing does."""
-    low, high = reach(step, level.row)
-    possible = (level.cell(low) != level.cell(high)) & step.taken
+def crossed(step: Step, level: Level, among: Booleans | None = None) -> Crossed | None:
+    """Where lanes pass a level within a step that was taken, also there and back; None where none does."""
+    low, high = step.reach(level.row)
+    possible = ((level.below(low) != level.below(high)) | (level.above(low) != level.above(high))) & step.taken
     columns = np.flatnonzero(possible if among is None else possible & among)
     if not len(columns):
         return None
     inside = step.within(columns)
     parts, values = inside.pieces(level.row, step.motion(step.after[level.row])[columns])
-    cells = level.cell(values)
-    change = np.diff(cells, axis=0).astype(np.int64)
+    below, above = level.below(values), level.above(values)
+    change = np.where(np.diff(values, axis=0) > 0, np.diff(below, axis=0), np.diff(above, axis=0)).astype(np.int64)
     piece, lane = np.nonzero(change)
     if not len(piece):
         return None
@@ -146,9 +156,16 @@ def passages(step: Step, level: Level, among: Booleans | None = None) -> Passage
     nth = np.arange(times.sum()) - np.repeat(np.cumsum(times) - times, times)
     piece, lane = np.repeat(piece, times), np.repeat(lane, times)
     way = np.sign(change[piece, lane])
-    number = cells[piece, lane] + np.where(way > 0, 1 + nth, -nth)
+    number = np.where(way > 0, below[piece, lane] + 1 + nth, above[piece, lane] - 1 - nth)
     some = inside.take(lane)
     part = some.root(level.row, level.at(number), parts[piece, lane], parts[piece + 1, lane])
-    at = columns[lane]
+    return Crossed(columns[lane], part, number, way.astype(float), some)
+
+
+def passages(step: Step, level: Level, among: Booleans | None = None) -> Passages | None:
+    """What passes a level within a step, of the interpolant."""
+    if (found := crossed(step, level, among)) is None:
+        return None
+    at, part = found.column, found.part
     time = step.start[at] + part * step.length[at]
-    return Passages(step.member[at], time, np.moveaxis(some.at(part), 1, 0), number, way.astype(float))
+    return Passages(step.member[at], time, np.moveaxis(found.inside.at(part), 1, 0), found.number, found.way)

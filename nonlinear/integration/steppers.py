@@ -123,9 +123,9 @@ class Sweeper(Stepper, Protocol):
     drift: float
 
     def sweep(
-        self, times: Floats, every: bool = True
+        self, times: Floats, every: bool = True, most: int = ...
     ) -> tuple[Floats, Sequence[tuple[float, Sequence[float] | Floats]], int]:
-        """Take some steps, at least one, towards the last of these times (ascending).
+        """Take some steps, at least one and so many at `most`, towards the last of these times (ascending).
 
         Returns the y (T, size) at those times that are reached, (s, y) at the end of `every` step or of the last, and
         the number of steps.  ComputationError where not even the first step succeeds.

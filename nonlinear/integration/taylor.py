@@ -97,7 +97,9 @@ class TaylorStepper:
             self.integrator.time = until
         self._coefficients, self._from, self.calls = np.array(self.integrator.tc).T, start, self.calls + 1
 
-    def sweep(self, times: Floats, every: bool = True) -> tuple[Floats, list[tuple[float, Floats]], int]:
+    def sweep(
+        self, times: Floats, every: bool = True, most: int = AT_ONCE
+    ) -> tuple[Floats, list[tuple[float, Floats]], int]:
         """Many steps at once, as defined in `Sweeper`: heyoka visits the times itself, except just after a break."""
         if self._failure:
             raise self._failure
@@ -114,7 +116,7 @@ class TaylorStepper:
         within = times[times <= until]
         grid = np.unique(np.concatenate(([start], within, [until])))
         outcome, _, _, steps, _, rows = self.integrator.propagate_grid(
-            grid, max_steps=AT_ONCE, max_delta_t=self.pace.most(since, until), callback=passed if every else None
+            grid, max_steps=most, max_delta_t=self.pace.most(since, until), callback=passed if every else None
         )
         now = self.time
         reached = int(np.searchsorted(within, now, side="right"))

@@ -21,7 +21,6 @@ from nonlinear.integration.passages import (
     leaving,
     level_of,
     passages,
-    reach,
     starts_of,
 )
 from nonlinear.integration.within import Inside, Step, beside, squared
@@ -156,7 +155,7 @@ class Largest:
         first, half = self.layout.first, self.layout.half
         largest = self.angle[step.member]
         largest = np.where(step.taken, np.maximum(largest, np.abs(step.after[first:half]).max(0)), largest)
-        furthest = np.array([np.maximum(-low, high) for low, high in (reach(step, row) for row in range(first, half))])
+        furthest = np.array([np.maximum(-low, high) for low, high in (step.reach(row) for row in range(first, half))])
         turning = (furthest > largest) & step.taken
         columns = np.flatnonzero(turning.any(0))
         if len(columns):

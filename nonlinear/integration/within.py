@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -40,6 +40,12 @@ class Step:
     breaks: bool = False
     held: Any = ()
     room: Floats | None = None
+    inside: Inside | None = None
+
+    @cached_property
+    def ends(self) -> Floats:
+        """When each lane ends (s)."""
+        return np.asarray(self.start + self.length)
 
     def times(self, part: float, columns: Any = ALL) -> Floats:
         """The times (s) of a part of the step, strictly within it where it may begin or end at a break."""
@@ -54,11 +60,53 @@ class Step:
         """The motion alone in an array with the columns of segments."""
         return y if self.before.ndim < 3 else y[..., 0].real
 
+    def reach(self, row: int) -> tuple[Floats, Floats]:
+        """The lowest and the highest that a component of y can be within the step, (W,)."""
+        start, end, rates = map(self.motion, (self.before[row], self.after[row], self.stages[:, row]))
+        turns = (rates.min(0) < 0) & (rates.max(0) > 0)
+        beyond = np.where(turns, self.length * np.abs(rates).max(0) / 2, 0.0)
+        return np.minimum(start, end) - beyond, np.maximum(start, end) + beyond
+
+    @classmethod
+    def of_run(cls, times: Floats, y: Floats, rates: Any, breaks: bool = False) -> Step:
+        """The W steps of one run between these times (W + 1,), one after the other, with y (size, W + 1) there."""
+        count, before = len(times) - 1, np.ascontiguousarray(y[:, :-1])
+        lanes = np.zeros(count, dtype=np.int64), np.ones(count, dtype=bool), times[:-1], np.diff(times)
+        room = np.empty((STAGES + 1 + EXTRA, *before.shape))
+        step = cls(*lanes, before, y[:, 1:], room[: STAGES + 1], rates, lambda columns: rates, breaks, room=room)
+        step.trace()
+        return step
+
+    def trace(self) -> Floats:
+        """The y at the end by one step of the method, whose stages are filled."""
+        y, work = np.empty_like(self.before), np.empty_like(self.before)
+        fill(self.rates(self.before, self.times(0.0)), self.stages[0])
+        for stage in range(1, STAGES + 1):
+            advance(stage, self.before, self.length, self.stages, y, work)
+            fill(self.rates(y, self.times(NODES[stage])), self.stages[stage])
+        return y
+
+    def ending(self, columns: Ints, part: Floats) -> tuple[Floats, Floats]:
+        """The y and y' (size, A) where steps of these lanes would end at parts of them: as accurate as steps are."""
+        before = np.ascontiguousarray(self.before[:, columns])
+        lanes = self.member[columns], self.taken[columns], self.start[columns], self.length[columns] * part
+        stages = np.empty((STAGES + 1, *before.shape))
+        step = Step(*lanes, before, before, stages, self.rates_of(columns), self.rates_of, self.breaks)
+        return step.trace(), stages[STAGES]
+
     def within(self, columns: Ints) -> Inside:
         """The motion inside the step of the lanes in these columns."""
+        if self.inside is not None:
+            return self.inside.take(columns)
         before, along = self.before[:, columns], beside(self.length[columns], self.before)
         moved = self.after[:, columns] - before
         return Inside(before, np.array(terms_of(along, moved, self.extended(columns))))
+
+    def within_all(self) -> Inside:
+        """The motion inside the step of all lanes, kept for whoever asks next."""
+        if self.inside is None:
+            self.inside = self.within(np.arange(len(self.member)))
+        return self.inside
 
     def extended(self, columns: Ints) -> Floats:
         """The rates (16, size, A) at all stages of the lanes in these columns, and at further ones."""
@@ -97,8 +145,8 @@ class Inside:
         """Of some of these lanes, and of some components."""
         return Inside(self.before[rows][:, lanes], self.terms[:, rows][:, :, lanes])
 
-    def slope(self, part: Floats, row: int) -> Floats:
-        """The derivative of one component with respect to the part of the step."""
+    def slope(self, part: Floats, row: Any = ALL) -> Floats:
+        """The derivative of one component, or of all, with respect to the part of the step."""
         value, slope = np.zeros(1), np.zeros(1)
         for number, term in enumerate(self.motion.terms[::-1]):
             factor, sign = (1 - part, -1.0) if number % 2 else (part, 1.0)
@@ -128,6 +176,54 @@ class Inside:
         """Where one component passes a level (A,) between two parts of the step on either side of it, or its ends."""
         low, high = np.zeros(level.shape) if low is None else low, np.ones(level.shape) if high is None else high
         return crossing(lambda part: self.motion.at(part, row) - level, low, high)
+
+
+NODES_INSIDE = (1 - np.cos(np.pi * np.arange(10) / 9)) / 2
+"""Parts of a step at which its interpolant, a polynomial by any method, is known by its values to the last digits."""
+BETWEEN = 0.1  # of the range of these values, by which what lies between them may be beyond
+_OF_TERMS = np.array([gained(NODES_INSIDE[1:], [*np.eye(9)[:, [k]]]) for k in range(9)]).T
+
+
+@dataclass(eq=False)
+class KnownStep(Step):
+    """A step of one run by any method: from its `values` (10, size) at `NODES_INSIDE`, and `exact` y at times in it."""
+
+    values: Floats = field(kw_only=True)
+    exact: Callable[[float], Floats] = field(kw_only=True)
+
+    @classmethod
+    def of(cls, start: float, end: float, inside: Callable[[Floats], Floats], exact: Callable[[float], Floats]) -> Step:
+        """The step between these times (s), with the method's own interpolation."""
+        values = inside(start + NODES_INSIDE * (end - start))
+        lane = np.zeros(1, dtype=np.int64), np.ones(1, dtype=bool), np.array([start]), np.array([end - start])
+        ends, unknown = (values[0][:, None], values[-1][:, None]), values[:0]
+        return cls(*lane, *ends, unknown, _unknown, lambda columns: _unknown, values=values, exact=exact)
+
+    def reach(self, row: int) -> tuple[Floats, Floats]:
+        """The lowest and the highest that a component of y can be within the step, (1,)."""
+        values = self.values[:, row].tolist()
+        low, high = min(values), max(values)
+        beyond = BETWEEN * (high - low)
+        return np.array([low - beyond]), np.array([high + beyond])
+
+    @cached_property
+    def known(self) -> Inside:
+        """The motion inside the step."""
+        moved = self.values[1:] - self.values[0]
+        return Inside(self.before, np.linalg.solve(_OF_TERMS, moved)[..., None])
+
+    def within(self, columns: Ints) -> Inside:
+        """The motion inside the step."""
+        return self.known.take(columns)
+
+    def ending(self, columns: Ints, part: Floats) -> tuple[Floats, Floats]:
+        """The y (size, A) at parts of the step, integrated anew from its beginning, and y'."""
+        y = [self.exact(time) for time in (self.start + part * self.length).tolist()]
+        return np.stack(y, axis=1), self.within(columns).slope(part) / self.length
+
+
+def _unknown(y: Floats, times: Any = 0.0) -> Sequence[Any]:
+    raise NotImplementedError
 
 
 def crossing(function: Callable[[Floats], Floats], low: Floats, high: Floats) -> Floats:

@@ -8,6 +8,7 @@ from modal.assembly import Hoisting, Hoists
 from nonlinear.system.events import (
     NO_FRICTION,
     NO_KICKS,
+    CoordinateReading,
     Event,
     EventRecord,
     Friction,
@@ -51,6 +52,7 @@ __all__ = [
     "UP",
     "ActingForce",
     "AppliedForces",
+    "CoordinateReading",
     "Equations",
     "Event",
     "EventRecord",

@@ -17,6 +17,24 @@ from nonlinear.system.system import System
 
 
 @dataclass(frozen=True)
+class CoordinateReading:
+    """The value of an event: a coordinate less a `level`, which runs read in y itself, or its `rate`.
+
+    It is at `index` in a `part` of states, and `row` is its number among all coordinates.
+    """
+
+    part: str
+    index: int | tuple[()]
+    row: int
+    rate: bool
+    level: float = 0.0
+
+    def __call__(self, state: State) -> float:
+        """What it is in a state."""
+        return float(np.asarray(getattr(state, self.part))[self.index]) - self.level
+
+
+@dataclass(frozen=True)
 class Event:
     """A zero crossing of `value` of the state: upwards (`direction` 1), downwards (−1) or either way (0).
 
@@ -135,8 +153,7 @@ def level_crossing(
     """
     require_type("system", system, "System")
     checked_number("level", level)
-    read = _reader(system, coordinate, rate=False)
-    return Event(f"{coordinate} = {level:g}", lambda state: read(state) - level, direction, stop)
+    return Event(f"{coordinate} = {level:g}", reading_of(system, coordinate, level), direction, stop)
 
 
 def turning_point(system: System, coordinate: str, *, stop: bool = False) -> Event:
@@ -166,10 +183,11 @@ def turning_point(system: System, coordinate: str, *, stop: bool = False) -> Eve
     4
     """
     require_type("system", system, "System")
-    return Event(f"{coordinate} turns", _reader(system, coordinate, rate=True), 0, stop)
+    return Event(f"{coordinate} turns", reading_of(system, coordinate, rate=True), 0, stop)
 
 
-def _reader(system: System, coordinate: str, *, rate: bool) -> Callable[[State], float]:
+def reading_of(system: System, coordinate: str, level: float = 0.0, *, rate: bool = False) -> CoordinateReading:
+    """A coordinate of a system by its name, or its rate, less a level; SceneError where there is none."""
     if coordinate not in system.labels:
         raise SceneError([f"event {coordinate}: must be one of {', '.join(system.labels[:12])}"])
     if system.spatial and coordinate != "x":
@@ -177,9 +195,8 @@ def _reader(system: System, coordinate: str, *, rate: bool) -> Callable[[State],
             [f"event {coordinate}: links have no single angle in space; define an Event with its own function"]
         )
     place = system.labels.index(coordinate)
-    if system.structure is not None and place < system.first:
-        return lambda state: float((state.support_rates if rate else state.supports)[place])
-    if place < system.first:
-        return (lambda state: state.cart_rate) if rate else (lambda state: state.cart)
-    at = place - system.first
-    return (lambda state: float(state.link_rates[at])) if rate else (lambda state: float(state.links[at]))
+    if place >= system.first:
+        return CoordinateReading("link_rates" if rate else "links", place - system.first, place, rate, level)
+    if system.structure is not None:
+        return CoordinateReading("support_rates" if rate else "supports", place, place, rate, level)
+    return CoordinateReading("cart_rate" if rate else "cart", (), place, rate, level)

@@ -17,7 +17,7 @@ from modal.scene import Scene, scene_from
 from nonlinear import State, simulate
 from nonlinear.dynamics.inputs import Inputs
 from nonlinear.integration import Trajectory
-from nonlinear.integration.driver import lowest, root
+from nonlinear.integration.happenings import lowest, root
 from nonlinear.integration.meeting import AGAIN, MET, bent, highest, meet
 from nonlinear.integration.method import LOOKS
 from nonlinear.integration.switches import Switches, switches_of

@@ -1,0 +1,91 @@
+"""What a run that looks for something costs, in counts, and what it finds, beside samples and closed forms."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.special import ellipk
+
+from modal import Bob, Cart, Pendulum, Scene, load
+from nonlinear import Event, level_crossing, simulate, state_at_rest, system_of, turning_point
+from nonlinear.integration.method import EXTRA, STAGES
+from nonlinear.integration.within import Step
+from nonlinear.system import Motion
+
+ONE = Scene(gravity=9.81, pendulum=[Pendulum(links=[Bob(mass=1.0, length=1.0)])])
+AMPLITUDE = 2.0
+PERIOD = 4 * ellipk(np.sin(AMPLITUDE / 2) ** 2) / np.sqrt(9.81)
+
+
+def counted(monkeypatch: pytest.MonkeyPatch, kind: type, name: str) -> list[int]:
+    calls, usual = [0], getattr(kind, name)
+
+    def counting(self: Any, *arguments: Any) -> Any:
+        calls[0] += 1
+        return usual(self, *arguments)
+
+    monkeypatch.setattr(kind, name, counting)
+    return calls
+
+
+def test_a_crossing_that_is_looked_for_costs_next_to_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A state for each crossing and none else; interpolants of hundreds of steps at once; a step again for each."""
+    start = state_at_rest(ONE, [np.degrees(AMPLITUDE)])
+    plain = simulate(ONE, 60.0, start=start, method="DOP853", output=2)
+    states, interpolants = counted(monkeypatch, Motion, "__getitem__"), counted(monkeypatch, Step, "extended")
+    event = level_crossing(system_of(ONE), "theta[1,1]")
+    run = simulate(ONE, 60.0, start=start, method="DOP853", output=2, events=[event])
+    expected = PERIOD * (0.25 + 0.5 * np.arange(len(run.happenings)))
+    assert len(run.happenings) == int(60 / PERIOD * 2 + 0.5)
+    np.testing.assert_allclose([each.time for each in run.happenings], expected, rtol=1e-9)
+    assert run.run.steps == plain.run.steps > 400
+    assert states[0] <= len(run.happenings) + 4
+    assert interpolants[0] <= 2 * (run.run.steps // 256 + 1)
+    assert run.run.calls - plain.run.calls <= (STAGES + 1 + 2 * EXTRA) * len(run.happenings)
+
+
+@pytest.mark.parametrize("way", ["DOP853", "RK45", "LSODA", "maximal", "hamiltonian"])
+def test_crossings_are_the_same_by_every_method(way: str) -> None:
+    """Also as an arbitrary function of the state, which is looked at."""
+    scene = load("paper-cart-1")
+    system, how = system_of(scene), {"form" if way.islower() else "method": way}
+    events = [level_crossing(system, "x", 0.001, 1), turning_point(system, "theta[1,2]")]
+    events.append(Event("function", lambda state: state.cart - 0.001, direction=1))
+    times: list[list[tuple[str, float]]] = []
+    for options in ({"tolerance": 1e-8, **how}, {"tolerance": 1e-13, "method": "DOP853"}):
+        run = simulate(scene, 0.7, events=events, **options)  # type: ignore[arg-type]
+        times.append(sorted((each.name, each.time) for each in run.happenings))
+    assert len(times[1]) > 2
+    assert [name for name, _ in times[0]] == [name for name, _ in times[1]]
+    np.testing.assert_allclose([time for _, time in times[0]], [time for _, time in times[1]], atol=1e-6)
+
+
+def test_a_run_that_an_event_ends_does_not_go_far_beyond(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The steps taken at once grow with those that were taken."""
+    event = level_crossing(system_of(ONE), "theta[1,1]", stop=True)
+    run = simulate(ONE, 60.0, start=state_at_rest(ONE, [10.0]), method="DOP853", events=[event])
+    assert len(run.happenings) == 1
+    assert run.run.calls < 3 * STAGES * run.run.steps + 100
+    assert run.times[-1] == run.happenings[0].time
+    assert abs(run.final.links[0]) < 1e-12
+
+
+def test_an_event_without_a_number_ends_the_run_where_it_has_none() -> None:
+    """What was computed up to there is kept."""
+    odd = Event("odd", lambda state: float(np.sqrt(state.links[0] + 0.1)) if state.links[0] > -0.1 else float("nan"))
+    with pytest.raises(Exception, match="event odd is nan at") as failure:
+        simulate(ONE, 60.0, start=state_at_rest(ONE, [10.0]), method="DOP853", events=[odd])
+    assert 0.4 < failure.value.trajectory.times[-1] < 0.9  # type: ignore[attr-defined]
+
+
+def test_a_reading_is_found_in_equal_pendula_that_share_an_equation() -> None:
+    pendula = [Pendulum(links=[Bob(mass=1.0, length=1.0)], count=3)]
+    scene = Scene(gravity=9.81, support=Cart(mass=5.0), pendulum=pendula)
+    system, start = system_of(scene), state_at_rest(scene, [30.0])
+    events = [level_crossing(system, f"theta[{k},1]", 0.1, -1) for k in (1, 3)]
+    run = simulate(scene, 1.0, start=start, events=events)
+    assert run.run.reduced
+    assert len(run.happenings) == 2
+    assert run.happenings[0].time == run.happenings[1].time
