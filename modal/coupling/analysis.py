@@ -40,7 +40,6 @@ from modal.coupling.families import (
     FamilyRow,
     beats_of,
     exchange_among,
-    family_cells,
     family_name,
     mode_words,
     pair_exchange,
@@ -50,8 +49,8 @@ from modal.coupling.matrices import ReducedPencil, stable_pencil
 from modal.coupling.reduced import FixedBaseModes, ReducedStructure, reduced, refuse_beyond
 from modal.errors import ComputationError
 from modal.modes import MOST_COMPARED, Modes, counterparts, moving_words, natural_modes
-from modal.report import HTML_ROWS, Displayed, Summary, counted
-from modal.scene import Scene, name_of, require
+from modal.report import Displayed, Written
+from modal.scene import Scene, require
 from modal.scene.doors import checked
 from modal.structure import Structure, slopes
 from modal.types import Floats, Ints
@@ -75,7 +74,7 @@ class StructureMode(Displayed):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Coupling(Displayed):
+class Coupling(Written):
     """The coupling of a scene's pendula by the cart or the structure that they hang from, and by springs.
 
     `secular` is the dynamic mass where pendula feel each other through one coordinate at most; on a fixed support that
@@ -93,19 +92,7 @@ class Coupling(Displayed):
     scene: Scene
     reduced: ReducedStructure
     secular: DynamicMass | None
-
-    def _summary(self) -> Summary:
-        where = "" if self.on_cart else " on a structure" if self.scene.is_structured else ", without a cart"
-        families = counted(len(self.families), "family", "families")
-        if self.scene.is_structured:
-            facts = [("coordinates of the structure", ", ".join(self.structure.names) or "none")]
-        else:
-            facts = [("mass felt by a slow push", f"{self.dynamic.at_rest:.6g} kg")]
-            facts += [("by a fast one", f"{self.dynamic.at_infinity:.6g} kg")] if self.on_cart else []
-        headings, cells = family_cells(self.rows(HTML_ROWS))
-        words = frozenset(k for k, heading in enumerate(headings) if heading in ("family", "modes", "moves"))
-        title = f"Coupling of {name_of(self.scene)}: {families} of modes{where}"
-        return Summary(title, facts, headings, cells, len(self.families), words=words)
+    writer = "modal.coupling.report:coupling_report"
 
     # ------------------------------------------------------------------------------------------- what hangs where
 

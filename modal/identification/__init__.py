@@ -17,19 +17,17 @@ from modal.identification.identifiability import (
     find_determined,
 )
 from modal.identification.measured import MeasuredMode, MeasuredModes, has_modes, read_modes
-from modal.identification.mode_fit import ModeFit, Solution
+from modal.identification.mode_fit import ModeFit, Solution, mode_fit_json, mode_fit_text
 from modal.identification.mode_fitting import fit_modes
-from modal.identification.mode_report import mode_fit_json, mode_fit_text
 from modal.identification.parameters import (
+    FittedNumbers,
     Parameter,
     find_parameters,
-    fitted_columns,
     numbers_at,
     scene_with,
     starts_of,
 )
-from modal.identification.pole_report import poles_table
-from modal.identification.poles import EXCITATIONS, METHODS, Identified, IdentifiedMode, identify
+from modal.identification.poles import EXCITATIONS, METHODS, Identified, IdentifiedMode, identify, poles_table
 from modal.identification.propagation import magnitude_std, mode_stds, shaped_modes
 
 __all__ = [
@@ -39,6 +37,7 @@ __all__ = [
     "Combination",
     "Determined",
     "Estimate",
+    "FittedNumbers",
     "Identified",
     "IdentifiedMode",
     "MeasuredMode",
@@ -56,7 +55,6 @@ __all__ = [
     "find_determined",
     "find_parameters",
     "fit_modes",
-    "fitted_columns",
     "has_modes",
     "identify",
     "influence",

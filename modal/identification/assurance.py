@@ -9,6 +9,7 @@ largest MAC; else those of the nearest frequencies, by the least sum of |ln f/f'
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from math import log, pi
 from typing import Any
@@ -19,8 +20,8 @@ import scipy
 from modal.errors import ComputationError
 from modal.identification.measured import MeasuredMode, MeasuredModes, component_rows, turned
 from modal.modes import Mode, Modes
-from modal.report import NOTHING, Displayed, Form, as_csv, as_json, finite, grid, titled
-from modal.scene import title_of
+from modal.report import NOTHING, Column, Displayed, Form, Result, Table, finite, records_of
+from modal.scene import Scene
 from modal.scene.doors import checked
 from modal.types import Floats
 
@@ -51,8 +52,23 @@ class ModePair(Displayed):
         return (self.frequency - self.measured.frequency) / self.measured.std
 
 
+PAIR = (
+    Column("measured.number", "measured", "measured"),
+    Column("computed.number", "computed", "table"),
+    Column("mac", "mac", "MAC", ".4f"),
+    Column("measured.frequency", "measured_frequency_hz", "f (Hz)", ".6g"),
+    Column("measured.std", "std_hz", "±", ".2g"),
+    Column("frequency", "computed_frequency_hz", "computed (Hz)", ".6g"),
+    Column("error", "relative_error", "error (%)", lambda error: f"{100 * error:+.3g}"),
+    Column("deviation", "deviation_in_stds", "error (±)", "+.2g"),
+    Column("measured.damping_ratio", "measured_damping_ratio", "ζ", ".4g"),
+    Column("computed.damping_ratio", "computed_damping_ratio", "computed ζ", ".4g"),
+)
+"""The quantities of a pair."""
+
+
 @dataclass(frozen=True, eq=False, repr=False)
-class Assurance(Displayed):
+class Assurance(Result):
     """MAC (R, S) of measured modes with the oscillating ones computed, `rows`; NaN where there is no shape."""
 
     modes: Modes
@@ -60,6 +76,13 @@ class Assurance(Displayed):
     rows: tuple[Mode, ...]
     mac: Floats
     pairs: tuple[ModePair, ...]
+
+    what = "measured beside computed modes"
+
+    @property
+    def scene(self) -> Scene:
+        """The scene of the computed modes."""
+        return self.modes.scene
 
     @property
     def notes(self) -> list[str]:
@@ -75,6 +98,38 @@ class Assurance(Displayed):
         if np.isfinite(self.mac).any() and len(self.measured.components) < len(self.rows):
             notes.append("fewer components than modes: shapes of different modes may look alike")
         return notes
+
+    def parts(self, form: Form = "text") -> Iterator[Table | str]:
+        """The pairs, the matrix where there are shapes, and the notes."""
+        yield Table.of(PAIR, self.pairs)
+        if np.isfinite(self.mac).any():
+            yield Table(
+                ["MAC", *(str(mode.number) for mode in self.rows)],
+                [
+                    [str(mode.number), *(NOTHING if np.isnan(value) else f"{value:.3f}" for value in values)]
+                    for mode, values in zip(self.measured.modes, self.mac, strict=True)
+                ],
+            )
+        yield "\n".join(f"{note[0].upper()}{note[1:]}." for note in self.notes)
+
+    def records(self) -> list[dict[str, Any]]:
+        """The matrix, a measured mode each."""
+        names = [f"mode_{mode.number}" for mode in self.rows]
+        return [
+            {"measured": mode.number} | dict(zip(names, values, strict=True))
+            for mode, values in zip(self.measured.modes, self.mac.tolist(), strict=True)
+        ]
+
+    def whole(self) -> dict[str, Any]:
+        """The matrix, the pairs and the notes."""
+        return {
+            "measured": [mode.number for mode in self.measured.modes],
+            "computed": [mode.number for mode in self.rows],
+            "components": self.measured.labels,
+            "mac": [list(map(finite, values)) for values in self.mac.tolist()],
+            "pairs": records_of(PAIR, self.pairs),
+            "notes": self.notes,
+        }
 
 
 @checked
@@ -134,60 +189,4 @@ def _pairs(measured: MeasuredModes, rows: tuple[Mode, ...], mac: Floats) -> list
 @checked
 def assurance_table(assurance: Assurance, form: Form) -> str:
     """The pairs and the matrix as text or json, the matrix alone as csv, by `form`."""
-    numbers = [f"mode_{mode.number}" for mode in assurance.rows]
-    matrix = [
-        {"measured": measured_mode.number} | dict(zip(numbers, map(float, values), strict=True))
-        for measured_mode, values in zip(assurance.measured.modes, assurance.mac, strict=True)
-    ]
-    if form == "csv":
-        return as_csv(matrix)
-    if form == "json":
-        return as_json(
-            {
-                "measured": [measured_mode.number for measured_mode in assurance.measured.modes],
-                "computed": [mode.number for mode in assurance.rows],
-                "components": assurance.measured.labels,
-                "mac": [[finite(float(value)) for value in values] for values in assurance.mac],
-                "pairs": [_pair_record(pair) for pair in assurance.pairs],
-                "notes": assurance.notes,
-            }
-        )
-    pairs = [
-        [
-            str(pair.measured.number),
-            str(pair.computed.number),
-            NOTHING if pair.mac is None else f"{pair.mac:.4f}",
-            f"{pair.measured.frequency:.6g}",
-            f"{pair.measured.std:.2g}",
-            f"{pair.frequency:.6g}",
-            f"{100 * pair.error:+.3g}",
-            f"{pair.deviation:+.2g}",
-            NOTHING if pair.measured.damping_ratio is None else f"{pair.measured.damping_ratio:.4g}",
-            f"{pair.computed.damping_ratio:.4g}",
-        ]
-        for pair in assurance.pairs
-    ]
-    headings = ["measured", "table", "MAC", "f (Hz)", "±", "computed (Hz)", "error (%)", "error (±)", "ζ", "computed ζ"]
-    cells = [
-        [str(measured_mode.number), *(NOTHING if np.isnan(value) else f"{value:.3f}" for value in values)]
-        for measured_mode, values in zip(assurance.measured.modes, assurance.mac, strict=True)
-    ]
-    shaped = bool(np.isfinite(assurance.mac).any())
-    matrix_text = grid(cells, ["MAC", *(str(mode.number) for mode in assurance.rows)]) if shaped else ""
-    parts = [grid(pairs, headings), matrix_text, "\n".join(f"{note[0].upper()}{note[1:]}." for note in assurance.notes)]
-    return titled(title_of(assurance.modes.scene), "measured beside computed modes", parts, "text")
-
-
-def _pair_record(pair: ModePair) -> dict[str, Any]:
-    return {
-        "measured": pair.measured.number,
-        "computed": pair.computed.number,
-        "mac": pair.mac,
-        "measured_frequency_hz": pair.measured.frequency,
-        "std_hz": pair.measured.std,
-        "computed_frequency_hz": pair.frequency,
-        "relative_error": pair.error,
-        "deviation_in_stds": pair.deviation,
-        "measured_damping_ratio": pair.measured.damping_ratio,
-        "computed_damping_ratio": pair.computed.damping_ratio,
-    }
+    return assurance.report(form)

@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from modal.identification.identifiability import Combination, Determined, Undetermined, find_combinations
 from modal.identification.measured import MeasuredMode, MeasuredModes
-from modal.identification.parameters import Parameter, fitted_columns
-from modal.report import Displayed, Summary, brief, counted, deferred, tabulated
-from modal.scene import Scene, name_of
+from modal.identification.parameters import FittedNumbers, Parameter, numbers_of, with_error
+from modal.report import Column, Displayed, Form, Summary, Table, brief, records_of, short
+from modal.scene import Scene
 from modal.types import Floats, Ints
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True, repr=False)
@@ -33,6 +31,22 @@ class FittedMode(Displayed):
     def deviation(self) -> float:
         """Of the frequency."""
         return (self.frequency - self.measured.frequency) / self.measured.std
+
+
+MODE = (
+    Column("measured.number", "mode", "mode"),
+    Column("measured.frequency", "measured_frequency_hz"),
+    Column(lambda mode: with_error(mode.measured.frequency, mode.measured.std), None, "f (Hz)"),
+    Column("measured.std", "std_hz", "±", ".2g"),
+    Column("frequency", "fitted_frequency_hz"),
+    Column(lambda mode: with_error(mode.frequency, mode.measured.std), None, "fitted (Hz)"),
+    Column("deviation", "deviation_in_stds", "off by (±)", "+.2f"),
+    Column("measured.damping_ratio", "measured_damping_ratio", "ζ", ".6g"),
+    Column("damping_ratio_std", "damping_ratio_std"),
+    Column("damping_ratio", "fitted_damping_ratio", "fitted ζ", lambda ratio: short(ratio + 0.0)),
+    Column("mac", "mac", "MAC", ".4f"),
+)
+"""The quantities of a fitted mode."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -68,7 +82,7 @@ class Solution(Displayed):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ModeFit(Solution):
+class ModeFit(FittedNumbers, Solution):
     """Numbers fitted to measured modes: `scene` has them, `given` those of the start.
 
     `chi_square` is the sum of squares of the residuals with `freedom` degrees of freedom, `held` the indices of numbers
@@ -86,20 +100,38 @@ class ModeFit(Solution):
     verdict: tuple[str, ...] = ()
     others: tuple[Solution, ...] = ()
 
-    def to_dict(self) -> dict[str, Any]:
-        """A row for each number, (p,): its place, unit, what the scene gave, its value, its standard deviation."""
-        return fitted_columns(self.parameters, self.values, self.stds, self.held)
+    what = "fit to measured modes"
+    figure = "modal.plotting.identification:mode_fit_figure"
 
-    def plot(self) -> Figure:
-        """A matplotlib figure of the fit beside what was measured."""
-        figure: Figure = deferred("modal.plotting.identification:mode_fit_figure")(self)
-        return figure
+    def parts(self, form: Form = "text") -> Iterator[Table | str]:
+        """The numbers, what the modes determine, every mode, and the verdict."""
+        yield self.table_of_numbers({})
+        yield from self.determination()
+        yield Table.of(MODE, self.modes)
+        yield "\n".join(self.footnotes())
 
-    def _summary(self) -> Summary:
-        facts = [("measured modes", str(len(self.modes))), ("chi-square", f"{self.chi_square:.4g} of {self.freedom}")]
-        facts += [("verdict", " ".join(self.verdict))] if self.verdict else []
-        title = f"Fit of {name_of(self.given)}: {counted(len(self.fitted), 'number', 'numbers')}"
-        return tabulated(title, facts, self.to_dict(), ("number", "unit"))
+    def whole(self) -> dict[str, Any]:
+        """Every number and mode; `covariance` is that of `parameters` in their order."""
+        numbers = self.fitted
+        return {
+            **self.facts(),
+            "segments": [],
+            "modes": records_of(MODE, self.modes),
+            "chi_square": self.chi_square,
+            "degrees_of_freedom": self.freedom,
+            "shape_std": self.shape_std,
+            "condition": self.determined.condition,
+            "covariance": self.covariance[np.ix_(numbers, numbers)].tolist(),
+            "other_solutions": [
+                {
+                    "parameters": numbers_of(other, numbers),
+                    "chi_square": other.chi_square,
+                    "covariance": other.covariance[np.ix_(numbers, numbers)].tolist(),
+                }
+                for other in self.others
+            ],
+            "verdict": list(self.verdict),
+        }
 
     @property
     def fitted(self) -> list[int]:
@@ -115,3 +147,13 @@ class ModeFit(Solution):
     def combinations(self) -> tuple[Combination, ...]:
         """Products of numbers that are determined although the numbers are not."""
         return find_combinations(self.determined, self.parameters, self.z, self.stds)
+
+
+def mode_fit_json(result: ModeFit) -> str:
+    """The report as JSON."""
+    return result.report("json")
+
+
+def mode_fit_text(result: ModeFit) -> str:
+    """The report as text."""
+    return result.report()

@@ -27,13 +27,13 @@ from modal.identification.derivatives import ModeDerivatives, matrix_derivatives
 from modal.identification.identifiability import VAGUE, Determined, find_determined
 from modal.identification.measured import MeasuredMode, MeasuredModes, component_rows, turned
 from modal.identification.mode_fit import FittedMode, ModeFit, Solution
-from modal.identification.mode_report import with_error
 from modal.identification.parameters import (
     Parameter,
     find_parameters,
     numbers_at,
     scene_with,
     starts_of,
+    with_error,
 )
 from modal.modes import Modes, natural_modes
 from modal.report import listed, percent, short

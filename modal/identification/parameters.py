@@ -8,7 +8,7 @@ moment m g l, and so on.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import exp, inf, isfinite, log, sqrt
 from typing import Any
@@ -16,11 +16,11 @@ from typing import Any
 import numpy as np
 
 from modal.errors import SceneError, meant
-from modal.report import Displayed, Summary
-from modal.scene import Scene
+from modal.report import NOTHING, Displayed, Drawn, Result, Summary, Table, capital, finite, short
+from modal.scene import Scene, title_of
 from modal.scene.doors import checked
 from modal.scene.parameters import Place, Variable, find_places, number_at, unit_at, with_numbers
-from modal.types import Floats, Ints
+from modal.types import Floats
 
 POSITIVE = ("mass", "length", "centre", "inertia", "gravity", "angle_deg")
 CAN_VANISH = (
@@ -203,14 +203,82 @@ def starts_of(parameters: Sequence[Parameter]) -> Floats:
     return np.array([parameter.start for parameter in parameters])
 
 
-def fitted_columns(parameters: Sequence[Parameter], values: Floats, stds: Floats, held: Ints) -> dict[str, Any]:
-    """Numbers with their places, units, given and fitted values and standard deviations, NaN of those `held`."""
-    spreads = np.array(stds, dtype=float)
-    spreads[held] = np.nan
-    return {
-        "number": np.array([parameter.path for parameter in parameters]),
-        "unit": np.array([parameter.unit_name for parameter in parameters]),
-        "given": np.array([parameter.value for parameter in parameters]),
-        "fitted": np.array(values),
-        "std": spreads,
-    }
+class FittedNumbers(Drawn, Result):
+    """What a fit says of the numbers that were free, those `held` among them, whatever was measured."""
+
+    @property
+    def fits(self) -> bool:
+        """Whether standard deviations mean anything."""
+        return True
+
+    def titles(self: Any) -> tuple[str, str]:
+        """The title of the scene as it was given, and what it was fitted to."""
+        return title_of(self.given), self.what
+
+    def to_dict(self: Any) -> dict[str, Any]:
+        """A row for each number, (p,): its place, unit, what the scene gave, its value, its standard deviation.
+
+        Those that were held have none, NaN.
+        """
+        spreads = np.array(self.stds, dtype=float)
+        spreads[self.held] = np.nan
+        return {
+            "number": np.array([parameter.path for parameter in self.parameters]),
+            "unit": np.array([parameter.unit_name for parameter in self.parameters]),
+            "given": np.array([parameter.value for parameter in self.parameters]),
+            "fitted": np.array(self.values),
+            "std": spreads,
+        }
+
+    def table_of_numbers(self: Any, more: Mapping[str, Floats]) -> Table:
+        """Every number beside the scene's, with its standard deviation and `more` of them, (p,) by their headings."""
+        held = set(self.held.tolist())
+
+        def spread(stds: Floats, k: int) -> str:
+            return "held" if k in held else f"{stds[k]:.2g}" if np.isfinite(stds[k]) else NOTHING
+
+        spreads = {"std": self.stds, **more}
+        rows = [
+            [
+                parameter.path,
+                short(parameter.value),
+                with_error(self.values[k], self.stds[k]),
+                *(spread(stds, k) for stds in spreads.values()),
+                parameter.unit_name,
+            ]
+            for k, parameter in enumerate(self.parameters)
+        ]
+        return Table(["number", "given", "fitted", *spreads, "unit"], rows)
+
+    def determination(self: Any) -> Iterator[str]:
+        """What is determined of numbers that are not, and what is left open."""
+        each = self.combinations if self.fits else ()
+        yield "\n".join(f"Determined: {c.words} = {with_error(c.value, c.std)} ± {c.std:.2g}" for c in each)
+        yield "\n".join(f"Not determined: {direction.words}." for direction in self.undetermined)
+
+    def footnotes(self: Any) -> Iterator[str]:
+        """The verdict."""
+        return ((line if line.startswith("theta") else capital(line)) + "." for line in self.verdict)
+
+    def facts(self: Any) -> dict[str, Any]:
+        """Every number, what is determined and what is not."""
+        return {
+            "parameters": numbers_of(self, self.fitted),
+            "fixed": [{"place": self.parameters[k].path, "value": float(self.values[k])} for k in self.held.tolist()],
+            "combinations": [{"words": c.words, "value": c.value, "std": finite(c.std)} for c in self.combinations],
+            "unidentifiable": [{"place": direction.held, "words": direction.words} for direction in self.undetermined],
+        }
+
+
+def numbers_of(result: Any, which: Iterable[int]) -> list[dict[str, Any]]:
+    """These numbers of a fit or of a solution, with their places and standard deviations."""
+    values, stds = result.values.tolist(), result.stds.tolist()
+    return [{"place": result.parameters[k].path, "value": values[k], "std": finite(stds[k])} for k in which]
+
+
+def with_error(value: float, std: float) -> str:
+    """As many digits as the standard deviation leaves, and one."""
+    if not std > 0 or not value:
+        return short(value)
+    digits = int(np.clip(np.ceil(np.log10(abs(value) / std)) + 2, 2, 12))
+    return f"{value:.{digits}g}"

@@ -7,10 +7,11 @@ records (Efron & Stein, Ann. Stat. 9, 586 (1981)).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from math import degrees, pi, sqrt
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -28,13 +29,26 @@ from modal.identification.decays import (
 )
 from modal.identification.derivatives import polar
 from modal.identification.measured import turned
+from modal.identification.parameters import with_error
 from modal.identification.realization import Realization, modal_assurance, realize
-from modal.report import Displayed, Summary, brief, counted, deferred, percent, short, tabulated
+from modal.report import (
+    Column,
+    Displayed,
+    Drawn,
+    Form,
+    Result,
+    Summary,
+    Table,
+    brief,
+    by_column,
+    capital,
+    counted,
+    percent,
+    records_of,
+    short,
+)
 from modal.scene.doors import checked, checked_index
 from modal.types import Booleans, Complexes, Floats
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 METHODS = ("era", "decrement")
 EXCITATIONS = ("free", "random")
@@ -97,6 +111,33 @@ class IdentifiedMode(Displayed):
         return float(((x @ x - y @ y) ** 2 + 4 * (x @ y) ** 2) / whole) if whole else 1.0
 
 
+MODE = (
+    Column("frequency", "frequency_hz"),
+    Column(lambda mode: with_error(mode.frequency, mode.frequency_std), None, "f (Hz)"),
+    Column("frequency_std", "frequency_std_hz", "± (Hz)", ".2g"),
+    Column("damping_ratio", "damping_ratio"),
+    Column(lambda mode: with_error(mode.damping_ratio, mode.damping_ratio_std), None, "ζ"),
+    Column("damping_ratio_std", "damping_ratio_std", "± ζ", ".2g"),
+    Column("collinearity", "collinearity", "collinearity", ".3f"),
+)
+MODE_RECORD = (
+    *MODE[:-1],
+    Column(lambda mode: [mode.pole.real, mode.pole.imag], "eigenvalue_per_s"),
+    Column(lambda mode: [[value.real, value.imag] for value in mode.shape.tolist()], "shape"),
+    Column("shape_std", "shape_std"),
+    MODE[-1],
+    Column("frequency_shift", "frequency_shift_hz"),
+)
+ORDER_POLE = (
+    Column("order", "order"),
+    Column("frequency", "frequency_hz"),
+    Column("damping_ratio", "damping_ratio"),
+    Column("stable", "stable"),
+)
+"""The quantities of a mode in columns and in JSON, and of a pole."""
+METHOD_NAMES = {"era": "eigensystem realization", "decrement": "logarithmic decrement"}
+
+
 @dataclass(frozen=True)
 class OrderPole:
     """A pole found at an order of the model (Hz), and whether it was there at the order before."""
@@ -108,7 +149,7 @@ class OrderPole:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Identified(Displayed):
+class Identified(Drawn, Result):
     """Modes of records with sensors of these `names`, the poles of all orders tried, and what there is to say."""
 
     modes: tuple[IdentifiedMode, ...]
@@ -119,26 +160,62 @@ class Identified(Displayed):
     stabilization: tuple[OrderPole, ...]
     notes: tuple[str, ...]
 
+    figure = "modal.plotting.identification:poles_figure"
+
+    def titles(self) -> tuple[str, str]:
+        """In place of a scene's title that there are modes, and what they are of."""
+        of = "free decays" if self.excitation == "free" else "responses to random excitation"
+        return "Modes", f"poles of {of}"
+
+    def parts(self, form: Form = "text") -> Iterator[Table | str]:
+        """Every mode, by which method it was found, and what there is to say."""
+        shapes = [Column(partial(_component, k), None, name, "+.3f") for k, name in enumerate(self.names)]
+        number = Column(lambda mode: self.modes.index(mode) + 1, None, "mode")
+        yield Table.of((number, *MODE, *shapes, Column("shape_std", None, "± shape", ".2g")), self.modes)
+        order = f", order {self.order}" if self.method == "era" else ""
+        yield f"By {METHOD_NAMES[self.method]}{order}."
+        yield "\n".join(capital(note) + "." for note in self.notes)
+
     def to_dict(self) -> dict[str, Any]:
         """A row for each mode, (R,): frequency and damping ratio with their standard deviations, collinearity."""
-        names = {
-            "frequency_hz": "frequency",
-            "frequency_std_hz": "frequency_std",
-            "damping_ratio": "damping_ratio",
-            "damping_ratio_std": "damping_ratio_std",
-            "collinearity": "collinearity",
+        return by_column(records_of(MODE, self.modes))
+
+    def records(self) -> Iterator[dict[str, Any]]:
+        """The modes as a file of measured modes has them."""
+        for k, mode in enumerate(self.modes, 1):
+            shape = dict(zip(self.names, mode.shape.real.tolist(), strict=True)) if len(self.names) > 1 else {}
+            noise = {"shape_std": mode.shape_std} if shape and self.method == "era" else {}
+            yield {
+                "mode": k,
+                "frequency_hz": mode.frequency,
+                "std_hz": mode.frequency_std,
+                "damping_ratio": mode.damping_ratio,
+                "damping_ratio_std": mode.damping_ratio_std,
+                **shape,
+                **noise,
+            }
+
+    def whole(self) -> dict[str, Any]:
+        """Every mode, and the poles of all orders."""
+        return {
+            "components": list(self.names),
+            "method": self.method,
+            "excitation": self.excitation,
+            "order": self.order,
+            "modes": [{"mode": k, **record} for k, record in enumerate(records_of(MODE_RECORD, self.modes), 1)],
+            "stabilization": records_of(ORDER_POLE, self.stabilization),
+            "notes": list(self.notes),
         }
-        return {key: np.array([getattr(mode, name) for mode in self.modes]) for key, name in names.items()}
 
-    def plot(self) -> Figure:
-        """A matplotlib figure of the modes and of the poles of all orders."""
-        figure: Figure = deferred("modal.plotting.identification:poles_figure")(self)
-        return figure
 
-    def _summary(self) -> Summary:
-        facts = [("method", self.method), ("excitation", self.excitation), ("order", str(self.order))]
-        several = counted(len(self.modes), "identified mode", "identified modes")
-        return tabulated(f"{several} of {counted(len(self.names), 'sensor', 'sensors')}", facts, self.to_dict())
+def _component(k: int, mode: IdentifiedMode) -> float:
+    return float(mode.shape.real[k])
+
+
+@checked
+def poles_table(identified: Identified, form: Form, title: str = "") -> str:
+    """The modes as text, csv or json, the `form`; `title` names the record in text."""
+    return identified.report(form, title=title)
 
 
 @checked

@@ -10,21 +10,18 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import sqrt
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from modal.errors import ComputationError, SceneError
 from modal.loci.tracking import CloseApproach, LociPoint, find_close_approaches, follow, solve_at
 from modal.modes import labelled
-from modal.report import Displayed, Summary, counted, csv_rows, deferred, grid, silent, tabulated, with_unit
+from modal.report import Displayed, Drawn, Summary, counted, csv_rows, grid, silent, tabulated, with_unit
 from modal.scene import Scene, left_out, name_of
 from modal.scene.doors import checked
 from modal.scene.parameters import Variation, find_places, number_at, validate_variations
 from modal.types import Floats, Ints
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 
 def followed_columns(
@@ -56,7 +53,7 @@ Report = Callable[[float], object]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Loci(Displayed):
+class Loci(Drawn, Displayed):
     """K loci over P values of a parameter, refined where shapes change fast: `omega` (P, K) in rad/s, `values` (P,).
 
     `names` (K,) are the numbers of their modes in the table at the value `numbered_at`: the scene's own, or the first
@@ -72,6 +69,7 @@ class Loci(Displayed):
     names: tuple[str, ...]
     numbered_at: float
     encounters: tuple[CloseApproach, ...]
+    figure = "modal.plotting.loci:loci_figure"
 
     def to_dict(self) -> dict[str, Floats]:
         """The parameter and the frequency of every locus in rad/s, (P,) each.
@@ -84,11 +82,6 @@ class Loci(Displayed):
         """
         loci = {f"omega_{name}_rad_per_s": omega for name, omega in zip(self.names, self.omega.T, strict=True)}
         return {self.variation.column: self.values, **loci}
-
-    def plot(self) -> Figure:
-        """A matplotlib figure of the loci."""
-        figure: Figure = deferred("modal.plotting.loci:loci_figure")(self)
-        return figure
 
     def _summary(self) -> Summary:
         loci, met = counted(len(self.names), "locus", "loci"), counted(len(self.encounters), "encounter", "encounters")

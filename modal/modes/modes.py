@@ -19,7 +19,7 @@ from modal.modes.eigenvalues import Eigenvalues, Short, kept
 from modal.modes.mode import Mode
 from modal.modes.rows import described, row_of
 from modal.modes.shapes import Shape, expand, validate_normalisation
-from modal.report import HTML_ROWS, TEXT_ROWS, Displayed, Summary, counted, deferred, more, scrolled
+from modal.report import HTML_ROWS, TEXT_ROWS, Displayed, Summary, Written, counted, deferred, more, scrolled
 from modal.scene import Scene, left_out, validate_scene
 from modal.scene.doors import checked, require_type
 from modal.types import Booleans, Floats, Ints
@@ -36,7 +36,7 @@ CHUNK, MOST_TOLD = 400_000, 8
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Modes(Displayed, Eigenvalues, Sequence[Mode]):
+class Modes(Written, Eigenvalues, Sequence[Mode]):
     """All modes of a scene in ascending order of natural frequency, one entry for each distinct one.
 
     Columns are read-only arrays (R,).  Those that need no shape cost nothing more: `number`, `eigenvalue`, `omega`,
@@ -277,9 +277,11 @@ class Modes(Displayed, Eigenvalues, Sequence[Mode]):
         """
         deferred("modal.plotting.films:save_film")(self, path, _indices(numbers), **options)
 
-    def _summary(self) -> Summary:
-        summary: Summary = deferred("modal.modes.tables:summarize")(self, TEXT_ROWS)
-        return summary
+    def _lines(self) -> list[str]:
+        """The table of the first modes, and how many more there are."""
+        lines = self.table("text", self[:TEXT_ROWS]).rstrip("\n").split("\n")
+        left = len(self) - TEXT_ROWS
+        return [*lines[: lines.index("", 2)], f"… {left} more"] if left > 0 else lines
 
     def _repr_html_(self) -> str:
         shown = self[:HTML_ROWS]

@@ -13,7 +13,6 @@ from modal.assembly import Matrices
 from modal.errors import ComputationError, SceneError, meant
 from modal.modes.columns import COLUMNS, Column, Stds, added_by, columns_of, printed, that_fit
 from modal.modes.dissipation import sharing
-from modal.modes.eigenvalues import Eigenvalues
 from modal.modes.mode import Mode
 from modal.modes.modes import Modes
 from modal.report import (
@@ -23,7 +22,6 @@ from modal.report import (
     as_json,
     breadth,
     columns,
-    counted,
     csv_rows,
     finite,
     fits,
@@ -36,7 +34,7 @@ from modal.report import (
     one_line,
     widths_of,
 )
-from modal.scene import Scene, describe, name_of, title_of
+from modal.scene import Scene, describe, title_of
 from modal.scene.doors import checked
 from modal.types import Floats
 
@@ -288,9 +286,7 @@ def _grid(matrix: Floats, labels: Sequence[str]) -> str:
 # ------------------------------------------------------------------------------ as columns, and as they show themselves
 
 
-DIGITS = 6
-TOLD = {"period_s", "effective_mass_kg", "linear_to_1_percent_deg", "relative_error_bound"}
-"""Columns that a mode shows besides those of its title."""
+OMEGA = "omega_rad_per_s"
 
 
 def record_of(mode: Mode) -> dict[str, Any]:
@@ -308,42 +304,10 @@ def _array(values: list[Any]) -> NDArray[Any]:
     return np.array([nan if value is None else value for value in values])
 
 
-def summarize(modes: Modes, most: int) -> Summary:
-    """How many modes there are, between which frequencies, and the first rows of the table."""
-    rows = modes[:most]
-    damped = bool(np.any(modes.damping_ratio != 0))
-    folded = bool(np.any(modes.multiplicity > 1))
-    headings = ["mode", "ω (rad/s)", "f (Hz)", *["ζ"] * damped, *["multiplicity"] * folded, "description"]
-    cells = [
-        [
-            str(row.number),
-            _shown(nan if row.is_uncertain else row.omega),
-            _shown(row.frequency),
-            *[_shown(row.damping_ratio)] * damped,
-            *[str(row.multiplicity)] * folded,
-            row.family,
-        ]
-        for row in rows
-    ]
-    title = f"Modes of {name_of(modes.scene)}: {counted(len(modes), 'mode', 'modes')}{_range(modes)}"
-    return Summary(title, (), headings, cells, len(modes), words=frozenset({len(headings) - 1}))
-
-
-def _range(modes: Eigenvalues) -> str:
-    known: Floats = modes.frequency[np.isfinite(modes.frequency)]
-    return f" from {known.min():.4g} to {known.max():.4g} Hz" if len(known) else ""
-
-
-def _shown(value: float | None) -> str:
-    return NOTHING if value is None or isnan(value) else f"{value:.{DIGITS}g}"
-
-
 def summarize_mode(mode: Mode) -> Summary:
-    """The number and frequency of a mode and its description; every quantity of its row in a notebook."""
-    frequency = "" if mode.frequency is None else f"{_shown(mode.frequency)} Hz, "
-    omega = "no digit certain" if mode.is_uncertain else f"{_shown(mode.omega)} rad/s"
-    damped = f", ζ = {_shown(mode.damping_ratio)}" if mode.damping_ratio and not mode.is_uncertain else ""
-    several = f", multiplicity {mode.multiplicity}" if mode.multiplicity > 1 else ""
-    title = f"Mode {mode.number}: {frequency}{omega}{damped}{several}, {mode.family}"
-    facts = [(column.heading, column.shown(mode)) for column in COLUMNS if column.shown and column.key in TOLD]
-    return Summary(title, facts)
+    """The number of a mode and its description, and what its row of the table says."""
+    columns = {column.key: column for column in COLUMNS if column.shown and column.of_rows is None}
+    cells = {key: column.shown(mode) for key, column in columns.items() if column.shown}
+    title = f"Mode {cells.pop('mode')}: {cells.pop('family')}"
+    facts = [(columns[key].heading, cell) for key, cell in cells.items() if cell != NOTHING]
+    return Summary(title, [(name, cell) for name, cell in facts if cell != "0" or name == columns[OMEGA].heading])

@@ -37,6 +37,7 @@ from modal.report.escaping import (
 )
 from modal.report.fitting import breadth, broken, columns, fits, fitted, folded, padded
 from modal.report.prose import WIDTH, capital, counted, line_width, listed, percent, rad, short, silent, with_unit
+from modal.report.results import Column, Drawn, Result, Table, Written, records_of
 from modal.report.tables import (
     NOTHING,
     Form,
@@ -58,9 +59,14 @@ __all__ = [
     "NOTHING",
     "TEXT_ROWS",
     "WIDTH",
+    "Column",
     "Displayed",
+    "Drawn",
     "Form",
+    "Result",
     "Summary",
+    "Table",
+    "Written",
     "aligned",
     "as_csv",
     "as_json",
@@ -99,6 +105,7 @@ __all__ = [
     "percent",
     "python_text",
     "rad",
+    "records_of",
     "scrolled",
     "short",
     "silent",

@@ -75,8 +75,7 @@ class Summary:
         told = [f"<tr><th{LEFT}>{html(name)}</th><td{LEFT}>{html(value)}</td></tr>" for name, value in self.facts]
         parts = [f"<p><strong>{html(self.title)}</strong></p>"]
         parts += [f"<table{APART}>", *told, "</table>"] if told else []
-        parts += self._table()
-        return scrolled(*parts)
+        return scrolled(*parts, self.table())
 
     def _cells(self, count: int) -> tuple[list[str], list[list[str]], int]:
         """Headings, the first rows and how many more there are; columns beyond MOST_COLUMNS are left out."""
@@ -103,10 +102,11 @@ class Summary:
 
         return [*map(line, [headings, *rows]), *[f"… {left} more"] * bool(left)]
 
-    def _table(self) -> list[str]:
+    def table(self) -> str:
+        """The first rows of the table as HTML; nothing without a row."""
         headings, rows, left = self._cells(HTML_ROWS)
         if not rows:
-            return []
+            return ""
 
         def line(cells: list[str], kind: str) -> str:
             shown = (
@@ -116,7 +116,7 @@ class Summary:
 
         body = [line(row, "td") for row in rows]
         table = ["<table>", f"<thead>{line(headings, 'th')}</thead>", "<tbody>", *body, "</tbody>", "</table>"]
-        return [*table, more(left)]
+        return "\n".join(filter(None, [*table, more(left)]))
 
 
 def _fitting(widths: Sequence[int]) -> int:
@@ -157,6 +157,10 @@ class Displayed:
         """What is shown; override it where a result has more to say than its fields."""
         return summary_of(self)
 
+    def _title(self) -> str:
+        """What it is, in a line."""
+        return self._summary().title
+
     def __repr__(self) -> str:
         return self._summary().text()
 
@@ -183,14 +187,15 @@ def tabulated(title: str, facts: Facts, columns: Mapping[str, Any], words: Itera
 
 
 def by_column(records: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """Records as arrays, one for each key of the first.
+    """Records as arrays, one for each key of the first; NaN where there is no value.
 
     >>> by_column([{"x": 1.0}, {"x": 2.0}])
     {'x': array([1., 2.])}
     """
-    from numpy import array
+    from numpy import array, nan
 
-    return {key: array([record[key] for record in records]) for key in (records[0] if records else ())}
+    columns = {key: [record[key] for record in records] for key in (records[0] if records else ())}
+    return {key: array([nan if value is None else value for value in values]) for key, values in columns.items()}
 
 
 def summary_of(result: Any) -> Summary:
@@ -242,7 +247,7 @@ def more(count: int) -> str:
 def first_line(value: Any) -> str:
     """The first line of what a value shows."""
     if isinstance(value, Displayed):
-        return value._summary().title
+        return value._title()
     named = callable(value) or hasattr(value, "__dict__") or hasattr(value, "_fields")
     return type(value).__name__ if named else brief(str(value))
 

@@ -20,8 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from modal.modes import UNCERTAIN, Modes
-from modal.report import Displayed, Summary, aligned, counted
-from modal.scene import name_of
+from modal.report import Displayed, Written, aligned
 from modal.scene.doors import checked
 from modal.statespace.modal_form import ModalForm, to_modal_form
 from modal.statespace.model import StateSpace
@@ -88,7 +87,7 @@ class Side(Displayed):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Gains(Displayed):
+class Gains(Written):
     """Controllability, the gains of the `inputs`, and observability, those of the `outputs`, mode by mode.
 
     Where the model prescribes the cart's motion `held` is true: `modes` are then the fixed-base modes, not the table's.
@@ -119,18 +118,6 @@ class Gains(Displayed):
         `fold` counts the copies in the model: in space those along the rail.
         """
         return f"{self._grid(self.inputs)}\n\n{self._grid(self.outputs)}\n"
-
-    def _summary(self) -> Summary:
-        inputs, outputs = self.inputs.signals, self.outputs.signals
-        sizes = ((self.modes, "mode"), (inputs, "input"), (outputs, "output"))
-        what = ", ".join(counted(len(every), word, f"{word}s") for every, word in sizes)
-        rows = (
-            (str(k + 1), self._rate(k), *words, *seen)
-            for k, (words, seen) in enumerate(zip(self.inputs.words, self.outputs.words, strict=True))
-        )
-        headings = ("mode", "ω (rad/s)", *(signal.name for signal in (*inputs, *outputs)))
-        title = f"Modal gains of {name_of(self.modes.scene)}: {what}"
-        return Summary(title, (), headings, rows, len(self.modes), words=frozenset(range(2, len(headings))))
 
     def _rate(self, number: int) -> str:
         """ω, or the growth or decay rate (1/s) of a mode that does not oscillate; empty where no digit is certain."""

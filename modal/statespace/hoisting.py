@@ -15,9 +15,12 @@ leaves where they change is integrated likewise.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from math import degrees
+from operator import itemgetter
+from typing import Any
 
 import numpy as np
 import scipy
@@ -25,7 +28,7 @@ import scipy
 from modal.assembly import Matrices, hoisting_of, matrices, matrices_along, no_hoist, rig_of
 from modal.errors import ComputationError, SceneError
 from modal.modes import labelled, natural_modes, table_numbers
-from modal.report import Displayed
+from modal.report import Column, Form, Result, Table, short
 from modal.scene import Fixed, Pendulum, Scene
 from modal.statespace.model import fixed, refuse_no_inertia
 from modal.statespace.reduction import heavier, joined_pendula
@@ -42,11 +45,13 @@ POWERS = 6
 """Coefficients of a quintic."""
 TOLERANCE = 1e-10
 Command = Callable[[Floats], Floats]
+SWING = "swing: the largest angle of each mode over that at the beginning, if E/ω is conserved (a slow hoist)"
+NO_MODE = "with the cart free no mode oscillates: a massless cart stays above its load"
 UNSTABLE = "the equilibrium is unstable along the hoist: no swing is left at rest"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Along(Displayed):
+class Along(Result):
     """Along a hoist at `times` (T,) in s: the changing `lengths` (T, H) in m, R frequencies and adiabatic amplitudes.
 
     `omega` (T, R) in rad/s are those of the scene with the lengths of each time, one for every mode that oscillates
@@ -63,6 +68,49 @@ class Along(Displayed):
     lengths: Floats
     omega: Floats
     swing: Floats
+    what = "along the hoist"
+
+    def entries(self) -> Iterable[list[float]]:
+        """Time, lengths, frequencies and swings."""
+        return np.column_stack([self.times, self.lengths, self.omega, self.swing]).tolist()  # type: ignore[no-any-return]
+
+    def columns(self) -> list[Column]:
+        """Of the numbers at a time."""
+        names = [("time_s", "t (s)")]
+        names += [(f"length_{p + 1}_{i + 1}_m", f"l[{p + 1},{i + 1}] (m)") for p, i in self.links]
+        names += [(f"omega_{name}_rad_per_s", f"ω_{name} (rad/s)") for name in self.names]
+        names += [(f"swing_{name}", f"swing_{name}") for name in self.names]
+        return [Column(itemgetter(k), key, heading, ".6g") for k, (key, heading) in enumerate(names)]
+
+    @property
+    def notes(self) -> list[str]:
+        """What there is to say of the laws of the lengths."""
+        links = [link for pendulum in self.scene.pendulum for link in pendulum.links if link.hoist]
+        laws = [link.hoist.law(link.length) for link in links if link.hoist]
+        return list(dict.fromkeys(law.words for law in laws if law.words))
+
+    def parts(self, form: Form = "text", *, left: Sequence[Residual] = (), beside: str = "") -> Iterator[Table | str]:
+        """The table, what it means and leaves out, or what is `beside` a free cart, and what is `left` of commands."""
+        yield from super().parts(form)
+        yield from self.notes
+        damped = "; both ω and swing without dampers" if self.scene.has_damping else ""
+        yield f"{SWING}{damped}" if self.names else "; ".join(filter(None, (NO_MODE, beside)))
+        yield "\n".join(f"residual swing {short(degrees(each.angle))}°: {each.words}" for each in left)
+
+    def whole(self, *, left: Sequence[Residual] = ()) -> dict[str, Any]:
+        """Every column as an array, and what is left."""
+        return {
+            "title": self.scene.title,
+            "drive": self.drive,
+            "time_s": self.times.tolist(),
+            "modes": self.names,
+            "links": [{"pendulum": p + 1, "link": i + 1} for p, i in self.links],
+            "length_m": self.lengths.tolist(),
+            "omega_rad_per_s": self.omega.tolist(),
+            "swing": self.swing.tolist(),
+            "residual": [{"command": each.words, "angle_deg": degrees(each.angle)} for each in left],
+            "notes": self.notes,
+        }
 
 
 def frequencies_along(scene: Scene, samples: int = 21, drive: Drive = "cart_force") -> Along:

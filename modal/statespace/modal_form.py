@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from modal.errors import ComputationError
 from modal.modes import Modes, all_shapes, natural_modes
-from modal.report import NOTHING, Displayed, Summary, brief, deferred, first_line
+from modal.report import NOTHING, Displayed, Drawn, Summary, brief, first_line
 from modal.scene.doors import checked
 from modal.statespace.model import StateSpace, fixed
 from modal.statespace.signals import DRIVES, SUPPORT, Signal
@@ -68,22 +68,18 @@ class ModalBlock(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ModalForm(Displayed):
+class ModalForm(Drawn, Displayed):
     """A model and its blocks; `modes` are those of its inputs: fixed-base ones if the cart's motion is prescribed."""
 
     modes: Modes
     model: StateSpace
     blocks: tuple[ModalBlock, ...]
+    figure = "modal.plotting.response:bode_figure"
 
     @property
     def is_held(self) -> bool:
         """Whether the cart's motion is prescribed, so that the modes are those on a fixed support."""
         return any(signal.name in DRIVES for signal in self.model.inputs)
-
-    def plot(self, **options: Any) -> Figure:
-        """A matplotlib figure of magnitude and phase; `options` are those of `modal.plotting.bode_figure`."""
-        figure: Figure = deferred("modal.plotting.response:bode_figure")(self, **options)
-        return figure
 
     def _summary(self) -> Summary:
         rows = (

@@ -35,7 +35,7 @@ import numpy as np
 from modal.assembly import HoistInstant, Matrices, matrices
 from modal.eigen import is_singular
 from modal.errors import ComputationError, SceneError
-from modal.report import Displayed, Summary, counted, deferred
+from modal.report import Displayed, Drawn, Summary, counted
 from modal.scene import Fixed, Scene, require, validate_scene
 from modal.scene.doors import checked
 from modal.scene.points import CarrierPoint, parse_point
@@ -60,7 +60,7 @@ from modal.statespace.signals import (
 from modal.types import Floats
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    pass
 
 LARGEST_STATE = 4000
 TRANSLATING = {"fixed", "cart", "swing", "platform"}
@@ -72,7 +72,7 @@ NO_SHARE = (
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class StateSpace(Displayed):
+class StateSpace(Drawn, Displayed):
     """z' = A z + B u (z[k+1] = A z[k] + B u[k] where dt > 0), y = C z + D u.
 
     A (n, n), B (n, m), C (p, n), D (p, m) in SI units; `states`, `inputs` and `outputs` name rows and columns; `dt` is
@@ -92,6 +92,7 @@ class StateSpace(Displayed):
     title: str = ""
     operating_point: tuple[tuple[str, float], ...] = ()
     scene: Scene | None = None
+    figure = "modal.statespace.modal_form:plot_model"
 
     def to_dict(self) -> dict[str, Any]:
         """A, B, C and D, the names of states, inputs and outputs, and the sample time in s.
@@ -104,14 +105,6 @@ class StateSpace(Displayed):
         """
         names = {side: [signal.name for signal in getattr(self, side)] for side in ("states", "inputs", "outputs")}
         return {"A": self.A, "B": self.B, "C": self.C, "D": self.D, **names, "dt_s": self.dt}
-
-    def plot(self, **options: Any) -> Figure:
-        """A matplotlib figure of magnitude and phase; `options` are those of `modal.plotting.bode_figure`.
-
-        Raises ComputationError for a model that is not the whole one of a scene, whose modes the figure needs.
-        """
-        figure: Figure = deferred("modal.statespace.modal_form:plot_model")(self, **options)
-        return figure
 
     def _summary(self) -> Summary:
         kind = f"sampled every {self.dt:g} s" if self.dt else "continuous"

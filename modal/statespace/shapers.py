@@ -288,6 +288,11 @@ class Robustness(Displayed):
     values: Floats
     residual: Floats
 
+    def _summary(self) -> Summary:
+        columns = {"value": self.values}
+        columns |= {f"mode {k} (%)": residual for k, residual in enumerate(self.residual.T, 1)}
+        return tabulated("Residual vibration with a shaper", [], columns)
+
     def within(self, tolerance: float = TOLERANCE) -> Booleans:
         """Where (L,) no mode retains more than `tolerance`, as a fraction."""
         return np.asarray((self.residual <= 100 * tolerance).all(1), dtype=np.bool_)

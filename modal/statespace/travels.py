@@ -13,14 +13,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import scipy
 
 from modal.assembly import hoisting_of, matrices_along, rig_of
 from modal.errors import SceneError
-from modal.report import Displayed, Summary, deferred, tabulated
+from modal.report import Displayed, Drawn, Summary, tabulated
 from modal.scene import Scene, refusals
 from modal.scene.doors import checked, checked_number
 from modal.statespace.hoisting import Travel, is_held, largest_swing, motion_history
@@ -40,7 +39,7 @@ SHORTEST, LONGEST = 1e-6, 1e6  # m, and s
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ShapedTravel(Displayed):
+class ShapedTravel(Drawn, Displayed):
     """A travel of `distance` (m) under a `drive`, as it is (row 0) and shaped (row 1), at `times` (T,) in s.
 
     `command` (2, T) is the place of a cart whose motion is prescribed (m) or a force in `unit`; `moved` (2, T) the
@@ -58,10 +57,7 @@ class ShapedTravel(Displayed):
     residual: Floats
     over: Floats
     unit: str
-
-    def plot(self) -> Any:
-        """The figure of `modal.plotting.travels.travel_figure`."""
-        return deferred("modal.plotting.travels:travel_figure")(self)
+    figure = "modal.plotting.travels:travel_figure"
 
     def words(self) -> Iterator[str]:
         """What the travel leaves as it is and shaped, a line each."""

@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from math import tau
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from modal.report import Displayed, Summary, counted, deferred
+from modal.report import Displayed, Drawn, Written
 from modal.scene import Scene
 from modal.tuning.closed_forms import Absorber, absorbers, values_for
 from modal.tuning.model import find_peaks
@@ -17,9 +17,6 @@ from modal.tuning.objective import Load, MassCase, Objective, Worth, loads, wors
 from modal.tuning.pieces import Pieces, Quantities
 from modal.tuning.quantities import Quantity
 from modal.types import Floats
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 CURVE = 400
 NEAR = 24
@@ -59,7 +56,7 @@ class Curves(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Tuned(Displayed):
+class Tuned(Drawn, Written):
     """The tuned `scene`, what it was, and what its numbers are worth."""
 
     given: Scene = field(repr=False)
@@ -74,6 +71,8 @@ class Tuned(Displayed):
     robust: bool
     open: float = 0.0
     """What the last descent still gained where Newton's method did not settle, relative."""
+    writer = "modal.tuning.report:tuned_text"
+    figure = "modal.plotting.response:tuning_figure"
 
     @property
     def numbers(self) -> dict[str, float]:
@@ -185,20 +184,6 @@ class Tuned(Displayed):
             "before": np.array([number.value for number in free]),
             "after": self.objective.numbers(self.z),
         }
-
-    def plot(self, **options: Any) -> Figure:
-        """A matplotlib figure of the curves before and after; `options` are those of `modal.plotting.tuning_figure`."""
-        figure: Figure = deferred("modal.plotting.response:tuning_figure")(self, **options)
-        return figure
-
-    def _summary(self) -> Summary:
-        aims = "; ".join(aim.words for aim in self.objective.aims)
-        title = f"Tuned {counted(len(self.objective.free), 'number', 'numbers')}: {aims}"
-        facts = [("objective", f"{self.before:.6g} → {self.after:.6g}")]
-        table = self.to_dict()
-        columns = [[*map(str, table["number"])], *([f"{v:.6g}" for v in table[name]] for name in ("before", "after"))]
-        rows = list(zip(*columns, strict=True))
-        return Summary(title, facts, ("number", "before", "after"), rows, len(rows), words=frozenset({0}))
 
 
 def unit_of(quantities: Quantities, quantity: Quantity) -> str:

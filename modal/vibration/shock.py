@@ -236,6 +236,7 @@ class ShockResponse(ModalResponse):
     grid: Grid
     history: Floats
     by_mode: Floats
+    writer = "modal.vibration.report:shock_report"
 
     @property
     def times(self) -> Floats:

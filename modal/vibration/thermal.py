@@ -48,6 +48,7 @@ class ThermalNoise(ModalResponse):
     scene: Scene
     temperature: float
     dissipators: tuple[Dissipator, ...]
+    writer = "modal.vibration.report:thermal_report"
 
     @cached_property
     def places(self) -> tuple[str, ...]:

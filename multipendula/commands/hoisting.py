@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from multipendula.command import Command
 from multipendula.commands.shared import drawn, noted, picture, say
@@ -24,10 +24,7 @@ if TYPE_CHECKING:
     from modal.scene import Scene
     from modal.statespace.hoisting import Along, Residual
 
-NO_MODE = (
-    "with the cart free no mode oscillates: a massless cart stays above its load; --drive cart_acceleration lists the "
-    "modes beside a cart whose motion is prescribed"
-)
+BESIDE = "--drive cart_acceleration lists the modes beside a cart whose motion is prescribed"
 TRAVEL = ("over", "kind", "count")
 
 
@@ -64,46 +61,12 @@ def _written(along: Along, left: tuple[Residual, ...], options: argparse.Namespa
     """The table in the format asked for."""
     from math import degrees
 
-    from modal.report import as_csv, as_json, grid, short, titled
-    from modal.scene import title_of
-
-    names = [f"length_{p + 1}_{i + 1}_m" for p, i in along.links]
-    modes = along.names
-    names += [f"omega_{k}_rad_per_s" for k in modes] + [f"swing_{k}" for k in modes]
-    rows = [
-        [time, *lengths, *omega, *swing]
-        for time, lengths, omega, swing in zip(
-            along.times.tolist(), along.lengths.tolist(), along.omega.tolist(), along.swing.tolist(), strict=True
-        )
-    ]
-    residual = [(residue.words, degrees(residue.angle)) for residue in left]
-    hoists = (link.hoist.law(link.length) for pendulum in along.scene.pendulum for link in pendulum.links if link.hoist)
-    notes = list(dict.fromkeys(law.words for law in hoists if law.words))
+    if options.format == "text":
+        return along.report("text", left=left, beside=BESIDE)
     if options.format == "json":
-        told: dict[str, Any] = {
-            "title": along.scene.title,
-            "drive": along.drive,
-            "time_s": along.times.tolist(),
-            "modes": along.names,
-            "links": [{"pendulum": p + 1, "link": i + 1} for p, i in along.links],
-            "length_m": along.lengths.tolist(),
-            "omega_rad_per_s": along.omega.tolist(),
-            "swing": along.swing.tolist(),
-            "residual": [{"command": words, "angle_deg": angle} for words, angle in residual],
-            "notes": notes,
-        }
-        return as_json(told)
-    if options.format == "csv":
-        head = "".join(f"# residual swing {angle!r} deg: {words}\n" for words, angle in residual)
-        return head + as_csv([dict(zip(["time_s", *names], row, strict=True)) for row in rows])
-    headings = ["t (s)", *(f"l[{p + 1},{i + 1}] (m)" for p, i in along.links)]
-    headings += [f"ω_{k} (rad/s)" for k in modes] + [f"swing_{k}" for k in modes]
-    table = grid([[f"{value:.6g}" for value in row] for row in rows], headings)
-    words = "swing: the largest angle of each mode over that at the beginning, if E/ω is conserved (a slow hoist)"
-    words += "; both ω and swing without dampers" if along.scene.has_damping else ""
-    words = words if modes else NO_MODE
-    lines = [f"residual swing {short(angle)}°: {what}" for what, angle in residual]
-    return titled(title_of(along.scene), "along the hoist", [table, *notes, words, "\n".join(lines)], "text")
+        return along.report("json", left=left)
+    head = (f"# residual swing {degrees(residue.angle)!r} deg: {residue.words}\n" for residue in left)
+    return "".join(head) + along.report("csv")
 
 
 def _arguments(page: Page) -> None:

@@ -9,13 +9,17 @@ beyond which the motion is unpredictable.  Start with `advice`; `candidates` lis
 solutions with which they are compared, `frequencies` compares the ways to natural frequencies.
 """
 
-from nonlinear.accuracy.advice import Advice, seek_accuracy
+from nonlinear.accuracy.advice import Advice, advice_table, seek_accuracy
 from nonlinear.accuracy.attempts import Goal
 from nonlinear.accuracy.candidates import Candidate, Question, list_candidates
 from nonlinear.accuracy.frequencies import FrequencyRow, FrequencyTradeoff, frequencies_table, measure_frequencies
 from nonlinear.accuracy.references import choose_references
-from nonlinear.accuracy.tables import advice_table, tradeoff_table
-from nonlinear.accuracy.work_precision import WorkPrecision, WorkPrecisionRow, measure_work_precision
+from nonlinear.accuracy.work_precision import (
+    WorkPrecision,
+    WorkPrecisionRow,
+    measure_work_precision,
+    tradeoff_table,
+)
 
 __all__ = [
     "Advice",

@@ -29,10 +29,13 @@ from dataclasses import dataclass, replace
 from itertools import chain
 from math import inf
 from time import perf_counter
+from typing import Any
 
 import numpy as np
 
-from modal.report import Displayed
+from modal.report import Column, Form, Result, finite
+from modal.scene import Scene
+from modal.scene.doors import checked
 from modal.types import Floats
 from nonlinear.accuracy.attempts import AIM, Attempt, Goal, TriedRun, in_closed_form, in_few_modes
 from nonlinear.integration import LOOSEST, SMALLEST, Choice, Request, SimulationError, Trajectory, rounded
@@ -47,10 +50,22 @@ ROUNDING = 4 * float(np.finfo(float).eps)  # tolerance below which errors no lon
 LOST, LEAP = 0.3, 1e-4  # difference (rad) too large to estimate C; ratio of the next tolerance to this one then
 PARTED = 2.0  # least bound over the distance of a twin
 TOGETHER = 2  # samples by which the ends of two runs at the same event may differ
+ATTEMPT = (
+    Column("way", "way", "way"),
+    Column("tolerance", "tolerance", "tolerance", ".1e"),
+    Column("seconds", "seconds", "time (ms)", lambda seconds: f"{1e3 * seconds:.3g}"),
+    Column("calls", "derivatives", "derivatives"),
+    Column("error", "error_rad", "error (rad)", lambda x: "unknown" if finite(x) is None else f"{x:.1e}"),
+)
+"""The quantities of an attempt."""
+EVIDENCE = (
+    "error: for modes, from their residual in the equations of motion; for a run, from its difference from the "
+    "previous run, whose own error is unknown."
+)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Advice(Displayed):
+class Advice(Result):
     """The trajectory for a requested accuracy (rad), its `errors` (T,) in rad so far, and all attempts, its own last.
 
     `horizon` is the time (s) up to which the accuracy is met, one of the trajectory's; `parted` tells whether the
@@ -87,6 +102,53 @@ class Advice(Displayed):
         run = replace(self.trajectory.run, error=float(self.errors[kept][-1]), stopped=stopped)
         happenings = tuple(happening for happening in self.trajectory.happenings if happening.time <= self.horizon)
         return replace(self.trajectory.at(kept), run=run, happenings=happenings)
+
+    key = "attempts"
+
+    @property
+    def what(self) -> str:  # type: ignore[override]
+        """What was asked for."""
+        return f"the cheapest way to {self.accuracy:g} rad"
+
+    @property
+    def scene(self) -> Scene:
+        """The scene of the trajectory."""
+        return self.trajectory.scene
+
+    def entries(self) -> tuple[Attempt, ...]:
+        """Every attempt."""
+        return self.attempts
+
+    def columns(self) -> tuple[Column, ...]:
+        """The quantities of an attempt."""
+        return ATTEMPT
+
+    def footnotes(self) -> Iterator[str]:
+        """The verdict, and what it rests on."""
+        last, run, times = self.attempts[-1], self.trajectory.run, self.trajectory.times
+        if run.interrupted:
+            yield f"{run.stopped}: no accuracy is guaranteed."
+        elif self.met:
+            yield f"{last.way}: no angle is off by more than {last.error:.2g} rad until {times[-1]:.9g} s."
+        else:
+            yield f"{self.limit}."
+        yield EVIDENCE
+
+    def facts(self) -> dict[str, Any]:
+        """What was asked for, and whether and how long it is met."""
+        return {
+            "accuracy_rad": self.accuracy,
+            "met": self.met,
+            "horizon_s": self.horizon,
+            "stopped": self.trajectory.run.stopped,
+            "duration_s": float(self.trajectory.times[-1] - self.trajectory.times[0]),
+        }
+
+
+@checked
+def advice_table(advice: Advice, form: Form) -> str:
+    """Every attempt as text, markdown, csv (one line per attempt) or json, as `form` says."""
+    return advice.report(form)
 
 
 def seek_accuracy(goal: Goal) -> Advice:

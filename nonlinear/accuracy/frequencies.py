@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import partial
-from math import inf, isfinite, nan
+from math import inf, nan
 from statistics import median
 from time import process_time
 from typing import Any
@@ -22,8 +22,8 @@ from modal.assembly import matrices
 from modal.errors import SceneError
 from modal.exact import isolate, of_scene
 from modal.modes import natural_modes
-from modal.report import NOTHING, Displayed, Form, as_csv, as_json, finite, grid, titled
-from modal.scene import Scene, describe, require, title_of, validate_scene
+from modal.report import Column, Displayed, Form, Result
+from modal.scene import Scene, require, validate_scene
 from modal.scene.doors import checked
 from modal.statespace.model import fixed
 from modal.types import Floats
@@ -33,7 +33,10 @@ MOST, MOST_LINKS = 60, 1500
 """Different frequencies and links of a scene: roots are proved within seconds, dense matrices solved."""
 ROUNDS, ROUND = 5, 0.02
 """Rounds in which each way has its turn, and seconds of one."""
-COLUMNS = ("Pareto", "way", "route", "time (ms)", "/ dense", "bound", "error of ω")
+NOTES = (
+    "*: on the Pareto front: no other is both faster and more accurate. time: of the processor, for all frequencies; "
+    f"the matrices of dense are at hand. error: the largest, to roots proved to {DIGITS} digits."
+)
 
 
 @dataclass(frozen=True, repr=False)
@@ -48,7 +51,7 @@ class FrequencyRow(Displayed):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class FrequencyTradeoff(Displayed):
+class FrequencyTradeoff(Result):
     """Dense matrices, the relative errors allowed, and every digit, in this order."""
 
     scene: Scene
@@ -62,6 +65,31 @@ class FrequencyTradeoff(Displayed):
             for row in self.rows
             if not any(other.seconds < row.seconds and other.error <= row.error for other in self.rows)
         )
+
+    what = "time against accuracy of frequencies"
+    key = "rungs"
+
+    def columns(self) -> tuple[Column, ...]:
+        """The quantities of a way."""
+        best, dense = self.pareto, self.rows[0].seconds
+        return (
+            Column(lambda row: "*" if row in best else "", heading="Pareto"),
+            Column("way", "way", "way"),
+            Column("route", "route", "route"),
+            Column("seconds", "seconds", "time (ms)", lambda seconds: f"{1e3 * seconds:.3g}"),
+            Column(lambda row: row.seconds / dense, None, "/ dense", ".2g"),
+            Column("bound", "bound", "bound", ".1e"),
+            Column("error", "error", "error of ω", ".1e"),
+            Column(lambda row: row in best, "pareto"),
+        )
+
+    def footnotes(self) -> tuple[str, ...]:
+        """What the columns are."""
+        return (NOTES,)
+
+    def facts(self) -> dict[str, Any]:
+        """The digits that errors are held against."""
+        return {"digits": DIGITS}
 
 
 @checked
@@ -144,39 +172,4 @@ def _taken(solve: Callable[[], object], times: int) -> float:
 @checked
 def frequencies_table(result: FrequencyTradeoff, form: Form) -> str:
     """Every way as text, markdown, csv (one line per way) or json, as `form` says."""
-    records = [_record(result, row) for row in result.rows]
-    if form == "json":
-        return as_json({"scene": describe(result.scene), "digits": DIGITS, "rungs": records})
-    if form == "csv":
-        return as_csv(records)
-    cells = [
-        [
-            "*" if row in result.pareto else "",
-            row.way,
-            row.route,
-            f"{1e3 * row.seconds:.3g}",
-            f"{row.seconds / result.rows[0].seconds:.2g}",
-            f"{row.bound:.1e}" if isfinite(row.bound) else NOTHING,
-            f"{row.error:.1e}" if isfinite(row.error) else NOTHING,
-        ]
-        for row in result.rows
-    ]
-    notes = (
-        "*: on the Pareto front: no other is both faster and more accurate. time: of the processor, for all "
-        "frequencies; the matrices of dense are at hand. error: the largest, to roots proved to "
-        f"{DIGITS} digits."
-    )
-    return titled(
-        title_of(result.scene), "time against accuracy of frequencies", [grid(cells, COLUMNS, form), notes], form
-    )
-
-
-def _record(result: FrequencyTradeoff, row: FrequencyRow) -> dict[str, Any]:
-    return {
-        "way": row.way,
-        "route": row.route,
-        "seconds": row.seconds,
-        "bound": finite(row.bound),
-        "error": finite(row.error),
-        "pareto": row in result.pareto,
-    }
+    return result.report(form)

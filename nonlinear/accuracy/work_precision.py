@@ -13,7 +13,7 @@ than that fifth, as in motion that has died away, and where the error itself is 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from math import nan, pi
 from statistics import median
@@ -23,8 +23,9 @@ from typing import Any
 import numpy as np
 
 from modal.errors import ComputationError, SceneError
-from modal.report import Displayed, silent
+from modal.report import NOTHING, Column, Displayed, Form, Result, silent
 from modal.scene import Scene, require, validate_scene
+from modal.scene.doors import checked
 from modal.types import Floats
 from nonlinear.accuracy.candidates import Candidate, GivenUpError, Question, list_candidates
 from nonlinear.accuracy.references import Reference, reference_of
@@ -67,7 +68,7 @@ class WorkPrecisionRow(Displayed):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class WorkPrecision(Displayed):
+class WorkPrecision(Result):
     """The reference, the candidates in order of fidelity, and (family or candidate, reason) of those left out."""
 
     scene: Scene
@@ -93,6 +94,82 @@ class WorkPrecision(Displayed):
             if not front or self.judged(row) < self.judged(front[-1]):
                 front.append(row)
         return tuple(front)
+
+    what = "time against accuracy"
+    key = "rungs"
+
+    def columns(self) -> tuple[Column, ...]:
+        """The quantities of a candidate."""
+        floor, best = self.reference.floor, self.pareto
+        return (
+            Column(lambda row: "*" if row in best else "", heading="Pareto"),
+            Column("candidate.family", heading="method"),
+            Column("candidate.kind", "kind"),
+            Column(lambda row: row.candidate.method or None, "method"),
+            Column("candidate.compiled", "compiled"),
+            Column(lambda row: nan if row.candidate.modal else row.candidate.tolerance, None, "tolerance", _power),
+            Column("candidate.tolerance", "tolerance"),
+            Column("seconds", "seconds", "time (ms)", lambda seconds: f"{1e3 * seconds:.3g}"),
+            Column("prepared", "prepared_seconds", "prepared (ms)", lambda seconds: f"{1e3 * seconds:.3g}"),
+            Column("calls", "derivatives", "derivatives"),
+            Column("error", "error_rad", "error (rad)", lambda x: f"{x:.1e}" if x > floor else f"<{floor:.1e}"),
+            Column(lambda row: row.error > floor, "certain"),
+            Column("shift", "late_s", "late (s)", ".1e"),
+            Column("drift", "energy_drift", "energy", ".1e"),
+            Column(lambda row: row in best, "pareto"),
+        )
+
+    def facts(self) -> dict[str, Any]:
+        """The reference, and how far it goes."""
+        reference = self.reference
+        return {
+            "reference": reference.candidate.name,
+            "held_against": reference.check.name,
+            "difference_rad": float(reference.difference[-1]),
+            "floor_rad": reference.floor,
+            "duration_s": reference.duration,
+            "horizon_s": reference.horizon,
+            "growth": float(reference.growth[-1]),
+        }
+
+    def whole(self) -> dict[str, Any]:
+        """The reference, every candidate, and those left out."""
+        return {**super().whole(), "skipped": [{"rung": name, "reason": reason} for name, reason in self.skipped]}
+
+    def footnotes(self) -> Iterator[str]:
+        """What the comparison rests on, and what its columns are."""
+        reference = self.reference
+        yield (
+            f"reference: {reference.candidate.name}, checked against {reference.check.name}: they differ by "
+            f"{reference.difference[-1]:.1e} rad, and a small error grows {reference.growth[-1]:.2g} times, so no "
+            f"error below {reference.floor:.1e} rad can be resolved."
+        )
+        yield f"all {reference.horizon:g} s are compared." if reference.whole else _cut_short(reference)
+        yield from (f"{name} was left out: {reason}." for name, reason in self.skipped)
+        yield (
+            "*: on the Pareto front: no other is both faster and more accurate. time: a run, once prepared; "
+            "derivatives: right-hand sides, or series of Taylor methods. error: the largest of any link, modulo whole "
+            f"turns, so never above 3.14 rad. late: shift in time in the last {100 * LAST:.0f} %. energy: drift, "
+            "relative."
+        )
+
+
+def _power(tolerance: float) -> str:
+    return NOTHING if tolerance != tolerance else f"{tolerance:.1e}".replace(".0e", "e")  # noqa: PLR0124
+
+
+def _cut_short(reference: Reference) -> str:
+    until = f": until then the e-folding time of a small error is {1 / (reference.exponent or 1):.2g} s"
+    return (
+        f"only the first {reference.horizon:.4g} s of {reference.duration:g} s are compared"
+        f"{until if reference.exponent else ''}; the reference cannot be trusted further."
+    )
+
+
+@checked
+def tradeoff_table(result: WorkPrecision, form: Form) -> str:
+    """Every candidate as text, markdown, csv (one line per candidate) or json, as `form` says."""
+    return result.report(form)
 
 
 def measure_work_precision(

@@ -12,7 +12,7 @@ from math import hypot
 
 import numpy as np
 
-from modal.report import Displayed, silent
+from modal.report import Displayed, Written, silent
 from modal.scene import Scene
 from modal.scene.doors import require_type
 from modal.types import Floats
@@ -46,11 +46,12 @@ class ChaosStudy:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Finding(Displayed):
+class Finding(Written):
     """A study with the exponents of its cases."""
 
     study: ChaosStudy
     exponents: tuple[Exponent, ...]
+    writer = "nonlinear.chaos.claims:text"
 
     def series(self) -> dict[str, list[tuple[Case, Exponent]]]:
         """The cases with their exponents, series by series."""

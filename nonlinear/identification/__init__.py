@@ -8,8 +8,7 @@ from nonlinear.identification.comparison import LAWS, ComparedLaw, compare
 from nonlinear.identification.diagnosis import diagnose, turning_points
 from nonlinear.identification.fitting import LOSSES, fit
 from nonlinear.identification.records import ANGLES, Recording, Segment, Sensor, parse_where, read_recording
-from nonlinear.identification.report import fit_json, fit_record, fit_text
-from nonlinear.identification.result import Fit
+from nonlinear.identification.result import Fit, fit_json, fit_record, fit_text
 
 __all__ = [
     "ANGLES",

@@ -2,30 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from functools import cached_property, partial
+from typing import Any
 
 import numpy as np
 
 from modal.identification import (
     Combination,
     Determined,
+    FittedNumbers,
     Parameter,
     Undetermined,
     find_combinations,
-    fitted_columns,
     resampled,
 )
-from modal.report import Displayed, Summary, brief, counted, deferred, tabulated
-from modal.scene import Scene, name_of
+from modal.report import NOTHING, Column, Form, Table, finite, records_of
+from modal.scene import Scene
 from modal.types import Floats, Ints
 from nonlinear.identification.problem import FitProblem
 from nonlinear.identification.records import Recording
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 BLOCKS = 10  # of residuals in a series, at least
 POOR = 0.05  # of a reading's standard deviation: residuals that go on from sample to sample and are larger do not fit
@@ -35,7 +32,7 @@ APART = 10.0  # standard deviations of a gap between two windows that do not joi
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Fit(Displayed):
+class Fit(FittedNumbers):
     """Numbers fitted to a recording.
 
     `scene` has them; `parameters` (p) are the ones that were free, `held` (indices) those among them that stayed at the
@@ -131,23 +128,49 @@ class Fit(Displayed):
         """Standard deviations of the numbers (p,), zero for those held, NaN where the motion does not fit."""
         return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
 
-    def to_dict(self) -> dict[str, Any]:
-        """A row for each number, (p,): its place, unit, what the scene gave, its value, its standard deviation."""
-        return fitted_columns(self.parameters, self.values, self.stds, self.held)
+    what = "fit to measured motions"
+    figure = "nonlinear.plotting.identification:fit_figure"
 
-    def plot(self) -> Figure:
-        """A matplotlib figure of the fit beside what was measured."""
-        figure: Figure = deferred("nonlinear.plotting.identification:fit_figure")(self)
-        return figure
+    def parts(self, form: Form = "text", *, candidates: Sequence[Any] = (), draws: int = 0) -> Iterator[Table | str]:
+        """The numbers, sensors, segments, laws compared and the verdict; `draws` add deviations of a bootstrap."""
+        yield self.table_of_numbers({"bootstrap": self.bootstrap(draws)} if draws else {})
+        yield from self.determination()
+        yield Table.of(SENSOR, [sensor_record(self, c) for c in range(len(self.recording.sensors))])
+        yield Table.of(SEGMENT, zip(self.recording.segments, self.rms.tolist(), strict=True))
+        yield f"rms residual of all: {self.rms_all:.3g} rad"
+        yield Table.of(LAW, candidates)
+        yield "\n".join(self.footnotes())
 
-    def _summary(self) -> Summary:
-        facts = [
-            ("values", str(len(self.residuals))),
-            ("rms residual", brief(float(np.sqrt(np.mean(self.residuals**2))))),
-        ]
-        facts += [("verdict", " ".join(self.verdict))] if self.verdict else []
-        title = f"Fit of {name_of(self.given)}: {counted(len(self.fitted), 'number', 'numbers')}"
-        return tabulated(title, facts, self.to_dict(), ("number", "unit"))
+    def whole(self, *, candidates: Sequence[Any] = (), draws: int = 0) -> dict[str, Any]:
+        """Everything for JSON; `covariance` is that of `parameters` in their order.
+
+        With `draws` every parameter has its `bootstrap_std` of so many resampled records.
+        """
+        numbers, sensors = self.fitted, self.recording.sensors
+        record: dict[str, Any] = {
+            **self.facts(),
+            "sensors": [sensor_record(self, c) for c in range(len(sensors))],
+            "segments": [
+                {
+                    "file": segment.file,
+                    "segment": segment.name,
+                    "rms_residual_rad": float(self.rms[s]),
+                    "initial": initial_record(self, s),
+                }
+                for s, segment in enumerate(self.recording.segments)
+            ],
+            "rms_residual_rad": self.rms_all,
+            "condition": self.condition,
+            "fits": self.fits,
+            "misfit": dict(zip((sensor.name for sensor in sensors), self.misfit.tolist(), strict=True)),
+            "covariance": self.covariance[np.ix_(numbers, numbers)].tolist() if self.fits else None,
+            "verdict": list(self.verdict),
+        }
+        if draws:
+            stds = self.bootstrap(draws)
+            for number, k in zip(record["parameters"], numbers, strict=True):
+                number["bootstrap_std"] = finite(float(stds[k]))
+        return record | ({"comparison": records_of(LAW, candidates)} if candidates else {})
 
     def given_at(self, path: str) -> float:
         """The number that the scene gave at one of these places."""
@@ -213,3 +236,95 @@ def root_mean_square(values: Floats) -> float:
     """Of the values that are there."""
     there = values[np.isfinite(values)]
     return float(np.sqrt(np.mean(there**2))) if len(there) else 0.0
+
+
+def sensor_record(result: Fit, c: int) -> dict[str, Any]:
+    """The noise, offset, delay and scale of a sensor."""
+    layout, sensor = result.problem.layout, result.recording.sensors[c]
+    offset, delay, scale = (block.start + c for block in (layout.offsets, layout.delays, layout.scales))
+    std = np.sqrt(np.maximum(np.diag(result.cov), 0.0))
+    if not result.fits:
+        std = np.where(std > 0, np.nan, 0.0)
+    return {
+        "sensor": sensor.name,
+        f"noise_{sensor.unit}": float(result.problem.noise[c]),
+        f"offset_{sensor.unit}": float(result.unknowns[offset]),
+        f"offset_std_{sensor.unit}": finite(float(std[offset])),
+        "delay_s": float(result.unknowns[delay]),
+        "delay_std_s": finite(float(std[delay])),
+        "scale": 1 + float(result.unknowns[scale]),
+        "scale_std": finite(float(std[scale])),
+    }
+
+
+def initial_record(result: Fit, s: int) -> dict[str, float]:
+    """The state at the segment's first time less the longest delay."""
+    problem = result.problem
+    state = result.unknowns[problem.layout.state(s)]
+    structure, first = problem.system.structure, problem.system.first
+    half = problem.coordinates
+    names = [f"theta_{label}" for label in _labels(result)]
+    initial = {"time_s": float(result.recording.segments[s].times[0] - problem.late)}
+    for k, name in enumerate(structure.names if structure and structure.names != ("x",) else ()):
+        initial |= {name: float(state[k]), f"{name}_per_s": float(state[half + k])}
+    if first and not (structure and structure.names != ("x",)):
+        initial |= {"cart_m": float(state[0]), "cart_velocity_m_per_s": float(state[half])}
+    initial |= {f"{name}_rad": float(state[first + k]) for k, name in enumerate(names)}
+    initial |= {
+        f"{name.replace('theta', 'theta_dot')}_rad_per_s": float(state[half + first + k])
+        for k, name in enumerate(names)
+    }
+    return initial
+
+
+def _labels(result: Fit) -> list[str]:
+    seen: dict[int, int] = {}
+    labels = []
+    for pendulum in result.problem.system.pendulum.tolist():
+        seen[pendulum] = seen.get(pendulum, 0) + 1
+        labels.append(f"{pendulum + 1}_{seen[pendulum]}")
+    return labels
+
+
+def _figure(name: str, sensor: dict[str, Any]) -> str:
+    key = next(key for key in sensor if key == name or (key.startswith(f"{name}_") and "std" not in key))
+    spread = next((sensor[key] for key in sensor if key.startswith(f"{name}_std")), 0.0)
+    return f"{sensor[key]:.3g}" + (f" ± {spread:.2g}" if spread else "")
+
+
+SENSOR = (
+    Column(lambda sensor: sensor["sensor"], None, "sensor"),
+    *(
+        Column(partial(_figure, name), None, f"{name} (s)" if name == "delay" else name)
+        for name in ("noise", "offset", "delay", "scale")
+    ),
+)
+SEGMENT = (
+    Column(lambda row: row[0].file, None, "file"),
+    Column(lambda row: row[0].name or NOTHING, None, "segment"),
+    Column(lambda row: len(row[0].times), None, "rows"),
+    Column(lambda row: row[1], None, "rms residual (rad)", ".3g"),
+)
+LAW = (
+    Column("name", "model", "law"),
+    Column("fit.rms_all", "rms_residual_rad", "rms (rad)", "{:.3g}".format),
+    Column("held_out_rms", "held_out_rms_residual_rad", "rms held out (rad)", "{:.3g}".format),
+    Column("aic", "aic", "AIC", "{:.1f}".format),
+    Column("bic", "bic", "BIC", "{:.1f}".format),
+)
+"""The quantities of a sensor, of a segment with its residual, and of a law."""
+
+
+def fit_record(result: Fit, candidates: Sequence[Any] = (), draws: int = 0) -> dict[str, Any]:
+    """The report of a fit for JSON (`Fit.whole`)."""
+    return result.whole(candidates=candidates, draws=draws)
+
+
+def fit_json(result: Fit, candidates: Sequence[Any] = (), draws: int = 0) -> str:
+    """The report as JSON."""
+    return result.report("json", candidates=candidates, draws=draws)
+
+
+def fit_text(result: Fit, candidates: Sequence[Any] = (), draws: int = 0) -> str:
+    """The report as text; with `draws` a column has the standard deviations of a bootstrap."""
+    return result.report("text", candidates=candidates, draws=draws)

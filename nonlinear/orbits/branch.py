@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from math import isclose
 from typing import TYPE_CHECKING, Any
@@ -12,7 +12,7 @@ import numpy as np
 
 from modal.errors import ComputationError
 from modal.modes import natural_modes
-from modal.report import HTML_ROWS, Displayed, Summary, counted, deferred, tabulated
+from modal.report import Written, deferred
 from modal.scene.parameters import Variation
 from modal.types import Floats
 from nonlinear.orbits.continuation import OrbitPoint, OrbitProblem
@@ -26,7 +26,7 @@ Report = Callable[[float], object]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Branch(Displayed):
+class Branch(Written):
     """Orbits in the order of their continuation and the special points between them.
 
     `origin` says where it begins, `variation` along which number of the scene it goes, if any; it is `complete` where
@@ -110,13 +110,10 @@ class Branch(Displayed):
         figure: Figure = deferred("nonlinear.plotting.orbits:orbits_figure")(scene, [self], mode)
         return figure
 
-    def _summary(self) -> Summary:
-        along = f" along {self.variation.path}" if self.variation else ""
-        facts = [("special points", ", ".join(dict.fromkeys(special.kind for special in self.special)) or "none")]
-        facts += [] if self.complete else [("ends", "before what was asked for")]
-        title = f"Branch of {counted(len(self.points), 'periodic orbit', 'periodic orbits')} from {self.origin}{along}"
-        first = replace(self, points=self.points[:HTML_ROWS])
-        return replace(tabulated(title, facts, first.to_dict()), total=len(self.points))
+    def text(self) -> str:
+        """The branch as `orbits` prints it, with its orbits, special points and what is left out."""
+        written: str = deferred("nonlinear.orbits.report:orbits_text")(self.orbits[0].scene, [self], self.linear)
+        return written
 
     @cached_property
     def is_stable(self) -> tuple[bool, ...]:

@@ -22,7 +22,7 @@ from math import exp, log
 import numpy as np
 
 from modal.errors import SceneError
-from modal.report import Displayed, silent
+from modal.report import Displayed, Written, silent
 from modal.scene import Scene, require
 from modal.scene.doors import checked
 from modal.scene.parameters import Variation, validate_variations, vary
@@ -127,12 +127,13 @@ class EquilibriumBranch(Displayed):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Branches(Displayed):
+class Branches(Written):
     """All branches that were found, those at the first value first."""
 
     scene: Scene
     variation: Variation
     branches: tuple[EquilibriumBranch, ...]
+    writer = "nonlinear.synchronization.report:branches_text"
 
     @property
     def changes(self) -> tuple[tuple[Change, int], ...]:

@@ -16,7 +16,7 @@ import numpy as np
 import scipy
 
 from modal.errors import ComputationError
-from modal.report import Displayed, Summary, counted, silent
+from modal.report import Displayed, Summary, Written, counted, silent
 from modal.scene import Scene, require
 from modal.scene.parameters import Variation, vary
 from modal.types import Floats
@@ -94,18 +94,14 @@ class MotionBranch(Displayed):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class PopulationDiagram(Displayed):
+class PopulationDiagram(Written):
     """The symmetric motions of a scene's populations along a number, and all thresholds in ascending order."""
 
     scene: Scene
     variation: Variation
     branches: tuple[MotionBranch, ...]
     thresholds: tuple[Threshold, ...]
-
-    def _summary(self) -> Summary:
-        each = self.thresholds
-        rows = [(f"{threshold.pattern}, {threshold.sector or 'rest'}", f"{threshold.value:.9g}") for threshold in each]
-        return Summary(f"{counted(len(rows), 'threshold', 'thresholds')} along {self.variation.path}", rows)
+    writer = "nonlinear.synchronization.population_report:diagram_text"
 
     def windows(self, branch: MotionBranch) -> tuple[tuple[float, float], ...]:
         """The intervals in which a motion exists; of one that was not found everywhere in between, its ends."""

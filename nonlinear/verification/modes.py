@@ -26,8 +26,8 @@ import numpy as np
 from modal.eigen import is_singular
 from modal.errors import ComputationError, SceneError
 from modal.modes import Mode, Modes, natural_modes
-from modal.report import Displayed, Summary, brief, counted, silent
-from modal.scene import Scene, name_of, require
+from modal.report import Displayed, Written, silent
+from modal.scene import Scene, require
 from modal.scene.doors import checked, checked_index
 from modal.types import Floats
 from nonlinear.integration import Trajectory
@@ -181,26 +181,13 @@ class ModeCheck(Displayed):
 
 
 @dataclass(frozen=True, repr=False)
-class Check(Displayed):
+class Check(Written):
     """Every mode that was checked, and (number from 1, reason) for those that were not."""
 
     scene: Scene
     rows: tuple[ModeCheck, ...]
     skipped: tuple[tuple[int, str], ...]
-
-    def _summary(self) -> Summary:
-        left = f", {len(self.skipped)} not" if self.skipped else ""
-        title = f"Check of {name_of(self.scene)}: {counted(len(self.rows), 'mode', 'modes')} checked{left}"
-        rows = (
-            (
-                str(row.mode.number),
-                brief(row.mode.omega),
-                brief(row.mode.linear_to_1_percent_deg),
-                brief(row.one_percent_deg),
-            )
-            for row in self.rows
-        )
-        return Summary(title, (), ("mode", "ω (rad/s)", "1 % at (°)", "measured (°)"), rows, len(self.rows))
+    writer = "nonlinear.verification.tables:check_table"
 
     @property
     def interrupted(self) -> bool:

@@ -14,7 +14,7 @@ import numpy as np
 
 from modal.errors import ComputationError
 from modal.modes import Mode, Modes, natural_modes
-from modal.report import Displayed
+from modal.report import Displayed, Written
 from modal.scene import require
 from modal.scene.doors import checked
 from modal.types import Floats
@@ -43,7 +43,7 @@ class ModeInMotion(Displayed):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Comparison(Displayed):
+class Comparison(Written):
     """A motion and the results for each modal coordinate; `pushing` are the links of bobs that push."""
 
     modes: Modes
@@ -51,6 +51,7 @@ class Comparison(Displayed):
     motion: ModalMotion
     rows: tuple[ModeInMotion, ...]
     pushing: tuple[PushingLink, ...] = ()
+    writer = "nonlinear.verification.tables:comparison_table"
 
     @cached_property
     def swinging(self) -> Floats:

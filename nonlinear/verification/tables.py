@@ -35,7 +35,7 @@ HEADINGS = ("mode", "ω (rad/s)", "largest (°)", "energy", "lines")
 
 
 @checked
-def check_table(check: Check, form: Form) -> str:
+def check_table(check: Check, form: Form = "text") -> str:
     """A check as text, markdown, csv (one line per run) or json, as `form` says."""
     if form == "json":
         whole = {
@@ -211,7 +211,7 @@ def _mode_record(row: ModeCheck) -> dict[str, Any]:
 
 
 @checked
-def comparison_table(comparison: Comparison, form: Form) -> str:
+def comparison_table(comparison: Comparison, form: Form = "text") -> str:
     """A comparison as text, markdown, csv (one line for each line of the motion) or json, as `form` says."""
     if form == "json":
         coordinates = [_record(comparison, row) for row in comparison.rows]

@@ -15,7 +15,6 @@ from modal.errors import ComputationError, SceneError
 from modal.identification import MeasuredMode, MeasuredModes, estimate_of, fit_modes, has_modes, read_modes
 from modal.identification.measured import component_rows, turned
 from modal.identification.mode_fitting import _ModeFitProblem
-from modal.identification.mode_report import mode_fit_record, mode_fit_text
 from modal.identification.parameters import find_parameters, starts_of
 from modal.modes import natural_modes
 from modal.scene import Bob, Pendulum, Scene
@@ -88,7 +87,7 @@ def test_lengths_that_change_places_are_a_second_solution(start: tuple[float, fl
     assert np.allclose([solution.values for solution in solutions], [(0.55, 0.6), (0.6, 0.55)], rtol=1e-6)
     assert np.allclose(fitted.stds, other.stds[::-1], rtol=1e-3)
     assert any("another solution fits as well" in words for words in fitted.verdict)
-    (record,) = mode_fit_record(fitted)["other_solutions"]
+    (record,) = fitted.whole()["other_solutions"]
     assert [parameter["value"] for parameter in record["parameters"]] == other.values.tolist()
 
 
@@ -156,13 +155,13 @@ def test_a_single_bob_determines_its_length_over_gravity_but_not_its_mass() -> N
     assert np.sqrt(fitted.scene.gravity / fitted.scene.pendulum[0].links[0].length) == pytest.approx(
         modes.omega[0], rel=1e-9
     )
-    report = mode_fit_record(fitted)
+    report = fitted.whole()
     words = " ".join(direction["words"] for direction in report["unidentifiable"])
     assert "effect on these data" in words
     assert "only ratios" in words
     assert report["segments"] == []
     assert len(report["combinations"]) == 1
-    assert "Not determined" in mode_fit_text(fitted)
+    assert "Not determined" in fitted.report()
     assert estimate_of(fitted.scene, report).stds[0] > 0
 
 

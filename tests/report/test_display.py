@@ -15,7 +15,7 @@ from shown import assert_shown, parsed
 import modal
 import nonlinear
 from modal.modes import natural_modes
-from modal.report import HTML_ROWS, WIDTH, Displayed, Summary, breadth, brief, by_column, summary_of
+from modal.report import HTML_ROWS, TEXT_ROWS, WIDTH, Displayed, Summary, breadth, brief, by_column, summary_of
 from modal.report.display import MOST_LINES
 from modal.scene import Bob, Cart, Pendulum, Scene
 from nonlinear.system import AppliedForces, Kicks
@@ -112,7 +112,8 @@ def test_modes_of_any_size_are_shown(name: str) -> None:
     modes = natural_modes(scene, modes=slice(0, 30) if scene.n_links > 100 else None)
     for thing in (scene, modes, modes[1], modes.shape(1)):
         assert_shown(thing)
-    assert f"{len(modes)} modes" in repr(modes)
+    assert repr(modes).startswith(scene.title)
+    assert (f"… {len(modes) - TEXT_ROWS} more" in repr(modes)) == (len(modes) > TEXT_ROWS)
     assert scene.title in repr(scene)
 
 

@@ -1,0 +1,226 @@
+"""A result as its command prints it: a title, then tables and sentences; also as Markdown, CSV, JSON, HTML and LaTeX.
+
+    class Check(Result): ...
+
+A class says `what` it is, which `columns` its rows have, which `footnotes` stand below them, and the `facts` that JSON
+has beside them.  One that prints more than a table says which `parts` it has, and one with other records which.  Every
+form is written from these, and what shows at the prompt is how the text begins.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from itertools import islice
+from operator import attrgetter
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+
+from modal.report.display import HTML_ROWS, MOST_LINES, TEXT_ROWS, Displayed, Summary, by_column, deferred, scrolled
+from modal.report.escaping import html, latex, visible
+from modal.report.fitting import fitted, folded
+from modal.report.prose import WIDTH
+from modal.report.tables import LEFT, NOTHING, Form, as_csv, as_json, finite, grid, headed, titled
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+MOST_TABLES, MOST_WRITTEN = 2, 40
+"""Tables of a result in a notebook, and lines of one that is text."""
+
+
+class Column(NamedTuple):
+    """A quantity of every row: its `value`, a function or the name of an attribute, its `key` and its `heading`.
+
+    Without a key it is in text alone, without a heading in records alone.  `shown` writes a finite value in text, as a
+    format, or as a function any value.
+
+    >>> size = Column(len, "size_m", "size (m)", ".1f")
+    >>> size.cell("abc"), size.of("abc"), Column(float, "x", "x").cell("nan")
+    ('3.0', 3, '–')
+    """
+
+    value: str | Callable[[Any], Any]
+    key: str | None = None
+    heading: str | None = None
+    shown: str | Callable[[Any], str] = ""
+
+    def of(self, row: Any) -> Any:
+        """The value of a row."""
+        return attrgetter(self.value)(row) if isinstance(self.value, str) else self.value(row)
+
+    def cell(self, row: Any) -> str:
+        """The value of a row in text."""
+        value = self.of(row)
+        if callable(self.shown):
+            return self.shown(value)
+        return NOTHING if finite(value) is None else format(value, self.shown)
+
+
+class Table(NamedTuple):
+    """Cells of text under headings."""
+
+    headings: Sequence[str]
+    cells: Sequence[Sequence[str]]
+
+    @classmethod
+    def of(cls, columns: Iterable[Column], rows: Iterable[Any]) -> Table:
+        """The columns that have a heading, of these rows."""
+        shown = [column for column in columns if column.heading is not None]
+        return cls([str(column.heading) for column in shown], [[column.cell(row) for column in shown] for row in rows])
+
+
+def records_of(columns: Iterable[Column], rows: Iterable[Any]) -> list[dict[str, Any]]:
+    """A mapping for each row, of the columns that have a key; None where a value is not finite."""
+    kept = [column for column in columns if column.key]
+    return [{str(column.key): finite(column.of(row)) for column in kept} for row in rows]
+
+
+class Written(Displayed):
+    """A result that shows how the `text` begins which its command prints, as wide as a terminal of WIDTH columns.
+
+    The `writer`, a `module:function`, writes it.
+    """
+
+    __slots__ = ()
+    writer: ClassVar[str]
+
+    def text(self) -> str:
+        """The report as text."""
+        written: str = deferred(self.writer)(self)
+        return written
+
+    def _title(self) -> str:
+        return next(iter(self._lines()))
+
+    def _lines(self) -> Iterable[str]:
+        """The lines that may be shown."""
+        return folded("\n".join(map(visible, self.text().rstrip("\n").split("\n")))).split("\n")
+
+    def __repr__(self) -> str:
+        with fitted(WIDTH):
+            lines = list(islice(self._lines(), MOST_LINES + 1))
+        return "\n".join(lines if len(lines) <= MOST_LINES else [*lines[: MOST_LINES - 1], "…"])
+
+    def _repr_html_(self) -> str:
+        with fitted(WIDTH):
+            lines = list(islice(self._lines(), MOST_WRITTEN + 1))
+        shown = "\n".join(map(html, lines[:MOST_WRITTEN]))
+        return scrolled(f"<pre>{shown}</pre>", "<p>…</p>" * (len(lines) > MOST_WRITTEN))
+
+
+class Result(Written):
+    """An answer about a `scene` in all its forms; its parts are made one after the other, as far as they are shown."""
+
+    __slots__ = ()
+    what: ClassVar[str] = ""
+    key: ClassVar[str] = "rows"
+    """What it is, under the title of the scene, and the key of its records in JSON."""
+    scene: Any
+    rows: Any
+
+    def titles(self) -> tuple[str, str]:
+        """The title of the scene, and what is reported of it."""
+        return deferred("modal.scene:title_of")(self.scene), self.what
+
+    def entries(self) -> Iterable[Any]:
+        """What has a row each."""
+        return tuple(self.rows)
+
+    def columns(self) -> Sequence[Column]:
+        """The quantities of a row."""
+        return ()
+
+    def footnotes(self) -> Iterable[str]:
+        """Lines below the table."""
+        return ()
+
+    def facts(self) -> dict[str, Any]:
+        """What JSON has before the records."""
+        return {}
+
+    def parts(self, form: Form = "text") -> Iterable[Table | str]:
+        """What is printed below the title."""
+        yield Table.of(self.columns(), self.entries())
+        yield "\n".join(self.footnotes())
+
+    def records(self) -> Iterable[dict[str, Any]]:
+        """The rows of CSV; None where a value has no meaning."""
+        return records_of(self.columns(), self.entries())
+
+    def whole(self) -> dict[str, Any]:
+        """The contents of JSON."""
+        described = {"scene": deferred("modal.scene:describe")(self.scene)}
+        return {**described, **self.facts(), self.key: list(self.records())}
+
+    def to_dict(self) -> dict[str, Any]:
+        """The rows of CSV as arrays by their keys."""
+        return by_column(list(self.records()))
+
+    def report(self, form: Form = "text", *, title: str = "", **more: Any) -> str:
+        """The whole of it as text, markdown, csv or json, the `form`, under a title in place of the scene's.
+
+        `more` is for its parts or its contents.
+        """
+        if form == "csv":
+            return as_csv(list(self.records()))
+        parts: Callable[..., Iterable[Table | str]] = self.parts
+        whole: Callable[..., dict[str, Any]] = self.whole
+        if form == "json":
+            return as_json(whole(**more))
+        scene, what = self.titles()
+        return titled(title or scene, what, [_written(part, form) for part in parts(form, **more)], form)
+
+    def text(self) -> str:
+        """The report as text."""
+        return self.report()
+
+    def _lines(self) -> Iterator[str]:
+        """How the text begins: to the end of the first table of which rows are left out."""
+        scene, what = self.titles()
+        yield from headed(f"{scene}: {what}").split("\n")
+        for part in self.parts():
+            if not (text := _written(part, "text")):
+                continue
+            yield ""
+            lines = [line for whole in text.split("\n") for line in folded(visible(whole)).split("\n")]
+            left = len(part.cells) - TEXT_ROWS if isinstance(part, Table) else 0
+            yield from lines[: -left or None] if left > 0 else lines
+            if left > 0:
+                yield f"… {left} more"
+                return
+
+    def _repr_html_(self) -> str:
+        parts, tables = [f"<p><strong>{html(': '.join(self.titles()))}</strong></p>"], 0
+        for part in self.parts():
+            if isinstance(part, Table):
+                words = frozenset(k for k, heading in enumerate(part.headings) if heading in LEFT)
+                parts.append(Summary("", (), part.headings, part.cells, len(part.cells), words).table())
+                tables += 1
+            else:
+                parts += [f"<p>{html(line)}</p>" for line in part.split("\n") if line]
+            if tables == MOST_TABLES:
+                break
+        return scrolled(*parts)
+
+    def _repr_latex_(self) -> str | None:
+        table = next((part for part in self.parts() if isinstance(part, Table)), None)
+        if table is None:
+            return None
+        lines = [" & ".join(map(latex, row)) + r" \\" for row in (table.headings, *table.cells[:HTML_ROWS])]
+        align = "".join("l" if heading in LEFT else "r" for heading in table.headings)
+        return "\n".join([rf"\begin{{tabular}}{{{align}}}", lines[0], r"\hline", *lines[1:], r"\end{tabular}"])
+
+
+def _written(part: Table | str, form: str) -> str:
+    return part if isinstance(part, str) else grid(part.cells, part.headings, form)
+
+
+class Drawn:
+    """A result with a figure, which the function at `figure`, a `module:name`, draws."""
+
+    __slots__ = ()
+    figure: ClassVar[str]
+
+    def plot(self, **options: Any) -> Figure:
+        """A matplotlib figure; the options are those of the function of `modal.plotting` or `nonlinear.plotting`."""
+        drawn: Figure = deferred(self.figure)(self, **options)
+        return drawn
