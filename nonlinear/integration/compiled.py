@@ -15,7 +15,7 @@ import numpy as np
 from modal.types import Floats
 from nonlinear.dynamics.compiled import TURNS, Compiled, rate
 from nonlinear.dynamics.compiling import compiled, in_place, part
-from nonlinear.integration.floats import FloatDOP853, interpolant
+from nonlinear.integration.floats import FloatDOP853, FloatStep, interpolation
 from nonlinear.integration.kernels import integrator
 from nonlinear.integration.method import (
     EXTRA,
@@ -178,10 +178,10 @@ class CompiledDOP853:
 
     def dense_output(self) -> Callable[[Floats], Floats]:
         """The y (size, T) at times within the last step."""
-        start, y, length = self.t_old, self.y_old[:, None], self.t - self.t_old
-        stages = [*self.stages[: STAGES + 1]]
-        terms = interpolant(start, self.length, self.y_old, self.y, stages, self.fun)
-        return lambda times: y + gained((times - start) / length, [term[:, None] for term in terms])
+        self.nfev += EXTRA
+        ends, stages = (self.y_old.tolist(), self.y.tolist()), self.stages[: STAGES + 1].tolist()
+        step = FloatStep(self.t_old, self.t, *ends, stages)
+        return interpolation(step, lambda times, y: self.derivative(times, y[:, 0])[:, None])
 
 
 class CompiledStepper(DOP853Stepper[Compiled]):

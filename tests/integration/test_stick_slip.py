@@ -15,7 +15,7 @@ from test_hamiltonian import dense_M
 from modal.scene import Cart, Scene, scene_from
 from nonlinear import SimulationError, simulate
 from nonlinear.integration import Choice, Trajectory, equations_of, floats
-from nonlinear.integration.floats import interpolated
+from nonlinear.integration.floats import samples
 from nonlinear.integration.switched import Switched
 from nonlinear.postprocessing import reaction_forces_of
 from nonlinear.simulation import resume
@@ -244,11 +244,11 @@ def test_friction_on_the_rail_is_the_coefficient_times_its_reaction() -> None:
 def test_friction_with_a_coefficient_works_in_many_steps_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     calls = []
 
-    def counted(steps: Any, *rest: Any) -> Any:
-        calls.append(len(steps))
-        return interpolated(steps, *rest)
+    def counted(step: Any, times: Any) -> Any:
+        calls.append(len(times))
+        return samples(step, times)
 
-    monkeypatch.setattr(floats, "interpolated", counted)
+    monkeypatch.setattr(floats, "samples", counted)
 
     def push(time: float, state: State) -> AppliedForces:
         return AppliedForces(0.3 * sin(time) - 0.1 * state.links[0])
