@@ -15,26 +15,28 @@ import numpy as np
 from modal.types import Floats
 from nonlinear.dynamics.compiled import TURNS, Compiled, rate
 from nonlinear.dynamics.compiling import compiled, in_place, part
-from nonlinear.integration.floats import FloatDOP853, interpolant
 from nonlinear.integration.kernels import integrator
 from nonlinear.integration.method import (
     EXTRA,
     FIFTH,
     MORE,
+    NODES,
     POWERS,
     ROWS,
     STAGES,
     THIRD,
+    advance,
     begun,
     controlled,
     gained,
+    terms_of,
     weighted,
 )
 from nonlinear.integration.readiness import readied
 from nonlinear.integration.steppers import Derivative, DOP853Stepper
 from nonlinear.integration.steppers import first_step as first_step_of
 
-SMALL_STEP = FloatDOP853.TOO_SMALL_STEP
+SMALL_STEP = "Required step size is less than spacing between numbers."
 NOTHING_DUE = np.empty(0)
 TERMS = len(POWERS) + 3  # of the interpolant
 MOST, NUMBERS = 256, 200_000  # steps in one call of the kernel, and numbers of y that it returns
@@ -178,10 +180,13 @@ class CompiledDOP853:
 
     def dense_output(self) -> Callable[[Floats], Floats]:
         """The y (size, T) at times within the last step."""
-        start, y, length = self.t_old, self.y_old[:, None], self.t - self.t_old
-        stages = [*self.stages[: STAGES + 1]]
-        terms = interpolant(start, self.length, self.y_old, self.y, stages, self.fun)
-        return lambda times: y + gained((times - start) / length, [term[:, None] for term in terms])
+        start, y, length, stages = self.t_old, self.y_old, self.t - self.t_old, self.stages.copy()
+        for number in range(STAGES + 1, len(stages)):
+            z, work = np.empty((2, self.n))
+            advance(number, y, np.array(self.length), stages, z, work)
+            stages[number] = self.fun(start + self.length * NODES[number], z)
+        terms = terms_of(self.length, self.y - y, stages)
+        return lambda times: y[:, None] + gained((times - start) / length, [term[:, None] for term in terms])
 
 
 class CompiledStepper(DOP853Stepper[Compiled]):

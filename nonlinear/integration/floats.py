@@ -116,7 +116,7 @@ class FloatDOP853:
         """The y (size, T) at times within the last step."""
         start, end, before, after, stages, _ = self.passed
         y, length = np.array(before)[:, None], end - start
-        terms = interpolant(start, length, np.array(before), np.array(after), [*np.array(stages)], self.fun)
+        terms = _terms(start, length, np.array(before), np.array(after), [*np.array(stages)], self.fun)
         return lambda times: y + gained((times - start) / length, [term[:, None] for term in terms])
 
     def advance(self, due: Numbers, most: int) -> tuple[list[FloatStep], list[FloatStep], int]:
@@ -374,16 +374,14 @@ def interpolated(steps: Sequence[FloatStep], times: Floats, derivative: Any) -> 
     before, after = (np.array([getattr(step, name) for step in steps]).T for name in ("before", "after"))
     stages = [*np.array([step.stages for step in steps]).transpose(1, 2, 0)]
     length = end - start
-    terms = interpolant(start, length, before, after, stages, derivative)
+    terms = _terms(start, length, before, after, stages, derivative)
     at = np.searchsorted(end, times)
     part = (times - start[at]) / length[at]
     inside = before[:, at] + gained(part, [term[:, at] for term in terms])
     return np.where(times == end[at], after[:, at], inside).T
 
 
-def interpolant(
-    start: Any, length: Any, before: Floats, after: Floats, stages: list[Floats], derivative: Any
-) -> list[Any]:
+def _terms(start: Any, length: Any, before: Floats, after: Floats, stages: list[Floats], derivative: Any) -> list[Any]:
     """The terms of the interpolant of one step or of many side by side, after three more stages."""
     for stage, shares in enumerate(MORE, STAGES + 1):
         moved = sum(share * stages[number] for number, share in shares)
