@@ -37,12 +37,13 @@ def add_switch(group: argparse._ActionsContainer, flag: str, more: str = "", *sh
     group.add_argument(flag, *short, action="store_true", help=f"{FLAGS[flag][1]}{more}")
 
 
-def add_scene(page: Page, more: str = "", kinds: Sequence[str] = ("toml",), names: Sequence[str] = ()) -> None:
+def add_scene(
+    page: Page, more: str = "", kinds: Sequence[str] = ("toml",), names: Sequence[str] = (), **how: Any
+) -> None:
     """The scene; `more` describes what else is accepted, with these endings or names."""
     words = "a scene file, the name of a shipped scene (see `multipendula scenes`), or - for standard input"
-    offer(
-        page.asked.add_argument("scene", metavar="SCENE", help=words + more), completion.scenes(endings(kinds), names)
-    )
+    scene = page.asked.add_argument("scene", metavar="SCENE", help=words + more, **how)
+    offer(scene, completion.scenes(endings(kinds), names))
 
 
 def add_run(page: Page) -> None:

@@ -172,13 +172,13 @@ def compile_ahead(options: argparse.Namespace) -> None:
     from nonlinear.ensembles import compilation_table, compile_engines
 
     more = {"tolerance": options.tolerance} if options.tolerance else {}
-    compiled = compile_engines(load(options.scene), **more)
+    compiled = compile_engines(load(options.scene) if options.scene else None, **more)
     with output(options.output) as write:
         write(compilation_table(compiled, options.format))
 
 
 def _compile_arguments(page: Page) -> None:
-    add_scene(page)
+    add_scene(page, "; without one, what serves every scene is compiled", nargs="?")
     add_tolerance(page)
     add_format(page, ("text", "json"))
     add_text(page)
@@ -247,13 +247,15 @@ COMMANDS = (
         arguments=_compile_arguments,
         details=(
             "numba (extra `fast`) and heyoka (extra `taylor`) run many times as fast as Python once they have "
-            "compiled, which takes seconds for each form of scene. Other commands compile only where that pays, and "
-            "use what is kept. The scene's numbers may change afterwards, as long as none becomes or ceases to be "
-            "zero; heyoka's code is for one tolerance. The report says what was done for each engine, how long it "
-            "took, where it is kept, and which engines do not support the scene."
+            "compiled, which takes seconds to a minute for each form of scene; a terminal is told how long it took "
+            "last. Other commands compile only where that pays, and use what is kept. The scene's numbers may change "
+            "afterwards, as long as none becomes or ceases to be zero; heyoka's code is for one tolerance. The report "
+            "says what was done for each engine, how long it took, where it is kept, and which engines do not support "
+            "the scene."
         ),
         examples=(
             ("compile chain-2", "before many runs of double pendulums"),
+            ("compile", "before single runs of any scenes in the plane"),
             ("compile chain-2 -o compiled.json", "the report as a file"),
         ),
     ),

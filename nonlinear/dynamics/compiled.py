@@ -7,7 +7,7 @@ arrays; what it does at each link is `nonlinear.dynamics.recursion`, as it stand
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -55,7 +55,7 @@ def _joint(links, angles, rates, i, top):  # type: ignore[no-untyped-def]
     return kept + working, working * speed
 
 
-@in_place
+@partial(in_place, forceinline=True)
 def rate(  # type: ignore[no-untyped-def]
     y, links, first, cart, gravity, hinged, works, structure, turns, derivative
 ):

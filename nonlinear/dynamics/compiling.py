@@ -320,12 +320,12 @@ def vectorized_part(function: Any) -> Any:
     return part(function, fastmath=set(ANY_ORDER))
 
 
-def in_place(function: Any) -> Any:
+def in_place(function: Any, **options: Any) -> Any:
     """As `vectorized_part`, for what makes no array of its own but reads and fills those of its caller.
 
     Their references are not counted, which in small functions takes longer than what they compute.
     """
-    return part(function, fastmath=set(ANY_ORDER), _nrt=False)
+    return part(function, fastmath=set(ANY_ORDER), _nrt=False, **options)
 
 
 def inner(function: Callable[..., Any], decorator: str) -> str:

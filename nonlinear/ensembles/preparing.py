@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from math import pi
 from time import perf_counter
@@ -13,7 +13,7 @@ import numpy as np
 
 from modal.errors import MultipendulaError, SceneError
 from modal.report import Displayed, Form, Summary, as_json, by_column, grid, tabulated, titled
-from modal.scene import Scene, refusals, title_of, validate_scene
+from modal.scene import Scene, load, refusals, title_of, validate_scene
 from modal.scene.doors import checked
 from nonlinear.ensembles.costs import code_of, first_numbers
 from nonlinear.ensembles.measures import requested_measures, validate_measures
@@ -23,10 +23,10 @@ from nonlinear.ensembles.running import USUAL, ensemble
 from nonlinear.integration import ASKED, Choice, Request, choose, estimate_timescales, validate, validate_numbers
 from nonlinear.integration.kernels import integrator
 from nonlinear.integration.methods import WRITTEN, offers
-from nonlinear.integration.readiness import Code, kept_in
+from nonlinear.integration.readiness import Code, compiled_in, kept_in
 from nonlinear.system import state_at_rest, system_of
 
-ONE, MANY = "one motion", "many motions"
+ONE, MANY, ANY = "one motion", "many motions", "Any scene in the plane"
 TILT = 0.1  # angle (rad) from which the motions start that are run for the sake of compiling
 PART = 0.01  # and how long these are, in periods of the fastest oscillation
 
@@ -50,7 +50,7 @@ class CompiledCode(Displayed):
 
 @dataclass(frozen=True, repr=False)
 class Compilation(Displayed):
-    """What was compiled for a scene, engine by engine.
+    """What was compiled for a scene, engine by engine; for any plane scene where it is None.
 
     >>> from modal import load
     >>> from nonlinear.ensembles import Compilation
@@ -58,8 +58,13 @@ class Compilation(Displayed):
     {}
     """
 
-    scene: Scene
+    scene: Scene | None
     codes: tuple[CompiledCode, ...]
+
+    @property
+    def title(self) -> str:
+        """What it was compiled for."""
+        return title_of(self.scene) if self.scene else ANY
 
     def to_dict(self) -> dict[str, Any]:
         """The columns of its table, one entry each for every engine and use."""
@@ -67,18 +72,20 @@ class Compilation(Displayed):
 
     def _summary(self) -> Summary:
         words = {name for name in CompiledCode.__dataclass_fields__ if name != "seconds"}
-        return tabulated(f"{title_of(self.scene)}: compiled code", [], self.to_dict(), words)
+        return tabulated(f"{self.title}: compiled code", [], self.to_dict(), words)
 
 
-def compile_engines(scene: Scene, tolerance: float = USUAL, measures: Sequence[str] = ()) -> Compilation:
+def compile_engines(scene: Scene | None = None, tolerance: float = USUAL, measures: Sequence[str] = ()) -> Compilation:
     """Compile what this scene can use, by running it for a moment, and keep it for later processes.
+
+    Without a scene it is what serves every scene: single motions in the plane by numba.
 
     `simulate` and `ensemble` would do the same where it pays, at the price of seconds while someone waits.
 
     Parameters
     ----------
     scene
-        numba's code depends on the form of the scene and not on its numbers.
+        numba's code for many motions, and heyoka's, depend on the form of the scene and not on its numbers.
     tolerance
         That of the later runs: heyoka's code depends on it.
     measures
@@ -101,11 +108,20 @@ def compile_engines(scene: Scene, tolerance: float = USUAL, measures: Sequence[s
     >>> [code.runs for code in compile_engines(load("chain-spatial")).codes if code.why_not]
     ['one motion', 'one motion', 'many motions']
     """
+    if scene is None:
+        validate(lambda: validate_numbers(1.0, tolerance, 0.0))
+        return Compilation(None, tuple(_general()))
     validate_scene(scene)
     system = system_of(scene)
     wanted, _ = validate(lambda: requested_measures(measures, system), lambda: validate_numbers(1.0, tolerance, 0.0))
     validate_measures(wanted.names, scene)
     return Compilation(scene, tuple(_codes(scene, float(tolerance), measures)))
+
+
+def _general() -> Iterator[CompiledCode]:
+    """The integrator, and that of structures, as single bobs need them."""
+    for runs, scene in ((ONE, load("chain-1")), (f"{ONE} on a structure", load("tower"))):
+        yield replace(next(_codes(scene, USUAL, ())), runs=runs)
 
 
 def _codes(scene: Scene, tolerance: float, measures: Sequence[str]) -> Iterator[CompiledCode]:
@@ -156,7 +172,7 @@ def _ready(
         assert before
     except MultipendulaError as error:
         return CompiledCode(runs, engine, why_not="; ".join(str(error).splitlines()))
-    action = "was ready" if before.loaded else "loaded from disk" if before.kept else "compiled"
+    action = "was ready" if before.loaded else "compiled" if compiled_in(before) else "loaded from disk"
     return CompiledCode(runs, engine, action, seconds, kept_in(before))
 
 
@@ -170,7 +186,12 @@ def compilation_table(compilation: Compilation, form: Form) -> str:
     Chain of 2 equal bobs: compiled code
     """
     if form == "json":
-        return as_json({"scene": compilation.scene.title or None, "codes": [vars(code) for code in compilation.codes]})
+        return as_json(
+            {
+                "scene": compilation.scene and (compilation.scene.title or None),
+                "codes": [vars(code) for code in compilation.codes],
+            }
+        )
     ready = [code for code in compilation.codes if code.action]
     rows = [(code.runs, code.engine, code.action, f"{code.seconds:.2g}") for code in ready]
     homes = dict.fromkeys(code.kept_in for code in ready if code.kept_in)
@@ -179,4 +200,6 @@ def compilation_table(compilation: Compilation, form: Form) -> str:
     parts += ["\n".join(["kept in", *(f"  {home}" for home in homes)]) if homes else ""]
     if any(not code.kept_in for code in ready):
         parts += ["not kept for later processes: no folder of the cache can be written by this user"]
-    return titled(title_of(compilation.scene), "compiled code", parts, form)
+    if not compilation.scene:
+        parts += ["many motions, and Taylor series, are compiled for each form of scene: give one"]
+    return titled(compilation.title, "compiled code", parts, form)

@@ -15,26 +15,28 @@ import numpy as np
 from modal.types import Floats
 from nonlinear.dynamics.compiled import TURNS, Compiled, rate
 from nonlinear.dynamics.compiling import compiled, in_place, part
-from nonlinear.integration.floats import FloatDOP853, FloatStep, interpolation
 from nonlinear.integration.kernels import integrator
 from nonlinear.integration.method import (
     EXTRA,
     FIFTH,
     MORE,
+    NODES,
     POWERS,
     ROWS,
     STAGES,
     THIRD,
+    advance,
     begun,
     controlled,
     gained,
+    terms_of,
     weighted,
 )
 from nonlinear.integration.readiness import readied
 from nonlinear.integration.steppers import Derivative, DOP853Stepper
 from nonlinear.integration.steppers import first_step as first_step_of
 
-SMALL_STEP = FloatDOP853.TOO_SMALL_STEP
+SMALL_STEP = "Required step size is less than spacing between numbers."
 NOTHING_DUE = np.empty(0)
 TERMS = len(POWERS) + 3  # of the interpolant
 MOST, NUMBERS = 256, 200_000  # steps in one call of the kernel, and numbers of y that it returns
@@ -178,10 +180,13 @@ class CompiledDOP853:
 
     def dense_output(self) -> Callable[[Floats], Floats]:
         """The y (size, T) at times within the last step."""
-        self.nfev += EXTRA
-        ends, stages = (self.y_old.tolist(), self.y.tolist()), self.stages[: STAGES + 1].tolist()
-        step = FloatStep(self.t_old, self.t, *ends, stages)
-        return interpolation(step, lambda times, y: self.derivative(times, y[:, 0])[:, None])
+        start, y, length, stages = self.t_old, self.y_old, self.t - self.t_old, self.stages.copy()
+        for number in range(STAGES + 1, len(stages)):
+            z, work = np.empty((2, self.n))
+            advance(number, y, np.array(self.length), stages, z, work)
+            stages[number] = self.fun(start + self.length * NODES[number], z)
+        terms = terms_of(self.length, self.y - y, stages)
+        return lambda times: y[:, None] + gained((times - start) / length, [term[:, None] for term in terms])
 
 
 class CompiledStepper(DOP853Stepper[Compiled]):
@@ -195,12 +200,10 @@ class CompiledStepper(DOP853Stepper[Compiled]):
     def _solver_of(self, f: Derivative, time: float, y: Floats, end: float, **options: Any) -> CompiledDOP853:
         return CompiledDOP853(self.equations.scene, self.f, time, y, end, **options)
 
-    def sweep(
-        self, times: Floats, every: bool = True, most: int = MOST
-    ) -> tuple[Floats, list[tuple[float, Floats]], int]:
+    def sweep(self, times: Floats, every: bool = True) -> tuple[Floats, list[tuple[float, Floats]], int]:
         """Many steps at once, as defined in `Sweeper`."""
         solver = cast("CompiledDOP853", self._on_its_way())
-        rows, ends, states = solver.advance(times, max(1, min(most, NUMBERS // solver.n)))
+        rows, ends, states = solver.advance(times, max(1, min(MOST, NUMBERS // solver.n)))
         good = len(ends) if np.all(np.isfinite(states)) else int(np.argmin(np.isfinite(states).all(axis=1)))
         if not good:
             raise self._stopped("not finite" if len(ends) else SMALL_STEP)

@@ -132,7 +132,9 @@ def code_of_text(lanes: Lanes, text: str, *, switched: bool) -> Code:
     """The same where its text is known."""
     name = path_of(text).stem
     expected = COMPILING_ANY + COMPILING_LINK * lanes.system.n_links + COMPILING_SWITCHES * switched
-    return look_up("numba", name, expected, "many motions", lambda: getattr(sys.modules.get(name), "run", None))
+    return look_up(
+        "numba", name, expected, "the equations of this form", lambda: getattr(sys.modules.get(name), "run", None)
+    )
 
 
 def integrator(*, structured: bool = False) -> Code:
@@ -141,7 +143,7 @@ def integrator(*, structured: bool = False) -> Code:
     def steps() -> Any:
         return getattr(sys.modules.get("nonlinear.integration.compiled"), "steps", None)
 
-    return look_up("numba", "DOP853 on structures" if structured else "DOP853", COMPILING, "one motion", steps)
+    return look_up("numba", "DOP853 on structures" if structured else "DOP853", COMPILING, "the integrator", steps)
 
 
 def module_of(text: str) -> ModuleType:

@@ -272,11 +272,16 @@ def readied(code: Code) -> Iterator[Callable[[], AbstractContextManager[object]]
     if code.name in _ready:
         return
     _ready.add(code.name)
-    took, kept = _spent.pop(code.name, 0.0), _kept_at(code)
+    took, kept = compiled_in(code), _kept_at(code)
     if took or (kept and not code.kept):
         Note(took, took / code.expected if took else 1.0, kept).write(_named(code.package, code.name))
     if took:
         Note(took, took / code.expected).write(code.package)
+
+
+def compiled_in(code: Code) -> float:
+    """The seconds in which this process has compiled it, 0 where it was loaded or not needed."""
+    return _spent[code.name]
 
 
 @contextmanager

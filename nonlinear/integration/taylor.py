@@ -214,7 +214,7 @@ def code_of(form: Form, pieces: Sequence[Polynomials], tolerance: float) -> Code
     links, longest = form.system.n_links, max(group.n for group in form.system.groups)
     compiling = 0.05 * longest**2 if links <= UNROLLED else 0.2 * longest + 0.025 * links
     degrees = [piece.coefficients.shape[1] for piece in pieces]
-    return look_up("heyoka", f"{form} {degrees} {tolerance}", compiling, "Taylor series")
+    return look_up("heyoka", f"{form} {degrees} {tolerance}", compiling, "the Taylor series")
 
 
 def pieces_of(equations: Arranged) -> Sequence[Polynomials]:

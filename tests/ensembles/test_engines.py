@@ -185,6 +185,10 @@ def test_what_cannot_be_compiled_says_why(monkeypatch: pytest.MonkeyPatch) -> No
     assert [code["why_not"] for code in table["codes"]] == clocks.to_dict()["why_not"].tolist()
     with pytest.raises(SceneError, match="no such measure"):
         compile_engines(CHAIN, measures=["nothing"])
+    every = compile_engines()
+    assert [code.runs for code in every.codes] == ["one motion", "one motion on a structure"]
+    assert json.loads(compilation_table(every, "json"))["scene"] is None
+    assert "give one" in compilation_table(every, "text")
 
 
 def test_a_long_chain_is_not_compiled_for_minutes(process: Process) -> None:
