@@ -8,8 +8,9 @@ few corrections suffice and the tangent hardly turns.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from math import isfinite, radians
 from typing import Protocol
 
@@ -17,6 +18,7 @@ import numpy as np
 
 from modal.errors import ComputationError
 from modal.report import Displayed
+from modal.scene.parameters import Variation
 from modal.types import Floats
 from nonlinear.orbits.orbit import Orbit
 
@@ -29,6 +31,7 @@ ROUNDS = 60
 SINGULAR = 1e-5  # of the largest singular value, that of the second branch where two cross
 AMPLITUDE, PHASE = 0.02, 0.1  # how far neighbours of a forced branch may differ: relative, and rad
 SMALL = radians(0.1)  # angle (rad) below which differences are measured by it
+SAME_PLACE = 1e-8  # of the range of a number, within which a point stands for a value
 ASIDE = (0.3, 0.7, 0.5, 0.1, 0.9)  # of a bracket, tried where a point in it was not found
 
 
@@ -161,6 +164,29 @@ def between(
         if inner := point(problem, tried, row, left):
             return inner
     raise ComputationError("the branch of orbits was lost between two of its points")
+
+
+def place_in(variation: Variation, value: float) -> float:
+    """The place of a value in the range of a number, 0 at its lower end and 1 at its upper one."""
+    low, high = variation.values[0], variation.values[-1]
+    return float(np.log(value / low) / np.log(high / low)) if variation.log else (value - low) / (high - low)
+
+
+def with_values(problem: OrbitProblem, points: Sequence[OrbitPoint], variation: Variation) -> list[OrbitPoint]:
+    """The points of a branch and those at the values of a number between two of them; u ends with its place."""
+    places = np.array([place_in(variation, value) for value in variation.values[1:-1]])
+    every = list(points[:1])
+    for ahead in points[1:]:
+        low, high = sorted((float(every[-1].u[-1]), float(ahead.u[-1])))
+        passed = np.sort(places[(places > low + SAME_PLACE) & (places < high - SAME_PLACE)])
+        for place in passed if every[-1].u[-1] < ahead.u[-1] else passed[::-1]:
+            every.append(located(problem, every[-1], ahead, partial(_past, float(place))))
+        every.append(ahead)
+    return every
+
+
+def _past(place: float, here: OrbitPoint) -> float:
+    return float(here.u[-1]) - place
 
 
 def located(

@@ -18,7 +18,7 @@ from nonlinear.averaging import RelativeEquilibrium, average, relative_equilibri
 from nonlinear.dynamics.variational import Force
 from nonlinear.orbits.between import resolved
 from nonlinear.orbits.branch import Branch, Report
-from nonlinear.orbits.continuation import OrbitPoint, corrected, follow, level, located, tangent_of
+from nonlinear.orbits.continuation import OrbitPoint, corrected, follow, level, located, tangent_of, with_values
 from nonlinear.orbits.orbit import Orbit
 from nonlinear.orbits.shooting import COARSEST, FINEST, MOST_SEGMENTS, SEGMENTS, Clock, Shooting, shooting, spread
 from nonlinear.orbits.special import Special, along_cycles
@@ -236,6 +236,7 @@ def follow_cycles(
             points, complete = walked(problem, u, orbit, longest, most)
             points = resolved(problem, points)
             special = tuple(along_cycles(problem, points))
+            points = with_values(problem, points, variation)
             branches.append(Branch(words, tuple(points), special, problem, variation, complete))
             report(len(branches))
     if not branches:

@@ -16,7 +16,7 @@ from modal.errors import ComputationError
 from modal.types import Floats
 from nonlinear.orbits.between import resolved
 from nonlinear.orbits.branch import Branch
-from nonlinear.orbits.continuation import OrbitPoint, apart, follow, level, point
+from nonlinear.orbits.continuation import OrbitPoint, apart, follow, level, point, with_values
 from nonlinear.orbits.cycles import at_edge, turning
 from nonlinear.orbits.orbit import Orbit
 from nonlinear.orbits.shooting import Shooting, shooting, spread
@@ -49,6 +49,7 @@ def entered(branch: Branch, special: Special, *, most: int | None = None, step: 
     points = list(islice(_inside(problem, first, step), most))
     points = resolved(problem, points)
     met = tuple(along_cycles(problem, points))
+    points = with_values(problem, points, problem.variation) if problem.variation else points
     return Branch(f"{special.kind} of {branch.origin}", tuple(points), met, problem, problem.variation)
 
 

@@ -23,7 +23,7 @@ from modal.scene.parameters import Variation, validate_variations, vary
 from modal.types import Floats
 from nonlinear.orbits.between import resolved
 from nonlinear.orbits.branch import Branch, Report
-from nonlinear.orbits.continuation import apart
+from nonlinear.orbits.continuation import apart, with_values
 from nonlinear.orbits.cycles import CLOSED, TOLERANCE, known, solution, walked
 from nonlinear.orbits.flow import Flow
 from nonlinear.orbits.orbit import Orbit
@@ -155,6 +155,7 @@ def follow_forced(
         points, complete = walked(problem, u, orbit, longest, most, apart)
         points = resolved(problem, points)
         special = tuple(along_cycles(problem, points))
+        points = with_values(problem, points, variation)
         branches.append(Branch(words, tuple(points), special, problem, variation, complete))
         report(len(branches))
     if not branches:

@@ -22,7 +22,7 @@ from modal.scene.parameters import Variation, validate_variations, vary
 from modal.types import Floats
 from nonlinear.orbits.between import resolved
 from nonlinear.orbits.branch import Branch, Report
-from nonlinear.orbits.continuation import OrbitPoint, corrected, follow, located, tangent_of
+from nonlinear.orbits.continuation import OrbitPoint, corrected, follow, located, tangent_of, with_values
 from nonlinear.orbits.modes import TOLERANCE, nonlinear_mode, oscillating
 from nonlinear.orbits.orbit import Orbit
 from nonlinear.orbits.special import Special, collisions, passing
@@ -126,6 +126,7 @@ def mode_along(
     modes, row = oscillating(begun, number)
     points = resolved(problem, points)
     special = tuple(_specials(problem, points))
+    points = with_values(problem, points, variation)
     return Branch(
         f"mode {number}", tuple(points), special, problem, variation, complete=complete, linear=float(modes.omega[row])
     )

@@ -26,6 +26,7 @@ from modal.scene.parameters import Variable, Variation, find_places, vary, with_
 from modal.types import Floats
 from nonlinear.dynamics.variational import Force
 from nonlinear.integration.switches import numbers_of as switching_of
+from nonlinear.orbits.continuation import place_in
 from nonlinear.orbits.floquet import Floquet, carried, whole
 from nonlinear.orbits.flow import Arrival, Flow, NumberChange, Path
 from nonlinear.orbits.orbit import Orbit
@@ -131,10 +132,7 @@ class Shooting:
     def place(self, value: float) -> float:
         """The place of a value in the range, 0 at its lower end and 1 at its upper one."""
         assert self.variation
-        low, high = self.variation.values[0], self.variation.values[-1]
-        if self.variation.log:
-            return float(np.log(value / low) / np.log(high / low))
-        return (value - low) / (high - low)
+        return place_in(self.variation, value)
 
     def value(self, u: Floats) -> float | None:
         """The value of the number, None without one."""

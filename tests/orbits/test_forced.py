@@ -85,6 +85,19 @@ def resonance() -> Branch:
     return branch
 
 
+@pytest.mark.parametrize("words", ["0.3:0.36:5", "0.3:0.36:4log", "0.3,0.31,0.36"])
+def test_the_values_that_are_asked_for_are_on_the_branch(words: str) -> None:
+    """Each once, in the order of the branch, and the steps between them are those of the range alone."""
+    text = f"{HERTZ}={words}"
+    (branch,) = followed(shaken([BOB | {"damping": 0.5}]), text)
+    (plain,) = followed(shaken([BOB | {"damping": 0.5}]), f"{HERTZ}=0.3:0.36:2")
+    for value in parse_variations([text])[0].values:
+        assert np.sum(np.abs(branch.value - value) < 1e-9) == 1
+    assert np.all(np.diff(branch.value) > 0)
+    assert len(branch.points) == len(plain.points) + len(parse_variations([text])[0].values) - 2
+    assert all(orbit.residual < 1e-9 for orbit in branch.orbits)
+
+
 def test_an_orbit_of_a_branch_takes_few_flows(monkeypatch: pytest.MonkeyPatch) -> None:
     """Newton's steps from the tangent, two mostly, and the orbit itself, of one period each."""
     count, flow = [0], Flow.__call__
