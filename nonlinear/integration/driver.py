@@ -19,7 +19,7 @@ from nonlinear.integration.happenings import Events, Happening, passes
 from nonlinear.integration.methods import Choice, equations_of
 from nonlinear.integration.steppers import DOP853Stepper, SciPyStepper, Stepper, Sweeper
 from nonlinear.integration.switched import Switched
-from nonlinear.integration.within import KnownStep, Step
+from nonlinear.integration.within import KnownStep, Step, Watch
 from nonlinear.system import NO_FRICTION, NO_KICKS, Equations, Event, EventRecord, Friction, Kicks, State
 
 BESIDE = 1e-6
@@ -71,7 +71,7 @@ class RunRecord:
 class Drive:
     """A stepper, the system it integrates, the sampled times (ascending, the first is the start) and the events.
 
-    `report` is called with the simulated time.
+    `report` is called with the simulated time.  Every step is seen by the `watches`.
     """
 
     stepper: Stepper
@@ -79,6 +79,7 @@ class Drive:
     times: Floats
     events: Sequence[Event] = ()
     report: Callable[[float], object] = silent
+    watches: Sequence[Watch] = ()
 
     def __post_init__(self) -> None:
         self._sought = Events(self.equations, self.events, float(self.times[0])) if self.events else None
@@ -125,6 +126,10 @@ class Drive:
         return isinstance(self.equations, Switched) and self.equations.rests and not self._sweeps
 
     @property
+    def _watched(self) -> bool:
+        return bool(self.events or self.watches)
+
+    @property
     def _at_once(self) -> bool:
         """Whether many y are projected at once."""
         return isinstance(self.equations, Arranged)
@@ -133,7 +138,8 @@ class Drive:
     def _sweeps(self) -> bool:
         if not isinstance(self.stepper, Sweeper):
             return False
-        return not self.events or (isinstance(self.stepper, DOP853Stepper) and not isinstance(self.equations, Switched))
+        traces = isinstance(self.stepper, DOP853Stepper) and not isinstance(self.equations, Switched)
+        return traces or not self._watched
 
     def _rest(self, record: RunRecord) -> None:
         """Everything is at rest for good: the samples that are left are all the same."""
@@ -152,12 +158,12 @@ class Drive:
     def _far(self, record: RunRecord) -> None:
         """Many steps in which nothing but samples is needed."""
         whole = self.equations.whole() if isinstance(self.equations, Switched) else nullcontext()
-        stepper, every = cast("Sweeper", self.stepper), self.report is not silent or self._sought is not None
+        stepper, every = cast("Sweeper", self.stepper), self.report is not silent or self._watched
         with np.errstate(all="ignore"), whole:
             begun = stepper.time, stepper.y
             rows, ends, steps = stepper.sweep(self.times[record.filled :], every, self._most)
             record.drift = stepper.drift
-            stop = self._seen(record, self._traced(*begun, ends)) if self._sought else None
+            stop = self._seen(record, self._traced(*begun, ends)) if self._watched else None
         if stop is not None:
             rows = rows[: np.searchsorted(self.times, stop.time, side="right") - record.filled]
             ends = [end for end in ends if end[0] < stop.time]
@@ -204,7 +210,7 @@ class Drive:
         record.steps += 1
         now, y = self.stepper.time, self.stepper.y
         stop = None
-        if self._sought:
+        if self._watched:
             stop = self._seen(record, KnownStep.of(before, now, self.stepper.inside, self.stepper.exact))
         if stop is not None:
             now, y = stop.time, stop.y
@@ -221,9 +227,12 @@ class Drive:
 
     def _seen(self, record: RunRecord, step: Step) -> Happening | None:
         """Keep the events within a step, up to the first one that ends the run."""
-        sought = cast("Events", self._sought)
-        sought.see(step)
-        for happening in sought.taken():
+        for watch in self.watches:
+            watch.see(step)
+        if self._sought is None:
+            return None
+        self._sought.see(step)
+        for happening in self._sought.taken():
             if happening.failure:
                 record.stopped, record.failed = happening.failure, True
                 return happening

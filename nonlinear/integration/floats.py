@@ -409,7 +409,7 @@ def side_by_side(
     stages = np.fromiter(each, float, (STAGES + 1) * before.size).reshape(len(steps), STAGES + 1, -1)
     every = np.arange(len(steps))
     lanes = np.zeros_like(every), np.ones(len(steps), dtype=bool), start, end - start
-    step = Step(*lanes, before, after, np.moveaxis(stages, 0, 2), rates_of(every), rates_of, breaks)
+    step = Step(*lanes, before, after, np.moveaxis(stages, 0, 2), rates_of(every), rates_of, breaks, alone=True)
     step.ends = end
     return step
 

@@ -17,9 +17,9 @@ import numpy as np
 import scipy
 
 from modal.errors import ComputationError
-from modal.types import Booleans, Floats
+from modal.types import Floats
 from nonlinear.dynamics import Arranged, Hamiltonian, Reduced, SpatialHamiltonian
-from nonlinear.integration.passages import Crossed, Level, crossed
+from nonlinear.integration.passages import Level, passages
 from nonlinear.integration.switched import Switched
 from nonlinear.integration.within import Inside, Step
 from nonlinear.system import CoordinateReading, Equations, Event, State
@@ -27,7 +27,6 @@ from nonlinear.system import CoordinateReading, Equations, Event, State
 SILENT, AFTER = 1e-9, 0.02
 """An event's value that starts below this fraction of its value in the first step starts at zero, which is no crossing:
 its side is that after this fraction of the time to the first look."""
-NEARBY = 0.01  # of a step, beyond which a step of Newton's method to what is found on its interpolant is not one
 ASIDE = 0.01
 """Of the time between two looks: at which the slope is seen."""
 SHARP, TURNS = 1e-15, 1e-9  # of an interval, to which a root and a turning point are sought
@@ -96,24 +95,18 @@ class Events:
         return inorder[:last]
 
     def _passed(self, event: Event, level: Level, sign: float, step: Step) -> Iterator[Happening]:
-        """Where a component passes its level."""
-        if (found := crossed(step, level)) is None:
+        """Where a component passes its level; what is seen of a start on it is no crossing."""
+        if (passed := passages(step, level)) is None:
             return
-        counts = (found.way * sign * event.direction >= 0) & ~self._begins(step, found, level)
-        columns, part = found.column[counts], found.part[counts]
-        if len(columns):
-            y, slope = step.ending(columns, part)
-            late = (level.value - y[level.row]) / slope[level.row]
-            late = np.where(np.abs(late) <= NEARBY * step.length[columns], late, 0.0)
-            times, rows = step.start[columns] + part * step.length[columns] + late, (y + late * slope).T
-            motion = self.equations.read(rows)
-            yield from (Happening(time, event, rows[k], motion[k]) for k, time in enumerate(times.tolist()))
-
-    def _begins(self, step: Step, found: Crossed, level: Level) -> Booleans:
-        """What is seen of a start on the level, which is no crossing."""
-        most = max(abs(float(end[0]) - level.value) for end in step.reach(level.row))
-        silent = step.start[0] == self.start and abs(step.before[level.row, 0] - level.value) < SILENT * most
-        return np.asarray(silent & (found.column == 0) & (found.part < AFTER / 4))
+        counts = passed.way * sign * event.direction >= 0
+        if step.start[0] == self.start:
+            most = max(abs(float(end[0]) - level.value) for end in step.reach(level.row))
+            silent = abs(step.before[level.row, 0] - level.value) < SILENT * most
+            counts &= ~silent | (passed.time > self.start + AFTER / 4 * step.length[0])
+        passed = passed.take(counts)
+        motion = self.equations.read(passed.rows)
+        for k, time in enumerate(passed.time.tolist()):
+            yield Happening(time, event, passed.rows[k], motion[k])
 
     def _looked_for(self, event: Event, step: Step) -> Iterator[Happening]:
         """Where a function of the state that is looked at passes zero."""
