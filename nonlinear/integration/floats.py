@@ -9,7 +9,7 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Callable, Sequence
 from functools import lru_cache, partial
-from itertools import chain
+from itertools import chain, pairwise
 from math import inf, nan, nextafter, ulp
 from typing import Any, NamedTuple, cast
 
@@ -43,7 +43,7 @@ from nonlinear.integration.within import Step
 from nonlinear.system import Equations
 
 WIDE = 64  # components of y from which on sums over stages are NumPy's, 1.2 times as fast for 40 clocks on a cart
-AT_ONCE, SHOWN = 256, 8  # steps, and those of motions with switches whose progress is reported
+AT_ONCE = 256  # steps
 
 Numbers = Sequence[float]
 
@@ -314,11 +314,6 @@ class FloatStepper(DOP853Stepper[Written]):
         solver.switch()
         return np.asarray(solver.y)
 
-    def worked(self, before: float, now: float) -> None:
-        """Count the work of friction that varies between these times (s) of the last step."""
-        if isinstance(self.equations, Switched):
-            self.equations.passed(self.inside, before, now)
-
     def sweep(
         self, times: Floats, every: bool = True, most: int = AT_ONCE
     ) -> tuple[Floats, list[tuple[float, Numbers | Floats]], int]:
@@ -330,13 +325,13 @@ class FloatStepper(DOP853Stepper[Written]):
         ends: list[tuple[float, Numbers | Floats]] = []
         wanted: list[FloatStep] = []
         self._taken, self._seen = [], None
-        most = min(most, SHOWN) if every and switched else most
         while True:
             steps, some, more = solver.advance(due[reached:], 1 if alone else most)
             wanted, reached, self._taken = wanted + some, reached + more, [*self._taken, *steps]
             if alone and steps:
                 self._within = None
-                self.worked(steps[0].start, steps[0].end)
+                if switched:
+                    switched.passed(self.inside, steps[0].start, steps[0].end)
             ends += [(step.end, self._mended() if mends else step.after) for step in steps]
             if not (mends and steps and reached < len(due) and len(ends) < most and solver.t < solver.t_bound):
                 break
@@ -349,6 +344,12 @@ class FloatStepper(DOP853Stepper[Written]):
         if self.rests and reached < len(due):
             rows, ends = np.vstack((rows, np.tile(solver.y, (len(due) - reached, 1)))), [*ends, (due[-1], solver.y)]
         return rows, ends, taken
+
+    def jumps(self) -> list[tuple[float, float, Floats, Floats]]:
+        """Sudden changes of y between steps of the last sweep: beginning and end (s) of one, y before and after."""
+        pairs = pairwise(self._taken) if isinstance(self.equations, Switched) else ()
+        changed = ((step, later) for step, later in pairs if step.after != later.before)
+        return [(step.start, step.end, np.array(step.after), np.array(later.before)) for step, later in changed]
 
     def traced(self) -> Step:
         """The steps of the last sweep side by side."""

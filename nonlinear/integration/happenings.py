@@ -17,13 +17,15 @@ import numpy as np
 import scipy
 
 from modal.errors import ComputationError
-from modal.types import Floats
+from modal.types import Booleans, Floats, Ints
 from nonlinear.dynamics import Arranged, Hamiltonian, Reduced, SpatialHamiltonian
 from nonlinear.integration.passages import Level, passages
 from nonlinear.integration.switched import Switched
 from nonlinear.integration.within import Inside, Step
 from nonlinear.system import CoordinateReading, Equations, Event, State
 
+BESIDE = 1e-6
+"""Fraction of a step before a change of friction within which an event that was found there is the same."""
 SILENT, AFTER = 1e-9, 0.02
 """An event's value that starts below this fraction of its value in the first step starts at zero, which is no crossing:
 its side is that after this fraction of the time to the first look."""
@@ -73,6 +75,7 @@ class Events:
     events: Sequence[Event]
     start: float
     happenings: list[Happening] = field(init=False, default_factory=list)
+    past: list[Happening] = field(init=False, default_factory=list)
 
     @cached_property
     def components(self) -> list[tuple[Level, float] | None]:
@@ -87,12 +90,20 @@ class Events:
         for event, component in zip(self.events, self.components, strict=True):
             self.happenings += self._passed(event, *component, step) if component else self._looked_for(event, step)
 
+    def jump(self, begun: float, time: float, y: Floats, after: Floats) -> None:
+        """All events by which y changes suddenly at the end of a step that began at this time (s)."""
+        known = time - BESIDE * (time - begun)
+        states = self.equations.read(np.array([y, after]))
+        for event in self.events:
+            seen = any(each.event is event and each.time > known for each in (*self.past, *self.happenings))
+            if not seen and passes(event, event.value(states[0]), event.value(states[1])):
+                self.happenings.append(Happening(time, event, after, states[1]))
+
     def taken(self) -> list[Happening]:
         """Those since they were last taken, in the order of time, up to the first that ends the run."""
-        inorder = sorted(self.happenings, key=lambda happening: happening.time)
-        self.happenings = []
-        last = next((k for k, each in enumerate(inorder, 1) if each.event.stop or each.failure), None)
-        return inorder[:last]
+        self.past, self.happenings = sorted(self.happenings, key=lambda happening: happening.time), []
+        last = next((k for k, each in enumerate(self.past, 1) if each.event.stop or each.failure), None)
+        return self.past[:last]
 
     def _passed(self, event: Event, level: Level, sign: float, step: Step) -> Iterator[Happening]:
         """Where a component passes its level; what is seen of a start on it is no crossing."""
@@ -108,27 +119,65 @@ class Events:
         for k, time in enumerate(passed.time.tolist()):
             yield Happening(time, event, passed.rows[k], motion[k])
 
-    def _looked_for(self, event: Event, step: Step) -> Iterator[Happening]:
+    def _looked_for(self, event: Event, step: Step) -> list[Happening]:
         """Where a function of the state that is looked at passes zero."""
-        parts = np.linspace(0.0, 1.0, event.looks + 1)
-        inside = step.within_all()
-        rows = np.array([inside.at(np.full(len(step.start), part)) for part in parts])  # (looks, size, W)
-        motion = self.equations.read(np.moveaxis(rows, 1, 2).reshape(-1, rows.shape[1]))
-        values = np.reshape([float(event.value(motion[k])) for k in range(len(motion.cart))], (len(parts), -1))
-        for lane, start in enumerate(step.start.tolist()):
-            one = Look(event, self.equations, step, inside.take([lane]), lane)
-            looks, seen = parts.tolist(), values[:, lane].tolist()
+        inside, parts, lanes = step.within_all(), np.linspace(0.0, 1.0, event.looks + 1), np.arange(len(step.start))
+        values = self._values(event, inside, np.tile(lanes, len(parts)), np.repeat(parts, len(lanes)))
+        values = values.reshape(len(parts), -1)
+        sought = self._suspect(event, inside, parts, values)
+        sought[0] |= step.start[0] == self.start
+        roots: list[tuple[int, float, float, float, float]] = []
+        failures: list[Happening] = []
+        for lane in np.flatnonzero(sought).tolist():
+            start, looks, seen = float(step.start[lane]), parts.tolist(), values[:, lane].tolist()
+            look = Look(event, self.equations, step, inside.take([lane]), lane)
             try:
                 if not all(map(isfinite, seen)):
-                    one.refuse(looks, seen)
+                    look.refuse(looks, seen)
                 if start == self.start and abs(seen[0]) < SILENT * max(map(abs, seen)):
                     looks[0] = AFTER * looks[1]
-                    seen[0] = one.value(looks[0])
-                for low, high in one.passing(looks, seen):
-                    yield one.refined(low, high)
+                    seen[0] = look.value(looks[0])
+                roots += [(lane, low, high, *look.found(low, high)) for low, high in look.passing(looks, seen)]
             except ComputationError as error:
-                yield Happening(start, event, step.before[:, lane], motion[lane], str(error))
-                return
+                y = step.before[:, lane]
+                failures = [Happening(start, event, y, self.equations.read(y[None])[0], str(error))]
+                break
+        return [*self._refined(event, step, np.array(roots).reshape(-1, 5).T), *failures]
+
+    def _refined(self, event: Event, step: Step, roots: Floats) -> Iterator[Happening]:
+        """Roots on the interpolant, after one secant step with the integrator's own values there.
+
+        Of each: the lane, between which parts and at which it was found, and by how much the value grows a part.
+        """
+        lanes, (low, high, part, slope) = roots[0].astype(int), roots[1:]
+        if len(lanes):
+            y, rates = step.ending(lanes, part)
+            motion = self.equations.read(y.T)
+            values = np.array([float(event.value(motion[k])) for k in range(len(part))])
+            moved = part - values / np.where(slope == 0, np.inf, slope)
+            moved = np.where((low <= moved) & (moved <= high), moved, part)
+            rows = (y + (moved - part) * step.length[lanes] * rates).T
+            motion, times = self.equations.read(rows), step.start[lanes] + moved * step.length[lanes]
+            for k, time in enumerate(times.tolist()):
+                yield Happening(time, event, rows[k], motion[k])
+
+    def _values(self, event: Event, inside: Inside, lanes: Ints, parts: Floats) -> Floats:
+        """The values of an event in these lanes at these parts of the step."""
+        motion = self.equations.read(inside.take(lanes).at(parts).T)
+        return np.array([float(event.value(motion[k])) for k in range(len(parts))])
+
+    def _suspect(self, event: Event, inside: Inside, parts: Floats, values: Floats) -> Booleans:
+        """In which lanes a value passes zero, or may between two looks, as it approaches zero from either."""
+        low, high = values[:-1], values[1:]
+        crosses = ~(low * high > 0)
+        widest = np.abs(high - low).max(0)
+        look, lane = np.nonzero(~crosses & (np.minimum(np.abs(low), np.abs(high)) < widest))
+        aside = ASIDE * parts[1]
+        if len(lane):
+            side, near = np.sign(low[look, lane]), [(low, parts[look] + aside), (high, parts[look + 1] - aside)]
+            nearer = [side * self._values(event, inside, lane, at) < abs(v[look, lane]) for v, at in near]
+            crosses[look, lane] = nearer[0] & nearer[1]
+        return np.asarray(crosses.any(0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,14 +192,11 @@ class Look:
 
     def value(self, part: float) -> float:
         """The value on the interpolant; ComputationError where it is not finite."""
-        value = self.of(self.inside.at(np.array([part]))[:, 0])
+        motion = self.equations.read(self.inside.at(np.array([part])).T)
+        value = float(self.event.value(motion[0]))
         if not isfinite(value):
             self.refuse([part], [value])
         return value
-
-    def of(self, y: Floats) -> float:
-        """The value at y."""
-        return float(self.event.value(self.equations.read(y[None])[0]))
 
     def time(self, part: float) -> float:
         """The time (s) of a part."""
@@ -185,19 +231,10 @@ class Look:
             if least < 0:
                 yield part, float(side * least)
 
-    def refined(self, low: float, high: float) -> Happening:
-        """The root on the interpolant, then one secant step with the integrator's own value there."""
-        part = root(self.value, low, high)
-        y, width = self._ending(part), (high - low) / 1000
-        slope = (self.value(part + width) - self.value(part - width)) / (2 * width)
-        moved = part - self.of(y) / slope if slope else part
-        if low <= moved <= high and moved != part:
-            part, y = moved, self._ending(moved)
-        return Happening(self.time(part), self.event, y, self.equations.read(y[None])[0])
-
-    def _ending(self, part: float) -> Floats:
-        """The y at a part, integrated anew."""
-        return self.step.ending(np.array([self.lane]), np.array([part]))[0][:, 0]
+    def found(self, low: float, high: float) -> tuple[float, float]:
+        """The part of the root on the interpolant between two, and by how much the value grows a part there."""
+        part, width = root(self.value, low, high), (high - low) / 1000
+        return part, (self.value(part + width) - self.value(part - width)) / (2 * width)
 
 
 def root(value: Callable[[float], float], start: float, end: float) -> float:

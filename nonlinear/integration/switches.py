@@ -145,11 +145,11 @@ class Switches:
     ) -> None:
         """The work within a step of friction on a rail with a coefficient, by Gauss's quadrature, added to the state.
 
-        `inside` gives y (T, size) at times within the step, u the inputs before those of contacts.  ComputationError
-        where friction has no bound.
+        It is taken back where `now` is before `before`.  `inside` gives y (T, size) at times within the step, u the
+        inputs before those of contacts.  ComputationError where friction has no bound.
         """
         at = self.places
-        if not at.presses or not state[at.K] or now <= before:
+        if not at.presses or not state[at.K] or now == before:
             return
         times = (before + now) / 2 + (now - before) / 2 * NODES
         rows, added, friction = inside(times).tolist(), self.inputs(state), self.function("friction")
