@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, cast
 
 import numpy as np
@@ -165,10 +166,15 @@ class Drive:
         if isinstance(self.stepper, FloatStepper):
             return self.stepper.traced()
         times, rows = [begun, *(time for time, _ in ends)], [y, *(row for _, row in ends)]
+        pace = cast("SciPyStepper", self.stepper).pace
+        return Step.of_run(np.array(times), np.array(rows).T, self._rates, bool(pace.breaks))
+
+    @cached_property
+    def _rates(self) -> Callable[..., Floats]:
+        """The rates of many y at once, for compiled equations, which take one."""
         inner = self.equations.inner if isinstance(self.equations, Reduced) else self.equations
         derivative = equations_of(inner.system, WRITTEN_OUT).derivative
-        pace = cast("SciPyStepper", self.stepper).pace
-        return Step.of_run(np.array(times), np.array(rows).T, lambda y, t=0.0: derivative(t, y), bool(pace.breaks))
+        return lambda y, times=0.0: derivative(times, y)
 
     def _keep(self, record: RunRecord, rows: Floats, ends: Sequence[Any], steps: int) -> None:
         first = record.filled

@@ -205,6 +205,7 @@ class Request:
             driven=self.load is not None,
             size=self.size,
             system=self.integrated,
+            watched=bool(self.events or self.watching),
         )
 
     def prepared(self, choice: Choice) -> Prepared:
