@@ -80,10 +80,7 @@ class Events:
     @cached_property
     def components(self) -> list[tuple[Level, float] | None]:
         """The level of a component of y that every event is, and its sign, where it is one."""
-        readings = (event.value for event in self.events)
-        return [
-            component_of(self.equations, each) if isinstance(each, CoordinateReading) else None for each in readings
-        ]
+        return [component_of(self.equations, event.value) for event in self.events]
 
     def see(self, step: Step) -> None:
         """All events within the step."""
