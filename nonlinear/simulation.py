@@ -138,7 +138,7 @@ def simulate(
     more |= {"load": load, "breaks": breaks, "max_step": max_step, "hoist": hoist}
     if accuracy is not None:
         return certain(advise(scene, duration, accuracy, output=output, start=start, start_time=start_time, **more))
-    request = _request(scene, duration, used, None, output, start, start_time, more)
+    request = request_of(scene, duration, used, None, output, start, start_time, more)
     return request.run(request.choice(float(used)))
 
 
@@ -159,11 +159,11 @@ def advise(
     arguments, SimulationError where an integrator fails.
     """
     return seek_accuracy(
-        Goal(_request(scene, duration, USUAL, accuracy, output, start, start_time, more), float(accuracy))
+        Goal(request_of(scene, duration, USUAL, accuracy, output, start, start_time, more), float(accuracy))
     )
 
 
-def _request(
+def request_of(
     scene: Scene,
     duration: float,
     tolerance: float,
@@ -173,7 +173,7 @@ def _request(
     start_time: float,
     more: dict[str, Any],
 ) -> Request:
-    """The validated request; SceneError lists every mistake."""
+    """The validated request of a run, by the arguments of `simulate`; SceneError lists every mistake."""
     system, load = system_of(scene, more.pop("hoist", None)), more.get("load")
     validate(lambda: validate_load(load), lambda: validate_events(more.get("events", ())))
     told = {name: more.pop(name, None) for name in ("breaks", "max_step")}

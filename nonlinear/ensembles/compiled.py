@@ -16,16 +16,16 @@ from nonlinear.dynamics.compiling import available
 from nonlinear.dynamics.contacts import JAMMED as STUCK
 from nonlinear.dynamics.inputs import Inputs
 from nonlinear.dynamics.lanes import Rates
-from nonlinear.ensembles.lanes import Watches, stretched, task_of, watches_of
+from nonlinear.ensembles.lanes import Watches, slope_of, stretched, task_of, watches_of
 from nonlinear.ensembles.results import MemberResults, Wanted
 from nonlinear.integration.crowds import Crowd, RailWork
 from nonlinear.integration.kernels import code_of_text, module_of, source
-from nonlinear.integration.lanes import NOT_FINITE, TOO_SHORT, LaneTask, Watch
+from nonlinear.integration.lanes import NOT_FINITE, TOO_SHORT, LaneTask
 from nonlinear.integration.loops import BESIDE_LINKS, INFINITE, JAMMED, SHORT, WIDTH
 from nonlinear.integration.method import LOOKS, STAGES
 from nonlinear.integration.readiness import readied
 from nonlinear.integration.switches import Switches
-from nonlinear.integration.within import Step
+from nonlinear.integration.within import Step, Watch
 from nonlinear.system import Numbers
 
 BUFFER = 2048  # steps that are looked at in NumPy together
@@ -52,7 +52,7 @@ def run(numbers: Numbers, y: Floats, wanted: Wanted) -> MemberResults:
     """Members with these numbers from y (size, S) on; MissingExtraError without numba."""
     lanes = Lanes(numbers)
     task, scale, local = task_of(lanes, numbers, y, wanted)
-    watches = watches_of(lanes, numbers, y, wanted)
+    watches = watches_of(lanes.layout, y, slope_of(lanes, numbers, y), wanted)
     crowd = Crowd(lanes)
     rubbing = [RailWork(crowd, y.shape[1])] if numbers.switching and crowd.presses else []
     ran = integrate(task, scale, local, watches, grows=not numbers.switching, beside=rubbing)

@@ -12,7 +12,7 @@ from nonlinear.dynamics import Lanes
 from nonlinear.ensembles.results import MemberResults, Wanted
 from nonlinear.integration import pacing
 from nonlinear.integration.crowds import RailWork, switching
-from nonlinear.integration.lanes import LaneTask, Watch, integrate
+from nonlinear.integration.lanes import LaneTask, integrate
 from nonlinear.integration.watches import (
     Crossings,
     FirstTurns,
@@ -22,7 +22,7 @@ from nonlinear.integration.watches import (
     Samples,
     tangent_direction,
 )
-from nonlinear.integration.within import fill
+from nonlinear.integration.within import Watch, fill
 from nonlinear.system import Layout, Numbers
 
 
@@ -72,10 +72,9 @@ class Watches:
         )
 
 
-def watches_of(lanes: Lanes, numbers: Numbers, y: Floats, wanted: Wanted) -> Watches:
-    """What is to be measured of members from y (size, S) on."""
-    layout, section = lanes.layout, wanted.section
-    slope = slope_of(lanes, numbers, y)
+def watches_of(layout: Layout, y: Floats, slope: Floats, wanted: Wanted) -> Watches:
+    """What is to be measured of members from y (size, S) on, with y' there."""
+    section = wanted.section
     return Watches(
         Samples(np.array(wanted.times), y) if wanted.times else None,
         FirstTurns(layout, y, slope) if wanted.first_turns else None,
@@ -94,7 +93,7 @@ def slope_of(lanes: Lanes, numbers: Numbers, y: Floats) -> Floats:
 def _run(lanes: Lanes, numbers: Numbers, y: Floats, wanted: Wanted) -> MemberResults:
     layout = lanes.layout
     task, scale, local = task_of(lanes, numbers, y, wanted)
-    growth, watches = Growth(layout, scale, local), watches_of(lanes, numbers, y, wanted)
+    growth, watches = Growth(layout, scale, local), watches_of(layout, y, slope_of(lanes, numbers, y), wanted)
     if not numbers.switching:
         outcome = integrate(task, [growth, *watches.all])
         return watches.added_to(MemberResults(outcome.y, growth.error, growth.horizon, outcome.reasons))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, cast
 
 import numpy as np
@@ -15,20 +16,19 @@ from modal.types import Floats
 from nonlinear.dynamics import Arranged, Recursion, Reduced
 from nonlinear.dynamics.minimal import inverted
 from nonlinear.integration.floats import AT_ONCE, FloatStepper
-from nonlinear.integration.happenings import Events, Happening, passes
+from nonlinear.integration.happenings import Events, Happening
 from nonlinear.integration.methods import Choice, equations_of
 from nonlinear.integration.steppers import DOP853Stepper, SciPyStepper, Stepper, Sweeper
 from nonlinear.integration.switched import Switched
-from nonlinear.integration.within import KnownStep, Step
+from nonlinear.integration.within import KnownStep, Step, Watch
 from nonlinear.system import NO_FRICTION, NO_KICKS, Equations, Event, EventRecord, Friction, Kicks, State
 
-BESIDE = 1e-6
-"""Fraction of a step before a change of friction within which an event that was found there is the same."""
 LAST = 4e-16
 """Of the time: how far before the end of a run is its end, as in lanes."""
 SINGULAR = 1.5e-8
 """Share of all masses that a massless cart feels: the root of rounding, where accelerations keep half their digits."""
 WRITTEN_OUT = Choice("minimal", "DOP853", False, "")  # equations that take many y at once
+SHOWN = 8  # steps of motions with switches whose progress is reported
 FIRST, MOST = 4, 64  # steps at once of a run that an event may end, at first and later
 
 
@@ -71,7 +71,7 @@ class RunRecord:
 class Drive:
     """A stepper, the system it integrates, the sampled times (ascending, the first is the start) and the events.
 
-    `report` is called with the simulated time.
+    `report` is called with the simulated time.  Every step is seen by the `watches`.
     """
 
     stepper: Stepper
@@ -79,10 +79,13 @@ class Drive:
     times: Floats
     events: Sequence[Event] = ()
     report: Callable[[float], object] = silent
+    watches: Sequence[Watch] = ()
 
     def __post_init__(self) -> None:
         self._sought = Events(self.equations, self.events, float(self.times[0])) if self.events else None
-        self._most = FIRST if any(event.stop for event in self.events) else AT_ONCE
+        ends, switched = any(event.stop for event in self.events), isinstance(self.equations, Switched)
+        usual = SHOWN if switched and self.report is not silent else AT_ONCE
+        self._most = usual if not ends else 1 if switched else FIRST
 
     def run(self) -> RunRecord:
         """Advance to the last sampled time, or as far as possible."""
@@ -91,12 +94,9 @@ class Drive:
         advance = self._far if self._sweeps else self._on
         try:
             while record.filled < len(self.times) and not record.stopped:
-                if self._rests:
-                    self._rest(record)
-                else:
-                    advance(record)
-                    if self.equations.system.may_turn_singular:
-                        self._refuse_singular(record)
+                advance(record)
+                if self.equations.system.may_turn_singular:
+                    self._refuse_singular(record)
         except KeyboardInterrupt:
             record.stopped, record.interrupted = f"interrupted at {record.reached:.9g} s", True
         except ComputationError as error:
@@ -120,9 +120,8 @@ class Drive:
             raise ComputationError(f"the run stopped at {record.reached:.9g} s: {words}")
 
     @property
-    def _rests(self) -> bool:
-        """Whether nothing moves any more."""
-        return isinstance(self.equations, Switched) and self.equations.rests and not self._sweeps
+    def _watched(self) -> bool:
+        return bool(self.events or self.watches)
 
     @property
     def _at_once(self) -> bool:
@@ -131,16 +130,8 @@ class Drive:
 
     @property
     def _sweeps(self) -> bool:
-        if not isinstance(self.stepper, Sweeper):
-            return False
-        return not self.events or (isinstance(self.stepper, DOP853Stepper) and not isinstance(self.equations, Switched))
-
-    def _rest(self, record: RunRecord) -> None:
-        """Everything is at rest for good: the samples that are left are all the same."""
-        row = self.equations.project(self.stepper.y)[0]
-        record.keep(np.tile(row, (len(self.times) - record.filled, 1)))
-        record.last = float(self.times[-1]), row
-        self.report(self.times[-1] - self.times[0])
+        """Whether many steps are taken at once: series are seen step by step."""
+        return isinstance(self.stepper, DOP853Stepper if self._watched else Sweeper)
 
     def _rubbed(self, record: RunRecord) -> Friction:
         """What friction did as far as the run came."""
@@ -152,29 +143,38 @@ class Drive:
     def _far(self, record: RunRecord) -> None:
         """Many steps in which nothing but samples is needed."""
         whole = self.equations.whole() if isinstance(self.equations, Switched) else nullcontext()
-        stepper, every = cast("Sweeper", self.stepper), self.report is not silent or self._sought is not None
+        stepper, every = cast("Sweeper", self.stepper), self.report is not silent or self._watched
         with np.errstate(all="ignore"), whole:
             begun = stepper.time, stepper.y
             rows, ends, steps = stepper.sweep(self.times[record.filled :], every, self._most)
             record.drift = stepper.drift
-            stop = self._seen(record, self._traced(*begun, ends)) if self._sought else None
+            stop = self._seen(record, self._traced(*begun, ends)) if steps and self._watched else None
         if stop is not None:
+            if isinstance(stepper, FloatStepper):
+                stepper.take_back(stop.time)
             rows = rows[: np.searchsorted(self.times, stop.time, side="right") - record.filled]
             ends = [end for end in ends if end[0] < stop.time]
             ends, steps = [*ends, (stop.time, self.equations.project(stop.y)[0])], len(ends) + 1
-        elif self._most < AT_ONCE:
-            self._most = min(2 * self._most, MOST)
+        elif FIRST <= self._most < MOST and any(event.stop for event in self.events):
+            self._most *= 2
         self._keep(record, rows, ends, steps)
+        if self._watched and isinstance(self.equations, Switched) and not self._ends(record):
+            self._switch(record)
 
     def _traced(self, begun: float, y: Floats, ends: Sequence[tuple[float, Any]]) -> Step:
         """The steps of the last sweep, from this time (s) and y on, side by side."""
         if isinstance(self.stepper, FloatStepper):
             return self.stepper.traced()
         times, rows = [begun, *(time for time, _ in ends)], [y, *(row for _, row in ends)]
+        pace = cast("SciPyStepper", self.stepper).pace
+        return Step.of_run(np.array(times), np.array(rows).T, self._rates, bool(pace.breaks))
+
+    @cached_property
+    def _rates(self) -> Callable[..., Floats]:
+        """The rates of many y at once, for compiled equations, which take one."""
         inner = self.equations.inner if isinstance(self.equations, Reduced) else self.equations
         derivative = equations_of(inner.system, WRITTEN_OUT).derivative
-        pace = cast("SciPyStepper", self.stepper).pace
-        return Step.of_run(np.array(times), np.array(rows).T, lambda y, t=0.0: derivative(t, y), bool(pace.breaks))
+        return lambda y, times=0.0: derivative(times, y)
 
     def _keep(self, record: RunRecord, rows: Floats, ends: Sequence[Any], steps: int) -> None:
         first = record.filled
@@ -204,53 +204,49 @@ class Drive:
         record.steps += 1
         now, y = self.stepper.time, self.stepper.y
         stop = None
-        if self._sought:
+        if self._watched:
             stop = self._seen(record, KnownStep.of(before, now, self.stepper.inside, self.stepper.exact))
         if stop is not None:
             now, y = stop.time, stop.y
         self._sample(record, now)
         record.last = now, self.equations.project(y)[0]
-        if isinstance(self.equations, Switched):
-            self._switch(record, before, y)
-        else:
-            mended, drift = self.equations.project(self.stepper.y)
-            record.drift = max(record.drift, drift)
-            if drift:
-                self.stepper.restart(mended)
+        mended, drift = self.equations.project(self.stepper.y)
+        record.drift = max(record.drift, drift)
+        if drift:
+            self.stepper.restart(mended)
         self.report(now - self.times[0])
 
     def _seen(self, record: RunRecord, step: Step) -> Happening | None:
         """Keep the events within a step, up to the first one that ends the run."""
-        sought = cast("Events", self._sought)
-        sought.see(step)
-        for happening in sought.taken():
-            if happening.failure:
-                record.stopped, record.failed = happening.failure, True
-                return happening
-            if self._ending(record, happening):
-                return happening
-        return None
+        for watch in self.watches:
+            watch.see(step)
+        if self._sought is None:
+            return None
+        self._sought.see(step)
+        for jump in self.stepper.jumps() if isinstance(self.stepper, FloatStepper) else ():
+            self._sought.jump(*jump)
+        return self._happened(record, self._sought.taken())
 
-    def _ending(self, record: RunRecord, happening: Happening) -> bool:
-        """Whether an event, which is kept, ends the run."""
-        name, stop = happening.event.name, happening.event.stop
-        record.happenings.append(EventRecord(name, happening.time, happening.state))
-        if stop:
-            record.stopped = f"{name} at {happening.time:.9g} s"
-        return stop
+    def _happened(self, record: RunRecord, happenings: Sequence[Happening]) -> Happening | None:
+        """Keep these events; the last where it ends the run."""
+        for time, event, _, state, failure in happenings:
+            if failure:
+                record.stopped, record.failed = failure, True
+                break
+            record.happenings.append(EventRecord(event.name, time, state))
+            if event.stop:
+                record.stopped = f"{event.name} at {time:.9g} s"
+        return happenings[-1] if record.stopped else None
 
-    def _switch(self, record: RunRecord, before: float, y: Floats) -> None:
-        """What happens at y where the last step ended at a switch of its own."""
-        stepper, now = cast("FloatStepper", self.stepper), self.stepper.time
-        stepper.worked(before, record.reached)
-        switched = None if self._ends(record) else stepper.switch()
+    def _switch(self, record: RunRecord) -> None:
+        """What happens where the last step ended at a switch of its own."""
+        stepper = cast("FloatStepper", self.stepper)
+        begun, now, y = stepper.before, stepper.time, stepper.y
+        switched = stepper.switch()
         if switched is not None:
-            known = {event.name for event in record.happenings if event.time > now - BESIDE * (now - before)}
-            for event in self.events:
-                states = [self._state(row) for row in (y, switched)]
-                jumps = passes(event, *map(event.value, states)) and event.name not in known
-                if jumps and self._ending(record, Happening(now, event, switched, states[1])):
-                    break
+            if self._sought:
+                self._sought.jump(begun, now, y, switched)
+                self._happened(record, self._sought.taken())
             record.last = now, switched
 
     def _ends(self, record: RunRecord) -> bool:

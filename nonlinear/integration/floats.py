@@ -9,7 +9,7 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Callable, Sequence
 from functools import lru_cache, partial
-from itertools import chain
+from itertools import chain, pairwise
 from math import inf, nan, nextafter, ulp
 from typing import Any, NamedTuple, cast
 
@@ -44,7 +44,7 @@ from nonlinear.integration.within import Step
 from nonlinear.system import Equations
 
 WIDE = 64  # components of y from which on sums over stages are NumPy's, 1.2 times as fast for 40 clocks on a cart
-AT_ONCE, SHOWN = 256, 8  # steps, and those of motions with switches whose progress is reported
+AT_ONCE = 256  # steps
 
 Numbers = Sequence[float]
 
@@ -318,30 +318,31 @@ class FloatStepper(DOP853Stepper[Written]):
         solver.switch()
         return np.asarray(solver.y)
 
-    def worked(self, before: float, now: float) -> None:
-        """Count the work of friction that varies between these times (s) of the last step."""
-        if isinstance(self.equations, Switched) and self.equations.presses:
-            held = cast("FloatDOP853", self._solver).passed.held
-            self.equations.passed(self.inside, np.array([[before, now]]), [held])
+    def take_back(self, time: float) -> None:
+        """Leave out the work of friction that has been counted after a time (s) within the last sweep."""
+        late = [step for step in self._taken if step.end > time]
+        self._work(late, [(step.end, max(step.start, time)) for step in late])
+
+    def _work(self, steps: Sequence[FloatStep], spans: Sequence[tuple[float, float]]) -> None:
+        """Count the work of friction in these steps between these times (s)."""
+        if steps and isinstance(self.equations, Switched) and self.equations.presses:
+            inside = partial(samples, self._abreast(steps))
+            self.equations.passed(inside, np.array(spans), [step.held for step in steps])
 
     def sweep(
         self, times: Floats, every: bool = True, most: int = AT_ONCE
     ) -> tuple[Floats, list[tuple[float, Numbers | Floats]], int]:
         """Many steps at once, as defined in `Sweeper`."""
         due, reached, mends = times.tolist(), 0, self._arranged.system.spatial
-        switched = self.equations if isinstance(self.equations, Switched) else None
         solver = self._on_its_way()
         ends: list[tuple[float, Numbers | Floats]] = []
         wanted: list[FloatStep] = []
         self._taken, self._seen = [], None
-        most = min(most, SHOWN) if every and switched else most
         portion = 1 if mends else most
         while True:
             steps, some, more = solver.advance(due[reached:], portion)
             wanted, reached, self._taken = wanted + some, reached + more, [*self._taken, *steps]
-            if switched and switched.presses and steps:
-                spans = np.array([(step.start, step.end) for step in steps])
-                switched.passed(partial(samples, self._abreast(steps)), spans, [step.held for step in steps])
+            self._work(steps, [(step.start, step.end) for step in steps])
             ends += [(step.end, self._mended() if mends else step.after) for step in steps]
             if not (mends and steps and reached < len(due) and len(ends) < most and solver.t < solver.t_bound):
                 break
@@ -354,6 +355,12 @@ class FloatStepper(DOP853Stepper[Written]):
         if self.rests and reached < len(due):
             rows, ends = np.vstack((rows, np.tile(solver.y, (len(due) - reached, 1)))), [*ends, (due[-1], solver.y)]
         return rows, ends, taken
+
+    def jumps(self) -> list[tuple[float, float, Floats, Floats]]:
+        """Sudden changes of y between steps of the last sweep: beginning and end (s) of one, y before and after."""
+        pairs = pairwise(self._taken) if isinstance(self.equations, Switched) else ()
+        changed = ((step, later) for step, later in pairs if step.after != later.before)
+        return [(step.start, step.end, np.array(step.after), np.array(later.before)) for step, later in changed]
 
     def traced(self) -> Step:
         """The steps of the last sweep side by side."""
@@ -417,7 +424,7 @@ def side_by_side(
     stages = np.fromiter(each, float, (STAGES + 1) * before.size).reshape(len(steps), STAGES + 1, -1)
     every = np.arange(len(steps))
     lanes = np.zeros_like(every), np.ones(len(steps), dtype=bool), start, end - start
-    step = Step(*lanes, before, after, np.moveaxis(stages, 0, 2), rates_of(every), rates_of, breaks)
+    step = Step(*lanes, before, after, np.moveaxis(stages, 0, 2), rates_of(every), rates_of, breaks, alone=True)
     step.ends = end
     return step
 
@@ -430,7 +437,7 @@ def interpolation(step: FloatStep, derivative: Derivative) -> Callable[[Floats],
 
 
 def samples(step: Step, times: Floats) -> Floats:
-    """The y (T, size) at ascending times within these steps of one run, by the method's own interpolation."""
+    """The y (T, size) at times within these steps of one run, by the method's own interpolation."""
     at = np.searchsorted(step.ends, times)
     inside = step.within_all().take(at).at((times - step.start[at]) / step.length[at])
     return np.where(times == step.ends[at], step.after[:, at], inside).T

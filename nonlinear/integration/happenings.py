@@ -17,17 +17,18 @@ import numpy as np
 import scipy
 
 from modal.errors import ComputationError
-from modal.types import Booleans, Floats
+from modal.types import Booleans, Floats, Ints
 from nonlinear.dynamics import Arranged, Hamiltonian, Reduced, SpatialHamiltonian
-from nonlinear.integration.passages import Crossed, Level, crossed
+from nonlinear.integration.passages import Level, passages
 from nonlinear.integration.switched import Switched
 from nonlinear.integration.within import Inside, Step
 from nonlinear.system import CoordinateReading, Equations, Event, State
 
+BESIDE = 1e-6
+"""Fraction of a step before a change of friction within which an event that was found there is the same."""
 SILENT, AFTER = 1e-9, 0.02
 """An event's value that starts below this fraction of its value in the first step starts at zero, which is no crossing:
 its side is that after this fraction of the time to the first look."""
-NEARBY = 0.01  # of a step, beyond which a step of Newton's method to what is found on its interpolant is not one
 ASIDE = 0.01
 """Of the time between two looks: at which the slope is seen."""
 SHARP, TURNS = 1e-15, 1e-9  # of an interval, to which a root and a turning point are sought
@@ -74,68 +75,106 @@ class Events:
     events: Sequence[Event]
     start: float
     happenings: list[Happening] = field(init=False, default_factory=list)
+    past: list[Happening] = field(init=False, default_factory=list)
 
     @cached_property
     def components(self) -> list[tuple[Level, float] | None]:
         """The level of a component of y that every event is, and its sign, where it is one."""
-        readings = (event.value for event in self.events)
-        return [
-            component_of(self.equations, each) if isinstance(each, CoordinateReading) else None for each in readings
-        ]
+        return [component_of(self.equations, event.value) for event in self.events]
 
     def see(self, step: Step) -> None:
         """All events within the step."""
         for event, component in zip(self.events, self.components, strict=True):
             self.happenings += self._passed(event, *component, step) if component else self._looked_for(event, step)
 
+    def jump(self, begun: float, time: float, y: Floats, after: Floats) -> None:
+        """All events by which y changes suddenly at the end of a step that began at this time (s)."""
+        known = time - BESIDE * (time - begun)
+        states = self.equations.read(np.array([y, after]))
+        for event in self.events:
+            seen = any(each.event is event and each.time > known for each in (*self.past, *self.happenings))
+            if not seen and passes(event, event.value(states[0]), event.value(states[1])):
+                self.happenings.append(Happening(time, event, after, states[1]))
+
     def taken(self) -> list[Happening]:
         """Those since they were last taken, in the order of time, up to the first that ends the run."""
-        inorder = sorted(self.happenings, key=lambda happening: happening.time)
-        self.happenings = []
-        last = next((k for k, each in enumerate(inorder, 1) if each.event.stop or each.failure), None)
-        return inorder[:last]
+        self.past, self.happenings = sorted(self.happenings, key=lambda happening: happening.time), []
+        last = next((k for k, each in enumerate(self.past, 1) if each.event.stop or each.failure), None)
+        return self.past[:last]
 
     def _passed(self, event: Event, level: Level, sign: float, step: Step) -> Iterator[Happening]:
-        """Where a component passes its level."""
-        if (found := crossed(step, level)) is None:
+        """Where a component passes its level; what is seen of a start on it is no crossing."""
+        if (passed := passages(step, level)) is None:
             return
-        counts = (found.way * sign * event.direction >= 0) & ~self._begins(step, found, level)
-        columns, part = found.column[counts], found.part[counts]
-        if len(columns):
-            y, slope = step.ending(columns, part)
-            late = (level.value - y[level.row]) / slope[level.row]
-            late = np.where(np.abs(late) <= NEARBY * step.length[columns], late, 0.0)
-            times, rows = step.start[columns] + part * step.length[columns] + late, (y + late * slope).T
-            motion = self.equations.read(rows)
-            yield from (Happening(time, event, rows[k], motion[k]) for k, time in enumerate(times.tolist()))
+        counts = passed.way * sign * event.direction >= 0
+        if step.start[0] == self.start:
+            most = max(abs(float(end[0]) - level.value) for end in step.reach(level.row))
+            silent = abs(step.before[level.row, 0] - level.value) < SILENT * most
+            counts &= ~silent | (passed.time > self.start + AFTER / 4 * step.length[0])
+        passed = passed.take(counts)
+        motion = self.equations.read(passed.rows)
+        for k, time in enumerate(passed.time.tolist()):
+            yield Happening(time, event, passed.rows[k], motion[k])
 
-    def _begins(self, step: Step, found: Crossed, level: Level) -> Booleans:
-        """What is seen of a start on the level, which is no crossing."""
-        most = max(abs(float(end[0]) - level.value) for end in step.reach(level.row))
-        silent = step.start[0] == self.start and abs(step.before[level.row, 0] - level.value) < SILENT * most
-        return np.asarray(silent & (found.column == 0) & (found.part < AFTER / 4))
-
-    def _looked_for(self, event: Event, step: Step) -> Iterator[Happening]:
+    def _looked_for(self, event: Event, step: Step) -> list[Happening]:
         """Where a function of the state that is looked at passes zero."""
-        parts = np.linspace(0.0, 1.0, event.looks + 1)
-        inside = step.within_all()
-        rows = np.array([inside.at(np.full(len(step.start), part)) for part in parts])  # (looks, size, W)
-        motion = self.equations.read(np.moveaxis(rows, 1, 2).reshape(-1, rows.shape[1]))
-        values = np.reshape([float(event.value(motion[k])) for k in range(len(motion.cart))], (len(parts), -1))
-        for lane, start in enumerate(step.start.tolist()):
-            one = Look(event, self.equations, step, inside.take([lane]), lane)
-            looks, seen = parts.tolist(), values[:, lane].tolist()
+        inside, parts, lanes = step.within_all(), np.linspace(0.0, 1.0, event.looks + 1), np.arange(len(step.start))
+        values = self._values(event, inside, np.tile(lanes, len(parts)), np.repeat(parts, len(lanes)))
+        values = values.reshape(len(parts), -1)
+        sought = self._suspect(event, inside, parts, values)
+        sought[0] |= step.start[0] == self.start
+        roots: list[tuple[int, float, float, float, float]] = []
+        failures: list[Happening] = []
+        for lane in np.flatnonzero(sought).tolist():
+            start, looks, seen = float(step.start[lane]), parts.tolist(), values[:, lane].tolist()
+            look = Look(event, self.equations, step, inside.take([lane]), lane)
             try:
                 if not all(map(isfinite, seen)):
-                    one.refuse(looks, seen)
+                    look.refuse(looks, seen)
                 if start == self.start and abs(seen[0]) < SILENT * max(map(abs, seen)):
                     looks[0] = AFTER * looks[1]
-                    seen[0] = one.value(looks[0])
-                for low, high in one.passing(looks, seen):
-                    yield one.refined(low, high)
+                    seen[0] = look.value(looks[0])
+                roots += [(lane, low, high, *look.found(low, high)) for low, high in look.passing(looks, seen)]
             except ComputationError as error:
-                yield Happening(start, event, step.before[:, lane], motion[lane], str(error))
-                return
+                y = step.before[:, lane]
+                failures = [Happening(start, event, y, self.equations.read(y[None])[0], str(error))]
+                break
+        return [*self._refined(event, step, np.array(roots).reshape(-1, 5).T), *failures]
+
+    def _refined(self, event: Event, step: Step, roots: Floats) -> Iterator[Happening]:
+        """Roots on the interpolant, after one secant step with the integrator's own values there.
+
+        Of each: the lane, between which parts and at which it was found, and by how much the value grows a part.
+        """
+        lanes, (low, high, part, slope) = roots[0].astype(int), roots[1:]
+        if len(lanes):
+            y, rates = step.ending(lanes, part)
+            motion = self.equations.read(y.T)
+            values = np.array([float(event.value(motion[k])) for k in range(len(part))])
+            moved = part - values / np.where(slope == 0, np.inf, slope)
+            moved = np.where((low <= moved) & (moved <= high), moved, part)
+            rows = (y + (moved - part) * step.length[lanes] * rates).T
+            motion, times = self.equations.read(rows), step.start[lanes] + moved * step.length[lanes]
+            for k, time in enumerate(times.tolist()):
+                yield Happening(time, event, rows[k], motion[k])
+
+    def _values(self, event: Event, inside: Inside, lanes: Ints, parts: Floats) -> Floats:
+        """The values of an event in these lanes at these parts of the step."""
+        motion = self.equations.read(inside.take(lanes).at(parts).T)
+        return np.array([float(event.value(motion[k])) for k in range(len(parts))])
+
+    def _suspect(self, event: Event, inside: Inside, parts: Floats, values: Floats) -> Booleans:
+        """In which lanes a value passes zero, or may between two looks, as it approaches zero from either."""
+        low, high = values[:-1], values[1:]
+        crosses = ~(low * high > 0)
+        widest = np.abs(high - low).max(0)
+        look, lane = np.nonzero(~crosses & (np.minimum(np.abs(low), np.abs(high)) < widest))
+        aside = ASIDE * parts[1]
+        if len(lane):
+            side, near = np.sign(low[look, lane]), [(low, parts[look] + aside), (high, parts[look + 1] - aside)]
+            nearer = [side * self._values(event, inside, lane, at) < abs(v[look, lane]) for v, at in near]
+            crosses[look, lane] = nearer[0] & nearer[1]
+        return np.asarray(crosses.any(0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,14 +189,11 @@ class Look:
 
     def value(self, part: float) -> float:
         """The value on the interpolant; ComputationError where it is not finite."""
-        value = self.of(self.inside.at(np.array([part]))[:, 0])
+        motion = self.equations.read(self.inside.at(np.array([part])).T)
+        value = float(self.event.value(motion[0]))
         if not isfinite(value):
             self.refuse([part], [value])
         return value
-
-    def of(self, y: Floats) -> float:
-        """The value at y."""
-        return float(self.event.value(self.equations.read(y[None])[0]))
 
     def time(self, part: float) -> float:
         """The time (s) of a part."""
@@ -192,19 +228,10 @@ class Look:
             if least < 0:
                 yield part, float(side * least)
 
-    def refined(self, low: float, high: float) -> Happening:
-        """The root on the interpolant, then one secant step with the integrator's own value there."""
-        part = root(self.value, low, high)
-        y, width = self._ending(part), (high - low) / 1000
-        slope = (self.value(part + width) - self.value(part - width)) / (2 * width)
-        moved = part - self.of(y) / slope if slope else part
-        if low <= moved <= high and moved != part:
-            part, y = moved, self._ending(moved)
-        return Happening(self.time(part), self.event, y, self.equations.read(y[None])[0])
-
-    def _ending(self, part: float) -> Floats:
-        """The y at a part, integrated anew."""
-        return self.step.ending(np.array([self.lane]), np.array([part]))[0][:, 0]
+    def found(self, low: float, high: float) -> tuple[float, float]:
+        """The part of the root on the interpolant between two, and by how much the value grows a part there."""
+        part, width = root(self.value, low, high), (high - low) / 1000
+        return part, (self.value(part + width) - self.value(part - width)) / (2 * width)
 
 
 def root(value: Callable[[float], float], start: float, end: float) -> float:

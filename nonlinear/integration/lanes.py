@@ -41,7 +41,7 @@ from nonlinear.integration.method import (
     summed,
 )
 from nonlinear.integration.steppers import BESIDE
-from nonlinear.integration.within import Step, beside, fill, spread, squared
+from nonlinear.integration.within import Step, Watch, beside, fill, spread, squared
 
 NUMBERS, NARROWEST, WIDEST = 20_480, 128, 2048  # numbers of y in work at once; lanes
 LEAVING = 8  # the part of all lanes that are through when they leave
@@ -52,14 +52,6 @@ ROUNDED = 1e-6  # of a step, within which a switch is met by a line
 TOO_SHORT = "the step needed is smaller than the spacing between numbers"
 NOT_FINITE = "the motion leaves the finite numbers"
 ALL = slice(None)
-
-
-class Watch(Protocol):
-    """Sees every step."""
-
-    def see(self, step: Step) -> None:
-        """A step of all lanes, of which some may have been refused."""
-        ...
 
 
 class LaneSwitches(Protocol):

@@ -135,10 +135,12 @@ def choose(
     driven: bool = False,
     size: float = 1.0,
     system: System | None = None,
+    watched: bool = False,
 ) -> Choice:
     """Choose whatever is "auto" for a motion of this size; SceneError lists every unknown or unsuitable value.
 
-    `system` is what is integrated, where that is less than the whole scene.
+    `system` is what is integrated, where that is less than the whole scene; `watched` tells whether something is looked
+    for in every step, which many steps of DOP853 together show, those of series one by one.
     """
     validate_scene(scene)
     system = system or system_of(scene)
@@ -152,7 +154,8 @@ def choose(
     if carried:
         ways.pop("compiled", None)
     written = system.n_links <= WRITTEN
-    if method != "auto" or tolerance * size < taylor.TIGHTEST or ends_may_meet(system):
+    stepwise = watched and tolerance >= FINEST
+    if method != "auto" or stepwise or tolerance * size < taylor.TIGHTEST or ends_may_meet(system):
         ways.pop("taylor", None)
     method, why = _automatic(scene, duration, tolerance, form, ways) if method == "auto" else (method, ASKED)
     if written and method != "DOP853":

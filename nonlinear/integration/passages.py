@@ -20,6 +20,7 @@ from nonlinear.system import Layout
 
 TURN = 2 * pi
 NOISE = 1e-13  # of the largest acceleration, up to which one is rounding
+NEARBY = 0.01  # of a step, beyond which a step of Newton's method from what is found on its interpolant is not one
 ON = 8  # units in the last place within which a start is on a level
 
 
@@ -125,21 +126,8 @@ def leaving(passages: Passages, starts: Starts) -> Booleans:
     return np.asarray(on & (passages.number == number) & ((passages.way == way) | (passages.time <= 0)))
 
 
-class Crossed(NamedTuple):
-    """C passages within a step: lanes by their `column` and the `part` of the step, the level's `number`, the `way`.
-
-    `inside` is the motion within the steps of these lanes.
-    """
-
-    column: Ints
-    part: Floats
-    number: Floats
-    way: Floats
-    inside: Inside
-
-
-def crossed(step: Step, level: Level, among: Booleans | None = None) -> Crossed | None:
-    """Where lanes pass a level within a step that was taken, also there and back; None where none does."""
+def passages(step: Step, level: Level, among: Booleans | None = None) -> Passages | None:
+    """What passes a level within a step that was taken, also there and back; None where nothing does."""
     low, high = step.reach(level.row)
     possible = ((level.below(low) != level.below(high)) | (level.above(low) != level.above(high))) & step.taken
     columns = np.flatnonzero(possible if among is None else possible & among)
@@ -157,15 +145,18 @@ def crossed(step: Step, level: Level, among: Booleans | None = None) -> Crossed 
     piece, lane = np.repeat(piece, times), np.repeat(lane, times)
     way = np.sign(change[piece, lane])
     number = np.where(way > 0, below[piece, lane] + 1 + nth, above[piece, lane] - 1 - nth)
-    some = inside.take(lane)
-    part = some.root(level.row, level.at(number), parts[piece, lane], parts[piece + 1, lane])
-    return Crossed(columns[lane], part, number, way.astype(float), some)
+    some, place = inside.take(lane), level.at(number)
+    part = some.root(level.row, place, parts[piece, lane], parts[piece + 1, lane])
+    y, time = _found(step, columns[lane], part, some, level.row, place)
+    return Passages(step.member[columns[lane]], time, np.moveaxis(y, 1, 0), number, way.astype(float))
 
 
-def passages(step: Step, level: Level, among: Booleans | None = None) -> Passages | None:
-    """What passes a level within a step, of the interpolant."""
-    if (found := crossed(step, level, among)) is None:
-        return None
-    at, part = found.column, found.part
-    time = step.start[at] + part * step.length[at]
-    return Passages(step.member[at], time, np.moveaxis(found.inside.at(part), 1, 0), found.number, found.way)
+def _found(step: Step, columns: Ints, part: Floats, inside: Inside, row: int, place: Floats) -> tuple[Floats, Floats]:
+    """The y and the times (s) of passages found on the interpolant; of one run alone as accurate as its steps."""
+    time = step.start[columns] + part * step.length[columns]
+    if not step.alone:
+        return inside.at(part), time
+    y, slope = step.ending(columns, part)
+    late = (place - y[row]) / slope[row]
+    late = np.where(np.abs(late) <= NEARBY * step.length[columns], late, 0.0)
+    return y + late * slope, time + late

@@ -33,11 +33,14 @@ from nonlinear.integration.steppers import AT_EASE, Pace, SciPyStepper, Stepper,
 from nonlinear.integration.switched import Switched
 from nonlinear.integration.timescales import estimate_timescales
 from nonlinear.integration.trajectory import SolverInfo, Trajectory
-from nonlinear.system import NO_KICKS, Equations, Event, Kicks, Load, State, System
+from nonlinear.integration.within import Watch
+from nonlinear.system import NO_KICKS, Equations, Event, Kicks, Layout, Load, State, System
 
 if TYPE_CHECKING:
     from nonlinear.dynamics.compiled import Compiled
 
+Watching = Callable[[Layout, Floats, Floats], list[Watch]]
+"""Watches for a layout, y and y' (size, 1) at the start."""
 FIRST = 0.1  # longest first step of SciPy's methods over sqrt(l/g)
 LOOKED = 1.0  # phase (rad) of the fastest oscillation within which a load on what sticks is looked at
 HASTE = 1e6  # phase (rad) of the fastest oscillation beyond which it is blamed for the failure of a run
@@ -73,10 +76,18 @@ class Prepared:
     times: Floats
     before: Kicks = NO_KICKS
 
-    def go(self, events: Sequence[Event] = (), report: Callable[[float], object] = silent) -> Trajectory:
+    def go(
+        self,
+        events: Sequence[Event] = (),
+        report: Callable[[float], object] = silent,
+        watching: Watching | None = None,
+    ) -> Trajectory:
         """Run once, to the end or as far as possible; SimulationError where the integrator fails."""
-        system = self.equations.system
-        record = Drive(self.stepper, self.equations, self.times, events, report).run()
+        system, watches = self.equations.system, list[Watch]()
+        if watching is not None:
+            slope = self.equations.derivative(self.stepper.time, self.stepper.y)
+            watches = watching(cast("Arranged", self.equations).layout, self.stepper.y[:, None], slope[:, None])
+        record = Drive(self.stepper, self.equations, self.times, events, report, watches).run()
         trajectory = self._trajectory(record)
         if record.failed:
             hint = _hint(system) or _haste(self.scene, float(self.times[-1] - self.times[0]))
@@ -144,7 +155,7 @@ class Request:
 
     Method and form are chosen where they are "auto".  `before` are the escapements' kicks up to the start.  `pace`
     limits the steps and says where the integrator restarts.  `report` is called with the simulated time after every
-    step.
+    step.  `watching` makes what sees every step, of minimal coordinates of the whole scene.
     """
 
     scene: Scene
@@ -158,13 +169,14 @@ class Request:
     before: Kicks = NO_KICKS
     pace: Pace = AT_EASE
     report: Callable[[float], object] = silent
+    watching: Watching | None = None
 
     @cached_property
     def smaller(self) -> tuple[Symmetry, ...]:
         """The symmetry reductions that apply."""
         flat = self.form not in {"spatial", "maximal", "hamiltonian"}
         system = self.system
-        acted_on = self.load or system.kicked or system.prescribed or system.rubs or system.dragged
+        acted_on = self.load or system.kicked or system.prescribed or system.rubs or system.dragged or self.watching
         return () if acted_on else find_symmetries(self.system, self.start, planar=flat)
 
     @property
@@ -195,6 +207,7 @@ class Request:
             driven=self.load is not None,
             size=self.size,
             system=self.integrated,
+            watched=bool(self.events or self.watching),
         )
 
     def prepared(self, choice: Choice) -> Prepared:
@@ -214,7 +227,7 @@ class Request:
     def run(self, choice: Choice) -> Trajectory:
         """The motion computed with this choice; SimulationError where the integrator fails."""
         with rented(choice.forgone):
-            return self.prepared(choice).go(self.events, self.report)
+            return self.prepared(choice).go(self.events, self.report, self.watching)
 
 
 def _stepper(

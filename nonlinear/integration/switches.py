@@ -145,13 +145,13 @@ class Switches:
     ) -> None:
         """The work of friction on a rail with a coefficient between times (s), (S, 2), in steps, added to the state.
 
-        By Gauss's quadrature.  `inside` gives y (T, size) at ascending times, `held` are the inputs of contacts in each
-        step, `inputs` those before them at times (T,) and y (size, T).
+        By Gauss's quadrature, and taken back where a span ends before it begins.  `inside` gives y (T, size) at times,
+        `held` are the inputs of contacts in each step, `inputs` those before them at times (T,) and y (size, T).
         """
         at = self.places
         if not at.presses:
             return
-        slides = np.array([not step[at.J] for step in held]) & (spans[:, 1] > spans[:, 0])
+        slides = np.array([not step[at.J] for step in held]) & (spans[:, 1] != spans[:, 0])
         if not slides.any():
             return
         before, now = spans[slides].T

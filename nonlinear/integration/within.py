@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -25,7 +25,7 @@ class Step:
 
     `stages` (13, size, W) are the rates on the way; the first and the last those at the ends.  All of these have the
     columns of segments as a last axis where they have any.  `held` (2 J, W) are the inputs of contacts.  Where the
-    stages are the first of a longer array, further ones have `room` there.
+    stages are the first of a longer array, further ones have `room` there.  Steps of one run are `alone`.
     """
 
     member: Ints
@@ -41,6 +41,7 @@ class Step:
     held: Any = ()
     room: Floats | None = None
     inside: Inside | None = None
+    alone: bool = False
 
     @cached_property
     def ends(self) -> Floats:
@@ -73,7 +74,9 @@ class Step:
         count, before = len(times) - 1, np.ascontiguousarray(y[:, :-1])
         lanes = np.zeros(count, dtype=np.int64), np.ones(count, dtype=bool), times[:-1], np.diff(times)
         room = np.empty((STAGES + 1 + EXTRA, *before.shape))
-        step = cls(*lanes, before, y[:, 1:], room[: STAGES + 1], rates, lambda columns: rates, breaks, room=room)
+        step = cls(
+            *lanes, before, y[:, 1:], room[: STAGES + 1], rates, lambda columns: rates, breaks, room=room, alone=True
+        )
         step.trace()
         return step
 
@@ -123,6 +126,14 @@ class Step:
             advance(stage, begun, length, *others)
             fill(rates(y, beside(self.times(NODES[stage], columns), before)), stages[stage])
         return stages
+
+
+class Watch(Protocol):
+    """Sees every step, of members side by side or of one run."""
+
+    def see(self, step: Step) -> None:
+        """A step of all lanes, of which some may have been refused."""
+        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -197,7 +208,7 @@ class KnownStep(Step):
         values = inside(start + NODES_INSIDE * (end - start))
         lane = np.zeros(1, dtype=np.int64), np.ones(1, dtype=bool), np.array([start]), np.array([end - start])
         ends, unknown = (values[0][:, None], values[-1][:, None]), values[:0]
-        return cls(*lane, *ends, unknown, _unknown, lambda columns: _unknown, values=values, exact=exact)
+        return cls(*lane, *ends, unknown, _unknown, lambda columns: _unknown, alone=True, values=values, exact=exact)
 
     def reach(self, row: int) -> tuple[Floats, Floats]:
         """The lowest and the highest that a component of y can be within the step, (1,)."""
