@@ -100,27 +100,20 @@ def _random_records(response: RandomResponse, f: Floats, psd: Floats) -> Iterato
 
 def _random_text(response: RandomResponse) -> str:
     f, of = response.spectrum.frequency_hz, response.spectrum.of
-    names = [signal.name for signal in response.outputs]
-    units = [signal.unit for signal in response.outputs]
-    rows = [["all", "", *map(_number, response.rms.tolist())]]
-    rows += [
-        [f"{number}", _number(omega / tau), *map(_number, rms)]
-        for number, (omega, rms) in enumerate(
-            zip(response.modes.omega.tolist(), response.by_mode.tolist(), strict=True), 1
-        )
-    ]
-    white = [
-        [f"{number}", _number(omega / tau), *map(_number, rms)]
-        for number, (omega, rms) in enumerate(
-            zip(response.modes.omega.tolist(), response.white.tolist(), strict=True), 1
-        )
-    ]
-    headings = ["mode", "f (Hz)", *(f"{name} ({unit})" for name, unit in zip(names, units, strict=True))]
+    rates = response.modes.omega / tau
+
+    def by_mode(values: Floats) -> list[list[str]]:
+        return [
+            [f"{k}", *map(_number, (rate, *row))] for k, (rate, row) in enumerate(zip(rates, values, strict=True), 1)
+        ]
+
+    rows = [["all", "", *map(_number, response.rms.tolist())], *by_mode(response.by_mode)]
+    headings = ["mode", "f (Hz)", *(f"{signal.name} ({signal.unit})" for signal in response.outputs)]
     parts = [
         f"RMS from {f[0]:g} to {f[-1]:g} Hz",
         grid(rows, headings),
         "RMS by Miles' equation, for white noise of the PSD at each mode",
-        grid(white, headings),
+        grid(by_mode(response.white), headings),
         *response.words,
     ]
     source = (

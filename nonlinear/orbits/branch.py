@@ -12,7 +12,7 @@ import numpy as np
 
 from modal.errors import ComputationError
 from modal.modes import natural_modes
-from modal.report import Written, by_column, deferred
+from modal.report import TextResult, by_column, deferred
 from modal.scene.parameters import Variation
 from modal.types import Floats
 from nonlinear.orbits.continuation import OrbitPoint, OrbitProblem
@@ -26,7 +26,7 @@ Report = Callable[[float], object]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Branch(Written):
+class Branch(TextResult):
     """Orbits in the order of their continuation and the special points between them.
 
     `origin` says where it begins, `variation` along which number of the scene it goes, if any; it is `complete` where

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from modal.loci import followed_columns
-from modal.report import Column, Table, as_csv, counted, finite, grid, line_width, listed, titled
+from modal.report import ReportColumn, ReportTable, as_csv, counted, finite, line_width, listed, titled
 from modal.scene import Scene, title_of, validate_scene
 from nonlinear.orbits.branch import Branch
 from nonlinear.orbits.cycles import growth
@@ -131,8 +131,8 @@ def _parts(branches: Sequence[Branch], linear: float | None) -> Iterator[str]:
         span = f", of {cycles} periods of the drives" if cycles > 1 else ""
         yield f"branch {number + 1}, from {branch.origin}{along}: {count} that close to {closed:.0e}{span}"
         kept = np.unique(np.linspace(0, len(branch.orbits) - 1, SHOWN).astype(int))
-        table = Table.of(_quantities(branch, linear), [branch.orbits[at] for at in kept])
-        yield grid(table.cells, table.headings)
+        table = ReportTable.of(_quantities(branch, linear), [branch.orbits[at] for at in kept])
+        yield table.written()
         yield "\n".join(_notes(branch))
     if branches[0].is_forced:
         yield from _unreached(branches)
@@ -140,24 +140,26 @@ def _parts(branches: Sequence[Branch], linear: float | None) -> Iterator[str]:
     yield fill(STABLE, line_width())
 
 
-def _quantities(branch: Branch, linear: float | None) -> Iterator[Column]:
+def _quantities(branch: Branch, linear: float | None) -> Iterator[ReportColumn]:
     """What the text tells of an orbit."""
     if branch.variation:
         place = f"{branch.variation.path} ({branch.variation.unit or '–'})"
-        yield Column(partial(_parameter, branch), None, place, ".6g")
-    yield Column(lambda orbit: degrees(orbit.amplitude), None, "largest angle (°)", ".3f")
+        yield ReportColumn(partial(_parameter, branch), None, place, ".6g")
+    yield ReportColumn(lambda orbit: degrees(orbit.amplitude), None, "largest angle (°)", ".3f")
     if branch.is_forced:
-        yield Column(lambda orbit: degrees(orbit.phase), None, "phase (°)", ".2f")
-        yield Column("fed", None, "fed (J)", ".5g")
+        yield ReportColumn(lambda orbit: degrees(orbit.phase), None, "phase (°)", ".2f")
+        yield ReportColumn("fed", None, "fed (J)", ".5g")
     else:
-        yield Column("omega", None, "ω (rad/s)", ".9g")
+        yield ReportColumn("omega", None, "ω (rad/s)", ".9g")
         if linear:
-            yield Column(lambda orbit: orbit.omega / linear - 1, None, "ω/ω₀ − 1", lambda off: f"{100 * off:+.4f} %")
-        yield Column("energy", None, "energy (J)", ".6g")
-    yield Column("is_stable", None, "stable", lambda stable: "yes" if stable else "no")
-    yield Column(_largest, None, "largest |μ|", ".6g")
+            yield ReportColumn(
+                lambda orbit: orbit.omega / linear - 1, None, "ω/ω₀ − 1", lambda off: f"{100 * off:+.4f} %"
+            )
+        yield ReportColumn("energy", None, "energy (J)", ".6g")
+    yield ReportColumn("is_stable", None, "stable", lambda stable: "yes" if stable else "no")
+    yield ReportColumn(_largest, None, "largest |μ|", ".6g")
     if branch.variation and not branch.is_forced:
-        yield Column(growth, None, "growth (1/s)", ".5f")
+        yield ReportColumn(growth, None, "growth (1/s)", ".5f")
 
 
 def _largest(orbit: Orbit) -> float:

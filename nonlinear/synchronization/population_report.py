@@ -11,8 +11,19 @@ from typing import Any
 
 import numpy as np
 
-from modal.loci import followed_columns
-from modal.report import NOTHING, Column, Table, as_csv, capital, counted, grid, line_width, records_of, with_unit
+from modal.loci import followed_columns, span_of
+from modal.report import (
+    NOTHING,
+    ReportColumn,
+    ReportTable,
+    as_csv,
+    capital,
+    counted,
+    grid,
+    line_width,
+    records_of,
+    with_unit,
+)
 from modal.types import Floats
 from nonlinear.synchronization.populations import PopulationPhases
 from nonlinear.synchronization.sectors import SymmetricMotion
@@ -32,8 +43,8 @@ EXACT = (
 
 def population_sections(phases: PopulationPhases, motions: tuple[SymmetricMotion, ...], why: str) -> Iterator[str]:
     """The populations, then their symmetric motions."""
-    table = Table.of(POPULATION, _rows(phases))
-    yield grid(table.cells, table.headings) + "\n\n" + fill(QUARTERS, line_width())
+    table = ReportTable.of(POPULATION, _rows(phases))
+    yield table.written() + "\n\n" + fill(QUARTERS, line_width())
     if motions:
         yield _motions(motions)
     elif why:
@@ -48,14 +59,14 @@ def _rows(phases: PopulationPhases) -> list[tuple[Any, ...]]:
 
 
 POPULATION = (
-    Column(itemgetter(0), None, "population"),
-    Column(lambda row: row[1].name, "support", "on"),
-    Column(lambda row: row[1].size, "pendula", "pendula"),
-    Column(itemgetter(2), "order_parameter", "R", "{:.4f}".format),
-    Column(itemgetter(3), "rate_rad_per_s", "mean rate (rad/s)", ".6g"),
-    Column(itemgetter(4), "spread_rad_per_s", "spread (rad/s)", ".2g"),
-    Column(itemgetter(5), "phase_deg"),
-    Column(lambda row: row[5] if row[0] > 1 else None, None, "phase (deg)", ".2f"),
+    ReportColumn(itemgetter(0), None, "population"),
+    ReportColumn(lambda row: row[1].name, "support", "on"),
+    ReportColumn(lambda row: row[1].size, "pendula", "pendula"),
+    ReportColumn(itemgetter(2), "order_parameter", "R", "{:.4f}".format),
+    ReportColumn(itemgetter(3), "rate_rad_per_s", "mean rate (rad/s)", ".6g"),
+    ReportColumn(itemgetter(4), "spread_rad_per_s", "spread (rad/s)", ".2g"),
+    ReportColumn(itemgetter(5), "phase_deg"),
+    ReportColumn(lambda row: row[5] if row[0] > 1 else None, None, "phase (deg)", ".2f"),
 )
 """The quantities of a population."""
 
@@ -147,33 +158,31 @@ def _motion_record(motion: SymmetricMotion) -> dict[str, Any]:
 
 def diagram_text(diagram: PopulationDiagram) -> str:
     """One line for every symmetric motion, then one for every threshold, then their reasons."""
-    variation = diagram.variation
-    values, unit = variation.values, variation.unit
-    where = f"{variation.path} = {values[0]:.6g} to {values[-1]:.6g} {unit}".rstrip()
+    unit, where = diagram.variation.unit, span_of(diagram.variation)
     head = f"{counted(len(diagram.branches), 'symmetric motion', 'symmetric motions')} over {where}"
-    table = Table.of(
+    table = ReportTable.of(
         (
-            Column("name", None, "motion"),
-            Column(lambda branch: ends_of(branch.omega), None, "ω (rad/s)"),
-            Column(lambda branch: ends_of(np.rad2deg(branch.angle)), None, "largest angle (°)"),
-            Column(lambda branch: _where(diagram.windows, branch), None, with_unit("exists", unit)),
-            Column(lambda branch: _where(diagram.intervals, branch), None, with_unit("stable", unit)),
+            ReportColumn("name", None, "motion"),
+            ReportColumn(lambda branch: ends_of(branch.omega), None, "ω (rad/s)"),
+            ReportColumn(lambda branch: ends_of(np.rad2deg(branch.angle)), None, "largest angle (°)"),
+            ReportColumn(lambda branch: _where(diagram.windows, branch), None, with_unit("exists", unit)),
+            ReportColumn(lambda branch: _where(diagram.intervals, branch), None, with_unit("stable", unit)),
         ),
         diagram.branches,
     )
-    parts = [head, grid(table.cells, table.headings)]
+    parts = [head, table.written()]
     if diagram.thresholds:
-        table = Table.of(
+        table = ReportTable.of(
             (
-                Column("averaged", None, with_unit("averaged", unit), ".7g"),
-                Column("value", None, with_unit("exact", unit), ".9g"),
-                Column("pattern", None, "motion"),
-                Column(lambda threshold: threshold.sector or NOTHING, None, "sector"),
-                Column(threshold_words, None, "event"),
+                ReportColumn("averaged", None, with_unit("averaged", unit), ".7g"),
+                ReportColumn("value", None, with_unit("exact", unit), ".9g"),
+                ReportColumn("pattern", None, "motion"),
+                ReportColumn(lambda threshold: threshold.sector or NOTHING, None, "sector"),
+                ReportColumn(threshold_words, None, "event"),
             ),
             diagram.thresholds,
         )
-        parts += ["", grid(table.cells, table.headings)]
+        parts += ["", table.written()]
         for threshold in diagram.thresholds:
             if threshold.reason:
                 words = f"{capital(threshold.pattern)} at {threshold.value:.6g}: {threshold.reason}."

@@ -13,16 +13,15 @@ from typing import Any
 import numpy as np
 
 from modal.errors import ComputationError
-from modal.loci import followed_columns
+from modal.loci import followed_columns, span_of
 from modal.modes import table_numbers
 from modal.report import (
-    Column,
-    Table,
+    ReportColumn,
+    ReportTable,
     as_csv,
     capital,
     counted,
     finite,
-    grid,
     headed,
     line_width,
     listed,
@@ -226,8 +225,8 @@ def _table(theory: Theory) -> str:
         return "none was found"
     each = _each(theory)
     shown = _shown(theory)
-    table = Table.of(STEADY, [each[k] for k in shown])
-    rows = grid(table.cells, table.headings)
+    table = ReportTable.of(STEADY, [each[k] for k in shown])
+    rows = table.written()
     notes = [f"Averaged alone: {theory.uncertified}."] * bool(theory.uncertified)
     notes += [EXACT] * any(theory.orbits) + [LEFT] * (None in theory.orbits and any(theory.orbits))
     if any(state.copies > 1 for state, _ in each):
@@ -259,12 +258,12 @@ def _fate(state: RelativeEquilibrium, orbit: Orbit | None) -> str:
 
 
 STEADY = (
-    Column(lambda each: each[0].number, None, "mode"),
-    Column(lambda each: each[0].averaged.modes[each[0].row].family, None, "description"),
-    Column(lambda each: _agreement(each[0]), None, "pendula"),
-    Column(lambda each: _largest(each[0]), None, "largest angle (deg)", ".4g"),
-    Column(lambda each: each[1].omega if each[1] else each[0].omega, None, "frequency (rad/s)", ".6g"),
-    Column(lambda each: _fate(*each), None, "stability"),
+    ReportColumn(lambda each: each[0].number, None, "mode"),
+    ReportColumn(lambda each: each[0].averaged.modes[each[0].row].family, None, "description"),
+    ReportColumn(lambda each: _agreement(each[0]), None, "pendula"),
+    ReportColumn(lambda each: _largest(each[0]), None, "largest angle (deg)", ".4g"),
+    ReportColumn(lambda each: each[1].omega if each[1] else each[0].omega, None, "frequency (rad/s)", ".6g"),
+    ReportColumn(lambda each: _fate(*each), None, "stability"),
 )
 """The quantities of a steady motion and of the orbit beside it."""
 
@@ -537,33 +536,33 @@ def _frequencies(study: SynchronizationStudy) -> dict[str, Any]:
 
 def branches_text(diagram: Branches) -> str:
     """One line per branch, counted from 1, then one per critical value."""
-    variation = diagram.variation
-    values, unit = variation.values, variation.unit
-    where = f"{variation.path} = {values[0]:.6g} to {values[-1]:.6g} {unit}".rstrip()
+    unit, where = diagram.variation.unit, span_of(diagram.variation)
     head = f"{len(diagram.branches)} configurations over {where}"
-    table = Table.of(
+    table = ReportTable.of(
         (
-            Column(lambda row: row[0], None, ""),
-            Column(lambda row: row[1].words, None, "pendula"),
-            Column(lambda row: ends_of(row[1].omega), None, "ω (rad/s)"),
-            Column(lambda row: ends_of(np.rad2deg(row[1].angle)), None, "largest angle (°)"),
-            Column(lambda row: f"{row[1].values[0]:.7g} to {row[1].values[-1]:.7g}", None, with_unit("exists", unit)),
-            Column(lambda row: _lasting(row[1]), None, with_unit("stable", unit)),
+            ReportColumn(lambda row: row[0], None, ""),
+            ReportColumn(lambda row: row[1].words, None, "pendula"),
+            ReportColumn(lambda row: ends_of(row[1].omega), None, "ω (rad/s)"),
+            ReportColumn(lambda row: ends_of(np.rad2deg(row[1].angle)), None, "largest angle (°)"),
+            ReportColumn(
+                lambda row: f"{row[1].values[0]:.7g} to {row[1].values[-1]:.7g}", None, with_unit("exists", unit)
+            ),
+            ReportColumn(lambda row: _lasting(row[1]), None, with_unit("stable", unit)),
         ),
         enumerate(diagram.branches, start=1),
     )
-    parts = [head, grid(table.cells, table.headings) or "no steady motion"]
+    parts = [head, table.written() or "no steady motion"]
     if diagram.changes:
-        table = Table.of(
+        table = ReportTable.of(
             (
-                Column(lambda row: row[0][0].value, None, with_unit("averaged", unit), ".7g"),
-                Column(lambda row: row[1].orbit.value if row[1] else None, None, with_unit("exact", unit), ".7g"),
-                Column(lambda row: row[0][1] + 1, None, ""),
-                Column(lambda row: change_words(row[0][0]), None, "event"),
+                ReportColumn(lambda row: row[0][0].value, None, with_unit("averaged", unit), ".7g"),
+                ReportColumn(lambda row: row[1].orbit.value if row[1] else None, None, with_unit("exact", unit), ".7g"),
+                ReportColumn(lambda row: row[0][1] + 1, None, ""),
+                ReportColumn(lambda row: change_words(row[0][0]), None, "event"),
             ),
             zip(diagram.changes, diagram.located, strict=True),
         )
-        parts += ["", grid(table.cells, table.headings)]
+        parts += ["", table.written()]
         if any(diagram.located):
             parts += ["", fill(LOCATED, line_width())]
     return "\n".join(parts) + "\n"

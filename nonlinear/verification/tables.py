@@ -9,9 +9,9 @@ from typing import Any
 from modal.modes.dissipation import stop_words
 from modal.report import (
     NOTHING,
-    Column,
     Form,
-    Table,
+    ReportColumn,
+    ReportTable,
     as_csv,
     as_json,
     digits,
@@ -57,11 +57,11 @@ def check_table(check: Check, form: Form = "text") -> str:
         return as_json(whole)
     if form == "csv":
         return as_csv(records_of(RUN, _runs(check.rows)))
-    modes, runs = Table.of(MODE, check.rows), Table.of(RUN, _runs(check.rows))
+    modes, runs = ReportTable.of(MODE, check.rows), ReportTable.of(RUN, _runs(check.rows))
     parts = [
         _paragraph(check_verdict(check), form),
-        grid(modes.cells, modes.headings, form),
-        grid(runs.cells, runs.headings, form),
+        modes.written(form),
+        runs.written(form),
         "\n\n".join(map(markdown, _notes(check))) if form == "markdown" else "\n".join(_notes(check)),
     ]
     return titled(title_of(check.scene), "the table of modes against the full motion", parts, form)
@@ -148,21 +148,23 @@ def _shift_cell(pair: tuple[ModeCheck, Measurement]) -> str:
 
 
 RUN = (
-    Column(lambda pair: pair[0].mode.number, "mode", "mode"),
-    Column(lambda pair: pair[0].mode.omega, "omega_linear_rad_per_s"),
-    Column(lambda pair: pair[0].mode.kappa, "kappa_per_rad2"),
-    Column(lambda pair: degrees(pair[1].amplitude), "amplitude_deg", "angle (°)", ".4g"),
-    Column(lambda pair: degrees(pair[1].effective), "effective_amplitude_deg"),
-    Column(lambda pair: pair[1].irregular, "irregular"),
-    Column(_omega_cell, None, "ω(a) (rad/s)"),
-    Column(lambda pair: None if pair[1].irregular else pair[1].omega, "omega_rad_per_s"),
-    Column(lambda pair: pair[1].error, "relative_error"),
-    Column(lambda pair: NOTHING if pair[1].irregular else f"{pair[1].error:.0e}", None, "rel. error ≤"),
-    Column(_shift_cell, None, "ω(a)/ω − 1"),
-    Column(lambda pair: None if pair[1].irregular else pair[1].shift, "shift"),
-    Column(lambda pair: pair[0].exact(pair[1]), "orbit_shift", "orbit", lambda shift: digits(shift, 0.0, 5)),
-    Column(lambda pair: pair[0].predicted(pair[1]), "predicted_shift", "κa²", lambda shift: digits(shift, 0.0, 4)),
-    Column(lambda pair: pair[1].outside, "energy_share_outside", "outside", "{:.1e}".format),
+    ReportColumn(lambda pair: pair[0].mode.number, "mode", "mode"),
+    ReportColumn(lambda pair: pair[0].mode.omega, "omega_linear_rad_per_s"),
+    ReportColumn(lambda pair: pair[0].mode.kappa, "kappa_per_rad2"),
+    ReportColumn(lambda pair: degrees(pair[1].amplitude), "amplitude_deg", "angle (°)", ".4g"),
+    ReportColumn(lambda pair: degrees(pair[1].effective), "effective_amplitude_deg"),
+    ReportColumn(lambda pair: pair[1].irregular, "irregular"),
+    ReportColumn(_omega_cell, None, "ω(a) (rad/s)"),
+    ReportColumn(lambda pair: None if pair[1].irregular else pair[1].omega, "omega_rad_per_s"),
+    ReportColumn(lambda pair: pair[1].error, "relative_error"),
+    ReportColumn(lambda pair: NOTHING if pair[1].irregular else f"{pair[1].error:.0e}", None, "rel. error ≤"),
+    ReportColumn(_shift_cell, None, "ω(a)/ω − 1"),
+    ReportColumn(lambda pair: None if pair[1].irregular else pair[1].shift, "shift"),
+    ReportColumn(lambda pair: pair[0].exact(pair[1]), "orbit_shift", "orbit", lambda shift: digits(shift, 0.0, 5)),
+    ReportColumn(
+        lambda pair: pair[0].predicted(pair[1]), "predicted_shift", "κa²", lambda shift: digits(shift, 0.0, 4)
+    ),
+    ReportColumn(lambda pair: pair[1].outside, "energy_share_outside", "outside", "{:.1e}".format),
 )
 """The quantities of a run with its mode, units in the keys."""
 
@@ -201,20 +203,20 @@ def _certain(row: ModeCheck) -> float:
 
 
 MODE = (
-    Column("mode.number", "mode"),
-    Column(lambda row: f"{row.mode.number}{'*' if row.mode.resonances else ''}", None, "mode"),
-    Column("mode.family", "family"),
-    Column(lambda row: digits(row.mode.omega, row.mode.relative_error_bound, 9), None, "ω (rad/s)"),
-    Column("mode.omega", "omega_rad_per_s"),
-    Column("mode.kappa", "kappa_per_rad2", "κ (1/rad²)", lambda kappa: digits(kappa, 0.0, 5)),
-    Column(lambda row: digits(row.kappa[0], BEYOND * min(_certain(row), 1.0), 5), None, "measured"),
-    Column(lambda row: row.kappa[0], "kappa_measured_per_rad2"),
-    Column(lambda row: row.kappa[1], "kappa_measured_error_per_rad2"),
-    Column(_certain, None, "rel. error ≤", _at_most),
-    Column("mode.linear_to_1_percent_deg", "linear_to_1_percent_deg", "1 % at (°)", _angle),
-    Column("one_percent_deg", "measured_to_1_percent_deg", "measured (°)", _angle),
-    Column("mode.family", None, "description"),
-    Column(lambda row: list(row.mode.resonances), "resonances"),
+    ReportColumn("mode.number", "mode"),
+    ReportColumn(lambda row: f"{row.mode.number}{'*' if row.mode.resonances else ''}", None, "mode"),
+    ReportColumn("mode.family", "family"),
+    ReportColumn(lambda row: digits(row.mode.omega, row.mode.relative_error_bound, 9), None, "ω (rad/s)"),
+    ReportColumn("mode.omega", "omega_rad_per_s"),
+    ReportColumn("mode.kappa", "kappa_per_rad2", "κ (1/rad²)", lambda kappa: digits(kappa, 0.0, 5)),
+    ReportColumn(lambda row: digits(row.kappa[0], BEYOND * min(_certain(row), 1.0), 5), None, "measured"),
+    ReportColumn(lambda row: row.kappa[0], "kappa_measured_per_rad2"),
+    ReportColumn(lambda row: row.kappa[1], "kappa_measured_error_per_rad2"),
+    ReportColumn(_certain, None, "rel. error ≤", _at_most),
+    ReportColumn("mode.linear_to_1_percent_deg", "linear_to_1_percent_deg", "1 % at (°)", _angle),
+    ReportColumn("one_percent_deg", "measured_to_1_percent_deg", "measured (°)", _angle),
+    ReportColumn("mode.family", None, "description"),
+    ReportColumn(lambda row: list(row.mode.resonances), "resonances"),
 )
 """The quantities of a mode."""
 

@@ -13,6 +13,7 @@ import pytest
 import modal
 from modal.coupling import explain
 from modal.identification import compare_modes, fit_modes, read_modes
+from modal.loci import follow_loci
 from modal.modes import natural_modes
 from modal.report import NOTHING, WIDTH, fitted
 from modal.scene import Bob, Cart, Pendulum, RecordMotion, Scene
@@ -71,6 +72,10 @@ SHOWN: dict[str, tuple[str, Callable[[], Any]]] = {
     "table chain-2": ("modal.modes:natural_modes", lambda: natural_modes(modal.load("chain-2"))),
     "explain paper-cart-2": ("modal.coupling:explain", lambda: explain(modal.load("paper-cart-2"))),
     "explain two-swings": ("modal.coupling:explain", lambda: explain(modal.load("two-swings"))),
+    f"sweep crane-two-loads --vary {LENGTH}=5:20:3 --loci": (
+        "modal.loci:follow_loci",
+        lambda: follow_loci(modal.load("crane-two-loads"), parse_variations([f"{LENGTH}=5:20:3"])[0]),
+    ),
     "gains crane-hook": (
         "modal.statespace:modal_gains",
         lambda: modal_gains(natural_modes(modal.load("crane-hook")), state_space(modal.load("crane-hook"))),
