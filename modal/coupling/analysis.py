@@ -49,7 +49,7 @@ from modal.coupling.matrices import ReducedPencil, stable_pencil
 from modal.coupling.reduced import FixedBaseModes, ReducedStructure, reduced, refuse_beyond
 from modal.errors import ComputationError
 from modal.modes import MOST_COMPARED, Modes, counterparts, moving_words, natural_modes
-from modal.report import Displayed, Written
+from modal.report import Displayed, TextResult
 from modal.scene import Scene, require
 from modal.scene.doors import checked
 from modal.structure import Structure, slopes
@@ -74,7 +74,7 @@ class StructureMode(Displayed):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Coupling(Written):
+class Coupling(TextResult):
     """The coupling of a scene's pendula by the cart or the structure that they hang from, and by springs.
 
     `secular` is the dynamic mass where pendula feel each other through one coordinate at most; on a fixed support that

@@ -24,7 +24,7 @@ the energy is on its way back after π/Re Ω; where Im Ω is larger than Re Ω i
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 from math import inf, isfinite, pi, sqrt
@@ -33,7 +33,7 @@ from typing import Any
 import numpy as np
 
 from modal.modes import lettered
-from modal.report import NOTHING, Displayed, short
+from modal.report import NOTHING, Displayed, ReportColumn, ReportTable, short
 from modal.types import Complexes, Floats, Ints
 
 SAMPLES = 2001
@@ -292,16 +292,22 @@ class Family(Displayed):
         return np.vstack([weights, np.maximum(1 - weights.sum(0), 0.0)]), np.array([*levels, 1j * lost])
 
 
-COLUMNS: tuple[tuple[str, Callable[[FamilyRow], float | str | None]], ...] = (
-    ("family", lambda row: row.family),
-    ("ω (rad/s)", lambda row: row.omega),
-    ("effective mass (kg)", lambda row: row.mass),
-    ("coupling strength", lambda row: None if row.strength is None else f"{row.strength:.4g}".replace("inf", "∞")),
-    ("Δω (rad/s)", lambda row: row.splitting),
-    ("beat (s)", lambda row: row.beat),
-    ("share halfway (%)", lambda row: None if row.share is None else f"{100 * row.share:.3g}"),
-    ("modes", lambda row: row.modes),
-    ("moves", lambda row: row.moves or None),
+def _cell(value: float | str | None) -> str:
+    return NOTHING if value is None else value if isinstance(value, str) else short(value)
+
+
+COLUMNS = (
+    ReportColumn("family", None, "family"),
+    ReportColumn("omega", None, "ω (rad/s)", _cell),
+    ReportColumn("mass", None, "effective mass (kg)", _cell),
+    ReportColumn(
+        "strength", None, "coupling strength", lambda x: NOTHING if x is None else f"{x:.4g}".replace("inf", "∞")
+    ),
+    ReportColumn("splitting", None, "Δω (rad/s)", _cell),
+    ReportColumn("beat", None, "beat (s)", _cell),
+    ReportColumn("share", None, "share halfway (%)", lambda share: NOTHING if share is None else f"{100 * share:.3g}"),
+    ReportColumn("modes", None, "modes"),
+    ReportColumn(lambda row: row.moves or None, None, "moves"),
 )
 
 
@@ -343,12 +349,6 @@ def mode_words(still: int | None, moving: int | None, copies: int = 1) -> str:
     return ", ".join(parts) or NOTHING
 
 
-def family_cells(rows: Sequence[FamilyRow]) -> tuple[list[str], list[list[str]]]:
-    """Headings and cells of the columns that hold anything."""
-    columns = {heading: [value(row) for row in rows] for heading, value in COLUMNS}
-    shown = {heading: column for heading, column in columns.items() if any(cell is not None for cell in column)}
-    return list(shown), [[_cell(shown[heading][k]) for heading in shown] for k in range(len(rows))]
-
-
-def _cell(value: float | str | None) -> str:
-    return NOTHING if value is None else value if isinstance(value, str) else short(value)
+def family_table(rows: Sequence[FamilyRow]) -> ReportTable:
+    """The columns that hold anything."""
+    return ReportTable.of((each for each in COLUMNS if any(each.of(row) is not None for row in rows)), rows)

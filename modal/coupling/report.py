@@ -14,7 +14,7 @@ from typing import Any
 from modal.coupling.analysis import Coupling
 from modal.coupling.damping import Damped
 from modal.coupling.dynamic_mass import CartMode
-from modal.coupling.families import EnergyExchange, Family, FamilyRow, family_cells, family_name
+from modal.coupling.families import EnergyExchange, Family, FamilyRow, family_name, family_table
 from modal.coupling.verdict import damping, verdict
 from modal.coupling.words import (
     ELSEWHERE,
@@ -26,11 +26,12 @@ from modal.coupling.words import (
     pendula_words,
     push_words,
 )
-from modal.report import Form, as_json, counted, finite, grid, headed, line_width, markdown, rad
+from modal.report import Form, as_json, counted, finite, line_width, markdown, rad, titled
 from modal.scene import describe, title_of
 from modal.scene.doors import checked
 
 FORMS = ("text", "markdown", "json")
+WHAT = "what couples the pendula"
 
 
 @dataclass(frozen=True)
@@ -54,16 +55,17 @@ def coupling_report(coupling: Coupling, form: Form = "text", *, words: bool = Fa
     told, left = verdict(coupling, rows), left_out(coupling)
     if form == "json":
         return as_json({**coupling_record(coupling), "verdict_sentences": list(told), "left_out": list(left)})
-    title = f"{title_of(coupling.scene)}: what couples the pendula"
     names = {family_name(index) for index in range(most_listed(coupling))}
     rows = [row for row in rows if row.family in names]
-    headings, cells = family_cells(rows)
     parts = [
         "\n".join(_verse(told, form)),
-        grid(cells, headings, form),
+        family_table(rows).written(form),
         "\n".join(_verse([*_columns(coupling, rows), *left, *filter(None, (elsewhere,))], form)),
     ]
-    return (_markdown if form == "markdown" else _text)(title, parts, sections(coupling) if words else ())
+    told_in_words = sections(coupling) if words else ()
+    if form == "markdown":
+        return _markdown(f"{title_of(coupling.scene)}: {WHAT}", parts, told_in_words)
+    return titled(title_of(coupling.scene), WHAT, [*parts, *map(_text, told_in_words)], form)
 
 
 def _verse(sentences: Sequence[str], form: str) -> Sequence[str]:
@@ -124,14 +126,9 @@ def sections(coupling: Coupling) -> tuple[ReportSection, ...]:
     return tuple(section for section in written if section.sentences)
 
 
-def _text(title: str, parts: Sequence[str], words: Sequence[ReportSection]) -> str:
+def _text(section: ReportSection) -> str:
     wrapper = TextWrapper(line_width(), "- ", "  ", break_long_words=False, break_on_hyphens=False)
-    lines = [headed(title)]
-    for part in filter(None, parts):
-        lines += ["", part]
-    for section in words:
-        lines += ["", section.title, "-" * len(section.title), *map(wrapper.fill, section.sentences)]
-    return "\n".join(lines) + "\n"
+    return "\n".join([section.title, "-" * len(section.title), *map(wrapper.fill, section.sentences)])
 
 
 def _markdown(title: str, parts: Sequence[str], words: Sequence[ReportSection]) -> str:

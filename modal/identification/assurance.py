@@ -20,7 +20,7 @@ import scipy
 from modal.errors import ComputationError
 from modal.identification.measured import MeasuredMode, MeasuredModes, component_rows, turned
 from modal.modes import Mode, Modes
-from modal.report import NOTHING, Column, Displayed, Form, Result, Table, finite, records_of
+from modal.report import NOTHING, Displayed, Form, ReportColumn, ReportTable, Result, finite, records_of
 from modal.scene import Scene
 from modal.scene.doors import checked
 from modal.types import Floats
@@ -53,16 +53,16 @@ class ModePair(Displayed):
 
 
 PAIR = (
-    Column("measured.number", "measured", "measured"),
-    Column("computed.number", "computed", "table"),
-    Column("mac", "mac", "MAC", ".4f"),
-    Column("measured.frequency", "measured_frequency_hz", "f (Hz)", ".6g"),
-    Column("measured.std", "std_hz", "±", ".2g"),
-    Column("frequency", "computed_frequency_hz", "computed (Hz)", ".6g"),
-    Column("error", "relative_error", "error (%)", lambda error: f"{100 * error:+.3g}"),
-    Column("deviation", "deviation_in_stds", "error (±)", "+.2g"),
-    Column("measured.damping_ratio", "measured_damping_ratio", "ζ", ".4g"),
-    Column("computed.damping_ratio", "computed_damping_ratio", "computed ζ", ".4g"),
+    ReportColumn("measured.number", "measured", "measured"),
+    ReportColumn("computed.number", "computed", "table"),
+    ReportColumn("mac", "mac", "MAC", ".4f"),
+    ReportColumn("measured.frequency", "measured_frequency_hz", "f (Hz)", ".6g"),
+    ReportColumn("measured.std", "std_hz", "±", ".2g"),
+    ReportColumn("frequency", "computed_frequency_hz", "computed (Hz)", ".6g"),
+    ReportColumn("error", "relative_error", "error (%)", lambda error: f"{100 * error:+.3g}"),
+    ReportColumn("deviation", "deviation_in_stds", "error (±)", "+.2g"),
+    ReportColumn("measured.damping_ratio", "measured_damping_ratio", "ζ", ".4g"),
+    ReportColumn("computed.damping_ratio", "computed_damping_ratio", "computed ζ", ".4g"),
 )
 """The quantities of a pair."""
 
@@ -99,11 +99,11 @@ class Assurance(Result):
             notes.append("fewer components than modes: shapes of different modes may look alike")
         return notes
 
-    def parts(self, form: Form = "text") -> Iterator[Table | str]:
+    def parts(self, form: Form = "text") -> Iterator[ReportTable | str]:
         """The pairs, the matrix where there are shapes, and the notes."""
-        yield Table.of(PAIR, self.pairs)
+        yield ReportTable.of(PAIR, self.pairs)
         if np.isfinite(self.mac).any():
-            yield Table(
+            yield ReportTable(
                 ["MAC", *(str(mode.number) for mode in self.rows)],
                 [
                     [str(mode.number), *(NOTHING if np.isnan(value) else f"{value:.3f}" for value in values)]

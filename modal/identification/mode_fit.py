@@ -12,7 +12,7 @@ import numpy as np
 from modal.identification.identifiability import Combination, Determined, Undetermined, find_combinations
 from modal.identification.measured import MeasuredMode, MeasuredModes
 from modal.identification.parameters import FittedNumbers, Parameter, numbers_of, with_error
-from modal.report import Column, Displayed, Form, Summary, Table, brief, records_of, short
+from modal.report import Displayed, Form, ReportColumn, ReportTable, Summary, brief, records_of, short
 from modal.scene import Scene
 from modal.types import Floats, Ints
 
@@ -34,17 +34,17 @@ class FittedMode(Displayed):
 
 
 MODE = (
-    Column("measured.number", "mode", "mode"),
-    Column("measured.frequency", "measured_frequency_hz"),
-    Column(lambda mode: with_error(mode.measured.frequency, mode.measured.std), None, "f (Hz)"),
-    Column("measured.std", "std_hz", "±", ".2g"),
-    Column("frequency", "fitted_frequency_hz"),
-    Column(lambda mode: with_error(mode.frequency, mode.measured.std), None, "fitted (Hz)"),
-    Column("deviation", "deviation_in_stds", "off by (±)", "+.2f"),
-    Column("measured.damping_ratio", "measured_damping_ratio", "ζ", ".6g"),
-    Column("damping_ratio_std", "damping_ratio_std"),
-    Column("damping_ratio", "fitted_damping_ratio", "fitted ζ", lambda ratio: short(ratio + 0.0)),
-    Column("mac", "mac", "MAC", ".4f"),
+    ReportColumn("measured.number", "mode", "mode"),
+    ReportColumn("measured.frequency", "measured_frequency_hz"),
+    ReportColumn(lambda mode: with_error(mode.measured.frequency, mode.measured.std), None, "f (Hz)"),
+    ReportColumn("measured.std", "std_hz", "±", ".2g"),
+    ReportColumn("frequency", "fitted_frequency_hz"),
+    ReportColumn(lambda mode: with_error(mode.frequency, mode.measured.std), None, "fitted (Hz)"),
+    ReportColumn("deviation", "deviation_in_stds", "off by (±)", "+.2f"),
+    ReportColumn("measured.damping_ratio", "measured_damping_ratio", "ζ", ".6g"),
+    ReportColumn("damping_ratio_std", "damping_ratio_std"),
+    ReportColumn("damping_ratio", "fitted_damping_ratio", "fitted ζ", lambda ratio: short(ratio + 0.0)),
+    ReportColumn("mac", "mac", "MAC", ".4f"),
 )
 """The quantities of a fitted mode."""
 
@@ -103,11 +103,11 @@ class ModeFit(FittedNumbers, Solution):
     what = "fit to measured modes"
     figure = "modal.plotting.identification:mode_fit_figure"
 
-    def parts(self, form: Form = "text") -> Iterator[Table | str]:
+    def parts(self, form: Form = "text") -> Iterator[ReportTable | str]:
         """The numbers, what the modes determine, every mode, and the verdict."""
         yield self.table_of_numbers({})
         yield from self.determination()
-        yield Table.of(MODE, self.modes)
+        yield ReportTable.of(MODE, self.modes)
         yield "\n".join(self.footnotes())
 
     def whole(self) -> dict[str, Any]:

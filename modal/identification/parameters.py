@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from modal.errors import SceneError, meant
-from modal.report import NOTHING, Displayed, Drawn, Result, Summary, Table, capital, finite, short
+from modal.report import NOTHING, Displayed, Drawable, ReportTable, Result, Summary, capital, finite, short
 from modal.scene import Scene, title_of
 from modal.scene.doors import checked
 from modal.scene.parameters import Place, Variable, find_places, number_at, unit_at, with_numbers
@@ -203,7 +203,7 @@ def starts_of(parameters: Sequence[Parameter]) -> Floats:
     return np.array([parameter.start for parameter in parameters])
 
 
-class FittedNumbers(Drawn, Result):
+class FittedNumbers(Drawable, Result):
     """What a fit says of the numbers that were free, those `held` among them, whatever was measured."""
 
     @property
@@ -230,7 +230,7 @@ class FittedNumbers(Drawn, Result):
             "std": spreads,
         }
 
-    def table_of_numbers(self: Any, more: Mapping[str, Floats]) -> Table:
+    def table_of_numbers(self: Any, more: Mapping[str, Floats]) -> ReportTable:
         """Every number beside the scene's, with its standard deviation and `more` of them, (p,) by their headings."""
         held = set(self.held.tolist())
 
@@ -248,7 +248,7 @@ class FittedNumbers(Drawn, Result):
             ]
             for k, parameter in enumerate(self.parameters)
         ]
-        return Table(["number", "given", "fitted", *spreads, "unit"], rows)
+        return ReportTable(["number", "given", "fitted", *spreads, "unit"], rows)
 
     def determination(self: Any) -> Iterator[str]:
         """What is determined of numbers that are not, and what is left open."""

@@ -32,13 +32,13 @@ from modal.identification.measured import turned
 from modal.identification.parameters import with_error
 from modal.identification.realization import Realization, modal_assurance, realize
 from modal.report import (
-    Column,
     Displayed,
-    Drawn,
+    Drawable,
     Form,
+    ReportColumn,
+    ReportTable,
     Result,
     Summary,
-    Table,
     brief,
     by_column,
     capital,
@@ -112,27 +112,27 @@ class IdentifiedMode(Displayed):
 
 
 MODE = (
-    Column("frequency", "frequency_hz"),
-    Column(lambda mode: with_error(mode.frequency, mode.frequency_std), None, "f (Hz)"),
-    Column("frequency_std", "frequency_std_hz", "± (Hz)", ".2g"),
-    Column("damping_ratio", "damping_ratio"),
-    Column(lambda mode: with_error(mode.damping_ratio, mode.damping_ratio_std), None, "ζ"),
-    Column("damping_ratio_std", "damping_ratio_std", "± ζ", ".2g"),
-    Column("collinearity", "collinearity", "collinearity", ".3f"),
+    ReportColumn("frequency", "frequency_hz"),
+    ReportColumn(lambda mode: with_error(mode.frequency, mode.frequency_std), None, "f (Hz)"),
+    ReportColumn("frequency_std", "frequency_std_hz", "± (Hz)", ".2g"),
+    ReportColumn("damping_ratio", "damping_ratio"),
+    ReportColumn(lambda mode: with_error(mode.damping_ratio, mode.damping_ratio_std), None, "ζ"),
+    ReportColumn("damping_ratio_std", "damping_ratio_std", "± ζ", ".2g"),
+    ReportColumn("collinearity", "collinearity", "collinearity", ".3f"),
 )
 MODE_RECORD = (
     *MODE[:-1],
-    Column(lambda mode: [mode.pole.real, mode.pole.imag], "eigenvalue_per_s"),
-    Column(lambda mode: [[value.real, value.imag] for value in mode.shape.tolist()], "shape"),
-    Column("shape_std", "shape_std"),
+    ReportColumn(lambda mode: [mode.pole.real, mode.pole.imag], "eigenvalue_per_s"),
+    ReportColumn(lambda mode: [[value.real, value.imag] for value in mode.shape.tolist()], "shape"),
+    ReportColumn("shape_std", "shape_std"),
     MODE[-1],
-    Column("frequency_shift", "frequency_shift_hz"),
+    ReportColumn("frequency_shift", "frequency_shift_hz"),
 )
 ORDER_POLE = (
-    Column("order", "order"),
-    Column("frequency", "frequency_hz"),
-    Column("damping_ratio", "damping_ratio"),
-    Column("stable", "stable"),
+    ReportColumn("order", "order"),
+    ReportColumn("frequency", "frequency_hz"),
+    ReportColumn("damping_ratio", "damping_ratio"),
+    ReportColumn("stable", "stable"),
 )
 """The quantities of a mode in columns and in JSON, and of a pole."""
 METHOD_NAMES = {"era": "eigensystem realization", "decrement": "logarithmic decrement"}
@@ -149,7 +149,7 @@ class OrderPole:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Identified(Drawn, Result):
+class Identified(Drawable, Result):
     """Modes of records with sensors of these `names`, the poles of all orders tried, and what there is to say."""
 
     modes: tuple[IdentifiedMode, ...]
@@ -167,11 +167,11 @@ class Identified(Drawn, Result):
         of = "free decays" if self.excitation == "free" else "responses to random excitation"
         return "Modes", f"poles of {of}"
 
-    def parts(self, form: Form = "text") -> Iterator[Table | str]:
+    def parts(self, form: Form = "text") -> Iterator[ReportTable | str]:
         """Every mode, by which method it was found, and what there is to say."""
-        shapes = [Column(partial(_component, k), None, name, "+.3f") for k, name in enumerate(self.names)]
-        number = Column(lambda mode: self.modes.index(mode) + 1, None, "mode")
-        yield Table.of((number, *MODE, *shapes, Column("shape_std", None, "± shape", ".2g")), self.modes)
+        shapes = [ReportColumn(partial(_component, k), None, name, "+.3f") for k, name in enumerate(self.names)]
+        number = ReportColumn(lambda mode: self.modes.index(mode) + 1, None, "mode")
+        yield ReportTable.of((number, *MODE, *shapes, ReportColumn("shape_std", None, "± shape", ".2g")), self.modes)
         order = f", order {self.order}" if self.method == "era" else ""
         yield f"By {METHOD_NAMES[self.method]}{order}."
         yield "\n".join(capital(note) + "." for note in self.notes)

@@ -17,8 +17,8 @@ import numpy as np
 from modal.errors import ComputationError, SceneError
 from modal.loci.tracking import CloseApproach, LociPoint, find_close_approaches, follow, solve_at
 from modal.modes import labelled
-from modal.report import Displayed, Drawn, Summary, counted, csv_rows, grid, silent, tabulated, with_unit
-from modal.scene import Scene, left_out, name_of
+from modal.report import Drawable, ReportColumn, ReportTable, TextResult, csv_rows, silent, with_unit
+from modal.scene import Scene, left_out
 from modal.scene.doors import checked
 from modal.scene.parameters import Variation, find_places, number_at, validate_variations
 from modal.types import Floats, Ints
@@ -53,7 +53,7 @@ Report = Callable[[float], object]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Loci(Drawn, Displayed):
+class Loci(Drawable, TextResult):
     """K loci over P values of a parameter, refined where shapes change fast: `omega` (P, K) in rad/s, `values` (P,).
 
     `names` (K,) are the numbers of their modes in the table at the value `numbered_at`: the scene's own, or the first
@@ -70,6 +70,7 @@ class Loci(Drawn, Displayed):
     numbered_at: float
     encounters: tuple[CloseApproach, ...]
     figure = "modal.plotting.loci:loci_figure"
+    writer = "modal.loci.following:loci_text"
 
     def to_dict(self) -> dict[str, Floats]:
         """The parameter and the frequency of every locus in rad/s, (P,) each.
@@ -82,11 +83,6 @@ class Loci(Drawn, Displayed):
         """
         loci = {f"omega_{name}_rad_per_s": omega for name, omega in zip(self.names, self.omega.T, strict=True)}
         return {self.variation.column: self.values, **loci}
-
-    def _summary(self) -> Summary:
-        loci, met = counted(len(self.names), "locus", "loci"), counted(len(self.encounters), "encounter", "encounters")
-        title = f"Loci of {name_of(self.scene)} along {self.variation.path}: {loci}, {met}"
-        return tabulated(title, (), self.to_dict())
 
 
 @checked
@@ -193,31 +189,32 @@ def _swapped(before: LociPoint, after: LociPoint) -> tuple[int, int] | None:
     return None
 
 
+def span_of(variation: Variation) -> str:
+    """The number that is varied, from its first value to its last."""
+    first, last = variation.values[0], variation.values[-1]
+    return f"{variation.path} = {first:.6g} to {last:.6g} {variation.unit}".rstrip()
+
+
 def loci_text(loci: Loci) -> str:
     """One line per meeting of two loci; the gap of a crossing is rounding error."""
-    values = loci.variation.values
-    where = f"{loci.variation.path} = {values[0]:.6g} to {values[-1]:.6g} {loci.variation.unit}".rstrip()
-    added = len(loci.values) - len(values)
-    between = f" and {added} between" if added else ""
-    at = f"{loci.numbered_at:.6g} {loci.variation.unit}".rstrip()
-    head = f"{loci.omega.shape[1]} loci over {where}, {len(values)} values{between}, numbered as in the table at {at}"
-    rows = [
-        (
-            meeting.kind,
-            " · ".join(loci.names[number] for number in meeting.loci),
-            f"{meeting.value:.10g}",
-            f"{meeting.omega:.8g}",
-            f"{meeting.gap:.6g}",
-            f"{meeting.exchange:.2f}",
-        )
-        for meeting in loci.encounters
-    ]
-    headers = ("meeting", "loci", with_unit("at", loci.variation.unit), "ω (rad/s)", "gap (rad/s)", "exchange (MAC)")
-    return "\n".join([head, grid(rows, headers) or "none meet", *left_out(loci.scene), ""])
+    count, unit = len(loci.variation.values), loci.variation.unit
+    between = f" and {len(loci.values) - count} between" if len(loci.values) > count else ""
+    at = f"{loci.numbered_at:.6g} {unit}".rstrip()
+    span = f"{span_of(loci.variation)}, {count} values{between}"
+    columns = (
+        ReportColumn("kind", None, "meeting"),
+        ReportColumn(lambda meeting: " · ".join(loci.names[number] for number in meeting.loci), None, "loci"),
+        ReportColumn("value", None, with_unit("at", unit), ".10g"),
+        ReportColumn("omega", None, "ω (rad/s)", ".8g"),
+        ReportColumn("gap", None, "gap (rad/s)", ".6g"),
+        ReportColumn("exchange", None, "exchange (MAC)", ".2f"),
+    )
+    table = ReportTable.of(columns, loci.encounters).written() or "none meet"
+    head = f"{loci.omega.shape[1]} loci over {span}, numbered as in the table at {at}"
+    return "\n".join([head, table, *left_out(loci.scene), ""])
 
 
 def loci_csv(loci: Loci) -> str:
     """One row per value: the parameter, then ω of every locus."""
-    head = [loci.variation.column, *(f"omega_{name}_rad_per_s" for name in loci.names)]
-    rows = zip(loci.values.tolist(), loci.omega.tolist(), strict=True)
-    return csv_rows([head, *((value, *omega) for value, omega in rows)])
+    columns = loci.to_dict()
+    return csv_rows([list(columns), *zip(*(column.tolist() for column in columns.values()), strict=True)])

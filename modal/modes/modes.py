@@ -19,7 +19,7 @@ from modal.modes.eigenvalues import Eigenvalues, Short, kept
 from modal.modes.mode import Mode
 from modal.modes.rows import described, row_of
 from modal.modes.shapes import Shape, expand, validate_normalisation
-from modal.report import HTML_ROWS, TEXT_ROWS, Displayed, Summary, Written, counted, deferred, more, scrolled
+from modal.report import HTML_ROWS, TEXT_ROWS, Displayed, Summary, TextResult, counted, deferred, more, scrolled
 from modal.scene import Scene, left_out, validate_scene
 from modal.scene.doors import checked, require_type
 from modal.types import Booleans, Floats, Ints
@@ -36,7 +36,7 @@ CHUNK, MOST_TOLD = 400_000, 8
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Modes(Written, Eigenvalues, Sequence[Mode]):
+class Modes(TextResult, Eigenvalues, Sequence[Mode]):
     """All modes of a scene in ascending order of natural frequency, one entry for each distinct one.
 
     Columns are read-only arrays (R,).  Those that need no shape cost nothing more: `number`, `eigenvalue`, `omega`,

@@ -37,7 +37,7 @@ from modal.report.escaping import (
 )
 from modal.report.fitting import breadth, broken, columns, fits, fitted, folded, padded
 from modal.report.prose import WIDTH, capital, counted, line_width, listed, percent, rad, short, silent, with_unit
-from modal.report.results import Column, Drawn, Result, Table, Written, records_of
+from modal.report.results import Drawable, ReportColumn, ReportTable, Result, TextResult, records_of
 from modal.report.tables import (
     NOTHING,
     Form,
@@ -59,14 +59,14 @@ __all__ = [
     "NOTHING",
     "TEXT_ROWS",
     "WIDTH",
-    "Column",
     "Displayed",
-    "Drawn",
+    "Drawable",
     "Form",
+    "ReportColumn",
+    "ReportTable",
     "Result",
     "Summary",
-    "Table",
-    "Written",
+    "TextResult",
     "aligned",
     "as_csv",
     "as_json",

@@ -27,14 +27,14 @@ MOST_TABLES, MOST_WRITTEN = 2, 40
 """Tables of a result in a notebook, and lines of one that is text."""
 
 
-class Column(NamedTuple):
+class ReportColumn(NamedTuple):
     """A quantity of every row: its `value`, a function or the name of an attribute, its `key` and its `heading`.
 
     Without a key it is in text alone, without a heading in records alone.  `shown` writes a finite value in text, as a
     format, or as a function any value.
 
-    >>> size = Column(len, "size_m", "size (m)", ".1f")
-    >>> size.cell("abc"), size.of("abc"), Column(float, "x", "x").cell("nan")
+    >>> size = ReportColumn(len, "size_m", "size (m)", ".1f")
+    >>> size.cell("abc"), size.of("abc"), ReportColumn(float, "x", "x").cell("nan")
     ('3.0', 3, '–')
     """
 
@@ -55,26 +55,30 @@ class Column(NamedTuple):
         return NOTHING if finite(value) is None else format(value, self.shown)
 
 
-class Table(NamedTuple):
+class ReportTable(NamedTuple):
     """Cells of text under headings."""
 
     headings: Sequence[str]
     cells: Sequence[Sequence[str]]
 
     @classmethod
-    def of(cls, columns: Iterable[Column], rows: Iterable[Any]) -> Table:
+    def of(cls, columns: Iterable[ReportColumn], rows: Iterable[Any]) -> ReportTable:
         """The columns that have a heading, of these rows."""
         shown = [column for column in columns if column.heading is not None]
         return cls([str(column.heading) for column in shown], [[column.cell(row) for column in shown] for row in rows])
 
+    def written(self, form: str = "text") -> str:
+        """The table as text or Markdown; the empty string if it has no rows."""
+        return grid(self.cells, self.headings, form)
 
-def records_of(columns: Iterable[Column], rows: Iterable[Any]) -> list[dict[str, Any]]:
+
+def records_of(columns: Iterable[ReportColumn], rows: Iterable[Any]) -> list[dict[str, Any]]:
     """A mapping for each row, of the columns that have a key; None where a value is not finite."""
     kept = [column for column in columns if column.key]
     return [{str(column.key): finite(column.of(row)) for column in kept} for row in rows]
 
 
-class Written(Displayed):
+class TextResult(Displayed):
     """A result that shows how the `text` begins which its command prints, as wide as a terminal of WIDTH columns.
 
     The `writer`, a `module:function`, writes it.
@@ -107,7 +111,7 @@ class Written(Displayed):
         return scrolled(f"<pre>{shown}</pre>", "<p>…</p>" * (len(lines) > MOST_WRITTEN))
 
 
-class Result(Written):
+class Result(TextResult):
     """An answer about a `scene` in all its forms; its parts are made one after the other, as far as they are shown."""
 
     __slots__ = ()
@@ -125,7 +129,7 @@ class Result(Written):
         """What has a row each."""
         return tuple(self.rows)
 
-    def columns(self) -> Sequence[Column]:
+    def columns(self) -> Sequence[ReportColumn]:
         """The quantities of a row."""
         return ()
 
@@ -137,9 +141,9 @@ class Result(Written):
         """What JSON has before the records."""
         return {}
 
-    def parts(self, form: Form = "text") -> Iterable[Table | str]:
+    def parts(self, form: Form = "text") -> Iterable[ReportTable | str]:
         """What is printed below the title."""
-        yield Table.of(self.columns(), self.entries())
+        yield ReportTable.of(self.columns(), self.entries())
         yield "\n".join(self.footnotes())
 
     def records(self) -> Iterable[dict[str, Any]]:
@@ -162,7 +166,7 @@ class Result(Written):
         """
         if form == "csv":
             return as_csv(list(self.records()))
-        parts: Callable[..., Iterable[Table | str]] = self.parts
+        parts: Callable[..., Iterable[ReportTable | str]] = self.parts
         whole: Callable[..., dict[str, Any]] = self.whole
         if form == "json":
             return as_json(whole(**more))
@@ -182,7 +186,7 @@ class Result(Written):
                 continue
             yield ""
             lines = [line for whole in text.split("\n") for line in folded(visible(whole)).split("\n")]
-            left = len(part.cells) - TEXT_ROWS if isinstance(part, Table) else 0
+            left = len(part.cells) - TEXT_ROWS if isinstance(part, ReportTable) else 0
             yield from lines[: -left or None] if left > 0 else lines
             if left > 0:
                 yield f"… {left} more"
@@ -191,7 +195,7 @@ class Result(Written):
     def _repr_html_(self) -> str:
         parts, tables = [f"<p><strong>{html(': '.join(self.titles()))}</strong></p>"], 0
         for part in self.parts():
-            if isinstance(part, Table):
+            if isinstance(part, ReportTable):
                 words = frozenset(k for k, heading in enumerate(part.headings) if heading in LEFT)
                 parts.append(Summary("", (), part.headings, part.cells, len(part.cells), words).table())
                 tables += 1
@@ -202,7 +206,7 @@ class Result(Written):
         return scrolled(*parts)
 
     def _repr_latex_(self) -> str | None:
-        table = next((part for part in self.parts() if isinstance(part, Table)), None)
+        table = next((part for part in self.parts() if isinstance(part, ReportTable)), None)
         if table is None:
             return None
         lines = [" & ".join(map(latex, row)) + r" \\" for row in (table.headings, *table.cells[:HTML_ROWS])]
@@ -210,11 +214,11 @@ class Result(Written):
         return "\n".join([rf"\begin{{tabular}}{{{align}}}", lines[0], r"\hline", *lines[1:], r"\end{tabular}"])
 
 
-def _written(part: Table | str, form: str) -> str:
-    return part if isinstance(part, str) else grid(part.cells, part.headings, form)
+def _written(part: ReportTable | str, form: str) -> str:
+    return part if isinstance(part, str) else part.written(form)
 
 
-class Drawn:
+class Drawable:
     """A result with a figure, which the function at `figure`, a `module:name`, draws."""
 
     __slots__ = ()

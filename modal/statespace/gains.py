@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from modal.modes import UNCERTAIN, Modes
-from modal.report import Displayed, Written, aligned
+from modal.report import Displayed, TextResult, aligned
 from modal.scene.doors import checked
 from modal.statespace.modal_form import ModalForm, to_modal_form
 from modal.statespace.model import StateSpace
@@ -87,7 +87,7 @@ class Side(Displayed):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Gains(Written):
+class Gains(TextResult):
     """Controllability, the gains of the `inputs`, and observability, those of the `outputs`, mode by mode.
 
     Where the model prescribes the cart's motion `held` is true: `modes` are then the fixed-base modes, not the table's.

@@ -28,7 +28,7 @@ import scipy
 from modal.assembly import Matrices, hoisting_of, matrices, matrices_along, no_hoist, rig_of
 from modal.errors import ComputationError, SceneError
 from modal.modes import labelled, natural_modes, table_numbers
-from modal.report import Column, Form, Result, Table, short
+from modal.report import Form, ReportColumn, ReportTable, Result, short
 from modal.scene import Fixed, Pendulum, Scene
 from modal.statespace.model import fixed, refuse_no_inertia
 from modal.statespace.reduction import heavier, joined_pendula
@@ -74,13 +74,13 @@ class Along(Result):
         """Time, lengths, frequencies and swings."""
         return np.column_stack([self.times, self.lengths, self.omega, self.swing]).tolist()  # type: ignore[no-any-return]
 
-    def columns(self) -> list[Column]:
+    def columns(self) -> list[ReportColumn]:
         """Of the numbers at a time."""
         names = [("time_s", "t (s)")]
         names += [(f"length_{p + 1}_{i + 1}_m", f"l[{p + 1},{i + 1}] (m)") for p, i in self.links]
         names += [(f"omega_{name}_rad_per_s", f"ω_{name} (rad/s)") for name in self.names]
         names += [(f"swing_{name}", f"swing_{name}") for name in self.names]
-        return [Column(itemgetter(k), key, heading, ".6g") for k, (key, heading) in enumerate(names)]
+        return [ReportColumn(itemgetter(k), key, heading, ".6g") for k, (key, heading) in enumerate(names)]
 
     @property
     def notes(self) -> list[str]:
@@ -89,7 +89,9 @@ class Along(Result):
         laws = [link.hoist.law(link.length) for link in links if link.hoist]
         return list(dict.fromkeys(law.words for law in laws if law.words))
 
-    def parts(self, form: Form = "text", *, left: Sequence[Residual] = (), beside: str = "") -> Iterator[Table | str]:
+    def parts(
+        self, form: Form = "text", *, left: Sequence[Residual] = (), beside: str = ""
+    ) -> Iterator[ReportTable | str]:
         """The table, what it means and leaves out, or what is `beside` a free cart, and what is `left` of commands."""
         yield from super().parts(form)
         yield from self.notes

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from modal.errors import ComputationError
 from modal.modes import Modes, all_shapes, natural_modes
-from modal.report import NOTHING, Displayed, Drawn, Summary, brief, first_line
+from modal.report import NOTHING, Displayed, Drawable, Summary, brief, first_line
 from modal.scene.doors import checked
 from modal.statespace.model import StateSpace, fixed
 from modal.statespace.signals import DRIVES, SUPPORT, Signal
@@ -68,7 +68,7 @@ class ModalBlock(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ModalForm(Drawn, Displayed):
+class ModalForm(Drawable, Displayed):
     """A model and its blocks; `modes` are those of its inputs: fixed-base ones if the cart's motion is prescribed."""
 
     modes: Modes

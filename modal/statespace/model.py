@@ -35,7 +35,7 @@ import numpy as np
 from modal.assembly import HoistInstant, Matrices, matrices
 from modal.eigen import is_singular
 from modal.errors import ComputationError, SceneError
-from modal.report import Displayed, Drawn, Summary, counted
+from modal.report import Displayed, Drawable, Summary, counted
 from modal.scene import Fixed, Scene, require, validate_scene
 from modal.scene.doors import checked
 from modal.scene.points import CarrierPoint, parse_point
@@ -72,7 +72,7 @@ NO_SHARE = (
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class StateSpace(Drawn, Displayed):
+class StateSpace(Drawable, Displayed):
     """z' = A z + B u (z[k+1] = A z[k] + B u[k] where dt > 0), y = C z + D u.
 
     A (n, n), B (n, m), C (p, n), D (p, m) in SI units; `states`, `inputs` and `outputs` name rows and columns; `dt` is

@@ -19,7 +19,7 @@ import scipy
 
 from modal.assembly import hoisting_of, matrices_along, rig_of
 from modal.errors import SceneError
-from modal.report import Displayed, Drawn, Summary, tabulated
+from modal.report import Displayed, Drawable, Summary, tabulated
 from modal.scene import Scene, refusals
 from modal.scene.doors import checked, checked_number
 from modal.statespace.hoisting import Travel, is_held, largest_swing, motion_history
@@ -39,7 +39,7 @@ SHORTEST, LONGEST = 1e-6, 1e6  # m, and s
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ShapedTravel(Drawn, Displayed):
+class ShapedTravel(Drawable, Displayed):
     """A travel of `distance` (m) under a `drive`, as it is (row 0) and shaped (row 1), at `times` (T,) in s.
 
     `command` (2, T) is the place of a cart whose motion is prescribed (m) or a force in `unit`; `moved` (2, T) the

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from math import tau
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from modal.report import as_json, finite, grid, percent, titled
+from modal.report import NOTHING, ReportColumn, ReportTable, as_json, finite, grid, percent, records_of, titled
 from modal.scene import title_of
 from modal.scene.parameters import with_numbers
-from modal.tuning.objective import SHARE, Load, extreme
+from modal.tuning.objective import SHARE, Load, Worth, extreme
+from modal.tuning.quantities import FreeNumber
 from modal.tuning.result import Rule, Tuned
 
 EQUAL, ALIKE = 1e-6, 1e-3
@@ -29,7 +30,7 @@ def tuned_record(tuned: Tuned, curves: bool = True) -> dict[str, Any]:
         "after": finite(tuned.after),
         "robust": tuned.robust,
         "limits": [_limit_record(tuned, k) for k in range(len(objective.limits))],
-        "numbers": [_number_record(tuned, k) for k in range(len(objective.free))],
+        "numbers": records_of(NUMBER, _numbers(tuned)),
         "starts": tuned.starts,
         "valleys": [
             {
@@ -102,18 +103,39 @@ def _limit_record(tuned: Tuned, k: int) -> dict[str, Any]:
     }
 
 
-def _number_record(tuned: Tuned, k: int) -> dict[str, Any]:
-    number, worth = tuned.objective.free[k], tuned.worths[k]
-    return {
-        "place": number.path,
-        "unit": number.unit_name,
-        "before": number.value,
-        "after": float(np.exp(tuned.z[k])),
-        "bounds": [number.low, number.high] if number.bounded else None,
-        "one_percent_larger": finite(worth.larger),
-        "one_percent_smaller": finite(worth.smaller),
-        "within_one_percent": [finite(worth.low), finite(worth.high)],
-    }
+def _changed(change: float) -> str:
+    return f"{100 * change:+.3g} %" if np.isfinite(change) else NOTHING
+
+
+NUMBER = (
+    ReportColumn("number.path", "place", "number"),
+    ReportColumn("number.unit_name", "unit", "unit"),
+    ReportColumn("number.value", "before", "before", "{:.6g}".format),
+    ReportColumn("value", "after", "after", "{:.9g}".format),
+    ReportColumn(lambda row: [row.number.low, row.number.high] if row.number.bounded else None, "bounds"),
+    ReportColumn("worth.larger", "one_percent_larger", "+1 %", _changed),
+    ReportColumn("worth.smaller", "one_percent_smaller", "−1 %", _changed),
+    ReportColumn(lambda row: [finite(row.worth.low), finite(row.worth.high)], "within_one_percent"),
+    ReportColumn("worth.low", None, "from", lambda low: f"{low:.5g}" if low else "any"),
+    ReportColumn("worth.high", None, "to", lambda high: f"{high:.5g}" if np.isfinite(high) else "any"),
+)
+"""The quantities of a number."""
+WORTH = (
+    "+1 % and −1 %: by how much the objective is worse where a number is so much larger or smaller. "
+    "From … to: where it is at most 1 % worse."
+)
+
+
+class _Number(NamedTuple):
+    """A free number, what it is worth, and its best value."""
+
+    number: FreeNumber
+    worth: Worth
+    value: float
+
+
+def _numbers(tuned: Tuned) -> list[_Number]:
+    return list(map(_Number, tuned.objective.free, tuned.worths, np.exp(tuned.z).tolist()))
 
 
 def _rule_record(rule: Rule) -> dict[str, Any]:
@@ -147,11 +169,8 @@ def _load_record(load: Load) -> dict[str, Any]:
 
 def tuned_text(tuned: Tuned, more: str = "") -> str:
     """What was found, as text."""
-    parts = [_objective_table(tuned), _numbers_table(tuned)]
-    parts += ["\n".join(_sentences(tuned))]
-    rules = _rules_table(tuned)
-    parts += [rules] if rules else []
-    parts += [more] if more else []
+    numbers = ReportTable.of(NUMBER, _numbers(tuned)).written()
+    parts = [_objective_table(tuned), numbers, WORTH, "\n".join(_sentences(tuned)), _rules_table(tuned), more]
     return titled(title_of(tuned.given), "tuned", parts, "text")
 
 
@@ -183,20 +202,6 @@ def _objective_table(tuned: Tuned) -> str:
     if not any(row[-1] for row in rows):
         rows, headings = [row[:-1] for row in rows], headings[:-1]
     return grid(rows, headings)
-
-
-def _numbers_table(tuned: Tuned) -> str:
-    headings = ("number", "unit", "before", "after", "+1 %", "−1 %", "from", "to")
-    rows = []
-    for number, worth, value in zip(tuned.objective.free, tuned.worths, np.exp(tuned.z).tolist(), strict=True):
-        changes = [f"{100 * change:+.3g} %" if np.isfinite(change) else "–" for change in (worth.larger, worth.smaller)]
-        ends = [f"{worth.low:.5g}" if worth.low else "any", f"{worth.high:.5g}" if np.isfinite(worth.high) else "any"]
-        rows.append([number.path, number.unit_name, f"{number.value:.6g}", f"{value:.9g}", *changes, *ends])
-    words = (
-        "+1 % and −1 %: by how much the objective is worse where a number is so much larger or smaller. "
-        "From … to: where it is at most 1 % worse."
-    )
-    return grid(rows, headings) + "\n\n" + words
 
 
 def _sentences(tuned: Tuned) -> Iterator[str]:

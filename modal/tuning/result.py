@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from modal.report import Displayed, Drawn, Written
+from modal.report import Displayed, Drawable, TextResult
 from modal.scene import Scene
 from modal.tuning.closed_forms import Absorber, absorbers, values_for
 from modal.tuning.model import find_peaks
@@ -56,7 +56,7 @@ class Curves(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Tuned(Drawn, Written):
+class Tuned(Drawable, TextResult):
     """The tuned `scene`, what it was, and what its numbers are worth."""
 
     given: Scene = field(repr=False)

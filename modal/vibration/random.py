@@ -28,7 +28,7 @@ import numpy as np
 from modal.assembly import scene_squares
 from modal.errors import ComputationError, SceneError
 from modal.modes import Modes, mode_losses, natural_modes
-from modal.report import Written
+from modal.report import TextResult
 from modal.scene import Scene, require
 from modal.scene.doors import checked
 from modal.scene.records import Spectrum
@@ -57,7 +57,7 @@ DRIFTS = "grows without bound: the PSD reaches down to 0 Hz, where this output d
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ModalResponse(Written):
+class ModalResponse(TextResult):
     """The response of p outputs, as a sum over the modes of `form`."""
 
     form: ModalForm

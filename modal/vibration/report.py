@@ -11,7 +11,7 @@ import numpy as np
 
 from modal.errors import SceneError
 from modal.modes import Modes
-from modal.report import NOTHING, Form, as_csv, as_json, finite, grid, titled
+from modal.report import NOTHING, Form, as_csv, as_json, csv_rows, finite, grid, titled
 from modal.scene import title_of
 from modal.scene.doors import checked
 from modal.types import Floats
@@ -53,7 +53,7 @@ def random_report(response: RandomResponse, form: Form = "text") -> str:
     f = response_frequencies(response)
     psd = response.psd(f)
     if form == "csv":
-        return as_csv(list(_random_records(response, f, psd)))
+        return csv_rows(list(_random_rows(response, f, psd)))
     return as_json(
         {
             "title": response.modes.scene.title,
@@ -81,46 +81,36 @@ def random_report(response: RandomResponse, form: Form = "text") -> str:
     )
 
 
-def _random_records(response: RandomResponse, f: Floats, psd: Floats) -> Iterator[dict[str, Any]]:
-    names = ("quantity", "output", "unit", "mode", "frequency_hz", "value")
-    rates = response.modes.omega / tau
+def _random_rows(response: RandomResponse, f: Floats, psd: Floats) -> Iterator[tuple[Any, ...]]:
+    yield "quantity", "output", "unit", "mode", "frequency_hz", "value"
+    rates = (response.modes.omega / tau).tolist()
     for k, signal in enumerate(response.outputs):
-        yield dict(zip(names, ("rms", signal.name, signal.unit, "all", "", float(response.rms[k])), strict=True))
-        for number in range(len(rates)):
+        yield "rms", signal.name, signal.unit, "all", "", float(response.rms[k])
+        for number, rate in enumerate(rates):
             for what, values in (("rms", response.by_mode), ("miles", response.white)):
-                cells = (what, signal.name, signal.unit, number + 1, float(rates[number]), float(values[number, k]))
-                yield dict(zip(names, cells, strict=True))
-    for frequency, value in zip(f.tolist(), response.input_psd(f).tolist(), strict=True):
-        described = ("psd", response.source.name, f"({response.source.unit})^2/Hz", "all", frequency, value)
-        yield dict(zip(names, described, strict=True))
-    for k, signal in enumerate(response.outputs):
-        for frequency, value in zip(f.tolist(), psd[k].tolist(), strict=True):
-            yield dict(zip(names, ("psd", signal.name, f"({signal.unit})^2/Hz", "all", frequency, value), strict=True))
+                yield what, signal.name, signal.unit, number + 1, rate, float(values[number, k])
+    signals = (response.source, *response.outputs)
+    for signal, each in zip(signals, (response.input_psd(f), *psd), strict=True):
+        for frequency, value in zip(f.tolist(), each.tolist(), strict=True):
+            yield "psd", signal.name, f"({signal.unit})^2/Hz", "all", frequency, value
 
 
 def _random_text(response: RandomResponse) -> str:
     f, of = response.spectrum.frequency_hz, response.spectrum.of
-    names = [signal.name for signal in response.outputs]
-    units = [signal.unit for signal in response.outputs]
-    rows = [["all", "", *map(_number, response.rms.tolist())]]
-    rows += [
-        [f"{number}", _number(omega / tau), *map(_number, rms)]
-        for number, (omega, rms) in enumerate(
-            zip(response.modes.omega.tolist(), response.by_mode.tolist(), strict=True), 1
-        )
-    ]
-    white = [
-        [f"{number}", _number(omega / tau), *map(_number, rms)]
-        for number, (omega, rms) in enumerate(
-            zip(response.modes.omega.tolist(), response.white.tolist(), strict=True), 1
-        )
-    ]
-    headings = ["mode", "f (Hz)", *(f"{name} ({unit})" for name, unit in zip(names, units, strict=True))]
+    rates = response.modes.omega / tau
+
+    def by_mode(values: Floats) -> list[list[str]]:
+        return [
+            [f"{k}", *map(_number, (rate, *row))] for k, (rate, row) in enumerate(zip(rates, values, strict=True), 1)
+        ]
+
+    rows = [["all", "", *map(_number, response.rms.tolist())], *by_mode(response.by_mode)]
+    headings = ["mode", "f (Hz)", *(f"{signal.name} ({signal.unit})" for signal in response.outputs)]
     parts = [
         f"RMS from {f[0]:g} to {f[-1]:g} Hz",
         grid(rows, headings),
         "RMS by Miles' equation, for white noise of the PSD at each mode",
-        grid(white, headings),
+        grid(by_mode(response.white), headings),
         *response.words,
     ]
     source = (
@@ -136,7 +126,7 @@ def shock_report(response: ShockResponse, form: Form = "text") -> str:
         return _shock_text(response)
     rows = _rows(response)
     if form == "csv":
-        return as_csv(list(_shock_records(response, rows)))
+        return csv_rows(list(_shock_rows(response, rows)))
     return as_json(
         {
             "title": response.modes.scene.title,
@@ -185,25 +175,21 @@ def _masses(response: ShockResponse) -> list[tuple[int, float, float, float]]:
     return [(number, *values) for number, values in enumerate(zip(*columns, strict=True), 1)]
 
 
-def _shock_records(response: ShockResponse, rows: Any) -> Iterator[dict[str, Any]]:
-    names = ("quantity", "output", "unit", "mode", "time_s", "value")
-
-    def record(*cells: Any) -> dict[str, Any]:
-        return dict(zip(names, cells, strict=True))
-
+def _shock_rows(response: ShockResponse, rows: Any) -> Iterator[tuple[Any, ...]]:
+    yield "quantity", "output", "unit", "mode", "time_s", "value"
     for k, signal in enumerate(response.outputs):
         size, time = response.peaks[k].tolist()
-        yield record("peak", signal.name, signal.unit, "all", time, size)
-        yield record("srss", signal.name, signal.unit, "all", "", float(response.srss[k]))
-        yield record("cqc", signal.name, signal.unit, "all", "", float(response.cqc[k]))
+        yield "peak", signal.name, signal.unit, "all", time, size
+        yield "srss", signal.name, signal.unit, "all", "", float(response.srss[k])
+        yield "cqc", signal.name, signal.unit, "all", "", float(response.cqc[k])
         for number, value in enumerate(response.mode_peaks[:, k].tolist(), 1):
-            yield record("peak", signal.name, signal.unit, number, "", value)
+            yield "peak", signal.name, signal.unit, number, "", value
     for number, _, share, total in _masses(response):
-        yield record("effective_mass_share", "", "1", number, "", share)
-        yield record("cumulative_share", "", "1", number, "", total)
+        yield "effective_mass_share", "", "1", number, "", share
+        yield "cumulative_share", "", "1", number, "", total
     for k, signal in enumerate(response.outputs):
         for time, value in zip(response.times[rows].tolist(), response.history[k, rows].tolist(), strict=True):
-            yield record("history", signal.name, signal.unit, "all", time, value)
+            yield "history", signal.name, signal.unit, "all", time, value
 
 
 def _shock_text(response: ShockResponse) -> str:

@@ -33,7 +33,7 @@ from typing import Any
 
 import numpy as np
 
-from modal.report import Column, Form, Result, finite
+from modal.report import Form, ReportColumn, Result, finite
 from modal.scene import Scene
 from modal.scene.doors import checked
 from modal.types import Floats
@@ -51,11 +51,11 @@ LOST, LEAP = 0.3, 1e-4  # difference (rad) too large to estimate C; ratio of the
 PARTED = 2.0  # least bound over the distance of a twin
 TOGETHER = 2  # samples by which the ends of two runs at the same event may differ
 ATTEMPT = (
-    Column("way", "way", "way"),
-    Column("tolerance", "tolerance", "tolerance", ".1e"),
-    Column("seconds", "seconds", "time (ms)", lambda seconds: f"{1e3 * seconds:.3g}"),
-    Column("calls", "derivatives", "derivatives"),
-    Column("error", "error_rad", "error (rad)", lambda x: "unknown" if finite(x) is None else f"{x:.1e}"),
+    ReportColumn("way", "way", "way"),
+    ReportColumn("tolerance", "tolerance", "tolerance", ".1e"),
+    ReportColumn("seconds", "seconds", "time (ms)", lambda seconds: f"{1e3 * seconds:.3g}"),
+    ReportColumn("calls", "derivatives", "derivatives"),
+    ReportColumn("error", "error_rad", "error (rad)", lambda x: "unknown" if finite(x) is None else f"{x:.1e}"),
 )
 """The quantities of an attempt."""
 EVIDENCE = (
@@ -119,7 +119,7 @@ class Advice(Result):
         """Every attempt."""
         return self.attempts
 
-    def columns(self) -> tuple[Column, ...]:
+    def columns(self) -> tuple[ReportColumn, ...]:
         """The quantities of an attempt."""
         return ATTEMPT
 

@@ -22,7 +22,7 @@ from modal.assembly import matrices
 from modal.errors import SceneError
 from modal.exact import isolate, of_scene
 from modal.modes import natural_modes
-from modal.report import Column, Displayed, Form, Result
+from modal.report import Displayed, Form, ReportColumn, Result
 from modal.scene import Scene, require, validate_scene
 from modal.scene.doors import checked
 from modal.statespace.model import fixed
@@ -69,18 +69,18 @@ class FrequencyTradeoff(Result):
     what = "time against accuracy of frequencies"
     key = "rungs"
 
-    def columns(self) -> tuple[Column, ...]:
+    def columns(self) -> tuple[ReportColumn, ...]:
         """The quantities of a way."""
         best, dense = self.pareto, self.rows[0].seconds
         return (
-            Column(lambda row: "*" if row in best else "", heading="Pareto"),
-            Column("way", "way", "way"),
-            Column("route", "route", "route"),
-            Column("seconds", "seconds", "time (ms)", lambda seconds: f"{1e3 * seconds:.3g}"),
-            Column(lambda row: row.seconds / dense, None, "/ dense", ".2g"),
-            Column("bound", "bound", "bound", ".1e"),
-            Column("error", "error", "error of ω", ".1e"),
-            Column(lambda row: row in best, "pareto"),
+            ReportColumn(lambda row: "*" if row in best else "", heading="Pareto"),
+            ReportColumn("way", "way", "way"),
+            ReportColumn("route", "route", "route"),
+            ReportColumn("seconds", "seconds", "time (ms)", lambda seconds: f"{1e3 * seconds:.3g}"),
+            ReportColumn(lambda row: row.seconds / dense, None, "/ dense", ".2g"),
+            ReportColumn("bound", "bound", "bound", ".1e"),
+            ReportColumn("error", "error", "error of ω", ".1e"),
+            ReportColumn(lambda row: row in best, "pareto"),
         )
 
     def footnotes(self) -> tuple[str, ...]:

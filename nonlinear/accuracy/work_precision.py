@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 
 from modal.errors import ComputationError, SceneError
-from modal.report import NOTHING, Column, Displayed, Form, Result, silent
+from modal.report import NOTHING, Displayed, Form, ReportColumn, Result, silent
 from modal.scene import Scene, require, validate_scene
 from modal.scene.doors import checked
 from modal.types import Floats
@@ -98,25 +98,27 @@ class WorkPrecision(Result):
     what = "time against accuracy"
     key = "rungs"
 
-    def columns(self) -> tuple[Column, ...]:
+    def columns(self) -> tuple[ReportColumn, ...]:
         """The quantities of a candidate."""
         floor, best = self.reference.floor, self.pareto
         return (
-            Column(lambda row: "*" if row in best else "", heading="Pareto"),
-            Column("candidate.family", heading="method"),
-            Column("candidate.kind", "kind"),
-            Column(lambda row: row.candidate.method or None, "method"),
-            Column("candidate.compiled", "compiled"),
-            Column(lambda row: nan if row.candidate.modal else row.candidate.tolerance, None, "tolerance", _power),
-            Column("candidate.tolerance", "tolerance"),
-            Column("seconds", "seconds", "time (ms)", lambda seconds: f"{1e3 * seconds:.3g}"),
-            Column("prepared", "prepared_seconds", "prepared (ms)", lambda seconds: f"{1e3 * seconds:.3g}"),
-            Column("calls", "derivatives", "derivatives"),
-            Column("error", "error_rad", "error (rad)", lambda x: f"{x:.1e}" if x > floor else f"<{floor:.1e}"),
-            Column(lambda row: row.error > floor, "certain"),
-            Column("shift", "late_s", "late (s)", ".1e"),
-            Column("drift", "energy_drift", "energy", ".1e"),
-            Column(lambda row: row in best, "pareto"),
+            ReportColumn(lambda row: "*" if row in best else "", heading="Pareto"),
+            ReportColumn("candidate.family", heading="method"),
+            ReportColumn("candidate.kind", "kind"),
+            ReportColumn(lambda row: row.candidate.method or None, "method"),
+            ReportColumn("candidate.compiled", "compiled"),
+            ReportColumn(
+                lambda row: nan if row.candidate.modal else row.candidate.tolerance, None, "tolerance", _power
+            ),
+            ReportColumn("candidate.tolerance", "tolerance"),
+            ReportColumn("seconds", "seconds", "time (ms)", lambda seconds: f"{1e3 * seconds:.3g}"),
+            ReportColumn("prepared", "prepared_seconds", "prepared (ms)", lambda seconds: f"{1e3 * seconds:.3g}"),
+            ReportColumn("calls", "derivatives", "derivatives"),
+            ReportColumn("error", "error_rad", "error (rad)", lambda x: f"{x:.1e}" if x > floor else f"<{floor:.1e}"),
+            ReportColumn(lambda row: row.error > floor, "certain"),
+            ReportColumn("shift", "late_s", "late (s)", ".1e"),
+            ReportColumn("drift", "energy_drift", "energy", ".1e"),
+            ReportColumn(lambda row: row in best, "pareto"),
         )
 
     def facts(self) -> dict[str, Any]:

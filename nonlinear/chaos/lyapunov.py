@@ -21,7 +21,7 @@ import numpy as np
 import scipy
 
 from modal.errors import ComputationError, SceneError
-from modal.report import Written, silent, visible
+from modal.report import TextResult, silent, visible
 from modal.scene import Scene, frequencies_of, require, title_of, validate_scene
 from modal.scene.doors import checked, checked_number
 from modal.types import Floats
@@ -59,7 +59,7 @@ CONFIDENCE = 0.95
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Exponent(Written):
+class Exponent(TextResult):
     """λ of E starts: `growth` (K, E) is the gain of ln |v| between the `times` (K + 1,) in s, the transient included.
 
     `energy_drift` is the largest change of energy over a run, relative to g Σ b; NaN in a scene with dampers.

@@ -12,7 +12,7 @@ from math import hypot
 
 import numpy as np
 
-from modal.report import Displayed, Written, silent
+from modal.report import Displayed, TextResult, silent
 from modal.scene import Scene
 from modal.scene.doors import require_type
 from modal.types import Floats
@@ -46,7 +46,7 @@ class ChaosStudy:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Finding(Written):
+class Finding(TextResult):
     """A study with the exponents of its cases."""
 
     study: ChaosStudy

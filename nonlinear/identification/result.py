@@ -18,7 +18,7 @@ from modal.identification import (
     find_combinations,
     resampled,
 )
-from modal.report import NOTHING, Column, Form, Table, finite, records_of
+from modal.report import NOTHING, Form, ReportColumn, ReportTable, finite, records_of
 from modal.scene import Scene
 from modal.types import Floats, Ints
 from nonlinear.identification.problem import FitProblem
@@ -131,14 +131,16 @@ class Fit(FittedNumbers):
     what = "fit to measured motions"
     figure = "nonlinear.plotting.identification:fit_figure"
 
-    def parts(self, form: Form = "text", *, candidates: Sequence[Any] = (), draws: int = 0) -> Iterator[Table | str]:
+    def parts(
+        self, form: Form = "text", *, candidates: Sequence[Any] = (), draws: int = 0
+    ) -> Iterator[ReportTable | str]:
         """The numbers, sensors, segments, laws compared and the verdict; `draws` add deviations of a bootstrap."""
         yield self.table_of_numbers({"bootstrap": self.bootstrap(draws)} if draws else {})
         yield from self.determination()
-        yield Table.of(SENSOR, [sensor_record(self, c) for c in range(len(self.recording.sensors))])
-        yield Table.of(SEGMENT, zip(self.recording.segments, self.rms.tolist(), strict=True))
+        yield ReportTable.of(SENSOR, [sensor_record(self, c) for c in range(len(self.recording.sensors))])
+        yield ReportTable.of(SEGMENT, zip(self.recording.segments, self.rms.tolist(), strict=True))
         yield f"rms residual of all: {self.rms_all:.3g} rad"
-        yield Table.of(LAW, candidates)
+        yield ReportTable.of(LAW, candidates)
         yield "\n".join(self.footnotes())
 
     def whole(self, *, candidates: Sequence[Any] = (), draws: int = 0) -> dict[str, Any]:
@@ -293,24 +295,24 @@ def _figure(name: str, sensor: dict[str, Any]) -> str:
 
 
 SENSOR = (
-    Column(lambda sensor: sensor["sensor"], None, "sensor"),
+    ReportColumn(lambda sensor: sensor["sensor"], None, "sensor"),
     *(
-        Column(partial(_figure, name), None, f"{name} (s)" if name == "delay" else name)
+        ReportColumn(partial(_figure, name), None, f"{name} (s)" if name == "delay" else name)
         for name in ("noise", "offset", "delay", "scale")
     ),
 )
 SEGMENT = (
-    Column(lambda row: row[0].file, None, "file"),
-    Column(lambda row: row[0].name or NOTHING, None, "segment"),
-    Column(lambda row: len(row[0].times), None, "rows"),
-    Column(lambda row: row[1], None, "rms residual (rad)", ".3g"),
+    ReportColumn(lambda row: row[0].file, None, "file"),
+    ReportColumn(lambda row: row[0].name or NOTHING, None, "segment"),
+    ReportColumn(lambda row: len(row[0].times), None, "rows"),
+    ReportColumn(lambda row: row[1], None, "rms residual (rad)", ".3g"),
 )
 LAW = (
-    Column("name", "model", "law"),
-    Column("fit.rms_all", "rms_residual_rad", "rms (rad)", "{:.3g}".format),
-    Column("held_out_rms", "held_out_rms_residual_rad", "rms held out (rad)", "{:.3g}".format),
-    Column("aic", "aic", "AIC", "{:.1f}".format),
-    Column("bic", "bic", "BIC", "{:.1f}".format),
+    ReportColumn("name", "model", "law"),
+    ReportColumn("fit.rms_all", "rms_residual_rad", "rms (rad)", "{:.3g}".format),
+    ReportColumn("held_out_rms", "held_out_rms_residual_rad", "rms held out (rad)", "{:.3g}".format),
+    ReportColumn("aic", "aic", "AIC", "{:.1f}".format),
+    ReportColumn("bic", "bic", "BIC", "{:.1f}".format),
 )
 """The quantities of a sensor, of a segment with its residual, and of a law."""
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from modal.errors import ComputationError
 from modal.modes import natural_modes
-from modal.report import Written, deferred
+from modal.report import TextResult, by_column, deferred
 from modal.scene.parameters import Variation
 from modal.types import Floats
 from nonlinear.orbits.continuation import OrbitPoint, OrbitProblem
@@ -26,7 +26,7 @@ Report = Callable[[float], object]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Branch(Written):
+class Branch(TextResult):
     """Orbits in the order of their continuation and the special points between them.
 
     `origin` says where it begins, `variation` along which number of the scene it goes, if any; it is `complete` where
@@ -78,22 +78,8 @@ class Branch(Written):
         return np.array([np.nan if orbit.value is None else orbit.value for orbit in self.orbits])
 
     def to_dict(self) -> dict[str, Any]:
-        """A row for each orbit, (K,): what it was continued along, amplitude, energy, frequency and stability."""
-        along = {self.variation.column: self.value} if self.variation else {}
-        orbits = self.orbits if self.is_forced else ()
-        driven = {
-            "phase_deg": np.degrees([orbit.phase for orbit in orbits]),
-            "fed_J": np.array([orbit.fed for orbit in orbits]),
-        }
-        return {
-            **along,
-            "omega_rad_per_s": self.omega,
-            "stable": np.array(self.is_stable),
-            "largest_angle_deg": np.degrees(self.amplitude),
-            **(driven if orbits else {}),
-            "energy_J": self.energy,
-            "residual": np.array([orbit.residual for orbit in self.orbits]),
-        }
+        """The columns of CSV, (K,): what it was continued along, frequency, stability, amplitude, energy and more."""
+        return by_column(list(deferred("nonlinear.orbits.report:orbit_rows")(self)))
 
     def plot(self) -> Figure:
         """A matplotlib figure of the branch, beside the linear mode in which it begins.

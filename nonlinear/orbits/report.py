@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import partial
 from math import ceil, degrees, isfinite, log10
 from textwrap import fill
 from typing import Any
@@ -10,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from modal.loci import followed_columns
-from modal.report import as_csv, counted, finite, grid, line_width, listed, titled
+from modal.report import ReportColumn, ReportTable, as_csv, counted, finite, line_width, listed, titled
 from modal.scene import Scene, title_of, validate_scene
 from nonlinear.orbits.branch import Branch
 from nonlinear.orbits.cycles import growth
@@ -81,21 +82,21 @@ def _parameter(branch: Branch, orbit: Orbit) -> float:
 
 def orbits_csv(branches: Sequence[Branch]) -> str:
     """One line for every orbit, with its largest multiplier other than those that are 1 for a known reason."""
-    return as_csv(
-        [
-            {
-                **_followed(branch, orbit),
-                "branch": number + 1,
-                "from": branch.origin,
-                **_columns(_driven(orbit)),
-                "energy_J": orbit.energy,
-                "largest_multiplier": _largest(orbit),
-                "residual": orbit.residual,
-            }
-            for number, branch in enumerate(branches)
-            for orbit in branch.orbits
-        ]
-    )
+    return as_csv([row for number, branch in enumerate(branches, 1) for row in orbit_rows(branch, number)])
+
+
+def orbit_rows(branch: Branch, number: int = 1) -> Iterator[dict[str, Any]]:
+    """What CSV has of every orbit of a branch of this number."""
+    for orbit in branch.orbits:
+        yield {
+            **_followed(branch, orbit),
+            "branch": number,
+            "from": branch.origin,
+            **_columns(_driven(orbit)),
+            "energy_J": orbit.energy,
+            "largest_multiplier": _largest(orbit),
+            "residual": orbit.residual,
+        }
 
 
 def _followed(branch: Branch, orbit: Orbit) -> dict[str, Any]:
@@ -130,8 +131,8 @@ def _parts(branches: Sequence[Branch], linear: float | None) -> Iterator[str]:
         span = f", of {cycles} periods of the drives" if cycles > 1 else ""
         yield f"branch {number + 1}, from {branch.origin}{along}: {count} that close to {closed:.0e}{span}"
         kept = np.unique(np.linspace(0, len(branch.orbits) - 1, SHOWN).astype(int))
-        rows = [_cells(branch, branch.orbits[at], linear) for at in kept]
-        yield grid(rows, _headings(branch, linear))
+        table = ReportTable.of(_quantities(branch, linear), [branch.orbits[at] for at in kept])
+        yield table.written()
         yield "\n".join(_notes(branch))
     if branches[0].is_forced:
         yield from _unreached(branches)
@@ -139,33 +140,26 @@ def _parts(branches: Sequence[Branch], linear: float | None) -> Iterator[str]:
     yield fill(STABLE, line_width())
 
 
-def _headings(branch: Branch, linear: float | None) -> list[str]:
-    head = [f"{branch.variation.path} ({branch.variation.unit or '–'})"] if branch.variation else []
-    shift = ["ω/ω₀ − 1"] if linear else []
+def _quantities(branch: Branch, linear: float | None) -> Iterator[ReportColumn]:
+    """What the text tells of an orbit."""
+    if branch.variation:
+        place = f"{branch.variation.path} ({branch.variation.unit or '–'})"
+        yield ReportColumn(partial(_parameter, branch), None, place, ".6g")
+    yield ReportColumn(lambda orbit: degrees(orbit.amplitude), None, "largest angle (°)", ".3f")
     if branch.is_forced:
-        return [*head, "largest angle (°)", "phase (°)", "fed (J)", "stable", "largest |μ|"]
-    grows = ["growth (1/s)"] if branch.variation else []
-    return [*head, "largest angle (°)", "ω (rad/s)", *shift, "energy (J)", "stable", "largest |μ|", *grows]
-
-
-def _cells(branch: Branch, orbit: Orbit, linear: float | None) -> list[str]:
-    head = [f"{_parameter(branch, orbit):.6g}"] if branch.variation else []
-    shift = [f"{100 * (orbit.omega / linear - 1):+.4f} %"] if linear else []
-    if branch.is_forced:
-        phase = f"{degrees(orbit.phase):.2f}" if isfinite(orbit.phase) else "–"
-        told = [f"{degrees(orbit.amplitude):.3f}", phase, f"{orbit.fed:.5g}"]
-        return [*head, *told, "yes" if orbit.is_stable else "no", f"{_largest(orbit):.6g}"]
-    grows = [f"{growth(orbit):.5f}"] if branch.variation else []
-    return [
-        *head,
-        f"{degrees(orbit.amplitude):.3f}",
-        f"{orbit.omega:.9g}",
-        *shift,
-        f"{orbit.energy:.6g}",
-        "yes" if orbit.is_stable else "no",
-        f"{_largest(orbit):.6g}",
-        *grows,
-    ]
+        yield ReportColumn(lambda orbit: degrees(orbit.phase), None, "phase (°)", ".2f")
+        yield ReportColumn("fed", None, "fed (J)", ".5g")
+    else:
+        yield ReportColumn("omega", None, "ω (rad/s)", ".9g")
+        if linear:
+            yield ReportColumn(
+                lambda orbit: orbit.omega / linear - 1, None, "ω/ω₀ − 1", lambda off: f"{100 * off:+.4f} %"
+            )
+        yield ReportColumn("energy", None, "energy (J)", ".6g")
+    yield ReportColumn("is_stable", None, "stable", lambda stable: "yes" if stable else "no")
+    yield ReportColumn(_largest, None, "largest |μ|", ".6g")
+    if branch.variation and not branch.is_forced:
+        yield ReportColumn(growth, None, "growth (1/s)", ".5f")
 
 
 def _largest(orbit: Orbit) -> float:

@@ -22,7 +22,7 @@ from math import exp, log
 import numpy as np
 
 from modal.errors import SceneError
-from modal.report import Displayed, Written, silent
+from modal.report import Displayed, TextResult, silent
 from modal.scene import Scene, require
 from modal.scene.doors import checked
 from modal.scene.parameters import Variation, validate_variations, vary
@@ -127,7 +127,7 @@ class EquilibriumBranch(Displayed):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Branches(Written):
+class Branches(TextResult):
     """All branches that were found, those at the first value first."""
 
     scene: Scene

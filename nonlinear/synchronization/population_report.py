@@ -2,20 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
+from itertools import count
 from math import degrees
+from operator import itemgetter
 from textwrap import fill
 from typing import Any
 
 import numpy as np
 
-from modal.loci import followed_columns
-from modal.report import NOTHING, as_csv, capital, counted, finite, grid, line_width, with_unit
+from modal.loci import followed_columns, span_of
+from modal.report import (
+    NOTHING,
+    ReportColumn,
+    ReportTable,
+    as_csv,
+    capital,
+    counted,
+    grid,
+    line_width,
+    records_of,
+    with_unit,
+)
+from modal.types import Floats
 from nonlinear.synchronization.populations import PopulationPhases
 from nonlinear.synchronization.sectors import SymmetricMotion
 from nonlinear.synchronization.thresholds import MotionBranch, PopulationDiagram, Threshold
 
-POPULATIONS = ("population", "on", "pendula", "R", "mean rate (rad/s)", "spread (rad/s)", "phase (deg)")
 QUARTERS = "R, rates and the phase from population 1's are means over the last quarter of the run."
 RATES = (
     "Growth rates by Floquet multipliers of the full equations, and below them by the averaged ones. In these motions "
@@ -30,30 +43,32 @@ EXACT = (
 
 def population_sections(phases: PopulationPhases, motions: tuple[SymmetricMotion, ...], why: str) -> Iterator[str]:
     """The populations, then their symmetric motions."""
-    yield grid(list(map(list, _population_rows(phases))), POPULATIONS, "text") + "\n\n" + fill(QUARTERS, line_width())
+    table = ReportTable.of(POPULATION, _rows(phases))
+    yield table.written() + "\n\n" + fill(QUARTERS, line_width())
     if motions:
         yield _motions(motions)
     elif why:
         yield fill(f"No growth rates of symmetric motions: {why}.", line_width())
 
 
-def _population_rows(phases: PopulationPhases) -> Iterator[tuple[str, ...]]:
-    rows = zip(phases.populations, phases.late_order, phases.rate, phases.spread, phases.phase, strict=True)
-    for number, (population, order, rate, spread, phase) in enumerate(rows):
-        relative = number and phases.is_held
-        yield (
-            str(number + 1),
-            population.name,
-            str(population.size),
-            f"{order:.4f}",
-            _number(rate, ".6g"),
-            _number(spread, ".2g"),
-            f"{degrees(phase):.2f}" if relative else NOTHING,
-        )
+def _rows(phases: PopulationPhases) -> list[tuple[Any, ...]]:
+    """Of every population its number, itself, R, rate, spread and phase (deg), NaN where none is held."""
+    angles = np.degrees(phases.phase) if phases.is_held else np.full(len(phases.populations), np.nan)
+    columns = (phases.late_order, phases.rate, phases.spread, angles)
+    return list(zip(count(1), phases.populations, *(np.asarray(each).tolist() for each in columns), strict=False))
 
 
-def _number(value: float, form: str) -> str:
-    return NOTHING if np.isnan(value) else f"{value:{form}}"
+POPULATION = (
+    ReportColumn(itemgetter(0), None, "population"),
+    ReportColumn(lambda row: row[1].name, "support", "on"),
+    ReportColumn(lambda row: row[1].size, "pendula", "pendula"),
+    ReportColumn(itemgetter(2), "order_parameter", "R", "{:.4f}".format),
+    ReportColumn(itemgetter(3), "rate_rad_per_s", "mean rate (rad/s)", ".6g"),
+    ReportColumn(itemgetter(4), "spread_rad_per_s", "spread (rad/s)", ".2g"),
+    ReportColumn(itemgetter(5), "phase_deg"),
+    ReportColumn(lambda row: row[5] if row[0] > 1 else None, None, "phase (deg)", ".2f"),
+)
+"""The quantities of a population."""
 
 
 def _motions(motions: tuple[SymmetricMotion, ...]) -> str:
@@ -116,21 +131,10 @@ def leaves(sector: str) -> str:
 
 def population_record(phases: PopulationPhases, motions: tuple[SymmetricMotion, ...], why: str) -> dict[str, Any]:
     """The JSON record of populations and of their symmetric motions."""
-    rows = zip(phases.populations, phases.late_order, phases.rate, phases.spread, phases.phase, strict=True)
     return {
         "verdict": phases.kind,
         "verdict_words": phases.verdict,
-        "populations": [
-            {
-                "support": population.name,
-                "pendula": population.size,
-                "order_parameter": float(order),
-                "rate_rad_per_s": finite(rate),
-                "spread_rad_per_s": finite(spread),
-                "phase_deg": degrees(phase) if phases.is_held else None,
-            }
-            for population, order, rate, spread, phase in rows
-        ],
+        "populations": records_of(POPULATION, _rows(phases)),
         "symmetric_motions": list(map(_motion_record, motions)),
         "no_symmetric_motions": why or None,
     }
@@ -154,16 +158,31 @@ def _motion_record(motion: SymmetricMotion) -> dict[str, Any]:
 
 def diagram_text(diagram: PopulationDiagram) -> str:
     """One line for every symmetric motion, then one for every threshold, then their reasons."""
-    variation = diagram.variation
-    values, unit = variation.values, variation.unit
-    where = f"{variation.path} = {values[0]:.6g} to {values[-1]:.6g} {unit}".rstrip()
+    unit, where = diagram.variation.unit, span_of(diagram.variation)
     head = f"{counted(len(diagram.branches), 'symmetric motion', 'symmetric motions')} over {where}"
-    rows = [_branch_cells(diagram, threshold) for threshold in diagram.branches]
-    headers = ("motion", "ω (rad/s)", "largest angle (°)", with_unit("exists", unit), with_unit("stable", unit))
-    parts = [head, grid(rows, headers)]
+    table = ReportTable.of(
+        (
+            ReportColumn("name", None, "motion"),
+            ReportColumn(lambda branch: ends_of(branch.omega), None, "ω (rad/s)"),
+            ReportColumn(lambda branch: ends_of(np.rad2deg(branch.angle)), None, "largest angle (°)"),
+            ReportColumn(lambda branch: _where(diagram.windows, branch), None, with_unit("exists", unit)),
+            ReportColumn(lambda branch: _where(diagram.intervals, branch), None, with_unit("stable", unit)),
+        ),
+        diagram.branches,
+    )
+    parts = [head, table.written()]
     if diagram.thresholds:
-        columns = (with_unit("averaged", unit), with_unit("exact", unit), "motion", "sector", "event")
-        parts += ["", grid([_threshold_cells(threshold) for threshold in diagram.thresholds], columns)]
+        table = ReportTable.of(
+            (
+                ReportColumn("averaged", None, with_unit("averaged", unit), ".7g"),
+                ReportColumn("value", None, with_unit("exact", unit), ".9g"),
+                ReportColumn("pattern", None, "motion"),
+                ReportColumn(lambda threshold: threshold.sector or NOTHING, None, "sector"),
+                ReportColumn(threshold_words, None, "event"),
+            ),
+            diagram.thresholds,
+        )
+        parts += ["", table.written()]
         for threshold in diagram.thresholds:
             if threshold.reason:
                 words = f"{capital(threshold.pattern)} at {threshold.value:.6g}: {threshold.reason}."
@@ -172,27 +191,15 @@ def diagram_text(diagram: PopulationDiagram) -> str:
     return "\n".join(parts) + "\n"
 
 
-def _branch_cells(diagram: PopulationDiagram, branch: MotionBranch) -> tuple[str, ...]:
-    if not len(branch.values):
-        return branch.name, NOTHING, NOTHING, "nowhere", "nowhere"
-    stable = ", ".join(f"{low:.7g} to {high:.7g}" for low, high in diagram.intervals(branch)) or "nowhere"
-    exists = ", ".join(f"{low:.7g} to {high:.7g}" for low, high in diagram.windows(branch))
-    return branch.name, _ends(branch.omega), _ends(np.rad2deg(branch.angle)), exists, stable
+def _where(intervals: Callable[[MotionBranch], Iterable[tuple[float, float]]], branch: MotionBranch) -> str:
+    each = intervals(branch) if len(branch.values) else ()
+    return ", ".join(f"{low:.7g} to {high:.7g}" for low, high in each) or "nowhere"
 
 
-def _ends(values: Any) -> str:
-    return " → ".join(dict.fromkeys(f"{value:#.4g}".rstrip(".") for value in (values[0], values[-1])))
-
-
-def _threshold_cells(threshold: Threshold) -> tuple[str, ...]:
-    averaged = NOTHING if threshold.averaged is None else f"{threshold.averaged:.7g}"
-    return (
-        averaged,
-        f"{threshold.value:.9g}",
-        threshold.pattern,
-        threshold.sector or NOTHING,
-        threshold_words(threshold),
-    )
+def ends_of(values: Floats) -> str:
+    """From the first value to the last."""
+    ends = (f"{value:#.4g}".rstrip(".") for value in values[[0, -1]].tolist()) if len(values) else (NOTHING,)
+    return " → ".join(dict.fromkeys(ends))
 
 
 def threshold_words(threshold: Threshold) -> str:

@@ -13,15 +13,15 @@ from typing import Any
 import numpy as np
 
 from modal.errors import ComputationError
-from modal.loci import followed_columns
+from modal.loci import followed_columns, span_of
 from modal.modes import table_numbers
 from modal.report import (
-    NOTHING,
+    ReportColumn,
+    ReportTable,
     as_csv,
     capital,
     counted,
     finite,
-    grid,
     headed,
     line_width,
     listed,
@@ -32,19 +32,17 @@ from modal.report import (
 )
 from modal.scene import describe, title_of
 from modal.scene.doors import require_type
-from modal.types import Floats
 from nonlinear.averaging import ASIDE, RelativeEquilibrium
-from nonlinear.orbits import Orbit, Special, growth
+from nonlinear.orbits import Orbit, growth
 from nonlinear.postprocessing import last, smooth
 from nonlinear.synchronization.continuation import Branches, Change, EquilibriumBranch
 from nonlinear.synchronization.modal_energy import Survival
 from nonlinear.synchronization.patterns import agreement, own_amplitudes
 from nonlinear.synchronization.phases import ENDING, SETTLED
-from nonlinear.synchronization.population_report import population_record, population_sections
+from nonlinear.synchronization.population_report import ends_of, population_record, population_sections
 from nonlinear.synchronization.study import SynchronizationStudy, Theory
 from nonlinear.system import System
 
-HEAD = ("mode", "description", "pendula", "largest angle (deg)", "frequency (rad/s)", "stability")
 NOT_COVERED = (
     "The averaged equations are of first order in dampers, drives, coupling within a band and squares of angles, with "
     "the third harmonic of every swing. They leave out: what else happens within a swing, joints that stick, play, "
@@ -227,7 +225,8 @@ def _table(theory: Theory) -> str:
         return "none was found"
     each = _each(theory)
     shown = _shown(theory)
-    rows = grid([_cells(*each[k]) for k in shown], HEAD, "text")
+    table = ReportTable.of(STEADY, [each[k] for k in shown])
+    rows = table.written()
     notes = [f"Averaged alone: {theory.uncertified}."] * bool(theory.uncertified)
     notes += [EXACT] * any(theory.orbits) + [LEFT] * (None in theory.orbits and any(theory.orbits))
     if any(state.copies > 1 for state, _ in each):
@@ -249,20 +248,6 @@ def _shown(theory: Theory) -> list[int]:
     return [k for k in range(len(lasting)) if k not in dropped]
 
 
-def _cells(state: RelativeEquilibrium, orbit: Orbit | None) -> list[str]:
-    modes = state.averaged.modes
-    mode = modes[state.row]
-    angle = degrees(float(np.abs(own_amplitudes(state)).max()))
-    return [
-        str(state.number),
-        mode.family,
-        agreement(state) + (f" ({state.copies} copies)" if state.copies > 1 else ""),
-        f"{angle:.4g}",
-        f"{orbit.omega if orbit else state.omega:.6g}",
-        _fate(state, orbit),
-    ]
-
-
 def _fate(state: RelativeEquilibrium, orbit: Orbit | None) -> str:
     if state.is_stable is None:
         return "neutral"
@@ -270,6 +255,25 @@ def _fate(state: RelativeEquilibrium, orbit: Orbit | None) -> str:
         rate = growth(orbit)
         return f"{'stable' if orbit.is_stable else 'unstable'}, e-folding time {abs(1 / rate):.4g} s"
     return f"{'stable' if state.is_stable else 'unstable'}, e-folding time {state.relaxation:.4g} s (averaged)"
+
+
+STEADY = (
+    ReportColumn(lambda each: each[0].number, None, "mode"),
+    ReportColumn(lambda each: each[0].averaged.modes[each[0].row].family, None, "description"),
+    ReportColumn(lambda each: _agreement(each[0]), None, "pendula"),
+    ReportColumn(lambda each: _largest(each[0]), None, "largest angle (deg)", ".4g"),
+    ReportColumn(lambda each: each[1].omega if each[1] else each[0].omega, None, "frequency (rad/s)", ".6g"),
+    ReportColumn(lambda each: _fate(*each), None, "stability"),
+)
+"""The quantities of a steady motion and of the orbit beside it."""
+
+
+def _agreement(state: RelativeEquilibrium) -> str:
+    return agreement(state) + (f" ({state.copies} copies)" if state.copies > 1 else "")
+
+
+def _largest(state: RelativeEquilibrium) -> float:
+    return degrees(float(np.abs(own_amplitudes(state)).max()))
 
 
 def _prediction(study: SynchronizationStudy, theory: Theory) -> Iterator[str]:
@@ -532,28 +536,40 @@ def _frequencies(study: SynchronizationStudy) -> dict[str, Any]:
 
 def branches_text(diagram: Branches) -> str:
     """One line per branch, counted from 1, then one per critical value."""
-    variation = diagram.variation
-    values, unit = variation.values, variation.unit
-    where = f"{variation.path} = {values[0]:.6g} to {values[-1]:.6g} {unit}".rstrip()
+    unit, where = diagram.variation.unit, span_of(diagram.variation)
     head = f"{len(diagram.branches)} configurations over {where}"
-    rows = [_branch_cells(number, branch) for number, branch in enumerate(diagram.branches, start=1)]
-    headers = ("", "pendula", "ω (rad/s)", "largest angle (°)", with_unit("exists", unit), with_unit("stable", unit))
-    parts = [head, grid(rows, headers) or "no steady motion"]
+    table = ReportTable.of(
+        (
+            ReportColumn(lambda row: row[0], None, ""),
+            ReportColumn(lambda row: row[1].words, None, "pendula"),
+            ReportColumn(lambda row: ends_of(row[1].omega), None, "ω (rad/s)"),
+            ReportColumn(lambda row: ends_of(np.rad2deg(row[1].angle)), None, "largest angle (°)"),
+            ReportColumn(
+                lambda row: f"{row[1].values[0]:.7g} to {row[1].values[-1]:.7g}", None, with_unit("exists", unit)
+            ),
+            ReportColumn(lambda row: _lasting(row[1]), None, with_unit("stable", unit)),
+        ),
+        enumerate(diagram.branches, start=1),
+    )
+    parts = [head, table.written() or "no steady motion"]
     if diagram.changes:
-        each = zip(diagram.changes, diagram.located, strict=True)
-        turns = [
-            (f"{change.value:.7g}", _located(special), str(number + 1), change_words(change))
-            for (change, number), special in each
-        ]
-        parts += ["", grid(turns, (with_unit("averaged", unit), with_unit("exact", unit), "", "event"))]
+        table = ReportTable.of(
+            (
+                ReportColumn(lambda row: row[0][0].value, None, with_unit("averaged", unit), ".7g"),
+                ReportColumn(lambda row: row[1].orbit.value if row[1] else None, None, with_unit("exact", unit), ".7g"),
+                ReportColumn(lambda row: row[0][1] + 1, None, ""),
+                ReportColumn(lambda row: change_words(row[0][0]), None, "event"),
+            ),
+            zip(diagram.changes, diagram.located, strict=True),
+        )
+        parts += ["", table.written()]
         if any(diagram.located):
             parts += ["", fill(LOCATED, line_width())]
     return "\n".join(parts) + "\n"
 
 
-def _located(special: Special | None) -> str:
-    value = special.orbit.value if special else None
-    return NOTHING if value is None else f"{value:.7g}"
+def _lasting(branch: EquilibriumBranch) -> str:
+    return ", ".join(f"{low:.7g} to {high:.7g}" for low, high in branch.intervals) or "nowhere"
 
 
 def branches_csv(diagram: Branches) -> str:
@@ -574,15 +590,3 @@ def _branch_rows(diagram: Branches) -> Iterator[dict[str, Any]]:
 def change_words(change: Change) -> str:
     """What happens at a critical value: loses stability (neighbours beat at 0.063 rad/s)."""
     return change.kind + (f" (neighbours beat at {change.beat:.3g} rad/s)" if change.beat else "")
-
-
-def _branch_cells(number: int, branch: EquilibriumBranch) -> tuple[str, ...]:
-    stable = ", ".join(f"{low:.7g} to {high:.7g}" for low, high in branch.intervals) or "nowhere"
-    exists = f"{branch.values[0]:.7g} to {branch.values[-1]:.7g}"
-    return str(number), branch.words, _ends(branch.omega), _ends(np.rad2deg(branch.angle)), exists, stable
-
-
-def _ends(values: Floats) -> str:
-    """From the first value to the last."""
-    ends = dict.fromkeys(f"{value:#.4g}".rstrip(".") for value in (values[0], values[-1]))
-    return " → ".join(ends)

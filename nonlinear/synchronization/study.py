@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from modal.errors import ComputationError
-from modal.report import Displayed, Written, silent
+from modal.report import Displayed, TextResult, silent
 from modal.scene import Scene, refusals, require, validate_scene
 from modal.scene.doors import checked
 from nonlinear.averaging import Prediction, RelativeEquilibrium, predict, relative_equilibria
@@ -77,7 +77,7 @@ class Theory(Displayed):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class SynchronizationStudy(Written):
+class SynchronizationStudy(TextResult):
     """Theory and simulation of a scene; without theory or modes, `silent` and `unmeasured` say why.
 
     On a structure `populations` are the phases of the run by populations, and `motions` their symmetric motions, or

@@ -16,7 +16,7 @@ import numpy as np
 import scipy
 
 from modal.errors import ComputationError
-from modal.report import Displayed, Summary, Written, counted, silent
+from modal.report import Displayed, Summary, TextResult, counted, silent
 from modal.scene import Scene, require
 from modal.scene.parameters import Variation, vary
 from modal.types import Floats
@@ -94,7 +94,7 @@ class MotionBranch(Displayed):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class PopulationDiagram(Written):
+class PopulationDiagram(TextResult):
     """The symmetric motions of a scene's populations along a number, and all thresholds in ascending order."""
 
     scene: Scene

@@ -26,7 +26,7 @@ import numpy as np
 from modal.eigen import is_singular
 from modal.errors import ComputationError, SceneError
 from modal.modes import Mode, Modes, natural_modes
-from modal.report import Displayed, Written, silent
+from modal.report import Displayed, TextResult, silent
 from modal.scene import Scene, require
 from modal.scene.doors import checked, checked_index
 from modal.types import Floats
@@ -181,7 +181,7 @@ class ModeCheck(Displayed):
 
 
 @dataclass(frozen=True, repr=False)
-class Check(Written):
+class Check(TextResult):
     """Every mode that was checked, and (number from 1, reason) for those that were not."""
 
     scene: Scene

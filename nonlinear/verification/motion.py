@@ -14,7 +14,7 @@ import numpy as np
 
 from modal.errors import ComputationError
 from modal.modes import Mode, Modes, natural_modes
-from modal.report import Displayed, Written
+from modal.report import Displayed, TextResult
 from modal.scene import require
 from modal.scene.doors import checked
 from modal.types import Floats
@@ -43,7 +43,7 @@ class ModeInMotion(Displayed):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Comparison(Written):
+class Comparison(TextResult):
     """A motion and the results for each modal coordinate; `pushing` are the links of bobs that push."""
 
     modes: Modes

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from math import ceil, degrees, floor, isfinite, isinf, log10
 from typing import Any
 
@@ -10,6 +10,8 @@ from modal.modes.dissipation import stop_words
 from modal.report import (
     NOTHING,
     Form,
+    ReportColumn,
+    ReportTable,
     as_csv,
     as_json,
     digits,
@@ -18,6 +20,7 @@ from modal.report import (
     listed,
     markdown,
     percent,
+    records_of,
     titled,
 )
 from modal.scene import describe, left_out, title_of
@@ -26,8 +29,6 @@ from nonlinear.postprocessing import PushingLink, words_of
 from nonlinear.verification.modes import FARTHEST, Check, Measurement, ModeCheck
 from nonlinear.verification.motion import Comparison, ModeInMotion
 
-MODES = ("mode", "ω (rad/s)", "κ (1/rad²)", "measured", "rel. error ≤", "1 % at (°)", "measured (°)", "description")
-RUNS = ("mode", "angle (°)", "ω(a) (rad/s)", "rel. error ≤", "ω(a)/ω − 1", "orbit", "κa²", "outside")
 BEYOND = 1e-3  # of the error of κ: how far its digits go
 SMALL = 1e-4  # relative difference from which on it is given in per cent
 MOST_SHARES = 4  # modes whose energy is told
@@ -40,21 +41,34 @@ def check_table(check: Check, form: Form = "text") -> str:
     if form == "json":
         whole = {
             "scene": describe(check.scene),
-            "modes": [_mode_record(row) for row in check.rows],
+            "modes": [
+                {
+                    **record,
+                    "runs": [
+                        {**run, "pushing": _pushing(m.pushing)} for run, m in zip(runs, row.measurements, strict=True)
+                    ],
+                }
+                for record, row in zip(records_of(MODE, check.rows), check.rows, strict=True)
+                for runs in [records_of(RUN, _runs([row]))]
+            ],
             "skipped": [{"mode": number, "reason": reason} for number, reason in check.skipped],
             "verdict_sentences": check_verdict(check),
         }
         return as_json(whole)
-    records = [_run_record(row, run) for row in check.rows for run in row.measurements]
     if form == "csv":
-        return as_csv(records)
+        return as_csv(records_of(RUN, _runs(check.rows)))
+    modes, runs = ReportTable.of(MODE, check.rows), ReportTable.of(RUN, _runs(check.rows))
     parts = [
         _paragraph(check_verdict(check), form),
-        grid([_mode_cells(row) for row in check.rows], MODES, form),
-        grid([_run_cells(row, run) for row in check.rows for run in row.measurements], RUNS, form),
+        modes.written(form),
+        runs.written(form),
         "\n\n".join(map(markdown, _notes(check))) if form == "markdown" else "\n".join(_notes(check)),
     ]
     return titled(title_of(check.scene), "the table of modes against the full motion", parts, form)
+
+
+def _runs(rows: Iterable[ModeCheck]) -> list[tuple[ModeCheck, Measurement]]:
+    return [(row, run) for row in rows for run in row.measurements]
 
 
 def _paragraph(sentences: list[str], form: str) -> str:
@@ -64,7 +78,7 @@ def _paragraph(sentences: list[str], form: str) -> str:
 
 def check_verdict(check: Check) -> list[str]:
     """How right the table is: at the smallest angle, at the largest with and without κa², and its angles of 1 %."""
-    runs = [(row, run) for row in check.rows for run in row.measurements]
+    runs = _runs(check.rows)
     regular = [(row, run) for row, run in runs if not run.irregular]
     sentences = []
     several = len(check.rows) > 1
@@ -115,21 +129,6 @@ def _angle(degree: float) -> str:
     return f">{FARTHEST:g}" if isinf(degree) or degree > FARTHEST else digits(degree, 0.0, 3)
 
 
-def _mode_cells(row: ModeCheck) -> list[str]:
-    mode, (kappa, error) = row.mode, row.kappa
-    certain = error / abs(kappa) if kappa else 1.0
-    return [
-        f"{mode.number}{'*' if mode.resonances else ''}",
-        digits(mode.omega, mode.relative_error_bound, 9),
-        digits(mode.kappa, 0.0, 5),
-        digits(kappa, BEYOND * min(certain, 1.0), 5),
-        _at_most(certain),
-        _angle(mode.linear_to_1_percent_deg),
-        _angle(row.one_percent_deg),
-        mode.family,
-    ]
-
-
 def _at_most(share: float) -> str:
     """A bound to one digit, rounded up."""
     if not isfinite(share) or not share:
@@ -138,14 +137,36 @@ def _at_most(share: float) -> str:
     return f"{ceil(share / unit * (1 - 1e-12)) * unit:.0e}"
 
 
-def _run_cells(row: ModeCheck, run: Measurement) -> list[str]:
-    angle, expected = f"{degrees(run.amplitude):.4g}", digits(row.predicted(run), 0.0, 4)
-    head, outside = [str(row.mode.number), angle], f"{run.outside:.1e}"
-    exact = digits(row.exact(run), 0.0, 5)
-    if run.irregular:
-        return [*head, "irregular", NOTHING, NOTHING, exact, expected, outside]
-    shift = digits(run.shift, run.error / max(abs(run.shift), run.error), 4)
-    return [*head, digits(run.omega, run.error, 9), f"{run.error:.0e}", shift, exact, expected, outside]
+def _omega_cell(pair: tuple[ModeCheck, Measurement]) -> str:
+    run = pair[1]
+    return "irregular" if run.irregular else digits(run.omega, run.error, 9)
+
+
+def _shift_cell(pair: tuple[ModeCheck, Measurement]) -> str:
+    run = pair[1]
+    return NOTHING if run.irregular else digits(run.shift, run.error / max(abs(run.shift), run.error), 4)
+
+
+RUN = (
+    ReportColumn(lambda pair: pair[0].mode.number, "mode", "mode"),
+    ReportColumn(lambda pair: pair[0].mode.omega, "omega_linear_rad_per_s"),
+    ReportColumn(lambda pair: pair[0].mode.kappa, "kappa_per_rad2"),
+    ReportColumn(lambda pair: degrees(pair[1].amplitude), "amplitude_deg", "angle (°)", ".4g"),
+    ReportColumn(lambda pair: degrees(pair[1].effective), "effective_amplitude_deg"),
+    ReportColumn(lambda pair: pair[1].irregular, "irregular"),
+    ReportColumn(_omega_cell, None, "ω(a) (rad/s)"),
+    ReportColumn(lambda pair: None if pair[1].irregular else pair[1].omega, "omega_rad_per_s"),
+    ReportColumn(lambda pair: pair[1].error, "relative_error"),
+    ReportColumn(lambda pair: NOTHING if pair[1].irregular else f"{pair[1].error:.0e}", None, "rel. error ≤"),
+    ReportColumn(_shift_cell, None, "ω(a)/ω − 1"),
+    ReportColumn(lambda pair: None if pair[1].irregular else pair[1].shift, "shift"),
+    ReportColumn(lambda pair: pair[0].exact(pair[1]), "orbit_shift", "orbit", lambda shift: digits(shift, 0.0, 5)),
+    ReportColumn(
+        lambda pair: pair[0].predicted(pair[1]), "predicted_shift", "κa²", lambda shift: digits(shift, 0.0, 4)
+    ),
+    ReportColumn(lambda pair: pair[1].outside, "energy_share_outside", "outside", "{:.1e}".format),
+)
+"""The quantities of a run with its mode, units in the keys."""
 
 
 def _notes(check: Check) -> list[str]:
@@ -171,43 +192,33 @@ def _notes(check: Check) -> list[str]:
     return notes
 
 
-def _run_record(row: ModeCheck, run: Measurement) -> dict[str, Any]:
-    """One run with its mode, units in the names; None where a value has no meaning."""
-    return {
-        "mode": row.mode.number,
-        "omega_linear_rad_per_s": row.mode.omega,
-        "kappa_per_rad2": finite(row.mode.kappa),
-        "amplitude_deg": degrees(run.amplitude),
-        "effective_amplitude_deg": degrees(run.effective),
-        "irregular": run.irregular,
-        "omega_rad_per_s": None if run.irregular else run.omega,
-        "relative_error": finite(run.error),
-        "shift": None if run.irregular else run.shift,
-        "orbit_shift": finite(row.exact(run)),
-        "predicted_shift": finite(row.predicted(run)),
-        "energy_share_outside": finite(run.outside),
-    }
-
-
 def _pushing(links: Sequence[PushingLink]) -> list[dict[str, Any]]:
     """The links of bobs that push, where a rope would be slack."""
     return [link.record() for link in links]
 
 
-def _mode_record(row: ModeCheck) -> dict[str, Any]:
+def _certain(row: ModeCheck) -> float:
     kappa, error = row.kappa
-    return {
-        "mode": row.mode.number,
-        "family": row.mode.family,
-        "omega_rad_per_s": row.mode.omega,
-        "kappa_per_rad2": finite(row.mode.kappa),
-        "kappa_measured_per_rad2": finite(kappa),
-        "kappa_measured_error_per_rad2": finite(error),
-        "linear_to_1_percent_deg": finite(row.mode.linear_to_1_percent_deg),
-        "measured_to_1_percent_deg": finite(row.one_percent_deg),
-        "resonances": list(row.mode.resonances),
-        "runs": [_run_record(row, run) | {"pushing": _pushing(run.pushing)} for run in row.measurements],
-    }
+    return error / abs(kappa) if kappa else 1.0
+
+
+MODE = (
+    ReportColumn("mode.number", "mode"),
+    ReportColumn(lambda row: f"{row.mode.number}{'*' if row.mode.resonances else ''}", None, "mode"),
+    ReportColumn("mode.family", "family"),
+    ReportColumn(lambda row: digits(row.mode.omega, row.mode.relative_error_bound, 9), None, "ω (rad/s)"),
+    ReportColumn("mode.omega", "omega_rad_per_s"),
+    ReportColumn("mode.kappa", "kappa_per_rad2", "κ (1/rad²)", lambda kappa: digits(kappa, 0.0, 5)),
+    ReportColumn(lambda row: digits(row.kappa[0], BEYOND * min(_certain(row), 1.0), 5), None, "measured"),
+    ReportColumn(lambda row: row.kappa[0], "kappa_measured_per_rad2"),
+    ReportColumn(lambda row: row.kappa[1], "kappa_measured_error_per_rad2"),
+    ReportColumn(_certain, None, "rel. error ≤", _at_most),
+    ReportColumn("mode.linear_to_1_percent_deg", "linear_to_1_percent_deg", "1 % at (°)", _angle),
+    ReportColumn("one_percent_deg", "measured_to_1_percent_deg", "measured (°)", _angle),
+    ReportColumn("mode.family", None, "description"),
+    ReportColumn(lambda row: list(row.mode.resonances), "resonances"),
+)
+"""The quantities of a mode."""
 
 
 @checked

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass, fields, is_dataclass
 from importlib import import_module
 from pathlib import Path
@@ -15,7 +16,19 @@ from shown import assert_shown, parsed
 import modal
 import nonlinear
 from modal.modes import natural_modes
-from modal.report import HTML_ROWS, TEXT_ROWS, WIDTH, Displayed, Summary, breadth, brief, by_column, summary_of
+from modal.report import (
+    HTML_ROWS,
+    TEXT_ROWS,
+    WIDTH,
+    Displayed,
+    ReportColumn,
+    Result,
+    Summary,
+    breadth,
+    brief,
+    by_column,
+    summary_of,
+)
 from modal.report.display import MOST_LINES
 from modal.scene import Bob, Cart, Pendulum, Scene
 from nonlinear.system import AppliedForces, Kicks
@@ -91,7 +104,7 @@ def test_what_is_imported_late_is_there() -> None:
         place
         for package in ("modal", "nonlinear")
         for path in (ROOT / package).rglob("*.py")
-        for place in findall(r'deferred\("([\w.]+:\w+)"\)', path.read_text(encoding="utf-8"))
+        for place in findall(r'(?:deferred\(|figure = |writer = )"([\w.]+:\w+)"', path.read_text(encoding="utf-8"))
     }
     assert len(places) > 10
     for module, name in (place.split(":") for place in places):
@@ -221,3 +234,56 @@ def test_scenes_show_themselves_and_still_compare_and_hash() -> None:
     assert scene == other
     assert hash(scene) == hash(other)
     assert repr(scene) == repr(other) != repr(scene.replace(gravity=1.0))
+
+
+# ---------------------------------------------------------------------------------------------- results of commands
+
+
+@dataclass(frozen=True, repr=False)
+class Falls(Result):
+    scene: Scene
+    rows: tuple[tuple[str, float], ...]
+    what = "falls"
+    key = "falls"
+
+    def columns(self) -> tuple[ReportColumn, ...]:
+        return (
+            ReportColumn(lambda row: row[0], "method", "method"),
+            ReportColumn(lambda row: row[1], "height_m", "height (m)", ".2f"),
+            ReportColumn(lambda row: row[1] > 1, "high"),
+            ReportColumn(lambda row: "*" * (row[1] > 1), None, ""),
+        )
+
+    def footnotes(self) -> tuple[str, ...]:
+        return ("*: high",)
+
+    def facts(self) -> dict[str, int]:
+        return {"count": len(self.rows)}
+
+
+def test_all_forms_of_a_result_come_from_its_columns() -> None:
+    falls = Falls(modal.load("chain-2").replace(title=HOSTILE), (("a & b", 0.5), ("c", 2.0), ("d", float("nan"))))
+    title, _, head, rule, *rows, _, note = falls.report().rstrip("\n").split("\n")
+    assert title.endswith("\\u202e: falls")
+    assert head.split() == ["method", "height", "(m)"]
+    assert set(rule) == {"-", " "}
+    assert [row.split() for row in rows] == [["a", "&", "b", "0.50"], ["c", "2.00", "*"], ["d", "–"]]
+    assert note == "*: high"
+    assert repr(falls) == falls.report().rstrip("\n")
+    assert falls.report("csv").splitlines() == ["method,height_m,high", "a & b,0.5,False", "c,2.0,True", "d,,False"]
+    whole = json.loads(falls.report("json"))
+    assert list(whole) == ["scene", "count", "falls"]
+    assert whole["falls"][2] == {"method": "d", "height_m": None, "high": False}
+    np.testing.assert_array_equal(falls.to_dict()["height_m"], [0.5, 2.0, np.nan])
+    assert "| a & b" in falls.report("markdown").replace("&amp;", "&")
+    assert "script" not in parsed(falls._repr_html_()).seen
+    rows_of_latex = [r"a \& b & 0.50 &  \\", r"c & 2.00 & * \\", r"d & -- &  \\"]
+    begin = [r"\begin{tabular}{lrr}", r"method & height (m) &  \\", r"\hline"]
+    assert str(falls._repr_latex_()).split("\n") == [*begin, *rows_of_latex, r"\end{tabular}"]
+
+
+def test_a_long_result_says_that_more_follows() -> None:
+    many_falls = Falls(modal.load("chain-2"), tuple((f"{k}", float(k)) for k in range(20)))
+    assert repr(many_falls).endswith("\n… 16 more")
+    assert repr(many_falls).split("\n")[:-1] == [line.rstrip() for line in many_falls.report().split("\n")[:8]]
+    assert_shown(many_falls)
