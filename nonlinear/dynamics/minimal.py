@@ -324,14 +324,20 @@ class Suspended(Arranged):
             gravity = system.gravity - instant.support[1]
             push = system.cart.mass * gravity
         for place, group in zip(self.places, self.lengthened(instant), strict=True):
-            speed, winding, external = rates[place] if whole else 0 * rates[place], [0.0, 0.0], None
-            if whole and instant.lengths is not None:
-                winding = [part[group.index] for part in instant.lengths[1:]]
-            if whole:
-                external = self.external(group, links[place], speed, y[half], instant)
-            start = accelerations[0], -gravity
-            force = transmitted(group, winding, links[place], speed, turned[place], start, external)
-            push = push - force[1][0].sum(0)
+            sin, cos, b, alpha = np.sin(links[place]), np.cos(links[place]), group.block.b, turned[place]
+            if not whole:
+                push = push + (b * sin * alpha).sum((0, 1))
+                continue
+            speed = rates[place]
+            w = speed * speed
+            if instant.lengths is not None:
+                winding, acceleration = (part[group.index] for part in instant.lengths[1:])
+                alpha = alpha + 2.0 * winding * speed / group.block.length
+                w = w - acceleration / group.block.length
+            push = push + gravity * group.block.mass.sum((0, 1)) + (b * (sin * alpha + cos * w)).sum((0, 1))
+            external = self.external(group, links[place], speed, y[half], instant)
+            if external is not None:
+                push = push + external.forces[1].sum((0, 1))
         return push
 
 
@@ -509,9 +515,10 @@ def drained(system: System, q: Floats, v: Floats, support: tuple[Any, Any] = (0.
 
 
 def tensions(group: Group, winding: Any, angles: Any, rates: Any, turns: Any, start: Any, external: Any) -> Any:
-    """The pulls u·f (n, P) in ropes, with f of `transmitted`, along which lengths change; 0 in all others.
+    """The pulls u·f (n, P) in ropes whose lengths change, 0 in all others: f = Σ m (a − g) − F of all below a joint.
 
-    With α = θ'' + 2 l' θ'/l, w = θ'² − l''/l and the mass S_i from a link i down
+    `winding` are the speeds and accelerations of the lengths, `start` is the acceleration a of the first joint less
+    gravity, F the `external` forces.  With α = θ'' + 2 l' θ'/l, w = θ'² − l''/l and the mass S_i from a link i down
 
         u_i·f_i = S_i (u_i·a − Σ_{j≤i} l_j (cos(θ_i − θ_j) w_j − sin(θ_i − θ_j) α_j))
                   − Σ_{j>i} b_j (cos(θ_j − θ_i) w_j + sin(θ_j − θ_i) α_j) − u_i·ΣF
@@ -534,22 +541,3 @@ def tensions(group: Group, winding: Any, angles: Any, rates: Any, turns: Any, st
             pull = pull - (s[i] * along + c[i] * below)
         pulls[i] = pull
     return pulls
-
-
-def transmitted(group: Group, winding: Any, angles: Any, rates: Any, turns: Any, start: Any, external: Any) -> Any:
-    """The force f (2, n, P) on every link from above, along the rail and down: f = Σ m (a − g) − F of all below it.
-
-    `winding` are the speeds and accelerations of the lengths, `start` is the acceleration of the first joint less
-    gravity, F the `external` forces.
-    """
-    speed, acceleration = winding
-    sin, cos = np.sin(angles), np.cos(angles)
-    u, n = np.stack((sin, cos)), np.stack((cos, -sin))
-    along, across = acceleration - group.block.length * rates * rates, group.block.length * turns + 2 * speed * rates
-    ends = np.cumsum(along * u + across * n, axis=1)
-    ends[0], ends[1] = ends[0] + start[0], ends[1] + start[1]
-    rest = group.block.length - group.block.centre
-    needed = group.block.mass * (ends - rest * (turns * n - rates * rates * u))
-    if external is not None:
-        needed = needed - external.forces
-    return np.cumsum(needed[:, ::-1], axis=1)[:, ::-1]
