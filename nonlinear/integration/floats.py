@@ -9,7 +9,8 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Callable, Sequence
 from functools import lru_cache, partial
-from math import inf, nan, nextafter, ulp
+from itertools import chain
+from math import inf, nan, nextafter, prod, ulp
 from typing import Any, NamedTuple, cast
 
 import numpy as np
@@ -383,7 +384,9 @@ def interpolated(steps: Sequence[FloatStep], times: Floats, derivative: Any) -> 
     """The y (T, size) at ascending times within these steps, by the method's own interpolation."""
     start, end = np.array([(step.start, step.end) for step in steps]).T
     before, after = (np.array([getattr(step, name) for step in steps]).T for name in ("before", "after"))
-    stages = [*np.array([step.stages for step in steps]).transpose(1, 2, 0)]
+    shape = len(steps), STAGES + 1, len(before)
+    numbers = chain.from_iterable(stage for step in steps for stage in step.stages)
+    stages = [*np.fromiter(numbers, float, prod(shape)).reshape(shape).transpose(1, 2, 0)]
     length = end - start
     terms = _terms(start, length, before, after, stages, derivative)
     at = np.searchsorted(end, times)
