@@ -4,9 +4,9 @@
 
 Two bobs with one feature each, over the same two bobs without, of two joints that rub one at rest; whole runs of ten
 seconds over those without; then runs of shipped scenes, that of `kapitza.toml` beside the ten lines that a user would
-write with SciPy's DOP853.  What time brings is listed by itself: one call in
-floats, one of a thousand times side by side, and a run over a whole record, whose steps end at its breaks.  Process
-times, the best of several, all in one run.
+write with SciPy's DOP853.  Runs without friction take compiled code where it is ready, runs with friction never.  What
+time brings is listed by itself: one call in floats, one of a thousand times side by side, and a run over a whole
+record, whose steps end at its breaks.  Process times, the best of several, all in one run.
 """
 
 from __future__ import annotations
