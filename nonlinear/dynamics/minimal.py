@@ -24,7 +24,7 @@ from nonlinear.dynamics.contacts import Rubbed
 from nonlinear.dynamics.external import External, applied, plane_drag
 from nonlinear.dynamics.inputs import Inputs, Instant, Lengths, lengthened
 from nonlinear.dynamics.joints import Base, bending_torques, inertial_torques, modal_drag
-from nonlinear.dynamics.recursion import Answer, Bias, downward, driven, links_of, upward
+from nonlinear.dynamics.recursion import Answer, Bias, downward, driven, lifted, links_of, tensions, upward
 from nonlinear.dynamics.sticking import Sticking
 from nonlinear.dynamics.structure import Carriers, CarriersAt, inverted_on_carriers
 from nonlinear.system import Group, Layout, Load, Motion, State, System
@@ -324,17 +324,14 @@ class Suspended(Arranged):
             gravity = system.gravity - instant.support[1]
             push = system.cart.mass * gravity
         for place, group in zip(self.places, self.lengthened(instant), strict=True):
-            sin, cos, b, alpha = np.sin(links[place]), np.cos(links[place]), group.block.b, turned[place]
             if not whole:
-                push = push + (b * sin * alpha).sum((0, 1))
+                push = push + lifted(group, links[place], 0.0, turned[place])
                 continue
-            speed = rates[place]
-            w = speed * speed
+            speed, winding = rates[place], None
             if instant.lengths is not None:
-                winding, acceleration = (part[group.index] for part in instant.lengths[1:])
-                alpha = alpha + 2.0 * winding * speed / group.block.length
-                w = w - acceleration / group.block.length
-            push = push + gravity * group.block.mass.sum((0, 1)) + (b * (sin * alpha + cos * w)).sum((0, 1))
+                winding = [part[group.index] for part in instant.lengths[1:]]
+            push = push + gravity * group.block.mass.sum((0, 1))
+            push = push + lifted(group, links[place], speed, turned[place], winding)
             external = self.external(group, links[place], speed, y[half], instant)
             if external is not None:
                 push = push + external.forces[1].sum((0, 1))
@@ -512,32 +509,3 @@ def drained(system: System, q: Floats, v: Floats, support: tuple[Any, Any] = (0.
             along, down = external.forces.sum((1, 2))
             power = power + along * support[0] + down * support[1]
     return np.asarray(power + 0.0 * q[0])
-
-
-def tensions(group: Group, winding: Any, angles: Any, rates: Any, turns: Any, start: Any, external: Any) -> Any:
-    """The pulls u·f (n, P) in ropes whose lengths change, 0 in all others: f = Σ m (a − g) − F of all below a joint.
-
-    `winding` are the speeds and accelerations of the lengths, `start` is the acceleration a of the first joint less
-    gravity, F the `external` forces.  With α = θ'' + 2 l' θ'/l, w = θ'² − l''/l and the mass S_i from a link i down
-
-        u_i·f_i = S_i (u_i·a − Σ_{j≤i} l_j (cos(θ_i − θ_j) w_j − sin(θ_i − θ_j) α_j))
-                  − Σ_{j>i} b_j (cos(θ_j − θ_i) w_j + sin(θ_j − θ_i) α_j) − u_i·ΣF
-    """
-    (speed, acceleration), l, b = winding, group.block.length, group.block.b
-    s, c, down = np.sin(angles), np.cos(angles), np.cumsum(group.block.mass[::-1], axis=0)[::-1]
-    alpha, w = turns + 2.0 * speed * rates / l, rates * rates - acceleration / l
-    pulls = np.zeros_like(alpha)
-    for i in range(len(pulls)):
-        if not np.any(speed[i] != 0):
-            continue
-        pull = s[i] * start[0] + c[i] * start[1] - l[i] * w[i]
-        for j in range(i):
-            pull = pull - l[j] * ((c[i] * c[j] + s[i] * s[j]) * w[j] - (s[i] * c[j] - c[i] * s[j]) * alpha[j])
-        pull = down[i] * pull
-        for j in range(i + 1, len(pulls)):
-            pull = pull - b[j] * ((c[j] * c[i] + s[j] * s[i]) * w[j] + (s[j] * c[i] - c[j] * s[i]) * alpha[j])
-        if external is not None:
-            along, below = external.forces[:, i:].sum(1)
-            pull = pull - (s[i] * along + c[i] * below)
-        pulls[i] = pull
-    return pulls
