@@ -2,10 +2,11 @@
 
     OPENBLAS_NUM_THREADS=1 python benchmarks/engines.py [--quick]
 
-Two bobs with one feature each, over the same two bobs without; then runs of shipped scenes, that of `kapitza.toml`
-beside the ten lines that a user would write with SciPy's DOP853.  What time brings is listed by itself: one call in
-floats, one of a thousand times side by side, and a run over a whole record, whose steps end at its breaks.  Process
-times, the best of several, all in one run.
+Two bobs with one feature each, over the same two bobs without, of two joints that rub one at rest; whole runs of ten
+seconds over those without; then runs of shipped scenes, that of `kapitza.toml` beside the ten lines that a user would
+write with SciPy's DOP853.  Runs without friction take compiled code where it is ready, runs with friction never.  What
+time brings is listed by itself: one call in floats, one of a thousand times side by side, and a run over a whole
+record, whose steps end at its breaks.  Process times, the best of several, all in one run.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from modal.scene import Hoist, Moved, RandomMotion, RecordMotion, SineMotion, Sw
 from nonlinear import simulate
 from nonlinear.dynamics import Generated
 from nonlinear.dynamics.inputs import Inputs
+from nonlinear.integration.switched import Switched
 from nonlinear.system import AppliedForces, State, initial_state, system_of
 
 RUNS = {
@@ -31,6 +33,9 @@ RUNS = {
     "suspension": ("examples/suspension.toml", 10.0),
 }
 START = InitialCondition(angles_deg=(30.0, -20.0))
+
+
+BROADBAND = RandomMotion(psd=(0.1, 0.1), frequency_hz=(0.05, 25.0), seed=3, duration=60.0)
 
 
 def of(support: Fixed | Cart | Moved | None = None, damping_ratio: float | None = None, **more: float) -> Scene:
@@ -54,7 +59,7 @@ def inputs_of_time() -> dict[str, Scene]:
     scenes = {
         "sine": of(Moved(motion=SineMotion(amplitude=0.02, frequency_hz=2.0))),
         "sweep": of(Moved(motion=SweepMotion(amplitude=0.02, from_hz=0.5, to_hz=5.0, duration=10.0))),
-        "1,498 sines": of(Moved(motion=RandomMotion(psd=(0.1, 0.1), frequency_hz=(0.05, 25.0), seed=3, duration=60.0))),
+        "1,498 sines": of(Moved(motion=BROADBAND)),
     }
     for name, values in samples.items():
         record = RecordMotion(time_s=tuple(times.tolist()), displacement_m=tuple(values.tolist()))
@@ -117,7 +122,35 @@ def features() -> dict[str, tuple[Scene, bool]]:
         "hoist": (hoisted(of()), False),
         "hoist, drag": (hoisted(of(drag=0.1)), False),
         "load from Python": (of(), True),
+        "joint friction": (of(friction=0.1), False),
+        "friction on the rail": (of(Cart(mass=2.0, friction=0.5)), False),
+        "... (coefficient)": (of(Cart(mass=2.0, friction_coefficient=0.1)), False),
     }
+
+
+def chain(links: int, friction: float) -> Scene:
+    """Bobs at 30°, each of which rubs in its joint (N m)."""
+    bobs = [Bob(mass=1.0, length=1.0, friction=friction) for _ in range(links)]
+    start = InitialCondition(angles_deg=(30.0,) * links)
+    return Scene(gravity=9.81, support=Fixed(), pendulum=(Pendulum(links=bobs, start=start),))
+
+
+def table_of_runs(share: float) -> None:
+    """Print whole runs of ten seconds over those without the feature."""
+    cart = of(Cart(mass=2.0))
+    runs = {
+        "hoist": (hoisted(of()), of()),
+        "broadband PSD": (of(Moved(motion=BROADBAND)), of()),
+        "joint friction": (of(friction=0.1), of()),
+        "friction on the rail": (of(Cart(mass=2.0, friction=0.5)), cart),
+        "... (coefficient)": (of(Cart(mass=2.0, friction_coefficient=0.1)), cart),
+        "eleven rubbing joints": (chain(11, 0.2), chain(11, 0.0)),
+    }
+    print("\na whole run with             s   over plain   steps")
+    for name, scenes in runs.items():
+        spent = [best(lambda scene=scene: simulate(scene, 10.0 * share, method="DOP853"), 1) for scene in scenes]
+        steps = simulate(scenes[0], 10.0 * share, method="DOP853").run.steps
+        print(f"{name:22}  {spent[0]:7.4f}  {spent[0] / spent[1]:7.2f}     {steps:6}")
 
 
 def best(call: Callable[[], object], times: int) -> float:
@@ -135,11 +168,24 @@ def derivative(scene: Scene, loaded: bool) -> Callable[[], object]:
     """A call of the written rate with its inputs, as in a stage of a step."""
     equations = Generated(system_of(scene), load=push if loaded else None)
     y = equations.begin(initial_state(scene)).tolist()
+    if equations.system.rubs:
+        return rubbing(equations, y)
     rate, listed = equations.rate, equations.listed
     if listed is None:
         return lambda: rate(y)
     if equations.is_clocked:
         return lambda: rate(y, (0.7,))
+    return lambda: rate(y, listed(0.7, y))
+
+
+def rubbing(free: Generated, y: list[float]) -> Callable[[], object]:
+    """The same where a contact sticks and all others slide."""
+    equations = Switched(free)
+    at, state = equations.switches.places, [1.0] * equations.switches.places.length
+    state[at.e - 1] = 0.0 if at.J > 1 else 1.0
+    equations.resume(state)
+    rate, listed = equations.rate, equations.listed
+    assert listed is not None
     return lambda: rate(y, listed(0.7, y))
 
 
@@ -171,6 +217,7 @@ def main() -> None:
         seconds = best(derivative(scene, loaded), calls)
         plain = plain or seconds
         print(f"{name:22}  {1e6 * seconds:7.2f}  {seconds / plain:7.2f}")
+    table_of_runs(share)
     table_of_inputs(calls, share)
     print("\na run of                     s     steps  µs a derivative")
     for name, (scene, duration) in RUNS.items():

@@ -45,7 +45,7 @@ TOLERANCE, DURATION, REPEATS = 1e-6, 1.0, 3
 LONG = 1.5  # s of processor time
 CHAINS, PAIRS, FIVES = (2, 10, 20, 50, 100, 200), (8, 20, 60, 120, 200), (10, 20, 60, 100, 200)
 QUICK = (10, 20)
-SECONDS = 2.0  # of motion in every form
+SECONDS = 5.0  # of motion in every form
 
 
 def on_cart(links: int, longest: int) -> Scene:

@@ -103,9 +103,10 @@ def in_floats(functions: Sequence[Polynomials]) -> Callable[..., tuple[float, ..
             for name in each[-2::-1]:
                 values[k] = f"({values[k]} * s{g} + {name})"
             names, columns = names + each, [*columns, used]
-        space |= {f"K{g}": first.knots.tolist(), f"R{g}": Rows(columns)}
-        piece = f"bisect_right(K{g}, time)"
-        if first.period != inf:
+        space[f"R{g}"], piece = Rows(columns), f"bisect_right(K{g}, time)"
+        if first.period == inf:
+            space[f"K{g}"] = first.knots.tolist()
+        else:
             t, piece = f"t{g}", f"int(t{g} * {first.pace!r} + 0.5)"
             lines.append(f" t{g} = time % {first.period!r}")
         lines += [f" {', '.join(names)} = R{g}[{piece}]", f" s{g} = {t} - s{g}"]

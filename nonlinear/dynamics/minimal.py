@@ -24,7 +24,7 @@ from nonlinear.dynamics.contacts import Rubbed
 from nonlinear.dynamics.external import External, applied, plane_drag
 from nonlinear.dynamics.inputs import Inputs, Instant, Lengths, lengthened
 from nonlinear.dynamics.joints import Base, bending_torques, inertial_torques, modal_drag
-from nonlinear.dynamics.recursion import Answer, Bias, downward, driven, links_of, upward
+from nonlinear.dynamics.recursion import Answer, Bias, downward, driven, lifted, links_of, tensions, upward
 from nonlinear.dynamics.sticking import Sticking
 from nonlinear.dynamics.structure import Carriers, CarriersAt, inverted_on_carriers
 from nonlinear.system import Group, Layout, Load, Motion, State, System
@@ -324,14 +324,17 @@ class Suspended(Arranged):
             gravity = system.gravity - instant.support[1]
             push = system.cart.mass * gravity
         for place, group in zip(self.places, self.lengthened(instant), strict=True):
-            speed, winding, external = rates[place] if whole else 0 * rates[place], [0.0, 0.0], None
-            if whole and instant.lengths is not None:
+            if not whole:
+                push = push + lifted(group, links[place], 0.0, turned[place])
+                continue
+            speed, winding = rates[place], None
+            if instant.lengths is not None:
                 winding = [part[group.index] for part in instant.lengths[1:]]
-            if whole:
-                external = self.external(group, links[place], speed, y[half], instant)
-            start = accelerations[0], -gravity
-            force = transmitted(group, winding, links[place], speed, turned[place], start, external)
-            push = push - force[1][0].sum(0)
+            push = push + gravity * group.block.mass.sum((0, 1))
+            push = push + lifted(group, links[place], speed, turned[place], winding)
+            external = self.external(group, links[place], speed, y[half], instant)
+            if external is not None:
+                push = push + external.forces[1].sum((0, 1))
         return push
 
 
@@ -506,50 +509,3 @@ def drained(system: System, q: Floats, v: Floats, support: tuple[Any, Any] = (0.
             along, down = external.forces.sum((1, 2))
             power = power + along * support[0] + down * support[1]
     return np.asarray(power + 0.0 * q[0])
-
-
-def tensions(group: Group, winding: Any, angles: Any, rates: Any, turns: Any, start: Any, external: Any) -> Any:
-    """The pulls u·f (n, P) in ropes, with f of `transmitted`, along which lengths change; 0 in all others.
-
-    With α = θ'' + 2 l' θ'/l, w = θ'² − l''/l and the mass S_i from a link i down
-
-        u_i·f_i = S_i (u_i·a − Σ_{j≤i} l_j (cos(θ_i − θ_j) w_j − sin(θ_i − θ_j) α_j))
-                  − Σ_{j>i} b_j (cos(θ_j − θ_i) w_j + sin(θ_j − θ_i) α_j) − u_i·ΣF
-    """
-    (speed, acceleration), l, b = winding, group.block.length, group.block.b
-    s, c, down = np.sin(angles), np.cos(angles), np.cumsum(group.block.mass[::-1], axis=0)[::-1]
-    alpha, w = turns + 2.0 * speed * rates / l, rates * rates - acceleration / l
-    pulls = np.zeros_like(alpha)
-    for i in range(len(pulls)):
-        if not np.any(speed[i] != 0):
-            continue
-        pull = s[i] * start[0] + c[i] * start[1] - l[i] * w[i]
-        for j in range(i):
-            pull = pull - l[j] * ((c[i] * c[j] + s[i] * s[j]) * w[j] - (s[i] * c[j] - c[i] * s[j]) * alpha[j])
-        pull = down[i] * pull
-        for j in range(i + 1, len(pulls)):
-            pull = pull - b[j] * ((c[j] * c[i] + s[j] * s[i]) * w[j] + (s[j] * c[i] - c[j] * s[i]) * alpha[j])
-        if external is not None:
-            along, below = external.forces[:, i:].sum(1)
-            pull = pull - (s[i] * along + c[i] * below)
-        pulls[i] = pull
-    return pulls
-
-
-def transmitted(group: Group, winding: Any, angles: Any, rates: Any, turns: Any, start: Any, external: Any) -> Any:
-    """The force f (2, n, P) on every link from above, along the rail and down: f = Σ m (a − g) − F of all below it.
-
-    `winding` are the speeds and accelerations of the lengths, `start` is the acceleration of the first joint less
-    gravity, F the `external` forces.
-    """
-    speed, acceleration = winding
-    sin, cos = np.sin(angles), np.cos(angles)
-    u, n = np.stack((sin, cos)), np.stack((cos, -sin))
-    along, across = acceleration - group.block.length * rates * rates, group.block.length * turns + 2 * speed * rates
-    ends = np.cumsum(along * u + across * n, axis=1)
-    ends[0], ends[1] = ends[0] + start[0], ends[1] + start[1]
-    rest = group.block.length - group.block.centre
-    needed = group.block.mass * (ends - rest * (turns * n - rates * rates * u))
-    if external is not None:
-        needed = needed - external.forces
-    return np.cumsum(needed[:, ::-1], axis=1)[:, ::-1]

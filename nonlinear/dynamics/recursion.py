@@ -24,6 +24,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from nonlinear.system import Group
 
 
@@ -179,3 +181,40 @@ def hung(link: RecursiveLink, turn: Turn, ax: Any, az: Any, bias: Bias | None = 
         ax = ax + bias.across * turn.cos + bias.along * turn.sin
         az = az - bias.across * turn.sin + bias.along * turn.cos
     return alpha, ax, az
+
+
+def lifted(group: Group, angles: Any, rates: Any, turns: Any, winding: Any = None) -> Any:
+    """Σ b (sin θ α + cos θ w), the push up (N) that the turning of links takes, with α and w as in `tensions`."""
+    w = rates * rates
+    if winding is not None:
+        turns, w = turns + 2.0 * winding[0] * rates / group.block.length, w - winding[1] / group.block.length
+    return (group.block.b * (np.sin(angles) * turns + np.cos(angles) * w)).sum((0, 1))
+
+
+def tensions(group: Group, winding: Any, angles: Any, rates: Any, turns: Any, start: Any, external: Any) -> Any:
+    """The pulls u·f (n, P) in ropes whose lengths change, 0 in all others: f = Σ m (a − g) − F of all below a joint.
+
+    `winding` are the speeds and accelerations of the lengths, `start` is the acceleration a of the first joint less
+    gravity, F the `external` forces.  With α = θ'' + 2 l' θ'/l, w = θ'² − l''/l and the mass S_i from a link i down
+
+        u_i·f_i = S_i (u_i·a − Σ_{j≤i} l_j (cos(θ_i − θ_j) w_j − sin(θ_i − θ_j) α_j))
+                  − Σ_{j>i} b_j (cos(θ_j − θ_i) w_j + sin(θ_j − θ_i) α_j) − u_i·ΣF
+    """
+    (speed, acceleration), l, b = winding, group.block.length, group.block.b
+    s, c, down = np.sin(angles), np.cos(angles), np.cumsum(group.block.mass[::-1], axis=0)[::-1]
+    alpha, w = turns + 2.0 * speed * rates / l, rates * rates - acceleration / l
+    pulls = np.zeros_like(alpha)
+    for i in range(len(pulls)):
+        if not np.any(speed[i] != 0):
+            continue
+        pull = s[i] * start[0] + c[i] * start[1] - l[i] * w[i]
+        for j in range(i):
+            pull = pull - l[j] * ((c[i] * c[j] + s[i] * s[j]) * w[j] - (s[i] * c[j] - c[i] * s[j]) * alpha[j])
+        pull = down[i] * pull
+        for j in range(i + 1, len(pulls)):
+            pull = pull - b[j] * ((c[j] * c[i] + s[j] * s[i]) * w[j] + (s[j] * c[i] - c[j] * s[i]) * alpha[j])
+        if external is not None:
+            along, below = external.forces[:, i:].sum(1)
+            pull = pull - (s[i] * along + c[i] * below)
+        pulls[i] = pull
+    return pulls

@@ -14,6 +14,7 @@ import math
 import re
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache, lru_cache
+from itertools import pairwise
 from math import floor
 from typing import Any
 
@@ -171,6 +172,7 @@ class Module:
     def function(self, name: str, constants: Sequence[Any], target: str = "floats") -> Function:
         """A function with these constants, for floats, arrays, complex numbers, columns (FUNCTIONS)."""
         text = self.python(name, target == "columns")
+        text = branched(text) if target == "floats" else text
         return function_in(text, "made", target)(*constants)  # type: ignore[no-any-return]
 
     def recorded(self, name: str, constants: Sequence[Any], functions: Mapping[str, Any]) -> Function:
@@ -256,6 +258,21 @@ class _Lines:
     def word(self, value: Any) -> str:
         """A value as it is called in the text."""
         return self.names[id(value)] if isinstance(value, Symbol) else repr(float(value))
+
+
+@lru_cache(maxsize=256)
+def branched(text: str) -> str:
+    """The same text with Python's conditional expressions for `where`, of which only one branch is computed."""
+    while (start := text.rfind("where(")) >= 0:
+        parts, depth, end = [start + len("where(") - 1], 0, start + len("where(")
+        while depth >= 0:
+            depth += {"(": 1, ")": -1}.get(text[end], 0)
+            if depth < 0 or (depth == 0 and text[end] == ","):
+                parts.append(end)
+            end += 1
+        x, a, b = (text[begin + 1 : stop].strip() for begin, stop in pairwise(parts))
+        text = f"{text[:start]}({a} if {x} > 0 else {b}){text[end:]}"
+    return text
 
 
 def joined(operator: str, parts: Sequence[str]) -> str:

@@ -109,6 +109,7 @@ SUMS = (*ROWS, *MORE)
 """Those of y at every stage, further ones included."""
 WEIGHTS = [np.array([dict(row).get(stage, 0.0) for stage in range(row[-1][0] + 1 if row else 0)]) for row in SUMS]
 """The same as arrays, with those that are 0."""
+ERRORS = np.array([[dict(row).get(stage, 0.0) for stage in range(STAGES + 1)] for row in (FIFTH, THIRD)])
 NODES: Sequence[float] = (
     0.0, 0.05260015195876773, 0.0789002279381516, 0.1183503419072274, 0.2816496580927726, 0.3333333333333333,
     0.25, 0.3076923076923077, 0.6512820512820513, 0.6, 0.8571428571428571, 1.0, 1.0, 0.1, 0.2,

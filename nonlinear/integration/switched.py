@@ -124,7 +124,7 @@ class Switched(Written):
         at = self.switches.places
         if not at.J:
             return self.free.rate
-        return self._sticking if at.presses or not all(self.state[at.K : at.e]) else self._sliding
+        return self._sliding if all(self.state[at.K : at.e]) else self._sticking
 
     @cached_property
     def _sliding(self) -> Rate:

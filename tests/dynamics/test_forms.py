@@ -13,6 +13,7 @@ from amounts import usually
 from scenes import motion_scene
 
 from modal import Cart, Scene
+from nonlinear.dynamics.text import branched, function_in
 from nonlinear.integration import Trajectory
 from nonlinear.simulation import simulate
 from nonlinear.system import state_at_rest
@@ -62,3 +63,14 @@ def test_minimal_maximal_and_spatial_trajectories_agree(seed: int) -> None:
     assert all(run.energy_drift() < 1e-9 for run in runs)
     assert runs[1].constraint_drift() < 1e-9
     assert runs[2].constraint_drift() < 1e-9
+
+
+def test_only_one_branch_of_a_condition_is_computed_in_floats() -> None:
+    text = "def f(a, b, c):\n return [where(a, where((b - 1.0), (c / a), sin(c)), where(b, (1.0 / b), 2.0))]"
+    written = branched(text)
+    assert "where" not in written
+    f = function_in(written, "f")
+    eager = function_in(text, "f")
+    for a, b, c in ((0.5, 2.0, 3.0), (0.5, 0.5, 3.0), (-0.5, 2.0, 3.0)):
+        assert f(a, b, c) == eager(a, b, c)
+    assert f(-1.0, 0.0, 1.0) == [2.0]  # where 1/b has no value

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import nullcontext
-from math import inf, pi
+from math import cos, inf, pi, sin
 from typing import Any
 
 import numpy as np
@@ -23,7 +23,7 @@ from nonlinear.dynamics.compiled import Compiled, available
 from nonlinear.dynamics.text import function_in
 from nonlinear.integration import Choice, Pace, Request, SciPyStepper, equations_of, method, methods
 from nonlinear.integration.driver import Drive
-from nonlinear.integration.floats import FloatStepper
+from nonlinear.integration.floats import FloatStepper, attempt_of, wide_attempt
 from nonlinear.integration.method import Shares
 from nonlinear.integration.steppers import Sweeper
 from nonlinear.simulation import simulate
@@ -307,3 +307,18 @@ def test_angles_far_beyond_any_turn_end_in_words() -> None:
     scene = Scene(gravity=9.81, pendulum=[Pendulum(links=[Bob(mass=1.0, length=1.0)])])
     run = simulate(scene, 1e-3, start=state_at_rest(scene, [1e5]), output=3)
     assert run.complete
+
+
+def test_long_and_short_states_take_the_same_step() -> None:
+    rng, size, h = np.random.default_rng(3), 70, 0.05
+    y, absolute = rng.uniform(-1.0, 1.0, size), np.full(size, 1e-6).tolist()
+
+    def rate(z: list[float], u: tuple[float, ...]) -> list[float]:
+        return [cos(u[0]) - 3.0 * sin(value) * other for value, other in zip(z, z[1:] + z[:1], strict=True)]
+
+    arguments = rate, h, y.tolist(), rate(y.tolist(), (0.2,)), 1e-6, absolute, 0.2, lambda time, z: (time,)
+    long = wide_attempt(*arguments, clocked=False)
+    short = attempt_of(size, ", inputs(t + {} * h, z)")(*arguments)
+    assert long[:2] == pytest.approx(short[:2], rel=1e-6)
+    for ours, theirs in zip(long[2:], short[2:], strict=True):
+        assert np.abs(np.array(ours) - theirs).max() < 2e-14

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from itertools import product
 from typing import Any
@@ -15,11 +16,13 @@ from modal import load
 from modal.errors import ComputationError
 from modal.scene import Scene, scene_from
 from nonlinear import State, simulate
+from nonlinear.dynamics import Generated
 from nonlinear.dynamics.inputs import Inputs
 from nonlinear.integration import Trajectory
 from nonlinear.integration.happenings import lowest, root
 from nonlinear.integration.meeting import AGAIN, MET, bent, highest, meet
 from nonlinear.integration.method import LOOKS
+from nonlinear.integration.switched import Switched
 from nonlinear.integration.switches import Switches, switches_of
 from nonlinear.system import system_of
 
@@ -137,6 +140,18 @@ def test_a_motion_with_switches_is_that_of_simulate(name: str) -> None:
         assert friction.begin == pytest.approx(run.friction.begin, abs=1e-7)
         assert friction.end == pytest.approx(run.friction.end, abs=1e-7)
         assert friction.work == pytest.approx(run.friction.work, abs=1e-7)
+
+
+def test_a_rail_with_a_coefficient_takes_few_operations_more() -> None:
+    """Where all slides, with N by moments of the links in place of forces at every joint."""
+    scene = scene_of({}, {"length": 0.7}, angles=(20.0, 10.0), support={**CART, "friction_coefficient": 0.1})
+    run = Switched(Generated(system_of(scene)))
+    y = np.array([0.0, 0.3, -0.2, 0.5, 0.0, 0.0, 0.0])
+    run.release(0.0, y)
+    text, u = run.switches.module, run.held
+    assert len(re.findall(r" [-+*/] ", text.python("rates"))) <= 124
+    sliding, sticking = (run.switches.function(name)(y.tolist(), u, ()) for name in ("rates", "sticking"))
+    assert run.rate(y.tolist(), u) == sliding == pytest.approx(sticking, rel=1e-13)
 
 
 def test_two_joints_kicked_at_once_get_the_energy_of_both() -> None:
