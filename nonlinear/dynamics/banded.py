@@ -16,6 +16,7 @@ mass.  The pendula of a group follow one another in one band.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -23,6 +24,7 @@ import scipy
 
 from modal.errors import ComputationError
 from modal.types import Floats
+from nonlinear.dynamics.minimal import Projection
 from nonlinear.system import Group
 
 REACH = 3
@@ -33,7 +35,7 @@ SINES = ((FORCE_N, 3, 1.0), (FORCE_U, 1, -1.0), (END_N, -1, -1.0), (END_U, -3, 1
 
 
 class Banded:
-    """A group of chains in the plane, as arrays (P, n); one factorization for the cart at rest and its acceleration."""
+    """A group of chains in the plane, as arrays (P, n); one factorization for all motions of its first joints."""
 
     def __init__(self, group: Group) -> None:
         block = group.block
@@ -58,26 +60,14 @@ class Banded:
             band[:, :-1, end, MIDDLE + 3] = 1.0
         return band
 
-    def pull(self, angles: Any, rates: Any, moments: Any, gravity: float) -> tuple[Any, Any, Any]:
-        """The effective mass (kg) and force (N) along the rail."""
-        theta, squared, Q = angles.T, rates.T**2, moments.T
-        sin, cos = np.sin(theta[:, 0]), np.cos(theta[:, 0])
-        top = np.array(((gravity * sin, -gravity * cos), (cos, sin)))
-        solution = self._solved(self._band(theta[:, :-1] - theta[:, 1:]), self._sides(squared, Q, top))
-        turn, force_n, force_u = np.moveaxis(solution[:, :, 0, : FORCE_U + 1], -1, 0)
-        across = self.m[:, 0] * top[:, 0] + self.lever[:, 0] * turn + self.below[:, 0] * force_n
-        along = self.m[:, 0] * top[:, 1] + self.below[:, 0] * force_u
-        along[0] -= self.mc[:, 0] * squared[:, 0]
-        force, mass = np.sum(cos * across + sin * along, axis=1)
-        return mass, force, solution[..., TURN] / self.l
+    def response(self, angles: Any, rates: Any, torques: Any) -> Projection:
+        """What the pendula answer to motions of their first joints."""
+        return Linked(self, angles.T, rates.T**2, torques.T)
 
-    def turn(self, memory: Any, push: Any) -> Any:
-        """θ'' (n, P)."""
-        free, pushed = memory
-        return (free + pushed * push).T
-
-    def _band(self, bend: Floats) -> Floats:
-        band, sine, cosine = self.straight.copy(), np.sin(bend), np.cos(bend)
+    def band(self, columns: Any, bend: Floats) -> Floats:
+        """The matrix of the pendula in these columns at relative angles (P, n − 1)."""
+        band: Floats = self.straight[columns].copy()
+        sine, cosine = np.sin(bend), np.cos(bend)
         for column, down in COSINES:
             band[:, :-1, column, MIDDLE + down] = -cosine
             band[:, -1, column, MIDDLE + down] = -1.0
@@ -85,20 +75,57 @@ class Banded:
             band[:, :-1, column, MIDDLE + down] = sign * sine
         return band
 
-    def _sides(self, squared: Floats, Q: Floats, top: Floats) -> Floats:
-        """The right-hand sides (2, P, n, 5): cart at rest, and a cart acceleration of 1 m/s² alone."""
-        sides = np.zeros((2, *self.straight.shape[:3]))
-        sides[0, :, :, 0] = Q / (self.l * self.m)
-        sides[0, :, :, 2] = self.l * squared
-        sides[0, :, :-1, 4] = (self.mc / self.m * squared)[:, 1:]
-        sides[:, :, 0, 0] -= (self.lever / self.m)[:, 0] * top[:, 0]
-        sides[:, :, 0, 1:3] -= np.moveaxis(top, 1, 2)
+    def sides(self, columns: Any, squared: Floats, Q: Floats, tops: Floats) -> Floats:
+        """The right-hand sides (1 + d, P, n, 5) where first joints have accelerations `tops` (1 + d, 2, P) alone.
+
+        They are along their links' n and u; the first also has rates, `squared`, and torques Q.
+        """
+        mass, lever, ratio = self.m[columns], self.lever[columns], (self.mc / self.m)[columns]
+        sides = np.zeros((len(tops), *mass.shape, 5))
+        sides[0, :, :, 0] = Q / (self.l[columns] * mass)
+        sides[0, :, :, 2] = self.l[columns] * squared
+        sides[0, :, :-1, 4] = (ratio * squared)[:, 1:]
+        sides[:, :, 0, 0] -= (lever / mass)[:, 0] * tops[:, 0]
+        sides[:, :, 0, 1:3] -= np.moveaxis(tops, 1, 2)
         return sides
 
     @staticmethod
-    def _solved(band: Floats, sides: Floats) -> Floats:
-        columns, rows = band.reshape(-1, band.shape[-1]).T, sides.reshape(2, -1).T
+    def solved(band: Floats, sides: Floats) -> Floats:
+        """The unknowns, (1 + d, P, n, 5)."""
+        columns, rows = band.reshape(-1, band.shape[-1]).T, sides.reshape(len(sides), -1).T
         *_, solution, info = scipy.linalg.lapack.dgbsv(REACH, REACH, columns, rows, overwrite_ab=1, overwrite_b=1)
         if info:
             raise ComputationError(f"equation {info} of the chain's joint forces is singular in double precision")
         return np.asarray(solution.T.reshape(sides.shape))
+
+
+class Linked:
+    """A group at angles (P, n), squared rates and torques, by the forces at its first joints."""
+
+    def __init__(self, body: Banded, angles: Floats, squared: Floats, torques: Floats) -> None:
+        self.body, self.angles, self.squared, self.torques = body, angles, squared, torques
+        self.solutions: list[tuple[Any, Floats]] = []
+
+    def projected(self, columns: Any, slopes: Sequence[Any], felt: tuple[Any, Any], together: bool) -> Any:
+        """The inertia (lower half) and the force on each coordinate of what carries the pendula in these columns."""
+        body, theta, squared = self.body, self.angles[columns], self.squared[columns]
+        sin, cos = np.sin(theta[:, 0]), np.cos(theta[:, 0])
+        tops = np.array([(cos * x - sin * z, sin * x + cos * z) for x, z in (felt, *slopes)])
+        sides = body.sides(columns, squared, self.torques[columns], tops)
+        solution = body.solved(body.band(columns, theta[:, :-1] - theta[:, 1:]), sides)
+        self.solutions.append((columns, solution[..., TURN] / body.l[columns]))
+        turn, force_n, force_u = np.moveaxis(solution[:, :, 0, : FORCE_U + 1], -1, 0)
+        mass, lever, below = body.m[columns, 0], body.lever[columns, 0], body.below[columns, 0]
+        across = mass * tops[:, 0] + lever * turn + below * force_n
+        along = mass * tops[:, 1] + below * force_u
+        along[0] -= body.mc[columns, 0] * squared[:, 0]
+        forces = list(zip(cos * across + sin * along, cos * along - sin * across, strict=True))
+        block = [[(v * fx + w * fz).sum(0) for v, w in slopes[: k + 1]] for k, (fx, fz) in enumerate(forces[1:])]
+        return block, [(x * forces[0][0] + z * forces[0][1]).sum(0) for x, z in slopes]
+
+    def fall(self, pushes: Sequence[Sequence[Any]], accelerations: Any) -> Any:
+        """θ'' (n, P)."""
+        turns = np.empty_like(self.angles)
+        for (columns, (free, *pushed)), push in zip(self.solutions, pushes, strict=True):
+            turns[columns] = free + sum(each * size for each, size in zip(pushed, push, strict=True))
+        return turns.T

@@ -1,14 +1,15 @@
 """Short chains in the plane: the dense matrices of all pendula of a group at once, eliminated from the tips up.
 
-    Σ_j A_ij [cos(θ_i − θ_j) θ_j'' + sin(θ_i − θ_j) θ_j'²] + b_i cos θ_i x'' + g b_i sin θ_i = Q_i
+    Σ_j A_ij [cos(θ_i − θ_j) θ_j'' + sin(θ_i − θ_j) θ_j'²] + b_i n_i·ã = Q_i,   n = (cos θ, −sin θ)
 
-is solved for θ_i'' with the cart at rest and for the response to x'' = 1.  Of few links it takes fewer operations than
-the recursion, of many it would take more: it is what their text says (`nonlinear.dynamics.forms`).
+is solved for θ_i'' where the first joint feels the acceleration ã, and for the response to each coordinate of what
+carries it.  Of few links it takes fewer operations than the recursion, of many it would take more: it is what their
+text says (`nonlinear.dynamics.forms`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -24,20 +25,13 @@ SINGULAR = "the mass matrix is singular in double precision"
 
 
 def loses_digits(group: Group, system: System) -> bool:
-    """Whether the cart, or a link above a heavier one, is so light that dense matrices would lose digits."""
+    """Whether a carrier, or a link above a heavier one, is so light that dense matrices would lose digits."""
     heaviest = np.maximum.accumulate(group.block.mass[::-1])[::-1]
-    if system.structure is not None:
-        least = min(
-            (
-                LIGHTEST if carrier.M is not None else carrier.mass
-                for carrier in system.structure.carriers
-                if carrier.size
-            ),
-            default=np.inf,
-        )
-        return bool(least < LIGHT * float(system.mass.sum()) or np.any(group.block.mass < FRAIL * heaviest))
-    light = system.cart is not None and system.cart.mass < LIGHT * float(system.mass.sum())
-    return light or bool(np.any(group.block.mass < FRAIL * heaviest))
+    masses = [
+        LIGHTEST if carrier.M is not None else carrier.mass for carrier in system.suspension.carriers if carrier.size
+    ]
+    light = min(masses, default=np.inf) < LIGHT * float(system.mass.sum())
+    return bool(light or np.any(group.block.mass < FRAIL * heaviest))
 
 
 class Elimination:
@@ -47,33 +41,12 @@ class Elimination:
         block, self.sine, self.cosine = group.block, sine, cosine
         numbers = (block.mass, block.length, block.centre, block.inertia)
         self.A = np.array(pair.inertia_matrix(*numbers)).reshape(group.n, *block.b.shape, *[1] * tail)
-        self.b, total = block.b.reshape(*block.b.shape, *[1] * tail), block.mass.sum()
-        self.mass = float(total) if isinstance(total, float) else total
+        self.b = block.b.reshape(*block.b.shape, *[1] * tail)
         self.masses = block.mass.sum(0).reshape(*block.b.shape[1:], *[1] * tail)
-
-    def pull(self, angles: Any, rates: Any, moments: Any, gravity: float) -> tuple[Any, Any, Any]:
-        """Mass (kg) and force (N) of the pull along the rail, summed over the pendula."""
-        M, side = self._equations(angles, rates, moments, gravity)
-        s, across = self.sine(angles), list(self.b * self.cosine(angles))
-        mass, force = self.mass, -(self.b * s * (rates * rates)).sum((0, 1))
-        for k in reversed(range(len(M))):
-            for j in range(k):
-                share = M[k][j] / M[k][k]
-                for i in range(j + 1):
-                    M[j][i] = M[j][i] - share * M[k][i]
-                side[j], across[j] = side[j] - share * side[k], across[j] - share * across[k]
-            share = across[k] / M[k][k]
-            mass, force = mass - (share * across[k]).sum(0), force + (share * side[k]).sum(0)
-        return mass, force, (M, side, across)
-
-    def _equations(self, angles: Any, rates: Any, moments: Any, gravity: float) -> tuple[list[list[Any]], list[Any]]:
-        """The lower half of A cos(θ_i − θ_j), and the right-hand side without x''."""
-        s, c, ww = self.sine(angles), self.cosine(angles), rates * rates
-        return self.equations(self.A, s, c, ww, list(moments - gravity * self.b * s))
 
     @staticmethod
     def equations(A: Any, s: Any, c: Any, ww: Any, side: list[Any]) -> tuple[list[list[Any]], list[Any]]:
-        """The same of some pendula, from their torques `side`."""
+        """The lower half of A cos(θ_i − θ_j) of some pendula, and the right-hand side from their torques `side`."""
         M: list[list[Any]] = []
         for i, row in enumerate(A):
             M.append([row[j] * (c[i] * c[j] + s[i] * s[j]) for j in range(i)])
@@ -82,12 +55,6 @@ class Elimination:
                 thrown = row[j] * (s[i] * c[j] - c[i] * s[j])
                 side[i], side[j] = side[i] - thrown * ww[j], side[j] + thrown * ww[i]
         return M, side
-
-    def turn(self, memory: Any, push: Any) -> Any:
-        """θ'' (n, P)."""
-        return np.array(
-            self._substituted(memory[0], (side - across * push for side, across in zip(*memory[1:], strict=True)))
-        )
 
     def _substituted(self, M: list[list[Any]], right: Iterable[Any]) -> list[Any]:
         """θ'' from the eliminated equations and what is left on their right-hand sides."""
@@ -114,16 +81,16 @@ class Eliminated:
         self.body, self.parts = body, (angles, rates, torques)
         self.solutions: list[tuple[Any, Any]] = []
 
-    def projected(self, columns: Any, slopes: Sequence[Any], felt: tuple[Any, Any], total: Callable[[Any], Any]) -> Any:
-        """The lower half of M_kl and force_k of the pendula in these columns, summed by `total`."""
+    def projected(self, columns: Any, slopes: Sequence[Any], felt: tuple[Any, Any], together: bool) -> Any:
+        """The lower half of M_kl and force_k of the pendula in these columns, summed."""
         body, (angles, rates, torques) = self.body, (part[:, columns] for part in self.parts)
         A, b, mass = body.A[:, :, columns], body.b[:, columns], body.masses[columns]
         s, c, ww = body.sine(angles), body.cosine(angles), rates * rates
-        M, side = body.equations(A, s, c, ww, list(torques - b * (c * felt[0] - s * felt[1])))
+        M, side = body.equations(A, s, c, ww, list(torques - (b * felt[0]) * c + (b * felt[1]) * s))
         across = [list(b * (c * x - s * z)) for x, z in slopes]
-        thrown = b * ww
-        masses = [[mass * (x * v + z * w) for v, w in slopes[: k + 1]] for k, (x, z) in enumerate(slopes)]
-        force = [mass * (x * felt[0] + z * felt[1]) - (thrown * (s * x + c * z)).sum(0) for x, z in slopes]
+        thrown, counts = b * ww, range(len(slopes))
+        force = [-(thrown * (s * x + c * z)).sum(0) for x, z in slopes]
+        lost: list[list[Any]] = [[0.0] * (k + 1) for k in counts]
         for k in reversed(range(len(M))):
             for j in range(k):
                 share = M[k][j] / M[k][k]
@@ -135,10 +102,19 @@ class Eliminated:
             for i, column in enumerate(across):
                 share = column[k] / M[k][k]
                 for j in range(i + 1):
-                    masses[i][j] = masses[i][j] - share * across[j][k]
+                    lost[i][j] = lost[i][j] + share * across[j][k]
                 force[i] = force[i] + share * side[k]
         self.solutions.append((columns, (M, side, across)))
-        return [[total(column) for column in row] for row in masses], [total(column) for column in force]
+        if together:
+            mass = mass.sum(0, keepdims=True)
+        block = [
+            [(mass * (x * v + z * w)).sum(0) - lost[k][j].sum(0) for j, (v, w) in enumerate(slopes[: k + 1])]
+            for k, (x, z) in enumerate(slopes)
+        ]
+        return block, [
+            (mass * (x * felt[0] + z * felt[1])).sum(0) + each.sum(0)
+            for (x, z), each in zip(slopes, force, strict=True)
+        ]
 
     def fall(self, pushes: Sequence[Sequence[Any]], accelerations: Any) -> Any:
         """θ'' (n, P, ...) under second derivatives of each bundle's coordinates."""

@@ -12,18 +12,18 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from nonlinear.dynamics.bearing import Bearing
 from nonlinear.dynamics.inputs import lengthened
 from nonlinear.dynamics.joints import spring_energy
 from nonlinear.dynamics.spatial import joint_energy
-from nonlinear.dynamics.structure import Carriers, CarriersAt
+from nonlinear.dynamics.structure import carriers_of
 from nonlinear.system import Group, System
 
 
 class Energies(NamedTuple):
-    """Kinetic and potential energy (J) of every link, (L, ...), and of the cart, (...).
+    """Kinetic and potential energy (J) of every link, (L, ...), and of the carriers, such as a cart, (...).
 
-    On a structure the latter are those of the carriers and of all springs between points.  A joint's spring belongs to
-    the link below it.
+    The latter is that of their springs and of all between points.  A joint's spring belongs to the link below it.
     """
 
     kinetic: Any
@@ -74,29 +74,21 @@ def energies(system: System, q: Any, v: Any, times: Any = 0.0) -> Energies:
     first, kind = system.first, np.result_type(q, v)
     links, rates = q[first:], v[first:]
     kinetic, potential = (np.empty((system.n_links, *q.shape[1:]), dtype=kind) for _ in range(2))
-    bearing = None if system.structure is None else CarriersAt(Carriers(system), q, v, bare=True)
-    speed, down, base = (v[0] if first else 0.0, 0.0), 0.0, None
+    bearing = Bearing(carriers_of(system), q, v, bare=True)
     for number, group in enumerate(system.groups):
-        if bearing is not None:
-            (_, down), speed = bearing.pivots(number)
-            base = bearing.joints(number).base
+        (_, down), speed = bearing.pivots(number)
+        base = bearing.base(number)
         place = 3 * group.index + np.arange(3)[:, None, None] if system.spatial else group.index
         hung, winding = _hung(system, group, times, links[place])
         swing = (_in_space if system.spatial else _in_plane)(hung, links[place], rates[place], base)
         kinetic[group.index] = kinetic_energy(hung, swing, speed, winding)
-        heights = along_chain(hung, swing.lifts)
+        heights = along_chain(hung, swing.lifts) - down
         if hung is not group:
             sigma, longer = _spread(group.block.sigma, swing.spin), _spread(group.block.length, swing.spin)
             heights = heights + np.cumsum(sigma * (longer - hung.block.length), axis=0)
-        if bearing is not None:
-            heights = heights - down
         potential[group.index] = _spread(hung.block.mass, swing.spin) * system.gravity * heights + swing.bent
-    if bearing is not None:
-        springs = sum((spring.energy.sum(0) for _, spring in bearing.tensions(q, v)), 0.0)
-        return Energies(kinetic, potential, bearing.kinetic, bearing.potential + springs)
-    mass, _, stiffness = system.cart or (0.0, 0.0, 0.0)
-    x, rate = (q[0], v[0]) if first else (0.0, 0.0)
-    return Energies(kinetic, potential, mass * rate**2 / 2, stiffness * x**2 / 2)
+    springs = sum((spring.energy.sum(0) for _, spring in bearing.tensions(q, v)), 0.0)
+    return Energies(kinetic, potential, bearing.kinetic, bearing.potential + springs)
 
 
 def kinetic_energy(group: Group, swing: LinkMotion, speed: tuple[Any, Any], winding: Any) -> Any:

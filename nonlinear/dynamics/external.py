@@ -33,16 +33,20 @@ from nonlinear.system import ActingForce, Group, System
 class External(NamedTuple):
     """External forces on a group: generalized ones on u (d, n, P, ...) or torques on angles (n, P, ...), and the rest.
 
-    The force (N) on the cart and the power (W) are (...), the force (N) on every centre is (d, n, P, ...), that which
-    every pendulum hands on to its first joint (d, P, ...), as are torques (N m) that act reversed on what carries it.
+    The power (W) is (...), the force (N) on every centre is (d, n, P, ...), that which every pendulum hands on to its
+    first joint (d, P, ...), as are torques (N m) that act reversed on what carries it.
     """
 
     generalized: Any
-    on_cart: Any
     power: Any
     forces: Any
     at_joints: Any
     at_base: Any = 0.0
+
+    @property
+    def along_rail(self) -> Any:
+        """The force (N) along the rail on what carries the group, (...)."""
+        return self.at_joints[0].sum(0)
 
     def plus(self, other: External) -> External:
         """Both together."""
@@ -61,11 +65,11 @@ def drag_forces(group: Group, velocities: Any) -> Any:
     return drag_law(velocities, _spread(group.block.drag, velocities), quadratic)
 
 
-def drag(group: Group, along: Any, cart_rate: Any, support: Any = None, winding: Any = None) -> External:
+def drag(group: Group, along: Any, pivot: tuple[Any, Any], support: Any = None, winding: Any = None) -> External:
     """The drag of a group of links.
 
-    `along` (d, n, P, ...) are the rates u'; the first component is along the rail.  The first joints move at the
-    `cart_rate` (m/s) along it, or on a structure at two velocities (P, ...), along it and down.  The air stands still
+    `along` (d, n, P, ...) are the rates u'; the first component is along the rail.  The first joints move at a `pivot`
+    velocity (m/s) along it and down, (P, ...) each or one of all.  The air stands still
     while a `support` moves, with the velocity (m/s) along the rail and down; the power is that in its frame.  `winding`
     (d, n, P, ...) are the velocities l' u of bobs at the end of ropes that change their length.
     """
@@ -74,10 +78,7 @@ def drag(group: Group, along: Any, cart_rate: Any, support: Any = None, winding:
     velocities = np.cumsum(steps, axis=1) - steps + centre * along
     if winding is not None:
         velocities = velocities + np.cumsum(winding, axis=1)
-    if isinstance(cart_rate, tuple):
-        velocities[0], velocities[-1] = velocities[0] + cart_rate[0], velocities[-1] + cart_rate[1]
-    else:
-        velocities[0] = velocities[0] + cart_rate
+    velocities[0], velocities[-1] = velocities[0] + pivot[0], velocities[-1] + pivot[1]
     wind = velocities
     if support is not None:
         wind = velocities.copy()
@@ -85,16 +86,16 @@ def drag(group: Group, along: Any, cart_rate: Any, support: Any = None, winding:
     forces = drag_forces(group, wind)
     through = np.cumsum(forces[:, ::-1], axis=1)[:, ::-1]
     pushed = length * (through - forces) + centre * forces
-    return External(pushed, through[0, 0].sum(0), (forces * velocities).sum((0, 1, 2)), forces, through[:, 0])
+    return External(pushed, (forces * velocities).sum((0, 1, 2)), forces, through[:, 0])
 
 
 def plane_drag(
-    group: Group, angles: Any, rates: Any, cart_rate: Any, support: Any = None, speed: Any = None
+    group: Group, angles: Any, rates: Any, pivot: tuple[Any, Any], support: Any = None, speed: Any = None
 ) -> External:
     """The drag of a group in the plane; `speed` (n, P, ...) is that at which ropes become longer."""
     sin, cos = np.sin(angles), np.cos(angles)
     winding = None if speed is None else np.stack((speed * sin, speed * cos))
-    external = drag(group, np.stack((rates * cos, -(rates * sin))), cart_rate, support, winding)
+    external = drag(group, np.stack((rates * cos, -(rates * sin))), pivot, support, winding)
     return external._replace(generalized=external.generalized[0] * cos - external.generalized[1] * sin)
 
 
@@ -118,15 +119,15 @@ def applied(
     sizes: Sequence[Any],
     angles: Any,
     rates: Any,
-    cart_rate: Any,
+    pivot: tuple[Any, Any],
     speed: Any = None,
 ) -> External:
     """The forces of these sizes (N or N m) on a group, whose angles and rates are (n, P, ...).
 
-    `speed` (n, P, ...) is that at which ropes become longer; `cart_rate` is as in `drag`.
+    `speed` (n, P, ...) is that at which ropes become longer; `pivot` is as in `drag`.
     """
     torques, resultants = np.zeros_like(angles), np.zeros_like(np.stack((angles, angles)))
-    on_cart, power, at_base, length, centre = 0.0, 0.0, np.zeros_like(angles[0]), group.block.length, group.block.centre
+    power, at_base, length, centre = 0.0, np.zeros_like(angles[0]), group.block.length, group.block.centre
     for force, size in zip(forces, sizes, strict=True):
         for row, columns, below in force.spots(group.index):
             if force.direction is None:
@@ -148,14 +149,9 @@ def applied(
             way = 0 if along else 1
             push = size * (along or down)
             resultants[way, row, columns] = resultants[way, row, columns] + push
-            if along:
-                on_cart = on_cart + len(columns) * push
     at_joints, power = resultants.sum(1), power + (torques * rates).sum((0, 1))
-    if isinstance(cart_rate, tuple):
-        power = power + (at_joints[0] * cart_rate[0] + at_joints[1] * cart_rate[1]).sum(0)
-    else:
-        power = power + on_cart * cart_rate
-    return External(torques, on_cart, power, resultants, at_joints, at_base)
+    power = power + (at_joints[0] * pivot[0] + at_joints[1] * pivot[1]).sum(0)
+    return External(torques, power, resultants, at_joints, at_base)
 
 
 def on_cart(system: System, sizes: Sequence[Any]) -> Any:

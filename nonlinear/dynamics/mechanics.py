@@ -9,7 +9,7 @@ in the support's frame.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -18,13 +18,15 @@ import numpy as np
 
 from modal.errors import ComputationError
 from modal.report import Displayed
-from modal.structure import CarrierEnd
 from modal.types import Booleans, Floats
+from nonlinear.dynamics.bearing import Bearing
 from nonlinear.dynamics.energies import Energies, energies
 from nonlinear.dynamics.external import forces_of, resultants
-from nonlinear.dynamics.structure import Carriers, CarriersAt
-from nonlinear.system import Layout, Motion, System, drawn_place
+from nonlinear.dynamics.structure import carriers_of
+from nonlinear.system import Layout, Motion, System
 
+Along = tuple[Any, Any]
+"""Something of first joints along the rail and down, each beside that of links (T, n, P)."""
 AT_ONCE = 20_000  # links times instants in one block
 
 
@@ -38,29 +40,34 @@ def vectors(motion: Motion) -> tuple[Floats, Floats]:
 
 
 def chained(
-    system: System, cart: Floats, along: Floats, length: Floats | None = None, extra: Floats | None = None
+    system: System, pivots: Sequence[Along], along: Floats, length: Floats | None = None, extra: Floats | None = None
 ) -> tuple[Floats, Floats]:
     """Sums along chains at lower joints and centres, each (T, L, d); a metre of link contributes `along` (T, L, d).
 
     Gives positions from unit vectors, velocities from their first and accelerations from their second derivatives;
-    `cart` (T,) is the same quantity of the pivots, along the rail, or on a structure that of each (T, L, d).  Where
+    `pivots` are the same quantity of first joints, group by group along the rail and down, (T, 1, P) each.  Where
     lengths change, `length` (T, L) are those and `extra` (T, L, d) is what their change contributes, by which the bobs
     at their ends move as well.
     """
     ends, centres = np.empty_like(along), np.empty_like(along)
-    for group in system.groups:
+    for group, pivot in zip(system.groups, pivots, strict=True):
         directions = along[:, group.index]
         reach, rest = group.block.length, group.block.centre - group.block.length
         if length is not None and system.hoisting is not None:
             reach, rest = length[:, group.index], np.where(system.hoisting.moving[group.index], 0.0, rest)
         steps = reach[..., None] * directions + (0.0 if extra is None else extra[:, group.index])
-        ends[:, group.index] = lower = np.cumsum(steps, axis=1)
+        lower = np.cumsum(steps, axis=1)
+        for k, values in zip((0, -1), pivot, strict=True):
+            lower[..., k] += values
+        ends[:, group.index] = lower
         centres[:, group.index] = lower + rest[..., None] * directions
-    if cart.ndim > 1:
-        return ends + cart, centres + cart
-    ends[..., 0] += cart[:, None]
-    centres[..., 0] += cart[:, None]
     return ends, centres
+
+
+def _aligned(values: Any) -> Any:
+    """Values of first joints, (P, T) or of all alike (T,), beside those of links (T, n, P)."""
+    values = np.asarray(values)
+    return values.T.reshape(values.shape[-1], 1, -1) if values.ndim else values
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -85,18 +92,16 @@ class Mechanics(Displayed):
             raise ComputationError("the lengths of this scene change: its positions and energies need times")
         return self.system.hoisting.at(self.times)
 
-    def _chained(self, cart: Floats, along: Floats, extra: Callable[..., Floats]) -> tuple[Floats, Floats]:
+    def _chained(self, pivots: Sequence[Along], along: Floats, extra: Callable[..., Floats]) -> tuple[Floats, Floats]:
         """`chained` with the contribution of changing lengths, `extra` of length, speed, acceleration (T, L, 1)."""
         if self.lengths is None:
-            return chained(self.system, cart, along)
-        return chained(self.system, cart, along, self.lengths[0], extra(*(part[..., None] for part in self.lengths)))
+            return chained(self.system, pivots, along)
+        return chained(self.system, pivots, along, self.lengths[0], extra(*(part[..., None] for part in self.lengths)))
 
     @cached_property
-    def bearing(self) -> CarriersAt | None:
-        """The carriers of a structure at all times, their numbers being (T,); None without one."""
-        if self.system.structure is None:
-            return None
-        return CarriersAt(Carriers(self.system), *self._coordinates, bare=True)
+    def bearing(self) -> Bearing:
+        """What carries the pendula at all times, its numbers being (T,)."""
+        return Bearing(carriers_of(self.system), *self._coordinates, bare=True)
 
     @property
     def _coordinates(self) -> tuple[Floats, Floats]:
@@ -106,38 +111,26 @@ class Mechanics(Displayed):
         return q, v
 
     @cached_property
-    def pivots(self) -> tuple[Floats, Floats, Floats]:
-        """Of the pivot above every link place, displacement from where it is drawn, and velocity, (T, L, 2) each."""
-        bearing, structure = self.bearing, self.system.structure
-        assert bearing is not None
-        assert structure is not None
-        placed = np.empty((3, len(self.motion.cart), self.system.n_links, 2))
-        for number, group in enumerate(self.system.groups):
-            moved, speed = bearing.pivots(number)
-            drawn = [drawn_place(self.system, CarrierEnd(*structure.pivots[p])) for p in group.pendula.tolist()]
-            for k in (0, 1):
-                place = np.array([each[k] for each in drawn]) + moved[k].T  # type: ignore[index]
-                for part, values in zip(placed, (place, moved[k].T, speed[k].T), strict=True):
-                    part[:, group.index, k] = values[:, None]
-        return placed[0], placed[1], placed[2]
+    def _pivots(self) -> tuple[list[Along], list[Along]]:
+        """Places (m) and velocities (m/s) of first joints group by group."""
+        places, speeds = [], []
+        for number, rest in enumerate(carriers_of(self.system).drawn):
+            moved, speed = self.bearing.pivots(number)
+            places.append((rest[0] + _aligned(moved[0]), rest[1] + _aligned(moved[1])))
+            speeds.append((_aligned(speed[0]), _aligned(speed[1])))
+        return places, speeds
 
-    def pivot_accelerations(self, carried: Floats) -> Floats:
-        """Those (m/s²) of the pivot above every link, (T, L, 2), from η'' (T, d)."""
-        bearing = self.bearing
-        assert bearing is not None
-        bearing.solution = list(carried.T)
-        accelerations = np.empty((len(carried), self.system.n_links, 2))
-        for number, group in enumerate(self.system.groups):
-            for k, values in enumerate(bearing.start(number, 0.0)):
-                accelerations[:, group.index, k] = values.T[:, None]
-        return accelerations
+    def pivot_accelerations(self, carried: Floats) -> list[Along]:
+        """Those (m/s²) of first joints group by group, from η'' (T, d)."""
+        self.bearing.solution = list(carried.T)
+        starts = [self.bearing.start(number, 0.0) for number in range(len(self.system.groups))]
+        return [(_aligned(along), _aligned(down)) for along, down in starts]
 
     @cached_property
     def springs(self) -> tuple[Floats, Floats, Floats]:
         """Of every spring between points extension (m or rad), pull (N or N m) and energy (J), (T, E) each."""
-        structure, bearing = self.system.structure, self.bearing
-        pulled = np.zeros((3, len(self.motion.cart), len(structure.springs) if structure else 0))
-        for numbers, tension in bearing.tensions(*self._coordinates) if bearing else []:
+        pulled = np.zeros((3, len(self.motion.work), len(self.system.suspension.springs)))
+        for numbers, tension in self.bearing.tensions(*self._coordinates):
             for part, values in zip(pulled, (tension.extension, tension.pull, tension.energy), strict=True):
                 part[:, numbers] = values.T
         return pulled[0], pulled[1], pulled[2]
@@ -160,8 +153,7 @@ class Mechanics(Displayed):
     @cached_property
     def _positions(self) -> tuple[Floats, Floats]:
         u = self.vectors[0]
-        cart = self.motion.cart if self.bearing is None else self.pivots[0]
-        ends, centres = self._chained(cart, u, lambda l, v, a: 0.0 * u)
+        ends, centres = self._chained(self._pivots[0], u, lambda l, v, a: 0.0 * u)
         if self.support is not None:
             ends, centres = (values + self.support[:, None] for values in (ends, centres))
         return ends, centres
@@ -170,8 +162,7 @@ class Mechanics(Displayed):
     def speeds(self) -> Floats:
         """Velocity (m/s) of every centre of mass, (T, L, d)."""
         u, w = self.vectors
-        cart = self.motion.cart_rate if self.bearing is None else self.pivots[2]
-        return self._chained(cart, w, lambda l, v, a: v * u)[1]
+        return self._chained(self._pivots[1], w, lambda l, v, a: v * u)[1]
 
     @cached_property
     def _parts(self) -> Energies:
@@ -229,10 +220,7 @@ class Mechanics(Displayed):
     @cached_property
     def momentum(self) -> Floats:
         """Momentum (kg m/s) along the rail, (T,): conserved where nothing holds or drives the cart."""
-        cart: Any = self.system.cart.mass * self.motion.cart_rate if self.system.cart else 0.0
-        if self.bearing is not None:
-            cart = self.bearing.momentum
-        return np.asarray(cart + self.speeds[..., 0] @ self.system.mass)
+        return np.asarray(self.bearing.momentum + self.speeds[..., 0] @ self.system.mass)
 
     @cached_property
     def spin(self) -> Floats:
@@ -243,13 +231,13 @@ class Mechanics(Displayed):
         return np.asarray(orbital + turning)
 
     def pivot_forces(
-        self, accelerations: tuple[Floats, Floats], support: tuple[Floats, Floats] | None = None
+        self, accelerations: tuple[Sequence[Along], Floats], support: tuple[Floats, Floats] | None = None
     ) -> Floats:
         """Force (N) on every link from above at its upper joint, (T, L, d).
 
-        `accelerations` are x'' (T,), or on a structure those of the pivot above every link (T, L, d), and the second
-        derivatives of the unit vectors (T, L, d), `support` the acceleration and the velocity of a moved support
-        (T, d): Newton's second law for the link and all below it, on which their drag and springs act as well.
+        `accelerations` are those of first joints (`pivot_accelerations`), and the second derivatives of the unit
+        vectors (T, L, d), `support` the acceleration and the velocity of a moved support (T, d): Newton's second law
+        for the link and all below it, on which their drag and springs act as well.
         """
         u, w = self.vectors
         bodily = self._chained(*accelerations, lambda l, v, a: a * u + 2 * v * w)[1]
@@ -264,8 +252,9 @@ class Mechanics(Displayed):
             needed -= [
                 resultants(self.system, angles, t)[0] for angles, t in zip(self.motion.links, self.times, strict=True)
             ]
-        if self.bearing is not None:
-            needed -= self.bearing.pulled(*self._coordinates).transpose(2, 1, 0)
+        pulled = self.bearing.pulled(*self._coordinates)
+        if pulled is not None:
+            needed -= pulled.transpose(2, 1, 0)
         for group in self.system.groups:
             shares = needed[:, group.index]
             needed[:, group.index] = np.cumsum(shares[:, ::-1], axis=1)[:, ::-1]

@@ -23,7 +23,8 @@ from math import frexp
 
 import numpy as np
 
-from modal.assembly import ARRAYS, CartNumbers
+from modal.assembly import ARRAYS
+from modal.structure import scaled
 from modal.types import Floats, Ints
 from nonlinear.system import Equations, Group, Load, Motion, State, System, unit_vectors, velocities
 
@@ -223,10 +224,10 @@ def natural(system: System, start: State) -> Symmetry | None:
         return None
     mass, length, moment = 2.0**m, 2.0**l, 2.0 ** (m + 2 * l)
     units = {"mass": mass, "length": length, "centre": length, "sigma": 1.0}
-    cart = system.cart and CartNumbers(*(number / mass for number in system.cart))
     numbers = {name: units.get(name, moment) for name in ARRAYS}
     groups = tuple(_counted(group, numbers, moment) for group in system.groups)
-    small = replace(system, gravity=system.gravity / length, cart=cart, groups=groups)
+    suspension = scaled(system.suspension, mass, length, length)
+    small = replace(system, gravity=system.gravity / length, suspension=suspension, groups=groups)
     return Symmetry(
         small,
         lambda state: replace(state, cart=state.cart / length, cart_rate=state.cart_rate / length),

@@ -17,7 +17,7 @@ from modal.errors import ComputationError
 from modal.report import silent
 from modal.types import Floats
 from nonlinear.dynamics import Arranged, Recursion
-from nonlinear.dynamics.minimal import inverted
+from nonlinear.dynamics.bearing import inverted
 from nonlinear.integration.floats import FloatStepper
 from nonlinear.integration.steppers import Stepper, Sweeper
 from nonlinear.integration.switched import Switched

@@ -95,8 +95,9 @@ def _planar(group: Group, moved: list[Floats], felt: Floats, cart_rate: Floats) 
         forces -= link_torques(group, theta, rate)
     braking: Any = 0.0
     if group.dragged:
-        resisting, braking, *_ = plane_drag(group, theta, rate, cart_rate)
-        forces -= resisting
+        external = plane_drag(group, theta, rate, (cart_rate, 0.0))
+        braking = external.along_rail
+        forces -= external.generalized
     return second, forces[None], braking
 
 
@@ -115,8 +116,9 @@ def _spatial(group: Group, moved: list[Floats], felt: Floats, cart_rate: Floats)
     if group.sprung or group.damped:
         forces -= generalized(joint_moments(group, u, w), u)
     if group.dragged:
-        resisting, braking, *_ = drag(group, w, cart_rate)
-        forces -= resisting
+        external = drag(group, w, (cart_rate, 0.0))
+        braking = external.along_rail
+        forces -= external.generalized
     return second, sigma * (s * forces[:2] + (r * _along(p, forces[:2]) - s * forces[2]) * p), braking
 
 
