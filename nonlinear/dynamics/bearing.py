@@ -13,9 +13,8 @@ import numpy as np
 
 from modal.structure import CarrierEnd, CarrierNumbers, Moving
 from modal.types import Ints
-from nonlinear.dynamics.external import External
+from nonlinear.dynamics.forces import Base, External
 from nonlinear.dynamics.inputs import QUIET, Instant
-from nonlinear.dynamics.joints import Base
 from nonlinear.dynamics.springs import Strained, Tension
 from nonlinear.dynamics.structure import (
     Bundle,

@@ -16,7 +16,7 @@ from modal.errors import MissingExtraError
 from modal.types import Floats, Ints
 from nonlinear.dynamics.compiled_structure import FlatStructure, flat_of, link_at, rate_on_carriers
 from nonlinear.dynamics.compiling import available, in_place
-from nonlinear.dynamics.joints import joint_law
+from nonlinear.dynamics.forces import joint_law
 from nonlinear.dynamics.minimal import Minimal
 from nonlinear.dynamics.recursion import Answer, Turn, ended, hung, links_of, passed
 from nonlinear.dynamics.text import sincos

@@ -2,6 +2,8 @@
 
 What is kept saves time and nothing else: a file that is cut, damaged, or that others could have written is dropped, and
 the function is compiled anew; where nothing can be written it is compiled in every process.
+
+Meanwhile Ctrl-C is deferred, and blocked in child processes.
 """
 
 from __future__ import annotations
@@ -9,6 +11,8 @@ from __future__ import annotations
 import inspect
 import os
 import pickle
+import signal
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from errno import EPERM
@@ -272,3 +276,38 @@ def inner(function: Callable[..., Any], decorator: str) -> str:
     first = next(k for k, line in enumerate(lines) if line.startswith("    def "))
     body = dedent("\n".join(lines[first : len(lines) - 1])).splitlines()
     return "\n".join(f"@{decorator}\n{line}" if line.startswith("def ") else line for line in body)
+
+
+ENDING = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
+
+
+@contextmanager
+def undisturbed() -> Iterator[None]:
+    """A block that Ctrl-C, or another signal that asks the process to end, interrupts only after it completes."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    caught: list[int] = []
+    handlers = {number: handler for number in ENDING if callable(handler := signal.getsignal(number))}
+    for number in handlers:
+        signal.signal(number, lambda number, frame: caught.append(number))
+    try:
+        yield
+    finally:
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
+    for number in caught:
+        handlers[signal.Signals(number)](number, None)
+
+
+@contextmanager
+def children_without_interrupts() -> Iterator[None]:
+    """Processes started in this block never receive Ctrl-C, where the platform permits; this one gets it later."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)

@@ -2,7 +2,7 @@
 
     p = ∂T/∂q'        q' = M⁻¹ p        p' = ∂T/∂q − ∂V/∂q + Q        H = T + V
 
-T and V are recorded from `nonlinear.dynamics.energies` and differentiated backwards on the tape; M⁻¹ p is a pass of
+T and V are recorded from `nonlinear.dynamics.mechanics` and differentiated backwards on the tape; M⁻¹ p is a pass of
 `nonlinear.dynamics.recursion` without gravity or rates, with p in place of the forces; Q are the forces that act, of
 dampers, drives, drag and loads; where the support moves V has the work against its acceleration too.  No q'' is needed
 for any, so that a comparison with Lagrange's form tells something.  The p_x of a free cart is constant to the last
@@ -48,10 +48,10 @@ import numpy as np
 
 from modal.types import Floats
 from nonlinear.dynamics.bearing import Bearing, inverted
-from nonlinear.dynamics.energies import energies
+from nonlinear.dynamics.forces import cart_force
 from nonlinear.dynamics.forms import Form, TapedEquations
 from nonlinear.dynamics.generated import Generated, Listed, Rate
-from nonlinear.dynamics.joints import cart_force
+from nonlinear.dynamics.mechanics import energies
 from nonlinear.dynamics.minimal import Arranged, Minimal
 from nonlinear.dynamics.spatial import Spatial, SpatialRecursion, dot
 from nonlinear.dynamics.structure import carriers_of, displacement

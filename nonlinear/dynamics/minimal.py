@@ -21,12 +21,10 @@ import numpy as np
 
 from modal.types import Floats, Ints
 from nonlinear.dynamics.bearing import Bearing, inverted
-from nonlinear.dynamics.contacts import Rubbed
-from nonlinear.dynamics.external import External, applied, plane_drag
+from nonlinear.dynamics.contacts import Rubbed, Sticking
+from nonlinear.dynamics.forces import Base, External, applied, bending_torques, inertial_torques, modal_drag, plane_drag
 from nonlinear.dynamics.inputs import Inputs, Instant, Lengths, lengthened
-from nonlinear.dynamics.joints import Base, bending_torques, inertial_torques, modal_drag
 from nonlinear.dynamics.recursion import Answer, Bias, downward, driven, links_of, upward
-from nonlinear.dynamics.sticking import Sticking
 from nonlinear.dynamics.structure import carriers_of
 from nonlinear.system import Group, Layout, Load, Motion, State, System
 

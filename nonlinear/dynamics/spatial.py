@@ -45,8 +45,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from modal.types import Floats, Ints
-from nonlinear.dynamics.external import External, drag
-from nonlinear.dynamics.joints import Base
+from nonlinear.dynamics.forces import Base, External, drag
 from nonlinear.dynamics.minimal import Projection, Suspended
 from nonlinear.dynamics.recursion import Answer, RecursiveLink, driven, links_of
 from nonlinear.dynamics.tape import where

@@ -43,11 +43,10 @@ import numpy as np
 from modal.scene import SineMotion
 from modal.vibration import prescribed_motion
 from nonlinear.dynamics.bearing import inverted
-from nonlinear.dynamics.energies import energies
-from nonlinear.dynamics.external import drag_law
+from nonlinear.dynamics.forces import drag_law, inertial_law, joint_law
 from nonlinear.dynamics.forms import Form, TapedEquations, form_of
 from nonlinear.dynamics.inputs import QUIET
-from nonlinear.dynamics.joints import inertial_law, joint_law
+from nonlinear.dynamics.mechanics import energies
 from nonlinear.dynamics.minimal import Minimal
 from nonlinear.dynamics.recursion import Answer, RecursiveLink, Turn, hung, passed
 from nonlinear.dynamics.tape import Tape, along

@@ -18,11 +18,10 @@ import numpy as np
 from modal.errors import ComputationError
 from modal.types import Floats
 from nonlinear.dynamics.elimination import SINGULAR
-from nonlinear.dynamics.energies import energies
-from nonlinear.dynamics.external import plane_drag
+from nonlinear.dynamics.forces import cart_force, modal_drag, plane_drag
 from nonlinear.dynamics.forms import Form, Symbolic, form_of, jacobian_of, module_of
 from nonlinear.dynamics.generated import UNDEFINED, Generated, Listed
-from nonlinear.dynamics.joints import cart_force, modal_drag
+from nonlinear.dynamics.mechanics import energies
 from nonlinear.dynamics.switching import switched, switching_of
 from nonlinear.dynamics.tape import gradient, partials
 from nonlinear.dynamics.text import Module

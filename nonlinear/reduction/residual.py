@@ -25,8 +25,7 @@ import numpy as np
 
 from modal.scene.doors import require_type
 from modal.types import Floats
-from nonlinear.dynamics.external import drag, plane_drag
-from nonlinear.dynamics.joints import cart_force, link_torques, modal_drag
+from nonlinear.dynamics.forces import cart_force, drag, link_torques, modal_drag, plane_drag
 from nonlinear.dynamics.spatial import generalized, joint_moments
 from nonlinear.dynamics.variational import Variational
 from nonlinear.reduction.two_planes import factors

@@ -18,7 +18,7 @@ from modal.types import Floats
 from nonlinear import load as load_run
 from nonlinear import save, simulate
 from nonlinear.dynamics import Generated, Lanes, Minimal, Recursion
-from nonlinear.dynamics.energies import energies
+from nonlinear.dynamics.mechanics import energies
 from nonlinear.dynamics.variational import Variational
 from nonlinear.ensembles import ensemble
 from nonlinear.integration import taylor
