@@ -67,6 +67,12 @@ class FlatStructure(NamedTuple):
     loads: Floats
 
 
+def with_own_room(flat: FlatStructure) -> FlatStructure:
+    """The same with room that nobody else writes into."""
+    names = ("A", "right", "slopes", "turns", "bias", "moved", "loads")
+    return flat._replace(**{name: getattr(flat, name).copy() for name in names})
+
+
 def flat_of(system: System) -> FlatStructure:
     """The arrays of a system on a structure without modal supports."""
     carriers = Carriers(system)

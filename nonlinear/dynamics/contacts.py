@@ -137,11 +137,10 @@ class Escaping:
         """The coordinates of v below and above every joint, −1 standing for a support that does not turn."""
         system, first = self.system, self.system.first
         above = np.where(self.above < 0, -1, self.above + first)
-        if system.structure is not None:
-            for joint in np.flatnonzero(self.above < 0):
-                pivot = system.structure.pivots[system.pendulum[self.below[joint]]]
-                angle = system.structure.angle_of(pivot.carrier)
-                above[joint] = -1 if angle is None else angle
+        for joint in np.flatnonzero(self.above < 0):
+            pivot = system.suspension.pivots[system.pendulum[self.below[joint]]]
+            angle = system.suspension.angle_of(pivot.carrier)
+            above[joint] = -1 if angle is None else angle
         return tuple(zip((self.below + first).tolist(), above.tolist(), strict=True))
 
 
