@@ -299,7 +299,7 @@ FIRST_MOMENTS, DIRECTIONS = (
 )
 KEPT = {
     "nonlinear.dynamics.recursion": "the text",
-    "nonlinear.dynamics.sticking": "the text of joints that stick",
+    "nonlinear.dynamics.contacts": "the text of joints that stick",
     "nonlinear.dynamics.elimination": "the text of short chains",
     "nonlinear.dynamics.hamiltonian": "the canonical form in space, an independent route",
     "nonlinear.reduction.truncated": "the motion in a few modes",

@@ -9,22 +9,27 @@ for long chains, or compiled (`compiled`, extra `fast`).  Start with `minimal`;
 `symmetries` replaces a scene by a smaller one that moves alike.
 """
 
-from nonlinear.dynamics.banded import Banded
 from nonlinear.dynamics.compiling import children_without_interrupts, undisturbed
 from nonlinear.dynamics.contacts import Contacts, Escaping, contacts_of, escaping, links_of_contacts
-from nonlinear.dynamics.elimination import Elimination, loses_digits
-from nonlinear.dynamics.equilibrium import is_unstable_equilibrium
+from nonlinear.dynamics.elimination import Banded, Elimination, loses_digits
 from nonlinear.dynamics.forms import Form, form_of, jacobian_of, module_of
-from nonlinear.dynamics.generated import Generated, Written
+from nonlinear.dynamics.generated import Generated, Lanes, Written
 from nonlinear.dynamics.hamiltonian import Hamiltonian, SpatialHamiltonian
 from nonlinear.dynamics.inputs import Inputs, Instant
-from nonlinear.dynamics.lanes import Lanes
 from nonlinear.dynamics.maximal import HoistedMaximal, Maximal
 from nonlinear.dynamics.mechanics import Mechanics, Reactions, vectors
 from nonlinear.dynamics.minimal import Arranged, GroupBody, Minimal, Recursion
 from nonlinear.dynamics.spatial import Spatial, SpatialRecursion
 from nonlinear.dynamics.steps import StructureSteps, link_steps, sine_steps, structure_steps, support_steps
-from nonlinear.dynamics.symmetries import Reduced, Symmetry, exactly_symmetric, find_symmetries, symmetrize, synchronous
+from nonlinear.dynamics.symmetries import (
+    Reduced,
+    Symmetry,
+    exactly_symmetric,
+    find_symmetries,
+    is_unstable_equilibrium,
+    symmetrize,
+    synchronous,
+)
 from nonlinear.dynamics.tape import Tape
 from nonlinear.dynamics.text import Module, sincos
 

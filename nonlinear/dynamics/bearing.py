@@ -1,111 +1,327 @@
-"""What carries the first joints of pendula, at one instant: a fixed support, a moved one, or a cart on its rail.
+"""What carries the first joints of pendula, at one instant: a structure, of which a fixed support and a cart are two.
 
-`Bearing` is the interface of these and of structures (`nonlinear.dynamics.structure`): equations of motion ask how the
-first joints move, hand over what hangs there group by group, and are given back accelerations.
+Equations of motion ask a `Bearing` how the first joints move, hand over what hangs there group by group, and are given
+back accelerations.
 """
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
-from typing import Any, NamedTuple
+from collections.abc import Sequence
+from typing import Any
 
-from nonlinear.dynamics.external import External, on_cart
-from nonlinear.dynamics.inputs import Instant
-from nonlinear.dynamics.joints import Base, cart_force
-from nonlinear.system import System
+import numpy as np
+
+from modal.structure import CarrierEnd, CarrierNumbers, Moving
+from modal.types import Ints
+from nonlinear.dynamics.forces import Base, External
+from nonlinear.dynamics.inputs import QUIET, Instant
+from nonlinear.dynamics.springs import Strained, Tension
+from nonlinear.dynamics.structure import (
+    Bundle,
+    Carriers,
+    Vector,
+    carriers_of,
+    displacement,
+    eliminated,
+    held,
+    inertia,
+    thrown,
+)
+from nonlinear.system import Group, System
 
 
-class Joints(NamedTuple):
-    """How the first joints of a group move: a `base` that turns, None for none, and their velocity (m/s).
+class Bearing:
+    """Carriers with η and η' at an instant.
 
-    The velocity is that along the rail of all, or two of each, (P, ...), along the rail and down.
+    `torques` are the generalized forces (L, ...) on the links of springs between points; None without any.
     """
 
-    base: Base | None
-    velocity: Any
+    def __init__(
+        self,
+        carriers: Carriers,
+        q: Any,
+        v: Any,
+        instant: Instant = QUIET,
+        *,
+        bare: bool = False,
+        massless: bool = False,
+    ) -> None:
+        """Without weights, springs and all that acts, if `bare`: then it answers generalized forces alone.
 
+        Without what their own mass does, if `massless`: then what acts here are forces alone.
+        """
+        self.carriers, self.structure, system = carriers, carriers.structure, carriers.system
+        size = self.structure.size
+        self.instant, self.bare, self.massless, self.system = instant, bare, massless, system
+        self.eta, self.rates = list(q[:size]), list(v[:size])
+        self.moves = carriers._moved(self.eta, self.rates)
+        self.right: list[Any] = [0.0] * size
+        self.working: list[Any] = [0.0] * size
+        self.blocks: list[list[list[Any]]] = []
+        self.power: Any = 0.0
+        self.taken: list[Any] = []
+        self.solution: list[Any] = []
+        along, down = instant.support
+        self.felt: Vector = (0.0, 0.0) if bare else (along, down - system.gravity)
+        self.like = q[size::3] if system.spatial else q[size:]
+        self.torques: Any = None
+        self.strained: Strained | None = None
+        for number, carrier in enumerate(self.structure.carriers):
+            self._begin(number, carrier)
+        if not bare and carriers.springs:
+            self.strained = carriers.springs.forces(q, v, self)
+            self.torques, self.power = self.strained.torques, self.power + self.strained.power
 
-class Bearing(ABC):
-    """What carries the first joints at an instant."""
+    def _begin(self, number: int, carrier: CarrierNumbers) -> None:
+        """A carrier's own inertia, its springs, dampers and weight."""
+        if not carrier.size:
+            self.blocks.append([])
+            return
+        eta, rates = self.structure.part(number, self.eta), self.structure.part(number, self.rates)
+        centre = None if carrier.M is not None else self.carriers.centre(number, self.eta, self.rates)
+        self.blocks.append(inertia(carrier, centre))  # type: ignore[arg-type]
+        if self.bare:
+            return
+        first = self.structure.offsets[number]
+        kept, working = held(carrier, eta, rates)
+        forces: Any = [0.0] * carrier.size
+        if not self.massless:
+            each = thrown(carrier, centre, self.felt)  # type: ignore[arg-type]
+            forces = [force - self.carriers.weights[first + k] for k, force in enumerate(each)]
+        for k, (spring, damper, force) in enumerate(zip(kept, working, forces, strict=True)):
+            self.right[first + k], self.working[first + k] = spring + force, damper
+        if self.system.support and centre is not None:
+            vx, vz = centre.velocity(rates)
+            along, down = self.instant.support
+            self.power = self.power - carrier.mass * (along * vx + down * vz)
 
-    torques: Any = None
-    """Generalized forces (L, ...) on the links of springs between points; None without any."""
+    @property
+    def kinetic(self) -> Any:
+        """Kinetic energy (J) of the carriers, before anything has been taken."""
+        energy: Any = 0.0
+        for number, block in enumerate(self.blocks):
+            rates = self.structure.part(number, self.rates)
+            for k, row in enumerate(block):
+                for j, entry in enumerate(row):
+                    share = entry * (rates[k] * rates[j])
+                    energy = energy + (share / 2 if j == k else share)
+        return energy
 
-    @abstractmethod
-    def joints(self, group: int) -> Joints:
-        """How the first joints of a group, by its number, move."""
+    @property
+    def potential(self) -> Any:
+        """Potential energy (J) of the carriers' weights and own springs.
 
-    @abstractmethod
+        It is 0 as drawn; that of the pendula is in the heights of their pivots, that of springs in `tensions`.
+        """
+        energy: Any = 0.0
+        for number, carrier in enumerate(self.structure.carriers):
+            eta = self.structure.part(number, self.eta)
+            kept, _ = held(carrier, eta, eta)
+            for k, (value, force) in enumerate(zip(eta, kept, strict=True)):
+                weight = self.carriers.weights[self.structure.offsets[number] + k]
+                energy = energy + (weight * value - value * force / 2)
+            if carrier.M is None:
+                _, down = displacement(carrier, carrier.centre, eta)
+                energy = energy - carrier.mass * self.system.gravity * down
+        return energy
+
+    @property
+    def momentum(self) -> Any:
+        """Momentum (kg m/s) of the carriers along the rail, modal ones excepted."""
+        momentum: Any = 0.0
+        for number, carrier in enumerate(self.structure.carriers):
+            if carrier.M is None and carrier.size:
+                moving = self.carriers.centre(number, self.eta, self.rates)
+                momentum = momentum + carrier.mass * moving.velocity(self.structure.part(number, self.rates))[0]
+        return momentum
+
+    def tensions(self, q: Any, v: Any) -> list[tuple[Ints, Tension]]:
+        """What springs between points do, with their numbers, kind by kind."""
+        springs = self.carriers.springs
+        return springs.tensions(q, v, self) if springs else []
+
+    def pulled(self, q: Any, v: Any) -> Any:
+        """The force (2, L, ...) of springs between points on every link; None without any."""
+        springs = self.carriers.springs
+        return springs.forces(q, v, Bearing(self.carriers, q, v, bare=True)).on_links if springs else None
+
+    def push(self, number: int, moving: Moving, force: Vector) -> None:
+        """A force (N), along the rail and down, on a point of a carrier that moves like this."""
+        first = self.structure.offsets[number]
+        for k, (x, z) in enumerate(moving.slopes):
+            self.right[first + k] = self.right[first + k] + (x * force[0] + z * force[1])
+
+    def turn(self, number: int, torque: Any) -> None:
+        """A torque (N m) on a carrier; nothing on one that does not turn."""
+        if (angle := self.structure.angle_of(number)) is not None:
+            self.right[angle] = self.right[angle] + torque
+
+    def angle(self, number: int, values: Sequence[Any] | None = None) -> Any:
+        """The angle (rad) of a carrier, or of other `values` of its coordinates; 0.0 if it does not turn."""
+        angle = self.structure.angle_of(number)
+        return 0.0 if angle is None else (self.eta if values is None else values)[angle]
+
+    def pivots(self, group: int) -> tuple[Vector, Vector]:
+        """How far (m) the first joints of a group are from where they are drawn, and their velocities."""
+        structure, places = self.structure, []
+        for bundle in self.carriers.bundles[group]:
+            where = self.carriers.where(bundle, self.eta)
+            places.append(
+                displacement(structure.carriers[bundle.carrier], where, structure.part(bundle.carrier, self.eta))
+            )
+        return tuple(self._joined(group, [each[k] for each in places]) for k in (0, 1)), self.velocity(group)
+
+    def point(self, end: CarrierEnd) -> tuple[Vector, Moving, Vector]:
+        """The displacement of a point of a carrier, how it moves, and its velocity."""
+        eta, rates = (self.structure.part(end.carrier, values) for values in (self.eta, self.rates))
+        moving = self.carriers.moving(end.carrier, end.where, self.eta, self.rates)
+        return displacement(self.structure.carriers[end.carrier], end.where, eta), moving, moving.velocity(rates)
+
+    def base(self, group: int) -> Base | None:
+        """Angles and rates of what carries the first joints of a group; None where nothing there turns."""
+        bundles = self.carriers.bundles[group]
+        if all(self.structure.carriers[bundle.carrier].turning is None for bundle in bundles):
+            return None
+        angles, rates = ([self.angle(bundle.carrier, values) for bundle in bundles] for values in (None, self.rates))
+        return self._joined(group, angles), self._joined(group, rates)
+
+    def velocity(self, group: int) -> Vector:
+        """That of the first joints of a group (m/s), along the rail and down."""
+        velocities = [
+            moving.velocity(self.structure.part(bundle.carrier, self.rates))
+            for bundle, moving in zip(self.carriers.bundles[group], self.moves[group], strict=True)
+        ]
+        return tuple(self._joined(group, [each[k] for each in velocities]) for k in (0, 1))
+
+    def _joined(self, group: int, values: Sequence[Any]) -> Any:
+        """Values of the bundles of a group, (P, ...), or the one of all that move alike."""
+        if len(values) == 1 and self.carriers.bundles[group][0].together:
+            return values[0]
+        joined = np.zeros_like(self.like[self.system.groups[group].index[0]])
+        for bundle, value in zip(self.carriers.bundles[group], values, strict=True):
+            joined[bundle.columns] = value
+        return joined
+
     def take(
         self, group: int, body: Any, links: Any, rates: Any, forces: Any, external: External | None, reaction: Any
     ) -> None:
-        """A group's solver with all that acts on it; `reaction` are the torques (P, ...) of its first joints."""
+        """What a group answers, projected on the coordinates of its carriers."""
+        response = body.response(links, rates, forces)
+        pulled = [external.at_joints] if external is not None else []
+        if external is not None:
+            reaction = reaction + external.at_base
+        if self.strained is not None and self.strained.at_joints[group] is not None:
+            pulled.append(self.strained.at_joints[group])
+        is_dragged = self.system.support and self.structure.size and not self.bare
+        mass = self.system.groups[group].block.mass if is_dragged else None
+        for bundle, moving in zip(self.carriers.bundles[group], self.moves[group], strict=True):
+            felt = moving.bias[0] + self.felt[0], moving.bias[1] + self.felt[1]
+            block, force = response.projected(bundle.columns, moving.slopes, felt, bundle.together)
+            self._add(bundle, moving, block, force, pulled)
+            self._react(bundle, reaction, external)
+            if mass is not None:
+                vx, vz = moving.velocity(self.structure.part(bundle.carrier, self.rates))
+                along, down = self.instant.support
+                dragged = mass[:, bundle.columns].sum(0) * (along * vx + down * vz)
+                self.power = self.power - dragged.sum(0)
+        self.taken.append(response)
 
-    @abstractmethod
+    def _add(self, bundle: Bundle, moving: Moving, block: Any, force: Any, pulled: Sequence[Any]) -> None:
+        """The inertia and the force of a bundle, and forces on its first joints."""
+        lower, first = self.blocks[bundle.carrier], self.structure.offsets[bundle.carrier]
+        self.blocks[bundle.carrier] = [
+            [a + b for a, b in zip(*rows, strict=True)] for rows in zip(lower, block, strict=True)
+        ]
+        for k, (x, z) in enumerate(moving.slopes):
+            self.right[first + k] = self.right[first + k] - force[k]
+            for each in pulled:
+                fx, fz = each[0][bundle.columns], each[-1][bundle.columns]
+                pushed = x * fx.sum(0) + z * fz.sum(0) if bundle.together else (x * fx + z * fz).sum(0)
+                self.right[first + k] = self.right[first + k] + pushed
+
+    def _react(self, bundle: Bundle, reaction: Any, external: External | None) -> None:
+        """The torques of first joints on a carrier that turns."""
+        angle = self.structure.angle_of(bundle.carrier)
+        if angle is None or np.ndim(reaction) == 0:
+            return
+        self.right[angle] = self.right[angle] - reaction[bundle.columns].sum(0)
+        if external is not None and np.ndim(external.at_base):
+            self.power = self.power - external.at_base[bundle.columns].sum(0) * self.rates[angle]
+
     def pushed(self, drag: Any) -> tuple[Any, Any]:
         """The generalized forces (first, ...) and the power (W) of what acts here; `drag` is that of damping ratios."""
+        push, size = self.instant.push, self.structure.size
+        outside = push.supports if self.system.is_structured else [push.cart] * size
+        for each in (drag, outside):
+            for k, value in enumerate([] if each is None else each[:size]):
+                self.working[k] = self.working[k] + value
+        for force, strength in zip(self.system.forces, self.instant.forces, strict=False):
+            if isinstance(force.carrier, CarrierEnd):
+                self._act(force.carrier, force.direction, strength)
+        for k, (value, rate) in enumerate(zip(self.working, self.rates, strict=True)):
+            self.right[k], self.power = self.right[k] + value, self.power + value * rate
+        return self.right, self.power
 
-    @abstractmethod
     def solved(self, drag: Any) -> tuple[Any, Any]:
-        """The accelerations (first, ...) that these make, and the power."""
+        """η'' (first, ...) of all carriers, and the power."""
+        self.pushed(drag)
+        self.solution = self.answered()
+        return self.solution, self.power
 
-    @abstractmethod
+    def _act(self, end: CarrierEnd, direction: Any, size: Any) -> None:
+        """A force of the scene on a carrier."""
+        first = self.structure.offsets[end.carrier]
+        if direction is None:
+            if (angle := self.structure.angle_of(end.carrier)) is not None:
+                self.working[angle] = self.working[angle] + size
+            return
+        moving = self.carriers.moving(end.carrier, end.where, self.eta, self.rates)
+        for k, (x, z) in enumerate(moving.slopes, first):
+            self.working[k] = self.working[k] + (x * direction[0] + z * direction[1]) * size
+
+    def answered(self) -> list[Any]:
+        """The solution of the carriers' equations, block by block."""
+        solution: list[Any] = []
+        for number, block in enumerate(self.blocks):
+            solution += eliminated(block, list(self.structure.part(number, self.right)))
+        return solution
+
     def fall(self, group: int) -> Any:
         """The second derivatives of the links of a group, once this is solved."""
-
-    @abstractmethod
-    def start(self, group: int, gravity: Any) -> tuple[Any, Any]:
-        """The acceleration (m/s²) of a group's first joints along the rail and down, less gravity."""
-
-
-class RailAt(Bearing):
-    """A fixed support, a moved one or a cart, with x and x' where there is a cart."""
-
-    def __init__(self, system: System, x: Any, rate: Any, instant: Instant) -> None:
-        self.system, self.x, self.instant, self.rate = system, x, instant, rate
-        along, down = instant.support
-        self.gravity, self.acceleration = system.gravity - down, along
-        self.mass: Any = 0.0
-        self.force: Any = 0.0
-        self.taken: list[Any] = []
-
-    def joints(self, group: int) -> Joints:
-        """They move as the cart."""
-        return Joints(None, self.rate)
-
-    def take(
-        self, group: int, body: Any, links: Any, rates: Any, forces: Any, external: External | None, reaction: Any
-    ) -> None:
-        """Its pull on the cart."""
-        if external is not None:
-            self.force = self.force - external.on_cart
-        mass, force, memory = body.pull(links, rates, forces, self.gravity)
-        self.mass, self.force = self.mass + mass, self.force + force
-        self.taken.append((body, memory))
-
-    def pushed(self, drag: Any) -> tuple[Any, Any]:
-        """The force on the cart, if there is one."""
-        if not self.system.cart:
-            return [], 0.0
-        kept, working = cart_force(self.system, self.x, self.rate)
-        outside = self.instant.push.cart + working + (0.0 if drag is None else drag[0])
-        if self.instant.forces:
-            outside = outside + on_cart(self.system, self.instant.forces)
-        return [outside + kept - self.force], self.rate * outside
-
-    def solved(self, drag: Any) -> tuple[Any, Any]:
-        """The cart's acceleration, if there is one."""
-        forces, power = self.pushed(drag)
-        if self.system.cart:
-            self.acceleration = forces[0] / (self.system.cart.mass + self.mass)
-            forces = [self.acceleration]
-        return forces, power
-
-    def fall(self, group: int) -> Any:
-        """Under the acceleration of the cart."""
-        body, memory = self.taken[group]
-        return body.turn(memory, self.acceleration)
+        pushes = [self.structure.part(bundle.carrier, self.solution) for bundle in self.carriers.bundles[group]]
+        return self.taken[group].fall(pushes, self._accelerations(group, self.felt))
 
     def start(self, group: int, gravity: Any) -> tuple[Any, Any]:
-        """That of the cart; a support has none in its own frame."""
-        return (self.acceleration if self.system.cart else 0.0), -gravity
+        """The acceleration (m/s²) of a group's first joints along the rail and down in their frame, less gravity."""
+        return self._accelerations(group, (0.0, -gravity))
+
+    def _accelerations(self, group: int, felt: Vector) -> tuple[Any, Any]:
+        accelerations = []
+        for bundle, moving in zip(self.carriers.bundles[group], self.moves[group], strict=True):
+            ax, az = moving.velocity(self.structure.part(bundle.carrier, self.solution))
+            accelerations.append((ax + (moving.bias[0] + felt[0]), az + (moving.bias[1] + felt[1])))
+        return self._joined(group, [each[0] for each in accelerations]), self._joined(
+            group, [each[1] for each in accelerations]
+        )
+
+
+def inverted(
+    system: System, solvers: Sequence[tuple[Group, Any]], q: Any, p: Any, places: Sequence[Ints] | None = None
+) -> Any:
+    """M⁻¹ p (half, ...), the accelerations by generalized forces p alone, at the coordinates q (half, ...).
+
+    `places` are the positions of each group's numbers among those of all links, by default one of every link.
+    """
+    size, rates = system.first, np.zeros(np.shape(p), dtype=np.result_type(q, p))
+    where = [group.index for group, _ in solvers] if places is None else places
+    bearing = Bearing(carriers_of(system), q, 0 * q, bare=True)
+    bearing.right = list(p[:size])
+    for k, (place, (_, body)) in enumerate(zip(where, solvers, strict=True)):
+        links = q[size:][place]
+        bearing.take(k, body, links, 0 * links, p[size:][place], None, 0.0)
+    bearing.solution = bearing.answered()
+    for k, acceleration in enumerate(bearing.solution):
+        rates[k] = acceleration
+    for k, place in enumerate(where):
+        rates[size:][place] = bearing.fall(k)
+    return rates

@@ -8,21 +8,23 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property, partial
+from threading import local
 from typing import Any
 
 import numpy as np
 
 from modal.errors import MissingExtraError
 from modal.types import Floats, Ints
-from nonlinear.dynamics.compiled_structure import FlatStructure, flat_of, link_at, rate_on_carriers
+from nonlinear.dynamics.compiled_structure import FlatStructure, flat_of, link_at, rate_on_carriers, with_own_room
 from nonlinear.dynamics.compiling import available, compiled, in_place
-from nonlinear.dynamics.joints import joint_law
+from nonlinear.dynamics.forces import joint_law
 from nonlinear.dynamics.minimal import Minimal
 from nonlinear.dynamics.recursion import Answer, Turn, ended, hung, links_of, passed
 from nonlinear.dynamics.text import sincos
 from nonlinear.system import System
 
 CONSTANTS, TURNS = 12, 5
+Arguments = tuple[Floats, Ints, Floats, float, bool, bool, FlatStructure | None]
 NEAR = 1e6  # rad, up to which `sincos` reduces angles exactly
 
 
@@ -124,9 +126,17 @@ class Compiled(Minimal):
             raise MissingExtraError("numba", "fast")
         assert self.load is None
 
+    @property
+    def scene(self) -> Arguments:
+        """Arguments of `rate`: constants, first links, cart, gravity, whether joints act, y has work, a structure.
+
+        The room of a structure is the caller's own.
+        """
+        constants, structure = self._constants, self._constants[-1]
+        return (*constants[:-1], None if structure is None else with_own_room(structure))
+
     @cached_property
-    def scene(self) -> tuple[Floats, Ints, Floats, float, bool, bool, FlatStructure | None]:
-        """Arguments of `rate`: constants, first links, cart, gravity, whether joints act, y has work, a structure."""
+    def _constants(self) -> Arguments:
         cart = self.system.cart
         return (
             _rows(self.system),
@@ -138,10 +148,18 @@ class Compiled(Minimal):
             None if self.system.structure is None else flat_of(self.system),
         )
 
+    @cached_property
+    def _of_thread(self) -> local:
+        return local()
+
     def derivative(self, time: float, y: Any) -> Any:
         """The derivative y' of one y (size,)."""
         slopes, turns = np.empty(self.layout.size), np.empty((TURNS, self.system.n_links))
-        one_rate(np.ascontiguousarray(y, dtype=float), self.scene, turns, slopes)
+        try:
+            scene = self._of_thread.scene
+        except AttributeError:
+            scene = self._of_thread.scene = self.scene
+        one_rate(np.ascontiguousarray(y, dtype=float), scene, turns, slopes)
         return slopes
 
 

@@ -14,7 +14,7 @@ from modal.structure import CarrierEnd, End, LinkEnd
 from modal.structure.carriers import swung, turned
 from modal.types import Booleans, Floats, Ints
 from nonlinear.dynamics.compiling import in_place
-from nonlinear.dynamics.joints import joint_law
+from nonlinear.dynamics.forces import joint_law
 from nonlinear.dynamics.recursion import Answer, RecursiveLink, Turn, driven, ended, hung, passed
 from nonlinear.dynamics.springs import slack, stretched, versed
 from nonlinear.dynamics.structure import Carriers, along_arc, eliminate, swayed
@@ -65,6 +65,12 @@ class FlatStructure(NamedTuple):
     bias: Floats
     moved: Floats
     loads: Floats
+
+
+def with_own_room(flat: FlatStructure) -> FlatStructure:
+    """The same with room that nobody else writes into."""
+    names = ("A", "right", "slopes", "turns", "bias", "moved", "loads")
+    return flat._replace(**{name: getattr(flat, name).copy() for name in names})
 
 
 def flat_of(system: System) -> FlatStructure:

@@ -1,20 +1,40 @@
-"""Short chains in the plane: the dense matrices of all pendula of a group at once, eliminated from the tips up.
+"""Chains in the plane without the recursion: short ones by dense matrices, long ones by one band.
 
-    Σ_j A_ij [cos(θ_i − θ_j) θ_j'' + sin(θ_i − θ_j) θ_j'²] + b_i cos θ_i x'' + g b_i sin θ_i = Q_i
+The dense matrices of all pendula of a group at once are eliminated from the tips up:
 
-is solved for θ_i'' with the cart at rest and for the response to x'' = 1.  Where the length l of a rope changes,
-θ'' + 2 l' θ'/l stands for θ'' and θ'² − l''/l for θ'².  Of few links it takes fewer operations than the recursion, of
-many it would take more: it is what their text says (`nonlinear.dynamics.forms`).
+    Σ_j A_ij [cos(θ_i − θ_j) θ_j'' + sin(θ_i − θ_j) θ_j'²] + b_i n_i·ã = Q_i,   n = (cos θ, −sin θ)
+
+is solved for θ_i'' where the first joint feels the acceleration ã, and for the response to each coordinate of what
+carries it.  Where the length l of a rope changes, θ'' + 2 l' θ'/l stands for θ'' and θ'² − l''/l for θ'².  Of few links
+it takes fewer operations than the recursion, of many it would take more: it is what their
+text says (`nonlinear.dynamics.forms`).
+
+Joint forces and accelerations of long chains are the solution of one symmetric banded system, by LAPACK.
+With n across and u along a link (`nonlinear.dynamics.recursion`), f the force on it from the joint above, ã the
+acceleration of that joint less gravity, α = l θ'', J = I + m c², and primes for the joint below,
+
+    (m c/l) ã_n + (J/l²) α + f'_n = Q/l                     about the upper joint
+    ã + α n − ã' = l ω² u                                   to the lower joint
+    −f + m ã + (m c/l) α n + f' = m c ω² u                  the whole link
+
+for one link after another, in the unknowns α, f', ã', each in the basis of its link: the change to the basis of the
+next link needs only the sine and cosine of θ_i − θ_{i+1}.  Nothing is subtracted before LAPACK pivots and nothing is
+divided by an inertia, so bobs (I = 0) need no special treatment; a massless phantom link with f' = 0 ends every chain.
+The matrix is symmetric, with three diagonals on either side, once forces and the rows in kg are scaled by the link's
+mass.  The pendula of a group follow one another in one band.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
+import scipy
 
 from modal import pair
+from modal.errors import ComputationError
+from modal.types import Floats
 from nonlinear.dynamics.minimal import Projection
 from nonlinear.system import Group, System
 
@@ -25,20 +45,13 @@ SINGULAR = "the mass matrix is singular in double precision"
 
 
 def loses_digits(group: Group, system: System) -> bool:
-    """Whether the cart, or a link above a heavier one, is so light that dense matrices would lose digits."""
+    """Whether a carrier, or a link above a heavier one, is so light that dense matrices would lose digits."""
     heaviest = np.maximum.accumulate(group.block.mass[::-1])[::-1]
-    if system.structure is not None:
-        least = min(
-            (
-                LIGHTEST if carrier.M is not None else carrier.mass
-                for carrier in system.structure.carriers
-                if carrier.size
-            ),
-            default=np.inf,
-        )
-        return bool(least < LIGHT * float(system.mass.sum()) or np.any(group.block.mass < FRAIL * heaviest))
-    light = system.cart is not None and system.cart.mass < LIGHT * float(system.mass.sum())
-    return light or bool(np.any(group.block.mass < FRAIL * heaviest))
+    masses = [
+        LIGHTEST if carrier.M is not None else carrier.mass for carrier in system.suspension.carriers if carrier.size
+    ]
+    light = min(masses, default=np.inf) < LIGHT * float(system.mass.sum())
+    return bool(light or np.any(group.block.mass < FRAIL * heaviest))
 
 
 class Elimination:
@@ -50,8 +63,7 @@ class Elimination:
         block, self.sine, self.cosine, self.winding = group.block, sine, cosine, winding
         numbers = (block.mass, block.length, block.centre, block.inertia)
         self.A = np.array(pair.inertia_matrix(*numbers)).reshape(group.n, *block.b.shape, *[1] * tail)
-        self.b, total = block.b.reshape(*block.b.shape, *[1] * tail), block.mass.sum()
-        self.mass = float(total) if isinstance(total, float) else total
+        self.b = block.b.reshape(*block.b.shape, *[1] * tail)
         self.masses = block.mass.sum(0).reshape(*block.b.shape[1:], *[1] * tail)
         self.length = block.length
 
@@ -64,29 +76,9 @@ class Elimination:
         """θ'' (n, P) from θ'' + 2 l' θ'/l."""
         return turns if self.winding is None else turns - 2.0 * self.winding[0] * rates / self.length
 
-    def pull(self, angles: Any, rates: Any, moments: Any, gravity: float) -> tuple[Any, Any, Any]:
-        """Mass (kg) and force (N) of the pull along the rail, summed over the pendula."""
-        M, side = self._equations(angles, rates, moments, gravity)
-        s, across = self.sine(angles), list(self.b * self.cosine(angles))
-        mass, force = self.mass, -(self.b * s * self.squared(rates)).sum((0, 1))
-        for k in reversed(range(len(M))):
-            for j in range(k):
-                share = M[k][j] / M[k][k]
-                for i in range(j + 1):
-                    M[j][i] = M[j][i] - share * M[k][i]
-                side[j], across[j] = side[j] - share * side[k], across[j] - share * across[k]
-            share = across[k] / M[k][k]
-            mass, force = mass - (share * across[k]).sum(0), force + (share * side[k]).sum(0)
-        return mass, force, (M, side, across, rates)
-
-    def _equations(self, angles: Any, rates: Any, moments: Any, gravity: float) -> tuple[list[list[Any]], list[Any]]:
-        """The lower half of A cos(θ_i − θ_j), and the right-hand side without x''."""
-        s, c, ww = self.sine(angles), self.cosine(angles), self.squared(rates)
-        return self.equations(self.A, s, c, ww, list(moments - gravity * self.b * s))
-
     @staticmethod
     def equations(A: Any, s: Any, c: Any, ww: Any, side: list[Any]) -> tuple[list[list[Any]], list[Any]]:
-        """The same of some pendula, from their torques `side`."""
+        """The lower half of A cos(θ_i − θ_j) of some pendula, and the right-hand side from their torques `side`."""
         M: list[list[Any]] = []
         for i, row in enumerate(A):
             M.append([row[j] * (c[i] * c[j] + s[i] * s[j]) for j in range(i)])
@@ -95,12 +87,6 @@ class Elimination:
                 thrown = row[j] * (s[i] * c[j] - c[i] * s[j])
                 side[i], side[j] = side[i] - thrown * ww[j], side[j] + thrown * ww[i]
         return M, side
-
-    def turn(self, memory: Any, push: Any) -> Any:
-        """θ'' (n, P)."""
-        M, sides, columns, rates = memory
-        left = (side - across * push for side, across in zip(sides, columns, strict=True))
-        return self.unwound(rates, np.array(self._substituted(M, left)))
 
     def _substituted(self, M: list[list[Any]], right: Iterable[Any]) -> list[Any]:
         """θ'' from the eliminated equations and what is left on their right-hand sides."""
@@ -127,16 +113,16 @@ class Eliminated:
         self.body, self.parts = body, (angles, rates, torques)
         self.solutions: list[tuple[Any, Any]] = []
 
-    def projected(self, columns: Any, slopes: Sequence[Any], felt: tuple[Any, Any], total: Callable[[Any], Any]) -> Any:
-        """The lower half of M_kl and force_k of the pendula in these columns, summed by `total`."""
+    def projected(self, columns: Any, slopes: Sequence[Any], felt: tuple[Any, Any], together: bool) -> Any:
+        """The lower half of M_kl and force_k of the pendula in these columns, summed."""
         body, (angles, rates, torques) = self.body, (part[:, columns] for part in self.parts)
         A, b, mass = body.A[:, :, columns], body.b[:, columns], body.masses[columns]
         s, c, ww = body.sine(angles), body.cosine(angles), body.squared(rates, columns)
-        M, side = body.equations(A, s, c, ww, list(torques - b * (c * felt[0] - s * felt[1])))
+        M, side = body.equations(A, s, c, ww, list(torques - (b * felt[0]) * c + (b * felt[1]) * s))
         across = [list(b * (c * x - s * z)) for x, z in slopes]
-        thrown = b * ww
-        masses = [[mass * (x * v + z * w) for v, w in slopes[: k + 1]] for k, (x, z) in enumerate(slopes)]
-        force = [mass * (x * felt[0] + z * felt[1]) - (thrown * (s * x + c * z)).sum(0) for x, z in slopes]
+        thrown, counts = b * ww, range(len(slopes))
+        force = [-(thrown * (s * x + c * z)).sum(0) for x, z in slopes]
+        lost: list[list[Any]] = [[0.0] * (k + 1) for k in counts]
         for k in reversed(range(len(M))):
             for j in range(k):
                 share = M[k][j] / M[k][k]
@@ -148,10 +134,19 @@ class Eliminated:
             for i, column in enumerate(across):
                 share = column[k] / M[k][k]
                 for j in range(i + 1):
-                    masses[i][j] = masses[i][j] - share * across[j][k]
+                    lost[i][j] = lost[i][j] + share * across[j][k]
                 force[i] = force[i] + share * side[k]
         self.solutions.append((columns, (M, side, across)))
-        return [[total(column) for column in row] for row in masses], [total(column) for column in force]
+        if together:
+            mass = mass.sum(0, keepdims=True)
+        block = [
+            [(mass * (x * v + z * w)).sum(0) - lost[k][j].sum(0) for j, (v, w) in enumerate(slopes[: k + 1])]
+            for k, (x, z) in enumerate(slopes)
+        ]
+        return block, [
+            (mass * (x * felt[0] + z * felt[1])).sum(0) + each.sum(0)
+            for (x, z), each in zip(slopes, force, strict=True)
+        ]
 
     def fall(self, pushes: Sequence[Sequence[Any]], accelerations: Any) -> Any:
         """θ'' (n, P, ...) under second derivatives of each bundle's coordinates."""
@@ -162,3 +157,107 @@ class Eliminated:
                 left = [each - part * acceleration for each, part in zip(left, column, strict=True)]
             turns[:, columns] = np.array(self.body._substituted(M, left))
         return self.body.unwound(self.parts[1], turns)
+
+
+REACH = 3
+MIDDLE = 2 * REACH
+TURN, FORCE_N, FORCE_U, END_N, END_U = range(5)
+COSINES = ((FORCE_N, 2), (FORCE_U, 2), (END_N, -2), (END_U, -2))
+SINES = ((FORCE_N, 3, 1.0), (FORCE_U, 1, -1.0), (END_N, -1, -1.0), (END_U, -3, 1.0))
+
+
+class Banded:
+    """A group of chains in the plane, as arrays (P, n); one factorization for all motions of its first joints."""
+
+    def __init__(self, group: Group) -> None:
+        block = group.block
+        below = np.concatenate((block.mass[1:], block.mass[-1:]))
+        lever, spin = group.static / block.length, group.moment / block.length**2
+        self.m, self.l, self.mc, self.lever, self.spin, self.below = (
+            np.ascontiguousarray(array.T) for array in (block.mass, block.length, group.static, lever, spin, below)
+        )
+        self.straight = self._without_bends()
+
+    def _without_bends(self) -> Floats:
+        """LAPACK's columns (P, n, 5, rows): the entry `down` rows below the diagonal is at MIDDLE + down."""
+        band = np.zeros((*self.m.shape, 5, MIDDLE + REACH + 1))
+        ratio = self.below / self.m
+        band[..., TURN, MIDDLE] = self.spin / self.m
+        band[..., TURN, MIDDLE + 1] = 1.0
+        band[..., FORCE_N, MIDDLE - 1] = ratio
+        band[:, 1:, TURN, MIDDLE - 2] = band[:, :-1, END_N, MIDDLE + 2] = (self.lever / self.m)[:, 1:]
+        for force, end in ((FORCE_N, END_N), (FORCE_U, END_U)):
+            band[:, 1:, force, MIDDLE - 3] = ratio[:, 1:]
+            band[:, :-1, end, MIDDLE] = 1.0
+            band[:, :-1, end, MIDDLE + 3] = 1.0
+        return band
+
+    def response(self, angles: Any, rates: Any, torques: Any) -> Projection:
+        """What the pendula answer to motions of their first joints."""
+        return Linked(self, angles.T, rates.T**2, torques.T)
+
+    def band(self, columns: Any, bend: Floats) -> Floats:
+        """The matrix of the pendula in these columns at relative angles (P, n − 1)."""
+        band: Floats = self.straight[columns].copy()
+        sine, cosine = np.sin(bend), np.cos(bend)
+        for column, down in COSINES:
+            band[:, :-1, column, MIDDLE + down] = -cosine
+            band[:, -1, column, MIDDLE + down] = -1.0
+        for column, down, sign in SINES:
+            band[:, :-1, column, MIDDLE + down] = sign * sine
+        return band
+
+    def sides(self, columns: Any, squared: Floats, Q: Floats, tops: Floats) -> Floats:
+        """The right-hand sides (1 + d, P, n, 5) where first joints have accelerations `tops` (1 + d, 2, P) alone.
+
+        They are along their links' n and u; the first also has rates, `squared`, and torques Q.
+        """
+        mass, lever, ratio = self.m[columns], self.lever[columns], (self.mc / self.m)[columns]
+        sides = np.zeros((len(tops), *mass.shape, 5))
+        sides[0, :, :, 0] = Q / (self.l[columns] * mass)
+        sides[0, :, :, 2] = self.l[columns] * squared
+        sides[0, :, :-1, 4] = (ratio * squared)[:, 1:]
+        sides[:, :, 0, 0] -= (lever / mass)[:, 0] * tops[:, 0]
+        sides[:, :, 0, 1:3] -= np.moveaxis(tops, 1, 2)
+        return sides
+
+    @staticmethod
+    def solved(band: Floats, sides: Floats) -> Floats:
+        """The unknowns, (1 + d, P, n, 5)."""
+        columns, rows = band.reshape(-1, band.shape[-1]).T, sides.reshape(len(sides), -1).T
+        *_, solution, info = scipy.linalg.lapack.dgbsv(REACH, REACH, columns, rows, overwrite_ab=1, overwrite_b=1)
+        if info:
+            raise ComputationError(f"equation {info} of the chain's joint forces is singular in double precision")
+        return np.asarray(solution.T.reshape(sides.shape))
+
+
+class Linked:
+    """A group at angles (P, n), squared rates and torques, by the forces at its first joints."""
+
+    def __init__(self, body: Banded, angles: Floats, squared: Floats, torques: Floats) -> None:
+        self.body, self.angles, self.squared, self.torques = body, angles, squared, torques
+        self.solutions: list[tuple[Any, Floats]] = []
+
+    def projected(self, columns: Any, slopes: Sequence[Any], felt: tuple[Any, Any], together: bool) -> Any:
+        """The inertia (lower half) and the force on each coordinate of what carries the pendula in these columns."""
+        body, theta, squared = self.body, self.angles[columns], self.squared[columns]
+        sin, cos = np.sin(theta[:, 0]), np.cos(theta[:, 0])
+        tops = np.array([(cos * x - sin * z, sin * x + cos * z) for x, z in (felt, *slopes)])
+        sides = body.sides(columns, squared, self.torques[columns], tops)
+        solution = body.solved(body.band(columns, theta[:, :-1] - theta[:, 1:]), sides)
+        self.solutions.append((columns, solution[..., TURN] / body.l[columns]))
+        turn, force_n, force_u = np.moveaxis(solution[:, :, 0, : FORCE_U + 1], -1, 0)
+        mass, lever, below = body.m[columns, 0], body.lever[columns, 0], body.below[columns, 0]
+        across = mass * tops[:, 0] + lever * turn + below * force_n
+        along = mass * tops[:, 1] + below * force_u
+        along[0] -= body.mc[columns, 0] * squared[:, 0]
+        forces = list(zip(cos * across + sin * along, cos * along - sin * across, strict=True))
+        block = [[(v * fx + w * fz).sum(0) for v, w in slopes[: k + 1]] for k, (fx, fz) in enumerate(forces[1:])]
+        return block, [(x * forces[0][0] + z * forces[0][1]).sum(0) for x, z in slopes]
+
+    def fall(self, pushes: Sequence[Sequence[Any]], accelerations: Any) -> Any:
+        """θ'' (n, P)."""
+        turns = np.empty_like(self.angles)
+        for (columns, (free, *pushed)), push in zip(self.solutions, pushes, strict=True):
+            turns[columns] = free + sum(each * size for each, size in zip(pushed, push, strict=True))
+        return turns.T

@@ -48,11 +48,10 @@ class Form:
     `timed` how many constants of what is prescribed are numbers, None where it is no arithmetic of the time; `pushed`
     equations have a load, `works` ones the work; `contacts` are the coordinates below and above each contact with dry
     friction, none where that is left out, and on a rail that `presses` it has a coefficient; `spatial` ones have three
-    numbers a link.  `structure` is the shape of what carries the pendula (`shape_of`), () without one.
+    numbers a link.  `structure` is the shape of what carries the pendula (`shape_of`).
     """
 
     chains: tuple[tuple[Table, Table, bool], ...]
-    first: int
     present: tuple[bool, ...]
     ends: tuple[bool, ...]
     ratios: tuple[bool, ...]
@@ -67,6 +66,11 @@ class Form:
     spatial: bool
     structure: tuple[Any, ...]
     system: System = field(compare=False, repr=False)
+
+    @property
+    def first(self) -> int:
+        """How many coordinates there are before those of links."""
+        return self.system.first
 
     @property
     def count(self) -> int:
@@ -106,7 +110,6 @@ def form_of(
     D = beside[: 0 if system.modal_damping is None else np.size(system.modal_damping)]
     return Form(
         chains,
-        system.first,
         _present(numbers),
         tuple(l is c or bool(np.array_equal(l, c)) for l, c in zip(length, centre, strict=True)),
         _present(D),
@@ -130,9 +133,7 @@ def _present(entries: Sequence[Any]) -> tuple[bool, ...]:
 
 def shape_of(system: System) -> tuple[Any, ...]:
     """What of a structure is not a number: kinds, where pendula hang, where springs end, which have no length."""
-    structure = system.structure
-    if structure is None:
-        return ()
+    structure = system.suspension
     each = {pivot: k for k, pivot in enumerate(dict.fromkeys(map(id, structure.pivots)))}
     carriers = tuple(
         (part.kind, part.size, None if part.points is None else len(part.points)) for part in structure.carriers
@@ -164,11 +165,8 @@ def _table(values: Any) -> Table:
 
 def _pays(group: Group, system: System) -> bool:
     """Whether matrices take fewer operations than the recursion: those of fewer links under several coordinates."""
-    if system.structure is None:
-        return True
-    most = max(
-        system.structure.carriers[system.structure.pivots[pendulum].carrier].size for pendulum in group.pendula.tolist()
-    )
+    structure = system.suspension
+    most = max(structure.carriers[structure.pivots[pendulum].carrier].size for pendulum in group.pendula.tolist())
     return group.n <= (SHORT if most <= 1 else 2)
 
 

@@ -1,4 +1,8 @@
-"""The equations of motion in floats, as they are written for scenes of a few links (`nonlinear.dynamics.forms`)."""
+"""The equations of motion as they are written (`nonlinear.dynamics.forms`): of one scene, or of many members in lanes.
+
+In every operation of NumPy a lane is a member, with its numbers in arrays; scenes of more links than are written go
+by the recursion, with arrays (n, P, S) for numbers.
+"""
 
 from __future__ import annotations
 
@@ -10,9 +14,12 @@ from typing import Any
 
 import numpy as np
 
+from nonlinear.dynamics.elimination import FRAIL, LIGHT
 from nonlinear.dynamics.forms import Form, form_of, module_of
-from nonlinear.dynamics.minimal import Arranged
-from nonlinear.system import Load, System, entries_of, prescribed_of
+from nonlinear.dynamics.inputs import Inputs
+from nonlinear.dynamics.minimal import Arranged, Minimal, Recursion
+from nonlinear.dynamics.text import Module
+from nonlinear.system import Group, Layout, Load, Numbers, System, entries_of, prescribed_of
 
 UNDEFINED = (ZeroDivisionError, OverflowError, ValueError)
 """Raised by Python's floats where NumPy's give inf or nan."""
@@ -114,3 +121,95 @@ class Generated(Written, Arranged):
         if self.load is not None:
             return super().inputs_beside(times, y)
         return [np.broadcast_to(value, y.shape[1:]) for value in self.inputs.beside(times)]
+
+
+WRITTEN = 32  # links of a scene whose equations are written out
+Rates = Callable[..., Sequence[Any]]
+"""The function that gives y' from y (size, S) and the times (s), one or a time each."""
+
+
+@dataclass(frozen=True, eq=False)
+class Lanes:
+    """The equations of members with these `numbers`; `tangent` ones have v after y, and no work.
+
+    Otherwise work is counted where there can be any, and `counts_work` says so.  The `target` of their texts is
+    "arrays", or "columns" where y (size, S, 1 + k) has columns with infinitesimal imaginary parts.
+    """
+
+    numbers: Numbers
+    tangent: bool = False
+    counts_work: bool = True
+    target: str = "arrays"
+
+    @cached_property
+    def system(self) -> System:
+        """The form of all members, with the scene's own numbers."""
+        return self.numbers.system
+
+    @cached_property
+    def layout(self) -> Layout:
+        """The parts of y."""
+        works = self.numbers.works and not self.tangent and self.counts_work
+        return Layout.of(self.system, works=works)
+
+    @property
+    def size(self) -> int:
+        """Length of y, with v where there is one."""
+        return self.layout.size * (1 + self.tangent)
+
+    @cached_property
+    def inputs(self) -> Inputs:
+        """What time brings."""
+        return Inputs(self.system)
+
+    @cached_property
+    def is_written(self) -> bool:
+        """Whether the equations are written out."""
+        return self.tangent or self.system.n_links <= WRITTEN
+
+    @cached_property
+    def form(self) -> Form:
+        """What the text depends on."""
+        numbers = self.numbers.entries, self.numbers.prescribed
+        frail = [_frail(self.numbers, group) for group in self.system.groups]
+        return form_of(self.system, *numbers, works=self.layout.works, frail=frail)
+
+    @cached_property
+    def module(self) -> Module:
+        """The rate of y as it is written."""
+        return module_of(self.form, tangent=self.tangent)
+
+    def constants(self, numbers: Numbers) -> list[Any]:
+        """What stands in the text for these members: numbers and arrays (S,)."""
+        return self.module.constants(self.form.numbers(numbers.entries, numbers.prescribed))
+
+    def rates(self, numbers: Numbers) -> Rates:
+        """The rates of so many members as these numbers are of."""
+        if self.is_written:
+            rates = self.module.function("rates", self.constants(numbers), self.target)
+            if not self.inputs.count:
+                return lambda y, times=0.0: rates(y)
+            return lambda y, times=0.0: rates(y, self.inputs.beside(times))
+        system = numbers.arrays
+        bodies = (None if self._winds(group) else Recursion(group) for group in system.groups)
+        equations = Minimal(system, tuple(bodies), counts_work=self.layout.works)
+
+        def by_recursion(y: Any, times: Any = 0.0) -> Any:
+            instant = equations.inputs.instant(self.inputs.beside(np.broadcast_to(times, y.shape[1:])))
+            return equations.rates(y, instant)
+
+        return by_recursion
+
+    def _winds(self, group: Group) -> bool:
+        hoisting = self.system.hoisting
+        return hoisting is not None and bool(hoisting.moving[group.index].any())
+
+
+def _frail(numbers: Numbers, group: Group) -> bool:
+    """Whether any member has so light a cart, or a link so light beside one below it, that matrices lose digits."""
+    system = numbers.arrays
+    mass = next(each for each in system.groups if each.index is group.index).block.mass
+    heaviest = np.maximum.accumulate(mass[::-1])[::-1]
+    total = sum(each.block.mass.sum((0, 1)) for each in system.groups)
+    light = system.cart is not None and np.any(np.asarray(system.cart.mass) < LIGHT * total)
+    return bool(light or np.any(mass < FRAIL * heaviest))

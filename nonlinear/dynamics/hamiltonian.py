@@ -2,7 +2,7 @@
 
     p = ∂T/∂q'        q' = M⁻¹ p        p' = ∂T/∂q − ∂V/∂q + Q        H = T + V
 
-T and V are recorded from `nonlinear.dynamics.energies` and differentiated backwards on the tape; M⁻¹ p is a pass of
+T and V are recorded from `nonlinear.dynamics.mechanics` and differentiated backwards on the tape; M⁻¹ p is a pass of
 `nonlinear.dynamics.recursion` without gravity or rates, with p in place of the forces; Q are the forces that act, of
 dampers, drives, drag and loads; where the support moves V has the work against its acceleration too.  No q'' is needed
 for any, so that a comparison with Lagrange's form tells something.  The p_x of a free cart is constant to the last
@@ -47,13 +47,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from modal.types import Floats
-from nonlinear.dynamics.energies import energies
+from nonlinear.dynamics.bearing import Bearing, inverted
+from nonlinear.dynamics.forces import cart_force
 from nonlinear.dynamics.forms import Form, TapedEquations
 from nonlinear.dynamics.generated import Generated, Listed, Rate
-from nonlinear.dynamics.joints import cart_force
-from nonlinear.dynamics.minimal import Arranged, Minimal, inverted
+from nonlinear.dynamics.mechanics import energies
+from nonlinear.dynamics.minimal import Arranged, Minimal
 from nonlinear.dynamics.spatial import Spatial, SpatialRecursion, dot
-from nonlinear.dynamics.structure import Carriers, CarriersAt, displacement
+from nonlinear.dynamics.structure import carriers_of, displacement
 from nonlinear.dynamics.tape import gradient
 from nonlinear.dynamics.text import Module
 from nonlinear.system import Group, Load, Motion, State, System, entries_of, prescribed_of
@@ -170,34 +171,30 @@ def hamilton_of(form: Form) -> Module:
 
 def without_springs(system: System) -> System:
     """The same system, none of whose springs pulls."""
-    groups, structure = [], system.structure
+    groups, structure = [], system.suspension
     for group in system.groups:
         groups.append(replace(group, block=replace(group.block, stiffness=0.0 * group.block.stiffness)))
-    if structure is not None:
-        carriers = [
-            replace(each, stiffness=(0.0,) * len(each.stiffness), K=None if each.K is None else 0.0 * each.K)
-            for each in structure.carriers
-        ]
-        springs = [spring._replace(stiffness=0.0) for spring in structure.springs]
-        structure = replace(structure, carriers=tuple(carriers), springs=tuple(springs))
-    cart = system.cart and system.cart._replace(stiffness=0.0)
-    return replace(system, groups=tuple(groups), cart=cart, structure=structure)
+    carriers = [
+        replace(each, stiffness=(0.0,) * len(each.stiffness), K=None if each.K is None else 0.0 * each.K)
+        for each in structure.carriers
+    ]
+    springs = [spring._replace(stiffness=0.0) for spring in structure.springs]
+    suspension = replace(structure, carriers=tuple(carriers), springs=tuple(springs))
+    return replace(system, groups=tuple(groups), suspension=suspension)
 
 
 def inertial_energy(system: System, q: Any, v: Any, support: tuple[Any, Any]) -> Any:
     """Σ m a·r (J) of all masses at their places r, where a `support` accelerates with a: −∂/∂q are inertial forces."""
     (along, down), first, energy = support, system.first, 0.0
-    bearing = None if system.structure is None else CarriersAt(Carriers(system), q, v, bare=True)
+    bearing = Bearing(carriers_of(system), q, v, bare=True)
     for number, group in enumerate(system.groups):
         angles, b = q[first:][group.index], group.block.b
         energy = energy + (b * (along * np.sin(angles) + down * np.cos(angles))).sum()
-        if bearing is not None:
-            (x, z), _ = bearing.pivots(number)
-            energy = energy + (group.block.mass.sum(0) * (along * x + down * z)).sum()
-    if bearing is not None:
-        for number, carrier in enumerate(bearing.structure.carriers):
-            x, z = displacement(carrier, carrier.centre, bearing.structure.part(number, bearing.eta))
-            energy = energy + carrier.mass * (along * x + down * z)
+        (x, z), _ = bearing.pivots(number)
+        energy = energy + (group.block.mass.sum(0) * (along * x + down * z)).sum()
+    for number, carrier in enumerate(bearing.structure.carriers):
+        x, z = displacement(carrier, carrier.centre, bearing.structure.part(number, bearing.eta))
+        energy = energy + carrier.mass * (along * x + down * z)
     return energy
 
 
@@ -281,9 +278,10 @@ class SpatialHamiltonian(Arranged):
             u, w = upon_sphere(y[first:half][place]), v[first:][place]
             force, work, _ = lagrangian.acting(group, u, w, None if moments is None else moments[place], frame)
             power = power + work
-            external = lagrangian.external(group, u, w, cart_rate, instant)
+            external = lagrangian.external(group, u, w, (cart_rate, 0.0), instant)
             if external is not None:
-                force, pulled, power = force + external.generalized, pulled + external.on_cart, power + external.power
+                force, power = force + external.generalized, power + external.power
+                pulled = pulled + external.along_rail
             force = force + self._weight(group, u, instant.support)
             pi, P = tangent(u, y[half + first : 2 * half][place]), free_momentum(group, w, cart_rate).links
             rates[half + first : 2 * half][place] = tangent(u, force) - dot(w, pi) * u - dot(u, P) * w

@@ -42,8 +42,7 @@ import scipy
 
 from modal.errors import ComputationError
 from modal.types import Floats, Ints
-from nonlinear.dynamics.external import forces_of, resultants
-from nonlinear.dynamics.joints import cart_force, joint_torques, modal_drag
+from nonlinear.dynamics.forces import cart_force, forces_of, joint_torques, modal_drag, resultants
 from nonlinear.dynamics.mechanics import Reactions
 from nonlinear.system import AppliedForces, Load, Motion, State, System
 

@@ -1,30 +1,35 @@
 """Positions, energies, momenta and forces of a motion, by the same code in the plane and in space.
 
-Vectors have the components (along the rail, down) in the plane and (along, across, down) in space.  Potential energy is
-measured from the scene's equilibrium (`nonlinear.dynamics.energies`).
-
+Vectors have the components (along the rail, down) in the plane and (along, across, down) in space.
 On a support that moves as prescribed positions are those in the laboratory; velocities, energies and momenta are those
 in the support's frame.
+
+T and V are plain arithmetic: of many states at once, or recorded.  Potential energy is counted from the scene's rest,
+by σ − cos θ = 2 σ sin² ((θ − rest)/2) and, in space, σ − u·e_z = σ |u − σ e_z|²/2, with σ = 1 for a link that hangs
+there and −1 for an inverted one: small motions keep their digits.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from modal.errors import ComputationError
 from modal.report import Displayed
-from modal.structure import CarrierEnd
 from modal.types import Booleans, Floats
-from nonlinear.dynamics.energies import Energies, energies
-from nonlinear.dynamics.external import forces_of, resultants
-from nonlinear.dynamics.structure import Carriers, CarriersAt
-from nonlinear.system import Layout, Motion, System, drawn_place
+from nonlinear.dynamics.bearing import Bearing
+from nonlinear.dynamics.forces import forces_of, resultants, spring_energy
+from nonlinear.dynamics.inputs import lengthened
+from nonlinear.dynamics.spatial import joint_energy
+from nonlinear.dynamics.structure import carriers_of
+from nonlinear.system import Group, Layout, Motion, System
 
+Along = tuple[Any, Any]
+"""Something of first joints along the rail and down, each beside that of links (T, n, P)."""
 AT_ONCE = 20_000  # links times instants in one block
 
 
@@ -38,29 +43,34 @@ def vectors(motion: Motion) -> tuple[Floats, Floats]:
 
 
 def chained(
-    system: System, cart: Floats, along: Floats, length: Floats | None = None, extra: Floats | None = None
+    system: System, pivots: Sequence[Along], along: Floats, length: Floats | None = None, extra: Floats | None = None
 ) -> tuple[Floats, Floats]:
     """Sums along chains at lower joints and centres, each (T, L, d); a metre of link contributes `along` (T, L, d).
 
     Gives positions from unit vectors, velocities from their first and accelerations from their second derivatives;
-    `cart` (T,) is the same quantity of the pivots, along the rail, or on a structure that of each (T, L, d).  Where
+    `pivots` are the same quantity of first joints, group by group along the rail and down, (T, 1, P) each.  Where
     lengths change, `length` (T, L) are those and `extra` (T, L, d) is what their change contributes, by which the bobs
     at their ends move as well.
     """
     ends, centres = np.empty_like(along), np.empty_like(along)
-    for group in system.groups:
+    for group, pivot in zip(system.groups, pivots, strict=True):
         directions = along[:, group.index]
         reach, rest = group.block.length, group.block.centre - group.block.length
         if length is not None and system.hoisting is not None:
             reach, rest = length[:, group.index], np.where(system.hoisting.moving[group.index], 0.0, rest)
         steps = reach[..., None] * directions + (0.0 if extra is None else extra[:, group.index])
-        ends[:, group.index] = lower = np.cumsum(steps, axis=1)
+        lower = np.cumsum(steps, axis=1)
+        for k, values in zip((0, -1), pivot, strict=True):
+            lower[..., k] += values
+        ends[:, group.index] = lower
         centres[:, group.index] = lower + rest[..., None] * directions
-    if cart.ndim > 1:
-        return ends + cart, centres + cart
-    ends[..., 0] += cart[:, None]
-    centres[..., 0] += cart[:, None]
     return ends, centres
+
+
+def _aligned(values: Any) -> Any:
+    """Values of first joints, (P, T) or of all alike (T,), beside those of links (T, n, P)."""
+    values = np.asarray(values)
+    return values.T.reshape(values.shape[-1], 1, -1) if values.ndim else values
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -85,18 +95,16 @@ class Mechanics(Displayed):
             raise ComputationError("the lengths of this scene change: its positions and energies need times")
         return self.system.hoisting.at(self.times)
 
-    def _chained(self, cart: Floats, along: Floats, extra: Callable[..., Floats]) -> tuple[Floats, Floats]:
+    def _chained(self, pivots: Sequence[Along], along: Floats, extra: Callable[..., Floats]) -> tuple[Floats, Floats]:
         """`chained` with the contribution of changing lengths, `extra` of length, speed, acceleration (T, L, 1)."""
         if self.lengths is None:
-            return chained(self.system, cart, along)
-        return chained(self.system, cart, along, self.lengths[0], extra(*(part[..., None] for part in self.lengths)))
+            return chained(self.system, pivots, along)
+        return chained(self.system, pivots, along, self.lengths[0], extra(*(part[..., None] for part in self.lengths)))
 
     @cached_property
-    def bearing(self) -> CarriersAt | None:
-        """The carriers of a structure at all times, their numbers being (T,); None without one."""
-        if self.system.structure is None:
-            return None
-        return CarriersAt(Carriers(self.system), *self._coordinates, bare=True)
+    def bearing(self) -> Bearing:
+        """What carries the pendula at all times, its numbers being (T,)."""
+        return Bearing(carriers_of(self.system), *self._coordinates, bare=True)
 
     @property
     def _coordinates(self) -> tuple[Floats, Floats]:
@@ -106,38 +114,26 @@ class Mechanics(Displayed):
         return q, v
 
     @cached_property
-    def pivots(self) -> tuple[Floats, Floats, Floats]:
-        """Of the pivot above every link place, displacement from where it is drawn, and velocity, (T, L, 2) each."""
-        bearing, structure = self.bearing, self.system.structure
-        assert bearing is not None
-        assert structure is not None
-        placed = np.empty((3, len(self.motion.cart), self.system.n_links, 2))
-        for number, group in enumerate(self.system.groups):
-            moved, speed = bearing.pivots(number)
-            drawn = [drawn_place(self.system, CarrierEnd(*structure.pivots[p])) for p in group.pendula.tolist()]
-            for k in (0, 1):
-                place = np.array([each[k] for each in drawn]) + moved[k].T  # type: ignore[index]
-                for part, values in zip(placed, (place, moved[k].T, speed[k].T), strict=True):
-                    part[:, group.index, k] = values[:, None]
-        return placed[0], placed[1], placed[2]
+    def _pivots(self) -> tuple[list[Along], list[Along]]:
+        """Places (m) and velocities (m/s) of first joints group by group."""
+        places, speeds = [], []
+        for number, rest in enumerate(carriers_of(self.system).drawn):
+            moved, speed = self.bearing.pivots(number)
+            places.append((rest[0] + _aligned(moved[0]), rest[1] + _aligned(moved[1])))
+            speeds.append((_aligned(speed[0]), _aligned(speed[1])))
+        return places, speeds
 
-    def pivot_accelerations(self, carried: Floats) -> Floats:
-        """Those (m/s²) of the pivot above every link, (T, L, 2), from η'' (T, d)."""
-        bearing = self.bearing
-        assert bearing is not None
-        bearing.solution = list(carried.T)
-        accelerations = np.empty((len(carried), self.system.n_links, 2))
-        for number, group in enumerate(self.system.groups):
-            for k, values in enumerate(bearing.start(number, 0.0)):
-                accelerations[:, group.index, k] = values.T[:, None]
-        return accelerations
+    def pivot_accelerations(self, carried: Floats) -> list[Along]:
+        """Those (m/s²) of first joints group by group, from η'' (T, d)."""
+        self.bearing.solution = list(carried.T)
+        starts = [self.bearing.start(number, 0.0) for number in range(len(self.system.groups))]
+        return [(_aligned(along), _aligned(down)) for along, down in starts]
 
     @cached_property
     def springs(self) -> tuple[Floats, Floats, Floats]:
         """Of every spring between points extension (m or rad), pull (N or N m) and energy (J), (T, E) each."""
-        structure, bearing = self.system.structure, self.bearing
-        pulled = np.zeros((3, len(self.motion.cart), len(structure.springs) if structure else 0))
-        for numbers, tension in bearing.tensions(*self._coordinates) if bearing else []:
+        pulled = np.zeros((3, len(self.motion.work), len(self.system.suspension.springs)))
+        for numbers, tension in self.bearing.tensions(*self._coordinates):
             for part, values in zip(pulled, (tension.extension, tension.pull, tension.energy), strict=True):
                 part[:, numbers] = values.T
         return pulled[0], pulled[1], pulled[2]
@@ -160,8 +156,7 @@ class Mechanics(Displayed):
     @cached_property
     def _positions(self) -> tuple[Floats, Floats]:
         u = self.vectors[0]
-        cart = self.motion.cart if self.bearing is None else self.pivots[0]
-        ends, centres = self._chained(cart, u, lambda l, v, a: 0.0 * u)
+        ends, centres = self._chained(self._pivots[0], u, lambda l, v, a: 0.0 * u)
         if self.support is not None:
             ends, centres = (values + self.support[:, None] for values in (ends, centres))
         return ends, centres
@@ -170,8 +165,7 @@ class Mechanics(Displayed):
     def speeds(self) -> Floats:
         """Velocity (m/s) of every centre of mass, (T, L, d)."""
         u, w = self.vectors
-        cart = self.motion.cart_rate if self.bearing is None else self.pivots[2]
-        return self._chained(cart, w, lambda l, v, a: v * u)[1]
+        return self._chained(self._pivots[1], w, lambda l, v, a: v * u)[1]
 
     @cached_property
     def _parts(self) -> Energies:
@@ -229,10 +223,7 @@ class Mechanics(Displayed):
     @cached_property
     def momentum(self) -> Floats:
         """Momentum (kg m/s) along the rail, (T,): conserved where nothing holds or drives the cart."""
-        cart: Any = self.system.cart.mass * self.motion.cart_rate if self.system.cart else 0.0
-        if self.bearing is not None:
-            cart = self.bearing.momentum
-        return np.asarray(cart + self.speeds[..., 0] @ self.system.mass)
+        return np.asarray(self.bearing.momentum + self.speeds[..., 0] @ self.system.mass)
 
     @cached_property
     def spin(self) -> Floats:
@@ -243,13 +234,13 @@ class Mechanics(Displayed):
         return np.asarray(orbital + turning)
 
     def pivot_forces(
-        self, accelerations: tuple[Floats, Floats], support: tuple[Floats, Floats] | None = None
+        self, accelerations: tuple[Sequence[Along], Floats], support: tuple[Floats, Floats] | None = None
     ) -> Floats:
         """Force (N) on every link from above at its upper joint, (T, L, d).
 
-        `accelerations` are x'' (T,), or on a structure those of the pivot above every link (T, L, d), and the second
-        derivatives of the unit vectors (T, L, d), `support` the acceleration and the velocity of a moved support
-        (T, d): Newton's second law for the link and all below it, on which their drag and springs act as well.
+        `accelerations` are those of first joints (`pivot_accelerations`), and the second derivatives of the unit
+        vectors (T, L, d), `support` the acceleration and the velocity of a moved support (T, d): Newton's second law
+        for the link and all below it, on which their drag and springs act as well.
         """
         u, w = self.vectors
         bodily = self._chained(*accelerations, lambda l, v, a: a * u + 2 * v * w)[1]
@@ -264,8 +255,9 @@ class Mechanics(Displayed):
             needed -= [
                 resultants(self.system, angles, t)[0] for angles, t in zip(self.motion.links, self.times, strict=True)
             ]
-        if self.bearing is not None:
-            needed -= self.bearing.pulled(*self._coordinates).transpose(2, 1, 0)
+        pulled = self.bearing.pulled(*self._coordinates)
+        if pulled is not None:
+            needed -= pulled.transpose(2, 1, 0)
         for group in self.system.groups:
             shares = needed[:, group.index]
             needed[:, group.index] = np.cumsum(shares[:, ::-1], axis=1)[:, ::-1]
@@ -294,3 +286,119 @@ class Reactions(Displayed):
     def R_P(self) -> Floats:
         """Force of every further link on the one above it: paper 000 draws it on the upper link."""
         return -self.pivots[:, ~self.tops]
+
+
+class Energies(NamedTuple):
+    """Kinetic and potential energy (J) of every link, (L, ...), and of the carriers, such as a cart, (...).
+
+    The latter is that of their springs and of all between points.  A joint's spring belongs to the link below it.
+    """
+
+    kinetic: Any
+    potential: Any
+    cart_kinetic: Any
+    cart_potential: Any
+
+    @property
+    def moving(self) -> Any:
+        """Kinetic energy of everything, (...)."""
+        return self.kinetic.sum(0) + self.cart_kinetic
+
+    @property
+    def stored(self) -> Any:
+        """Potential energy of everything, (...)."""
+        return self.potential.sum(0) + self.cart_potential
+
+    @property
+    def total(self) -> Any:
+        """Of everything, (...)."""
+        return self.moving + self.stored
+
+    def by_pendulum(self, system: System) -> Energies:
+        """The same of every pendulum, (N, ...), in place of every link."""
+        sums = np.zeros((2, system.n_pendula, *self.kinetic.shape[1:]))
+        for whole, part in zip(sums, self[:2], strict=True):
+            for group in system.groups:
+                whole[group.pendula] = part[group.index].sum(0)
+        return self._replace(kinetic=sums[0], potential=sums[1])
+
+
+class LinkMotion(NamedTuple):
+    """How the links of a group move, (n, P, ...), as if the first joints were at rest.
+
+    Along each axis `rates` are those of their directions and `ropes` these themselves; `spin` are the squares of all
+    rates, `lifts` how far a metre of link is above its rest, `bent` the energies (J) of joint springs.
+    """
+
+    rates: Sequence[Any]
+    ropes: Sequence[Any]
+    spin: Any
+    lifts: Any
+    bent: Any
+
+
+def energies(system: System, q: Any, v: Any, times: Any = 0.0) -> Energies:
+    """The energies at coordinates q and rates v (half, ...), with the lengths of one time or a time each (s)."""
+    first, kind = system.first, np.result_type(q, v)
+    links, rates = q[first:], v[first:]
+    kinetic, potential = (np.empty((system.n_links, *q.shape[1:]), dtype=kind) for _ in range(2))
+    bearing = Bearing(carriers_of(system), q, v, bare=True)
+    for number, group in enumerate(system.groups):
+        (_, down), speed = bearing.pivots(number)
+        base = bearing.base(number)
+        place = 3 * group.index + np.arange(3)[:, None, None] if system.spatial else group.index
+        hung, winding = _hung(system, group, times, links[place])
+        swing = (_in_space if system.spatial else _in_plane)(hung, links[place], rates[place], base)
+        kinetic[group.index] = kinetic_energy(hung, swing, speed, winding)
+        heights = along_chain(hung, swing.lifts) - down
+        if hung is not group:
+            sigma, longer = _spread(group.block.sigma, swing.spin), _spread(group.block.length, swing.spin)
+            heights = heights + np.cumsum(sigma * (longer - hung.block.length), axis=0)
+        potential[group.index] = _spread(hung.block.mass, swing.spin) * system.gravity * heights + swing.bent
+    springs = sum((spring.energy.sum(0) for _, spring in bearing.tensions(q, v)), 0.0)
+    return Energies(kinetic, potential, bearing.kinetic, bearing.potential + springs)
+
+
+def kinetic_energy(group: Group, swing: LinkMotion, speed: tuple[Any, Any], winding: Any) -> Any:
+    """That of every link (J), (n, P, ...), whose first joints have this speed (m/s), along the rail and down.
+
+    Their lengths change at speeds `winding`.
+    """
+    energy, mass = _spread(group.block.inertia, swing.spin) * swing.spin, _spread(group.block.mass, swing.spin)
+    across = [0.0] * (len(swing.rates) - 2)
+    for rates, ropes, pivot in zip(swing.rates, swing.ropes, (speed[0], *across, speed[1]), strict=True):
+        energy = energy + mass * (along_chain(group, rates, winding * ropes) + pivot) ** 2
+    return energy / 2
+
+
+def along_chain(group: Group, values: Any, more: Any = 0.0) -> Any:
+    """What `values` (n, P, ...) of a metre of link add up to at centres, and `more` of each rope that is wound."""
+    length, centre = (_spread(part, values) for part in (group.block.length, group.block.centre))
+    return np.cumsum(length * values + more, axis=0) + (centre - length) * values
+
+
+def _in_plane(group: Group, angles: Any, rates: Any, base: Any) -> LinkMotion:
+    s, c = np.sin(angles), np.cos(angles)
+    half = np.sin((angles - _spread(group.rest, angles)) / 2)
+    bent = spring_energy(group, angles, base and base[0]) if group.sprung else 0.0
+    lifts = 2 * _spread(group.block.sigma, angles) * (half * half)
+    return LinkMotion((c * rates, -(s * rates)), (s, c), rates * rates, lifts, bent)
+
+
+def _in_space(group: Group, u: Any, w: Any, base: Any) -> LinkMotion:
+    sigma = _spread(group.block.sigma, u[0])
+    lifts = sigma * (u[0] * u[0] + u[1] * u[1] + (u[2] - sigma) ** 2) / 2
+    return LinkMotion(w, u, (w * w).sum(0), lifts, joint_energy(group, u) if group.sprung else 0.0)
+
+
+def _hung(system: System, group: Group, times: Any, like: Any) -> tuple[Group, Any]:
+    """A group with the lengths of these times, and their speeds (n, P, ...)."""
+    if (hoisting := system.hoisting) is None:
+        return group, 0.0
+    length, speed, _ = (_spread(np.moveaxis(part, -1, 0)[group.index], like) for part in hoisting.at(times))
+    moving = _spread(hoisting.moving[group.index], like)
+    return lengthened(group, hoisting.moving, np.where(moving, length, _spread(group.block.length, like))), speed
+
+
+def _spread(constant: Any, like: Any) -> Any:
+    return constant.reshape(*constant.shape, *[1] * (like.ndim - constant.ndim))

@@ -1,11 +1,12 @@
-"""Equations of motion in minimal coordinates, solved group by group: in the plane the cart and one angle per link.
+"""Equations of motion in minimal coordinates, solved group by group: in the plane one angle per link.
 
-Each group responds to the cart's acceleration x'' with a pull along the rail, mass · x'' + force; the cart's equation
+Each group answers the acceleration of what carries it with a pull on every coordinate of that: on a cart's
+mass · x'' + force, whose equation
 
     (m_c + Σ mass) x'' = F − c_c x' − k_c x − Σ force
 
-gives x'' (the Schur complement of the cart), from which each group computes the accelerations of its links.  What
-carries the first joints is a `nonlinear.dynamics.bearing.Bearing`: a cart, a support, or a structure.
+gives x'' (the Schur complement of the cart), from which each group computes the accelerations of its links.  A fixed
+support has no coordinate, a structure any number (`nonlinear.dynamics.structure`).
 """
 
 from __future__ import annotations
@@ -19,37 +20,31 @@ from typing import Any, Protocol, cast
 import numpy as np
 
 from modal.types import Floats, Ints
-from nonlinear.dynamics.bearing import Bearing, RailAt
-from nonlinear.dynamics.contacts import Rubbed
-from nonlinear.dynamics.external import External, applied, plane_drag
+from nonlinear.dynamics.bearing import Bearing, inverted
+from nonlinear.dynamics.contacts import Rubbed, Sticking
+from nonlinear.dynamics.forces import Base, External, applied, bending_torques, inertial_torques, modal_drag, plane_drag
 from nonlinear.dynamics.inputs import Inputs, Instant, Lengths, lengthened
-from nonlinear.dynamics.joints import Base, bending_torques, inertial_torques, modal_drag
 from nonlinear.dynamics.recursion import Answer, Bias, downward, driven, lifted, links_of, tensions, upward
-from nonlinear.dynamics.sticking import Sticking
-from nonlinear.dynamics.structure import Carriers, CarriersAt, inverted_on_carriers
+from nonlinear.dynamics.structure import carriers_of
 from nonlinear.system import Group, Layout, Load, Motion, State, System
 
 
 class GroupBody(Protocol):
-    """Solver of one group of pendula: first its pull on the cart, then the accelerations of its links under x''."""
+    """Solver of one group of pendula."""
 
-    def pull(self, links: Any, rates: Any, torques: Any, gravity: float) -> tuple[Any, Any, Any]:
-        """Mass (kg) and force (N) of its pull along the rail, and intermediate results for `turn`."""
-        ...
-
-    def turn(self, memory: Any, push: Any) -> Any:
-        """Second derivatives of its links under the cart's acceleration `push` (m/s²)."""
+    def response(self, links: Any, rates: Any, torques: Any) -> Projection:
+        """What they answer to motions of their first joints, under generalized forces on the links."""
         ...
 
 
 class Projection(Protocol):
-    """What a group of pendula on carriers answers, bundle by bundle in their order."""
+    """What a group of pendula answers to what carries it, bundle by bundle in their order."""
 
-    def projected(self, columns: Any, slopes: Sequence[Any], felt: tuple[Any, Any], total: Callable[[Any], Any]) -> Any:
+    def projected(self, columns: Any, slopes: Sequence[Any], felt: tuple[Any, Any], together: bool) -> Any:
         """The inertia (lower half) and the force on each coordinate of the carrier of the pendula in these columns.
 
-        First joints move by these slopes (m, or m/rad, along the rail and down), and `felt` is their acceleration, less
-        gravity, without that of the coordinates.
+        First joints move by these slopes (m, or m/rad, along the rail and down), all by the same where they are
+        `together`, and `felt` is their acceleration, less gravity, without that of the coordinates.
         """
 
     def fall(self, pushes: Sequence[Sequence[Any]], accelerations: Any) -> Any:
@@ -152,7 +147,7 @@ class Suspended(Arranged):
         """
 
     @abstractmethod
-    def dragged(self, group: Group, links: Any, rates: Any, cart_rate: Any, support: Any, speed: Any) -> External:
+    def dragged(self, group: Group, links: Any, rates: Any, pivot: Any, support: Any, speed: Any) -> External:
         """The drag of a group's links."""
 
     def hung(self, instant: Instant) -> list[tuple[Group, GroupBody]]:
@@ -176,17 +171,9 @@ class Suspended(Arranged):
         """The time derivative of y, (size, ...), from what time brings at this instant."""
         return self.rubbed(y, instant)[0]
 
-    @cached_property
-    def carriers(self) -> Carriers | None:
-        """The structure, if there is one."""
-        return None if self.system.structure is None else Carriers(self.system)
-
     def bearing(self, q: Any, v: Any, instant: Instant, *, massless: bool = False) -> Bearing:
         """What carries the first joints, at this instant."""
-        if self.carriers is not None:
-            return CarriersAt(self.carriers, q, v, instant, massless=massless)
-        cart = self.system.cart is not None
-        return RailAt(self.system, q[0], v[0] if cart else 0.0, instant)
+        return Bearing(carriers_of(self.system), q, v, instant, massless=massless)
 
     def rubbed(self, y: Any, instant: Instant) -> tuple[Any, Rubbed]:
         """The same, and what dry friction does."""
@@ -201,8 +188,7 @@ class Suspended(Arranged):
         carried, working = bearing.solved(drag)
         for k, each in enumerate(carried):
             slopes[half + k] = each
-        if first or system.structure is not None:
-            power = power + working
+        power = power + working
         accelerations = slopes[half : 2 * half]
         turned = accelerations[first:]
         for k, place in enumerate(self.places):
@@ -212,8 +198,7 @@ class Suspended(Arranged):
             normal = partial(self.reaction, y, instant)
             rubbed = Sticking(system, self.lengthened(instant), instant.gripping, q, accelerations).rubbed(normal)
             accelerations[:] = rubbed.accelerations
-            if isinstance(bearing, RailAt) and system.cart:
-                bearing.acceleration = accelerations[0]
+            bearing.solution = list(accelerations[:first])
             if rubbed.normal is not None:
                 power = power + v[0] * instant.gripping.pressed * rubbed.normal
         if instant.lengths is not None:
@@ -252,15 +237,16 @@ class Suspended(Arranged):
         power, every, externals = 0.0, [], []
         for k, (place, (group, body)) in enumerate(zip(self.places, hung, strict=True)):
             directions, speed, moment = links[place], rates[place], None if moments is None else moments[place]
-            joints = bearing.joints(k)
             frame = instant.support if system.support else None
-            forces, work, reaction = self.acting(group, directions, speed, moment, frame, joints.base)
+            forces, work, reaction = self.acting(group, directions, speed, moment, frame, bearing.base(k))
             if bearing.torques is not None:
                 forces = forces + bearing.torques[place]
             if drag is not None:
                 resisting = drag[first:][place]
                 forces, work = forces + resisting, work + np.sum(resisting * speed, axis=(0, 1))
-            external = self.external(group, directions, speed, joints.velocity, instant)
+            external = None
+            if group.dragged or instant.forces:
+                external = self.external(group, directions, speed, bearing.velocity(k), instant)
             if external is not None:
                 forces, work = forces + external.generalized, work + external.power
             bearing.take(k, body, directions, speed, forces, external, reaction)
@@ -292,16 +278,16 @@ class Suspended(Arranged):
             power = power + (winding[0] * pulls).sum((0, 1))
         return power
 
-    def external(self, group: Group, links: Any, rates: Any, cart_rate: Any, instant: Instant) -> External | None:
+    def external(self, group: Group, links: Any, rates: Any, pivot: Any, instant: Instant) -> External | None:
         """Drag and applied forces on a group; None without any."""
         winding = None if instant.lengths is None else instant.lengths.speed[group.index]
         drag = None
         if group.dragged:
             velocity = instant.velocity if self.system.support else None
-            drag = self.dragged(group, links, rates, cart_rate, velocity, winding)
+            drag = self.dragged(group, links, rates, pivot, velocity, winding)
         if not instant.forces:
             return drag
-        push = applied(group, self.system.forces, instant.forces, links, rates, cart_rate, winding)
+        push = applied(group, self.system.forces, instant.forces, links, rates, pivot, winding)
         return push if drag is None else drag.plus(push)
 
     def responses(self, q: Any, instant: Instant) -> Any:
@@ -332,52 +318,20 @@ class Suspended(Arranged):
                 winding = [part[group.index] for part in instant.lengths[1:]]
             push = push + gravity * group.block.mass.sum((0, 1))
             push = push + lifted(group, links[place], speed, turned[place], winding)
-            external = self.external(group, links[place], speed, y[half], instant)
+            external = self.external(group, links[place], speed, (y[half], 0.0), instant)
             if external is not None:
                 push = push + external.forces[1].sum((0, 1))
         return push
 
 
-def inverted(
-    system: System,
-    solvers: Sequence[tuple[Group, GroupBody]],
-    q: Any,
-    p: Any,
-    places: Sequence[Ints] | None = None,
-) -> Any:
-    """M⁻¹ p (half, ...), the accelerations by generalized forces p alone, at the coordinates q (half, ...).
-
-    `places` are the positions of each group's numbers among those of all links, by default one of every link.
-    """
-    if system.structure is not None:
-        return inverted_on_carriers(Carriers(system), solvers, q, p)
-    first, rates = system.first, np.zeros(np.shape(p), dtype=np.result_type(q, p))
-    links, where = q[first:], [group.index for group, _ in solvers] if places is None else places
-    solved, mass, force = [], 0.0, 0.0
-    for place, (_, body) in zip(where, solvers, strict=True):
-        still = 0 * links[place]
-        felt, pulled, memory = body.pull(links[place], still, p[first:][place], 0.0)
-        mass, force = mass + felt, force + pulled
-        solved.append((place, body, memory))
-    if system.cart:
-        rates[0] = (p[0] - force) / (system.cart.mass + mass)
-    for place, body, memory in solved:
-        rates[first:][place] = body.turn(memory, rates[0] if system.cart else 0.0)
-    return rates
-
-
 class Unanswering:
     """A body without mass: what acts on a group goes to its bearing alone."""
-
-    def pull(self, links: Any, rates: Any, torques: Any, gravity: float) -> tuple[Any, Any, Any]:
-        """None."""
-        return 0.0, 0.0, None
 
     def response(self, angles: Any, rates: Any, torques: Any) -> Unanswering:
         """None."""
         return self
 
-    def projected(self, columns: Any, slopes: Sequence[Any], felt: tuple[Any, Any], total: Callable[[Any], Any]) -> Any:
+    def projected(self, columns: Any, slopes: Sequence[Any], felt: tuple[Any, Any], together: bool) -> Any:
         """Nothing on any coordinate."""
         return [[0.0] * (k + 1) for k in range(len(slopes))], [0.0] * len(slopes)
 
@@ -395,12 +349,6 @@ class Recursion:
         links = links_of(group)
         self.links = [type(link)(*(v.reshape(-1, *[1] * tail) for v in link)) for link in links] if tail else links
 
-    def pull(self, angles: Any, rates: Any, torques: Any, gravity: float) -> tuple[Any, Any, Any]:
-        """Mass (kg) and force (N) of the pull along the rail, summed over the pendula."""
-        bias = self._bias(rates)
-        answer, turns = upward(self.links, self.sine(angles), self.cosine(angles), rates, torques, bias)
-        return answer.xx.sum(0), (answer.px - gravity * answer.xz).sum(0), (turns, gravity, bias)
-
     def response(self, angles: Any, rates: Any, torques: Any) -> Projection:
         """What the pendula answer to motions of their first joints."""
         bias = self._bias(rates)
@@ -412,11 +360,6 @@ class Recursion:
         speed, acceleration = self.winding
         return [Bias(*pair) for pair in zip(2 * speed * rates, acceleration, strict=True)]
 
-    def turn(self, memory: Any, push: Any) -> Any:
-        """θ'' (n, P, ...)."""
-        turns, gravity, bias = memory
-        return np.array(downward(self.links, turns, push, -gravity, bias))
-
 
 class Recursed:
     """Pendula on carriers, by their answer f = M ã + p at the first joint."""
@@ -424,28 +367,25 @@ class Recursed:
     def __init__(self, body: Recursion, answer: Answer, turns: Any, bias: Any) -> None:
         self.body, self.answer, self.turns, self.bias = body, answer, turns, bias
 
-    def projected(self, columns: Any, slopes: Sequence[Any], felt: tuple[Any, Any], total: Callable[[Any], Any]) -> Any:
-        """J^T M J, its lower half, and J^T (M ã + p) of the pendula in these columns, summed by `total`."""
-        xx, xz, zz, px, pz = (part[columns] for part in self.answer)
-        if all(np.ndim(slope) < np.ndim(xx) for pair in (*slopes, felt) for slope in pair):  # the same for all of them
-            xx, xz, zz, px, pz = (total(part) for part in (xx, xz, zz, px, pz))
-            total = _itself
-        fx, fz = driven(xx, xz, zz, *felt)
-        fx, fz = px + fx, pz + fz
-        block = []
+    def projected(self, columns: Any, slopes: Sequence[Any], felt: tuple[Any, Any], together: bool) -> Any:
+        """J^T M J, its lower half, and J^T (M ã + p) of the pendula in these columns, summed."""
+        if not slopes:
+            return [], []
+        answer = Answer(*(part[columns].sum(0) if together else part[columns] for part in self.answer))
+        fx, fz = answer.to(*felt)
+        block, force = [], []
         for k, (x, z) in enumerate(slopes):
-            mx, mz = driven(xx, xz, zz, x, z)
-            block.append([total(v * mx + w * mz) for v, w in slopes[: k + 1]])
-        return block, [total(x * fx + z * fz) for x, z in slopes]
+            mx, mz = driven(*answer[:3], x, z)
+            block.append([v * mx + w * mz for v, w in slopes[: k + 1]])
+            force.append(x * fx + z * fz)
+        if not together:
+            block, force = [[part.sum(0) for part in row] for row in block], [part.sum(0) for part in force]
+        return block, force
 
     def fall(self, pushes: Sequence[Sequence[Any]], accelerations: Any) -> Any:
         """θ'' (n, P, ...) under accelerations (m/s²) of first joints along the rail and down, less gravity."""
         ax, az = accelerations
         return np.array(downward(self.body.links, self.turns, ax, az, self.bias))
-
-
-def _itself(value: Any) -> Any:
-    return value
 
 
 class Minimal(Suspended):
@@ -487,9 +427,9 @@ class Minimal(Suspended):
             power = power + drained
         return np.zeros_like(links) if torques is None else torques, power, reaction
 
-    def dragged(self, group: Group, links: Any, rates: Any, cart_rate: Any, support: Any, speed: Any) -> External:
+    def dragged(self, group: Group, links: Any, rates: Any, pivot: Any, support: Any, speed: Any) -> External:
         """Torques (n, P, ...) on the absolute angles, the force on the cart, and the power."""
-        return plane_drag(group, links, rates, cart_rate, support, speed)
+        return plane_drag(group, links, rates, pivot, support, speed)
 
 
 def drained(system: System, q: Floats, v: Floats, support: tuple[Any, Any] = (0.0, 0.0)) -> Floats:
@@ -504,7 +444,7 @@ def drained(system: System, q: Floats, v: Floats, support: tuple[Any, Any] = (0.
     for k, group in enumerate(system.groups):
         if group.dragged:
             links, rates = q[first:][group.index], v[first:][group.index]
-            external = equations.external(group, links, rates, bearing.joints(k).velocity, instant)
+            external = equations.external(group, links, rates, bearing.velocity(k), instant)
             assert external is not None
             along, down = external.forces.sum((1, 2))
             power = power + along * support[0] + down * support[1]

@@ -50,6 +50,11 @@ class Answer(NamedTuple):
     px: Any
     pz: Any
 
+    def to(self, x: Any, z: Any) -> tuple[Any, Any]:
+        """The force under an acceleration ã = (x, z)."""
+        fx, fz = driven(self.xx, self.xz, self.zz, x, z)
+        return self.px + fx, self.pz + fz
+
 
 def driven(xx: Any, xz: Any, zz: Any, x: Any, z: Any) -> tuple[Any, Any]:
     """M (x, z), along the rail and down."""

@@ -45,10 +45,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from modal.types import Floats, Ints
-from nonlinear.dynamics.external import External, drag
-from nonlinear.dynamics.joints import Base
-from nonlinear.dynamics.minimal import Suspended
-from nonlinear.dynamics.recursion import RecursiveLink, links_of
+from nonlinear.dynamics.forces import Base, External, drag
+from nonlinear.dynamics.minimal import Projection, Suspended
+from nonlinear.dynamics.recursion import Answer, RecursiveLink, driven, links_of
 from nonlinear.dynamics.tape import where
 from nonlinear.system import Group
 
@@ -228,23 +227,35 @@ class SpatialRecursion:
     def __init__(self, group: Group, tail: int = 0) -> None:
         self.links = [type(link)(*(value.reshape(-1, *[1] * tail) for value in link)) for link in links_of(group)]
 
-    def pull(self, u: Any, w: Any, torque: Any, gravity: float) -> tuple[Any, Any, Any]:
-        """The effective mass (kg) and force (N) along the rail, summed over the pendula.
+    def response(self, u: Any, w: Any, torque: Any) -> Projection:
+        """What the pendula answer to motions of their first joints.
 
         The stages of an integrator's step leave the sphere, where the two reflections of `upward` and `downward` would
         give different results and y' would jump as a link passes the horizontal: so directions are normalized first.
         """
         u = u / np.sqrt(dot(u, u))
-        answer, turns = upward(self.links, u, w, torque, facing(u))
-        force = answer.p[0] - gravity * answer.M[0, 2]
-        return answer.M[0, 0].sum(0), force.sum(0), (turns, gravity, answer.p)
+        return SpatialRecursed(self, *upward(self.links, u, w, torque, facing(u)))
 
-    def turn(self, memory: Any, push: Any) -> Any:
+
+class SpatialRecursed:
+    """Pendula in space, by their answer f = M ã + p at the first joint."""
+
+    def __init__(self, body: SpatialRecursion, answer: SpatialAnswer, turns: Any) -> None:
+        self.body, self.answer, self.turns = body, answer, turns
+
+    def projected(self, columns: Any, slopes: Sequence[Any], felt: tuple[Any, Any], together: bool) -> Any:
+        """The inertia (lower half) and the force on each coordinate of what carries the pendula in these columns."""
+        M, p = self.answer.M[:, :, columns], self.answer.p[:, columns]
+        answer = Answer(*(part.sum(0) for part in (M[0, 0], M[0, 2], M[2, 2], p[0], p[2])))
+        (fx, fz), pulls = answer.to(*felt), [driven(*answer[:3], *slope) for slope in slopes]
+        block = [[v * mx + w * mz for v, w in slopes[: k + 1]] for k, (mx, mz) in enumerate(pulls)]
+        return block, [x * fx + z * fz for x, z in slopes]
+
+    def fall(self, pushes: Sequence[Sequence[Any]], accelerations: Any) -> Any:
         """Second derivatives u'' (3, n, P, ...)."""
-        turns, gravity, like = memory
-        felt = np.zeros_like(like)
-        felt[0], felt[2] = push, -gravity
-        return np.stack(downward(self.links, turns, felt), axis=1)
+        felt = np.zeros_like(self.answer.p)
+        felt[0], felt[2] = accelerations
+        return np.stack(downward(self.body.links, self.turns, felt), axis=1)
 
 
 class Spatial(Suspended):
@@ -273,7 +284,7 @@ class Spatial(Suspended):
             power = power + damper_power(group, links, rates)
         return np.zeros_like(links) if moments is None else generalized(moments, links), power, 0.0
 
-    def dragged(self, group: Group, links: Any, rates: Any, cart_rate: Any, support: Any, speed: Any) -> External:
+    def dragged(self, group: Group, links: Any, rates: Any, pivot: Any, support: Any, speed: Any) -> External:
         """The drag of a group, with generalized forces (3, n, P, ...) on u."""
-        external = drag(group, rates, cart_rate, support)
+        external = drag(group, rates, pivot, support)
         return external._replace(generalized=generalized(cross(links, external.generalized), links))

@@ -114,15 +114,14 @@ class Nodes(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Springs:
-    """The springs of a system with a structure."""
+    """The springs between points of a system."""
 
     system: System
 
-    @cached_property
+    @property
     def structure(self) -> Structure:
         """What they belong to."""
-        assert self.system.structure is not None
-        return self.system.structure
+        return self.system.suspension
 
     @cached_property
     def kinds(self) -> tuple[Ints, Ints, Ints]:

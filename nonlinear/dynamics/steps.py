@@ -42,14 +42,13 @@ import numpy as np
 
 from modal.scene import SineMotion
 from modal.vibration import prescribed_motion
-from nonlinear.dynamics.energies import energies
-from nonlinear.dynamics.external import drag_law
+from nonlinear.dynamics.bearing import inverted
+from nonlinear.dynamics.forces import drag_law, inertial_law, joint_law
 from nonlinear.dynamics.forms import Form, TapedEquations, form_of
 from nonlinear.dynamics.inputs import QUIET
-from nonlinear.dynamics.joints import inertial_law, joint_law
+from nonlinear.dynamics.mechanics import energies
 from nonlinear.dynamics.minimal import Minimal
 from nonlinear.dynamics.recursion import Answer, RecursiveLink, Turn, hung, passed
-from nonlinear.dynamics.structure import Carriers, inverted_on_carriers
 from nonlinear.dynamics.tape import Tape, along
 from nonlinear.dynamics.text import Module
 from nonlinear.system import System, entries_of, prescribed_of, system_with
@@ -202,11 +201,10 @@ class StructureSteps:
     def form(self) -> Form:
         """What the text depends on: every damper has a number there."""
         form = form_of(self.system, pushed=True, works=True)
-        links, structure = self.system.n_links, self.system.structure
-        assert structure is not None
+        links = self.system.n_links
         at = BEFORE + links * FIELDS.index("damping")
         first = BEFORE + links * len(FIELDS)
-        every = {*range(at, at + links), *(first + k for k in dampers_of(structure))}
+        every = {*range(at, at + links), *(first + k for k in dampers_of(self.system.suspension))}
         return replace(form, present=tuple(has or k in every for k, has in enumerate(form.present)))
 
     @property
@@ -247,7 +245,7 @@ class StructureSteps:
             solvers = list(zip(equations.system.groups, equations.bodies, strict=True))
             impulses = np.empty(half, dtype=object)
             impulses[:] = x
-            functions["impelled"] = inverted_on_carriers(Carriers(equations.system), solvers, q, impulses).tolist()
+            functions["impelled"] = inverted(equations.system, solvers, q, impulses).tolist()
         return Module(tape, functions)
 
 

@@ -18,11 +18,10 @@ import numpy as np
 from modal.errors import ComputationError
 from modal.types import Floats
 from nonlinear.dynamics.elimination import SINGULAR
-from nonlinear.dynamics.energies import energies
-from nonlinear.dynamics.external import plane_drag
+from nonlinear.dynamics.forces import cart_force, modal_drag, plane_drag
 from nonlinear.dynamics.forms import Form, Symbolic, form_of, jacobian_of, module_of
 from nonlinear.dynamics.generated import UNDEFINED, Generated, Listed
-from nonlinear.dynamics.joints import cart_force, modal_drag
+from nonlinear.dynamics.mechanics import energies
 from nonlinear.dynamics.switching import switched, switching_of
 from nonlinear.dynamics.tape import gradient, partials
 from nonlinear.dynamics.text import Module
@@ -180,20 +179,21 @@ class Variational(Generated):
 def _gradients(form: Form) -> Module:
     """The functions "energy" and, on one cart, "momentum" of a form, the derivatives of both by y, and "momenta"."""
     symbolic = Symbolic(form)
-    tape, system, on_cart = symbolic.tape, symbolic.system, form.first
-    half = system.n_links + on_cart
+    tape, system = symbolic.tape, symbolic.system
+    half = system.n_links + system.first
     y = tape.inputs("y", 2 * half)
     parts = energies(system, y[:half], y[half:])
     energy, p = gradient(tape, parts.total, y), gradient(tape, parts.moving, y[half:])
     functions = {"energy": energy, "momenta": p}
-    if system.structure is None and on_cart:
+    if system.cart:
         links, rates, speed = y[1:half], y[half + 1 :], y[half]
         outside = cart_force(system, 0.0, speed)[1]
         if system.modal_damping is not None:
             outside = outside + modal_drag(system, y[half:])[0]
         for group in system.groups:
             if group.dragged:
-                outside = outside + plane_drag(group, links[group.index], rates[group.index], speed).on_cart
+                external = plane_drag(group, links[group.index], rates[group.index], (speed, 0.0))
+                outside = outside + external.along_rail
         kept, lost = partials(tape, [p[0], outside], list(y))
         functions["momentum"] = [
             kept.get(k, 0.0) - (lost.get(half + k, 0.0) if k < half else 0.0) for k in range(2 * half)

@@ -14,8 +14,8 @@ from nonlinear.chaos import TRANSIENT
 from nonlinear.dynamics import Lanes, undisturbed
 from nonlinear.dynamics.compiling import available
 from nonlinear.dynamics.contacts import JAMMED as STUCK
+from nonlinear.dynamics.generated import Rates
 from nonlinear.dynamics.inputs import Inputs
-from nonlinear.dynamics.lanes import Rates
 from nonlinear.ensembles.lanes import Watches, slope_of, stretched, task_of, watches_of
 from nonlinear.ensembles.results import MemberResults, Wanted
 from nonlinear.integration.crowds import Crowd, RailWork

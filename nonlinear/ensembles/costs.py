@@ -10,8 +10,8 @@ import numpy as np
 from modal.errors import SceneError
 from modal.scene import CAPABILITIES, Scene, refusals
 from nonlinear.dynamics import Lanes
+from nonlinear.dynamics.generated import WRITTEN
 from nonlinear.dynamics.inputs import Inputs
-from nonlinear.dynamics.lanes import WRITTEN
 from nonlinear.ensembles.members import Members
 from nonlinear.ensembles.question import (
     COMPILED,

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from modal.types import Floats
-from nonlinear.dynamics.energies import Energies, energies
+from nonlinear.dynamics.mechanics import Energies, energies
 from nonlinear.integration.trajectory import NOISE
 from nonlinear.system import Layout, Numbers
 

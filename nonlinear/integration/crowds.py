@@ -10,8 +10,8 @@ import numpy as np
 
 from modal.types import Floats
 from nonlinear.dynamics.forms import module_of
+from nonlinear.dynamics.generated import Lanes, Rates
 from nonlinear.dynamics.inputs import Inputs
-from nonlinear.dynamics.lanes import Lanes, Rates
 from nonlinear.dynamics.switching import switched, switching_of
 from nonlinear.dynamics.text import Module
 from nonlinear.integration.lanes import LaneTask

@@ -14,7 +14,7 @@ from modal.errors import ComputationError
 from modal.report import silent
 from modal.types import Floats
 from nonlinear.dynamics import Arranged, Recursion, Reduced
-from nonlinear.dynamics.minimal import inverted
+from nonlinear.dynamics.bearing import inverted
 from nonlinear.integration.floats import AT_ONCE, FloatStepper
 from nonlinear.integration.happenings import Events, Happening
 from nonlinear.integration.methods import Choice, equations_of

@@ -26,7 +26,7 @@ import numpy as np
 
 from modal.errors import ComputationError
 from modal.types import Booleans, Floats, Ints
-from nonlinear.dynamics.lanes import Rates
+from nonlinear.dynamics.generated import Rates
 from nonlinear.integration.meeting import AGAIN, MET, meet
 from nonlinear.integration.method import (
     EXTRA,

@@ -10,7 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from modal.types import Booleans, Floats, Ints
-from nonlinear.dynamics.lanes import Rates
+from nonlinear.dynamics.generated import Rates
 from nonlinear.integration.method import EXTRA, NODES, STAGES, advance, gained, terms_of
 from nonlinear.integration.steppers import BESIDE
 

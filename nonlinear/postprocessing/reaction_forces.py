@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from modal.errors import ComputationError
@@ -68,22 +70,18 @@ def _one_by_one(trajectory: Trajectory, motion: Motion) -> Motion:
     return equations.read(np.array(rows))
 
 
-def _accelerations(trajectory: Trajectory, motion: Motion) -> tuple[Floats, Floats]:
-    """The cart's x'' (T,), or those of every pivot of a structure (T, L, 2); second derivatives of unit vectors.
-
-    The latter are (T, L, d).
-    """
+def _accelerations(trajectory: Trajectory, motion: Motion) -> tuple[list[Any], Floats]:
+    """Those of first joints (`Mechanics.pivot_accelerations`), and unit vectors' second derivatives, (T, L, d)."""
     system = trajectory.system
     if side_by_side(trajectory):
         layout, _, slopes = accelerated(trajectory)
         accelerations = layout.read(slopes)
     else:
         accelerations = _one_by_one(trajectory, motion)
+    carried = Layout.of(system, works=False).carried(accelerations)[1]
+    pivots = trajectory.mechanics.pivot_accelerations(carried)
     if system.spatial:
-        return accelerations.cart_rate, accelerations.link_rates
+        return pivots, accelerations.link_rates
     u, _ = vectors(motion)
     across = np.stack((u[..., 1], -u[..., 0]), axis=-1)
-    pivots = accelerations.cart_rate
-    if system.structure is not None:
-        pivots = trajectory.mechanics.pivot_accelerations(accelerations.support_rates)
     return pivots, accelerations.link_rates[..., None] * across - motion.link_rates[..., None] ** 2 * u

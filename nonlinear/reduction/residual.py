@@ -25,8 +25,7 @@ import numpy as np
 
 from modal.scene.doors import require_type
 from modal.types import Floats
-from nonlinear.dynamics.external import drag, plane_drag
-from nonlinear.dynamics.joints import cart_force, link_torques, modal_drag
+from nonlinear.dynamics.forces import cart_force, drag, link_torques, modal_drag, plane_drag
 from nonlinear.dynamics.spatial import generalized, joint_moments
 from nonlinear.dynamics.variational import Variational
 from nonlinear.reduction.two_planes import factors
@@ -95,8 +94,9 @@ def _planar(group: Group, moved: list[Floats], felt: Floats, cart_rate: Floats) 
         forces -= link_torques(group, theta, rate)
     braking: Any = 0.0
     if group.dragged:
-        resisting, braking, *_ = plane_drag(group, theta, rate, cart_rate)
-        forces -= resisting
+        external = plane_drag(group, theta, rate, (cart_rate, 0.0))
+        braking = external.along_rail
+        forces -= external.generalized
     return second, forces[None], braking
 
 
@@ -115,8 +115,9 @@ def _spatial(group: Group, moved: list[Floats], felt: Floats, cart_rate: Floats)
     if group.sprung or group.damped:
         forces -= generalized(joint_moments(group, u, w), u)
     if group.dragged:
-        resisting, braking, *_ = drag(group, w, cart_rate)
-        forces -= resisting
+        external = drag(group, w, (cart_rate, 0.0))
+        braking = external.along_rail
+        forces -= external.generalized
     return second, sigma * (s * forces[:2] + (r * _along(p, forces[:2]) - s * forces[2]) * p), braking
 
 

@@ -1,9 +1,9 @@
 """The numbers of a scene as a list, of which many members may each have their own.
 
-The list is gravity, the cart's mass, damper and spring, then of every link in the order of the file its mass, length,
-centre, inertia, damper, spring, the two constants of its drive, and its drag, field by field; then those of a structure
-(`structured`): of every carrier its place, mass, inertia, rods, centre, springs and dampers (of a modal one M, K, D
-and its points), of every entry of pendula where it hangs, of every spring its two numbers and its ends.  Beside it
+The list is gravity, then of every link in the order of the file its mass, length, centre, inertia, damper, spring, the
+two constants of its drive, and its drag, field by field; then those of what carries the pendula (`structured`): of
+every carrier its place, mass, inertia, rods, centre, springs and dampers (of a modal one M, K, D and its points), of
+every entry of pendula where it hangs, of every spring its two numbers and its ends.  Beside it
 stand the entries of D_modal and the constants of sines that move the support, and of sines and constants that act as
 forces.  Where members differ an entry is an array (S,), elsewhere one number.
 """
@@ -18,7 +18,6 @@ from typing import Any
 
 import numpy as np
 
-from modal.assembly import CartNumbers
 from modal.report import Displayed
 from modal.scene import AnyLink, Body, Escapement, Scene, validate_scene, validate_scenes
 from modal.scene.doors import checked
@@ -28,7 +27,7 @@ from modal.structure.carriers import PLATFORM
 from modal.types import Floats
 from nonlinear.system.system import Group, System, system_of
 
-BEFORE = 4  # entries before those of links
+BEFORE = 1  # entries before those of links
 FIELDS = ("mass", "length", "centre", "inertia", "damping", "stiffness", "strength", "curb", "drag", "quadratic_drag")
 DRAG = ("drag", "quadratic_drag")
 WORKING = ("damping", "strength", *DRAG)
@@ -58,10 +57,9 @@ class Numbers(Displayed):
         """Whether energy goes in or out of any member, or could where these entries differ."""
         system = self.system
         outside = any(part is not None for part in (system.modal_damping, system.hoisting))
-        if system.structure is not None:
-            first = BEFORE + len(FIELDS) * system.n_links
-            outside = outside or any(self._is_set(first + k) for k in dampers_of(system.structure))
-        return outside or bool(system.prescribed) or system.kicked or self._any_of(WORKING) or self._is_set(2)
+        first = BEFORE + len(FIELDS) * system.n_links
+        outside = outside or any(self._is_set(first + k) for k in dampers_of(system.suspension))
+        return outside or bool(system.prescribed) or system.kicked or self._any_of(WORKING)
 
     @cached_property
     def dragged(self) -> bool:
@@ -111,9 +109,6 @@ def numbers_of(
     """The numbers of a scene, with arrays (S,) of `values` at some of its places and D_modal (S, n, n)."""
     validate_scene(scene)
     replaced: Values = values or {}
-    cart = [0.0, 0.0, 0.0]
-    if scene.cart is not None:
-        cart = [replaced.get(("support", name), getattr(scene.cart, name)) for name in ("mass", "damping", "stiffness")]
     rows = [
         row
         for p, pendulum in enumerate(scene.pendulum)
@@ -132,12 +127,10 @@ def numbers_of(
     if modal is not None:
         base = replace(base, modal_damping=modal[0])
     prescribed = _prescribed(base, _places_of_prescribed(scene), replaced, modal)
-    rest: list[Any] = []
-    if base.structure is not None:
-        rest = structured(base.structure)
-        for k, names in enumerate(_places_of_structure(scene, base.structure)):
-            rest[k] = next((replaced[name] for name in names if name in replaced), rest[k])
-    return Numbers(base, (replaced.get(("gravity",), scene.gravity), *cart, *fields, *rest), prescribed)
+    rest = structured(base.suspension)
+    for k, names in enumerate(_places_of_structure(scene, base.suspension)):
+        rest[k] = next((replaced[name] for name in names if name in replaced), rest[k])
+    return Numbers(base, (replaced.get(("gravity",), scene.gravity), *fields, *rest), prescribed)
 
 
 @checked
@@ -194,9 +187,7 @@ def entries_of(system: System) -> list[float]:
         law |= {} if quadratic is None else {"quadratic_drag": quadratic}
         for name, values in law.items():
             fields[FIELDS.index(name), group.index] = values
-    cart = map(float, system.cart or (0.0, 0.0, 0.0))
-    rest = [] if system.structure is None else structured(system.structure)
-    return [system.gravity, *cart, *fields.ravel().tolist(), *rest]
+    return [system.gravity, *fields.ravel().tolist(), *structured(system.suspension)]
 
 
 def numbers_of_all(scenes: Sequence[Scene]) -> Numbers:
@@ -238,11 +229,10 @@ def _row(link: AnyLink, replaced: Mapping[tuple[Any, ...], Floats]) -> list[Any]
 def system_with(system: System, entries: Sequence[Any], tail: bool = False) -> System:
     """The same system with other entries: numbers, symbols, or with a `tail` arrays of one length or 1 a field."""
     links = system.n_links
-    gravity, *cart = entries[:BEFORE]
     fields = [_stacked(entries[at : at + links], tail) for at in range(BEFORE, BEFORE + len(FIELDS) * links, links)]
     groups = tuple(_group(group, dict(zip(FIELDS, fields, strict=True)), tail) for group in system.groups)
-    structure = system.structure and structure_with(system.structure, entries[BEFORE + len(FIELDS) * links :])
-    return replace(system, gravity=gravity, cart=system.cart and CartNumbers(*cart), groups=groups, structure=structure)
+    suspension = structure_with(system.suspension, entries[BEFORE + len(FIELDS) * links :])
+    return replace(system, gravity=entries[0], suspension=suspension, groups=groups)
 
 
 def with_prescribed(system: System, prescribed: Sequence[Any]) -> System:
@@ -388,7 +378,7 @@ def _places_of_structure(scene: Scene, structure: Structure) -> list[list[Place]
         places += [[] for part in _modal(carrier) for _ in range(part.size)]
     first = 0
     for p, pendulum in enumerate(scene.pendulum):
-        if not isinstance(structure.pivots[first].where, int):
+        if scene.is_structured and not isinstance(structure.pivots[first].where, int):
             places += [[("pendulum", p, "position", k)] for k in (0, 1)]
         first += pendulum.count
     for spring in structure.springs:

@@ -71,7 +71,7 @@ def acting_forces(scene: Scene) -> tuple[ActingForce, ...]:
             tuple(places_of(scene, force.on)),
             DIRECTIONS.get(force.direction),
             prescribed_motion(force),
-            carrier_end(scene, force.on) if scene.is_structured else None,
+            carrier_end(scene, force.on),
         )
         for force in scene.force
     )

@@ -20,7 +20,7 @@ class Grouped(Protocol):
         ...
 
     @property
-    def structure(self) -> Structure | None:
+    def suspension(self) -> Structure:
         """The structure."""
         ...
 
@@ -36,8 +36,7 @@ def place_of(system: Grouped, link: int) -> tuple[Any, int, int]:
 
 def drawn_place(system: Grouped, end: End) -> Vector | None:
     """Where an end is drawn (m); None for the ground below the other end."""
-    structure = system.structure
-    assert structure is not None
+    structure = system.suspension
     if isinstance(end, GroundEnd):
         return end.place
     if isinstance(end, CarrierEnd):
@@ -62,9 +61,7 @@ def ends_may_meet(system: Grouped) -> bool:
 
     There it jumps, which series of a motion do not see and error control does; carriers are taken to stay apart.
     """
-    if system.structure is None:
-        return False
-    for spring in system.structure.springs:
+    for spring in system.suspension.springs:
         if spring.torsion or not np.any(spring.stiffness) or not any(isinstance(end, LinkEnd) for end in spring.ends):
             continue
         first, second = (drawn_place(system, end) for end in spring.ends)
@@ -86,10 +83,8 @@ def _reach(system: Grouped, end: End) -> float:
 
 def slack_of(system: Grouped) -> tuple[bool, ...]:
     """Which springs of a structure have no length as drawn; no torsion spring has one."""
-    if system.structure is None:
-        return ()
     slack = []
-    for spring in system.structure.springs:
+    for spring in system.suspension.springs:
         first, second = (None, None) if spring.torsion else (drawn_place(system, end) for end in spring.ends)
         slack.append(first is None or second is None or drawn_together(first, second))
     return tuple(slack)

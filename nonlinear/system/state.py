@@ -212,9 +212,15 @@ class Layout:
 
     def rows(self, motion: Motion) -> Floats:
         """The vectors y (T, size) of a motion."""
-        head, rate = (motion.supports, motion.support_rates) if self.is_structured else _columns(motion, self.first)
+        head, rate = self.carried(motion)
         links, rates = (np.reshape(entries, (len(entries), -1)) for entries in (motion.links, motion.link_rates))
         return np.hstack([head, links, rate, rates, *[motion.work[:, None]] * self.works])
+
+    def carried(self, motion: Motion) -> tuple[Floats, Floats]:
+        """The coordinates of what carries the pendula, and their rates, (T, first) each."""
+        if self.is_structured:
+            return motion.supports, motion.support_rates
+        return motion.cart[:, None][:, : self.first], motion.cart_rate[:, None][:, : self.first]
 
     def read(self, rows: Floats) -> Motion:
         """The motion in vectors (T, size)."""
@@ -244,11 +250,6 @@ class Layout:
     def state(self, y: Floats) -> State:
         """The state of one vector y."""
         return self.read(y[None])[0]
-
-
-def _columns(motion: Motion, first: int) -> tuple[Floats, Floats]:
-    """The cart's place and speed, (T, 1) each, (T, 0) without one."""
-    return motion.cart[:, None][:, :first], motion.cart_rate[:, None][:, :first]
 
 
 def unit_vectors(angles: Any, azimuths: Any) -> Floats:

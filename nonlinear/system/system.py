@@ -187,14 +187,14 @@ class Rail(NamedTuple):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class System(Displayed):
-    """Gravity, the cart (None: fixed support) and the groups of pendula of a scene, in SI units.
+    """Gravity, what carries the pendula and the groups of these, in SI units.
 
     `modal_damping` (n, n) is the D_modal of a plane scene's damping ratios in the coordinates (x, links), or None;
     `hoisting` the lengths that change in time, of which the groups hold the first; `support` the motion of a support
     that moves as prescribed, in whose frame the scene is then described; `rail` the dry friction on the rail; `forces`
-    act on points of links and on the cart.  `structure` is what carries the pendula where that is more than a fixed
-    support or one cart; its coordinates then stand in the place of x, and `slack` tells which of its springs have no
-    length as drawn.
+    act on points of links and on the cart.  The `suspension` is what carries the pendula: of no coordinates on a fixed
+    support, of one on a cart, and where the scene `is_structured` any `structure`, of whose springs `slack` tells which
+    have no length as drawn.
 
     >>> from modal import load
     >>> from nonlinear import system_of
@@ -204,7 +204,7 @@ class System(Displayed):
     """
 
     gravity: float
-    cart: CartNumbers | None
+    suspension: Structure
     groups: tuple[Group, ...]
     spatial: bool
     labels: tuple[str, ...]
@@ -213,7 +213,7 @@ class System(Displayed):
     support: MovingSupport | None = None
     rail: Rail | None = None
     forces: tuple[ActingForce, ...] = ()
-    structure: Structure | None = None
+    is_structured: bool = False
     slack: tuple[bool, ...] = ()
 
     def _summary(self) -> Summary:
@@ -224,17 +224,28 @@ class System(Displayed):
         return Summary(f"System of {links} in {pendula} {where}{space}", [("gravity", f"{self.gravity:g} m/s²")])
 
     @property
-    def first(self) -> int:
-        """How many coordinates there are before those of links: 1 of a cart, those of a structure."""
-        return self.structure.size if self.structure else int(self.cart is not None)
+    def structure(self) -> Structure | None:
+        """The suspension where it is more than a fixed support or one cart, else None."""
+        return self.suspension if self.is_structured else None
+
+    @cached_property
+    def cart(self) -> CartNumbers | None:
+        """The cart that alone carries the pendula; None on a fixed support and on a structure."""
+        if self.is_structured or not self.first:
+            return None
+        (carrier,) = self.suspension.carriers
+        return CartNumbers(carrier.mass, *carrier.damping, *carrier.stiffness)
 
     @property
-    def first_units(self) -> Any:
+    def first(self) -> int:
+        """How many coordinates there are before those of links."""
+        return self.suspension.size
+
+    @property
+    def first_units(self) -> Floats:
         """Natural units of these, (first,): the longest link for displacements (m), 1 for angles (rad)."""
-        if self.structure is None:
-            return self.length
         units = np.full(self.first, self.length)
-        units[list(self.structure.turning)] = 1.0
+        units[list(self.suspension.turning)] = 1.0
         return units
 
     @property
@@ -270,9 +281,8 @@ class System(Displayed):
 
     @cached_property
     def total_mass(self) -> float:
-        """Total mass of all links and of the cart or the carriers, modal ones excepted (kg)."""
-        carried = sum(float(carrier.mass) for carrier in self.structure.carriers) if self.structure else 0.0
-        return float(self.mass.sum()) + (self.cart.mass if self.cart else 0.0) + carried
+        """Total mass of all links and of what carries them, modal carriers excepted (kg)."""
+        return float(self.mass.sum()) + sum(float(carrier.mass) for carrier in self.suspension.carriers)
 
     @cached_property
     def pendulum(self) -> Ints:
@@ -305,8 +315,7 @@ class System(Displayed):
     @property
     def dissipates(self) -> bool:
         """Whether there is any damper, drag or dry friction."""
-        damped = bool(self.cart and np.any(self.cart.damping)) or any(group.damped for group in self.groups)
-        damped = damped or (self.structure is not None and is_damped(self.structure))
+        damped = is_damped(self.suspension) or any(group.damped for group in self.groups)
         return self.modal_damping is not None or damped or self.dragged or self.rubs
 
     @property
@@ -430,9 +439,9 @@ def system_of(scene: Scene, hoists: Hoists | None = None) -> System:
     modal = _modal_dampers(scene) if scene.has_modal_damping and not rig.spatial else None
     labels, hoisting = coordinate_labels(rig), hoisting_of(scene, hoists)
     prescribed = modal, hoisting, _support(scene), _rail(scene), acting_forces(scene)
-    system = System(rig.gravity, rig.cart, tuple(groups), rig.spatial, labels, *prescribed, rig.structure)
-    if rig.structure is None:
-        return system
+    system = System(
+        rig.gravity, rig.support, tuple(groups), rig.spatial, labels, *prescribed, is_structured=scene.is_structured
+    )
     return replace(system, slack=slack_of(system))
 
 

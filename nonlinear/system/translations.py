@@ -24,10 +24,7 @@ def translations(system: System) -> Floats:
     >>> translations(system_of(load("paper-cart-2"))).tolist()
     [[1.0]]
     """
-    if system.structure is None:
-        free = system.cart is not None and not system.cart.stiffness
-        return np.ones((1, 1)) if free else np.zeros((0, system.first))
-    structure, sets = system.structure, _sets(system, system.structure)
+    structure, sets = system.suspension, _sets(system, system.suspension)
     moves = np.zeros((len(structure.carriers), system.first))
     for number, owner in enumerate(sets[1:]):
         if owner != HELD:

@@ -28,7 +28,7 @@ from nonlinear.dynamics import (
     Recursion,
     compiled,
     compiling,
-    joints,
+    forces,
     module_of,
 )
 from nonlinear.dynamics.compiled import Compiled
@@ -137,7 +137,7 @@ def energy(equations: Minimal, y: Any) -> Any:
         A = np.array(pair.inertia_matrix(block.mass, block.length, block.centre, block.inertia))
         turning = np.sum(A * np.cos(q[:, None] - q) * w[:, None] * w) / 2
         sliding = block.mass.sum() * speed**2 / 2 + speed * np.sum(block.b * np.cos(q) * w)
-        bend = joints.relative(q) - group.bent
+        bend = forces.relative(q) - group.bent
         total += (
             turning + sliding + np.sum(block.stiffness * bend**2) / 2 - system.gravity * np.sum(block.b * np.cos(q))
         )
@@ -180,8 +180,8 @@ def test_compiled_without_a_place_for_its_cache(monkeypatch: pytest.MonkeyPatch)
     """Where numba finds no folder to write to, what it compiles stays in memory."""
     for locator in import_module("numba.core.caching").CacheImpl._locator_classes:
         monkeypatch.setattr(locator, "from_function", classmethod(lambda *_: None))
-    kernel = compiling.compiled(joints.joint_law)
-    assert kernel(0.5, -2.0, 3.0, 4.0) == pytest.approx(joints.joint_law(0.5, -2.0, 3.0, 4.0), rel=1e-15)
+    kernel = compiling.compiled(forces.joint_law)
+    assert kernel(0.5, -2.0, 3.0, 4.0) == pytest.approx(forces.joint_law(0.5, -2.0, 3.0, 4.0), rel=1e-15)
     assert kernel.signatures
     assert kernel.stats.cache_path is None
 

@@ -28,7 +28,7 @@ from modal.scene import (
     SupportMotion,
     SweepMotion,
 )
-from nonlinear.dynamics import Generated, Minimal, Spatial, jacobian_of, joints, minimal, module_of, spatial
+from nonlinear.dynamics import Generated, Minimal, Spatial, forces, jacobian_of, minimal, module_of, spatial
 from nonlinear.dynamics.spatial import damper_power, facing, generalized, joint_energy, joint_moments
 from nonlinear.integration import methods
 from nonlinear.simulation import simulate
@@ -609,10 +609,10 @@ def test_joints_in_the_plane_are_those_of_the_plane(seed: int) -> None:
     for group in equations.system.groups:
         u, w = gathered(state.links, group.index), gathered(state.link_rates, group.index)
         theta, rate = flat.links[group.index], flat.link_rates[group.index]
-        moments, (expected, power) = joint_moments(group, u, w), joints.joint_torques(group, theta, rate)
+        moments, (expected, power) = joint_moments(group, u, w), forces.joint_torques(group, theta, rate)
         np.testing.assert_allclose(moments[1], expected, rtol=1e-11, atol=1e-12)
         assert not moments[[0, 2]].any()
-        np.testing.assert_allclose(joint_energy(group, u), joints.spring_energy(group, theta), rtol=1e-11, atol=1e-13)
+        np.testing.assert_allclose(joint_energy(group, u), forces.spring_energy(group, theta), rtol=1e-11, atol=1e-13)
         assert damper_power(group, u, w) == pytest.approx(power, rel=1e-12)
 
 

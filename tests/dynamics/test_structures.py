@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import nullcontext
 from typing import Any
 
@@ -18,7 +20,7 @@ from modal.types import Floats
 from nonlinear import load as load_run
 from nonlinear import save, simulate
 from nonlinear.dynamics import Generated, Lanes, Minimal, Recursion
-from nonlinear.dynamics.energies import energies
+from nonlinear.dynamics.mechanics import energies
 from nonlinear.dynamics.variational import Variational
 from nonlinear.ensembles import ensemble
 from nonlinear.integration import taylor
@@ -399,6 +401,26 @@ def test_loops_for_numba_equal_the_recursion(way: Any) -> None:
     expected = plain(system).derivative(0.0, y)
     with way():
         np.testing.assert_allclose(Compiled(system).derivative(0.0, y), expected, rtol=0, atol=1e-11)
+
+
+def test_two_threads_that_run_one_system_get_the_results_of_one() -> None:
+    """The loops as Python runs them, which changes threads between any two operations."""
+    pytest.importorskip("numba")
+    from nonlinear.dynamics.compiled import Compiled
+
+    system = system_of(varied(lambda d: [p["links"][0].pop("drag", None) for p in d["pendulum"]], modal=False))
+    starts, interval = [np.append(shaken(system, seed), 0.0) for seed in (7, 8)], sys.getswitchinterval()
+    with uncompiled():
+        equations = Compiled(system)
+        alone = [equations.derivative(0.0, y) for y in starts]
+        sys.setswitchinterval(1e-6)
+        try:
+            with ThreadPoolExecutor(2) as threads:
+                together = list(threads.map(lambda y: [equations.derivative(0.0, y) for _ in range(40)], starts))
+        finally:
+            sys.setswitchinterval(interval)
+    for expected, rates in zip(alone, together, strict=True):
+        assert all(np.array_equal(expected, rate) for rate in rates)
 
 
 def test_members_with_numbers_of_their_own() -> None:

@@ -15,7 +15,7 @@ from modal.errors import SceneError
 from modal.scene import Bob, Cart, Fixed, InitialCondition, Pendulum, Rod, Scene, VanDerPol, refusals
 from modal.scene.parameters import find_places, number_at, number_paths, vary
 from nonlinear import simulate, system_of
-from nonlinear.dynamics import Generated, Lanes, lanes
+from nonlinear.dynamics import Generated, Lanes, Minimal, Recursion
 from nonlinear.ensembles import computing, ensemble, members_of
 from nonlinear.ensembles.energies import Accounts
 from nonlinear.ensembles.question import refused
@@ -63,9 +63,9 @@ def test_equations_of_members_are_those_of_their_scenes() -> None:
         equations = Lanes(numbers)
         y = np.random.default_rng(seed).standard_normal((equations.size, size))
         written = np.array(np.broadcast_arrays(*equations.rates(numbers)(y)))
-        recursion = lanes.Minimal(
+        recursion = Minimal(
             numbers.arrays,
-            tuple(lanes.Recursion(group) for group in numbers.arrays.groups),
+            tuple(Recursion(group) for group in numbers.arrays.groups),
             counts_work=equations.layout.works,
         )
         np.testing.assert_allclose(written, recursion.derivative(0.0, y), rtol=1e-10, atol=1e-10)

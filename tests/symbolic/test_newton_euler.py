@@ -15,7 +15,7 @@ from modal.symbolic import vanishes
 from modal.symbolic.newton_euler import NewtonEuler
 from modal.symbolic.papers import cart_dae, residual
 from nonlinear.dynamics import Maximal
-from nonlinear.dynamics.external import sizes_at
+from nonlinear.dynamics.forces import sizes_at
 from nonlinear.dynamics.maximal import frame_of
 from nonlinear.system import system_of
 

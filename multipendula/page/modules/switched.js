@@ -18,7 +18,7 @@ export const isWhole = () => whole !== null;
 // What the text takes of a system and its scene: constants, and the numbers of its switches.
 export function wholeOf(scene, { gravity, cart, links }, motions) {
   const fields = Array.from({ length: FIELDS }, (_, field) => links.map(({ numbers }) => numbers[field])).flat();
-  const entries = [gravity, cart?.mass ?? 0, cart?.damping ?? 0, cart?.stiffness ?? 0, ...fields];
+  const entries = [gravity, ...fields, 0, 0, cart?.mass ?? 0, 0, 0, 0, 0, cart?.stiffness ?? 0, cart?.damping ?? 0];
   const prescribed = whole.places.map(([place, unit], k) => (placed(scene, place) === undefined ? whole.prescribed[k] : placed(scene, place) * unit));
   const constantsOf = (acting) => whole.constants([...whole.kept.map((k) => entries[k]), ...acting]);
   const constants = constantsOf(prescribed);
