@@ -124,16 +124,18 @@ def formats(*names: str, more: str = "") -> Option:
     return option(f"--format{more or f' (default {names[0]})'}", choices=names, default=names[0])
 
 
-def text_file(*names: str, drawn: bool = False, more: Sequence[str] = ()) -> tuple[Option, ...]:
+def text_file(*names: str, kind: str = "", drawn: bool = False, more: Sequence[str] = ()) -> tuple[Option, ...]:
     """The format of what is printed, and a file for it, in the format that its name ends in unless one is asked for.
 
-    A figure may be `drawn` there instead (`shared.picture_in_place`), also in `more` formats.
+    Text of one format alone is a file of this `kind`, or of any.  A figure may be `drawn` there instead
+    (`shared.picture_in_place`), also in `more` formats.
     """
-    kinds = [*(TEXTS[name] for name in names), *((*PICTURES, *more) if drawn else ())]
+    kinds = [*([kind] if kind else ()), *(TEXTS[name] for name in names), *((*PICTURES, *more) if drawn else ())]
     what = "text or a figure" if drawn else "text"
     refused = dict.fromkeys(endings(MOVING if drawn else (*PICTURES, *MOVING)), f"this command writes {what}")
     file = main_file("the text or the figure" if drawn else "the text", kinds)
-    ends = {"texts": {f".{TEXTS[name]}": name for name in names}, "refused": refused}
+    texts = {f".{kind}": "text"} if kind else {f".{TEXTS[name]}": name for name in names}
+    ends = {"texts": texts, "refused": refused}
     return (*([formats(*names)] if names else ()), file._replace(ends=ends))
 
 

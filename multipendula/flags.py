@@ -303,3 +303,25 @@ FORMER: dict[tuple[str, str], Former] = {
 """Options by command and former spelling."""
 ELSEWHERE = {"find_bifurcations": "sweep --strobe"}
 """What does on the command line what a message calls by its function."""
+SYNONYMS = {
+    **dict.fromkeys(("--time", "--t-end", "--length"), ("--duration", "--over", "--when")),
+    **dict.fromkeys(("--dt", "--step", "--time-step"), ("--samples", "--discrete")),
+    **dict.fromkeys(("--type", "--shape"), ("--kind", "--format", "--to")),
+    **dict.fromkeys(("--frequency", "--freq", "--hz"), ("--at", "--over-hz")),
+    **dict.fromkeys(("--amplitude", "--angle"), ("--amplitudes", "--largest-angle", "--start")),
+    **dict.fromkeys(("--initial", "--ic", "--x0"), ("--start",)),
+    **dict.fromkeys(("--solver", "--integrator"), ("--method", "--engine")),
+    **dict.fromkeys(("--rtol", "--atol", "--eps"), ("--tolerance", "--accuracy", "--relative-error")),
+    **dict.fromkeys(("--digits", "--precision"), ("--format csv", "--accuracy", "--relative-error")),
+    **dict.fromkeys(("--jobs", "--threads", "--cores"), ("--workers",)),
+    **dict.fromkeys(("--plot", "--figure"), ("--picture", "--output")),
+    **dict.fromkeys(("--parameter", "--set"), ("--vary", "--free", "--uncertain")),
+    "--inputs": ("--input",),
+    "--outputs": ("--signals", "--of"),
+    "--silent": ("--quiet",),
+    "--verbose": ("--explain", "--words"),
+    **{f"--{form}": (f"--format {form}",) for form in ("csv", "html", "latex", "markdown")},
+    "--json": ("--format json", "--to json"),
+    "--mat": ("--to mat",),
+}
+"""What is tried for options that a command has under other names, the first of which it has is told."""

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import argparse
 import re
-import shlex
 import sys
-import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
 from itertools import takewhile, zip_longest
 from typing import TYPE_CHECKING, Any, NoReturn
 
-from multipendula.flags import ELSEWHERE, FLAGS
+from multipendula.flags import ELSEWHERE, FLAGS, SYNONYMS
 
 if TYPE_CHECKING:
     from multipendula.flags import Former
@@ -40,6 +38,8 @@ def shown(examples: Examples) -> str:
 
 def _folded(command: str) -> str:
     """A command wrapped over several lines, with each option and its value on one line."""
+    import textwrap
+
     joined = re.sub(r"( -\S+) (?=[^-])", "\\1\0", command)
     lines = textwrap.wrap(joined, WIDTH - 4, subsequent_indent="    ", break_long_words=False, break_on_hyphens=False)
     return "  " + " \\\n  ".join(lines).replace("\0", " ")
@@ -94,6 +94,8 @@ class Page(argparse.ArgumentParser):
 
     def overview(self) -> str:
         """What there is, on one screen: the commands by topic, without what they do, and first steps."""
+        import textwrap
+
         width = max(map(len, self.topics)) + 2
         topics = (
             textwrap.fill(f"  {topic:<{width}}{', '.join(names)}", WIDTH, subsequent_indent=" " * (width + 2))
@@ -137,6 +139,8 @@ class Page(argparse.ArgumentParser):
         flag = self.keywords.get(name)
         if flag is None:
             return ELSEWHERE.get(name, match[0])
+        import shlex
+
         metavar = FLAGS[flag].metavar
         if not sign or not metavar:
             return flag
@@ -174,7 +178,16 @@ class Page(argparse.ArgumentParser):
         for word in takewhile(lambda word: word != "--" and (self.name or word[:1] == "-"), self.given):
             name = word.partition("=")[0]
             if name[:2] == "--" and name not in self.former and not any(option.startswith(name) for option in known):
-                yield f"{name}: no such option{meant(name, known, near=LIKE)}"
+                yield f"{name}: no such option{self._synonym(name) or meant(name, known, near=LIKE)}"
+
+    def _synonym(self, name: str) -> str:
+        """The option, perhaps with a value, that this command has for an unknown one; empty if there is none."""
+        for words in SYNONYMS.get(name, ()):
+            flag, _, value = words.partition(" ")
+            action = self._option_string_actions.get(flag)
+            if action and (not value or value in (action.choices or (value,))):
+                return f" (did you mean {words}?)"
+        return ""
 
     def _print_message(self, message: str, file: Any = None) -> None:
         """Raise OSError if it cannot be written, which argparse would swallow."""

@@ -152,7 +152,7 @@ COMMANDS = (
         name="enclose",
         topic="symbols and proof",
         run=enclose,
-        takes=(SCENE, "--digits: a relative width of 10^-N (default 30)", *text_file()),
+        takes=(SCENE, "--digits: a relative width of 10^-N (default 30)", *text_file(kind="txt")),
         details=(
             "Two decimals for each frequency, between which it provably lies, by ball arithmetic. Needs the extra "
             "`certified`, and a scene without dampers, joint springs and inverted links."

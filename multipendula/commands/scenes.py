@@ -64,7 +64,7 @@ COMMANDS = (
         name="schema",
         topic="look",
         run=schema,
-        takes=text_file(),
+        takes=text_file(kind="json"),
         details="Editors that support JSON Schema complete scene files and mark mistakes in them.",
         examples=(
             ("schema -o scene.schema.json", "once, in the folder of your scenes"),

@@ -207,7 +207,7 @@ COMMANDS = (
         name="gains",
         topic="control",
         run=gains,
-        takes=(SCENE, *SIGNALS, *text_file()),
+        takes=(SCENE, *SIGNALS, *text_file(kind="txt")),
         details=(
             "Degrees of controllability and observability instead of ranks: the gain of every mode from each input and "
             "to each output, relative to the largest gain of that signal."
