@@ -21,6 +21,7 @@ Pictures that have a dark twin, NAME-dark.png beside NAME.png, are followed by i
 
 from __future__ import annotations
 
+import inspect
 import re
 import tomllib
 from argparse import SUPPRESS, Action, HelpFormatter, _SubParsersAction
@@ -224,21 +225,36 @@ def options() -> str:
 
     takers = {flag: [name for name, page in parsers().items() if flag in page._option_string_actions] for flag in FLAGS}
     rows = [
-        f"`{f'{flag} {metavar}'.strip()}` | {_escaped(words)} | {_takers(takers[flag])}"
-        for flag, (metavar, words) in FLAGS.items()
+        f"`{f'{flag} {of.metavar}'.strip()}` | {_escaped(of.words)} | {_in_python(flag)} | {_takers(takers[flag])}"
+        for flag, of in FLAGS.items()
     ]
     changed = [
-        f"`{command} {f'{flag} {FLAGS[former.now][0]}' if former.values else flag}` | `{former.now}`"
+        f"`{command} {f'{flag} {FLAGS[former.now].metavar}' if former.values else flag}` | `{former.now}`"
         for (command, flag), former in FORMER.items()
     ]
     return "\n\n".join(
         [
-            _table("option | meaning | commands", rows),
+            _table("option | meaning | in Python | commands", rows),
             "## Spellings of before",
             "These get an error that names the new one.",
             _table("before | now", changed),
         ]
     )
+
+
+def _in_python(flag: str) -> str:
+    """The argument that an option becomes of the functions that are a command in Python."""
+    from multipendula.commands import COMMANDS
+
+    used = {(command.name, option.keyword) for command in COMMANDS for option in command.options if option.name == flag}
+    return ", ".join(f"`{name}`" for name in sorted({name for command, name in used if name in _arguments(command)}))
+
+
+@cache
+def _arguments(command: str) -> set[str]:
+    """The arguments of the functions that are a command in Python."""
+    named = [name for names in _functions()[command].values() for name in names]
+    return {argument for name in named for argument in inspect.signature(function_named(name)).parameters}
 
 
 def _takers(commands: list[str]) -> str:

@@ -97,16 +97,15 @@ def _remind(seconds: float) -> None:
 def _obey(arguments: Sequence[str] | None, stopped: Sequence[int]) -> int:
     _spell()
     given = sys.argv[1:] if arguments is None else arguments
-    completing = "_ARGCOMPLETE" in os.environ
-    parser = _parser("" if completing or not given else given[0])
-    if completing:
-        from multipendula.completion import complete
+    if "_ARGCOMPLETE" in os.environ:
+        from multipendula.completion import begun, complete
 
-        complete(parser)
+        complete(_parser(begun()))
     if not given:
-        return _print_overview(parser)
+        return _print_overview(_parser())
     try:
-        options, strangers = parser.parse_known_args(arguments)
+        page, words = _page(given)
+        options, strangers = page.parse_known_args(words)
     except SystemExit as leaving:
         return _left(leaving)
     except OSError as error:
@@ -213,7 +212,7 @@ def _channels(options: argparse.Namespace) -> Iterator[None]:
     """
     from modal.errors import SceneError
     from modal.report import fitted
-    from modal.scene import STANDARD
+    from modal.scene import STANDARD, kind_of
 
     files = [action for action in options.page._actions if action.metavar == "FILE" and action.option_strings]
     named = [(_long(action), vars(options)[action.dest]) for action in files]
@@ -221,6 +220,8 @@ def _channels(options: argparse.Namespace) -> Iterator[None]:
         raise SceneError([f"{option}: the name of the file is empty" for option in unnamed])
     if why := options.page.refused.get(os.path.splitext(getattr(options, "output", None) or "")[1].lower()):
         raise SceneError([f"-o {options.output}: {why}"])
+    if (options.page.texts or options.page.reports) and _is_new(options.output):
+        kind_of(options.output, options.page.kinds, "-o ")
     to_output = [option for option, name in named if name == STANDARD]
     if len(to_output) > 1:
         raise SceneError([f"{', '.join(to_output)}: at most one of them can be - (standard output)"])
@@ -231,6 +232,11 @@ def _channels(options: argparse.Namespace) -> Iterator[None]:
     notes = StringIO() if options.quiet else sys.stderr
     with fitted(_columns(), _charset()), redirect_stdout(words), redirect_stderr(notes):
         yield
+
+
+def _is_new(name: str | None) -> bool:
+    """Whether this is the name of a file, or of one to be, and not that of a device."""
+    return bool(name) and (os.path.isfile(str(name)) or not os.path.exists(str(name)))
 
 
 def _long(action: argparse.Action) -> str:
@@ -263,7 +269,7 @@ def _reported(options: argparse.Namespace) -> Iterator[None]:
         raise SceneError([f"--format {options.format}: cannot be combined with -o {name}"])
     options.format, options.format_asked = form, True
     setattr(options, place, None)
-    options.page.rephrase(f"^--format {form}(?=:)", f"-o {name}".replace("\\", r"\\"))
+    options.format_words = f"-o {name}"
     with whole_file(name) as stream, fitted(None), redirect_stdout(StringIO()) as text:
         yield
         stream.write(text.getvalue().encode())
@@ -303,18 +309,27 @@ def _refuse(problem: object, code: int, page: Page | None = None) -> int:
     return code
 
 
+def _page(given: Sequence[str]) -> tuple[Page, Sequence[str]]:
+    """The page of the command that is called, and its words; that of all commands, and all words, where none is."""
+    from multipendula.commands import command_named
+
+    command = command_named(given[0])
+    return (command.page(), given[1:]) if command else (_parser(), given)
+
+
 def _parser(name: str = "") -> Page:
-    """The page of every command, or of those of one group alone where its `name` is given."""
-    from multipendula.commands import ABOUT, FIRST, commands_beside
+    """The page of all commands, or of the one called `name` alone."""
+    from multipendula.commands import ABOUT, COMMANDS, FIRST, command_named
     from multipendula.parser import Page, Version
 
     topics: dict[str, list[str]] = {}
-    commands = commands_beside(name)
+    command = command_named(name)
+    commands = (command,) if command else COMMANDS
     for command in commands:
         topics.setdefault(command.topic, []).append(command.name)
     parser = Page(prog="multipendula", description=ABOUT, examples=FIRST, topics=topics)
     parser.more.add_argument("--version", action=Version, nargs=0, help="print the version and exit")
     pages = parser.add_subparsers(metavar="COMMAND", required=True)
     for command in commands:
-        command.add_to(pages)
+        command.page(pages.add_parser)
     return parser

@@ -1,27 +1,166 @@
-"""The record of a command: what it does, its arguments, and its help."""
+"""What a command is, what it takes of the table of options, and what it says after the meaning of each."""
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
-from typing import NamedTuple
+import re
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple
 
-from multipendula.flags import FORMER
-from multipendula.options import add_quiet
+from multipendula.completion import Completer, files, scenes
+from multipendula.flags import FLAGS, FORMER, Flag
+from multipendula.options import MOVING, PICTURES, RUNS, TEXTS, endings
 from multipendula.parser import Examples, Page
+
+
+class Option(NamedTuple):
+    """An option or an argument of a command.
+
+    On its page `more` stands after the meaning, or after that of a file what is in it.  `how` goes to argparse, and
+    `ends` to the page: which endings of its file choose a format, and which are refused.
+    """
+
+    name: str
+    flag: Flag
+    more: str = ""
+    how: Mapping[str, Any] | None = None
+    ends: Mapping[str, Mapping[str, str]] | None = None
+
+    @property
+    def dest(self) -> str:
+        """What a parser calls it."""
+        return (self.how or {}).get("dest", self.name.removeprefix("--").replace("-", "_"))  # type: ignore[no-any-return]
+
+    @property
+    def keyword(self) -> str:
+        """The argument of the packages' functions that it becomes."""
+        return self.flag.keyword or self.dest
+
+    @property
+    def words(self) -> str:
+        """What the page says of it."""
+        ends = endings(self.flag.kinds)
+        told = f"{', '.join(ends[:-1])} or {ends[-1]}" if ends[1:] else "".join(ends)
+        return f"{self.flag.words}{self.more}{(', as ' if self.more else ': ') if told else ''}{told}"
+
+    def add_to(self, page: Page) -> None:
+        """Add it to a page."""
+        flag, name = self.flag, self.name
+        names = [name, flag.short] if flag.short else [name]
+        extra = dict(self.how or {})
+        if "usual" in extra:
+            page.set_defaults(usual=extra.pop("usual"))
+        is_switch = name in FLAGS and not flag.metavar and not flag.choices
+        how = {
+            "type": flag.type,
+            "action": "store_true" if is_switch else flag.action,
+            "choices": flag.choices,
+            "default": flag.default,
+        }
+        how = {key: value for key, value in (how | {"metavar": flag.metavar or None}).items() if value is not None}
+        action = getattr(page, flag.group).add_argument(*names, help=self.words, **how, **extra)
+        offered = files(endings(flag.kinds)) if flag.metavar == "FILE" else flag.completion
+        if offered:
+            action.completer = offered
+        if name in FLAGS and flag.metavar != "FILE":
+            page.keywords |= dict.fromkeys((self.dest, *flag.names, self.keyword), name)
+        if flag.short == "-o":
+            page.kinds = flag.kinds
+        for kept, formats in (self.ends or {}).items():
+            setattr(page, kept, dict(formats))
+
+
+Takes = str | Option
+"""An option as it stands in the table, with the words after its meaning: "--modes, counted from 1"."""
+CREW = ("--workers (default one per core)", "--scheduler, such as tcp://192.168.0.2:8786")
+THEME = "--theme (default light)"
+TOLERANCE = "--tolerance (default 1e-9)"
+
+
+def option(words: str, **changes: Any) -> Option:
+    """An option with what this command changes: fields of its entry in the table, or what argparse is told."""
+    name, more = re.match(r"(--[a-z-]+)(.*)", words, re.DOTALL).groups()  # type: ignore[union-attr]
+    fields = {key: changes.pop(key) for key in Flag._fields if key in changes}
+    return Option(name, FLAGS[name]._replace(**fields), more, changes)
+
+
+def argument(name: str, metavar: str, words: str, completion: Completer | None = None, **how: Any) -> Option:
+    """An argument that is given without a flag."""
+    return Option(name, Flag(metavar, words, completion=completion), how=how)
+
+
+def scene_argument(more: str = "", kinds: Sequence[str] = ("toml",), names: Sequence[str] = (), **how: Any) -> Option:
+    """The scene; `more` describes what else is accepted, with these endings or names."""
+    words = "a scene file, the name of a shipped scene (see `multipendula scenes`), or - for standard input"
+    return argument("scene", "SCENE", words + more, scenes(endings(kinds), names), **how)
+
+
+SCENE = scene_argument()
+RUN = scene_argument(f"; or a saved run ({' or '.join(endings(RUNS))})", ("toml", *RUNS))
+
+
+def once(words: str, **changes: Any) -> Option:
+    """An option that is given several times elsewhere, of which this command takes one."""
+    return option(words, most=1, **changes)
+
+
+def records(more: str = "") -> tuple[Takes, ...]:
+    """Files of measured motions, which of their rows are used, and what their angles are."""
+    words = f"CSV files with time_s and theta_1_1_rad (or _deg), cart_m and the like{more}"
+    return (
+        argument("data", "DATA.csv", words, files((".csv",)), nargs="+"),
+        "--where: those with this value in a column, such as use=identify; repeat for several",
+        "--angles (default absolute)",
+    )
+
+
+def main_file(what: str, kinds: Sequence[str], **how: Any) -> Option:
+    """The file of the main result, and what that is."""
+    return option(f"--output: {what}", kinds=tuple(kinds), **how)
+
+
+def formats(*names: str, more: str = "") -> Option:
+    """The format of what is printed."""
+    return option(f"--format{more or f' (default {names[0]})'}", choices=names, default=names[0])
+
+
+def text_file(*names: str, kind: str = "", drawn: bool = False, more: Sequence[str] = ()) -> tuple[Option, ...]:
+    """The format of what is printed, and a file for it, in the format that its name ends in unless one is asked for.
+
+    Text of one format alone is a file of this `kind`, or of any.  A figure may be `drawn` there instead
+    (`shared.picture_in_place`), also in `more` formats.
+    """
+    kinds = [*([kind] if kind else ()), *(TEXTS[name] for name in names), *((*PICTURES, *more) if drawn else ())]
+    what = "text or a figure" if drawn else "text"
+    refused = dict.fromkeys(endings(MOVING if drawn else (*PICTURES, *MOVING)), f"this command writes {what}")
+    file = main_file("the text or the figure" if drawn else "the text", kinds)
+    texts = {f".{kind}": "text"} if kind else {f".{TEXTS[name]}": name for name in names}
+    ends = {"texts": texts, "refused": refused}
+    return (*([formats(*names)] if names else ()), file._replace(ends=ends))
+
+
+def report_file(*names: str) -> tuple[Takes, ...]:
+    """A file for a figure, or for the text instead, in the one of these formats that its name ends in, and colours."""
+    ends = {f".{TEXTS[name]}": name for name in names or ("text",)}
+    file = main_file("the figure or the text", (*PICTURES, *(end[1:] for end in ends)))
+    return (file._replace(ends={"reports": ends}), THEME)
+
+
+def picture_file(what: str = "") -> tuple[Takes, ...]:
+    """A file for a figure beside the main result, and its colours."""
+    return (f"--picture{what and ': '}{what}", THEME)
 
 
 class Command(NamedTuple):
     """A command under a topic of `multipendula --help`.
 
-    `arguments` adds the arguments to its page, where `details` follow the docstring of `run`.  Tests run the
-    `examples` of each page in order.
+    `details` follow the docstring of `run` on its page.  Tests run the `examples` of each page in order.
     """
 
     name: str
     topic: str
     run: Callable[[argparse.Namespace], None]
-    arguments: Callable[[Page], None]
+    takes: tuple[Takes, ...]
     details: str
     examples: Examples
 
@@ -30,12 +169,24 @@ class Command(NamedTuple):
         """What it does, on one line."""
         return (self.run.__doc__ or "").strip()
 
-    def add_to(self, pages: argparse._SubParsersAction[Page]) -> None:
-        """Add its page to those of the other commands."""
-        page = pages.add_parser(
-            self.name, help=self.summary, description=f"{self.summary} {self.details}", examples=self.examples
-        )
-        self.arguments(page)
-        add_quiet(page)
+    @property
+    def options(self) -> tuple[Option, ...]:
+        """What it takes, with what every command does."""
+        return tuple(option(taken) if isinstance(taken, str) else taken for taken in (*self.takes, "--quiet"))
+
+    def page(self, make: Callable[..., Page] | None = None) -> Page:
+        """Its page, made by itself or by the `add_parser` of a page of several commands."""
+        about: dict[str, Any] = {"description": f"{self.summary} {self.details}", "examples": self.examples}
+        page = make(self.name, help=self.summary, **about) if make else Page(prog=f"multipendula {self.name}", **about)
+        for taken in self.options:
+            taken.add_to(page)
         page.former = {flag: former for (command, flag), former in FORMER.items() if command == self.name}
-        page.set_defaults(run=self.run, page=page)
+        page.set_defaults(run=self.run, page=page, command=self)
+        return page
+
+
+def kwargs_of(options: argparse.Namespace, *flags: str) -> dict[str, Any]:
+    """The arguments that these options of a command become, without those that were not given."""
+    taken = {option.name: option for option in options.command.options}
+    values = {taken[flag].keyword: getattr(options, taken[flag].dest) for flag in flags}
+    return {keyword: value for keyword, value in values.items() if value is not None}

@@ -30,6 +30,13 @@ def complete(parser: argparse.ArgumentParser) -> None:
     Finder()(parser, always_complete_options="long", default_completer=SuppressCompleter())
 
 
+def begun() -> str:
+    """The command that the line to be completed has, empty while it is still being written."""
+    line = os.environ.get("COMP_LINE", "")[: int(os.environ.get("COMP_POINT", "0"))]
+    words = line.split()
+    return words[1] if len(words) > 2 or (len(words) == 2 and line[-1:].isspace()) else ""
+
+
 def shipped() -> list[str]:
     """Names of the shipped scenes, found without loading their package."""
     from importlib.util import find_spec

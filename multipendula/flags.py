@@ -1,122 +1,267 @@
-"""Every option of the command line, its metavar and its one meaning, whatever command takes it.
+"""Every option of the command line, whatever command takes it, in one table.
 
-A new option stands here first.  Help pages begin what they say of an option with its meaning, and go on with what is
-of that command alone: its default, an example.  The manual prints both tables (docs/reference/options.md), and tests
-hold every command to them.
+A new option stands here first: its metavar and its one meaning, the part of a help page where it stands, how its value
+is read and completed, and the argument of the packages' functions that it becomes.  A command names the options that
+it takes, and says after the meaning what is its own: a default, an example.  The manual prints the table
+(docs/reference/options.md), and tests hold every command to it.
 """
 
 from __future__ import annotations
 
 import re
-from typing import NamedTuple
+import sys
+from typing import Any, NamedTuple
 
-FLAGS: dict[str, tuple[str, str]] = {
-    "--accuracy": ("RAD", "largest error of any angle"),
-    "--amplitude": ("DEG", "largest angle of a mode"),
-    "--amplitudes": ("DEG,...", "largest angles of a mode, at each of which it is released"),
-    "--angles": ("", "absolute angles, from the vertical, or relative ones, from the link above"),
-    "--at": ("HERTZ,...", "frequencies at which numbers are printed"),
-    "--band": ("FILE", "file for a picture of the motion's band over the fitted numbers, - for standard output"),
-    "--baseline": ("", "how a record is corrected before it is used"),
-    "--bootstrap": ("N", "number of resampled records that check standard deviations"),
-    "--column": ("HEADING=COLUMN", "what a column of a record with another heading, unit or sign holds"),
-    "--columns": ("NAMES", "columns of the table"),
-    "--compare": ("LAWS", "laws of damping to compare"),
-    "--count": ("N", "number of slowest modes that a shaper is for"),
-    "--covariance": ("FIT.json", "report of the fit that gave the scene, as JSON"),
-    "--crossing": ("COORDINATE", "what a motion passes where it is recorded"),
-    "--depth": ("N", "how often branches that leave are followed in turn"),
-    "--digits": ("N", "number of digits that are proved"),
-    "--discrete": ("SECONDS", "sample time of a controller"),
-    "--dominant": ("N", "number of modes that contribute most, and are the only ones kept"),
-    "--drive": ("NAME", "what moves the cart"),
-    "--duration": ("SECONDS", "simulated time"),
-    "--energy": ("JOULES", "energy above the scene's rest"),
-    "--engine": ("", "what integrates the members of the ensemble"),
-    "--enter": ("", "also follow the branches that leave"),
-    "--equilibrium": ("down,up", "equilibrium of every link"),
-    "--excitation": ("", "what excited the measured motions"),
-    "--explain": ("", "report what was computed, and what the scene did not require"),
-    "--film": ("FILE", "file for a film beside the main result, - for standard output"),
-    "--folder": ("FOLDER", "where finished parts are kept, so that an interrupted run goes on"),
-    "--form": ("NAME", "form of the equations of motion"),
-    "--format": ("", "format of what is printed"),
-    "--fps": ("N", "frames a second of a film"),
-    "--free": ("PLACES", "numbers of the scene that may change, separated by commas"),
-    "--fresh": ("", "discard what an interrupted run has kept"),
-    "--from": ("NAME", "the one input whose response is shown"),
-    "--general": ("", "project one run on the modes instead"),
-    "--help": ("", "show this help message and exit"),
-    "--identification": ("", "method of identification"),
-    "--identified-modes": ("FILE", "file for the identified modes, which fit and mac read, - for standard output"),
-    "--impulse": ("", "impulse response"),
-    "--input": ("WORDS", "inputs of a linear model"),
-    "--keep-modes": ("N", "number of slowest modes to which the motion is restricted"),
-    "--kind": ("", "kind of input shaper"),
-    "--largest-angle": ("DEG", "largest angle of any link that periodic orbits reach"),
-    "--linear": ("", "compare ways to the natural frequencies instead"),
-    "--links": ("", "kind of the links"),
-    "--loci": ("", "follow every frequency along one --vary by its mode shape"),
-    "--loss": ("", "cost of a residual"),
-    "--max": ("QUANTITY=VALUE", "largest value that a quantity may have"),
-    "--maximize": ("QUANTITY", "quantity to make large"),
-    "--measure": ("NAME[:N]", "what is measured of every point"),
-    "--members": ("N", "number of members of the ensemble"),
-    "--method": ("NAME", "method of integration"),
-    "--minimal": ("", "without uncontrollable and unobservable states"),
-    "--minimize": ("QUANTITY", "quantity to make small"),
-    "--mode": ("R", "a row of the table of modes"),
-    "--modes": ("1:10", "rows of the table of modes"),
-    "--names": ("", "whose letters the parts of a scene have"),
-    "--of": ("NAMES", "outputs that are shown"),
-    "--orbits": ("", "use exact periodic orbits where a mode is starred"),
-    "--order": ("N", "order of an identified model"),
-    "--output": ("FILE", "file for the main result, - for standard output"),
-    "--over": ("SECONDS", "duration of a travel"),
-    "--over-hz": ("FROM:TO", "frequencies between which peaks count"),
-    "--parts": ("1:12", "parts of a scene that are drawn, the support first"),
-    "--periods": ("N", "number of periods of the drives after which a motion repeats"),
-    "--phase-deg": ("DEG", "phase of the drives, from the beginning of their period, at which strobes come"),
-    "--picture": ("FILE", "file for a picture beside the main result, - for standard output"),
-    "--prior": ("PLACE=VALUE±STD", "what is known of a free number beforehand"),
-    "--psd": ("CSV", "file of a one-sided power spectral density"),
-    "--quick": ("", "a shorter version"),
-    "--quiet": ("", "print nothing but the result and errors: no summary beside a file, no notes, no progress"),
-    "--relative-error": ("SHARE", "largest relative error of a frequency"),
-    "--report": ("FILE", "file for the full report, - for standard output"),
-    "--residual": ("PERCENT", "residual swing that is allowed"),
-    "--robust": ("", "tune for the worst case of all masses ±5 percent, each separately"),
-    "--samples": ("N", "number of times in the output"),
-    "--scale": ("", "fit the scale of every sensor too"),
-    "--scheduler": ("ADDRESS", "Dask cluster that computes"),
-    "--seconds": ("SECONDS", "longest duration of a film"),
-    "--seed": ("N", "seed of the random numbers"),
-    "--sensitivities": ("", "add the sensitivity of every frequency to every number of the scene"),
-    "--settle": ("SECONDS", "time that passes before strobes are kept"),
-    "--settled": ("", "begin where a simulated motion has settled"),
-    "--shapes": ("", "add mode shapes and energy shares"),
-    "--share": ("K/N", "compute the K-th of N shares alone, for processes with a common --folder"),
-    "--show": ("WORDS", "sections of a derivation"),
-    "--signals": ("WORDS", "outputs of a linear model"),
-    "--speed": ("FACTOR", "speed of a film over that of the motion"),
-    "--spread": ("DEG", "largest distance of starting angles from the scene's"),
-    "--start": ("WORDS", "where the motion begins"),
-    "--strobe": ("", "draw the last strobes, once a period of the drives"),
-    "--symbolic": ("WORDS", "quantities to keep as symbols"),
-    "--temperature": ("KELVIN", "temperature of thermal noise"),
-    "--theme": ("", "colours of the figure"),
-    "--to": ("FORMAT", "what a model is exported to"),
-    "--tolerance": ("TOL", "relative error of a step of the integrator"),
-    "--travel": ("METRES", "how far the cart travels, smoothly"),
-    "--uncertain": ("PLACE=WIDTH", "a number of the scene that is uncertain, and how much"),
-    "--vary": ("PLACE=VALUES", "a number of the scene that takes several values"),
-    "--when": ("SECONDS", "time at which a hoist's lengths are taken"),
-    "--where": ("COLUMN=VALUE", "which rows of a record are used"),
-    "--window": ("SECONDS", "length of windows in which a long record is fitted"),
-    "--words": ("", "everything in sentences too"),
-    "--workers": ("N", "number of processes"),
+from multipendula.completion import Completer, files, mode_numbers, places, words
+from multipendula.options import (
+    ENGINES,
+    FILMS,
+    FORMS,
+    LOSSES,
+    METHODS,
+    PICTURES,
+    QUANTITIES,
+    SHAPERS,
+    STARTS,
+    Asked,
+    Joined,
+    Reader,
+    Repeated,
+    angles,
+    band,
+    engine,
+    frequencies,
+    integer,
+    joules,
+    number,
+    share,
+)
+
+
+class Flag(NamedTuple):
+    """An option: metavar, empty for a switch or a choice of words, and meaning; the group of a page it stands in.
+
+    `type` reads its value, `kinds` are those of the files that it names, and `keyword` is the argument of the packages'
+    functions that it becomes, where that has another name; `names` are others by which their messages call it.  Where
+    they ask for it without a value, the `example` is given, or else the metavar.
+    """
+
+    metavar: str
+    meaning: str
+    type: Reader | None = None
+    group: str = "asked"
+    action: Any = None
+    default: Any = None
+    choices: tuple[str, ...] | None = None
+    completion: Completer | None = None
+    kinds: tuple[str, ...] = ()
+    short: str = ""
+    keyword: str = ""
+    names: tuple[str, ...] = ()
+    example: str = ""
+
+    @property
+    def words(self) -> str:
+        """With what a help page begins: the meaning, and that a file may be standard output."""
+        return self.meaning + ", - for standard output" * (self.metavar == "FILE")
+
+
+SECONDS, SECONDS_FROM_0 = number("seconds above 0"), number("seconds from 0", least=0.0)
+FLAGS: dict[str, Flag] = {
+    "--accuracy": Flag(
+        "RAD", "largest error of any angle", number("radians from 1e-14 to 0.3", 0.3, 1e-14), "computed"
+    ),
+    "--amplitude": Flag(
+        "DEG", "largest angle of a mode", number("degrees above 0 and at most 90", most=90), keyword="amplitude_deg"
+    ),
+    "--amplitudes": Flag("DEG,...", "largest angles of a mode, at each of which it is released", angles),
+    "--angles": Flag(
+        "",
+        "absolute angles, from the vertical, or relative ones, from the link above",
+        choices=("absolute", "relative"),
+        default="absolute",
+    ),
+    "--at": Flag("HERTZ,...", "frequencies at which numbers are printed", frequencies, action=Joined),
+    "--band": Flag(
+        "FILE", "file for a picture of the motion's band over the fitted numbers", group="written", kinds=PICTURES
+    ),
+    "--baseline": Flag("", "how a record is corrected before it is used", choices=("keep", "velocity"), default="keep"),
+    "--bootstrap": Flag(
+        "N", "number of resampled records that check standard deviations", integer(100_000), "computed"
+    ),
+    "--column": Flag(
+        "HEADING=COLUMN",
+        "what a column of a record with another heading, unit or sign holds",
+        action=Repeated,
+        keyword="columns",
+    ),
+    "--columns": Flag("NAMES", "columns of the table", group="written", action=Joined, keyword="columns"),
+    "--compare": Flag(
+        "LAWS",
+        "laws of damping to compare",
+        group="computed",
+        action=Joined,
+        completion=words(("viscous", "coulomb", "drag", "viscous+coulomb")),
+    ),
+    "--count": Flag("N", "number of slowest modes that a shaper is for", integer(99999)),
+    "--covariance": Flag("FIT.json", "report of the fit that gave the scene, as JSON", completion=files((".json",))),
+    "--crossing": Flag("COORDINATE", "what a motion passes where it is recorded", keyword="at"),
+    "--depth": Flag("N", "how often branches that leave are followed in turn", integer(20)),
+    "--digits": Flag("N", "number of digits that are proved", integer(1000), default=30),
+    "--discrete": Flag("SECONDS", "sample time of a controller", SECONDS, keyword="step", names=("sample",)),
+    "--dominant": Flag(
+        "N",
+        "number of modes that contribute most, and are the only ones kept",
+        integer(99999),
+        "alone",
+        keyword="count",
+    ),
+    "--drive": Flag("NAME", "what moves the cart"),
+    "--duration": Flag("SECONDS", "simulated time", SECONDS, "motion"),
+    "--energy": Flag("JOULES", "energy above the scene's rest", joules),
+    "--engine": Flag(
+        "", "what integrates the members of the ensemble", engine, "computed", choices=ENGINES, default="auto"
+    ),
+    "--enter": Flag("", "also follow the branches that leave"),
+    "--equilibrium": Flag("down,up", "equilibrium of every link", action=Joined, completion=words(("down", "up"))),
+    "--excitation": Flag("", "what excited the measured motions", choices=("free", "random"), default="free"),
+    "--explain": Flag("", "report what was computed, and what the scene did not require", group="written"),
+    "--film": Flag("FILE", "file for a film beside the main result", group="written", kinds=FILMS),
+    "--folder": Flag("FOLDER", "where finished parts are kept, so that an interrupted run goes on", group="written"),
+    "--form": Flag("NAME", "form of the equations of motion", group="computed", completion=words(FORMS, "")),
+    "--format": Flag("", "format of what is printed", group="written", action=Asked),
+    "--fps": Flag("N", "frames a second of a film", number("frames a second from 1 to 60", 60, 1), "written"),
+    "--free": Flag(
+        "PLACES", "numbers of the scene that may change, separated by commas", action=Joined, completion=places
+    ),
+    "--fresh": Flag("", "discard what an interrupted run has kept", group="computed"),
+    "--from": Flag("NAME", "the one input whose response is shown", keyword="source"),
+    "--general": Flag("", "project one run on the modes instead"),
+    "--help": Flag("", "show this help message and exit", group="more"),
+    "--identification": Flag(
+        "", "method of identification", group="computed", choices=("era", "decrement"), default="era", keyword="method"
+    ),
+    "--identified-modes": Flag(
+        "FILE", "file for the identified modes, which fit and mac read", group="written", kinds=("csv",)
+    ),
+    "--impulse": Flag("", "impulse response"),
+    "--input": Flag("WORDS", "inputs of a linear model", action=Joined, keyword="inputs"),
+    "--keep-modes": Flag(
+        "N", "number of slowest modes to which the motion is restricted", integer(100_000), "computed", keyword="modes"
+    ),
+    "--kind": Flag("", "kind of input shaper", choices=SHAPERS),
+    "--largest-angle": Flag(
+        "DEG", "largest angle of any link that periodic orbits reach", number("degrees above 0 and below 180", 179.999)
+    ),
+    "--linear": Flag("", "compare ways to the natural frequencies instead", group="computed"),
+    "--links": Flag("", "kind of the links", choices=("bob", "rod"), default="bob"),
+    "--loci": Flag("", "follow every frequency along one --vary by its mode shape"),
+    "--loss": Flag("", "cost of a residual", group="computed", choices=LOSSES, default="linear"),
+    "--max": Flag("QUANTITY=VALUE", "largest value that a quantity may have", action=Repeated, keyword="limits"),
+    "--maximize": Flag("QUANTITY", "quantity to make large", action=Repeated, completion=words(QUANTITIES, "")),
+    "--measure": Flag("NAME[:N]", "what is measured of every point", action=Repeated),
+    "--members": Flag("N", "number of members of the ensemble"),
+    "--method": Flag("NAME", "method of integration", group="computed", completion=words(METHODS, "")),
+    "--minimal": Flag("", "without uncontrollable and unobservable states", group="alone"),
+    "--minimize": Flag("QUANTITY", "quantity to make small", action=Repeated, completion=words(QUANTITIES, "")),
+    "--mode": Flag("R", "a row of the table of modes", integer(100_000), action=Repeated, completion=mode_numbers),
+    "--modes": Flag("1:10", "rows of the table of modes", completion=mode_numbers),
+    "--names": Flag("", "whose letters the parts of a scene have", group="written", choices=("own", "paper")),
+    "--of": Flag("NAMES", "outputs that are shown", action=Joined),
+    "--orbits": Flag("", "use exact periodic orbits where a mode is starred", group="computed"),
+    "--order": Flag("N", "order of an identified model", integer(200), "computed"),
+    "--output": Flag("FILE", "file for the main result", group="written", short="-o"),
+    "--over": Flag("SECONDS", "duration of a travel", SECONDS, names=("duration",)),
+    "--over-hz": Flag("FROM:TO", "frequencies between which peaks count", band, names=("band",)),
+    "--parts": Flag("1:12", "parts of a scene that are drawn, the support first", group="written"),
+    "--periods": Flag("N", "number of periods of the drives after which a motion repeats", integer(64)),
+    "--phase-deg": Flag(
+        "DEG",
+        "phase of the drives, from the beginning of their period, at which strobes come",
+        number("degrees", least=-sys.float_info.max),
+    ),
+    "--picture": Flag("FILE", "file for a picture beside the main result", group="written", kinds=PICTURES),
+    "--prior": Flag("PLACE=VALUE±STD", "what is known of a free number beforehand", action=Repeated, keyword="priors"),
+    "--psd": Flag("CSV", "file of a one-sided power spectral density", completion=files((".csv",))),
+    "--quick": Flag("", "a shorter version"),
+    "--quiet": Flag(
+        "",
+        "print nothing but the result and errors: no summary beside a file, no notes, no progress",
+        group="written",
+        short="-q",
+    ),
+    "--relative-error": Flag(
+        "SHARE",
+        "largest relative error of a frequency",
+        number("at least 1e-16 and at most 0.1", 0.1, 1e-16),
+        "computed",
+    ),
+    "--report": Flag("FILE", "file for the full report", group="written", kinds=("json",)),
+    "--residual": Flag(
+        "PERCENT", "residual swing that is allowed", number("percent above 0 and at most 50", most=50.0), default=5.0
+    ),
+    "--robust": Flag("", "tune for the worst case of all masses ±5 percent, each separately", group="computed"),
+    "--samples": Flag("N", "number of times in the output", integer(100_000_000), "motion", keyword="output"),
+    "--scale": Flag("", "fit the scale of every sensor too", group="computed", keyword="scaled"),
+    "--scheduler": Flag("ADDRESS", "Dask cluster that computes", group="computed"),
+    "--seconds": Flag("SECONDS", "longest duration of a film", SECONDS, "written"),
+    "--seed": Flag("N", "seed of the random numbers", integer(2**31)),
+    "--sensitivities": Flag(
+        "", "add the sensitivity of every frequency to every number of the scene", group="written", keyword="sensitive"
+    ),
+    "--settle": Flag("SECONDS", "time that passes before strobes are kept", SECONDS_FROM_0, "motion"),
+    "--settled": Flag("", "begin where a simulated motion has settled"),
+    "--shapes": Flag("", "add mode shapes and energy shares", group="written"),
+    "--share": Flag(
+        "K/N", "compute the K-th of N shares alone, for processes with a common --folder", share, "computed"
+    ),
+    "--show": Flag("WORDS", "sections of a derivation", group="written", action=Joined, keyword="sections"),
+    "--signals": Flag("WORDS", "outputs of a linear model", action=Joined, keyword="outputs", names=("output",)),
+    "--speed": Flag(
+        "FACTOR",
+        "speed of a film over that of the motion",
+        number("times real time from 0.001 to 1000", 1000, 0.001),
+        "written",
+        default=1.0,
+    ),
+    "--spread": Flag(
+        "DEG",
+        "largest distance of starting angles from the scene's",
+        number("degrees from 0", least=0.0),
+        keyword="spread_deg",
+    ),
+    "--start": Flag(
+        "WORDS",
+        "where the motion begins",
+        group="motion",
+        completion=words(STARTS, ""),
+        names=("angles_deg",),
+        example="mode:1:5 (mode 1, largest angle 5 deg) or --start angles:10,20,...",
+    ),
+    "--strobe": Flag("", "draw the last strobes, once a period of the drives"),
+    "--symbolic": Flag("WORDS", "quantities to keep as symbols", action=Joined),
+    "--temperature": Flag("KELVIN", "temperature of thermal noise", number("kelvin above 0 and at most 1e6", most=1e6)),
+    "--theme": Flag("", "colours of the figure", group="written", choices=("light", "dark"), default="light"),
+    "--to": Flag("FORMAT", "what a model is exported to", group="written", keyword="format"),
+    "--tolerance": Flag(
+        "TOL",
+        "relative error of a step of the integrator",
+        number("at least 1e-15 and at most 0.01", 0.01, 1e-15),
+        "computed",
+    ),
+    "--travel": Flag("METRES", "how far the cart travels, smoothly", number("metres above 0"), names=("distance",)),
+    "--uncertain": Flag(
+        "PLACE=WIDTH", "a number of the scene that is uncertain, and how much", action=Repeated, completion=places
+    ),
+    "--vary": Flag(
+        "PLACE=VALUES", "a number of the scene that takes several values", action=Repeated, completion=places
+    ),
+    "--when": Flag("SECONDS", "time at which a hoist's lengths are taken", SECONDS_FROM_0, names=("Scene.at",)),
+    "--where": Flag("COLUMN=VALUE", "which rows of a record are used", action=Repeated),
+    "--window": Flag("SECONDS", "length of windows in which a long record is fitted", SECONDS, "computed"),
+    "--words": Flag("", "everything in sentences too", group="written"),
+    "--workers": Flag("N", "number of processes", integer(1000), "computed"),
 }
-"""Metavar, empty for a switch or a choice of words that the page lists, and meaning."""
 
 
 class Former(NamedTuple):
@@ -160,3 +305,27 @@ FORMER: dict[tuple[str, str], Former] = {
     ("tune", "--angle"): Former("--largest-angle"),
 }
 """Options by command and former spelling."""
+ELSEWHERE = {"find_bifurcations": "sweep --strobe"}
+"""What does on the command line what a message calls by its function."""
+SYNONYMS = {
+    **dict.fromkeys(("--time", "--t-end", "--length"), ("--duration", "--over", "--when")),
+    **dict.fromkeys(("--dt", "--step", "--time-step"), ("--samples", "--discrete")),
+    **dict.fromkeys(("--type", "--shape"), ("--kind", "--format", "--to")),
+    **dict.fromkeys(("--frequency", "--freq", "--hz"), ("--at", "--over-hz")),
+    **dict.fromkeys(("--amplitude", "--angle"), ("--amplitudes", "--largest-angle", "--start")),
+    **dict.fromkeys(("--initial", "--ic", "--x0"), ("--start",)),
+    **dict.fromkeys(("--solver", "--integrator"), ("--method", "--engine")),
+    **dict.fromkeys(("--rtol", "--atol", "--eps"), ("--tolerance", "--accuracy", "--relative-error")),
+    **dict.fromkeys(("--digits", "--precision"), ("--format csv", "--accuracy", "--relative-error")),
+    **dict.fromkeys(("--jobs", "--threads", "--cores"), ("--workers",)),
+    **dict.fromkeys(("--plot", "--figure"), ("--picture", "--output")),
+    **dict.fromkeys(("--parameter", "--set"), ("--vary", "--free", "--uncertain")),
+    "--inputs": ("--input",),
+    "--outputs": ("--signals", "--of"),
+    "--silent": ("--quiet",),
+    "--verbose": ("--explain", "--words"),
+    **{f"--{form}": (f"--format {form}",) for form in ("csv", "html", "latex", "markdown")},
+    "--json": ("--format json", "--to json"),
+    "--mat": ("--to mat",),
+}
+"""What is tried for options that a command has under other names, the first of which it has is told."""

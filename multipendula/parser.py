@@ -5,18 +5,20 @@ from __future__ import annotations
 import argparse
 import re
 import sys
-import textwrap
 from collections.abc import Iterator, Mapping, Sequence
+from functools import cached_property
 from itertools import takewhile, zip_longest
 from typing import TYPE_CHECKING, Any, NoReturn
 
-from multipendula.flags import FLAGS
+from multipendula.flags import ELSEWHERE, FLAGS, SYNONYMS
 
 if TYPE_CHECKING:
     from multipendula.flags import Former
 
 LIKE = 0.7
 """How alike an unknown option and a known one are, for the latter to be suggested."""
+ANY = "…"
+"""What stands for any value of an argument in a message."""
 WIDTH = 79
 """Columns of a page: a terminal of 80, less one for the cursor."""
 
@@ -36,6 +38,8 @@ def shown(examples: Examples) -> str:
 
 def _folded(command: str) -> str:
     """A command wrapped over several lines, with each option and its value on one line."""
+    import textwrap
+
     joined = re.sub(r"( -\S+) (?=[^-])", "\\1\0", command)
     lines = textwrap.wrap(joined, WIDTH - 4, subsequent_indent="    ", break_long_words=False, break_on_hyphens=False)
     return "  " + " \\\n  ".join(lines).replace("\0", " ")
@@ -48,10 +52,10 @@ class Page(argparse.ArgumentParser):
         super().__init__(**words, formatter_class=_Columns, add_help=False)
         self.examples, self.topics = examples, topics or {}
         self.given: list[str] = []
-        self.phrases: list[tuple[str, str]] = []
         self.reports: dict[str, str] = {}
         self.texts: dict[str, str] = {}
-        self.formats: tuple[str, ...] = ()
+        self.kinds: tuple[str, ...] = ()
+        self.keywords: dict[str, str] = {}
         self.refused: dict[str, str] = {}
         self.former: Mapping[str, Former] = {}
         self.asked = self.add_argument_group("arguments")
@@ -59,12 +63,17 @@ class Page(argparse.ArgumentParser):
         self.computed = self.add_argument_group("computation")
         self.written = self.add_argument_group("output")
         self.more = self.add_argument_group("other")
-        self.more.add_argument("-h", "--help", action="help", help=FLAGS["--help"][1])
+        self.more.add_argument("-h", "--help", action="help", help=FLAGS["--help"].meaning)
 
     @property
     def name(self) -> str:
         """The name of the command, empty for the top level."""
         return self.prog.partition(" ")[2]
+
+    @cached_property
+    def alone(self) -> argparse._MutuallyExclusiveGroup:
+        """Arguments of which one at most is given."""
+        return self.asked.add_mutually_exclusive_group()
 
     @property
     def pointer(self) -> str:
@@ -85,6 +94,8 @@ class Page(argparse.ArgumentParser):
 
     def overview(self) -> str:
         """What there is, on one screen: the commands by topic, without what they do, and first steps."""
+        import textwrap
+
         width = max(map(len, self.topics)) + 2
         topics = (
             textwrap.fill(f"  {topic:<{width}}{', '.join(names)}", WIDTH, subsequent_indent=" " * (width + 2))
@@ -106,24 +117,35 @@ class Page(argparse.ArgumentParser):
     def _further(self) -> str:
         return "" if self.name else "\nEvery command has its own help, for example `multipendula table --help`.\n"
 
-    def rephrase(self, words: str, options: str) -> None:
-        """Rewrite messages of the packages, which do not know the options, in terms of this command's options.
-
-        `words` is a pattern and `options` its replacement, as for `re.sub`.
-        """
-        self.phrases.append((words, options))
-
     def in_options(self, line: str) -> str:
-        """A line of an error message, in terms of the options.
+        """A line of a message of the packages, which do not know the options, in terms of this command's.
 
-        >>> page = Page(prog="multipendula export", examples=())
-        >>> page.rephrase("^input(?= )", "--input")
-        >>> page.in_options("input wind: must be one of cart_force")
-        '--input wind: must be one of cart_force'
+        It names an argument at its beginning, before a colon or a value and a colon, or in backticks, perhaps with its
+        value, or with an ellipsis or code for any.
+
+        >>> page = Page(prog="multipendula tune", examples=())
+        >>> page.keywords = {"output": "--signals", "psd": "--psd"}
+        >>> page.in_options("output wind: must be one of x")
+        '--signals wind: must be one of x'
+        >>> page.in_options("rms: needs `psd=…`")
+        'rms: needs --psd CSV'
         """
-        for words, options in self.phrases:
-            line = re.sub(words, options, line)
-        return line
+        line = re.sub(r"^\w+(?=:|(?: \S+){1,2}: )", lambda match: self.keywords.get(match[0], match[0]), line)
+        return re.sub("`([^`]+)`", self._option_for, line)
+
+    def _option_for(self, match: re.Match[str]) -> str:
+        """The option for an argument in backticks, with its value or what stands for any."""
+        name, sign, value = re.match(r"([\w.]*)([=(]?)(.*)", match[1]).groups()  # type: ignore[union-attr]
+        flag = self.keywords.get(name)
+        if flag is None:
+            return ELSEWHERE.get(name, match[0])
+        import shlex
+
+        metavar = FLAGS[flag].metavar
+        if not sign or not metavar:
+            return flag
+        is_code = sign == "(" or value == ANY or "(" in value
+        return f"{flag} {FLAGS[flag].example or metavar if is_code else shlex.quote(value)}"
 
     def parse_known_args(self, args: Sequence[str] | None = None, namespace: Any = None) -> Any:  # type: ignore[override]
         """As argparse does; the words are kept for error messages."""
@@ -156,7 +178,16 @@ class Page(argparse.ArgumentParser):
         for word in takewhile(lambda word: word != "--" and (self.name or word[:1] == "-"), self.given):
             name = word.partition("=")[0]
             if name[:2] == "--" and name not in self.former and not any(option.startswith(name) for option in known):
-                yield f"{name}: no such option{meant(name, known, near=LIKE)}"
+                yield f"{name}: no such option{self._synonym(name) or meant(name, known, near=LIKE)}"
+
+    def _synonym(self, name: str) -> str:
+        """The option, perhaps with a value, that this command has for an unknown one; empty if there is none."""
+        for words in SYNONYMS.get(name, ()):
+            flag, _, value = words.partition(" ")
+            action = self._option_string_actions.get(flag)
+            if action and (not value or value in (action.choices or (value,))):
+                return f" (did you mean {words}?)"
+        return ""
 
     def _print_message(self, message: str, file: Any = None) -> None:
         """Raise OSError if it cannot be written, which argparse would swallow."""

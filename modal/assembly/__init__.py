@@ -10,19 +10,10 @@ cart being the simplest; `stacks` are many scenes of one form, and one short cha
 dense form for printing, for small problems and for tests.
 """
 
+from typing import TYPE_CHECKING
+
 from modal.assembly.arrays import ARRAYS, Block, CartNumbers, Rig, Units, masses_below, rig_of
 from modal.assembly.equilibrium import Equilibrium, equilibrium_of
-from modal.assembly.hoisting import (
-    Hoisting,
-    HoistInstant,
-    Hoists,
-    hoisting_of,
-    instants,
-    matrices_along,
-    matrices_at,
-    no_hoist,
-    quadratic_drags,
-)
 from modal.assembly.linearization import Arrays, Matrices, coordinate_labels, differences, matrices, matrices_of
 from modal.assembly.losses import (
     CART,
@@ -58,6 +49,20 @@ from modal.assembly.structure import (
     null_space,
     scene_squares,
 )
+from modal.lazy import exported
+
+if TYPE_CHECKING:
+    from modal.assembly.hoisting import (
+        Hoisting,
+        HoistInstant,
+        Hoists,
+        hoisting_of,
+        instants,
+        matrices_along,
+        matrices_at,
+        no_hoist,
+        quadratic_drags,
+    )
 
 __all__ = [
     "ARRAYS",
@@ -122,3 +127,6 @@ __all__ = [
     "stacked",
     "varied",
 ]
+
+if not TYPE_CHECKING:
+    __getattr__ = exported(__name__, ("hoisting",))

@@ -40,7 +40,7 @@ Hoists = Mapping[tuple[int, int], Any]
 POSITIVE = "hoist: a length must be a positive number of metres, with finite speed, at all times"
 LEANS = (
     "force: along a hoist the equilibrium under constant forces would change: remove the force, or take the lengths of "
-    "one time, Scene.at(seconds)"
+    "one time, `Scene.at(seconds)`"
 )
 
 

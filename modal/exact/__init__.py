@@ -8,9 +8,14 @@ intervals that provably contain their roots, and enclosures of every natural fre
 Start with `characteristic` for polynomials and with `enclosures` for proofs (extra `certified`).
 """
 
-from modal.exact.characteristic import Polynomial, Variable, eliminated, equal_bobs, exact, exact_links, of_scene
-from modal.exact.enclosures import enclose
-from modal.exact.polynomials import isolate, product, scaled, total
+from typing import TYPE_CHECKING
+
+from modal.lazy import exported
+
+if TYPE_CHECKING:
+    from modal.exact.characteristic import Polynomial, Variable, eliminated, equal_bobs, exact, exact_links, of_scene
+    from modal.exact.enclosures import enclose
+    from modal.exact.polynomials import isolate, product, scaled, total
 
 __all__ = [
     "Polynomial",
@@ -26,3 +31,6 @@ __all__ = [
     "scaled",
     "total",
 ]
+
+if not TYPE_CHECKING:
+    __getattr__ = exported(__name__, ("polynomials", "characteristic", "enclosures"))

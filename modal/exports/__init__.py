@@ -50,7 +50,10 @@ class Format(NamedTuple):
             name = next(name for name, form in FORMATS.items() if form == self)
             able = " and ".join(name for name, form in FORMATS.items() if form.varying)
             raise SceneError(
-                [f"format {name}: holds a constant model, and a hoist makes it vary in time: {able} take it"]
+                [
+                    f"format {name}: holds a constant model, and a hoist makes it vary in time: {able} take it, and "
+                    "every format that of one time, `Scene.at(seconds)`"
+                ]
             )
         return bytes(_function(self.varying)(model))
 

@@ -56,7 +56,7 @@ DISCRETE = """\
 def write_c(model: StateSpace) -> bytes:
     """The header; every name in it begins with the title's identifier.  Raises SceneError for a continuous model."""
     if not model.dt:
-        raise SceneError(["a C header needs a sampled model, since a controller steps in time"])
+        raise SceneError(["`format=c` needs `sample(model, seconds)`, since a controller steps in time"])
     return joined(_c_lines(model, identifier(heading(model)).lower()))
 
 

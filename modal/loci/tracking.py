@@ -74,7 +74,8 @@ def solve_at(scene: Scene, path: str, value: float) -> LociPoint:
         raise ComputationError(f"{where} some modes are beyond double precision")
     if np.any(modes.eigenvalue.real):
         raise ComputationError(
-            f"{where} some modes decay or grow: loci need an undamped scene about a stable equilibrium"
+            f"{where} some modes decay or grow: loci need an undamped scene about a stable equilibrium; a sweep of the "
+            "measure frequencies takes dampers"
         )
     fold = modes.multiplicity
     group, row = (np.repeat(each, fold) for each in (_groups(modes), np.arange(len(modes))))

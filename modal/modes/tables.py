@@ -100,7 +100,7 @@ def _sensitivities(modes: Modes, rows: Sequence[Mode], form: str) -> str:
     size = len(rows) * 5 * sum(len(pendulum.links) for pendulum in modes.scene.pendulum)
     size *= modes.rig.leading if modes.rig.structure else 1
     if size > MOST_SENSITIVITIES:
-        raise ComputationError(f"{size} sensitivities are too many for a table: choose fewer modes")
+        raise ComputationError(f"{size} sensitivities are too many for a table: choose fewer modes with `modes`")
     from modal.modes.sensitivity import of_mode
 
     each = [of_mode(modes, row) for row in rows]
@@ -143,7 +143,7 @@ def _json(
     if shapes:
         numbers = sum(row.multiplicity for row in rows) * modes.scene.n_links
         if numbers > MOST_SHAPE_NUMBERS:
-            raise ComputationError(f"the requested shapes have {numbers} angles: choose fewer modes")
+            raise ComputationError(f"the requested shapes have {numbers} angles: choose fewer modes with `modes`")
         for record, row in zip(rows_of, rows, strict=True):
             record["shapes"] = [_shape_record(modes, row, k) for k in range(row.multiplicity)]
     if sensitive:

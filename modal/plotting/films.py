@@ -455,7 +455,9 @@ def film_modes(
         raise SceneError(problems)
     chosen = range(min(len(modes), USUAL_PANELS)) if numbers is None else numbers
     if len(chosen) > MOST_PANELS:
-        raise ComputationError(f"{len(chosen)} modes do not fit in one film: choose at most {MOST_PANELS} modes")
+        raise ComputationError(
+            f"{len(chosen)} modes do not fit in one film: choose at most {MOST_PANELS} modes with `modes`"
+        )
     rate = frame_rate(form, fps)
     require_writer(form, round(LOOP * rate))
     with any_letters():

@@ -177,7 +177,9 @@ def impulse_figure(
 def _shown(form: ModalForm, outputs: Sequence[int]) -> list[int]:
     shown = list(outputs) or list(range(len(form.model.outputs)))
     if len(shown) > MOST_CURVES:
-        raise ComputationError(f"{len(shown)} outputs do not fit in a figure: choose at most {MOST_CURVES} outputs")
+        raise ComputationError(
+            f"{len(shown)} outputs do not fit in a figure: choose at most {MOST_CURVES} outputs with `outputs`"
+        )
     return shown
 
 

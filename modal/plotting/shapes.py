@@ -223,7 +223,9 @@ def shapes_figure(
     first = some_words(modes, numbers)
     numbers = range(min(len(modes), USUAL_PANELS)) if numbers is None else numbers
     if len(numbers) > MOST_PANELS:
-        raise ComputationError(f"{len(numbers)} modes do not fit in one figure: choose at most {MOST_PANELS} modes")
+        raise ComputationError(
+            f"{len(numbers)} modes do not fit in one figure: choose at most {MOST_PANELS} modes with `modes`"
+        )
     rows = list(modes.rows(numbers))
     if is_crowded(modes.scene):
         return profiles_figure(modes, rows, amplitude_deg, first)

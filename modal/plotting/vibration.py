@@ -100,7 +100,9 @@ def thermal_figure(noise: ThermalNoise, beside: RandomResponse | None = None, at
     from modal.vibration.report import named_modes
 
     if len(noise.outputs) > MOST_PANELS:
-        raise ComputationError(f"{len(noise.outputs)} outputs do not fit in a figure: choose at most {MOST_PANELS}")
+        raise ComputationError(
+            f"{len(noise.outputs)} outputs do not fit in a figure: choose at most {MOST_PANELS} with `outputs`"
+        )
     f = thermal_frequencies(noise, beside, at)
     parts = np.sqrt(noise.budget(f))
     figure = sheet(WIDTH, 1.4 + 2.9 * len(noise.outputs))
@@ -198,7 +200,9 @@ def _combinations(axis: Axes, response: ShockResponse, shown: list[int]) -> None
 
 def _units(outputs: tuple[Signal, ...]) -> list[str]:
     if len(outputs) > MOST_CURVES:
-        raise ComputationError(f"{len(outputs)} outputs do not fit in a figure: choose at most {MOST_CURVES}")
+        raise ComputationError(
+            f"{len(outputs)} outputs do not fit in a figure: choose at most {MOST_CURVES} with `outputs`"
+        )
     return list(dict.fromkeys(signal.unit for signal in outputs))
 
 

@@ -12,8 +12,6 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from unicodedata import category, east_asian_width
 
-from modal.report.spelling import spelled
-
 NARROWEST = 20
 """Columns below which text is as wide as it would be here."""
 _COLUMNS: ContextVar[int | None] = ContextVar("columns", default=None)
@@ -68,7 +66,11 @@ def breadth(text: str) -> int:
     if text.isascii():
         return len(text)
     encoding = charset()
-    return sum(map(_letter, spelled(text, encoding) if encoding else text))
+    if encoding:
+        from modal.report.spelling import spelled
+
+        text = spelled(text, encoding)
+    return sum(map(_letter, text))
 
 
 def _letter(letter: str) -> int:

@@ -12,6 +12,9 @@ damaged files, `contents` reads any and tells what it is; `validation` checks ev
 says what hangs in a scene, `free_bodies` takes it apart.
 """
 
+from typing import TYPE_CHECKING
+
+from modal.lazy import exported
 from modal.scene.capabilities import CAPABILITIES, left_out, one_by_one, refusals, require
 from modal.scene.features import FEATURES
 from modal.scene.files import STANDARD, dump, dumps, example_names, kind_of, load, parse, whole_file
@@ -42,13 +45,15 @@ from modal.scene.motion import (
     SweepForce,
     SweepMotion,
 )
-from modal.scene.number_names import number_label, number_unit, number_words
 from modal.scene.parameters import parse_variations
-from modal.scene.periods import DrivePeriod, drive_period, frequencies_of, sines_of
 from modal.scene.points import places_of
-from modal.scene.records import Spectrum
 from modal.scene.supports import Carrier, Cart, Fixed, Heave, ModalSupport, Platform, Spring, Swing, Tilt
 from modal.scene.titles import name_of, title_of, what_hangs
+
+if TYPE_CHECKING:
+    from modal.scene.number_names import number_label, number_unit, number_words
+    from modal.scene.periods import DrivePeriod, drive_period, frequencies_of, sines_of
+    from modal.scene.records import Spectrum
 
 __all__ = [
     "CAPABILITIES",
@@ -121,3 +126,6 @@ __all__ = [
     "what_hangs",
     "whole_file",
 ]
+
+if not TYPE_CHECKING:
+    __getattr__ = exported(__name__, ("number_names", "periods", "records"))

@@ -139,7 +139,7 @@ EXCITED = {DRIVES: "nothing excites this scene: it has no steady oscillation; gi
 
 # ------------------------------------------------------------------------------------------------------- the table
 
-AT_ONE_TIME: Sentences = {"hoist": "needs constant lengths: take those of one time, Scene.at(seconds)"}
+AT_ONE_TIME: Sentences = {"hoist": "needs constant lengths: take those of one time, `Scene.at(seconds)`"}
 TABLE = Capability("the table of modes", LINEAR | STRUCTURED | {"loss"}, leaves=OMITTED, unless=LEANING)
 CONSTANT_MODEL = Capability(
     "a constant linear model",

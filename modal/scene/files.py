@@ -18,7 +18,6 @@ from modal.errors import SceneError, meant
 from modal.scene.contents import content_of, decoded, limited
 from modal.scene.doors import checked, require_type
 from modal.scene.model import Scene, describe, scene_from
-from modal.scene.toml_mistakes import told
 
 STANDARD = "-"
 """The name of standard input where a file is read, of standard output where one is written."""
@@ -80,6 +79,8 @@ def parse(text: bytes, folder: Path = Path()) -> Scene:
                 raise SceneError([f"line {_line(key)}: a key of over {DEEPEST} parts"])
         data = tomllib.loads(document)
     except tomllib.TOMLDecodeError as error:
+        from modal.scene.toml_mistakes import told
+
         raise SceneError(told(document, error)) from None
     except SceneError:
         raise

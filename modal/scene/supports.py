@@ -18,14 +18,12 @@ from functools import lru_cache
 from io import BytesIO
 from os import PathLike
 from typing import Any, Literal
-from zipfile import ZipFile
 
 import numpy as np
 
 from modal.errors import SceneError
 from modal.scene.links import LOSS_ANGLE, Loss, is_lossy
 from modal.scene.points import parse_point
-from modal.scene.sealed import content, members_of, reading
 from modal.scene.stored import Pair, Rows, RowsOfPoints, Several, SeveralOrNone
 from modal.scene.validation import NON_NEGATIVE, POSITIVE, REAL, UNREAD, Part, after, field, list_of, one_of, optional
 from modal.types import Floats
@@ -94,6 +92,10 @@ def read_matrices(path: str | PathLike[str]) -> dict[str, Any]:
     Nothing is unpickled, and nothing unpacked before its size is known.  SceneError, with the file's name, for any
     other file.
     """
+    from zipfile import ZipFile
+
+    from modal.scene.sealed import content, members_of, reading
+
     with reading(path, "NPZ file of M, K and points"), ZipFile(BytesIO(content(path))) as zipped:
         arrays = members_of(zipped, ARRAYS, LARGEST_FILE)
         if missing := [name for name in ("M", "K", "points") if name not in arrays]:

@@ -9,22 +9,33 @@ Start with `model` and `signals`.  `sampling`, `transfer`, `hoisting` and `trave
 own paths.
 """
 
-from modal.statespace.gains import modal_gains, unreached, unseen
-from modal.statespace.modal_form import ModalForm, to_modal_form
-from modal.statespace.model import StateSpace, state_space
-from modal.statespace.reduction import minimal, truncate
-from modal.statespace.response import frequency_response, impulse_response, impulse_table, impulse_times, response_table
-from modal.statespace.shapers import (
-    drives_of,
-    over_length,
-    residual_vibration,
-    robustness,
-    shaper_for,
-    swing_words,
-    swings_of,
-    usual_drive,
-)
-from modal.statespace.signals import Signal
+from typing import TYPE_CHECKING
+
+from modal.lazy import exported
+
+if TYPE_CHECKING:
+    from modal.statespace.gains import modal_gains, unreached, unseen
+    from modal.statespace.modal_form import ModalForm, to_modal_form
+    from modal.statespace.model import StateSpace, state_space
+    from modal.statespace.reduction import minimal, truncate
+    from modal.statespace.response import (
+        frequency_response,
+        impulse_response,
+        impulse_table,
+        impulse_times,
+        response_table,
+    )
+    from modal.statespace.shapers import (
+        drives_of,
+        over_length,
+        residual_vibration,
+        robustness,
+        shaper_for,
+        swing_words,
+        swings_of,
+        usual_drive,
+    )
+    from modal.statespace.signals import Signal
 
 __all__ = [
     "ModalForm",
@@ -51,3 +62,6 @@ __all__ = [
     "unseen",
     "usual_drive",
 ]
+
+if not TYPE_CHECKING:
+    __getattr__ = exported(__name__, ("signals", "model", "modal_form", "gains", "reduction", "response", "shapers"))

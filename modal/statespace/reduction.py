@@ -227,7 +227,7 @@ def truncate(modes: Modes, model: StateSpace, count: int, by: Choice = "contribu
         raise ValueError(f'count = {count}, by = {by!r}: must be a number of modes, by "contribution" or "lowest"')
     form = to_modal_form(modes, model)
     if count > (total := sum(block.mode is not None for block in form.blocks)):
-        raise SceneError([f"{count} modes: the model has {total}"])
+        raise SceneError([f"count {count}: the model has {total} modes"])
     blocks = essential(form)
     swinging = [k for k, block in enumerate(blocks) if _settles(block)]
     rank = -_contributions(form, [blocks[k] for k in swinging]) if by == "contribution" else range(len(swinging))

@@ -52,16 +52,16 @@ def sample(model: StateSpace, dt: float, method: str = "zoh") -> StateSpace:
     overflows.
     """
     if model.dt:
-        raise SceneError([f"step {dt} s: the model is already discrete, with a step of {model.dt} s"])
+        raise SceneError([f"step {dt}: the model is already discrete, with a step of {model.dt} s"])
     checked_number("step", dt)
     if not (isfinite(dt) and dt > 0):
-        raise SceneError([f"step {dt} s: must be a positive number of seconds"])
+        raise SceneError([f"step {dt}: must be a positive number of seconds"])
     if method not in METHODS:
         raise SceneError([f"method {method}: must be one of {', '.join(METHODS)}"])
     with np.errstate(over="ignore", invalid="ignore"):
         A, B, C, D = METHODS[method](model, dt)
     if not all(np.isfinite(matrix).all() for matrix in (A, B, C, D)):
-        raise ComputationError(f"step {dt} s: the model overflows within a step")
+        raise ComputationError(f"step {dt}: the model overflows within a step")
     return replace(model, scene=None, A=A, B=B, C=C, D=D, dt=float(dt))
 
 

@@ -332,7 +332,7 @@ def _single(swing: DampedSwing, kind: Kind, step: float, tolerance: float) -> Sh
         )
     s = complex(zeta, sqrt((1 - zeta) * (1 + zeta))) * omega
     if step > pi / s.imag:
-        raise ComputationError(f"a step of {step:g} s is longer than half the period of a mode, {pi / s.imag:g} s")
+        raise ComputationError(f"step {step:g}: is longer than half the period of a mode, {pi / s.imag:g} s")
     if kind == "um":
         return Shaper(*_unity_magnitude(s, step), step)
     half = _half_period(s, step)
@@ -397,7 +397,7 @@ def _unity_magnitude(s: complex, step: float) -> Train:
             a, b = shares
             times = step * np.array([0, ticks[0], ticks[0] + 1, ticks[1], ticks[1] + 1])
             return _merged((times, np.array([1.0, a - 1, -a, 1 - b, b])), step)
-    raise ComputationError(f"a step of {step:g} s is too long for a UM shaper of a mode of {s.imag:g} rad/s")
+    raise ComputationError(f"step {step:g}: is too long for a UM shaper of a mode of {s.imag:g} rad/s")
 
 
 def _real_weights(vectors: Complexes, target: complex) -> Floats:

@@ -8,9 +8,11 @@ In: a `Scene`.  Out: its `Structure`, carriers whose points move exactly, at any
 what is here.
 """
 
+from typing import TYPE_CHECKING
+
+from modal.lazy import exported
 from modal.scene.points import CarrierEnd, End, GroundEnd, LinkEnd, Where, carrier_end
 from modal.structure.carriers import PLATFORM, CarrierNumbers, Moving, carrier_numbers
-from modal.structure.outlines import STILL, Piece, Scaffold
 from modal.structure.rest import (
     BALANCED,
     Phi,
@@ -34,6 +36,9 @@ from modal.structure.structure import (
     scaled,
     structure_of,
 )
+
+if TYPE_CHECKING:
+    from modal.structure.outlines import STILL, Piece, Scaffold
 
 __all__ = [
     "BALANCED",
@@ -69,3 +74,6 @@ __all__ = [
     "unbalanced",
     "weights",
 ]
+
+if not TYPE_CHECKING:
+    __getattr__ = exported(__name__, ("outlines",))

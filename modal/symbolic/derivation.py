@@ -63,7 +63,7 @@ def derive(
     """
     require_type("system", system, "SymbolicStructure")
     if len(system.links) > MOST_WRITTEN and set(show) & {"lagrangian", "equations", "matrices", "hamiltonian"}:
-        shorter = "choose polynomial and modes alone"
+        shorter = "choose `sections=polynomial,modes`"
         raise SceneError([f"{len(system.links)} links: equations are written for at most {MOST_WRITTEN}; {shorter}"])
     makers: dict[str, Callable[[], Section]] = {
         **{name: partial(write, system) for name, write in WRITERS.items()},
@@ -255,7 +255,7 @@ def scene_of(name: str, kind: str = "bob", ways: tuple[str, ...] = ()) -> Scene:
 
 def _loaded(name: str, kind: str, ways: tuple[str, ...]) -> Scene:
     if ways or kind != KINDS[0]:
-        raise SceneError([f"{name}: a kind of link and an equilibrium are for chain: and cart: only"])
+        raise SceneError([f"{name}: `links` and `equilibrium` are for chain: and cart: only"])
     return load(name)
 
 

@@ -433,9 +433,9 @@ def _is_infinite(model: Model, channel: int, omega: float) -> bool:
 def _unbounded(size: Floats) -> str:
     """Whether |H| grows towards 0 or infinity, from a point at FAR and the next."""
     if size[0] > 5 * size[1] > 0:
-        return "towards 0 Hz: give a band of frequencies"
+        return "towards 0 Hz: give `over_hz=…`"
     if size[-1] > 5 * size[-2] > 0 and size[-1] > FAINT * size.max():
-        return "towards high frequencies: give a band of frequencies"
+        return "towards high frequencies: give `over_hz=…`"
     return ""
 
 

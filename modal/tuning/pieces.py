@@ -359,17 +359,17 @@ def _travel_problems(scene: Scene, kinds: set[str], setting: Setting) -> Iterato
             yield "travel: is for the quantity residual"
         return
     if setting.travel is None:
-        yield "residual: needs a travel in metres"
+        yield "residual: needs `travel=…`"
     if scene.cart is None:
         yield "residual: needs a cart that travels"
     elif setting.travel is not None and not scene.is_hoisted and setting.over is None:
-        yield "residual: a travel of a scene without a hoist needs its duration: give over, in seconds"
+        yield "residual: a travel of a scene without a hoist needs its duration: give `over=…`"
 
 
 def _psd_problems(quantities: Sequence[Quantity], setting: Setting) -> Iterator[str]:
     sources = sorted({quantity.input for quantity in quantities if quantity.kind == "rms"})
     if sources and setting.spectrum is None:
-        yield "rms: needs a PSD"
+        yield "rms: needs `psd=…`"
     if setting.spectrum is not None and not sources:
         yield "psd: is for a quantity rms:OUTPUT"
     if len(sources) > 1:

@@ -149,7 +149,7 @@ def _aims(minimize: Sequence[str], maximize: Sequence[str]) -> tuple[list[Aim], 
             except SceneError as error:
                 problems += error.problems
     if not aims and not problems:
-        problems.append("nothing is minimized or maximized: name a quantity, such as peak:x/cart_force")
+        problems.append("give `minimize=…` or `maximize=…`: name a quantity, such as peak:x/cart_force")
     names = [aim.quantity.name for aim in aims]
     problems += [f"{name}: is named twice" for name in dict.fromkeys(names) if names.count(name) > 1]
     return aims, problems

@@ -9,14 +9,19 @@ Start with `prescribed`, made of `courses`; `random`, `thermal`, `shock`, `hill`
 `boundaries` (of that) each answer one question.
 """
 
-from modal.vibration.boundaries import Boundary, Tongues, tongues
-from modal.vibration.courses import Course, Polynomials, PrescribedMotion, SweptSine
-from modal.vibration.hill import KINDS, ParametricStability, parametric_stability, stabilities, vertical_sine
-from modal.vibration.prescribed import RandomProcess, Record, prescribed_motion
-from modal.vibration.random import RandomResponse, random_response
-from modal.vibration.report import random_report, shock_report, thermal_frequencies, thermal_report
-from modal.vibration.shock import ShockResponse, correlation, cqc, response_spectrum, shock_response, srss
-from modal.vibration.thermal import BOLTZMANN, ThermalNoise, thermal_noise
+from typing import TYPE_CHECKING
+
+from modal.lazy import exported
+
+if TYPE_CHECKING:
+    from modal.vibration.boundaries import Boundary, Tongues, tongues
+    from modal.vibration.courses import Course, Polynomials, PrescribedMotion, SweptSine
+    from modal.vibration.hill import KINDS, ParametricStability, parametric_stability, stabilities, vertical_sine
+    from modal.vibration.prescribed import RandomProcess, Record, prescribed_motion
+    from modal.vibration.random import RandomResponse, random_response
+    from modal.vibration.report import random_report, shock_report, thermal_frequencies, thermal_report
+    from modal.vibration.shock import ShockResponse, correlation, cqc, response_spectrum, shock_response, srss
+    from modal.vibration.thermal import BOLTZMANN, ThermalNoise, thermal_noise
 
 __all__ = [
     "BOLTZMANN",
@@ -50,3 +55,8 @@ __all__ = [
     "tongues",
     "vertical_sine",
 ]
+
+if not TYPE_CHECKING:
+    __getattr__ = exported(
+        __name__, ("courses", "prescribed", "hill", "boundaries", "random", "shock", "thermal", "report")
+    )

@@ -301,5 +301,7 @@ def random_response(
     model = state_space(scene, (source,), tuple(outputs))
     if len(modes) ** 2 * len(model.outputs) > MOST:
         sizes = f"{len(modes)} modes and {len(model.outputs)} outputs"
-        raise ComputationError(f"{sizes}: modes² times outputs may be at most {MOST:g}; choose fewer outputs")
+        raise ComputationError(
+            f"{sizes}: modes² times outputs may be at most {MOST:g}; choose fewer outputs with `outputs`"
+        )
     return RandomResponse(to_modal_form(modes, model), spectrum)

@@ -312,7 +312,7 @@ def shock_response(scene: Scene, motion: RecordMotion, outputs: tuple[str, ...] 
     if size > MOST:
         raise ComputationError(
             f"{len(modes)} modes, {len(form.model.outputs)} outputs and {len(grid.times)} times: their product may be "
-            f"at most {MOST:g}; choose fewer outputs"
+            f"at most {MOST:g}; choose fewer outputs with `outputs`"
         )
     by_mode = np.zeros((len(modes), len(form.model.outputs), len(grid.times)))
     history = form.model.D[:, :1] * grid.derivatives[0] + _carried_along(form, record, grid.times)

@@ -131,5 +131,7 @@ def thermal_noise(scene: Scene, temperature: float, outputs: tuple[str, ...] = U
     dissipators = tuple(dissipators_of(scene))
     if len(dissipators) * len(model.outputs) > MOST_PAIRS:
         sizes = f"{len(dissipators)} places that dissipate and {len(model.outputs)} outputs"
-        raise ComputationError(f"{sizes}: their product may be at most {MOST_PAIRS}; choose fewer outputs")
+        raise ComputationError(
+            f"{sizes}: their product may be at most {MOST_PAIRS}; choose fewer outputs with `outputs`"
+        )
     return ThermalNoise(to_modal_form(modes, model), scene, float(temperature), dissipators)

@@ -1,7 +1,7 @@
 """The commands: one module for each group, with what they do, their arguments and their help.
 
-A command is a `Command` in the `COMMANDS` of its module.  `NAMES` has them in the order of `multipendula --help`: a
-command loads the page of its group alone.
+A command is a `Command` in the `COMMANDS` of its module.  `NAMES` has them in the order of `multipendula --help`: of
+all, the one that is called has its group loaded and its page made.
 `shared` has helpers for output, `runs` the arguments of the commands that simulate, `models` those of the commands
 about state-space models.
 """
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     COMMANDS: tuple[Command, ...]
     GROUPS: tuple[ModuleType, ...]
 
-__all__ = ["ABOUT", "COMMANDS", "FIRST", "NAMES", "commands_beside"]
+__all__ = ["ABOUT", "COMMANDS", "FIRST", "NAMES", "command_named"]
 
 NAMES = {
     "scenes": ("scenes", "schema", "completion"),
@@ -55,10 +55,10 @@ FIRST = (
 """Examples for beginners."""
 
 
-def commands_beside(name: str) -> tuple[Command, ...]:
-    """The commands of the group that this one belongs to; all of them for any other word."""
-    groups = [group for group, names in NAMES.items() if name in names] or list(NAMES)
-    return tuple(command for group in groups for command in _group(group).COMMANDS)
+def command_named(name: str) -> Command | None:
+    """The command of this name, for which its group alone is loaded."""
+    group = next((group for group, names in NAMES.items() if name in names), None)
+    return next(command for command in _group(group).COMMANDS if command.name == name) if group else None
 
 
 def _group(name: str) -> ModuleType:
@@ -70,5 +70,5 @@ def __getattr__(name: str) -> Any:
     if name == "GROUPS":
         return tuple(map(_group, NAMES))
     if name == "COMMANDS":
-        return commands_beside("")
+        return tuple(command for group in __getattr__("GROUPS") for command in group.COMMANDS)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import argparse
 
-from multipendula.command import Command
+from multipendula.command import SCENE, Command, formats, report_file
 from multipendula.commands.shared import draw_in, noted, picture, say
-from multipendula.options import add_format, add_report, add_scene, add_switch
-from multipendula.parser import Page
 
 MORE = "--words says all of it in sentences with formulas; --format json has every number."
 
@@ -25,19 +23,17 @@ def explain(options: argparse.Namespace) -> None:
     say(report, options.format)
 
 
-def _explain_arguments(page: Page) -> None:
-    add_scene(page)
-    add_format(page, ("text", "markdown", "json"))
-    add_switch(page.written, "--words", ", every number with its formula")
-    add_report(page, ("text", "markdown", "json"))
-
-
 COMMANDS = (
     Command(
         name="explain",
         topic="coupling and synchronization",
         run=explain,
-        arguments=_explain_arguments,
+        takes=(
+            SCENE,
+            formats("text", "markdown", "json"),
+            "--words, every number with its formula",
+            *report_file("text", "markdown", "json"),
+        ),
         details=(
             "First the verdict: what couples the pendula, how strongly, and the slowest beat. Then one table of the "
             "families of modes, and what both leave out. With --words all of it in sentences, every number with its "

@@ -5,24 +5,19 @@ from __future__ import annotations
 import argparse
 from collections.abc import Iterator
 
-from multipendula.command import Command
+from multipendula.command import SCENE, THEME, Command, argument, option, text_file
 from multipendula.commands.shared import bar, drawn, in_a_folder, listed, noted, output
-from multipendula.completion import scenes
-from multipendula.options import (
-    PICTURES,
-    add_format,
-    add_option,
-    add_scene,
-    add_text,
-    add_theme,
-    add_words,
-    offer,
-    whole,
-)
-from multipendula.parser import Page
+from multipendula.completion import scenes, words
+from multipendula.options import PICTURES
 
+SECTIONS = ("lagrangian", "equations", "matrices", "polynomial", "modes")
+SYMBOLS = ("masses", "lengths", "gravity", "cart", "supports", "springs")
 ALONE = ("hamiltonian", "freebody")
 TARGETS = ("chain:", "cart:", "paper:000", "paper:001", "paper:002")
+TARGET = (
+    "chain:N, cart:N (a chain of N links on a cart), cart:PxN (P of them), paper:000, paper:001 or paper:002 (as "
+    "printed and corrected), or a scene"
+)
 
 
 def derive(options: argparse.Namespace) -> None:
@@ -105,39 +100,6 @@ def _take_apart(options: argparse.Namespace, show: tuple[str, ...]) -> None:
         save(plot_free_body(scene, letters=letters, parts=options.parts or ""), stream, form)
 
 
-def _derive_arguments(page: Page) -> None:
-    target = page.asked.add_argument(
-        "target",
-        metavar="TARGET",
-        help="chain:N, cart:N (a chain of N links on a cart), cart:PxN (P of them), "
-        "paper:000, paper:001 or paper:002 (as printed and corrected), or a scene",
-    )
-    offer(target, scenes((".toml",), TARGETS))
-    symbols = ("masses", "lengths", "gravity", "cart", "supports", "springs")
-    more = f", one for each link, shared by copies: {','.join(symbols)}"
-    add_words(page.asked, "--symbolic", symbols, more)
-    sections = ("lagrangian", "equations", "matrices", "polynomial", "modes")
-    more = (
-        f" that are shown (default all): {','.join(sections)}; where they are named: {','.join(ALONE)}; of a paper its "
-        "equations, such as 4,12"
-    )
-    add_words(page.written, "--show", (*sections, *ALONE), more)
-    page.rephrase(r"^show(?= )", "--show")
-    page.rephrase(r"choose polynomial and modes alone$", "choose --show polynomial,modes")
-    page.rephrase(r"^symbolic(?= )", "--symbolic")
-    page.rephrase(r"^parts(?= )", "--parts")
-    page.rephrase(r"a kind of link and an equilibrium are", "--links and --equilibrium are")
-    more = " of chain: and cart: (default bob)"
-    add_option(page.asked, "--links", more, choices=("bob", "rod"), default="bob")
-    add_words(page.asked, "--equilibrium", ("down", "up"), " of chain: and cart: (default down)")
-    more = ": paper 000's or the toolkit's own (default own), of --show freebody"
-    add_option(page.written, "--names", more, choices=("own", "paper"))
-    add_option(page.written, "--parts", " (default 1:12), of --show freebody")
-    add_format(page, ("text", "latex", "markdown"))
-    add_text(page, drawn=True, more=("tikz",))
-    add_theme(page)
-
-
 def enclose(options: argparse.Namespace) -> None:
     """Print a proved enclosure of every natural frequency, to any number of digits."""
     from modal.exact import enclose
@@ -150,19 +112,26 @@ def enclose(options: argparse.Namespace) -> None:
             write(folded(f"{row.low} <= omega <= {row.high} rad/s  {row.label}{folds}") + "\n")
 
 
-def _enclose_arguments(page: Page) -> None:
-    add_scene(page)
-    more = ": a relative width of 10^-N (default 30)"
-    add_option(page.asked, "--digits", more, type=whole(1000), default=30)
-    add_text(page)
-
-
 COMMANDS = (
     Command(
         name="derive",
         topic="symbols and proof",
         run=derive,
-        arguments=_derive_arguments,
+        takes=(
+            argument("target", "TARGET", TARGET, scenes((".toml",), TARGETS)),
+            option(f"--symbolic, one for each link, shared by copies: {','.join(SYMBOLS)}", completion=words(SYMBOLS)),
+            option(
+                f"--show that are shown (default all): {','.join(SECTIONS)}; where they are named: {','.join(ALONE)}; "
+                "of a paper its equations, such as 4,12",
+                completion=words((*SECTIONS, *ALONE)),
+            ),
+            "--links of chain: and cart: (default bob)",
+            "--equilibrium of chain: and cart: (default down)",
+            "--names: paper 000's or the toolkit's own (default own), of --show freebody",
+            "--parts (default 1:12), of --show freebody",
+            *text_file("text", "latex", "markdown", drawn=True, more=("tikz",)),
+            THEME,
+        ),
         details=(
             "The whole derivation from the Lagrangian to the modes, to read or to paste into lecture notes. For a few "
             "links every step is confirmed by a second method. paper:000, paper:001 and paper:002 give a paper's "
@@ -183,7 +152,7 @@ COMMANDS = (
         name="enclose",
         topic="symbols and proof",
         run=enclose,
-        arguments=_enclose_arguments,
+        takes=(SCENE, "--digits: a relative width of 10^-N (default 30)", *text_file(kind="txt")),
         details=(
             "Two decimals for each frequency, between which it provably lies, by ball arithmetic. Needs the extra "
             "`certified`, and a scene without dampers, joint springs and inverted links."

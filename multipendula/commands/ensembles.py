@@ -8,29 +8,12 @@ from contextlib import contextmanager
 from math import prod
 from typing import TYPE_CHECKING, Any
 
-from multipendula.command import Command
+from multipendula.command import CREW, SCENE, Command, Option, formats, kwargs_of, option, report_file
 from multipendula.commands.runs import ELSEWHERE, start_of, tell_of_start
 from multipendula.commands.shared import bar, draw_in, estimate_of, forewarning, in_a_folder, picture, say
-from multipendula.completion import places
-from multipendula.options import (
-    Repeated,
-    add_covariance,
-    add_crew,
-    add_duration,
-    add_format,
-    add_members,
-    add_option,
-    add_report,
-    add_scene,
-    add_seed,
-    add_strobes,
-    add_tolerance,
-    add_vary,
-    add_words,
-    number,
-    offer,
-)
-from multipendula.parser import Page
+from multipendula.completion import words
+from multipendula.options import integer, number
+from nonlinear.measures import taken_by
 
 if TYPE_CHECKING:
     from modal.report import Form
@@ -38,10 +21,31 @@ if TYPE_CHECKING:
 
 TOLERANCE, MOTIONS = 1e-9, 24
 """Of the integrator, and of a section, unless told."""
+COMPUTED = (
+    "--engine (default the fastest, counting what is still to be compiled)",
+    option("--tolerance (default 1e-9)", type=number("at least 1e-13 and at most 0.001", 1e-3, 1e-13)),
+    *CREW,
+    "--share",
+    "--folder",
+)
 FORMATS = ("text", "csv", "json")
-ENGINES = ("auto", "numpy", "numba", "simulate")
 BY_ENERGY, BY_STROBES = ("energy", "crossing"), ("phase_deg", "spread", "settle", "of", "seed")
 """Options of a section at an energy, and of a stroboscopic one."""
+
+
+def measured(verb: str, usual: str, **how: Any) -> Option:
+    """What is measured of every member; the `usual` measure ends the words."""
+    known = taken_by(verb)
+    return option(f"--measure: {', '.join(known)} (default {usual}", completion=words(known, ""), **how)
+
+
+def strobed(transient: str) -> tuple[str, ...]:
+    """When a driven scene is looked at, and which of its links are drawn; `transient` says how long by default."""
+    return (
+        "--phase-deg (default 0)",
+        f"--settle (default {transient})",
+        "--of: links, such as theta_1_2 (default the first)",
+    )
 
 
 def basins(options: argparse.Namespace) -> None:
@@ -55,23 +59,6 @@ def basins(options: argparse.Namespace) -> None:
     with _engine(options, scene, prod(len(axis.values) for axis in axes)) as more:
         outcome = find_basins(scene, options.duration, vary=axes, measure=options.measure, **more)
     _show(options, basins_table, "draw_basins", outcome)
-
-
-def _basins_arguments(page: Page) -> None:
-    from nonlinear.measures import taken_by
-
-    add_scene(page)
-    more = ", such as pendulum[0].start.angles_deg[0]=-180:180:512; two of them (default two angles, or angle and rate)"
-    add_vary(page, more)
-    page.rephrase(r"by find_bifurcations$", "by sweep --strobe")
-    more = f": {', '.join(taken_by('basins'))} (default configuration of a scene with drives, else first_turn)"
-    add_words(page.asked, "--measure", taken_by("basins"), more, comma="", action=Repeated, most=1)
-    page.rephrase(r"^measure (\S+): cannot be combined with a duration$", r"--measure \1: has its own --duration")
-    more = " (default 30 sqrt(l/g), for a rhythm as long as sync needs, for attractors ten slowest decays)"
-    add_duration(page, more)
-    _add_engine(page)
-    add_format(page, FORMATS)
-    add_report(page, FORMATS)
 
 
 def section(options: argparse.Namespace) -> None:
@@ -102,11 +89,9 @@ def _strobes(options: argparse.Namespace, scene: Scene) -> None:
     refuse(options, BY_ENERGY, "needs a scene that keeps its energy; of this one the section is stroboscopic")
     if not has_start(scene):
         tell_of_start("motions begin around the shape of its first mode that swings")
-    asked = {"orbits": options.members, "phase_deg": options.phase_deg, "spread_deg": options.spread}
-    asked |= {"settle": options.settle, "seed": options.seed, "of": names_of(options)}
     with _engine(options, scene, options.members or MOTIONS) as more:
-        more |= {name: value for name, value in asked.items() if value is not None}
-        strobes = find_strobes(scene, options.duration, **more)
+        how = kwargs_of(options, "--members", "--phase-deg", "--spread", "--settle", "--seed")
+        strobes = find_strobes(scene, options.duration, of=names_of(options), **how, **more)
     _show(options, strobes_table, "draw_strobes", strobes)
 
 
@@ -121,23 +106,6 @@ def refuse(options: argparse.Namespace, names: Sequence[str], why: str) -> None:
 def names_of(options: argparse.Namespace) -> list[str]:
     """The links named by --of."""
     return options.of.split(",") if options.of else []
-
-
-def _section_arguments(page: Page) -> None:
-    add_scene(page)
-    add_option(page.asked, "--energy", " (default that of its start)", type=_joules)
-    more = ", upwards (>), downwards (<) or both (=): theta[1,1]>0 (default), degrees, or x=0, metres"
-    add_option(page.asked, "--crossing", more)
-    add_members(page, f": motions (default {MOTIONS})", 10_000)
-    distance = number("degrees from 0", least=0.0)
-    add_option(page.asked, "--spread", ", of a driven scene (default 10)", type=distance)
-    add_seed(page, ", of a driven scene")
-    add_strobes(page, "none")
-    add_duration(page, " of each motion (default 200 sqrt(l/g), of a driven scene 200 periods after --settle)")
-    _add_engine(page)
-    add_format(page, FORMATS)
-    add_report(page, FORMATS)
-    page.rephrase(r"(?<=no mode swings)$", ": give --energy")
 
 
 def spread(options: argparse.Namespace) -> None:
@@ -161,38 +129,6 @@ def spread(options: argparse.Namespace) -> None:
     _show(options, spread_table, "draw_spread", spreads)
 
 
-def _spread_arguments(page: Page) -> None:
-    from nonlinear.measures import taken_by
-
-    add_scene(page)
-    more = (
-        ": its standard deviation, support.mass=0.5 or support.mass=2%%, or its interval, gravity=9.8:9.83; repeat for "
-        "several"
-    )
-    offer(add_option(page.asked, "--uncertain", more, action=Repeated), places)
-    add_covariance(page, "draws its numbers together")
-    add_members(page, ": scenes drawn (default 1000)", 10_000_000)
-    add_seed(page)
-    more = f": {', '.join(taken_by('spread'))} (default all frequencies); repeat for several"
-    add_words(page.asked, "--measure", taken_by("spread"), more, comma="", action=Repeated)
-    add_duration(page, " from the scene's own start (default none: frequencies only)")
-    _add_engine(page)
-    add_format(page, FORMATS)
-    add_report(page, FORMATS)
-    page.rephrase(r"members (\d+): must be", r"--members \1: must be")
-
-
-def _joules(text: str) -> float:
-    """An energy, also one below that of rest."""
-    try:
-        value = float(text)
-    except ValueError:
-        value = float("nan")
-    if not abs(value) < float("inf"):
-        raise argparse.ArgumentTypeError(f"{text}: must be a number of joules")
-    return value
-
-
 def _scene(options: argparse.Namespace) -> Scene:
     """The scene, once the picture's name is right."""
     from modal.scene import load
@@ -201,32 +137,6 @@ def _scene(options: argparse.Namespace) -> Scene:
     if options.output:
         picture(options.output)
     return load(options.scene)
-
-
-def _add_engine(page: Page) -> None:
-    more = " (default the fastest, counting what is still to be compiled)"
-    add_option(page.computed, "--engine", more, type=_offered, choices=ENGINES, default="auto")
-    add_tolerance(page, 1e-13, 1e-3)
-    add_crew(page)
-    add_option(page.computed, "--share", type=_share)
-    add_option(page.written, "--folder")
-
-
-def _offered(engine: str) -> str:
-    """The name of an engine; ArgumentTypeError for one that older versions had."""
-    from nonlinear.ensembles.question import RETIRED, WITHOUT_SERIES
-
-    if engine == RETIRED:
-        raise argparse.ArgumentTypeError(WITHOUT_SERIES)
-    return engine
-
-
-def _share(text: str) -> tuple[int, int]:
-    """Which share of how many, from 0; ArgumentTypeError for none."""
-    first, _, of = text.partition("/")
-    if not (first.isdecimal() and of.isdecimal() and 1 <= int(first) <= int(of)):
-        raise argparse.ArgumentTypeError(f"{text}: must be K/N with whole numbers, K from 1 to N")
-    return int(first) - 1, int(of)
 
 
 def _show(options: argparse.Namespace, table: Callable[[Any, Form], str], figure: str, outcome: Any) -> None:
@@ -249,8 +159,7 @@ def _engine(options: argparse.Namespace, scene: Scene, members: int) -> Iterator
     from modal.errors import SceneError
 
     tolerance = options.tolerance or TOLERANCE
-    more: dict[str, Any] = {"engine": options.engine, "tolerance": tolerance, "workers": options.workers}
-    more |= {"folder": options.folder, "share": options.share}
+    more: dict[str, Any] = kwargs_of(options, "--engine", "--workers", "--folder", "--share") | {"tolerance": tolerance}
     if options.share and not options.folder:
         raise SceneError(["--share: needs --folder"])
     with bar(members, "member") as shown:
@@ -269,7 +178,16 @@ COMMANDS = (
         name="basins",
         topic="coupling and synchronization",
         run=basins,
-        arguments=_basins_arguments,
+        takes=(
+            SCENE,
+            "--vary, such as pendulum[0].start.angles_deg[0]=-180:180:512; two of them (default two angles, or angle "
+            "and rate)",
+            measured("basins", "configuration of a scene with drives, else first_turn)", most=1),
+            "--duration (default 30 sqrt(l/g), for a rhythm as long as sync needs, for attractors ten slowest decays)",
+            *COMPUTED,
+            formats(*FORMATS),
+            *report_file(*FORMATS),
+        ),
         details=(
             "Every start of a grid is simulated, thousands side by side. In a scene with drives the map tells which "
             "steady oscillation of sync each ends in; in any other scene, when a link first goes over the top, or how "
@@ -299,7 +217,19 @@ COMMANDS = (
         name="section",
         topic="motion",
         run=section,
-        arguments=_section_arguments,
+        takes=(
+            SCENE,
+            "--energy (default that of its start)",
+            "--crossing, upwards (>), downwards (<) or both (=): theta[1,1]>0 (default), degrees, or x=0, metres",
+            option(f"--members: motions (default {MOTIONS})", type=integer(10_000), keyword="orbits"),
+            "--spread, of a driven scene (default 10)",
+            "--seed, of a driven scene",
+            *strobed("none"),
+            "--duration of each motion (default 200 sqrt(l/g), of a driven scene 200 periods after --settle)",
+            *COMPUTED,
+            formats(*FORMATS),
+            *report_file(*FORMATS),
+        ),
         details=(
             "Motions with one energy start at random on the section, and each crossing is recorded, the start among "
             "them: closed curves are regular motion, clouds chaos. A scene driven by sines, through forces or its "
@@ -322,7 +252,19 @@ COMMANDS = (
         name="spread",
         topic="motion",
         run=spread,
-        arguments=_spread_arguments,
+        takes=(
+            SCENE,
+            "--uncertain: its standard deviation, support.mass=0.5 or support.mass=2%%, or its interval, "
+            "gravity=9.8:9.83; repeat for several",
+            "--covariance: draws its numbers together",
+            option("--members: scenes drawn (default 1000)", type=integer(10_000_000)),
+            "--seed",
+            measured("spread", "all frequencies); repeat for several"),
+            "--duration from the scene's own start (default none: frequencies only)",
+            *COMPUTED,
+            formats(*FORMATS),
+            *report_file(*FORMATS),
+        ),
         details=(
             "Numbers are drawn within their tolerances, given as standard deviations or as intervals, or from the "
             "covariance of a fit. The report has quantiles of every frequency, bands of the motion with --duration, "

@@ -5,26 +5,17 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
-from multipendula.command import Command
+from multipendula.command import SCENE, Command, formats, option, report_file
 from multipendula.commands.shared import drawn, noted, picture, say
-from multipendula.options import (
-    add_format,
-    add_option,
-    add_report,
-    add_scene,
-    add_shaped,
-    add_shaper,
-    add_travel,
-    add_words,
-    whole,
-)
-from multipendula.parser import Page
+from multipendula.completion import words
+from multipendula.options import integer
 
 if TYPE_CHECKING:
     from modal.scene import Scene
     from modal.statespace.hoisting import Along, Residual
 
 BESIDE = "--drive cart_acceleration lists the modes beside a cart whose motion is prescribed"
+DRIVES = ("cart_force", "cart_acceleration")
 TRAVEL = ("over", "kind", "count")
 
 
@@ -69,29 +60,28 @@ def _written(along: Along, left: tuple[Residual, ...], options: argparse.Namespa
     return "".join(head) + along.report("csv")
 
 
-def _arguments(page: Page) -> None:
-    add_scene(page)
-    add_option(page.asked, "--samples", ", along the hoist (default 11)", type=whole(10_000), default=11)
-    drives = ("cart_force", "cart_acceleration")
-    more = (
-        ": cart_force (default), the frequencies with the cart free; or cart_acceleration, with its motion prescribed"
-    )
-    add_words(page.asked, "--drive", drives, more, comma="", choices=drives, default=drives[0])
-    add_travel(page, ", from the beginning of the hoist on; prints the swing that is left")
-    add_shaper(page, " of the travel (default zv)")
-    add_shaped(page)
-    page.rephrase(r"^travel:", "--travel:")
-    page.rephrase(r"^samples (\S+):", r"--samples \1:")
-    add_format(page, ("text", "csv", "json"))
-    add_report(page, ("text", "csv", "json"))
-
-
 COMMANDS = (
     Command(
         name="hoist",
         topic="control",
         run=hoist,
-        arguments=_arguments,
+        takes=(
+            SCENE,
+            option("--samples, along the hoist (default 11)", group="asked", type=integer(10_000), default=11),
+            option(
+                "--drive: cart_force (default), the frequencies with the cart free; or cart_acceleration, with its "
+                "motion prescribed",
+                completion=words(DRIVES, ""),
+                choices=DRIVES,
+                default=DRIVES[0],
+            ),
+            "--travel, from the beginning of the hoist on; prints the swing that is left",
+            "--over (default that of the hoist)",
+            "--kind of the travel (default zv)",
+            "--count (default 1)",
+            formats("text", "csv", "json"),
+            *report_file("text", "csv", "json"),
+        ),
         details=(
             "For a scene in which ropes change their length: the lengths and the frequencies at each time, and how a "
             "slow hoist changes the swing of each mode. With --travel the linear model, which varies in time, is "

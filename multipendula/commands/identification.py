@@ -5,7 +5,18 @@ from __future__ import annotations
 import argparse
 from dataclasses import replace
 
-from multipendula.command import Command
+from multipendula.command import (
+    SCENE,
+    Command,
+    argument,
+    formats,
+    kwargs_of,
+    main_file,
+    option,
+    picture_file,
+    records,
+    report_file,
+)
 from multipendula.commands.shared import (
     bar,
     drawn,
@@ -20,26 +31,8 @@ from multipendula.commands.shared import (
     write_together,
 )
 from multipendula.completion import files
-from multipendula.options import (
-    Repeated,
-    add_file,
-    add_format,
-    add_free,
-    add_option,
-    add_output,
-    add_picture,
-    add_records,
-    add_report,
-    add_scene,
-    add_switch,
-    add_words,
-    number,
-    offer,
-    whole,
-)
-from multipendula.parser import Page
 
-LOSSES = ("linear", "soft_l1", "huber", "cauchy")
+MEASURED = "measured modes, a CSV file with mode, frequency_hz, std_hz and columns theta_P_L and cart of the shapes"
 
 
 def fit(options: argparse.Namespace) -> None:
@@ -96,7 +89,7 @@ def _fit_motions(options: argparse.Namespace) -> None:
 
     scene, draws = load(options.scene), options.bootstrap or 0
     free = listed(options.free)
-    more = {"scaled": options.scale, "loss": options.loss, "priors": options.prior or (), "window": options.window}
+    more = kwargs_of(options, "--scale", "--loss", "--prior", "--window")
     _, recording, *_ = validate(
         lambda: find_parameters(scene, free, options.prior or ()),
         lambda: read_recording(
@@ -130,36 +123,6 @@ def _fit_motions(options: argparse.Namespace) -> None:
     say(told(estimate, candidates, draws), options.format)
 
 
-def _fit_arguments(page: Page) -> None:
-    add_scene(page)
-    add_records(page, "; or one of measured modes with mode, frequency_hz and std_hz")
-    add_free(page, ", such as 'pendulum[0].links[*].damping', or none to judge the scene")
-    add_option(page.asked, "--prior", "; repeat for several", action=Repeated)
-    more = ": t=time_ms, theta_1_1_rad=theta_1_1_deg or theta_1_1_rad=-theta_1_1_rad; repeat for several"
-    add_option(page.asked, "--column", more, action=Repeated)
-    for said, option in (
-        (r"(?:columns|and) (?=[\w-]+=-?[\w-]+)", "--column "),
-        (r"(?<=\()angles relative(?=\))", "--angles relative"),
-        (r"free the scales$", "--scale"),
-        (r"loss soft_l1 gives", "--loss soft_l1 gives"),
-        (r"with window=", "with --window "),
-        (r"a prior, (\S+?)=(\S+), adds", r"--prior '\1=\2' adds"),
-    ):
-        page.rephrase(said, option)
-    add_switch(page.computed, "--scale")
-    more = " (default linear); the others give less weight to outliers"
-    add_option(page.computed, "--loss", more, choices=LOSSES, default="linear")
-    more = ", which join (multiple shooting), for a long segment that is chaotic"
-    add_option(page.computed, "--window", more, type=number("seconds above 0"))
-    add_option(page.computed, "--bootstrap", " (block bootstrap)", type=whole(100_000))
-    more = ": viscous, coulomb, drag, or several joined by +; the best by BIC is reported"
-    add_words(page.computed, "--compare", ("viscous", "coulomb", "drag", "viscous+coulomb"), more)
-    add_output(page, "the scene with the fitted numbers", ("toml",))
-    add_file(page, "--report", "with the covariance", ("json",))
-    add_picture(page, "record, fitted motion and residuals")
-    add_format(page, ("text", "json"))
-
-
 def poles(options: argparse.Namespace) -> None:
     """Find frequencies, damping ratios and shapes in measured motions, without a scene."""
     from modal.identification import identify, poles_table
@@ -175,9 +138,7 @@ def poles(options: argparse.Namespace) -> None:
     identified = identify(
         [(segment.times, segment.values) for segment in absolute.segments],
         [sensor.name for sensor in absolute.sensors],
-        method=options.identification,
-        excitation=options.excitation,
-        order=options.order,
+        **kwargs_of(options, "--identification", "--excitation", "--order"),
     )
     if recording.unused:
         remark(f"columns not used: {', '.join(recording.unused)}")
@@ -191,19 +152,6 @@ def poles(options: argparse.Namespace) -> None:
         with drawn(options.output, options.theme) as stream:
             draw_poles(identified, stream, kind, title)
     say(poles_table(identified, options.format, title), options.format)
-
-
-def _poles_arguments(page: Page) -> None:
-    add_records(page, ", as for fit")
-    more = ": free, nothing but how they began (default), or random, forces like noise"
-    add_option(page.asked, "--excitation", more, choices=("free", "random"), default="free")
-    more = ": era, the eigensystem realization (default), or decrement, from the turning points of a single mode"
-    add_option(page.computed, "--identification", more, choices=("era", "decrement"), default="era")
-    more = ", twice the number of modes and one for offsets (default from the singular values)"
-    add_option(page.computed, "--order", more, type=whole(200))
-    add_format(page, ("text", "csv", "json"))
-    add_file(page, "--identified-modes", "", ("csv",))
-    add_report(page, ("text", "csv", "json"))
 
 
 def mac(options: argparse.Namespace) -> None:
@@ -227,20 +175,27 @@ def mac(options: argparse.Namespace) -> None:
     say(assurance_table(comparison, options.format), options.format)
 
 
-def _mac_arguments(page: Page) -> None:
-    add_scene(page)
-    words = "measured modes, a CSV file with mode, frequency_hz, std_hz and columns theta_P_L and cart of the shapes"
-    offer(page.asked.add_argument("data", metavar="MODES.csv", help=words), files((".csv",)))
-    add_format(page, ("text", "csv", "json"))
-    add_report(page, ("text", "csv", "json"))
-
-
 COMMANDS = (
     Command(
         name="fit",
         topic="measurements",
         run=fit,
-        arguments=_fit_arguments,
+        takes=(
+            SCENE,
+            *records("; or one of measured modes with mode, frequency_hz and std_hz"),
+            option("--free, such as 'pendulum[0].links[*].damping', or none to judge the scene", required=True),
+            "--prior; repeat for several",
+            "--column: t=time_ms, theta_1_1_rad=theta_1_1_deg or theta_1_1_rad=-theta_1_1_rad; repeat for several",
+            "--scale",
+            "--loss (default linear); the others give less weight to outliers",
+            "--window, which join (multiple shooting), for a long segment that is chaotic",
+            "--bootstrap (block bootstrap)",
+            "--compare: viscous, coulomb, drag, or several joined by +; the best by BIC is reported",
+            main_file("the scene with the fitted numbers", ("toml",)),
+            "--report: with the covariance",
+            *picture_file("record, fitted motion and residuals"),
+            formats("text", "json"),
+        ),
         details=(
             "The initial state of every segment, an offset of each sensor and its delay are fitted along with the free "
             "numbers. Numbers that the data do not determine are held at the scene's values and named. Standard "
@@ -259,7 +214,16 @@ COMMANDS = (
         name="poles",
         topic="measurements",
         run=poles,
-        arguments=_poles_arguments,
+        takes=(
+            *records(", as for fit"),
+            "--excitation: free, nothing but how they began (default), or random, forces like noise",
+            "--identification: era, the eigensystem realization (default), or decrement, from the turning points of a "
+            "single mode",
+            "--order, twice the number of modes and one for offsets (default from the singular values)",
+            formats("text", "csv", "json"),
+            "--identified-modes",
+            *report_file("text", "csv", "json"),
+        ),
         details=(
             "Free decays are realized by the eigensystem realization algorithm (Juang & Pappa 1985), and the poles "
             "then fitted to the records themselves; for responses to random excitation the correlations are realized "
@@ -279,7 +243,12 @@ COMMANDS = (
         name="mac",
         topic="measurements",
         run=mac,
-        arguments=_mac_arguments,
+        takes=(
+            SCENE,
+            argument("data", "MODES.csv", MEASURED, files((".csv",))),
+            formats("text", "csv", "json"),
+            *report_file("text", "csv", "json"),
+        ),
         details=(
             "The modal assurance criterion is 1 where two shapes are equal up to a factor, and 0 where they are "
             "orthogonal. Every measured mode is paired with the computed one most similar to it, without shapes with "

@@ -5,11 +5,9 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from multipendula.command import Command
+from multipendula.command import RUN, Command, main_file
 from multipendula.commands.runs import recorded
 from multipendula.commands.shared import in_a_folder, remark, say
-from multipendula.options import add_output, add_run
-from multipendula.parser import Page
 
 KINDS = ("html",)
 
@@ -47,17 +45,12 @@ def _shown(name: str) -> tuple[dict[str, Any], dict[str, Any] | None]:
     return scene_data(trajectory.scene), recording_of(trajectory)
 
 
-def _arguments(page: Page) -> None:
-    add_run(page)
-    add_output(page, "the page", KINDS, required=True)
-
-
 COMMANDS = (
     Command(
         name="play",
         topic="motion",
         run=play,
-        arguments=_arguments,
+        takes=(RUN, main_file("the page", KINDS, required=True)),
         details=(
             "One HTML file that any browser opens, without a server or a network. Drag a mass, a length or the cart's "
             "mass and the table follows; choose a mode and it swings; pull a bob and the full equations run beside the "

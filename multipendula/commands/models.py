@@ -5,9 +5,9 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
+from multipendula.command import option
 from multipendula.commands.shared import about, large, listed, noted
-from multipendula.options import add_input, add_option, add_words, number
-from multipendula.parser import Page
+from multipendula.completion import words
 
 if TYPE_CHECKING:
     from modal.scene import Scene
@@ -19,31 +19,28 @@ OUTPUTS = (
     *("coordinates", "coordinate_rates", "coordinate_accelerations", "spring_forces", "spring_extensions"),
 )
 """The groups of outputs of a model."""
-
-
-def add_signals(page: Page) -> None:
-    """The groups of inputs and outputs of a model."""
-    page.rephrase(r"^output(?=[ :])", "--signals")
-    inputs = (
-        *("cart_force", "cart_acceleration", "cart_velocity", "joint_torques", "link_forces", "coordinate_forces"),
-        *("support_displacement", "support_velocity", "support_acceleration"),
-        *("force:", "lift:", "torque:", "force[0]"),
-    )
-    more = (
-        ": cart_force (default on a cart), cart_acceleration or cart_velocity; coordinate_forces (default on a "
+INPUTS = (
+    *("cart_force", "cart_acceleration", "cart_velocity", "joint_torques", "link_forces", "coordinate_forces"),
+    *("support_displacement", "support_velocity", "support_acceleration", "force:", "lift:", "torque:", "force[0]"),
+)
+SIGNALS = (
+    option(
+        "--input: cart_force (default on a cart), cart_acceleration or cart_velocity; coordinate_forces (default on a "
         "structure) or one of them, such as floor2_force; joint_torques (default on a fixed support), link_forces; "
         "support_displacement, support_velocity or support_acceleration; force:POINT, lift:POINT or torque:POINT, with "
-        "a POINT such as pendulum[0].links[1]@0.5 or ship@0.2,0.1; force[0], the scene's first force"
-    )
-    add_input(page, inputs, more)
-    more = (
-        ": cart_position,angles (default), cart_velocity, rates, relative_angles, relative_rates, joint_positions, "
-        "tip_positions, tip_accelerations, pivot_forces; of a structure coordinates,angles (default), "
-        "coordinate_rates, coordinate_accelerations, spring_forces, spring_extensions, or single ones, such as floor2_m"
-    )
-    add_words(page.asked, "--signals", OUTPUTS, more)
-    add_option(page.asked, "--when", "", type=number("seconds from 0", least=0.0))
-    page.rephrase(r"Scene\.at\(seconds\)", "--when SECONDS")
+        "a POINT such as pendulum[0].links[1]@0.5 or ship@0.2,0.1; force[0], the scene's first force",
+        completion=words(INPUTS),
+    ),
+    option(
+        "--signals: cart_position,angles (default), cart_velocity, rates, relative_angles, relative_rates, "
+        "joint_positions, tip_positions, tip_accelerations, pivot_forces; of a structure coordinates,angles (default), "
+        "coordinate_rates, coordinate_accelerations, spring_forces, spring_extensions, or single ones, such as "
+        "floor2_m",
+        completion=words(OUTPUTS),
+    ),
+    "--when",
+)
+"""The groups of inputs and outputs of a model, and the time of a hoist."""
 
 
 def scene_of(options: argparse.Namespace, capability: str) -> Scene:

@@ -7,26 +7,10 @@ import sys
 from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
-from multipendula.command import Command
+from multipendula.command import SCENE, THEME, Command, main_file, option, text_file
 from multipendula.commands.shared import about, bar, chosen, drawn, estimate_of, large, noted, output, picture, remark
-from multipendula.options import (
-    FILMS,
-    PICTURES,
-    add_covariance,
-    add_explain,
-    add_format,
-    add_modes,
-    add_option,
-    add_output,
-    add_relative_error,
-    add_scene,
-    add_switch,
-    add_text,
-    add_theme,
-    add_words,
-    number,
-)
-from multipendula.parser import Page
+from multipendula.completion import words
+from multipendula.options import FILMS, PICTURES
 
 if TYPE_CHECKING:
     from modal.modes import Mode, Modes
@@ -82,32 +66,6 @@ def _stds(modes: Modes, numbers: Sequence[int], path: str | None) -> dict[int, t
     }
 
 
-def _table_arguments(page: Page) -> None:
-    add_scene(page)
-    add_covariance(page, "adds standard deviations")
-    add_format(page, ("text", "markdown", "latex", "csv", "html", "json"))
-    add_text(page)
-    add_modes(page)
-    add_relative_error(page, ", met at less cost for long chains (default: every digit)")
-    _add_amplitude(page.computed, ": adds the damping ratio there, with dry friction and quadratic drag")
-    add_switch(page.computed, "--orbits", ": the 1 %% angle is that in the full equations")
-    more = (
-        ": all, or some by their names in --format csv, or how these begin; after a + beside the usual ones, as in "
-        "+participation,cumulative"
-    )
-    add_words(page.written, "--columns", ("all", *COLUMN_NAMES), more)
-    page.rephrase(r"^columns (?=\S*:)", "--columns ")
-    add_switch(page.written, "--sensitivities")
-    add_switch(page.written, "--shapes", " (json only)")
-    add_explain(page)
-
-
-def _add_amplitude(group: argparse._ActionsContainer, more: str, usual: float | None = None) -> None:
-    """The amplitude of a mode."""
-    degrees = number("degrees above 0 and at most 90", most=90)
-    add_option(group, "--amplitude", more, type=degrees, default=usual)
-
-
 def _by_orbits(modes: Modes, rows: list[Mode]) -> tuple[list[Mode], str]:
     """The rows with the 1 % angles of starred modes from periodic orbits, and what these angles are."""
     from dataclasses import replace
@@ -148,14 +106,6 @@ def shapes(options: argparse.Namespace) -> None:
         remark(f"drew the first {USUAL_PANELS} of {len(numbers)} modes; choose with --modes")
 
 
-def _shapes_arguments(page: Page) -> None:
-    add_scene(page)
-    add_output(page, "the figure, or a film", PICTURES + FILMS, required=True)
-    add_theme(page)
-    add_modes(page, "the first 12")
-    _add_amplitude(page.asked, " in its drawing (default 25)", 25.0)
-
-
 def matrices(options: argparse.Namespace) -> None:
     """Print M, K and D."""
     from modal.assembly import matrices as matrices_of
@@ -165,12 +115,6 @@ def matrices(options: argparse.Namespace) -> None:
     scene = about(noted(load(options.scene), "mode shapes"))
     with output(options.output) as write:
         write(matrices_table(scene, matrices_of(scene), options.format))
-
-
-def _matrices_arguments(page: Page) -> None:
-    add_scene(page)
-    add_format(page, ("text", "json"))
-    add_text(page)
 
 
 def _modes(options: argparse.Namespace, accuracy: float | None = None) -> tuple[Modes, Sequence[int]]:
@@ -199,7 +143,23 @@ COMMANDS = (
         name="table",
         topic="modes",
         run=table,
-        arguments=_table_arguments,
+        takes=(
+            SCENE,
+            "--covariance: adds standard deviations",
+            *text_file("text", "markdown", "latex", "csv", "html", "json"),
+            "--modes, counted from 1 (default all)",
+            "--relative-error, met at less cost for long chains (default: every digit)",
+            option("--amplitude: adds the damping ratio there, with dry friction and quadratic drag", group="computed"),
+            "--orbits: the 1 %% angle is that in the full equations",
+            option(
+                "--columns: all, or some by their names in --format csv, or how these begin; after a + beside the "
+                "usual ones, as in +participation,cumulative",
+                completion=words(("all", *COLUMN_NAMES)),
+            ),
+            "--sensitivities",
+            "--shapes (json only)",
+            "--explain",
+        ),
         details=(
             "One row per mode: frequency and period, multiplicity, description, participation of the cart, modal "
             "effective mass (on a free cart with the cart held), the angle up to which the linear frequency is "
@@ -221,7 +181,13 @@ COMMANDS = (
         name="shapes",
         topic="modes",
         run=shapes,
-        arguments=_shapes_arguments,
+        takes=(
+            SCENE,
+            main_file("the figure, or a film", PICTURES + FILMS, required=True),
+            THEME,
+            "--modes, counted from 1 (default the first 12)",
+            option("--amplitude in its drawing (default 25)", default=25.0),
+        ),
         details=(
             "One panel per mode, drawn with the largest angle that you choose. A repeated frequency shows one shape of "
             "each sort. Of more than 12 pendula it draws angles over the number of the pendulum. In a film (GIF, "
@@ -239,7 +205,7 @@ COMMANDS = (
         name="matrices",
         topic="modes",
         run=matrices,
-        arguments=_matrices_arguments,
+        takes=(SCENE, *text_file("text", "json")),
         details=(
             "Mass, damping and stiffness matrices about the scene's equilibrium, M q'' + D q' + K q = 0, with the "
             "names of the coordinates: x of the cart, then the absolute angle of every link of every copy."

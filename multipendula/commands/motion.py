@@ -7,26 +7,10 @@ import sys
 from time import perf_counter
 from typing import TYPE_CHECKING
 
-from multipendula.command import Command
-from multipendula.commands.runs import RunOptions, start_of, whole
+from multipendula.command import THEME, TOLERANCE, Command, kwargs_of, main_file, scene_argument, text_file
+from multipendula.commands.runs import RunOptions, motion, start_of, whole
 from multipendula.commands.shared import bar, drawn, estimate_of, film_form, in_a_folder, output, picture, remark, say
-from multipendula.options import (
-    FILMS,
-    PICTURES,
-    add_covariance,
-    add_explain,
-    add_file,
-    add_format,
-    add_motion,
-    add_option,
-    add_output,
-    add_scene,
-    add_text,
-    add_theme,
-    add_tolerance,
-    number,
-)
-from multipendula.parser import Page
+from multipendula.options import FILMS, PICTURES, RUNS
 
 if TYPE_CHECKING:
     from modal.identification import Estimate
@@ -117,15 +101,6 @@ def _print_band(options: argparse.Namespace, estimate: Estimate, kind: str) -> N
             draw_spread(members, stream, kind)
 
 
-def _simulate_arguments(page: Page) -> None:
-    RunOptions.add(page, 60.0)
-    add_covariance(page, "adds the band of the motion over the fitted numbers")
-    add_file(page, "--band", "", PICTURES)
-    add_theme(page)
-    add_motion(page)
-    add_explain(page)
-
-
 def plot(options: argparse.Namespace) -> None:
     """Draw a run: angles, cart, energies, phase portrait, and spectrum with the linear frequencies."""
     from nonlinear.plotting import draw_run
@@ -135,12 +110,6 @@ def plot(options: argparse.Namespace) -> None:
         draw_run(trajectory, stream, kind=picture(options.output))
 
 
-def _plot_arguments(page: Page) -> None:
-    RunOptions.add(page, 20.0)
-    add_output(page, "the figure", PICTURES, required=True)
-    add_theme(page)
-
-
 def animate(options: argparse.Namespace) -> None:
     """Make a film of a run: the pendula, their trails and their energies."""
     from nonlinear.plotting import animate as film
@@ -148,22 +117,11 @@ def animate(options: argparse.Namespace) -> None:
     trajectory = RunOptions.of(options).shown(lambda: film_form(options.output))
     form = film_form(options.output)
     with drawn(options.output, options.theme) as stream, bar(options.seconds or 20.0) as report:
-        shown = film(
-            trajectory, stream, form, fps=options.fps, speed=options.speed, seconds=options.seconds, report=report
-        )
+        how = kwargs_of(options, "--fps", "--speed", "--seconds")
+        shown = film(trajectory, stream, form, report=report, **how)
     say(f"{shown.frames} frames, {shown.seconds:.3g} s of film for {shown.motion:.3g} s of motion\n")
     if shown.left_out > 0:
         remark(f"{shown.left_out:.3g} s of the run left out; --seconds or --speed")
-
-
-def _animate_arguments(page: Page) -> None:
-    RunOptions.add(page, 10.0)
-    add_output(page, "the film", FILMS, required=True)
-    add_option(page.written, "--fps", "", type=number("frames a second from 1 to 60", 60, 1))
-    times = number("times real time from 0.001 to 1000", 1000, 0.001)
-    add_option(page.written, "--speed", " (default 1)", type=times, default=1.0)
-    add_option(page.written, "--seconds", " (default 20)", type=number("seconds above 0"))
-    add_theme(page)
 
 
 def compile_ahead(options: argparse.Namespace) -> None:
@@ -171,17 +129,9 @@ def compile_ahead(options: argparse.Namespace) -> None:
     from modal.scene import load
     from nonlinear.ensembles import compilation_table, compile_engines
 
-    more = {"tolerance": options.tolerance} if options.tolerance else {}
-    compiled = compile_engines(load(options.scene) if options.scene else None, **more)
+    compiled = compile_engines(load(options.scene) if options.scene else None, **kwargs_of(options, "--tolerance"))
     with output(options.output) as write:
         write(compilation_table(compiled, options.format))
-
-
-def _compile_arguments(page: Page) -> None:
-    add_scene(page, "; without one, what serves every scene is compiled", nargs="?")
-    add_tolerance(page)
-    add_format(page, ("text", "json"))
-    add_text(page)
 
 
 COMMANDS = (
@@ -189,7 +139,14 @@ COMMANDS = (
         name="simulate",
         topic="motion",
         run=simulate,
-        arguments=_simulate_arguments,
+        takes=(
+            *motion(60.0),
+            "--covariance: adds the band of the motion over the fitted numbers",
+            "--band",
+            THEME,
+            main_file("the motion", RUNS),
+            "--explain",
+        ),
         details=(
             "The full equations at any angle, with checks of the run: the drift of energy, momentum and constraints. "
             "The initial condition is the scene's own, a mode at an amplitude, or angles at rest. A saved run is "
@@ -213,7 +170,7 @@ COMMANDS = (
         name="plot",
         topic="motion",
         run=plot,
-        arguments=_plot_arguments,
+        takes=(*motion(20.0), main_file("the figure", PICTURES, required=True), THEME),
         details=(
             "The run is a saved one, or of a scene that is simulated first. Dotted lines in the spectrum are the "
             "frequencies of the table of modes. Links that move alike are one curve; of many, some are drawn and the "
@@ -229,7 +186,14 @@ COMMANDS = (
         name="animate",
         topic="motion",
         run=animate,
-        arguments=_animate_arguments,
+        takes=(
+            *motion(10.0),
+            main_file("the film", FILMS, required=True),
+            "--fps",
+            "--speed (default 1)",
+            "--seconds (default 20)",
+            THEME,
+        ),
         details=(
             "The run is a saved one, or of a scene that is simulated first. A GIF plays everywhere, MP4 needs the "
             "extra `video`, HTML is a page with controls."
@@ -244,7 +208,11 @@ COMMANDS = (
         name="compile",
         topic="motion",
         run=compile_ahead,
-        arguments=_compile_arguments,
+        takes=(
+            scene_argument("; without one, what serves every scene is compiled", nargs="?"),
+            TOLERANCE,
+            *text_file("text", "json"),
+        ),
         details=(
             "numba (extra `fast`) and heyoka (extra `taylor`) run many times as fast as Python once they have "
             "compiled, which takes seconds to a minute for each form of scene; a terminal is told how long it took "

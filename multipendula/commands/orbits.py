@@ -6,25 +6,9 @@ import argparse
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from multipendula.command import Command
+from multipendula.command import SCENE, Command, formats, once, report_file
 from multipendula.commands.runs import start_of, whole
 from multipendula.commands.shared import bar, drawn, film_form, noted, picture, remark, say, validated, warned
-from multipendula.options import (
-    FILMS,
-    add_duration,
-    add_file,
-    add_format,
-    add_largest_angle,
-    add_mode,
-    add_option,
-    add_report,
-    add_scene,
-    add_start,
-    add_switch,
-    add_vary,
-)
-from multipendula.options import whole as whole_number
-from multipendula.parser import Page
 
 if TYPE_CHECKING:
     from modal.scene import Scene
@@ -48,28 +32,6 @@ def orbits(options: argparse.Namespace) -> None:
         _draw(scene, branches, options)
     if options.film:
         _film(scene, branches, options)
-
-
-def _orbits_arguments(page: Page) -> None:
-    add_scene(page)
-    add_mode(page, ", to follow without dampers and drives", most=1)
-    add_largest_angle(page.asked, f", with --mode (default {LARGEST:g})")
-    more = (
-        ", such as support.mass=1:100:2log, along which orbits are followed: the limit cycles of a scene with drives "
-        "at joints, the motions of the period of a moved support and of forces, or with --mode the orbit of one "
-        "largest angle"
-    )
-    add_vary(page, more, most=1)
-    add_switch(page.asked, "--enter", " at branch points and period doublings")
-    add_option(page.asked, "--depth", ", with --enter (default 1)", type=whole_number(20))
-    more = ", under forces or on a moved support (default 1)"
-    add_option(page.asked, "--periods", more, type=whole_number(64))
-    add_switch(page.asked, "--settled", ", with --vary, instead of at predicted oscillations")
-    add_start(page, ", with --settled, as in simulate")
-    add_duration(page, f", with --settled (default {LONG} periods of the slowest mode)")
-    add_format(page, ("text", "csv", "json"))
-    add_report(page, ("text", "csv", "json"))
-    add_file(page, "--film", "the last orbit beside the linear mode", FILMS)
 
 
 def _fitting(options: argparse.Namespace) -> None:
@@ -214,7 +176,25 @@ COMMANDS = (
         name="orbits",
         topic="motion",
         run=orbits,
-        arguments=_orbits_arguments,
+        takes=(
+            SCENE,
+            once("--mode, to follow without dampers and drives"),
+            f"--largest-angle, with --mode (default {LARGEST:g})",
+            once(
+                "--vary, such as support.mass=1:100:2log, along which orbits are followed: the limit cycles of a scene "
+                "with drives at joints, the motions of the period of a moved support and of forces, or with --mode the "
+                "orbit of one largest angle"
+            ),
+            "--enter at branch points and period doublings",
+            "--depth, with --enter (default 1)",
+            "--periods, under forces or on a moved support (default 1)",
+            "--settled, with --vary, instead of at predicted oscillations",
+            "--start, with --settled, as in simulate",
+            f"--duration, with --settled (default {LONG} periods of the slowest mode)",
+            formats("text", "csv", "json"),
+            *report_file("text", "csv", "json"),
+            "--film: the last orbit beside the linear mode",
+        ),
         details=(
             "With --mode, the periodic motions that begin in a mode of the table, without dampers and drives, are "
             "followed to large angles: the frequency against the amplitude (backbone), and at which angle the motion "

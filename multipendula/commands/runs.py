@@ -8,21 +8,9 @@ from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeVar
 
+from multipendula.command import RUN, SCENE, TOLERANCE, Takes, option
 from multipendula.commands.shared import bar, forewarning, in_a_folder, remark
-from multipendula.options import (
-    RUNS,
-    add_accuracy,
-    add_count,
-    add_duration,
-    add_run,
-    add_samples,
-    add_scene,
-    add_start,
-    add_tolerance,
-    add_words,
-    endings,
-)
-from multipendula.parser import Page
+from multipendula.options import FORMS, METHODS, RUNS, endings
 
 if TYPE_CHECKING:
     from modal.scene import Scene
@@ -34,27 +22,25 @@ START = (
     ": scene (default; without one mode:R:5, R the first that swings), mode:R:DEG, orbit:R:DEG (a periodic orbit), "
     "orbit (the motion that repeats with the drives) or angles:A,B,... (deg, at rest)"
 )
-METHODS = ("auto", "DOP853", "RK45", "RK23", "Radau", "BDF", "LSODA", "taylor")
-FORMS = ("auto", "minimal", "maximal", "hamiltonian", "spatial")
-Check = Callable[[], object]
-Computed = TypeVar("Computed")
-
-
-def _add_words(page: Page, flag: str, words: tuple[str, ...]) -> None:
-    add_words(page.computed, flag, words, f": {', '.join(words)} (default auto)", comma="")
-
-
-ADDERS: dict[str, Callable[[Page], None]] = {
-    "start": lambda page: add_start(page, START),
-    "samples": add_samples,
-    "method": lambda page: _add_words(page, "--method", METHODS),
-    "form": lambda page: _add_words(page, "--form", FORMS),
-    "tolerance": add_tolerance,
-    "accuracy": lambda page: add_accuracy(page, ", instead of a tolerance"),
-    "keep_modes": lambda page: add_count(page.computed, "--keep-modes", 100_000),
+MOTION = {
+    "start": f"--start{START}",
+    "samples": "--samples",
+    "method": f"--method: {', '.join(METHODS)} (default auto)",
+    "form": f"--form: {', '.join(FORMS)} (default auto)",
+    "tolerance": TOLERANCE,
+    "accuracy": "--accuracy, instead of a tolerance",
+    "keep_modes": "--keep-modes",
 }
 """The options of a motion beside its duration, by name: every command that simulates one takes them from here."""
+Check = Callable[[], object]
+Computed = TypeVar("Computed")
 HOW = ("method", "form", "tolerance", "accuracy")
+
+
+def motion(duration: float, *, runs: bool = True, without: Sequence[str] = ()) -> tuple[Takes, ...]:
+    """What a command takes that simulates: a scene, or with `runs` a saved run, too, and all options but some."""
+    taken = (words for name, words in MOTION.items() if name not in without)
+    return (RUN if runs else SCENE, option(f"--duration (default {duration:g})", usual=duration), *taken)
 
 
 @dataclass(frozen=True)
@@ -70,19 +56,9 @@ class RunOptions:
     output: str | None = None
 
     @classmethod
-    def add(cls, page: Page, duration: float, *, runs: bool = True, without: Sequence[str] = ()) -> None:
-        """The arguments on a page: a scene, or with `runs` a saved run, too, and all options but some."""
-        (add_run if runs else add_scene)(page)
-        add_duration(page, f" (default {duration:g})")
-        page.set_defaults(usual=duration)
-        for name, add in ADDERS.items():
-            if name not in without:
-                add(page)
-
-    @classmethod
     def of(cls, options: argparse.Namespace) -> RunOptions:
         """Those of a command line."""
-        arguments = {name: value for name in ("duration", *ADDERS) if (value := getattr(options, name, None))}
+        arguments = {name: value for name in ("duration", *MOTION) if (value := getattr(options, name, None))}
         return cls(options.scene, options.duration or options.usual, arguments, options.output)
 
     @property

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import argparse
 
-from multipendula import completion as completing
-from multipendula.command import Command
+from multipendula.command import Command, Option, argument, text_file
 from multipendula.commands.shared import output
-from multipendula.options import add_text, offer
-from multipendula.parser import Page
+from multipendula.completion import names
+from multipendula.flags import Flag
 
 SHELLS = ("bash", "zsh", "fish", "powershell")
 
@@ -28,12 +27,6 @@ def scenes(options: argparse.Namespace) -> None:
             write(folded(f"{name:<{width}}  {files.load(name).title}") + "\n")
 
 
-def _scenes_arguments(page: Page) -> None:
-    name = page.asked.add_argument("name", nargs="?", metavar="NAME", help="print this scene's file")
-    offer(name, completing.names)
-    add_text(page)
-
-
 def schema(options: argparse.Namespace) -> None:
     """Print the JSON Schema of a scene file."""
     from modal.report import as_json
@@ -41,10 +34,6 @@ def schema(options: argparse.Namespace) -> None:
 
     with output(options.output) as write:
         write(as_json(files.schema()))
-
-
-def _schema_arguments(page: Page) -> None:
-    add_text(page)
 
 
 def completion(options: argparse.Namespace) -> None:
@@ -55,17 +44,12 @@ def completion(options: argparse.Namespace) -> None:
         write(shellcode(["multipendula"], shell=options.shell) + "\n")
 
 
-def _completion_arguments(page: Page) -> None:
-    page.asked.add_argument("shell", choices=SHELLS)
-    add_text(page)
-
-
 COMMANDS = (
     Command(
         name="scenes",
         topic="look",
         run=scenes,
-        arguments=_scenes_arguments,
+        takes=(argument("name", "NAME", "print this scene's file", names, nargs="?"), *text_file()),
         details=(
             "Commands accept the name of a shipped scene in place of a file. With a name, its file is printed, as a "
             "template for a scene of your own: TOML, SI units, angles in degrees from the downward vertical."
@@ -80,7 +64,7 @@ COMMANDS = (
         name="schema",
         topic="look",
         run=schema,
-        arguments=_schema_arguments,
+        takes=text_file(kind="json"),
         details="Editors that support JSON Schema complete scene files and mark mistakes in them.",
         examples=(
             ("schema -o scene.schema.json", "once, in the folder of your scenes"),
@@ -91,7 +75,7 @@ COMMANDS = (
         name="completion",
         topic="look",
         run=completion,
-        arguments=_completion_arguments,
+        takes=(Option("shell", Flag("", "", choices=SHELLS)), *text_file()),
         details=(
             "The shell then completes commands, options, names of scenes, files of the right kind, places in a scene "
             "and values such as those of --show and --measure. Write the script to a file once and have your shell "

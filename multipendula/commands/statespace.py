@@ -6,8 +6,8 @@ import argparse
 from typing import TYPE_CHECKING
 
 from modal.exports import FORMATS
-from multipendula.command import Command
-from multipendula.commands.models import add_signals, model_of, scene_at, scene_of
+from multipendula.command import SCENE, Command, formats, main_file, option, picture_file, report_file, text_file
+from multipendula.commands.models import SIGNALS, model_of, scene_at, scene_of
 from multipendula.commands.shared import (
     about,
     draw_in,
@@ -21,27 +21,7 @@ from multipendula.commands.shared import (
     remark,
     say,
 )
-from multipendula.options import (
-    add_covariance,
-    add_format,
-    add_frequencies,
-    add_option,
-    add_output,
-    add_outputs,
-    add_picture,
-    add_report,
-    add_sample_time,
-    add_scene,
-    add_shaped,
-    add_shaper,
-    add_switch,
-    add_text,
-    add_travel,
-    add_words,
-    number,
-    whole,
-)
-from multipendula.parser import Page
+from multipendula.completion import words
 
 if TYPE_CHECKING:
     from modal.scene import Scene
@@ -84,23 +64,6 @@ def _varying(scene: Scene, options: argparse.Namespace) -> VaryingModel:
     return varying_model(scene, None, listed(options.input), listed(options.signals))
 
 
-def _export_arguments(page: Page) -> None:
-    add_scene(page)
-    add_signals(page)
-    *most, last = FORMATS
-    add_words(page.written, "--to", (*most, last), f": {', '.join(most)} or {last}", comma="", required=True)
-    page.rephrase(r"^format (\S+):", r"--to \1:")
-    page.rephrase(r"mat and npz take it$", r"\g<0>, and every format that of one time, --when SECONDS")
-    page.rephrase(r"a C header needs a sampled model", "--to c needs --discrete SECONDS")
-    add_output(page, "the model", (), required=True)
-    add_sample_time(page, ": the model is discretized, its inputs held between samples (zero-order hold)")
-    page.rephrase(r"^step (\S+) s:", r"--discrete \1:")
-    smaller = page.asked.add_mutually_exclusive_group()
-    add_switch(smaller, "--minimal")
-    add_option(smaller, "--dominant", "", type=whole(99999))
-    page.rephrase(r"^(\d+) modes: (?=the model)", r"--dominant \1: ")
-
-
 def gains(options: argparse.Namespace) -> None:
     """Print how well every input reaches each mode and every output sees it."""
     from modal.modes import natural_modes
@@ -110,12 +73,6 @@ def gains(options: argparse.Namespace) -> None:
     gains = modal_gains(natural_modes(scene), model_of(scene, options))
     with output(options.output) as write:
         write(gains.text() + "\n")
-
-
-def _gains_arguments(page: Page) -> None:
-    add_scene(page)
-    add_signals(page)
-    add_text(page)
 
 
 def response(options: argparse.Namespace) -> None:
@@ -172,19 +129,6 @@ def response(options: argparse.Namespace) -> None:
                 draw_bode(form, stream, source=at, outputs=chosen, kind=kind, std=std)
 
 
-def _response_arguments(page: Page) -> None:
-    add_scene(page)
-    add_covariance(page, "adds standard deviations of magnitudes, in the picture a band of two to either side")
-    add_signals(page)
-    add_report(page, ("text", "csv", "json"))
-    add_frequencies(page, ": magnitude and phase")
-    add_format(page, ("text", "csv", "json"), ", by --at, and by --impulse in numbers (default text)")
-    add_option(page.asked, "--from", " (default the first)", dest="source")
-    add_outputs(page, " (default all)")
-    page.rephrase(r"choose at most \d+ outputs$", r"\g<0> with --of")
-    add_switch(page.asked, "--impulse", " instead of the Bode plot")
-
-
 def shaper(options: argparse.Namespace) -> None:
     """Print an input shaper that suppresses residual swing in the slowest modes of a crane."""
     from modal.errors import SceneError
@@ -223,40 +167,24 @@ def shaper(options: argparse.Namespace) -> None:
         write(csv_rows([("time_s", "amplitude"), *impulses]))
 
 
-def _shaper_arguments(page: Page) -> None:
-    add_scene(page)
-    add_covariance(page, "adds what the shaped command leaves over the band of the fitted numbers")
-    more = (
-        " (default zv); zvd and ei tolerate more error in the frequencies, um is the shortest, with impulses of both "
-        "signs"
-    )
-    add_shaper(page, more, "zv")
-    add_sample_time(page, ": impulses come at its multiples")
-    page.rephrase(r"^a step of (\S+) s", r"--discrete \1")
-    percent = number("percent above 0 and at most 50", most=50.0)
-    add_option(page.asked, "--residual", ", by ei (default 5)", type=percent, default=5.0)
-    add_shaped(page, 1)
-    drives = ("cart_acceleration", "cart_velocity", "cart_force")
-    more = (
-        ": cart_acceleration (default), cart_velocity or cart_force; of a structure the force on one of its "
-        "coordinates (default the first), such as ship_sway_force"
-    )
-    add_words(page.asked, "--drive", drives, more, comma="")
-    page.rephrase(r"^drive = '(\S+)':", r"--drive \1:")
-    more = ": tells the swing that is left with and without the shaper"
-    add_travel(page, more)
-    page.rephrase(r"^distance (\S+):", r"--travel \1:")
-    page.rephrase(r"^duration (\S+):", r"--over \1:")
-    add_text(page, drawn=True)
-    add_picture(page)
-
-
 COMMANDS = (
     Command(
         name="export",
         topic="control",
         run=export,
-        arguments=_export_arguments,
+        takes=(
+            SCENE,
+            *SIGNALS,
+            option(
+                f"--to: {', '.join(list(FORMATS)[:-1])} or {list(FORMATS)[-1]}",
+                completion=words(tuple(FORMATS), ""),
+                required=True,
+            ),
+            main_file("the model", (), required=True),
+            "--discrete: the model is discretized, its inputs held between samples (zero-order hold)",
+            "--minimal",
+            "--dominant",
+        ),
         details=(
             "z' = A z + B u, y = C z + D u about the scene's equilibrium, with a name and a unit for every state, "
             "input and output; discretized with --discrete. For a scene with a hoist, A and B are sampled along it "
@@ -279,7 +207,7 @@ COMMANDS = (
         name="gains",
         topic="control",
         run=gains,
-        arguments=_gains_arguments,
+        takes=(SCENE, *SIGNALS, *text_file(kind="txt")),
         details=(
             "Degrees of controllability and observability instead of ranks: the gain of every mode from each input and "
             "to each output, relative to the largest gain of that signal."
@@ -293,7 +221,17 @@ COMMANDS = (
         name="response",
         topic="control",
         run=response,
-        arguments=_response_arguments,
+        takes=(
+            SCENE,
+            "--covariance: adds standard deviations of magnitudes, in the picture a band of two to either side",
+            *SIGNALS,
+            *report_file("text", "csv", "json"),
+            "--at: magnitude and phase",
+            formats("text", "csv", "json", more=", by --at, and by --impulse in numbers (default text)"),
+            option("--from (default the first)", dest="source"),
+            option("--of (default all)", keyword="outputs"),
+            "--impulse instead of the Bode plot",
+        ),
         details=(
             "Magnitude and phase of every output for one input, accurate at any distance from the modes, or the "
             "impulse response in closed form. Peaks of damped modes have their true height; a note below the picture "
@@ -317,7 +255,27 @@ COMMANDS = (
         name="shaper",
         topic="control",
         run=shaper,
-        arguments=_shaper_arguments,
+        takes=(
+            SCENE,
+            "--covariance: adds what the shaped command leaves over the band of the fitted numbers",
+            option(
+                "--kind (default zv); zvd and ei tolerate more error in the frequencies, um is the shortest, with "
+                "impulses of both signs",
+                default="zv",
+            ),
+            "--discrete: impulses come at its multiples",
+            "--residual, by ei (default 5)",
+            option("--count (default 1)", default=1),
+            option(
+                "--drive: cart_acceleration (default), cart_velocity or cart_force; of a structure the force on one of "
+                "its coordinates (default the first), such as ship_sway_force",
+                completion=words(("cart_acceleration", "cart_velocity", "cart_force"), ""),
+            ),
+            "--travel: tells the swing that is left with and without the shaper",
+            "--over (default that of the hoist)",
+            *text_file(drawn=True),
+            *picture_file(),
+        ),
         details=(
             "Impulses to convolve a command with, so that the load hangs still at the end of a move (Singer & Seering "
             "1990). The output lists their times and their amplitudes, which sum to one."

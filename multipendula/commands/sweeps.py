@@ -8,26 +8,11 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from multipendula.command import Command
-from multipendula.commands.ensembles import names_of, refuse
+from multipendula.command import CREW, SCENE, Command, kwargs_of, main_file, option, picture_file
+from multipendula.commands.ensembles import measured, names_of, refuse, strobed
 from multipendula.commands.runs import tell_of_start
 from multipendula.commands.shared import bar, drawn, picture_in_place, say
-from multipendula.options import (
-    PICTURES,
-    RUNS,
-    Repeated,
-    add_crew,
-    add_members,
-    add_output,
-    add_picture,
-    add_scene,
-    add_seed,
-    add_strobes,
-    add_switch,
-    add_vary,
-    add_words,
-)
-from multipendula.parser import Page
+from multipendula.options import PICTURES, RUNS, integer
 
 if TYPE_CHECKING:
     from nonlinear.sweeps import Checkpoint, Study, WorkerPool
@@ -46,31 +31,6 @@ def sweep(options: argparse.Namespace) -> None:
     if not any(text.partition("=")[0].strip() == BY_ENERGY for text in options.vary):
         refuse(options, DRAWN, f"needs --vary {BY_ENERGY}=VALUES")
     (_loci if options.loci else _strobes if options.strobe else _map)(options, kind)
-
-
-def _sweep_arguments(page: Page) -> None:
-    from nonlinear.measures import taken_by
-
-    add_scene(page)
-    more = (
-        ": support.mass=1:1000:50log, gravity=1:10:5 or pendulum[*].links[0].length=0.9,1,1.1; one to three of them; "
-        "start.energy=1:20:40 (J above rest) draws --members starts at every energy"
-    )
-    add_vary(page, more, required=True)
-    more = f": {', '.join(taken_by('sweep'))} (default frequencies, over energies lyapunov); repeat for several"
-    add_words(page.asked, "--measure", taken_by("sweep"), more, comma="", action=Repeated)
-    add_members(page, ": starts drawn at every start.energy (default 50)", 100_000)
-    add_seed(page, " (default 0)")
-    page.rephrase(r"find_bifurcations follows them$", "--strobe follows them")
-    page.rephrase(r"^start\.energy: needs members", "start.energy: needs --members")
-    add_switch(page.asked, "--loci")
-    page.rephrase(r"(loci need an undamped scene .*)$", r"\1; without --loci, --measure frequencies takes dampers")
-    add_switch(page.asked, "--strobe", ", along one --vary: a bifurcation diagram of the last 50 (-o: .csv, .json)")
-    add_strobes(page, "ten times the slowest decay, at least 200 periods")
-    add_output(page, "the numbers (of --loci .csv) or the figure", (*RUNS, "json", *PICTURES))
-    add_picture(page)
-    add_crew(page)
-    add_switch(page.computed, "--fresh")
 
 
 def _map(options: argparse.Namespace, kind: str) -> None:
@@ -192,9 +152,9 @@ def _strobes(options: argparse.Namespace, kind: str) -> None:
     scene, (variation,) = load(options.scene), parse_variations(options.vary)
     if not has_start(scene):
         tell_of_start("every value begins in the shape of its first mode that swings")
-    more = {"phase_deg": options.phase_deg or 0.0, "settle": options.settle, "of": names_of(options)}
+    more = kwargs_of(options, "--phase-deg", "--settle", "--workers") | {"of": names_of(options)}
     with _crew(options) as crew, bar(len(variation.values), "value") as report:
-        strobes = find_bifurcations(scene, variation, workers=options.workers, crew=crew, report=report, **more)
+        strobes = find_bifurcations(scene, variation, crew=crew, report=report, **more)
     if options.output != STANDARD:
         say(bifurcation_table(strobes, "text"))
     if form:
@@ -212,7 +172,24 @@ COMMANDS = (
         name="sweep",
         topic="coupling and synchronization",
         run=sweep,
-        arguments=_sweep_arguments,
+        takes=(
+            SCENE,
+            option(
+                "--vary: support.mass=1:1000:50log, gravity=1:10:5 or pendulum[*].links[0].length=0.9,1,1.1; one to "
+                "three of them; start.energy=1:20:40 (J above rest) draws --members starts at every energy",
+                required=True,
+            ),
+            measured("sweep", "frequencies, over energies lyapunov); repeat for several"),
+            option("--members: starts drawn at every start.energy (default 50)", type=integer(100_000)),
+            "--seed (default 0)",
+            "--loci",
+            "--strobe, along one --vary: a bifurcation diagram of the last 50 (-o: .csv, .json)",
+            *strobed("ten times the slowest decay, at least 200 periods"),
+            main_file("the numbers (of --loci .csv) or the figure", (*RUNS, "json", *PICTURES)),
+            *picture_file(),
+            *CREW,
+            "--fresh",
+        ),
         details=(
             "One to three numbers of a scene, named by their place in the file, are set to every combination of "
             "values, on all cores. Finished points are saved beside --output; after Ctrl-C the same command resumes. "

@@ -6,21 +6,9 @@ import argparse
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING
 
-from multipendula.command import Command
+from multipendula.command import SCENE, Command, formats, once, report_file
 from multipendula.commands.runs import start_of
 from multipendula.commands.shared import bar, drawn, film_form, forewarning, picture, remark, say, stages, validated
-from multipendula.options import (
-    FILMS,
-    add_duration,
-    add_file,
-    add_format,
-    add_report,
-    add_scene,
-    add_start,
-    add_switch,
-    add_vary,
-)
-from multipendula.parser import Page
 
 if TYPE_CHECKING:
     from modal.scene import Scene
@@ -38,18 +26,6 @@ def sync(options: argparse.Namespace) -> None:
     (_branches if options.vary else _run)(scene, options)
 
 
-def _sync_arguments(page: Page) -> None:
-    add_scene(page)
-    add_duration(page, " (default as predicted)")
-    add_start(page, ", as in simulate, with undamped mode shapes")
-    more = ", such as support.mass=1:100:30log, along which every steady oscillation is followed instead"
-    add_vary(page, more, most=1)
-    add_format(page, ("text", "csv", "json"), " (default text); csv with --vary only")
-    add_switch(page.written, "--words", ": prediction and simulation")
-    add_report(page, ("text", "csv", "json"))
-    add_file(page, "--film", "a stroboscopic one", FILMS)
-
-
 def _fitting(options: argparse.Namespace) -> None:
     from modal.errors import SceneError
 
@@ -58,13 +34,14 @@ def _fitting(options: argparse.Namespace) -> None:
 
 
 def _misfits(options: argparse.Namespace) -> Iterator[str]:
+    form = getattr(options, "format_words", f"--format {options.format}")
     if options.vary:
         asked = [name for name in ("duration", "start", "film", "words") if getattr(options, name)]
         yield from (f"--{name}: cannot be combined with --vary" for name in asked)
         if options.format == "json":
-            yield "--format json: cannot be combined with --vary"
+            yield f"{form}: cannot be combined with --vary"
     elif options.format == "csv":
-        yield "--format csv: needs --vary"
+        yield f"{form}: needs --vary"
 
 
 def _run(scene: Scene, options: argparse.Namespace) -> None:
@@ -153,7 +130,16 @@ COMMANDS = (
         name="sync",
         topic="coupling and synchronization",
         run=sync,
-        arguments=_sync_arguments,
+        takes=(
+            SCENE,
+            "--duration (default as predicted)",
+            "--start, as in simulate, with undamped mode shapes",
+            once("--vary, such as support.mass=1:100:30log, along which every steady oscillation is followed instead"),
+            formats("text", "csv", "json", more=" (default text); csv with --vary only"),
+            "--words: prediction and simulation",
+            *report_file("text", "csv", "json"),
+            "--film: a stroboscopic one",
+        ),
         details=(
             "For scenes with drives (van der Pol torques or escapements). Averaged equations predict the steady "
             "oscillations, and which of them this start ends in and when; a simulation of the full equations then "

@@ -3,37 +3,17 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from multipendula.command import Command
+from multipendula.command import SCENE, Command, formats, kwargs_of, main_file, option, picture_file
 from multipendula.commands.shared import bar, in_a_folder, listed, noted, picture, pictured, say, write_together
-from multipendula.options import (
-    Repeated,
-    add_file,
-    add_format,
-    add_free,
-    add_largest_angle,
-    add_mode,
-    add_option,
-    add_output,
-    add_picture,
-    add_scene,
-    add_shaper,
-    add_spectrum,
-    add_switch,
-    add_travel,
-    add_words,
-    number,
-)
-from multipendula.parser import Page
 
 if TYPE_CHECKING:
     from modal.scene.motion import Acting
     from modal.tuning import Tuned
     from nonlinear.orbits import FiniteSwing
 
-QUANTITIES = ("peak:", "rms:", "residual", "damping", "settling")
+AIMS = ("--minimize", "--maximize", "--max", "--over-hz", "--psd", "--mode", "--travel", "--over", "--kind")
 WITHIN = 1.4
 """How far the band of forced orbits goes beyond the outermost peaks."""
 
@@ -46,8 +26,8 @@ def tune(options: argparse.Namespace) -> None:
     from modal.tuning import tuned_json, tuned_text
 
     kind = picture(options.picture, "--picture") if options.picture else ""
-    for option, path in (("-o", options.output), ("--report", options.report), ("--picture", options.picture)):
-        in_a_folder(path, option)
+    for flag, path in (("-o", options.output), ("--report", options.report), ("--picture", options.picture)):
+        in_a_folder(path, flag)
     scene = noted(load(options.scene), "tuning" if options.travel is None else "a shaper")
     problems = []
     if options.largest_angle is not None:
@@ -58,20 +38,7 @@ def tune(options: argparse.Namespace) -> None:
     if problems:
         raise SceneError(problems)
     with bar(0, "starts"):
-        best = tuned(
-            scene,
-            listed(options.free),
-            minimize=options.minimize or (),
-            maximize=options.maximize or (),
-            limits=options.max or (),
-            over_hz=options.over_hz,
-            psd=options.psd,
-            modes=options.mode or (),
-            travel=options.travel,
-            over=options.over,
-            kind=options.kind,
-            robust=options.robust,
-        )
+        best = tuned(scene, listed(options.free), robust=options.robust, **kwargs_of(options, *AIMS))
     swing = None if options.largest_angle is None else _swing(best, options.largest_angle)
     record = {} if swing is None else {"finite_swing": _swing_record(swing, best)}
     told = tuned_json(best, record) if options.report or options.format == "json" else ""
@@ -162,71 +129,40 @@ def _swing_words(swing: FiniteSwing, best: Tuned) -> str:
     )
 
 
-def _band(text: str) -> tuple[float, float]:
-    first, colon, last = text.partition(":")
-    ends = number("hertz from 0", least=0.0)(first), number("hertz above 0")(last if colon else "")
-    if not ends[0] < ends[1]:
-        raise argparse.ArgumentTypeError(f"{text}: goes from a frequency to a larger one")
-    return ends
-
-
-def _arguments(page: Page) -> None:
-    add_scene(page)
-    more = ", each perhaps with bounds, such as 'pendulum[0].links[0].length=0.5:2,pendulum[0].links[0].damping'"
-    add_free(page, more)
-    more = (
-        ": peak:OUTPUT/INPUT, such as peak:x/cart_force, the largest magnitude over frequencies; rms:OUTPUT under "
-        "--psd; residual, the angle that a --travel leaves; damping, the least ratio of the modes; settling, the time "
-        "to 2 percent; with a weight as in 2*peak:x/cart_force; repeat for several"
-    )
-    add_words(page.asked, "--minimize", QUANTITIES, more, comma="", action=Repeated)
-    more = ", as for --minimize; repeat for several"
-    add_words(page.asked, "--maximize", QUANTITIES, more, comma="", action=Repeated)
-    more = (
-        ", such as rel_1_1=0.2, the stroke of a damper, as peak or RMS like the first quantity; or any quantity, "
-        "such as settling=60; repeat for several"
-    )
-    add_option(page.asked, "--max", more, action=Repeated)
-    add_option(page.asked, "--over-hz", ", such as 0.1:2 (default all)", type=_band)
-    more = ", for rms: of the support's acceleration, or of the input of rms:OUTPUT/INPUT, as in vibration"
-    add_spectrum(page, more)
-    add_mode(page, ", to which damping and settling are limited; repeat for several")
-    add_travel(page, ", for residual, as in hoist")
-    add_shaper(page, " of the travel, for the lengths before it (default none)")
-    add_switch(page.computed, "--robust")
-    add_largest_angle(page.computed, ": adds the peak of the tuned scene at such a finite swing, by forced orbits")
-    _rephrase(page)
-    add_output(page, "the scene with the best numbers", ("toml",))
-    add_file(page, "--report", "with the curves", ("json",))
-    add_picture(page, "the peaks before and after")
-    add_format(page, ("text", "json"))
-
-
-def _rephrase(page: Page) -> None:
-    changes: Sequence[tuple[str, str]] = (
-        (r"^free: name", "--free: name"),
-        (r"^nothing is minimized or maximized: name", "give --minimize QUANTITY or --maximize QUANTITY: name"),
-        (r"give a band of frequencies", "give --over-hz FROM:TO"),
-        (r"^residual: needs a travel in metres$", "residual: needs --travel METRES"),
-        (r"give over, in seconds$", "give --over SECONDS"),
-        (r"^travel: is for", "--travel: is for"),
-        (r"^rms: needs a PSD$", "rms: needs --psd CSV"),
-        (r"^psd: is for", "--psd: is for"),
-        (r"^band: is for", "--over-hz: is for"),
-        (r"^band (?=\S+: goes)", "--over-hz "),
-        (r"^mode: is for", "--mode: is for"),
-        (r"^mode (?=\d+: the scene)", "--mode "),
-    )
-    for said, option in changes:
-        page.rephrase(said, option)
-
-
 COMMANDS = (
     Command(
         name="tune",
         topic="control",
         run=tune,
-        arguments=_arguments,
+        takes=(
+            SCENE,
+            option(
+                "--free, each perhaps with bounds, such as 'pendulum[0].links[0].length=0.5:2,"
+                "pendulum[0].links[0].damping'",
+                required=True,
+            ),
+            "--minimize: peak:OUTPUT/INPUT, such as peak:x/cart_force, the largest magnitude over frequencies; "
+            "rms:OUTPUT under --psd; residual, the angle that a --travel leaves; damping, the least ratio of the "
+            "modes; settling, the time to 2 percent; with a weight as in 2*peak:x/cart_force; repeat for several",
+            "--maximize, as for --minimize; repeat for several",
+            "--max, such as rel_1_1=0.2, the stroke of a damper, as peak or RMS like the first quantity; or any "
+            "quantity, such as settling=60; repeat for several",
+            "--over-hz, such as 0.1:2 (default all)",
+            "--psd, for rms: of the support's acceleration, or of the input of rms:OUTPUT/INPUT, as in vibration",
+            option("--mode, to which damping and settling are limited; repeat for several", keyword="modes"),
+            "--travel, for residual, as in hoist",
+            "--over (default that of the hoist)",
+            "--kind of the travel, for the lengths before it (default none)",
+            "--robust",
+            option(
+                "--largest-angle: adds the peak of the tuned scene at such a finite swing, by forced orbits",
+                group="computed",
+            ),
+            main_file("the scene with the best numbers", ("toml",)),
+            "--report: with the curves",
+            *picture_file("the peaks before and after"),
+            formats("text", "json"),
+        ),
         details=(
             "At small angles, with exact derivatives and all peaks at once, from several starts. Beside the best "
             "numbers are Den Hartog's where they apply; what each number is worth, and how far it may be off for 1 % "

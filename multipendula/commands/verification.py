@@ -6,26 +6,10 @@ import argparse
 from collections.abc import Callable
 from typing import IO, TYPE_CHECKING, Any
 
-from multipendula.command import Command
-from multipendula.commands.runs import ELSEWHERE, RunOptions, recorded, start_of, whole
+from multipendula.command import SCENE, Command, formats, main_file, option, report_file, scene_argument
+from multipendula.commands.runs import ELSEWHERE, RunOptions, motion, recorded, start_of, whole
 from multipendula.commands.shared import bar, chosen, drawn, forewarning, in_a_folder, picture, say, warned
-from multipendula.options import (
-    REPORTS,
-    add_accuracy,
-    add_duration,
-    add_format,
-    add_members,
-    add_modes,
-    add_motion,
-    add_option,
-    add_relative_error,
-    add_report,
-    add_scene,
-    add_start,
-    add_switch,
-    angles,
-)
-from multipendula.parser import Page
+from multipendula.options import REPORTS, RUNS, integer
 
 if TYPE_CHECKING:
     from modal.scene import Scene
@@ -48,15 +32,6 @@ def check(options: argparse.Namespace) -> None:
     if options.output:
         with drawn(options.output, options.theme) as stream:
             draw(outcome, stream, kind)
-
-
-def _check_arguments(page: Page) -> None:
-    RunOptions.add(page, USUAL, runs=False, without=("keep_modes",))
-    add_modes(page)
-    add_option(page.asked, "--amplitudes", " (default 1,5,10,30)", type=angles)
-    add_switch(page.asked, "--general")
-    add_format(page, REPORTS)
-    add_report(page, REPORTS)
 
 
 def _mode_by_mode(options: argparse.Namespace, scene: Scene) -> tuple[Any, Any, Any]:
@@ -111,14 +86,6 @@ def chaos(options: argparse.Namespace) -> None:
     if options.output:
         with drawn(options.output, options.theme) as stream:
             draw(stream, kind)
-
-
-def _chaos_arguments(page: Page) -> None:
-    add_scene(page, "; or paper:000, paper:001 to test their claims", names=("paper:000", "paper:001"))
-    add_duration(page, " (default 200 sqrt(l/g))")
-    add_members(page, ": starts (default 16)", 10_000)
-    add_switch(page.asked, "--quick", " of a paper's study")
-    add_report(page)
 
 
 Drawn = tuple[str, Callable[[IO[bytes], str], None]]
@@ -202,16 +169,6 @@ def _of_frequencies(options: argparse.Namespace, scene: Scene) -> tuple[Any, str
     return comparison, frequencies_table(comparison, options.format)
 
 
-def _tradeoff_arguments(page: Page) -> None:
-    add_scene(page)
-    add_start(page)
-    add_duration(page, f" (default {TRADED:g})")
-    add_switch(page.computed, "--linear", ": dense matrices, a relative error that is allowed, every digit")
-    add_relative_error(page, f" that --linear allows (default {RELATIVE_ERROR:g})")
-    add_format(page, REPORTS)
-    add_report(page, REPORTS)
-
-
 def advise(options: argparse.Namespace) -> None:
     """Find the cheapest method that meets an accuracy, with evidence that it does."""
     from nonlinear import files as recordings
@@ -227,19 +184,19 @@ def advise(options: argparse.Namespace) -> None:
     whole(certain(advice))
 
 
-def _advise_arguments(page: Page) -> None:
-    RunOptions.add(page, 60.0, runs=False, without=("tolerance", "accuracy", "keep_modes"))
-    add_accuracy(page, required=True)
-    add_format(page, REPORTS)
-    add_motion(page)
-
-
 COMMANDS = (
     Command(
         name="check",
         topic="motion",
         run=check,
-        arguments=_check_arguments,
+        takes=(
+            *motion(USUAL, runs=False, without=("keep_modes",)),
+            "--modes, counted from 1 (default all)",
+            "--amplitudes (default 1,5,10,30)",
+            "--general",
+            formats(*REPORTS),
+            *report_file(*REPORTS),
+        ),
         details=(
             "Every mode is released at several amplitudes and simulated for 40 periods; its frequency is measured and "
             "compared with the table's predictions: the small-angle frequency, its shift "
@@ -256,7 +213,15 @@ COMMANDS = (
         name="tradeoff",
         topic="motion",
         run=tradeoff,
-        arguments=_tradeoff_arguments,
+        takes=(
+            SCENE,
+            "--start, as in simulate",
+            f"--duration (default {TRADED:g})",
+            "--linear: dense matrices, a relative error that is allowed, every digit",
+            f"--relative-error that --linear allows (default {RELATIVE_ERROR:g})",
+            formats(*REPORTS),
+            *report_file(*REPORTS),
+        ),
         details=(
             "Linear modes, modes with corrected frequencies, and every integrator at several tolerances, plain and "
             "compiled: the cost and the error of each, and the time up to which errors can be measured. With --linear "
@@ -272,7 +237,12 @@ COMMANDS = (
         name="advise",
         topic="motion",
         run=advise,
-        arguments=_advise_arguments,
+        takes=(
+            *motion(60.0, runs=False, without=("tolerance", "accuracy", "keep_modes")),
+            option("--accuracy", required=True),
+            formats(*REPORTS),
+            main_file("the motion", RUNS),
+        ),
         details=(
             "Modes in closed form for small motions, a few modes for long chains, otherwise integration. Every attempt "
             "is listed with its time, the last one with evidence that its error is below the one requested."
@@ -289,7 +259,13 @@ COMMANDS = (
         name="chaos",
         topic="motion",
         run=chaos,
-        arguments=_chaos_arguments,
+        takes=(
+            scene_argument("; or paper:000, paper:001 to test their claims", names=("paper:000", "paper:001")),
+            "--duration (default 200 sqrt(l/g))",
+            option("--members: starts (default 16)", type=integer(10_000)),
+            "--quick of a paper's study",
+            *report_file(),
+        ),
         details=(
             "The largest Lyapunov exponent with its uncertainty, from tangent vectors along an ensemble of starts, or "
             "an upper bound if it is indistinguishable from zero. The first start is the scene's own, the others are "

@@ -6,31 +6,31 @@ import argparse
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from multipendula.command import Command
+from multipendula.command import SCENE, Command, argument, option, picture_file, text_file
 from multipendula.commands.shared import about, draw_in, listed, noted, output, picture_in_place
-from multipendula.completion import files
-from multipendula.options import (
-    add_format,
-    add_frequencies,
-    add_input,
-    add_option,
-    add_picture,
-    add_scene,
-    add_spectrum,
-    add_text,
-    add_words,
-    number,
-    offer,
-)
-from multipendula.parser import Page
+from multipendula.completion import files, words
 
 if TYPE_CHECKING:
     from modal.scene import Scene
 
+USUAL = "support_acceleration"
 OUTPUTS = (
     *("angles", "tip_accelerations", "rates", "relative_angles", "relative_rates", "joint_positions"),
     *("tip_positions", "cart_position", "cart_velocity", "pivot_forces"),
     *("coordinates", "coordinate_rates", "coordinate_accelerations", "spring_forces", "spring_extensions"),
+)
+WRITTEN = (
+    option(
+        f"--signals: angles,tip_accelerations (default), {', '.join(OUTPUTS[2:])}",
+        completion=words(OUTPUTS),
+    ),
+    *text_file("text", "csv", "json", drawn=True),
+    *picture_file(),
+)
+"""The outputs of the model, and the files."""
+MOTION = (
+    "CSV file of the support's motion along the rail: time_s, and displacement_m, velocity_m_per_s or "
+    "acceleration_m_per_s2"
 )
 
 
@@ -79,29 +79,6 @@ def _thermal(options: argparse.Namespace) -> None:
         write(thermal_report(noise, options.format, beside, at))
 
 
-def _vibration_arguments(page: Page) -> None:
-    add_scene(page)
-    more = (
-        " of the support's motion along the rail, with frequency_hz, and psd in (m/s²)²/Hz or velocity_psd or "
-        "displacement_psd; of a force, with psd in N²/Hz, where --input names one"
-    )
-    add_spectrum(page, more)
-    kelvin = number("kelvin above 0 and at most 1e6", most=1e6)
-    more = ", reported with a budget by place; beside that of the PSD where there is a --psd"
-    add_option(page.asked, "--temperature", more, type=kelvin)
-    add_frequencies(page, ": the thermal noise (default some over its band)")
-    page.rephrase(r"^outputs(?=:)", "--signals")
-    usual = "support_acceleration"
-    known = (usual, "cart_force", "force:", "lift:", "torque:", "force[0]")
-    more = (
-        ": the one that the PSD is of, support_acceleration (default), cart_force, on a structure the force on a "
-        "coordinate, such as floor2_force, force:POINT, lift:POINT or torque:POINT, with a POINT such as "
-        "pendulum[0].links[1]@0.5, or force[0] of the scene"
-    )
-    add_input(page, known, more, default=usual)
-    _add_written(page)
-
-
 def shock(options: argparse.Namespace) -> None:
     """Compute the response of every mode and output to a record of the support's motion, and its peaks."""
     from modal.scene import RecordMotion
@@ -113,28 +90,6 @@ def shock(options: argparse.Namespace) -> None:
         return shock_response(scene, motion, **outputs)
 
     _report(options, respond, shock_report, "draw_shock")
-
-
-def _shock_arguments(page: Page) -> None:
-    add_scene(page)
-    words = (
-        "CSV file of the support's motion along the rail: time_s, and displacement_m, velocity_m_per_s or "
-        "acceleration_m_per_s2"
-    )
-    offer(page.asked.add_argument("record", metavar="RECORD", help=words), files((".csv",)))
-    more = " (default keep): velocity takes out a constant acceleration so that the support ends as it began"
-    add_option(page.asked, "--baseline", more, choices=("keep", "velocity"), default="keep")
-    _add_written(page)
-
-
-def _add_written(page: Page) -> None:
-    """The outputs of the model, and the files."""
-    page.rephrase(r"^output (\S+):", r"--signals \1:")
-    page.rephrase(r"choose (at most \d+|fewer outputs)$", r"\g<0> with --signals")
-    add_words(page.asked, "--signals", OUTPUTS, f": angles,tip_accelerations (default), {', '.join(OUTPUTS[2:])}")
-    add_format(page, ("text", "csv", "json"))
-    add_text(page, drawn=True)
-    add_picture(page)
 
 
 def _report(
@@ -156,7 +111,21 @@ COMMANDS = (
         name="vibration",
         topic="control",
         run=vibration,
-        arguments=_vibration_arguments,
+        takes=(
+            SCENE,
+            "--psd of the support's motion along the rail, with frequency_hz, and psd in (m/s²)²/Hz or velocity_psd or "
+            "displacement_psd; of a force, with psd in N²/Hz, where --input names one",
+            "--temperature, reported with a budget by place; beside that of the PSD where there is a --psd",
+            "--at: the thermal noise (default some over its band)",
+            option(
+                "--input: the one that the PSD is of, support_acceleration (default), cart_force, on a structure the "
+                "force on a coordinate, such as floor2_force, force:POINT, lift:POINT or torque:POINT, with a POINT "
+                "such as pendulum[0].links[1]@0.5, or force[0] of the scene",
+                completion=words((USUAL, "cart_force", "force:", "lift:", "torque:", "force[0]")),
+                default=USUAL,
+            ),
+            *WRITTEN,
+        ),
         details=(
             "In closed form over the modes, at small angles. The PSD is interpolated by straight lines over "
             "logarithmic axes and is zero outside its frequencies. The RMS of each mode alone stands beside Miles' "
@@ -180,7 +149,13 @@ COMMANDS = (
         name="shock",
         topic="control",
         run=shock,
-        arguments=_shock_arguments,
+        takes=(
+            SCENE,
+            argument("record", "RECORD", MOTION, files((".csv",))),
+            "--baseline (default keep): velocity takes out a constant acceleration so that the support ends as it "
+            "began",
+            *WRITTEN,
+        ),
         details=(
             "At small angles, exactly: the record is joined by a spline, and every mode is followed through it and two "
             "of the slowest periods beyond. Beside the exact peaks are those of the modes combined by SRSS and CQC, "

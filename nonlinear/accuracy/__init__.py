@@ -9,17 +9,22 @@ beyond which the motion is unpredictable.  Start with `advice`; `candidates` lis
 solutions with which they are compared, `frequencies` compares the ways to natural frequencies.
 """
 
-from nonlinear.accuracy.advice import Advice, advice_table, seek_accuracy
-from nonlinear.accuracy.attempts import Goal
-from nonlinear.accuracy.candidates import Candidate, Question, list_candidates
-from nonlinear.accuracy.frequencies import FrequencyRow, FrequencyTradeoff, frequencies_table, measure_frequencies
-from nonlinear.accuracy.references import choose_references
-from nonlinear.accuracy.work_precision import (
-    WorkPrecision,
-    WorkPrecisionRow,
-    measure_work_precision,
-    tradeoff_table,
-)
+from typing import TYPE_CHECKING
+
+from modal.lazy import exported
+
+if TYPE_CHECKING:
+    from nonlinear.accuracy.advice import Advice, advice_table, seek_accuracy
+    from nonlinear.accuracy.attempts import Goal
+    from nonlinear.accuracy.candidates import Candidate, Question, list_candidates
+    from nonlinear.accuracy.frequencies import FrequencyRow, FrequencyTradeoff, frequencies_table, measure_frequencies
+    from nonlinear.accuracy.references import choose_references
+    from nonlinear.accuracy.work_precision import (
+        WorkPrecision,
+        WorkPrecisionRow,
+        measure_work_precision,
+        tradeoff_table,
+    )
 
 __all__ = [
     "Advice",
@@ -39,3 +44,8 @@ __all__ = [
     "seek_accuracy",
     "tradeoff_table",
 ]
+
+if not TYPE_CHECKING:
+    __getattr__ = exported(
+        __name__, ("candidates", "attempts", "advice", "references", "frequencies", "work_precision")
+    )

@@ -80,7 +80,9 @@ def find_attractors(
     SceneError for a shorter one, and where another number than one of the start is varied.
     """
     if other := [axis.path for axis in axes if ".start." not in axis.path]:
-        words = "changes the attractors themselves: vary numbers of a start, and follow attractors by find_bifurcations"
+        words = (
+            "changes the attractors themselves: vary numbers of a start, and follow attractors by `find_bifurcations`"
+        )
         raise SceneError([f"{path}: {words}" for path in other])
     period = drive_period(scene).seconds
     if duration is None:

@@ -176,7 +176,7 @@ def _measure_of(scene: Scene, text: str | None, duration: float | None) -> tuple
     if ":" not in text:
         return measure.name, duration
     if duration is not None:
-        raise SceneError([f"measure {text}: cannot be combined with a duration"])
+        raise SceneError([f"measure {text}: has its own `duration`"])
     return measure.name, seconds
 
 

@@ -119,7 +119,7 @@ def find_section(
     system = system_of(scene)
     text = at or f"{system.labels[system.first]}>0"
     section = section_of(f"section:{text}", system)
-    energy = energy_of(scene, usual_start(scene)) if energy is None else checked_number("energy", energy)
+    energy = _usual_energy(scene) if energy is None else checked_number("energy", energy)
     starts = starts_at(scene, energy, orbits, section=section)
     length = PERIODS * sqrt(max(link.length for link in scene.links()) / scene.gravity)
     members = ensemble(scene, duration or length, starts=starts, measures=[f"section:{text}"], report=report, **options)
@@ -146,6 +146,14 @@ def section_table(section: PoincareSection, form: Form) -> str:
         section.ensemble.words(),
     ]
     return titled(title_of(scene), "Poincaré section", ["\n".join(lines)], "text")
+
+
+def _usual_energy(scene: Scene) -> float:
+    """The energy of the scene's own start, or of its first mode."""
+    try:
+        return energy_of(scene, usual_start(scene))
+    except SceneError as error:
+        raise SceneError([f"{error}: give `energy`"]) from None
 
 
 def _records(section: PoincareSection) -> list[dict[str, Any]]:

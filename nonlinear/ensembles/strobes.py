@@ -246,7 +246,7 @@ def find_strobes(
 def links_named(names: Sequence[str], system: System) -> tuple[int, ...]:
     """The links, from 0, of names such as "theta_1_2", by default the first; SceneError names every mistake."""
     known = [f"theta_{place}" for place in places(system)]
-    if problems := [f"{name}: must be one of {', '.join(known)}" for name in names if name not in known]:
+    if problems := [f"of {name}: must be one of {', '.join(known)}" for name in names if name not in known]:
         raise SceneError(problems)
     return tuple(dict.fromkeys(map(known.index, names))) or (0,)
 

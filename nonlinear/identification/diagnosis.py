@@ -63,7 +63,7 @@ def _outliers(result: Fit) -> Iterator[str]:
         if far:
             words = f"{sensor.name}: {counted(far, 'reading is an outlier', 'readings are outliers')}, beyond "
             words += f"{FAR:g} standard deviations of the others"
-            yield words + (": loss soft_l1 gives them less weight" if result.loss == "linear" else "")
+            yield words + (": `loss=soft_l1` gives them less weight" if result.loss == "linear" else "")
 
 
 def outliers(miss: Floats) -> int:
@@ -85,7 +85,7 @@ def _held(result: Fit) -> Iterator[str]:
             changed = listed([*direction.changes], len(direction.changes))
             yield (
                 f"the standard deviations of {changed} are those for {direction.held} = {value} exactly: a prior, "
-                f"{direction.held}={value}±…, adds its doubt"
+                f"`priors={direction.held}={value}±…`, adds its doubt"
             )
 
 
@@ -118,7 +118,7 @@ def _scales(result: Fit) -> Iterator[str]:
         white = all(len(rho) == 1 for rho in result.rho)
         explained = white or lasting(after) < LEFT * lasting(residuals)
         if std and explained and abs(step[-1]) > TINY and abs(step[-1]) / std > best[0]:
-            words = f"{name}: a scale of {1 + step[-1]:.4g} ± {std:.1g} fits better: free the scales"
+            words = f"{name}: a scale of {1 + step[-1]:.4g} ± {std:.1g} fits better: `scaled=True`"
             best = (abs(step[-1]) / std, words)
     if best[1]:
         yield best[1]
@@ -142,7 +142,7 @@ def _misfit(result: Fit, explained: bool) -> Iterator[str]:
     if not explained and result.misfit.max() > LOST and longest > PERIODS * period:
         yield (
             "the search may have ended in a wrong minimum: begin with other numbers, or fit in windows with "
-            f"window={0.7 * period:.2g}"
+            f"`window={0.7 * period:.2g}`"
         )
 
 

@@ -70,18 +70,18 @@ def possible(scene: Scene, recording: Recording) -> Iterator[Mistake]:
             yield in_degrees(recording, chosen)
     if angles and _largest(recording, angles) < SMALL:
         names = [sensors[c].name for c in angles]
-        way = " and ".join(f"{name}_deg={name}_rad" for name in names)
-        yield Mistake(times(180 / np.pi, angles), f"{listed(names, len(names))} look like radians", f"columns {way}")
+        way = "` and `columns=".join(f"{name}_deg={name}_rad" for name in names)
+        yield Mistake(times(180 / np.pi, angles), f"{listed(names, len(names))} look like radians", f"`columns={way}`")
     upright = scene.cart is not None and any(not sensor.pendulum for sensor in sensors)
     for c in angles if len(angles) > 1 or upright else []:
         name = sensors[c].name
-        yield Mistake(times(-1.0, [c]), f"{name} counts the other way", f"columns {name}_rad=-{name}_rad")
+        yield Mistake(times(-1.0, [c]), f"{name} counts the other way", f"`columns={name}_rad=-{name}_rad`")
     for a, b in combinations(angles, 2):
         order = [*range(len(sensors))]
         order[a], order[b] = b, a
         changed = tuple(replace(s, values=s.values[:, order]) for s in recording.segments)
         sensor, two = sensors[a].name, sensors[b].name
-        way = f"columns {sensor}_rad={two}_rad and {two}_rad={sensor}_rad"
+        way = f"`columns={sensor}_rad={two}_rad` and `columns={two}_rad={sensor}_rad`"
         yield Mistake(replace(recording, segments=changed), f"{sensor} and {two} are exchanged", way)
     if not recording.relative and any(sensor.link > 1 for sensor in sensors):
         changed_angles = replace(recording, relative=True)
@@ -89,7 +89,7 @@ def possible(scene: Scene, recording: Recording) -> Iterator[Mistake]:
             changed_angles.absolute()
         except SceneError:
             return
-        yield Mistake(changed_angles, "angles look relative, from the link above", "angles relative")
+        yield Mistake(changed_angles, "angles look relative, from the link above", "`angles=relative`")
 
 
 def in_degrees(recording: Recording, chosen: list[int]) -> Mistake:
@@ -98,9 +98,9 @@ def in_degrees(recording: Recording, chosen: list[int]) -> Mistake:
     scales = np.ones(len(recording.sensors))
     scales[chosen] = np.pi / 180
     read = replace(recording, segments=tuple(replace(s, values=s.values * scales) for s in recording.segments))
-    way = " and ".join(f"{name}_rad={name}_deg" for name in names)
+    way = "` and `columns=".join(f"{name}_rad={name}_deg" for name in names)
     return Mistake(
-        read, f"{listed(names, len(names))} {'look' if len(names) > 1 else 'looks'} like degrees", f"columns {way}"
+        read, f"{listed(names, len(names))} {'look' if len(names) > 1 else 'looks'} like degrees", f"`columns={way}`"
     )
 
 
@@ -153,4 +153,4 @@ def require_seconds(scene: Scene, recording: Recording) -> None:
     ):
         if np.all((factor * lines > low) & (factor * lines < high)):
             shown = f"{lines[0] / (2 * np.pi):.3g} Hz where the scene swings at {omega.min() / (2 * np.pi):.3g} Hz"
-            raise SceneError([f"the times look like {words}: the record swings at {shown} (columns {way})"])
+            raise SceneError([f"the times look like {words}: the record swings at {shown} (`columns={way}`)"])

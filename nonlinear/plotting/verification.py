@@ -58,7 +58,7 @@ def check_figure(check: Check) -> Figure:
     if not rows:
         raise ComputationError("no mode was measured: there is nothing to draw")
     if len(rows) > MOST_CURVES:
-        raise ComputationError(f"{len(rows)} modes do not fit in a figure: choose at most {MOST_CURVES}")
+        raise ComputationError(f"{len(rows)} modes do not fit in a figure: choose at most {MOST_CURVES} with `modes`")
     figure = sheet(WIDTH, 5.4)
     axis = figure.subplots()
     angles = [degrees(run.effective) for row in rows for run in row.measurements]

@@ -93,5 +93,5 @@ def _validate(times: Floats, motion: Motion, place: _Place) -> None:
         closer = min(float(np.max(h)) * (WIDEST / worst) ** (1 / 3), WIDEST / float(np.max(np.abs(rates))))
         raise ComputationError(
             f"samples every {np.max(h):.3g} s are too few to interpolate between: "
-            f"simulate with one every {closer:.2g} s, {int((times[-1] - times[0]) / closer) + 2} samples"
+            f"simulate with one every {closer:.2g} s, `output={int((times[-1] - times[0]) / closer) + 2}`"
         )

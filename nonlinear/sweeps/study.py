@@ -71,7 +71,7 @@ class Study(Displayed):
         if self.by_energy:
             checks += [partial(validate_energies, self.scene, self.measures, self.members, self.seed)]
             if not self.members:
-                problems.append(f"{ENERGY}: needs members, the number of starts drawn at every energy")
+                problems.append(f"{ENERGY}: needs `members`, the number of starts drawn at every energy")
         elif self.members:
             problems.append(f"members {self.members}: starts are drawn where {ENERGY} is varied")
         doors = () if self.by_energy else (request.computation.door for request in self.measures)

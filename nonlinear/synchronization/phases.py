@@ -141,7 +141,7 @@ class Phases(Displayed):
             count = ceil((self.times[-1] - self.times[0]) / enough) + 2
             raise ComputationError(
                 f"samples every {widest:.3g} s are too few to follow phases that rotate at "
-                f"{fastest:.4g} rad/s: simulate with one every {enough:.2g} s, {count} samples"
+                f"{fastest:.4g} rad/s: simulate with one every {enough:.2g} s, `output={count}`"
             )
 
     @property

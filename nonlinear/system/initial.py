@@ -21,7 +21,7 @@ from nonlinear.system.system import System
 
 NO_START = (
     "no pendulum has a start: add `start = { angles_deg = [...] }` with one angle per link to an entry of the file, "
-    "or give another start: state_at_rest(scene, [10, 20, ...]) in degrees, or start_in_mode of nonlinear.reduction"
+    "or give `start=state_at_rest(scene, [10, 20, ...])`"
 )
 
 

@@ -99,6 +99,13 @@ def test_a_long_example_is_folded_between_an_option_and_the_next() -> None:
         ("table chain-3 --format jsn", "jsn (did you mean json?)", "multipendula table --help"),
         ("shapes chain-3 --outptu a.png", "(did you mean --output?)", "multipendula shapes --help"),
         ("shapes chain-3 --outptu a.png", "are required: --output/-o", "multipendula shapes --help"),
+        (
+            "simulate chain-3 --time 5",
+            "--time: no such option (did you mean --duration?)",
+            "multipendula simulate --help",
+        ),
+        ("table chain-3 --latex", "(did you mean --format latex?)", "multipendula table --help"),
+        ("shaper crane-hook --type zvd", "(did you mean --kind?)", "multipendula shaper --help"),
         ("table chain-3 --modes 9:1", "--modes 9:1: begins after its end", "multipendula table --help"),
         ("table chain-3 chain-4", "unrecognized arguments: chain-4", "multipendula table --help"),
         ("shapes chain-3 -o a.avi", "-o a.avi: the name must end in", "multipendula shapes --help"),

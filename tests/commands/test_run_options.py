@@ -10,7 +10,7 @@ import pytest
 from modal import load
 from modal.errors import SceneError
 from multipendula.cli import main
-from multipendula.commands.runs import ADDERS, RunOptions
+from multipendula.commands.runs import MOTION, RunOptions
 from multipendula.parser import Page
 from nonlinear import files
 from nonlinear.accuracy import advice_table
@@ -29,7 +29,7 @@ def test_every_motion_takes_the_same_options() -> None:
     from multipendula.cli import _parser
 
     pages = next(action.choices for action in _parser()._actions if isinstance(action.choices, dict))
-    flags = {f"--{name.replace('_', '-')}" for name in ("duration", *ADDERS)}
+    flags = {f"--{name.replace('_', '-')}" for name in ("duration", *MOTION)}
     for command in ("simulate", "plot", "animate"):
         assert flags <= offered(pages, command), command
     assert flags - {"--keep-modes"} <= offered(pages, "check")

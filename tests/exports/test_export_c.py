@@ -170,7 +170,7 @@ def test_names_and_titles_that_c_would_not_like(tmp_path: Path) -> None:
 
 
 def test_a_continuous_model_is_refused() -> None:
-    with pytest.raises(SceneError, match="a C header needs a sampled model"):
+    with pytest.raises(SceneError, match=r"`format=c` needs `sample"):
         FORMATS["c"].write(model_of("chain-3"))
 
 

@@ -89,7 +89,7 @@ DEFECTS: dict[str, tuple[int, Callable[[Floats], Floats], float, str]] = {
     "outliers": (1, kicked, 1.0, "20 readings are outliers"),
     "reversed": (2, lambda v: v * [1, -1], 1.0, "counts the other way"),
     "exchanged": (2, lambda v: v[:, ::-1], 1.0, "theta_1_1_rad=theta_1_2_rad"),
-    "relative": (2, lambda v: np.column_stack((v[:, 0], v[:, 1] - v[:, 0])), 1.0, "angles relative"),
+    "relative": (2, lambda v: np.column_stack((v[:, 0], v[:, 1] - v[:, 0])), 1.0, "`angles=relative`"),
 }
 
 

@@ -51,8 +51,9 @@ def several_meanings(used: dict[str, list[Use]]) -> dict[str, set[str]]:
         groups: dict[object, set[str]] = defaultdict(set)
         widest = max((set(action.choices or ()) for _, action in known), key=len)
         for command, action in known:
-            metavar, meaning = FLAGS.get(flag, (None, "-"))
-            told = (action.help or "").startswith(meaning) and (action.metavar or "") == metavar
+            entry = FLAGS.get(flag)
+            told = bool(entry and (action.help or "").startswith(entry.words))
+            told &= (action.metavar or "") == (entry and entry.metavar)
             groups[(kind_of(action), told, set(action.choices or ()) <= widest)].add(command)
         usual = max(groups, key=lambda group: (group[1], len(groups[group])))  # type: ignore[index]
         others = set().union(*(names for group, names in groups.items() if group != usual or not group[1]))  # type: ignore[index]
@@ -137,4 +138,6 @@ def test_the_pages_hold_every_entry() -> None:
     page = combinations()
     assert all(f"## {at}. {name}" in page for at, name in enumerate(CAPABILITIES, 1))
     assert all(f"\n| {feature.words} |" in page for feature in FEATURES.values())
-    assert all(f"`{flag}" in options() for flag in FLAGS)
+    table = options()
+    assert all(f"`{flag}" in table for flag in FLAGS)
+    assert "| `tolerance` |" in table

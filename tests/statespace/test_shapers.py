@@ -134,7 +134,7 @@ def sample_free(scene: Scene) -> StateSpace:
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"step": 2.0}, "a step of 2 s is longer than half the period"),
+        ({"step": 2.0}, "step 2: is longer than half the period"),
         ({"kind": "um", "step": 1.0}, "too long for a UM"),
     ],
 )

@@ -111,7 +111,7 @@ def test_energies_out_of_reach_have_reasons() -> None:
 @pytest.mark.parametrize(
     ("scene", "texts", "measure", "members", "words"),
     [
-        ("chain-2", ["start.energy=1,2"], "lyapunov", 0, "start.energy: needs members"),
+        ("chain-2", ["start.energy=1,2"], "lyapunov", 0, "start.energy: needs `members`"),
         ("chain-2", ["gravity=1,2"], "frequencies", 3, "starts are drawn where start.energy is varied"),
         ("chain-2", ["start.energy=1,2"], "beat", 3, "beat: cannot be measured of starts drawn at an energy"),
         ("chain-2", ["start.energy=1,2"], "lyapunov:1", 3, "must be at least"),

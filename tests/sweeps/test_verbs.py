@@ -123,7 +123,7 @@ def test_the_number_of_a_map_is_its_duration() -> None:
     longer = find_basins(chain(), measure="largest_angle:3", **options)
     assert longer.ensemble.question.duration == 3.0
     assert longer.values == find_basins(chain(), 3.0, measure="largest_angle", **options).values
-    with pytest.raises(SceneError, match="largest_angle:3: cannot be combined with a duration"):
+    with pytest.raises(SceneError, match="largest_angle:3: has its own `duration`"):
         find_basins(chain(), 3.0, measure="largest_angle:3", **options)
     with pytest.raises(SceneError, match="is now largest_angle"):
         requested("sweep", "amplitude:3")

@@ -351,9 +351,9 @@ REFUSED = [
     (BOTH, {"minimize": ["0*settling"]}, "a weight is a number above 0"),
     (BOTH, {"minimize": ["peak:y/cart_force"]}, "output y: must be one of"),
     (BOTH, {"minimize": ["peak:x/cart_farce"]}, "did you mean cart_force?"),
-    (BOTH, {"minimize": ["rms:x"]}, "rms: needs a PSD"),
-    (BOTH, {"minimize": ["residual"]}, "residual: needs a travel"),
-    (BOTH, {"minimize": []}, "nothing is minimized"),
+    (BOTH, {"minimize": ["rms:x"]}, "rms: needs `psd=…`"),
+    (BOTH, {"minimize": ["residual"]}, "residual: needs `travel=…`"),
+    (BOTH, {"minimize": []}, "give `minimize=…` or `maximize=…`"),
     (BOTH, {"modes": [1]}, "mode: is for"),
     (BOTH, {"limits": ["rel_1_1"]}, "must be OUTPUT=VALUE"),
 ]
