@@ -250,8 +250,10 @@ class Inputs:
 
 def lengthened(group: Group, moving: Any, length: Any) -> Group:
     """A group with other lengths (n, P, ...) of its links, of which those that are `moving` (L,) are bobs on ropes."""
-    more, centre = [1] * (np.ndim(length) - 2), group.block.centre
-    roped, centre = moving[group.index].reshape(*group.index.shape, *more), centre.reshape(*group.index.shape, *more)
+    roped, centre = (
+        part.reshape(*part.shape, *[1] * (np.ndim(length) - part.ndim))
+        for part in (moving[group.index], group.block.centre)
+    )
     return replace(group, block=replace(group.block, length=length, centre=np.where(roped, length, centre)))
 
 
