@@ -67,7 +67,7 @@ class Polynomials(NamedTuple):
         return np.asarray(np.sum(np.abs(after - moved) * reach ** np.arange(moved.shape[1]), axis=1))
 
 
-class Rows(dict[int, tuple[float, ...]]):
+class FloatRows(dict[int, tuple[float, ...]]):
     """The rows of these arrays side by side, in plain floats, made as they are asked for, so many at once."""
 
     BLOCK = 512
@@ -103,7 +103,7 @@ def in_floats(functions: Sequence[Polynomials]) -> Callable[..., tuple[float, ..
             for name in each[-2::-1]:
                 values[k] = f"({values[k]} * s{g} + {name})"
             names, columns = names + each, [*columns, used]
-        space[f"R{g}"], piece = Rows(columns), f"bisect_right(K{g}, time)"
+        space[f"R{g}"], piece = FloatRows(columns), f"bisect_right(K{g}, time)"
         if first.period == inf:
             space[f"K{g}"] = first.knots.tolist()
         else:

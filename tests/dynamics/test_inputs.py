@@ -16,7 +16,7 @@ from support.loops import interpreted
 from modal import Bob, InitialCondition, Pendulum, Scene
 from modal.scene import Fixed, Hoist, Moved, RandomMotion, RecordMotion, SineMotion, SweepMotion
 from modal.vibration import prescribed_motion
-from modal.vibration.courses import Polynomials, Rows
+from modal.vibration.courses import FloatRows, Polynomials
 from nonlinear import ensemble, simulate
 from nonlinear.dynamics import inputs
 from nonlinear.dynamics.inputs import Inputs
@@ -81,8 +81,8 @@ def test_a_random_motion_is_never_summed_in_a_run(monkeypatch: pytest.MonkeyPatc
         raise AssertionError
 
     monkeypatch.setattr(type(process), "derivative", refuse)
-    made, fill = [], Rows.__missing__
-    monkeypatch.setattr(Rows, "__missing__", lambda rows, row: made.append(Rows.BLOCK) or fill(rows, row))
+    made, fill = [], FloatRows.__missing__
+    monkeypatch.setattr(FloatRows, "__missing__", lambda rows, row: made.append(FloatRows.BLOCK) or fill(rows, row))
     bob = Bob(mass=1.0, length=L)
     simulate(Scene(gravity=G, support=Moved(motion=motion), pendulum=(Pendulum(links=(bob,)),)), 1.0)
     assert sum(made) < 0.1 * len(process.polynomials(2).origins)
