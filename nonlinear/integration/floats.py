@@ -114,8 +114,12 @@ class FloatDOP853:
     def dense_output(self) -> Callable[[Floats], Floats]:
         """The y (size, T) at times within the last step."""
         self.nfev += EXTRA
-        start, end, none = self.passed.start, self.passed.end, np.zeros(1, dtype=np.int64)
-        inside = side_by_side([self.passed], lambda columns: self.derivative).within(none)
+        start, end = self.passed.start, self.passed.end
+
+        def derivative(times: Any, y: Any) -> Any:
+            return self.derivative(float(times[0]), y[:, 0])[:, None]
+
+        inside = side_by_side([self.passed], lambda columns: derivative).within_all()
         return lambda times: inside.take(np.zeros(np.size(times), dtype=np.int64)).at((times - start) / (end - start))
 
     def advance(self, due: Numbers, most: int) -> tuple[list[FloatStep], list[FloatStep], int]:
