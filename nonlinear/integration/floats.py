@@ -115,7 +115,13 @@ class FloatDOP853:
     def dense_output(self) -> Callable[[Floats], Floats]:
         """The y (size, T) at times within the last step."""
         self.nfev += EXTRA
-        return interpolation(self.passed, self.derivative)
+        start, end = self.passed.start, self.passed.end
+
+        def derivative(times: Any, y: Any) -> Any:
+            return self.derivative(float(times[0]), y[:, 0])[:, None]
+
+        inside = side_by_side([self.passed], lambda columns: derivative).within_all()
+        return lambda times: inside.take(np.zeros(np.size(times), dtype=np.int64)).at((times - start) / (end - start))
 
     def advance(self, due: Numbers, most: int) -> tuple[list[FloatStep], list[FloatStep], int]:
         """Up to this many steps, none if the first fails, until the last time that is `due` (all that, if none is).
@@ -428,13 +434,6 @@ def side_by_side(
     step = Step(*lanes, before, after, np.moveaxis(stages, 0, 2), rates_of(every), rates_of, breaks, alone=True)
     step.ends = end
     return step
-
-
-def interpolation(step: FloatStep, derivative: Derivative) -> Callable[[Floats], Floats]:
-    """The y (size, T) at times within a step, by the method's own interpolation."""
-    start, length = step.start, step.end - step.start
-    inside = side_by_side([step], lambda columns: derivative).within_all()
-    return lambda times: inside.take(np.zeros(np.size(times), dtype=np.int64)).at((times - start) / length)
 
 
 def samples(step: Step, times: Floats) -> Floats:

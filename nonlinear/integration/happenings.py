@@ -92,7 +92,7 @@ class Events:
         known = time - BESIDE * (time - begun)
         states = self.equations.read(np.array([y, after]))
         for event in self.events:
-            seen = any(each.event is event and each.time > known for each in (*self.past, *self.happenings))
+            seen = any(each.event is event and known < each.time <= time for each in (*self.past, *self.happenings))
             if not seen and passes(event, event.value(states[0]), event.value(states[1])):
                 self.happenings.append(Happening(time, event, after, states[1]))
 
