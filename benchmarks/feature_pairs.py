@@ -56,7 +56,7 @@ PAIRS = [pair for pair in combinations(FEATURES, 2) if pair not in REFUSED]
 SECONDS = 1.0
 TOLERANCE = 1e-12
 SHORT = LONGEST / 20
-"""s of the oracle's longest steps where those of 20 ms may have passed a switch and its return."""
+"""s of the oracle's longest steps where those of 20 ms may have passed a switch and its return, or a kink of drag."""
 LIMIT = 1e-9
 NOTHING: Mapping[str, Sequence[str]] = {}
 PATIENCE = 240.0
@@ -513,7 +513,7 @@ def judge(
     """A row of a scene by these engines, and where all switch `at_once` in the ways "three" and "mirrored" by those."""
     judged = Judged(number, duration, tolerance)
     judged.judge(engines, at_once)
-    if wrong(judged.row) and judged.events:
+    if wrong(judged.row):
         judged.longest = SHORT
         judged.judge(engines, at_once)
     return judged.row

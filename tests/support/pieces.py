@@ -9,7 +9,7 @@ of them.  SciPy's DOP853 integrates each piece, to an event of `solve_ivp`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from itertools import product
@@ -27,6 +27,8 @@ from nonlinear.system import Load, system_of
 LONGEST = 0.02  # s of a step: little passes a switch and returns in less
 AT_REST, ROUNDED = 1e-11, 1e-9  # rad/s or m/s; of a limit
 BESIDE = 1e-12  # s, between which and a break a load is not asked
+MEETING, BACK = 1e-9, 1e-6  # s between switches that count as one instant; s over which a slope is taken
+STAYING: Mapping[int, float] = {}
 
 
 class Mechanics(Protocol):
@@ -138,14 +140,14 @@ class Switches:
         self._decide(0.0, y, speed)
         return y
 
-    def _decide(self, t: float, y: Floats, speed: Floats, leaving: int = -1, way: float = 0.0) -> None:
-        """What contacts do that slide at this speed, or are at rest, of which one is `leaving`."""
+    def _decide(self, t: float, y: Floats, speed: Floats, leaving: Mapping[int, float] = STAYING) -> None:
+        """What contacts do that slide at this speed, or are at rest, those `leaving` in their directions."""
         if not len(speed):
             self.sign = speed
             return
         choices = [(float(np.sign(v)),) if abs(v) > AT_REST else (0.0, 1.0, -1.0) for v in speed]
-        if leaving >= 0:
-            choices[leaving] = (way,)
+        for j, way in leaving.items():
+            choices[j] = (way,)
         self.sign = self.consistent(t, y, choices)
 
     def _rate(self, t: float, y: Floats) -> Floats:
@@ -197,31 +199,47 @@ class Switches:
                 rate, (t, until), y, "DOP853", rtol=tolerance, atol=tolerance, max_step=self.longest,
                 events=[value for _, _, value in values],
             )  # fmt: skip
-            t, y = float(solution.t[-1]), self.mechanics.closed(solution.y[:, -1])
-            for (kind, j, _), times in zip(values, solution.t_events, strict=True):
-                if len(times):
-                    y = self._changed(kind, j, min(max(t, low), high), y)
-                    self.events += 1
+            t, end = float(solution.t[-1]), solution.y[:, -1]
+            y = self.mechanics.closed(end)
+            if solution.status:
+                happened = [
+                    (kind, j)
+                    for (kind, j, value), times in zip(values, solution.t_events, strict=True)
+                    if len(times) or _is_met(value, t, end, rate(t, end))
+                ]
+                y = self._changed(happened, min(max(t, low), high), y)
+                self.events += len(happened)
         return y
 
-    def _changed(self, kind: str, j: int, t: float, y: Floats) -> Floats:
-        if kind in {"right", "left"}:
-            side = 1.0 if kind == "right" else -1.0
-            y, self.side[j] = self.pushed(t, y, self.kicked[j : j + 1], np.array([side * self.impulse[j]])), -side
-            self._decide(t, y, self.J @ y[self.size : 2 * self.size])
-            return y
-        still = np.flatnonzero((self.sign == 0) | (np.arange(len(self.J)) == j))
-        units = self.answers(t, y)[1][still, : self.size]
+    def _changed(self, happened: Sequence[tuple[str, int]], t: float, y: Floats) -> Floats:
+        """The y after all that happens at one instant."""
+        kicks = [(j, 1.0 if kind == "right" else -1.0) for kind, j in happened if kind in {"right", "left"}]
+        for j, side in kicks:
+            y = self.pushed(t, y, self.kicked[j : j + 1], np.array([side * self.impulse[j]]))
+            self.side[j] = -side
         speed = self.J @ y[self.size : 2 * self.size]
+        if kicks:
+            self._decide(t, y, speed)
+            return y
+        stopping = [j for kind, j in happened if kind == "slips"]
+        still = np.flatnonzero((self.sign == 0) | np.isin(np.arange(len(self.J)), stopping))
+        units = self.answers(t, y)[1][still, : self.size]
         y = self.pushed(t, y, self.J[still], -np.linalg.solve(self.J[still] @ units.T, speed[still]))
         speed[still] = 0.0
-        way = -np.sign(self.friction(t, y, self.sign)[0][j]) if kind == "sticks" else 0.0
-        self._decide(t, y, speed, j if kind == "sticks" else -1, float(way))
+        ways = -np.sign(self.friction(t, y, self.sign)[0])
+        self._decide(t, y, speed, {j: float(ways[j]) for kind, j in happened if kind == "sticks"})
         return y
 
 
 def _clipped(value: Callable[[float, Floats], float], low: float, high: float, t: float, y: Floats) -> float:
     return value(min(max(t, low), high), y)
+
+
+def _is_met(value: Callable[[float, Floats], float], t: float, y: Floats, rates: Floats) -> bool:
+    """Whether a value comes through 0 within MEETING of a time, at which `solve_ivp` has found another one."""
+    now = value(t, y)
+    slope = (now - value(t - BACK, y - BACK * rates)) / BACK
+    return abs(now) <= slope * MEETING
 
 
 @dataclass(frozen=True, eq=False)
