@@ -220,7 +220,7 @@ def _channels(options: argparse.Namespace) -> Iterator[None]:
         raise SceneError([f"{option}: the name of the file is empty" for option in unnamed])
     if why := options.page.refused.get(os.path.splitext(getattr(options, "output", None) or "")[1].lower()):
         raise SceneError([f"-o {options.output}: {why}"])
-    if (options.page.texts or options.page.reports) and _is_new(options.output):
+    if options.page.texts and _is_new(options.output):
         kind_of(options.output, options.page.kinds, "-o ")
     to_output = [option for option, name in named if name == STANDARD]
     if len(to_output) > 1:
@@ -236,7 +236,7 @@ def _channels(options: argparse.Namespace) -> Iterator[None]:
 
 def _is_new(name: str | None) -> bool:
     """Whether this is the name of a file, or of one to be, and not that of a device."""
-    return bool(name) and (os.path.isfile(str(name)) or not os.path.exists(str(name)))
+    return bool(name) and "\0" not in str(name) and (os.path.isfile(str(name)) or not os.path.exists(str(name)))
 
 
 def _long(action: argparse.Action) -> str:

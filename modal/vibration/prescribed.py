@@ -254,7 +254,7 @@ class RandomProcess(PiecewiseMotion):
         return np.asarray(np.cos(turned) @ lines.real - np.sin(turned) @ lines.imag)
 
 
-KINDS: dict[type, Callable[[Any], PrescribedMotion]] = {
+FUNCTIONS_OF_TIME: dict[type, Callable[[Any], PrescribedMotion]] = {
     **dict.fromkeys((SineMotion, SineForce), Sine),
     **dict.fromkeys((SweepMotion, SweepForce), SweptSine),
     **dict.fromkeys((RecordMotion, RecordForce), Record),
@@ -266,7 +266,7 @@ KINDS: dict[type, Callable[[Any], PrescribedMotion]] = {
 @lru_cache(maxsize=32)
 def prescribed_motion(motion: SupportMotion | Force) -> PrescribedMotion:
     """A support's motion as functions of time; of a force the function whose derivative of the order `force` it is."""
-    return KINDS[type(motion)](motion)
+    return FUNCTIONS_OF_TIME[type(motion)](motion)
 
 
 def band(degree: int, derivatives: int) -> float:

@@ -200,10 +200,12 @@ class CompiledStepper(DOP853Stepper[Compiled]):
     def _solver_of(self, f: Derivative, time: float, y: Floats, end: float, **options: Any) -> CompiledDOP853:
         return CompiledDOP853(self.equations.scene, self.f, time, y, end, **options)
 
-    def sweep(self, times: Floats, every: bool = True) -> tuple[Floats, list[tuple[float, Floats]], int]:
+    def sweep(
+        self, times: Floats, every: bool = True, most: int = MOST
+    ) -> tuple[Floats, list[tuple[float, Floats]], int]:
         """Many steps at once, as defined in `Sweeper`."""
         solver = cast("CompiledDOP853", self._on_its_way())
-        rows, ends, states = solver.advance(times, max(1, min(MOST, NUMBERS // solver.n)))
+        rows, ends, states = solver.advance(times, max(1, min(most, NUMBERS // solver.n)))
         good = len(ends) if np.all(np.isfinite(states)) else int(np.argmin(np.isfinite(states).all(axis=1)))
         if not good:
             raise self._stopped("not finite" if len(ends) else SMALL_STEP)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields, is_dataclass
 from importlib import import_module
 from pathlib import Path
 from pkgutil import iter_modules
-from re import findall
+from re import MULTILINE, findall
 
 import numpy as np
 import pytest
@@ -109,6 +109,18 @@ def test_what_is_imported_late_is_there() -> None:
     assert len(places) > 10
     for module, name in (place.split(":") for place in places):
         assert callable(getattr(import_module(module), name))
+
+
+def test_a_package_loads_each_name_from_the_module_that_its_types_come_from() -> None:
+    """Two modules of one package may have the same name: of the shown one the door must have the right one."""
+    for path in (path for package in ("modal", "nonlinear") for path in (ROOT / package).rglob("__init__.py")):
+        text, package = path.read_text(encoding="utf-8"), ".".join(path.parent.relative_to(ROOT).parts)
+        door = import_module(package)
+        for module, names in findall(
+            r"^    from ([\w.]+) import \(?([\w\s,]+)", text.partition("TYPE_CHECKING:")[2], MULTILINE
+        ):
+            for name in set(findall(r"\w+", names)) & set(door.__all__):
+                assert getattr(door, name) is getattr(import_module(module), name), f"{package}.{name}"
 
 
 # ---------------------------------------------------------------------------------------------- any size
