@@ -121,7 +121,7 @@ class Page(argparse.ArgumentParser):
         """A line of a message of the packages, which do not know the options, in terms of this command's.
 
         It names an argument at its beginning, before a colon or a value and a colon, or in backticks, perhaps with its
-        value, or with an ellipsis or code for any.
+        value, or with an ellipsis or code for any.  A figure's name may end in what its command writes as text too.
 
         >>> page = Page(prog="multipendula tune", examples=())
         >>> page.keywords = {"output": "--signals", "psd": "--psd"}
@@ -130,6 +130,9 @@ class Page(argparse.ArgumentParser):
         >>> page.in_options("rms: needs `psd=…`")
         'rms: needs --psd CSV'
         """
+        if self.reports and line.startswith("-o "):
+            known = [f".{kind}" for kind in self.kinds]
+            line = re.sub(r"(: the name must end in ).*$", rf"\1{', '.join(known[:-1])} or {known[-1]}", line)
         line = re.sub(r"^\w+(?=:|(?: \S+){1,2}: )", lambda match: self.keywords.get(match[0], match[0]), line)
         return re.sub("`([^`]+)`", self._option_for, line)
 

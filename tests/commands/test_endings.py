@@ -182,7 +182,7 @@ def test_ctrl_c_during_an_mp4_is_ctrl_c(tmp_path: Path) -> None:
     with subprocess.Popen(
         [*COMMAND, *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True
     ) as running:
-        assert eventually(lambda: bool(children(running.pid)))
+        assert eventually(lambda: children(running.pid) or running.poll() is not None)
         encoder = children(running.pid)
         time.sleep(0.3)
         os.killpg(running.pid, signal.SIGINT)
