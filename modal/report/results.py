@@ -153,7 +153,8 @@ class Result(TextResult):
     def whole(self) -> dict[str, Any]:
         """The contents of JSON."""
         described = {"scene": deferred("modal.scene:describe")(self.scene)}
-        return {**described, **self.facts(), self.key: list(self.records())}
+        rows = [{key: finite(value) for key, value in record.items()} for record in self.records()]
+        return {**described, **self.facts(), self.key: rows}
 
     def to_dict(self) -> dict[str, Any]:
         """The rows of CSV as arrays by their keys."""

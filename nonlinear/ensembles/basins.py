@@ -7,24 +7,25 @@ fractal, or the exponent of a small error.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import product
 from math import degrees, prod, sqrt
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from modal.errors import ComputationError, SceneError
-from modal.report import Displayed, Form, Summary, as_csv, as_json, deferred, finite, grid, silent, tabulated, titled
-from modal.scene import InitialCondition, Pendulum, Scene, describe, name_of, require, title_of
+from modal.report import Form, ReportTable, finite, silent
+from modal.scene import InitialCondition, Pendulum, Scene, describe, require
 from modal.scene.doors import checked
 from modal.scene.parameters import Variation, parse_variations
 from modal.types import Floats
 from nonlinear.ensembles.attractors import Attractor, find_attractors
 from nonlinear.ensembles.measures import configurations
-from nonlinear.ensembles.running import Ensemble, ensemble
+from nonlinear.ensembles.running import Ensemble, EnsembleResult, ensemble
 from nonlinear.ensembles.runs import form_of
 from nonlinear.ensembles.strobes import MOST as LONGEST
 from nonlinear.measures import requested
@@ -33,9 +34,6 @@ from nonlinear.synchronization import agreement
 from nonlinear.synchronization.study import theory_of_scene
 from nonlinear.synchronization.study import usual_duration as sync_duration
 from nonlinear.system import has_start
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 SIZE, WIDEST = 64, 170.0  # places along each angle, and how far from hanging (deg), where nobody says
 SIZE_ONE_BY_ONE = 12  # where each takes as long as a run of its own
@@ -47,7 +45,7 @@ PERIODS = 30.0  # of sqrt(l/g), where nobody says how long
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Basins(Displayed):
+class Basins(EnsembleResult):
     """A measure over the grid of two numbers: `column` is its name with its unit, `names` those of configurations.
 
     Of attractors there is `attractor`, the number of each start's, (S,), besides.
@@ -58,6 +56,9 @@ class Basins(Displayed):
     names: tuple[str, ...] = ()
     attractors: tuple[Attractor, ...] = ()
     attractor: Floats | None = None
+
+    what = "where starts end"
+    figure = "nonlinear.plotting.ensembles:basins_figure"
 
     @property
     def axes(self) -> tuple[Variation, ...]:
@@ -76,23 +77,6 @@ class Basins(Displayed):
             np.min([members.grid(name) for name in members.columns if name.startswith("first_turn_")], axis=0)
         )
 
-    def to_dict(self) -> dict[str, Floats]:
-        """The two numbers that are varied and the measure at every start, (S,)."""
-        axes = np.meshgrid(*(axis.values for axis in self.axes), indexing="ij")
-        columns = {axis.column: grid.ravel() for axis, grid in zip(self.axes, axes, strict=True)}
-        return {**columns, self.column: self.values.ravel()}
-
-    def plot(self) -> Figure:
-        """A matplotlib figure of the map."""
-        figure: Figure = deferred("nonlinear.plotting.ensembles:basins_figure")(self)
-        return figure
-
-    def _summary(self) -> Summary:
-        shape = " × ".join(str(len(axis.values)) for axis in self.axes)
-        facts = [(name, f"{100 * share:.3g} %") for name, share in self.shares().items()]
-        scene = self.ensemble.question.scene
-        return tabulated(f"Basins of {name_of(scene)}: {self.column} from {shape} starts", facts, self.to_dict())
-
     def shares(self) -> dict[str, float]:
         """Which share of the starts ends where."""
         known = self.values[~np.isnan(self.values)]
@@ -104,11 +88,36 @@ class Basins(Displayed):
             return {"a link turns over": turned, "no link turns over": 1 - turned}
         return {}
 
-    def record(self) -> dict[str, Any]:
+    def records(self) -> Iterator[dict[str, Any]]:
+        """The two numbers that are varied and the measure, for every start."""
+        y, x = self.axes
+        for (row, other), value in zip(product(y.values, x.values), self.values.ravel().tolist(), strict=True):
+            yield {y.column: row, x.column: other, self.column: value}
+
+    def parts(self, form: Form = "text") -> Iterator[ReportTable | str]:
+        """Which share of the starts ends where, and how long each ran."""
+        yield ReportTable(
+            ("starts (%)", "description"), [(f"{100 * share:.3g}", name) for name, share in self.shares().items()]
+        )
+        known = self.values[np.isfinite(self.values)]
+        if not self.names and known.size:
+            yield f"{self.column}: from {known.min():.4g} to {known.max():.4g}, median {np.median(known):.4g}"
+        yield f"each simulated for {self.ensemble.question.duration:.4g} s{self._left()}"
+        yield self.ensemble.words()
+
+    def _left(self) -> str:
+        """What those do that have not reached a configuration."""
+        if not self.names or not self.shares()[NONE]:
+            return ""
+        if self.attractor is not None:
+            return f"; {NONE}: not settled yet, or not periodic within {LONGEST} periods of the drives"
+        return f"; {NONE}: at rest, not settled yet, or in another motion"
+
+    def whole(self) -> dict[str, Any]:
         """Everything, for JSON: the values row by row, None for inf and NaN."""
         members = self.ensemble
         return {
-            "scene": describe(members.question.scene),
+            "scene": describe(self.scene),
             "axes": [{"place": axis.path, "unit": axis.unit, "values": list(axis.values)} for axis in self.axes],
             "duration_s": members.question.duration,
             "tolerance": members.question.tolerance,
@@ -249,37 +258,4 @@ def usual_axes(scene: Scene) -> list[str]:
 @checked
 def basins_table(basins: Basins, form: Form) -> str:
     """As text, csv (one line a start) or json, the `form`."""
-    if form == "json":
-        return as_json(basins.record())
-    if form == "csv":
-        return as_csv(_records(basins))
-    scene = basins.ensemble.question.scene
-    rows = [(f"{100 * share:.3g}", name) for name, share in basins.shares().items()]
-    parts = [grid(rows, ("starts (%)", "description")), _ends(basins), _none(basins), basins.ensemble.words()]
-    return titled(title_of(scene), "where starts end", parts, "text")
-
-
-def _none(basins: Basins) -> str:
-    """How long each ran, and what those do that have not reached a configuration."""
-    words = f"each simulated for {basins.ensemble.question.duration:.4g} s"
-    if not basins.names or not basins.shares()[NONE]:
-        return words
-    if basins.attractor is not None:
-        return f"{words}; {NONE}: not settled yet, or not periodic within {LONGEST} periods of the drives"
-    return f"{words}; {NONE}: at rest, not settled yet, or in another motion"
-
-
-def _ends(basins: Basins) -> str:
-    known = basins.values[np.isfinite(basins.values)]
-    if basins.names or not known.size:
-        return ""
-    return f"{basins.column}: from {known.min():.4g} to {known.max():.4g}, median {np.median(known):.4g}"
-
-
-def _records(basins: Basins) -> list[dict[str, Any]]:
-    y, x = basins.axes
-    return [
-        {y.column: row, x.column: other, basins.column: float(basins.values[i, j])}
-        for i, row in enumerate(y.values)
-        for j, other in enumerate(x.values)
-    ]
+    return basins.report(form)

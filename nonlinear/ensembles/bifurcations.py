@@ -9,26 +9,13 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from modal.errors import MultipendulaError, SceneError
-from modal.report import (
-    Displayed,
-    Form,
-    Summary,
-    as_csv,
-    as_json,
-    by_column,
-    counted,
-    deferred,
-    finite,
-    grid,
-    silent,
-    titled,
-)
-from modal.scene import Scene, describe, drive_period, name_of, require, title_of, validate_scene
+from modal.report import Drawable, Form, ReportTable, Result, counted, finite, silent
+from modal.scene import Scene, drive_period, require, validate_scene
 from modal.scene.doors import checked
 from modal.scene.parameters import Variable, Variation, find_places, parse_variations, validate_variations
 from modal.types import Floats, Ints
@@ -49,14 +36,11 @@ from nonlinear.integration import validate
 from nonlinear.reduction import usual_start
 from nonlinear.system import System, system_of
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
 AT_ONCE = 128  # members with periods of their own that are sampled at the times of all of them
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class BifurcationDiagram(Displayed):
+class BifurcationDiagram(Drawable, Result):
     """The last strobes of a scene at each of V values: `times` (V, K) in s, `states` as in `strobes`, (V, K, …).
 
     `settle` (V,) in s is the transient before; values that failed are NaN, with their `reasons`; `shown` are the links
@@ -71,6 +55,9 @@ class BifurcationDiagram(Displayed):
     states: tuple[Floats, ...]
     reasons: dict[int, str]
     shown: tuple[int, ...]
+
+    what, key = "bifurcation diagram", "strobes"
+    figure = "nonlinear.plotting.strobes:bifurcation_figure"
 
     @property
     def system(self) -> System:
@@ -95,19 +82,46 @@ class BifurcationDiagram(Displayed):
         angles = within_a_turn(np.degrees(self.states[0][..., link]))
         return np.repeat(self.variation.values, angles.shape[1]), angles.ravel()
 
-    def to_dict(self) -> dict[str, Any]:
+    def facts(self) -> dict[str, Any]:
+        """What is varied, and after how many periods the motion repeats."""
+        return {
+            "place": self.variation.path,
+            "unit": self.unit,
+            "values": list(self.variation.values),
+            "phase_deg": self.phase_deg,
+            "settle_s": [finite(seconds) for seconds in self.settle.tolist()],
+            "repeats_after_periods": self.repeats.tolist(),
+            "failed": {str(k): reason for k, reason in sorted(self.reasons.items())},
+        }
+
+    def records(self) -> Iterator[dict[str, Any]]:
         """A row for each strobe: the value, after how many periods the motion repeats, the time and the state."""
-        return by_column(_records(self))
+        repeats = self.repeats.tolist()
+        for k, (value, times) in enumerate(zip(self.variation.values, self.times.tolist(), strict=True)):
+            if k not in self.reasons:
+                of_value = {self.variation.column: value, "repeats_after_periods": repeats[k]}
+                strobes = state_records(self.system, [part[k] for part in self.states])
+                yield from (of_value | {"time_s": time} | row for time, row in zip(times, strobes, strict=True))
 
-    def plot(self) -> Figure:
-        """A matplotlib figure of the diagram."""
-        figure: Figure = deferred("nonlinear.plotting.strobes:bifurcation_figure")(self)
-        return figure
+    def parts(self, form: Form = "text") -> Iterator[ReportTable | str]:
+        """What motions of each period there are and at which values, and how they were looked at."""
+        yield ReportTable(("repeats after (periods)", "values", "from", "to"), list(self._ranges()))
+        values, settle = self.variation.values, self.settle[np.isfinite(self.settle)]
+        lines = [
+            f"{counted(len(values), 'value', 'values')} of {self.variation.path} from {values[0]:g} to {values[-1]:g}",
+            f"the last {KEPT} strobes of each, at {self.phase_deg:g}° of the drives, after a transient of "
+            + (f"{settle.min():.4g} s" if np.ptp(settle) == 0 else f"{settle.min():.4g} to {settle.max():.4g} s"),
+        ]
+        failed = Counter(self.reasons.values()).items()
+        yield "\n".join([*lines, *(f"{counted(count, 'value', 'values')} × {why}" for why, count in failed)])
 
-    def _summary(self) -> Summary:
-        values = counted(len(self.variation.values), "value", "values")
-        facts = [(f"repeat after {period} periods", f"{count} values") for period, count, *_ in _ranges(self)]
-        return Summary(f"Bifurcation diagram of {name_of(self.scene)} over {values} of {self.variation.path}", facts)
+    def _ranges(self) -> Iterator[tuple[str, ...]]:
+        known = np.isfinite(self.times[:, 0]) & ~np.isin(np.arange(len(self.times)), list(self.reasons))
+        repeats, values = self.repeats, np.array(self.variation.values)
+        for period in sorted(set(repeats[known].tolist()), key=lambda some: some or MOST + 1):
+            some = values[known & (repeats == period)]
+            name = str(period) if period else f"not within {MOST}, or not yet"
+            yield name, str(len(some)), f"{some.min():.6g}", f"{some.max():.6g}"
 
 
 def find_bifurcations(
@@ -228,51 +242,4 @@ def _strobed(
 @checked
 def bifurcation_table(shown: BifurcationDiagram, form: Form) -> str:
     """As text, csv (one line a strobe) or json, the `form`."""
-    if form == "csv":
-        return as_csv(_records(shown))
-    if form == "json":
-        return as_json(_whole(shown))
-    values, settle = shown.variation.values, shown.settle[np.isfinite(shown.settle)]
-    lines = [
-        f"{counted(len(values), 'value', 'values')} of {shown.variation.path} from {values[0]:g} to {values[-1]:g}",
-        f"the last {KEPT} strobes of each, at {shown.phase_deg:g}° of the drives, after a transient of "
-        + (f"{settle.min():.4g} s" if np.ptp(settle) == 0 else f"{settle.min():.4g} to {settle.max():.4g} s"),
-    ]
-    lines += [f"{counted(count, 'value', 'values')} × {why}" for why, count in Counter(shown.reasons.values()).items()]
-    table = grid(_ranges(shown), ("repeats after (periods)", "values", "from", "to"))
-    return titled(title_of(shown.scene), "bifurcation diagram", [table, "\n".join(lines)], "text")
-
-
-def _ranges(diagram: BifurcationDiagram) -> list[tuple[str, ...]]:
-    """What motions of each period there are, and at which values."""
-    known = np.isfinite(diagram.times[:, 0]) & ~np.isin(np.arange(len(diagram.times)), list(diagram.reasons))
-    rows, values = list[tuple[str, ...]](), np.array(diagram.variation.values)
-    for period in sorted(set(diagram.repeats[known].tolist()), key=lambda some: some or MOST + 1):
-        some = values[known & (diagram.repeats == period)]
-        name = str(period) if period else f"not within {MOST}, or not yet"
-        rows.append((name, str(len(some)), f"{some.min():.6g}", f"{some.max():.6g}"))
-    return rows
-
-
-def _records(diagram: BifurcationDiagram) -> list[dict[str, Any]]:
-    values, repeats = diagram.variation.values, diagram.repeats.tolist()
-    return [
-        {diagram.variation.column: values[k], "repeats_after_periods": repeats[k], "time_s": time} | record
-        for k, times in enumerate(diagram.times.tolist())
-        if k not in diagram.reasons
-        for time, record in zip(times, state_records(diagram.system, [part[k] for part in diagram.states]), strict=True)
-    ]
-
-
-def _whole(diagram: BifurcationDiagram) -> dict[str, Any]:
-    return {
-        "scene": describe(diagram.scene),
-        "place": diagram.variation.path,
-        "unit": diagram.unit,
-        "values": list(diagram.variation.values),
-        "phase_deg": diagram.phase_deg,
-        "settle_s": [finite(seconds) for seconds in diagram.settle.tolist()],
-        "repeats_after_periods": diagram.repeats.tolist(),
-        "failed": {str(k): reason for k, reason in sorted(diagram.reasons.items())},
-        "strobes": [{name: finite(value) for name, value in record.items()} for record in _records(diagram)],
-    }
+    return shown.report(form)

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from modal.errors import MultipendulaError, SceneError
-from modal.report import Displayed, Form, Summary, as_json, by_column, grid, tabulated, titled
+from modal.report import Displayed, Form, ReportTable, Result
 from modal.scene import Scene, load, refusals, title_of, validate_scene
 from modal.scene.doors import checked
 from nonlinear.ensembles.costs import code_of, first_numbers
@@ -49,7 +49,7 @@ class CompiledCode(Displayed):
 
 
 @dataclass(frozen=True, repr=False)
-class Compilation(Displayed):
+class Compilation(Result):
     """What was compiled for a scene, engine by engine; for any plane scene where it is None.
 
     >>> from modal import load
@@ -61,18 +61,32 @@ class Compilation(Displayed):
     scene: Scene | None
     codes: tuple[CompiledCode, ...]
 
-    @property
-    def title(self) -> str:
+    key = "codes"
+
+    def titles(self) -> tuple[str, str]:
         """What it was compiled for."""
-        return title_of(self.scene) if self.scene else ANY
+        return title_of(self.scene) if self.scene else ANY, "compiled code"
 
-    def to_dict(self) -> dict[str, Any]:
-        """The columns of its table, one entry each for every engine and use."""
-        return by_column([vars(code) for code in self.codes])
+    def parts(self, form: Form = "text") -> Iterator[ReportTable | str]:
+        """What is compiled, what is not and why, and where it is kept."""
+        ready = [code for code in self.codes if code.action]
+        rows = [(code.runs, code.engine, code.action, f"{code.seconds:.2g}") for code in ready]
+        yield ReportTable(("runs", "engine", "action", "seconds"), rows)
+        yield "\n".join(f"{code.runs} by {code.engine}: {code.why_not}" for code in self.codes if code.why_not)
+        if homes := dict.fromkeys(code.kept_in for code in ready if code.kept_in):
+            yield "\n".join(["kept in", *(f"  {home}" for home in homes)])
+        if any(not code.kept_in for code in ready):
+            yield "not kept for later processes: no folder of the cache can be written by this user"
+        if not self.scene:
+            yield "many motions, and Taylor series, are compiled for each form of scene: give one"
 
-    def _summary(self) -> Summary:
-        words = {name for name in CompiledCode.__dataclass_fields__ if name != "seconds"}
-        return tabulated(f"{self.title}: compiled code", [], self.to_dict(), words)
+    def records(self) -> list[dict[str, Any]]:
+        """What each engine has for each use."""
+        return [vars(code) for code in self.codes]
+
+    def whole(self) -> dict[str, Any]:
+        """The title of the scene, and the codes."""
+        return {"scene": self.scene and (self.scene.title or None), self.key: self.records()}
 
 
 def compile_engines(scene: Scene | None = None, tolerance: float = USUAL, measures: Sequence[str] = ()) -> Compilation:
@@ -185,21 +199,4 @@ def compilation_table(compilation: Compilation, form: Form) -> str:
     >>> print(compilation_table(Compilation(load("chain-2"), ()), "text"), end="")
     Chain of 2 equal bobs: compiled code
     """
-    if form == "json":
-        return as_json(
-            {
-                "scene": compilation.scene and (compilation.scene.title or None),
-                "codes": [vars(code) for code in compilation.codes],
-            }
-        )
-    ready = [code for code in compilation.codes if code.action]
-    rows = [(code.runs, code.engine, code.action, f"{code.seconds:.2g}") for code in ready]
-    homes = dict.fromkeys(code.kept_in for code in ready if code.kept_in)
-    parts = [grid(rows, ("runs", "engine", "action", "seconds"))]
-    parts += ["\n".join(f"{code.runs} by {code.engine}: {code.why_not}" for code in compilation.codes if code.why_not)]
-    parts += ["\n".join(["kept in", *(f"  {home}" for home in homes)]) if homes else ""]
-    if any(not code.kept_in for code in ready):
-        parts += ["not kept for later processes: no folder of the cache can be written by this user"]
-    if not compilation.scene:
-        parts += ["many motions, and Taylor series, are compiled for each form of scene: give one"]
-    return titled(compilation.title, "compiled code", parts, form)
+    return compilation.report(form)

@@ -20,7 +20,7 @@ from typing import Any, cast
 import numpy as np
 
 from modal.errors import SceneError
-from modal.report import Displayed, Summary, counted, finite, silent
+from modal.report import Displayed, Drawable, Result, Summary, counted, finite, silent
 from modal.scene import Scene, name_of, require
 from modal.scene.parameters import Vary
 from modal.types import Floats
@@ -43,7 +43,7 @@ from nonlinear.ensembles.question import (
 )
 from nonlinear.integration import sample_times, validate, validate_numbers, validate_whole
 from nonlinear.integration.readiness import Forgone, lose, rented
-from nonlinear.system import Motion, system_of
+from nonlinear.system import Motion, System, system_of
 
 USUAL = 1e-9  # tolerance
 END = "end"
@@ -208,6 +208,22 @@ class Ensemble(Displayed):
             more = "Members that were not checked may be wrong as well."
             lines += [f"warning: {names}{', '.join(map(str, untrue))}: {self.failures[untrue[0]]}. {more}"]
         return "\n".join(lines)
+
+
+class EnsembleResult(Drawable, Result):
+    """What an `ensemble` shows."""
+
+    ensemble: Ensemble
+
+    @property
+    def scene(self) -> Scene:
+        """The scene of the members."""
+        return self.ensemble.question.scene
+
+    @property
+    def system(self) -> System:
+        """The scene as arrays."""
+        return self.ensemble.question.system
 
 
 def ensemble(

@@ -13,30 +13,27 @@ from all round.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from math import sqrt
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from modal.errors import SceneError
-from modal.report import Displayed, Form, Summary, as_csv, as_json, by_column, deferred, silent, titled
-from modal.scene import Scene, describe, name_of, require, title_of
+from modal.report import Form, silent
+from modal.scene import Scene, require
 from modal.scene.doors import checked, checked_index, checked_number
 from modal.types import Floats
 from nonlinear.dynamics import Lanes
 from nonlinear.ensembles.energies import Accounts
 from nonlinear.ensembles.measures import section_of
 from nonlinear.ensembles.results import Passing
-from nonlinear.ensembles.running import Ensemble, ensemble
+from nonlinear.ensembles.running import Ensemble, EnsembleResult, ensemble
 from nonlinear.ensembles.strobes import state_records, within_a_turn
 from nonlinear.integration import estimate_timescales
 from nonlinear.reduction import usual_start
-from nonlinear.system import Numbers, State, System, numbers_of, system_of
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from nonlinear.system import Numbers, State, numbers_of, system_of
 
 ORBITS, PERIODS = 24, 200.0  # motions, and how long each goes on in sqrt(l/g), where nobody says
 MOST_ORBITS = 100_000
@@ -47,7 +44,7 @@ FASTEST = 1e4  # of the scene's fastest swing: a motion with faster links takes 
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class PoincareSection(Displayed):
+class PoincareSection(EnsembleResult):
     """The crossings of an ensemble at an `energy` (J) above the scene's rest, drawn by one of its coordinates."""
 
     ensemble: Ensemble
@@ -56,35 +53,36 @@ class PoincareSection(Displayed):
     coordinate: str
     shown: str
 
-    @property
-    def system(self) -> System:
-        """The scene as arrays."""
-        return self.ensemble.question.system
+    what, key = "Poincaré section", "crossings"
+    figure = "nonlinear.plotting.ensembles:section_figure"
 
     @property
     def orbit(self) -> Floats:
         """Which motion crosses, from 0, (C,)."""
         return self.ensemble.column("crossing_member")
 
-    def to_dict(self) -> dict[str, Any]:
+    def facts(self) -> dict[str, Any]:
+        """Where motions cross, at which energy, and how they were found."""
+        return {"section": self.coordinate, "energy_J": self.energy, **self.ensemble.record()}
+
+    def records(self) -> Iterator[dict[str, Any]]:
         """A row for each crossing: which motion from 1, the time, angles, rates and the cart."""
-        return by_column(_records(self))
+        times, states = self.ensemble.column("crossing_time_s"), self.ensemble.states("crossing_")
+        records = state_records(self.system, states, carted=self.system.structure is None)
+        for orbit, time, record in zip(self.orbit.tolist(), times.tolist(), records, strict=True):
+            yield {"motion": int(orbit) + 1, "time_s": time} | record
 
-    def plot(self) -> Figure:
-        """A matplotlib figure of the crossings."""
-        figure: Figure = deferred("nonlinear.plotting.ensembles:section_figure")(self)
-        return figure
-
-    def _summary(self) -> Summary:
-        members = self.ensemble
-        title = f"Poincaré section of {name_of(members.question.scene)} at {self.coordinate}"
-        facts = [
-            ("crossings", str(len(self.orbit))),
-            ("motions", str(members.size)),
-            ("duration", f"{members.question.duration:g} s"),
-            ("energy", f"{self.energy:.6g} J above rest"),
+    def parts(self, form: Form = "text") -> Iterator[str]:
+        """How many crossings by how many motions, at which energy."""
+        orbit, members = self.orbit, self.ensemble
+        counts = np.bincount(orbit.astype(int), minlength=members.size)
+        lines = [
+            f"{len(orbit)} crossings of {self.coordinate} by {members.size} motions "
+            f"of {members.question.duration:.4g} s, {counts.min()} to {counts.max()} each",
+            f"energy {self.energy:.6g} J above the scene's rest",
+            members.words(),
         ]
-        return Summary(title, facts)
+        yield "\n".join(lines)
 
     def points(self) -> tuple[Floats, Floats]:
         """What is drawn: an angle in (−180°, 180°] and its rate in °/s, or the cart's m and m/s, (C,) each."""
@@ -131,21 +129,7 @@ def find_section(
 @checked
 def section_table(section: PoincareSection, form: Form) -> str:
     """As text, csv (one line a crossing) or json, the `form`."""
-    if form == "csv":
-        return as_csv(_records(section))
-    if form == "json":
-        return as_json(_whole(section))
-    scene, counts = (
-        section.ensemble.question.scene,
-        np.bincount(section.orbit.astype(int), minlength=section.ensemble.size),
-    )
-    lines = [
-        f"{len(section.orbit)} crossings of {section.coordinate} by {section.ensemble.size} motions "
-        f"of {section.ensemble.question.duration:.4g} s, {counts.min()} to {counts.max()} each",
-        f"energy {section.energy:.6g} J above the scene's rest",
-        section.ensemble.words(),
-    ]
-    return titled(title_of(scene), "Poincaré section", ["\n".join(lines)], "text")
+    return section.report(form)
 
 
 def _usual_energy(scene: Scene) -> float:
@@ -154,27 +138,6 @@ def _usual_energy(scene: Scene) -> float:
         return energy_of(scene, usual_start(scene))
     except SceneError as error:
         raise SceneError([f"{error}: give `energy`"]) from None
-
-
-def _records(section: PoincareSection) -> list[dict[str, Any]]:
-    times, orbits = (section.ensemble.column(f"crossing_{name}").tolist() for name in ("time_s", "member"))
-    states = section.ensemble.states("crossing_")
-    records = state_records(section.system, states, carted=section.system.structure is None)
-    return [
-        {"motion": int(orbit) + 1, "time_s": time} | record
-        for orbit, time, record in zip(orbits, times, records, strict=True)
-    ]
-
-
-def _whole(section: PoincareSection) -> dict[str, Any]:
-    members = section.ensemble
-    return {
-        "scene": describe(members.question.scene),
-        "section": section.coordinate,
-        "energy_J": section.energy,
-        **members.record(),
-        "crossings": _records(section),
-    }
 
 
 # ----------------------------------------------------------------------------------------------- starts at an energy

@@ -12,25 +12,22 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from math import ceil, inf, isfinite, radians, sqrt
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from modal.errors import MultipendulaError, SceneError
 from modal.modes import natural_modes
-from modal.report import Displayed, Form, Summary, as_csv, as_json, by_column, counted, deferred, finite, silent, titled
-from modal.scene import Scene, describe, drive_period, name_of, require, title_of, validate_scene
+from modal.report import Form, counted, silent
+from modal.scene import Scene, drive_period, require, validate_scene
 from modal.scene.doors import checked
 from modal.types import Floats, Ints
 from nonlinear.chaos.lyapunov import nearby
 from nonlinear.ensembles.measures import places
-from nonlinear.ensembles.running import Ensemble, ensemble
+from nonlinear.ensembles.running import Ensemble, EnsembleResult, ensemble
 from nonlinear.integration import validate, validate_whole
 from nonlinear.reduction import usual_start
 from nonlinear.system import System, system_of, translations
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 ORBITS, SPREAD, STROBES, SEED = 24, 10.0, 200, 7  # motions, degrees and strobes where nobody says
 KEPT, MOST = 50, 16  # strobes by which a settled motion is judged, and the longest period (T) that is told
@@ -129,7 +126,7 @@ def repetition_words(period: Ints) -> str:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class StroboscopicSection(Displayed):
+class StroboscopicSection(EnsembleResult):
     """The strobes of an ensemble at `times` (K,) in s, once a `period` (s) at `phase_deg` of it, from `settle` (s) on.
 
     Starts lie within `spread_deg` of the scene's; `shown` are the links that are drawn, from 0.
@@ -143,10 +140,8 @@ class StroboscopicSection(Displayed):
     settle: float
     shown: tuple[int, ...]
 
-    @property
-    def system(self) -> System:
-        """The scene as arrays."""
-        return self.ensemble.question.system
+    what, key = "stroboscopic section", "strobes"
+    figure = "nonlinear.plotting.strobes:strobes_figure"
 
     @property
     def states(self) -> list[Floats]:
@@ -167,23 +162,36 @@ class StroboscopicSection(Displayed):
         angle, rate = (np.degrees(rows[..., link]) for rows in self.states[:2])
         return within_a_turn(angle), rate
 
-    def to_dict(self) -> dict[str, Any]:
+    def facts(self) -> dict[str, Any]:
+        """When motions are looked at, and how they were found."""
+        return {
+            "period_s": self.period,
+            "phase_deg": self.phase_deg,
+            "spread_deg": self.spread_deg,
+            "settle_s": self.settle,
+            **self.ensemble.record(),
+            "repeats_after_periods": self.repeats.tolist(),
+        }
+
+    def records(self) -> Iterator[dict[str, Any]]:
         """A row for each strobe: which motion from 1, the time, angles, rates and the cart."""
-        return by_column(_records(self))
+        times, states = self.times.tolist(), self.states
+        for motion in range(self.ensemble.size):
+            of_motion = state_records(self.system, [part[motion] for part in states])
+            for time, record in zip(times, of_motion, strict=True):
+                yield {"motion": motion + 1, "time_s": time} | record
 
-    def plot(self) -> Figure:
-        """A matplotlib figure of the section."""
-        figure: Figure = deferred("nonlinear.plotting.strobes:strobes_figure")(self)
-        return figure
-
-    def _summary(self) -> Summary:
-        facts = [
-            ("period", f"{self.period:g} s"),
-            ("phase", f"{self.phase_deg:g}°"),
-            ("motions", str(self.ensemble.size)),
-            ("strobes of each", str(len(self.times))),
+    def parts(self, form: Form = "text") -> Iterator[str]:
+        """How many motions and when, and after how many periods they repeat."""
+        motions, times = counted(self.ensemble.size, "motion", "motions"), counted(len(self.times), "time", "times")
+        lines = [
+            f"{motions} of {self.ensemble.question.duration:.4g} s, looked at once a period of {self.period:.6g} s, "
+            f"at {self.phase_deg:g}°, {times} from {self.times[0]:.4g} s on",
+            f"starts within {self.spread_deg:g}° of the scene's",
+            repetition_words(self.repeats),
+            self.ensemble.words(),
         ]
-        return Summary(f"Stroboscopic section of {name_of(self.ensemble.question.scene)}", facts)
+        yield "\n".join(lines)
 
 
 def within_a_turn(angle: Floats) -> Floats:
@@ -266,19 +274,7 @@ def validate_strobes(*, phase_deg: float, spread_deg: float = 0.0, settle: float
 @checked
 def strobes_table(section: StroboscopicSection, form: Form) -> str:
     """As text, csv (one line a strobe) or json, the `form`."""
-    if form == "csv":
-        return as_csv(_records(section))
-    if form == "json":
-        return as_json(_whole(section))
-    motions, times = counted(section.ensemble.size, "motion", "motions"), counted(len(section.times), "time", "times")
-    lines = [
-        f"{motions} of {section.ensemble.question.duration:.4g} s, looked at once a period of {section.period:.6g} s, "
-        f"at {section.phase_deg:g}°, {times} from {section.times[0]:.4g} s on",
-        f"starts within {section.spread_deg:g}° of the scene's",
-        repetition_words(section.repeats),
-        section.ensemble.words(),
-    ]
-    return titled(title_of(section.ensemble.question.scene), "stroboscopic section", ["\n".join(lines)], "text")
+    return section.report(form)
 
 
 def state_records(system: System, states: Sequence[Floats], carted: bool | None = None) -> Iterator[dict[str, float]]:
@@ -291,26 +287,3 @@ def state_records(system: System, states: Sequence[Floats], carted: bool | None 
             | ({"x_m": x, "x_dot_m_per_s": speed} if carted else {})
             | (dict(zip(system.first_columns, (*carried[0], *carried[1]), strict=True)) if carried else {})
         )
-
-
-def _records(section: StroboscopicSection) -> list[dict[str, Any]]:
-    times, states = section.times.tolist(), section.states
-    return [
-        {"motion": motion + 1, "time_s": time} | record
-        for motion in range(section.ensemble.size)
-        for time, record in zip(times, state_records(section.system, [part[motion] for part in states]), strict=True)
-    ]
-
-
-def _whole(section: StroboscopicSection) -> dict[str, Any]:
-    members = section.ensemble
-    return {
-        "scene": describe(members.question.scene),
-        "period_s": section.period,
-        "phase_deg": section.phase_deg,
-        "spread_deg": section.spread_deg,
-        "settle_s": section.settle,
-        **members.record(),
-        "repeats_after_periods": section.repeats.tolist(),
-        "strobes": [{name: finite(value) for name, value in record.items()} for record in _records(section)],
-    }

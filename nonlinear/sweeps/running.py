@@ -9,13 +9,13 @@ from dataclasses import dataclass
 from functools import cached_property, partial
 from itertools import islice, product
 from time import monotonic
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from modal.errors import SceneError
-from modal.report import HTML_ROWS, Displayed, Summary, brief, deferred, grid, silent, visible
-from modal.scene import Scene, SineMotion, left_out, name_of
+from modal.report import Drawable, TextResult, grid, silent, visible
+from modal.scene import Scene, SineMotion, left_out
 from modal.scene.doors import checked, require_type
 from modal.scene.parameters import Place, Variable, Variation, find_places
 from modal.types import Floats
@@ -25,9 +25,6 @@ from nonlinear.integration import validate_whole
 from nonlinear.sweeps.checkpoint import Checkpoint
 from nonlinear.sweeps.measures import FLOQUET, parse_measures
 from nonlinear.sweeps.study import ENERGY, LYAPUNOV, Points, Row, Study, SweepTask, measure_each, measure_points
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 PATIENCE = 0.5
 """Seconds that this process works alone before it starts others: a small sweep is done by then."""
@@ -51,12 +48,15 @@ Rows = Generator[list[Row], None, None]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Sweep(Displayed):
+class Sweep(Drawable, TextResult):
     """The rows of a study, ascending; `interrupted` tells whether Ctrl-C came before the last."""
 
     study: Study
     rows: tuple[Row, ...]
     interrupted: bool = False
+
+    writer = "nonlinear.sweeps.running:sweep_text"
+    figure = "nonlinear.plotting.sweeps:sweep_figure"
 
     @cached_property
     def columns(self) -> tuple[str, ...]:
@@ -97,26 +97,6 @@ class Sweep(Displayed):
                 return ()
             values |= {places[place]: variation.values for place in varied}
         return tongues(study.scene, **values).boundaries
-
-    def plot(self) -> Figure:
-        """A matplotlib figure of the measures over the grid."""
-        figure: Figure = deferred("nonlinear.plotting.sweeps:sweep_figure")(self)
-        return figure
-
-    def _summary(self) -> Summary:
-        facts = [
-            (axis.path, f"{axis.values[0]:g} to {axis.values[-1]:g} {axis.unit}") for axis in self.study.variations
-        ]
-        done = f"{len(self.rows)} of {self.study.size} points"
-        failed = f", {len(self.failures)} failed" if self.failures else ""
-        first = self.rows[:HTML_ROWS]
-        axes = ([brief(value) for value in self.study.point(row.index).values()] for row in first)
-        rows = [
-            [*place, *(brief(row.numbers.get(name, np.nan)) for name in self.columns)]
-            for place, row in zip(axes, first, strict=True)
-        ]
-        headings = [*(axis.column for axis in self.study.variations), *self.columns]
-        return Summary(f"Sweep of {name_of(self.study.scene)}: {done}{failed}", facts, headings, rows, len(self.rows))
 
     def values(self, column: str) -> Floats:
         """One quantity over the grid, in the study's shape, NaN where it is unknown."""

@@ -15,6 +15,7 @@ import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, partial
+from operator import itemgetter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -22,22 +23,18 @@ import numpy as np
 from modal.errors import ComputationError, SceneError
 from modal.modes import natural_frequencies
 from modal.report import (
-    HTML_ROWS,
     NOTHING,
-    Displayed,
+    Drawable,
     Form,
-    Summary,
-    as_json,
-    brief,
+    ReportColumn,
+    ReportTable,
+    Result,
     counted,
-    csv_rows,
-    deferred,
     finite,
     grid,
     silent,
-    titled,
 )
-from modal.scene import Scene, describe, left_out, name_of, title_of
+from modal.scene import Scene, describe, left_out
 from modal.scene.doors import checked
 from modal.scene.parameters import Variable, find_places, number_at, unit_at
 from modal.types import Floats
@@ -48,8 +45,6 @@ from nonlinear.sweeps.study import SweepTask, measure_each
 from nonlinear.system import State, system_of
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
     from modal.identification import Estimate
 
 MEMBERS, SAMPLES, SEED = 1000, 201, 5
@@ -148,7 +143,7 @@ def _number(text: str, word: str) -> float:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Spread(Displayed):
+class Spread(Drawable, Result):
     """Members with drawn numbers: `values` (S,) by path, `omega` (S, R) in rad/s, and their motion where asked for.
 
     `measured` has the columns of measures that were asked for: the scene's own number, and those of members (S,).
@@ -164,25 +159,70 @@ class Spread(Displayed):
     estimate: Estimate | None = None
     measured: dict[str, tuple[float, Floats]] = field(default_factory=dict)
 
+    what = "spread"
+    figure = "nonlinear.plotting.ensembles:spread_figure"
+
     def to_dict(self) -> dict[str, Floats]:
         """What was drawn, every frequency in rad/s and what was measured, (S,)."""
         columns = {f"omega_{number}_rad_per_s": omega for number, omega in enumerate(self.omega.T, 1)}
         return {**self.values, **columns, **{name: numbers for name, (_, numbers) in self.measured.items()}}
 
-    def plot(self) -> Figure:
-        """A matplotlib figure of the frequencies and of the motion."""
-        figure: Figure = deferred("nonlinear.plotting.ensembles:spread_figure")(self)
-        return figure
+    def parts(self, form: Form = "text") -> Iterator[ReportTable | str]:
+        """What members were drawn from, what came out and which number matters most, and the motion."""
+        yield f"{self.size} members with {self.words}"
+        yield ReportTable.of(self.columns(), self.quantities if self.measured else self.frequencies)
+        yield from self.notes
+        yield motion_words(self)
+        if self.failures:
+            yield f"{len(self.failures)} members failed: {next(iter(self.failures.values()))}"
 
-    def _summary(self) -> Summary:
-        title = f"Spread of {name_of(self.scene)}: {counted(self.size, 'member', 'members')} with {self.words}"
-        rows = [
-            [brief(record[key]) for key in ("mode", "omega_rad_per_s", "standard_deviation_rad_per_s", "matters_most")]
-            for record in self.frequencies[:HTML_ROWS]
-        ]
-        headings = ("mode", "ω (rad/s)", "± (rad/s)", "matters most")
-        count = int(np.count_nonzero(self.nominal > 0))
-        return Summary(title, (), headings, rows, count, words=frozenset({3}))
+    def columns(self) -> tuple[ReportColumn, ...]:
+        """What the table has of a frequency, or of a quantity that was measured."""
+        unit = "" if self.measured else "_rad_per_s"
+        first = ("quantity", "nominal") if self.measured else ("mode", "omega_rad_per_s")
+        headings = ("quantity", "of the scene", "σ") if self.measured else ("mode", "ω (rad/s)", "σ (rad/s)")
+        keys = (*first, *(f"{name}{unit}" for name in ("standard_deviation", "q05", "q95")))
+        shown = ("", ".6g", ".6g" if self.measured else ".3g", ".6g", ".6g")
+        return (
+            *(
+                ReportColumn(itemgetter(key), None, heading, f"{{:{digits}}}".format)
+                for key, heading, digits in zip(keys, (*headings, "5 %", "95 %"), shown, strict=True)
+            ),
+            ReportColumn(_most, None, "matters most"),
+        )
+
+    def records(self) -> Iterator[dict[str, Any]]:
+        """A row for each member: what was drawn, measured, and its angles at every sample of a motion."""
+        modes = [k for k, row in enumerate(self.nominal) if row > 0]
+        places = [label[len("theta") :].strip("[]").replace(",", "_") for label in _coordinates(self)]
+        at = [f"theta_{place}_at_{time:.10g}_s_deg" for time in self.times.tolist() for place in places]
+        measured = {name: row for name, (_, row) in self.measured.items() if not name.startswith("omega_")}
+        names = [*self.values, *(f"omega_{mode + 1}_rad_per_s" for mode in modes), *measured, *at]
+        angles = self.angles.reshape(self.size, len(at))
+        every = np.column_stack([*self.values.values(), self.omega[:, modes], *measured.values(), angles])
+        return (dict(zip(names, row, strict=True)) for row in every.tolist())
+
+    def whole(self) -> dict[str, Any]:
+        """What was drawn, the frequencies, the measures and the bands of the motion."""
+        measured = [{key: finite(value) for key, value in record.items()} for record in self.quantities]
+        whole: dict[str, Any] = {
+            "scene": describe(self.scene),
+            "tolerances": [tolerance.text for tolerance in self.tolerances],
+            **({} if self.estimate is None else {"fitted": list(self.estimate.paths)}),
+            "members": self.size,
+            "failed": len(self.failures),
+            "frequencies": self.frequencies,
+            "notes": list(self.notes),
+            **({"measures": measured} if self.measured else {}),
+        }
+        if self.ensemble is not None:
+            bands = {
+                f"q{round(100 * q):02d}_deg": [[finite(value) for value in row] for row in band]
+                for q, band in zip(QUANTILES, self.bands.tolist(), strict=True)
+            }
+            motion = {"engine": self.ensemble.engine, "time_s": self.times.tolist(), "coordinates": _coordinates(self)}
+            whole["motion"] = motion | bands
+        return whole
 
     @property
     def words(self) -> str:
@@ -377,44 +417,13 @@ def _scenes(scene: Scene, values: dict[str, Floats]) -> tuple[dict[int, Scene], 
 @checked
 def spread_table(spread: Spread, form: Form) -> str:
     """As text, csv (one line a member, with its angles at every sample of a motion) or json, the `form`."""
-    if form == "csv":
-        return csv_rows(_members(spread))
-    if form == "json":
-        return as_json(_whole(spread))
-    rows = [
-        (
-            str(record["mode"]),
-            f"{record['omega_rad_per_s']:.6g}",
-            f"{record['standard_deviation_rad_per_s']:.3g}",
-            f"{record['q05_rad_per_s']:.6g}",
-            f"{record['q95_rad_per_s']:.6g}",
-            _words(record["shares"], record["matters_most"]),
-        )
-        for record in spread.frequencies
-    ]
-    headings = ("mode", "ω (rad/s)", "σ (rad/s)", "5 %", "95 %", "matters most")
-    table = grid(rows, headings) if not spread.measured else measured_words(spread)
-    parts = [f"{spread.size} members with {spread.words}", table, *spread.notes, motion_words(spread)]
-    if spread.failures:
-        parts.append(f"{len(spread.failures)} members failed: {next(iter(spread.failures.values()))}")
-    return titled(title_of(spread.scene), "spread", parts, "text")
+    return spread.report(form)
 
 
-def _words(shares: dict[str, float], most: str) -> str:
-    return f"{most} ({100 * shares[most]:.0f} %)" if most else NOTHING
-
-
-def measured_words(spread: Spread) -> str:
-    """The table of what was measured."""
-    rows = [
-        (
-            record["quantity"],
-            *(f"{record[key]:.6g}" for key in ("nominal", "standard_deviation", "q05", "q95")),
-            _words(record["shares"], record["matters_most"]),
-        )
-        for record in spread.quantities
-    ]
-    return grid(rows, ("quantity", "of the scene", "σ", "5 %", "95 %", "matters most"))
+def _most(record: dict[str, Any]) -> str:
+    """Which number matters most, and how much of the variance it explains."""
+    most = record["matters_most"]
+    return f"{most} ({100 * record['shares'][most]:.0f} %)" if most else NOTHING
 
 
 def motion_words(spread: Spread) -> str:
@@ -431,48 +440,7 @@ def motion_words(spread: Spread) -> str:
     return f"{grid(rows, headings)}\n\n{spread.ensemble.words()}"
 
 
-def _members(spread: Spread) -> Iterator[list[Any]]:
-    """The headings, then a row for each member."""
-    modes = [k for k, row in enumerate(spread.nominal) if row > 0]
-    places = [label[len("theta") :].strip("[]").replace(",", "_") for label in _coordinates(spread)]
-    at = [f"theta_{place}_at_{time:.10g}_s_deg" for time in spread.times.tolist() for place in places]
-    measured = {name: row for name, (_, row) in spread.measured.items() if not name.startswith("omega_")}
-    yield [*spread.values, *(f"omega_{mode + 1}_rad_per_s" for mode in modes), *measured, *at]
-    drawn = np.column_stack([*spread.values.values()])
-    for k in range(spread.size):
-        row = [float(numbers[k]) for numbers in measured.values()]
-        yield [*drawn[k].tolist(), *spread.omega[k, modes].tolist(), *row, *spread.angles[k].ravel().tolist()]
-
-
 def _coordinates(spread: Spread) -> list[str]:
     """The labels of the links."""
     system = system_of(spread.scene)
     return list(system.labels[system.first :])
-
-
-def _finite(record: dict[str, Any]) -> dict[str, Any]:
-    return {key: finite(value) if isinstance(value, float) else value for key, value in record.items()}
-
-
-def _whole(spread: Spread) -> dict[str, Any]:
-    record: dict[str, Any] = {
-        "scene": describe(spread.scene),
-        "tolerances": [tolerance.text for tolerance in spread.tolerances],
-        **({} if spread.estimate is None else {"fitted": list(spread.estimate.paths)}),
-        "members": spread.size,
-        "failed": len(spread.failures),
-        "frequencies": spread.frequencies,
-        "notes": list(spread.notes),
-        **({"measures": [_finite(record) for record in spread.quantities]} if spread.measured else {}),
-    }
-    if spread.ensemble is not None:
-        record["motion"] = {
-            "engine": spread.ensemble.engine,
-            "time_s": spread.times.tolist(),
-            "coordinates": _coordinates(spread),
-            **{
-                f"q{round(100 * q):02d}_deg": [[finite(float(value)) for value in row] for row in band]
-                for q, band in zip(QUANTILES, spread.bands, strict=True)
-            },
-        }
-    return record

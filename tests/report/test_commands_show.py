@@ -27,18 +27,32 @@ from multipendula.cli import main
 from nonlinear.accuracy import list_candidates, measure_frequencies, measure_work_precision
 from nonlinear.chaos import lyapunov_exponent, study
 from nonlinear.chaos.studies import Finding, level_starts
+from nonlinear.ensembles import (
+    Compilation,
+    CompiledCode,
+    find_basins,
+    find_bifurcations,
+    find_section,
+    find_strobes,
+)
 from nonlinear.identification import Recording, Segment, Sensor, fit
 from nonlinear.orbits import nonlinear_mode
 from nonlinear.simulation import simulate
+from nonlinear.sweeps import Study, find_spread, parse_measures, sweep
 from nonlinear.synchronization import SynchronizationStudy, follow_branches, phases_of
 from nonlinear.verification import check, compare
 
 FILES = {
     "modes.csv": "mode,frequency_hz,std_hz\n1,0.38,0.001\n2,0.92,0.002\n",
+    "driven.toml": """gravity = 9.81
+force = [{on = "pendulum[0].links[0]", kind = "sine", amplitude = 1.0, frequency_hz = 0.5}]
+pendulum = [{links = [{kind = "bob", mass = 1.0, length = 1.0, damping = 2.0}], start = {angles_deg = [20.0]}}]
+""",
     "psd.csv": "frequency_hz,psd\n0.1,1e-3\n10,1e-3\n",
     "record.csv": "time_s,acceleration_m_per_s2\n0,0\n0.1,1\n0.2,1\n0.3,0\n",
     "swing.csv": "time_s,theta_1_1_rad\n" + "".join(f"{k / 20},{0.1 * np.cos(3.13 * k / 20)}\n" for k in range(40)),
 }
+ALONE: dict[str, Any] = {"engine": "numpy", "workers": 1, "check": 0}
 MASS = "support.mass=10:11:2"
 LENGTH = "pendulum[0].links[0].length"
 
@@ -133,6 +147,44 @@ SHOWN: dict[str, tuple[str, Callable[[], Any]]] = {
         "nonlinear.accuracy:measure_work_precision",
         lambda: measure_work_precision(
             modal.load("chain-1"), 0.05, candidates=list_candidates(modal.load("chain-1"))[:1]
+        ),
+    ),
+    "basins chain-2": (
+        "nonlinear.ensembles:find_basins",
+        lambda: find_basins(
+            modal.load("chain-2"),
+            0.5,
+            vary=[f"pendulum[0].start.angles_deg[{k}]=-90:90:2" for k in (0, 1)],
+            **ALONE,
+        ),
+    ),
+    "section chain-2": (
+        "nonlinear.ensembles:find_section",
+        lambda: find_section(modal.load("chain-2"), 2.0, orbits=2, **ALONE),
+    ),
+    "section driven.toml": (
+        "nonlinear.ensembles:find_strobes",
+        lambda: find_strobes(modal.load("driven.toml"), 8.0, orbits=2, **ALONE),
+    ),
+    "spread chain-2 --uncertain gravity=0.1": (
+        "nonlinear.sweeps:find_spread",
+        lambda: find_spread(modal.load("chain-2"), ["gravity=0.1"], members=5),
+    ),
+    "sweep chain-1 --vary gravity=9,10": (
+        "nonlinear.sweeps:sweep",
+        lambda: sweep(
+            Study(modal.load("chain-1"), parse_variations(["gravity=9,10"]), parse_measures(["frequencies"])), workers=1
+        ),
+    ),
+    "sweep driven.toml --strobe --vary force[0].amplitude=1,2": (
+        "nonlinear.ensembles:find_bifurcations",
+        lambda: find_bifurcations(modal.load("driven.toml"), "force[0].amplitude=1,2", settle=2.0, **ALONE),
+    ),
+    "compile chain-2": (
+        "nonlinear.ensembles:compile_engines",
+        lambda: Compilation(
+            modal.load("chain-2"),
+            (CompiledCode("one motion", "numba", "was ready", 0.01, "cache"), CompiledCode("one motion", "heyoka")),
         ),
     ),
     "sync metronomes": (
