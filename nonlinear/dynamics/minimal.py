@@ -175,8 +175,12 @@ class Suspended(Arranged):
         """What carries the first joints, at this instant."""
         return Bearing(carriers_of(self.system), q, v, instant, massless=massless)
 
-    def rubbed(self, y: Any, instant: Instant) -> tuple[Any, Rubbed]:
-        """The same, and what dry friction does."""
+    def rubbed(self, y: Any, instant: Instant, response: Any = None) -> tuple[Any, Rubbed]:
+        """The same, and what dry friction does.
+
+        Where all contacts slide on a rail with a coefficient, the `response` (half,) to a unit of friction on it may
+        be given.
+        """
         system, layout = self.system, self.layout
         first, half = layout.first, layout.half
         q, v = y[:half], y[half : 2 * half]
@@ -195,12 +199,16 @@ class Suspended(Arranged):
             turned[place] = bearing.fall(k)
         rubbed = Rubbed(accelerations, ())
         if instant.gripping is not None:
-            normal = partial(self.reaction, y, instant)
-            rubbed = Sticking(system, self.lengthened(instant), instant.gripping, q, accelerations).rubbed(normal)
+            gripping, normal = instant.gripping, partial(self.reaction, y, instant)
+            if response is None:
+                rubbed = Sticking(system, self.lengthened(instant), gripping, q, accelerations).rubbed(normal)
+            else:
+                rail, pushed = gripping.on_rail(accelerations, response, normal)
+                rubbed = Rubbed(accelerations + response * rail, (rail,), pushed)
             accelerations[:] = rubbed.accelerations
             bearing.solution = list(accelerations[:first])
             if rubbed.normal is not None:
-                power = power + v[0] * instant.gripping.pressed * rubbed.normal
+                power = power + v[0] * (gripping.pressed * rubbed.normal)
         if instant.lengths is not None:
             power = self._wound(power, links, rates, turned, instant, bearing, externals)
         if layout.works:
