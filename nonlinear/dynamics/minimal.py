@@ -379,7 +379,8 @@ class Recursed:
         """J^T M J, its lower half, and J^T (M ã + p) of the pendula in these columns, summed."""
         if not slopes:
             return [], []
-        answer = Answer(*(part[columns].sum(0) if together else part[columns] for part in self.answer))
+        parts = np.array(self.answer)[:, columns]
+        answer = Answer(*(np.add.reduce(parts, 1) if together else parts))
         fx, fz = answer.to(*felt)
         block, force = [], []
         for k, (x, z) in enumerate(slopes):

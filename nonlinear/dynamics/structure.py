@@ -190,8 +190,19 @@ class Carriers:
             for bundles in self.bundles
         ]
 
+    @cached_property
+    def _alike(self) -> list[Moving | None]:
+        """How every point of a carrier moves where all move alike at all times; their place is of no use."""
+        still = [0.0] * self.structure.size
+        return [
+            None if part.bends or part.M is not None else part.moving(part.centre, still, still)
+            for part in self.structure.carriers
+        ]
+
     def moving(self, number: int, where: Any, eta: Sequence[Any], rates: Sequence[Any]) -> Moving:
-        """How a point of a carrier moves."""
+        """How a point of a carrier moves, its place excepted."""
+        if (alike := self._alike[number]) is not None:
+            return alike
         structure = self.structure
         carrier, place, speeds = structure.carriers[number], structure.part(number, eta), structure.part(number, rates)
         return carrier.moving(where, place, speeds)
