@@ -49,8 +49,21 @@ class Moving(NamedTuple):
         x: Any = 0.0
         z: Any = 0.0
         for (along, down), rate in zip(self.slopes, rates, strict=True):
-            x, z = x + along * rate, z + down * rate
+            x, z = plus(x, along, rate), plus(z, down, rate)
         return x, z
+
+
+def plus(total: Any, factor: Any, value: Any) -> Any:
+    """The sum total + factor · value, without operations on arrays that would only add a 0 or multiply by 1."""
+    if (isinstance(factor, float) and factor == 0.0) or (isinstance(value, float) and value == 0.0):
+        return total
+    product = value if isinstance(factor, float) and factor == 1.0 else factor * value
+    return product if isinstance(total, float) and total == 0.0 else total + product
+
+
+def inner(slope: tuple[Any, Any], x: Any, z: Any) -> Any:
+    """The product of a slope with the vector (x, z)."""
+    return plus(plus(0.0, slope[0], x), slope[1], z)
 
 
 def swung(S: Any, C: Any, length: Any, rate: Any) -> tuple[tuple[Any, Any], tuple[Any, Any]]:

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from modal.structure import CarrierEnd, CarrierNumbers, Moving
+from modal.structure.carriers import plus
 from modal.types import Ints
 from nonlinear.dynamics.forces import Base, External
 from nonlinear.dynamics.inputs import QUIET, Instant
@@ -86,7 +87,7 @@ class Bearing:
         self.right[first:end], self.working[first:end] = held(carrier, eta, rates)
         if not self.massless:
             for k, force in enumerate(thrown(carrier, centre, self.felt), first):
-                self.right[k] = self.right[k] + (force - self.carriers.weights[k])
+                self.right[k] = plus(self.right[k], 1.0, force - self.carriers.weights[k])
         if self.system.support and centre is not None:
             vx, vz = centre.velocity(rates)
             along, down = self.instant.support
@@ -252,12 +253,12 @@ class Bearing:
         outside = push.supports if self.system.is_structured else [push.cart] * size
         for each in (drag, outside):
             for k, value in enumerate([] if each is None else each[:size]):
-                self.working[k] = self.working[k] + value
+                self.working[k] = plus(self.working[k], 1.0, value)
         for force, strength in zip(self.system.forces, self.instant.forces, strict=False):
             if isinstance(force.carrier, CarrierEnd):
                 self._act(force.carrier, force.direction, strength)
         for k, (value, rate) in enumerate(zip(self.working, self.rates, strict=True)):
-            self.right[k], self.power = self.right[k] + value, self.power + value * rate
+            self.right[k], self.power = plus(self.right[k], 1.0, value), plus(self.power, value, rate)
         return self.right, self.power
 
     def solved(self, drag: Any) -> tuple[Any, Any]:

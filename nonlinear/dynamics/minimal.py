@@ -19,12 +19,13 @@ from typing import Any, Protocol, cast
 
 import numpy as np
 
+from modal.structure.carriers import inner
 from modal.types import Floats, Ints
 from nonlinear.dynamics.bearing import Bearing, inverted
 from nonlinear.dynamics.contacts import Rubbed, Sticking
 from nonlinear.dynamics.forces import Base, External, applied, bending_torques, inertial_torques, modal_drag, plane_drag
 from nonlinear.dynamics.inputs import Inputs, Instant, Lengths, lengthened
-from nonlinear.dynamics.recursion import Answer, Bias, downward, driven, lifted, links_of, tensions, upward
+from nonlinear.dynamics.recursion import Answer, Bias, downward, lifted, links_of, tensions, upward
 from nonlinear.dynamics.structure import carriers_of
 from nonlinear.system import Group, Layout, Load, Motion, State, System
 
@@ -383,10 +384,10 @@ class Recursed:
         answer = Answer(*(np.add.reduce(parts, 1) if together else parts))
         fx, fz = answer.to(*felt)
         block, force = [], []
-        for k, (x, z) in enumerate(slopes):
-            mx, mz = driven(*answer[:3], x, z)
-            block.append([v * mx + w * mz for v, w in slopes[: k + 1]])
-            force.append(x * fx + z * fz)
+        for k, slope in enumerate(slopes):
+            mx, mz = inner(slope, answer.xx, answer.xz), inner(slope, answer.xz, answer.zz)
+            block.append([inner(other, mx, mz) for other in slopes[: k + 1]])
+            force.append(inner(slope, fx, fz))
         if not together:
             block, force = [[part.sum(0) for part in row] for row in block], [part.sum(0) for part in force]
         return block, force

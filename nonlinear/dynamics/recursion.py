@@ -26,6 +26,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from modal.structure.carriers import inner
 from nonlinear.system import Group
 
 
@@ -52,8 +53,7 @@ class Answer(NamedTuple):
 
     def to(self, x: Any, z: Any) -> tuple[Any, Any]:
         """The force under an acceleration ã = (x, z)."""
-        fx, fz = driven(self.xx, self.xz, self.zz, x, z)
-        return self.px + fx, self.pz + fz
+        return self.px + inner((x, z), self.xx, self.xz), self.pz + inner((x, z), self.xz, self.zz)
 
 
 def driven(xx: Any, xz: Any, zz: Any, x: Any, z: Any) -> tuple[Any, Any]:

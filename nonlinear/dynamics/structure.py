@@ -23,6 +23,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from modal.structure import CarrierNumbers, Moving, Structure, carried
+from modal.structure.carriers import plus
 from modal.types import Ints
 from nonlinear.dynamics.springs import Springs, filled, versed
 from nonlinear.system import Group, System, drawn_place
@@ -130,8 +131,8 @@ def held(carrier: CarrierNumbers, eta: Sequence[Any], rates: Sequence[Any]) -> t
         return tuple(
             [-_product(row, value) for row in A.tolist()] for A, value in ((carrier.K, eta), (carrier.D, rates))
         )  # type: ignore[return-value]
-    kept = [-(k * value) for k, value in zip(carrier.stiffness, eta, strict=True)]
-    return kept, [-(c * value) for c, value in zip(carrier.damping, rates, strict=True)]
+    kept = [-plus(0.0, k, value) for k, value in zip(carrier.stiffness, eta, strict=True)]
+    return kept, [-plus(0.0, c, value) for c, value in zip(carrier.damping, rates, strict=True)]
 
 
 def _product(row: Sequence[Any], values: Sequence[Any]) -> Any:
