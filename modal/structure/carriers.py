@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -45,9 +46,24 @@ class Moving(NamedTuple):
 
     def velocity(self, rates: Sequence[Any]) -> tuple[Any, Any]:
         """J η' (m/s)."""
-        return tuple(  # type: ignore[return-value]
-            sum((slope[k] * rate for slope, rate in zip(self.slopes, rates, strict=True)), 0.0) for k in (0, 1)
-        )
+        x: Any = 0.0
+        z: Any = 0.0
+        for (along, down), rate in zip(self.slopes, rates, strict=True):
+            x, z = plus(x, along, rate), plus(z, down, rate)
+        return x, z
+
+
+def plus(total: Any, factor: Any, value: Any) -> Any:
+    """The sum total + factor · value, without operations on arrays that would only add a 0 or multiply by 1."""
+    if (isinstance(factor, float) and factor == 0.0) or (isinstance(value, float) and value == 0.0):
+        return total
+    product = value if isinstance(factor, float) and factor == 1.0 else factor * value
+    return product if isinstance(total, float) and total == 0.0 else total + product
+
+
+def inner(slope: tuple[Any, Any], x: Any, z: Any) -> Any:
+    """The product of a slope with the vector (x, z)."""
+    return plus(plus(0.0, slope[0], x), slope[1], z)
 
 
 def swung(S: Any, C: Any, length: Any, rate: Any) -> tuple[tuple[Any, Any], tuple[Any, Any]]:
@@ -85,12 +101,12 @@ class CarrierNumbers:
     D: Floats | None = None
     points: Floats | None = None
 
-    @property
+    @cached_property
     def size(self) -> int:
         """How many coordinates it has."""
         return len(self.stiffness) if self.M is None else len(self.M)
 
-    @property
+    @cached_property
     def turning(self) -> int | None:
         """Which of its coordinates is the angle by which it turns; None if it does not."""
         return {"tilt": 0, "platform": 2}.get(self.kind)

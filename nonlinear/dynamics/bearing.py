@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from modal.structure import CarrierEnd, CarrierNumbers, Moving
+from modal.structure.carriers import plus
 from modal.types import Ints
 from nonlinear.dynamics.forces import Base, External
 from nonlinear.dynamics.inputs import QUIET, Instant
@@ -63,7 +64,7 @@ class Bearing:
         self.solution: list[Any] = []
         along, down = instant.support
         self.felt: Vector = (0.0, 0.0) if bare else (along, down - system.gravity)
-        self.like = q[size::3] if system.spatial else q[size:]
+        self.links = q[size:]
         self.torques: Any = None
         self.strained: Strained | None = None
         for number, carrier in enumerate(self.structure.carriers):
@@ -77,19 +78,16 @@ class Bearing:
         if not carrier.size:
             self.blocks.append([])
             return
-        eta, rates = self.structure.part(number, self.eta), self.structure.part(number, self.rates)
-        centre = None if carrier.M is not None else self.carriers.centre(number, self.eta, self.rates)
-        self.blocks.append(inertia(carrier, centre))  # type: ignore[arg-type]
+        first, end = self.structure.offsets[number : number + 2]
+        eta, rates = self.eta[first:end], self.rates[first:end]
+        centre: Any = None if carrier.M is not None else self.carriers.centre(number, self.eta, self.rates)
+        self.blocks.append(inertia(carrier, centre))
         if self.bare:
             return
-        first = self.structure.offsets[number]
-        kept, working = held(carrier, eta, rates)
-        forces: Any = [0.0] * carrier.size
+        self.right[first:end], self.working[first:end] = held(carrier, eta, rates)
         if not self.massless:
-            each = thrown(carrier, centre, self.felt)  # type: ignore[arg-type]
-            forces = [force - self.carriers.weights[first + k] for k, force in enumerate(each)]
-        for k, (spring, damper, force) in enumerate(zip(kept, working, forces, strict=True)):
-            self.right[first + k], self.working[first + k] = spring + force, damper
+            for k, force in enumerate(thrown(carrier, centre, self.felt), first):
+                self.right[k] = plus(self.right[k], 1.0, force - self.carriers.weights[k])
         if self.system.support and centre is not None:
             vx, vz = centre.velocity(rates)
             along, down = self.instant.support
@@ -197,7 +195,8 @@ class Bearing:
         """Values of the bundles of a group, (P, ...), or the one of all that move alike."""
         if len(values) == 1 and self.carriers.bundles[group][0].together:
             return values[0]
-        joined = np.zeros_like(self.like[self.system.groups[group].index[0]])
+        step = 3 if self.system.spatial else 1
+        joined = np.zeros_like(self.links[step * self.system.groups[group].index[0]])
         for bundle, value in zip(self.carriers.bundles[group], values, strict=True):
             joined[bundle.columns] = value
         return joined
@@ -254,12 +253,12 @@ class Bearing:
         outside = push.supports if self.system.is_structured else [push.cart] * size
         for each in (drag, outside):
             for k, value in enumerate([] if each is None else each[:size]):
-                self.working[k] = self.working[k] + value
+                self.working[k] = plus(self.working[k], 1.0, value)
         for force, strength in zip(self.system.forces, self.instant.forces, strict=False):
             if isinstance(force.carrier, CarrierEnd):
                 self._act(force.carrier, force.direction, strength)
         for k, (value, rate) in enumerate(zip(self.working, self.rates, strict=True)):
-            self.right[k], self.power = self.right[k] + value, self.power + value * rate
+            self.right[k], self.power = plus(self.right[k], 1.0, value), plus(self.power, value, rate)
         return self.right, self.power
 
     def solved(self, drag: Any) -> tuple[Any, Any]:

@@ -178,6 +178,14 @@ class Gripping(NamedTuple):
     sticks: Sequence[Any]
     pressed: Any = None
 
+    def on_rail(self, accelerations: Any, response: Any, reaction: Callable[[Any, bool], Any]) -> tuple[Any, Any]:
+        """τ₀ and N of a rail with a coefficient, from accelerations without it and the response to a unit of it.
+
+        `reaction` is N at accelerations, or, if False comes with them, its part that is linear in them.
+        """
+        normal = reaction(accelerations, True) / (1.0 - self.pressed * reaction(response, False))
+        return self.pressed * normal, normal
+
     def forces(self, half: int) -> Any:
         """Jᵀ, the generalized forces (half, J) of a unit of friction at every contact."""
         columns = np.zeros((half, len(self.pairs)))
@@ -275,10 +283,7 @@ class Sticking:
             self.hung.append((index, joints[::-1]))
 
     def rubbed(self, reaction: Callable[[Any, bool], Any]) -> Rubbed:
-        """What friction makes of accelerations a (half,) without it.
-
-        `reaction` is N at accelerations, or, if False comes with them, its part that is linear in them.
-        """
+        """What friction makes of accelerations a (half,) without it; `reaction` is that of `Gripping.on_rail`."""
         slides, push = 1.0 - self.sticks[0], 0.0
         if self.has_cart:
             push = self.sticks[0] * -self.a[0] - slides * (self.force / self.mass)
@@ -287,13 +292,12 @@ class Sticking:
             return Rubbed(accelerations, tau)
         alone = [(index, [joint._replace(g=0.0) for joint in joints]) for index, joints in self.hung]
         response, others = self._under(slides / self.mass, np.zeros_like(self.a), alone)
-        base, slope = reaction(accelerations, True), reaction(response, False)
-        rail = self.gripping.pressed * base / (1.0 - self.gripping.pressed * slope)
+        rail, normal = self.gripping.on_rail(accelerations, response, reaction)
         others[0] = 1.0
         return Rubbed(
             accelerations + response * rail,
             [t + o * rail for t, o in zip(tau, others, strict=True)],
-            base + slope * rail,
+            normal,
         )
 
     def _under(self, push: Any, a: Any, hung: Sequence[tuple[Any, list[Joint]]]) -> tuple[Any, list[Any]]:

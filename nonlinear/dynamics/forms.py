@@ -220,11 +220,14 @@ class TapedEquations(Symbolic):
     @cached_property
     def rates(self) -> list[Any]:
         """The rates y', with contacts that all slide, and N of a rail with a coefficient."""
-        sliding = self.instant
-        if sliding.gripping:
-            sliding = sliding._replace(gripping=sliding.gripping._replace(sticks=[0.0] * len(sliding.gripping.pairs)))
-        rates, rubbed = self.minimal.rubbed(self.y, sliding)
-        return [*rates.tolist(), *([] if rubbed.normal is None else [rubbed.normal])]
+        sliding, minimal = self.instant._replace(gripping=None), self.minimal
+        if self.instant.gripping is None or self.instant.gripping.pressed is None:
+            return minimal.rates(self.y, sliding).tolist()  # type: ignore[no-any-return]
+        force, accelerations = self.tape.symbol("in", "rail", 0), slice(minimal.layout.half, 2 * minimal.layout.half)
+        pushed = sliding._replace(push=sliding.push._replace(cart=sliding.push.cart + force))
+        response = along(self.tape, minimal.rates(self.y, pushed)[accelerations], [force], [1.0])
+        rates, rubbed = minimal.rubbed(self.y, self.instant, np.array(response))
+        return [*rates.tolist(), rubbed.normal]
 
     @cached_property
     def held(self) -> list[Any]:

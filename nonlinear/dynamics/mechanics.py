@@ -110,8 +110,8 @@ class Mechanics(Displayed):
     def _coordinates(self) -> tuple[Floats, Floats]:
         """The coordinates and their rates, (half, T)."""
         layout = Layout.of(self.system, works=False, width=3 if self.system.spatial else 1)
-        q, v = np.split(layout.rows(self.motion).T, 2)
-        return q, v
+        rows = layout.rows(self.motion).T
+        return rows[: layout.half], rows[layout.half :]
 
     @cached_property
     def _pivots(self) -> tuple[list[Along], list[Along]]:
@@ -374,7 +374,7 @@ def kinetic_energy(group: Group, swing: LinkMotion, speed: tuple[Any, Any], wind
 def along_chain(group: Group, values: Any, more: Any = 0.0) -> Any:
     """What `values` (n, P, ...) of a metre of link add up to at centres, and `more` of each rope that is wound."""
     length, centre = (_spread(part, values) for part in (group.block.length, group.block.centre))
-    return np.cumsum(length * values + more, axis=0) + (centre - length) * values
+    return (length * values + more).cumsum(0) + (centre - length) * values
 
 
 def _in_plane(group: Group, angles: Any, rates: Any, base: Any) -> LinkMotion:

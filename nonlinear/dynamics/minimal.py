@@ -19,12 +19,13 @@ from typing import Any, Protocol, cast
 
 import numpy as np
 
+from modal.structure.carriers import inner
 from modal.types import Floats, Ints
 from nonlinear.dynamics.bearing import Bearing, inverted
 from nonlinear.dynamics.contacts import Rubbed, Sticking
 from nonlinear.dynamics.forces import Base, External, applied, bending_torques, inertial_torques, modal_drag, plane_drag
 from nonlinear.dynamics.inputs import Inputs, Instant, Lengths, lengthened
-from nonlinear.dynamics.recursion import Answer, Bias, downward, driven, lifted, links_of, tensions, upward
+from nonlinear.dynamics.recursion import Answer, Bias, downward, lifted, links_of, tensions, upward
 from nonlinear.dynamics.structure import carriers_of
 from nonlinear.system import Group, Layout, Load, Motion, State, System
 
@@ -175,8 +176,12 @@ class Suspended(Arranged):
         """What carries the first joints, at this instant."""
         return Bearing(carriers_of(self.system), q, v, instant, massless=massless)
 
-    def rubbed(self, y: Any, instant: Instant) -> tuple[Any, Rubbed]:
-        """The same, and what dry friction does."""
+    def rubbed(self, y: Any, instant: Instant, response: Any = None) -> tuple[Any, Rubbed]:
+        """The same, and what dry friction does.
+
+        Where all contacts slide on a rail with a coefficient, the `response` (half,) to a unit of friction on it may
+        be given.
+        """
         system, layout = self.system, self.layout
         first, half = layout.first, layout.half
         q, v = y[:half], y[half : 2 * half]
@@ -195,12 +200,16 @@ class Suspended(Arranged):
             turned[place] = bearing.fall(k)
         rubbed = Rubbed(accelerations, ())
         if instant.gripping is not None:
-            normal = partial(self.reaction, y, instant)
-            rubbed = Sticking(system, self.lengthened(instant), instant.gripping, q, accelerations).rubbed(normal)
+            gripping, normal = instant.gripping, partial(self.reaction, y, instant)
+            if response is None:
+                rubbed = Sticking(system, self.lengthened(instant), gripping, q, accelerations).rubbed(normal)
+            else:
+                rail, pushed = gripping.on_rail(accelerations, response, normal)
+                rubbed = Rubbed(accelerations + response * rail, (rail,), pushed)
             accelerations[:] = rubbed.accelerations
             bearing.solution = list(accelerations[:first])
             if rubbed.normal is not None:
-                power = power + v[0] * instant.gripping.pressed * rubbed.normal
+                power = power + v[0] * (gripping.pressed * rubbed.normal)
         if instant.lengths is not None:
             power = self._wound(power, links, rates, turned, instant, bearing, externals)
         if layout.works:
@@ -371,13 +380,14 @@ class Recursed:
         """J^T M J, its lower half, and J^T (M ã + p) of the pendula in these columns, summed."""
         if not slopes:
             return [], []
-        answer = Answer(*(part[columns].sum(0) if together else part[columns] for part in self.answer))
+        parts = np.array(self.answer)[:, columns]
+        answer = Answer(*(np.add.reduce(parts, 1) if together else parts))
         fx, fz = answer.to(*felt)
         block, force = [], []
-        for k, (x, z) in enumerate(slopes):
-            mx, mz = driven(*answer[:3], x, z)
-            block.append([v * mx + w * mz for v, w in slopes[: k + 1]])
-            force.append(x * fx + z * fz)
+        for k, slope in enumerate(slopes):
+            mx, mz = inner(slope, answer.xx, answer.xz), inner(slope, answer.xz, answer.zz)
+            block.append([inner(other, mx, mz) for other in slopes[: k + 1]])
+            force.append(inner(slope, fx, fz))
         if not together:
             block, force = [[part.sum(0) for part in row] for row in block], [part.sum(0) for part in force]
         return block, force

@@ -26,6 +26,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from modal.structure.carriers import inner
 from nonlinear.system import Group
 
 
@@ -52,8 +53,7 @@ class Answer(NamedTuple):
 
     def to(self, x: Any, z: Any) -> tuple[Any, Any]:
         """The force under an acceleration ã = (x, z)."""
-        fx, fz = driven(self.xx, self.xz, self.zz, x, z)
-        return self.px + fx, self.pz + fz
+        return self.px + inner((x, z), self.xx, self.xz), self.pz + inner((x, z), self.xz, self.zz)
 
 
 def driven(xx: Any, xz: Any, zz: Any, x: Any, z: Any) -> tuple[Any, Any]:
@@ -120,11 +120,11 @@ def ended(link: RecursiveLink, s: Any, c: Any, w: Any, Q: Any, bias: Bias | None
     pn, pu = link.mc / link.J * Q, -link.mc * (w * w)
     if bias is not None:
         pn, pu = pn + link.m * bias.across, pu + link.m * bias.along
-    nn, uu = link.m * link.I / link.J, link.m
+    nn, uu, cc, ss = link.m * link.I / link.J, link.m, c * c, s * s
     answer = Answer(
-        xx=c * c * nn + s * s * uu,
+        xx=cc * nn + ss * uu,
         xz=s * c * (uu - nn),
-        zz=s * s * nn + c * c * uu,
+        zz=ss * nn + cc * uu,
         px=c * pn + s * pu,
         pz=c * pu - s * pn,
     )
@@ -135,29 +135,31 @@ def passed(
     link: RecursiveLink, below: Answer, s: Any, c: Any, w: Any, Q: Any, bias: Bias | None = None
 ) -> tuple[Answer, Turn]:
     """The response at the upper joint of one link from that at its lower one, and its `Turn`."""
-    l, mc, twice = link.l, link.mc, 2 * s * c * below.xz
-    nn = c * c * below.xx - twice + s * s * below.zz
-    uu = s * s * below.xx + twice + c * c * below.zz
-    nu = s * c * (below.xx - below.zz) + (c * c - s * s) * below.xz
+    l, mc, cc, ss, sc = link.l, link.mc, c * c, s * s, s * c
+    double, twice = cc - ss, 2 * sc
+    shared = twice * below.xz
+    nn = cc * below.xx - shared + ss * below.zz
+    uu = ss * below.xx + shared + cc * below.zz
+    nu = sc * (below.xx - below.zz) + double * below.xz
     pn, pu, ww = c * below.px - s * below.pz, s * below.px + c * below.pz, w * w
     if bias is not None:
         Q = Q - mc * bias.across
         pn, pu = pn + nn * bias.across + nu * bias.along, pu + nu * bias.across + uu * bias.along
-    D = link.J + l * l * nn
-    hn, hu = mc + l * nn, l * nu
-    e = l * (pn - l * ww * nu) - Q
+    ln, hu = l * nn, l * nu
+    D, hn = link.J + l * ln, mc + ln
+    pn = pn - ww * hu
+    e = l * pn - Q
     pull = e / D
     nn_, nu_ = (link.m * link.I + link.far * nn) / D, link.cross * nu / D
     uu_ = link.m + (uu - hu * hu / D)
-    pn, pu = pn - ww * l * nu - hn * pull, pu - ww * (mc + l * uu) - hu * pull
+    pn, pu = pn - hn * pull, pu - ww * (mc + l * uu) - hu * pull
     if bias is not None:
         pn, pu = pn + link.m * bias.across, pu + link.m * bias.along
-    skew = s * c * (uu_ - nn_) + (c * c - s * s) * nu_
-    twice = 2 * s * c * nu_
+    shared = twice * nu_
     answer = Answer(
-        xx=c * c * nn_ + twice + s * s * uu_,
-        xz=skew,
-        zz=s * s * nn_ - twice + c * c * uu_,
+        xx=cc * nn_ + shared + ss * uu_,
+        xz=sc * (uu_ - nn_) + double * nu_,
+        zz=ss * nn_ - shared + cc * uu_,
         px=c * pn + s * pu,
         pz=c * pu - s * pn,
     )
@@ -170,10 +172,11 @@ def downward(
     """θ'' (rad/s²) of every link, top first, under the acceleration ã = (ax, az) of the first joint."""
     turned = []
     extra = [None] * len(links) if bias is None else bias
-    for link, turn, biased in zip(links, turns, extra, strict=True):
+    *above, (_, last, _) = zip(links, turns, extra, strict=True)
+    for link, turn, biased in above:
         alpha, ax, az = hung(link, turn, ax, az, biased)
         turned.append(alpha)
-    return turned
+    return [*turned, -(last.hx * ax + last.hz * az + last.e) / last.D]
 
 
 def hung(link: RecursiveLink, turn: Turn, ax: Any, az: Any, bias: Bias | None = None) -> tuple[Any, Any, Any]:

@@ -23,6 +23,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from modal.structure import CarrierNumbers, Moving, Structure, carried
+from modal.structure.carriers import plus
 from modal.types import Ints
 from nonlinear.dynamics.springs import Springs, filled, versed
 from nonlinear.system import Group, System, drawn_place
@@ -130,8 +131,8 @@ def held(carrier: CarrierNumbers, eta: Sequence[Any], rates: Sequence[Any]) -> t
         return tuple(
             [-_product(row, value) for row in A.tolist()] for A, value in ((carrier.K, eta), (carrier.D, rates))
         )  # type: ignore[return-value]
-    kept = [-(k * value) for k, value in zip(carrier.stiffness, eta, strict=True)]
-    return kept, [-(c * value) for c, value in zip(carrier.damping, rates, strict=True)]
+    kept = [-plus(0.0, k, value) for k, value in zip(carrier.stiffness, eta, strict=True)]
+    return kept, [-plus(0.0, c, value) for c, value in zip(carrier.damping, rates, strict=True)]
 
 
 def _product(row: Sequence[Any], values: Sequence[Any]) -> Any:
@@ -190,8 +191,19 @@ class Carriers:
             for bundles in self.bundles
         ]
 
+    @cached_property
+    def _alike(self) -> list[Moving | None]:
+        """How every point of a carrier moves where all move alike at all times; their place is of no use."""
+        still = [0.0] * self.structure.size
+        return [
+            None if part.bends or part.M is not None else part.moving(part.centre, still, still)
+            for part in self.structure.carriers
+        ]
+
     def moving(self, number: int, where: Any, eta: Sequence[Any], rates: Sequence[Any]) -> Moving:
-        """How a point of a carrier moves."""
+        """How a point of a carrier moves, its place excepted."""
+        if (alike := self._alike[number]) is not None:
+            return alike
         structure = self.structure
         carrier, place, speeds = structure.carriers[number], structure.part(number, eta), structure.part(number, rates)
         return carrier.moving(where, place, speeds)

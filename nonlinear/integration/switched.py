@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from functools import cached_property, partial
+from functools import cached_property
 from math import ulp
 from typing import Any
 
@@ -128,17 +128,17 @@ class Switched(Written):
 
     @cached_property
     def _sliding(self) -> Rate:
-        return partial(self.switches.function("rates"), v=())
+        return self.switches.function("rates")
 
     @cached_property
     def _sticking(self) -> Rate:
-        return partial(self.switches.function("sticking"), v=())
+        return self.switches.function("sticking")
 
     @cached_property
     def rate_of_arrays(self) -> Callable[..., Any]:
         """The same of many y side by side, whether contacts slide or stick."""
         contacts = self.switches.places.J
-        return partial(self.switches.function("sticking", "arrays"), v=()) if contacts else self.free.rate_of_arrays
+        return self.switches.function("sticking", "arrays") if contacts else self.free.rate_of_arrays
 
     @cached_property
     def listed(self) -> Listed | None:

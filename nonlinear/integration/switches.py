@@ -15,7 +15,7 @@ from modal.types import Floats
 from nonlinear.dynamics.contacts import JAMMED, contacts_of, escaping, jams
 from nonlinear.dynamics.forms import Form, form_of
 from nonlinear.dynamics.switching import Pairs, joint_value, switched, switching_of
-from nonlinear.dynamics.text import Module, function_in
+from nonlinear.dynamics.text import Function, Module, function_in
 from nonlinear.integration.changes import TEXTS, Places, changing, compiled_source
 from nonlinear.system import NO_KICKS, Friction, Kicks, System, entries_of, prescribed_of
 
@@ -60,7 +60,7 @@ class Switches:
 
         return replace(self, constants=of(self.constants), numbers=of(self.numbers), happened=[])
 
-    def function(self, name: str, target: str = "floats") -> Any:
+    def function(self, name: str, target: str = "floats") -> Function:
         """A function (y, u, v) of `switching_of`."""
         return self.module.function(name, self.constants, target)
 

@@ -149,7 +149,7 @@ def test_a_rail_with_a_coefficient_takes_few_operations_more() -> None:
     y = np.array([0.0, 0.3, -0.2, 0.5, 0.0, 0.0, 0.0])
     run.release(0.0, y)
     text, u = run.switches.module, run.held
-    assert len(re.findall(r" [-+*/] ", text.python("rates"))) <= 124
+    assert len(re.findall(r" [-+*/] ", text.python("rates"))) <= 83
     sliding, sticking = (run.switches.function(name)(y.tolist(), u, ()) for name in ("rates", "sticking"))
     assert run.rate(y.tolist(), u) == sliding == pytest.approx(sticking, rel=1e-13)
 
