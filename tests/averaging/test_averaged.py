@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from itertools import product
+from itertools import count, product
 from math import acos, pi, radians, sin, sqrt
 
 import numpy as np
@@ -19,7 +19,7 @@ from modal.errors import ComputationError, SceneError
 from modal.scene import Escapement, InitialCondition, VanDerPol
 from modal.scene.links import Drive
 from modal.scene.parameters import vary
-from nonlinear.averaging import average, predict, relative_equilibria, relative_equilibrium, settle
+from nonlinear.averaging import AveragedEquations, average, predict, relative_equilibria, relative_equilibrium, settle
 from nonlinear.averaging.equations import MOST_BANDS, ORDER, derivative, lattice
 from nonlinear.averaging.equilibria import FIRST
 from nonlinear.averaging.prediction import resonant
@@ -264,7 +264,19 @@ def test_modes_that_are_left_out_set_no_pace(row: int) -> None:
     z = FIRST * z / averaged.largest(z)
     alone = averaged.only(kept)
     other = replace(alone, omega=np.where(kept, alone.omega, 1.2 * alone.omega))
-    assert _pace(other, z) == pytest.approx(_pace(alone, z), rel=1e-6)
+    turning = averaged.turning(z)
+    assert _pace(other, z, turning) == pytest.approx(_pace(alone, z, turning), rel=1e-6)
+
+
+def test_the_theory_of_two_clocks_takes_few_evaluations(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its outcome keeps many times of the motion, its configurations the end alone, which slow motions soon reach."""
+    calls, rates = count(), AveragedEquations._rates
+    monkeypatch.setattr(AveragedEquations, "_rates", lambda *given: (next(calls), rates(*given))[1])
+    prediction = predict(load("huygens"))
+    first = next(calls)
+    assert first <= 450
+    assert relative_equilibria(prediction.averaged)
+    assert next(calls) - first <= 500
 
 
 def test_what_grows_from_next_to_nothing_is_followed_into_its_cycle() -> None:
