@@ -294,12 +294,19 @@ def _product(matrix: Floats, columns: Complexes) -> Complexes:
 
 
 def derivative(rate: Callable[[Complexes, Floats], Complexes], z: Complexes, turning: Floats) -> Floats:
-    """The derivative of a rate by the real and imaginary parts of z (C,), (2C, 2C), by central differences."""
-    width = STEP * (float(np.abs(z).max()) or 1.0)
-    ways = width * np.hstack((np.eye(len(z)), 1j * np.eye(len(z))))
-    above, below = np.hsplit(rate(z[:, None] + np.hstack((ways, -ways)), turning[:, None]), 2)
+    """The derivative of a rate by the real and imaginary parts of z (C,), (2C, 2C), by central differences.
+
+    Of amplitudes (C, S) and turning rates (B, S) one for each, (S, 2C, 2C).
+    """
+    count, unit = len(z), np.eye(len(z))
+    size = np.abs(z).max(axis=0)
+    width = STEP * np.where(size > 0, size, 1.0)[..., None]
+    ways = width * np.hstack((unit, 1j * unit)).reshape(count, *[1] * (z.ndim - 1), 2 * count)
+    places = z[..., None] + np.concatenate((ways, -ways), axis=-1)
+    pace = np.broadcast_to(turning[..., None], (*turning.shape, 4 * count))
+    above, below = np.split(rate(places, pace), 2, axis=-1)
     slope = (above - below) / (2 * width)
-    return np.vstack((slope.real, slope.imag))
+    return np.moveaxis(np.concatenate((slope.real, slope.imag)), 0, -2)
 
 
 @cache

@@ -175,8 +175,7 @@ def _starts(averaged: AveragedEquations) -> Iterator[Complexes]:
     """Final amplitudes of the slow flow from each row, restricted to it, and from each pattern of pendula."""
     every = [*_rows(averaged), *_patterns(averaged)]
     starts = np.array([FIRST * z / averaged.largest(z) for z, _ in every]).T
-    for motion in settle_apart(averaged, starts, np.array([kept for _, kept in every]).T, EFFORT):
-        yield motion.z[:, -1]
+    yield from settle_apart(averaged, starts, np.array([kept for _, kept in every]).T, EFFORT)
 
 
 def _nearly_copies(equilibrium: RelativeEquilibrium) -> Iterator[Complexes]:
@@ -198,7 +197,7 @@ def _nearly_copies(equilibrium: RelativeEquilibrium) -> Iterator[Complexes]:
 def _rows(averaged: AveragedEquations) -> Iterator[tuple[Complexes, Booleans]]:
     """An arbitrary motion in the modes of one row, and these modes."""
     random = np.random.default_rng(SEED)
-    for row in np.unique(averaged.row):
+    for row in sorted(set(averaged.row.tolist())):
         members = averaged.row == row
         yield (
             np.where(members, random.standard_normal(len(members)) + 1j * random.standard_normal(len(members)), 0.0),
@@ -304,7 +303,7 @@ def likeness(equilibrium: RelativeEquilibrium, z: Complexes, settled: float = 1 
         share = np.divide(energy, whole, out=np.zeros_like(energy), where=whole > 0)
         return np.asarray(np.sqrt(equilibrium.share[:, None] * share).sum(axis=0))
     alike = overlap(averaged, equilibrium.z, z)
-    if len(np.unique(kinds(averaged.scene))) < averaged.system.n_pendula:
+    if len(set(kinds(averaged.scene).tolist())) < averaged.system.n_pendula:
         for k in np.flatnonzero(alike < settled):
             copy = exchanged(averaged, z[:, k], order_of(averaged, equilibrium.z, z[:, k]))
             alike[k] = max(alike[k], overlap(averaged, equilibrium.z, copy[:, None])[0])

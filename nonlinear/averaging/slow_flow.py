@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Sequence
-from dataclasses import dataclass
+from collections.abc import Generator, Iterator, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from math import ceil, pi
 
@@ -19,7 +19,7 @@ COARSE = 1.5  # times longer steps where Newton's method corrects the end
 BEAT = 8  # looks within a step at amplitudes that rotate freely
 PERIODS = 64  # fast periods in the first part
 MOST_STEPS = 6000
-PER_PART = 50
+PER_PART, FEWEST = 50, 16  # times kept of a part, and of one of which only the end counts
 TOGETHER = 16  # motions followed at once, each with its own steps
 ALIKE, HASTE = 0.1, 1.5  # change of amplitudes that keeps the pace, and of the pace that keeps the step size
 STOPPED = 0.01  # fall of amplitudes within an interval that dry friction alone causes: it stops them there
@@ -87,14 +87,15 @@ def below_for_good(times: Floats, values: Floats, threshold: float) -> float | N
 class _Stretch:
     """Amplitudes z (C, S) with a number of steps of h (s) to take, and the rotation rates (B, S) of their bands.
 
-    `reach` (S,) is the least of escapements so far.
+    `pace` is the number of steps per second that suits them, `reach` (S,) the least of escapements so far.
     """
 
     z: Complexes
     turning: Floats
-    h: float
-    steps: int
+    pace: float
     reach: Floats
+    h: float = 0.0
+    steps: int = 0
 
 
 Settling = Generator[_Stretch, None, tuple[SlowFlow, ...]]  # yields a stretch, and continues from its end
@@ -113,15 +114,16 @@ def settle(
 
 def settle_apart(
     averaged: AveragedEquations, starts: Complexes, kept: Booleans, most: int = MOST_STEPS
-) -> tuple[SlowFlow, ...]:
-    """The same from each start with its own steps, COARSE times as long, restricted to the modes kept of it (C, S)."""
-    flows: list[SlowFlow] = []
+) -> Iterator[Complexes]:
+    """The end (C,) of the same from each start, restricted to the modes kept of it (C, S).
+
+    Each has its own steps, COARSE times as long, and few of them where the motion is slow.
+    """
     for part in (slice(start, start + TOGETHER) for start in range(0, starts.shape[1], TOGETHER)):
         every = [averaged if modes.all() else averaged.only(modes) for modes in kept[:, part].T]
         pairs = zip(every, starts[:, part].T, strict=True)
-        motions = [_settling(equations, start[:, None], most, 0.0, COARSE) for equations, start in pairs]
-        flows += [motion for (motion,) in _followed(averaged, motions, kept[:, part])]
-    return tuple(flows)
+        motions = [_settling(equations, start[:, None], most, 0.0, coarse=True) for equations, start in pairs]
+        yield from (motion.z[:, -1] for (motion,) in _followed(averaged, motions, kept[:, part]))
 
 
 @np.errstate(all="ignore")
@@ -142,22 +144,28 @@ def _followed(
     return [flows[number] for number in range(len(motions))]
 
 
-def _settling(averaged: AveragedEquations, starts: Complexes, most: int, least: float, coarse: float = 1.0) -> Settling:
-    period = 2 * pi / float(averaged.omega.min())
-    until = min(PERIODS * period, most / _pace(averaged, starts))
-    times, z, reach = yield from _part(averaged, starts, 0.0, until, coarse)
+def _settling(
+    averaged: AveragedEquations, starts: Complexes, most: int, least: float, coarse: bool = False
+) -> Settling:
+    state = _begun(averaged, starts, averaged.reach(starts))
+    until = min(PERIODS * 2 * pi / float(averaged.omega.min()), most / state.pace)
+    state, times, z = yield from _part(averaged, state, 0.0, until, coarse)
     going = _going(averaged, z, starts)
-    while (
-        (going.any() or times[-1] < least)
-        and not runs_away(averaged, z[..., -1])
-        and times[-1] * _pace(averaged, z[..., -1]) < most / 2
-    ):
-        last = float(times[-1])
-        more, further, least_reach = yield from _part(averaged, z[..., -1], last, last, coarse)
-        reach = np.minimum(reach, least_reach)
+    while (going.any() or times[-1] < least) and not runs_away(averaged, state.z):
+        state, last = _begun(averaged, state.z, state.reach), float(times[-1])
+        if last * state.pace >= most / 2:
+            break
+        state, more, further = yield from _part(averaged, state, last, last, coarse)
         going = _going(averaged, further, starts)
         times, z = np.append(times, more[1:]), np.concatenate((z, further[..., 1:]), axis=-1)
-    return tuple(SlowFlow(averaged, times, z[:, k], not going[k], float(reach[k])) for k in range(starts.shape[1]))
+    each = zip(np.moveaxis(z, 1, 0), ~going, state.reach.tolist(), strict=True)
+    return tuple(SlowFlow(averaged, times, moved, bool(settled), reach) for moved, settled, reach in each)
+
+
+def _begun(averaged: AveragedEquations, z: Complexes, reach: Floats) -> _Stretch:
+    """What begins with amplitudes (C, S)."""
+    turning = averaged.turning(z)
+    return _Stretch(z, turning, _pace(averaged, z, turning), reach)
 
 
 def runs_away(averaged: AveragedEquations, z: Complexes) -> bool:
@@ -166,29 +174,34 @@ def runs_away(averaged: AveragedEquations, z: Complexes) -> bool:
 
 
 def _part(
-    averaged: AveragedEquations, starts: Complexes, begin: float, duration: float, coarse: float
-) -> Generator[_Stretch, None, tuple[Floats, Complexes, Floats]]:
-    """Amplitudes at PER_PART + 1 times, in steps that fit both ends of every interval, and the least reach."""
-    span, pace, amplitudes = duration / PER_PART, _pace(averaged, starts), [starts]
-    turning, reach = averaged.turning(starts), averaged.reach(starts)
-    while len(amplitudes) <= PER_PART:
-        if len(amplitudes) > 1 and runs_away(averaged, amplitudes[-1]):
-            amplitudes += [amplitudes[-1]] * (PER_PART + 1 - len(amplitudes))
+    averaged: AveragedEquations, state: _Stretch, begin: float, duration: float, coarse: bool
+) -> Generator[_Stretch, None, tuple[_Stretch, Floats, Complexes]]:
+    """The state at the end, and amplitudes at PER_PART + 1 times, in steps that fit both ends of every interval.
+
+    If only the end counts (`coarse`), at times a step apart where that is longer, and its rates Ω set the pace.
+    """
+    width = COARSE if coarse else 1.0
+    count = min(PER_PART, max(FEWEST, ceil(duration * state.pace / width))) if coarse else PER_PART
+    span, amplitudes = duration / count, [state.z]
+    while len(amplitudes) <= count:
+        if len(amplitudes) > 1 and runs_away(averaged, state.z):
+            amplitudes += [state.z] * (count + 1 - len(amplitudes))
             break
-        steps = max(1, ceil(span * pace / coarse))
-        yield (stretch := _Stretch(amplitudes[-1], turning, span / steps, steps, reach))
-        z, turned = _stopped(averaged, amplitudes[-1], stretch.z), stretch.turning
-        if _alike(amplitudes[-1], z):
-            amplitudes, turning, reach = [*amplitudes, z], turned, stretch.reach
-            continue
-        used, pace = pace, _pace(averaged, z) if averaged.largest(z) < FAR else 2 * pace
-        if pace <= HASTE * used:
-            amplitudes, turning, reach = [*amplitudes, z], turned, stretch.reach
-        elif span * pace > MOST_STEPS and runs_away(averaged, z):
-            amplitudes += [z] * (PER_PART + 1 - len(amplitudes))
-        elif span * pace > MOST_STEPS:
+        steps = max(1, ceil(span * state.pace / width))
+        yield (further := replace(state, h=span / steps, steps=steps))
+        further.z = z = _stopped(averaged, state.z, further.z)
+        if not _alike(state.z, z):
+            turning = further.turning if coarse else averaged.turning(z)
+            further.pace = _pace(averaged, z, turning) if averaged.largest(z) < FAR else 2 * state.pace
+        if further.pace <= HASTE * state.pace:
+            state, amplitudes = further, [*amplitudes, z]
+        elif duration / PER_PART * further.pace <= MOST_STEPS:
+            state.pace = further.pace
+        elif runs_away(averaged, z):
+            state, amplitudes = further, amplitudes + [z] * (count + 1 - len(amplitudes))
+        else:
             raise ComputationError(f"averaged equations need more than {MOST_STEPS} steps for {span:.3g} s")
-    return begin + np.linspace(0.0, duration, PER_PART + 1), np.moveaxis(np.array(amplitudes), 0, -1), reach
+    return state, begin + np.linspace(0.0, duration, count + 1), np.moveaxis(np.array(amplitudes), 0, -1)
 
 
 def _stopped(averaged: AveragedEquations, before: Complexes, z: Complexes) -> Complexes:
@@ -211,7 +224,8 @@ def _advance(averaged: AveragedEquations, stretches: Sequence[_Stretch], kept: B
     steps = min(stretch.steps for stretch in stretches)
     for _ in range(steps):
         a, spin = averaged.forced(z, turning, kept), 1j * averaged.detuning(turning)
-        reach = np.minimum(reach, _least_reach(averaged, z, h * spin))
+        if kept is None:  # otherwise only the end counts
+            reach = np.minimum(reach, _least_reach(averaged, z, h * spin))
         turn = np.exp(h / 2 * spin)
         half = turn * z
         b = averaged.forced(half + h / 2 * turn * a, turning, kept)
@@ -237,17 +251,15 @@ def _least_reach(averaged: AveragedEquations, z: Complexes, turns: Complexes) ->
     return np.asarray(averaged.reach(places.reshape(len(z), -1)).reshape(-1, BEAT).min(axis=-1))
 
 
-def _pace(averaged: AveragedEquations, z: Complexes) -> float:
+def _pace(averaged: AveragedEquations, z: Complexes, turning: Floats) -> float:
     """Steps per second from these amplitudes (C, S) on; modes that are left out set no pace."""
-    turning, kept = averaged.turning(z), averaged.shapes.any(axis=0)
+    kept, moving = averaged.shapes.any(axis=0), z.any(axis=0)
+    drift = float(np.abs(averaged.detuning(turning)[kept]).max()) / TURN
+    if not moving.any():
+        return drift
     both = np.tile(kept, 2)
-    slopes = (
-        derivative(averaged.smooth, start, pace)[np.ix_(both, both)]
-        for start, pace in zip(z.T, turning.T, strict=True)
-        if start.any()
-    )
-    fast = max((np.linalg.norm(slope, 2) for slope in slopes), default=0.0)
-    return max(float(fast) / GAIN, float(np.abs(averaged.detuning(turning)[kept]).max()) / TURN)
+    slopes = derivative(averaged.smooth, z[:, moving], turning[:, moving])[:, both][:, :, both]
+    return max(float(np.linalg.norm(slopes, 2, axis=(1, 2)).max()) / GAIN, drift)
 
 
 def _going(averaged: AveragedEquations, z: Complexes, starts: Complexes) -> Booleans:

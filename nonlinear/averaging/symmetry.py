@@ -14,6 +14,7 @@ which gives the φ_b, and the others are assigned to it as well as they fit.
 
 from __future__ import annotations
 
+from collections import Counter
 from functools import lru_cache
 from math import factorial, prod
 
@@ -36,11 +37,11 @@ def kinds(scene: Scene) -> Ints:
     Equal ones bear equal springs and forces.
     """
     bare = [pendulum.replace(start=None, count=1) for pendulum in scene.pendulum]
-    numbers = np.repeat([bare.index(plain) for plain in bare], [pendulum.count for pendulum in scene.pendulum])
-    _, first, kind = np.unique(
-        np.stack((numbers, burdens(scene)), axis=1), axis=0, return_index=True, return_inverse=True
-    )
-    return np.asarray(first[kind.ravel()])
+    numbers = [
+        bare.index(plain) for plain, pendulum in zip(bare, scene.pendulum, strict=True) for _ in range(pendulum.count)
+    ]
+    first: dict[tuple[int, int], int] = {}
+    return np.array([first.setdefault(pair, p) for p, pair in enumerate(zip(numbers, burdens(scene), strict=True))])
 
 
 def exchanged(averaged: AveragedEquations, z: Complexes, order: Ints) -> Complexes:
@@ -91,14 +92,14 @@ def count_copies(averaged: AveragedEquations, z: Complexes) -> int:
     """How many different motions the exchanges of equal pendula make of z (C,): N! over those that change nothing."""
     kind, links = kinds(averaged.scene), _by_pendulum(averaged, z)
     alike = _alike(links, links, kind)
-    same = np.unique(alike, axis=0).sum(axis=1).tolist()
+    same = map(sum, set(map(tuple, alike.tolist())))
     distinct: list[Complexes] = []
     for turn in _turns(links, links, kind, most=len(kind)):
         if all(np.abs(turn - other).max() > EQUAL for other in distinct):
             matched = _alike(links, links * turn, kind)
             if np.array_equal(np.sort(matched.sum(axis=0)), np.sort(alike.sum(axis=0))) and matched.any(axis=0).all():
                 distinct.append(turn)
-    every = prod(factorial(int(count)) for count in np.unique(kind, return_counts=True)[1])
+    every = prod(map(factorial, Counter(kind.tolist()).values()))
     return every // (max(len(distinct), 1) * prod(map(factorial, same)))
 
 

@@ -121,7 +121,7 @@ def paced(breaks: Sequence[float] | Floats | None, max_step: float | None) -> Pa
         problems.append(f"max_step {max_step!r}: must be a positive number of seconds")
     if problems:
         raise SceneError(problems)
-    return Pace(longest=inf if max_step is None else float(max_step), breaks=tuple(np.unique(times).tolist()))
+    return Pace(longest=inf if max_step is None else float(max_step), breaks=tuple(sorted(set(times.tolist()))))
 
 
 def validate_load(load: object) -> None:

@@ -20,7 +20,6 @@ from dataclasses import astuple, dataclass, field
 from errno import EPERM
 from functools import cache, partial
 from hashlib import sha256
-from importlib import metadata
 from importlib.util import find_spec
 from math import inf, isfinite
 from pathlib import Path
@@ -233,6 +232,10 @@ def _named(package: str, name: str) -> str:
 
 @cache
 def _version(package: str) -> str:
+    if not installed(package):
+        return ""
+    from importlib import metadata
+
     try:
         return metadata.version(package)
     except metadata.PackageNotFoundError:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from itertools import product
+from itertools import count, product
 from math import acos, pi, radians, sin, sqrt
 
 import numpy as np
@@ -19,7 +19,8 @@ from modal.errors import ComputationError, SceneError
 from modal.scene import Escapement, InitialCondition, VanDerPol
 from modal.scene.links import Drive
 from modal.scene.parameters import vary
-from nonlinear.averaging import average, predict, relative_equilibria, relative_equilibrium, settle
+from nonlinear.averaging import AveragedEquations, average, predict, relative_equilibria, relative_equilibrium, settle
+from nonlinear.averaging.describing import pulls
 from nonlinear.averaging.equations import MOST_BANDS, ORDER, derivative, lattice
 from nonlinear.averaging.equilibria import FIRST
 from nonlinear.averaging.prediction import resonant
@@ -264,7 +265,33 @@ def test_modes_that_are_left_out_set_no_pace(row: int) -> None:
     z = FIRST * z / averaged.largest(z)
     alone = averaged.only(kept)
     other = replace(alone, omega=np.where(kept, alone.omega, 1.2 * alone.omega))
-    assert _pace(other, z) == pytest.approx(_pace(alone, z), rel=1e-6)
+    turning = averaged.turning(z)
+    assert _pace(other, z, turning) == pytest.approx(_pace(alone, z, turning), rel=1e-6)
+
+
+def test_the_theory_of_two_clocks_takes_few_evaluations(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its outcome keeps many times of the motion, its configurations the end alone, which slow motions soon reach."""
+    calls, rates = count(), AveragedEquations._rates
+    monkeypatch.setattr(AveragedEquations, "_rates", lambda *given: (next(calls), rates(*given))[1])
+    prediction = predict(load("huygens"))
+    first = next(calls)
+    assert first <= 450
+    assert relative_equilibria(prediction.averaged)
+    assert next(calls) - first <= 500
+
+
+def test_a_band_at_rest_changes_no_kick() -> None:
+    rng = np.random.default_rng(2)
+    impulse, angle = rng.uniform(0.1, 1.0, (2, 3))
+    swing = rng.uniform(0.0, 1.5, (1, 3, 5)) * np.exp(2j * pi * rng.random((1, 3, 5)))
+    corner, turning = rng.uniform(0.0, 0.3, (3, 5)), rng.uniform(1.0, 2.0, (2, 5))
+    points, steps = lattice(2)
+    phases = np.exp(2j * pi * np.outer(steps, np.arange(points)) / points)
+    alone = pulls(impulse, angle, corner, swing, turning[:1], phases[:1])
+    beside = pulls(impulse, angle, corner, np.concatenate((swing, 0 * swing)), turning, phases)
+    assert np.any(alone[0] == 0)
+    for one, both in zip(alone, beside, strict=True):
+        assert one[0] == pytest.approx(both[0], rel=1e-13, abs=1e-15)
 
 
 def test_what_grows_from_next_to_nothing_is_followed_into_its_cycle() -> None:
