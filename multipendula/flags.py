@@ -205,7 +205,7 @@ FLAGS: dict[str, Flag] = {
     "--scale": Flag("", "fit the scale of every sensor too", group="computed", keyword="scaled"),
     "--scheduler": Flag("ADDRESS", "Dask cluster that computes", group="computed"),
     "--seconds": Flag("SECONDS", "longest duration of a film", SECONDS, "written"),
-    "--seed": Flag("N", "seed of the random numbers", integer(2**31)),
+    "--seed": Flag("N", "seed of the random numbers", integer(2**31, 0)),
     "--sensitivities": Flag(
         "", "add the sensitivity of every frequency to every number of the scene", group="written", keyword="sensitive"
     ),

@@ -94,13 +94,13 @@ def number(words: str, most: float = sys.float_info.max, least: float = 5e-324) 
     return converted
 
 
-def integer(most: int) -> Callable[[str], int]:
-    """A converter for whole numbers from 1."""
+def integer(most: int, least: int = 1) -> Callable[[str], int]:
+    """A converter for whole numbers."""
 
     def converted(text: str) -> int:
         digits = text.isascii() and text.isdigit() and len(text) <= len(str(most))
-        if not digits or not 1 <= int(text) <= most:
-            raise argparse.ArgumentTypeError(f"{text}: must be a whole number from 1 to {most}")
+        if not digits or not least <= int(text) <= most:
+            raise argparse.ArgumentTypeError(f"{text}: must be a whole number from {least} to {most}")
         return int(text)
 
     converted.of = "whole number"  # type: ignore[attr-defined]

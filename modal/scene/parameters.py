@@ -33,7 +33,7 @@ Step = str | int
 Place = tuple[Step, ...]
 MOST_VALUES = 100_000
 LONGEST = 60  # letters of a quotation in a message
-RANGE = re.compile(r"([^:]*):([^:]*):\s*([0-9]{1,9})\s*(log)?\s*", re.ASCII)
+RANGE = re.compile(r"([^:]*):([^:]*):\s*([0-9]{1,99})\s*(log)?\s*", re.ASCII)
 NUMBER = re.compile(r"\s*[+-]?(([0-9]+\.?[0-9]*|\.[0-9]+)(e[+-]?[0-9]+)?|nan|inf)\s*", re.ASCII | re.IGNORECASE)
 UNITS = {
     "gravity": "m/s²",

@@ -114,7 +114,7 @@ def spread(options: argparse.Namespace) -> None:
     from nonlinear.sweeps import find_spread, spread_table
 
     scene = _scene(options)
-    members, seed = options.members or 1000, options.seed or 5
+    members, seed = options.members or 1000, 5 if options.seed is None else options.seed
     if options.folder and not options.duration:
         raise SceneError(["--folder: needs --duration, for frequencies are not kept"])
     with _engine(options, scene, members) as more:

@@ -5,13 +5,13 @@ The dense matrices of all pendula of a group at once are eliminated from the tip
     Σ_j A_ij [cos(θ_i − θ_j) θ_j'' + sin(θ_i − θ_j) θ_j'²] + b_i n_i·ã = Q_i,   n = (cos θ, −sin θ)
 
 is solved for θ_i'' where the first joint feels the acceleration ã, and for the response to each coordinate of what
-carries it.  Where the length l of a rope changes, θ'' + 2 l' θ'/l stands for θ'' and θ'² − l''/l for θ'².  Of few links
-it takes fewer operations than the recursion, of many it would take more: it is what their
-text says (`nonlinear.dynamics.forms`).
+carries it.  Where the length l of a rope changes, θ'' + 2 l' θ'/l stands for θ'' and θ'² − l''/l for θ'².  Few
+links take fewer operations so than by the recursion, many would take more: the equations of short chains are written
+out from it (`nonlinear.dynamics.forms`).
 
-Joint forces and accelerations of long chains are the solution of one symmetric banded system, by LAPACK.
-With n across and u along a link (`nonlinear.dynamics.recursion`), f the force on it from the joint above, ã the
-acceleration of that joint less gravity, α = l θ'', J = I + m c², and primes for the joint below,
+Joint forces and accelerations of long chains are the solution of one symmetric banded system, by LAPACK.  With n across
+and u along a link (`nonlinear.dynamics.recursion`), f the force on it from the joint above, ã the acceleration of that
+joint less gravity, α = l θ'', J = I + m c², and primes for the joint below,
 
     (m c/l) ã_n + (J/l²) α + f'_n = Q/l                     about the upper joint
     ã + α n − ã' = l ω² u                                   to the lower joint

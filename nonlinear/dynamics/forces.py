@@ -70,8 +70,8 @@ def drag_law(velocity: Any, drag: Any, quadratic: Any = None) -> Any:
 
 def drag_forces(group: Group, velocities: Any) -> Any:
     """The force (N) on every link's centre, (d, n, P, ...) like its velocity (m/s)."""
-    quadratic = None if group.quadratic_drag is None else _spread(group.quadratic_drag, velocities[0])
-    return drag_law(velocities, _spread(group.block.drag, velocities[0]), quadratic)
+    quadratic = None if group.quadratic_drag is None else spread(group.quadratic_drag, velocities[0])
+    return drag_law(velocities, spread(group.block.drag, velocities[0]), quadratic)
 
 
 def drag(group: Group, along: Any, pivot: tuple[Any, Any], support: Any = None, winding: Any = None) -> External:
@@ -82,7 +82,7 @@ def drag(group: Group, along: Any, pivot: tuple[Any, Any], support: Any = None, 
     while a `support` moves, with the velocity (m/s) along the rail and down; the power is that in its frame.  `winding`
     (d, n, P, ...) are the velocities l' u of bobs at the end of ropes that change their length.
     """
-    length, centre = (_spread(part, along[0]) for part in (group.block.length, group.block.centre))
+    length, centre = (spread(part, along[0]) for part in (group.block.length, group.block.centre))
     steps = length * along
     velocities = np.cumsum(steps, axis=1) - steps + centre * along
     if winding is not None:
@@ -244,7 +244,7 @@ def _bending(group: Group, angles: Any, rates: Any, base: Base | None = None) ->
     turned, turning = base or (None, None)
     block, drive, speed = group.block, group.excitation, relative(rates, turning)
     curbed = (drive.strength, drive.curb) if group.excited and drive else ()
-    constants = (_spread(constant, angles) for constant in (block.stiffness, block.damping, *curbed))
+    constants = (spread(constant, angles) for constant in (block.stiffness, block.damping, *curbed))
     return *joint_law(bend(group, angles, turned), speed, *constants), speed
 
 
@@ -259,7 +259,7 @@ def inertial_torques(group: Group, angles: Any, support: Any) -> Any:
 
     They are those of a uniform field: with b as in `modal.pair`, b (a_down sin θ − a_along cos θ).
     """
-    return inertial_law(_spread(group.block.b, angles), np.sin(angles), np.cos(angles), support)
+    return inertial_law(spread(group.block.b, angles), np.sin(angles), np.cos(angles), support)
 
 
 def inertial_law(b: Any, sin: Any, cos: Any, support: Any) -> Any:
@@ -270,7 +270,7 @@ def inertial_law(b: Any, sin: Any, cos: Any, support: Any) -> Any:
 
 def spring_energy(group: Group, angles: Floats, base: Any = None) -> Floats:
     """Energy (J) of every joint spring, (n, P, ...)."""
-    return np.asarray(_spread(group.block.stiffness, angles) * bend(group, angles, base) ** 2 / 2)
+    return np.asarray(spread(group.block.stiffness, angles) * bend(group, angles, base) ** 2 / 2)
 
 
 def relative(values: Any, base: Any = None) -> Any:
@@ -285,8 +285,9 @@ def relative(values: Any, base: Any = None) -> Any:
 
 def bend(group: Group, angles: Any, base: Any = None) -> Any:
     """The angle (rad) of every link relative to the one above, less its equilibrium value, (n, P, ...)."""
-    return relative(angles, base) - _spread(group.bent, angles)
+    return relative(angles, base) - spread(group.bent, angles)
 
 
-def _spread(constant: Floats, like: Any) -> Floats:
+def spread(constant: Any, like: Any) -> Any:
+    """Constants of links (n, P), or as many axes as they have, beside values (n, P, ...)."""
     return constant.reshape(*constant.shape, *[1] * (like.ndim - constant.ndim))

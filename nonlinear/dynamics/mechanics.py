@@ -22,7 +22,7 @@ from modal.errors import ComputationError
 from modal.report import Displayed
 from modal.types import Booleans, Floats
 from nonlinear.dynamics.bearing import Bearing
-from nonlinear.dynamics.forces import forces_of, resultants, spring_energy
+from nonlinear.dynamics.forces import forces_of, resultants, spread, spring_energy
 from nonlinear.dynamics.inputs import lengthened
 from nonlinear.dynamics.spatial import joint_energy
 from nonlinear.dynamics.structure import carriers_of
@@ -352,9 +352,9 @@ def energies(system: System, q: Any, v: Any, times: Any = 0.0) -> Energies:
         kinetic[group.index] = kinetic_energy(hung, swing, speed, winding)
         heights = along_chain(hung, swing.lifts) - down
         if hung is not group:
-            sigma, longer = _spread(group.block.sigma, swing.spin), _spread(group.block.length, swing.spin)
+            sigma, longer = spread(group.block.sigma, swing.spin), spread(group.block.length, swing.spin)
             heights = heights + np.cumsum(sigma * (longer - hung.block.length), axis=0)
-        potential[group.index] = _spread(hung.block.mass, swing.spin) * system.gravity * heights + swing.bent
+        potential[group.index] = spread(hung.block.mass, swing.spin) * system.gravity * heights + swing.bent
     springs = sum((spring.energy.sum(0) for _, spring in bearing.tensions(q, v)), 0.0)
     return Energies(kinetic, potential, bearing.kinetic, bearing.potential + springs)
 
@@ -364,7 +364,7 @@ def kinetic_energy(group: Group, swing: LinkMotion, speed: tuple[Any, Any], wind
 
     Their lengths change at speeds `winding`.
     """
-    energy, mass = _spread(group.block.inertia, swing.spin) * swing.spin, _spread(group.block.mass, swing.spin)
+    energy, mass = spread(group.block.inertia, swing.spin) * swing.spin, spread(group.block.mass, swing.spin)
     across = [0.0] * (len(swing.rates) - 2)
     for rates, ropes, pivot in zip(swing.rates, swing.ropes, (speed[0], *across, speed[1]), strict=True):
         energy = energy + mass * (along_chain(group, rates, winding * ropes) + pivot) ** 2
@@ -373,20 +373,20 @@ def kinetic_energy(group: Group, swing: LinkMotion, speed: tuple[Any, Any], wind
 
 def along_chain(group: Group, values: Any, more: Any = 0.0) -> Any:
     """What `values` (n, P, ...) of a metre of link add up to at centres, and `more` of each rope that is wound."""
-    length, centre = (_spread(part, values) for part in (group.block.length, group.block.centre))
+    length, centre = (spread(part, values) for part in (group.block.length, group.block.centre))
     return (length * values + more).cumsum(0) + (centre - length) * values
 
 
 def _in_plane(group: Group, angles: Any, rates: Any, base: Any) -> LinkMotion:
     s, c = np.sin(angles), np.cos(angles)
-    half = np.sin((angles - _spread(group.rest, angles)) / 2)
+    half = np.sin((angles - spread(group.rest, angles)) / 2)
     bent = spring_energy(group, angles, base and base[0]) if group.sprung else 0.0
-    lifts = 2 * _spread(group.block.sigma, angles) * (half * half)
+    lifts = 2 * spread(group.block.sigma, angles) * (half * half)
     return LinkMotion((c * rates, -(s * rates)), (s, c), rates * rates, lifts, bent)
 
 
 def _in_space(group: Group, u: Any, w: Any, base: Any) -> LinkMotion:
-    sigma = _spread(group.block.sigma, u[0])
+    sigma = spread(group.block.sigma, u[0])
     lifts = sigma * (u[0] * u[0] + u[1] * u[1] + (u[2] - sigma) ** 2) / 2
     return LinkMotion(w, u, (w * w).sum(0), lifts, joint_energy(group, u) if group.sprung else 0.0)
 
@@ -395,10 +395,6 @@ def _hung(system: System, group: Group, times: Any, like: Any) -> tuple[Group, A
     """A group with the lengths of these times, and their speeds (n, P, ...)."""
     if (hoisting := system.hoisting) is None:
         return group, 0.0
-    length, speed, _ = (_spread(np.moveaxis(part, -1, 0)[group.index], like) for part in hoisting.at(times))
-    moving = _spread(hoisting.moving[group.index], like)
-    return lengthened(group, hoisting.moving, np.where(moving, length, _spread(group.block.length, like))), speed
-
-
-def _spread(constant: Any, like: Any) -> Any:
-    return constant.reshape(*constant.shape, *[1] * (like.ndim - constant.ndim))
+    length, speed, _ = (spread(np.moveaxis(part, -1, 0)[group.index], like) for part in hoisting.at(times))
+    moving = spread(hoisting.moving[group.index], like)
+    return lengthened(group, hoisting.moving, np.where(moving, length, spread(group.block.length, like))), speed

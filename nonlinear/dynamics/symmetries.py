@@ -32,7 +32,7 @@ from modal.types import Floats, Ints
 from nonlinear.dynamics.contacts import contacts_of
 from nonlinear.dynamics.forces import link_torques
 from nonlinear.dynamics.minimal import Minimal, Recursion
-from nonlinear.system import Equations, Group, Load, Motion, State, System, unit_vectors, velocities
+from nonlinear.system import Equations, Group, Load, Motion, State, System, motion_of, of_plane
 
 FAR = 10.0  # rad, or lengths of the longest link, beyond which whole turns and travel are removed
 WIDE = 200  # powers of two of m l² (kg m²) beyond which units are changed
@@ -73,16 +73,10 @@ def symmetrize(symmetries: Sequence[Symmetry], state: State) -> tuple[Motion, Mo
     like = state
     for symmetry in symmetries:
         like = symmetry.restrict(like)
-    image = _instant(like)
+    image = motion_of([like])
     for symmetry in reversed(symmetries):
         image = symmetry.extend(image)
-    return _instant(state), image
-
-
-def _instant(state: State) -> Motion:
-    cart, rate = np.array([state.cart]), np.array([state.cart_rate])
-    carried = state.supports[None], state.support_rates[None]
-    return Motion(state.links[None], state.link_rates[None], cart, rate, np.zeros(1), *carried)
+    return motion_of([state]), image
 
 
 def in_one_plane(system: System, start: State) -> Symmetry | None:
@@ -91,17 +85,12 @@ def in_one_plane(system: System, start: State) -> Symmetry | None:
         return None
     if np.any(start.links[:, 1]) or np.any(start.link_rates[:, 1]):
         return None
-    return Symmetry(replace(system, spatial=False), _angles, _vectors, "one vertical plane of space", ties=True)
+    return Symmetry(replace(system, spatial=False), _angles, of_plane, "one vertical plane of space", ties=True)
 
 
 def _angles(state: State) -> State:
     (sin, _, cos), (along, _, down) = state.links.T, state.link_rates.T
     return replace(state, links=np.arctan2(sin, cos), link_rates=cos * along - sin * down)
-
-
-def _vectors(motion: Motion) -> Motion:
-    u, w = unit_vectors(motion.links, 0.0), velocities(motion.links, 0.0, motion.link_rates)
-    return replace(motion, links=u, link_rates=w)
 
 
 def synchronous(system: System, start: State) -> Symmetry | None:

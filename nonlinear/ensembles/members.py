@@ -30,7 +30,17 @@ from modal.scene.parameters import (
 from modal.types import Floats, Ints
 from nonlinear.integration import validate
 from nonlinear.integration.switches import numbers_of as switching_of
-from nonlinear.system import Layout, Motion, Numbers, State, initial_state, numbers_of, system_of, validate_state
+from nonlinear.system import (
+    Layout,
+    Motion,
+    Numbers,
+    State,
+    initial_state,
+    motion_of,
+    numbers_of,
+    system_of,
+    validate_state,
+)
 
 Starts = Floats | Sequence[Sequence[float]] | Sequence[State] | Motion
 STARTING = {"angles_deg": 0, "rates_deg": 1}
@@ -245,15 +255,6 @@ def _varied(scene: Scene, vary: Vary | None, started: bool) -> tuple[tuple[Varia
     if started and (numbers := [path for path in paths if ".start." in path]):
         raise SceneError([f"{path}: cannot be varied where starts are given" for path in numbers])
     return axes, lists
-
-
-def motion_of(states: Sequence[State]) -> Motion:
-    """States as rows, without work."""
-    links, rates, cart, speed, *carried = (
-        np.array([getattr(state, part) for state in states])
-        for part in ("links", "link_rates", "cart", "cart_rate", "supports", "support_rates")
-    )
-    return Motion(links, rates, cart, speed, np.zeros(len(states)), *carried)
 
 
 def _states(scene: Scene, starts: Starts) -> Motion:

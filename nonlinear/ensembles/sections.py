@@ -116,7 +116,10 @@ def find_section(
     checked_index("orbits", orbits, 1, MOST_ORBITS)
     system = system_of(scene)
     text = at or f"{system.labels[system.first]}>0"
-    section = section_of(f"section:{text}", system)
+    try:
+        section = section_of(f"section:{text}", system)
+    except SceneError as error:
+        raise SceneError([f"at {problem.replace('section:', '')}" for problem in error.problems]) from None
     energy = _usual_energy(scene) if energy is None else checked_number("energy", energy)
     starts = starts_at(scene, energy, orbits, section=section)
     length = PERIODS * sqrt(max(link.length for link in scene.links()) / scene.gravity)

@@ -33,10 +33,9 @@ from nonlinear.integration.method import (
     weighted,
 )
 from nonlinear.integration.readiness import readied
-from nonlinear.integration.steppers import Derivative, DOP853Stepper
+from nonlinear.integration.steppers import SMALL_STEP, Derivative, DOP853Stepper
 from nonlinear.integration.steppers import first_step as first_step_of
 
-SMALL_STEP = "Required step size is less than spacing between numbers."
 NOTHING_DUE = np.empty(0)
 TERMS = len(POWERS) + 3  # of the interpolant
 MOST, NUMBERS = 256, 200_000  # steps in one call of the kernel, and numbers of y that it returns

@@ -21,7 +21,7 @@ from nonlinear.integration.methods import Choice, equations_of
 from nonlinear.integration.steppers import DOP853Stepper, SciPyStepper, Stepper, Sweeper
 from nonlinear.integration.switched import Switched
 from nonlinear.integration.within import KnownStep, Step, Watch
-from nonlinear.system import NO_FRICTION, NO_KICKS, Equations, Event, EventRecord, Friction, Kicks, State
+from nonlinear.system import NO_FRICTION, NO_KICKS, Equations, Event, EventRecord, Friction, Kicks
 
 LAST = 4e-16
 """Of the time: how far before the end of a run is its end, as in lanes."""
@@ -109,7 +109,7 @@ class Drive:
 
     def _refuse_singular(self, record: RunRecord) -> None:
         """ComputationError where the cart feels next to nothing of all masses."""
-        system, state = self.equations.system, self._state(self.stepper.y)
+        system, state = self.equations.system, self.equations.read(self.stepper.y[None])[0]
         pushes = np.eye(1, system.first + system.n_links)[0]
         with np.errstate(all="ignore"):
             solvers = [(group, Recursion(group)) for group in system.groups]
@@ -124,11 +124,6 @@ class Drive:
         return bool(self.events or self.watches)
 
     @property
-    def _at_once(self) -> bool:
-        """Whether many y are projected at once."""
-        return isinstance(self.equations, Arranged)
-
-    @property
     def _sweeps(self) -> bool:
         """Whether many steps are taken at once: series are seen step by step."""
         return isinstance(self.stepper, DOP853Stepper if self._watched else Sweeper)
@@ -141,7 +136,7 @@ class Drive:
         return NO_FRICTION
 
     def _far(self, record: RunRecord) -> None:
-        """Many steps in which nothing but samples is needed."""
+        """Many steps, and what happens within them, up to an event that ends the run."""
         whole = self.equations.whole() if isinstance(self.equations, Switched) else nullcontext()
         stepper, every = cast("Sweeper", self.stepper), self.report is not silent or self._watched
         with np.errstate(all="ignore"), whole:
@@ -260,8 +255,5 @@ class Drive:
             times = self.times[record.filled : record.filled + count]
             rows = self.stepper.inside(times)
             rows[times == self.stepper.time] = self.stepper.y
-            project = self.equations.project
-            record.keep(project(rows)[0] if self._at_once else np.array([project(row)[0] for row in rows]))
-
-    def _state(self, row: Floats) -> State:
-        return self.equations.read(row[None])[0]
+            project, at_once = self.equations.project, isinstance(self.equations, Arranged)
+            record.keep(project(rows)[0] if at_once else np.array([project(row)[0] for row in rows]))

@@ -37,7 +37,7 @@ from nonlinear.integration.method import (
     controlled,
     weighted,
 )
-from nonlinear.integration.steppers import BESIDE, Derivative, DOP853Stepper
+from nonlinear.integration.steppers import BESIDE, SMALL_STEP, Derivative, DOP853Stepper
 from nonlinear.integration.steppers import first_step as first_step_of
 from nonlinear.integration.switched import Switched
 from nonlinear.integration.within import Step
@@ -70,7 +70,6 @@ class FloatDOP853:
     end at the switches of `switched`.
     """
 
-    TOO_SMALL_STEP = "Required step size is less than spacing between numbers."
     switched: Switched | None = None
     beyond: Callable[[float], tuple[float, float] | None] = staticmethod(lambda time: None)
     """The next end (s) and the longest step (s) after a break at this time; None at the end of the run."""
@@ -110,7 +109,7 @@ class FloatDOP853:
         """Take one step; the message where that fails."""
         steps, _, _ = self.advance((), 1)
         self.status = "failed" if not steps else "finished" if self.t >= self.t_bound else "running"
-        return None if steps else self.TOO_SMALL_STEP
+        return None if steps else SMALL_STEP
 
     def dense_output(self) -> Callable[[Floats], Floats]:
         """The y (size, T) at times within the last step."""
@@ -353,7 +352,7 @@ class FloatStepper(DOP853Stepper[Written]):
             if not (mends and steps and reached < len(due) and len(ends) < most and solver.t < solver.t_bound):
                 break
         if not ends and not self.rests:
-            raise self._stopped(solver.TOO_SMALL_STEP)
+            raise self._stopped(SMALL_STEP)
         self.before, self.y_before, self._within = solver.t_old, solver.y_old, None
         solver.status = "finished" if solver.t >= solver.t_bound else "running"
         rows = samples(self._lanes(wanted), times[:reached]) if wanted else np.empty((0, solver.n))
@@ -384,19 +383,14 @@ class FloatStepper(DOP853Stepper[Written]):
 
     def _counted(self, steps: Sequence[FloatStep]) -> Derivative:
         """The derivative in these steps side by side, counted."""
-        derivative = self._rates_in(steps)
+        switched = self.equations if isinstance(self.equations, Switched) else None
+        derivative = switched.rates_in([step.held for step in steps]) if switched else self.equations.derivative
 
         def counted(times: Any, y: Any) -> Any:
             self._done += y.shape[1]
             return derivative(times, y)
 
         return counted
-
-    def _rates_in(self, steps: Sequence[FloatStep]) -> Derivative:
-        """The derivative in these steps side by side."""
-        if isinstance(self.equations, Switched):
-            return self.equations.rates_in([step.held for step in steps])
-        return self.equations.derivative
 
     def _mended(self) -> Floats:
         """Continue from the nearest y that satisfies every constraint."""

@@ -24,8 +24,8 @@ from nonlinear.integration.switched import Switched
 from nonlinear.integration.within import Inside, Step
 from nonlinear.system import CoordinateReading, Equations, Event, State
 
-BESIDE = 1e-6
-"""Fraction of a step before a change of friction within which an event that was found there is the same."""
+SAME_EVENT = 1e-6
+"""Fraction of a step before its end within which an event that was found is the one that a jump there would bring."""
 SILENT, AFTER = 1e-9, 0.02
 """An event's value that starts below this fraction of its value in the first step starts at zero, which is no crossing:
 its side is that after this fraction of the time to the first look."""
@@ -89,7 +89,7 @@ class Events:
 
     def jump(self, begun: float, time: float, y: Floats, after: Floats) -> None:
         """All events by which y changes suddenly at the end of a step that began at this time (s)."""
-        known = time - BESIDE * (time - begun)
+        known = time - SAME_EVENT * (time - begun)
         states = self.equations.read(np.array([y, after]))
         for event in self.events:
             seen = any(each.event is event and known < each.time <= time for each in (*self.past, *self.happenings))

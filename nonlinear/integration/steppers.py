@@ -21,6 +21,7 @@ SCIPY = EXPLICIT + OTHERS
 """Methods by their names in `scipy.integrate`, which is loaded when the first of its own takes a step."""
 SMALLEST = 2.3e-14  # relative tolerance that SciPy accepts
 FEW = 32  # components up to which those at rest hide no significant error
+SMALL_STEP = "Required step size is less than spacing between numbers."  # in SciPy's words
 BESIDE = 4  # distance of a time from a break, in units in the last place
 
 

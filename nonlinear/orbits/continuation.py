@@ -185,6 +185,11 @@ def with_values(problem: OrbitProblem, points: Sequence[OrbitPoint], variation: 
     return every
 
 
+def at_edge(problem: OrbitProblem, before: OrbitPoint, here: OrbitPoint) -> OrbitPoint:
+    """The point at the end of the range of a number that the second of two neighbours has passed."""
+    return located(problem, before, here, partial(_past, float(here.u[-1] > 0.5)))
+
+
 def _past(place: float, here: OrbitPoint) -> float:
     return float(here.u[-1]) - place
 

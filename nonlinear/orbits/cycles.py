@@ -18,7 +18,15 @@ from nonlinear.averaging import RelativeEquilibrium, average, relative_equilibri
 from nonlinear.dynamics.variational import Force
 from nonlinear.orbits.between import resolved
 from nonlinear.orbits.branch import Branch, Report
-from nonlinear.orbits.continuation import OrbitPoint, corrected, follow, level, located, tangent_of, with_values
+from nonlinear.orbits.continuation import (
+    OrbitPoint,
+    at_edge,
+    corrected,
+    follow,
+    level,
+    tangent_of,
+    with_values,
+)
 from nonlinear.orbits.orbit import Orbit
 from nonlinear.orbits.shooting import COARSEST, FINEST, MOST_SEGMENTS, SEGMENTS, Clock, Shooting, shooting, spread
 from nonlinear.orbits.special import Special, along_cycles
@@ -303,12 +311,6 @@ def walked(
         if len(points) >= most or dies:
             break
     return points, False
-
-
-def at_edge(problem: Shooting, before: OrbitPoint, here: OrbitPoint) -> OrbitPoint:
-    """The point at the end of the range that the second of two neighbours has passed."""
-    edge = float(here.u[-1] > 0.5)
-    return located(problem, before, here, lambda each: float(each.u[-1]) - edge)
 
 
 def known(orbit: Orbit, branch: Branch) -> bool:

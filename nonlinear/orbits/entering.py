@@ -16,8 +16,8 @@ from modal.errors import ComputationError
 from modal.types import Floats
 from nonlinear.orbits.between import resolved
 from nonlinear.orbits.branch import Branch
-from nonlinear.orbits.continuation import OrbitPoint, apart, follow, level, point, with_values
-from nonlinear.orbits.cycles import at_edge, turning
+from nonlinear.orbits.continuation import OrbitPoint, apart, at_edge, follow, level, point, with_values
+from nonlinear.orbits.cycles import turning
 from nonlinear.orbits.orbit import Orbit
 from nonlinear.orbits.shooting import Shooting, shooting, spread
 from nonlinear.orbits.special import Special, along_cycles

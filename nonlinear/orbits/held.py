@@ -22,7 +22,7 @@ from modal.scene.parameters import Variation, validate_variations, vary
 from modal.types import Floats
 from nonlinear.orbits.between import resolved
 from nonlinear.orbits.branch import Branch, Report
-from nonlinear.orbits.continuation import OrbitPoint, corrected, follow, located, tangent_of, with_values
+from nonlinear.orbits.continuation import OrbitPoint, at_edge, corrected, follow, located, tangent_of, with_values
 from nonlinear.orbits.modes import TOLERANCE, nonlinear_mode, oscillating
 from nonlinear.orbits.orbit import Orbit
 from nonlinear.orbits.special import Special, collisions, passing
@@ -118,7 +118,7 @@ def mode_along(
         points.append(here)
         report(len(points))
         if len(points) > 1 and not 0 < here.u[-1] < 1:
-            points[-1] = _at_edge(problem, points[-2], here)
+            points[-1] = at_edge(problem, points[-2], here)
             complete = True
             break
         if len(points) >= MOST:
@@ -130,11 +130,6 @@ def mode_along(
     return Branch(
         f"mode {number}", tuple(points), special, problem, variation, complete=complete, linear=float(modes.omega[row])
     )
-
-
-def _at_edge(problem: Held, before: OrbitPoint, here: OrbitPoint) -> OrbitPoint:
-    edge = float(here.u[-1] > 0.5)
-    return located(problem, before, here, lambda each: float(each.u[-1]) - edge)
 
 
 def _specials(problem: Held, points: Sequence[OrbitPoint]) -> Iterator[Special]:

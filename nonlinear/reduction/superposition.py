@@ -32,7 +32,7 @@ from modal.scene.doors import checked
 from modal.types import Complexes, Floats
 from nonlinear.reduction.modal_coordinates import along_rail, deflection, modal_motion, rest_angles
 from nonlinear.reduction.two_planes import join, split
-from nonlinear.system import Motion, State
+from nonlinear.system import Motion, State, motion_of
 
 LINEAR, CORRECTED = "linear modes", "corrected modes"
 LEAST = -0.5  # κ a² below which it is too large for a correction
@@ -161,13 +161,13 @@ def superpose(scene: Scene, start: State, *, corrected: bool) -> Superposition:
 
 
 def _flat(scene: Scene, start: State, corrected: bool) -> Flat:
-    q, v = (part[0] for part in deflection(scene, _instant(start)))
+    q, v = (part[0] for part in deflection(scene, motion_of([start])))
     return Flat(scene, tuple(swings(scene, start, corrected=corrected)), (q, v))
 
 
 def swings(scene: Scene, start: State, *, corrected: bool) -> list[ModalSwing]:
     """The modes of a plane scene that this start excites."""
-    modes, here = natural_modes(scene), _instant(start)
+    modes, here = natural_modes(scene), motion_of([start])
     drifting = [number for number in range(len(modes)) if _drifts(scene, modes, number)]
     try:
         projected = modal_motion(here, modes, [number for number in range(len(modes)) if number not in drifting])
@@ -190,12 +190,6 @@ def swings(scene: Scene, start: State, *, corrected: bool) -> list[ModalSwing]:
     each += [_drift(scene, modes, number, *deflection(scene, here)) for number in drifting]
     _validate(each, *deflection(scene, here))
     return each
-
-
-def _instant(start: State) -> Motion:
-    cart, rate = np.array([start.cart]), np.array([start.cart_rate])
-    carried = start.supports[None], start.support_rates[None]
-    return Motion(start.links[None], start.link_rates[None], cart, rate, np.zeros(1), *carried)
 
 
 def _drifts(scene: Scene, modes: Modes, number: int) -> bool:

@@ -368,13 +368,14 @@ def _places_of_structure(scene: Scene, structure: Structure) -> list[list[Place]
     places: list[list[Place]] = []
     for k, carrier in enumerate(structure.carriers):
         heads: list[Place] = [("support", k), ("support",)] if len(structure.carriers) == 1 else [("support", k)]
-        names: list[Place] = [("position", 0), ("position", 1), ("mass",), ("inertia",), ("length",)]
-        names += [("centre", 0), ("centre", 1)]
+        # a single support moves from wherever it is drawn
+        names: list[Place] = [("position", 0), ("position", 1)] if scene.is_structured else [(), ()]
+        names += [("mass",), ("inertia",), ("length",), ("centre", 0), ("centre", 1)]
         for law in ("stiffness", "damping"):
             names += (
                 [(law, way) for way in PLATFORM] if carrier.kind == "platform" else [(law,)] * len(carrier.stiffness)
             )
-        places += [[(*head, *name) for head in heads] for name in names]
+        places += [[(*head, *name) for head in heads if name] for name in names]
         places += [[] for part in _modal(carrier) for _ in range(part.size)]
     first = 0
     for p, pendulum in enumerate(scene.pendulum):

@@ -9,9 +9,9 @@ angle from the downward vertical, φ the azimuth from the rail; the last axis of
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, fields, replace
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
@@ -252,6 +252,9 @@ class Layout:
         return self.read(y[None])[0]
 
 
+StateOrMotion = TypeVar("StateOrMotion", State, Motion)
+
+
 def unit_vectors(angles: Any, azimuths: Any) -> Floats:
     """Unit vectors (..., 3) of θ and φ (rad)."""
     theta, phi = np.broadcast_arrays(angles, azimuths)
@@ -265,8 +268,17 @@ def velocities(angles: Any, azimuths: Any, rates: Any) -> Floats:
     return np.asarray(rate[..., None] * across)
 
 
-def of_plane(state: State) -> State:
-    """A state of angles (L,) as unit vectors (L, 3) in the vertical plane of the rail."""
+def motion_of(states: Sequence[State]) -> Motion:
+    """States as rows, without work."""
+    links, rates, cart, speed, *carried = (
+        np.array([getattr(state, part) for state in states])
+        for part in ("links", "link_rates", "cart", "cart_rate", "supports", "support_rates")
+    )
+    return Motion(links, rates, cart, speed, np.zeros(len(states)), *carried)
+
+
+def of_plane(state: StateOrMotion) -> StateOrMotion:
+    """Angles (..., L) as unit vectors (..., L, 3) in the vertical plane of the rail."""
     u, w = unit_vectors(state.links, 0.0), velocities(state.links, 0.0, state.link_rates)
     return replace(state, links=u, link_rates=w)
 

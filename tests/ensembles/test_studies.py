@@ -184,6 +184,8 @@ def test_numbers_of_a_study_that_are_none_are_named(number: object) -> None:
 def test_studies_that_cannot_be_are_told() -> None:
     with pytest.raises(SceneError, match="that of links that all hang"):
         find_section(load("chain-2"), energy=-1.0)
+    with pytest.raises(SceneError, match=escape("at theta[1,9]: must be COORDINATE=VALUE")):
+        find_section(load("chain-2"), at="theta[1,9]")
     with pytest.raises(SceneError, match="remove the dampers"):
         find_section(load("metronomes"), energy=1.0)
     with pytest.raises(SceneError, match="two numbers to vary"):
