@@ -2,10 +2,10 @@
 
     OPENBLAS_NUM_THREADS=1 python benchmarks/forms.py [--quick]
 
-Chains of bobs, and rods on a cart in pendula of two and of five.  From these times come FLOATS,
-SHORT and FEW of `nonlinear.integration.methods`.  The rival is the textbook's full matrix under SciPy's DOP853;
-`chosen` is what a run takes, and `whole` its call of `simulate` with 1000 samples over that of `solve_ivp`.  Rows are
-printed as they are measured; what takes longer than LONG is measured once.
+Chains of bobs, and rods on a cart in pendula of two and of five.  From these times come FLOATS, SHORT and FEW of
+`nonlinear.integration.methods`.  The rival is the textbook's full matrix under SciPy's DOP853; `chosen` is what a run
+takes, and `whole` its call of `simulate` with 1000 samples over that of `solve_ivp`.  Rows are printed as they are
+measured; what takes longer than LONG is measured once.
 
 A second table compares Lagrange's, Hamilton's and the maximal form, as paper 002 asks at its end, in the plane and in
 space: all by NumPy passes, then what a run chooses.  Of each the time of a derivative over that of Lagrange's passes,

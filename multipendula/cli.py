@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
 
 USER_ERRORS = {errno.ENOENT, errno.ENOTDIR, errno.EISDIR, errno.EACCES, errno.EPERM, errno.EROFS, errno.ENAMETOOLONG}
-PLACE = re.compile(r"(pendulum\[|support\b|gravity\b)")
+PLACE = re.compile(r"(pendulum\[|support\b|gravity\b)(?![^:\s]*=)")
 ENDING = ("SIGINT", "SIGTERM", "SIGHUP", "SIGALRM")
 SPELLED = "multipendula.spelled"
 """The error handler of `modal.report.spelling`, by its name: the module is loaded where a letter has to be spelled."""
@@ -195,7 +195,7 @@ def _answer(error: BaseException, options: argparse.Namespace | None) -> int:
 
 
 def _in_its_file(error: SceneError, options: argparse.Namespace | None) -> str:
-    """The message with the scene's file before each place in it, unless --vary may have set the value."""
+    """The message with the scene's file before each place in it, unless an option has set the value."""
     from modal.report import visible
 
     scene = getattr(options, "scene", None) if not hasattr(options, "vary") else None

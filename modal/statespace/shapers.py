@@ -146,7 +146,8 @@ def shaper_for(
     swings = swings_of(scene, drive)
     if not 0 <= first < first + count <= len(swings):
         excited = counted(len(swings), "mode", "modes")
-        raise ComputationError(f"{counted(count, 'mode', 'modes')} from index {first}: this drive excites {excited}")
+        place = f" from index {first}" if first else ""
+        raise ComputationError(f"count {count}{place}: this drive excites {excited}")
     return shaper(swings[first : first + count], kind, step, tolerance)
 
 

@@ -21,16 +21,15 @@ BAND_MEMBERS = 200
 def simulate(options: argparse.Namespace) -> None:
     """Simulate the motion at large angles, with checks of its accuracy."""
     from modal.report import visible
-    from modal.scene import STANDARD
+    from modal.scene import STANDARD, kind_of
     from nonlinear import files as recordings
-    from nonlinear.files import checked_kind
     from nonlinear.integration import SimulationError
     from nonlinear.postprocessing import summary
 
     band = _banded(options)
     begun = perf_counter()
     try:
-        trajectory = RunOptions.of(options).run(lambda: options.output and checked_kind(options.output))
+        trajectory = RunOptions.of(options).run(lambda: options.output and kind_of(options.output, RUNS, "-o "))
     except SimulationError as error:
         if options.output:
             place = _place_of_part(options.output)

@@ -83,7 +83,7 @@ def drawn(name: str, theme: str) -> Iterator[IO[bytes]]:
 
 
 def draw_in(options: argparse.Namespace, name: str | None, room: str, figure: str, result: object) -> None:
-    """Draw what was `found` in a file, if there is one, by the function `figure` of a room of figures."""
+    """Draw a result in a file, if there is one, by the function `figure` of a room of figures."""
     if name:
         from importlib import import_module
 

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 BY_STROBES = ("phase_deg", "settle", "of")
 BY_ENERGY, DRAWN = "start.energy", ("members", "seed")
 """What is varied where starts are drawn at random, and the options of that."""
+ENDINGS = (*RUNS, "json", *PICTURES)
+"""Of the numbers, and of the figure in their place."""
 
 
 def sweep(options: argparse.Namespace) -> None:
@@ -39,13 +41,13 @@ def _map(options: argparse.Namespace, kind: str) -> None:
     from modal.scene import kind_of, load
     from modal.scene.parameters import parse_variations
     from nonlinear.integration import validate
-    from nonlinear.sweeps import KINDS, LYAPUNOV, MEMBERS, Study, parse_measures, reasons, save, sweep_text
+    from nonlinear.sweeps import LYAPUNOV, MEMBERS, Study, parse_measures, reasons, save, sweep_text
     from nonlinear.sweeps import sweep as swept
     from nonlinear.system import has_start
 
     by_energy = any(text.partition("=")[0].strip() == BY_ENERGY for text in options.vary)
     _, scene, axes, measures = validate(
-        lambda: kind_of(options.output, KINDS) if options.output else "",
+        lambda: kind_of(options.output, ENDINGS, "-o ") if options.output else "",
         lambda: load(options.scene),
         lambda: parse_variations(options.vary),
         lambda: parse_measures(options.measure or [LYAPUNOV if by_energy else "frequencies"]),
@@ -185,7 +187,7 @@ COMMANDS = (
             "--loci",
             "--strobe, along one --vary: a bifurcation diagram of the last 50 (-o: .csv, .json)",
             *strobed("ten times the slowest decay, at least 200 periods"),
-            main_file("the numbers (of --loci .csv) or the figure", (*RUNS, "json", *PICTURES)),
+            main_file("the numbers (of --loci .csv) or the figure", ENDINGS),
             *picture_file(),
             *CREW,
             "--fresh",

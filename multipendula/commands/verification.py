@@ -171,13 +171,13 @@ def _of_frequencies(options: argparse.Namespace, scene: Scene) -> tuple[Any, str
 
 def advise(options: argparse.Namespace) -> None:
     """Find the cheapest method that meets an accuracy, with evidence that it does."""
+    from modal.scene import kind_of
     from nonlinear import files as recordings
     from nonlinear.accuracy import advice_table
-    from nonlinear.files import checked_kind
     from nonlinear.simulation import certain
 
     _scene(options)
-    advice = RunOptions.of(options).advice(lambda: options.output and checked_kind(options.output))
+    advice = RunOptions.of(options).advice(lambda: options.output and kind_of(options.output, RUNS, "-o "))
     say(advice_table(advice, options.format), options.format)
     if options.output:
         recordings.save(advice.certain, options.output)

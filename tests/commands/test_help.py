@@ -110,6 +110,7 @@ def test_a_long_example_is_folded_between_an_option_and_the_next() -> None:
         ("table chain-3 chain-4", "unrecognized arguments: chain-4", "multipendula table --help"),
         ("shapes chain-3 -o a.avi", "-o a.avi: the name must end in", "multipendula shapes --help"),
         ("simulate chain-3 --samples 0", "must be a whole number", "multipendula simulate --help"),
+        ("sweep chain-3 --vary gravity=1,2 -o a.txt", "-o a.txt: the name must end in", "multipendula sweep --help"),
     ],
 )
 def test_errors_in_arguments_say_where_help_is(
@@ -123,6 +124,11 @@ def test_errors_in_arguments_say_where_help_is(
 def test_other_errors_do_not(capsys: pytest.CaptureFixture[str]) -> None:
     (line,) = refused(capsys, "table", "crane-hok")
     assert line.startswith("multipendula: crane-hok: no such file and no such shipped scene (did you mean crane-hook")
+
+
+def test_a_place_that_an_option_gives_a_value_is_not_called_the_files(capsys: pytest.CaptureFixture[str]) -> None:
+    (line,) = refused(capsys, "spread", "chain-3", "--uncertain", "gravity=-1")
+    assert line == "multipendula: gravity=-1: a standard deviation must be above 0"
 
 
 def test_nothing_is_guessed_where_nothing_is_near(capsys: pytest.CaptureFixture[str]) -> None:

@@ -74,10 +74,13 @@ def test_loci_are_told_kept_and_drawn(tmp_path: Path, capsys: pytest.CaptureFixt
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"output": "m.txt"}, "must end in .npz, .csv or .json"),
+        ({"output": "m.txt"}, "must end in .npz, .csv, .json, .png, .svg or .pdf"),
         ({"picture": "m.bmp"}, "must end in .png"),
         ({"output": "/nowhere/m.npz"}, "there is no folder"),
-        ({"measure": ["beet"], "output": "m.txt"}, "must end in .npz, .csv or .json\nbeet: no such measure"),
+        (
+            {"measure": ["beet"], "output": "m.txt"},
+            "must end in .npz, .csv, .json, .png, .svg or .pdf\nbeet: no such measure",
+        ),
         ({"loci": True, "measure": ["beat"]}, "--measure: "),
         ({"loci": True, "workers": None, "output": "l.npz"}, "-o l.npz: .*csv"),
         ({"loci": True, "workers": None, "vary": ["gravity=1:2:3"] * 2}, "--loci: .*one --vary"),
