@@ -37,14 +37,13 @@ from nonlinear.integration.method import (
     controlled,
     weighted,
 )
-from nonlinear.integration.steppers import BESIDE, Derivative, DOP853Stepper
+from nonlinear.integration.steppers import AT_ONCE, BESIDE, Derivative, DOP853Stepper
 from nonlinear.integration.steppers import first_step as first_step_of
 from nonlinear.integration.switched import Switched
 from nonlinear.integration.within import Step
 from nonlinear.system import Equations
 
 WIDE = 64  # components of y from which on sums over stages are NumPy's, 1.4 times as fast for 40 clocks on a cart
-AT_ONCE = 256  # steps
 
 Numbers = Sequence[float]
 

@@ -7,10 +7,15 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.special import ellipk
+from support.uncompiled import uncompiled
 
 from modal import Bob, Cart, Pendulum, Scene, load
 from nonlinear import Event, level_crossing, simulate, state_at_rest, system_of, turning_point
+from nonlinear.dynamics.compiled import available
+from nonlinear.integration import compiled
 from nonlinear.integration.method import EXTRA, STAGES
+from nonlinear.integration.methods import Choice
+from nonlinear.integration.run import Request
 from nonlinear.integration.within import Step
 from nonlinear.system import Motion
 
@@ -44,6 +49,24 @@ def test_a_crossing_that_is_looked_for_costs_next_to_nothing(monkeypatch: pytest
     assert states[0] <= len(run.happenings) + 4
     assert interpolants[0] <= 2 * (run.run.steps // 256 + 1)
     assert run.run.calls - plain.run.calls <= (STAGES + 1 + 2 * EXTRA) * len(run.happenings)
+
+
+@pytest.mark.skipif(not available(), reason="numba is not installed")
+def test_compiled_steps_are_not_traced_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Rates beside those of the steps are of the steps with crossings alone; the crossings are those of floats."""
+    start, event = state_at_rest(ONE, [np.degrees(AMPLITUDE)]), level_crossing(system_of(ONE), "theta[1,1]")
+    kwargs: dict[str, Any] = {"start": start, "method": "DOP853", "output": 2}
+    usual = simulate(ONE, 10.0, events=[event], **kwargs)
+    monkeypatch.setattr(Request, "choice", lambda self, tolerance: Choice("minimal", "DOP853", True, ""))
+    with uncompiled():
+        plain, run = simulate(ONE, 10.0, **kwargs), simulate(ONE, 10.0, events=[event], **kwargs)
+        monkeypatch.setattr(compiled, "NUMBERS", 1000)
+        parts = simulate(ONE, 10.0, events=[event], **kwargs)
+    assert run.run.steps == plain.run.steps == usual.run.steps
+    assert run.run.calls - plain.run.calls == (STAGES + 1 + EXTRA) * len(run.happenings)
+    times = [[each.time for each in one.happenings] for one in (run, parts, usual)]
+    assert times[0] == times[1]
+    np.testing.assert_allclose(times[0], times[2], rtol=1e-12)
 
 
 @pytest.mark.parametrize("way", ["DOP853", "RK45", "LSODA", "maximal", "hamiltonian"])
