@@ -85,7 +85,7 @@ class Drive:
         if isinstance(self.stepper, DOP853Stepper):
             self.stepper.watched, usual = self._watched, self.stepper.at_once
         usual = SHOWN if switched and self.report is not silent else usual
-        self._most = usual if not ends else 1 if switched else FIRST
+        self._longest, self._most = (min(usual, MOST), FIRST) if ends else (usual, usual)
 
     def run(self) -> RunRecord:
         """Advance to the last sampled time, or as far as possible."""
@@ -150,12 +150,12 @@ class Drive:
             stop = self._seen(record, cast("DOP853Stepper[Any]", stepper).traced()) if steps and self._watched else None
         if stop is not None:
             if isinstance(stepper, FloatStepper):
-                stepper.take_back(stop.time)
+                stepper.take_back(stop.time, stop.y)
             rows = rows[: np.searchsorted(self.times, stop.time, side="right") - record.filled]
             ends = [end for end in ends if end[0] < stop.time]
             ends, steps = [*ends, (stop.time, self.equations.project(stop.y)[0])], len(ends) + 1
-        elif FIRST <= self._most < MOST and any(event.stop for event in self.events):
-            self._most *= 2
+        else:
+            self._most = min(2 * self._most, self._longest)
         self._keep(record, rows, ends, steps)
         if self._watched and isinstance(self.equations, Switched) and not self._ends(record):
             self._switch(record)

@@ -10,9 +10,12 @@ from scipy.special import ellipk
 from support.uncompiled import uncompiled
 
 from modal import Bob, Cart, Pendulum, Scene, load
+from modal.scene import scene_from
 from nonlinear import Event, level_crossing, simulate, state_at_rest, system_of, turning_point
-from nonlinear.dynamics.compiled import available
+from nonlinear.dynamics.compiling import available
 from nonlinear.integration import compiled
+from nonlinear.integration.driver import FIRST, MOST
+from nonlinear.integration.floats import FloatStepper
 from nonlinear.integration.method import EXTRA, STAGES
 from nonlinear.integration.methods import Choice
 from nonlinear.integration.run import Request
@@ -64,7 +67,7 @@ def test_compiled_steps_are_not_traced_again(monkeypatch: pytest.MonkeyPatch) ->
         parts = simulate(ONE, 10.0, events=[event], **kwargs)
     assert run.run.steps == plain.run.steps == usual.run.steps
     assert run.run.calls - plain.run.calls == (STAGES + 1 + EXTRA) * len(run.happenings)
-    times = [[each.time for each in one.happenings] for one in (run, parts, usual)]
+    times = [[each.time for each in motion.happenings] for motion in (run, parts, usual)]
     assert times[0] == times[1]
     np.testing.assert_allclose(times[0], times[2], rtol=1e-12)
 
@@ -93,6 +96,58 @@ def test_a_run_that_an_event_ends_does_not_go_far_beyond(monkeypatch: pytest.Mon
     assert run.run.calls < 3 * STAGES * run.run.steps + 100
     assert run.times[-1] == run.happenings[0].time
     assert abs(run.final.links[0]) < 1e-12
+
+
+def test_a_stop_that_never_comes_shows_many_steps_at_once_in_scenes_with_switches(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    scene = load("huygens")
+    plain, sweeps = simulate(scene, 10.0, output=2), counted(monkeypatch, FloatStepper, "sweep")
+    run = simulate(scene, 10.0, output=2, events=[level_crossing(system_of(scene), "theta[1,1]", 9.0, stop=True)])
+    assert run.complete
+    assert (run.run.steps, run.run.calls) == (plain.run.steps, plain.run.calls)
+    assert len(run.kicks.time) > 40
+    assert sweeps[0] <= np.log2(MOST / FIRST) + run.run.steps / MOST + 2
+
+
+@pytest.mark.parametrize(("kind", "angle"), [("friction", -0.05), ("friction", 0.2), ("friction_coefficient", -0.1)])
+def test_a_stop_undoes_what_happened_in_later_steps(kind: str, angle: float) -> None:
+    """Kicks, phases and works are those of a run that ends there."""
+    bobs: list[dict[str, Any]] = [
+        {"kind": "bob", "mass": 1.0, "length": 1.0},
+        {"kind": "bob", "mass": 0.7, "length": 1.0, "friction": 0.4},
+    ]
+    if kind == "friction":
+        bobs[0]["drive"] = {"kind": "escapement", "impulse": 1.0, "angle_deg": 2.0}
+    hung = {"links": bobs, "start": {"angles_deg": [20.0, -10.0]}}
+    support = {"kind": "cart", "mass": 2.0, kind: 3.0 if kind == "friction" else 0.1}
+    scene = scene_from({"gravity": 9.81, "support": support, "pendulum": [hung]})
+    event = level_crossing(system_of(scene), "theta[1,1]", angle, stop=True)
+    run = simulate(scene, 6.0, output=2, tolerance=1e-10, events=[event])
+    whole = simulate(scene, run.times[-1], output=2, tolerance=1e-10)
+    assert not run.complete
+    assert abs(run.final.links[0] - angle) < 1e-12
+    happened: list[tuple[Any, ...]] = [(*each.kicks, *each.friction) for each in (run, whole)]
+    for values, expected in zip(*happened, strict=True):
+        np.testing.assert_allclose(values, expected, rtol=1e-8, atol=1e-8)
+
+
+def test_a_stop_at_a_kick_is_after_it() -> None:
+    """A speed that is passed by the jump of a kick alone, with other kicks in later steps."""
+    clock = {
+        "kind": "bob",
+        "mass": 1.0,
+        "length": 1.0,
+        "drive": {"kind": "escapement", "impulse": 0.1, "angle_deg": 2.0},
+    }
+    scene = scene_from({"gravity": 9.81, "pendulum": [{"links": [clock], "start": {"angles_deg": [10.0]}}]})
+    kick = simulate(scene, 10.0).kicks.time[5]
+    before, after = (abs(simulate(scene, kick + aside).final.link_rates[0]) for aside in (-1e-9, 1e-9))
+    event = Event("fast", lambda state: abs(state.link_rates[0]) - (before + after) / 2, direction=1, stop=True)
+    run = simulate(scene, 10.0, events=[event])
+    assert len(run.kicks.time) > 0
+    assert run.times[-1] == run.kicks.time[-1]
+    assert event.value(run.final) > 0
 
 
 def test_an_event_without_a_number_ends_the_run_where_it_has_none() -> None:
