@@ -69,6 +69,11 @@ class Places:
         return self.firm + self.J
 
     @property
+    def work(self) -> int:
+        """The place of the work (J) of the first contact."""
+        return self.told + 3 * self.J
+
+    @property
     def length(self) -> int:
         """How many numbers a state has."""
         return self.told + 4 * self.J

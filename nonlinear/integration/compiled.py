@@ -7,7 +7,8 @@ the steps of SciPy's.  Scenes are passed as arrays: one kernel serves all, and i
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import inf
+from functools import cached_property
+from math import inf, prod
 from typing import Any, cast
 
 import numpy as np
@@ -32,13 +33,16 @@ from nonlinear.integration.method import (
     terms_of,
     weighted,
 )
+from nonlinear.integration.methods import Choice, equations_of
 from nonlinear.integration.readiness import readied
 from nonlinear.integration.steppers import SMALL_STEP, Derivative, DOP853Stepper
 from nonlinear.integration.steppers import first_step as first_step_of
+from nonlinear.integration.within import Step
 
-NOTHING_DUE = np.empty(0)
+NOTHING_DUE, NOT_KEPT = np.empty(0), np.empty((0, 0, 0))
+WRITTEN_OUT = Choice("minimal", "DOP853", False, "")  # equations that take many y at once
 TERMS = len(POWERS) + 3  # of the interpolant
-MOST, NUMBERS = 256, 200_000  # steps in one call of the kernel, and numbers of y that it returns
+MOST, NUMBERS = 1024, 200_000  # steps in one call of the kernel, and numbers of y that it returns
 
 
 def _texts() -> str:
@@ -83,12 +87,12 @@ def _stages(first, last, y, h, K, z, scene, turns):  # type: ignore[no-untyped-d
 
 
 @compiled
-def steps(scene, clock, relative, absolute, y, stages, due, rows, ends, states):  # type: ignore[no-untyped-def]
+def steps(scene, clock, relative, absolute, y, stages, due, rows, ends, states, kept):  # type: ignore[no-untyped-def]
     """Up to len(ends) steps to the end of `clock` (time, length to try, longest, end, length of the last step).
 
     `y` and the first of the `stages` are those of the beginning, then of the end.  Fills `rows` at the times `due`, and
-    `ends` and `states` for every step; returns how many of each and the number of derivatives.  The stages of the last
-    step are kept.
+    `ends` and `states` for every step, and its stages (len(ends), 13, size) in `kept` unless it is empty; returns how
+    many of each and the number of derivatives.  The stages of the last step stay.
     """
     time, tried, longest, end, _ = clock
     z, work, terms = np.empty_like(y), np.empty_like(y), np.empty((TERMS, y.size))
@@ -122,6 +126,9 @@ def steps(scene, clock, relative, absolute, y, stages, due, rows, ends, states):
                 else:
                     _inside((due[filled] - time) / length, y, terms, rows, filled)
                 filled += 1
+        for stage in range(STAGES + 1 if kept.size else 0):
+            for i in range(y.size):
+                kept[passed, stage, i] = stages[stage, i]
         for i in range(y.size):
             y[i] = states[passed, i] = z[i]
         ends[passed] = until
@@ -157,12 +164,15 @@ class CompiledDOP853:
         self.nfev += 1
         return self.derivative(time, y)
 
-    def advance(self, due: Floats, most: int) -> tuple[Floats, Floats, Floats]:
-        """Up to this many steps, none if the first fails: y at the times `due`, the ends of steps, y there."""
+    def advance(self, due: Floats, most: int, kept: Floats = NOT_KEPT) -> tuple[Floats, Floats, Floats]:
+        """Up to this many steps, none if the first fails: y at the times `due`, the ends of steps, y there.
+
+        The stages of all are `kept` (most, 13, size) where there is room.
+        """
         clock = np.array([self.t, self.h_abs, self.max_step, self.t_bound, 0.0])
         rows, ends, states = np.empty((len(due), self.n)), np.empty(most), np.empty((most, self.n))
         y, self.stages[0] = self.y.copy(), self.f
-        arguments = (self.rtol, self.absolute, y, self.stages, due, rows, ends, states)
+        arguments = (self.rtol, self.absolute, y, self.stages, due, rows, ends, states, kept)
         passed, filled, calls = steps(self.scene, clock, *arguments)
         self.nfev += calls
         if passed:
@@ -191,6 +201,9 @@ class CompiledDOP853:
 class CompiledStepper(DOP853Stepper[Compiled]):
     """DOP853 compiled, for compiled equations, with the arguments of `DOP853Stepper`; ready once it is made."""
 
+    at_once = MOST
+    _seen: tuple[Floats, Floats, Floats]
+
     def __init__(self, equations: Compiled, *arguments: Any, **options: Any) -> None:
         with readied(integrator(structured=equations.system.structure is not None)):
             super().__init__(equations, *arguments, **options)
@@ -204,12 +217,37 @@ class CompiledStepper(DOP853Stepper[Compiled]):
     ) -> tuple[Floats, list[tuple[float, Floats]], int]:
         """Many steps at once, as defined in `Sweeper`."""
         solver = cast("CompiledDOP853", self._on_its_way())
-        rows, ends, states = solver.advance(times, max(1, min(most, NUMBERS // solver.n)))
+        begun, most = (solver.t, solver.y), max(1, min(most, NUMBERS // solver.n))
+        kept = self._room[:most] if self.watched else NOT_KEPT
+        rows, ends, states = solver.advance(times, len(kept) or most, kept)
         good = len(ends) if np.all(np.isfinite(states)) else int(np.argmin(np.isfinite(states).all(axis=1)))
         if not good:
             raise self._stopped("not finite" if len(ends) else SMALL_STEP)
         self.before, self.y_before, self._within = solver.t_old, solver.y_old, None
         solver.status = "finished" if solver.t >= solver.t_bound else "running"
+        if self.watched:
+            self._seen = np.append(begun[0], ends[:good]), np.vstack((begun[1], states[:good])), kept[:good]
         reached = int(np.searchsorted(times[: len(rows)], ends[good - 1], side="right"))
         shown = slice(0 if every else good - 1, good)
         return rows[:reached], list(zip(ends[shown].tolist(), states[shown], strict=True)), good
+
+    def traced(self) -> Step:
+        """The steps of the last sweep side by side."""
+        return Step.of_run(*self._seen, self._rates_beside, bool(self.pace.breaks))
+
+    def _rates_beside(self, y: Floats, times: Any = 0.0) -> Floats:
+        """The rates of many y at once, counted: by the equations written out where that is faster than one by one."""
+        self._done += y.shape[1]
+        if y.shape[1] <= self.equations.system.n_links**2:
+            return np.stack([self.f(0.0, column) for column in y.T], axis=1)
+        return self._written_out(times, y)
+
+    @cached_property
+    def _written_out(self) -> Derivative:
+        return equations_of(self.equations.system, WRITTEN_OUT).derivative
+
+    @cached_property
+    def _room(self) -> Floats:
+        """Of the stages of the steps of one sweep."""
+        shape = STAGES + 1, self.y.size
+        return np.empty((max(1, min(MOST, NUMBERS // prod(shape))), *shape))

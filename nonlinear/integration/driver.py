@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, field
-from functools import cached_property
 from typing import Any, cast
 
 import numpy as np
@@ -13,12 +12,11 @@ import numpy as np
 from modal.errors import ComputationError
 from modal.report import silent
 from modal.types import Floats
-from nonlinear.dynamics import Arranged, Recursion, Reduced
+from nonlinear.dynamics import Arranged, Recursion
 from nonlinear.dynamics.bearing import inverted
-from nonlinear.integration.floats import AT_ONCE, FloatStepper
+from nonlinear.integration.floats import FloatStepper
 from nonlinear.integration.happenings import Events, Happening
-from nonlinear.integration.methods import Choice, equations_of
-from nonlinear.integration.steppers import DOP853Stepper, SciPyStepper, Stepper, Sweeper
+from nonlinear.integration.steppers import AT_ONCE, DOP853Stepper, Stepper, Sweeper
 from nonlinear.integration.switched import Switched
 from nonlinear.integration.within import KnownStep, Step, Watch
 from nonlinear.system import NO_FRICTION, NO_KICKS, Equations, Event, EventRecord, Friction, Kicks
@@ -27,7 +25,6 @@ LAST = 4e-16
 """Of the time: how far before the end of a run is its end, as in lanes."""
 SINGULAR = 1.5e-8
 """Share of all masses that a massless cart feels: the root of rounding, where accelerations keep half their digits."""
-WRITTEN_OUT = Choice("minimal", "DOP853", False, "")  # equations that take many y at once
 SHOWN = 8  # steps of motions with switches whose progress is reported
 FIRST, MOST = 4, 64  # steps at once of a run that an event may end, at first and later
 
@@ -84,8 +81,11 @@ class Drive:
     def __post_init__(self) -> None:
         self._sought = Events(self.equations, self.events, float(self.times[0])) if self.events else None
         ends, switched = any(event.stop for event in self.events), isinstance(self.equations, Switched)
-        usual = SHOWN if switched and self.report is not silent else AT_ONCE
-        self._most = usual if not ends else 1 if switched else FIRST
+        usual = AT_ONCE
+        if isinstance(self.stepper, DOP853Stepper):
+            self.stepper.watched, usual = self._watched, self.stepper.at_once
+        usual = SHOWN if switched and self.report is not silent else usual
+        self._longest, self._most = (min(usual, MOST), FIRST) if ends else (usual, usual)
 
     def run(self) -> RunRecord:
         """Advance to the last sampled time, or as far as possible."""
@@ -140,36 +140,20 @@ class Drive:
         whole = self.equations.whole() if isinstance(self.equations, Switched) else nullcontext()
         stepper, every = cast("Sweeper", self.stepper), self.report is not silent or self._watched
         with np.errstate(all="ignore"), whole:
-            begun = stepper.time, stepper.y
             rows, ends, steps = stepper.sweep(self.times[record.filled :], every, self._most)
             record.drift = stepper.drift
-            stop = self._seen(record, self._traced(*begun, ends)) if steps and self._watched else None
+            stop = self._seen(record, cast("DOP853Stepper[Any]", stepper).traced()) if steps and self._watched else None
         if stop is not None:
             if isinstance(stepper, FloatStepper):
-                stepper.take_back(stop.time)
+                stepper.take_back(stop.time, stop.y)
             rows = rows[: np.searchsorted(self.times, stop.time, side="right") - record.filled]
             ends = [end for end in ends if end[0] < stop.time]
             ends, steps = [*ends, (stop.time, self.equations.project(stop.y)[0])], len(ends) + 1
-        elif FIRST <= self._most < MOST and any(event.stop for event in self.events):
-            self._most *= 2
+        else:
+            self._most = min(2 * self._most, self._longest)
         self._keep(record, rows, ends, steps)
         if self._watched and isinstance(self.equations, Switched) and not self._ends(record):
             self._switch(record)
-
-    def _traced(self, begun: float, y: Floats, ends: Sequence[tuple[float, Any]]) -> Step:
-        """The steps of the last sweep, from this time (s) and y on, side by side."""
-        if isinstance(self.stepper, FloatStepper):
-            return self.stepper.traced()
-        times, rows = [begun, *(time for time, _ in ends)], [y, *(row for _, row in ends)]
-        pace = cast("SciPyStepper", self.stepper).pace
-        return Step.of_run(np.array(times), np.array(rows).T, self._rates, bool(pace.breaks))
-
-    @cached_property
-    def _rates(self) -> Callable[..., Floats]:
-        """The rates of many y at once, for compiled equations, which take one."""
-        inner = self.equations.inner if isinstance(self.equations, Reduced) else self.equations
-        derivative = equations_of(inner.system, WRITTEN_OUT).derivative
-        return lambda y, times=0.0: derivative(times, y)
 
     def _keep(self, record: RunRecord, rows: Floats, ends: Sequence[Any], steps: int) -> None:
         first = record.filled

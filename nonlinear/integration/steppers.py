@@ -22,6 +22,7 @@ SCIPY = EXPLICIT + OTHERS
 SMALLEST = 2.3e-14  # relative tolerance that SciPy accepts
 FEW = 32  # components up to which those at rest hide no significant error
 SMALL_STEP = "Required step size is less than spacing between numbers."  # in SciPy's words
+AT_ONCE = 256  # steps that floats and series take at once
 BESIDE = 4  # distance of a time from a break, in units in the last place
 
 
@@ -264,9 +265,12 @@ E = TypeVar("E", bound=HasDerivative)
 
 
 class DOP853Stepper(SciPyStepper, Generic[E]):
-    """DOP853 in another implementation, given the `equations` themselves; otherwise as `SciPyStepper`."""
+    """DOP853 in another implementation, given the `equations` themselves; otherwise as `SciPyStepper`.
 
-    drift = 0.0
+    Where it is `watched`, the steps of each sweep are kept, `at_once` at most.
+    """
+
+    drift, watched, at_once = 0.0, False, AT_ONCE
 
     def __init__(
         self,
@@ -280,3 +284,7 @@ class DOP853Stepper(SciPyStepper, Generic[E]):
     ) -> None:
         self.equations = equations
         super().__init__("DOP853", equations.derivative, start, y, end, tolerance, absolute, pace)
+
+    def traced(self) -> Any:
+        """The steps of the last sweep side by side, a `nonlinear.integration.within.Step`."""
+        raise NotImplementedError

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from modal.errors import ComputationError
 from modal.types import Floats
 from nonlinear.dynamics.generated import Generated, Listed, Rate, Written
 from nonlinear.integration.switches import Switches, switches_of
@@ -18,6 +19,10 @@ from nonlinear.system import NO_KICKS, Friction, Kicks, Layout, Load, Motion, St
 
 ASIDE, APART = 1e-3, 1e3
 """Of a step, and at least so many units in the last place of the time: within which the rates of inputs are seen."""
+
+
+Phase = tuple[list[float], int]
+"""The state of switches, and how much had happened when it began."""
 
 
 @dataclass(eq=False)
@@ -33,6 +38,7 @@ class Switched(Written):
     met: int | None = field(init=False, default=None)
     look: Any = field(init=False, default=None)
     rests: bool = field(init=False, default=False)
+    phase: Phase = field(init=False, default=([], 0))
 
     @cached_property
     def switches(self) -> Switches:
@@ -55,6 +61,16 @@ class Switched(Written):
         self.held = self.switches.inputs(self.state)
         self.rests = self.switches.rests(self.state)
         self.met = self.look = None
+        self.phase = [*self.state], len(self.switches.happened)
+
+    def go_back(self, phase: Phase) -> None:
+        """Things are as they were in this phase, but for the work of friction on a rail with a coefficient."""
+        at, now = self.switches.places, self.state
+        self.state = [*phase[0]]
+        if at.presses:
+            self.state[at.work] = now[at.work]
+        del self.switches.happened[phase[1] :]
+        self._hold()
 
     @contextmanager
     def whole(self) -> Iterator[None]:
@@ -75,10 +91,19 @@ class Switched(Written):
         V: list[list[float]] | None = None,
         inputs: Listed | None = None,
     ) -> list[float]:
-        """The y after the switch that was met at y, where y' = f; columns V (k, size) are changed in place."""
+        """The y after the switch that was met at y, where y' = f; columns V (k, size) are changed in place.
+
+        ComputationError where friction has none: nothing has changed then.
+        """
         columns = [] if V is None else V
         u = inputs(time, y)[: self.switches.places.timed] if inputs else ()
-        after, _ = self.switches.change(time, self.met or 0, y, f, self.state, columns, u)
+        met = self.met
+        try:
+            after, _ = self.switches.change(time, met or 0, y, f, self.state, columns, u)
+        except ComputationError:
+            self.go_back(self.phase)
+            self.met = met
+            raise
         self._hold()
         return after  # type: ignore[no-any-return]
 

@@ -158,7 +158,7 @@ class Switches:
         times = ((before + now)[:, None] / 2 + (now - before)[:, None] / 2 * NODES).ravel()
         y, contacts = inside(times).T, np.repeat(np.array(held)[slides].T, len(NODES), axis=1)
         power = self.function("friction", "arrays")(y, (*inputs(times, y), *contacts), ())[0] * y[at.half]
-        state[at.told + 3 * at.J] += float((now - before) / 2 @ (power.reshape(-1, len(NODES)) @ WEIGHTS))
+        state[at.work] += float((now - before) / 2 @ (power.reshape(-1, len(NODES)) @ WEIGHTS))
 
     def jams(self, y: Sequence[float], values: Sequence[float], state: Sequence[float]) -> bool:
         """Whether the rail's friction, which slides, has no bound at y with these values of the switches."""
@@ -195,7 +195,7 @@ class Switches:
 
     def work(self, y: Any, state: Any) -> list[Any]:
         """The work (J) of friction at every contact until y: floats, or arrays of members side by side."""
-        at, work = self.places, [*state[self.places.told + 3 * self.places.J :]]
+        at, work = self.places, [*state[self.places.work :]]
         for i, pair in enumerate(at.contacts):
             if not (at.presses and i == 0):
                 way = abs(joint_value(y, pair) - state[at.told + 2 * at.J + i]) * abs(state[at.K + i])

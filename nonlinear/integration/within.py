@@ -64,21 +64,19 @@ class Step:
     def reach(self, row: int) -> tuple[Floats, Floats]:
         """The lowest and the highest that a component of y can be within the step, (W,)."""
         start, end, rates = map(self.motion, (self.before[row], self.after[row], self.stages[:, row]))
-        turns = (rates.min(0) < 0) & (rates.max(0) > 0)
-        beyond = np.where(turns, self.length * np.abs(rates).max(0) / 2, 0.0)
+        rates = np.ascontiguousarray(rates)
+        slowest, fastest = rates.min(0), rates.max(0)
+        turns = (slowest < 0) & (fastest > 0)
+        beyond = np.where(turns, self.length * np.maximum(-slowest, fastest) / 2, 0.0)
         return np.minimum(start, end) - beyond, np.maximum(start, end) + beyond
 
     @classmethod
-    def of_run(cls, times: Floats, y: Floats, rates: Any, breaks: bool = False) -> Step:
-        """The W steps of one run between these times (W + 1,), one after the other, with y (size, W + 1) there."""
-        count, before = len(times) - 1, np.ascontiguousarray(y[:, :-1])
+    def of_run(cls, times: Floats, y: Floats, stages: Floats, rates: Any, breaks: bool = False) -> Step:
+        """The W steps of one run between these times (W + 1,), with y (W + 1, size) there and stages (W, 13, size)."""
+        count = len(times) - 1
         lanes = np.zeros(count, dtype=np.int64), np.ones(count, dtype=bool), times[:-1], np.diff(times)
-        room = np.empty((STAGES + 1 + EXTRA, *before.shape))
-        step = cls(
-            *lanes, before, y[:, 1:], room[: STAGES + 1], rates, lambda columns: rates, breaks, room=room, alone=True
-        )
-        step.trace()
-        return step
+        along = np.moveaxis(stages, 0, 2)
+        return cls(*lanes, y[:-1].T, y[1:].T, along, rates, lambda columns: rates, breaks, alone=True)
 
     def trace(self) -> Floats:
         """The y at the end by one step of the method, whose stages are filled."""

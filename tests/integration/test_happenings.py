@@ -7,10 +7,18 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.special import ellipk
+from support.uncompiled import uncompiled
 
 from modal import Bob, Cart, Pendulum, Scene, load
+from modal.scene import scene_from
 from nonlinear import Event, SimulationError, level_crossing, simulate, state_at_rest, system_of, turning_point
+from nonlinear.dynamics.compiling import available
+from nonlinear.integration import compiled
+from nonlinear.integration.driver import FIRST, MOST
+from nonlinear.integration.floats import FloatStepper
 from nonlinear.integration.method import EXTRA, STAGES
+from nonlinear.integration.methods import Choice
+from nonlinear.integration.run import Request
 from nonlinear.integration.within import Step
 from nonlinear.system import Motion
 
@@ -46,6 +54,24 @@ def test_a_crossing_that_is_looked_for_costs_next_to_nothing(monkeypatch: pytest
     assert run.run.calls - plain.run.calls <= (STAGES + 1 + 2 * EXTRA) * len(run.happenings)
 
 
+@pytest.mark.skipif(not available(), reason="numba is not installed")
+def test_compiled_steps_are_not_traced_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Rates beside those of the steps are of the steps with crossings alone; the crossings are those of floats."""
+    start, event = state_at_rest(ONE, [np.degrees(AMPLITUDE)]), level_crossing(system_of(ONE), "theta[1,1]")
+    kwargs: dict[str, Any] = {"start": start, "method": "DOP853", "output": 2}
+    usual = simulate(ONE, 10.0, events=[event], **kwargs)
+    monkeypatch.setattr(Request, "choice", lambda self, tolerance: Choice("minimal", "DOP853", True, ""))
+    with uncompiled():
+        plain, run = simulate(ONE, 10.0, **kwargs), simulate(ONE, 10.0, events=[event], **kwargs)
+        monkeypatch.setattr(compiled, "NUMBERS", 1000)
+        parts = simulate(ONE, 10.0, events=[event], **kwargs)
+    assert run.run.steps == plain.run.steps == usual.run.steps
+    assert run.run.calls - plain.run.calls == (STAGES + 1 + EXTRA) * len(run.happenings)
+    times = [[each.time for each in motion.happenings] for motion in (run, parts, usual)]
+    assert times[0] == times[1]
+    np.testing.assert_allclose(times[0], times[2], rtol=1e-12)
+
+
 @pytest.mark.parametrize("way", ["DOP853", "RK45", "LSODA", "maximal", "hamiltonian"])
 def test_crossings_are_the_same_by_every_method(way: str) -> None:
     """Also as an arbitrary function of the state, which is looked at."""
@@ -70,6 +96,58 @@ def test_a_run_that_an_event_ends_does_not_go_far_beyond() -> None:
     assert run.run.calls < 3 * STAGES * run.run.steps + 100
     assert run.times[-1] == run.happenings[0].time
     assert abs(run.final.links[0]) < 1e-12
+
+
+def test_a_stop_that_never_comes_shows_many_steps_at_once_in_scenes_with_switches(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    scene = load("huygens")
+    plain, sweeps = simulate(scene, 10.0, output=2), counted(monkeypatch, FloatStepper, "sweep")
+    run = simulate(scene, 10.0, output=2, events=[level_crossing(system_of(scene), "theta[1,1]", 9.0, stop=True)])
+    assert run.complete
+    assert (run.run.steps, run.run.calls) == (plain.run.steps, plain.run.calls)
+    assert len(run.kicks.time) > 40
+    assert sweeps[0] <= np.log2(MOST / FIRST) + run.run.steps / MOST + 2
+
+
+@pytest.mark.parametrize(("kind", "angle"), [("friction", -0.05), ("friction", 0.2), ("friction_coefficient", -0.1)])
+def test_a_stop_undoes_what_happened_in_later_steps(kind: str, angle: float) -> None:
+    """Kicks, phases and works are those of a run that ends there."""
+    bobs: list[dict[str, Any]] = [
+        {"kind": "bob", "mass": 1.0, "length": 1.0},
+        {"kind": "bob", "mass": 0.7, "length": 1.0, "friction": 0.4},
+    ]
+    if kind == "friction":
+        bobs[0]["drive"] = {"kind": "escapement", "impulse": 1.0, "angle_deg": 2.0}
+    hung = {"links": bobs, "start": {"angles_deg": [20.0, -10.0]}}
+    support = {"kind": "cart", "mass": 2.0, kind: 3.0 if kind == "friction" else 0.1}
+    scene = scene_from({"gravity": 9.81, "support": support, "pendulum": [hung]})
+    event = level_crossing(system_of(scene), "theta[1,1]", angle, stop=True)
+    run = simulate(scene, 6.0, output=2, tolerance=1e-10, events=[event])
+    whole = simulate(scene, run.times[-1], output=2, tolerance=1e-10)
+    assert not run.complete
+    assert abs(run.final.links[0] - angle) < 1e-12
+    happened: list[tuple[Any, ...]] = [(*each.kicks, *each.friction) for each in (run, whole)]
+    for values, expected in zip(*happened, strict=True):
+        np.testing.assert_allclose(values, expected, rtol=1e-8, atol=1e-8)
+
+
+def test_a_stop_at_a_kick_is_after_it() -> None:
+    """A speed that is passed by the jump of a kick alone, with other kicks in later steps."""
+    clock = {
+        "kind": "bob",
+        "mass": 1.0,
+        "length": 1.0,
+        "drive": {"kind": "escapement", "impulse": 0.1, "angle_deg": 2.0},
+    }
+    scene = scene_from({"gravity": 9.81, "pendulum": [{"links": [clock], "start": {"angles_deg": [10.0]}}]})
+    kick = simulate(scene, 10.0).kicks.time[5]
+    before, after = (abs(simulate(scene, kick + aside).final.link_rates[0]) for aside in (-1e-9, 1e-9))
+    event = Event("fast", lambda state: abs(state.link_rates[0]) - (before + after) / 2, direction=1, stop=True)
+    run = simulate(scene, 10.0, events=[event])
+    assert len(run.kicks.time) > 0
+    assert run.times[-1] == run.kicks.time[-1]
+    assert event.value(run.final) > 0
 
 
 def test_an_event_without_a_number_ends_the_run_where_it_has_none() -> None:
