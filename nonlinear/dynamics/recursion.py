@@ -145,9 +145,9 @@ def passed(
     if bias is not None:
         Q = Q - mc * bias.across
         pn, pu = pn + nn * bias.across + nu * bias.along, pu + nu * bias.across + uu * bias.along
-    ln, hu = l * nn, l * nu
-    D, hn = link.J + l * ln, mc + ln
-    pn = pn - ww * hu
+    D = link.J + l * l * nn
+    hn, hu = mc + l * nn, l * nu
+    pn = pn - l * ww * nu
     e = l * pn - Q
     pull = e / D
     nn_, nu_ = (link.m * link.I + link.far * nn) / D, link.cross * nu / D
