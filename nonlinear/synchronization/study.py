@@ -14,7 +14,7 @@ from modal.errors import ComputationError
 from modal.report import Displayed, TextResult, silent
 from modal.scene import Scene, refusals, require, validate_scene
 from modal.scene.doors import checked
-from nonlinear.averaging import Prediction, RelativeEquilibrium, predict, relative_equilibria
+from nonlinear.averaging import Prediction, RelativeEquilibrium, predict, relative_equilibria, same
 from nonlinear.integration import Trajectory, estimate_timescales
 from nonlinear.orbits import Orbit
 from nonlinear.simulation import simulate
@@ -53,7 +53,11 @@ class Theory(Displayed):
     def ending(self) -> Orbit | None:
         """The stable orbit of the full equations in which the predicted motion ends, None where none was found."""
         state = self.prediction.ending
-        orbit = certified(self.prediction.averaged.scene, state) if state else None
+        if state is None:
+            return None
+        beside = (orbit for other, orbit in zip(self.configurations, self.orbits, strict=True) if same(state, other))
+        orbit = None if state.is_family else next(beside, None)
+        orbit = orbit or certified(self.prediction.averaged.scene, state)
         return orbit if orbit and orbit.is_stable else None
 
     @cached_property
@@ -108,8 +112,8 @@ class SynchronizationStudy(TextResult):
         prediction = self.theory.prediction
         if self.survival.beat:
             return self.leads and not prediction.is_won
-        same = self.leads and abs(prediction.share - self.survival.survivor_share) <= SHARE
-        return None if not same and (self.too_short or not self.survival.is_settled) else same
+        alike = self.leads and abs(prediction.share - self.survival.survivor_share) <= SHARE
+        return None if not alike and (self.too_short or not self.survival.is_settled) else alike
 
     @property
     def leads(self) -> bool:
