@@ -54,11 +54,14 @@ class Moving(NamedTuple):
 
 
 def plus(total: Any, factor: Any, value: Any) -> Any:
-    """The sum total + factor · value, without operations on arrays that would only add a 0 or multiply by 1."""
-    if (isinstance(factor, float) and factor == 0.0) or (isinstance(value, float) and value == 0.0):
+    """The sum total + factor · value, without operations on arrays that would only add a 0 or multiply by 1.
+
+    Constants are plain floats; what is computed may be a float of NumPy, and 0 by chance.
+    """
+    if (type(factor) is float and factor == 0.0) or (type(value) is float and value == 0.0):
         return total
-    product = value if isinstance(factor, float) and factor == 1.0 else factor * value
-    return product if isinstance(total, float) and total == 0.0 else total + product
+    product = value if type(factor) is float and factor == 1.0 else factor * value
+    return product if type(total) is float and total == 0.0 else total + product
 
 
 def inner(slope: tuple[Any, Any], x: Any, z: Any) -> Any:

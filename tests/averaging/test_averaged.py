@@ -290,8 +290,8 @@ def test_a_band_at_rest_changes_no_kick() -> None:
     alone = pulls(impulse, angle, corner, swing, turning[:1], phases[:1])
     beside = pulls(impulse, angle, corner, np.concatenate((swing, 0 * swing)), turning, phases)
     assert np.any(alone[0] == 0)
-    for one, both in zip(alone, beside, strict=True):
-        assert one[0] == pytest.approx(both[0], rel=1e-13, abs=1e-15)
+    for single, both in zip(alone, beside, strict=True):
+        assert single[0] == pytest.approx(both[0], rel=1e-13, abs=1e-15)
 
 
 def test_what_grows_from_next_to_nothing_is_followed_into_its_cycle() -> None:
