@@ -181,7 +181,7 @@ def engine(request: pytest.FixtureRequest) -> Iterator[str]:
 
 
 NEVER = Event("never", lambda state: 1.0)
-PACES = (Pace(0.02), Pace(0.5), Pace(0.01, longest=0.03), Pace(0.02, breaks=(0.7, 1.3), share=0.4))
+PACES = (Pace(0.02), Pace(0.5), Pace(0.01, longest=0.03), Pace(0.05, breaks=(0.7, 1.3), share=0.4))
 
 
 @engines
