@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cached_property
-from math import inf, prod
+from math import prod
 from typing import Any, cast
 
 import numpy as np
@@ -35,8 +35,7 @@ from nonlinear.integration.method import (
 )
 from nonlinear.integration.methods import Choice, equations_of
 from nonlinear.integration.readiness import readied
-from nonlinear.integration.steppers import SMALL_STEP, Derivative, DOP853Stepper
-from nonlinear.integration.steppers import first_step as first_step_of
+from nonlinear.integration.steppers import SMALL_STEP, Derivative, DOP853Solver, DOP853Stepper
 from nonlinear.integration.within import Step
 
 NOTHING_DUE, NOT_KEPT = np.empty(0), np.empty((0, 0, 0))
@@ -137,32 +136,12 @@ def steps(scene, clock, relative, absolute, y, stages, due, rows, ends, states, 
     return passed, filled, calls
 
 
-class CompiledDOP853:
-    """The method in compiled steps, for the `scene` of compiled equations, with SciPy's names."""
+class CompiledDOP853(DOP853Solver):
+    """The method in compiled steps, for the `scene` of compiled equations."""
 
-    def __init__(
-        self,
-        scene: tuple[Any, ...],
-        derivative: Derivative,
-        t: float,
-        y: Floats,
-        t_bound: float,
-        *,
-        rtol: float,
-        atol: Floats,
-        first_step: float | None = None,
-        max_step: float = inf,
-    ) -> None:
-        self.scene, self.derivative, self.n, self.nfev, self.status = scene, derivative, len(y), 0, "running"
-        self.t, self.y, self.t_bound, self.max_step, self.rtol = t, y, t_bound, max_step, rtol
-        self.t_old, self.y_old, self.length, self.f = t, y, 0.0, self.fun(t, y)
-        self.h_abs = first_step or first_step_of(y, self.f, atol + rtol * np.abs(y), min(max_step, t_bound - t))
-        self.absolute, self.stages = np.array(np.broadcast_to(atol, y.shape)), np.empty((STAGES + EXTRA + 1, self.n))
-
-    def fun(self, time: float, y: Floats) -> Floats:
-        """The derivative, counted."""
-        self.nfev += 1
-        return self.derivative(time, y)
+    def __init__(self, scene: tuple[Any, ...], *arguments: Any, **limits: Any) -> None:
+        super().__init__(*arguments, **limits)
+        self.scene, self.length, self.stages = scene, 0.0, np.empty((STAGES + EXTRA + 1, self.n))
 
     def advance(self, due: Floats, most: int, kept: Floats = NOT_KEPT) -> tuple[Floats, Floats, Floats]:
         """Up to this many steps, none if the first fails: y at the times `due`, the ends of steps, y there.
@@ -172,7 +151,7 @@ class CompiledDOP853:
         clock = np.array([self.t, self.h_abs, self.max_step, self.t_bound, 0.0])
         rows, ends, states = np.empty((len(due), self.n)), np.empty(most), np.empty((most, self.n))
         y, self.stages[0] = self.y.copy(), self.f
-        arguments = (self.rtol, self.absolute, y, self.stages, due, rows, ends, states, kept)
+        arguments = (self.rtol, self.atol, y, self.stages, due, rows, ends, states, kept)
         passed, filled, calls = steps(self.scene, clock, *arguments)
         self.nfev += calls
         if passed:
@@ -181,11 +160,9 @@ class CompiledDOP853:
             self.y, self.f = y, self.stages[STAGES].copy()
         return rows[:filled], ends[:passed], states[:passed]
 
-    def step(self) -> str | None:
-        """Take one step; the message where that fails."""
-        _, ends, _ = self.advance(NOTHING_DUE, 1)
-        self.status = "failed" if not len(ends) else "finished" if self.t >= self.t_bound else "running"
-        return None if len(ends) else SMALL_STEP
+    def take_step(self) -> bool:
+        """Take one step; whether one was short enough."""
+        return len(self.advance(NOTHING_DUE, 1)[1]) > 0
 
     def dense_output(self) -> Callable[[Floats], Floats]:
         """The y (size, T) at times within the last step."""

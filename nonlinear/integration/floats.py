@@ -10,7 +10,7 @@ from bisect import bisect_right
 from collections.abc import Callable, Sequence
 from functools import lru_cache, partial
 from itertools import chain, pairwise
-from math import inf, nan, nextafter, ulp
+from math import nan, nextafter, ulp
 from typing import Any, NamedTuple, cast
 
 import numpy as np
@@ -37,8 +37,7 @@ from nonlinear.integration.method import (
     controlled,
     weighted,
 )
-from nonlinear.integration.steppers import AT_ONCE, BESIDE, SMALL_STEP, Derivative, DOP853Stepper
-from nonlinear.integration.steppers import first_step as first_step_of
+from nonlinear.integration.steppers import AT_ONCE, BESIDE, SMALL_STEP, Derivative, DOP853Solver, DOP853Stepper
 from nonlinear.integration.switched import Phase, Switched
 from nonlinear.integration.within import Step
 from nonlinear.system import Equations
@@ -63,11 +62,10 @@ class FloatStep(NamedTuple):
     phase: Phase | None = None
 
 
-class FloatDOP853:
-    """The method for a `rate` of y and the `inputs` at a time and y, all lists of floats, with SciPy's names.
+class FloatDOP853(DOP853Solver):
+    """The method for a `rate` of y and the `inputs` at a time and y, all lists of floats.
 
-    Inputs are None where there are none, and the time itself where `clocked`; `derivative` is that of arrays.  Steps
-    end at the switches of `switched`.
+    Inputs are None where there are none, and the time itself where `clocked`.  Steps end at the switches of `switched`.
     """
 
     switched: Switched | None = None
@@ -83,33 +81,19 @@ class FloatDOP853:
         t: float,
         y: Floats,
         t_bound: float,
-        *,
-        rtol: float,
-        atol: Floats,
-        first_step: float | None = None,
-        max_step: float = inf,
+        **limits: Any,
     ) -> None:
+        super().__init__(derivative, t, y, t_bound, **limits)
         beside = "" if inputs is None else ", (t + {} * h,)" if clocked else ", inputs(t + {} * h, z)"
         attempt = attempt_of(len(y), beside) if len(y) < WIDE else partial(wide_attempt, clocked=clocked)
         self.rate, self.inputs, self.attempt = rate, inputs, attempt
-        self.derivative, self.n, self.nfev, self.status = derivative, len(y), 0, "running"
-        self.t, self.t_bound, self.max_step, self.rtol = t, t_bound, max_step, rtol
-        self.y, self.f = y, self.fun(t, y)
-        self.t_old, self.y_old, self.smallest = t, y, np.broadcast_to(atol, y.shape).tolist()
-        self.h_abs = first_step or first_step_of(y, self.f, atol + rtol * np.abs(y), min(max_step, t_bound - t))
+        self.smallest = self.atol.tolist()
         self.passed = FloatStep(t, t, y.tolist(), y.tolist(), [self.f.tolist()])
         self._which, self._low, self._high, self._tried, self._usual = [-1], [0.0], [np.inf], [0.0], [0.0]
 
-    def fun(self, time: float, y: Floats) -> Floats:
-        """The derivative, counted."""
-        self.nfev += 1
-        return self.derivative(time, y)
-
-    def step(self) -> str | None:
-        """Take one step; the message where that fails."""
-        steps, _, _ = self.advance((), 1)
-        self.status = "failed" if not steps else "finished" if self.t >= self.t_bound else "running"
-        return None if steps else SMALL_STEP
+    def take_step(self) -> bool:
+        """Take one step; whether one was short enough."""
+        return bool(self.advance((), 1)[0])
 
     def dense_output(self) -> Callable[[Floats], Floats]:
         """The y (size, T) at times within the last step."""

@@ -29,7 +29,7 @@ from nonlinear.integration.floats import FloatStepper
 from nonlinear.integration.kernels import integrator
 from nonlinear.integration.methods import Choice, choose, equations_of, validate_room
 from nonlinear.integration.readiness import readied, rented
-from nonlinear.integration.steppers import AT_EASE, Pace, SciPyStepper, Stepper, first_step, sharpened
+from nonlinear.integration.steppers import AT_EASE, Pace, SciPyStepper, Stepper, first_step_of, sharpened
 from nonlinear.integration.switched import Switched
 from nonlinear.integration.timescales import estimate_timescales
 from nonlinear.integration.trajectory import SolverInfo, Trajectory
@@ -243,7 +243,7 @@ def _stepper(
         return taylor.TaylorStepper(cast("Arranged", inner), y, first, last, choice.tolerance * size, pace)
     relative = choice.tolerance * sharpened(slope, equations.scale)
     absolute = NEAR_ZERO * relative * size * equations.scale
-    pace = replace(pace, first=first_step(y, slope, absolute + relative * np.abs(y), FIRST / equations.system.rate))
+    pace = replace(pace, first=first_step_of(y, slope, absolute + relative * np.abs(y), FIRST / equations.system.rate))
     if choice.method == "DOP853" and isinstance(inner, Written):
         return FloatStepper(inner, first, y, last, relative, absolute, pace)
     if choice.method == "DOP853" and choice.compiled:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from bisect import bisect_right
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -53,7 +54,7 @@ class Pace:
 AT_EASE = Pace()
 
 
-def first_step(y: Floats, slope: Floats, scale: Floats, longest: float) -> float:
+def first_step_of(y: Floats, slope: Floats, scale: Floats, longest: float) -> float:
     """A first step (s) to try, at most `longest`: the one in which y at this slope changes by its distance from zero.
 
     Both are measured in `scale`, the absolute tolerance of each component.  SciPy's rule (Hairer, Nørsett and Wanner,
@@ -78,6 +79,46 @@ def sharpened(slope: Floats, units: Floats) -> float:
     moved = (speed / most) ** 2
     alive = float(moved.sum() ** 2 / (moved**2).sum())
     return min(1.0, sqrt(max(4 * alive, FEW) / moved.size))
+
+
+class DOP853Solver(ABC):
+    """The state of an integration by our own steps of the method, with SciPy's names.
+
+    `derivative` is that of arrays.
+    """
+
+    def __init__(
+        self,
+        derivative: Derivative,
+        t: float,
+        y: Floats,
+        t_bound: float,
+        *,
+        rtol: float,
+        atol: Floats,
+        first_step: float | None = None,
+        max_step: float = inf,
+    ) -> None:
+        self.derivative, self.n, self.nfev, self.status = derivative, len(y), 0, "running"
+        self.t, self.t_bound, self.max_step, self.rtol = t, t_bound, max_step, rtol
+        self.y, self.f = y, self.fun(t, y)
+        self.t_old, self.y_old, self.atol = t, y, np.array(np.broadcast_to(atol, y.shape))
+        self.h_abs = first_step or first_step_of(y, self.f, atol + rtol * np.abs(y), min(max_step, t_bound - t))
+
+    def fun(self, time: float, y: Floats) -> Floats:
+        """The derivative, counted."""
+        self.nfev += 1
+        return self.derivative(time, y)
+
+    def step(self) -> str | None:
+        """Take one step; the message where that fails."""
+        is_taken = self.take_step()
+        self.status = "failed" if not is_taken else "finished" if self.t >= self.t_bound else "running"
+        return None if is_taken else SMALL_STEP
+
+    @abstractmethod
+    def take_step(self) -> bool:
+        """Take one step; whether one was short enough."""
 
 
 class Stepper(Protocol):
