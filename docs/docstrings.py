@@ -40,6 +40,7 @@ NEXT_ERROR = re.compile(r"(?:, and |, | and )(?=[A-Z]\w*Error\b)")
 SENTENCE = re.compile(r"(?<=[.!?])\s+(?=[A-Z`(])")
 WORD = re.compile(r"([A-Za-z_][\w.]*)")
 LINK = re.compile(r"\[([^\]]*)\]\([^)]*\)")
+CITATION = re.compile(r"\[([A-Z][A-Za-z]+\d{4}[ab]?)(?:, ([^\]]+))?\]")
 MATHEMATICS = re.compile(r"\$([^$]+)\$")
 
 
@@ -290,11 +291,19 @@ def _words(line: str) -> str:
 
 
 def _plain(words: str) -> str:
-    """Words that stand for themselves, but for LaTeX between dollars."""
+    """Words that stand for themselves, but for LaTeX between dollars and sources, as [Keller1977, p. 359]."""
     pieces = MATHEMATICS.split(words)
-    return "".join(
-        f":math:`{piece}`" if k % 2 else re.sub(r"([\\*_|])", r"\\\1", piece) for k, piece in enumerate(pieces)
-    )
+    return "".join(f":math:`{piece}`" if k % 2 else _cited(piece) for k, piece in enumerate(pieces))
+
+
+def _cited(words: str) -> str:
+    """Words with their sources linked to the list of them."""
+    text, start = "", 0
+    for match in CITATION.finditer(words):
+        where = f"{{{match[2]}}}" if match[2] else ""
+        text += re.sub(r"([\\*_|])", r"\\\1", words[start : match.start()]) + f":cite:p:`{match[1]}{where}`"
+        start = match.end()
+    return text + re.sub(r"([\\*_|])", r"\\\1", words[start:])
 
 
 def _code(name: str) -> str:
