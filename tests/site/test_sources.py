@@ -12,6 +12,7 @@ ROOT = Path(__file__).parents[2]
 ENTRY = re.compile(r"^@(\w+)\{(\w+), (.*)\}$", re.MULTILINE)
 IN_CODE = re.compile(r"\[([A-Z][A-Za-z]+(?:1[6-9]|20)\d\d[ab]?)(?:, [^\]]+)?\]")
 IN_PAGES = re.compile(r"\{cite:p\}`([^`{]+)[^`]*`")
+IN_PAPER = re.compile(r"@([A-Z]\w+)")
 IN_WORDS = re.compile(r"\b[A-Z]\w+[^.()\[\]]{0,60}(?:\b[A-Z]\w*\.\s+){1,4}[^()\[\]]{1,30}\((?:1[6-9]|20)\d\d\)")
 """A journal in short words with its year, as it would stand where a key belongs."""
 WITHOUT_DOI = {"book", "incollection", "inproceedings", "phdthesis", "techreport"}
@@ -28,7 +29,9 @@ PAGES = {
     if not {"_build", "lessons", "papers"} & set(path.parts)
 }
 LESSONS = {path: path.read_text(encoding="utf-8") for path in sorted((ROOT / "notebooks").glob("*.md"))}
+PAPER = ROOT / "paper" / "paper.md"
 CITED = [
+    *((PAPER, key) for key in IN_PAPER.findall(PAPER.read_text(encoding="utf-8"))),
     *((path, key) for path, text in CODE.items() for key in IN_CODE.findall(text)),
     *((path, key) for path, text in PAGES.items() for keys in IN_PAGES.findall(text) for key in keys.split(",")),
 ]
