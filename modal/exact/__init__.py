@@ -13,22 +13,30 @@ from typing import TYPE_CHECKING
 from modal.lazy import exported
 
 if TYPE_CHECKING:
-    from modal.exact.characteristic import Polynomial, Variable, eliminated, equal_bobs, exact, exact_links, of_scene
+    from modal.exact.characteristic import (
+        Polynomial,
+        Variable,
+        eliminate_links,
+        equal_bobs,
+        exact,
+        exact_links,
+        of_scene,
+    )
     from modal.exact.enclosures import enclose
-    from modal.exact.polynomials import isolate, product, scaled, total
+    from modal.exact.polynomials import isolate, multiple, product, total
 
 __all__ = [
     "Polynomial",
     "Variable",
-    "eliminated",
+    "eliminate_links",
     "enclose",
     "equal_bobs",
     "exact",
     "exact_links",
     "isolate",
+    "multiple",
     "of_scene",
     "product",
-    "scaled",
     "total",
 ]
 

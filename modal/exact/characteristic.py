@@ -21,7 +21,7 @@ from typing import Any, Literal, NamedTuple
 
 from modal import pair
 from modal.errors import ComputationError
-from modal.exact.polynomials import Interval, integers, isolate, primitive, product, quotient, scaled, total
+from modal.exact.polynomials import Interval, integers, isolate, multiple, primitive, product, quotient, total
 from modal.report import Displayed
 from modal.scene import Cart, Pendulum, Scene, require, validate_scene
 
@@ -50,11 +50,11 @@ class Polynomial(Displayed):
 
     def in_x(self) -> Polynomial:
         """The polynomial whose roots are x = ω²/unit."""
-        return self if self.variable == "x" else self._turned("x")
+        return self if self.variable == "x" else self._with_reciprocal_roots("x")
 
     def in_lambda(self) -> Polynomial:
         """The polynomial whose roots are λ = −unit/ω²; ComputationError where ω = 0 is a root."""
-        return self if self.variable == "lambda" else self._turned("lambda")
+        return self if self.variable == "lambda" else self._with_reciprocal_roots("lambda")
 
     def intervals(self, width: Fraction | float = 1e-15) -> list[Interval]:
         """Ascending dyadic intervals, none wider than `width`, that provably contain the roots (all real)."""
@@ -62,26 +62,26 @@ class Polynomial(Displayed):
 
     def text(self) -> str:
         """Plain text: 2 λ^2 + 4 λ + 1."""
-        return self._written("λ" if self.variable == "lambda" else "x", "{}^{}")
+        return self._format("λ" if self.variable == "lambda" else "x", "{}^{}")
 
     def latex(self) -> str:
         r"""For LaTeX: 2 \lambda^{2} + 4 \lambda + 1."""
-        return self._written(r"\lambda" if self.variable == "lambda" else "x", "{}^{{{}}}")
+        return self._format(r"\lambda" if self.variable == "lambda" else "x", "{}^{{{}}}")
 
-    def _turned(self, variable: Variable) -> Polynomial:
+    def _with_reciprocal_roots(self, variable: Variable) -> Polynomial:
         if self.coefficients[-1] == 0:
             raise ComputationError(f"{self.text()} has the root 0: its reciprocal −1/{self.variable} is infinite")
-        turned = [c if power % 2 == 0 else -c for power, c in enumerate(reversed(self.coefficients))]
-        sign = 1 if turned[0] > 0 else -1
-        return Polynomial(tuple(sign * c for c in turned), variable, self.unit)
+        coefficients = [c if power % 2 == 0 else -c for power, c in enumerate(reversed(self.coefficients))]
+        sign = 1 if coefficients[0] > 0 else -1
+        return Polynomial(tuple(sign * c for c in coefficients), variable, self.unit)
 
-    def _written(self, symbol: str, raised: str) -> str:
-        written = ""
+    def _format(self, symbol: str, power_format: str) -> str:
+        terms = ""
         for power, c in zip(range(self.degree, -1, -1), self.coefficients, strict=True):
-            factor = "" if power == 0 else symbol if power == 1 else raised.format(symbol, power)
+            factor = "" if power == 0 else symbol if power == 1 else power_format.format(symbol, power)
             size = str(abs(c)) if abs(c) != 1 or not factor else ""
-            written += f" {'-' if c < 0 else '+'} {' '.join(filter(None, (size, factor)))}" if c else ""
-        return "-" + written[3:] if written.startswith(" - ") else written.removeprefix(" + ")
+            terms += f" {'-' if c < 0 else '+'} {' '.join(filter(None, (size, factor)))}" if c else ""
+        return "-" + terms[3:] if terms.startswith(" - ") else terms.removeprefix(" + ")
 
 
 def equal_bobs(n: int, variable: Variable = "lambda") -> Polynomial:
@@ -114,26 +114,26 @@ def of_scene(scene: Scene) -> list[Factor]:
     """
     validate_scene(scene)
     require(scene, "a polynomial in ω²")
-    g, passed = exact(scene.gravity), 0
+    g, position = exact(scene.gravity), 0
     counts: dict[Links, int] = {}
     names: dict[Links, str] = {}
     for pendulum in scene.pendulum:
         links = exact_links(pendulum)
         counts[links] = counts.get(links, 0) + pendulum.count
-        names.setdefault(links, f"pendulum {passed + 1}")
-        passed += pendulum.count
+        names.setdefault(links, f"pendulum {position + 1}")
+        position += pendulum.count
     kinds = {links: _pivot(links, g) for links in counts}
     on_cart = scene.cart is not None
     where = "cart still" if on_cart else "fixed support"
     copies = {links: count * (1 + (scene.space == "space")) - on_cart for links, count in counts.items()}
-    still = [
+    factors_at_rest = [
         Factor(_primitive(d), copies[links], f"{where}: {names[links]}")
         for links, (d, _) in kinds.items()
         if copies[links]
     ]
     if scene.cart is None:
-        return still
-    return _moving(scene.cart, [(*kinds[links], counts[links]) for links in kinds]) + still
+        return factors_at_rest
+    return _cart_factors(scene.cart, [(*kinds[links], counts[links]) for links in kinds]) + factors_at_rest
 
 
 def exact(value: float) -> Fraction:
@@ -151,7 +151,7 @@ def exact_links(pendulum: Pendulum) -> Links:
     return tuple((*row, sign) for row, sign in zip(rows, sigma, strict=True))
 
 
-def eliminated(links: Sequence[pair.Constants], clear: Clear) -> tuple[list[Any], list[Any]]:
+def eliminate_links(links: Sequence[pair.Constants], clear: Clear) -> tuple[list[Any], list[Any]]:
     """(d, N), lowest power first, of a chain; `clear` removes the common denominator of each link's numbers."""
     d: list[Any] = [1]
     N: list[Any] = [0]
@@ -167,21 +167,21 @@ def _pivot(links: Links, gravity: Fraction) -> tuple[list[int], list[int]]:
     """(d, N) of one pendulum on a moving joint; in the coordinates σ_i θ_i an inverted link has −k for k."""
     mass, length, centre, inertia, stiffness, sigma = zip(*links, strict=True)
     if any(stiffness):
-        return sprung((mass, length, centre, inertia), stiffness, sigma, gravity)
+        return eliminate_sprung_links((mass, length, centre, inertia), stiffness, sigma, gravity)
     hanging = pair.constants(mass, length, centre, inertia, gravity)
-    return eliminated(pair.standing(hanging, sigma), integers)
+    return eliminate_links(pair.standing(hanging, sigma), integers)
 
 
-def _moving(cart: Cart, kinds: list[tuple[list[int], list[int], int]]) -> list[Factor]:
+def _cart_factors(cart: Cart, kinds: list[tuple[list[int], list[int], int]]) -> list[Factor]:
     """The modes that move the cart: (x m_c − k_c + x Σ count N/d) Π d, with x as a separate factor without a spring."""
     d, N = [1], [0]
-    for below, force, count in kinds:
-        d, N = product(d, below), total(product(N, below), scaled(count, product(d, force)))
+    for chain_d, chain_N, count in kinds:
+        d, N = product(d, chain_d), total(product(N, chain_d), multiple(count, product(d, chain_N)))
     unit, mass, spring = integers([Fraction(1), exact(cart.mass), exact(cart.stiffness)])
-    felt = total(scaled(mass, d), scaled(unit, N))
+    inertia = total(multiple(mass, d), multiple(unit, N))
     if spring:
-        return [Factor(_primitive(total([0, *felt], scaled(-spring, d))), 1, "cart moves")]
-    moves = _primitive(felt)
+        return [Factor(_primitive(total([0, *inertia], multiple(-spring, d))), 1, "cart moves")]
+    moves = _primitive(inertia)
     return [Factor(Polynomial((1, 0)), 1, "rigid translation")] + [Factor(moves, 1, "cart moves")] * (moves.degree > 0)
 
 
@@ -189,7 +189,7 @@ def _primitive(ascending: Sequence[int]) -> Polynomial:
     return Polynomial(tuple(reversed(primitive(ascending))))
 
 
-def sprung(
+def eliminate_sprung_links(
     parameters: Sequence[Sequence[Fraction]],
     stiffness: Sequence[Fraction],
     sigma: Sequence[Fraction],
@@ -210,12 +210,12 @@ def sprung(
     b = pair.first_moments(mass, length, centre)
     d, p, q, r = [1], [0], [0], [0]
     for m, l, c, I, k, sign, moment in reversed(list(zip(*parameters, stiffness, sigma, b, strict=True))):
-        pushed = total(p, scaled(-m, [0, *d]))
-        turned = total(total(scaled(sign * l, p), q), scaled(-sign * m * c, [0, *d]))
-        below = total(total(scaled(l**2, p), scaled(2 * sign * l, q)), r)
-        held = total(product([k + gravity * sign * moment, -(m * c**2 + I)], d), below)
-        moved = quotient(total(product(pushed, held), scaled(-1, product(turned, turned))), d)
-        parts = held, moved, scaled(k, turned), total(scaled(k, held), scaled(-(k**2), d))
-        whole = iter(integers(value for part in parts for value in part))
-        d, p, q, r = ([next(whole) for _ in part] for part in parts)
-    return d, scaled(-1, p[1:])
+        S_uu = total(p, multiple(-m, [0, *d]))
+        S_ut = total(total(multiple(sign * l, p), q), multiple(-sign * m * c, [0, *d]))
+        load = total(total(multiple(l**2, p), multiple(2 * sign * l, q)), r)
+        S_tt = total(product([k + gravity * sign * moment, -(m * c**2 + I)], d), load)
+        next_p = quotient(total(product(S_uu, S_tt), multiple(-1, product(S_ut, S_ut))), d)
+        parts = S_tt, next_p, multiple(k, S_ut), total(multiple(k, S_tt), multiple(-(k**2), d))
+        coefficients = iter(integers(value for part in parts for value in part))
+        d, p, q, r = ([next(coefficients) for _ in part] for part in parts)
+    return d, multiple(-1, p[1:])

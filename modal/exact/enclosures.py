@@ -43,13 +43,13 @@ class _UndecidedError(ArithmeticError):
 
 
 @dataclass(frozen=True, eq=False)
-class HungInBalls:
+class ChainsInBalls:
     """Chains on one support, each representing a number of equal ones that move alike; floats are taken exactly."""
 
     gravity: float
     support: Fixed | Cart
     chains: dict[Links, int]
-    _prepared: dict[int, list[tuple[list[pair.Constants], int]]] = field(default_factory=dict, repr=False)
+    _constants_by_bits: dict[int, list[tuple[list[pair.Constants], int]]] = field(default_factory=dict, repr=False)
 
     def count(self, x: Ball, bits: int) -> int:
         """Number of oscillatory modes with ω² < x: proved, at whatever precision it takes."""
@@ -64,18 +64,18 @@ class HungInBalls:
         )
 
     def _count(self, x: Ball, bits: int) -> int:
-        below, felt = 0, flint().arb(0)
+        total, effective_mass = 0, flint().arb(0)
         for links, count in self._constants(bits):
             mu = 0
             for c in reversed(links):
                 D = 1 - x * (c.r + mu) / c.k
-                below += _is_negative(D)
+                total += _is_negative(D)
                 mu = c.p - c.k / x + (c.k + c.q * x) ** 2 / (c.k * x * D)
-            felt += count * mu
+            effective_mass += count * mu
         if isinstance(self.support, Cart):
             spring = self.support.stiffness
-            below += (not _is_negative(felt + self.support.mass - spring / x)) - (spring == 0)
-        return below
+            total += (not _is_negative(effective_mass + self.support.mass - spring / x)) - (spring == 0)
+        return total
 
     def newton(self, x: Ball, width: Ball, bits: int) -> Ball:
         """An approximate zero of the determinant near x, to be verified by the count."""
@@ -91,7 +91,7 @@ class HungInBalls:
 
     def _logarithmic_derivative(self, x: Ball, bits: int) -> Ball:
         """d/dx log |det(K − x M)|: Σ D_x/D, and of the mass felt by the cart."""
-        total = felt = slope = flint().arb(0)
+        total = effective_mass = slope = flint().arb(0)
         for links, count in self._constants(bits):
             mu = mu_x = 0
             for c in reversed(links):
@@ -100,17 +100,19 @@ class HungInBalls:
                 w, w_x = (c.k + c.q * x) ** 2 / (c.k * x), ((c.q * x) ** 2 - c.k**2) / (c.k * x**2)
                 mu_x = c.k / x**2 + (w_x - w * D_x / D) / D
                 mu = c.p - c.k / x + w / D
-            felt, slope = felt + count * mu, slope + count * mu_x
+            effective_mass, slope = effective_mass + count * mu, slope + count * mu_x
         if isinstance(self.support, Cart):
             spring = self.support.stiffness
-            total += (slope + spring / x**2) / (felt + self.support.mass - spring / x)
+            total += (slope + spring / x**2) / (effective_mass + self.support.mass - spring / x)
         return total
 
     def _constants(self, bits: int) -> list[tuple[list[pair.Constants], int]]:
         """Every chain's constants as balls of this precision, and its count."""
-        if bits not in self._prepared:
-            self._prepared[bits] = [(constants(chain, self.gravity), count) for chain, count in self.chains.items()]
-        return self._prepared[bits]
+        if bits not in self._constants_by_bits:
+            self._constants_by_bits[bits] = [
+                (constants(chain, self.gravity), count) for chain, count in self.chains.items()
+            ]
+        return self._constants_by_bits[bits]
 
 
 def constants(chain: Links, gravity: float) -> list[pair.Constants]:
@@ -156,8 +158,12 @@ class Enclosure:
 
     def text(self) -> str:
         """The digits common to both ends, then the rest of each: 2.7175[49, 51]."""
-        same = next((i for i, (a, b) in enumerate(zip(self.low, self.high, strict=False)) if a != b), len(self.low))
-        return self.low if self.low == self.high else f"{self.low[:same]}[{self.low[same:]}, {self.high[same:]}]"
+        n_common = next((i for i, (a, b) in enumerate(zip(self.low, self.high, strict=False)) if a != b), len(self.low))
+        return (
+            self.low
+            if self.low == self.high
+            else f"{self.low[:n_common]}[{self.low[n_common:]}, {self.high[n_common:]}]"
+        )
 
 
 @checked
@@ -175,17 +181,17 @@ def enclose(scene: Scene, digits: int = 30, report: Callable[[float], object] = 
     enclosures = [Enclosure("0", "0", 1, "rigid translation")] * rigid
     problems = list(_problems(scene))
     total = sum(problem.n_modes for problem in problems)
-    for done, enclosure in enumerate((proved for problem in problems for proved in problem.enclosures(digits)), 1):
+    for count, enclosure in enumerate((row for problem in problems for row in problem.enclosures(digits)), 1):
         enclosures.append(enclosure)
-        report(done / total)
+        report(count / total)
     return sorted(enclosures, key=lambda enclosure: Decimal(enclosure.low))
 
 
 @dataclass(frozen=True, eq=False)
-class _EnclosedProblem:
+class _ProblemInBalls:
     """Modes of chains on one support, `multiplicity` of each by symmetry."""
 
-    hung: HungInBalls
+    system: ChainsInBalls
     multiplicity: int
     label: str
 
@@ -197,7 +203,7 @@ class _EnclosedProblem:
                 "the ratios in this scene are beyond double precision: there is no approximation to refine"
             )
         for index, guess in enumerate(guesses):
-            low, high = self.enclosed(index, guess, digits)
+            low, high = self.bracket(index, guess, digits)
             yield Enclosure(
                 _decimal(low, digits, up=False), _decimal(high, digits, up=True), self.multiplicity, self.label
             )
@@ -205,68 +211,70 @@ class _EnclosedProblem:
     @property
     def n_modes(self) -> int:
         """Number of oscillatory modes: one fewer on a free cart whose effective mass vanishes at infinite frequency."""
-        links = sum(map(len, self.hung.chains))
-        if not isinstance(self.hung.support, Cart):
+        links = sum(map(len, self.system.chains))
+        if not isinstance(self.system.support, Cart):
             return links
-        inert = self.hung.support.mass > 0 or any(_has_residual_mass(chain) for chain in self.hung.chains)
-        return links + (self.hung.support.stiffness > 0) - (not inert)
+        inert = self.system.support.mass > 0 or any(_has_residual_mass(chain) for chain in self.system.chains)
+        return links + (self.system.support.stiffness > 0) - (not inert)
 
     def guesses(self) -> list[float]:
         """ω (rad/s) in double precision, from the same chains with their copies folded into their masses."""
         if self.n_modes == 0:
             return []
-        hung = tuple(Pendulum(links=tuple(link.heavier(n) for link in chain)) for chain, n in self.hung.chains.items())
-        modes = natural_modes(Scene(gravity=self.hung.gravity, support=self.hung.support, pendulum=hung))
+        pendula = tuple(
+            Pendulum(links=tuple(link.heavier(n) for link in chain)) for chain, n in self.system.chains.items()
+        )
+        modes = natural_modes(Scene(gravity=self.system.gravity, support=self.system.support, pendulum=pendula))
         return [float(omega) for omega in np.repeat(modes.omega, modes.multiplicity) if omega > 0]
 
-    def enclosed(self, index: int, guess: float, digits: int) -> tuple[Ball, Ball]:
+    def bracket(self, index: int, guess: float, digits: int) -> tuple[Ball, Ball]:
         """Exact trial values of ω² that provably enclose mode `index`, by Newton's iteration or else by bisection."""
         bits = int(3.33 * digits) + GUARD_BITS
         with flint().ctx.workprec(bits):
             arb = flint().arb
             width, start = arb(10) ** -digits / 4, arb(guess) ** 2
             for precision in (bits, 4 * bits):
-                root = self.hung.newton(start, width, precision)
+                root = self.system.newton(start, width, precision)
                 low, high = (root * (1 - width)).mid(), (root * (1 + width)).mid()
-                if root > 0 and self.hung.count(low, bits) <= index < self.hung.count(high, bits):
+                if root > 0 and self.system.count(low, bits) <= index < self.system.count(high, bits):
                     return low, high
-            return self.bisected(index, start, width, bits)
+            return self.bisect(index, start, width, bits)
 
-    def bisected(self, index: int, start: Ball, width: Ball, bits: int) -> tuple[Ball, Ball]:
+    def bisect(self, index: int, start: Ball, width: Ball, bits: int) -> tuple[Ball, Ball]:
         """From a bracket expanded until proved, by near-halving (so that no trial value is special)."""
         growth = 1 + FIRST_WIDTH
         low, high = (start / growth).mid(), (start * growth).mid()
-        while self.hung.count(low, bits) > index:
+        while self.system.count(low, bits) > index:
             growth *= growth
             low = (low / growth).mid()
-        while self.hung.count(high, bits) <= index:
+        while self.system.count(high, bits) <= index:
             growth *= growth
             high = (high * growth).mid()
         while not high - low < 2 * width * low:
             middle = (low + (high - low) * 0.49951171875).mid()
-            low, high = (low, middle) if self.hung.count(middle, bits) > index else (middle, high)
+            low, high = (low, middle) if self.system.count(middle, bits) > index else (middle, high)
         return low, high
 
 
-def _problems(scene: Scene) -> Iterator[_EnclosedProblem]:
+def _problems(scene: Scene) -> Iterator[_ProblemInBalls]:
     """The modes that move the cart, and those of every different pendulum with the support at rest."""
     counts: dict[Links, int] = {}
     names: dict[Links, int] = {}
-    passed = 0
+    position = 0
     for pendulum in scene.pendulum:
         chain = tuple(link.replace(count=1) for link in pendulum.links for _ in range(link.count))
         counts[chain] = counts.get(chain, 0) + pendulum.count
-        names.setdefault(chain, passed + 1)
-        passed += pendulum.count
+        names.setdefault(chain, position + 1)
+        position += pendulum.count
     support = scene.cart or Fixed()
     on_cart = scene.cart is not None
     if on_cart:
-        yield _EnclosedProblem(HungInBalls(scene.gravity, support, counts), 1, "cart moves")
+        yield _ProblemInBalls(ChainsInBalls(scene.gravity, support, counts), 1, "cart moves")
     for chain, count in counts.items():
         multiplicity = count * (1 + (scene.space == "space")) - on_cart
         label = f"{'cart still' if on_cart else 'fixed support'}: pendulum {names[chain]}"
         if multiplicity:
-            yield _EnclosedProblem(HungInBalls(scene.gravity, Fixed(), {chain: 1}), multiplicity, label)
+            yield _ProblemInBalls(ChainsInBalls(scene.gravity, Fixed(), {chain: 1}), multiplicity, label)
 
 
 def _has_residual_mass(chain: Links) -> bool:
@@ -283,6 +291,6 @@ def _decimal(x: Ball, digits: int, *, up: bool) -> str:
     with flint().ctx.workprec(int(3.33 * digits) + GUARD_BITS):
         root = x.sqrt()
         places = digits + 1 - floor(float(root.log()) / log(10))
-        shifted = root * flint().arb(10) ** places
-        whole = int((shifted.upper().ceil() if up else shifted.lower().floor()).unique_fmpz())
-    return str(Decimal((0, tuple(map(int, str(whole))), -places)))
+        scaled_root = root * flint().arb(10) ** places
+        integer = int((scaled_root.upper().ceil() if up else scaled_root.lower().floor()).unique_fmpz())
+    return str(Decimal((0, tuple(map(int, str(integer))), -places)))

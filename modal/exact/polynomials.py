@@ -31,7 +31,7 @@ def product(p: Sequence[Any], q: Sequence[Any]) -> list[Any]:
     return coefficients
 
 
-def scaled(factor: Any, p: Sequence[Any]) -> list[Any]:
+def multiple(factor: Any, p: Sequence[Any]) -> list[Any]:
     """A number times p."""
     return [factor * c for c in p]
 
@@ -46,8 +46,8 @@ def integers(values: Iterable[Fraction]) -> list[int]:
 def primitive(p: Sequence[int]) -> list[int]:
     """The polynomial without leading zeros and content, the highest coefficient positive."""
     size = max(power for power, c in enumerate(p) if c) + 1
-    shared = gcd(*p) * (1 if p[size - 1] > 0 else -1)
-    return [c // shared for c in p[:size]]
+    content = gcd(*p) * (1 if p[size - 1] > 0 else -1)
+    return [c // content for c in p[:size]]
 
 
 def quotient(p: Sequence[Any], q: Sequence[Any]) -> list[Fraction]:
@@ -86,17 +86,17 @@ def isolate(coefficients: Sequence[int], width: Fraction, *, relative: bool = Fa
     if relative and coefficients[-1] == 0:
         raise ValueError("the root 0 has no relative width")
     narrow = _relative(width) if relative else lambda low, high: high - low <= width
-    bound, degree = Fraction(_root_bound(coefficients)), len(coefficients) - 1
-    return list(_split(coefficients, narrow, (-bound, degree), (bound, 0)))
+    radius, degree = Fraction(_root_bound(coefficients)), len(coefficients) - 1
+    return list(_split(coefficients, narrow, (-radius, degree), (radius, 0)))
 
 
 def _relative(width: Fraction) -> Narrow:
     return lambda low, high: low * high > 0 and high - low <= width * min(abs(low), abs(high))
 
 
-def above(coefficients: Sequence[int], a: Fraction) -> int:
+def count_above(coefficients: Sequence[int], a: Fraction) -> int:
     """Number of roots > a, with multiplicity, of a real-rooted polynomial."""
-    return _sign_changes(_shifted(coefficients, a))
+    return _sign_changes(_shift(coefficients, a))
 
 
 def _split(
@@ -105,23 +105,23 @@ def _split(
     """The roots between two points, each given with the number of roots above it."""
     count = low[1] - high[1]
     if count == 1:
-        yield _halved(p, narrow, low[0], *high)
+        yield _bisect(p, narrow, low[0], *high)
     elif count and narrow(low[0], high[0]):
         yield Interval(low[0], high[0], count)
     elif count:
         middle = (low[0] + high[0]) / 2
-        between = (middle, above(p, middle))
+        between = (middle, count_above(p, middle))
         yield from _split(p, narrow, low, between)
         yield from _split(p, narrow, between, high)
 
 
-def _halved(p: Sequence[int], narrow: Narrow, low: Fraction, high: Fraction, above_high: int) -> Interval:
+def _bisect(p: Sequence[int], narrow: Narrow, low: Fraction, high: Fraction, above_high: int) -> Interval:
     """A simple root narrowed by signs: just above it p has the sign of (−1)^(roots above high) times the first."""
-    beyond = (-1) ** above_high * p[0] > 0
+    sign_above = (-1) ** above_high * p[0] > 0
     while not narrow(low, high):
         middle = (low + high) / 2
         value = _scaled_value(p, middle)
-        if value == 0 or (value > 0) == beyond:
+        if value == 0 or (value > 0) == sign_above:
             high = middle
         else:
             low = middle
@@ -137,7 +137,7 @@ def _scaled_value(p: Sequence[int], a: Fraction) -> int:
     return value
 
 
-def _shifted(p: Sequence[int], a: Fraction) -> list[int]:
+def _shift(p: Sequence[int], a: Fraction) -> list[int]:
     """Coefficients of p((u + y)/v), a = u/v, times v^degree."""
     c = [value * a.denominator**i for i, value in enumerate(p)]
     for end in range(len(c), 1, -1):

@@ -68,7 +68,7 @@ def _function(place: str) -> Callable[..., Any]:
     return function
 
 
-def format_named(name: str) -> Format:
+def find_format(name: str) -> Format:
     """The format of this name; SceneError lists all formats if it is unknown."""
     if name not in FORMATS:
         from modal.errors import SceneError, meant
@@ -116,4 +116,4 @@ FORMATS = {
     "modelica": Format(".mo", "a Modelica block", "source.write_modelica"),
 }
 __getattr__ = exported(__name__, (), LATER)
-__all__ = ["FORMATS", "Format", "format_named"]
+__all__ = ["FORMATS", "Format", "find_format"]

@@ -56,16 +56,16 @@ def read_json(source: Source) -> StateSpace:
         require_keys(data, "sha256", "title", "dt", "operating_point", *KINDS, *SHAPES)
         signals = {kind: [(s["name"], s["unit"], s["meaning"]) for s in data[kind]] for kind in KINDS}
         resting = [(angle["name"], angle["value"]) for angle in data["operating_point"]]
-        return assembled(data, signals, resting)
+        return assemble(data, signals, resting)
 
 
-def assembled(arrays: Mapping[str, Any], signals: Mapping[str, Sequence[Sequence[str]]], resting: Rests) -> StateSpace:
+def assemble(arrays: Mapping[str, Any], signals: Mapping[str, Sequence[Sequence[str]]], resting: Rests) -> StateSpace:
     """The model of A, B, C, D, dt and title; ValueError where they do not fit together or are not finite."""
-    named = {kind: tuple(Signal(*map(str, row)) for row in rows) for kind, rows in signals.items()}
-    sizes = {name: tuple(len(named[kind]) for kind in kinds) for name, kinds in SHAPES.items()}
+    signals_by_kind = {kind: tuple(Signal(*map(str, row)) for row in rows) for kind, rows in signals.items()}
+    sizes = {name: tuple(len(signals_by_kind[kind]) for kind in kinds) for name, kinds in SHAPES.items()}
     A, B, C, D = (finite_array(arrays[name] if prod(size) else np.zeros(size), *size) for name, size in sizes.items())
     angles = finite_array([value for _, value in resting], len(resting)) if resting else np.zeros(0)
-    states, inputs, outputs = (named[kind] for kind in KINDS)
+    states, inputs, outputs = (signals_by_kind[kind] for kind in KINDS)
     return StateSpace(
         *(A, B, C, D),
         states,
@@ -80,18 +80,18 @@ def assembled(arrays: Mapping[str, Any], signals: Mapping[str, Sequence[Sequence
 def _json_fields(model: StateSpace) -> Iterator[str]:
     yield f'  "title": {json_text(model.title, None)}'
     yield f'  "dt": {model.dt!r}'
-    yield _listed("operating_point", [json_text({"name": n, "value": v}, None) for n, v in model.operating_point])
+    yield _json_list("operating_point", [json_text({"name": n, "value": v}, None) for n, v in model.operating_point])
     for kind in KINDS:
-        yield _listed(kind, [json_text(signal._asdict(), None) for signal in getattr(model, kind)])
+        yield _json_list(kind, [json_text(signal._asdict(), None) for signal in getattr(model, kind)])
     for name, values in matrices(model):
         yield _json_matrix(name, values)
 
 
 def _json_matrix(name: str, values: Floats) -> str:
-    return _listed(name, [f"[{', '.join(row)}]" for row in digits(values)])
+    return _json_list(name, [f"[{', '.join(row)}]" for row in digits(values)])
 
 
-def _listed(name: str, items: list[str]) -> str:
+def _json_list(name: str, items: list[str]) -> str:
     return f'  "{name}": [\n    ' + ",\n    ".join(items) + "\n  ]" if items else f'  "{name}": []'
 
 
@@ -100,7 +100,7 @@ def _listed(name: str, items: list[str]) -> str:
 
 def write_npz(model: StateSpace) -> bytes:
     """An archive of A, B, C, D, dt, title; states, inputs, outputs as (n, 3) names, units and meanings; the rest."""
-    resting, signals = _named(model)
+    resting, signals = _labels(model)
     return archive(
         {"dt": np.float64(model.dt), "title": np.str_(model.title)} | resting | dict(matrices(model)) | signals
     )
@@ -108,12 +108,12 @@ def write_npz(model: StateSpace) -> bytes:
 
 def write_varying_npz(model: VaryingModel) -> bytes:
     """An archive of time_s (T,), A (T, n, n), B (T, n, m), C, D, and title, signals and operating point as above."""
-    resting, signals = _named(model)
+    resting, signals = _labels(model)
     arrays = {"A": model.A, "B": model.B, "C": model.C, "D": model.D, "title": np.str_(model.title)}
     return archive({"time_s": model.times} | arrays | resting | signals)
 
 
-def _named(model: StateSpace | VaryingModel) -> tuple[dict[str, Any], dict[str, Any]]:
+def _labels(model: StateSpace | VaryingModel) -> tuple[dict[str, Any], dict[str, Any]]:
     """The operating point, and the signals of every kind."""
     resting = {
         "operating_names": np.array([name for name, _ in model.operating_point], dtype=np.str_),
@@ -127,7 +127,7 @@ def read_npz(source: Source) -> StateSpace:
     with reading(source, "model"):
         data = unpacked(content(source), NAMES)
         resting = zip(data["operating_names"].tolist(), data["operating_values"].tolist(), strict=True)
-        return assembled(data, {kind: data[kind].tolist() for kind in KINDS}, list(resting))
+        return assemble(data, {kind: data[kind].tolist() for kind in KINDS}, list(resting))
 
 
 # ---------------------------------------------------------------------------------------------------------- one table

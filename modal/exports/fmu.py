@@ -21,7 +21,7 @@ from xml.etree import ElementTree as ET
 from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 
 from modal.exports.source import c_matrix, hexadecimal, unit
-from modal.exports.text import heading, identifier, identifiers, joined, law, rest
+from modal.exports.text import heading, identifier, identifiers, law, rest, text_file
 from modal.report import c_comment, one_line
 from modal.statespace import Signal, StateSpace
 from modal.statespace.sampling import reach, sample
@@ -57,18 +57,18 @@ def write_fmu(model: StateSpace, step: float = DEFAULT_STEP) -> bytes:
     The same model gives the same source and GUID.  Raises SceneError for a step that is not positive.
     """
     name = identifier(heading(model))
-    held, step = (model, model.dt) if model.dt else (sample(model, step), step)
-    source, code = files("modal.exports").joinpath(SOURCE).read_bytes(), list(_matrices(model, held))
+    discrete, step = (model, model.dt) if model.dt else (sample(model, step), step)
+    source, code = files("modal.exports").joinpath(SOURCE).read_bytes(), list(_matrices(model, discrete))
     guid = f"{{{uuid5(NAMESPACE_URL, repr((name, step, model.states, model.inputs, model.outputs, code)))}}}"
-    header = joined([*_sizes(model, step, guid), *code])
+    header = text_file([*_sizes(model, step, guid), *code])
     content = {
         "modelDescription.xml": description(model, step, guid, SOURCE),
         f"sources/{SOURCE}": source,
         "sources/model.h": header,
     }
-    if binary := _compiled({SOURCE: source, "model.h": header}):
+    if binary := _compile({SOURCE: source, "model.h": header}):
         content[f"binaries/linux64/{name}.so"] = binary
-    return _zipped(content)
+    return _zip(content)
 
 
 def note(content: bytes) -> str:
@@ -93,16 +93,16 @@ def _sizes(model: StateSpace, step: float, guid: str) -> Iterator[str]:
         yield f"#define {name} {len(signals)}"
 
 
-def _matrices(model: StateSpace, held: StateSpace) -> Iterator[str]:
-    listed = {"PHI": held.A, "GAMMA": held.B, "C": model.C, "D": model.D}
+def _matrices(model: StateSpace, discrete: StateSpace) -> Iterator[str]:
+    arrays = {"PHI": discrete.A, "GAMMA": discrete.B, "C": model.C, "D": model.D}
     if not model.dt:
-        listed |= {"A": model.A, "B": model.B}
+        arrays |= {"A": model.A, "B": model.B}
         yield f"#define REACH {reach(model.A)!r}"
-    for name, values in listed.items():
+    for name, values in arrays.items():
         yield from c_matrix(name, values, hexadecimal, by_place=True)
 
 
-def _compiled(sources: dict[str, bytes]) -> bytes:
+def _compile(sources: dict[str, bytes]) -> bytes:
     """The shared library, or nothing."""
     command = compiler()
     if command is None:
@@ -123,7 +123,7 @@ def _compiled(sources: dict[str, bytes]) -> bytes:
         return (Path(folder) / "model.so").read_bytes()
 
 
-def _zipped(content: dict[str, bytes]) -> bytes:
+def _zip(content: dict[str, bytes]) -> bytes:
     stream = BytesIO()
     with ZipFile(stream, "w", ZIP_DEFLATED) as archive:
         for name, data in content.items():
@@ -145,25 +145,25 @@ class FmuVariable(NamedTuple):
 def variables(model: StateSpace) -> list[FmuVariable]:
     """Inputs, then states as `state.NAME`, then outputs: the index of each is its value reference."""
     outside = [("input", s) for s in model.inputs], [("output", s) for s in model.outputs]
-    words = identifiers((s.name for _, s in (*outside[0], *outside[1])), taken=["state"])
-    named = [FmuVariable(word, *pair) for word, pair in zip(words, (*outside[0], *outside[1]), strict=True)]
+    words = identifiers((s.name for _, s in (*outside[0], *outside[1])), keywords=["state"])
+    signals = [FmuVariable(word, *pair) for word, pair in zip(words, (*outside[0], *outside[1]), strict=True)]
     inner = identifiers(s.name for s in model.states)
     states = [FmuVariable(f"state.{word}", "state", s) for word, s in zip(inner, model.states, strict=True)]
-    return [*named[: len(outside[0])], *states, *named[len(outside[0]) :]]
+    return [*signals[: len(outside[0])], *states, *signals[len(outside[0]) :]]
 
 
 def description(model: StateSpace, step: float, guid: str, source: str) -> bytes:
     """modelDescription.xml; `step` in seconds is the default step, `source` the file under sources/."""
-    named = variables(model)
+    fmu_variables = variables(model)
     root = ET.Element("fmiModelDescription", _about(model, guid))
     _interface(root, model, source)
-    _units(root, named)
+    _units(root, fmu_variables)
     log = ET.SubElement(root, "LogCategories")
     ET.SubElement(log, "Category", name="logStatusError")
     ET.SubElement(root, "DefaultExperiment", startTime="0", stopTime="10", stepSize=repr(step))
-    listed = ET.SubElement(root, "ModelVariables")
-    for reference, variable in enumerate(named):
-        listed.append(_variable(variable, reference))
+    element = ET.SubElement(root, "ModelVariables")
+    for reference, variable in enumerate(fmu_variables):
+        element.append(_variable(variable, reference))
     _structure(root, model)
     ET.indent(root)
     return bytes(ET.tostring(root, encoding="UTF-8", xml_declaration=True))
@@ -195,8 +195,8 @@ def _interface(root: ET.Element, model: StateSpace, source: str) -> None:
     ET.SubElement(ET.SubElement(interface, "SourceFiles"), "File", name=source)
 
 
-def _units(root: ET.Element, named: list[FmuVariable]) -> None:
-    used = dict.fromkeys(name for variable in named if (name := unit(variable.signal)))
+def _units(root: ET.Element, fmu_variables: list[FmuVariable]) -> None:
+    used = dict.fromkeys(name for variable in fmu_variables if (name := unit(variable.signal)))
     if not used:
         return
     definitions = ET.SubElement(root, "UnitDefinitions")
@@ -218,10 +218,10 @@ def _variable(variable: FmuVariable, reference: int) -> ET.Element:
 def _structure(root: ET.Element, model: StateSpace) -> None:
     """Outputs depend directly on the inputs with feedthrough in D; their initial values on everything."""
     structure = ET.SubElement(root, "ModelStructure")
-    for part, listed in (("Outputs", _through(model)), ("InitialUnknowns", _first(model))):
+    for part, unknowns in (("Outputs", _through(model)), ("InitialUnknowns", _first(model))):
         if model.outputs:
             parent = ET.SubElement(structure, part)
-            for attributes in listed:
+            for attributes in unknowns:
                 ET.SubElement(parent, "Unknown", attributes)
 
 
@@ -231,5 +231,5 @@ def _through(model: StateSpace) -> Iterator[dict[str, str]]:
 
 
 def _first(model: StateSpace) -> Iterator[dict[str, str]]:
-    before = len(model.inputs) + len(model.states)
-    yield from ({"index": str(before + row)} for row in range(1, len(model.outputs) + 1))
+    n_others = len(model.inputs) + len(model.states)
+    yield from ({"index": str(n_others + row)} for row in range(1, len(model.outputs) + 1))

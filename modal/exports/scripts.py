@@ -13,7 +13,7 @@ from unicodedata import normalize
 
 import numpy as np
 
-from modal.exports.text import digits, heading, identifier, joined, matrices, meaning, preamble, rest
+from modal.exports.text import digits, heading, identifier, matrices, meaning, preamble, rest, text_file
 from modal.report import matlab_text, python_text
 from modal.statespace import Signal, StateSpace
 from modal.statespace.sampling import VaryingModel
@@ -75,7 +75,7 @@ def to_scipy(model: StateSpace) -> Any:
 
 def write_script(model: StateSpace) -> bytes:
     """The script; run it or import `system` from it."""
-    return joined(_python_lines(model))
+    return text_file(_python_lines(model))
 
 
 def _python_lines(model: StateSpace) -> Iterator[str]:
@@ -111,16 +111,16 @@ def write_mat(model: StateSpace) -> bytes:
 
     `operating_point` is a structure of `names` and `values` in rad.
     """
-    return _saved(model, {**dict(matrices(model)), "dt": model.dt})
+    return _mat_file(model, {**dict(matrices(model)), "dt": model.dt})
 
 
 def write_varying_mat(model: VaryingModel) -> bytes:
     """A version 5 file of time_s (T, 1), A (T, n, n), B (T, n, m), C and D, and the names of `write_mat`."""
     arrays = {"A": model.A, "B": model.B, "C": model.C, "D": model.D}
-    return _saved(model, {"time_s": model.times[:, None], **arrays})
+    return _mat_file(model, {"time_s": model.times[:, None], **arrays})
 
 
-def _saved(model: StateSpace | VaryingModel, numbers: dict[str, Any]) -> bytes:
+def _mat_file(model: StateSpace | VaryingModel, numbers: dict[str, Any]) -> bytes:
     from scipy.io import savemat
 
     content = {**numbers, **_titles(model.title)}
@@ -144,15 +144,15 @@ def _titles(title: str) -> dict[str, Any]:
 
 def _cells(words: Iterable[str]) -> Any:
     """A column of cells."""
-    listed = list(words)
-    cells = np.empty((len(listed), 1), dtype=object)
-    cells[:, 0] = listed
+    entries = list(words)
+    cells = np.empty((len(entries), 1), dtype=object)
+    cells[:, 0] = entries
     return cells
 
 
 def write_m(model: StateSpace) -> bytes:
     """The script."""
-    return joined(_matlab_lines(model))
+    return text_file(_matlab_lines(model))
 
 
 def _matlab_lines(model: StateSpace) -> Iterator[str]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 
 from modal.errors import SceneError
-from modal.exports.text import digits, heading, identifier, identifiers, joined, matrices, meaning, preamble, rest
+from modal.exports.text import digits, heading, identifier, identifiers, matrices, meaning, preamble, rest, text_file
 from modal.report import c_comment, modelica_text
 from modal.statespace import Signal, StateSpace
 from modal.types import Floats
@@ -57,7 +57,7 @@ def write_c(model: StateSpace) -> bytes:
     """The header; every name in it begins with the title's identifier.  Raises SceneError for a continuous model."""
     if not model.dt:
         raise SceneError(["`format=c` needs `sample(model, seconds)`, since a controller steps in time"])
-    return joined(_c_lines(model, identifier(heading(model)).lower()))
+    return text_file(_c_lines(model, identifier(heading(model)).lower()))
 
 
 def _c_lines(model: StateSpace, name: str) -> Iterator[str]:
@@ -105,8 +105,8 @@ def c_matrix(
 def _c_row(row: list[str], *, by_place: bool) -> str:
     """A row; with `by_place`, a long one that is mostly zeros as its other entries by index."""
     if by_place and len(row) > LONG_ROW and row.count("0.0") > MOSTLY * len(row):
-        kept = [f"[{place}] = {number}" for place, number in enumerate(row) if number != "0.0"]
-        row = kept or ["0.0"]
+        entries = [f"[{place}] = {number}" for place, number in enumerate(row) if number != "0.0"]
+        row = entries or ["0.0"]
     lines = [", ".join(row[k : k + NUMBERS_A_LINE]) for k in range(0, len(row), NUMBERS_A_LINE)]
     return "    {" + ",\n     ".join(lines) + "},"
 
@@ -116,7 +116,7 @@ def _c_row(row: list[str], *, by_place: bool) -> str:
 
 def write_modelica(model: StateSpace) -> bytes:
     """The block; state NAME starts at the parameter `NAME_start`, 0 unless it is set."""
-    return joined(_modelica_lines(model))
+    return text_file(_modelica_lines(model))
 
 
 def unit(signal: Signal) -> str:
@@ -136,9 +136,9 @@ def _modelica_lines(model: StateSpace) -> Iterator[str]:
     inputs, outputs, starts = inner[:m], inner[m : m + p], inner[m + p :]
     yield f"block {name} {modelica_text(heading(model))}"
     yield from (f"  // {line}" for line in rest(model))
-    yield from _declared("input Real", inputs, model.inputs)
-    yield from _declared("output Real", outputs, model.outputs)
-    yield from _declared("parameter Real", starts, model.states, " = 0.0")
+    yield from _declarations("input Real", inputs, model.inputs)
+    yield from _declarations("output Real", outputs, model.outputs)
+    yield from _declarations("parameter Real", starts, model.states, " = 0.0")
     for letter, values in matrices(model):
         yield from _modelica_matrix(letter, values)
     yield from _vectors(model, inputs, starts)
@@ -148,7 +148,7 @@ def _modelica_lines(model: StateSpace) -> Iterator[str]:
     yield f"end {name};"
 
 
-def _declared(what: str, words: Sequence[str], signals: Sequence[Signal], value: str = "") -> Iterator[str]:
+def _declarations(what: str, words: Sequence[str], signals: Sequence[Signal], value: str = "") -> Iterator[str]:
     for word, signal in zip(words, signals, strict=True):
         modifier = f"(unit = {modelica_text(unit(signal))})" if unit(signal) else ""
         yield f"  {what} {word}{modifier}{value} {modelica_text(signal.meaning)};"
@@ -157,21 +157,21 @@ def _declared(what: str, words: Sequence[str], signals: Sequence[Signal], value:
 def _vectors(model: StateSpace, inputs: Sequence[str], starts: Sequence[str]) -> Iterator[str]:
     n, p = len(starts), len(model.outputs)
     names = ", ".join(f"{s.name} ({s.unit})" for s in model.states)
-    kind, held = ("discrete Real", "z_next") if model.dt else ("Real", "z")
+    kind, state = ("discrete Real", "z_next") if model.dt else ("Real", "z")
     begin = f"(start = {_array(starts)}, each fixed = true)"
     yield f"  Real u[{len(inputs)}] = {_array(inputs)};"
-    yield f"  {kind} z[{n}]{begin if held == 'z' else ''} {modelica_text(names)};"
+    yield f"  {kind} z[{n}]{begin if state == 'z' else ''} {modelica_text(names)};"
     if model.dt:
         yield f"  {kind} z_next[{n}]{begin} {modelica_text('the states one step on')};"
     yield f"  {kind} y[{p}];"
 
 
 def _modelica_matrix(name: str, values: Floats) -> Iterator[str]:
-    declared = f"  parameter Real {name}[{values.shape[0]}, {values.shape[1]}] ="
+    head = f"  parameter Real {name}[{values.shape[0]}, {values.shape[1]}] ="
     if not values.size:
-        yield f"{declared} zeros({values.shape[0]}, {values.shape[1]});"
+        yield f"{head} zeros({values.shape[0]}, {values.shape[1]});"
         return
-    yield f"{declared} ["
+    yield f"{head} ["
     yield ";\n".join(f"    {', '.join(row)}" for row in digits(values)) + "];"
 
 

@@ -61,7 +61,7 @@ def digits(values: Floats, number: Callable[[float], str] = repr) -> Iterator[li
     return (list(map(number, row)) for row in (values + 0.0).tolist())
 
 
-def joined(lines: Iterable[str]) -> bytes:
+def text_file(lines: Iterable[str]) -> bytes:
     """Lines as a UTF-8 file."""
     return ("\n".join(lines) + "\n").encode()
 
@@ -82,13 +82,13 @@ def identifier(text: str, fallback: str = "pendula") -> str:
     return f"n_{word}"[:LONGEST] if word[0].isdigit() else word
 
 
-def identifiers(names: Iterable[str], taken: Iterable[str] = ()) -> tuple[str, ...]:
-    """One identifier a name, in order, all different and none of them in `taken`.
+def identifiers(names: Iterable[str], keywords: Iterable[str] = ()) -> tuple[str, ...]:
+    """One identifier a name, in order, all different and none of them in `keywords`.
 
     >>> identifiers(["x", "x", "end"], taken=["end"])
     ('x', 'x_2', 'end_2')
     """
-    used, words = set(taken), []
+    used, words = set(keywords), []
     for name in names:
         base = word = identifier(name, "signal")
         number = 2

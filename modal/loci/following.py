@@ -24,7 +24,7 @@ from modal.scene.parameters import Variation, find_places, number_at, validate_v
 from modal.types import Floats, Ints
 
 
-def followed_columns(
+def state_columns(
     variation: Variation | None,
     value: float,
     omega: float,
@@ -42,8 +42,8 @@ def followed_columns(
     >>> list(followed_columns(axis, 1.0, 3.0, stable=True, angle_deg=5.0))
     ['support.mass_kg', 'omega_rad_per_s', 'stable', 'largest_angle_deg']
     """
-    along = {} if variation is None else {variation.column: value}
-    columns = {**along, "omega_rad_per_s": omega, "stable": int(stable), "largest_angle_deg": angle_deg}
+    varied_number = {} if variation is None else {variation.column: value}
+    columns = {**varied_number, "omega_rad_per_s": omega, "stable": int(stable), "largest_angle_deg": angle_deg}
     return columns if growth is None else {**columns, "growth_per_s": growth}
 
 
@@ -102,7 +102,7 @@ def follow_loci(scene: Scene, variation: Variation, report: Report = silent) -> 
     if len(variation.values) < 2 or variation.path.endswith("count"):
         raise SceneError([f"{variation.path}: loci need two or more values of a continuous parameter"])
     walk, value = _Walk(scene, variation), _own_value(scene, variation)
-    points = walk.whole(value, report)
+    points = walk.all_points(value, report)
     first, multiplicity = _distinct(np.array([point.group for point in points]))
     names = labelled(next(1 + point.row[first] for point in points if point.value == value).tolist())
     approaches, nearest = find_close_approaches(points, first, walk.at)
@@ -141,50 +141,50 @@ class _Walk:
             )
         return solve_at(self.scene, self.variation.path, value)
 
-    def whole(self, own_value: float, report: Report) -> list[LociPoint]:
+    def all_points(self, own_value: float, report: Report) -> list[LociPoint]:
         """All points, including that at `own`, each in the order of the first."""
         values = sorted({*self.variation.values, own_value})
         points = [self.at(values[0])]
-        for done, value in enumerate(values[1:], start=2):
-            points += self.between(points[-1], self.at(value), DEEPEST)
-            report(done)
+        for count, value in enumerate(values[1:], start=2):
+            points += self.points_between(points[-1], self.at(value), DEEPEST)
+            report(count)
         return points
 
-    def between(self, before: LociPoint, after: LociPoint, depth: int) -> list[LociPoint]:
+    def points_between(self, start: LociPoint, end: LociPoint, depth: int) -> list[LociPoint]:
         """The points after one up to and including the next."""
-        point, sure = follow(before, after)
-        exchanged = _swapped(before, point) if sure else None
-        if sure and exchanged is None:
+        point, sure = follow(start, end)
+        pair = _find_swap(start, point) if sure else None
+        if sure and pair is None:
             return [point]
-        middle = self._middle(before, point, exchanged if depth % 2 else None)
-        if depth == 0 or not before.value < middle < after.value:
+        middle = self._middle(start, point, pair if depth % 2 else None)
+        if depth == 0 or not start.value < middle < end.value:
             if sure:
                 return [point]
             raise ComputationError(
-                f"{self.variation.path}: a mode cannot be followed at {before.value:.17g}: its shape changes"
+                f"{self.variation.path}: a mode cannot be followed at {start.value:.17g}: its shape changes"
             )
-        half = self.between(before, self.at(middle), depth - 1)
-        return half + self.between(half[-1], after, depth - 1)
+        half = self.points_between(start, self.at(middle), depth - 1)
+        return half + self.points_between(half[-1], end, depth - 1)
 
-    def _middle(self, before: LociPoint, after: LociPoint, pair: tuple[int, int] | None) -> float:
+    def _middle(self, start: LociPoint, end: LociPoint, pair: tuple[int, int] | None) -> float:
         """Where the gap of a pair closes by linear interpolation, or the middle of the interval."""
-        a, b = before.value, after.value
+        a, b = start.value, end.value
         if pair:
-            left, right = (point.omega[pair[0]] - point.omega[pair[1]] for point in (before, after))
-            return float(a + (b - a) * left / (left - right))
+            first_gap, last_gap = (point.omega[pair[0]] - point.omega[pair[1]] for point in (start, end))
+            return float(a + (b - a) * first_gap / (first_gap - last_gap))
         return sqrt(a) * sqrt(b) if self.variation.log else a + (b - a) / 2
 
 
-def _swapped(before: LociPoint, after: LociPoint) -> tuple[int, int] | None:
+def _find_swap(start: LociPoint, end: LociPoint) -> tuple[int, int] | None:
     """The first pair of modes whose order differs, distinct at both ends."""
-    order = np.argsort(before.omega, kind="stable")
-    later = after.omega[order]
+    order = np.argsort(start.omega, kind="stable")
+    later = end.omega[order]
     highest = np.maximum.accumulate(later)
-    for at in np.flatnonzero(later[1:] < highest[:-1]) + 1:
-        for other in range(at):
-            a, b = int(order[other]), int(order[at])
-            apart = before.group[a] != before.group[b] and after.group[a] != after.group[b]
-            if apart and later[other] > later[at]:
+    for upper in np.flatnonzero(later[1:] < highest[:-1]) + 1:
+        for lower in range(upper):
+            a, b = int(order[lower]), int(order[upper])
+            is_distinct = start.group[a] != start.group[b] and end.group[a] != end.group[b]
+            if is_distinct and later[lower] > later[upper]:
                 return a, b
     return None
 

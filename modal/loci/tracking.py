@@ -54,7 +54,7 @@ class LociPoint:
     row: Ints
     M: Floats
 
-    def reordered(self, order: Ints, shapes: Floats) -> LociPoint:
+    def in_order(self, order: Ints, shapes: Floats) -> LociPoint:
         """The same modes in another order, with shapes that span the same spaces."""
         return replace(self, omega=self.omega[order], group=self.group[order], row=self.row[order], shapes=shapes)
 
@@ -64,11 +64,11 @@ def solve_at(scene: Scene, path: str, value: float) -> LociPoint:
 
     Raises ComputationError for damped or growing modes, uncertain ones and more than MOST_MODES.
     """
-    here = vary(scene, {path: value})
-    size = here.n_links * (2 if here.space == "space" else 1) + 1
+    scene_there = vary(scene, {path: value})
+    size = scene_there.n_links * (2 if scene_there.space == "space" else 1) + 1
     if size > MOST_MODES:
         raise ComputationError(f"{size} modes are too many to follow by their shapes; the limit is {MOST_MODES}")
-    modes = natural_modes(here)
+    modes = natural_modes(scene_there)
     where = f"at {path} = {value:.6g}"
     if np.any(modes.error >= UNCERTAIN):
         raise ComputationError(f"{where} some modes are beyond double precision")
@@ -78,15 +78,15 @@ def solve_at(scene: Scene, path: str, value: float) -> LociPoint:
             "measure frequencies takes dampers"
         )
     fold = modes.multiplicity
-    group, row = (np.repeat(each, fold) for each in (_groups(modes), np.arange(len(modes))))
+    group, row = (np.repeat(values, fold) for values in (_groups(modes), np.arange(len(modes))))
     return LociPoint(value, np.repeat(modes.omega, fold), _shapes(modes), group, row, modes.matrices.M)
 
 
 def _groups(modes: Modes) -> Ints:
     """A number for every distinct frequency (R,), equal where the next is no further away than the error bounds."""
-    bound = modes.error * modes.omega
-    apart = np.diff(modes.omega) > bound[1:] + bound[:-1]
-    return np.concatenate(([0], np.cumsum(apart)))
+    error = modes.error * modes.omega
+    is_next = np.diff(modes.omega) > error[1:] + error[:-1]
+    return np.concatenate(([0], np.cumsum(is_next)))
 
 
 def _shapes(modes: Modes) -> Floats:
@@ -95,43 +95,43 @@ def _shapes(modes: Modes) -> Floats:
     return np.array([phi.shapes * (phi.across == plane) for plane in range(planes)])
 
 
-def overlaps(before: LociPoint, after: LociPoint) -> Floats:
-    """φᵀMχ of unit shapes: (R, R'), rows for the modes of `after`, columns for those of `before`."""
-    M = (before.M + after.M) / 2
-    left, right = (
-        shapes / np.sqrt(np.sum(shapes * (M @ shapes), axis=(0, 1))) for shapes in (after.shapes, before.shapes)
+def overlaps(start: LociPoint, end: LociPoint) -> Floats:
+    """φᵀMχ of unit shapes: (R, R'), rows for the modes of `end`, columns for those of `start`."""
+    M = (start.M + end.M) / 2
+    end_shapes, start_shapes = (
+        shapes / np.sqrt(np.sum(shapes * (M @ shapes), axis=(0, 1))) for shapes in (end.shapes, start.shapes)
     )
-    return np.asarray(np.sum(left.swapaxes(1, 2) @ M @ right, axis=0))
+    return np.asarray(np.sum(end_shapes.swapaxes(1, 2) @ M @ start_shapes, axis=0))
 
 
-def follow(before: LociPoint, after: LociPoint) -> tuple[LociPoint, bool]:
-    """The modes of `after` in the order of `before`, with signs and bases aligned to it; and whether this is certain.
+def follow(start: LociPoint, end: LociPoint) -> tuple[LociPoint, bool]:
+    """The modes of `end` in the order of `start`, with signs and bases aligned to it; and whether this is certain.
 
     Raises ComputationError where the number of modes has changed.
     """
-    if before.omega.size != after.omega.size:
-        raise ComputationError(f"the number of modes changes between {before.value:.6g} and {after.value:.6g}")
-    overlap = overlaps(before, after)
-    names, members = np.unique(after.group, return_inverse=True)
-    shares = np.zeros((names.size, after.omega.size))
+    if start.omega.size != end.omega.size:
+        raise ComputationError(f"the number of modes changes between {start.value:.6g} and {end.value:.6g}")
+    overlap = overlaps(start, end)
+    names, members = np.unique(end.group, return_inverse=True)
+    shares = np.zeros((names.size, end.omega.size))
     np.add.at(shares, members, overlap**2)
     best, free = np.argmax(shares, axis=0), np.bincount(members)
     sure = bool(np.all(shares.max(axis=0) >= SURE) and np.array_equal(np.bincount(best, minlength=names.size), free))
     chosen = best if sure else paired(shares.T, free)
-    order, shapes = np.zeros_like(members), np.zeros_like(after.shapes)
+    order, shapes = np.zeros_like(members), np.zeros_like(end.shapes)
     for number in range(names.size):
         rows, tracks = np.flatnonzero(members == number), np.flatnonzero(chosen == number)
         order[tracks] = rows
-        shapes[..., tracks] = after.shapes[..., rows] @ _turn(before, after, rows, tracks)
-    return after.reordered(order, shapes), sure
+        shapes[..., tracks] = end.shapes[..., rows] @ _turn(start, end, rows, tracks)
+    return end.in_order(order, shapes), sure
 
 
-def _turn(before: LociPoint, after: LociPoint, rows: Ints, tracks: Ints) -> Floats:
+def _turn(start: LociPoint, end: LociPoint, rows: Ints, tracks: Ints) -> Floats:
     """The rotation (G, G) of a group's shapes that aligns them with the followed ones, projected on their span."""
-    M, basis = (before.M + after.M) / 2, after.shapes[..., rows]
-    products = (np.sum(basis.swapaxes(1, 2) @ M @ s, axis=0) for s in (basis, before.shapes[..., tracks]))
-    left, _, right = np.linalg.svd(np.linalg.solve(*products))
-    return np.asarray(left @ right)
+    M, basis = (start.M + end.M) / 2, end.shapes[..., rows]
+    products = (np.sum(basis.swapaxes(1, 2) @ M @ s, axis=0) for s in (basis, start.shapes[..., tracks]))
+    U, _, Vh = np.linalg.svd(np.linalg.solve(*products))
+    return np.asarray(U @ Vh)
 
 
 TURNED = 0.25
@@ -171,61 +171,65 @@ def find_close_approaches(
     `points` ascend and have all tracks in the same order; `solve` gives the modes at another value.
     """
     omega, group = (np.array([getattr(point, name)[tracks] for point in points]) for name in ("omega", "group"))
-    close: list[tuple[CloseApproach, LociPoint]] = []
+    meetings: list[tuple[CloseApproach, LociPoint]] = []
     for a, b in combinations(range(len(tracks)), 2):
-        signed = np.where(group[:, a] == group[:, b], 0.0, omega[:, a] - omega[:, b])
+        gap = np.where(group[:, a] == group[:, b], 0.0, omega[:, a] - omega[:, b])
         pair = int(tracks[a]), int(tracks[b])
-        for kind, nearest, exchange in (*_crossings(points, signed, pair), *_veerings(points, signed, pair, solve)):
+        for kind, nearest, exchange in (*_crossings(points, gap, pair), *_veerings(points, gap, pair, solve)):
             middle = float(nearest.omega[list(pair)].mean())
-            close.append((CloseApproach(kind, (a, b), nearest.value, middle, _gap(nearest, pair), exchange), nearest))
-    close.sort(key=lambda entry: entry[0].value)
-    return [meeting for meeting, _ in close], [point for meeting, point in close if meeting.kind == "veering"]
+            meetings.append(
+                (CloseApproach(kind, (a, b), nearest.value, middle, _gap(nearest, pair), exchange), nearest)
+            )
+    meetings.sort(key=lambda entry: entry[0].value)
+    return [meeting for meeting, _ in meetings], [point for meeting, point in meetings if meeting.kind == "veering"]
 
 
 Found = Iterator[tuple[Kind, LociPoint, float]]
 
 
-def _crossings(points: Sequence[LociPoint], signed: Floats, pair: Pair) -> Found:
+def _crossings(points: Sequence[LociPoint], gap: Floats, pair: Pair) -> Found:
     """Sign changes of ω_a − ω_b, which is 0 where error bounds cannot separate the two."""
-    for i, j in pairwise(np.flatnonzero(signed).tolist()):
-        if signed[i] * signed[j] < 0:
+    for i, j in pairwise(np.flatnonzero(gap).tolist()):
+        if gap[i] * gap[j] < 0:
             closest = min((points[k] for k in range(i + 1, j)) if j > i + 1 else (points[i], points[j]), key=_by(pair))
             yield "crossing", closest, _exchange(points[i], points[j], pair)
 
 
-def _veerings(points: Sequence[LociPoint], signed: Floats, pair: Pair, solve: Solve) -> Found:
+def _veerings(points: Sequence[LociPoint], gap: Floats, pair: Pair, solve: Solve) -> Found:
     """Places where the gap is smallest and shapes interchange, with the smallest gap located exactly."""
-    size = np.abs(signed)
-    lowest = (size[1:-1] < size[:-2]) & (size[1:-1] <= size[2:]) & (signed[1:-1] * signed[:-2] > 0)
-    for i in (np.flatnonzero(lowest & (signed[1:-1] * signed[2:] > 0)) + 1).tolist():
-        wide = np.flatnonzero(size >= sqrt(2) * size[i])
-        left, right = wide[wide < i], wide[wide > i]
-        if left.size and right.size:
-            before, after = points[left[-1]], points[right[0]]
-            exchange = _exchange(before, after, pair)
-            if exchange >= TURNED and not _between(before, points[i], after, pair):
+    size = np.abs(gap)
+    lowest = (size[1:-1] < size[:-2]) & (size[1:-1] <= size[2:]) & (gap[1:-1] * gap[:-2] > 0)
+    for i in (np.flatnonzero(lowest & (gap[1:-1] * gap[2:] > 0)) + 1).tolist():
+        far_points = np.flatnonzero(size >= sqrt(2) * size[i])
+        lower, upper = far_points[far_points < i], far_points[far_points > i]
+        if lower.size and upper.size:
+            start, end = points[lower[-1]], points[upper[0]]
+            exchange = _exchange(start, end, pair)
+            if exchange >= TURNED and not _between(start, points[i], end, pair):
                 yield "veering", _nearest(points[i - 1 : i + 2], pair, solve), exchange
 
 
-def _between(before: LociPoint, here: LociPoint, after: LociPoint, pair: Pair) -> bool:
+def _between(start: LociPoint, middle: LociPoint, end: LociPoint, pair: Pair) -> bool:
     """Whether a third mode lies between the two and interacts, unlike one that crosses both."""
-    low, high = sorted(here.omega[list(pair)])
-    others = np.flatnonzero((here.omega > low) & (here.omega < high))
-    return any(_exchange(before, after, (track, int(other))) >= APART for other in others for track in pair)
+    low, high = sorted(middle.omega[list(pair)])
+    others = np.flatnonzero((middle.omega > low) & (middle.omega < high))
+    return any(
+        _exchange(start, end, (track, int(track_between))) >= APART for track_between in others for track in pair
+    )
 
 
 def _nearest(three: Sequence[LociPoint], pair: Pair, solve: Solve) -> LociPoint:
     """The smallest gap near the middle one of three points, by golden section of the interval between the others."""
     low, best, high = three[0].value, three[1], three[2].value
-    least = SHARPNESS * (high - low)
-    while high - low > least:
+    resolution = SHARPNESS * (high - low)
+    while high - low > resolution:
         rises = high - best.value > best.value - low
         trial = best.value + GOLDEN * ((high if rises else low) - best.value)
         if not low < trial < high or trial == best.value:
             break
-        other, _ = follow(best, solve(trial))
-        if _gap(other, pair) < _gap(best, pair):
-            low, high, best = (best.value, high, other) if rises else (low, best.value, other)
+        candidate, _ = follow(best, solve(trial))
+        if _gap(candidate, pair) < _gap(best, pair):
+            low, high, best = (best.value, high, candidate) if rises else (low, best.value, candidate)
         else:
             low, high = (low, trial) if rises else (trial, high)
     return best
@@ -239,7 +243,7 @@ def _gap(point: LociPoint, pair: Pair) -> float:
     return float(abs(point.omega[pair[0]] - point.omega[pair[1]]))
 
 
-def _exchange(before: LociPoint, after: LociPoint, pair: Pair) -> float:
+def _exchange(start: LociPoint, end: LociPoint, pair: Pair) -> float:
     a, b = pair
-    overlap = overlaps(before, after)
+    overlap = overlaps(start, end)
     return float(max(overlap[a, b] ** 2, overlap[b, a] ** 2))

@@ -16,7 +16,7 @@ import sympy as sp
 from sympy.polys.fields import FracField
 
 from modal import pair
-from modal.exact import Polynomial, Variable, eliminated, isolate, product, scaled, total
+from modal.exact import Polynomial, Variable, eliminate_links, isolate, multiple, product, total
 
 FACTORED_UP_TO = 12
 """Highest degree of polynomials that are searched for rational factors."""
@@ -98,15 +98,15 @@ def of_kinds(kinds: Sequence[Kind], gravity: Any, *, cart: Any = None, variable:
         return _collected(chains[0][0][0], g, variable)
     d, N = [field.one], [field.zero]
     for (below, force), count in chains:
-        d, N = product(d, below), total(product(N, below), scaled(count, product(d, force)))
-    moving = total(scaled(field.from_expr(m_c), d), N)
+        d, N = product(d, below), total(product(N, below), multiple(count, product(d, force)))
+    moving = total(multiple(field.from_expr(m_c), d), N)
     return _collected(moving, g, variable)
 
 
 def _recursion(kind: Kind, field: FracField, gravity: Any) -> tuple[list[Any], list[Any]]:
     mass, length, centre, inertia = ([field.from_expr(sp.sympify(v)) for v in row] for row in kind.geometry)
     hanging = pair.constants(mass, length, centre, inertia, gravity)
-    d, N = eliminated(pair.standing(hanging, kind.sigma), _cleared)
+    d, N = eliminate_links(pair.standing(hanging, kind.sigma), _cleared)
     return [field(c) for c in d], [field(c) for c in N]
 
 

@@ -30,10 +30,10 @@ if TYPE_CHECKING:
 
 def export(options: argparse.Namespace) -> None:
     """Write a state-space model for control software, a simulator or a controller."""
-    from modal.exports import format_named
+    from modal.exports import find_format
     from modal.scene import whole_file
 
-    target = format_named(options.to)
+    target = find_format(options.to)
     scene = scene_at(options)
     about(noted(scene.at(0.0), "a constant linear model"))
     if scene.is_hoisted:

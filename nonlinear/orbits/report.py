@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from modal.loci import followed_columns
+from modal.loci import state_columns
 from modal.report import ReportColumn, ReportTable, as_csv, counted, finite, line_width, listed, titled
 from modal.scene import Scene, title_of, validate_scene
 from nonlinear.orbits.branch import Branch
@@ -101,7 +101,7 @@ def orbit_rows(branch: Branch, number: int = 1) -> Iterator[dict[str, Any]]:
 
 def _followed(branch: Branch, orbit: Orbit) -> dict[str, Any]:
     """What is told of whatever is followed; growth rates of orbits that no drives force."""
-    return followed_columns(
+    return state_columns(
         branch.variation,
         _parameter(branch, orbit),
         orbit.omega,

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from modal.loci import followed_columns, span_of
+from modal.loci import span_of, state_columns
 from modal.report import (
     NOTHING,
     ReportColumn,
@@ -220,7 +220,7 @@ def _diagram_rows(diagram: PopulationDiagram) -> Iterator[dict[str, Any]]:
             if motion.orbit is None or motion.averaged is None:
                 continue
             for name, exact, averaged in zip(motion.names, motion.orbit.growth, motion.averaged.growth, strict=True):
-                columns = followed_columns(
+                columns = state_columns(
                     diagram.variation, value, omega, stable=bool(stable), angle_deg=degrees(angle), growth=exact
                 )
                 yield {**columns, "averaged_growth_per_s": averaged, "motion": branch.name, "sector": name}

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from modal.errors import ComputationError
-from modal.loci import followed_columns, span_of
+from modal.loci import span_of, state_columns
 from modal.modes import table_numbers
 from modal.report import (
     ReportColumn,
@@ -581,7 +581,7 @@ def _branch_rows(diagram: Branches) -> Iterator[dict[str, Any]]:
     for number, branch in enumerate(diagram.branches, start=1):
         numbers = branch.values.tolist(), branch.is_stable, branch.omega.tolist(), branch.angle.tolist(), branch.states
         for value, stable, omega, angle, state in zip(*numbers, strict=True):
-            columns = followed_columns(
+            columns = state_columns(
                 diagram.variation, value, omega, stable=bool(stable), angle_deg=degrees(angle), growth=state.growth
             )
             yield {**columns, "branch": number, "pendula": agreement(state)}

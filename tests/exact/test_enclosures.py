@@ -104,10 +104,10 @@ def test_bisection_alone_gives_the_same() -> None:
         arb = flint().arb
         width = arb(10) ** -30
         for index, start in enumerate((arb(40), arb(40), arb("0.001"), arb(1))):
-            low, high = problem.bisected(index, start, width, 200)
+            low, high = problem.bisect(index, start, width, 200)
             assert high - low < 3 * width * high
-            assert problem.hung.count(low, 200) == index
-            assert problem.hung.count(high, 200) == index + 1
+            assert problem.system.count(low, 200) == index
+            assert problem.system.count(high, 200) == index + 1
 
 
 def test_a_cluster_closer_than_double_precision() -> None:
@@ -136,7 +136,7 @@ def test_refusals(monkeypatch: pytest.MonkeyPatch) -> None:
             enclose(scene)
     (problem,) = _problems(bobs(1))
     with pytest.raises(ComputationError, match="bits do not suffice"):
-        problem.hung.count(flint().arb(1), 64)
+        problem.system.count(flint().arb(1), 64)
     monkeypatch.setitem(sys.modules, "flint", None)
     with pytest.raises(MissingExtraError, match=r"\.\[certified\]"):
         enclose(bobs(1))

@@ -17,7 +17,7 @@ from amounts import usually
 from modal import Bob, Body, Cart, ComputationError, Fixed, Pendulum, Rod, Scene, SceneError, natural_modes, pair
 from modal.exact import Polynomial, equal_bobs, exact, exact_links, isolate, of_scene
 from modal.exact.characteristic import Factor
-from modal.exact.polynomials import above
+from modal.exact.polynomials import count_above
 from modal.symbolic import polynomial_roots, symbolic
 from modal.symbolic.roots import closed_forms
 
@@ -273,7 +273,7 @@ def test_multiple_and_rational_roots() -> None:
     for interval, root in zip(intervals, (Fraction(-3, 2), 0, 1, 2), strict=True):
         assert interval.low < root <= interval.high
         assert interval.high - interval.low <= Fraction(1, 1000)
-    assert [above(p, Fraction(a)) for a in (-2, -1, 0, 1, 2)] == [6, 5, 4, 1, 0]
+    assert [count_above(p, Fraction(a)) for a in (-2, -1, 0, 1, 2)] == [6, 5, 4, 1, 0]
 
 
 def test_roots_that_are_not_real_are_refused() -> None:

@@ -32,7 +32,7 @@ from exported import (
 )
 
 from modal import Bob, Cart, ComputationError, Pendulum, Scene, SceneError, load
-from modal.exports import FORMATS, format_named
+from modal.exports import FORMATS, find_format
 from modal.exports.data import read_json, read_npz, write_json, write_npz
 from modal.exports.scripts import to_control, to_scipy, write_mat
 from modal.exports.text import LONGEST, identifier, identifiers
@@ -383,8 +383,8 @@ def test_an_unknown_format_lists_the_others() -> None:
     with pytest.raises(
         SceneError, match="format word: must be one of control, mat, m, json, npz, tf, csv, c, fmu, modelica"
     ):
-        format_named("word")
-    assert format_named("mat").extension == ".mat"
+        find_format("word")
+    assert find_format("mat").extension == ".mat"
     assert len({form.extension for form in FORMATS.values()}) == len(FORMATS)
 
 
@@ -438,7 +438,7 @@ def test_a_title_breaks_out_of_no_comment() -> None:
 
 def test_identifiers_are_valid_and_unique() -> None:
     words = ["a b", "a_b", "2", "", "é", "a-b", "x" * 99, "x" * 98]
-    names = identifiers(words, taken=["e"])
+    names = identifiers(words, keywords=["e"])
     assert names == ("a_b", "a_b_2", "n_2", "signal", "e_2", "a_b_3", "x" * LONGEST, "x" * LONGEST + "_2")
     assert all(word.isidentifier() and word.isascii() for word in names)
 

@@ -157,7 +157,7 @@ def test_a_degenerate_space_is_followed_by_projection() -> None:
     scene = pair(Fixed())
     before, after = (solve_at(scene, LENGTH, value) for value in (1.15, 1.2))
     turn = np.array([[np.cos(0.7), np.sin(0.7)], [-np.sin(0.7), np.cos(0.7)]])
-    mixed = after.reordered(np.arange(2), after.shapes @ turn)
+    mixed = after.in_order(np.arange(2), after.shapes @ turn)
     followed, sure = follow(before, mixed)
     assert sure
     assert np.allclose(overlaps(before, followed), np.eye(2), atol=1e-12)

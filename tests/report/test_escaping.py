@@ -20,7 +20,7 @@ from matplotlib.figure import Figure
 
 from modal import SceneError, load, natural_modes
 from modal.coupling import coupling_report, explain
-from modal.exports import format_named
+from modal.exports import find_format
 from modal.exports.data import read_json, write_json
 from modal.exports.fmu import description
 from modal.modes import tables
@@ -64,7 +64,7 @@ def hidden(text: str) -> list[str]:
 def written(title: str, name: str, model: StateSpace | None = None) -> bytes:
     """A model in the format of this name."""
     model = model or state_space(titled(title, "chain-1"), [], ["angles"])
-    return format_named(name).write(sample(model, 0.1) if name == "c" else model)
+    return find_format(name).write(sample(model, 0.1) if name == "c" else model)
 
 
 # ------------------------------------------------------------------------------------------------------ exports

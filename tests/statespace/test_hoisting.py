@@ -12,7 +12,7 @@ from scipy.special import jv, yv
 
 from modal import load, natural_frequencies, natural_modes
 from modal.errors import ComputationError, SceneError
-from modal.exports import FORMATS, format_named
+from modal.exports import FORMATS, find_format
 from modal.plotting.travels import hoist_figure
 from modal.scene import Bob, Cart, Fixed, Hoist, Pendulum, Scene, Spring, Swing
 from modal.statespace import minimal, shaper_for, state_space, swings_of
@@ -216,9 +216,9 @@ def test_models_along_a_hoist_are_written_or_refused(name: str) -> None:
     varying = varying_model(load("hoisting-crane"), np.linspace(0, 8, 5))
     if name not in {"npz", "mat"}:
         with pytest.raises(SceneError, match=f"format {name}: holds a constant model"):
-            format_named(name).write_varying(varying)
+            find_format(name).write_varying(varying)
         return
-    content = BytesIO(format_named(name).write_varying(varying))
+    content = BytesIO(find_format(name).write_varying(varying))
     read = np.load(content) if name == "npz" else loadmat(content)
     for key, values in (("A", varying.A), ("B", varying.B), ("C", varying.C), ("D", varying.D)):
         assert np.array_equal(read[key], values)
