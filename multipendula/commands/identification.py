@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 from multipendula.command import (
     SCENE,
@@ -32,20 +33,21 @@ from multipendula.commands.shared import (
 )
 from multipendula.completion import files
 
+if TYPE_CHECKING:
+    from modal.identification import Assurance, Identified, ModeFit
+    from nonlinear.identification import Fit
+
 MEASURED = "measured modes, a CSV file with mode, frequency_hz, std_hz and columns theta_P_L and cart of the shapes"
 
 
-def fit(options: argparse.Namespace) -> None:
+def fit(options: argparse.Namespace) -> Fit | ModeFit | None:
     """Fit numbers of a scene to measured motions or modes, with error bars, and say what the data leave open."""
     from modal.identification import has_modes
 
-    if any(map(has_modes, options.data)):
-        _fit_modes(options)
-    else:
-        _fit_motions(options)
+    return (_fit_modes if any(map(has_modes, options.data)) else _fit_motions)(options)
 
 
-def _fit_modes(options: argparse.Namespace) -> None:
+def _fit_modes(options: argparse.Namespace) -> ModeFit:
     from modal.errors import SceneError
     from modal.identification import fit_modes, mode_fit_json, mode_fit_text, read_modes
     from modal.scene import dumps, load
@@ -78,9 +80,10 @@ def _fit_modes(options: argparse.Namespace) -> None:
         files[options.picture] = pictured(lambda stream: draw_mode_fit(fitted, stream, kind), options.theme)
     write_together(files)
     say(mode_fit_json(fitted) if options.format == "json" else mode_fit_text(fitted), options.format)
+    return fitted
 
 
-def _fit_motions(options: argparse.Namespace) -> None:
+def _fit_motions(options: argparse.Namespace) -> Fit | None:
     from modal.identification import find_parameters
     from modal.scene import dumps, load
     from nonlinear.identification import compare, fit_json, fit_text, parse_where, read_recording
@@ -121,9 +124,10 @@ def _fit_motions(options: argparse.Namespace) -> None:
     write_together(files)
     told = fit_json if options.format == "json" else fit_text
     say(told(estimate, candidates, draws), options.format)
+    return None if candidates or draws else estimate
 
 
-def poles(options: argparse.Namespace) -> None:
+def poles(options: argparse.Namespace) -> Identified:
     """Find frequencies, damping ratios and shapes in measured motions, without a scene."""
     from modal.identification import identify, poles_table
     from nonlinear.identification import parse_where, read_recording
@@ -152,9 +156,10 @@ def poles(options: argparse.Namespace) -> None:
         with drawn(options.output, options.theme) as stream:
             draw_poles(identified, stream, kind, title)
     say(poles_table(identified, options.format, title), options.format)
+    return identified
 
 
-def mac(options: argparse.Namespace) -> None:
+def mac(options: argparse.Namespace) -> Assurance:
     """Compare measured with computed modes: MAC matrix, pairs and errors of frequencies."""
     from modal.identification import assurance_table, compare_modes, read_modes
     from modal.modes import natural_modes
@@ -173,6 +178,7 @@ def mac(options: argparse.Namespace) -> None:
         with drawn(options.output, options.theme) as stream:
             draw_assurance(comparison, stream, kind)
     say(assurance_table(comparison, options.format), options.format)
+    return comparison
 
 
 COMMANDS = (

@@ -14,11 +14,13 @@ from multipendula.options import FILMS, PICTURES, RUNS
 
 if TYPE_CHECKING:
     from modal.identification import Estimate
+    from nonlinear.ensembles import Compilation
+    from nonlinear.integration import Trajectory
 
 BAND_MEMBERS = 200
 
 
-def simulate(options: argparse.Namespace) -> None:
+def simulate(options: argparse.Namespace) -> Trajectory:
     """Simulate the motion at large angles, with checks of its accuracy."""
     from modal.report import visible
     from modal.scene import STANDARD, kind_of
@@ -49,7 +51,7 @@ def simulate(options: argparse.Namespace) -> None:
         from nonlinear.postprocessing import run_inventory
 
         sys.stderr.write(run_inventory(trajectory).text())
-    whole(trajectory)
+    return whole(trajectory)
 
 
 def _place_of_part(output: str) -> str:
@@ -123,7 +125,7 @@ def animate(options: argparse.Namespace) -> None:
         remark(f"{shown.left_out:.3g} s of the run left out; --seconds or --speed")
 
 
-def compile_ahead(options: argparse.Namespace) -> None:
+def compile_ahead(options: argparse.Namespace) -> Compilation:
     """Compile what the fast integrators need for a scene, and keep it for later commands."""
     from modal.scene import load
     from nonlinear.ensembles import compilation_table, compile_engines
@@ -131,6 +133,7 @@ def compile_ahead(options: argparse.Namespace) -> None:
     compiled = compile_engines(load(options.scene) if options.scene else None, **kwargs_of(options, "--tolerance"))
     with output(options.output) as write:
         write(compilation_table(compiled, options.format))
+    return compiled
 
 
 COMMANDS = (

@@ -25,10 +25,13 @@ from multipendula.completion import words
 
 if TYPE_CHECKING:
     from modal.scene import Scene
+    from modal.statespace import StateSpace
+    from modal.statespace.gains import Gains
     from modal.statespace.sampling import VaryingModel
+    from modal.statespace.shapers import Shaper
 
 
-def export(options: argparse.Namespace) -> None:
+def export(options: argparse.Namespace) -> StateSpace | VaryingModel:
     """Write a state-space model for control software, a simulator or a controller."""
     from modal.exports import format_named
     from modal.scene import whole_file
@@ -37,10 +40,11 @@ def export(options: argparse.Namespace) -> None:
     scene = scene_at(options)
     about(noted(scene.at(0.0), "a constant linear model"))
     if scene.is_hoisted:
-        content = target.write_varying(_varying(scene, options))
+        varying = _varying(scene, options)
+        content = target.write_varying(varying)
         with whole_file(options.output) as stream:
             stream.write(content)
-        return
+        return varying
     model = model_of(scene, options)
     if options.discrete:
         from modal.statespace.sampling import sample
@@ -51,6 +55,7 @@ def export(options: argparse.Namespace) -> None:
         stream.write(content)
     if note := target.note(content):
         remark(note)
+    return model
 
 
 def _varying(scene: Scene, options: argparse.Namespace) -> VaryingModel:
@@ -64,7 +69,7 @@ def _varying(scene: Scene, options: argparse.Namespace) -> VaryingModel:
     return varying_model(scene, None, listed(options.input), listed(options.signals))
 
 
-def gains(options: argparse.Namespace) -> None:
+def gains(options: argparse.Namespace) -> Gains:
     """Print how well every input reaches each mode and every output sees it."""
     from modal.modes import natural_modes
     from modal.statespace import modal_gains
@@ -73,6 +78,7 @@ def gains(options: argparse.Namespace) -> None:
     gains = modal_gains(natural_modes(scene), model_of(scene, options))
     with output(options.output) as write:
         write(gains.text() + "\n")
+    return gains
 
 
 def response(options: argparse.Namespace) -> None:
@@ -129,7 +135,7 @@ def response(options: argparse.Namespace) -> None:
                 draw_bode(form, stream, source=at, outputs=chosen, kind=kind, std=std)
 
 
-def shaper(options: argparse.Namespace) -> None:
+def shaper(options: argparse.Namespace) -> Shaper:
     """Print an input shaper that suppresses residual swing in the slowest modes of a crane."""
     from modal.errors import SceneError
     from modal.report import csv_rows, folded
@@ -165,6 +171,7 @@ def shaper(options: argparse.Namespace) -> None:
     with output(options.output) as write:
         write("".join(folded(f"# {words}", mark="# ") + "\n" for words in remarks))
         write(csv_rows([("time_s", "amplitude"), *impulses]))
+    return shaped_command
 
 
 COMMANDS = (
