@@ -166,7 +166,8 @@ def schema() -> dict[str, Any]:
     document = Scene.model_json_schema()
     for name in ("RandomMotion", "RandomForce"):
         random = document["$defs"][name]["properties"]
-        random["psd"] = {"anyOf": [random["psd"], {"type": "string"}], "title": "Psd"}
+        words = random["psd"].pop("description")
+        random["psd"] = {"anyOf": [random["psd"], {"type": "string"}], "title": "Psd", "description": words}
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **document}
 
 
