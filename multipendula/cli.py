@@ -317,9 +317,14 @@ def _refuse(problem: object, code: int, page: Page | None = None) -> int:
 def _page(given: Sequence[str]) -> tuple[Page, Sequence[str]]:
     """The page of the command that is called, and its words; that of all commands, and all words, where none is."""
     from multipendula.commands import command_named
+    from multipendula.flags import FORMER_COMMANDS
 
-    command = command_named(given[0])
-    return (command.page(), given[1:]) if command else (_parser(), given)
+    if command := command_named(given[0]):
+        return command.page(), given[1:]
+    parser = _parser()
+    if now := FORMER_COMMANDS.get(given[0]):
+        parser.error(f"{given[0]}: is now `multipendula {now}`")
+    return parser, given
 
 
 def _parser(name: str = "") -> Page:

@@ -10,7 +10,7 @@ from functools import cached_property
 from itertools import takewhile, zip_longest
 from typing import TYPE_CHECKING, Any, NoReturn
 
-from multipendula.flags import ELSEWHERE, FLAGS, SYNONYMS
+from multipendula.flags import ASIDE, ELSEWHERE, FLAGS, SYNONYMS
 
 if TYPE_CHECKING:
     from multipendula.flags import Former
@@ -100,6 +100,7 @@ class Page(argparse.ArgumentParser):
         topics = (
             textwrap.fill(f"  {topic:<{width}}{', '.join(names)}", WIDTH, subsequent_indent=" " * (width + 2))
             for topic, names in self.topics.items()
+            if topic != ASIDE
         )
         about = textwrap.fill(self.description or "", WIDTH)
         steps = f"first steps:\n{shown(self.examples)}"

@@ -1,4 +1,4 @@
-"""The commands about state-space models: export, gains, response, shaper."""
+"""The commands about state-space models: export, response, shaper."""
 
 from __future__ import annotations
 
@@ -6,7 +6,17 @@ import argparse
 from typing import TYPE_CHECKING
 
 from modal.exports import FORMATS
-from multipendula.command import SCENE, Command, formats, main_file, option, picture_file, report_file, text_file
+from multipendula.command import (
+    SCENE,
+    Command,
+    formats,
+    main_file,
+    option,
+    picture_file,
+    refuse,
+    report_file,
+    text_file,
+)
 from multipendula.commands.models import SIGNALS, model_of, scene_at, scene_of
 from multipendula.commands.shared import (
     about,
@@ -69,20 +79,8 @@ def _varying(scene: Scene, options: argparse.Namespace) -> VaryingModel:
     return varying_model(scene, None, listed(options.input), listed(options.signals))
 
 
-def gains(options: argparse.Namespace) -> Gains:
-    """Print how well every input reaches each mode and every output sees it."""
-    from modal.modes import natural_modes
-    from modal.statespace import modal_gains
-
-    scene = scene_of(options, "a constant linear model")
-    gains = modal_gains(natural_modes(scene), model_of(scene, options))
-    with output(options.output) as write:
-        write(gains.text() + "\n")
-    return gains
-
-
-def response(options: argparse.Namespace) -> None:
-    """Draw a Bode plot or an impulse response, or print the response at given frequencies."""
+def response(options: argparse.Namespace) -> Gains | None:
+    """Draw a Bode plot or an impulse response, or print numbers: at frequencies, or the gains of every mode."""
     from math import pi
 
     import numpy as np
@@ -92,9 +90,11 @@ def response(options: argparse.Namespace) -> None:
     from modal.scene import STANDARD, require
     from modal.statespace import impulse_table, response_table, to_modal_form
 
+    if options.gains:
+        return _gains(options)
     in_words = options.impulse and getattr(options, "format_asked", False)
     if not (options.output or options.at or in_words):
-        raise SceneError(["give a picture to write, -o FILE, or frequencies to print, --at HERTZ"])
+        raise SceneError(["give a picture to write, -o FILE, frequencies to print, --at HERTZ, or --gains"])
     told = STANDARD if in_words and options.output == STANDARD else None
     capability = "an impulse response" if options.impulse else "a frequency response"
     kind, scene = picture(options.output) if options.output and not told else "", scene_of(options, capability)
@@ -133,6 +133,25 @@ def response(options: argparse.Namespace) -> None:
                 draw_impulse(form, stream, source=at, outputs=chosen, kind=kind)
             else:
                 draw_bode(form, stream, source=at, outputs=chosen, kind=kind, std=std)
+    return None
+
+
+def _gains(options: argparse.Namespace) -> Gains:
+    """How well every input reaches each mode and every output sees it."""
+    from modal.errors import SceneError
+    from modal.modes import natural_modes
+    from modal.scene import STANDARD
+    from modal.statespace import modal_gains
+
+    refuse(options, "cannot be combined with --gains", "--covariance", "--at", "--from", "--of", "--impulse")
+    if options.format != "text" or options.output not in {None, STANDARD}:
+        words = getattr(options, "format_words", f"-o {options.output}" if options.output else "--format")
+        raise SceneError([f"{words}: gains are text, of which a file ends in .txt"])
+    scene = scene_of(options, "a constant linear model")
+    gains = modal_gains(natural_modes(scene), model_of(scene, options))
+    with output(options.output) as write:
+        write(gains.text() + "\n")
+    return gains
 
 
 def shaper(options: argparse.Namespace) -> Shaper:
@@ -211,20 +230,6 @@ COMMANDS = (
         ),
     ),
     Command(
-        name="gains",
-        topic="control",
-        run=gains,
-        takes=(SCENE, *SIGNALS, *text_file(kind="txt")),
-        details=(
-            "Degrees of controllability and observability instead of ranks: the gain of every mode from each input and "
-            "to each output, relative to the largest gain of that signal."
-        ),
-        examples=(
-            ("gains crane-two-loads", "how well a force on the trolley reaches each mode"),
-            ("gains crane-two-loads --signals cart_position", "which modes the trolley's position alone observes"),
-        ),
-    ),
-    Command(
         name="response",
         topic="control",
         run=response,
@@ -238,14 +243,17 @@ COMMANDS = (
             option("--from (default the first)", dest="source"),
             option("--of (default all)", keyword="outputs"),
             "--impulse instead of the Bode plot",
+            "--gains, instead",
         ),
         details=(
             "Magnitude and phase of every output for one input, accurate at any distance from the modes, or the "
             "impulse response in closed form. Peaks of damped modes have their true height; a note below the picture "
-            "says where infinite ones are cut."
+            "says where infinite ones are cut. With --gains, degrees of controllability and observability in place of "
+            "ranks: the gain of every mode from each input and to each output, relative to the largest of that signal."
         ),
         examples=(
             ("response crane-hook -o bode.png", "every output of the crane"),
+            ("response crane-two-loads --gains", "how well a force on the trolley reaches each mode"),
             (
                 "response crane-hook --input cart_acceleration --of theta_1_2 -o load.png",
                 "one output, with prescribed trolley motion",
@@ -255,7 +263,6 @@ COMMANDS = (
                 "to wind on the load: a force at a point",
             ),
             ("response crane-hook --impulse -o impulse.svg", "after an impulse on the trolley; .csv for its numbers"),
-            ("response crane-hook --at 0.1,0.3,1 --format json", "numbers instead of a picture"),
         ),
     ),
     Command(

@@ -1,4 +1,4 @@
-"""The commands about a moved support at small angles: vibration and shock."""
+"""The command about a moved support at small angles: vibration, at random or by a record, and thermal noise."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ import argparse
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from multipendula.command import SCENE, Command, argument, option, picture_file, text_file
+from multipendula.command import SCENE, Command, option, picture_file, refuse, text_file
 from multipendula.commands.shared import about, draw_in, listed, noted, output, picture_in_place
-from multipendula.completion import files, words
+from multipendula.completion import words
 
 if TYPE_CHECKING:
     from modal.scene import Scene
@@ -29,23 +29,22 @@ WRITTEN = (
     *picture_file(),
 )
 """The outputs of the model, and the files."""
-MOTION = (
-    "CSV file of the support's motion along the rail: time_s, and displacement_m, velocity_m_per_s or "
-    "acceleration_m_per_s2"
-)
 
 
-def vibration(options: argparse.Namespace) -> RandomResponse | ThermalNoise | None:
-    """Compute the PSD and RMS of every output when the support shakes, or a force acts, at random; thermal noise."""
+def vibration(options: argparse.Namespace) -> RandomResponse | ThermalNoise | ShockResponse | None:
+    """Compute the response to a shaking support or a force, at random or by a record, and thermal noise."""
     from modal.errors import SceneError
     from modal.scene.records import read_spectrum
     from modal.vibration import random_report, random_response
     from modal.vibration.random import INPUT
 
+    if options.record is not None:
+        return _shock(options)
+    refuse(options, "needs --record CSV", "--baseline")
     if options.temperature is not None:
         return _thermal(options)
     if options.psd is None:
-        raise SceneError(["give --psd CSV, --temperature KELVIN, or both"])
+        raise SceneError(["give --psd CSV, --temperature KELVIN, or both; or --record CSV"])
     if options.at:
         raise SceneError(["--at: is of thermal noise: give --temperature KELVIN"])
 
@@ -81,11 +80,13 @@ def _thermal(options: argparse.Namespace) -> ThermalNoise | None:
     return None if beside or at else noise
 
 
-def shock(options: argparse.Namespace) -> ShockResponse:
-    """Compute the response of every mode and output to a record of the support's motion, and its peaks."""
+def _shock(options: argparse.Namespace) -> ShockResponse:
+    """The response of every mode and output to a record of the support's motion, and its peaks."""
     from modal.scene import RecordMotion
     from modal.scene.records import read_record
     from modal.vibration import shock_report, shock_response
+
+    refuse(options, "cannot be combined with --record", "--psd", "--temperature", "--at", "--input")
 
     def respond(scene: Scene, **outputs: tuple[str, ...]) -> Any:
         motion = RecordMotion(**read_record(options.record), baseline=options.baseline)
@@ -121,6 +122,9 @@ COMMANDS = (
             "displacement_psd; of a force, with psd in N²/Hz, where --input names one",
             "--temperature, reported with a budget by place; beside that of the PSD where there is a --psd",
             "--at: the thermal noise (default some over its band)",
+            "--record: time_s, and displacement_m, velocity_m_per_s or acceleration_m_per_s2 of the support",
+            "--baseline, a --record (default keep): velocity takes out a constant acceleration so that the support "
+            "ends as it began",
             option(
                 "--input: the one that the PSD is of, support_acceleration (default), cart_force, on a structure the "
                 "force on a coordinate, such as floor2_force, force:POINT, lift:POINT or torque:POINT, with a POINT "
@@ -135,7 +139,9 @@ COMMANDS = (
             "logarithmic axes and is zero outside its frequencies. The RMS of each mode alone stands beside Miles' "
             "equation; an undamped mode that the noise reaches has no finite RMS. CSV and JSON contain the PSDs. With "
             "--temperature, the thermal noise of dampers, drag and loss angles by the fluctuation-dissipation theorem, "
-            "of tip_positions by default."
+            "of tip_positions by default. A --record is joined by a spline, and every mode followed exactly through it "
+            "and two of the slowest periods beyond: peaks by output and by mode, beside them those of the modes "
+            "combined by SRSS and CQC, and the effective masses with the number of modes that hold 90 % of the mass."
         ),
         examples=(
             ("vibration suspension.toml --psd ground.csv", "two files of the folder examples"),
@@ -147,27 +153,10 @@ COMMANDS = (
                 "vibration suspension --temperature 290 --at 1,10,100",
                 "the thermal noise of the shipped suspension, by wire",
             ),
-        ),
-    ),
-    Command(
-        name="shock",
-        topic="control",
-        run=shock,
-        takes=(
-            SCENE,
-            argument("record", "RECORD", MOTION, files((".csv",))),
-            "--baseline (default keep): velocity takes out a constant acceleration so that the support ends as it "
-            "began",
-            *WRITTEN,
-        ),
-        details=(
-            "At small angles, exactly: the record is joined by a spline, and every mode is followed through it and two "
-            "of the slowest periods beyond. Beside the exact peaks are those of the modes combined by SRSS and CQC, "
-            "and the effective masses with the number of modes that hold 90 % of the mass."
-        ),
-        examples=(
-            ("shock tower quake.csv", "peaks by output and by mode; the record is in the folder examples"),
-            ("shock tower quake.csv --baseline velocity --picture shock.png", "without a drift, with a figure"),
+            (
+                "vibration tower --record quake.csv --baseline velocity --picture shock.png",
+                "peaks in an earthquake, without drift (a record of the folder examples)",
+            ),
         ),
     ),
 )

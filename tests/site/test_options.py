@@ -120,7 +120,7 @@ def test_a_former_spelling_is_told_with_the_new_one(
 
 def test_values_of_today_are_taken_where_an_option_stays() -> None:
     assert not FORMER["spread", "--tolerance"].words("--tolerance", "1e-10")
-    assert not FORMER["gains", "--output"].words("--output", "angles.txt")
+    assert not FORMER["response", "--output"].words("--output", "angles.txt")
 
 
 def test_every_command_has_its_functions() -> None:
