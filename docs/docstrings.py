@@ -5,7 +5,7 @@ links to it.  The signature of a part of a scene shows its fields.
 
 Functions get Parameters, Returns, Raises and Examples (`sections`), as their docstring has them under such headings or,
 where it is prose alone, from the signature, from sentences that begin with a parameter, and from those about errors.
-The parameters of a part of a scene are the rows of its table in `docs/reference/scene.md`.
+Those of a part of a scene are its fields, with the types that they accept.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from itertools import groupby
 from typing import Any
 
 from docutils import nodes
-from generated import REFERENCE, ROOT, documented
+from generated import ROOT, documented
 from sphinx.application import Sphinx
 
 from modal.scene.validation import Part
@@ -39,7 +39,6 @@ CLAUSE = re.compile(
 NEXT_ERROR = re.compile(r"(?:, and |, | and )(?=[A-Z]\w*Error\b)")
 SENTENCE = re.compile(r"(?<=[.!?])\s+(?=[A-Z`(])")
 WORD = re.compile(r"([A-Za-z_][\w.]*)")
-LINK = re.compile(r"\[([^\]]*)\]\([^)]*\)")
 CITATION = re.compile(r"\[([A-Z][A-Za-z]+\d{4}[ab]?)(?:, ([^\]]+))?\]")
 MATHEMATICS = re.compile(r"\$([^$]+)\$")
 
@@ -143,28 +142,14 @@ def _signature_of(thing: object) -> inspect.Signature | None:
     if not (inspect.isroutine(thing) or is_record):
         return None
     try:
-        if isinstance(thing, type) and issubclass(thing, Part):
-            return inspect.Signature([_keyword(name, thing) for name in thing.fields])
         return inspect.signature(thing)  # type: ignore[arg-type]
     except (TypeError, ValueError):
         return None
 
 
-def _keyword(name: str, part: type[Part]) -> inspect.Parameter:
-    """A field of a part of a scene as a parameter of its constructor."""
-    entry = part.fields[name]
-    kind = next(
-        vars(base)["__annotations__"][name] for base in part.__mro__ if name in vars(base).get("__annotations__", {})
-    )
-    default = inspect.Parameter.empty if entry.is_required else entry.default
-    return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=kind)
-
-
 def _fields(divided: Sections, signature: inspect.Signature, thing: object) -> Iterator[str]:
     """Lists of fields, which Sphinx sets as Parameters, Returns and Raises."""
     told = {name: words for names, words in divided.parameters.items() for name in names.replace("*", "").split(", ")}
-    if isinstance(thing, type) and issubclass(thing, Part):
-        told |= _rows(thing)
     for name, parameter in signature.parameters.items():
         if name in ("self", "cls") or name.startswith("_"):
             continue
@@ -223,22 +208,6 @@ def _usual(default: object) -> str:
     if isinstance(default, float) and len(repr(default)) > LONG:
         return f", default ``{default:.4g}``"
     return f", default ``{default!r}``" if isinstance(default, bool | int | float | str) else ""
-
-
-def _rows(part: type[Part]) -> dict[str, str]:
-    """What the page about scene files says of the keys of a part, from the section that has most of them."""
-    best: dict[str, str] = {}
-    for section in re.split(r"\n#{2,3} ", (REFERENCE / "scene.md").read_text(encoding="utf-8")):
-        rows = re.findall(r"^\| `(\w+)`[^|]* \|([^|]*)\|([^|]*)\| ([^|\n]*) \|$", section, flags=re.MULTILINE)
-        told = {key: _meaning(unit.strip(), words) for key, unit, _, words in rows if key in part.fields}
-        best = told if len(told) > len(best) else best
-    return best
-
-
-def _meaning(unit: str, words: str) -> str:
-    """A meaning with its unit, without links and LaTeX."""
-    words = LINK.sub(r"\1", words)
-    return f"{words} ({unit})" if unit and words else words or (f"in {unit}" if unit else "")
 
 
 def rst(lines: Iterable[str]) -> Iterator[str]:

@@ -19,7 +19,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, redirect_stderr, redirect_stdout, suppress
 from io import StringIO, TextIOBase, TextIOWrapper
 from shutil import get_terminal_size
-from typing import TYPE_CHECKING, TextIO
+from typing import TYPE_CHECKING, Any, TextIO
 
 if TYPE_CHECKING:
     import argparse
@@ -115,14 +115,19 @@ def _obey(arguments: Sequence[str] | None, stopped: Sequence[int]) -> int:
     if sys.stdout is None:
         return _refuse("standard output is closed", 1)
     try:
-        with _channels(options), _reported(options):
-            options.run(options)
+        perform(options)
         sys.stdout.flush()
     except BaseException as error:
         if stopped:
             raise KeyboardInterrupt from None
         return _answer(error, options)
     return 0
+
+
+def perform(options: argparse.Namespace) -> Any:
+    """Run the command of these options, and return its result."""
+    with _channels(options), _reported(options):
+        return options.run(options)
 
 
 def _spell() -> None:
@@ -262,7 +267,7 @@ def _reported(options: argparse.Namespace) -> Iterator[None]:
     from modal.errors import SceneError
     from modal.report import fitted
     from modal.scene import whole_file
-    from multipendula.commands.shared import in_a_folder
+    from multipendula.commands.shared import in_a_folder, printing
 
     in_a_folder(name)
     if getattr(options, "format", "text") not in {"text", form}:
@@ -270,7 +275,7 @@ def _reported(options: argparse.Namespace) -> Iterator[None]:
     options.format, options.format_asked = form, True
     setattr(options, place, None)
     options.format_words = f"-o {name}"
-    with whole_file(name) as stream, fitted(None), redirect_stdout(StringIO()) as text:
+    with whole_file(name) as stream, fitted(None), printing(StringIO()) as text:
         yield
         stream.write(text.getvalue().encode())
 

@@ -159,7 +159,7 @@ class Command(NamedTuple):
 
     name: str
     topic: str
-    run: Callable[[argparse.Namespace], None]
+    run: Callable[[argparse.Namespace], Any]
     takes: tuple[Takes, ...]
     details: str
     examples: Examples

@@ -94,13 +94,13 @@ def save(trajectory: Trajectory, path: str | os.PathLike[str]) -> None:
         stream.write(content)
 
 
-def load(path: str | os.PathLike[str]) -> Trajectory:
+def load(path: str | os.PathLike[str] | Trajectory) -> Trajectory:
     """Read a trajectory from a file written by `save`.
 
     Parameters
     ----------
     path
-        The .npz file.
+        The .npz or .csv file.  A trajectory is its own.
 
     Returns
     -------
@@ -123,6 +123,8 @@ def load(path: str | os.PathLike[str]) -> Trajectory:
     ...     print(error)
     nosuch.npz: cannot be read: No such file or directory
     """
+    if isinstance(path, Trajectory):
+        return path
     name, kind = os.fspath(path), checked_kind(path)
     with reading(name, "trajectory"):
         header, times, parts = _read_npz(name) if kind == "npz" else _read_csv(name)

@@ -167,6 +167,7 @@ def test_nobody_imports_the_command_and_modal_nothing_of_nonlinear() -> None:
         package = name.partition(".")[0]
         used = {target.partition(".")[0] for target in imports(path)} & set(PACKAGES)
         assert used <= set(PACKAGES[: PACKAGES.index(package) + 1]), name
+        assert "multipendula" not in imports(path), f"{name} imports from the namespace, which is for users"
 
 
 def test_the_check_of_imports_bites(tmp_path: Path) -> None:

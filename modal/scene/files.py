@@ -37,14 +37,14 @@ _DEEP = re.compile(
 SHIPPED = Path(__file__).parent / "shipped"
 
 
-def load(source: str | os.PathLike[str]) -> Scene:
+def load(source: str | os.PathLike[str] | Scene) -> Scene:
     """The scene at a path, of a shipped name, or from standard input.
 
     Parameters
     ----------
     source
         A path to a TOML file, the name of a shipped scene (one of `example_names`), or "-" for standard input.  A file
-        comes before a shipped scene of the same name.
+        comes before a shipped scene of the same name.  A scene is its own.
 
     Returns
     -------
@@ -63,6 +63,8 @@ def load(source: str | os.PathLike[str]) -> Scene:
     >>> load("paper-cart-2").n_links
     4
     """
+    if isinstance(source, Scene):
+        return source
     name = os.fspath(source)
     try:
         return parse(_read(name), Path(name).parent)
@@ -164,7 +166,8 @@ def schema() -> dict[str, Any]:
     document = Scene.model_json_schema()
     for name in ("RandomMotion", "RandomForce"):
         random = document["$defs"][name]["properties"]
-        random["psd"] = {"anyOf": [random["psd"], {"type": "string"}], "title": "Psd"}
+        words = random["psd"].pop("description")
+        random["psd"] = {"anyOf": [random["psd"], {"type": "string"}], "title": "Psd", "description": words}
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **document}
 
 

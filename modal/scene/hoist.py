@@ -24,7 +24,20 @@ import numpy as np
 
 from modal.report import Displayed
 from modal.scene.stored import SeveralOrNone
-from modal.scene.validation import LARGEST, POSITIVE, REAL, UNREAD, Part, field, list_of, number, one_of, optional
+from modal.scene.validation import (
+    FILE_NAME,
+    LARGEST,
+    POSITIVE,
+    REAL,
+    REALS_OR_NONE,
+    UNREAD,
+    Part,
+    field,
+    list_of,
+    number,
+    one_of,
+    optional,
+)
 from modal.types import Booleans, Floats
 
 RECORD = ("time_s", "length_m")
@@ -41,14 +54,14 @@ class Hoist(Part):
     `ramp` is the share of the duration for which a trapezoidal speed rises, and falls.
     """
 
-    to: float | None = field(optional(POSITIVE), default=None)
-    begin: float = field(REAL, default=0.0)
-    duration: float | None = field(optional(POSITIVE), default=None)
-    profile: Profile = field(one_of("smooth", "trapezoidal"), default="smooth")
-    ramp: float | None = field(optional(number(ge=1e-3, le=0.5)), default=None)
-    file: str | None = field(optional({"type": "str", "max_length": 4096}), default=None)
-    time_s: SeveralOrNone[float] = field(optional(list_of(REAL)), default=None)
-    length_m: SeveralOrNone[float] = field(optional(list_of(POSITIVE)), default=None)
+    to: float | None = field(optional(POSITIVE), "length at the end, required without a file", "m", default=None)
+    begin: float = field(REAL, "time at which the length begins to change", "s", default=0.0)
+    duration: float | None = field(optional(POSITIVE), "of the change, required without a file", "s", default=None)
+    profile: Profile = field(one_of("smooth", "trapezoidal"), "how the speed rises and falls", default="smooth")
+    ramp: float | None = field(optional(number(ge=1e-3, le=0.5)), "share of the duration, of trapezoids", default=None)
+    file: str | None = field(FILE_NAME, "name of a CSV file with time_s and length_m", default=None)
+    time_s: SeveralOrNone[float] = field(REALS_OR_NONE, "times of a record in place of these", "s", default=None)
+    length_m: SeveralOrNone[float] = field(optional(list_of(POSITIVE)), "lengths at these times", "m", default=None)
 
     @property
     def is_recorded(self) -> bool:

@@ -44,8 +44,8 @@ class LossTable(Part):
     (0.0001, 0.001)
     """
 
-    frequency_hz: Several[float] = field(list_of(number(ge=0, le=1e100)))
-    loss: Several[float] = field(list_of(NON_NEGATIVE))
+    frequency_hz: Several[float] = field(list_of(number(ge=0, le=1e100)), "ascending", "Hz")
+    loss: Several[float] = field(list_of(NON_NEGATIVE), "loss angles at these frequencies", "rad")
 
     def problems(self) -> Iterator[str]:
         """Lists that do not fit each other, frequencies that do not ascend."""
@@ -86,13 +86,13 @@ Scalar = Callable[[float], Any]
 class VanDerPol(Part):
     """The torque e (1 − (γ/γ₀)²) γ': supplies energy within γ₀ and dissipates it beyond.
 
-    `strength` e (N m s/rad), `angle_deg` γ₀ (Pantaleone, Am. J. Phys. 70, 992 (2002), equation (1)).  Alone on a
-    lightly driven pendulum it keeps the amplitude 2 γ₀, with a damper d at the same joint 2 γ₀ √(1 − d/e).
+    Alone on a lightly driven pendulum it keeps the amplitude 2 γ₀, with a damper d at the same joint 2 γ₀ √(1 − d/e)
+    (Pantaleone, Am. J. Phys. 70, 992 (2002), equation (1)).
     """
 
     kind: Literal["van-der-pol"] = field(one_of("van-der-pol"), default="van-der-pol")
-    strength: float = field(POSITIVE)
-    angle_deg: float = field(number(ge=1e-6, le=180))
+    strength: float = field(POSITIVE, "e", "N m s/rad")
+    angle_deg: float = field(number(ge=1e-6, le=180), "γ₀", "°")
 
     def stronger(self, factor: float) -> VanDerPol:
         """So many times the torque."""
@@ -107,8 +107,8 @@ class Escapement(Part):
     """
 
     kind: Literal["escapement"] = field(one_of("escapement"), default="escapement")
-    impulse: float = field(POSITIVE)
-    angle_deg: float = field(number(ge=0, lt=180), default=0.0)
+    impulse: float = field(POSITIVE, "of one kick", "N m s")
+    angle_deg: float = field(number(ge=0, lt=180), "joint angle of the kick", "°", default=0.0)
 
     def stronger(self, factor: float) -> Escapement:
         """So many times the kick."""
@@ -119,26 +119,23 @@ Drive = VanDerPol | Escapement
 
 
 class Link(Part):
-    """Mass (kg) and length (m) of a link, and what acts on it besides gravity.
+    """Mass and length of a link, and what acts on it besides gravity.
 
-    At its upper joint a damper (N m s/rad), a spring (N m/rad), dry `friction` (N m) and a drive; at its centre the
-    `drag` (N s/m) and `quadratic_drag` (N s²/m²) of still air.  `loss` is the loss angle φ of the spring, stiffness
-    (1 + iφ), `wire_loss` that of a bob's rope, (weight below/length)(1 + iφ), φ already diluted.
-    `hoist` prescribes the length of a bob's rope from a time on, `length` being that before.
+    `loss` is φ of stiffness (1 + iφ), `wire_loss` that of (weight below/length)(1 + iφ), already diluted.
     """
 
-    mass: float = field(POSITIVE)
-    length: float = field(POSITIVE)
-    damping: float = field(NON_NEGATIVE, default=0.0)
-    stiffness: float = field(NON_NEGATIVE, default=0.0)
-    friction: float = field(NON_NEGATIVE, default=0.0)
-    drag: float = field(NON_NEGATIVE, default=0.0)
-    quadratic_drag: float = field(NON_NEGATIVE, default=0.0)
-    loss: Loss = field(LOSS_ANGLE, default=0.0)
-    wire_loss: Loss = field(LOSS_ANGLE, default=0.0)
-    drive: Drive | None = field(optional(any_kind(VanDerPol, Escapement)), default=None)
-    hoist: Hoist | None = field(optional(Hoist.schema()), default=None)
-    count: int = field(COUNT, default=1)
+    mass: float = field(POSITIVE, "positive", "kg")
+    length: float = field(POSITIVE, "from the upper joint to the next one, or to the end; before a hoist", "m")
+    damping: float = field(NON_NEGATIVE, "damper at the upper joint", "N m s/rad", default=0.0)
+    stiffness: float = field(NON_NEGATIVE, "spring at the upper joint", "N m/rad", default=0.0)
+    friction: float = field(NON_NEGATIVE, "dry friction at the upper joint, in the plane", "N m", default=0.0)
+    drag: float = field(NON_NEGATIVE, "linear drag of the centre of mass against still air", "N s/m", default=0.0)
+    quadratic_drag: float = field(NON_NEGATIVE, "quadratic drag of the same", "N s²/m²", default=0.0)
+    loss: Loss = field(LOSS_ANGLE, "loss angle of the spring at the joint, or a table", "rad", default=0.0)
+    wire_loss: Loss = field(LOSS_ANGLE, "loss angle of the rope of a bob, diluted, or a table", "rad", default=0.0)
+    drive: Drive | None = field(optional(any_kind(VanDerPol, Escapement)), "at the upper joint", default=None)
+    hoist: Hoist | None = field(optional(Hoist.schema()), "of a bob: how its length changes in time", default=None)
+    count: int = field(COUNT, "number of equal links in a row", default=1)
 
     is_uniform: ClassVar[bool] = True
     """Whether the centre scales with the length and the inertia with mass times length²."""
@@ -219,8 +216,8 @@ class Body(Link):
     """
 
     kind: Literal["body"] = field(one_of("body"), default="body")
-    centre: float = field(NON_NEGATIVE)
-    inertia: float = field(NON_NEGATIVE)
+    centre: float = field(NON_NEGATIVE, "from the upper joint to the centre of mass", "m")
+    inertia: float = field(NON_NEGATIVE, "moment of inertia about the centre of mass", "kg m²")
 
     is_uniform: ClassVar[bool] = False
     extensive: ClassVar[tuple[str, ...]] = (*Link.extensive, "inertia")

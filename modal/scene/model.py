@@ -45,7 +45,9 @@ from modal.scene.supports import (
 from modal.scene.validation import (
     COUNT,
     POSITIVE,
-    REAL,
+    REALS,
+    REALS_OR_NONE,
+    TRUTH,
     Part,
     after,
     any_kind,
@@ -57,6 +59,7 @@ from modal.scene.validation import (
     optional,
     parts,
     parts_or_none,
+    text,
 )
 
 MAX_CHAIN = 20_000
@@ -77,10 +80,10 @@ class InitialCondition(Part):
     (30.0, 0.0)
     """
 
-    angles_deg: Several[float] = field(list_of(REAL))
-    rates_deg: SeveralOrNone[float] = field(optional(list_of(REAL)), default=None)
-    azimuths_deg: SeveralOrNone[float] = field(optional(list_of(REAL)), default=None)
-    spread: bool = field({"type": "bool", "strict": True}, default=False)
+    angles_deg: Several[float] = field(REALS, "from the vertical, one for each link", "°")
+    rates_deg: SeveralOrNone[float] = field(REALS_OR_NONE, "one for each link, or all 0", "°/s", default=None)
+    azimuths_deg: SeveralOrNone[float] = field(REALS_OR_NONE, "of each link's vertical plane", "°", default=None)
+    spread: bool = field(TRUTH, "whether copies start evenly over a period of the first mode", default=False)
 
 
 class Pendulum(Part):
@@ -96,12 +99,16 @@ class Pendulum(Part):
     (2, ('down', 'down'))
     """
 
-    links: SeveralKinds[AnyLink, Link] = field(parts(any_kind(Bob, Rod, Body)))
-    count: int = field(COUNT, default=1)
-    equilibrium: SeveralOrNone[Way] = field(optional(list_of(one_of("down", "up"))), default=None)
-    start: InitialCondition | None = field(optional(InitialCondition.schema()), default=None)
-    on: str | None = field(optional({"type": "str", "max_length": 100}), default=None)
-    position: Pair[float] = field(PAIR, default=(0.0, 0.0))
+    links: SeveralKinds[AnyLink, Link] = field(parts(any_kind(Bob, Rod, Body)), "from top to bottom")
+    count: int = field(COUNT, "number of identical copies, each with its own motion", default=1)
+    equilibrium: SeveralOrNone[Way] = field(
+        optional(list_of(one_of("down", "up"))), "one for each link, or all down", default=None
+    )
+    start: InitialCondition | None = field(optional(InitialCondition.schema()), "of a simulation", default=None)
+    on: str | None = field(optional(text(100)), "name of the support that it hangs from", default=None)
+    position: Pair[float] = field(
+        PAIR, "of its first joint: along and below the support's origin", "m", default=(0.0, 0.0)
+    )
 
     @property
     def n_links(self) -> int:
@@ -174,17 +181,17 @@ class Scene(Displayed, Part):
     __slots__ = ("_features",)
     __signature__ = PartSignature()
 
-    title: str = field(after(_one_line, {"type": "str", "max_length": 200}), default="")
-    gravity: float = field(POSITIVE)
-    space: Literal["plane", "space"] = field(one_of("plane", "space"), default="plane")
+    title: str = field(after(_one_line, text(200)), "one line, printed above tables and figures", default="")
+    gravity: float = field(POSITIVE, "positive", "m/s²")
+    space: Literal["plane", "space"] = field(one_of("plane", "space"), "where it moves", default="plane")
     support: OneOrSeveralKinds[Support | Moved, Placed | Moved] = field(
-        after(_alone, one_or_list(any_kind(*SUPPORTS, Moved))), default=Fixed()
+        after(_alone, one_or_list(any_kind(*SUPPORTS, Moved))), "one, or several of a structure", default=Fixed()
     )
-    damping_ratio: OneOrSeveral[float] = field(one_or_list(RATIO), default=0.0)
-    pendulum: Several[Pendulum] = field(parts(Pendulum.schema()))
-    force: SeveralKinds[Force, AppliedForce] = field(parts_or_none(FORCE), default=())
-    spring: Several[Spring] = field(parts_or_none(Spring.schema()), default=())
-    ground: Ground | None = field(optional(Ground.schema()), default=None)
+    damping_ratio: OneOrSeveral[float] = field(one_or_list(RATIO), "ζ of all modes, or a list by mode", default=0.0)
+    pendulum: Several[Pendulum] = field(parts(Pendulum.schema()), "one or more")
+    force: SeveralKinds[Force, AppliedForce] = field(parts_or_none(FORCE), "forces and torques", default=())
+    spring: Several[Spring] = field(parts_or_none(Spring.schema()), "springs and dampers between points", default=())
+    ground: Ground | None = field(optional(Ground.schema()), "motion of the ground", default=None)
 
     @property
     def supports(self) -> tuple[Support | Moved, ...]:

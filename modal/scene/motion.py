@@ -15,9 +15,11 @@ from typing import Literal
 from modal.scene.points import parse_point
 from modal.scene.stored import OneOrSeveralKinds, Several, SeveralOrNone
 from modal.scene.validation import (
+    FILE_NAME,
     NON_NEGATIVE,
     POSITIVE,
     REAL,
+    REALS_OR_NONE,
     UNREAD,
     Part,
     after,
@@ -29,6 +31,7 @@ from modal.scene.validation import (
     one_of,
     one_or_list,
     optional,
+    text,
 )
 
 Direction = Literal["horizontal", "vertical"]
@@ -58,9 +61,9 @@ class SineSignal(Part):
     """The value A sin(2π f t + φ), at all times t of the run."""
 
     kind: Literal["sine"] = field(one_of("sine"), default="sine")
-    amplitude: float = field(NON_NEGATIVE)
-    frequency_hz: float = field(POSITIVE)
-    phase_deg: float = field(REAL, default=0.0)
+    amplitude: float = field(NON_NEGATIVE, "largest value", "m, of a force N or N m")
+    frequency_hz: float = field(POSITIVE, "positive", "Hz")
+    phase_deg: float = field(REAL, "at t = 0", "°", default=0.0)
 
 
 class SweepSignal(Part):
@@ -70,18 +73,18 @@ class SweepSignal(Part):
     """
 
     kind: Literal["sweep"] = field(one_of("sweep"), default="sweep")
-    amplitude: float = field(NON_NEGATIVE)
-    from_hz: float = field(POSITIVE)
-    to_hz: float = field(POSITIVE)
-    duration: float = field(POSITIVE)
+    amplitude: float = field(NON_NEGATIVE, "largest value", "m, of a force N or N m")
+    from_hz: float = field(POSITIVE, "frequency at the beginning", "Hz")
+    to_hz: float = field(POSITIVE, "frequency at the end", "Hz")
+    duration: float = field(POSITIVE, "of the sweep, from t = 0", "s")
 
 
 class RecordSignal(Part):
     """Samples at `time_s`, joined by a spline."""
 
     kind: Literal["record"] = field(one_of("record"), default="record")
-    file: str | None = field(optional({"type": "str", "max_length": 4096}), default=None)
-    time_s: SeveralOrNone[float] = field(optional(list_of(REAL)), default=None)
+    file: str | None = field(FILE_NAME, "name of a CSV file with time_s and samples", default=None)
+    time_s: SeveralOrNone[float] = field(REALS_OR_NONE, "times of at least 4 samples", "s", default=None)
 
     def recorded_problems(self, keys: tuple[str, ...]) -> Iterator[str]:
         """A file that is not read, missing or several quantities of these keys, and times that do not ascend."""
@@ -111,10 +114,16 @@ class RandomSignal(Part):
     """
 
     kind: Literal["random"] = field(one_of("random"), default="random")
-    psd: Several[float] = field(before(_numbers, list_of(NON_NEGATIVE)))
-    frequency_hz: SeveralOrNone[float] = field(optional(list_of(number(ge=0, le=1e100))), default=None)
-    seed: int = field({"type": "int", "strict": True, "ge": 0, "le": LARGEST_SEED})
-    duration: float = field(POSITIVE)
+    psd: Several[float] = field(
+        before(_numbers, list_of(NON_NEGATIVE)), "one-sided power spectral density", "square of the unit/Hz"
+    )
+    frequency_hz: SeveralOrNone[float] = field(
+        optional(list_of(number(ge=0, le=1e100))), "frequencies of the PSD", "Hz", default=None
+    )
+    seed: int = field(
+        {"type": "int", "strict": True, "ge": 0, "le": LARGEST_SEED}, "equal seeds give equal realizations"
+    )
+    duration: float = field(POSITIVE, "after which it repeats", "s")
 
     def problems(self) -> Iterator[str]:
         """Frequencies that do not fit or do not ascend, a duration too short or too long for them."""
@@ -139,7 +148,7 @@ class RandomSignal(Part):
 class Movement(Part):
     """A motion in one direction."""
 
-    direction: Direction = field(one_of("horizontal", "vertical"), default="horizontal")
+    direction: Direction = field(one_of("horizontal", "vertical"), "vertical: upwards", default="horizontal")
 
 
 class SineMotion(SineSignal, Movement):
@@ -160,10 +169,12 @@ class RecordMotion(RecordSignal, Movement):
     takes out the constant acceleration by which the velocity at the end differs from that at the beginning.
     """
 
-    displacement_m: SeveralOrNone[float] = field(optional(list_of(REAL)), default=None)
-    velocity_m_per_s: SeveralOrNone[float] = field(optional(list_of(REAL)), default=None)
-    acceleration_m_per_s2: SeveralOrNone[float] = field(optional(list_of(REAL)), default=None)
-    baseline: Literal["keep", "velocity"] = field(one_of("keep", "velocity"), default="keep")
+    displacement_m: SeveralOrNone[float] = field(REALS_OR_NONE, "samples of a record", "m", default=None)
+    velocity_m_per_s: SeveralOrNone[float] = field(REALS_OR_NONE, "or these", "m/s", default=None)
+    acceleration_m_per_s2: SeveralOrNone[float] = field(REALS_OR_NONE, "or these", "m/s²", default=None)
+    baseline: Literal["keep", "velocity"] = field(
+        one_of("keep", "velocity"), "velocity: end at the velocity of the beginning", default="keep"
+    )
 
     @property
     def samples(self) -> tuple[Quantity, tuple[float, ...]]:
@@ -182,7 +193,9 @@ class RandomMotion(RandomSignal, Movement):
     lines over logarithmic axes and is zero outside `frequency_hz`.  The realization repeats after `duration` (s).
     """
 
-    of: Quantity = field(one_of("acceleration", "velocity", "displacement"), default="acceleration")
+    of: Quantity = field(
+        one_of("acceleration", "velocity", "displacement"), "quantity of the PSD", default="acceleration"
+    )
 
 
 def spectrum_problems(frequencies: tuple[float, ...], psd: tuple[float, ...]) -> Iterator[str]:
@@ -207,7 +220,9 @@ class Ground(Part):
     1
     """
 
-    motion: OneOrSeveralKinds[SupportMotion, Movement] = field(one_or_list(MOTION))
+    motion: OneOrSeveralKinds[SupportMotion, Movement] = field(
+        one_or_list(MOTION), "one, or a horizontal and a vertical one"
+    )
 
     @property
     def motions(self) -> tuple[SupportMotion, ...]:
@@ -243,8 +258,8 @@ class AppliedForce(Part):
     (`…@0.5`) acts on the link alone.
     """
 
-    on: str = field(after(_point, {"type": "str", "max_length": 200}))
-    direction: Acting = field(one_of("horizontal", "vertical", "torque"), default="horizontal")
+    on: str = field(after(_point, text(200)), "point, such as pendulum[0].links[1]@0.6")
+    direction: Acting = field(one_of("horizontal", "vertical", "torque"), "vertical: upwards", default="horizontal")
 
     def problems(self) -> Iterator[str]:
         """Directions in which a cart on a horizontal rail cannot move."""
@@ -268,8 +283,8 @@ class SweepForce(SweepSignal, AppliedForce):
 class RecordForce(RecordSignal, AppliedForce):
     """Samples at `time_s` of a force (`force_n`) or a torque (`moment_nm`), joined by a spline; zero outside them."""
 
-    force_n: SeveralOrNone[float] = field(optional(list_of(REAL)), default=None)
-    moment_nm: SeveralOrNone[float] = field(optional(list_of(REAL)), default=None)
+    force_n: SeveralOrNone[float] = field(REALS_OR_NONE, "samples of a force", "N", default=None)
+    moment_nm: SeveralOrNone[float] = field(REALS_OR_NONE, "samples of a torque", "N m", default=None)
 
     @property
     def samples(self) -> tuple[float, ...]:
@@ -293,7 +308,7 @@ class ConstantForce(AppliedForce):
     """The same force (N) or torque (N m) at all times: the scene is linearized about the equilibrium under it."""
 
     kind: Literal["constant"] = field(one_of("constant"), default="constant")
-    amplitude: float = field(REAL)
+    amplitude: float = field(REAL, "value, of either sign", "N or N m")
 
 
 Force = SineForce | SweepForce | RecordForce | RandomForce | ConstantForce

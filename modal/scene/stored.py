@@ -1,4 +1,4 @@
-"""Types of fields that take any sequence and store a tuple, and the signatures of parts.
+"""Types of fields that take any sequence and store a tuple, and the signatures and docstrings of parts.
 
     links: SeveralKinds[AnyLink, Link] = field(…)
 
@@ -11,7 +11,7 @@ is read.  A running program does not look at it: the validator's schemas do the 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from inspect import Parameter, Signature, get_annotations
+from inspect import Parameter, Signature, cleandoc, get_annotations
 from typing import TYPE_CHECKING, Any, Generic, TypeVar, overload
 
 if TYPE_CHECKING:
@@ -77,6 +77,19 @@ class PartSignature:
                 for name, field in cls.fields.items()
             ]
         )
+
+
+class PartDocumentation:
+    """The `__doc__` of a class of parts: its words, its fields with meanings and units, its examples."""
+
+    def __init__(self, words: str | None) -> None:
+        self.words = words
+
+    def __get__(self, part: object, cls: type[Any]) -> str | None:
+        told, sign, examples = cleandoc(self.words or "").partition(">>>")
+        fields = (f"{name}\n    {field.words}" for name, field in cls.fields.items())
+        listed = "\n".join([told.rstrip(), "\nParameters\n----------", *fields]) if cls.fields else told
+        return f"{listed}\n\nExamples\n--------\n>>>{examples}" if sign else listed
 
 
 def accepted(annotation: str) -> str:

@@ -25,7 +25,22 @@ from modal.errors import SceneError
 from modal.scene.links import LOSS_ANGLE, Loss, is_lossy
 from modal.scene.points import parse_point
 from modal.scene.stored import Pair, Rows, RowsOfPoints, Several, SeveralOrNone
-from modal.scene.validation import NON_NEGATIVE, POSITIVE, REAL, UNREAD, Part, after, field, list_of, one_of, optional
+from modal.scene.validation import (
+    FILE_NAME,
+    NON_NEGATIVE,
+    POSITIVE,
+    REAL,
+    REALS,
+    REALS_OR_NONE,
+    UNREAD,
+    Part,
+    after,
+    field,
+    list_of,
+    one_of,
+    optional,
+    text,
+)
 from modal.types import Floats
 
 SYMMETRIC = 1e-10
@@ -108,7 +123,7 @@ def read_matrices(path: str | PathLike[str]) -> dict[str, Any]:
 
 NAME = re.compile(r"[A-Za-z0-9_]+", re.ASCII)
 PAIR = {"type": "tuple", "items_schema": [REAL, REAL]}
-ROWS = list_of(list_of(REAL))
+ROWS = list_of(REALS)
 
 
 def _name(text: str) -> str:
@@ -120,8 +135,8 @@ def _name(text: str) -> str:
 class Placed(Part):
     """What has a `name`, by which its points are called, and a `position` (along, below) of its origin (m)."""
 
-    name: str = field(after(_name, {"type": "str", "max_length": 60}), default="")
-    position: Pair[float] = field(PAIR, default=(0.0, 0.0))
+    name: str = field(after(_name, text(60)), "by which it is called, required among several", default="")
+    position: Pair[float] = field(PAIR, "of its origin as drawn: along the rail and down", "m", default=(0.0, 0.0))
 
 
 class Fixed(Placed):
@@ -137,23 +152,23 @@ class Fixed(Placed):
 
 
 class Displaced(Part):
-    """A start by a displacement (m) from rest and its rate (m/s)."""
+    """A start by a displacement from rest and its rate."""
 
-    displacement: float = field(REAL, default=0.0)
-    rate: float = field(REAL, default=0.0)
+    displacement: float = field(REAL, "at the start", "m", default=0.0)
+    rate: float = field(REAL, "at the start", "m/s", default=0.0)
 
 
 class Turned(Part):
-    """A start by an angle (deg) from rest and its rate (deg/s)."""
+    """A start by an angle from rest and its rate."""
 
-    angle_deg: float = field(REAL, default=0.0)
-    rate_deg: float = field(REAL, default=0.0)
+    angle_deg: float = field(REAL, "at the start", "°", default=0.0)
+    rate_deg: float = field(REAL, "at the start", "°/s", default=0.0)
 
 
 class Cart(Placed):
-    """A cart on the rail: mass (kg, may be 0), damper (N s/m) and spring (N/m) to the ground, and dry friction.
+    """A cart on the rail.
 
-    Friction is either a force, `friction` (N), or `friction_coefficient` times the size of the rail's reaction: the
+    Dry friction is either a force, `friction` (N), or `friction_coefficient` times the size of the rail's reaction: the
     rail holds the cart from above and below.
 
     >>> from modal import Bob, Cart, Pendulum, Scene, natural_frequencies
@@ -163,12 +178,12 @@ class Cart(Placed):
     """
 
     kind: Literal["cart"] = field(one_of("cart"), default="cart")
-    mass: float = field(NON_NEGATIVE)
-    damping: float = field(NON_NEGATIVE, default=0.0)
-    stiffness: float = field(NON_NEGATIVE, default=0.0)
-    friction: float = field(NON_NEGATIVE, default=0.0)
-    friction_coefficient: float = field(NON_NEGATIVE, default=0.0)
-    start: Displaced | None = field(optional(Displaced.schema()), default=None)
+    mass: float = field(NON_NEGATIVE, "may be 0", "kg")
+    damping: float = field(NON_NEGATIVE, "damper to the ground", "N s/m", default=0.0)
+    stiffness: float = field(NON_NEGATIVE, "spring to the ground", "N/m", default=0.0)
+    friction: float = field(NON_NEGATIVE, "dry friction on the rail", "N", default=0.0)
+    friction_coefficient: float = field(NON_NEGATIVE, "as a share of the rail's reaction", default=0.0)
+    start: Displaced | None = field(optional(Displaced.schema()), "of a simulation", default=None)
 
     @property
     def has_friction(self) -> bool:
@@ -182,9 +197,7 @@ class Cart(Placed):
 
 
 class Swing(Placed):
-    """A platform on parallel rods of one `length` (m): it moves along an arc and does not turn.
-
-    Its coordinate is the displacement along the arc (m); `stiffness` (N/m) and `damping` (N s/m) belong to it.
+    """A platform on parallel rods: it moves along an arc and does not turn; its coordinate is that displacement (m).
 
     >>> from modal import Bob, Cart, Pendulum, Scene, Swing, natural_frequencies
     >>> swing = Scene(
@@ -196,18 +209,15 @@ class Swing(Placed):
     """
 
     kind: Literal["swing"] = field(one_of("swing"), default="swing")
-    mass: float = field(POSITIVE)
-    length: float = field(POSITIVE)
-    damping: float = field(NON_NEGATIVE, default=0.0)
-    stiffness: float = field(NON_NEGATIVE, default=0.0)
-    start: Displaced | None = field(optional(Displaced.schema()), default=None)
+    mass: float = field(POSITIVE, "positive", "kg")
+    length: float = field(POSITIVE, "of its rods", "m")
+    damping: float = field(NON_NEGATIVE, "damper to the ground", "N s/m", default=0.0)
+    stiffness: float = field(NON_NEGATIVE, "spring to the ground", "N/m", default=0.0)
+    start: Displaced | None = field(optional(Displaced.schema()), "of a simulation", default=None)
 
 
 class Tilt(Placed):
-    """A board that turns about an axis, its origin: mass (kg), moment of inertia about its centre of mass (kg m²).
-
-    `centre` is the centre of mass as drawn, (along, below) the axis (m).  Its coordinate is its angle (rad);
-    `stiffness` is in N m/rad, `damping` in N m s/rad.
+    """A board that turns about an axis, its origin; its coordinate is its angle (rad).
 
     >>> from modal import load
     >>> load("beam").support.centre  # above the axis
@@ -215,12 +225,12 @@ class Tilt(Placed):
     """
 
     kind: Literal["tilt"] = field(one_of("tilt"), default="tilt")
-    mass: float = field(POSITIVE)
-    inertia: float = field(NON_NEGATIVE)
-    centre: Pair[float] = field(PAIR, default=(0.0, 0.0))
-    damping: float = field(NON_NEGATIVE, default=0.0)
-    stiffness: float = field(NON_NEGATIVE, default=0.0)
-    start: Turned | None = field(optional(Turned.schema()), default=None)
+    mass: float = field(POSITIVE, "positive", "kg")
+    inertia: float = field(NON_NEGATIVE, "moment of inertia about the centre of mass", "kg m²")
+    centre: Pair[float] = field(PAIR, "of mass: along and below the origin, as drawn", "m", default=(0.0, 0.0))
+    damping: float = field(NON_NEGATIVE, "damper to the ground", "N m s/rad", default=0.0)
+    stiffness: float = field(NON_NEGATIVE, "spring to the ground", "N m/rad", default=0.0)
+    start: Turned | None = field(optional(Turned.schema()), "of a simulation", default=None)
 
     def problems(self) -> Iterator[str]:
         """A board without a moment of inertia."""
@@ -239,29 +249,29 @@ class Heave(Placed):
     """
 
     kind: Literal["heave"] = field(one_of("heave"), default="heave")
-    mass: float = field(POSITIVE)
-    damping: float = field(NON_NEGATIVE, default=0.0)
-    stiffness: float = field(NON_NEGATIVE, default=0.0)
-    start: Displaced | None = field(optional(Displaced.schema()), default=None)
+    mass: float = field(POSITIVE, "positive", "kg")
+    damping: float = field(NON_NEGATIVE, "damper to the ground", "N s/m", default=0.0)
+    stiffness: float = field(NON_NEGATIVE, "spring to the ground", "N/m", default=0.0)
+    start: Displaced | None = field(optional(Displaced.schema()), "of a simulation", default=None)
 
 
 class Planar(Part):
-    """A number for each coordinate of a platform: N/m and N m/rad of springs, N s/m and N m s/rad of dampers."""
+    """Springs or dampers of a platform, one for each coordinate."""
 
-    sway: float = field(NON_NEGATIVE, default=0.0)
-    heave: float = field(NON_NEGATIVE, default=0.0)
-    roll: float = field(NON_NEGATIVE, default=0.0)
+    sway: float = field(NON_NEGATIVE, "along the rail", "N/m or N s/m", default=0.0)
+    heave: float = field(NON_NEGATIVE, "up and down", "N/m or N s/m", default=0.0)
+    roll: float = field(NON_NEGATIVE, "turning", "N m/rad or N m s/rad", default=0.0)
 
 
 class Adrift(Part):
-    """A start of a platform: displacements (m, deg) from rest and their rates (m/s, deg/s)."""
+    """A start of a platform: displacements from rest and their rates."""
 
-    sway: float = field(REAL, default=0.0)
-    heave: float = field(REAL, default=0.0)
-    roll_deg: float = field(REAL, default=0.0)
-    sway_rate: float = field(REAL, default=0.0)
-    heave_rate: float = field(REAL, default=0.0)
-    roll_rate_deg: float = field(REAL, default=0.0)
+    sway: float = field(REAL, "along the rail", "m", default=0.0)
+    heave: float = field(REAL, "upwards", "m", default=0.0)
+    roll_deg: float = field(REAL, "turned as angles of links are", "°", default=0.0)
+    sway_rate: float = field(REAL, "along the rail", "m/s", default=0.0)
+    heave_rate: float = field(REAL, "upwards", "m/s", default=0.0)
+    roll_rate_deg: float = field(REAL, "turning", "°/s", default=0.0)
 
 
 class Platform(Placed):
@@ -273,19 +283,19 @@ class Platform(Placed):
     """
 
     kind: Literal["platform"] = field(one_of("platform"), default="platform")
-    mass: float = field(POSITIVE)
-    inertia: float = field(POSITIVE)
-    centre: Pair[float] = field(PAIR, default=(0.0, 0.0))
-    damping: Planar = field(Planar.schema(), default=Planar())
-    stiffness: Planar = field(Planar.schema(), default=Planar())
-    start: Adrift | None = field(optional(Adrift.schema()), default=None)
+    mass: float = field(POSITIVE, "positive", "kg")
+    inertia: float = field(POSITIVE, "moment of inertia about the centre of mass", "kg m²")
+    centre: Pair[float] = field(PAIR, "of mass: along and below the origin, as drawn", "m", default=(0.0, 0.0))
+    damping: Planar = field(Planar.schema(), "dampers to the ground", default=Planar())
+    stiffness: Planar = field(Planar.schema(), "springs to the ground", default=Planar())
+    start: Adrift | None = field(optional(Adrift.schema()), "of a simulation", default=None)
 
 
 class Combined(Part):
     """A start of a modal support: a value and a rate of each of its coordinates."""
 
-    displacements: Several[float] = field(list_of(REAL))
-    rates: SeveralOrNone[float] = field(optional(list_of(REAL)), default=None)
+    displacements: Several[float] = field(REALS, "one for each coordinate")
+    rates: SeveralOrNone[float] = field(REALS_OR_NONE, "one for each coordinate, all 0 unless given", default=None)
 
 
 class ModalSupport(Placed):
@@ -303,12 +313,14 @@ class ModalSupport(Placed):
     """
 
     kind: Literal["modal"] = field(one_of("modal"), default="modal")
-    file: str | None = field(optional({"type": "str", "max_length": 4096}), default=None)
-    M: Rows[float] = field(optional(ROWS), default=None)
-    K: Rows[float] = field(optional(ROWS), default=None)
-    D: Rows[float] = field(optional(ROWS), default=None)
-    points: RowsOfPoints[float] = field(optional(list_of(ROWS)), default=None)
-    start: Combined | None = field(optional(Combined.schema()), default=None)
+    file: str | None = field(FILE_NAME, "name of an NPZ file with M, K, points and perhaps D", default=None)
+    M: Rows[float] = field(optional(ROWS), "mass matrix (d, d)", "SI", default=None)
+    K: Rows[float] = field(optional(ROWS), "stiffness matrix (d, d)", "SI", default=None)
+    D: Rows[float] = field(optional(ROWS), "damping matrix (d, d), 0 unless given", "SI", default=None)
+    points: RowsOfPoints[float] = field(
+        optional(list_of(ROWS)), "(P, 2, d), along and down, by coordinate", default=None
+    )
+    start: Combined | None = field(optional(Combined.schema()), "of a simulation", default=None)
 
     def problems(self) -> Iterator[str]:
         """A file that is not read, arrays that are missing or do not fit, a start that does not."""
@@ -334,25 +346,27 @@ def _end(text: str) -> str:
     return text
 
 
-END = after(_end, {"type": "str", "max_length": 200})
+END = after(_end, text(200))
 
 
 class Spring(Part):
-    """A spring (N/m) and damper (N s/m) between two points (`modal.scene.points`), unstretched as drawn.
+    """A spring and a damper between two points (`modal.scene.points`), unstretched as drawn.
 
-    With `kind = "torsion"` (N m/rad, N m s/rad) it acts between the angles of two links, or of a link and a carrier
-    that turns, or the ground.  `loss` is the loss angle φ of the stiffness, k (1 + iφ).
+    With `kind = "torsion"` it acts between the angles of two links, or of a link and a carrier that turns, or the
+    ground.  `loss` is φ of the stiffness k (1 + iφ).
 
     >>> from modal.scene import Spring
     >>> Spring(between=["pendulum[0].links[0]@0.5", "ground@1.0,0.5"], stiffness=5.0).kind
     'linear'
     """
 
-    kind: Literal["linear", "torsion"] = field(one_of("linear", "torsion"), default="linear")
-    between: Pair[str] = field({"type": "tuple", "items_schema": [END, END]})
-    stiffness: float = field(NON_NEGATIVE, default=0.0)
-    damping: float = field(NON_NEGATIVE, default=0.0)
-    loss: Loss = field(LOSS_ANGLE, default=0.0)
+    kind: Literal["linear", "torsion"] = field(
+        one_of("linear", "torsion"), "between points or angles", default="linear"
+    )
+    between: Pair[str] = field({"type": "tuple", "items_schema": [END, END]}, "two points, or the ground")
+    stiffness: float = field(NON_NEGATIVE, "unstretched as drawn", "N/m, of torsion N m/rad", default=0.0)
+    damping: float = field(NON_NEGATIVE, "damper beside it", "N s/m, of torsion N m s/rad", default=0.0)
+    loss: Loss = field(LOSS_ANGLE, "loss angle of the stiffness, or a table", "rad", default=0.0)
 
     def problems(self) -> Iterator[str]:
         """The loss of no stiffness."""

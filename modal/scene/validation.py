@@ -17,7 +17,7 @@ from typing import Any, ClassVar, Self, cast, dataclass_transform
 from pydantic_core import SchemaValidator, ValidationError
 
 from modal.errors import SceneError, first_of, meant
-from modal.scene.stored import PartSignature
+from modal.scene.stored import PartDocumentation, PartSignature
 from modal.scene.wording import OTHER_NAMES, as_table, in_brackets, number_in, suggestion
 
 LARGEST = 1e100
@@ -100,6 +100,7 @@ def number(**bounds: float) -> Schema:
 POSITIVE = number(ge=SMALLEST, le=LARGEST)
 NON_NEGATIVE = after(_zero_or_sizeable, number(ge=0, le=LARGEST))
 REAL = number(ge=-LARGEST, le=LARGEST)
+TRUTH: Schema = {"type": "bool", "strict": True}
 COUNT = before(_whole, {"type": "int", "strict": True, "ge": 1, "le": MAX_COPIES})
 
 
@@ -116,6 +117,18 @@ def optional(schema: Schema) -> Schema:
 def list_of(schema: Schema) -> Schema:
     """Values in a list."""
     return {"type": "tuple", "items_schema": [schema], "variadic_item_index": 0}
+
+
+REALS = list_of(REAL)
+REALS_OR_NONE = optional(REALS)
+
+
+def text(longest: int) -> Schema:
+    """Text of so many letters at most."""
+    return {"type": "str", "max_length": longest}
+
+
+FILE_NAME = optional(text(4096))
 
 
 def one_or_list(schema: Schema) -> Schema:
@@ -146,10 +159,19 @@ def any_kind(*kinds: type[Part]) -> Schema:
 
 @dataclass(frozen=True)
 class Field:
-    """The schema of a field, and its default value."""
+    """The schema of a field, its meaning, its unit, and its default value."""
 
     schema: Schema
+    meaning: str = ""
+    unit: str = ""
     default: Any = REQUIRED
+
+    @property
+    def words(self) -> str:
+        """What it is: the words that it may be, its meaning and its unit."""
+        choices = " or ".join(f'"{word}"' for word in self.schema.get("expected", ()))
+        meaning = ": ".join(filter(None, (choices, self.meaning)))
+        return f"{meaning} ({self.unit})" if self.unit else meaning
 
     @property
     def is_required(self) -> bool:
@@ -165,9 +187,9 @@ class Field:
         return {"type": "model-field", "schema": schema}
 
 
-def field(schema: Schema, *, default: Any = REQUIRED) -> Any:
+def field(schema: Schema, meaning: str = "", unit: str = "", *, default: Any = REQUIRED) -> Any:
     """A field of a part, for use in a class body."""
-    return Field(schema, default)
+    return Field(schema, meaning, unit, default)
 
 
 @dataclass_transform(kw_only_default=True, frozen_default=True, field_specifiers=(field,))
@@ -197,6 +219,7 @@ class Part:
             delattr(cls, name)
         inherited = (vars(base).get("fields", {}) for base in reversed(cls.__mro__[1:]))
         cls.fields = {name: field for fields in inherited for name, field in fields.items()} | declared
+        cls.__doc__ = PartDocumentation(vars(cls).get("__doc__"))  # type: ignore[assignment]
         KEYS.update(cls.fields)
         TAGS.update(_kinds_of(cls))
         kinds = {key: list(_kinds(field.schema)) for key, field in cls.fields.items() if key != "kind"}
@@ -239,10 +262,14 @@ class Part:
         """The JSON Schema of the mappings that `model_validate` accepts; descriptions leave out examples in Python."""
         from pydantic.json_schema import GenerateJsonSchema
 
-        document = GenerateJsonSchema().generate(_named(cls.schema()))
+        schema = _named(cls.schema())
+        document = GenerateJsonSchema().generate(schema)
+        known = {part.__name__: part for part in _parts(schema)}
         for part in (document, *document.get("$defs", {}).values()):
-            if "description" in part:
-                part["description"] = part["description"].partition("\n\n>>>")[0]
+            if part.get("title") in known:
+                part["description"] = part["description"].partition("\n\nParameters\n")[0]
+                for name, told in known[part["title"]].fields.items():
+                    part["properties"][name]["description"] = told.words
         return document
 
     def model_dump(self) -> dict[str, Any]:
@@ -335,6 +362,14 @@ def _named(schema: Any) -> Any:
         return schema.__dict__ if isinstance(schema, Part) else schema
     named = {key: _named(value) for key, value in schema.items()}
     return named | {"ref": f"scene.{schema['cls'].__name__}:0"} if schema.get("type") == "model" else named
+
+
+def _parts(schema: Any) -> Iterator[type[Part]]:
+    """The classes of parts in a schema."""
+    if isinstance(schema, dict) and schema.get("type") == "model":
+        yield schema["cls"]
+    for inner in schema.values() if isinstance(schema, dict) else schema if isinstance(schema, list) else ():
+        yield from _parts(inner)
 
 
 def _kinds_of(cls: type[Part]) -> list[str]:

@@ -261,7 +261,7 @@ def _loaded(name: str, kind: str, ways: tuple[str, ...]) -> Scene:
 
 def _template(name: str, ways: tuple[str, ...]) -> tuple[str, int, int] | None:
     """The support of chain: or cart:, the number of pendula and of links of each; None of the name of a scene."""
-    match = _TARGET.fullmatch(name)
+    match = _TARGET.fullmatch(str(name))
     if match is None:
         return None
     support, count, links = match[1], int(match[2] or 1), int(match[3])

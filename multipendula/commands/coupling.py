@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import argparse
+from typing import TYPE_CHECKING
 
 from multipendula.command import SCENE, Command, formats, report_file
 from multipendula.commands.shared import draw_in, noted, picture, say
 
+if TYPE_CHECKING:
+    from modal.coupling import Coupling
+
 MORE = "--words says all of it in sentences with formulas; --format json has every number."
 
 
-def explain(options: argparse.Namespace) -> None:
+def explain(options: argparse.Namespace) -> Coupling:
     """Explain how the cart or the structure couples the pendula: verdict, table of families, figure."""
     from modal.coupling import coupling_report, explain
     from modal.scene import load
@@ -21,6 +25,7 @@ def explain(options: argparse.Namespace) -> None:
     draw_in(options, options.output, "modal.plotting", "draw_coupling", coupling)
     report = coupling_report(coupling, options.format, words=options.words, elsewhere="" if options.words else MORE)
     say(report, options.format)
+    return coupling
 
 
 COMMANDS = (

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 from multipendula.command import SCENE, THEME, Command, argument, option, text_file
 from multipendula.commands.shared import bar, drawn, in_a_folder, listed, noted, output
 from multipendula.completion import scenes, words
 from multipendula.options import PICTURES
+
+if TYPE_CHECKING:
+    from modal.exact.enclosures import Enclosure
 
 SECTIONS = ("lagrangian", "equations", "matrices", "polynomial", "modes")
 SYMBOLS = ("masses", "lengths", "gravity", "cart", "supports", "springs")
@@ -27,7 +31,7 @@ def derive(options: argparse.Namespace) -> None:
     from modal.symbolic import derivation, typesetting
 
     show, symbols, ways = (listed(getattr(options, name)) for name in ("show", "symbolic", "equilibrium"))
-    of_paper, known = options.target.startswith("paper:"), (*derivation.SECTIONS, *ALONE)
+    of_paper, known = str(options.target).startswith("paper:"), (*derivation.SECTIONS, *ALONE)
     if unknown := [word for word in show if not of_paper and word not in known]:
         raise SceneError([f"--show {word}: must be one of {', '.join(known)}" for word in unknown])
     if "freebody" in show and not of_paper:
@@ -100,16 +104,18 @@ def _take_apart(options: argparse.Namespace, show: tuple[str, ...]) -> None:
         save(plot_free_body(scene, letters=letters, parts=options.parts or ""), stream, form)
 
 
-def enclose(options: argparse.Namespace) -> None:
+def enclose(options: argparse.Namespace) -> tuple[Enclosure, ...]:
     """Print a proved enclosure of every natural frequency, to any number of digits."""
     from modal.exact import enclose
     from modal.report import folded
     from modal.scene import load
 
     with output(options.output) as write, bar(1.0, "scene") as report:
-        for row in enclose(noted(load(options.scene), "an enclosure"), options.digits, report):
+        rows = tuple(enclose(noted(load(options.scene), "an enclosure"), options.digits, report))
+        for row in rows:
             folds = f", {row.multiplicity}-fold" if row.multiplicity > 1 else ""
             write(folded(f"{row.low} <= omega <= {row.high} rad/s  {row.label}{folds}") + "\n")
+    return rows
 
 
 COMMANDS = (

@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from math import prod
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from multipendula.command import CREW, SCENE, Command, Option, formats, kwargs_of, option, report_file
 from multipendula.commands.runs import ELSEWHERE, start_of, tell_of_start
@@ -18,6 +18,8 @@ from nonlinear.measures import taken_by
 if TYPE_CHECKING:
     from modal.report import Form
     from modal.scene import Scene
+    from nonlinear.ensembles import Basins, PoincareSection, StroboscopicSection
+    from nonlinear.sweeps import Spread
 
 TOLERANCE, MOTIONS = 1e-9, 24
 """Of the integrator, and of a section, unless told."""
@@ -28,6 +30,8 @@ COMPUTED = (
     "--share",
     "--folder",
 )
+Made = TypeVar("Made")
+"""What an ensemble ends in."""
 FORMATS = ("text", "csv", "json")
 BY_ENERGY, BY_STROBES = ("energy", "crossing"), ("phase_deg", "spread", "settle", "of", "seed")
 """Options of a section at an energy, and of a stroboscopic one."""
@@ -48,7 +52,7 @@ def strobed(transient: str) -> tuple[str, ...]:
     )
 
 
-def basins(options: argparse.Namespace) -> None:
+def basins(options: argparse.Namespace) -> Basins | None:
     """Map which motion each start of a grid ends in: a rhythm, an attractor, a first turn over the top, an exponent."""
     from nonlinear.ensembles import basins_table, begins_in_mode, find_basins, grid_of
 
@@ -58,16 +62,16 @@ def basins(options: argparse.Namespace) -> None:
         tell_of_start("every member begins in the shape of the first mode that swings")
     with _engine(options, scene, prod(len(axis.values) for axis in axes)) as more:
         outcome = find_basins(scene, options.duration, vary=axes, measure=options.measure, **more)
-    _show(options, basins_table, "draw_basins", outcome)
+    return _show(options, basins_table, "draw_basins", outcome)
 
 
-def section(options: argparse.Namespace) -> None:
+def section(options: argparse.Namespace) -> PoincareSection | StroboscopicSection | None:
     """Compute the Poincaré section of a scene at an energy, or of a driven one once per period, from many motions."""
     scene = _scene(options)
-    (_strobes if scene.is_forced else _crossings)(options, scene)
+    return (_strobes if scene.is_forced else _crossings)(options, scene)
 
 
-def _crossings(options: argparse.Namespace, scene: Scene) -> None:
+def _crossings(options: argparse.Namespace, scene: Scene) -> PoincareSection | None:
     from nonlinear.ensembles import find_section, section_table
     from nonlinear.system import has_start
 
@@ -79,10 +83,10 @@ def _crossings(options: argparse.Namespace, scene: Scene) -> None:
         )
     if options.energy is None and not has_start(scene):
         tell_of_start("its energy is that of the first mode that swings", "--energy chooses another")
-    _show(options, section_table, "draw_section", section)
+    return _show(options, section_table, "draw_section", section)
 
 
-def _strobes(options: argparse.Namespace, scene: Scene) -> None:
+def _strobes(options: argparse.Namespace, scene: Scene) -> StroboscopicSection | None:
     from nonlinear.ensembles import find_strobes, strobes_table
     from nonlinear.system import has_start
 
@@ -92,7 +96,7 @@ def _strobes(options: argparse.Namespace, scene: Scene) -> None:
     with _engine(options, scene, options.members or MOTIONS) as more:
         how = kwargs_of(options, "--members", "--phase-deg", "--spread", "--settle", "--seed")
         strobes = find_strobes(scene, options.duration, of=names_of(options), **how, **more)
-    _show(options, strobes_table, "draw_strobes", strobes)
+    return _show(options, strobes_table, "draw_strobes", strobes)
 
 
 def refuse(options: argparse.Namespace, names: Sequence[str], why: str) -> None:
@@ -108,7 +112,7 @@ def names_of(options: argparse.Namespace) -> list[str]:
     return options.of.split(",") if options.of else []
 
 
-def spread(options: argparse.Namespace) -> None:
+def spread(options: argparse.Namespace) -> Spread | None:
     """Propagate tolerances of a scene's numbers to its frequencies and its motion by Monte Carlo."""
     from modal.errors import SceneError
     from nonlinear.sweeps import find_spread, spread_table
@@ -126,7 +130,7 @@ def spread(options: argparse.Namespace) -> None:
         spreads = find_spread(
             scene, options.uncertain or (), options.duration, members=members, seed=seed, start=start, **more
         )
-    _show(options, spread_table, "draw_spread", spreads)
+    return _show(options, spread_table, "draw_spread", spreads)
 
 
 def _scene(options: argparse.Namespace) -> Scene:
@@ -139,18 +143,18 @@ def _scene(options: argparse.Namespace) -> Scene:
     return load(options.scene)
 
 
-def _show(options: argparse.Namespace, table: Callable[[Any, Form], str], figure: str, outcome: Any) -> None:
-    """The report and the picture; of a share only where it is kept."""
+def _show(options: argparse.Namespace, table: Callable[[Any, Form], str], figure: str, outcome: Made) -> Made | None:
+    """The result, once its report and its picture are written; of a share only where it is kept, and None."""
     from modal.report import visible
 
     if options.share:
         first, of = options.share
-        print(
-            f"share {first + 1} of {of} is in {visible(options.folder)}: without --share the command takes all together"
-        )
-        return
+        folder = visible(options.folder)
+        say(f"share {first + 1} of {of} is in {folder}: without --share the command takes all together\n")
+        return None
     say(table(outcome, options.format), options.format)
     draw_in(options, options.output, "nonlinear.plotting", figure, outcome)
+    return outcome
 
 
 @contextmanager

@@ -19,7 +19,7 @@ DRIVES = ("cart_force", "cart_acceleration")
 TRAVEL = ("over", "kind", "count")
 
 
-def hoist(options: argparse.Namespace) -> None:
+def hoist(options: argparse.Namespace) -> Along | None:
     """Print lengths and frequencies along a hoist, and the swing that hoist and travel leave together."""
     from modal.errors import SceneError
     from modal.scene import load
@@ -39,6 +39,7 @@ def hoist(options: argparse.Namespace) -> None:
 
         with drawn(options.output, options.theme) as stream:
             draw_hoist(frequencies_along(scene, max(options.samples, 201), options.drive), stream, form)
+    return None if left else along
 
 
 def _left(scene: Scene, options: argparse.Namespace) -> tuple[Residual, ...]:

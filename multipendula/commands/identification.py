@@ -35,24 +35,22 @@ from multipendula.commands.shared import (
 )
 
 if TYPE_CHECKING:
-    from modal.identification import Identified
+    from modal.identification import Assurance, Identified, ModeFit
     from modal.scene import Scene
+    from nonlinear.identification import Fit
 
 OF_MOTIONS = ("--where", "--angles", "--excitation", "--identification", "--order", "--identified-modes")
 """Options of `poles` that a file of modes does not take."""
 
 
-def fit(options: argparse.Namespace) -> None:
+def fit(options: argparse.Namespace) -> Fit | ModeFit | None:
     """Fit numbers of a scene to measured motions or modes, with error bars, and say what the data leave open."""
     from modal.identification import has_modes
 
-    if any(map(has_modes, options.data)):
-        _fit_modes(options)
-    else:
-        _fit_motions(options)
+    return (_fit_modes if any(map(has_modes, options.data)) else _fit_motions)(options)
 
 
-def _fit_modes(options: argparse.Namespace) -> None:
+def _fit_modes(options: argparse.Namespace) -> ModeFit:
     from modal.errors import SceneError
     from modal.identification import fit_modes, mode_fit_json, mode_fit_text, read_modes
     from modal.scene import dumps, load
@@ -84,9 +82,10 @@ def _fit_modes(options: argparse.Namespace) -> None:
         files[options.picture] = pictured(lambda stream: draw_mode_fit(fitted, stream, kind), options.theme)
     write_together(files)
     say(mode_fit_json(fitted) if options.format == "json" else mode_fit_text(fitted), options.format)
+    return fitted
 
 
-def _fit_motions(options: argparse.Namespace) -> None:
+def _fit_motions(options: argparse.Namespace) -> Fit | None:
     from modal.identification import find_parameters
     from modal.scene import dumps, load
     from nonlinear.identification import compare, fit_json, fit_text, parse_where, read_recording
@@ -126,9 +125,10 @@ def _fit_motions(options: argparse.Namespace) -> None:
     write_together(files)
     told = fit_json if options.format == "json" else fit_text
     say(told(estimate, candidates, draws), options.format)
+    return None if candidates or draws else estimate
 
 
-def poles(options: argparse.Namespace) -> None:
+def poles(options: argparse.Namespace) -> Identified | Assurance:
     """Find frequencies, damping ratios and shapes in measured motions; with a scene, compare them with its modes."""
     from modal.errors import SceneError
     from modal.identification import has_modes, poles_table
@@ -142,21 +142,20 @@ def poles(options: argparse.Namespace) -> None:
         if scene is None or len(options.data) > 1:
             raise SceneError([f"{options.data[0]}: has modes: give one such file by itself, and --scene SCENE"])
         refuse(options, f"is for measured motions, and {options.data[0]} has modes", *OF_MOTIONS)
-        _compare(options, scene, None, kind)
-        return
+        return _compare(options, scene, None, kind)
     identified, title = _identified(options)
     if options.identified_modes:
         with output(options.identified_modes) as write:
             write(poles_table(identified, "csv"))
     if scene is not None:
-        _compare(options, scene, poles_table(identified, "csv"), kind)
-        return
+        return _compare(options, scene, poles_table(identified, "csv"), kind)
     if options.output:
         from modal.plotting import draw_poles
 
         with drawn(options.output, options.theme) as stream:
             draw_poles(identified, stream, kind, title)
     say(poles_table(identified, options.format, title), options.format)
+    return identified
 
 
 def _identified(options: argparse.Namespace) -> tuple[Identified, str]:
@@ -176,7 +175,7 @@ def _identified(options: argparse.Namespace) -> tuple[Identified, str]:
     return identified, ", ".join(dict.fromkeys(segment.file for segment in recording.segments))
 
 
-def _compare(options: argparse.Namespace, scene: Scene, table: str | None, kind: str) -> None:
+def _compare(options: argparse.Namespace, scene: Scene, table: str | None, kind: str) -> Assurance:
     """MAC matrix, pairs and errors of frequencies of the modes in a table, or else in the file."""
     from modal.identification import assurance_table, compare_modes, parse_modes, read_modes
     from modal.modes import natural_modes
@@ -187,6 +186,7 @@ def _compare(options: argparse.Namespace, scene: Scene, table: str | None, kind:
     comparison = compare_modes(natural_modes(scene), measured)
     draw_in(options, options.output, "modal.plotting", "draw_assurance", comparison)
     say(assurance_table(comparison, options.format), options.format)
+    return comparison
 
 
 def _tell_of_unused(columns: Sequence[str]) -> None:

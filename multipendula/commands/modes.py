@@ -13,6 +13,7 @@ from multipendula.completion import words
 from multipendula.options import FILMS, PICTURES
 
 if TYPE_CHECKING:
+    from modal.assembly import Matrices
     from modal.modes import Mode, Modes
 
 ELSEWHERE = "--columns all shows every column, --format csv every digit"
@@ -29,7 +30,7 @@ LONG_CHAIN = 2000
 """Links of a scene of which only the modes that are shown are looked for."""
 
 
-def table(options: argparse.Namespace) -> None:
+def table(options: argparse.Namespace) -> Modes | None:
     """Print the table of modes."""
     from modal.errors import SceneError
     from modal.modes import tables
@@ -50,6 +51,8 @@ def table(options: argparse.Namespace) -> None:
         from modal.modes.solution_report import report_solution
 
         sys.stderr.write(report_solution(modes).text())
+    asked = options.orbits or options.covariance or options.amplitude or len(numbers) < len(modes)
+    return None if asked else modes
 
 
 def _stds(modes: Modes, numbers: Sequence[int], path: str | None) -> dict[int, tuple[float, float]] | None:
@@ -106,15 +109,17 @@ def shapes(options: argparse.Namespace) -> None:
         remark(f"drew the first {USUAL_PANELS} of {len(numbers)} modes; choose with --modes")
 
 
-def matrices(options: argparse.Namespace) -> None:
+def matrices(options: argparse.Namespace) -> Matrices:
     """Print M, K and D."""
     from modal.assembly import matrices as matrices_of
     from modal.modes.tables import matrices_table
     from modal.scene import load
 
     scene = about(noted(load(options.scene), "mode shapes"))
+    dense = matrices_of(scene)
     with output(options.output) as write:
-        write(matrices_table(scene, matrices_of(scene), options.format))
+        write(matrices_table(scene, dense, options.format))
+    return dense
 
 
 def _modes(options: argparse.Namespace, accuracy: float | None = None) -> tuple[Modes, Sequence[int]]:

@@ -14,6 +14,7 @@ from multipendula.options import FILMS, PICTURES, REPORTS, RUNS
 
 if TYPE_CHECKING:
     from modal.identification import Estimate
+    from nonlinear.ensembles import Compilation
     from nonlinear.integration import Trajectory
 
 BAND_MEMBERS = 200
@@ -22,11 +23,10 @@ OF_COMPILING = ("--compile", "--tolerance", "--format", "--output", "--quiet")
 """Options that --compile takes."""
 
 
-def simulate(options: argparse.Namespace) -> None:
+def simulate(options: argparse.Namespace) -> Trajectory | Compilation:
     """Simulate the motion at large angles, with checks of its accuracy."""
     if options.compile:
-        _compile(options)
-        return
+        return _compile(options)
     if options.scene is None:
         options.page.error("the following arguments are required: SCENE")
     from modal.report import visible
@@ -59,7 +59,7 @@ def simulate(options: argparse.Namespace) -> None:
         from nonlinear.postprocessing import run_inventory
 
         sys.stderr.write(run_inventory(trajectory).text())
-    whole(trajectory)
+    return whole(trajectory)
 
 
 def _trajectory(options: argparse.Namespace) -> Trajectory:
@@ -154,7 +154,7 @@ def animate(options: argparse.Namespace) -> None:
         remark(f"{shown.left_out:.3g} s of the run left out; --seconds or --speed")
 
 
-def _compile(options: argparse.Namespace) -> None:
+def _compile(options: argparse.Namespace) -> Compilation:
     """Compile what the fast integrators need for a scene, or for any, and keep it for later commands."""
     from modal.scene import STANDARD, kind_of, load
     from nonlinear.ensembles import compilation_table, compile_engines
@@ -168,6 +168,7 @@ def _compile(options: argparse.Namespace) -> None:
     compiled = compile_engines(load(options.scene) if options.scene else None, **kwargs_of(options, "--tolerance"))
     with output(options.output) as write:
         write(compilation_table(compiled, form))
+    return compiled
 
 
 COMMANDS = (

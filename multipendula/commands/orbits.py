@@ -19,7 +19,7 @@ LARGEST, LONG = 90.0, 100
 """Default largest angle (deg); periods of the slowest mode after which a run has settled."""
 
 
-def orbits(options: argparse.Namespace) -> None:
+def orbits(options: argparse.Namespace) -> tuple[Branch, ...]:
     """Follow periodic orbits: a mode to large angles, or limit cycles along a number, with their stability."""
     scene = warned(validated(options, options.output, lambda: _fitting(options)), "a periodic orbit")
     branches = _mode(scene, options) if options.mode else _cycles(scene, options)
@@ -32,6 +32,7 @@ def orbits(options: argparse.Namespace) -> None:
         _draw(scene, branches, options)
     if options.film:
         _film(scene, branches, options)
+    return branches
 
 
 def _fitting(options: argparse.Namespace) -> None:

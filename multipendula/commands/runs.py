@@ -50,7 +50,7 @@ class RunOptions:
     `output` is the file that the command writes, whose folder is looked for before anything is computed.
     """
 
-    scene: str
+    scene: Any
     duration: float
     given: Mapping[str, Any]
     output: str | None = None
@@ -160,9 +160,9 @@ class RunOptions:
             raise SceneError(problems)
 
 
-def recorded(name: str) -> bool:
-    """Whether a name is the name of a saved run."""
-    return name.lower().endswith(endings(RUNS))
+def recorded(source: object) -> bool:
+    """Whether it is a run, or the name of a saved one."""
+    return source.lower().endswith(endings(RUNS)) if isinstance(source, str) else type(source).__name__ == "Trajectory"
 
 
 @contextmanager
@@ -177,9 +177,11 @@ ELSEWHERE = "another one: start = { angles_deg = [...] } in an entry of the file
 
 
 def start_of(
-    scene: Scene, words: str | None, *, undamped: bool = False, told: bool = False, elsewhere: str = ""
+    scene: Scene, words: str | State | None, *, undamped: bool = False, told: bool = False, elsewhere: str = ""
 ) -> State | None:
     """None for the file's own start, else a mode's shape, a periodic orbit, or angles at rest, as these words say.
+
+    A state is its own.
 
     Without words a scene that has no start gets the first mode that swings along the rail; a note to standard error
     says so, unless that has been `told`, and what to do `elsewhere` where a command has no --start.  `undamped` selects
@@ -189,6 +191,8 @@ def start_of(
     from nonlinear.system import has_start
     from nonlinear.system import initial as starts
 
+    if not isinstance(words, str | None):
+        return words
     if words is None and not has_start(scene):
         words = _usual_start(scene, undamped=undamped)
         number, _, _ = words.removeprefix("mode:").partition(":")

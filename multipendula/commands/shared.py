@@ -6,8 +6,9 @@ import argparse
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
-from io import BytesIO
-from typing import IO, TYPE_CHECKING
+from contextvars import ContextVar
+from io import BytesIO, StringIO
+from typing import IO, TYPE_CHECKING, TextIO
 
 from multipendula.options import FILMS, PICTURES, endings
 
@@ -22,6 +23,23 @@ MEASURED = "{desc}{percentage:3.0f} % |{bar:24}| {remaining} left, {elapsed} pas
 COUNTED = "{desc}{unit}: {n_fmt}, {elapsed} passed"
 MANY = 60  # links from which a command that integrates disturbances says beforehand that it takes long
 
+_PRINTED: ContextVar[TextIO | None] = ContextVar("_PRINTED", default=None)
+
+
+def printed() -> TextIO:
+    """Where text goes: standard output, or what `printing` has put in its place."""
+    return _PRINTED.get() or sys.stdout
+
+
+@contextmanager
+def printing(text: StringIO) -> Iterator[StringIO]:
+    """Collect in it what a command prints, of this thread alone."""
+    token = _PRINTED.set(text)
+    try:
+        yield text
+    finally:
+        _PRINTED.reset(token)
+
 
 @contextmanager
 def output(path: str | None) -> Iterator[Callable[[str], object]]:
@@ -30,7 +48,7 @@ def output(path: str | None) -> Iterator[Callable[[str], object]]:
     from modal.scene import STANDARD, whole_file
 
     if path is None or path == STANDARD:
-        yield getattr(sys.stdout, "output", sys.stdout).write
+        yield getattr(printed(), "output", printed()).write
         return
     with fitted(None), whole_file(path) as stream:
         yield lambda text: stream.write(text.encode())
@@ -62,7 +80,7 @@ def say(text: str, form: str = "text") -> None:
     """Print what a command says: lines of text folded to fit the terminal, with nothing in them that controls it."""
     from modal.report import folded, visible
 
-    sys.stdout.write(folded("\n".join(map(visible, text.split("\n")))) if form == "text" else text)
+    printed().write(folded("\n".join(map(visible, text.split("\n")))) if form == "text" else text)
 
 
 def remark(words: object) -> None:

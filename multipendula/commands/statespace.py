@@ -35,10 +35,13 @@ from multipendula.completion import words
 
 if TYPE_CHECKING:
     from modal.scene import Scene
+    from modal.statespace import StateSpace
+    from modal.statespace.gains import Gains
     from modal.statespace.sampling import VaryingModel
+    from modal.statespace.shapers import Shaper
 
 
-def export(options: argparse.Namespace) -> None:
+def export(options: argparse.Namespace) -> StateSpace | VaryingModel:
     """Write a state-space model for control software, a simulator or a controller."""
     from modal.exports import find_format
     from modal.scene import whole_file
@@ -47,10 +50,11 @@ def export(options: argparse.Namespace) -> None:
     scene = scene_at(options)
     about(noted(scene.at(0.0), "a constant linear model"))
     if scene.is_hoisted:
-        content = target.write_varying(_varying(scene, options))
+        varying = _varying(scene, options)
+        content = target.write_varying(varying)
         with whole_file(options.output) as stream:
             stream.write(content)
-        return
+        return varying
     model = model_of(scene, options)
     if options.discrete:
         from modal.statespace.sampling import sample
@@ -61,6 +65,7 @@ def export(options: argparse.Namespace) -> None:
         stream.write(content)
     if note := target.note(content):
         remark(note)
+    return model
 
 
 def _varying(scene: Scene, options: argparse.Namespace) -> VaryingModel:
@@ -74,7 +79,7 @@ def _varying(scene: Scene, options: argparse.Namespace) -> VaryingModel:
     return varying_model(scene, None, listed(options.input), listed(options.signals))
 
 
-def response(options: argparse.Namespace) -> None:
+def response(options: argparse.Namespace) -> Gains | None:
     """Draw a Bode plot or an impulse response, or print numbers: at frequencies, or the gains of every mode."""
     from math import pi
 
@@ -86,8 +91,7 @@ def response(options: argparse.Namespace) -> None:
     from modal.statespace import impulse_table, response_table, to_modal_form
 
     if options.gains:
-        _gains(options)
-        return
+        return _gains(options)
     in_words = options.impulse and getattr(options, "format_asked", False)
     if not (options.output or options.at or in_words):
         raise SceneError(["give a picture to write, -o FILE, frequencies to print, --at HERTZ, or --gains"])
@@ -129,9 +133,10 @@ def response(options: argparse.Namespace) -> None:
                 draw_impulse(form, stream, source=at, outputs=chosen, kind=kind)
             else:
                 draw_bode(form, stream, source=at, outputs=chosen, kind=kind, std=std)
+    return None
 
 
-def _gains(options: argparse.Namespace) -> None:
+def _gains(options: argparse.Namespace) -> Gains:
     """How well every input reaches each mode and every output sees it."""
     from modal.errors import SceneError
     from modal.modes import natural_modes
@@ -146,9 +151,10 @@ def _gains(options: argparse.Namespace) -> None:
     gains = modal_gains(natural_modes(scene), model_of(scene, options))
     with output(options.output) as write:
         write(gains.text() + "\n")
+    return gains
 
 
-def shaper(options: argparse.Namespace) -> None:
+def shaper(options: argparse.Namespace) -> Shaper:
     """Print an input shaper that suppresses residual swing in the slowest modes of a crane."""
     from modal.errors import SceneError
     from modal.report import csv_rows, folded
@@ -184,6 +190,7 @@ def shaper(options: argparse.Namespace) -> None:
     with output(options.output) as write:
         write("".join(folded(f"# {words}", mark="# ") + "\n" for words in remarks))
         write(csv_rows([("time_s", "amplitude"), *impulses]))
+    return shaped_command
 
 
 COMMANDS = (

@@ -15,7 +15,9 @@ from multipendula.commands.shared import bar, drawn, picture_in_place, say
 from multipendula.options import PICTURES, RUNS, integer
 
 if TYPE_CHECKING:
-    from nonlinear.sweeps import Checkpoint, Study, WorkerPool
+    from modal.loci import Loci
+    from nonlinear.ensembles import BifurcationDiagram
+    from nonlinear.sweeps import Checkpoint, Study, Sweep, WorkerPool
 
 
 BY_STROBES = ("phase_deg", "settle", "of")
@@ -25,17 +27,17 @@ ENDINGS = (*RUNS, "json", *PICTURES)
 """Of the numbers, and of the figure in their place."""
 
 
-def sweep(options: argparse.Namespace) -> None:
+def sweep(options: argparse.Namespace) -> Sweep | Loci | BifurcationDiagram:
     """Compute measures of a scene over a parameter grid, or follow its frequencies or strobes along one parameter."""
     kind = picture_in_place(options)
     if not options.strobe:
         refuse(options, BY_STROBES, "needs --strobe")
     if not any(text.partition("=")[0].strip() == BY_ENERGY for text in options.vary):
         refuse(options, DRAWN, f"needs --vary {BY_ENERGY}=VALUES")
-    (_loci if options.loci else _strobes if options.strobe else _map)(options, kind)
+    return (_loci if options.loci else _strobes if options.strobe else _map)(options, kind)
 
 
-def _map(options: argparse.Namespace, kind: str) -> None:
+def _map(options: argparse.Namespace, kind: str) -> Sweep:
     from modal.errors import ComputationError
     from modal.report import visible
     from modal.scene import kind_of, load
@@ -77,6 +79,7 @@ def _map(options: argparse.Namespace, kind: str) -> None:
     if options.picture:
         with drawn(options.picture, options.theme) as stream:
             draw_sweep(outcome, stream, kind)
+    return outcome
 
 
 def _has_journal(options: argparse.Namespace) -> bool:
@@ -108,7 +111,7 @@ def _crew(options: argparse.Namespace) -> Iterator[WorkerPool | None]:
         yield crew
 
 
-def _loci(options: argparse.Namespace, kind: str) -> None:
+def _loci(options: argparse.Namespace, kind: str) -> Loci:
     from modal.errors import SceneError
     from modal.loci import follow_loci, loci_csv, loci_text
     from modal.scene import STANDARD, load, whole_file
@@ -135,9 +138,10 @@ def _loci(options: argparse.Namespace, kind: str) -> None:
 
         with drawn(options.picture, options.theme) as stream:
             draw_loci(loci, stream, kind)
+    return loci
 
 
-def _strobes(options: argparse.Namespace, kind: str) -> None:
+def _strobes(options: argparse.Namespace, kind: str) -> BifurcationDiagram:
     from modal.errors import SceneError
     from modal.scene import STANDARD, kind_of, load, whole_file
     from modal.scene.parameters import parse_variations
@@ -167,6 +171,7 @@ def _strobes(options: argparse.Namespace, kind: str) -> None:
 
         with drawn(options.picture, options.theme) as stream:
             draw_bifurcations(strobes, stream, kind)
+    return strobes
 
 
 COMMANDS = (

@@ -13,17 +13,17 @@ from multipendula.commands.shared import bar, drawn, film_form, forewarning, pic
 if TYPE_CHECKING:
     from modal.scene import Scene
     from modal.scene.parameters import Variation
-    from nonlinear.synchronization import SynchronizationStudy
+    from nonlinear.synchronization import Branches, PopulationDiagram, SynchronizationStudy
 
 
 MINUTE = 60.0  # s of computing that are told first
 MORE = "--words describes prediction and simulation in sentences."
 
 
-def sync(options: argparse.Namespace) -> None:
+def sync(options: argparse.Namespace) -> SynchronizationStudy | Branches | PopulationDiagram:
     """Predict which mode survives in a scene with drives, simulate it, and measure which pendula synchronize."""
     scene = validated(options, options.output, lambda: _fitting(options))
-    (_branches if options.vary else _run)(scene, options)
+    return (_branches if options.vary else _run)(scene, options)
 
 
 def _fitting(options: argparse.Namespace) -> None:
@@ -44,7 +44,7 @@ def _misfits(options: argparse.Namespace) -> Iterator[str]:
         yield f"{form}: needs --vary"
 
 
-def _run(scene: Scene, options: argparse.Namespace) -> None:
+def _run(scene: Scene, options: argparse.Namespace) -> SynchronizationStudy:
     from nonlinear.synchronization import study_synchronization
 
     start = start_of(scene, options.start, undamped=True)
@@ -60,6 +60,7 @@ def _run(scene: Scene, options: argparse.Namespace) -> None:
         _draw(study, options.output, options.theme)
     if options.film:
         _film(study, options.film, options.theme)
+    return study
 
 
 def _told(study: SynchronizationStudy, options: argparse.Namespace) -> str:
@@ -87,14 +88,13 @@ def _film(study: SynchronizationStudy, name: str, theme: str) -> None:
     remark(f"{shown.frames} frames, one every {shown.motion / shown.frames:.4g} s")
 
 
-def _branches(scene: Scene, options: argparse.Namespace) -> None:
+def _branches(scene: Scene, options: argparse.Namespace) -> Branches | PopulationDiagram:
     from modal.scene.parameters import parse_variations
     from nonlinear.synchronization import branches_csv, branches_text, follow_branches
 
     (variation,) = parse_variations([options.vary])
     if _has_populations(scene):
-        _diagram(scene, variation, options)
-        return
+        return _diagram(scene, variation, options)
     with bar(0, "branches") as report:
         branches = follow_branches(scene, variation, report)
     say(branches_csv(branches) if options.format == "csv" else branches_text(branches), options.format)
@@ -103,6 +103,7 @@ def _branches(scene: Scene, options: argparse.Namespace) -> None:
 
         with drawn(options.output, options.theme) as stream:
             draw_branches(branches, stream, picture(options.output))
+    return branches
 
 
 def _has_populations(scene: Scene) -> bool:
@@ -112,7 +113,7 @@ def _has_populations(scene: Scene) -> bool:
     return scene.is_structured and len(populations_of(scene)) <= 2 and not any(unrepresented(scene))
 
 
-def _diagram(scene: Scene, variation: Variation, options: argparse.Namespace) -> None:
+def _diagram(scene: Scene, variation: Variation, options: argparse.Namespace) -> PopulationDiagram:
     from nonlinear.synchronization import diagram_csv, diagram_text, follow_populations
 
     with bar(0, "motions") as report:
@@ -123,6 +124,7 @@ def _diagram(scene: Scene, variation: Variation, options: argparse.Namespace) ->
 
         with drawn(options.output, options.theme) as stream:
             draw_populations(diagram, stream, picture(options.output))
+    return diagram
 
 
 COMMANDS = (

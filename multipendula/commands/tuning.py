@@ -18,7 +18,7 @@ WITHIN = 1.4
 """How far the band of forced orbits goes beyond the outermost peaks."""
 
 
-def tune(options: argparse.Namespace) -> None:
+def tune(options: argparse.Namespace) -> Tuned | None:
     """Find the numbers of a scene that make peaks, RMS, decay or a residual swing best, and how much each is worth."""
     from modal.errors import SceneError
     from modal.scene import dumps, load
@@ -50,6 +50,7 @@ def tune(options: argparse.Namespace) -> None:
         files[options.picture] = pictured(lambda stream: draw_tuning(best, stream, kind), options.theme)
     write_together(files)
     say(told if options.format == "json" else text, options.format)
+    return None if swing else best
 
 
 def _alone(options: argparse.Namespace, name: str) -> bool:

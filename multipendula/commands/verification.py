@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
-from typing import IO, TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any
 
 from multipendula.command import SCENE, Command, formats, option, report_file, scene_argument
 from multipendula.commands.runs import ELSEWHERE, RunOptions, motion, recorded, start_of
-from multipendula.commands.shared import bar, chosen, drawn, forewarning, in_a_folder, picture, say, warned
+from multipendula.commands.shared import bar, chosen, draw_in, drawn, forewarning, in_a_folder, picture, say, warned
 from multipendula.options import REPORTS, integer
 
 if TYPE_CHECKING:
     from modal.scene import Scene
+    from nonlinear.accuracy import FrequencyTradeoff, WorkPrecision
+    from nonlinear.chaos import Exponent, Finding
+    from nonlinear.verification import Check, Comparison
 
 USUAL = 120.0
 """Default duration (s) of a general motion."""
@@ -20,11 +22,12 @@ TRADED, RELATIVE_ERROR = 10.0, 1e-8
 """Default duration (s) of a motion by which methods are compared, and relative error of a frequency."""
 
 
-def check(options: argparse.Namespace) -> None:
+def check(options: argparse.Namespace) -> Check | Comparison:
     """Check the table of modes against simulation: measure the frequencies at several amplitudes."""
     from modal.scene import load
 
     kind, scene = _kind(options), load(_scene(options))
+    outcome: Check | Comparison
     outcome, table, draw = _general(options, scene) if options.general else _mode_by_mode(options, scene)
     say(table(outcome, options.format), options.format)
     if getattr(outcome, "interrupted", False):
@@ -32,6 +35,7 @@ def check(options: argparse.Namespace) -> None:
     if options.output:
         with drawn(options.output, options.theme) as stream:
             draw(outcome, stream, kind)
+    return outcome
 
 
 def _mode_by_mode(options: argparse.Namespace, scene: Scene) -> tuple[Any, Any, Any]:
@@ -63,12 +67,12 @@ def _kind(options: argparse.Namespace) -> str:
     return picture(options.output) if options.output else ""
 
 
-def _scene(options: argparse.Namespace) -> str:
+def _scene(options: argparse.Namespace) -> Any:
     from modal.errors import SceneError
 
     if recorded(options.scene):
         raise SceneError([f"{options.scene}: is a saved run, and this command needs a scene"])
-    return str(options.scene)
+    return options.scene
 
 
 def _refuse(options: argparse.Namespace, verb: str, names: tuple[str, ...], other: str = "--general") -> None:
@@ -78,20 +82,19 @@ def _refuse(options: argparse.Namespace, verb: str, names: tuple[str, ...], othe
         raise SceneError([f"--{name.replace('_', '-')}: {verb} {other}" for name in asked])
 
 
-def chaos(options: argparse.Namespace) -> None:
+def chaos(options: argparse.Namespace) -> Exponent | Finding:
     """Measure the largest Lyapunov exponent, or test what paper 000 or 001 claims about it."""
-    kind = _kind(options)
-    text, draw = _claims(options) if options.scene.startswith("paper:") else _exponent(options)
-    say(f"{text}\n")
-    if options.output:
-        with drawn(options.output, options.theme) as stream:
-            draw(stream, kind)
+    _kind(options)
+    is_of_paper = str(options.scene).startswith("paper:")
+    outcome = _claims(options) if is_of_paper else _exponent(options)
+    say(f"{outcome.text()}\n")
+    if getattr(outcome, "interrupted", False):
+        raise KeyboardInterrupt
+    draw_in(options, options.output, "nonlinear.plotting", "draw_finding" if is_of_paper else "draw_running", outcome)
+    return outcome
 
 
-Drawn = tuple[str, Callable[[IO[bytes], str], None]]
-
-
-def _exponent(options: argparse.Namespace) -> Drawn:
+def _exponent(options: argparse.Namespace) -> Exponent:
     from modal.errors import SceneError
     from modal.scene import load
     from nonlinear.chaos import TRANSIENT, lyapunov_exponent, usual_duration
@@ -103,51 +106,34 @@ def _exponent(options: argparse.Namespace) -> Drawn:
     members, start = options.members or 16, start_of(scene, None, elsewhere=ELSEWHERE)
     with bar((1 + TRANSIENT) * duration) as report:
         told = forewarning(report, scene, (1 + TRANSIENT) * duration, members)
-        exponent = lyapunov_exponent(scene, duration, ensemble=members, start=start, report=told)
-
-    def draw(stream: IO[bytes], kind: str) -> None:
-        from nonlinear.plotting import draw_running
-
-        draw_running(exponent, stream, kind=kind)
-
-    if exponent.interrupted:
-        say(f"{exponent.text()}\n")
-        raise KeyboardInterrupt
-    return exponent.text(), draw
+        return lyapunov_exponent(scene, duration, ensemble=members, start=start, report=told)
 
 
-def _claims(options: argparse.Namespace) -> Drawn:
+def _claims(options: argparse.Namespace) -> Finding:
     from modal.errors import SceneError
-    from nonlinear.chaos import measure, study, text
+    from nonlinear.chaos import measure, study
 
     if options.duration or options.members:
         raise SceneError([f"{options.scene}: has its own --duration and --members; --quick makes it short"])
     chosen = study(options.scene.removeprefix("paper:"), quick=options.quick)
     with bar(len(chosen.cases), "scene") as report:
-        finding = measure(chosen, report)
-
-    def draw(stream: IO[bytes], kind: str) -> None:
-        from nonlinear.plotting import draw_finding
-
-        draw_finding(finding, stream, kind=kind)
-
-    return text(finding), draw
+        return measure(chosen, report)
 
 
-def tradeoff(options: argparse.Namespace) -> None:
+def tradeoff(options: argparse.Namespace) -> WorkPrecision | FrequencyTradeoff:
     """Measure the time and error of every method for a motion, from linear modes to the finest integration."""
     from modal.scene import load
 
-    kind, scene = _kind(options), load(_scene(options))
+    _kind(options)
+    scene = load(_scene(options))
+    comparison: WorkPrecision | FrequencyTradeoff
     comparison, text = (_of_frequencies if options.linear else _of_motion)(options, scene)
     say(text, options.format)
     if getattr(comparison, "interrupted", False):
         raise KeyboardInterrupt
-    if options.output:
-        from nonlinear.plotting import draw_frequencies, draw_tradeoff
-
-        with drawn(options.output, options.theme) as stream:
-            (draw_frequencies if options.linear else draw_tradeoff)(comparison, stream, kind)
+    figure = "draw_frequencies" if options.linear else "draw_tradeoff"
+    draw_in(options, options.output, "nonlinear.plotting", figure, comparison)
+    return comparison
 
 
 def _of_motion(options: argparse.Namespace, scene: Scene) -> tuple[Any, str]:

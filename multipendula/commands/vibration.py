@@ -12,6 +12,7 @@ from multipendula.completion import words
 
 if TYPE_CHECKING:
     from modal.scene import Scene
+    from modal.vibration import RandomResponse, ShockResponse, ThermalNoise
 
 USUAL = "support_acceleration"
 OUTPUTS = (
@@ -30,7 +31,7 @@ WRITTEN = (
 """The outputs of the model, and the files."""
 
 
-def vibration(options: argparse.Namespace) -> None:
+def vibration(options: argparse.Namespace) -> RandomResponse | ThermalNoise | ShockResponse | None:
     """Compute the response to a shaking support or a force, at random or by a record, and thermal noise."""
     from modal.errors import SceneError
     from modal.scene.records import read_spectrum
@@ -38,12 +39,10 @@ def vibration(options: argparse.Namespace) -> None:
     from modal.vibration.random import INPUT
 
     if options.record is not None:
-        _shock(options)
-        return
+        return _shock(options)
     refuse(options, "needs --record CSV", "--baseline")
     if options.temperature is not None:
-        _thermal(options)
-        return
+        return _thermal(options)
     if options.psd is None:
         raise SceneError(["give --psd CSV, --temperature KELVIN, or both; or --record CSV"])
     if options.at:
@@ -53,10 +52,11 @@ def vibration(options: argparse.Namespace) -> None:
         acts = options.input != INPUT
         return random_response(scene, read_spectrum(options.psd, acts), source=options.input, **outputs)
 
-    _report(options, respond, random_report, "draw_random")
+    response: RandomResponse = _report(options, respond, random_report, "draw_random")
+    return response
 
 
-def _thermal(options: argparse.Namespace) -> None:
+def _thermal(options: argparse.Namespace) -> ThermalNoise | None:
     """The thermal noise, with the response to a PSD beside it where there is one."""
     from modal.errors import SceneError
     from modal.scene import load
@@ -77,9 +77,10 @@ def _thermal(options: argparse.Namespace) -> None:
     draw_in(options, options.picture, "modal.plotting.vibration", "draw_thermal", (noise, beside, at))
     with output(options.output) as write:
         write(thermal_report(noise, options.format, beside, at))
+    return None if beside or at else noise
 
 
-def _shock(options: argparse.Namespace) -> None:
+def _shock(options: argparse.Namespace) -> ShockResponse:
     """The response of every mode and output to a record of the support's motion, and its peaks."""
     from modal.scene import RecordMotion
     from modal.scene.records import read_record
@@ -91,12 +92,13 @@ def _shock(options: argparse.Namespace) -> None:
         motion = RecordMotion(**read_record(options.record), baseline=options.baseline)
         return shock_response(scene, motion, **outputs)
 
-    _report(options, respond, shock_report, "draw_shock")
+    response: ShockResponse = _report(options, respond, shock_report, "draw_shock")
+    return response
 
 
 def _report(
     options: argparse.Namespace, respond: Callable[..., Any], written: Callable[[Any, Any], str], figure: str
-) -> None:
+) -> Any:
     """The response of the scene as a report and as a picture, whose name is judged before anything is computed."""
     from modal.scene import load
 
@@ -106,6 +108,7 @@ def _report(
     draw_in(options, options.picture, "modal.plotting.vibration", figure, response)
     with output(options.output) as write:
         write(written(response, options.format))
+    return response
 
 
 COMMANDS = (

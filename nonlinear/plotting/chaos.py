@@ -25,7 +25,7 @@ NUDGE = 1.06
 """Factor by which series of carts are offset, to separate their error bars."""
 
 
-def draw_running(exponent: Exponent, stream: IO[bytes], *, kind: str = "png") -> None:
+def draw_running(exponent: Exponent, stream: IO[bytes], kind: str = "png") -> None:
     """Write the picture of `exponent_figure` as png, svg or pdf."""
     save(exponent_figure(exponent), stream, kind)
 
@@ -52,7 +52,7 @@ def exponent_figure(exponent: Exponent) -> Figure:
     return figure
 
 
-def draw_finding(finding: Finding, stream: IO[bytes], *, kind: str = "png") -> None:
+def draw_finding(finding: Finding, stream: IO[bytes], kind: str = "png") -> None:
     """Write the picture of `finding_figure` as png, svg or pdf."""
     save(finding_figure(finding), stream, kind)
 

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import modal
+import multipendula as mp
 from modal.coupling import explain
 from modal.identification import compare_modes, fit_modes, read_modes
 from modal.loci import follow_loci
@@ -203,6 +204,20 @@ def printed(command: str, capsys: pytest.CaptureFixture[str]) -> list[str]:
     return capsys.readouterr().out.rstrip("\n").split("\n")
 
 
+def called(line: str) -> Any:
+    """What the function of the namespace returns that is called as this command."""
+    name, *words = line.split()
+    places, keywords = [], {}
+    while words:
+        word = words.pop(0)
+        if word.startswith("-"):
+            keyword = "output" if word == "-o" else word[2:].replace("-", "_")
+            keywords[keyword] = True if not words or words[0].startswith("-") else words.pop(0)
+        else:
+            places.append(word)
+    return getattr(mp, name)(*places, **keywords)
+
+
 def assert_begins(shown: str, lines: list[str]) -> None:
     """All lines that are shown are the first of those printed, but for a last one that says that more follow.
 
@@ -226,7 +241,9 @@ def test_a_result_shows_how_its_command_begins(
     result = make()
     monkeypatch.setattr(door.replace(":", "."), lambda *_, **__: result)
     monkeypatch.setattr("multipendula.cli._columns", lambda: WIDTH)
-    assert_begins(repr(result), printed(command, capsys))
+    lines = printed(command, capsys)
+    assert_begins(repr(result), lines)
+    assert_begins(repr(called(command)), lines)
 
 
 @pytest.mark.parametrize("name", ["paper-cart-2", "chain-3", "crane-two-loads"])

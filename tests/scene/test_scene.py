@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import inspect
 import io
 import json
 import sys
@@ -33,8 +34,11 @@ from modal import (
     example_names,
     load,
 )
+from modal import scene as scene_room
 from modal.scene import parse, whole_file
 from modal.scene.files import example_text, schema
+from modal.scene.parameters import find_places, number_paths, unit_at
+from modal.scene.validation import Part
 
 GOOD = {"gravity": 9.81, "pendulum": [{"links": [{"kind": "bob", "mass": 1.0, "length": 1.0}]}]}
 
@@ -383,3 +387,32 @@ def test_a_part_where_a_list_belongs_says_how_to_write_it() -> None:
         Pendulum(links=Bob(mass=1.0, length=1.0))
     with pytest.raises(SceneError, match=r"^pendulum: must be a list: write \[Pendulum\(…\)\]$"):
         load("chain-1").replace(pendulum=load("chain-1").pendulum[0])
+
+
+def test_every_field_has_a_meaning_in_help_and_in_the_schema() -> None:
+    classes = [part for name in dir(scene_room) if isinstance(part := getattr(scene_room, name), type)]
+    parts = [part for part in classes if issubclass(part, Part) and part.fields]
+    assert len(parts) > 20
+    definitions = schema()["$defs"]
+    for part in parts:
+        told = part.__doc__ or ""
+        for name, field in part.fields.items():
+            assert field.words.strip(), (part, name)
+            assert f"\n{name}\n    {field.words}" in told
+            assert "Several" not in str(inspect.signature(part))
+            if part.__name__ in definitions:
+                assert definitions[part.__name__]["properties"][name]["description"] == field.words
+    assert "mass\n    positive (kg)\n" in (Bob.__doc__ or "")
+    assert ">>> bob.centre" in (Bob.__doc__ or "")
+
+
+@pytest.mark.parametrize("name", ["crane-hook", "ship-crane", "beam", "two-bobs", "hoisting-crane", "metronomes"])
+def test_units_of_fields_are_those_of_numbers(name: str) -> None:
+    scene = load(name)
+    for path in number_paths(scene):
+        (place,) = find_places(scene, path)
+        part: Any = scene
+        for step in place[:-1]:
+            part = part[step] if isinstance(step, int) else getattr(part, step)
+        if isinstance(part, Part) and (unit := unit_at(scene, place)):
+            assert unit in part.fields[str(place[-1])].unit, path
