@@ -262,7 +262,7 @@ def _reported(options: argparse.Namespace) -> Iterator[None]:
     from modal.errors import SceneError
     from modal.report import fitted
     from modal.scene import whole_file
-    from multipendula.commands.shared import in_a_folder
+    from multipendula.commands.shared import in_a_folder, without_notes
 
     in_a_folder(name)
     if getattr(options, "format", "text") not in {"text", form}:
@@ -272,7 +272,7 @@ def _reported(options: argparse.Namespace) -> Iterator[None]:
     options.format_words = f"-o {name}"
     with whole_file(name) as stream, fitted(None), redirect_stdout(StringIO()) as text:
         yield
-        stream.write(text.getvalue().encode())
+        stream.write(without_notes(name, text.getvalue()))
 
 
 def _columns() -> int | None:
