@@ -9,6 +9,7 @@ form is written from these, and what shows at the prompt is how the text begins.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import islice
 from operator import attrgetter
@@ -23,6 +24,8 @@ from modal.report.tables import LEFT, NOTHING, Form, as_csv, as_json, finite, gr
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+SIGNIFICANT = re.compile(r"[-+]?\.(\d+)g")
+DECIMAL = re.compile(r"(?P<sign>[-+]?)(?P<whole>\d+)(?:\.(?P<decimals>\d+))?")
 MOST_TABLES, MOST_WRITTEN = 2, 40
 """Tables of a result in a notebook, and lines of one that is text."""
 
@@ -54,6 +57,31 @@ class ReportColumn(NamedTuple):
             return self.shown(value)
         return NOTHING if finite(value) is None else format(value, self.shown)
 
+    def cells(self, rows: Sequence[Any]) -> list[str]:
+        """The values of these rows in text; of a format with significant digits none is dropped that others show."""
+        written = [self.cell(row) for row in rows]
+        digits = SIGNIFICANT.fullmatch(self.shown) if isinstance(self.shown, str) else None
+        return evened(written, int(digits[1])) if digits else written
+
+
+def evened(numbers: Sequence[str], significant: int) -> list[str]:
+    """Decimal numbers with as many decimals as the one that has most, and with so many significant digits at most.
+
+    >>> evened(["7.18867087", "7.2094781", "12.5", "0", "1e-09"], 9)
+    ['7.18867087', '7.20947810', '12.5000000', '0', '1e-09']
+    """
+    parts = [DECIMAL.fullmatch(number) for number in numbers]
+    most = max((len(part["decimals"] or "") for part in parts if part), default=0)
+
+    def full(number: str, part: re.Match[str] | None) -> str:
+        if part is None or not float(number):
+            return number
+        decimals = part["decimals"] or ""
+        room = min(most - len(decimals), significant - len((part["whole"] + decimals).lstrip("0")))
+        return number if room <= 0 else f"{part['sign']}{part['whole']}.{decimals}{'0' * room}"
+
+    return [full(number, part) for number, part in zip(numbers, parts, strict=True)]
+
 
 class ReportTable(NamedTuple):
     """Cells of text under headings."""
@@ -64,8 +92,9 @@ class ReportTable(NamedTuple):
     @classmethod
     def of(cls, columns: Iterable[ReportColumn], rows: Iterable[Any]) -> ReportTable:
         """The columns that have a heading, of these rows."""
-        shown = [column for column in columns if column.heading is not None]
-        return cls([str(column.heading) for column in shown], [[column.cell(row) for column in shown] for row in rows])
+        shown, every = [column for column in columns if column.heading is not None], list(rows)
+        cells = zip(*(column.cells(every) for column in shown), strict=True)
+        return cls([str(column.heading) for column in shown], [list(row) for row in cells])
 
     def written(self, form: str = "text") -> str:
         """The table as text or Markdown; the empty string if it has no rows."""
