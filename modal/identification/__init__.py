@@ -71,3 +71,4 @@ __all__ = [
     "shaped_modes",
     "starts_of",
 ]
+__dir__ = __all__.copy

@@ -17,9 +17,9 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 from modal.report.display import HTML_ROWS, MOST_LINES, TEXT_ROWS, Displayed, Summary, by_column, deferred, scrolled
 from modal.report.escaping import html, latex, visible
-from modal.report.fitting import fitted, folded
+from modal.report.fitting import TABLE_ROWS, Limit, fitted, folded
 from modal.report.prose import WIDTH
-from modal.report.tables import LEFT, NOTHING, Form, as_csv, as_json, finite, grid, headed, titled
+from modal.report.tables import LEFT, NOTHING, Form, as_csv, as_json, finite, grid, headed, layout, titled
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -84,10 +84,11 @@ def evened(numbers: Sequence[str], significant: int) -> list[str]:
 
 
 class ReportTable(NamedTuple):
-    """Cells of text under headings."""
+    """Cells of text under headings; columns of the `spare` ones are left out first where there is no room for all."""
 
     headings: Sequence[str]
     cells: Sequence[Sequence[str]]
+    spare: Sequence[str] = ()
 
     @classmethod
     def of(cls, columns: Iterable[ReportColumn], rows: Iterable[Any]) -> ReportTable:
@@ -98,7 +99,14 @@ class ReportTable(NamedTuple):
 
     def written(self, form: str = "text") -> str:
         """The table as text or Markdown; the empty string if it has no rows."""
-        return grid(self.cells, self.headings, form)
+        return grid(self.cells, self.headings, form, self.spare)
+
+    def beginning(self, rows: int) -> tuple[str, int]:
+        """The table as text to the end of these rows, as it is laid out for more, and how many follow."""
+        align = ["left" if heading in LEFT else "right" for heading in self.headings]
+        body, _ = layout(self.cells, self.headings, align, self.spare)
+        lines, hidden = body.split("\n"), min(len(self.cells), TABLE_ROWS) - rows
+        return "\n".join(lines[: -hidden or None] if hidden > 0 else lines), max(len(self.cells) - rows, 0)
 
 
 def records_of(columns: Iterable[ReportColumn], rows: Iterable[Any]) -> list[dict[str, Any]]:
@@ -129,12 +137,12 @@ class TextResult(Displayed):
         return folded("\n".join(map(visible, self.text().rstrip("\n").split("\n")))).split("\n")
 
     def __repr__(self) -> str:
-        with fitted(WIDTH):
+        with fitted(WIDTH, most=Limit(TABLE_ROWS)):
             lines = list(islice(self._lines(), MOST_LINES + 1))
         return "\n".join(lines if len(lines) <= MOST_LINES else [*lines[: MOST_LINES - 1], "…"])
 
     def _repr_html_(self) -> str:
-        with fitted(WIDTH):
+        with fitted(WIDTH, most=Limit(TABLE_ROWS)):
             lines = list(islice(self._lines(), MOST_WRITTEN + 1))
         shown = "\n".join(map(html, lines[:MOST_WRITTEN]))
         return scrolled(f"<pre>{shown}</pre>", "<p>…</p>" * (len(lines) > MOST_WRITTEN))
@@ -212,12 +220,13 @@ class Result(TextResult):
         scene, what = self.titles()
         yield from headed(f"{scene}: {what}").split("\n")
         for part in self.parts():
-            if not (text := _written(part, "text")):
+            text, left = _written(part, "text"), 0
+            if isinstance(part, ReportTable) and len(part.cells) > TEXT_ROWS:
+                text, left = part.beginning(TEXT_ROWS)
+            if not text:
                 continue
             yield ""
-            lines = [line for whole in text.split("\n") for line in folded(visible(whole)).split("\n")]
-            left = len(part.cells) - TEXT_ROWS if isinstance(part, ReportTable) else 0
-            yield from lines[: -left or None] if left > 0 else lines
+            yield from (line for whole in text.split("\n") for line in folded(visible(whole)).split("\n"))
             if left > 0:
                 yield f"… {left} more"
                 return
