@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     import argparse
 
     from modal.errors import SceneError
+    from modal.report import Limit
     from multipendula.parser import Page
 
 os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
@@ -235,8 +236,17 @@ def _channels(options: argparse.Namespace) -> Iterator[None]:
     written = any("-o" in action.option_strings and vars(options)[action.dest] is not None for action in files)
     words = _Aside(sys.stdout, quiet=options.quiet) if to_output or (options.quiet and written) else sys.stdout
     notes = StringIO() if options.quiet else sys.stderr
-    with fitted(_columns(), _charset()), redirect_stdout(words), redirect_stderr(notes):
+    with fitted(_columns(), _charset(), _limit(options)), redirect_stdout(words), redirect_stderr(notes):
         yield
+
+
+def _limit(options: argparse.Namespace) -> Limit | None:
+    """How much of a table a terminal shows: all where a format, rows or columns were asked for."""
+    from modal.report import TABLE_ROWS, Limit
+
+    asked = getattr(options, "format_asked", False) or getattr(options, "modes", None) or getattr(options, "columns", 0)
+    ways = ["--format text"] * hasattr(options, "format") + ["a pipe"]
+    return None if asked else Limit(TABLE_ROWS, f"; {' or '.join(ways)} shows all")
 
 
 def _is_new(name: str | None) -> bool:
@@ -267,7 +277,7 @@ def _reported(options: argparse.Namespace) -> Iterator[None]:
     from modal.errors import SceneError
     from modal.report import fitted
     from modal.scene import whole_file
-    from multipendula.commands.shared import in_a_folder, printing
+    from multipendula.commands.shared import in_a_folder, printing, without_notes
 
     in_a_folder(name)
     if getattr(options, "format", "text") not in {"text", form}:
@@ -277,7 +287,7 @@ def _reported(options: argparse.Namespace) -> Iterator[None]:
     options.format_words = f"-o {name}"
     with whole_file(name) as stream, fitted(None), printing(StringIO()) as text:
         yield
-        stream.write(text.getvalue().encode())
+        stream.write(without_notes(name, text.getvalue()))
 
 
 def _columns() -> int | None:

@@ -351,4 +351,5 @@ def mode_words(still: int | None, moving: int | None, copies: int = 1) -> str:
 
 def family_table(rows: Sequence[FamilyRow]) -> ReportTable:
     """The columns that hold anything."""
-    return ReportTable.of((each for each in COLUMNS if any(each.of(row) is not None for row in rows)), rows)
+    table = ReportTable.of((each for each in COLUMNS if any(each.of(row) is not None for row in rows)), rows)
+    return table._replace(spare=("effective mass (kg)", "Δω (rad/s)", "share halfway (%)"))

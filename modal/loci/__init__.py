@@ -11,3 +11,4 @@ from modal.loci.following import Loci, follow_loci, loci_csv, loci_text, span_of
 from modal.loci.tracking import CloseApproach
 
 __all__ = ["CloseApproach", "Loci", "follow_loci", "loci_csv", "loci_text", "span_of", "state_columns"]
+__dir__ = __all__.copy

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from math import isfinite, log10, nan, pi, radians
+from math import isfinite, nan, pi, radians
 from textwrap import wrap
 
 import numpy as np
@@ -16,7 +16,7 @@ from modal.modes.mode import Mode
 from modal.modes.modes import Modes
 from modal.modes.numbering import fixed_base_masses, on_free_cart
 from modal.modes.rows import moved_by
-from modal.report import NOTHING, full, line_width
+from modal.report import NOTHING, digits, full, line_width
 from modal.types import Floats
 
 Stds = Mapping[int, tuple[float, float]]
@@ -70,11 +70,8 @@ def _digits(most: int, value: Callable[[Mode], float | None]) -> Callable[[Mode]
     """At most `most` significant digits, and no more than the bound on ω allows."""
 
     def shown(mode: Mode) -> str:
-        number, bound = value(mode), mode.relative_error_bound
-        if number is None or not isfinite(number) or mode.is_uncertain:
-            return NOTHING
-        certain = most if bound == 0 else min(most, max(1, int(-log10(bound))))
-        return f"{number:.{certain}g}"
+        number = value(mode)
+        return NOTHING if number is None or mode.is_uncertain else digits(number, mode.relative_error_bound, most)
 
     return shown
 

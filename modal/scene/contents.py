@@ -43,6 +43,7 @@ SIGNATURES = (
 TEXTS = (
     (r'\A\s*# \{"sha256": "\w*", "multipendula_trajectory"', "run table", "a run"),
     (r'\A\s*# \{"sha256": "\w*", "multipendula_', "run table", "a result saved by multipendula"),
+    (r"\A\s*time_s,(theta|ux)_\d+_\d+(_rad)?,([^\n]*,)?(theta|uz)_dot_\d+_\d+_(rad_)?per_s\b", "run table", "a run"),
     (r"(?s)\A\s*(<\?xml.{0,2000}?)?<svg", "picture", "an SVG picture"),
     (r"(?i)\A\s*<(!doctype )?html", "page", "a web page"),
     (r"\A\s*\{\s*[\"}]|\A\s*\[\s*\{\s*\"", "json", "JSON"),

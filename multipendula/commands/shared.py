@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from contextvars import ContextVar
 from io import BytesIO, StringIO
+from itertools import takewhile
 from typing import IO, TYPE_CHECKING, TextIO
 
 from multipendula.options import FILMS, PICTURES, endings
@@ -51,7 +52,23 @@ def output(path: str | None) -> Iterator[Callable[[str], object]]:
         yield getattr(printed(), "output", printed()).write
         return
     with fitted(None), whole_file(path) as stream:
-        yield lambda text: stream.write(text.encode())
+        text = StringIO()
+        yield text.write
+        stream.write(without_notes(path, text.getvalue()))
+
+
+def without_notes(path: str, text: str) -> bytes:
+    """The text of a file; comments at the beginning of a CSV are written to a record beside it, FILE.csv.json."""
+    lines = text.splitlines(keepends=True)
+    notes = list(takewhile(lambda line: line.startswith("#"), lines))
+    if not notes or not path.lower().endswith(".csv"):
+        return text.encode()
+    from modal.report import as_json
+    from modal.scene import whole_file
+
+    with whole_file(f"{path}.json") as stream:
+        stream.write(as_json({"notes": [note.removeprefix("# ").rstrip("\n") for note in notes]}).encode())
+    return "".join(lines[len(notes) :]).encode()
 
 
 def write_together(contents: Mapping[str | None, bytes]) -> None:

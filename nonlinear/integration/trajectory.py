@@ -166,12 +166,12 @@ class Trajectory(Displayed):
         return self.run.drift
 
     def to_dict(self) -> dict[str, Floats]:
-        """Time, angles, rates, the cart and the work (T,), by the names of the columns of a CSV file.
+        """Time, angles, rates, a cart and the work where something does any (T,), by the names of the columns of a CSV.
 
         >>> from modal import load
         >>> from nonlinear import simulate
         >>> list(simulate(load("chain-1"), 1.0, output=5).to_dict())
-        ['time_s', 'theta_1_1_rad', 'theta_dot_1_1_rad_per_s', 'x_m', 'x_dot_m_per_s', 'work_J']
+        ['time_s', 'theta_1_1_rad', 'theta_dot_1_1_rad_per_s']
         """
         columns: dict[str, Floats] = deferred("nonlinear.files:columns_of")(self)
         return columns
