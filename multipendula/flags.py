@@ -181,6 +181,7 @@ FLAGS: dict[str, Flag] = {
         number("degrees", least=-sys.float_info.max),
     ),
     "--picture": Flag("FILE", "file for a picture beside the main result", group="written", kinds=PICTURES),
+    "--places": Flag("", "list the places, values and units of the scene's numbers instead"),
     "--prior": Flag("PLACE=VALUE±STD", "what is known of a free number beforehand", action=Repeated, keyword="priors"),
     "--psd": Flag("CSV", "file of a one-sided power spectral density", completion=files((".csv",))),
     "--quick": Flag("", "a shorter version"),
@@ -305,7 +306,7 @@ FORMER: dict[tuple[str, str], Former] = {
     ("tune", "--angle"): Former("--largest-angle"),
 }
 """Options by command and former spelling."""
-ELSEWHERE = {"find_bifurcations": "sweep --strobe"}
+ELSEWHERE = {"find_bifurcations": "sweep --strobe", "scene_numbers": "table SCENE --places"}
 """What does on the command line what a message calls by its function."""
 SYNONYMS = {
     **dict.fromkeys(("--time", "--t-end", "--length"), ("--duration", "--over", "--when")),

@@ -7,11 +7,13 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from multipendula.command import SCENE, Command, argument, option, picture_file, text_file
-from multipendula.commands.shared import about, draw_in, listed, noted, output, picture_in_place
+from multipendula.commands.shared import about, draw_in, listed, noted, output, picture_in_place, remark
 from multipendula.completion import files, words
+from multipendula.options import number
 
 if TYPE_CHECKING:
     from modal.scene import Scene
+    from modal.scene.records import Spectrum
 
 USUAL = "support_acceleration"
 OUTPUTS = (
@@ -37,9 +39,7 @@ MOTION = (
 def vibration(options: argparse.Namespace) -> None:
     """Compute the PSD and RMS of every output when the support shakes, or a force acts, at random; thermal noise."""
     from modal.errors import SceneError
-    from modal.scene.records import read_spectrum
     from modal.vibration import random_report, random_response
-    from modal.vibration.random import INPUT
 
     if options.temperature is not None:
         _thermal(options)
@@ -50,17 +50,36 @@ def vibration(options: argparse.Namespace) -> None:
         raise SceneError(["--at: is of thermal noise: give --temperature KELVIN"])
 
     def respond(scene: Scene, **outputs: tuple[str, ...]) -> Any:
-        acts = options.input != INPUT
-        return random_response(scene, read_spectrum(options.psd, acts), source=options.input, **outputs)
+        return random_response(scene, _spectrum(options, scene), source=options.input, **outputs)
 
     _report(options, respond, random_report, "draw_random")
+
+
+def _spectrum(options: argparse.Namespace, scene: Scene) -> Spectrum:
+    """The PSD in the file, or for a number the white one of this level over the band of the modes, which is told."""
+    from os.path import exists
+
+    from modal.scene.records import read_spectrum
+    from modal.vibration.random import INPUT, white_spectrum
+
+    try:
+        level = 0.0 if exists(options.psd) else number("(m/s²)²/Hz above 0")(options.psd)
+    except argparse.ArgumentTypeError:
+        level = 0.0
+    if not level:
+        return read_spectrum(options.psd, options.input != INPUT)
+    spectrum = white_spectrum(scene, level)
+    low, high = spectrum.frequency_hz
+    unit = "(m/s²)²/Hz" if options.input == INPUT else "N²/Hz"
+    band = "a third of the slowest mode to three times the fastest"
+    remark(f"a white PSD of {level:g} {unit} from {low:.4g} to {high:.4g} Hz, {band}")
+    return spectrum
 
 
 def _thermal(options: argparse.Namespace) -> None:
     """The thermal noise, with the response to a PSD beside it where there is one."""
     from modal.errors import SceneError
     from modal.scene import load
-    from modal.scene.records import read_spectrum
     from modal.vibration import random_response, thermal_noise, thermal_report
     from modal.vibration.random import INPUT
 
@@ -71,8 +90,7 @@ def _thermal(options: argparse.Namespace) -> None:
     outputs = listed(options.signals) or ("tip_positions",)
     noise, beside = thermal_noise(scene, options.temperature, outputs), None
     if options.psd is not None:
-        spectrum = read_spectrum(options.psd, options.input != INPUT)
-        beside = random_response(scene, spectrum, outputs, options.input)
+        beside = random_response(scene, _spectrum(options, scene), outputs, options.input)
     at = options.at or ()
     draw_in(options, options.picture, "modal.plotting.vibration", "draw_thermal", (noise, beside, at))
     with output(options.output) as write:
@@ -114,7 +132,7 @@ COMMANDS = (
         takes=(
             SCENE,
             "--psd of the support's motion along the rail, with frequency_hz, and psd in (m/s²)²/Hz or velocity_psd or "
-            "displacement_psd; of a force, with psd in N²/Hz, where --input names one",
+            "displacement_psd; of a force, with psd in N²/Hz, where --input names one; or a number, white noise",
             "--temperature, reported with a budget by place; beside that of the PSD where there is a --psd",
             "--at: the thermal noise (default some over its band)",
             option(
