@@ -27,6 +27,8 @@ if TYPE_CHECKING:
     from modal.identification import Estimate
 
 BAND_MEMBERS = 200
+WRITTEN = (*RUNS, "mat")
+"""The kinds of files of a motion, of which MATLAB's is not read back."""
 
 
 def simulate(options: argparse.Namespace) -> None:
@@ -40,7 +42,7 @@ def simulate(options: argparse.Namespace) -> None:
     band = _banded(options)
     begun = perf_counter()
     try:
-        trajectory = RunOptions.of(options).run(lambda: options.output and kind_of(options.output, RUNS, "-o "))
+        trajectory = RunOptions.of(options).run(lambda: options.output and kind_of(options.output, WRITTEN, "-o "))
     except SimulationError as error:
         if options.output:
             place = _place_of_part(options.output)
@@ -156,7 +158,7 @@ COMMANDS = (
             "--covariance: adds the band of the motion over the fitted numbers",
             "--band",
             THEME,
-            main_file("the motion", RUNS),
+            main_file("the motion", WRITTEN),
             "--explain",
         ),
         details=(

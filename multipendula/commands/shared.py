@@ -35,7 +35,18 @@ def output(path: str | None) -> Iterator[Callable[[str], object]]:
         yield getattr(sys.stdout, "output", sys.stdout).write
         return
     with fitted(None), whole_file(path) as stream:
-        yield lambda text: stream.write(text.encode())
+        texts: list[str] = []
+        yield texts.append
+        stream.write(encoded(path, "".join(texts)))
+
+
+def encoded(name: str, text: str) -> bytes:
+    """Text as the bytes of a file of this name: the columns of CSV where it is a MAT file."""
+    if not name.lower().endswith(".mat"):
+        return text.encode()
+    from modal.exports.scripts import columns_of_csv, write_columns
+
+    return write_columns(columns_of_csv(text))
 
 
 def write_together(contents: Mapping[str | None, bytes]) -> None:
