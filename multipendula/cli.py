@@ -219,14 +219,18 @@ def _channels(options: argparse.Namespace) -> Iterator[None]:
     from modal.errors import SceneError
     from modal.report import fitted
     from modal.scene import STANDARD, kind_of
+    from multipendula.command import file_beside
+    from multipendula.commands.shared import is_new
 
+    if options.page.usual and options.output is None:
+        options.output = file_beside(options.scene, options.page.usual)
     files = [action for action in options.page._actions if action.metavar == "FILE" and action.option_strings]
     named = [(_long(action), vars(options)[action.dest]) for action in files]
     if unnamed := [option for option, name in named if name == ""]:
         raise SceneError([f"{option}: the name of the file is empty" for option in unnamed])
     if why := options.page.refused.get(os.path.splitext(getattr(options, "output", None) or "")[1].lower()):
         raise SceneError([f"-o {options.output}: {why}"])
-    if options.page.texts and _is_new(options.output):
+    if options.page.texts and is_new(options.output):
         kind_of(options.output, options.page.kinds, "-o ")
     to_output = [option for option, name in named if name == STANDARD]
     if len(to_output) > 1:
@@ -249,11 +253,6 @@ def _limit(options: argparse.Namespace) -> Limit | None:
     return None if asked else Limit(TABLE_ROWS, f"; {' or '.join(ways)} shows all")
 
 
-def _is_new(name: str | None) -> bool:
-    """Whether this is the name of a file, or of one to be, and not that of a device."""
-    return bool(name) and "\0" not in str(name) and (os.path.isfile(str(name)) or not os.path.exists(str(name)))
-
-
 def _long(action: argparse.Action) -> str:
     """The long name of an option."""
     return next(option for option in action.option_strings if option.startswith("--"))
@@ -263,31 +262,34 @@ def _long(action: argparse.Action) -> str:
 def _reported(options: argparse.Namespace) -> Iterator[None]:
     """Write the text to the file of -o instead, where a name that could be a figure's ends in a format of text.
 
-    Of a command that writes text alone, the name sets the format, unless --format does.
+    The name sets the format; SceneError where --format is that of another name, but .txt takes all.
     """
     place = next((action.dest for action in options.page._actions if "-o" in action.option_strings), "")
     name = getattr(options, place, None) or ""
     ending = os.path.splitext(name)[1].lower()
     form = options.page.reports.get(ending)
-    if ending in options.page.texts and not getattr(options, "format_asked", False):
-        options.format = options.page.texts[ending]
+    asked = options.format if getattr(options, "format_asked", False) else None
+    by_name = form or options.page.texts.get(ending)
+    if asked and by_name and by_name not in {asked, "text"}:
+        from modal.errors import SceneError
+
+        raise SceneError([f"--format {asked}: cannot be combined with -o {name}"])
+    if by_name and not asked:
+        options.format = by_name
     if form is None:
         yield
         return
-    from modal.errors import SceneError
     from modal.report import fitted
     from modal.scene import whole_file
-    from multipendula.commands.shared import in_a_folder, printing, without_notes
+    from multipendula.commands.shared import encoded, in_a_folder, printing
 
     in_a_folder(name)
-    if getattr(options, "format", "text") not in {"text", form}:
-        raise SceneError([f"--format {options.format}: cannot be combined with -o {name}"])
-    options.format, options.format_asked = form, True
+    options.format_asked = True
     setattr(options, place, None)
     options.format_words = f"-o {name}"
     with whole_file(name) as stream, fitted(None), printing(StringIO()) as text:
         yield
-        stream.write(without_notes(name, text.getvalue()))
+        stream.write(encoded(name, text.getvalue()))
 
 
 def _columns() -> int | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import re
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
@@ -17,7 +18,8 @@ class Option(NamedTuple):
     """An option or an argument of a command.
 
     On its page `more` stands after the meaning, or after that of a file what is in it.  `how` goes to argparse, and
-    `ends` to the page: which endings of its file choose a format, and which are refused.
+    `ends` to the page: which endings of its file choose a format, and which are refused.  A file that is not named is
+    called as the scene, with `usual` for the end of its name.
     """
 
     name: str
@@ -25,6 +27,7 @@ class Option(NamedTuple):
     more: str = ""
     how: Mapping[str, Any] | None = None
     ends: Mapping[str, Mapping[str, str]] | None = None
+    usual: str = ""
 
     @property
     def dest(self) -> str:
@@ -41,7 +44,8 @@ class Option(NamedTuple):
         """What the page says of it."""
         ends = endings(self.flag.kinds)
         told = f"{', '.join(ends[:-1])} or {ends[-1]}" if ends[1:] else "".join(ends)
-        return f"{self.flag.words}{self.more}{(', as ' if self.more else ': ') if told else ''}{told}"
+        usual = f" (default SCENE{self.usual})" if self.usual else ""
+        return f"{self.flag.words}{self.more}{(', as ' if self.more else ': ') if told else ''}{told}{usual}"
 
     def add_to(self, page: Page) -> None:
         """Add it to a page."""
@@ -65,7 +69,7 @@ class Option(NamedTuple):
         if name in FLAGS and flag.metavar != "FILE":
             page.keywords |= dict.fromkeys((self.dest, *flag.names, self.keyword), name)
         if flag.short == "-o":
-            page.kinds = flag.kinds
+            page.kinds, page.usual = flag.kinds, self.usual
         for kept, formats in (self.ends or {}).items():
             setattr(page, kept, dict(formats))
 
@@ -114,14 +118,29 @@ def records(more: str = "") -> tuple[Takes, ...]:
     )
 
 
-def main_file(what: str, kinds: Sequence[str], **how: Any) -> Option:
-    """The file of the main result, and what that is."""
-    return option(f"--output: {what}", kinds=tuple(kinds), **how)
+def main_file(what: str, kinds: Sequence[str], usual: str = "") -> Option:
+    """The file of the main result, what that is, and the end of its name after the scene's where none is given."""
+    return option(f"--output: {what}", kinds=tuple(kinds))._replace(usual=usual)
+
+
+def file_beside(scene: str, end: str) -> str:
+    """A file in this folder that is called as a scene, with this end of its name.
+
+    >>> file_beside("scenes/mine.toml", "-shapes.png"), file_beside("-", ".mat")
+    ('mine-shapes.png', 'scene.mat')
+    """
+    stem = "scene" if scene == "-" else os.path.basename(scene)
+    return next((stem.removesuffix(f".{kind}") for kind in ("toml", *RUNS) if stem.endswith(f".{kind}")), stem) + end
 
 
 def formats(*names: str, more: str = "") -> Option:
     """The format of what is printed."""
     return option(f"--format{more or f' (default {names[0]})'}", choices=names, default=names[0])
+
+
+def _formats_by_ending(names: Sequence[str]) -> dict[str, str]:
+    """The format for each ending of a file: a MAT file has the columns of CSV."""
+    return {f".{TEXTS[name]}": name for name in names} | ({".mat": "csv"} if "csv" in names else {})
 
 
 def text_file(*names: str, kind: str = "", drawn: bool = False, more: Sequence[str] = ()) -> tuple[Option, ...]:
@@ -130,18 +149,22 @@ def text_file(*names: str, kind: str = "", drawn: bool = False, more: Sequence[s
     Text of one format alone is a file of this `kind`, or of any.  A figure may be `drawn` there instead
     (`shared.picture_in_place`), also in `more` formats.
     """
-    kinds = [*([kind] if kind else ()), *(TEXTS[name] for name in names), *((*PICTURES, *more) if drawn else ())]
+    kinds = [
+        *([kind] if kind else ()),
+        *(end[1:] for end in _formats_by_ending(names)),
+        *((*PICTURES, *more) if drawn else ()),
+    ]
     what = "text or a figure" if drawn else "text"
     refused = dict.fromkeys(endings(MOVING if drawn else (*PICTURES, *MOVING)), f"this command writes {what}")
     file = main_file("the text or the figure" if drawn else "the text", kinds)
-    texts = {f".{kind}": "text"} if kind else {f".{TEXTS[name]}": name for name in names}
+    texts = {f".{kind}": "text"} if kind else _formats_by_ending(names)
     ends = {"texts": texts, "refused": refused}
     return (*([formats(*names)] if names else ()), file._replace(ends=ends))
 
 
 def report_file(*names: str) -> tuple[Takes, ...]:
     """A file for a figure, or for the text instead, in the one of these formats that its name ends in, and colours."""
-    ends = {f".{TEXTS[name]}": name for name in names or ("text",)}
+    ends = _formats_by_ending(names or ("text",))
     file = main_file("the figure or the text", (*PICTURES, *(end[1:] for end in ends)))
     return (file._replace(ends={"reports": ends}), THEME)
 

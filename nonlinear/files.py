@@ -67,7 +67,7 @@ def save(trajectory: Trajectory, path: str | os.PathLike[str]) -> None:
     trajectory
         The run.  Applied forces are code and are not saved.
     path
-        A name that ends in .npz (everything, read back by `load`) or .csv (columns for other programs).
+        A name that ends in .npz (everything, read back by `load`), .csv or .mat (columns for other programs).
 
     Raises
     ------
@@ -89,10 +89,12 @@ def save(trajectory: Trajectory, path: str | os.PathLike[str]) -> None:
     """
     if trajectory.system.hoisting and trajectory.system.hoisting.given:
         raise SceneError([f"{path}: lengths given in Python are not saved: write the hoist in the scene"])
-    if checked_kind(path) == "csv":
+    writers = {"npz": _npz, "mat": _mat}
+    kind = kind_of(path, (*KINDS, "mat"))
+    if kind == "csv":
         write_csv(path, _header(trajectory), [columns(trajectory), *rows_of(trajectory).tolist()])
         return
-    content = _npz(trajectory)
+    content = writers[kind](trajectory)
     with whole_file(path) as stream:
         stream.write(content)
 
@@ -362,6 +364,12 @@ def rows_of(trajectory: Trajectory) -> Floats:
 def columns_of(trajectory: Trajectory) -> dict[str, Floats]:
     """The numbers (T,) of the motion by the names of the columns of a CSV."""
     return dict(zip(columns(trajectory), rows_of(trajectory).T, strict=True))
+
+
+def _mat(trajectory: Trajectory) -> bytes:
+    from modal.exports.scripts import write_columns
+
+    return write_columns(columns_of(trajectory))
 
 
 def _read_csv(name: str) -> tuple[dict[str, Any], Floats, dict[str, Floats]]:

@@ -7,9 +7,28 @@ import sys
 from time import perf_counter
 from typing import TYPE_CHECKING
 
-from multipendula.command import RUN, THEME, Command, formats, kwargs_of, main_file, refuse
+from multipendula.command import (
+    RUN,
+    THEME,
+    Command,
+    formats,
+    kwargs_of,
+    main_file,
+    refuse,
+)
 from multipendula.commands.runs import RunOptions, motion, recorded, start_of, whole
-from multipendula.commands.shared import bar, drawn, estimate_of, film_form, in_a_folder, output, picture, remark, say
+from multipendula.commands.shared import (
+    bar,
+    drawn,
+    estimate_of,
+    film_form,
+    in_a_folder,
+    made,
+    output,
+    picture,
+    remark,
+    say,
+)
 from multipendula.options import FILMS, PICTURES, REPORTS, RUNS
 
 if TYPE_CHECKING:
@@ -21,6 +40,8 @@ BAND_MEMBERS = 200
 COMPILED = ("txt", "json")
 OF_COMPILING = ("--compile", "--tolerance", "--format", "--output", "--quiet")
 """Options that --compile takes."""
+WRITTEN = (*RUNS, "mat")
+"""The kinds of files of a motion, of which MATLAB's is not read back."""
 
 
 def simulate(options: argparse.Namespace) -> Trajectory | Compilation:
@@ -70,7 +91,7 @@ def _trajectory(options: argparse.Namespace) -> Trajectory:
 
     def named() -> None:
         if options.output:
-            kind_of(options.output, RUNS, "-o ")
+            kind_of(options.output, WRITTEN, "-o ")
 
     if options.accuracy is None or options.keep_modes or recorded(options.scene):
         refuse(options, "needs --accuracy RAD of a scene, or --compile", "--format")
@@ -138,6 +159,8 @@ def plot(options: argparse.Namespace) -> None:
     trajectory = RunOptions.of(options).shown(lambda: picture(options.output))
     with drawn(options.output, options.theme) as stream:
         draw_run(trajectory, stream, kind=picture(options.output))
+    links, seconds = trajectory.scene.n_links, trajectory.times[-1] - trajectory.times[0]
+    made(options.output, f"{seconds:.4g} s of motion of {links} link{'s' * (links > 1)}")
 
 
 def animate(options: argparse.Namespace) -> None:
@@ -149,7 +172,7 @@ def animate(options: argparse.Namespace) -> None:
     with drawn(options.output, options.theme) as stream, bar(options.seconds or 20.0) as report:
         how = kwargs_of(options, "--fps", "--speed", "--seconds")
         shown = film(trajectory, stream, form, report=report, **how)
-    say(f"{shown.frames} frames, {shown.seconds:.3g} s of film for {shown.motion:.3g} s of motion\n")
+    made(options.output, f"{shown.frames} frames, {shown.seconds:.3g} s of film for {shown.motion:.3g} s of motion")
     if shown.left_out > 0:
         remark(f"{shown.left_out:.3g} s of the run left out; --seconds or --speed")
 
@@ -184,7 +207,7 @@ COMMANDS = (
             "--covariance: adds the band of the motion over the fitted numbers",
             "--band",
             THEME,
-            main_file("the motion; of --compile the report", (*RUNS, *COMPILED)),
+            main_file("the motion; of --compile the report", (*WRITTEN, *COMPILED)),
             "--explain",
         ),
         details=(
@@ -215,7 +238,7 @@ COMMANDS = (
         name="plot",
         topic="motion",
         run=plot,
-        takes=(*motion(20.0), main_file("the figure", PICTURES, required=True), THEME),
+        takes=(*motion(20.0), main_file("the figure", PICTURES, "-plot.png"), THEME),
         details=(
             "The run is a saved one, or of a scene that is simulated first. Dotted lines in the spectrum are the "
             "frequencies of the table of modes. Links that move alike are one curve; of many, some are drawn and the "
@@ -233,7 +256,7 @@ COMMANDS = (
         run=animate,
         takes=(
             *motion(10.0),
-            main_file("the film", FILMS, required=True),
+            main_file("the film", FILMS, "-film.gif"),
             "--fps",
             "--speed (default 1)",
             "--seconds (default 20)",
