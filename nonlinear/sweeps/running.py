@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Collection, Generator, Iterator, Sequence
 from contextlib import closing, suppress
 from dataclasses import dataclass
 from functools import cached_property, partial
-from itertools import islice, product
+from itertools import product
 from time import monotonic
 from typing import Any
 
@@ -20,26 +20,18 @@ from modal.scene.doors import checked, require_type
 from modal.scene.parameters import Place, Variable, Variation, find_places
 from modal.types import Floats
 from modal.vibration import Boundary, tongues, vertical_sine
-from nonlinear.ensembles.executors import DIED, Crew, computed, cores, pool_of
+from nonlinear.ensembles.executors import DIED, Crew, computed, cores
 from nonlinear.integration import validate_whole
 from nonlinear.sweeps.checkpoint import Checkpoint
 from nonlinear.sweeps.measures import FLOQUET, parse_measures
-from nonlinear.sweeps.study import ENERGY, LYAPUNOV, Points, Row, Study, SweepTask, measure_each, measure_points
+from nonlinear.sweeps.study import ENERGY, LYAPUNOV, Chunk, Row, Study, SweepTask, measure_chunk, measure_each
 
 PATIENCE = 0.5
 """Seconds that this process works alone before it starts others: a small sweep is done by then."""
 STARTING = 1.0
 """Least seconds of remaining work that justify starting other processes."""
-CHUNK = 256
-"""Most points measured together."""
-BRIEF, BRIEF_RUNS = 0.05, 2.0
-"""Seconds per portion above which portions no longer grow; of runs, which are faster side by side."""
-TOGETHER, CHUNK_OF_RUNS = 64, 1024
-"""Points of the first portion of runs, and the most of any."""
 MEMBERS = 50
 """Starts drawn at every energy, where nobody says how many."""
-LANES = 512
-"""Members of the first portion where starts are drawn."""
 MOST_REASONS, MOST_LINES = 5, 100
 DRAWN = "At every energy {} starts at random (seed {}): q05, median and q95 are quantiles over them."
 NUMBERED = "Modes are numbered as in the table of the original scene."
@@ -124,22 +116,21 @@ def sweep(
     """All points of a study: those already in a journal are taken from it, new ones are added to it.
 
     `workers` is a number of processes, 1 to stay in this one; by default, all cores are used once the sweep has taken
-    PATIENCE.  `crew` is any `concurrent.futures.Executor`, or that of `nonlinear.ensembles.cluster`.  `report` is given
-    the number of points done.  On Ctrl-C the rows found so far are returned.  Raises ComputationError where workers
-    cannot be started.
+    PATIENCE.  `crew` is any `concurrent.futures.Executor`, or that of `nonlinear.ensembles.cluster`.  Rows depend on
+    neither.  `report` is given the number of points done.  On Ctrl-C the rows found so far are returned.  Raises
+    ComputationError where workers cannot be started.
     """
     require_type("study", study, "Study")
     validate_whole(1, optional=True, workers=workers)
     kept = journal or Checkpoint()
     rows = {row.index: row for row in kept.rows}
-    left = [index for index in range(study.size) if index not in rows]
     interrupted = False
     report(len(rows))
     try:
-        with closing(_found(study, left, workers, crew)) as portions:
-            for portion in portions:
-                kept.add(portion)
-                rows |= {row.index: row for row in portion}
+        with closing(_found(study, frozenset(rows), workers, crew)) as chunks:
+            for chunk in chunks:
+                kept.add(chunk)
+                rows |= {row.index: row for row in chunk}
                 report(len(rows))
     except KeyboardInterrupt:
         interrupted = True
@@ -200,42 +191,44 @@ def chaos_by_energy(
     return sweep(Study(scene, (axis,), parse_measures([text]), members, seed), workers=workers, report=report)
 
 
-def _found(study: Study, left: Sequence[int], workers: int | None, crew: Crew | None) -> Rows:
-    task, count = SweepTask(study.scene, study.measures, study.members, study.seed), workers or cores()
-    points, begun = ((index, study.point(index)) for index in left), monotonic()
-    remaining = len(left)
+def _found(study: Study, known: Collection[int], workers: int | None, crew: Crew | None) -> Rows:
+    """The rows that are not known, chunk by chunk: here, and where much is left then, by a crew or processes."""
+    task, chunks, left = study.task, _chunks(study, known), study.size - len(known)
+    count, begun = workers or cores(), monotonic()
     if crew is None and (workers is None or count == 1):
-        size, seconds_left = TOGETHER if task.durations else 1, 0.0
-        size = max(1, LANES // task.members) if task.members else size
-        brief, most = (BRIEF_RUNS, CHUNK_OF_RUNS) if task.durations or task.members else (BRIEF, CHUNK)
-        while remaining and not (count > 1 and monotonic() - begun > PATIENCE and seconds_left > STARTING):
-            portion, before = list(islice(points, size)), monotonic()
-            yield from _here(task, portion)
-            taken = monotonic() - before
-            remaining -= len(portion)
-            seconds_left = taken / len(portion) * remaining
-            size = min(2 * size, most) if taken < brief else max(1, size // 2)
-    if not remaining:
-        return
-    count = min(count, remaining) if crew is None else pool_of(crew).size
-    size = max(1, min(CHUNK, remaining // ((2 if task.durations else 8) * count)))
-    portions: Iterator[Points] = iter(lambda: list(islice(points, size)), [])
-    yield from computed(partial(measure_points, task), portions, crew, count, _divided, _died)
+        for chunk in chunks:
+            before = monotonic()
+            yield from _here(task, chunk)
+            left -= len(chunk.wanted)
+            seconds_left = (monotonic() - before) / len(chunk.wanted) * left
+            if count > 1 and monotonic() - begun > PATIENCE and seconds_left > STARTING:
+                break
+    if left:
+        count = min(count, -(-left // study.chunk))
+        yield from computed(partial(measure_chunk, task), chunks, crew, count, _divided, _died)
 
 
-def _divided(points: Points) -> list[Points]:
-    return [[point] for point in points]
+def _chunks(study: Study, known: Collection[int]) -> Iterator[Chunk]:
+    """The chunks of a study in which something is not known."""
+    for first in range(0, study.size, study.chunk):
+        indices = range(first, min(first + study.chunk, study.size))
+        if wanted := frozenset(index for index in indices if index not in known):
+            yield Chunk([(index, study.point(index)) for index in indices], wanted)
 
 
-def _died(points: Points) -> list[Row]:
-    return [Row(index, {}, DIED) for index, _ in points]
+def _divided(chunk: Chunk) -> list[Chunk]:
+    return [Chunk([point], frozenset([point[0]])) for point in chunk.points if point[0] in chunk.wanted]
 
 
-def _here(task: SweepTask, points: Points) -> Rows:
-    """The rows of some points in this process; those computed before Ctrl-C are kept."""
+def _died(chunk: Chunk) -> list[Row]:
+    return [Row(index, {}, DIED) for index in sorted(chunk.wanted)]
+
+
+def _here(task: SweepTask, chunk: Chunk) -> Rows:
+    """The rows of a chunk in this process; those computed before Ctrl-C are kept."""
     done: list[Row] = []
     try:
-        for row in measure_each(task, points):
+        for row in measure_each(task, chunk):
             done.append(row)
     except KeyboardInterrupt:
         yield done
