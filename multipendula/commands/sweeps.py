@@ -9,13 +9,13 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from multipendula.command import CREW, SCENE, Command, kwargs_of, main_file, option, picture_file
-from multipendula.commands.ensembles import measured, names_of, refuse, strobed
+from multipendula.commands.ensembles import crew_of, measured, names_of, refuse, refuse_homeless, strobed, tell_of_share
 from multipendula.commands.runs import tell_of_start
 from multipendula.commands.shared import bar, drawn, picture_in_place, say
 from multipendula.options import PICTURES, RUNS, integer
 
 if TYPE_CHECKING:
-    from nonlinear.sweeps import Checkpoint, Study, WorkerPool
+    from nonlinear.sweeps import Checkpoint, Study
 
 
 BY_STROBES = ("phase_deg", "settle", "of")
@@ -28,6 +28,7 @@ ENDINGS = (*RUNS, "json", *PICTURES)
 def sweep(options: argparse.Namespace) -> None:
     """Compute measures of a scene over a parameter grid, or follow its frequencies or strobes along one parameter."""
     kind = picture_in_place(options)
+    refuse_homeless(options)
     if not options.strobe:
         refuse(options, BY_STROBES, "needs --strobe")
     if not any(text.partition("=")[0].strip() == BY_ENERGY for text in options.vary):
@@ -36,7 +37,7 @@ def sweep(options: argparse.Namespace) -> None:
 
 
 def _map(options: argparse.Namespace, kind: str) -> None:
-    from modal.errors import ComputationError
+    from modal.errors import ComputationError, SceneError
     from modal.report import visible
     from modal.scene import kind_of, load
     from modal.scene.parameters import parse_variations
@@ -60,16 +61,22 @@ def _map(options: argparse.Namespace, kind: str) -> None:
         validate_axes(axes)
     if not by_energy and any(request.computation.runs for request in measures) and not has_start(scene):
         tell_of_start("every point begins in the shape of its first mode that swings")
+    if options.folder and options.fresh:
+        raise SceneError(["--fresh: cannot be combined with --folder: remove the folder"])
     with _journal(options, study) as kept:
-        with _crew(options) as crew, bar(study.size, "point") as report:
-            outcome = swept(study, journal=kept, workers=options.workers, crew=crew, report=report)
+        with crew_of(options) as crew, bar(study.size, "point") as report:
+            who = {"workers": options.workers, "crew": crew, "share": options.share}
+            outcome = swept(study, journal=kept, report=report, **who)
+        if not outcome.interrupted and tell_of_share(options):
+            return
         if len(outcome.failures) == study.size:
             kept.finish()
             raise ComputationError("\n".join(["every point of the sweep failed", *reasons(outcome)]))
         say(sweep_text(outcome))
         if outcome.interrupted:
             if _has_journal(options):
-                print(f"repeat the command to resume from {visible(options.output)}.journal", file=sys.stderr)
+                where = options.folder or f"{options.output}.journal"
+                print(f"repeat the command to resume from {visible(where)}", file=sys.stderr)
             raise KeyboardInterrupt
         if options.output:
             save(outcome, options.output)
@@ -80,32 +87,21 @@ def _map(options: argparse.Namespace, kind: str) -> None:
 
 
 def _has_journal(options: argparse.Namespace) -> bool:
-    """Whether finished points are saved beside the output file; not with standard output."""
+    """Whether finished points are saved, in a folder or beside the output file; not with standard output."""
     from modal.scene import STANDARD
 
-    return bool(options.output) and options.output != STANDARD
+    return bool(options.folder or options.output) and (options.folder or options.output) != STANDARD
 
 
 @contextmanager
 def _journal(options: argparse.Namespace, study: Study) -> Iterator[Checkpoint]:
-    from nonlinear.sweeps import Checkpoint, open_checkpoint
+    from nonlinear.sweeps import Checkpoint, RowFolder, open_checkpoint
 
-    if not _has_journal(options):
-        yield Checkpoint()
+    if options.folder or not _has_journal(options):
+        yield RowFolder(options.folder, study) if options.folder else Checkpoint()
         return
     with open_checkpoint(f"{options.output}.journal", study, fresh=options.fresh) as kept:
         yield kept
-
-
-@contextmanager
-def _crew(options: argparse.Namespace) -> Iterator[WorkerPool | None]:
-    if not options.scheduler:
-        yield None
-        return
-    from nonlinear.ensembles.cluster import cluster
-
-    with cluster(options.scheduler) as crew:
-        yield crew
 
 
 def _loci(options: argparse.Namespace, kind: str) -> None:
@@ -114,7 +110,7 @@ def _loci(options: argparse.Namespace, kind: str) -> None:
     from modal.scene import STANDARD, load, whole_file
     from modal.scene.parameters import parse_variations
 
-    unwanted = ("measure", "strobe", "workers", "scheduler", "fresh", "members")
+    unwanted = ("measure", "strobe", "workers", "scheduler", "fresh", "members", "folder", "share")
     asked = [name for name in unwanted if getattr(options, name)]
     problems = [f"--{name}: cannot be combined with --loci" for name in asked]
     if len(options.vary) != 1:
@@ -154,9 +150,11 @@ def _strobes(options: argparse.Namespace, kind: str) -> None:
     scene, (variation,) = load(options.scene), parse_variations(options.vary)
     if not has_start(scene):
         tell_of_start("every value begins in the shape of its first mode that swings")
-    more = kwargs_of(options, "--phase-deg", "--settle", "--workers") | {"of": names_of(options)}
-    with _crew(options) as crew, bar(len(variation.values), "value") as report:
-        strobes = find_bifurcations(scene, variation, crew=crew, report=report, **more)
+    more = kwargs_of(options, "--phase-deg", "--settle", "--workers", "--folder", "--share")
+    with crew_of(options) as crew, bar(len(variation.values), "value") as report:
+        strobes = find_bifurcations(scene, variation, crew=crew, report=report, of=names_of(options), **more)
+    if tell_of_share(options):
+        return
     if options.output != STANDARD:
         say(bifurcation_table(strobes, "text"))
     if form:
@@ -190,6 +188,8 @@ COMMANDS = (
             main_file("the numbers (of --loci .csv) or the figure", ENDINGS),
             *picture_file(),
             *CREW,
+            "--share",
+            "--folder",
             "--fresh",
         ),
         details=(

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import os
 from collections import Counter
-from collections.abc import Callable, Collection, Generator, Iterator, Sequence
+from collections.abc import Callable, Container, Generator, Iterator, Mapping, Sequence
 from contextlib import closing, suppress
 from dataclasses import dataclass
 from functools import cached_property, partial
@@ -21,10 +22,11 @@ from modal.scene.parameters import Place, Variable, Variation, find_places
 from modal.types import Floats
 from modal.vibration import Boundary, tongues, vertical_sine
 from nonlinear.ensembles.executors import DIED, Crew, computed, cores
-from nonlinear.integration import validate_whole
-from nonlinear.sweeps.checkpoint import Checkpoint
+from nonlinear.ensembles.running import validate_folder, validate_share
+from nonlinear.integration import validate, validate_whole
+from nonlinear.sweeps.checkpoint import Checkpoint, RowFolder
 from nonlinear.sweeps.measures import FLOQUET, parse_measures
-from nonlinear.sweeps.study import ENERGY, LYAPUNOV, Chunk, Row, Study, SweepTask, measure_chunk, measure_each
+from nonlinear.sweeps.study import ENERGY, LYAPUNOV, PointChunk, Row, Study, SweepTask, measure_chunk, measure_each
 
 PATIENCE = 0.5
 """Seconds that this process works alone before it starts others: a small sweep is done by then."""
@@ -109,29 +111,39 @@ def sweep(
     study: Study,
     *,
     journal: Checkpoint | None = None,
+    folder: str | os.PathLike[str] | None = None,
+    share: tuple[int, int] | None = None,
     workers: int | None = None,
     crew: Crew | None = None,
     report: Report = silent,
 ) -> Sweep:
-    """All points of a study: those already in a journal are taken from it, new ones are added to it.
+    """All points of a study: those already in a journal or a folder are taken from it, new ones are added to it.
 
+    In a `folder` each chunk of points is a file; a `share` (k, n), with k from 0, is every n-th chunk alone, for n
+    processes that know nothing of each other.
     `workers` is a number of processes, 1 to stay in this one; by default, all cores are used once the sweep has taken
     PATIENCE.  `crew` is any `concurrent.futures.Executor`, or that of `nonlinear.ensembles.cluster`.  Rows depend on
     neither.  `report` is given the number of points done.  On Ctrl-C the rows found so far are returned.  Raises
     ComputationError where workers cannot be started.
     """
     require_type("study", study, "Study")
-    validate_whole(1, optional=True, workers=workers)
-    kept = journal or Checkpoint()
+    validate(
+        lambda: validate_whole(1, optional=True, workers=workers),
+        lambda: validate_share(share),
+        lambda: validate_folder(folder),
+    )
+    kept = journal or (RowFolder(folder, study) if folder is not None else Checkpoint())
     rows = {row.index: row for row in kept.rows}
-    interrupted = False
-    report(len(rows))
+    left = _left(study, rows, share or (0, 1))
+    done, interrupted = study.size - sum(len(wanted) for wanted in left.values()), False
+    report(done)
     try:
-        with closing(_found(study, frozenset(rows), workers, crew)) as chunks:
+        with closing(_found(study, left, workers, crew)) as chunks:
             for chunk in chunks:
                 kept.add(chunk)
                 rows |= {row.index: row for row in chunk}
-                report(len(rows))
+                done += len(chunk)
+                report(done)
     except KeyboardInterrupt:
         interrupted = True
     return Sweep(study, tuple(rows[index] for index in sorted(rows)), interrupted)
@@ -191,40 +203,46 @@ def chaos_by_energy(
     return sweep(Study(scene, (axis,), parse_measures([text]), members, seed), workers=workers, report=report)
 
 
-def _found(study: Study, known: Collection[int], workers: int | None, crew: Crew | None) -> Rows:
-    """The rows that are not known, chunk by chunk: here, and where much is left then, by a crew or processes."""
-    task, chunks, left = study.task, _chunks(study, known), study.size - len(known)
-    count, begun = workers or cores(), monotonic()
+def _left(study: Study, known: Container[int], share: tuple[int, int]) -> dict[int, list[int]]:
+    """The points of a share that are not known, by the number of their chunk."""
+    left: dict[int, list[int]] = {}
+    first, of = share
+    for number in range(first, -(-study.size // study.chunk), of):
+        indices = range(number * study.chunk, min((number + 1) * study.chunk, study.size))
+        if wanted := [index for index in indices if index not in known]:
+            left[number] = wanted
+    return left
+
+
+def _found(study: Study, left: Mapping[int, Sequence[int]], workers: int | None, crew: Crew | None) -> Rows:
+    """The rows that are left, chunk by chunk: here, and where much is left then, by a crew or processes."""
+    task, chunks, begun = study.task, (_chunk(study, *each) for each in left.items()), monotonic()
+    remaining, count = len(left), workers or cores()
     if crew is None and (workers is None or count == 1):
         for chunk in chunks:
             before = monotonic()
             yield from _here(task, chunk)
-            left -= len(chunk.wanted)
-            seconds_left = (monotonic() - before) / len(chunk.wanted) * left
-            if count > 1 and monotonic() - begun > PATIENCE and seconds_left > STARTING:
+            remaining -= 1
+            if count > 1 and monotonic() - begun > PATIENCE and (monotonic() - before) * remaining > STARTING:
                 break
-    if left:
-        count = min(count, -(-left // study.chunk))
-        yield from computed(partial(measure_chunk, task), chunks, crew, count, _divided, _died)
+    if remaining:
+        yield from computed(partial(measure_chunk, task), chunks, crew, min(count, remaining), _divided, _died)
 
 
-def _chunks(study: Study, known: Collection[int]) -> Iterator[Chunk]:
-    """The chunks of a study in which something is not known."""
-    for first in range(0, study.size, study.chunk):
-        indices = range(first, min(first + study.chunk, study.size))
-        if wanted := frozenset(index for index in indices if index not in known):
-            yield Chunk([(index, study.point(index)) for index in indices], wanted)
+def _chunk(study: Study, number: int, wanted: Sequence[int]) -> PointChunk:
+    indices = range(number * study.chunk, min((number + 1) * study.chunk, study.size))
+    return PointChunk([(index, study.point(index)) for index in indices], frozenset(wanted))
 
 
-def _divided(chunk: Chunk) -> list[Chunk]:
-    return [Chunk([point], frozenset([point[0]])) for point in chunk.points if point[0] in chunk.wanted]
+def _divided(chunk: PointChunk) -> list[PointChunk]:
+    return [PointChunk([point], frozenset([point[0]])) for point in chunk.points if point[0] in chunk.wanted]
 
 
-def _died(chunk: Chunk) -> list[Row]:
+def _died(chunk: PointChunk) -> list[Row]:
     return [Row(index, {}, DIED) for index in sorted(chunk.wanted)]
 
 
-def _here(task: SweepTask, chunk: Chunk) -> Rows:
+def _here(task: SweepTask, chunk: PointChunk) -> Rows:
     """The rows of a chunk in this process; those computed before Ctrl-C are kept."""
     done: list[Row] = []
     try:

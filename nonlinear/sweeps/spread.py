@@ -41,7 +41,7 @@ from modal.types import Floats
 from nonlinear.ensembles import Ensemble, ensemble
 from nonlinear.integration import validate, validate_whole
 from nonlinear.sweeps.measures import parse_measures
-from nonlinear.sweeps.study import TOGETHER, Chunk, SweepTask, measure_chunk
+from nonlinear.sweeps.study import TOGETHER, PointChunk, SweepTask, measure_chunk
 from nonlinear.system import State, system_of
 
 if TYPE_CHECKING:
@@ -385,7 +385,9 @@ def find_spread(
 
 def _measured(task: SweepTask, values: dict[str, Floats]) -> tuple[dict[str, tuple[float, Floats]], dict[int, str]]:
     """The scene's own number and those of members (S,) in every column that is measured, and why members have none."""
-    nominal, *_ = measure_chunk(task, Chunk([(0, {path: _value(task.scene, path) for path in values})], frozenset([0])))
+    nominal, *_ = measure_chunk(
+        task, PointChunk([(0, {path: _value(task.scene, path) for path in values})], frozenset([0]))
+    )
     if nominal.reason:
         raise ComputationError(nominal.reason)
     columns = {name: (number, np.full(task.size, np.nan)) for name, number in nominal.numbers.items()}
@@ -393,7 +395,7 @@ def _measured(task: SweepTask, values: dict[str, Floats]) -> tuple[dict[str, tup
     for first in range(0, task.size, TOGETHER):
         some = range(first, min(first + TOGETHER, task.size))
         points = [(k, {path: float(drawn[k]) for path, drawn in values.items()}) for k in some]
-        for row in measure_chunk(task, Chunk(points, frozenset(some))):
+        for row in measure_chunk(task, PointChunk(points, frozenset(some))):
             for name in columns.keys() & row.numbers.keys():
                 columns[name][1][row.index] = row.numbers[name]
             if row.reason:

@@ -180,19 +180,19 @@ class Row(Displayed):
 Point = tuple[int, dict[str, float]]
 
 
-class Chunk(NamedTuple):
+class PointChunk(NamedTuple):
     """Points that are measured together, and the numbers of those whose rows are wanted."""
 
     points: Sequence[Point]
     wanted: frozenset[int]
 
 
-def measure_chunk(task: SweepTask, chunk: Chunk) -> list[Row]:
+def measure_chunk(task: SweepTask, chunk: PointChunk) -> list[Row]:
     """The rows that are wanted of a chunk."""
     return list(measure_each(task, chunk))
 
 
-def measure_each(task: SweepTask, chunk: Chunk) -> Iterator[Row]:
+def measure_each(task: SweepTask, chunk: PointChunk) -> Iterator[Row]:
     """The rows that are wanted, one by one; an error at one becomes its reason and does not affect the others."""
     points, wanted = chunk
     variable = Variable(task.scene, [path for path in points[0][1] if path != ENERGY])
