@@ -18,7 +18,7 @@ from nonlinear.measures import taken_by
 if TYPE_CHECKING:
     from modal.report import Form
     from modal.scene import Scene
-    from nonlinear.ensembles import Basins, PoincareSection, StroboscopicSection
+    from nonlinear.ensembles import Basins, PoincareSection, StroboscopicSection, WorkerPool
     from nonlinear.sweeps import Spread
 
 TOLERANCE, MOTIONS = 1e-9, 24
@@ -151,36 +151,52 @@ def _scene(options: argparse.Namespace) -> Scene:
 
 def _show(options: argparse.Namespace, table: Callable[[Any, Form], str], figure: str, outcome: Made) -> Made | None:
     """The result, once its report and its picture are written; of a share only where it is kept, and None."""
-    from modal.report import visible
-
-    if options.share:
-        first, of = options.share
-        folder = visible(options.folder)
-        say(f"share {first + 1} of {of} is in {folder}: without --share the command takes all together\n")
+    if tell_of_share(options):
         return None
     say(table(outcome, options.format), options.format)
     draw_in(options, options.output, "nonlinear.plotting", figure, outcome)
     return outcome
 
 
+def tell_of_share(options: argparse.Namespace) -> bool:
+    """Whether a share was computed, which is told in place of the result."""
+    from modal.report import visible
+
+    if options.share:
+        share, where = f"share {options.share[0] + 1} of {options.share[1]}", visible(options.folder)
+        say(f"{share} is in {where}: without --share the command takes all together\n")
+    return bool(options.share)
+
+
+def refuse_homeless(options: argparse.Namespace) -> None:
+    """SceneError for a share without a folder."""
+    from modal.errors import SceneError
+
+    if options.share and not options.folder:
+        raise SceneError(["--share: needs --folder"])
+
+
+@contextmanager
+def crew_of(options: argparse.Namespace) -> Iterator[WorkerPool | None]:
+    """The workers of a scheduler, None where there is none."""
+    if not options.scheduler:
+        yield None
+        return
+    from nonlinear.ensembles.cluster import cluster
+
+    with cluster(options.scheduler) as crew:
+        yield crew
+
+
 @contextmanager
 def _engine(options: argparse.Namespace, scene: Scene, members: int) -> Iterator[dict[str, Any]]:
     """The arguments of an ensemble, with a progress bar in members."""
-    from modal.errors import SceneError
-
+    refuse_homeless(options)
     tolerance = options.tolerance or TOLERANCE
-    more: dict[str, Any] = kwargs_of(options, "--engine", "--workers", "--folder", "--share") | {"tolerance": tolerance}
-    if options.share and not options.folder:
-        raise SceneError(["--share: needs --folder"])
-    with bar(members, "member") as shown:
+    more = kwargs_of(options, "--engine", "--workers", "--folder", "--share")
+    with bar(members, "member") as shown, crew_of(options) as crew:
         report = forewarning(shown, scene, options.duration, members, tolerance)
-        if not options.scheduler:
-            yield more | {"report": report}
-            return
-        from nonlinear.ensembles.cluster import cluster
-
-        with cluster(options.scheduler) as crew:
-            yield more | {"report": report, "crew": crew}
+        yield more | {"tolerance": tolerance, "report": report, "crew": crew}
 
 
 COMMANDS = (

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from multipendula.command import CREW, SCENE, Command, kwargs_of, main_file, option, picture_file
-from multipendula.commands.ensembles import measured, names_of, refuse, strobed
+from multipendula.commands.ensembles import crew_of, measured, names_of, refuse, refuse_homeless, strobed, tell_of_share
 from multipendula.commands.runs import tell_of_start
 from multipendula.commands.shared import bar, drawn, missing, picture_in_place, say
 from multipendula.options import PICTURES, RUNS, integer
@@ -17,7 +17,7 @@ from multipendula.options import PICTURES, RUNS, integer
 if TYPE_CHECKING:
     from modal.loci import Loci
     from nonlinear.ensembles import BifurcationDiagram
-    from nonlinear.sweeps import Checkpoint, Study, Sweep, WorkerPool
+    from nonlinear.sweeps import Checkpoint, Study, Sweep
 
 
 BY_STROBES = ("phase_deg", "settle", "of")
@@ -27,13 +27,14 @@ ENDINGS = (*RUNS, "json", *PICTURES)
 """Of the numbers, and of the figure in their place."""
 
 
-def sweep(options: argparse.Namespace) -> Sweep | Loci | BifurcationDiagram:
+def sweep(options: argparse.Namespace) -> Sweep | Loci | BifurcationDiagram | None:
     """Compute measures of a scene over a parameter grid, or follow its frequencies or strobes along one parameter."""
     from modal.scene import load
 
     if not options.vary:
         raise missing(load(options.scene), "--vary", "{half}:{double}:9")
     kind = picture_in_place(options)
+    refuse_homeless(options)
     if not options.strobe:
         refuse(options, BY_STROBES, "needs --strobe")
     if not any(text.partition("=")[0].strip() == BY_ENERGY for text in options.vary):
@@ -41,8 +42,8 @@ def sweep(options: argparse.Namespace) -> Sweep | Loci | BifurcationDiagram:
     return (_loci if options.loci else _strobes if options.strobe else _map)(options, kind)
 
 
-def _map(options: argparse.Namespace, kind: str) -> Sweep:
-    from modal.errors import ComputationError
+def _map(options: argparse.Namespace, kind: str) -> Sweep | None:
+    from modal.errors import ComputationError, SceneError
     from modal.report import visible
     from modal.scene import kind_of, load
     from modal.scene.parameters import parse_variations
@@ -66,16 +67,22 @@ def _map(options: argparse.Namespace, kind: str) -> Sweep:
         validate_axes(axes)
     if not by_energy and any(request.computation.runs for request in measures) and not has_start(scene):
         tell_of_start("every point begins in the shape of its first mode that swings")
+    if options.folder and options.fresh:
+        raise SceneError(["--fresh: cannot be combined with --folder: remove the folder"])
     with _journal(options, study) as kept:
-        with _crew(options) as crew, bar(study.size, "point") as report:
-            outcome = swept(study, journal=kept, workers=options.workers, crew=crew, report=report)
+        with crew_of(options) as crew, bar(study.size, "point") as report:
+            who = {"workers": options.workers, "crew": crew, "share": options.share}
+            outcome = swept(study, journal=kept, report=report, **who)
+        if not outcome.interrupted and tell_of_share(options):
+            return None
         if len(outcome.failures) == study.size:
             kept.finish()
             raise ComputationError("\n".join(["every point of the sweep failed", *reasons(outcome)]))
         say(sweep_text(outcome))
         if outcome.interrupted:
             if _has_journal(options):
-                print(f"repeat the command to resume from {visible(options.output)}.journal", file=sys.stderr)
+                where = options.folder or f"{options.output}.journal"
+                print(f"repeat the command to resume from {visible(where)}", file=sys.stderr)
             raise KeyboardInterrupt
         if options.output:
             save(outcome, options.output)
@@ -87,32 +94,21 @@ def _map(options: argparse.Namespace, kind: str) -> Sweep:
 
 
 def _has_journal(options: argparse.Namespace) -> bool:
-    """Whether finished points are saved beside the output file; not with standard output."""
+    """Whether finished points are saved, in a folder or beside the output file; not with standard output."""
     from modal.scene import STANDARD
 
-    return bool(options.output) and options.output != STANDARD
+    return bool(options.folder or options.output) and (options.folder or options.output) != STANDARD
 
 
 @contextmanager
 def _journal(options: argparse.Namespace, study: Study) -> Iterator[Checkpoint]:
-    from nonlinear.sweeps import Checkpoint, open_checkpoint
+    from nonlinear.sweeps import Checkpoint, RowFolder, open_checkpoint
 
-    if not _has_journal(options):
-        yield Checkpoint()
+    if options.folder or not _has_journal(options):
+        yield RowFolder(options.folder, study) if options.folder else Checkpoint()
         return
     with open_checkpoint(f"{options.output}.journal", study, fresh=options.fresh) as kept:
         yield kept
-
-
-@contextmanager
-def _crew(options: argparse.Namespace) -> Iterator[WorkerPool | None]:
-    if not options.scheduler:
-        yield None
-        return
-    from nonlinear.ensembles.cluster import cluster
-
-    with cluster(options.scheduler) as crew:
-        yield crew
 
 
 def _loci(options: argparse.Namespace, kind: str) -> Loci:
@@ -121,7 +117,7 @@ def _loci(options: argparse.Namespace, kind: str) -> Loci:
     from modal.scene import STANDARD, load, whole_file
     from modal.scene.parameters import parse_variations
 
-    unwanted = ("measure", "strobe", "workers", "scheduler", "fresh", "members")
+    unwanted = ("measure", "strobe", "workers", "scheduler", "fresh", "members", "folder", "share")
     asked = [name for name in unwanted if getattr(options, name)]
     problems = [f"--{name}: cannot be combined with --loci" for name in asked]
     if len(options.vary) != 1:
@@ -145,7 +141,7 @@ def _loci(options: argparse.Namespace, kind: str) -> Loci:
     return loci
 
 
-def _strobes(options: argparse.Namespace, kind: str) -> BifurcationDiagram:
+def _strobes(options: argparse.Namespace, kind: str) -> BifurcationDiagram | None:
     from modal.errors import SceneError
     from modal.scene import STANDARD, kind_of, load, whole_file
     from modal.scene.parameters import parse_variations
@@ -162,9 +158,11 @@ def _strobes(options: argparse.Namespace, kind: str) -> BifurcationDiagram:
     scene, (variation,) = load(options.scene), parse_variations(options.vary)
     if not has_start(scene):
         tell_of_start("every value begins in the shape of its first mode that swings")
-    more = kwargs_of(options, "--phase-deg", "--settle", "--workers") | {"of": names_of(options)}
-    with _crew(options) as crew, bar(len(variation.values), "value") as report:
-        strobes = find_bifurcations(scene, variation, crew=crew, report=report, **more)
+    more = kwargs_of(options, "--phase-deg", "--settle", "--workers", "--folder", "--share")
+    with crew_of(options) as crew, bar(len(variation.values), "value") as report:
+        strobes = find_bifurcations(scene, variation, crew=crew, report=report, of=names_of(options), **more)
+    if tell_of_share(options):
+        return None
     if options.output != STANDARD:
         say(bifurcation_table(strobes, "text"))
     if form:
@@ -198,6 +196,8 @@ COMMANDS = (
             main_file("the numbers (of --loci .csv) or the figure", ENDINGS),
             *picture_file(),
             *CREW,
+            "--share",
+            "--folder",
             "--fresh",
         ),
         details=(

@@ -9,6 +9,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -138,7 +139,8 @@ def find_bifurcations(
 
     Every value has its own run, from the start of the scene: a transient of `settle` (s), by default ten times the
     slowest decay of its modes and at least 200 periods, then 50 periods, looked at once in each at `phase_deg`.  `of`
-    names the links to draw, "theta_1_1".  `options` are those of `ensemble`.  SceneError where no value gives a motion.
+    names the links to draw, "theta_1_1".  `options` are those of `ensemble`; values of a share that others compute are
+    NaN.  SceneError where no value gives a motion.
 
     >>> from modal import Bob, Pendulum, Scene
     >>> from modal.scene import SineForce
@@ -162,8 +164,10 @@ def find_bifurcations(
     for k in known:
         times[k] = strobe_times(periods[k], phase_deg, settle=transients[k])
     states = [np.full((*times.shape, *tail), np.nan) for tail in _tails(system_of(scene))]
-    for part in _parts(periods, known):
-        rows, failed = _strobed(scene, variation, part, times[part], partial(_further, report, done), options)
+    groups = [*_parts(periods, known)]
+    for number, part in enumerate(groups):
+        stored = _stored(number, len(groups), options)
+        rows, failed = _strobed(scene, variation, part, times[part], partial(_further, report, done), stored)
         for state, row in zip(states, rows, strict=True):
             state[part] = row
         reasons |= failed
@@ -210,6 +214,15 @@ def _parts(periods: Floats, known: Ints) -> Iterator[Ints]:
         yield ascending[first : first + together]
 
 
+def _stored(number: int, groups: int, options: dict[str, Any]) -> dict[str, Any]:
+    """The options of one of the groups: several have a folder each, and begin with the chunks of different shares."""
+    if options.get("folder") is None or groups == 1:
+        return options
+    first, of = options.get("share") or (0, 1)
+    folder = Path(options["folder"]) / f"values-{number:04d}"
+    return options | {"folder": folder, **({"share": ((first - number) % of, of)} if of > 1 else {})}
+
+
 def _further(report: Callable[[float], object], before: int, done: float) -> None:
     report(before + done)
 
@@ -229,7 +242,7 @@ def _strobed(
     more: dict[str, Any] = {"check": 0, **options}
     strobed = ensemble(scene, every[-1], starts=starts, vary=vary, output=every.tolist(), report=report, **more)
     reasons = {int(part[k]): reason for k, reason in strobed.require().failures.items()}
-    if len(reasons) == len(part):
+    if len(reasons) == len(part) or not strobed.columns:
         return [np.array(np.nan)] * len(_tails(strobed.question.system)), reasons
     rows = len(strobed.question.times) - len(every) + np.searchsorted(every, times)
     members = np.arange(len(part))[:, None]

@@ -21,13 +21,14 @@ from nonlinear.ensembles.question import (
     RETIRED,
     WITHOUT_SERIES,
     EnsembleRequest,
+    refused,
     seconds_each,
     steps_of,
 )
 from nonlinear.integration import kernels
 from nonlinear.integration.crowds import Crowd
 from nonlinear.integration.readiness import Code, Forgone, Offer, best_of, forgone_by
-from nonlinear.system import Numbers, numbers_of, system_of
+from nonlinear.system import Motion, Numbers, State, motion_of, numbers_of, system_of
 
 ENGINES = (LANES, COMPILED, PLAIN)
 SOONER = {LANES: 1.0, COMPILED: 5.0}
@@ -92,6 +93,16 @@ def choose_engine(
     best = best_of(offers, anew=anew)
     seconds = offers[best].price(anew=True) if anew else offers[best].seconds
     return Decision(best, f"the fastest for this many, about {seconds:.2g} s on one core", forgone_by(offers, best))
+
+
+def engine_of_many(
+    scene: Scene, start: State, count: int, duration: float, tolerance: float, measures: Sequence[str]
+) -> str:
+    """The engine for so many starts like this one, whatever is ready: all who take some of them choose alike."""
+    parts = vars(motion_of([start])).values()
+    members = Members(scene, states=Motion(*(np.broadcast_to(part, (count, *part.shape[1:])) for part in parts)))
+    why_not = refused(members, duration, tolerance)
+    return choose_engine("auto", why_not, members, duration, tolerance, measures, anew=True).engine
 
 
 def _recorded(name: str, scene: Scene) -> bool:

@@ -114,8 +114,8 @@ def computed(
 ) -> Generator[R, None, None]:
     """What a function makes of portions, as it comes, by a crew or by `count` processes of this machine.
 
-    Portions whose processes died are `divided` and computed one by one; `lost` is what a part gives at which its
-    process dies.  Raises ComputationError where a crew has died, or the function fails.
+    Portions whose processes died are computed one by one, and `divided` where they die again; `lost` is what a part
+    gives at which its process dies.  Raises ComputationError where a crew has died, or the function fails.
     """
     if crew is not None:
         if (yield from _shared(function, portions, pool_of(crew))):
@@ -123,14 +123,17 @@ def computed(
         return
     for first in portions:
         with processes(count) as pool:
-            left = yield from _shared(function, chain([first], portions), pool)
-        parts = deque(part for portion in left for part in divided(portion))
+            parts = deque((yield from _shared(function, chain([first], portions), pool)))
         while parts:
             with processes(1) as worker:
                 while parts:
                     part = parts.popleft()
                     if (yield from _shared(function, iter([part]), worker)):
-                        yield lost(part)
+                        smaller = divided(part)
+                        if len(smaller) == 1:
+                            yield lost(part)
+                        else:
+                            parts.extendleft(reversed(smaller))
                         break
 
 

@@ -29,7 +29,6 @@ from nonlinear.ensembles.costs import Decision, choose_engine, seconds_of
 from nonlinear.ensembles.executors import DIED, Crew, computed, cores
 from nonlinear.ensembles.measures import requested_measures, validate_measures
 from nonlinear.ensembles.members import Members, Starts, members_of
-from nonlinear.ensembles.parts import Parts, engine_of_folder
 from nonlinear.ensembles.plain import state_columns, validate_plain
 from nonlinear.ensembles.question import (
     CHECKED,
@@ -41,6 +40,7 @@ from nonlinear.ensembles.question import (
     refused,
     sample_of,
 )
+from nonlinear.ensembles.store import Parts, engine_of_folder
 from nonlinear.integration import sample_times, validate, validate_numbers, validate_whole
 from nonlinear.integration.readiness import Forgone, lose, rented
 from nonlinear.system import Motion, System, system_of
@@ -307,8 +307,8 @@ def ensemble(
     validate(
         lambda: validate_whole(0, check=check),
         lambda: validate_whole(1, optional=True, chunk=chunk, workers=workers),
-        lambda: _validate_share(share),
-        lambda: _validate_folder(folder),
+        lambda: validate_share(share),
+        lambda: validate_folder(folder),
     )
     choice = partial(choose_engine, engine, begun=engine_of_folder(folder) if folder else "", anew=share is not None)
     question, decision = _question(scene, duration, starts, vary, output, tolerance, measures, choice, check, chunk)
@@ -325,7 +325,7 @@ def _left(question: EnsembleRequest, parts: Parts | None, share: tuple[int, int]
     return [number for number in range(first, question.chunks, of) if not (parts and parts.done(number))]
 
 
-def _validate_share(share: object) -> None:
+def validate_share(share: object) -> None:
     """SceneError for a share that cannot be."""
     if share is None:
         return
@@ -339,7 +339,7 @@ def _validate_share(share: object) -> None:
         raise SceneError([f"share {share!r}: must be (k, n), whole numbers with 0 ≤ k < n"])
 
 
-def _validate_folder(folder: object) -> None:
+def validate_folder(folder: object) -> None:
     """SceneError for what names no folder."""
     if folder is not None and not (isinstance(folder, str | os.PathLike) and os.fspath(folder)):
         raise SceneError([f"folder {folder!r}: must be the path of a folder"])

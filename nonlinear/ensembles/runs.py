@@ -89,6 +89,11 @@ def _by_form(scenes: Iterable[Scene]) -> dict[Hashable, list[Scene]]:
     return groups
 
 
+def together(scene: Scene) -> bool:
+    """Whether a scene goes side by side with others of its form."""
+    return form_of(scene) is not None and not _switches(scene)
+
+
 def _switches(scene: Scene) -> bool:
     """Whether its motion has kicks or dry friction."""
     system = system_of(scene)

@@ -44,16 +44,19 @@ LATE = 0.5
 """Seconds until progress is shown, and between two looks at it."""
 Forgone = tuple[tuple[str, float], ...]
 """Names of codes, and the share of a run's time that each would have saved."""
-_same = ContextVar("_same", default=False)
+_same = ContextVar("_same", default=0.0)
 _ready: set[str] = set()
 _spent: defaultdict[str, float] = defaultdict(float)
 _saved: defaultdict[str, float] = defaultdict(float)
 
 
 @contextmanager
-def reproducible() -> Iterator[None]:
-    """A block in which single runs take nothing compiled: choices, and so results to the bit, depend on no process."""
-    token = _same.set(True)
+def reproducible(runs: int = 0) -> Iterator[None]:
+    """A block in which choices, and so results to the bit, depend on no process.
+
+    Single runs take nothing compiled, or pay one part of so many `runs` of what it costs where nothing is ready.
+    """
+    token = _same.set(max(_same.get(), 1 / runs if runs else inf))
     try:
         yield
     finally:
@@ -86,7 +89,9 @@ class Code:
     @property
     def owed(self) -> float:
         """Seconds until it runs in this process; inf where its package is not installed, or runs are reproducible."""
-        if _same.get() or not (self.loaded or installed(self.package)):
+        if share := _same.get():
+            return self.anew * share
+        if not (self.loaded or installed(self.package)):
             return inf
         if self.loaded:
             return 0.0

@@ -6,7 +6,7 @@ interrupted sweep can resume.  Start with `measures` and `study`; `running` runs
 """
 
 from nonlinear.ensembles.executors import WorkerPool
-from nonlinear.sweeps.checkpoint import Checkpoint, open_checkpoint
+from nonlinear.sweeps.checkpoint import Checkpoint, RowFolder, open_checkpoint
 from nonlinear.sweeps.files import KINDS, load, save
 from nonlinear.sweeps.measures import COMPUTATIONS, parse_measures
 from nonlinear.sweeps.running import MEMBERS, Sweep, chaos_by_energy, reasons, sweep, sweep_text
@@ -21,6 +21,7 @@ __all__ = [
     "LYAPUNOV",
     "MEMBERS",
     "Checkpoint",
+    "RowFolder",
     "Spread",
     "Study",
     "Sweep",

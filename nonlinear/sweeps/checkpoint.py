@@ -1,48 +1,99 @@
-"""The journal of a sweep: rows are appended as they are computed, so that an interrupted sweep can resume.
+"""The rows of a sweep that are computed, so that an interrupted sweep can resume: a journal, or a folder of chunks.
 
-The first line identifies the sweep; every other line is one row in JSON with its own checksum.  An incomplete last
-line, left by a crash, is dropped; any other damage is reported with its line number.  Only one sweep at a time can use
-a journal.
+To a journal rows are appended as they are computed.  The first line identifies the sweep; every other line is one row
+in JSON with its own checksum.  An incomplete last line, left by a crash, is dropped; any other damage is reported with
+its line number.  Only one sweep at a time can use a journal.
 """
 
 from __future__ import annotations
 
-import errno
 import json
 import os
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from hashlib import sha256
-from typing import IO
+from typing import IO, Any
+
+import numpy as np
 
 from modal.errors import SceneError
-from modal.scene.contents import lock
 from modal.scene.sealed import index
+from nonlinear.ensembles.measures import Columns
+from nonlinear.ensembles.store import ChunkFolder, locked, remove
 from nonlinear.sweeps.study import Row, Study
 
 VERSION = 2
 KNOWN = b'{"multipendula_journal"'
-TAKEN = {errno.EAGAIN, errno.EACCES, errno.EDEADLK}
-"""Errors by which a system says that another process has locked a file."""
 
 
 class Checkpoint:
-    """The rows already in a journal, and the file to which new ones are appended; without a file none are kept."""
+    """The rows that are known already; of itself it keeps no others."""
 
-    def __init__(self, stream: IO[bytes] | None = None, rows: Sequence[Row] = (), salt: str = "") -> None:
-        self._stream, self.rows, self._salt = stream, tuple(rows), salt
+    def __init__(self, rows: Sequence[Row] = ()) -> None:
+        self.rows = tuple(rows)
         self.finished = False
 
     def add(self, rows: Sequence[Row]) -> None:
-        """Append some rows, safe from a crash once this returns."""
-        if self._stream is not None:
-            self._stream.write(b"".join(_line(row, self._salt) for row in rows))
-            self._stream.flush()
-            os.fsync(self._stream.fileno())
+        """Keep some rows of one chunk, safe from a crash once this returns."""
 
     def finish(self) -> None:
         """The sweep has been saved: its journal is removed when it is closed."""
         self.finished = True
+
+
+class Journal(Checkpoint):
+    """The rows already in a journal, and the file to which new ones are appended."""
+
+    def __init__(self, stream: IO[bytes], rows: Sequence[Row], salt: str) -> None:
+        super().__init__(rows)
+        self._stream, self._salt = stream, salt
+
+    def add(self, rows: Sequence[Row]) -> None:
+        """Append some rows, safe from a crash once this returns."""
+        self._stream.write(b"".join(_line(row, self._salt) for row in rows))
+        self._stream.flush()
+        os.fsync(self._stream.fileno())
+
+
+class RowFolder(Checkpoint):
+    """The rows of a sweep in a folder, a file for each chunk, which any number of processes may fill together."""
+
+    def __init__(self, folder: str | os.PathLike[str], study: Study) -> None:
+        self._folder, self._study = ChunkFolder(folder, "sweep", study.fingerprint, study.header()), study
+        numbers = range(-(-study.size // study.chunk))
+        super().__init__([row for number in numbers for row in self._read(number) if not row.reason])
+
+    def add(self, rows: Sequence[Row]) -> None:
+        """Write the chunk with these rows beside those that it had."""
+        if not rows:
+            return
+        number = rows[0].index // self._study.chunk
+        together = {row.index: row for row in (*self._read(number), *rows)}
+        every = [together[at] for at in sorted(together)]
+        names = dict.fromkeys(name for row in every for name in row.numbers)
+        columns = {name: np.array([row.numbers.get(name, np.nan) for row in every]) for name in names}
+        header = {
+            "points": [row.index for row in every],
+            "reasons": [row.reason for row in every],
+            "columns": [[name for name in names if name in row.numbers] for row in every],
+        }
+        self._folder.write(number, header, columns)
+
+    def _read(self, number: int) -> list[Row]:
+        """The rows of a chunk, none where there is no file of it."""
+        if not self._folder.path(number).exists():
+            return []
+        chunk = self._study.chunk
+        places = range(number * chunk, min((number + 1) * chunk, self._study.size))
+
+        def made(header: dict[str, Any], columns: Columns) -> list[Row]:
+            points, reasons, names = (header[key] for key in ("points", "reasons", "columns"))
+            if not set(points) <= {*places} or any(values.shape != (len(points),) for values in columns.values()):
+                raise ValueError
+            numbers = ({name: float(columns[name][k]) for name in row} for k, row in enumerate(names))
+            return [Row(*row) for row in zip(points, numbers, map(str, reasons), strict=True)]
+
+        return self._folder.content(number, made)
 
 
 @contextmanager
@@ -65,48 +116,12 @@ def open_checkpoint(path: str | os.PathLike[str], study: Study, *, fresh: bool =
         stream.truncate(len(whole))
         if not whole:
             stream.write(first)
-        kept = Checkpoint(stream, [row for row in rows.values() if not row.reason], salt)
+        kept = Journal(stream, [row for row in rows.values() if not row.reason], salt)
         try:
             yield kept
         finally:
             if kept.finished:
-                _remove(stream, name)
-
-
-@contextmanager
-def locked(name: str) -> Iterator[IO[bytes]]:
-    """A file to read and append to, created if missing; SceneError where another process holds it.
-
-    The system releases it however its owner ends.  On a file system without locks it is opened without one.
-    """
-    while True:
-        with open(name, "ab+") as stream:
-            try:
-                lock(stream)
-            except OSError as error:
-                if error.errno in TAKEN:
-                    raise SceneError([f"{name}: another process is writing it"]) from None
-            if _stands(stream, name):
-                stream.seek(0)
-                yield stream
-                return
-
-
-def _stands(stream: IO[bytes], name: str) -> bool:
-    """Whether it is still the file of this name: its owner may have removed it just before releasing the lock."""
-    try:
-        return os.path.samestat(os.fstat(stream.fileno()), os.stat(name))
-    except FileNotFoundError:
-        return False
-
-
-def _remove(stream: IO[bytes], name: str) -> None:
-    """Remove a file while it is still locked; Windows removes none that another process has open."""
-    stream.truncate(0)
-    if os.name == "nt":
-        stream.close()
-    with suppress(FileNotFoundError, PermissionError):
-        os.unlink(name)
+                remove(stream, name)
 
 
 @contextmanager

@@ -55,13 +55,18 @@ class Portion:
     def __init__(self, scenes: Sequence[Scene], table: Scene) -> None:
         self.scenes, self.table = scenes, table
         self._runs: dict[float, dict[Scene, Trajectory]] = {}
+        self._latest: dict[tuple[Scene, float], Trajectory] = {}
         self._members: dict[tuple[str, float], dict[Scene, dict[str, float]]] = {}
 
     def run(self, scene: Scene, seconds: float) -> Trajectory:
         """The run of a scene, side by side where they are of one form; KeyboardInterrupt where Ctrl-C cut it short."""
         if seconds not in self._runs:
             self._runs[seconds] = run_together(self.scenes, seconds)
-        return self._runs[seconds].get(scene) or _run_of(scene, seconds)
+        if together := self._runs[seconds].get(scene):
+            return together
+        if (scene, seconds) not in self._latest:
+            self._latest = {(scene, seconds): _run_of(scene, seconds)}
+        return self._latest[scene, seconds]
 
     def member(self, scene: Scene, seconds: float, name: str) -> dict[str, float]:
         """A measure of ensembles for a scene from its usual start, an exponent over its usual time where that is 0."""
@@ -160,7 +165,6 @@ def _swinging(scene: Scene) -> Swinging:
     return certain[rows], tuple((rows + 1).tolist())
 
 
-@lru_cache(maxsize=1)
 def _run_of(scene: Scene, seconds: float) -> Trajectory:
     trajectory = simulate(scene, seconds, start=usual_start(scene), output=times_of(scene, seconds))
     if trajectory.run.interrupted:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import os
 from collections import Counter
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Container, Generator, Iterator, Mapping, Sequence
 from contextlib import closing, suppress
 from dataclasses import dataclass
 from functools import cached_property, partial
-from itertools import islice, product
+from itertools import product
 from time import monotonic
 from typing import Any
 
@@ -20,26 +21,19 @@ from modal.scene.doors import checked, require_type
 from modal.scene.parameters import Place, Variable, Variation, find_places
 from modal.types import Floats
 from modal.vibration import Boundary, tongues, vertical_sine
-from nonlinear.ensembles.executors import DIED, Crew, computed, cores, pool_of
-from nonlinear.integration import validate_whole
-from nonlinear.sweeps.checkpoint import Checkpoint
+from nonlinear.ensembles.executors import DIED, Crew, computed, cores
+from nonlinear.ensembles.running import validate_folder, validate_share
+from nonlinear.integration import validate, validate_whole
+from nonlinear.sweeps.checkpoint import Checkpoint, RowFolder
 from nonlinear.sweeps.measures import FLOQUET, parse_measures
-from nonlinear.sweeps.study import ENERGY, LYAPUNOV, Points, Row, Study, SweepTask, measure_each, measure_points
+from nonlinear.sweeps.study import ENERGY, LYAPUNOV, PointChunk, Row, Study, SweepTask, measure_chunk, measure_each
 
 PATIENCE = 0.5
 """Seconds that this process works alone before it starts others: a small sweep is done by then."""
 STARTING = 1.0
 """Least seconds of remaining work that justify starting other processes."""
-CHUNK = 256
-"""Most points measured together."""
-BRIEF, BRIEF_RUNS = 0.05, 2.0
-"""Seconds per portion above which portions no longer grow; of runs, which are faster side by side."""
-TOGETHER, CHUNK_OF_RUNS = 64, 1024
-"""Points of the first portion of runs, and the most of any."""
 MEMBERS = 50
 """Starts drawn at every energy, where nobody says how many."""
-LANES = 512
-"""Members of the first portion where starts are drawn."""
 MOST_REASONS, MOST_LINES = 5, 100
 DRAWN = "At every energy {} starts at random (seed {}): q05, median and q95 are quantiles over them."
 NUMBERED = "Modes are numbered as in the table of the original scene."
@@ -117,30 +111,39 @@ def sweep(
     study: Study,
     *,
     journal: Checkpoint | None = None,
+    folder: str | os.PathLike[str] | None = None,
+    share: tuple[int, int] | None = None,
     workers: int | None = None,
     crew: Crew | None = None,
     report: Report = silent,
 ) -> Sweep:
-    """All points of a study: those already in a journal are taken from it, new ones are added to it.
+    """All points of a study: those already in a journal or a folder are taken from it, new ones are added to it.
 
+    In a `folder` each chunk of points is a file; a `share` (k, n), with k from 0, is every n-th chunk alone, for n
+    processes that know nothing of each other.
     `workers` is a number of processes, 1 to stay in this one; by default, all cores are used once the sweep has taken
-    PATIENCE.  `crew` is any `concurrent.futures.Executor`, or that of `nonlinear.ensembles.cluster`.  `report` is given
-    the number of points done.  On Ctrl-C the rows found so far are returned.  Raises ComputationError where workers
-    cannot be started.
+    PATIENCE.  `crew` is any `concurrent.futures.Executor`, or that of `nonlinear.ensembles.cluster`.  Rows depend on
+    neither.  `report` is given the number of points done.  On Ctrl-C the rows found so far are returned.  Raises
+    ComputationError where workers cannot be started.
     """
     require_type("study", study, "Study")
-    validate_whole(1, optional=True, workers=workers)
-    kept = journal or Checkpoint()
+    validate(
+        lambda: validate_whole(1, optional=True, workers=workers),
+        lambda: validate_share(share),
+        lambda: validate_folder(folder),
+    )
+    kept = journal or (RowFolder(folder, study) if folder is not None else Checkpoint())
     rows = {row.index: row for row in kept.rows}
-    left = [index for index in range(study.size) if index not in rows]
-    interrupted = False
-    report(len(rows))
+    left = _left(study, rows, share or (0, 1))
+    done, interrupted = study.size - sum(len(wanted) for wanted in left.values()), False
+    report(done)
     try:
-        with closing(_found(study, left, workers, crew)) as portions:
-            for portion in portions:
-                kept.add(portion)
-                rows |= {row.index: row for row in portion}
-                report(len(rows))
+        with closing(_found(study, left, workers, crew)) as chunks:
+            for chunk in chunks:
+                kept.add(chunk)
+                rows |= {row.index: row for row in chunk}
+                done += len(chunk)
+                report(done)
     except KeyboardInterrupt:
         interrupted = True
     return Sweep(study, tuple(rows[index] for index in sorted(rows)), interrupted)
@@ -200,42 +203,50 @@ def chaos_by_energy(
     return sweep(Study(scene, (axis,), parse_measures([text]), members, seed), workers=workers, report=report)
 
 
-def _found(study: Study, left: Sequence[int], workers: int | None, crew: Crew | None) -> Rows:
-    task, count = SweepTask(study.scene, study.measures, study.members, study.seed), workers or cores()
-    points, begun = ((index, study.point(index)) for index in left), monotonic()
-    remaining = len(left)
+def _left(study: Study, known: Container[int], share: tuple[int, int]) -> dict[int, list[int]]:
+    """The points of a share that are not known, by the number of their chunk."""
+    left: dict[int, list[int]] = {}
+    first, of = share
+    for number in range(first, -(-study.size // study.chunk), of):
+        indices = range(number * study.chunk, min((number + 1) * study.chunk, study.size))
+        if wanted := [index for index in indices if index not in known]:
+            left[number] = wanted
+    return left
+
+
+def _found(study: Study, left: Mapping[int, Sequence[int]], workers: int | None, crew: Crew | None) -> Rows:
+    """The rows that are left, chunk by chunk: here, and where much is left then, by a crew or processes."""
+    task, chunks, begun = study.task, (_chunk(study, *each) for each in left.items()), monotonic()
+    remaining, count = len(left), workers or cores()
     if crew is None and (workers is None or count == 1):
-        size, seconds_left = TOGETHER if task.durations else 1, 0.0
-        size = max(1, LANES // task.members) if task.members else size
-        brief, most = (BRIEF_RUNS, CHUNK_OF_RUNS) if task.durations or task.members else (BRIEF, CHUNK)
-        while remaining and not (count > 1 and monotonic() - begun > PATIENCE and seconds_left > STARTING):
-            portion, before = list(islice(points, size)), monotonic()
-            yield from _here(task, portion)
-            taken = monotonic() - before
-            remaining -= len(portion)
-            seconds_left = taken / len(portion) * remaining
-            size = min(2 * size, most) if taken < brief else max(1, size // 2)
-    if not remaining:
-        return
-    count = min(count, remaining) if crew is None else pool_of(crew).size
-    size = max(1, min(CHUNK, remaining // ((2 if task.durations else 8) * count)))
-    portions: Iterator[Points] = iter(lambda: list(islice(points, size)), [])
-    yield from computed(partial(measure_points, task), portions, crew, count, _divided, _died)
+        for chunk in chunks:
+            before = monotonic()
+            yield from _here(task, chunk)
+            remaining -= 1
+            if count > 1 and monotonic() - begun > PATIENCE and (monotonic() - before) * remaining > STARTING:
+                break
+    if remaining:
+        yield from computed(partial(measure_chunk, task), chunks, crew, min(count, remaining), _divided, _died)
 
 
-def _divided(points: Points) -> list[Points]:
-    return [[point] for point in points]
+def _chunk(study: Study, number: int, wanted: Sequence[int]) -> PointChunk:
+    indices = range(number * study.chunk, min((number + 1) * study.chunk, study.size))
+    return PointChunk([(index, study.point(index)) for index in indices], frozenset(wanted))
 
 
-def _died(points: Points) -> list[Row]:
-    return [Row(index, {}, DIED) for index, _ in points]
+def _divided(chunk: PointChunk) -> list[PointChunk]:
+    return [PointChunk([point], frozenset([point[0]])) for point in chunk.points if point[0] in chunk.wanted]
 
 
-def _here(task: SweepTask, points: Points) -> Rows:
-    """The rows of some points in this process; those computed before Ctrl-C are kept."""
+def _died(chunk: PointChunk) -> list[Row]:
+    return [Row(index, {}, DIED) for index in sorted(chunk.wanted)]
+
+
+def _here(task: SweepTask, chunk: PointChunk) -> Rows:
+    """The rows of a chunk in this process; those computed before Ctrl-C are kept."""
     done: list[Row] = []
     try:
-        for row in measure_each(task, points):
+        for row in measure_each(task, chunk):
             done.append(row)
     except KeyboardInterrupt:
         yield done

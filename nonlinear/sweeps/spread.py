@@ -41,14 +41,13 @@ from modal.types import Floats
 from nonlinear.ensembles import Ensemble, ensemble
 from nonlinear.integration import validate, validate_whole
 from nonlinear.sweeps.measures import parse_measures
-from nonlinear.sweeps.study import SweepTask, measure_each
+from nonlinear.sweeps.study import TOGETHER, PointChunk, SweepTask, measure_chunk
 from nonlinear.system import State, system_of
 
 if TYPE_CHECKING:
     from modal.identification import Estimate
 
 MEMBERS, SAMPLES, SEED = 1000, 201, 5
-TOGETHER = 256  # members measured together
 ROUNDING = 1e-12  # of a result, below which nothing is said to matter
 QUANTILES = (0.05, 0.5, 0.95)
 WRITTEN = re.compile(r"\s*([^=]+?)\s*=\s*(?:([^:%]+)(%?)|([^:]+):([^:]+))\s*")
@@ -380,23 +379,23 @@ def find_spread(
         motion = ensemble(scene, duration, starts=starts, vary=values, output=SAMPLES, report=report, **options)
         motion.require("member")
         failures = failures | motion.failures
-    measured, reasons = _measured(SweepTask(scene, requests), values, members) if requests else ({}, {})
+    measured, reasons = _measured(SweepTask(scene, requests, members), values) if requests else ({}, {})
     return Spread(scene, parsed, values, omega, frequencies[0], failures | reasons, motion, estimate, measured)
 
 
-def _measured(
-    task: SweepTask, values: dict[str, Floats], members: int
-) -> tuple[dict[str, tuple[float, Floats]], dict[int, str]]:
+def _measured(task: SweepTask, values: dict[str, Floats]) -> tuple[dict[str, tuple[float, Floats]], dict[int, str]]:
     """The scene's own number and those of members (S,) in every column that is measured, and why members have none."""
-    nominal, *_ = measure_each(task, [(0, {path: _value(task.scene, path) for path in values})])
+    nominal, *_ = measure_chunk(
+        task, PointChunk([(0, {path: _value(task.scene, path) for path in values})], frozenset([0]))
+    )
     if nominal.reason:
         raise ComputationError(nominal.reason)
-    columns = {name: (number, np.full(members, np.nan)) for name, number in nominal.numbers.items()}
+    columns = {name: (number, np.full(task.size, np.nan)) for name, number in nominal.numbers.items()}
     reasons: dict[int, str] = {}
-    for first in range(0, members, TOGETHER):
-        some = range(first, min(first + TOGETHER, members))
+    for first in range(0, task.size, TOGETHER):
+        some = range(first, min(first + TOGETHER, task.size))
         points = [(k, {path: float(drawn[k]) for path, drawn in values.items()}) for k in some]
-        for row in measure_each(task, points):
+        for row in measure_chunk(task, PointChunk(points, frozenset(some))):
             for name in columns.keys() & row.numbers.keys():
                 columns[name][1][row.index] = row.numbers[name]
             if row.reason:

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from functools import partial
 from hashlib import sha256
 from math import prod
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -26,13 +26,22 @@ from modal.scene import Scene, describe, require, scene_from
 from modal.scene.parameters import Variable, Variation, validate_variations
 from modal.types import Floats
 from nonlinear import chaos
-from nonlinear.ensembles import ensemble, starts_at, validate_measures
+from nonlinear.ensembles import engine_of_many, ensemble, seconds_each, starts_at, together, validate_measures
 from nonlinear.integration import validate, validate_whole
-from nonlinear.measures import MEASURES, columns_of
+from nonlinear.integration.readiness import reproducible
+from nonlinear.measures import MEASURES, SCENE_ITSELF, columns_of
 from nonlinear.sweeps.measures import Portion, RequestedMeasure, parse_measures
 
 MOST_AXES, MOST_POINTS = 3, 1_000_000
 VERSION = 1
+LANES = 512
+"""Starts drawn at energies that are measured together, at least."""
+FEWEST, MOST, PARTS = 64, 1024, 4
+"""Points whose motions are measured together, and into how many chunks a sweep of them is divided at least."""
+SECONDS, LEAST = 4.0, 16
+"""Seconds of work in motions that are worth fewer, and how many are together even then."""
+TOGETHER, SHARES, SQUARES = 256, 16, 1e5
+"""The same of modes, and the squares of links (of all points) that are worth fewer."""
 ENERGY = "start.energy"
 CAPABILITY = "a start by its energy"
 QUANTILES = {"q05": 0.05, "median": 0.5, "q95": 0.95}
@@ -112,6 +121,25 @@ class Study(Displayed):
         return {"version": VERSION, "scene": describe(self.scene), "axes": axes, "measures": measures, **drawn}
 
     @property
+    def task(self) -> SweepTask:
+        """What a worker is told."""
+        return SweepTask(self.scene, self.measures, self.size, self.members, self.seed)
+
+    @property
+    def chunk(self) -> int:
+        """How many points are measured together: by the study alone, as their last digits depend on it."""
+        if self.by_energy:
+            return max(1, LANES // self.members)
+        if all(request.computation.measure.reads == SCENE_ITSELF for request in self.measures):
+            fitting = SQUARES / self.scene.n_links**2
+            return int(max(min(self.size // SHARES, fitting, TOGETHER), 1))
+        if not together(self.scene):
+            return 1
+        longest = max(request.number or chaos.usual_duration(self.scene) for request in self.measures)
+        fitting = SECONDS / seconds_each(self.scene, longest, TOLERANCE)
+        return int(max(min(max(self.size // PARTS, FEWEST), fitting, MOST), LEAST))
+
+    @property
     def fingerprint(self) -> str:
         """A checksum that identifies the study."""
         functions = [request.name for request in self.measures]
@@ -131,17 +159,13 @@ def study_from(header: dict[str, Any]) -> Study:
 
 @dataclass(frozen=True)
 class SweepTask:
-    """The data a worker needs in addition to its points."""
+    """The data a worker needs in addition to its points, of which there are `size` in all."""
 
     scene: Scene
     measures: tuple[RequestedMeasure, ...]
+    size: int
     members: int = 0
     seed: int = 0
-
-    @property
-    def durations(self) -> tuple[float, ...]:
-        """Of the runs (s) that measures are read off."""
-        return tuple(dict.fromkeys(request.number for request in self.measures if request.computation.runs))
 
 
 @dataclass(frozen=True, repr=False)
@@ -154,27 +178,35 @@ class Row(Displayed):
 
 
 Point = tuple[int, dict[str, float]]
-Points = Sequence[Point]
 
 
-def measure_points(task: SweepTask, points: Points) -> list[Row]:
-    """The rows of some points."""
-    return list(measure_each(task, points))
+class PointChunk(NamedTuple):
+    """Points that are measured together, and the numbers of those whose rows are wanted."""
+
+    points: Sequence[Point]
+    wanted: frozenset[int]
 
 
-def measure_each(task: SweepTask, points: Points) -> Iterator[Row]:
-    """The rows of some points, one by one; an error at one becomes its reason and does not affect the others."""
+def measure_chunk(task: SweepTask, chunk: PointChunk) -> list[Row]:
+    """The rows that are wanted of a chunk."""
+    return list(measure_each(task, chunk))
+
+
+def measure_each(task: SweepTask, chunk: PointChunk) -> Iterator[Row]:
+    """The rows that are wanted, one by one; an error at one becomes its reason and does not affect the others."""
+    points, wanted = chunk
     variable = Variable(task.scene, [path for path in points[0][1] if path != ENERGY])
     scenes = [_scene(variable, values) for _, values in points]
     if task.members:
-        yield from _of_members(task, points, scenes)
+        yield from (row for row in _of_members(task, points, scenes) if row.index in wanted)
         return
     portion = Portion([scene for scene in scenes if isinstance(scene, Scene)], task.scene)
     for (index, _), scene in zip(points, scenes, strict=True):
-        yield _row(task, index, scene, portion)
+        if index in wanted:
+            yield _row(task, index, scene, portion)
 
 
-def _of_members(task: SweepTask, points: Points, scenes: Sequence[Scene | Exception]) -> Iterator[Row]:
+def _of_members(task: SweepTask, points: Sequence[Point], scenes: Sequence[Scene | Exception]) -> Iterator[Row]:
     """The rows of points at which starts are drawn, those of one scene side by side."""
     alike: dict[Scene, list[tuple[int, float]]] = {}
     measured: dict[int, dict[str, float] | str] = {}
@@ -185,7 +217,7 @@ def _of_members(task: SweepTask, points: Points, scenes: Sequence[Scene | Except
             measured[index] = " ".join(str(scene).split())
     for scene, energies in alike.items():
         try:
-            measured |= measured_at(scene, energies, task.measures, task.members, task.seed)
+            measured |= measured_at(scene, energies, task)
         except MultipendulaError as error:
             measured |= dict.fromkeys([index for index, _ in energies], " ".join(str(error).split()))
     for index, _ in points:
@@ -205,9 +237,10 @@ def _row(task: SweepTask, index: int, scene: Scene | Exception, portion: Portion
     try:
         if isinstance(scene, Exception):
             raise scene
-        for request in task.measures:
-            measured = request.computation.function(scene, request.number, portion)
-            numbers |= {name: float(number) for name, number in measured.items()}
+        with reproducible(task.size):
+            for request in task.measures:
+                measured = request.computation.function(scene, request.number, portion)
+                numbers |= {name: float(number) for name, number in measured.items()}
     except MultipendulaError as error:
         return Row(index, {}, " ".join(str(error).split()))
     except Exception as error:
@@ -241,27 +274,27 @@ def _of_starts(name: str) -> None:
         raise SceneError([f"{name}: cannot be measured of starts drawn at an energy: {why}"])
 
 
-def measured_at(
-    scene: Scene, points: Sequence[tuple[int, float]], requests: Sequence[RequestedMeasure], members: int, seed: int
-) -> dict[int, Measured]:
+def measured_at(scene: Scene, points: Sequence[tuple[int, float]], task: SweepTask) -> dict[int, Measured]:
     """What is measured of so many starts at each energy (J), all side by side, by the indices of the points."""
     results: dict[int, Measured] = {}
     starts, known = [], []
     for index, energy in points:
         try:
-            starts += starts_at(scene, energy, members, seed=(seed, index))
+            starts += starts_at(scene, energy, task.members, seed=(task.seed, index))
             known.append(index)
         except SceneError as error:
             results[index] = " ".join(str(error).split())
     if not known:
         return results
     columns: dict[int, dict[str, float]] = {index: {} for index in known}
-    for request in requests:
-        seconds = request.number or chaos.usual_duration(scene)
+    for request in task.measures:
+        seconds, named = request.number or chaos.usual_duration(scene), [request.name]
         tolerance = chaos.TOLERANCE if request.name == LYAPUNOV else TOLERANCE
-        runs = ensemble(scene, seconds, starts=starts, measures=[request.name], tolerance=tolerance, check=0, workers=1)
+        engine = engine_of_many(scene, starts[0], task.size * task.members, seconds, tolerance, named)
+        kept: dict[str, Any] = {"measures": named, "tolerance": tolerance, "engine": engine}
+        runs = ensemble(scene, seconds, starts=starts, check=0, workers=1, **kept)
         for column in columns_of(request.name, runs.require().columns):
-            for index, numbers in zip(known, runs.column(column).reshape(len(known), members), strict=True):
+            for index, numbers in zip(known, runs.column(column).reshape(len(known), task.members), strict=True):
                 columns[index] |= dict(_statistics(column, numbers))
                 if request.name == LYAPUNOV:
                     columns[index][CHAOTIC] = _chaotic(scene, seconds, numbers)

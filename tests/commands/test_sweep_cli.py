@@ -15,6 +15,7 @@ from modal import ComputationError, SceneError, load
 from modal.scene.parameters import parse_variations, vary
 from multipendula.cli import main
 from multipendula.commands.sweeps import sweep
+from nonlinear.ensembles import bifurcations
 from nonlinear.measures import MEASURES
 from nonlinear.reduction import usual_start
 from nonlinear.simulation import simulate
@@ -22,11 +23,18 @@ from nonlinear.sweeps import COMPUTATIONS, Study, parse_measures
 from nonlinear.sweeps import files as sweep_files
 from nonlinear.sweeps import sweep as swept
 
+DRIVEN = """
+gravity = 9.81
+pendulum = [{ links = [{ kind = "bob", mass = 1.0, length = 1.0, damping = 2.0 }], start = { angles_deg = [20.0] } }]
+force = [{ on = "pendulum[0].links[0]", kind = "sine", amplitude = 1.0, frequency_hz = 4.0 }]
+"""
+
 KAPITZA = str(Path(__file__).parents[2] / "examples" / "kapitza.toml")
 
 
 def options(*places: str, **changes: Any) -> Namespace:
     usual = dict.fromkeys(("measure", "output", "picture", "scheduler", "phase_deg", "settle", "of", "members", "seed"))
+    usual |= dict.fromkeys(("folder", "share"))
     usual |= {"scene": "paper-cart-2", "vary": list(places), "loci": False, "strobe": False, "workers": 1}
     return Namespace(theme="light", fresh=False, **usual | changes)
 
@@ -211,6 +219,50 @@ def test_shares_in_a_folder_are_the_whole(command: str, tmp_path: Path, capsys: 
     assert "--share: needs --folder" in capsys.readouterr().err
     assert main(["spread", "chain-2", "--uncertain", "gravity=0.1", *folder]) == 2
     assert "--folder: needs --duration" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        "sweep chain-2 --vary gravity=9:10:40 --measure frequencies",
+        "sweep chain-2 --vary gravity=9:10:40 --measure beat:9",
+        "sweep {driven} --vary force[0].amplitude=0.9:1.1:4 --strobe --settle 9",
+        "sweep {driven} --vary force[0].frequency_hz=4:5:4 --strobe --settle 9",
+    ],
+)
+def test_shares_of_a_sweep_are_the_whole(
+    command: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of values with one period, with periods of their own, of points; and where all fail."""
+    driven = tmp_path / "driven.toml"
+    driven.write_text(DRIVEN)
+    monkeypatch.setattr(bifurcations, "AT_ONCE", 2)
+    asked = [*command.format(driven=driven).split(), "--workers", "1"]
+    outcome = main([*asked, "-o", str(tmp_path / "whole.csv")])
+    told, folder = capsys.readouterr().out, ["--folder", str(tmp_path / "kept")]
+    for share in ("2/2", "1/2"):
+        assert main([*asked, *folder, "--share", share]) == 0
+        assert capsys.readouterr().out.startswith(f"share {share.replace('/', ' of ')} is in ")
+    before = {path: path.stat().st_mtime_ns for path in (tmp_path / "kept").rglob("*.npz")}
+    assert len(before) == 1 if "amplitude" in command else len(before) >= 2
+    assert main([*asked, *folder, "-o", str(tmp_path / "together.csv")]) == outcome
+    assert capsys.readouterr().out == told
+    if not outcome:
+        assert (tmp_path / "together.csv").read_bytes() == (tmp_path / "whole.csv").read_bytes()
+        assert {path: path.stat().st_mtime_ns for path in before} == before
+
+
+def test_folders_of_sweeps_are_refused_where_they_are_another_s(tmp_path: Path) -> None:
+    asked = ["sweep", "chain-2", "--vary", "gravity=9:10:40", "--folder", str(tmp_path / "kept"), "--workers", "1"]
+    assert main(asked) == 0
+    assert main([*asked, "--measure", "beat"]) == 2
+    for more in (["--loci"], ["--fresh"]):
+        assert main([*asked, *more]) == 2
+    path = tmp_path / "kept" / "part-000001.npz"
+    path.write_bytes((tmp_path / "kept" / "part-000000.npz").read_bytes())
+    assert main(asked) == 2
+    path.write_bytes(path.read_bytes()[:-9])
+    assert main(asked) == 2
 
 
 @pytest.mark.parametrize("text", ["0/2", "3/2", "1", "a/b", "1/2/3"])

@@ -26,7 +26,7 @@ from nonlinear.ensembles import (
     members_of,
 )
 from nonlinear.ensembles.costs import ENGINES, choose_engine, code_of, first_numbers
-from nonlinear.ensembles.parts import HEADER, Parts, engine_of_folder
+from nonlinear.ensembles.store import HEADER, Parts, engine_of_folder
 from nonlinear.integration import taylor
 from nonlinear.integration.readiness import Code, lose
 

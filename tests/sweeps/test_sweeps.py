@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
 from itertools import product
 from math import inf, isnan, pi, sqrt
 from pathlib import Path
@@ -31,6 +32,7 @@ from modal.scene.parameters import (
     vary,
     with_numbers,
 )
+from nonlinear.ensembles import WorkerPool
 from nonlinear.ensembles.cluster import cluster
 from nonlinear.measures import MEASURES, taken_by
 from nonlinear.plotting import draw_sweep
@@ -383,6 +385,21 @@ def test_a_torn_line_is_dropped_and_failures_are_tried_again(tmp_path: Path) -> 
     path.write_bytes(path.read_bytes()[:20])
     assert run_with_journal(path, study(measure=sweep_measures.FAILING, number=3.0)).rows == first.rows
     assert len(sweep_measures.logged()) == 11
+
+
+@pytest.mark.parametrize("varied", ["gravity=9:10:140", "start.energy=1:9:300"])
+def test_rows_depend_on_the_study_alone(varied: str, tmp_path: Path) -> None:
+    """Not on how many compute them, nor on which a sweep that was killed has left: to the last bit."""
+    measures = parse_measures(["largest_angle:0.5", "first_turn:0.5"])
+    asking = Study(load("chain-2"), parse_variations([varied]), measures, 2 if "energy" in varied else 0)
+    assert 1 < asking.chunk < asking.size
+    alone = run_with_journal(tmp_path / "alone", asking)
+    assert not alone.failures
+    with ThreadPoolExecutor(2) as threads:
+        assert sweep(asking, crew=WorkerPool(threads, 2)).rows == alone.rows
+    head, *lines = (tmp_path / "alone").read_bytes().splitlines(keepends=True)
+    (tmp_path / "killed").write_bytes(head + b"".join(lines[5:-1:3]) + lines[-1][:20])
+    assert run_with_journal(tmp_path / "killed", asking, workers=2).rows == alone.rows
 
 
 def test_a_full_disk_is_named(tmp_path: Path) -> None:
