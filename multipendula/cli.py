@@ -111,7 +111,7 @@ def _obey(arguments: Sequence[str] | None, stopped: Sequence[int]) -> int:
     except OSError as error:
         return _answer(error, None)
     if strangers:
-        options.page.error(f"unrecognized arguments: {' '.join(strangers)}")
+        options.page.refuse_words(strangers)
     if sys.stdout is None:
         return _refuse("standard output is closed", 1)
     try:

@@ -23,7 +23,7 @@ TOLERANCE, MOTIONS = 1e-9, 24
 """Of the integrator, and of a section, unless told."""
 COMPUTED = (
     "--engine (default the fastest, counting what is still to be compiled)",
-    option("--tolerance (default 1e-9)", type=number("at least 1e-13 and at most 0.001", 1e-3, 1e-13)),
+    option("--tolerance (default 1e-9)", type=number("from 1e-13 to 0.001", 1e-3, 1e-13)),
     *CREW,
     "--share",
     "--folder",
@@ -178,6 +178,7 @@ COMMANDS = (
         name="basins",
         topic="coupling and synchronization",
         run=basins,
+        main=("--vary", "--measure", "--duration", "--output"),
         takes=(
             SCENE,
             "--vary, such as pendulum[0].start.angles_deg[0]=-180:180:512; two of them (default two angles, or angle "
@@ -217,6 +218,7 @@ COMMANDS = (
         name="section",
         topic="motion",
         run=section,
+        main=("--energy", "--crossing", "--members", "--duration", "--output"),
         takes=(
             SCENE,
             "--energy (default that of its start)",
@@ -252,6 +254,7 @@ COMMANDS = (
         name="spread",
         topic="motion",
         run=spread,
+        main=("--uncertain", "--covariance", "--duration", "--members", "--output"),
         takes=(
             SCENE,
             "--uncertain: its standard deviation, support.mass=0.5 or support.mass=2%%, or its interval, "

@@ -65,6 +65,7 @@ COMMANDS = (
         name="hoist",
         topic="control",
         run=hoist,
+        main=("--travel", "--over", "--kind", "--samples", "--output"),
         takes=(
             SCENE,
             option("--samples, along the hoist (default 11)", group="asked", type=integer(10_000), default=11),

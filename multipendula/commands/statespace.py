@@ -150,15 +150,13 @@ def _gains(options: argparse.Namespace) -> None:
 
 def shaper(options: argparse.Namespace) -> None:
     """Print an input shaper that suppresses residual swing in the slowest modes of a crane."""
-    from modal.errors import SceneError
     from modal.report import csv_rows, folded
     from modal.scene import load
     from modal.statespace import shaper_for, swing_words, usual_drive
 
     picture_in_place(options)
-    alone = {"--picture": options.picture, "--over": options.over} if options.travel is None else {}
-    if problems := [f"{flag} {value}: needs --travel METRES" for flag, value in alone.items() if value is not None]:
-        raise SceneError(problems)
+    if options.travel is None:
+        refuse(options, "needs --travel METRES", "--picture", "--over")
     scene = noted(load(options.scene), "a shaper")
     drive = options.drive or usual_drive(scene)
     estimate = estimate_of(scene, options.covariance)
@@ -191,6 +189,7 @@ COMMANDS = (
         name="export",
         topic="control",
         run=export,
+        main=("--to", "--output", "--input", "--signals", "--discrete"),
         takes=(
             SCENE,
             *SIGNALS,
@@ -226,6 +225,7 @@ COMMANDS = (
         name="response",
         topic="control",
         run=response,
+        main=("--output", "--at", "--input", "--signals", "--gains"),
         takes=(
             SCENE,
             "--covariance: adds standard deviations of magnitudes, in the picture a band of two to either side",
@@ -262,6 +262,7 @@ COMMANDS = (
         name="shaper",
         topic="control",
         run=shaper,
+        main=("--kind", "--count", "--travel", "--discrete", "--output"),
         takes=(
             SCENE,
             "--covariance: adds what the shaped command leaves over the band of the fitted numbers",

@@ -174,6 +174,7 @@ COMMANDS = (
         name="sweep",
         topic="coupling and synchronization",
         run=sweep,
+        main=("--vary", "--measure", "--loci", "--strobe", "--output"),
         takes=(
             SCENE,
             option(

@@ -174,6 +174,7 @@ COMMANDS = (
         name="check",
         topic="motion",
         run=check,
+        main=("--modes", "--amplitudes", "--general", "--format", "--output"),
         takes=(
             *motion(USUAL, runs=False, without=("keep_modes",)),
             "--modes, counted from 1 (default all)",
@@ -198,6 +199,7 @@ COMMANDS = (
         name="tradeoff",
         topic="motion",
         run=tradeoff,
+        main=("--duration", "--start", "--linear", "--format", "--output"),
         takes=(
             SCENE,
             "--start, as in simulate",
@@ -222,6 +224,7 @@ COMMANDS = (
         name="chaos",
         topic="motion",
         run=chaos,
+        main=("--duration", "--members", "--quick", "--output"),
         takes=(
             scene_argument("; or paper:000, paper:001 to test their claims", names=("paper:000", "paper:001")),
             "--duration (default 200 sqrt(l/g))",

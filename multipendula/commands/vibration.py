@@ -113,6 +113,7 @@ COMMANDS = (
         name="vibration",
         topic="control",
         run=vibration,
+        main=("--psd", "--record", "--temperature", "--signals", "--output"),
         takes=(
             SCENE,
             "--psd of the support's motion along the rail, with frequency_hz, and psd in (m/s²)²/Hz or velocity_psd or "
@@ -143,16 +144,16 @@ COMMANDS = (
         examples=(
             ("vibration suspension.toml --psd ground.csv", "two files of the folder examples"),
             (
-                "vibration suspension.toml --psd ground.csv --signals tip_positions --picture psd.png",
-                "how the mirror moves in the laboratory, with a figure",
+                "vibration tower --record quake.csv --baseline velocity --picture shock.png",
+                "peaks in an earthquake, without drift (a record of the folder examples)",
             ),
             (
                 "vibration suspension --temperature 290 --at 1,10,100",
                 "the thermal noise of the shipped suspension, by wire",
             ),
             (
-                "vibration tower --record quake.csv --baseline velocity --picture shock.png",
-                "peaks in an earthquake, without drift (a record of the folder examples)",
+                "vibration suspension.toml --psd ground.csv --signals tip_positions --picture psd.png",
+                "how the mirror moves in the laboratory, with a figure",
             ),
         ),
     ),
