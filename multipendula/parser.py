@@ -117,7 +117,7 @@ class Page(argparse.ArgumentParser):
         )
         about = textwrap.fill(self.description or "", WIDTH)
         steps = f"first steps:\n{shown(self.examples)}"
-        further = f"`{self.prog} --help` says what each command does,\n`{self.prog} table --help` how one is used."
+        further = f"`{self.prog} --help` says what each command does,\n`{self.prog} table -h` how one is used."
         return "\n\n".join([about, "\n".join(["commands:", *topics]), steps, further])
 
     def screen(self) -> str:
@@ -301,7 +301,7 @@ class Page(argparse.ArgumentParser):
 
 def _long(names: str) -> str:
     """The long name of an option that argparse calls by both."""
-    return names.partition("/")[0]
+    return next((name for name in names.split("/") if name[:2] == "--"), names)
 
 
 def _brief_name(action: argparse.Action) -> str:
@@ -322,7 +322,7 @@ class Help(argparse.Action):
     def __call__(self, parser: Any, namespace: object, values: object, option_string: str | None = None) -> None:
         """Print it."""
         brief = parser.screen if parser.name else parser.overview
-        print(brief() if option_string == "-h" else parser.format_help().rstrip("\n"))
+        parser._print_message(f"{brief()}\n" if option_string == "-h" else parser.format_help(), sys.stdout)
         parser.exit()
 
 

@@ -285,9 +285,8 @@ def _judge(duration: float, days: float) -> None:
     from modal.errors import SceneError
 
     if days > LONGEST:
-        most = duration * LONGEST / days
-        words = f"takes an estimated {days:.2g} days on one core: {most:.1g} s are the most that is begun"
-        raise SceneError([f"duration {duration:g}: {words}"])
+        most = f"{0.9 * duration * LONGEST / days:.0e} s"
+        raise SceneError([f"duration: takes an estimated {days:.2g} days on one core, and {most} are begun at most"])
 
 
 def _forewarn(scene: Scene, duration: float | None, members: int, tolerance: float, least: float) -> None:

@@ -121,7 +121,7 @@ COMMANDS = (
             "--temperature, reported with a budget by place; beside that of the PSD where there is a --psd",
             "--at: the thermal noise (default some over its band)",
             "--record: time_s, and displacement_m, velocity_m_per_s or acceleration_m_per_s2 of the support",
-            "--baseline, a --record (default keep): velocity takes out a constant acceleration so that the support "
+            "--baseline, with --record (default keep): velocity takes out a constant acceleration so that the support "
             "ends as it began",
             option(
                 "--input: the one that the PSD is of, support_acceleration (default), cart_force, on a structure the "
