@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 ROOT = Path(__file__).parent.parent
 REFERENCE = ROOT / "docs" / "reference"
 PLACE = re.compile(
-    r"^<!-- (commands|groups|names|modules|shipped|formats|measures|options|functions|combinations"
+    r"^<!-- (commands|groups|names|namespace|modules|shipped|formats|measures|options|functions|combinations"
     r"|gallery|play|live):?([^>]*) -->$",
     flags=re.MULTILINE,
 )
@@ -148,6 +148,13 @@ def names(package: str, *wanted: str) -> str:
     """Names of a package, each with its docstring."""
     home = import_module(package)
     return "\n\n".join(_documented(_directive(getattr(home, name)), f"{package}.{name}") for name in wanted)
+
+
+def namespace() -> str:
+    """The functions that are commands, each with its arguments."""
+    import multipendula
+
+    return names("multipendula", *(name for name in parsers() if name in dir(multipendula)))
 
 
 def _directive(thing: object) -> str:

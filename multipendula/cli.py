@@ -218,14 +218,18 @@ def _channels(options: argparse.Namespace) -> Iterator[None]:
     from modal.errors import SceneError
     from modal.report import fitted
     from modal.scene import STANDARD, kind_of
+    from multipendula.command import file_beside
+    from multipendula.commands.shared import is_new
 
+    if options.page.usual and options.output is None:
+        options.output = file_beside(options.scene, options.page.usual)
     files = [action for action in options.page._actions if action.metavar == "FILE" and action.option_strings]
     named = [(_long(action), vars(options)[action.dest]) for action in files]
     if unnamed := [option for option, name in named if name == ""]:
         raise SceneError([f"{option}: the name of the file is empty" for option in unnamed])
     if why := options.page.refused.get(os.path.splitext(getattr(options, "output", None) or "")[1].lower()):
         raise SceneError([f"-o {options.output}: {why}"])
-    if options.page.texts and _is_new(options.output):
+    if options.page.texts and is_new(options.output):
         kind_of(options.output, options.page.kinds, "-o ")
     to_output = [option for option, name in named if name == STANDARD]
     if len(to_output) > 1:
@@ -237,11 +241,6 @@ def _channels(options: argparse.Namespace) -> Iterator[None]:
     notes = StringIO() if options.quiet else sys.stderr
     with fitted(_columns(), _charset()), redirect_stdout(words), redirect_stderr(notes):
         yield
-
-
-def _is_new(name: str | None) -> bool:
-    """Whether this is the name of a file, or of one to be, and not that of a device."""
-    return bool(name) and "\0" not in str(name) and (os.path.isfile(str(name)) or not os.path.exists(str(name)))
 
 
 def _long(action: argparse.Action) -> str:

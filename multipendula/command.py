@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import re
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
@@ -17,7 +18,8 @@ class Option(NamedTuple):
     """An option or an argument of a command.
 
     On its page `more` stands after the meaning, or after that of a file what is in it.  `how` goes to argparse, and
-    `ends` to the page: which endings of its file choose a format, and which are refused.
+    `ends` to the page: which endings of its file choose a format, and which are refused.  A file that is not named is
+    called as the scene, with `usual` for the end of its name.
     """
 
     name: str
@@ -25,6 +27,7 @@ class Option(NamedTuple):
     more: str = ""
     how: Mapping[str, Any] | None = None
     ends: Mapping[str, Mapping[str, str]] | None = None
+    usual: str = ""
 
     @property
     def dest(self) -> str:
@@ -41,7 +44,8 @@ class Option(NamedTuple):
         """What the page says of it."""
         ends = endings(self.flag.kinds)
         told = f"{', '.join(ends[:-1])} or {ends[-1]}" if ends[1:] else "".join(ends)
-        return f"{self.flag.words}{self.more}{(', as ' if self.more else ': ') if told else ''}{told}"
+        usual = f" (default SCENE{self.usual})" if self.usual else ""
+        return f"{self.flag.words}{self.more}{(', as ' if self.more else ': ') if told else ''}{told}{usual}"
 
     def add_to(self, page: Page) -> None:
         """Add it to a page."""
@@ -65,7 +69,7 @@ class Option(NamedTuple):
         if name in FLAGS and flag.metavar != "FILE":
             page.keywords |= dict.fromkeys((self.dest, *flag.names, self.keyword), name)
         if flag.short == "-o":
-            page.kinds = flag.kinds
+            page.kinds, page.usual = flag.kinds, self.usual
         for kept, formats in (self.ends or {}).items():
             setattr(page, kept, dict(formats))
 
@@ -114,9 +118,19 @@ def records(more: str = "") -> tuple[Takes, ...]:
     )
 
 
-def main_file(what: str, kinds: Sequence[str], **how: Any) -> Option:
-    """The file of the main result, and what that is."""
-    return option(f"--output: {what}", kinds=tuple(kinds), **how)
+def main_file(what: str, kinds: Sequence[str], usual: str = "") -> Option:
+    """The file of the main result, what that is, and the end of its name after the scene's where none is given."""
+    return option(f"--output: {what}", kinds=tuple(kinds))._replace(usual=usual)
+
+
+def file_beside(scene: object, end: str) -> str:
+    """A file in this folder that is called as a scene, with this end of its name.
+
+    >>> file_beside("scenes/mine.toml", "-shapes.png"), file_beside("-", ".mat")
+    ('mine-shapes.png', 'scene.mat')
+    """
+    stem = os.path.basename(scene) if isinstance(scene, str) and scene != "-" else "scene"
+    return next((stem.removesuffix(f".{kind}") for kind in ("toml", *RUNS) if stem.endswith(f".{kind}")), stem) + end
 
 
 def formats(*names: str, more: str = "") -> Option:

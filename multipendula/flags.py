@@ -183,6 +183,7 @@ FLAGS: dict[str, Flag] = {
         number("degrees", least=-sys.float_info.max),
     ),
     "--picture": Flag("FILE", "file for a picture beside the main result", group="written", kinds=PICTURES),
+    "--places": Flag("", "list the places, values and units of the scene's numbers instead"),
     "--prior": Flag("PLACE=VALUE±STD", "what is known of a free number beforehand", action=Repeated, keyword="priors"),
     "--psd": Flag("CSV", "file of a one-sided power spectral density", completion=files((".csv",))),
     "--quick": Flag("", "a shorter version"),
@@ -320,7 +321,7 @@ FORMER_COMMANDS = {
     "shock": "vibration SCENE --record CSV",
 }
 """What does now what a command did by itself."""
-ELSEWHERE = {"find_bifurcations": "sweep --strobe"}
+ELSEWHERE = {"find_bifurcations": "sweep --strobe", "scene_numbers": "table SCENE --places"}
 """What does on the command line what a message calls by its function."""
 SYNONYMS = {
     **dict.fromkeys(("--time", "--t-end", "--length"), ("--duration", "--over", "--when")),

@@ -25,7 +25,7 @@ from multipendula.cli import perform
 from multipendula.commands import command_named
 from multipendula.commands.runs import recorded
 from multipendula.commands.shared import printing
-from multipendula.options import Joined, Repeated
+from multipendula.options import PICTURES, Joined, Repeated
 
 if TYPE_CHECKING:
     from modal.scene import Scene
@@ -47,7 +47,8 @@ FLAG = re.compile(r"(?<![\w-])(?:--([a-z][a-z-]*)|-(o)\b)")
 ROWS, SCENE = "int | range | str", "Scene | str | PathLike[str]"
 TYPES = {
     **{"1:10": ROWS, "1:12": ROWS, "FILE": "str | PathLike[str]", "FROM:TO": "tuple[float, float] | str"},
-    **{"K/N": "tuple[int, int] | str", "SCENE": SCENE, "TARGET": SCENE},
+    **{"K/N": "tuple[int, int] | str", "SCENE": SCENE, "TARGET": SCENE, "FIT.json": "str | PathLike[str]"},
+    "CSV": "float | str | PathLike[str]",
 }
 OBJECTS = {"SCENE": ("Scene", "Trajectory"), "TARGET": ("Scene",), "WORDS": ("State",)}
 """Classes of values that are taken as they are, by metavar."""
@@ -90,7 +91,7 @@ def function_of(name: str) -> Callable[..., Any]:
     command = command_named(name)
     assert command is not None
     options = {keyword_of(taken): taken for taken in command.options if taken.name not in WITHOUT}
-    signature = inspect.Signature(list(_parameters(options)))
+    signature = inspect.Signature(list(_parameters(options)), return_annotation=_returned(command))
 
     def function(*arguments: Any, **keywords: Any) -> Any:
         try:
@@ -135,6 +136,11 @@ def _parameters(options: Mapping[str, Option]) -> Iterator[inspect.Parameter]:
         )
 
 
+def _returned(command: Command) -> str:
+    """What a function returns, as an annotation; a text where the command has no result."""
+    return str(inspect.signature(command.run).return_annotation).replace("None", "Text")
+
+
 def type_of(taken: Option) -> str:
     """The type of an option's values, as an annotation.
 
@@ -164,6 +170,7 @@ def _docstring(command: Command, options: Mapping[str, Option]) -> Iterator[str]
     yield from ("", *_wrapped(command.details), "", "Parameters", "----------")
     for word, taken in options.items():
         yield from (word, *_wrapped(taken.words.replace("%%", "%"), "    "))
+    yield from ("", "Returns", "-------", _returned(command))
 
 
 def _wrapped(words: str, indent: str = "") -> list[str]:
@@ -213,6 +220,7 @@ def _read(page: Page, given: Given) -> Namespace:
 
     page.error = refuse  # type: ignore[method-assign]
     page.keywords = {}  # messages call arguments by their names
+    page.usual = "" if page.usual.endswith(PICTURES) else page.usual  # a figure is returned
     words, last, objects = [], ["--"], {}
     for taken, value in given:
         if value is None or value is False:

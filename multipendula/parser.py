@@ -55,6 +55,7 @@ class Page(argparse.ArgumentParser):
         self.reports: dict[str, str] = {}
         self.texts: dict[str, str] = {}
         self.kinds: tuple[str, ...] = ()
+        self.usual = ""
         self.keywords: dict[str, str] = {}
         self.refused: dict[str, str] = {}
         self.former: Mapping[str, Former] = {}

@@ -77,6 +77,16 @@ def format_named(name: str) -> Format:
     return FORMATS[name]
 
 
+def format_of_file(name: str) -> str:
+    """The name of the format of which a file's name has the ending, "" where none has.
+
+    >>> format_of_file("crane.tf.json"), format_of_file("crane.json"), format_of_file("crane")
+    ('tf', 'json', '')
+    """
+    fitting = [form for form in FORMATS if name.lower().endswith(FORMATS[form].extension)]
+    return max(fitting, key=lambda form: len(FORMATS[form].extension), default="")
+
+
 FORMATS = {
     "control": Format(
         ".py", "a Python script that builds a labelled `control.StateSpace`, `system`", "scripts.write_script"
@@ -116,4 +126,4 @@ FORMATS = {
     "modelica": Format(".mo", "a Modelica block", "source.write_modelica"),
 }
 __getattr__ = exported(__name__, (), LATER)
-__all__ = ["FORMATS", "Format", "format_named"]
+__all__ = ["FORMATS", "Format", "format_named", "format_of_file"]

@@ -51,7 +51,7 @@ from modal.scene.supports import Carrier, Cart, Fixed, Heave, ModalSupport, Plat
 from modal.scene.titles import name_of, title_of, what_hangs
 
 if TYPE_CHECKING:
-    from modal.scene.number_names import number_label, number_unit, number_words
+    from modal.scene.number_names import number_label, number_unit, number_words, scene_numbers
     from modal.scene.periods import DrivePeriod, drive_period, frequencies_of, sines_of
     from modal.scene.records import Spectrum
 
@@ -119,6 +119,7 @@ __all__ = [
     "refusals",
     "require",
     "scene_from",
+    "scene_numbers",
     "sines_of",
     "title_of",
     "validate_scene",

@@ -7,9 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import accumulate
+from typing import NamedTuple
 
+from modal.report import as_csv, as_json, grid, titled
 from modal.scene.model import Scene
-from modal.scene.parameters import Place, Step, find_places, unit_at
+from modal.scene.parameters import Place, Step, find_places, number_at, number_paths, unit_at
+from modal.scene.titles import title_of
 
 QUANTITIES = {
     "angle_deg": "angle",
@@ -59,6 +62,12 @@ ANGLES = {"loss", "wire_loss"}
 ENDINGS = {"_rate_deg": "°/s", "_deg": "°", "_hz": "Hz"}
 """Units that keys tell by their endings."""
 DIMENSIONLESS = "–"
+PHYSICAL = {
+    *("gravity", "mass", "length", "centre", "inertia", "stiffness", "damping"),
+    *("friction", "drag", "quadratic_drag"),
+}
+COURSES = {"start", "hoist", "motion"}
+"""Keys of what a scene is made of, and of parts that say how it moves."""
 
 
 def number_label(scene: Scene, path: str) -> str:
@@ -102,6 +111,45 @@ def number_unit(scene: Scene, path: str) -> str:
         return "rad"
     name = str(place[-1])
     return unit_at(scene, place) or next((unit for end, unit in ENDINGS.items() if name.endswith(end)), DIMENSIONLESS)
+
+
+class NamedNumber(NamedTuple):
+    """A number of a scene: its place, its value with its unit, and what it is."""
+
+    place: str
+    value: float
+    unit: str
+    words: str
+    is_physical: bool
+    """Whether it is a mass, a length, a stiffness or the like, neither 0 nor a start or a course in time."""
+
+
+def scene_numbers(scene: Scene) -> list[NamedNumber]:
+    """Every number of a scene, whether it is written in the file or left at its default.
+
+    >>> from modal import load
+    >>> [number.place for number in scene_numbers(load("chain-1")) if number.is_physical]
+    ['gravity', 'pendulum[0].links[0].length', 'pendulum[0].links[0].mass']
+    """
+    numbers = []
+    for path in number_paths(scene):
+        (place,) = find_places(scene, path)
+        value = number_at(scene, place)
+        is_physical = value != 0 and bool(PHYSICAL & set(place)) and not COURSES & set(place)
+        numbers.append(NamedNumber(path, value, number_unit(scene, path), number_words(scene, path), is_physical))
+    return numbers
+
+
+def numbers_table(scene: Scene, form: str = "text") -> str:
+    """Every number of a scene as text, "markdown", "csv" or "json": place, value, unit and meaning."""
+    numbers = scene_numbers(scene)
+    records = [{"place": at.place, "value": at.value, "unit": at.unit, "number": at.words} for at in numbers]
+    if form == "csv":
+        return as_csv(records)
+    if form == "json":
+        return as_json({"numbers": records})
+    cells = [[at.place, f"{at.value:.9g}", at.unit, at.words] for at in numbers]
+    return titled(title_of(scene), "numbers", [grid(cells, ("place", "value", "unit", "number"), form)], form)
 
 
 def _parts(scene: Scene, place: Place, places: Sequence[Place]) -> list[str]:

@@ -28,6 +28,8 @@ from modal.types import Floats
 STEP = r"[a-z_]+(\[([0-9]{1,9}|\*)\])*"
 WRITTEN = re.compile(rf"(support\.[A-Za-z0-9_]+\.)?{STEP}(\.{STEP})*", re.ASCII)
 WORD = re.compile(r"[A-Za-z0-9_]+|\*", re.ASCII)
+MOST_NAMED = 5  # places that are named in a message
+ABBREVIATED = {"L": "length", "M": "mass", "c": "damping", "g": "gravity", "k": "stiffness", "l": "length", "m": "mass"}
 NEAR = 0.8  # similarity of a misspelt place required for a suggestion
 Step = str | int
 Place = tuple[Step, ...]
@@ -205,10 +207,22 @@ def _is_number(value: object) -> bool:
 
 def _unknown(scene: Scene, name: str, path: str) -> str:
     numbers = number_paths(scene)
-    hint = meant(name, numbers, near=NEAR)
+    hint = meant(name, numbers, near=NEAR) or _of_that_key(name, numbers)
     if ".start." in name and not any(".start." in place for place in numbers):
         hint = ": its file gives no pendulum a `start`"
     return f"{path}: " + ("" if name == path else f"{name} ") + "is not a number of this scene" + hint
+
+
+def _of_that_key(name: str, numbers: Sequence[str]) -> str:
+    """The places whose last key is this word, or what it abbreviates or misspells."""
+    keys = {place: re.findall(r"[a-z_]+", place)[-1] for place in numbers}
+    word = name.rpartition(".")[2].partition("[")[0]
+    key = word if word in keys.values() else ABBREVIATED.get(word, word.rpartition("_")[2])
+    places = [place for place in numbers if keys[place] == key]
+    near = places or [place for place in numbers if meant(word, [keys[place]], near=NEAR)]
+    more = f", … {len(near) - MOST_NAMED} more" if len(near) > MOST_NAMED + 1 else ""
+    named = ", ".join(near[:MOST_NAMED] if more else near)
+    return f": there is {named}{more}" if near else ": `scene_numbers(scene)` lists them"
 
 
 def number_paths(scene: Scene) -> list[str]:

@@ -56,6 +56,18 @@ DIVERGES = "undamped and within reach of the noise: the RMS grows without bound"
 DRIFTS = "grows without bound: the PSD reaches down to 0 Hz, where this output drifts without limit"
 
 
+def white_spectrum(scene: Scene, level: float) -> Spectrum:
+    """A PSD of this level from a third of the frequency of the slowest mode to three times that of the fastest.
+
+    SceneError for a scene in which nothing oscillates.
+    """
+    rates = natural_modes(scene).eigenvalue.imag
+    if not (rates > 0).any():
+        raise SceneError(["no mode oscillates, and a white PSD needs their band"])
+    ends = rates[rates > 0].min() / 3, rates.max() * 3
+    return Spectrum((float(ends[0] / tau), float(ends[1] / tau)), (level, level), "acceleration")
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class ModalResponse(TextResult):
     """The response of p outputs, as a sum over the modes of `form`."""

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from multipendula.command import CREW, SCENE, Command, Option, formats, kwargs_of, option, report_file
 from multipendula.commands.runs import ELSEWHERE, start_of, tell_of_start
-from multipendula.commands.shared import bar, draw_in, estimate_of, forewarning, in_a_folder, picture, say
+from multipendula.commands.shared import bar, draw_in, estimate_of, forewarning, in_a_folder, picture, remark, say
 from multipendula.completion import words
 from multipendula.options import integer, number
 from nonlinear.measures import taken_by
@@ -121,16 +121,22 @@ def spread(options: argparse.Namespace) -> Spread | None:
     members, seed = options.members or 1000, 5 if options.seed is None else options.seed
     if options.folder and not options.duration:
         raise SceneError(["--folder: needs --duration, for frequencies are not kept"])
+    uncertain = options.uncertain or ([] if options.covariance else _all_numbers(scene))
     with _engine(options, scene, members) as more:
         more["measures"] = options.measure or ()
         more["estimate"] = estimate_of(scene, options.covariance)
-        if more["estimate"] is None and not options.uncertain:
-            raise SceneError(["spread needs --uncertain PLACE=WIDTH or --covariance FIT.json"])
         start = start_of(scene, None, elsewhere=ELSEWHERE) if options.duration else None
-        spreads = find_spread(
-            scene, options.uncertain or (), options.duration, members=members, seed=seed, start=start, **more
-        )
+        spreads = find_spread(scene, uncertain, options.duration, members=members, seed=seed, start=start, **more)
     return _show(options, spread_table, "draw_spread", spreads)
+
+
+def _all_numbers(scene: Scene) -> list[str]:
+    """A tolerance for every number that a scene is made of."""
+    from modal.scene import scene_numbers
+
+    numbers = [f"{number.place}=1%" for number in scene_numbers(scene) if number.is_physical]
+    remark(f"a standard deviation of 1 % of all {len(numbers)} numbers; --uncertain PLACE=WIDTH gives others")
+    return numbers
 
 
 def _scene(options: argparse.Namespace) -> Scene:
@@ -259,7 +265,7 @@ COMMANDS = (
         takes=(
             SCENE,
             "--uncertain: its standard deviation, support.mass=0.5 or support.mass=2%%, or its interval, "
-            "gravity=9.8:9.83; repeat for several",
+            "gravity=9.8:9.83; repeat for several (default 1%% of all)",
             "--covariance: draws its numbers together",
             option("--members: scenes drawn (default 1000)", type=integer(10_000_000)),
             "--seed",

@@ -7,15 +7,14 @@ from typing import Any
 
 from multipendula.command import RUN, Command, main_file
 from multipendula.commands.runs import recorded
-from multipendula.commands.shared import in_a_folder, remark, say
+from multipendula.commands.shared import in_a_folder, made, remark
 
 KINDS = ("html",)
 
 
 def play(options: argparse.Namespace) -> None:
     """Write a page to play with: the scene swings there, changes as you drag it, and shows its modes."""
-    from modal.report import visible
-    from modal.scene import STANDARD, kind_of, whole_file
+    from modal.scene import kind_of, whole_file
     from multipendula.page import page
     from nonlinear.integration import validate
 
@@ -27,8 +26,7 @@ def play(options: argparse.Namespace) -> None:
     content = page(data, recording).encode()
     with whole_file(options.output) as stream:
         stream.write(content)
-    if options.output != STANDARD:
-        say(f"{visible(options.output)}: {len(content) / 1000:.0f} kB, open it in any browser\n")
+    made(options.output, f"{len(content) / 1000:.0f} kB, open it in any browser")
     if recording and recording["samples"] < recording["of"]:
         words = f"{recording['samples']} of {recording['of']} samples of the run are in the page"
         remark(words)
@@ -50,7 +48,7 @@ COMMANDS = (
         name="play",
         topic="motion",
         run=play,
-        takes=(RUN, main_file("the page", KINDS, required=True)),
+        takes=(RUN, main_file("the page", KINDS, ".html")),
         details=(
             "One HTML file that any browser opens, without a server or a network. Drag a mass, a length or the cart's "
             "mass and the table follows; choose a mode and it swings; pull a bob and the full equations run beside the "

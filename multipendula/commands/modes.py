@@ -8,11 +8,13 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from multipendula.command import SCENE, THEME, Command, main_file, option, text_file
-from multipendula.commands.shared import about, bar, chosen, drawn, estimate_of, large, noted, output, picture, remark
+from multipendula.commands.shared import about, bar, chosen, drawn, estimate_of, large, made, noted, output, picture
 from multipendula.completion import words
-from multipendula.options import FILMS, PICTURES
+from multipendula.options import FILMS, PICTURES, REPORTS
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from modal.assembly import Matrices
     from modal.modes import Mode, Modes
 
@@ -35,6 +37,9 @@ def table(options: argparse.Namespace) -> Modes | None:
     from modal.errors import SceneError
     from modal.modes import tables
 
+    if options.places:
+        _list_places(options)
+        return None
     if options.shapes and options.format != "json":
         raise SceneError(["--shapes: needs --format json"])
     modes, numbers = _modes(options, options.relative_error)
@@ -53,6 +58,20 @@ def table(options: argparse.Namespace) -> Modes | None:
         sys.stderr.write(report_solution(modes).text())
     asked = options.orbits or options.covariance or options.amplitude or len(numbers) < len(modes)
     return None if asked else modes
+
+
+def _list_places(options: argparse.Namespace) -> None:
+    """The numbers of the scene by their places."""
+    from modal.errors import SceneError
+    from modal.report import folded
+    from modal.scene import load
+    from modal.scene.number_names import numbers_table
+
+    if options.format not in REPORTS:
+        raise SceneError([f"--format {options.format}: --places takes {', '.join(REPORTS)}"])
+    with output(options.output) as write:
+        text = numbers_table(load(options.scene), options.format)
+        write(folded(text) if options.format == "text" else text)
 
 
 def _stds(modes: Modes, numbers: Sequence[int], path: str | None) -> dict[int, tuple[float, float]] | None:
@@ -91,22 +110,27 @@ def _by_orbits(modes: Modes, rows: list[Mode]) -> tuple[list[Mode], str]:
     return replaced, "; ".join(["the 1 % angle is that of the mode's periodic orbits", *missing])
 
 
-def shapes(options: argparse.Namespace) -> None:
+def shapes(options: argparse.Namespace) -> Figure | None:
     """Draw the mode shapes, or film the modes."""
-    form = picture(options.output, kinds=PICTURES + FILMS)
+    form = picture(options.output, kinds=PICTURES + FILMS) if options.output else ""
     modes, numbers = _modes(options)
     about(noted(modes.scene, "mode shapes"))
     from modal.plotting import LOOP, USUAL_PANELS, draw_shapes, film_modes
 
     asked = None if options.modes is None else numbers
+    if not form:
+        return modes.plot(asked, theme=options.theme, amplitude_deg=options.amplitude)
     with drawn(options.output, options.theme) as stream:
         if form in FILMS:
             with bar(LOOP) as report:
                 film_modes(modes, stream, form, asked, amplitude_deg=options.amplitude, report=report)
         else:
             draw_shapes(modes, asked, stream, amplitude_deg=options.amplitude, form=form)
-    if asked is None and len(numbers) > USUAL_PANELS:
-        remark(f"drew the first {USUAL_PANELS} of {len(numbers)} modes; choose with --modes")
+    shown = numbers[:USUAL_PANELS] if asked is None else numbers
+    last = f" to {shown[-1] + 1}" if len(shown) > 1 else ""
+    more = f" of {len(modes)}; --modes chooses others" if len(shown) < len(numbers) else ""
+    made(options.output, f"mode{'s' * bool(last)} {shown[0] + 1}{last}{more}")
+    return None
 
 
 def matrices(options: argparse.Namespace) -> Matrices:
@@ -163,6 +187,7 @@ COMMANDS = (
             ),
             "--sensitivities",
             "--shapes (json only)",
+            "--places",
             "--explain",
         ),
         details=(
@@ -188,7 +213,7 @@ COMMANDS = (
         run=shapes,
         takes=(
             SCENE,
-            main_file("the figure, or a film", PICTURES + FILMS, required=True),
+            main_file("the figure, or a film", PICTURES + FILMS, "-shapes.png"),
             THEME,
             "--modes, counted from 1 (default the first 12)",
             option("--amplitude in its drawing (default 25)", default=25.0),

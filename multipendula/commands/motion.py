@@ -9,10 +9,23 @@ from typing import TYPE_CHECKING
 
 from multipendula.command import RUN, THEME, Command, formats, kwargs_of, main_file, refuse
 from multipendula.commands.runs import RunOptions, motion, recorded, start_of, whole
-from multipendula.commands.shared import bar, drawn, estimate_of, film_form, in_a_folder, output, picture, remark, say
+from multipendula.commands.shared import (
+    bar,
+    drawn,
+    estimate_of,
+    film_form,
+    in_a_folder,
+    made,
+    output,
+    picture,
+    remark,
+    say,
+)
 from multipendula.options import FILMS, PICTURES, REPORTS, RUNS
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from modal.identification import Estimate
     from nonlinear.ensembles import Compilation
     from nonlinear.integration import Trajectory
@@ -131,13 +144,18 @@ def _print_band(options: argparse.Namespace, estimate: Estimate, kind: str) -> N
             draw_spread(members, stream, kind)
 
 
-def plot(options: argparse.Namespace) -> None:
+def plot(options: argparse.Namespace) -> Figure | None:
     """Draw a run: angles, cart, energies, phase portrait, and spectrum with the linear frequencies."""
     from nonlinear.plotting import draw_run
 
-    trajectory = RunOptions.of(options).shown(lambda: picture(options.output))
+    trajectory = RunOptions.of(options).shown(lambda: options.output and picture(options.output))
+    if options.output is None:
+        return trajectory.plot(theme=options.theme)
     with drawn(options.output, options.theme) as stream:
         draw_run(trajectory, stream, kind=picture(options.output))
+    links, seconds = trajectory.scene.n_links, trajectory.times[-1] - trajectory.times[0]
+    made(options.output, f"{seconds:.4g} s of motion of {links} link{'s' * (links > 1)}")
+    return None
 
 
 def animate(options: argparse.Namespace) -> None:
@@ -149,7 +167,7 @@ def animate(options: argparse.Namespace) -> None:
     with drawn(options.output, options.theme) as stream, bar(options.seconds or 20.0) as report:
         how = kwargs_of(options, "--fps", "--speed", "--seconds")
         shown = film(trajectory, stream, form, report=report, **how)
-    say(f"{shown.frames} frames, {shown.seconds:.3g} s of film for {shown.motion:.3g} s of motion\n")
+    made(options.output, f"{shown.frames} frames, {shown.seconds:.3g} s of film for {shown.motion:.3g} s of motion")
     if shown.left_out > 0:
         remark(f"{shown.left_out:.3g} s of the run left out; --seconds or --speed")
 
@@ -215,7 +233,7 @@ COMMANDS = (
         name="plot",
         topic="motion",
         run=plot,
-        takes=(*motion(20.0), main_file("the figure", PICTURES, required=True), THEME),
+        takes=(*motion(20.0), main_file("the figure", PICTURES, "-plot.png"), THEME),
         details=(
             "The run is a saved one, or of a scene that is simulated first. Dotted lines in the spectrum are the "
             "frequencies of the table of modes. Links that move alike are one curve; of many, some are drawn and the "
@@ -233,7 +251,7 @@ COMMANDS = (
         run=animate,
         takes=(
             *motion(10.0),
-            main_file("the film", FILMS, required=True),
+            main_file("the film", FILMS, "-film.gif"),
             "--fps",
             "--speed (default 1)",
             "--seconds (default 20)",

@@ -22,6 +22,8 @@ LARGEST, LONG = 90.0, 100
 def orbits(options: argparse.Namespace) -> tuple[Branch, ...]:
     """Follow periodic orbits: a mode to large angles, or limit cycles along a number, with their stability."""
     scene = warned(validated(options, options.output, lambda: _fitting(options)), "a periodic orbit")
+    if not (options.mode or options.vary):
+        options.mode = _first_mode(scene)
     branches = _mode(scene, options) if options.mode else _cycles(scene, options)
     newest = branches
     for _ in range((options.depth or 1) if options.enter else 0):
@@ -35,6 +37,22 @@ def orbits(options: argparse.Namespace) -> tuple[Branch, ...]:
     return branches
 
 
+def _first_mode(scene: Scene) -> int:
+    """The number of the first mode that has periodic orbits."""
+    from modal.errors import SceneError
+    from modal.modes import natural_modes
+    from nonlinear.orbits import oscillating
+
+    for number in range(1, len(natural_modes(scene)) + 1):
+        try:
+            oscillating(scene, number)
+        except SceneError:
+            continue
+        remark(f"of mode {number}: --mode R follows another, --vary PLACE=VALUES orbits along a number")
+        return number
+    return 1
+
+
 def _fitting(options: argparse.Namespace) -> None:
     from modal.errors import SceneError
 
@@ -43,9 +61,7 @@ def _fitting(options: argparse.Namespace) -> None:
 
 
 def _misfits(options: argparse.Namespace) -> Iterator[str]:
-    if not (options.mode or options.vary):
-        yield "orbits: needs --mode R or --vary PLACE=VALUES"
-    if options.largest_angle and not options.mode:
+    if options.largest_angle and options.vary and not options.mode:
         yield "--largest-angle: needs --mode"
     if options.settled and (options.mode or not options.vary):
         yield "--settled: needs --vary and no --mode"
@@ -179,7 +195,7 @@ COMMANDS = (
         run=orbits,
         takes=(
             SCENE,
-            once("--mode, to follow without dampers and drives"),
+            once("--mode, to follow without dampers and drives (default the first that swings)"),
             f"--largest-angle, with --mode (default {LARGEST:g})",
             once(
                 "--vary, such as support.mass=1:100:2log, along which orbits are followed: the limit cycles of a scene "

@@ -13,6 +13,7 @@ from typing import IO, TYPE_CHECKING, TextIO
 from multipendula.options import FILMS, PICTURES, endings
 
 if TYPE_CHECKING:
+    from modal.errors import SceneError
     from modal.identification import Estimate
     from modal.scene import Scene
 
@@ -21,6 +22,7 @@ LONG, COORDINATE = 5.0, 9e-5  # s that are told first, and for the square of the
 LATE = 1.0  # s until progress is shown, and between two looks at it
 MEASURED = "{desc}{percentage:3.0f} % |{bar:24}| {remaining} left, {elapsed} passed"
 COUNTED = "{desc}{unit}: {n_fmt}, {elapsed} passed"
+MOST_LISTED = 20  # numbers of a scene that are named where one has to be chosen
 MANY = 60  # links from which a command that integrates disturbances says beforehand that it takes long
 
 _PRINTED: ContextVar[TextIO | None] = ContextVar("_PRINTED", default=None)
@@ -83,11 +85,26 @@ def say(text: str, form: str = "text") -> None:
     printed().write(folded("\n".join(map(visible, text.split("\n")))) if form == "text" else text)
 
 
+def made(name: str, words: str) -> None:
+    """Say what a file that was written holds, unless it was standard output."""
+    from modal.report import visible
+    from modal.scene import STANDARD
+
+    if name != STANDARD:
+        say(f"{visible(name)}: {words}\n")
+
+
 def remark(words: object) -> None:
     """Print words beside the result on standard error, with nothing in them that controls a terminal."""
     from modal.report import visible
 
-    print("multipendula: " + "\n".join(map(visible, str(words).split("\n"))), file=sys.stderr)
+    text = "multipendula: " + "\n".join(map(visible, str(words).split("\n")))
+    if "tqdm" in sys.modules:
+        from tqdm import tqdm
+
+        tqdm.write(text, file=sys.stderr)
+    else:
+        print(text, file=sys.stderr)
 
 
 @contextmanager
@@ -138,6 +155,13 @@ def film_form(name: str, option: str = "-o") -> str:
     from modal.scene import kind_of
 
     return kind_of(name, FILMS, f"{option} ")
+
+
+def is_new(name: str | None) -> bool:
+    """Whether this is the name of a file, or of one to be, and not that of a device."""
+    from os.path import exists, isfile
+
+    return bool(name) and "\0" not in str(name) and (isfile(str(name)) or not exists(str(name)))
 
 
 def in_a_folder(path: str | None, option: str = "-o") -> None:
@@ -298,6 +322,30 @@ def _forewarn(scene: Scene, duration: float | None, members: int, tolerance: flo
         if days <= 1:
             told = f"{seconds / 60:.0f} minutes" if seconds < 7200 else f"{seconds / 3600:.0f} hours"
         remark(f"this takes an estimated {told}; Ctrl-C ends it")
+
+
+def missing(scene: Scene, flag: str, values: str, more: str = "") -> SceneError:
+    """The error where a command that is about numbers of a scene was told none: what there is, with an example.
+
+    In the `values` of the example {half} and {double} stand for those of a number; `more` follows it.
+    """
+    from shlex import quote
+
+    from modal.errors import SceneError
+    from modal.scene import scene_numbers
+
+    numbers = [number for number in scene_numbers(scene) if number.is_physical]
+    first = next((number for number in numbers if number.place != "gravity"), numbers[0])
+    given = f"{first.place}={values.format(half=f'{first.value / 2:g}', double=f'{first.value * 2:g}')}"
+    lines = [f"  {number.place} = {number.value:g} {number.unit}" for number in numbers[:MOST_LISTED]]
+    others = f"{len(numbers) - MOST_LISTED} more and " if len(numbers) > MOST_LISTED else ""
+    return SceneError(
+        [
+            f"{flag}: is missing, such as {flag} {quote(given)}{more}; the scene has",
+            *lines,
+            f"  and {others}numbers that are 0: `scene_numbers(scene)` lists all",
+        ]
+    )
 
 
 def listed(text: str | None) -> tuple[str, ...]:

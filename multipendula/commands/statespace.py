@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from modal.exports import FORMATS
+from modal.exports import FORMATS, format_of_file
 from multipendula.command import (
     SCENE,
     Command,
+    file_beside,
     formats,
     main_file,
     option,
@@ -23,7 +25,9 @@ from multipendula.commands.shared import (
     draw_in,
     drawn,
     estimate_of,
+    is_new,
     listed,
+    made,
     noted,
     output,
     picture,
@@ -35,10 +39,13 @@ from multipendula.completion import words
 
 if TYPE_CHECKING:
     from modal.scene import Scene
-    from modal.statespace import StateSpace
+    from modal.statespace import Signal, StateSpace
     from modal.statespace.gains import Gains
     from modal.statespace.sampling import VaryingModel
     from modal.statespace.shapers import Shaper
+
+NAMED = 6
+"""Signals of a model that are named."""
 
 
 def export(options: argparse.Namespace) -> StateSpace | VaryingModel:
@@ -46,26 +53,55 @@ def export(options: argparse.Namespace) -> StateSpace | VaryingModel:
     from modal.exports import format_named
     from modal.scene import whole_file
 
-    target = format_named(options.to)
+    target = format_named(_format(options))
+    name = options.output or file_beside(options.scene, target.extension)
     scene = scene_at(options)
     about(noted(scene.at(0.0), "a constant linear model"))
+    model: VaryingModel | StateSpace
     if scene.is_hoisted:
-        varying = _varying(scene, options)
-        content = target.write_varying(varying)
-        with whole_file(options.output) as stream:
-            stream.write(content)
-        return varying
-    model = model_of(scene, options)
-    if options.discrete:
-        from modal.statespace.sampling import sample
-
-        model = sample(model, options.discrete)
-    content = target.write(model)
-    with whole_file(options.output) as stream:
+        model = _varying(scene, options)
+        content = target.write_varying(model)
+    else:
+        model = _sampled(model_of(scene, options), options)
+        content = target.write(model)
+    with whole_file(name) as stream:
         stream.write(content)
+    inputs, outputs = map(_listed, (model.inputs, model.outputs))
+    made(name, f"{len(model.states)} states; input {inputs}; output {outputs}")
     if note := target.note(content):
         remark(note)
     return model
+
+
+def _format(options: argparse.Namespace) -> str:
+    """The format that was asked for, or that in which the name of the file ends, which is not that of another."""
+    from modal.errors import SceneError
+    from modal.scene import STANDARD
+
+    by_name = format_of_file(options.output or "")
+    if options.to is None and not by_name:
+        every = ", ".join(f"{form.extension} ({name})" for name, form in FORMATS.items())
+        asked = f"-o {options.output}: " if options.output else ""
+        raise SceneError([f"{asked}give --to FORMAT, or -o FILE with a name that ends in {every}"])
+    if options.to in FORMATS and options.output != STANDARD and is_new(options.output):
+        extension = FORMATS[options.to].extension
+        if not options.output.lower().endswith(extension[extension.rindex(".") :]):
+            raise SceneError([f"-o {options.output}: the name must end in {extension}, that of --to {options.to}"])
+    return str(options.to or by_name)
+
+
+def _sampled(model: StateSpace, options: argparse.Namespace) -> StateSpace:
+    if not options.discrete:
+        return model
+    from modal.statespace.sampling import sample
+
+    return sample(model, options.discrete)
+
+
+def _listed(signals: Sequence[Signal]) -> str:
+    """Signals with their units, of many the first."""
+    named = [f"{signal.name} ({signal.unit})" for signal in signals]
+    return ", ".join(named if len(named) <= NAMED + 1 else [*named[:NAMED], f"… {len(named) - NAMED} more"])
 
 
 def _varying(scene: Scene, options: argparse.Namespace) -> VaryingModel:
@@ -80,7 +116,7 @@ def _varying(scene: Scene, options: argparse.Namespace) -> VaryingModel:
 
 
 def response(options: argparse.Namespace) -> Gains | None:
-    """Draw a Bode plot or an impulse response, or print numbers: at frequencies, or the gains of every mode."""
+    """Print the peaks of a frequency response, its values, or gains of modes, or draw it, or an impulse response."""
     from math import pi
 
     import numpy as np
@@ -89,12 +125,11 @@ def response(options: argparse.Namespace) -> Gains | None:
     from modal.modes import natural_modes
     from modal.scene import STANDARD, require
     from modal.statespace import impulse_table, response_table, to_modal_form
+    from modal.statespace.peaks import peaks_table
 
     if options.gains:
         return _gains(options)
-    in_words = options.impulse and getattr(options, "format_asked", False)
-    if not (options.output or options.at or in_words):
-        raise SceneError(["give a picture to write, -o FILE, frequencies to print, --at HERTZ, or --gains"])
+    in_words = options.impulse and (getattr(options, "format_asked", False) or not options.output)
     told = STANDARD if in_words and options.output == STANDARD else None
     capability = "an impulse response" if options.impulse else "a frequency response"
     kind, scene = picture(options.output) if options.output and not told else "", scene_of(options, capability)
@@ -118,13 +153,15 @@ def response(options: argparse.Namespace) -> Gains | None:
 
         std = partial(magnitude_std, model, estimate)
     chosen = [outputs.index(name) for name in shown]
+    every = chosen or list(range(len(outputs)))
+    if not (options.at or options.output or in_words):
+        say(peaks_table(form, at, every, options.format), options.format)
     if options.at:
-        every = chosen or list(range(len(outputs)))
         spread = None if std is None else std(2 * pi * np.asarray(options.at))
         say(response_table(form, options.at, at, every, options.format, spread), options.format)
     if in_words:
         with output(told) as write:
-            write(impulse_table(form, at, chosen or list(range(len(outputs))), options.format))
+            write(impulse_table(form, at, every, options.format))
     if options.output and not told:
         from modal.plotting import draw_bode, draw_impulse
 
@@ -133,6 +170,8 @@ def response(options: argparse.Namespace) -> Gains | None:
                 draw_impulse(form, stream, source=at, outputs=chosen, kind=kind)
             else:
                 draw_bode(form, stream, source=at, outputs=chosen, kind=kind, std=std)
+        what = "impulse response" if options.impulse else "Bode plot"
+        made(options.output, f"{what} of {', '.join(shown or outputs)} for {source}")
     return None
 
 
@@ -202,11 +241,10 @@ COMMANDS = (
             SCENE,
             *SIGNALS,
             option(
-                f"--to: {', '.join(list(FORMATS)[:-1])} or {list(FORMATS)[-1]}",
+                f"--to: {', '.join(list(FORMATS)[:-1])} or {list(FORMATS)[-1]} (default that of --output)",
                 completion=words(tuple(FORMATS), ""),
-                required=True,
             ),
-            main_file("the model", (), required=True),
+            main_file("the model", tuple(form.extension.removeprefix(".") for form in FORMATS.values())),
             "--discrete: the model is discretized, its inputs held between samples (zero-order hold)",
             "--minimal",
             "--dominant",
@@ -239,20 +277,22 @@ COMMANDS = (
             *SIGNALS,
             *report_file("text", "csv", "json"),
             "--at: magnitude and phase",
-            formats("text", "csv", "json", more=", by --at, and by --impulse in numbers (default text)"),
+            formats("text", "csv", "json", more=" of peaks, by --at, and by --impulse in numbers (default text)"),
             option("--from (default the first)", dest="source"),
             option("--of (default all)", keyword="outputs"),
-            "--impulse instead of the Bode plot",
+            "--impulse instead",
             "--gains, instead",
         ),
         details=(
-            "Magnitude and phase of every output for one input, accurate at any distance from the modes, or the "
-            "impulse response in closed form. Peaks of damped modes have their true height; a note below the picture "
-            "says where infinite ones are cut. With --gains, degrees of controllability and observability in place of "
-            "ranks: the gain of every mode from each input and to each output, relative to the largest of that signal."
+            "Where every output is largest near each mode; in a picture magnitude and phase of every output for one "
+            "input, accurate at any distance from the modes, or the impulse response in closed form. Peaks of damped "
+            "modes have their true height; a note below the picture says where infinite ones are cut. With --gains, "
+            "degrees of controllability and observability in place of ranks: the gain of every mode from each input "
+            "and to each output, relative to the largest of that signal."
         ),
         examples=(
-            ("response crane-hook -o bode.png", "every output of the crane"),
+            ("response crane-two-loads", "peaks of every output of a crane"),
+            ("response crane-hook -o bode.png", "the Bode plot of every output"),
             ("response crane-two-loads --gains", "how well a force on the trolley reaches each mode"),
             (
                 "response crane-hook --input cart_acceleration --of theta_1_2 -o load.png",

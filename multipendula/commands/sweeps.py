@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from multipendula.command import CREW, SCENE, Command, kwargs_of, main_file, option, picture_file
 from multipendula.commands.ensembles import measured, names_of, refuse, strobed
 from multipendula.commands.runs import tell_of_start
-from multipendula.commands.shared import bar, drawn, picture_in_place, say
+from multipendula.commands.shared import bar, drawn, missing, picture_in_place, say
 from multipendula.options import PICTURES, RUNS, integer
 
 if TYPE_CHECKING:
@@ -29,6 +29,10 @@ ENDINGS = (*RUNS, "json", *PICTURES)
 
 def sweep(options: argparse.Namespace) -> Sweep | Loci | BifurcationDiagram:
     """Compute measures of a scene over a parameter grid, or follow its frequencies or strobes along one parameter."""
+    from modal.scene import load
+
+    if not options.vary:
+        raise missing(load(options.scene), "--vary", "{half}:{double}:9")
     kind = picture_in_place(options)
     if not options.strobe:
         refuse(options, BY_STROBES, "needs --strobe")
@@ -184,7 +188,6 @@ COMMANDS = (
             option(
                 "--vary: support.mass=1:1000:50log, gravity=1:10:5 or pendulum[*].links[0].length=0.9,1,1.1; one to "
                 "three of them; start.energy=1:20:40 (J above rest) draws --members starts at every energy",
-                required=True,
             ),
             measured("sweep", "frequencies, over energies lyapunov); repeat for several"),
             option("--members: starts drawn at every start.energy (default 50)", type=integer(100_000)),

@@ -6,7 +6,17 @@ import argparse
 from typing import TYPE_CHECKING, Any
 
 from multipendula.command import SCENE, Command, formats, kwargs_of, main_file, option, picture_file
-from multipendula.commands.shared import bar, in_a_folder, listed, noted, picture, pictured, say, write_together
+from multipendula.commands.shared import (
+    bar,
+    in_a_folder,
+    listed,
+    missing,
+    noted,
+    picture,
+    pictured,
+    say,
+    write_together,
+)
 
 if TYPE_CHECKING:
     from modal.scene.motion import Acting
@@ -25,6 +35,8 @@ def tune(options: argparse.Namespace) -> Tuned | None:
     from modal.tuning import tune as tuned
     from modal.tuning import tuned_json, tuned_text
 
+    if not options.free:
+        raise missing(load(options.scene), "--free", "{half}:{double}", " --minimize settling")
     kind = picture(options.picture, "--picture") if options.picture else ""
     for flag, path in (("-o", options.output), ("--report", options.report), ("--picture", options.picture)):
         in_a_folder(path, flag)
@@ -140,7 +152,6 @@ COMMANDS = (
             option(
                 "--free, each perhaps with bounds, such as 'pendulum[0].links[0].length=0.5:2,"
                 "pendulum[0].links[0].damping'",
-                required=True,
             ),
             "--minimize: peak:OUTPUT/INPUT, such as peak:x/cart_force, the largest magnitude over frequencies; "
             "rms:OUTPUT under --psd; residual, the angle that a --travel leaves; damping, the least ratio of the "

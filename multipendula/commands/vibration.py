@@ -7,11 +7,13 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from multipendula.command import SCENE, Command, option, picture_file, refuse, text_file
-from multipendula.commands.shared import about, draw_in, listed, noted, output, picture_in_place
+from multipendula.commands.shared import about, draw_in, listed, noted, output, picture_in_place, remark
 from multipendula.completion import words
+from multipendula.options import number
 
 if TYPE_CHECKING:
     from modal.scene import Scene
+    from modal.scene.records import Spectrum
     from modal.vibration import RandomResponse, ShockResponse, ThermalNoise
 
 USUAL = "support_acceleration"
@@ -34,9 +36,7 @@ WRITTEN = (
 def vibration(options: argparse.Namespace) -> RandomResponse | ThermalNoise | ShockResponse | None:
     """Compute the response to a shaking support or a force, at random or by a record, and thermal noise."""
     from modal.errors import SceneError
-    from modal.scene.records import read_spectrum
     from modal.vibration import random_report, random_response
-    from modal.vibration.random import INPUT
 
     if options.record is not None:
         return _shock(options)
@@ -49,18 +49,37 @@ def vibration(options: argparse.Namespace) -> RandomResponse | ThermalNoise | Sh
         raise SceneError(["--at: is of thermal noise: give --temperature KELVIN"])
 
     def respond(scene: Scene, **outputs: tuple[str, ...]) -> Any:
-        acts = options.input != INPUT
-        return random_response(scene, read_spectrum(options.psd, acts), source=options.input, **outputs)
+        return random_response(scene, _spectrum(options, scene), source=options.input, **outputs)
 
     response: RandomResponse = _report(options, respond, random_report, "draw_random")
     return response
+
+
+def _spectrum(options: argparse.Namespace, scene: Scene) -> Spectrum:
+    """The PSD in the file, or for a number the white one of this level over the band of the modes, which is told."""
+    from os.path import exists
+
+    from modal.scene.records import read_spectrum
+    from modal.vibration.random import INPUT, white_spectrum
+
+    try:
+        level = 0.0 if exists(options.psd) else number("(m/s²)²/Hz above 0")(options.psd)
+    except argparse.ArgumentTypeError:
+        level = 0.0
+    if not level:
+        return read_spectrum(options.psd, options.input != INPUT)
+    spectrum = white_spectrum(scene, level)
+    low, high = spectrum.frequency_hz
+    unit = "(m/s²)²/Hz" if options.input == INPUT else "N²/Hz"
+    band = "a third of the slowest mode to three times the fastest"
+    remark(f"a white PSD of {level:g} {unit} from {low:.4g} to {high:.4g} Hz, {band}")
+    return spectrum
 
 
 def _thermal(options: argparse.Namespace) -> ThermalNoise | None:
     """The thermal noise, with the response to a PSD beside it where there is one."""
     from modal.errors import SceneError
     from modal.scene import load
-    from modal.scene.records import read_spectrum
     from modal.vibration import random_response, thermal_noise, thermal_report
     from modal.vibration.random import INPUT
 
@@ -71,8 +90,7 @@ def _thermal(options: argparse.Namespace) -> ThermalNoise | None:
     outputs = listed(options.signals) or ("tip_positions",)
     noise, beside = thermal_noise(scene, options.temperature, outputs), None
     if options.psd is not None:
-        spectrum = read_spectrum(options.psd, options.input != INPUT)
-        beside = random_response(scene, spectrum, outputs, options.input)
+        beside = random_response(scene, _spectrum(options, scene), outputs, options.input)
     at = options.at or ()
     draw_in(options, options.picture, "modal.plotting.vibration", "draw_thermal", (noise, beside, at))
     with output(options.output) as write:
@@ -119,7 +137,7 @@ COMMANDS = (
         takes=(
             SCENE,
             "--psd of the support's motion along the rail, with frequency_hz, and psd in (m/s²)²/Hz or velocity_psd or "
-            "displacement_psd; of a force, with psd in N²/Hz, where --input names one",
+            "displacement_psd; of a force, with psd in N²/Hz, where --input names one; or a number, white noise",
             "--temperature, reported with a budget by place; beside that of the PSD where there is a --psd",
             "--at: the thermal noise (default some over its band)",
             "--record: time_s, and displacement_m, velocity_m_per_s or acceleration_m_per_s2 of the support",

@@ -22,6 +22,7 @@ from amounts import usually
 from compare import with_spectrum
 
 from modal import example_names, load, matrices, natural_modes
+from modal.exports import FORMATS
 from modal.modes import tables
 from modal.scene import parse
 from modal.scene.files import example_text
@@ -276,7 +277,7 @@ def test_a_closed_pipe_is_quiet() -> None:
 @pytest.mark.parametrize("form", ["png", "svg", "pdf"])
 def test_pictures(capsys: pytest.CaptureFixture[str], tmp_path: Path, form: str) -> None:
     path = tmp_path / f"shapes.{form}"
-    assert printed(capsys, "shapes", "chain-2", "-o", str(path)) == ""
+    assert printed(capsys, "shapes", "chain-2", "-o", str(path)) == f"{path}: modes 1 to 2\n"
     assert path.stat().st_size > 10_000
 
 
@@ -386,8 +387,10 @@ def test_links_are_followed_and_pipes_are_written_to(capsys: pytest.CaptureFixtu
 def test_any_title_can_be_drawn(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     path, title = tmp_path / "scene.toml", "a $x_{$ b, 振り子 for $5 and $6"
     path.write_text(f'title = "{title}"\n' + (example_text("chain-1").partition("\n")[2]), encoding="utf-8")
-    assert printed(capsys, "shapes", str(path), "-o", str(tmp_path / "s.png")) == ""
-    assert printed(capsys, "response", str(path), "-o", str(tmp_path / "r.png")) == ""
+    assert printed(capsys, "shapes", str(path), "-o", str(tmp_path / "s.png")).endswith("s.png: mode 1\n")
+    assert printed(capsys, "response", str(path), "-o", str(tmp_path / "r.png")).endswith(
+        "r.png: Bode plot of theta_1_1 for torque_1_1\n"
+    )
 
 
 @pytest.mark.parametrize(
@@ -410,11 +413,12 @@ def test_overflow_ends_in_a_message(
     assert code == 0 or "beyond double precision" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("form", ["control", "mat", "m", "json", "npz", "csv", "c", "fmu", "modelica"])
+@pytest.mark.parametrize("form", sorted({*FORMATS} - {"tf"}))
 def test_export(capsys: pytest.CaptureFixture[str], tmp_path: Path, form: str) -> None:
-    path = tmp_path / f"crane.{form}"
+    path = tmp_path / f"crane{FORMATS[form].extension}"
     words = ("--input", "cart_acceleration", "--signals", "angles,tip_positions", "--discrete", "0.01")
-    assert printed(capsys, "export", "crane-hook", "--to", form, *words, "-o", str(path)) == ""
+    told = "6 states; input cart_acceleration (m/s^2); output theta_1_1 (rad), theta_1_2 (rad), tip_1 (m)"
+    assert printed(capsys, "export", "crane-hook", *words, "-o", str(path)) == f"{path}: {told}\n"
     assert path.stat().st_size > 500
 
 
@@ -430,7 +434,8 @@ def test_export(capsys: pytest.CaptureFixture[str], tmp_path: Path, form: str) -
 def test_refused_exports(
     capsys: pytest.CaptureFixture[str], tmp_path: Path, words: tuple[str, ...], message: str
 ) -> None:
-    assert message in refused(capsys, 2, "export", "crane-hook", *words, "-o", str(tmp_path / "x"))
+    name = tmp_path / ("x.h" if "c" in words else f"x.{words[1]}")
+    assert message in refused(capsys, 2, "export", "crane-hook", *words, "-o", str(name))
     assert list(tmp_path.iterdir()) == []
 
 
@@ -438,7 +443,7 @@ def test_smaller_exports(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> 
     sizes = []
     for words in ((), ("--minimal",), ("--dominant", "1")):
         path = tmp_path / "model.json"
-        printed(capsys, "export", "paper-cart-3", "--to", "json", *words, "-o", str(path))
+        printed(capsys, "export", "paper-cart-3", *words, "-o", str(path))
         sizes.append(len(strict(path.read_text(encoding="utf-8"))["states"]))
     assert sizes == [14, 6, 4]
 
@@ -454,7 +459,10 @@ def test_gains(capsys: pytest.CaptureFixture[str]) -> None:
 )
 def test_responses_are_drawn(capsys: pytest.CaptureFixture[str], tmp_path: Path, words: tuple[str, ...]) -> None:
     path = tmp_path / "response.png"
-    assert printed(capsys, "response", "crane-hook", *words, "-o", str(path)) == ""
+    what = "impulse response" if words == ("--impulse",) else "Bode plot"
+    assert f"{path}: {what} of x, theta_1_1, theta_1_2 for " in printed(
+        capsys, "response", "crane-hook", *words, "-o", str(path)
+    )
     assert path.stat().st_size > 20_000
 
 
@@ -488,7 +496,8 @@ def test_every_command_reads_standard_input(
 
 def test_single_outputs_are_drawn(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     path = tmp_path / "one.png"
-    assert printed(capsys, "response", "crane-hook", "--of", "theta_1_2,x", "-o", str(path)) == ""
+    told = f"{path}: Bode plot of theta_1_2, x for cart_force\n"
+    assert printed(capsys, "response", "crane-hook", "--of", "theta_1_2,x", "-o", str(path)) == told
     assert "--of tip: must be one of" in refused(capsys, 2, "response", "crane-hook", "--of", "tip", "-o", str(path))
 
 

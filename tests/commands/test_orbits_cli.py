@@ -90,7 +90,6 @@ def test_figure_and_film_are_written_whole(tmp_path: Path, capsys: pytest.Captur
 @pytest.mark.parametrize(
     "words",
     [
-        ["chain-2"],
         ["chain-2", "--mode", "1", "--vary", "gravity=1:2:2", "--enter"],
         ["chain-2", "--mode", "1", "--vary", "gravity=1:2:2", "--settled"],
         ["chain-2", "--mode", "3"],

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 from generated import combinations, function_named, functions, options, parsers
+from namespace import STUB, stub
 
 from modal.scene import CAPABILITIES, FEATURES
 from multipendula.cli import main
@@ -132,6 +133,10 @@ def test_every_command_has_its_functions() -> None:
     page = functions()
     assert all(f"`{command}`](" in page for command in told)
     assert all(name in page for name in named)
+
+
+def test_editors_see_the_namespace_as_it_is() -> None:
+    assert STUB.read_text(encoding="utf-8") == stub(), "python docs/namespace.py makes it anew"
 
 
 def test_the_pages_hold_every_entry() -> None:

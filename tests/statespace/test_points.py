@@ -172,10 +172,11 @@ def test_every_format_takes_points(form: str, tmp_path: Any) -> None:
         'gravity = 9.81\n[[pendulum]]\nlinks = [{ kind = "bob", mass = 1.0, length = 1.0, damping = 0.1 }]\n'
         '[[force]]\nkind = "constant"\non = "pendulum[0].links[0]"\namplitude = 2.0\n'
     )
-    words = ["export", str(tmp_path / "scene.toml"), "--to", form, "-o", str(tmp_path / "out")]
+    out = tmp_path / f"out{FORMATS[form].extension}"
+    words = ["export", str(tmp_path / "scene.toml"), "-o", str(out)]
     words += ["--input", "force:pendulum[0].links[0]@0.5,force[0]", *(["--discrete", "0.01"] if form == "c" else [])]
     assert cli.main(words) == 0
-    assert (tmp_path / "out").stat().st_size > 100
+    assert out.stat().st_size > 100
 
 
 def test_the_model_is_about_the_equilibrium() -> None:

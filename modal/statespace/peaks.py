@@ -1,0 +1,101 @@
+"""The peaks of a frequency response: how high every output rises at every mode, and at what frequency.
+
+Frequencies are closest within some half-widths |Re λ| of Im λ, where λ is the eigenvalue of a mode, and a peak among
+them is found between ever closer ones.  That of an undamped mode is infinite, at its own frequency.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
+
+import numpy as np
+
+from modal.errors import ComputationError
+from modal.modes import mode_losses
+from modal.report import NOTHING, as_csv, as_json, finite, grid, titled
+from modal.scene import title_of
+from modal.statespace.modal_form import ModalForm
+from modal.statespace.response import frequency_response
+from modal.types import Floats
+
+SLOWEST, MOST_OUTPUTS = 12, 24
+"""Modes at most whose peaks are looked for, the slowest, and outputs at most."""
+REACH, NEAR, BEYOND = 10.0, 0.03, 2.0
+"""Half-widths of a mode within which its peak is looked for, first how close to it, and how far beyond all modes."""
+POINTS, ROUNDS = 24, 6
+"""Frequencies at once, and how often closer ones."""
+
+
+def peaks_table(form: ModalForm, source: int, outputs: Sequence[int], to: str) -> str:
+    """The peaks of some outputs for one input at the slowest modes, as "text", "csv" or "json".
+
+    Infinite magnitudes are null in JSON and empty in CSV.
+    """
+    if len(outputs) > MOST_OUTPUTS:
+        raise ComputationError(f"{len(outputs)} outputs: choose at most {MOST_OUTPUTS} with `outputs`")
+    driven, records = form.model.inputs[source], list(_records(form, source, outputs))
+    if to == "csv":
+        return as_csv([{key: finite(value) for key, value in record.items()} for record in records])
+    if to == "json":
+        peaks = [{key: finite(value) for key, value in record.items()} for record in records]
+        return as_json({"input": driven.name, "peaks": peaks})
+    headings = ("output", "unit", "f (Hz)", "magnitude", "dB")
+    cells = [[_cell(value) for value in record.values()] for record in records]
+    undamped = any(np.isinf(record["magnitude"]) for record in records)
+    slowest = f" of the {SLOWEST} slowest modes" if len(_oscillating(form)) > SLOWEST else ""
+    notes = [] if cells else ["no output has a peak"]
+    notes += ["∞ at modes that nothing damps: give links or joints damping"] if undamped else []
+    what = f"peaks of the response to {driven.name} ({driven.unit}){slowest}"
+    return titled(title_of(form.modes.scene), what, [grid(cells, headings), *notes], "text")
+
+
+def _cell(value: Any) -> str:
+    if isinstance(value, float):
+        return f"{value:.6g}".replace("inf", "∞") if not np.isnan(value) else NOTHING
+    return str(value)
+
+
+def _records(form: ModalForm, source: int, outputs: Sequence[int]) -> Iterator[dict[str, Any]]:
+    driven, losses = form.model.inputs[source], np.nan_to_num(mode_losses(form.modes))
+    rows = _oscillating(form)[:SLOWEST]
+    if not rows:
+        return
+    poles = form.modes.eigenvalue[rows]
+    widths = np.abs(poles.real) + losses[rows] * poles.imag / 2
+    aside = np.concatenate((-np.geomspace(REACH, NEAR, POINTS), [0.0], np.geomspace(NEAR, REACH, POINTS)))
+    near = (poles.imag[:, None] + widths[:, None] * aside).ravel()
+    between = np.geomspace(poles.imag.min() / BEYOND, poles.imag.max() * BEYOND, POINTS)
+    omega = np.unique(np.concatenate((between, near[near > 0])))
+
+    def size(k: int, at: Floats) -> Floats:
+        return np.asarray(np.abs(frequency_response(form, at, outputs=[k], inputs=[source])[0, 0]))
+
+    for k in outputs:
+        for at, height in _peaks(lambda at, k=k: size(k, at), omega):  # type: ignore[misc]
+            yield {
+                "output": form.model.outputs[k].name,
+                "unit": f"{form.model.outputs[k].unit} per {driven.unit}",
+                "frequency_hz": at / (2 * np.pi),
+                "magnitude": height,
+                "magnitude_db": 20 * np.log10(height),
+            }
+
+
+def _peaks(size: Callable[[Floats], Floats], omega: Floats) -> Iterator[tuple[float, float]]:
+    """Where a magnitude is larger than to either side, found between the frequencies beside it, and how large."""
+    heights = size(omega)
+    for k in np.flatnonzero((heights[1:-1] > heights[:-2]) & (heights[1:-1] >= heights[2:])) + 1:
+        low, at, high, height = omega[k - 1], omega[k], omega[k + 1], heights[k]
+        for _ in range(ROUNDS if np.isfinite(height) else 0):
+            inner = np.linspace(low, high, POINTS)
+            values = size(inner)
+            best = int(np.clip(values.argmax(), 1, POINTS - 2))
+            low, at, high, height = inner[best - 1], inner[best], inner[best + 1], values[best]
+        yield float(at), float(height)
+
+
+def _oscillating(form: ModalForm) -> list[int]:
+    """The rows of modes that oscillate, of each frequency the first."""
+    rates = form.modes.eigenvalue
+    return [row for row in range(len(rates)) if rates[row].imag > 0 and (row == 0 or rates[row] != rates[row - 1])]

@@ -1,0 +1,76 @@
+"""The first try works, and a guess is answered with what there is."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from multipendula.cli import main
+
+
+@pytest.fixture(autouse=True)
+def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def told(capsys: pytest.CaptureFixture[str], words: str, code: int = 0) -> str:
+    """What a command says, on standard output where it succeeds, else on standard error."""
+    try:
+        ended = main(words.split())
+    except SystemExit as left:
+        ended = left.code  # type: ignore[assignment]
+    streams = capsys.readouterr()
+    assert ended == code, streams.err
+    assert "Traceback" not in streams.err
+    return streams.err if code else streams.out
+
+
+@pytest.mark.parametrize(
+    ("words", "name", "line"),
+    [
+        ("shapes chain-2", "chain-2-shapes.png", "modes 1 to 2"),
+        ("plot chain-2 --duration 1", "chain-2-plot.png", "1 s of motion of 2 links"),
+        ("animate chain-1 --duration 0.2", "chain-1-film.gif", "5 frames, 0.2 s of film for 0.2 s of motion"),
+        ("play chain-2", "chain-2.html", "kB, open it in any browser"),
+        ("export chain-1 --to json", "chain-1.json", "2 states; input torque_1_1 (N m); output theta_1_1 (rad)"),
+    ],
+)
+def test_a_file_without_a_name_is_called_as_the_scene(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, words: str, name: str, line: str
+) -> None:
+    text = told(capsys, words)
+    assert text.startswith(f"{name}: ")
+    assert text.endswith(f"{line}\n")
+    assert [path.name for path in tmp_path.iterdir()] == [name]
+    assert (tmp_path / name).stat().st_size > 300
+
+
+@pytest.mark.parametrize(
+    ("words", "line"),
+    [
+        ("orbits chain-2 --largest-angle 5", "branch 1, from mode 1"),
+        ("response crane-hook", "peaks of the response to cart_force (N)"),
+        ("spread chain-2 --members 50", "50 members with gravity = 9.81 ± 0.0981 m/s²"),
+        ("vibration tower --psd 1e-3", "RMS from 0.115437 to 2.8089 Hz"),
+        ("table chain-2 --places", "pendulum[0].links[0].length"),
+    ],
+)
+def test_a_command_does_the_obvious(capsys: pytest.CaptureFixture[str], words: str, line: str) -> None:
+    assert line in told(capsys, words)
+
+
+@pytest.mark.parametrize(
+    ("words", "example"),
+    [
+        ("sweep chain-2", "--vary 'pendulum[0].links[0].length=0.5:2:9'"),
+        ("tune chain-2", "--free 'pendulum[0].links[0].length=0.5:2' --minimize settling"),
+    ],
+)
+def test_numbers_are_listed_where_one_has_to_be_chosen(
+    capsys: pytest.CaptureFixture[str], words: str, example: str
+) -> None:
+    text = told(capsys, words, 2)
+    assert example in text
+    assert "  pendulum[0].links[0].mass = 1 kg\n" in text
+    assert "table SCENE --places lists all" in text
