@@ -221,7 +221,7 @@ def measures() -> str:
 
 def options() -> str:
     """Every option with its metavar, its meaning and the commands that take it, and what options were called before."""
-    from multipendula.flags import FLAGS, FORMER
+    from multipendula.flags import FLAGS, FORMER, FORMER_COMMANDS
 
     takers = {flag: [name for name, page in parsers().items() if flag in page._option_string_actions] for flag in FLAGS}
     rows = [
@@ -232,6 +232,7 @@ def options() -> str:
         f"`{command} {f'{flag} {FLAGS[former.now].metavar}' if former.values else flag}` | `{former.now}`"
         for (command, flag), former in FORMER.items()
     ]
+    changed += [f"`{command}` | `{now}`" for command, now in FORMER_COMMANDS.items()]
     return "\n\n".join(
         [
             _table("option | meaning | in Python | commands", rows),

@@ -103,6 +103,8 @@ def _obey(arguments: Sequence[str] | None, stopped: Sequence[int]) -> int:
         complete(_parser(begun()))
     if not given:
         return _print_overview(_parser())
+    if given[0] == "help":
+        given = [*given[1:2], "--help"]
     try:
         page, words = _page(given)
         options, strangers = page.parse_known_args(words)
@@ -314,9 +316,14 @@ def _refuse(problem: object, code: int, page: Page | None = None) -> int:
 def _page(given: Sequence[str]) -> tuple[Page, Sequence[str]]:
     """The page of the command that is called, and its words; that of all commands, and all words, where none is."""
     from multipendula.commands import command_named
+    from multipendula.flags import FORMER_COMMANDS
 
-    command = command_named(given[0])
-    return (command.page(), given[1:]) if command else (_parser(), given)
+    if command := command_named(given[0]):
+        return command.page(), given[1:]
+    parser = _parser()
+    if now := FORMER_COMMANDS.get(given[0]):
+        parser.error(f"{given[0]}: is now `multipendula {now}`")
+    return parser, given
 
 
 def _parser(name: str = "") -> Page:

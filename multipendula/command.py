@@ -213,3 +213,13 @@ def kwargs_of(options: argparse.Namespace, *flags: str) -> dict[str, Any]:
     taken = {option.name: option for option in options.command.options}
     values = {taken[flag].keyword: getattr(options, taken[flag].dest) for flag in flags}
     return {keyword: value for keyword, value in values.items() if value is not None}
+
+
+def refuse(options: argparse.Namespace, why: str, *flags: str) -> None:
+    """SceneError for those of these options of a command that have another value than their default."""
+    from modal.errors import SceneError
+
+    taken = {option.name: option.dest for option in options.command.options}
+    given = [flag for flag in flags if getattr(options, taken[flag]) != options.page.get_default(taken[flag])]
+    if given:
+        raise SceneError([f"{flag}: {why}" for flag in given])

@@ -12,7 +12,7 @@ import re
 import sys
 from typing import Any, NamedTuple
 
-from multipendula.completion import Completer, files, mode_numbers, places, words
+from multipendula.completion import Completer, files, mode_numbers, places, scenes, words
 from multipendula.options import (
     ENGINES,
     FILMS,
@@ -103,6 +103,7 @@ FLAGS: dict[str, Flag] = {
         action=Joined,
         completion=words(("viscous", "coulomb", "drag", "viscous+coulomb")),
     ),
+    "--compile": Flag("", "compile ahead what the fast integrators need, and keep it", group="computed"),
     "--count": Flag("N", "number of slowest modes that a shaper is for", integer(99999)),
     "--covariance": Flag("FIT.json", "report of the fit that gave the scene, as JSON", completion=files((".json",))),
     "--crossing": Flag("COORDINATE", "what a motion passes where it is recorded", keyword="at"),
@@ -136,13 +137,14 @@ FLAGS: dict[str, Flag] = {
     ),
     "--fresh": Flag("", "discard what an interrupted run has kept", group="computed"),
     "--from": Flag("NAME", "the one input whose response is shown", keyword="source"),
+    "--gains": Flag("", "how well each input reaches every mode, and each output sees it"),
     "--general": Flag("", "project one run on the modes instead"),
     "--help": Flag("", "show this help message and exit", group="more"),
     "--identification": Flag(
         "", "method of identification", group="computed", choices=("era", "decrement"), default="era", keyword="method"
     ),
     "--identified-modes": Flag(
-        "FILE", "file for the identified modes, which fit and mac read", group="written", kinds=("csv",)
+        "FILE", "file for the identified modes, which fit and poles --scene read", group="written", kinds=("csv",)
     ),
     "--impulse": Flag("", "impulse response"),
     "--input": Flag("WORDS", "inputs of a linear model", action=Joined, keyword="inputs"),
@@ -191,6 +193,7 @@ FLAGS: dict[str, Flag] = {
         group="written",
         short="-q",
     ),
+    "--record": Flag("CSV", "file of a motion along the rail", completion=files((".csv",))),
     "--relative-error": Flag(
         "SHARE",
         "largest relative error of a frequency",
@@ -204,6 +207,8 @@ FLAGS: dict[str, Flag] = {
     "--robust": Flag("", "tune for the worst case of all masses ±5 percent, each separately", group="computed"),
     "--samples": Flag("N", "number of times in the output", integer(100_000_000), "motion", keyword="output"),
     "--scale": Flag("", "fit the scale of every sensor too", group="computed", keyword="scaled"),
+    "--scene": Flag("SCENE", "scene whose modes stand beside the measured ones", completion=scenes((".toml",))),
+    "--schema": Flag("", "print the JSON Schema of a scene file"),
     "--scheduler": Flag("ADDRESS", "Dask cluster that computes", group="computed"),
     "--seconds": Flag("SECONDS", "longest duration of a film", SECONDS, "written"),
     "--seed": Flag("N", "seed of the random numbers", integer(2**31, 0)),
@@ -290,7 +295,6 @@ FORMER: dict[tuple[str, str], Former] = {
     ("check", "--mode"): Former("--modes"),
     ("export", "--modes"): Former("--dominant"),
     ("export", "--output"): _SIGNALS,
-    ("gains", "--output"): _SIGNALS,
     ("orbits", "--to"): Former("--largest-angle"),
     ("poles", "--method"): Former("--identification"),
     ("poles", "--modes"): Former("--identified-modes"),
@@ -306,21 +310,40 @@ FORMER: dict[tuple[str, str], Former] = {
     ("tune", "--angle"): Former("--largest-angle"),
 }
 """Options by command and former spelling."""
+ASIDE = "shell"
+"""The topic of commands that the overview leaves out."""
+FORMER_COMMANDS = {
+    "advise": "simulate SCENE --accuracy RAD",
+    "compile": "simulate SCENE --compile",
+    "gains": "response SCENE --gains",
+    "mac": "poles MODES.csv --scene SCENE",
+    "schema": "scenes --schema",
+    "shock": "vibration SCENE --record CSV",
+}
+"""What does now what a command did by itself."""
 ELSEWHERE = {"find_bifurcations": "sweep --strobe", "scene_numbers": "table SCENE --places"}
 """What does on the command line what a message calls by its function."""
 SYNONYMS = {
-    **dict.fromkeys(("--time", "--t-end", "--length"), ("--duration", "--over", "--when")),
-    **dict.fromkeys(("--dt", "--step", "--time-step"), ("--samples", "--discrete")),
-    **dict.fromkeys(("--type", "--shape"), ("--kind", "--format", "--to")),
-    **dict.fromkeys(("--frequency", "--freq", "--hz"), ("--at", "--over-hz")),
-    **dict.fromkeys(("--amplitude", "--angle"), ("--amplitudes", "--largest-angle", "--start")),
-    **dict.fromkeys(("--initial", "--ic", "--x0"), ("--start",)),
+    **dict.fromkeys(
+        ("--time", "--t-end", "--tmax", "--t", "--end", "--length", "--seconds"), ("--duration", "--over", "--when")
+    ),
+    **dict.fromkeys(("--dt", "--step", "--time-step", "--steps", "--points"), ("--samples", "--discrete")),
+    **dict.fromkeys(("--type", "--shape"), ("--kind", "--format", "--to", "--form")),
+    **dict.fromkeys(("--frequency", "--frequencies", "--freq", "--hz"), ("--at", "--over-hz", "--columns frequency")),
+    "--amplitude": ("--amplitudes", "--largest-angle", "--start mode:1:10"),
+    **dict.fromkeys(
+        ("--angle", "--angles", "--theta", "--theta0", "--initial", "--initial-angles", "--ic", "--x0"),
+        ("--start angles:10,20", "--largest-angle", "--amplitudes"),
+    ),
     **dict.fromkeys(("--solver", "--integrator"), ("--method", "--engine")),
-    **dict.fromkeys(("--rtol", "--atol", "--eps"), ("--tolerance", "--accuracy", "--relative-error")),
-    **dict.fromkeys(("--digits", "--precision"), ("--format csv", "--accuracy", "--relative-error")),
-    **dict.fromkeys(("--jobs", "--threads", "--cores"), ("--workers",)),
-    **dict.fromkeys(("--plot", "--figure"), ("--picture", "--output")),
-    **dict.fromkeys(("--parameter", "--set"), ("--vary", "--free", "--uncertain")),
+    **dict.fromkeys(("--rtol", "--atol", "--eps", "--tol"), ("--tolerance", "--accuracy", "--relative-error")),
+    **dict.fromkeys(("--digits", "--precision"), ("--format csv", "--format json", "--accuracy")),
+    **dict.fromkeys(("--jobs", "--threads", "--cores", "--processes"), ("--workers",)),
+    **dict.fromkeys(("--plot", "--figure", "--image"), ("--picture", "--output")),
+    **dict.fromkeys(("--save", "--out", "--file", "--write"), ("--output",)),
+    **dict.fromkeys(("--parameter", "--param", "--set"), ("--vary", "--free", "--uncertain")),
+    **dict.fromkeys(("--number", "--n", "--size"), ("--members", "--count", "--samples")),
+    **dict.fromkeys(("--parameters", "--list"), ("--places",)),
     "--inputs": ("--input",),
     "--outputs": ("--signals", "--of"),
     "--silent": ("--quiet",),
@@ -330,3 +353,15 @@ SYNONYMS = {
     "--mat": ("--to mat",),
 }
 """What is tried for options that a command has under other names, the first of which it has is told."""
+IN_SCENE = {
+    "--gravity",
+    "--g",
+    "--mass",
+    "--masses",
+    "--length",
+    "--lengths",
+    "--damping",
+    "--stiffness",
+    "--cart-mass",
+}
+"""Numbers that a scene has, and no command as an option."""

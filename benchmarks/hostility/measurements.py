@@ -1,6 +1,6 @@
 """Files of data with extreme numbers, with names that control a terminal, and what is no file at all.
 
-Every command that reads a file of data gets them: `fit`, `mac`, `poles`, `spread --covariance`, `shock`, `vibration`,
+Every command that reads a file of data gets them: `fit`, `poles`, `spread --covariance`, `vibration`,
 and scenes whose hoists, motions and forces name one.
 """
 
@@ -42,7 +42,12 @@ NAMING = {
 }
 """Scenes that name a file."""
 READERS = (
-    *("fit small.toml PATH --free gravity", "mac small.toml PATH", "poles PATH", "shock small.toml PATH"),
+    *(
+        "fit small.toml PATH --free gravity",
+        "poles PATH --scene small.toml",
+        "poles PATH",
+        "vibration small.toml --record PATH",
+    ),
     *("spread small.toml --covariance PATH --members 5", "vibration small.toml --psd PATH"),
     *("table PATH", "simulate PATH --duration 0.1", *(f"table {name}.toml" for name in NAMING)),
 )
@@ -107,7 +112,7 @@ def _run(words: Sequence[str], path: str, folder: Path) -> Ended:
     for name in NAMING:
         (folder / f"{name}.toml").write_text(scene_naming(name, path), encoding="utf-8")
     ended = run([word.replace("PATH", path) for word in words], folder, patience=10.0)
-    told = sorted(set(NUMBER.findall(ended.out))) if words[0] in {"mac", "spread"} else []
+    told = sorted(set(NUMBER.findall(ended.out))) if {"--scene", "spread"} & {*words} else []
     return replace(ended, faults=(*ended.faults, *(f"prints {number}" for number in told)))
 
 
@@ -179,9 +184,13 @@ WRITERS = {
 }
 ASKING = {
     "motion": ("fit small.toml PATH --free gravity", "poles PATH", "poles PATH --format json"),
-    "modes": ("fit small.toml PATH --free gravity", "mac small.toml PATH", "mac small.toml PATH --format json"),
+    "modes": (
+        "fit small.toml PATH --free gravity",
+        "poles PATH --scene small.toml",
+        "poles PATH --scene small.toml --format json",
+    ),
     "report": ("spread small.toml --covariance PATH --members 5",),
-    "record": ("shock small.toml PATH", "table motion.toml", "simulate motion.toml --duration 0.1"),
+    "record": ("vibration small.toml --record PATH", "table motion.toml", "simulate motion.toml --duration 0.1"),
     "psd": ("vibration small.toml --psd PATH", "table psd.toml"),
     "length": ("hoist hoist.toml --samples 3", "simulate hoist.toml --duration 0.1"),
 }

@@ -30,7 +30,14 @@ TITLES = (
 
 LIGHT = (
     *(f"table FILE --format {name}" for name in ("text", "markdown", "latex", "csv", "html", "json", "json --shapes")),
-    *("table FILE", "table - ", "table FILE --explain", "matrices FILE", "matrices FILE --format json", "gains FILE"),
+    *(
+        "table FILE",
+        "table - ",
+        "table FILE --explain",
+        "matrices FILE",
+        "matrices FILE --format json",
+        "response FILE --gains",
+    ),
     *(f"explain FILE --format {name}" for name in ("text", "markdown", "json")),
     *("shaper FILE", "shaper FILE --kind zvd --count 2", "shaper FILE --drive cart_force"),
     *(f"export FILE --to {name} -o out.{name}" for name in ("control", "mat", "m", "json", "npz", "csv", "modelica")),
@@ -41,7 +48,7 @@ HEAVY = (
     *("simulate FILE --duration 0.05 --samples 5", "simulate FILE --duration 0.05 -o run.npz"),
     "sync FILE --duration 1",
     *("shapes FILE --modes 1:2 -o s.png", "response FILE -o b.svg", "derive FILE --show matrices", "enclose FILE"),
-    *("explain FILE -o e.svg", "check FILE --modes 1 --amplitudes 1", "advise FILE --accuracy 1e-3 --duration 0.1"),
+    *("explain FILE -o e.svg", "check FILE --modes 1 --amplitudes 1", "simulate FILE --accuracy 1e-3 --duration 0.1"),
     "sweep FILE --vary gravity=1:10:3 --workers 1 -o sweep.csv",
 )
 MOST_LETTERS_OF_HEAVY = 3000  # larger files are given to fast commands only

@@ -16,7 +16,7 @@ from modal.identification.identifiability import (
     find_combinations,
     find_determined,
 )
-from modal.identification.measured import MeasuredMode, MeasuredModes, has_modes, read_modes
+from modal.identification.measured import MeasuredMode, MeasuredModes, has_modes, parse_modes, read_modes
 from modal.identification.mode_fit import ModeFit, Solution, mode_fit_json, mode_fit_text
 from modal.identification.mode_fitting import fit_modes
 from modal.identification.parameters import (
@@ -63,6 +63,7 @@ __all__ = [
     "mode_fit_text",
     "mode_stds",
     "numbers_at",
+    "parse_modes",
     "poles_table",
     "read_estimate",
     "read_modes",

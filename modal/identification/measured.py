@@ -89,9 +89,14 @@ def has_modes(path: str | os.PathLike[str]) -> bool:
 @checked
 def read_modes(scene: Scene, path: str | os.PathLike[str]) -> MeasuredModes:
     """The measured modes in a file, of a scene that has the components of their shapes; SceneError lists mistakes."""
-    name = os.fspath(path)
+    return parse_modes(scene, os.fspath(path), text_of(path, "table"))
+
+
+@checked
+def parse_modes(scene: Scene, name: str, text: str) -> MeasuredModes:
+    """The measured modes in the text of such a file, called `name`; SceneError lists mistakes."""
     try:
-        return _parsed(scene, name, text_of(path, "table"))
+        return _parsed(scene, name, text)
     except SceneError as error:
         raise SceneError([f"{name}: {problem}" for problem in error.problems]) from None
 

@@ -21,20 +21,20 @@ if TYPE_CHECKING:
 __all__ = ["ABOUT", "COMMANDS", "FIRST", "NAMES", "command_named"]
 
 NAMES = {
-    "scenes": ("scenes", "schema", "completion"),
+    "scenes": ("scenes", "completion"),
     "modes": ("table", "shapes", "matrices"),
-    "motion": ("simulate", "plot", "animate", "compile"),
+    "motion": ("simulate", "plot", "animate"),
     "live": ("play",),
     "orbits": ("orbits",),
-    "verification": ("check", "tradeoff", "advise", "chaos"),
+    "verification": ("check", "tradeoff", "chaos"),
     "coupling": ("explain",),
     "sweeps": ("sweep",),
     "synchronization": ("sync",),
     "ensembles": ("basins", "section", "spread"),
-    "identification": ("fit", "poles", "mac"),
-    "statespace": ("export", "gains", "response", "shaper"),
+    "identification": ("fit", "poles"),
+    "statespace": ("export", "response", "shaper"),
     "hoisting": ("hoist",),
-    "vibration": ("vibration", "shock"),
+    "vibration": ("vibration",),
     "tuning": ("tune",),
     "derivation": ("derive", "enclose"),
 }

@@ -1,27 +1,31 @@
-"""The commands about measurements: fit, poles, mac."""
+"""The commands about measurements: fit, poles."""
 
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 from multipendula.command import (
     SCENE,
     Command,
-    argument,
     formats,
     kwargs_of,
     main_file,
     option,
     picture_file,
     records,
+    refuse,
     report_file,
 )
 from multipendula.commands.shared import (
     bar,
+    draw_in,
     drawn,
     in_a_folder,
     listed,
+    missing,
     noted,
     output,
     picture,
@@ -30,15 +34,22 @@ from multipendula.commands.shared import (
     say,
     write_together,
 )
-from multipendula.completion import files
 
-MEASURED = "measured modes, a CSV file with mode, frequency_hz, std_hz and columns theta_P_L and cart of the shapes"
+if TYPE_CHECKING:
+    from modal.identification import Identified
+    from modal.scene import Scene
+
+OF_MOTIONS = ("--where", "--angles", "--excitation", "--identification", "--order", "--identified-modes")
+"""Options of `poles` that a file of modes does not take."""
 
 
 def fit(options: argparse.Namespace) -> None:
     """Fit numbers of a scene to measured motions or modes, with error bars, and say what the data leave open."""
     from modal.identification import has_modes
+    from modal.scene import load
 
+    if options.free is None:
+        raise missing(load(options.scene), "--free", "")
     if any(map(has_modes, options.data)):
         _fit_modes(options)
     else:
@@ -66,8 +77,7 @@ def _fit_modes(options: argparse.Namespace) -> None:
         in_a_folder(path)
     scene = load(options.scene)
     measured = read_modes(scene, options.data[0])
-    if measured.unused:
-        remark(f"columns not used: {', '.join(measured.unused)}")
+    _tell_of_unused(measured.unused)
     fitted = fit_modes(scene, measured, listed(options.free), priors=options.prior or (), loss=options.loss)
     files = {options.output: dumps(fitted.scene).encode()}
     if options.report:
@@ -108,8 +118,7 @@ def _fit_motions(options: argparse.Namespace) -> None:
         )
         estimate = candidates[0].fit if candidates else fitted(scene, recording, free, report=report, **more)
     estimate = replace(estimate, verdict=tuple(map(options.page.in_options, estimate.verdict)))
-    if recording.unused:
-        remark(f"columns not used: {', '.join(recording.unused)}")
+    _tell_of_unused(recording.unused)
     files = {options.output: dumps(estimate.scene).encode()}
     if options.report:
         files[options.report] = fit_json(estimate, candidates, draws).encode()
@@ -124,28 +133,28 @@ def _fit_motions(options: argparse.Namespace) -> None:
 
 
 def poles(options: argparse.Namespace) -> None:
-    """Find frequencies, damping ratios and shapes in measured motions, without a scene."""
-    from modal.identification import identify, poles_table
-    from nonlinear.identification import parse_where, read_recording
-    from nonlinear.integration import validate
+    """Find frequencies, damping ratios and shapes in measured motions; with a scene, compare them with its modes."""
+    from modal.errors import SceneError
+    from modal.identification import has_modes, poles_table
+    from modal.scene import load
 
     kind = picture(options.output) if options.output else ""
-    recording, *_ = validate(
-        lambda: read_recording(None, options.data, where=parse_where(options.where or ()), angles=options.angles),
-        *(lambda path=path: in_a_folder(path) for path in (options.output, options.identified_modes)),
-    )
-    absolute = recording.absolute()
-    identified = identify(
-        [(segment.times, segment.values) for segment in absolute.segments],
-        [sensor.name for sensor in absolute.sensors],
-        **kwargs_of(options, "--identification", "--excitation", "--order"),
-    )
-    if recording.unused:
-        remark(f"columns not used: {', '.join(recording.unused)}")
-    title = ", ".join(dict.fromkeys(segment.file for segment in recording.segments))
+    for path in (options.output, options.identified_modes):
+        in_a_folder(path)
+    scene = noted(load(options.scene)) if options.scene else None
+    if any(map(has_modes, options.data)):
+        if scene is None or len(options.data) > 1:
+            raise SceneError([f"{options.data[0]}: has modes: give one such file by itself, and --scene SCENE"])
+        refuse(options, f"is for measured motions, and {options.data[0]} has modes", *OF_MOTIONS)
+        _compare(options, scene, None, kind)
+        return
+    identified, title = _identified(options)
     if options.identified_modes:
         with output(options.identified_modes) as write:
             write(poles_table(identified, "csv"))
+    if scene is not None:
+        _compare(options, scene, poles_table(identified, "csv"), kind)
+        return
     if options.output:
         from modal.plotting import draw_poles
 
@@ -154,25 +163,39 @@ def poles(options: argparse.Namespace) -> None:
     say(poles_table(identified, options.format, title), options.format)
 
 
-def mac(options: argparse.Namespace) -> None:
-    """Compare measured with computed modes: MAC matrix, pairs and errors of frequencies."""
-    from modal.identification import assurance_table, compare_modes, read_modes
+def _identified(options: argparse.Namespace) -> tuple[Identified, str]:
+    """The modes in measured motions, and the files of these."""
+    from modal.identification import identify
+    from nonlinear.identification import parse_where, read_recording
+
+    recording = read_recording(
+        None, options.data, where=parse_where(options.where or ()), angles=options.angles
+    ).absolute()
+    identified = identify(
+        [(segment.times, segment.values) for segment in recording.segments],
+        [sensor.name for sensor in recording.sensors],
+        **kwargs_of(options, "--identification", "--excitation", "--order"),
+    )
+    _tell_of_unused(recording.unused)
+    return identified, ", ".join(dict.fromkeys(segment.file for segment in recording.segments))
+
+
+def _compare(options: argparse.Namespace, scene: Scene, table: str | None, kind: str) -> None:
+    """MAC matrix, pairs and errors of frequencies of the modes in a table, or else in the file."""
+    from modal.identification import assurance_table, compare_modes, parse_modes, read_modes
     from modal.modes import natural_modes
-    from modal.scene import load
 
-    kind = picture(options.output) if options.output else ""
-    in_a_folder(options.output)
-    scene = noted(load(options.scene))
-    measured = read_modes(scene, options.data)
-    if measured.unused:
-        remark(f"columns not used: {', '.join(measured.unused)}")
+    (name, *_) = options.data
+    measured = read_modes(scene, name) if table is None else parse_modes(scene, name, table)
+    _tell_of_unused(measured.unused)
     comparison = compare_modes(natural_modes(scene), measured)
-    if options.output:
-        from modal.plotting import draw_assurance
-
-        with drawn(options.output, options.theme) as stream:
-            draw_assurance(comparison, stream, kind)
+    draw_in(options, options.output, "modal.plotting", "draw_assurance", comparison)
     say(assurance_table(comparison, options.format), options.format)
+
+
+def _tell_of_unused(columns: Sequence[str]) -> None:
+    if columns:
+        remark(f"columns not used: {', '.join(columns)}")
 
 
 COMMANDS = (
@@ -183,7 +206,7 @@ COMMANDS = (
         takes=(
             SCENE,
             *records("; or one of measured modes with mode, frequency_hz and std_hz"),
-            option("--free, such as 'pendulum[0].links[*].damping', or none to judge the scene", required=True),
+            option("--free, such as 'pendulum[0].links[*].damping', or none to judge the scene"),
             "--prior; repeat for several",
             "--column: t=time_ms, theta_1_1_rad=theta_1_1_deg or theta_1_1_rad=-theta_1_1_rad; repeat for several",
             "--scale",
@@ -215,7 +238,8 @@ COMMANDS = (
         topic="measurements",
         run=poles,
         takes=(
-            *records(", as for fit"),
+            *records(", as for fit; or, for --scene, one of measured modes with mode, frequency_hz, std_hz and shapes"),
+            "--scene, whose MAC matrix, pairs and errors of frequencies are then shown instead",
             "--excitation: free, nothing but how they began (default), or random, forces like noise",
             "--identification: era, the eigensystem realization (default), or decrement, from the turning points of a "
             "single mode",
@@ -228,39 +252,18 @@ COMMANDS = (
             "Free decays are realized by the eigensystem realization algorithm (Juang & Pappa 1985), and the poles "
             "then fitted to the records themselves; for responses to random excitation the correlations are realized "
             "instead. Frequencies are natural frequencies, as in the table of modes. The picture shows which poles are "
-            "stable over its order."
+            "stable over its order. With --scene, every measured mode is paired with the computed one most similar to "
+            "it, without shapes with that of the nearest frequency: the modal assurance criterion (MAC) is 1 where two "
+            "shapes are equal up to a factor, and 0 where they are orthogonal."
         ),
         examples=(
             (
                 "simulate chain-2 --start angles:2,5 --duration 20 -o run.csv",
                 "a small swing to measure",
             ),
-            ("poles run.csv -o poles.png --identified-modes modes.csv", "its two modes, as a file for fit and mac"),
+            ("poles run.csv -o poles.png --identified-modes modes.csv", "its two modes, and as a file"),
+            ("poles modes.csv --scene chain-2 -o mac.png", "beside those of a scene"),
             ("poles run.csv --format json", "with shapes, standard deviations and the poles of all orders"),
-        ),
-    ),
-    Command(
-        name="mac",
-        topic="measurements",
-        run=mac,
-        takes=(
-            SCENE,
-            argument("data", "MODES.csv", MEASURED, files((".csv",))),
-            formats("text", "csv", "json"),
-            *report_file("text", "csv", "json"),
-        ),
-        details=(
-            "The modal assurance criterion is 1 where two shapes are equal up to a factor, and 0 where they are "
-            "orthogonal. Every measured mode is paired with the computed one most similar to it, without shapes with "
-            "that of the nearest frequency."
-        ),
-        examples=(
-            (
-                "simulate chain-2 --start angles:2,5 --duration 20 -o run.csv",
-                "a small swing to measure",
-            ),
-            ("poles run.csv --identified-modes modes.csv", "its modes"),
-            ("mac chain-2 modes.csv -o mac.png", "beside those of the scene"),
         ),
     ),
 )

@@ -1,4 +1,4 @@
-"""The commands about motion at large angles: simulate, plot, animate, compile."""
+"""The commands about motion at large angles: simulate, plot, animate."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ import sys
 from time import perf_counter
 from typing import TYPE_CHECKING
 
-from multipendula.command import THEME, TOLERANCE, Command, kwargs_of, main_file, scene_argument, text_file
-from multipendula.commands.runs import RunOptions, motion, start_of, whole
+from multipendula.command import RUN, THEME, Command, formats, kwargs_of, main_file, refuse
+from multipendula.commands.runs import RunOptions, motion, recorded, start_of, whole
 from multipendula.commands.shared import (
     bar,
     drawn,
@@ -21,20 +21,29 @@ from multipendula.commands.shared import (
     remark,
     say,
 )
-from multipendula.options import FILMS, PICTURES, RUNS
+from multipendula.options import FILMS, PICTURES, REPORTS, RUNS
 
 if TYPE_CHECKING:
     from modal.identification import Estimate
+    from nonlinear.integration import Trajectory
 
 BAND_MEMBERS = 200
 WRITTEN = (*RUNS, "mat")
 """The kinds of files of a motion, of which MATLAB's is not read back."""
+COMPILED = ("txt", "json")
+OF_COMPILING = ("--compile", "--tolerance", "--format", "--output", "--quiet")
+"""Options that --compile takes."""
 
 
 def simulate(options: argparse.Namespace) -> None:
     """Simulate the motion at large angles, with checks of its accuracy."""
+    if options.compile:
+        _compile(options)
+        return
+    if options.scene is None:
+        options.page.error("the following arguments are required: SCENE")
     from modal.report import visible
-    from modal.scene import STANDARD, kind_of
+    from modal.scene import STANDARD
     from nonlinear import files as recordings
     from nonlinear.integration import SimulationError
     from nonlinear.postprocessing import summary
@@ -42,7 +51,7 @@ def simulate(options: argparse.Namespace) -> None:
     band = _banded(options)
     begun = perf_counter()
     try:
-        trajectory = RunOptions.of(options).run(lambda: options.output and kind_of(options.output, WRITTEN, "-o "))
+        trajectory = _trajectory(options)
     except SimulationError as error:
         if options.output:
             place = _place_of_part(options.output)
@@ -54,8 +63,9 @@ def simulate(options: argparse.Namespace) -> None:
     if output:
         recordings.save(trajectory, output)
     target = "standard output" if output == STANDARD else output
-    say(f"{summary.text(trajectory, ropes=not options.quiet)}\n")
-    say(f"computed in {spent:.3g} s" + (f", saved in {visible(target)}\n" if output else "\n"))
+    if options.format == "text":
+        say(f"{summary.text(trajectory, ropes=not options.quiet)}\n")
+        say(f"computed in {spent:.3g} s" + (f", saved in {visible(target)}\n" if output else "\n"))
     if band is not None and not trajectory.run.interrupted:
         _print_band(options, *band)
     if options.explain:
@@ -63,6 +73,28 @@ def simulate(options: argparse.Namespace) -> None:
 
         sys.stderr.write(run_inventory(trajectory).text())
     whole(trajectory)
+
+
+def _trajectory(options: argparse.Namespace) -> Trajectory:
+    """The run; of a scene with --accuracy, the attempts to meet it are printed first."""
+    from modal.scene import kind_of
+
+    told = RunOptions.of(options)
+
+    def named() -> None:
+        if options.output:
+            kind_of(options.output, WRITTEN, "-o ")
+
+    if options.accuracy is None or options.keep_modes or recorded(options.scene):
+        refuse(options, "needs --accuracy RAD of a scene, or --compile", "--format")
+        return told.run(named)
+    refuse(options, "cannot be combined with --accuracy", "--tolerance")
+    from nonlinear.accuracy import advice_table
+    from nonlinear.simulation import certain
+
+    advice = told.advice(named)
+    say(advice_table(advice, options.format) + "\n" * (options.format == "text"), options.format)
+    return certain(advice)
 
 
 def _place_of_part(output: str) -> str:
@@ -77,7 +109,6 @@ def _banded(options: argparse.Namespace) -> tuple[Estimate, str] | None:
     """The covariance of the scene's numbers and the format of a picture of the band, before anything is computed."""
     from modal.errors import SceneError
     from modal.scene import load
-    from multipendula.commands.runs import recorded
 
     if options.covariance is None:
         if options.band:
@@ -138,14 +169,20 @@ def animate(options: argparse.Namespace) -> None:
         remark(f"{shown.left_out:.3g} s of the run left out; --seconds or --speed")
 
 
-def compile_ahead(options: argparse.Namespace) -> None:
-    """Compile what the fast integrators need for a scene, and keep it for later commands."""
-    from modal.scene import load
+def _compile(options: argparse.Namespace) -> None:
+    """Compile what the fast integrators need for a scene, or for any, and keep it for later commands."""
+    from modal.scene import STANDARD, kind_of, load
     from nonlinear.ensembles import compilation_table, compile_engines
 
+    others = (option.name for option in options.command.options if option.name.startswith("--"))
+    refuse(options, "cannot be combined with --compile", *(name for name in others if name not in OF_COMPILING))
+    form = options.format
+    if options.output and options.output != STANDARD:
+        kind = kind_of(options.output, COMPILED, "-o ")
+        form = "json" if kind == "json" and not getattr(options, "format_asked", False) else form
     compiled = compile_engines(load(options.scene) if options.scene else None, **kwargs_of(options, "--tolerance"))
     with output(options.output) as write:
-        write(compilation_table(compiled, options.format))
+        write(compilation_table(compiled, form))
 
 
 COMMANDS = (
@@ -154,17 +191,25 @@ COMMANDS = (
         topic="motion",
         run=simulate,
         takes=(
-            *motion(60.0),
+            RUN._replace(how={"nargs": "?"}),
+            *motion(60.0)[1:],
+            "--compile, for one scene or, without one, for every: nothing is simulated",
+            formats(*REPORTS, more=" (default text), by --accuracy, and by --compile as text or json"),
             "--covariance: adds the band of the motion over the fitted numbers",
             "--band",
             THEME,
-            main_file("the motion", WRITTEN),
+            main_file("the motion; of --compile the report", (*WRITTEN, *COMPILED)),
             "--explain",
         ),
         details=(
             "The full equations at any angle, with checks of the run: the drift of energy, momentum and constraints. "
             "The initial condition is the scene's own, a mode at an amplitude, or angles at rest. A saved run is "
-            "continued. With --accuracy, the cheapest method that meets it is found."
+            "continued. With --accuracy, the cheapest method that meets it is found: modes in closed form for small "
+            "motions, a few modes for long chains, otherwise integration; every attempt is listed, the last with "
+            "evidence that its error is below that. numba (extra `fast`) and heyoka (extra `taylor`) run many times as "
+            "fast as Python once they have compiled, which takes seconds to a minute for each form of scene: commands "
+            "compile where that pays, --compile does it ahead. The scene's numbers may change afterwards, as long as "
+            "none becomes or ceases to be zero; heyoka's code is for one tolerance."
         ),
         examples=(
             ("simulate paper-cart-3 --duration 20 -o run.npz", "from the scene's own start: level links at rest"),
@@ -175,9 +220,9 @@ COMMANDS = (
             ),
             (
                 "simulate chain-2 --start angles:60,0 --duration 10 --accuracy 1e-6",
-                "every angle accurate to a microradian",
+                "every angle accurate to a microradian, and what was tried for it",
             ),
-            ("simulate chain-3 --form maximal --duration 5 --explain", "with every pivot force, and the work it took"),
+            ("simulate chain-2 --compile", "before many runs of double pendulums"),
         ),
     ),
     Command(
@@ -216,29 +261,6 @@ COMMANDS = (
             ("simulate chain-2 --start angles:90,90 --duration 4 -o run.npz", "a run to film"),
             ("animate run.npz --seconds 2 -o run.gif", "the first two seconds of film"),
             ("animate run.npz --speed 4 --fps 15 -o fast.html", "all of it at four times real speed, with controls"),
-        ),
-    ),
-    Command(
-        name="compile",
-        topic="motion",
-        run=compile_ahead,
-        takes=(
-            scene_argument("; without one, what serves every scene is compiled", nargs="?"),
-            TOLERANCE,
-            *text_file("text", "json"),
-        ),
-        details=(
-            "numba (extra `fast`) and heyoka (extra `taylor`) run many times as fast as Python once they have "
-            "compiled, which takes seconds to a minute for each form of scene; a terminal is told how long it took "
-            "last. Other commands compile only where that pays, and use what is kept. The scene's numbers may change "
-            "afterwards, as long as none becomes or ceases to be zero; heyoka's code is for one tolerance. The report "
-            "says what was done for each engine, how long it took, where it is kept, and which engines do not support "
-            "the scene."
-        ),
-        examples=(
-            ("compile chain-2", "before many runs of double pendulums"),
-            ("compile", "before single runs of any scenes in the plane"),
-            ("compile chain-2 -o compiled.json", "the report as a file"),
         ),
     ),
 )

@@ -1,39 +1,39 @@
-"""The commands to get started: the shipped scenes, the schema of a scene file, shell completion."""
+"""The commands to get started: the shipped scenes and the schema of a scene file; shell completion."""
 
 from __future__ import annotations
 
 import argparse
 
 from multipendula.command import Command, Option, argument, text_file
-from multipendula.commands.shared import output
+from multipendula.commands.shared import is_new, output
 from multipendula.completion import names
-from multipendula.flags import Flag
+from multipendula.flags import ASIDE, Flag
 
 SHELLS = ("bash", "zsh", "fish", "powershell")
 
 
 def scenes(options: argparse.Namespace) -> None:
-    """List the shipped scenes, or print one of them."""
-    from modal.report import folded
+    """List the shipped scenes, print one of them, or the JSON Schema of a scene file."""
+    from modal.errors import SceneError
+    from modal.report import as_json, folded
     from modal.scene import files
 
+    if options.schema and options.name:
+        raise SceneError([f"{options.name}: the schema is that of every scene: leave out the name or --schema"])
+    if is_new(options.output):
+        kind = "json" if options.schema else "toml" if options.name else "txt"
+        files.kind_of(options.output, (kind,), "-o ")
     names = files.example_names()
     width = max(map(len, names))
     with output(options.output) as write:
+        if options.schema:
+            write(as_json(files.schema()))
+            return
         if options.name:
             write(files.example_text(options.name))
             return
         for name in names:
             write(folded(f"{name:<{width}}  {files.load(name).title}") + "\n")
-
-
-def schema(options: argparse.Namespace) -> None:
-    """Print the JSON Schema of a scene file."""
-    from modal.report import as_json
-    from modal.scene import files
-
-    with output(options.output) as write:
-        write(as_json(files.schema()))
 
 
 def completion(options: argparse.Namespace) -> None:
@@ -49,31 +49,23 @@ COMMANDS = (
         name="scenes",
         topic="look",
         run=scenes,
-        takes=(argument("name", "NAME", "print this scene's file", names, nargs="?"), *text_file()),
+        takes=(argument("name", "NAME", "print this scene's file", names, nargs="?"), "--schema", *text_file()),
         details=(
             "Commands accept the name of a shipped scene in place of a file. With a name, its file is printed, as a "
-            "template for a scene of your own: TOML, SI units, angles in degrees from the downward vertical."
+            "template for a scene of your own: TOML, SI units, angles in degrees from the downward vertical. With the "
+            "schema, editors complete scene files and mark mistakes in them: put `#:schema ./scene.schema.json` in the "
+            "first line."
         ),
         examples=(
             ("scenes", "names and titles"),
             ("scenes crane-hook", "the file of one scene"),
             ("scenes crane-hook -o mine.toml", "a template for a scene of your own"),
-        ),
-    ),
-    Command(
-        name="schema",
-        topic="look",
-        run=schema,
-        takes=text_file(kind="json"),
-        details="Editors that support JSON Schema complete scene files and mark mistakes in them.",
-        examples=(
-            ("schema -o scene.schema.json", "once, in the folder of your scenes"),
-            ("scenes crane-hook -o mine.toml", "then put `#:schema ./scene.schema.json` in its first line"),
+            ("scenes --schema -o scene.schema.json", "for editors, once in the folder of your scenes"),
         ),
     ),
     Command(
         name="completion",
-        topic="look",
+        topic=ASIDE,
         run=completion,
         takes=(Option("shell", Flag("", "", choices=SHELLS)), *text_file()),
         details=(

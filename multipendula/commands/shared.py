@@ -329,7 +329,7 @@ def missing(scene: Scene, flag: str, values: str, more: str = "") -> SceneError:
 
     numbers = [number for number in scene_numbers(scene) if number.is_physical]
     first = next((number for number in numbers if number.place != "gravity"), numbers[0])
-    given = f"{first.place}={values.format(half=f'{first.value / 2:g}', double=f'{first.value * 2:g}')}"
+    given = first.place + values.format(half=f"{first.value / 2:g}", double=f"{first.value * 2:g}")
     lines = [f"  {number.place} = {number.value:g} {number.unit}" for number in numbers[:MOST_LISTED]]
     others = f"{len(numbers) - MOST_LISTED} more and " if len(numbers) > MOST_LISTED else ""
     return SceneError(

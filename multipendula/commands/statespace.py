@@ -1,4 +1,4 @@
-"""The commands about state-space models: export, gains, response, shaper."""
+"""The commands about state-space models: export, response, shaper."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from multipendula.command import (
     main_file,
     option,
     picture_file,
+    refuse,
     report_file,
     text_file,
 )
@@ -76,9 +77,10 @@ def _format(options: argparse.Namespace) -> str:
 
     by_name = format_of_file(options.output or "")
     if options.to is None and not by_name:
-        every = ", ".join(f"{form.extension} ({name})" for name, form in FORMATS.items())
-        asked = f"-o {options.output}: " if options.output else ""
-        raise SceneError([f"{asked}give --to FORMAT, or -o FILE with a name that ends in {every}"])
+        every = [form.extension for form in FORMATS.values()]
+        ends = f"the name must end in {', '.join(every[:-1])} or {every[-1]}"
+        asked = f"-o {options.output}: {ends}" if options.output else f"-o FILE: is missing, and {ends}"
+        raise SceneError([f"{asked}; or give --to FORMAT"])
     if options.to in FORMATS and options.output != STANDARD and is_new(options.output):
         extension = FORMATS[options.to].extension
         if not options.output.lower().endswith(extension[extension.rindex(".") :]):
@@ -111,19 +113,8 @@ def _varying(scene: Scene, options: argparse.Namespace) -> VaryingModel:
     return varying_model(scene, None, listed(options.input), listed(options.signals))
 
 
-def gains(options: argparse.Namespace) -> None:
-    """Print how well every input reaches each mode and every output sees it."""
-    from modal.modes import natural_modes
-    from modal.statespace import modal_gains
-
-    scene = scene_of(options, "a constant linear model")
-    gains = modal_gains(natural_modes(scene), model_of(scene, options))
-    with output(options.output) as write:
-        write(gains.text() + "\n")
-
-
 def response(options: argparse.Namespace) -> None:
-    """Print the peaks of a frequency response, or its values at frequencies, or draw it, or an impulse response."""
+    """Print peaks, values at frequencies, or the gains of every mode, or draw a Bode plot or an impulse response."""
     from math import pi
 
     import numpy as np
@@ -134,6 +125,9 @@ def response(options: argparse.Namespace) -> None:
     from modal.statespace import impulse_table, response_table, to_modal_form
     from modal.statespace.peaks import peaks_table
 
+    if options.gains:
+        _gains(options)
+        return
     in_words = options.impulse and (getattr(options, "format_asked", False) or not options.output)
     told = STANDARD if in_words and options.output == STANDARD else None
     capability = "an impulse response" if options.impulse else "a frequency response"
@@ -177,6 +171,23 @@ def response(options: argparse.Namespace) -> None:
                 draw_bode(form, stream, source=at, outputs=chosen, kind=kind, std=std)
         what = "impulse response" if options.impulse else "Bode plot"
         made(options.output, f"{what} of {', '.join(shown or outputs)} for {source}")
+
+
+def _gains(options: argparse.Namespace) -> None:
+    """How well every input reaches each mode and every output sees it."""
+    from modal.errors import SceneError
+    from modal.modes import natural_modes
+    from modal.scene import STANDARD
+    from modal.statespace import modal_gains
+
+    refuse(options, "cannot be combined with --gains", "--covariance", "--at", "--from", "--of", "--impulse")
+    if options.format != "text" or options.output not in {None, STANDARD}:
+        words = getattr(options, "format_words", f"-o {options.output}" if options.output else "--format")
+        raise SceneError([f"{words}: gains are text, of which a file ends in .txt"])
+    scene = scene_of(options, "a constant linear model")
+    gains = modal_gains(natural_modes(scene), model_of(scene, options))
+    with output(options.output) as write:
+        write(gains.text() + "\n")
 
 
 def shaper(options: argparse.Namespace) -> None:
@@ -253,20 +264,6 @@ COMMANDS = (
         ),
     ),
     Command(
-        name="gains",
-        topic="control",
-        run=gains,
-        takes=(SCENE, *SIGNALS, *text_file(kind="txt")),
-        details=(
-            "Degrees of controllability and observability instead of ranks: the gain of every mode from each input and "
-            "to each output, relative to the largest gain of that signal."
-        ),
-        examples=(
-            ("gains crane-two-loads", "how well a force on the trolley reaches each mode"),
-            ("gains crane-two-loads --signals cart_position", "which modes the trolley's position alone observes"),
-        ),
-    ),
-    Command(
         name="response",
         topic="control",
         run=response,
@@ -280,19 +277,19 @@ COMMANDS = (
             option("--from (default the first)", dest="source"),
             option("--of (default all)", keyword="outputs"),
             "--impulse instead",
+            "--gains, instead",
         ),
         details=(
             "Where every output is largest near each mode; in a picture magnitude and phase of every output for one "
             "input, accurate at any distance from the modes, or the impulse response in closed form. Peaks of damped "
-            "modes have their true height; a note below the picture says where infinite ones are cut."
+            "modes have their true height; a note below the picture says where infinite ones are cut. With --gains, "
+            "degrees of controllability and observability in place of ranks: the gain of every mode from each input "
+            "and to each output, relative to the largest of that signal."
         ),
         examples=(
             ("response crane-two-loads", "peaks of every output of a crane"),
             ("response crane-hook -o bode.png", "the Bode plot of every output"),
-            (
-                "response crane-hook --input cart_acceleration --of theta_1_2 -o load.png",
-                "one output, with prescribed trolley motion",
-            ),
+            ("response crane-two-loads --gains", "how well a force on the trolley reaches each mode"),
             (
                 "response crane-hook --input 'force:pendulum[0].links[1]' --at 0.1,0.3",
                 "to wind on the load: a force at a point",

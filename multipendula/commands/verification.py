@@ -1,4 +1,4 @@
-"""The commands that test predictions and methods: check, chaos, tradeoff and advise."""
+"""The commands that test predictions and methods: check, chaos and tradeoff."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ import argparse
 from collections.abc import Callable
 from typing import IO, TYPE_CHECKING, Any
 
-from multipendula.command import SCENE, Command, formats, main_file, option, report_file, scene_argument
-from multipendula.commands.runs import ELSEWHERE, RunOptions, motion, recorded, start_of, whole
+from multipendula.command import SCENE, Command, formats, option, report_file, scene_argument
+from multipendula.commands.runs import ELSEWHERE, RunOptions, motion, recorded, start_of
 from multipendula.commands.shared import bar, chosen, drawn, forewarning, in_a_folder, picture, say, warned
-from multipendula.options import REPORTS, RUNS, integer
+from multipendula.options import REPORTS, integer
 
 if TYPE_CHECKING:
     from modal.scene import Scene
@@ -169,21 +169,6 @@ def _of_frequencies(options: argparse.Namespace, scene: Scene) -> tuple[Any, str
     return comparison, frequencies_table(comparison, options.format)
 
 
-def advise(options: argparse.Namespace) -> None:
-    """Find the cheapest method that meets an accuracy, with evidence that it does."""
-    from modal.scene import kind_of
-    from nonlinear import files as recordings
-    from nonlinear.accuracy import advice_table
-    from nonlinear.simulation import certain
-
-    _scene(options)
-    advice = RunOptions.of(options).advice(lambda: options.output and kind_of(options.output, RUNS, "-o "))
-    say(advice_table(advice, options.format), options.format)
-    if options.output:
-        recordings.save(advice.certain, options.output)
-    whole(certain(advice))
-
-
 COMMANDS = (
     Command(
         name="check",
@@ -231,28 +216,6 @@ COMMANDS = (
             ("tradeoff chain-1 --start mode:1:10 --duration 2", "every method for two seconds of a small swing"),
             ("tradeoff chain-1 --start angles:60 --duration 1 -o t.png", "with a figure: time against error"),
             ("tradeoff paper-cart-2 --linear", "all frequencies: dense matrices, to 1e-8, every digit"),
-        ),
-    ),
-    Command(
-        name="advise",
-        topic="motion",
-        run=advise,
-        takes=(
-            *motion(60.0, runs=False, without=("tolerance", "accuracy", "keep_modes")),
-            option("--accuracy", required=True),
-            formats(*REPORTS),
-            main_file("the motion", RUNS),
-        ),
-        details=(
-            "Modes in closed form for small motions, a few modes for long chains, otherwise integration. Every attempt "
-            "is listed with its time, the last one with evidence that its error is below the one requested."
-        ),
-        examples=(
-            ("advise paper-cart-2 --start mode:2:5 --accuracy 1e-3", "a minute accurate to 1e-3 rad: modes suffice"),
-            (
-                "advise chain-2 --start mode:1:30 --accuracy 1e-6 --duration 10 -o run.npz",
-                "needs integration; the run is saved",
-            ),
         ),
     ),
     Command(

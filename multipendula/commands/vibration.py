@@ -1,19 +1,20 @@
-"""The commands about a moved support at small angles: vibration and shock."""
+"""The command about a moved support at small angles: vibration, at random or by a record, and thermal noise."""
 
 from __future__ import annotations
 
 import argparse
 from collections.abc import Callable
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from multipendula.command import SCENE, Command, argument, option, picture_file, text_file
+from multipendula.command import SCENE, Command, option, picture_file, refuse, text_file
 from multipendula.commands.shared import about, draw_in, listed, noted, output, picture_in_place, remark
-from multipendula.completion import files, words
+from multipendula.completion import words
 from multipendula.options import number
 
 if TYPE_CHECKING:
     from modal.scene import Scene
-    from modal.scene.records import Spectrum
+    from modal.vibration.random import RandomResponse
 
 USUAL = "support_acceleration"
 OUTPUTS = (
@@ -30,57 +31,55 @@ WRITTEN = (
     *picture_file(),
 )
 """The outputs of the model, and the files."""
-MOTION = (
-    "CSV file of the support's motion along the rail: time_s, and displacement_m, velocity_m_per_s or "
-    "acceleration_m_per_s2"
-)
 
 
 def vibration(options: argparse.Namespace) -> None:
-    """Compute the PSD and RMS of every output when the support shakes, or a force acts, at random; thermal noise."""
+    """Compute the response to a shaking support or a force, at random or by a record, and thermal noise."""
     from modal.errors import SceneError
-    from modal.vibration import random_report, random_response
+    from modal.vibration import random_report
 
+    if options.record is not None:
+        _shock(options)
+        return
+    refuse(options, "needs --record CSV", "--baseline")
     if options.temperature is not None:
         _thermal(options)
         return
     if options.psd is None:
-        raise SceneError(["give --psd CSV, --temperature KELVIN, or both"])
+        raise SceneError(["give --psd CSV, --temperature KELVIN, or both; or --record CSV"])
     if options.at:
         raise SceneError(["--at: is of thermal noise: give --temperature KELVIN"])
 
-    def respond(scene: Scene, **outputs: tuple[str, ...]) -> Any:
-        return random_response(scene, _spectrum(options, scene), source=options.input, **outputs)
-
-    _report(options, respond, random_report, "draw_random")
+    _report(options, partial(_random, options), random_report, "draw_random")
 
 
-def _spectrum(options: argparse.Namespace, scene: Scene) -> Spectrum:
-    """The PSD in the file, or for a number the white one of this level over the band of the modes, which is told."""
+def _random(options: argparse.Namespace, scene: Scene, **outputs: tuple[str, ...]) -> RandomResponse:
+    """The response to the PSD in a file, or for a number to a white one over the band of the modes, which is told."""
     from os.path import exists
 
     from modal.scene.records import read_spectrum
-    from modal.vibration.random import INPUT, white_spectrum
+    from modal.vibration import random_response
+    from modal.vibration.random import white_spectrum
 
+    supports = options.input == USUAL
     try:
         level = 0.0 if exists(options.psd) else number("(m/s²)²/Hz above 0")(options.psd)
     except argparse.ArgumentTypeError:
         level = 0.0
-    if not level:
-        return read_spectrum(options.psd, options.input != INPUT)
-    spectrum = white_spectrum(scene, level)
-    low, high = spectrum.frequency_hz
-    unit = "(m/s²)²/Hz" if options.input == INPUT else "N²/Hz"
-    band = "a third of the slowest mode to three times the fastest"
-    remark(f"a white PSD of {level:g} {unit} from {low:.4g} to {high:.4g} Hz, {band}")
-    return spectrum
+    spectrum = white_spectrum(scene, level) if level else read_spectrum(options.psd, not supports)
+    response = random_response(scene, spectrum, source=options.input, **outputs)
+    if level:
+        low, high = spectrum.frequency_hz
+        unit, band = "(m/s²)²/Hz" if supports else "N²/Hz", "a third of the slowest mode to three times the fastest"
+        remark(f"a white PSD of {level:g} {unit} from {low:.4g} to {high:.4g} Hz, {band}")
+    return response
 
 
 def _thermal(options: argparse.Namespace) -> None:
     """The thermal noise, with the response to a PSD beside it where there is one."""
     from modal.errors import SceneError
     from modal.scene import load
-    from modal.vibration import random_response, thermal_noise, thermal_report
+    from modal.vibration import thermal_noise, thermal_report
     from modal.vibration.random import INPUT
 
     if options.psd is None and options.input != INPUT:
@@ -90,18 +89,20 @@ def _thermal(options: argparse.Namespace) -> None:
     outputs = listed(options.signals) or ("tip_positions",)
     noise, beside = thermal_noise(scene, options.temperature, outputs), None
     if options.psd is not None:
-        beside = random_response(scene, _spectrum(options, scene), outputs, options.input)
+        beside = _random(options, scene, outputs=outputs)
     at = options.at or ()
     draw_in(options, options.picture, "modal.plotting.vibration", "draw_thermal", (noise, beside, at))
     with output(options.output) as write:
         write(thermal_report(noise, options.format, beside, at))
 
 
-def shock(options: argparse.Namespace) -> None:
-    """Compute the response of every mode and output to a record of the support's motion, and its peaks."""
+def _shock(options: argparse.Namespace) -> None:
+    """The response of every mode and output to a record of the support's motion, and its peaks."""
     from modal.scene import RecordMotion
     from modal.scene.records import read_record
     from modal.vibration import shock_report, shock_response
+
+    refuse(options, "cannot be combined with --record", "--psd", "--temperature", "--at", "--input")
 
     def respond(scene: Scene, **outputs: tuple[str, ...]) -> Any:
         motion = RecordMotion(**read_record(options.record), baseline=options.baseline)
@@ -135,6 +136,9 @@ COMMANDS = (
             "displacement_psd; of a force, with psd in N²/Hz, where --input names one; or a number, white noise",
             "--temperature, reported with a budget by place; beside that of the PSD where there is a --psd",
             "--at: the thermal noise (default some over its band)",
+            "--record: time_s, and displacement_m, velocity_m_per_s or acceleration_m_per_s2 of the support",
+            "--baseline, a --record (default keep): velocity takes out a constant acceleration so that the support "
+            "ends as it began",
             option(
                 "--input: the one that the PSD is of, support_acceleration (default), cart_force, on a structure the "
                 "force on a coordinate, such as floor2_force, force:POINT, lift:POINT or torque:POINT, with a POINT "
@@ -149,7 +153,9 @@ COMMANDS = (
             "logarithmic axes and is zero outside its frequencies. The RMS of each mode alone stands beside Miles' "
             "equation; an undamped mode that the noise reaches has no finite RMS. CSV and JSON contain the PSDs. With "
             "--temperature, the thermal noise of dampers, drag and loss angles by the fluctuation-dissipation theorem, "
-            "of tip_positions by default."
+            "of tip_positions by default. A --record is joined by a spline, and every mode followed exactly through it "
+            "and two of the slowest periods beyond: peaks by output and by mode, beside them those of the modes "
+            "combined by SRSS and CQC, and the effective masses with the number of modes that hold 90 % of the mass."
         ),
         examples=(
             ("vibration suspension.toml --psd ground.csv", "two files of the folder examples"),
@@ -161,27 +167,10 @@ COMMANDS = (
                 "vibration suspension --temperature 290 --at 1,10,100",
                 "the thermal noise of the shipped suspension, by wire",
             ),
-        ),
-    ),
-    Command(
-        name="shock",
-        topic="control",
-        run=shock,
-        takes=(
-            SCENE,
-            argument("record", "RECORD", MOTION, files((".csv",))),
-            "--baseline (default keep): velocity takes out a constant acceleration so that the support ends as it "
-            "began",
-            *WRITTEN,
-        ),
-        details=(
-            "At small angles, exactly: the record is joined by a spline, and every mode is followed through it and two "
-            "of the slowest periods beyond. Beside the exact peaks are those of the modes combined by SRSS and CQC, "
-            "and the effective masses with the number of modes that hold 90 % of the mass."
-        ),
-        examples=(
-            ("shock tower quake.csv", "peaks by output and by mode; the record is in the folder examples"),
-            ("shock tower quake.csv --baseline velocity --picture shock.png", "without a drift, with a figure"),
+            (
+                "vibration tower --record quake.csv --baseline velocity --picture shock.png",
+                "peaks in an earthquake, without drift (a record of the folder examples)",
+            ),
         ),
     ),
 )

@@ -337,7 +337,7 @@ def test_scenes(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_schema(capsys: pytest.CaptureFixture[str]) -> None:
-    assert strict(printed(capsys, "schema"))["title"] == "Scene"
+    assert strict(printed(capsys, "scenes", "--schema"))["title"] == "Scene"
 
 
 def test_version(capsys: pytest.CaptureFixture[str]) -> None:
@@ -449,7 +449,7 @@ def test_smaller_exports(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> 
 
 
 def test_gains(capsys: pytest.CaptureFixture[str]) -> None:
-    text = printed(capsys, "gains", "paper-cart-2")
+    text = printed(capsys, "response", "paper-cart-2", "--gains")
     assert text.count("not reached") == 2
     assert "cart_force" in text
 
@@ -480,7 +480,7 @@ def test_a_shaper_sums_to_one(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 @pytest.mark.parametrize(
-    "command", [["gains", "-"], ["shaper", "-"], ["table", "-"], ["derive", "-", "--show", "modes"]]
+    "command", [["response", "-", "--gains"], ["shaper", "-"], ["table", "-"], ["derive", "-", "--show", "modes"]]
 )
 def test_every_command_reads_standard_input(
     command: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
@@ -515,10 +515,12 @@ def test_an_unseen_position_leaves_the_minimal_model(capsys: pytest.CaptureFixtu
 
 
 def test_gains_say_what_grows(capsys: pytest.CaptureFixture[str]) -> None:
-    upright = printed(capsys, "gains", "cart-upright")
+    upright = printed(capsys, "response", "cart-upright", "--gains")
     assert "grows 4.81261 1/s" in upright
     assert "decays" not in upright
-    assert [line.split()[2] for line in printed(capsys, "gains", "chain-spatial").splitlines()[2:5]] == ["1"] * 3
+    assert [line.split()[2] for line in printed(capsys, "response", "chain-spatial", "--gains").splitlines()[2:5]] == [
+        "1"
+    ] * 3
 
 
 LINE = "support.mass=90:110:3"
@@ -536,7 +538,7 @@ LINE = "support.mass=90:110:3"
         (("export", "crane-hook", "--to", "json", "-o", "-"), b"{"),
         (("response", "crane-hook", "-o", "-"), b"\x89PNG"),
         (("simulate", "chain-1", "--duration", "1", "-o", "-"), b"PK"),
-        (("advise", "chain-1", "--start", "mode:1:5", "--accuracy", "1e-2", "--duration", "1", "-o", "-"), b"PK"),
+        (("simulate", "chain-1", "--start", "mode:1:5", "--accuracy", "1e-2", "--duration", "1", "-o", "-"), b"PK"),
         (("plot", "chain-1", "--duration", "1", "-o", "-"), b"\x89PNG"),
         (("animate", "chain-1", "--duration", "0.2", "--fps", "10", "-o", "-"), b"GIF8"),
         (("check", "chain-1", "--amplitudes", "5", "-o", "-"), b"\x89PNG"),
@@ -590,7 +592,7 @@ def test_more_modes_than_there_are_cannot_be_kept(capsys: pytest.CaptureFixture[
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        (("gains", "crane-hook", "--input", "wind"), "--input wind: must be one of"),
+        (("response", "crane-hook", "--gains", "--input", "wind"), "--input wind: must be one of"),
         (("export", "crane-hook", "--to", "jsn", "-o", "m"), "--to jsn: must be one of"),
         (("export", "crane-hook", "--to", "c", "-o", "m.h"), "--to c needs --discrete SECONDS"),
         (("shapes", "rope", "--modes", "1:100", "-o", "m.png"), "choose at most 24 modes with --modes"),
@@ -630,7 +632,7 @@ def test_the_first_modes_of_a_very_long_chain(tmp_path: Path, capsys: pytest.Cap
     [
         (["response", "crane-hook", "--at", "{}", "--of", "x"], ("0.1", "0.2")),
         (["response", "crane-hook", "--at", "0.1", "--of", "{}"], ("x", "theta_1_1")),
-        (["gains", "crane-hook", "--signals", "{}"], ("angles", "tip_positions")),
+        (["response", "crane-hook", "--gains", "--signals", "{}"], ("angles", "tip_positions")),
         (["table", "crane-hook", "--columns", "{}"], ("+participation", "cumulative")),
         (["derive", "chain:1", "--show", "{}"], ("polynomial", "modes")),
     ],

@@ -73,7 +73,7 @@ def test_a_record_becomes_modes_modes_become_numbers_and_these_a_table(
     for mode, row in zip(identified["modes"], table, strict=True):
         assert mode["frequency_hz"] == pytest.approx(row["frequency_hz"], rel=1e-4)
         assert mode["damping_ratio"] == pytest.approx(row["damping_ratio"], rel=1e-2)
-    compared = json.loads(said(capsys, "mac", "arms.toml", "modes.csv", "-o", "m.svg", "--format", "json"))
+    compared = json.loads(said(capsys, "poles", "modes.csv", "--scene", "arms.toml", "-o", "m.svg", "--format", "json"))
     assert [(pair["measured"], pair["computed"]) for pair in compared["pairs"]] == [(1, 1), (2, 2)]
     assert min(pair["mac"] for pair in compared["pairs"]) > 0.9999
     longer = ARMS.replace("length = 0.3", "length = 0.33").replace("length = 0.25", "length = 0.23")
@@ -150,7 +150,7 @@ def test_motions_have_a_band(folder: Path, capsys: pytest.CaptureFixture[str]) -
         (("simulate", "run.npz", "--covariance", "fit.json"), "is a saved run"),
         (("poles", "crane.toml"), "is a scene, not a CSV table: the scene comes first"),
         (("poles", "missing.csv"), "No such file"),
-        (("mac", "crane.toml", "fit.json"), "is JSON, not a CSV table"),
+        (("poles", "fit.json", "--scene", "crane.toml"), "is JSON, not a CSV table"),
         (("fit", "crane.toml", "modes.csv", "--free", "gravity", "--scale"), "--scale: is for measured motions"),
         (("fit", "crane.toml", "modes.csv", "modes.csv", "--free", "gravity"), "from one file"),
     ],

@@ -33,7 +33,6 @@ def test_every_motion_takes_the_same_options() -> None:
     for command in ("simulate", "plot", "animate"):
         assert flags <= offered(pages, command), command
     assert flags - {"--keep-modes"} <= offered(pages, "check")
-    assert flags - {"--keep-modes", "--tolerance"} <= offered(pages, "advise")
 
 
 def test_a_figure_is_of_the_run_that_simulate_makes(tmp_path: Path) -> None:

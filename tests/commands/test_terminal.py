@@ -23,7 +23,7 @@ SELDOM = {
     "derive": "chain:2 --show matrices",
     "table": "rope --modes 1:3",
     "matrices": "paper-cart-3",
-    "gains": "paper-cart-3",
+    "response": "paper-cart-3 --gains",
 }
 """Calls with more to print than those of BASES."""
 UNTITLED = """gravity = 9.81
@@ -40,7 +40,7 @@ RIGHT = {
     "orbits": "small.toml --mode 2 --largest-angle 1",
 }
 """Calls in place of those of BASES, which are refused."""
-QUICK = ("scenes", "table", "matrices", "explain", "gains", "shaper", "enclose")
+QUICK = ("scenes", "table", "matrices", "explain", "shaper", "enclose")
 
 
 @pytest.fixture
@@ -70,7 +70,7 @@ def too_wide(text: str, columns: int) -> list[str]:
     return [line for line in text.splitlines() if breadth(line) > columns and len(line.removeprefix("# ").split()) > 1]
 
 
-@pytest.mark.parametrize("name", sorted(BASES.keys() - {"completion", "schema", *QUICK}))
+@pytest.mark.parametrize("name", sorted(BASES.keys() - {"completion", *QUICK}))
 def test_no_line_of_any_command_is_wider_than_its_terminal(
     name: str, printed: Printed, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -118,7 +118,7 @@ def test_chosen_columns_are_stacked_and_none_is_lost(printed: Printed) -> None:
 
 
 def test_a_stacked_table_has_every_number(printed: Printed) -> None:
-    whole, narrow = (printed("gains paper-cart-3", columns) for columns in (None, 40))
+    whole, narrow = (printed("response paper-cart-3 --gains", columns) for columns in (None, 40))
     assert sorted(set(whole.split())) == sorted(set(narrow.split()))
 
 
@@ -134,11 +134,11 @@ def test_json_and_csv_are_as_wide_as_they_are(printed: Printed) -> None:
         assert printed(f"table crane-hook --format {form}", 40) == printed(f"table crane-hook --format {form}", None)
 
 
-@pytest.mark.parametrize("call", ["scenes crane-hook", "schema", "completion bash", "table chain-1"])
+@pytest.mark.parametrize("call", ["scenes crane-hook", "scenes --schema", "completion bash", "table chain-1"])
 def test_every_text_goes_to_a_file_or_to_standard_output(call: str, printed: Printed, folder: Path) -> None:
     text = printed(call, None)
-    assert printed(f"{call} -o out", None) == ""
-    assert (folder / "out").read_text(encoding="utf-8") == text == printed(f"{call} --output -", None)
+    assert printed(f"{call} -o out.txt", None) == ""
+    assert (folder / "out.txt").read_text(encoding="utf-8") == text == printed(f"{call} --output -", None)
 
 
 @pytest.mark.parametrize(
@@ -147,7 +147,7 @@ def test_every_text_goes_to_a_file_or_to_standard_output(call: str, printed: Pri
         ("explain crane-hook", "text", "txt"),
         ("explain crane-hook", "markdown", "md"),
         ("explain crane-hook", "json", "json"),
-        ("mac chain-2 measured.csv", "csv", "csv"),
+        ("poles measured.csv --scene chain-2", "csv", "csv"),
         ("hoist hoisting-crane --samples 3", "csv", "csv"),
         ("table crane-hook", "csv", "csv"),
         ("table crane-hook", "latex", "tex"),
@@ -176,9 +176,13 @@ def test_a_wrong_ending_is_told_with_all_that_are_right(folder: Path, capsys: py
     assert not list(folder.glob("r.*"))
 
 
-def test_a_format_wins_over_the_ending_of_a_file_of_text(printed: Printed, folder: Path) -> None:
-    printed("table crane-hook --format latex -o t.csv", None)
-    assert (folder / "t.csv").read_text(encoding="utf-8").startswith("%")
+def test_a_format_is_that_of_the_ending_of_its_file(
+    printed: Printed, folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    printed("table crane-hook --format latex -o t.txt", None)
+    assert (folder / "t.txt").read_text(encoding="utf-8").startswith("%")
+    assert main(["table", "crane-hook", "--format", "latex", "-o", "t.csv"]) == 2
+    assert "--format latex: cannot be combined with -o t.csv" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("command", ["table", "scenes", "enclose"])
@@ -213,8 +217,8 @@ def test_a_folder_is_no_file(folder: Path, capsys: pytest.CaptureFixture[str]) -
 def test_titles_fit_too(title: str, columns: int, printed: Printed, folder: Path) -> None:
     scene = UNTITLED.replace("gravity", f"title = {json.dumps(title, ensure_ascii=False)}\ngravity", 1)
     (folder / "titled.toml").write_text(scene, encoding="utf-8")
-    for command in ("table", "explain", "gains"):
-        assert max(map(breadth, printed(f"{command} titled.toml", columns).splitlines())) <= columns
+    for call in ("table titled.toml", "explain titled.toml", "response titled.toml --gains"):
+        assert max(map(breadth, printed(call, columns).splitlines())) <= columns
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="terminals of their own")
@@ -264,7 +268,12 @@ def test_quiet_leaves_the_file_alone(call: str, file: str, folder: Path, capsys:
 
 
 def test_quiet_without_a_file_leaves_the_text(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    for call in ("table huygens", "explain crane-hook", "simulate untitled.toml --duration 0.1", "gains crane-hook"):
+    for call in (
+        "table huygens",
+        "explain crane-hook",
+        "simulate untitled.toml --duration 0.1",
+        "response crane-hook --gains",
+    ):
         assert main([*call.split(), "-q"]) == 0
         told = capsys.readouterr()
         assert told.out

@@ -56,14 +56,18 @@ def test_the_main_result_may_be_the_picture(capsys: pytest.CaptureFixture[str], 
 
 def test_shock_in_every_format(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     response = shock_response(load(SUSPENSION), RecordMotion(**read_record(QUAKE)))
-    text = said(capsys, "shock", SUSPENSION, QUAKE)
+    text = said(capsys, "vibration", SUSPENSION, "--record", QUAKE)
     assert f"{response.peaks[0, 0]:.5g}" in text
     assert "hold 90 % of the mass" in text
     assert 'baseline = "velocity"' in text
-    whole = json.loads(said(capsys, "shock", SUSPENSION, QUAKE, "--format", "json", "--baseline", "velocity"))
+    whole = json.loads(
+        said(capsys, "vibration", SUSPENSION, "--record", QUAKE, "--format", "json", "--baseline", "velocity")
+    )
     assert whole["modes"][-1]["cumulative_share"] == pytest.approx(1.0)
     assert len(whole["time_s"]) == len(whole["outputs"][0]["history"])
-    rows = list(csv.DictReader(io.StringIO(said(capsys, "shock", SUSPENSION, QUAKE, "--format", "csv"))))
+    rows = list(
+        csv.DictReader(io.StringIO(said(capsys, "vibration", SUSPENSION, "--record", QUAKE, "--format", "csv")))
+    )
     assert {row["quantity"] for row in rows} == {
         *("peak", "srss", "cqc", "effective_mass_share", "cumulative_share", "history")
     }
@@ -85,8 +89,8 @@ def test_undamped_modes_are_told(capsys: pytest.CaptureFixture[str]) -> None:
         (("vibration", "chain-2", "--psd", "no.csv"), "no.csv: cannot be read"),
         (("vibration", "chain-2", "--psd", GROUND, "--signals", "nothing"), "--signals nothing: must be one of"),
         (("vibration", "chain-2", "--psd", GROUND, "--signals", "cart_position"), "the support is fixed"),
-        (("shock", "chain-2", GROUND), "needs the columns time_s"),
-        (("shock", "chain-2", QUAKE, "--picture", "a.exe"), "--picture a.exe"),
+        (("vibration", "chain-2", "--record", GROUND), "needs the columns time_s"),
+        (("vibration", "chain-2", "--record", QUAKE, "--picture", "a.exe"), "--picture a.exe"),
         (("check", SUSPENSION), "needs a support at rest"),
         (("derive", SUSPENSION), "needs a support at rest"),
     ],

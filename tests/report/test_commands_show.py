@@ -90,7 +90,7 @@ SHOWN: dict[str, tuple[str, Callable[[], Any]]] = {
         "modal.loci:follow_loci",
         lambda: follow_loci(modal.load("crane-two-loads"), parse_variations([f"{LENGTH}=5:20:3"])[0]),
     ),
-    "gains crane-hook": (
+    "response crane-hook --gains": (
         "modal.statespace:modal_gains",
         lambda: modal_gains(natural_modes(modal.load("crane-hook")), state_space(modal.load("crane-hook"))),
     ),
@@ -106,14 +106,14 @@ SHOWN: dict[str, tuple[str, Callable[[], Any]]] = {
         "modal.vibration:thermal_noise",
         lambda: thermal_noise(modal.load("tower"), 290.0, ("tip_positions",)),
     ),
-    "shock tower record.csv": (
+    "vibration tower --record record.csv": (
         "modal.vibration:shock_response",
         lambda: shock_response(
             modal.load("tower"), RecordMotion(time_s=(0.0, 0.1, 0.2, 0.3), acceleration_m_per_s2=(0.0, 1.0, 1.0, 0.0))
         ),
     ),
     f"tune crane-hook --free {LENGTH} --minimize damping": ("modal.tuning:tune", tuned),
-    "mac chain-2 modes.csv": (
+    "poles modes.csv --scene chain-2": (
         "modal.identification:compare_modes",
         lambda: compare_modes(natural_modes(modal.load("chain-2")), read_modes(modal.load("chain-2"), "modes.csv")),
     ),
@@ -180,7 +180,7 @@ SHOWN: dict[str, tuple[str, Callable[[], Any]]] = {
         "nonlinear.ensembles:find_bifurcations",
         lambda: find_bifurcations(modal.load("driven.toml"), "force[0].amplitude=1,2", settle=2.0, **ALONE),
     ),
-    "compile chain-2": (
+    "simulate chain-2 --compile": (
         "nonlinear.ensembles:compile_engines",
         lambda: Compilation(
             modal.load("chain-2"),

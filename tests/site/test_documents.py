@@ -71,7 +71,7 @@ def sh(*lines: str) -> tuple[str, ...]:
         (("Words.", "", *sh("multipendula tabel chain-1")), "made-up:3: "),
         (sh("multipendula table chain-1 --modes 7"), "leaves with 2"),
         (sh("multipendula table chain-1 || true"), "leaves with 0"),
-        (sh("multipendula gains crane-hook --output cart_position"), "leaves with 2"),
+        (sh("multipendula response crane-hook --output cart_position"), "leaves with 2"),
         (sh("multipendula scenes nosuch | multipendula table -"), "no such shipped scene"),
         (("```text", "$ multipendula matrices chain-1", "M = 2", "```"), "this was printed instead"),
         (("```console", "multipendula scenes", "```"), "begins with a command"),
@@ -140,7 +140,7 @@ print(x + 1)
 ```console
 $ multipendula shaper chain-9 --count 1
 multipendula: chain-9: no such …
-$ multipendula schema -o schema.json
+$ multipendula scenes --schema -o schema.json
 ```
 
 With `pip install ".[fast]"` and `multipendula table SCENE --modes 1:3`, ω² = g/l:

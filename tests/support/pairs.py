@@ -134,7 +134,7 @@ def _shock(path: Path, scene: Scene, folder: Path) -> str:
     times = np.arange(81) * 0.025
     rows = "\n".join(f"{t},{a}" for t, a in zip(times, np.sin(3 * times) * np.exp(-times), strict=True))
     (folder / "quake.csv").write_text("time_s,acceleration_m_per_s2\n" + rows + "\n")
-    return _command(f"shock @ {folder / 'quake.csv'}", path, folder)
+    return _command(f"vibration @ --record {folder / 'quake.csv'}", path, folder)
 
 
 Attempt = Callable[[Path, Scene, Path], str]
@@ -213,7 +213,7 @@ ATTEMPTS: dict[str, Attempt] = {
     "sweep floquet": _by("sweep @ --vary gravity=9:10:2 --measure floquet --workers 1 -o #.csv"),
     "response": _by("response @ --at 0.1,1"),
     "impulse": _by("response @ --impulse -o #.csv"),
-    "gains": _by("gains @"),
+    "gains": _by("response @ --gains"),
     "shaper": _by("shaper @"),
     "tune": _by("tune @ --free pendulum[0].links[0].damping=0.01:1 --maximize damping --mode 2"),
     "export": _by("export @ --to json -o #.json"),
@@ -228,7 +228,7 @@ ATTEMPTS: dict[str, Attempt] = {
     "spread motion": _by("spread @ --uncertain gravity=1% --members 8 --duration 1 --workers 1"),
     "keep modes": _by("simulate @ --keep-modes 1 --duration 1 -o #.csv"),
     "tradeoff": _compared,
-    "advise": _by("advise @ --accuracy 1e-3 --duration 1"),
+    "advise": _by("simulate @ --accuracy 1e-3 --duration 1"),
     "plot": _by("plot @ --duration 1 -o #.png"),
 }
 ASKS: dict[str, tuple[str, ...]] = {
