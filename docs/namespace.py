@@ -13,9 +13,9 @@ from importlib import import_module
 from pathlib import Path
 
 import multipendula
-from multipendula import HOMES
 from multipendula.commands import NAMES
 
+HOMES: dict[str, tuple[str, ...]] = vars(multipendula)["HOMES"]
 STUB = Path(str(multipendula.__file__)).with_suffix(".pyi")
 SIGNED = {
     **{"Mapping": "collections.abc", "Sequence": "collections.abc", "PathLike": "os", "Any": "typing"},

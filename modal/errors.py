@@ -110,5 +110,9 @@ def meant(word: str, known: Iterable[str], most: int = 1, near: float = 0.6) -> 
     """
     from difflib import get_close_matches
 
-    similar = get_close_matches(word, list(known), most, near)
+    listed = list(known)
+    small = {each.lower(): each for each in reversed(listed)}
+    similar = get_close_matches(word, listed, most, near) or [
+        small[each] for each in get_close_matches(word.lower(), list(small), most, near)
+    ]
     return f" (did you mean {' or '.join(similar)}?)" if similar else ""

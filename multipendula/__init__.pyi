@@ -320,7 +320,7 @@ def spread(
 def fit(
     scene: Scene | str | PathLike[str],
     data: str | PathLike[str] | Sequence[str],
-    free: str | Sequence[str],
+    free: str | Sequence[str] | None = None,
     *,
     where: str | Sequence[str] | Mapping[str, Any] | None = None,
     angles: str = "absolute",

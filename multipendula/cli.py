@@ -103,6 +103,8 @@ def _obey(arguments: Sequence[str] | None, stopped: Sequence[int]) -> int:
         complete(_parser(begun()))
     if not given:
         return _print_overview(_parser())
+    if given[0] == "help":
+        given = [*given[1:2], "--help"]
     try:
         page, words = _page(given)
         options, strangers = page.parse_known_args(words)
@@ -252,31 +254,34 @@ def _long(action: argparse.Action) -> str:
 def _reported(options: argparse.Namespace) -> Iterator[None]:
     """Write the text to the file of -o instead, where a name that could be a figure's ends in a format of text.
 
-    Of a command that writes text alone, the name sets the format, unless --format does.
+    The name sets the format; SceneError where --format is that of another name, but .txt takes all.
     """
     place = next((action.dest for action in options.page._actions if "-o" in action.option_strings), "")
     name = getattr(options, place, None) or ""
     ending = os.path.splitext(name)[1].lower()
     form = options.page.reports.get(ending)
-    if ending in options.page.texts and not getattr(options, "format_asked", False):
-        options.format = options.page.texts[ending]
+    asked = options.format if getattr(options, "format_asked", False) else None
+    by_name = form or options.page.texts.get(ending)
+    if asked and by_name and by_name not in {asked, "text"}:
+        from modal.errors import SceneError
+
+        raise SceneError([f"--format {asked}: cannot be combined with -o {name}"])
+    if by_name and not asked:
+        options.format = by_name
     if form is None:
         yield
         return
-    from modal.errors import SceneError
     from modal.report import fitted
     from modal.scene import whole_file
-    from multipendula.commands.shared import in_a_folder, printing
+    from multipendula.commands.shared import encoded, in_a_folder, printing
 
     in_a_folder(name)
-    if getattr(options, "format", "text") not in {"text", form}:
-        raise SceneError([f"--format {options.format}: cannot be combined with -o {name}"])
-    options.format, options.format_asked = form, True
+    options.format_asked = True
     setattr(options, place, None)
     options.format_words = f"-o {name}"
     with whole_file(name) as stream, fitted(None), printing(StringIO()) as text:
         yield
-        stream.write(text.getvalue().encode())
+        stream.write(encoded(name, text.getvalue()))
 
 
 def _columns() -> int | None:

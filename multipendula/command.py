@@ -138,24 +138,33 @@ def formats(*names: str, more: str = "") -> Option:
     return option(f"--format{more or f' (default {names[0]})'}", choices=names, default=names[0])
 
 
+def _formats_by_ending(names: Sequence[str]) -> dict[str, str]:
+    """The format for each ending of a file: a MAT file has the columns of CSV."""
+    return {f".{TEXTS[name]}": name for name in names} | ({".mat": "csv"} if "csv" in names else {})
+
+
 def text_file(*names: str, kind: str = "", drawn: bool = False, more: Sequence[str] = ()) -> tuple[Option, ...]:
     """The format of what is printed, and a file for it, in the format that its name ends in unless one is asked for.
 
     Text of one format alone is a file of this `kind`, or of any.  A figure may be `drawn` there instead
     (`shared.picture_in_place`), also in `more` formats.
     """
-    kinds = [*([kind] if kind else ()), *(TEXTS[name] for name in names), *((*PICTURES, *more) if drawn else ())]
+    kinds = [
+        *([kind] if kind else ()),
+        *(end[1:] for end in _formats_by_ending(names)),
+        *((*PICTURES, *more) if drawn else ()),
+    ]
     what = "text or a figure" if drawn else "text"
     refused = dict.fromkeys(endings(MOVING if drawn else (*PICTURES, *MOVING)), f"this command writes {what}")
     file = main_file("the text or the figure" if drawn else "the text", kinds)
-    texts = {f".{kind}": "text"} if kind else {f".{TEXTS[name]}": name for name in names}
+    texts = {f".{kind}": "text"} if kind else _formats_by_ending(names)
     ends = {"texts": texts, "refused": refused}
     return (*([formats(*names)] if names else ()), file._replace(ends=ends))
 
 
 def report_file(*names: str) -> tuple[Takes, ...]:
     """A file for a figure, or for the text instead, in the one of these formats that its name ends in, and colours."""
-    ends = {f".{TEXTS[name]}": name for name in names or ("text",)}
+    ends = _formats_by_ending(names or ("text",))
     file = main_file("the figure or the text", (*PICTURES, *(end[1:] for end in ends)))
     return (file._replace(ends={"reports": ends}), THEME)
 

@@ -10,13 +10,21 @@ from functools import cached_property
 from itertools import takewhile, zip_longest
 from typing import TYPE_CHECKING, Any, NoReturn
 
-from multipendula.flags import ASIDE, ELSEWHERE, FLAGS, SYNONYMS
+from multipendula.flags import ASIDE, ELSEWHERE, FLAGS, IN_SCENE, SYNONYMS
 
 if TYPE_CHECKING:
     from multipendula.flags import Former
 
 LIKE = 0.7
 """How alike an unknown option and a known one are, for the latter to be suggested."""
+MISSING, UNKNOWN = "the following arguments are required: ", "unrecognized arguments: "
+REFUSALS = (
+    (r"^argument ([^:]+): not allowed with argument (.+)$", r"\1: cannot be combined with \2"),
+    (r"^argument ([^:]+): expected .*$", r"\1: needs a value"),
+    (r"^argument ([^:]+): (.*)$", r"\1 \2"),
+    (r"^ambiguous option: (\S+) could match (.*)$", r"\1: begins several options: \2"),
+)
+"""How messages of argparse begin and read, and what is said for them."""
 ANY = "…"
 """What stands for any value of an argument in a message."""
 WIDTH = 79
@@ -160,12 +168,13 @@ class Page(argparse.ArgumentParser):
         return super().parse_known_args(self.given, namespace)
 
     def error(self, message: str) -> NoReturn:
-        """Report the mistake, unknown options and the help page; exit with code 2."""
-        self.print_usage(sys.stderr)
+        """Report the mistake and unknown options as every refusal reads, and the help page; exit with code 2."""
         from modal.report import visible
 
-        lines = map(visible, [f"error: {message}", *self._strangers(), self.pointer])
-        self.exit(2, "".join(f"{self.prog}: {line}\n" for line in lines))
+        lines = list(self._strangers())
+        if not (lines and message.startswith(UNKNOWN)):
+            lines = [*_refusals(message), *lines]
+        self.exit(2, "".join(f"multipendula: {visible(line)}\n" for line in (*lines, self.pointer)))
 
     def _former_options(self) -> Iterator[str]:
         """What to say of former spellings of this command's options, which may be beginnings of new ones."""
@@ -192,6 +201,13 @@ class Page(argparse.ArgumentParser):
             action = self._option_string_actions.get(flag)
             if action and (not value or value in (action.choices or (value,))):
                 return f" (did you mean {words}?)"
+        if name.removeprefix("--") in self.kinds:
+            return f" (did you mean -o FILE.{name.removeprefix('--')}?)"
+        if name in IN_SCENE:
+            varied = next(
+                (f", or {flag} varies it" for flag in ("--vary", "--free") if flag in self.keywords.values()), ""
+            )
+            return f": it stands in the scene's file (`scenes NAME -o mine.toml` copies one){varied}"
         return ""
 
     def _print_message(self, message: str, file: Any = None) -> None:
@@ -212,10 +228,34 @@ class Page(argparse.ArgumentParser):
         if choices is not None and value not in choices:
             from modal.errors import meant
 
-            there = ", ".join(map(str, choices))
-            raise argparse.ArgumentError(
-                action, f"invalid choice: {value}{meant(value, choices)}; must be one of {there}"
-            )
+            there, near = ", ".join(map(str, choices)), meant(value, choices)
+            if not self.name:
+                raise argparse.ArgumentError(None, f"{value}: no such command{near}; there are {there}")
+            if value in self.kinds:
+                near = f" (did you mean -o FILE.{value}?)"
+            raise argparse.ArgumentError(action, f"{value}: must be one of {there}{near}")
+
+
+def _refusals(message: str) -> Iterator[str]:
+    """A message of argparse as every refusal reads: the option, perhaps its value, a colon, and what is wrong.
+
+    >>> list(_refusals("argument --duration: ten: must be a number of seconds above 0"))
+    ['--duration ten: must be a number of seconds above 0']
+    >>> list(_refusals("the following arguments are required: SCENE, --output/-o"))
+    ['SCENE: is missing', '-o: is missing']
+    """
+    message = re.sub(r"--[a-z-]+/(-[a-z])\b", r"\1", message)
+    if message.startswith(MISSING):
+        yield from (f"{name}: is missing" for name in message.removeprefix(MISSING).split(", "))
+        return
+    if message.startswith(UNKNOWN):
+        yield f"{message.removeprefix(UNKNOWN)}: is more than this command takes"
+        return
+    for pattern, words in REFUSALS:
+        message, changed = re.subn(pattern, words, message, count=1)
+        if changed:
+            break
+    yield message
 
 
 class _Columns(argparse.HelpFormatter):

@@ -67,7 +67,7 @@ def save(trajectory: Trajectory, path: str | os.PathLike[str]) -> None:
     trajectory
         The run.  Applied forces are code and are not saved.
     path
-        A name that ends in .npz (everything, read back by `load`) or .csv (columns for other programs).
+        A name that ends in .npz (everything, read back by `load`), .csv or .mat (columns for other programs).
 
     Raises
     ------
@@ -89,7 +89,8 @@ def save(trajectory: Trajectory, path: str | os.PathLike[str]) -> None:
     """
     if trajectory.system.hoisting and trajectory.system.hoisting.given:
         raise SceneError([f"{path}: lengths given in Python are not saved: write the hoist in the scene"])
-    content = _npz(trajectory) if checked_kind(path) == "npz" else _csv(trajectory)
+    writers = {"npz": _npz, "csv": _csv, "mat": _mat}
+    content = writers[kind_of(path, tuple(writers))](trajectory)
     with whole_file(path) as stream:
         stream.write(content)
 
@@ -329,6 +330,12 @@ def columns_of(trajectory: Trajectory) -> dict[str, Floats]:
 
 def _csv(trajectory: Trajectory) -> bytes:
     return as_csv(_header(trajectory), [columns(trajectory.system), *rows_of(trajectory).tolist()])
+
+
+def _mat(trajectory: Trajectory) -> bytes:
+    from modal.exports.scripts import write_columns
+
+    return write_columns(columns_of(trajectory))
 
 
 def _read_csv(name: str) -> tuple[dict[str, Any], Floats, dict[str, Floats]]:

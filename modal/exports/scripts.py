@@ -6,7 +6,9 @@ MATLAB and Octave has A, B, C, D, dt, their names and, where `ss` is installed, 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+import csv
+import re
+from collections.abc import Iterable, Iterator, Mapping
 from io import BytesIO
 from typing import TYPE_CHECKING, Any
 from unicodedata import normalize
@@ -27,7 +29,9 @@ FIRST = (
     "# A linear state-space model for python-control, in SI units, deviations from the equilibrium.",
 )
 """Python looks for an encoding in the first two lines of a file: they contain no text of a scene."""
-LABEL = b"MATLAB 5.0 MAT-file, a linear state-space model in SI units".ljust(116)
+MODEL, COLUMNS = "a linear state-space model in SI units", "columns by their names"
+LONGEST_NAME = 63
+"""Letters of a name in MATLAB."""
 BUILD = """\
 if exist('OCTAVE_VERSION', 'builtin')
   try
@@ -121,8 +125,6 @@ def write_varying_mat(model: VaryingModel) -> bytes:
 
 
 def _saved(model: StateSpace | VaryingModel, numbers: dict[str, Any]) -> bytes:
-    from scipy.io import savemat
-
     content = {**numbers, **_titles(model.title)}
     for kind, signals in (("state", model.states), ("input", model.inputs), ("output", model.outputs)):
         for field in ("name", "unit", "meaning"):
@@ -131,9 +133,42 @@ def _saved(model: StateSpace | VaryingModel, numbers: dict[str, Any]) -> bytes:
         "names": _cells(name for name, _ in model.operating_point),
         "values": np.array([[value] for _, value in model.operating_point]).reshape(-1, 1),
     }
+    return _mat_file(content, MODEL)
+
+
+def _mat_file(content: Mapping[str, Any], what: str) -> bytes:
+    from scipy.io import savemat
+
     stream = BytesIO()
-    savemat(stream, content, do_compression=True)
-    return LABEL + stream.getvalue()[len(LABEL) :]
+    savemat(stream, dict(content), do_compression=True)
+    label = f"MATLAB 5.0 MAT-file, {what}".ljust(116).encode()
+    return label + stream.getvalue()[len(label) :]
+
+
+def write_columns(columns: Mapping[str, Iterable[Any]]) -> bytes:
+    """A MAT file of columns by their names: arrays of numbers, and cells of words; no name has brackets or points."""
+    content = {}
+    for name, column in columns.items():
+        values = list(column)
+        try:
+            numbers = np.array([[float("nan" if value == "" else value)] for value in values])
+        except ValueError:
+            content[_variable(name)] = _cells(map(str, values))
+        else:
+            content[_variable(name)] = numbers.reshape(-1, 1)
+    return _mat_file(content, COLUMNS)
+
+
+def columns_of_csv(text: str) -> dict[str, tuple[str, ...]]:
+    """The columns of a CSV table below its comments."""
+    names, *rows = csv.reader(line for line in text.splitlines() if line and not line.startswith("#"))
+    return {name: tuple(row[k] for row in rows) for k, name in enumerate(names)}
+
+
+def _variable(name: str) -> str:
+    """A name as MATLAB takes it: letters, digits and underscores, a letter first, 63 of them at most."""
+    plain = re.sub(r"\W+", "_", normalize("NFKD", name).encode("ascii", "ignore").decode()).strip("_")[:LONGEST_NAME]
+    return plain if plain[:1].isalpha() else f"n_{plain}"
 
 
 def _titles(title: str) -> dict[str, Any]:

@@ -292,6 +292,8 @@ def _read(name: str) -> bytes:
             if name not in example_names():
                 raise SceneError([f"no such file and no such shipped scene{_near(name)}"])
             return example_text(name).encode()
+        if not there and (shipped := Path(name).name.removesuffix(".toml")) in example_names():
+            raise SceneError([f"cannot be read: there is no such file (did you mean {shipped}, a shipped scene?)"])
         if not Path(name).is_fifo():
             return content_of(name)
         with _awaited(name), open(name, "rb") as stream:

@@ -31,6 +31,8 @@ if TYPE_CHECKING:
     from nonlinear.integration import Trajectory
 
 BAND_MEMBERS = 200
+WRITTEN = (*RUNS, "mat")
+"""The kinds of files of a motion, of which MATLAB's is not read back."""
 COMPILED = ("txt", "json")
 OF_COMPILING = ("--compile", "--tolerance", "--format", "--output", "--quiet")
 """Options that --compile takes."""
@@ -83,7 +85,7 @@ def _trajectory(options: argparse.Namespace) -> Trajectory:
 
     def named() -> None:
         if options.output:
-            kind_of(options.output, RUNS, "-o ")
+            kind_of(options.output, WRITTEN, "-o ")
 
     if options.accuracy is None or options.keep_modes or recorded(options.scene):
         refuse(options, "needs --accuracy RAD of a scene, or --compile", "--format")
@@ -202,7 +204,7 @@ COMMANDS = (
             "--covariance: adds the band of the motion over the fitted numbers",
             "--band",
             THEME,
-            main_file("the motion; of --compile the report", (*RUNS, *COMPILED)),
+            main_file("the motion; of --compile the report", (*WRITTEN, *COMPILED)),
             "--explain",
         ),
         details=(

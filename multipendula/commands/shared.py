@@ -53,7 +53,18 @@ def output(path: str | None) -> Iterator[Callable[[str], object]]:
         yield getattr(printed(), "output", printed()).write
         return
     with fitted(None), whole_file(path) as stream:
-        yield lambda text: stream.write(text.encode())
+        texts: list[str] = []
+        yield texts.append
+        stream.write(encoded(path, "".join(texts)))
+
+
+def encoded(name: str, text: str) -> bytes:
+    """Text as the bytes of a file of this name: the columns of CSV where it is a MAT file."""
+    if not name.lower().endswith(".mat"):
+        return text.encode()
+    from modal.exports.scripts import columns_of_csv, write_columns
+
+    return write_columns(columns_of_csv(text))
 
 
 def write_together(contents: Mapping[str | None, bytes]) -> None:
@@ -336,7 +347,7 @@ def missing(scene: Scene, flag: str, values: str, more: str = "") -> SceneError:
 
     numbers = [number for number in scene_numbers(scene) if number.is_physical]
     first = next((number for number in numbers if number.place != "gravity"), numbers[0])
-    given = f"{first.place}={values.format(half=f'{first.value / 2:g}', double=f'{first.value * 2:g}')}"
+    given = first.place + values.format(half=f"{first.value / 2:g}", double=f"{first.value * 2:g}")
     lines = [f"  {number.place} = {number.value:g} {number.unit}" for number in numbers[:MOST_LISTED]]
     others = f"{len(numbers) - MOST_LISTED} more and " if len(numbers) > MOST_LISTED else ""
     return SceneError(

@@ -80,9 +80,10 @@ def _format(options: argparse.Namespace) -> str:
 
     by_name = format_of_file(options.output or "")
     if options.to is None and not by_name:
-        every = ", ".join(f"{form.extension} ({name})" for name, form in FORMATS.items())
-        asked = f"-o {options.output}: " if options.output else ""
-        raise SceneError([f"{asked}give --to FORMAT, or -o FILE with a name that ends in {every}"])
+        every = [form.extension for form in FORMATS.values()]
+        ends = f"the name must end in {', '.join(every[:-1])} or {every[-1]}"
+        asked = f"-o {options.output}: {ends}" if options.output else f"-o FILE: is missing, and {ends}"
+        raise SceneError([f"{asked}; or give --to FORMAT"])
     if options.to in FORMATS and options.output != STANDARD and is_new(options.output):
         extension = FORMATS[options.to].extension
         if not options.output.lower().endswith(extension[extension.rindex(".") :]):
@@ -116,7 +117,7 @@ def _varying(scene: Scene, options: argparse.Namespace) -> VaryingModel:
 
 
 def response(options: argparse.Namespace) -> Gains | None:
-    """Print the peaks of a frequency response, its values, or gains of modes, or draw it, or an impulse response."""
+    """Print peaks, values at frequencies, or the gains of every mode, or draw a Bode plot or an impulse response."""
     from math import pi
 
     import numpy as np
@@ -294,10 +295,6 @@ COMMANDS = (
             ("response crane-two-loads", "peaks of every output of a crane"),
             ("response crane-hook -o bode.png", "the Bode plot of every output"),
             ("response crane-two-loads --gains", "how well a force on the trolley reaches each mode"),
-            (
-                "response crane-hook --input cart_acceleration --of theta_1_2 -o load.png",
-                "one output, with prescribed trolley motion",
-            ),
             (
                 "response crane-hook --input 'force:pendulum[0].links[1]' --at 0.1,0.3",
                 "to wind on the load: a force at a point",

@@ -36,7 +36,7 @@ def tune(options: argparse.Namespace) -> Tuned | None:
     from modal.tuning import tuned_json, tuned_text
 
     if not options.free:
-        raise missing(load(options.scene), "--free", "{half}:{double}", " --minimize settling")
+        raise missing(load(options.scene), "--free", "={half}:{double}", " --minimize settling")
     kind = picture(options.picture, "--picture") if options.picture else ""
     for flag, path in (("-o", options.output), ("--report", options.report), ("--picture", options.picture)):
         in_a_folder(path, flag)

@@ -460,14 +460,12 @@ def test_gains(capsys: pytest.CaptureFixture[str]) -> None:
 def test_responses_are_drawn(capsys: pytest.CaptureFixture[str], tmp_path: Path, words: tuple[str, ...]) -> None:
     path = tmp_path / "response.png"
     what = "impulse response" if words == ("--impulse",) else "Bode plot"
-    assert f"{path}: {what} of x, theta_1_1, theta_1_2 for " in printed(
-        capsys, "response", "crane-hook", *words, "-o", str(path)
-    )
-    assert path.stat().st_size > 20_000
+    line = printed(capsys, "response", "crane-hook", *words, "-o", str(path))
+    assert f"{path}: {what} of x, theta_1_1, theta_1_2 for " in line
 
 
 def test_refused_responses(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-    assert ".pdf, .txt, .csv or .json" in refused(capsys, 2, "response", "crane-hook", "-o", str(tmp_path / "a.gif"))
+    assert ".csv, .json or .mat" in refused(capsys, 2, "response", "crane-hook", "-o", str(tmp_path / "a.gif"))
     wrong = refused(capsys, 2, "response", "crane-hook", "--from", "wind", "-o", str(tmp_path / "a.png"))
     assert "--from wind: must be one of cart_force" in wrong
     assert list(tmp_path.iterdir()) == []

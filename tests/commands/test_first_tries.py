@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import csv
 from pathlib import Path
 
 import pytest
+from scipy.io import loadmat
 
 from multipendula.cli import main
 
@@ -58,6 +60,34 @@ def test_a_file_without_a_name_is_called_as_the_scene(
 )
 def test_a_command_does_the_obvious(capsys: pytest.CaptureFixture[str], words: str, line: str) -> None:
     assert line in told(capsys, words)
+
+
+def test_columns_are_written_for_matlab(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    told(capsys, "simulate paper-cart-1 --duration 0.1 -o run.mat")
+    told(capsys, "simulate paper-cart-1 --duration 0.1 -o run.csv")
+    told(capsys, "table paper-cart-1 -o modes.mat")
+    told(capsys, "table paper-cart-1 -o modes.csv")
+    for name in ("run", "modes"):
+        columns = loadmat(tmp_path / f"{name}.mat")
+        lines = (tmp_path / f"{name}.csv").read_text(encoding="utf-8").splitlines()
+        names, *rows = csv.reader(line for line in lines if not line.startswith("#"))
+        assert set(names) == {key for key in columns if not key.startswith("__")}
+        for heading, *words in zip(names, *rows, strict=True):
+            column = columns[heading][:, 0]
+            if column.dtype == object:
+                assert [str(*cell) for cell in column] == words
+            else:
+                assert [f"{value}" for value in column] == [f"{float(word or 'nan')}" for word in words]
+
+
+@pytest.mark.parametrize(
+    "words", ["table chain-1 --format json -o a.mat", "matrices chain-1 -o a.mat", "explain paper-cart-1 -o a.mat"]
+)
+def test_no_file_is_of_another_kind_than_its_name_says(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, words: str
+) -> None:
+    assert "-o a.mat" in told(capsys, words, 2)
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize(

@@ -81,7 +81,7 @@ def test_a_scene_in_space_without_a_start_begins_along_the_rail(
         (["simulate", "chain-3", "--start", "sideways"], "--start sideways: must be scene"),
         (["simulate", "paper-cart-2", "--start", "mode:1:10"], "no angle"),
         (["simulate", "chain-3", "--method", "Euler", "--form", "polar"], "form polar: must be one of"),
-        (["simulate", "chain-3", "-o", "run.txt"], "-o run.txt: the name must end in .npz or .csv"),
+        (["simulate", "chain-3", "-o", "run.txt"], "-o run.txt: the name must end in .npz, .csv or .mat"),
         (["simulate", "missing.npz"], "missing.npz: cannot be read: No such file"),
         (["simulate", "run.npz", "--start", "scene"], "--start: a saved run"),
         (["simulate", "chain-2", "--start", "mode:nan:1"], "--start mode:nan:1: must be scene"),

@@ -116,7 +116,10 @@ def test_a_former_spelling_is_told_with_the_new_one(
         with pytest.raises(SystemExit) as left:
             main([command, "crane-hook", *words])
         assert left.value.code == 2
-        assert f"error: {flag}{f' {value}' if former.values else ''}: is now {former.now}" in capsys.readouterr().err
+        assert (
+            f"multipendula: {flag}{f' {value}' if former.values else ''}: is now {former.now}"
+            in capsys.readouterr().err
+        )
 
 
 def test_values_of_today_are_taken_where_an_option_stays() -> None:
