@@ -273,13 +273,13 @@ def _reported(options: argparse.Namespace) -> Iterator[None]:
         return
     from modal.report import fitted
     from modal.scene import whole_file
-    from multipendula.commands.shared import encoded, in_a_folder, printing
+    from multipendula.commands.shared import encoded, in_a_folder, text_into
 
     in_a_folder(name)
     options.format_asked = True
     setattr(options, place, None)
     options.format_words = f"-o {name}"
-    with whole_file(name) as stream, fitted(None), printing(StringIO()) as text:
+    with whole_file(name) as stream, fitted(None), text_into(StringIO()) as text:
         yield
         stream.write(encoded(name, text.getvalue()))
 

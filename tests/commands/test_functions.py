@@ -15,7 +15,7 @@ import pytest
 
 import multipendula as mp
 from multipendula.commands import COMMANDS, command_named
-from multipendula.functions import Text, _read, keyword_of
+from multipendula.functions import Text, _options_of, keyword_of
 
 MOST = 120
 FUNCTIONS = [command.name for command in COMMANDS if command.name != "completion"]
@@ -57,7 +57,7 @@ def read(name: str, **keywords: Any) -> Namespace:
     command = command_named(name)
     assert command
     options = {keyword_of(taken): taken for taken in command.options}
-    return _read(command.page(), [(options[word], value) for word, value in keywords.items()])
+    return _options_of(command.page(), [(options[word], value) for word, value in keywords.items()])
 
 
 @pytest.mark.parametrize(
