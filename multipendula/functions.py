@@ -102,6 +102,7 @@ def function_of(name: str) -> Callable[..., Any]:
 
     function.__name__ = function.__qualname__ = name
     function.__module__ = "multipendula"
+    function.__annotations__ = {}  # those of the signature hold
     function.__signature__ = signature  # type: ignore[attr-defined]
     function.__doc__ = "\n".join(_docstring(command, options))
     return function
