@@ -29,6 +29,7 @@ MARKS = {
     **{codecs.BOM_UTF16_LE: "utf-16", codecs.BOM_UTF16_BE: "utf-16"},
 }
 """Byte-order marks of encodings, the longer before the shorter that begin alike."""
+SHIPPED = os.path.join(os.path.dirname(__file__), "shipped")
 BEGINNING = 20_000
 """Bytes of a text that are looked at."""
 SIGNATURES = (
@@ -75,7 +76,7 @@ AS_CSV = "numbers are read from CSV text"
 INSTEAD = {
     ("scene", "run"): OF_RUN,
     ("scene", "run table"): OF_RUN,
-    ("scene", "table"): "measurements follow a scene, as in `fit SCENE DATA.csv`; of a support they are a --record",
+    ("scene", "table"): "measurements follow a scene, as in `fit SCENE DATA.csv`",
     (
         "scene",
         "robot",
@@ -238,9 +239,7 @@ def _beginning(path: str | PathLike[str], largest: int, whole: bool) -> bytes:
 
 
 def _is_shipped(name: str) -> bool:
-    from modal.scene.files import example_names
-
-    return name in example_names()
+    return os.path.basename(name) == name and os.path.isfile(os.path.join(SHIPPED, f"{name}.toml"))
 
 
 def private(path: str, flags: int) -> int:

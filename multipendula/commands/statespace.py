@@ -142,8 +142,8 @@ def response(options: argparse.Namespace) -> Gains | None:
     problems += [f"--of {name}: must be one of {', '.join(outputs)}" for name in shown if name not in outputs]
     if problems:
         raise SceneError(problems)
-    if options.impulse and options.covariance:
-        raise SceneError(["--covariance: gives a band to the Bode plot and to --at, not to --impulse"])
+    if options.covariance and (options.impulse or not (options.at or options.output)):
+        raise SceneError(["--covariance: gives a band to the Bode plot of -o and to --at, not to --impulse or peaks"])
     estimate = estimate_of(scene, options.covariance)
     form, at = to_modal_form(natural_modes(scene), model), inputs.index(source)
     std = None
