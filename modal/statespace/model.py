@@ -112,7 +112,7 @@ class StateSpace(Drawable, Displayed):
         >>> from modal import load
         >>> from modal.statespace import state_space
         >>> state_space(load("chain-1")).to_control().input_labels
-        ['joint_torque_1_1']
+        ['torque_1_1']
         """
         return deferred("modal.exports.scripts:to_control")(self)
 
