@@ -5,6 +5,7 @@ A page holds a comment where a part belongs; what stands there is Markdown:
     <!-- commands: table shapes -->             help of commands, from the parser
     <!-- groups -->                             the pages of commands, with what each command does
     <!-- names: modal load Scene -->            names of a package, from their docstrings
+    <!-- namespace -->                          the functions that are commands
     <!-- modules: modal.loci modal.gains -->    whole modules
     <!-- shipped -->                            the scenes that come with the package
     <!-- formats -->                            what a model can be written as
@@ -33,6 +34,8 @@ from pathlib import Path
 from pkgutil import iter_modules
 from typing import TYPE_CHECKING, Any
 
+import multipendula
+
 if TYPE_CHECKING:
     from modal.scene.capabilities import Capability
     from multipendula.command import Command
@@ -41,7 +44,7 @@ if TYPE_CHECKING:
 ROOT = Path(__file__).parent.parent
 REFERENCE = ROOT / "docs" / "reference"
 PLACE = re.compile(
-    r"^<!-- (commands|groups|names|modules|shipped|formats|measures|options|functions|combinations"
+    r"^<!-- (commands|groups|namespace|names|modules|shipped|formats|measures|options|functions|combinations"
     r"|gallery|play|live):?([^>]*) -->$",
     flags=re.MULTILINE,
 )
@@ -97,7 +100,8 @@ def _command(name: str, parser: Page) -> str:
     used = [
         f"{words} {_linked(_functions()[name][role])}" for role, words in roles.items() if role in _functions()[name]
     ]
-    return "\n\n".join([*parts, *([f"**In Python** {'; '.join(used)}."] if used else [])])
+    function = [f"{{py:obj}}`multipendula.{name}`"] if name in dir(multipendula) else []
+    return "\n\n".join([*parts, *([f"**In Python** {'; '.join([*function, *used])}."] if used else [])])
 
 
 def groups() -> str:
@@ -149,6 +153,11 @@ def names(package: str, *wanted: str) -> str:
     """Names of a package, each with its docstring."""
     home = import_module(package)
     return "\n\n".join(_documented(_directive(getattr(home, name)), f"{package}.{name}") for name in wanted)
+
+
+def namespace() -> str:
+    """The functions that are commands, each with its arguments."""
+    return names("multipendula", *(name for name in parsers() if name in dir(multipendula)))
 
 
 def _directive(thing: object) -> str:

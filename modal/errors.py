@@ -8,6 +8,8 @@ from itertools import islice
 
 from modal.report import visible
 
+ALIKE = 0.8
+"""How alike words are that are told apart by large and small letters, for one to be suggested."""
 MOST_TOLD = 50
 """Number of mistakes listed in a message before the rest are counted."""
 LONG_QUOTATION = re.compile(r'("[^"]{0,200})([^"]*)"|(\S{200})\S+')
@@ -110,5 +112,9 @@ def meant(word: str, known: Iterable[str], most: int = 1, near: float = 0.6) -> 
     """
     from difflib import get_close_matches
 
-    similar = get_close_matches(word, list(known), most, near)
+    listed = list(known)
+    small = {each.lower(): each for each in reversed(listed)}
+    similar = get_close_matches(word, listed, most, near) or [
+        small[each] for each in get_close_matches(word.lower(), list(small), most, max(near, ALIKE))
+    ]
     return f" (did you mean {' or '.join(similar)}?)" if similar else ""

@@ -104,6 +104,8 @@ def _obey(arguments: Sequence[str] | None, stopped: Sequence[int]) -> int:
         complete(_parser(begun()))
     if not given:
         return _print_overview(_parser())
+    if given[0] == "help":
+        given = [*given[1:2], "--help"]
     try:
         page, words = _page(given)
         options, strangers = page.parse_known_args(words)
@@ -281,13 +283,13 @@ def _reported(options: argparse.Namespace) -> Iterator[None]:
         return
     from modal.report import fitted
     from modal.scene import whole_file
-    from multipendula.commands.shared import encoded, in_a_folder, printing
+    from multipendula.commands.shared import encoded, in_a_folder, text_into
 
     in_a_folder(name)
     options.format_asked = True
     setattr(options, place, None)
     options.format_words = f"-o {name}"
-    with whole_file(name) as stream, fitted(None), printing(StringIO()) as text:
+    with whole_file(name) as stream, fitted(None), text_into(StringIO()) as text:
         yield
         stream.write(encoded(name, text.getvalue()))
 

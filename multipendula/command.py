@@ -123,13 +123,13 @@ def main_file(what: str, kinds: Sequence[str], usual: str = "") -> Option:
     return option(f"--output: {what}", kinds=tuple(kinds))._replace(usual=usual)
 
 
-def file_beside(scene: str, end: str) -> str:
+def file_beside(scene: object, end: str) -> str:
     """A file in this folder that is called as a scene, with this end of its name.
 
     >>> file_beside("scenes/mine.toml", "-shapes.png"), file_beside("-", ".mat")
     ('mine-shapes.png', 'scene.mat')
     """
-    stem = "scene" if scene == "-" else os.path.basename(scene)
+    stem = os.path.basename(scene) if isinstance(scene, str) and scene != "-" else "scene"
     return next((stem.removesuffix(f".{kind}") for kind in ("toml", *RUNS) if stem.endswith(f".{kind}")), stem) + end
 
 

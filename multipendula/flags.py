@@ -327,18 +327,26 @@ FORMER_COMMANDS = {
 ELSEWHERE = {"find_bifurcations": "sweep --strobe", "scene_numbers": "table SCENE --places"}
 """What does on the command line what a message calls by its function."""
 SYNONYMS = {
-    **dict.fromkeys(("--time", "--t-end", "--length"), ("--duration", "--over", "--when")),
-    **dict.fromkeys(("--dt", "--step", "--time-step"), ("--samples", "--discrete")),
-    **dict.fromkeys(("--type", "--shape"), ("--kind", "--format", "--to")),
-    **dict.fromkeys(("--frequency", "--freq", "--hz"), ("--at", "--over-hz")),
-    **dict.fromkeys(("--amplitude", "--angle"), ("--amplitudes", "--largest-angle", "--start")),
-    **dict.fromkeys(("--initial", "--ic", "--x0"), ("--start",)),
+    **dict.fromkeys(
+        ("--time", "--t-end", "--tmax", "--t", "--end", "--length", "--seconds"), ("--duration", "--over", "--when")
+    ),
+    **dict.fromkeys(("--dt", "--step", "--time-step", "--steps", "--points"), ("--samples", "--discrete")),
+    **dict.fromkeys(("--type", "--shape"), ("--kind", "--format", "--to", "--form")),
+    **dict.fromkeys(("--frequency", "--frequencies", "--freq", "--hz"), ("--at", "--over-hz", "--columns frequency")),
+    "--amplitude": ("--amplitudes", "--largest-angle", "--start mode:1:10"),
+    **dict.fromkeys(
+        ("--angle", "--angles", "--theta", "--theta0", "--initial", "--initial-angles", "--ic", "--x0"),
+        ("--start angles:10,20", "--largest-angle", "--amplitudes"),
+    ),
     **dict.fromkeys(("--solver", "--integrator"), ("--method", "--engine")),
-    **dict.fromkeys(("--rtol", "--atol", "--eps"), ("--tolerance", "--accuracy", "--relative-error")),
-    **dict.fromkeys(("--digits", "--precision"), ("--format csv", "--accuracy", "--relative-error")),
-    **dict.fromkeys(("--jobs", "--threads", "--cores"), ("--workers",)),
-    **dict.fromkeys(("--plot", "--figure"), ("--picture", "--output")),
-    **dict.fromkeys(("--parameter", "--set"), ("--vary", "--free", "--uncertain")),
+    **dict.fromkeys(("--rtol", "--atol", "--eps", "--tol"), ("--tolerance", "--accuracy", "--relative-error")),
+    **dict.fromkeys(("--digits", "--precision"), ("--format csv", "--format json", "--accuracy")),
+    **dict.fromkeys(("--jobs", "--threads", "--cores", "--processes"), ("--workers",)),
+    **dict.fromkeys(("--plot", "--figure", "--image"), ("--picture", "--output")),
+    **dict.fromkeys(("--save", "--out", "--file", "--write"), ("--output",)),
+    **dict.fromkeys(("--parameter", "--param", "--set"), ("--vary", "--free", "--uncertain")),
+    **dict.fromkeys(("--number", "--n", "--size"), ("--members", "--count", "--samples")),
+    **dict.fromkeys(("--parameters", "--list"), ("--places",)),
     "--inputs": ("--input",),
     "--outputs": ("--signals", "--of"),
     "--silent": ("--quiet",),
@@ -348,3 +356,15 @@ SYNONYMS = {
     "--mat": ("--to mat",),
 }
 """What is tried for options that a command has under other names, the first of which it has is told."""
+IN_SCENE = {
+    "--gravity",
+    "--g",
+    "--mass",
+    "--masses",
+    "--length",
+    "--lengths",
+    "--damping",
+    "--stiffness",
+    "--cart-mass",
+}
+"""Numbers that a scene has, and no command as an option."""

@@ -24,8 +24,8 @@ from typing import TYPE_CHECKING, Any, NoReturn
 from multipendula.cli import perform
 from multipendula.commands import command_named
 from multipendula.commands.runs import recorded
-from multipendula.commands.shared import printing
-from multipendula.options import Joined, Repeated
+from multipendula.commands.shared import text_into
+from multipendula.options import PICTURES, Joined, Repeated
 
 if TYPE_CHECKING:
     from modal.scene import Scene
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from nonlinear.integration import Trajectory
     from nonlinear.sweeps import Sweep
 
-    Given = Sequence[tuple[Option, Any]]
+    Arguments = Sequence[tuple[Option, Any]]
 
 Parameter = inspect.Parameter
 SECOND = frozenset({"--vary", "--uncertain", "--free", "--mode", "--duration", "--to"})
@@ -47,7 +47,8 @@ FLAG = re.compile(r"(?<![\w-])(?:--([a-z][a-z-]*)|-(o)\b)")
 ROWS, SCENE = "int | range | str", "Scene | str | PathLike[str]"
 TYPES = {
     **{"1:10": ROWS, "1:12": ROWS, "FILE": "str | PathLike[str]", "FROM:TO": "tuple[float, float] | str"},
-    **{"K/N": "tuple[int, int] | str", "SCENE": SCENE, "TARGET": SCENE},
+    **{"K/N": "tuple[int, int] | str", "SCENE": SCENE, "TARGET": SCENE, "FIT.json": "str | PathLike[str]"},
+    "CSV": "float | str | PathLike[str]",
 }
 OBJECTS = {"SCENE": ("Scene", "Trajectory"), "TARGET": ("Scene",), "WORDS": ("State",)}
 """Classes of values that are taken as they are, by metavar."""
@@ -58,7 +59,7 @@ READ = dict.fromkeys(("angles", "frequencies"), "float | Sequence[float]") | {"j
 SIGNS = {"FROM:TO": ":", "K/N": "/"}
 """What stands between the numbers of an option that has several; of all others a comma."""
 
-SAVED = {"Scene": "modal.scene", "Trajectory": "nonlinear.files", "Sweep": "nonlinear.sweeps"}
+WRITERS = {"Scene": "modal.scene", "Trajectory": "nonlinear.files", "Sweep": "nonlinear.sweeps"}
 """What `save` writes, and the room that does."""
 
 
@@ -90,17 +91,18 @@ def function_of(name: str) -> Callable[..., Any]:
     command = command_named(name)
     assert command is not None
     options = {keyword_of(taken): taken for taken in command.options if taken.name not in WITHOUT}
-    signature = inspect.Signature(list(_parameters(options)))
+    signature = inspect.Signature(list(_parameters(options)), return_annotation=_return_type(command))
 
     def function(*arguments: Any, **keywords: Any) -> Any:
         try:
             given = signature.bind(*arguments, **keywords).arguments
         except TypeError as error:
-            raise TypeError(f"{name}: {error}{_instead(command.page(), options, keywords)}") from None
-        return _called(command, [(taken, given[word]) for word, taken in options.items() if word in given])
+            raise TypeError(f"{name}: {error}{_suggestion(command.page(), options, keywords)}") from None
+        return _result_of(command, [(taken, given[word]) for word, taken in options.items() if word in given])
 
     function.__name__ = function.__qualname__ = name
     function.__module__ = "multipendula"
+    function.__annotations__ = {}  # those of the signature hold
     function.__signature__ = signature  # type: ignore[attr-defined]
     function.__doc__ = "\n".join(_docstring(command, options))
     return function
@@ -135,6 +137,11 @@ def _parameters(options: Mapping[str, Option]) -> Iterator[inspect.Parameter]:
         )
 
 
+def _return_type(command: Command) -> str:
+    """What a function returns, as an annotation; a text where the command has no result."""
+    return str(inspect.signature(command.run).return_annotation).replace("None", "Text")
+
+
 def type_of(taken: Option) -> str:
     """The type of an option's values, as an annotation.
 
@@ -160,42 +167,45 @@ def type_of(taken: Option) -> str:
 
 
 def _docstring(command: Command, options: Mapping[str, Option]) -> Iterator[str]:
-    yield _in_python(command.summary)
-    yield from ("", *_wrapped(command.details), "", "Parameters", "----------")
+    yield _with_keywords(command.summary)
+    yield from ("", *_lines_of(command.details), "", "Parameters", "----------")
     for word, taken in options.items():
-        yield from (word, *_wrapped(taken.words.replace("%%", "%"), "    "))
+        yield from (word, *_lines_of(taken.words.replace("%%", "%"), "    "))
+    yield from ("", "Returns", "-------", _return_type(command))
 
 
-def _wrapped(words: str, indent: str = "") -> list[str]:
+def _lines_of(words: str, indent: str = "") -> list[str]:
     """Words with the keywords of options, as lines of a docstring."""
-    return textwrap.wrap(_in_python(words), 88, initial_indent=indent, subsequent_indent=indent, break_on_hyphens=False)
+    return textwrap.wrap(
+        _with_keywords(words), 88, initial_indent=indent, subsequent_indent=indent, break_on_hyphens=False
+    )
 
 
-def _in_python(words: str, quote: str = "`") -> str:
+def _with_keywords(words: str, quote: str = "`") -> str:
     """Words with the keywords of options in place of these."""
     words = words.replace("repeat for several", "or a list of several")
     named = FLAG.sub(lambda flag: f"{quote}{'output' if flag[2] else flag[1].replace('-', '_')}{quote}", words)
     return named.replace("``", "`")
 
 
-def _instead(page: Page, options: Mapping[str, Option], keywords: Mapping[str, object]) -> str:
+def _suggestion(page: Page, options: Mapping[str, Option], keywords: Mapping[str, object]) -> str:
     """What there is in place of the first keyword that there is not."""
     page.given = [f"--{word.replace('_', '-')}" for word in keywords if word not in options]
-    return next((_in_python(words.partition("no such option")[2]) for words in page._strangers()), "")
+    return next((_with_keywords(words.partition("no such option")[2]) for words in page._strangers()), "")
 
 
-def _called(command: Command, given: Given) -> Any:
+def _result_of(command: Command, given: Arguments) -> Any:
     """The result of the command with these options."""
     from modal.errors import SceneError
 
     try:
-        options = _read(command.page(), given)
-        with printing(StringIO()) as text:
+        options = _options_of(command.page(), given)
+        with text_into(StringIO()) as text:
             result = perform(options)
     except SceneError as error:
         if type(error) is not SceneError:
             raise
-        raise SceneError([_in_python(problem, quote="") for problem in error.problems]) from None
+        raise SceneError([_with_keywords(problem, quote="") for problem in error.problems]) from None
     is_text = result is None or any(taken.name in FORMS and value for taken, value in given)
     told = text.getvalue()
     if isinstance(result, tuple) and not hasattr(result, "_fields"):
@@ -204,7 +214,7 @@ def _called(command: Command, given: Given) -> Any:
     return Text(told) if is_text and told else result
 
 
-def _read(page: Page, given: Given) -> Namespace:
+def _options_of(page: Page, given: Arguments) -> Namespace:
     """The options of a command as its parser reads them; objects stay what they are."""
     from modal.errors import SceneError
 
@@ -213,6 +223,7 @@ def _read(page: Page, given: Given) -> Namespace:
 
     page.error = refuse  # type: ignore[method-assign]
     page.keywords = {}  # messages call arguments by their names
+    page.usual = "" if page.usual.endswith(PICTURES) else page.usual  # a figure is returned
     words, last, objects = [], ["--"], {}
     for taken, value in given:
         if value is None or value is False:
@@ -223,15 +234,15 @@ def _read(page: Page, given: Given) -> Namespace:
         elif value is True:
             words.append(taken.name)
         elif taken.name.startswith("-"):
-            words += [f"{taken.name}={word}" for word in _written(taken, value)]
+            words += [f"{taken.name}={word}" for word in _words_of(taken, value)]
         else:
-            last += _written(taken, value)
+            last += _words_of(taken, value)
     options: Namespace = page.parse_args([*words, *last])
     vars(options).update(objects)
     return options
 
 
-def _written(taken: Option, value: Any) -> list[str]:
+def _words_of(taken: Option, value: Any) -> list[str]:
     """A value as words of a command line.
 
     A mapping has a word PLACE=VALUE for each of its entries, a list one for each item where an option is repeated.
@@ -275,6 +286,6 @@ def save(thing: Scene | Trajectory | Sweep, path: str | PathLike[str]) -> None:
     """
     from modal.scene.doors import require_type
 
-    require_type("thing", thing, *SAVED)
-    room = import_module(SAVED[type(thing).__name__])
+    require_type("thing", thing, *WRITERS)
+    room = import_module(WRITERS[type(thing).__name__])
     (room.dump if room.__name__ == "modal.scene" else room.save)(thing, path)

@@ -10,7 +10,7 @@ from functools import cached_property
 from itertools import takewhile, zip_longest
 from typing import TYPE_CHECKING, Any, NoReturn
 
-from multipendula.flags import ASIDE, ELSEWHERE, FLAGS, STREAM, SYNONYMS
+from multipendula.flags import ASIDE, ELSEWHERE, FLAGS, IN_SCENE, STREAM, SYNONYMS
 
 if TYPE_CHECKING:
     from multipendula.flags import Former
@@ -274,6 +274,13 @@ class Page(argparse.ArgumentParser):
             action = self._option_string_actions.get(flag)
             if action and (not value or value in (action.choices or (value,))):
                 return f" (did you mean {words}?)"
+        if name.removeprefix("--") in self.kinds:
+            return f" (did you mean -o FILE.{name.removeprefix('--')}?)"
+        if name in IN_SCENE:
+            varied = next(
+                (f", or {flag} varies it" for flag in ("--vary", "--free") if flag in self.keywords.values()), ""
+            )
+            return f": it stands in the scene's file (`scenes NAME -o mine.toml` copies one){varied}"
         return ""
 
     def _print_message(self, message: str, file: Any = None) -> None:

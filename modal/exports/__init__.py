@@ -73,7 +73,9 @@ def find_format(name: str) -> Format:
     if name not in FORMATS:
         from modal.errors import SceneError, meant
 
-        raise SceneError([f"format {name}: must be one of {', '.join(FORMATS)}{meant(name, FORMATS)}"])
+        other = OTHER_NAMES.get(name.lower())
+        near = f" (did you mean {other}?)" if other else meant(name, FORMATS)
+        raise SceneError([f"format {name}: must be one of {', '.join(FORMATS)}{near}"])
     return FORMATS[name]
 
 
@@ -125,5 +127,16 @@ FORMATS = {
     ),
     "modelica": Format(".mo", "a Modelica block", "source.write_modelica"),
 }
+OTHER_NAMES = {
+    **dict.fromkeys(("matlab", "octave", "scipy"), "mat"),
+    **dict.fromkeys(("simulink", "fmi", "dymola"), "fmu"),
+    **dict.fromkeys(("python", "py", "python-control"), "control"),
+    **dict.fromkeys(("openmodelica", "mo"), "modelica"),
+    **dict.fromkeys(("h", "c99", "c++", "cpp"), "c"),
+    **dict.fromkeys(("transfer", "zpk", "transfer-function"), "tf"),
+    **dict.fromkeys(("numpy",), "npz"),
+    **dict.fromkeys(("excel", "xlsx"), "csv"),
+}
+"""Formats by the tools that read them."""
 __getattr__ = exported(__name__, (), LATER)
 __all__ = ["FORMATS", "Format", "find_format", "format_of_file"]

@@ -261,13 +261,15 @@ class Modes(TextResult, Eigenvalues, Sequence[Mode]):
     def plot(self, numbers: Sequence[int] | None = None, **options: Any) -> Figure:
         """A matplotlib figure of the shapes of the modes with these indices (from 0), by default the first ones.
 
-        `options` are those of `modal.plotting.shapes.shapes_figure`; matplotlib is imported at the first call.
+        `options` are those of `modal.plotting.shapes.shapes_figure`, and a `theme`, light or dark.
 
         >>> from modal import load, natural_modes
         >>> len(natural_modes(load("chain-3")).plot(amplitude_deg=15.0).axes)
         3
         """
-        figure: Figure = deferred("modal.plotting.shapes:shapes_figure")(self, _indices(numbers), **options)
+        figure: Figure = deferred("modal.plotting.style:figure_at")(
+            "modal.plotting.shapes:shapes_figure", self, _indices(numbers), **options
+        )
         return figure
 
     def animate(self, path: str | PathLike[str], numbers: Sequence[int] | None = None, **options: Any) -> None:

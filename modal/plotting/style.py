@@ -7,18 +7,19 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from io import BytesIO
 from pathlib import Path
 from typing import IO, Any
 
 import numpy as np
-from matplotlib import rc_context, rcParams, style
+from matplotlib import rc_context, rcParams, rcParamsDefault, style
 from matplotlib.backend_bases import RendererBase
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_hex, to_rgb
 from matplotlib.figure import Figure
 
+from modal.report import deferred
 from modal.types import Floats
 
 WIDTH, WIDE = 8.0, 10.5
@@ -81,6 +82,17 @@ def sheet(width: float, height: float) -> Picture:
 def theme(name: str) -> AbstractContextManager[None]:
     """One of the package's own styles, "light" or "dark", independent of any other settings."""
     return style.context(f"modal.plotting.{name}", after_reset=True)
+
+
+def figure_at(place: str, *arguments: Any, theme: str = "", **options: Any) -> Figure:
+    """The figure that the function at `module:name` draws in a theme, by default in the style in force.
+
+    Where nobody has chosen a style, and matplotlib's own is in force, that is the light theme.
+    """
+    is_own = rcParams["axes.prop_cycle"] == rcParamsDefault["axes.prop_cycle"]
+    with style.context(f"modal.plotting.{theme or 'light'}", after_reset=True) if theme or is_own else nullcontext():
+        figure: Figure = deferred(place)(*arguments, **options)
+    return figure
 
 
 def save(figure: Figure, stream: IO[bytes], form: str) -> None:

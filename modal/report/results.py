@@ -264,6 +264,10 @@ class Drawable:
     figure: ClassVar[str]
 
     def plot(self, **options: Any) -> Figure:
-        """A matplotlib figure; the options are those of the function of `modal.plotting` or `nonlinear.plotting`."""
-        drawn: Figure = deferred(self.figure)(self, **options)
+        """A matplotlib figure; the options are those of the function of `modal.plotting` or `nonlinear.plotting`.
+
+        A `theme`, light or dark, is an option of all; by default it is the style in force, and light where that is
+        matplotlib's own.
+        """
+        drawn: Figure = deferred("modal.plotting.style:figure_at")(self.figure, self, **options)
         return drawn

@@ -29,6 +29,7 @@ MARKS = {
     **{codecs.BOM_UTF16_LE: "utf-16", codecs.BOM_UTF16_BE: "utf-16"},
 }
 """Byte-order marks of encodings, the longer before the shorter that begin alike."""
+SHIPPED = os.path.join(os.path.dirname(__file__), "shipped")
 BEGINNING = 20_000
 """Bytes of a text that are looked at."""
 SIGNATURES = (
@@ -45,6 +46,11 @@ TEXTS = (
     (r'\A\s*# \{"sha256": "\w*", "multipendula_', "run table", "a result saved by multipendula"),
     (r"\A\s*time_s,(theta|ux)_\d+_\d+(_rad)?,([^\n]*,)?(theta|uz)_dot_\d+_\d+_(rad_)?per_s\b", "run table", "a run"),
     (r"(?s)\A\s*(<\?xml.{0,2000}?)?<svg", "picture", "an SVG picture"),
+    (r"(?s)\A\s*(<[?!].{0,2000}?)?<robot\b", "robot", "a robot description (URDF)"),
+    (r"(?s)\A\s*(<[?!].{0,2000}?)?<mujoco\b", "robot", "a MuJoCo model (MJCF)"),
+    (r"(?s)\A\s*(<[?!].{0,2000}?)?<sdf\b", "robot", "a Gazebo model (SDF)"),
+    (r"\A\s*<\?xml\b", "xml", "an XML file"),
+    (r"(?m)\A(#[^\n]*\n|\s*\n)*(import|from) [\w.]+( import .*| as \w+)?$", "script", "a Python script"),
     (r"(?i)\A\s*<(!doctype )?html", "page", "a web page"),
     (r"\A\s*\{\s*[\"}]|\A\s*\[\s*\{\s*\"", "json", "JSON"),
     (r"(?m)^[ \t]*(\[\[?(pendulum|support|force|spring|ground)\]\]?|gravity[ \t]*=)", "scene", "a scene"),
@@ -72,6 +78,10 @@ INSTEAD = {
     ("scene", "run"): OF_RUN,
     ("scene", "run table"): OF_RUN,
     ("scene", "table"): "measurements follow a scene, as in `fit SCENE DATA.csv`",
+    (
+        "scene",
+        "robot",
+    ): "twenty lines of Python make a scene of a chain: “A robot description” in the manual",
     ("scene", "json"): 'scenes are TOML, gravity = 9.81 in place of {"gravity": 9.81}',
     ("scene", "picture"): "give the TOML file of the scene that it shows",
     ("scene", "page"): "give the TOML file of the scene that it shows",
@@ -220,11 +230,17 @@ def _beginning(path: str | PathLike[str], largest: int, whole: bool) -> bytes:
                 raise SceneError([f"is larger than {largest} bytes"])
             return limited(stream, largest) if whole else stream.read(largest)
     except OSError as error:
+        if isinstance(error, FileNotFoundError) and _is_shipped(os.fspath(path)):
+            raise SceneError(["is a shipped scene, and a file of data is needed in its place"]) from None
         raise SceneError([f"cannot be read: {error.strerror or error}"]) from None
     except ValueError as error:
         if isinstance(error, SceneError):
             raise
         raise SceneError([f"cannot be read: {error}"]) from None
+
+
+def _is_shipped(name: str) -> bool:
+    return os.path.basename(name) == name and os.path.isfile(os.path.join(SHIPPED, f"{name}.toml"))
 
 
 def private(path: str, flags: int) -> int:

@@ -15,7 +15,7 @@ from time import time
 from typing import IO, Any
 
 from modal.errors import SceneError, meant
-from modal.scene.contents import content_of, decoded, limited
+from modal.scene.contents import SHIPPED, content_of, decoded, limited
 from modal.scene.doors import checked, require_type
 from modal.scene.model import Scene, describe, scene_from
 
@@ -34,7 +34,6 @@ _DEEP = re.compile(
     re.VERBOSE,
 )
 """A key that is too deep, or a string or comment that may look like one."""
-SHIPPED = Path(__file__).parent / "shipped"
 
 
 def load(source: str | os.PathLike[str] | Scene) -> Scene:
@@ -185,14 +184,14 @@ def example_names() -> list[str]:
     >>> "paper-cart-2" in example_names()
     True
     """
-    return sorted(entry.name.removesuffix(".toml") for entry in SHIPPED.iterdir() if entry.name.endswith(".toml"))
+    return sorted(entry.name.removesuffix(".toml") for entry in Path(SHIPPED).iterdir() if entry.name.endswith(".toml"))
 
 
 def example_text(name: str) -> str:
     """The file of a shipped scene; SceneError for an unknown name."""
     if name not in example_names():
         raise SceneError([f"{name}: no such shipped scene{_near(name)}"])
-    return (SHIPPED / f"{name}.toml").read_text(encoding="utf-8")
+    return Path(SHIPPED, f"{name}.toml").read_text(encoding="utf-8")
 
 
 def _near(name: str) -> str:
@@ -292,6 +291,8 @@ def _read(name: str) -> bytes:
             if name not in example_names():
                 raise SceneError([f"no such file and no such shipped scene{_near(name)}"])
             return example_text(name).encode()
+        if not there and (shipped := Path(name).name.removesuffix(".toml")) in example_names():
+            raise SceneError([f"cannot be read: there is no such file (did you mean {shipped}, a shipped scene?)"])
         if not Path(name).is_fifo():
             return content_of(name)
         with _awaited(name), open(name, "rb") as stream:

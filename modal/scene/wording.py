@@ -40,6 +40,12 @@ OTHER_NAMES = {
     **dict.fromkeys(("3d", "spatial"), "space"),
 }
 """What other programs and books call keys, kinds and words of a scene, in small letters."""
+OUTSIDE = dict.fromkeys(
+    ("spring", "elastic", "extensible", "rubber", "springpendulum", "spring pendulum", "elastic pendulum"),
+    ": a link that stretches (an elastic pendulum) is outside: SymPy mechanics derives one, MuJoCo simulates one as a "
+    "slide joint with stiffness; the stiffness of a link is that of its joint, and [[spring]] joins supports",
+)
+"""Kinds of links that there are not, with the way out."""
 TABLES = {
     "support": '[support] with kind = "{0}"',
     "links": 'links = [{{ kind = "{0}", … }}] in a [[pendulum]]',
@@ -60,6 +66,8 @@ def suggestion(word: str, known: Iterable[str], near: float = 0.6) -> str:
     """
     words = list(known)
     small = word.lower().strip()
+    if small in OUTSIDE and "bob" in words:
+        return OUTSIDE[small]
     for candidate in (OTHER_NAMES.get(small, ""), small):
         if candidate in words and candidate != word:
             return f" (did you mean {candidate}?)"

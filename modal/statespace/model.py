@@ -35,7 +35,7 @@ import numpy as np
 from modal.assembly import HoistInstant, Matrices, matrices
 from modal.eigen import is_singular
 from modal.errors import ComputationError, SceneError
-from modal.report import Displayed, Drawable, Summary, counted
+from modal.report import Displayed, Drawable, Summary, counted, deferred
 from modal.scene import Fixed, Scene, require, validate_scene
 from modal.scene.doors import checked
 from modal.scene.points import CarrierPoint, parse_point
@@ -105,6 +105,16 @@ class StateSpace(Drawable, Displayed):
         """
         names = {side: [signal.name for signal in getattr(self, side)] for side in ("states", "inputs", "outputs")}
         return {"A": self.A, "B": self.B, "C": self.C, "D": self.D, **names, "dt_s": self.dt}
+
+    def to_control(self) -> Any:
+        """The `control.StateSpace` of python-control, with the names of states, inputs and outputs.
+
+        >>> from modal import load
+        >>> from modal.statespace import state_space
+        >>> state_space(load("chain-1")).to_control().input_labels
+        ['torque_1_1']
+        """
+        return deferred("modal.exports.scripts:to_control")(self)
 
     def _summary(self) -> Summary:
         kind = f"sampled every {self.dt:g} s" if self.dt else "continuous"

@@ -256,7 +256,17 @@ def scene_of(name: str, kind: str = "bob", ways: tuple[str, ...] = ()) -> Scene:
 def _loaded(name: str, kind: str, ways: tuple[str, ...]) -> Scene:
     if ways or kind != KINDS[0]:
         raise SceneError([f"{name}: `links` and `equilibrium` are for chain: and cart: only"])
+    if name in TEMPLATES:
+        raise SceneError([f"{name}: with how many links? {TEMPLATES[name]}"])
     return load(name)
+
+
+TEMPLATES = {
+    "chain": "chain:3 is a chain of three",
+    "cart": "cart:3 is a chain of three on a cart, cart:2x3 two of them",
+    "paper": "paper:000, paper:001 and paper:002 are equations of papers",
+}
+"""Targets without their numbers."""
 
 
 def _template(name: str, ways: tuple[str, ...]) -> tuple[str, int, int] | None:

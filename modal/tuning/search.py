@@ -39,7 +39,8 @@ RULES = 4
 CASES = 8
 """Rounds of adding the worst case of what is tuned so far."""
 EDGE = 1e-6
-Report = Callable[[str], object]
+Report = Callable[[float], object]
+"""Takes the part of the starts that has been descended from."""
 
 
 def tune(
@@ -96,14 +97,13 @@ def tune(
     objective = Objective(scene, numbers, aims, found_limits, setting)
     before = objective.pieces(np.log([item.value or item.start for item in numbers]))
     starts = list(_starts(objective))
-    report(f"{len(starts)} starts")
     if over_hz is not None:
         _refuse_no_peak(objective, objective.start)
     if not starts:
         raise ComputationError(_endless(objective))
     size = abs(sum(item.largest for item in objective.evaluate(starts[0], False).costs))
     objective.scale = size if not objective.is_log and size > 0 else 1.0
-    valleys = _valleys(objective, starts)
+    valleys = _valleys(objective, starts, report)
     candidates = [valleys[0], *(item for item in valleys[1:FINISHED] if not item.certain)]
     descents = [_descended(objective, item.point.z) for item in candidates]
     deepest = min(range(len(descents)), key=lambda k: descents[k].point.merit)
@@ -238,10 +238,11 @@ def _by_rule(objective: Objective) -> Iterator[Floats]:
         yield z
 
 
-def _valleys(objective: Objective, starts: Sequence[Floats]) -> list[Minimum]:
+def _valleys(objective: Objective, starts: Sequence[Floats], report: Report) -> list[Minimum]:
     """The different minima that the starts lead into, the best first."""
     minima: list[Minimum] = []
-    for z in starts:
+    for done, z in enumerate(starts):
+        report(done / len(starts))
         try:
             minimum = descend(objective.evaluate, z, objective.low, objective.high, coarse=True, known=minima)
         except (ComputationError, SceneError):

@@ -110,8 +110,11 @@ def enclose(options: argparse.Namespace) -> tuple[Enclosure, ...]:
     from modal.report import folded
     from modal.scene import load
 
-    with output(options.output) as write, bar(1.0, "scene") as report:
-        rows = tuple(enclose(noted(load(options.scene), "an enclosure"), options.digits, report))
+    in_a_folder(options.output)
+    scene = noted(load(options.scene), "an enclosure")
+    with bar(1.0, "scene") as report:
+        rows = tuple(enclose(scene, options.digits, report))
+    with output(options.output) as write:
         for row in rows:
             folds = f", {row.multiplicity}-fold" if row.multiplicity > 1 else ""
             write(folded(f"{row.low} <= omega <= {row.high} rad/s  {row.label}{folds}") + "\n")

@@ -25,6 +25,7 @@ from multipendula.commands.shared import (
     drawn,
     in_a_folder,
     listed,
+    missing,
     noted,
     output,
     picture,
@@ -46,7 +47,10 @@ OF_MOTIONS = ("--where", "--angles", "--excitation", "--identification", "--orde
 def fit(options: argparse.Namespace) -> Fit | ModeFit | None:
     """Fit numbers of a scene to measured motions or modes, with error bars, and say what the data leave open."""
     from modal.identification import has_modes
+    from modal.scene import load
 
+    if options.free is None:
+        raise missing(load(options.scene), "--free", "")
     return (_fit_modes if any(map(has_modes, options.data)) else _fit_motions)(options)
 
 
@@ -203,7 +207,7 @@ COMMANDS = (
         takes=(
             SCENE,
             *records("; or one of measured modes with mode, frequency_hz and std_hz"),
-            option("--free, such as 'pendulum[0].links[*].damping', or none to judge the scene", required=True),
+            option("--free, such as 'pendulum[0].links[*].damping', or none to judge the scene"),
             "--prior; repeat for several",
             "--column: t=time_ms, theta_1_1_rad=theta_1_1_deg or theta_1_1_rad=-theta_1_1_rad; repeat for several",
             "--scale",

@@ -13,6 +13,8 @@ from multipendula.completion import words
 from multipendula.options import FILMS, PICTURES, REPORTS
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from modal.assembly import Matrices
     from modal.modes import Mode, Modes
 
@@ -108,14 +110,16 @@ def _by_orbits(modes: Modes, rows: list[Mode]) -> tuple[list[Mode], str]:
     return replaced, "; ".join(["the 1 % angle is that of the mode's periodic orbits", *missing])
 
 
-def shapes(options: argparse.Namespace) -> None:
+def shapes(options: argparse.Namespace) -> Figure | None:
     """Draw the mode shapes, or film the modes."""
-    form = picture(options.output, kinds=PICTURES + FILMS)
+    form = picture(options.output, kinds=PICTURES + FILMS) if options.output else ""
     modes, numbers = _modes(options)
     about(noted(modes.scene, "mode shapes"))
     from modal.plotting import LOOP, USUAL_PANELS, draw_shapes, film_modes
 
     asked = None if options.modes is None else numbers
+    if not form:
+        return modes.plot(asked, theme=options.theme, amplitude_deg=options.amplitude)
     with drawn(options.output, options.theme) as stream:
         if form in FILMS:
             with bar(LOOP) as report:
@@ -126,6 +130,7 @@ def shapes(options: argparse.Namespace) -> None:
     last = f" to {shown[-1] + 1}" if len(shown) > 1 else ""
     more = f" of {len(modes)}; --modes chooses others" if len(shown) < len(numbers) else ""
     made(options.output, f"mode{'s' * bool(last)} {shown[0] + 1}{last}{more}")
+    return None
 
 
 def matrices(options: argparse.Namespace) -> Matrices:

@@ -7,15 +7,7 @@ import sys
 from time import perf_counter
 from typing import TYPE_CHECKING
 
-from multipendula.command import (
-    RUN,
-    THEME,
-    Command,
-    formats,
-    kwargs_of,
-    main_file,
-    refuse,
-)
+from multipendula.command import RUN, THEME, Command, formats, kwargs_of, main_file, refuse
 from multipendula.commands.runs import RunOptions, motion, recorded, start_of, whole
 from multipendula.commands.shared import (
     bar,
@@ -32,16 +24,18 @@ from multipendula.commands.shared import (
 from multipendula.options import FILMS, PICTURES, REPORTS, RUNS
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from modal.identification import Estimate
     from nonlinear.ensembles import Compilation
     from nonlinear.integration import Trajectory
 
 BAND_MEMBERS = 200
+WRITTEN = (*RUNS, "mat")
+"""The kinds of files of a motion, of which MATLAB's is not read back."""
 COMPILED = ("txt", "json")
 OF_COMPILING = ("--compile", "--tolerance", "--format", "--output", "--quiet")
 """Options that --compile takes."""
-WRITTEN = (*RUNS, "mat")
-"""The kinds of files of a motion, of which MATLAB's is not read back."""
 
 
 def simulate(options: argparse.Namespace) -> Trajectory | Compilation:
@@ -152,15 +146,18 @@ def _print_band(options: argparse.Namespace, estimate: Estimate, kind: str) -> N
             draw_spread(members, stream, kind)
 
 
-def plot(options: argparse.Namespace) -> None:
+def plot(options: argparse.Namespace) -> Figure | None:
     """Draw a run: angles, cart, energies, phase portrait, and spectrum with the linear frequencies."""
     from nonlinear.plotting import draw_run
 
-    trajectory = RunOptions.of(options).shown(lambda: picture(options.output))
+    trajectory = RunOptions.of(options).shown(lambda: options.output and picture(options.output))
+    if options.output is None:
+        return trajectory.plot(theme=options.theme)
     with drawn(options.output, options.theme) as stream:
         draw_run(trajectory, stream, kind=picture(options.output))
     links, seconds = trajectory.scene.n_links, trajectory.times[-1] - trajectory.times[0]
     made(options.output, f"{seconds:.4g} s of motion of {links} link{'s' * (links > 1)}")
+    return None
 
 
 def animate(options: argparse.Namespace) -> None:

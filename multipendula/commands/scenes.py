@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from multipendula.command import Command, Option, argument, text_file
-from multipendula.commands.shared import output
+from multipendula.commands.shared import is_new, output
 from multipendula.completion import names
 from multipendula.flags import ASIDE, Flag
 
@@ -20,6 +20,9 @@ def scenes(options: argparse.Namespace) -> None:
 
     if options.schema and options.name:
         raise SceneError([f"{options.name}: the schema is that of every scene: leave out the name or --schema"])
+    if is_new(options.output):
+        kind = "json" if options.schema else "toml" if options.name else "txt"
+        files.kind_of(options.output, (kind,), "-o ")
     names = files.example_names()
     width = max(map(len, names))
     with output(options.output) as write:

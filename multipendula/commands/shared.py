@@ -27,22 +27,22 @@ COUNTED = "{desc}{unit}: {n_fmt}, {elapsed} passed"
 MOST_LISTED = 20  # numbers of a scene that are named where one has to be chosen
 MANY = 60  # links from which a command that integrates disturbances says beforehand that it takes long
 
-_PRINTED: ContextVar[TextIO | None] = ContextVar("_PRINTED", default=None)
+TEXT: ContextVar[TextIO | None] = ContextVar("TEXT", default=None)
 
 
-def printed() -> TextIO:
-    """Where text goes: standard output, or what `printing` has put in its place."""
-    return _PRINTED.get() or sys.stdout
+def text_stream() -> TextIO:
+    """Where text goes: standard output, or what `text_into` has put in its place."""
+    return TEXT.get() or sys.stdout
 
 
 @contextmanager
-def printing(text: StringIO) -> Iterator[StringIO]:
+def text_into(text: StringIO) -> Iterator[StringIO]:
     """Collect in it what a command prints, of this thread alone."""
-    token = _PRINTED.set(text)
+    token = TEXT.set(text)
     try:
         yield text
     finally:
-        _PRINTED.reset(token)
+        TEXT.reset(token)
 
 
 @contextmanager
@@ -52,7 +52,7 @@ def output(path: str | None) -> Iterator[Callable[[str], object]]:
     from modal.scene import STANDARD, whole_file
 
     if path is None or path == STANDARD:
-        yield getattr(printed(), "output", printed()).write
+        yield getattr(text_stream(), "output", text_stream()).write
         return
     with fitted(None), whole_file(path) as stream:
         texts: list[str] = []
@@ -107,7 +107,7 @@ def say(text: str, form: str = "text") -> None:
     """Print what a command says: lines of text folded to fit the terminal, with nothing in them that controls it."""
     from modal.report import folded, visible
 
-    printed().write(folded("\n".join(map(visible, text.split("\n")))) if form == "text" else text)
+    text_stream().write(folded("\n".join(map(visible, text.split("\n")))) if form == "text" else text)
 
 
 def made(name: str, words: str) -> None:
@@ -378,7 +378,7 @@ def missing(scene: Scene, flag: str, values: str, more: str = "") -> SceneError:
 
     numbers = [number for number in scene_numbers(scene) if number.is_physical]
     first = next((number for number in numbers if number.place != "gravity"), numbers[0])
-    given = f"{first.place}={values.format(half=f'{first.value / 2:g}', double=f'{first.value * 2:g}')}"
+    given = first.place + values.format(half=f"{first.value / 2:g}", double=f"{first.value * 2:g}")
     lines = [f"  {number.place} = {number.value:g} {number.unit}" for number in numbers[:MOST_LISTED]]
     others = f"{len(numbers) - MOST_LISTED} more and " if len(numbers) > MOST_LISTED else ""
     return SceneError(

@@ -109,9 +109,10 @@ def _format(options: argparse.Namespace) -> str:
 
     by_name = format_of_file(options.output or "")
     if options.to is None and not by_name:
-        every = ", ".join(f"{form.extension} ({name})" for name, form in FORMATS.items())
-        asked = f"-o {options.output}: " if options.output else ""
-        raise SceneError([f"{asked}give --to FORMAT, or -o FILE with a name that ends in {every}"])
+        every = [form.extension for form in FORMATS.values()]
+        ends = f"the name must end in {', '.join(every[:-1])} or {every[-1]}"
+        asked = f"-o {options.output}: {ends}" if options.output else f"-o FILE: is missing, and {ends}"
+        raise SceneError([f"{asked}; or give --to FORMAT"])
     if options.to in FORMATS and options.output != STANDARD and is_new(options.output):
         extension = FORMATS[options.to].extension
         if not options.output.lower().endswith(extension[extension.rindex(".") :]):
@@ -145,7 +146,7 @@ def _varying(scene: Scene, options: argparse.Namespace) -> VaryingModel:
 
 
 def response(options: argparse.Namespace) -> Gains | None:
-    """Print the peaks of a frequency response, its values, or the gains of every mode, or draw it, or an impulse."""
+    """Print peaks, values at frequencies, or the gains of every mode, or draw a Bode plot or an impulse response."""
     from math import pi
 
     import numpy as np
@@ -170,8 +171,8 @@ def response(options: argparse.Namespace) -> Gains | None:
     problems += [f"--of {name}: must be one of {', '.join(outputs)}" for name in shown if name not in outputs]
     if problems:
         raise SceneError(problems)
-    if options.impulse and options.covariance:
-        raise SceneError(["--covariance: gives a band to the Bode plot and to --at, not to --impulse"])
+    if options.covariance and (options.impulse or not (options.at or options.output)):
+        raise SceneError(["--covariance: gives a band to the Bode plot of -o and to --at, not to --impulse or peaks"])
     estimate = estimate_of(scene, options.covariance)
     form, at = to_modal_form(natural_modes(scene), model), inputs.index(source)
     std = None

@@ -32,7 +32,7 @@ def sweep(options: argparse.Namespace) -> Sweep | Loci | BifurcationDiagram | No
     from modal.scene import load
 
     if not options.vary:
-        raise missing(load(options.scene), "--vary", "{half}:{double}:9")
+        raise missing(load(options.scene), "--vary", "={half}:{double}:9")
     kind = picture_in_place(options)
     refuse_homeless(options)
     if not options.strobe:

@@ -36,7 +36,7 @@ def tune(options: argparse.Namespace) -> Tuned | None:
     from modal.tuning import tuned_json, tuned_text
 
     if not options.free:
-        raise missing(load(options.scene), "--free", "{half}:{double}", " --minimize settling")
+        raise missing(load(options.scene), "--free", "={half}:{double}", " --minimize settling")
     kind = picture(options.picture, "--picture") if options.picture else ""
     for flag, path in (("-o", options.output), ("--report", options.report), ("--picture", options.picture)):
         in_a_folder(path, flag)
@@ -49,8 +49,9 @@ def tune(options: argparse.Namespace) -> Tuned | None:
     problems += [f"--{name}: needs --travel METRES" for name in ("over", "kind") if _alone(options, name)]
     if problems:
         raise SceneError(problems)
-    with bar(0, "starts"):
-        best = tuned(scene, listed(options.free), robust=options.robust, **kwargs_of(options, *AIMS))
+    with bar(1.0, title="tuning") as report:
+        how = kwargs_of(options, *AIMS)
+        best = tuned(scene, listed(options.free), robust=options.robust, report=report, **how)
     swing = None if options.largest_angle is None else _swing(best, options.largest_angle)
     record = {} if swing is None else {"finite_swing": _swing_record(swing, best)}
     told = tuned_json(best, record) if options.report or options.format == "json" else ""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from multipendula.command import SCENE, Command, option, picture_file, refuse, text_file
@@ -13,7 +14,6 @@ from multipendula.options import number
 
 if TYPE_CHECKING:
     from modal.scene import Scene
-    from modal.scene.records import Spectrum
     from modal.vibration import RandomResponse, ShockResponse, ThermalNoise
 
 USUAL = "support_acceleration"
@@ -36,7 +36,7 @@ WRITTEN = (
 def vibration(options: argparse.Namespace) -> RandomResponse | ThermalNoise | ShockResponse | None:
     """Compute the response to a shaking support or a force, at random or by a record, and thermal noise."""
     from modal.errors import SceneError
-    from modal.vibration import random_report, random_response
+    from modal.vibration import random_report
 
     if options.record is not None:
         return _shock(options)
@@ -48,39 +48,37 @@ def vibration(options: argparse.Namespace) -> RandomResponse | ThermalNoise | Sh
     if options.at:
         raise SceneError(["--at: is of thermal noise: give --temperature KELVIN"])
 
-    def respond(scene: Scene, **outputs: tuple[str, ...]) -> Any:
-        return random_response(scene, _spectrum(options, scene), source=options.input, **outputs)
-
-    response: RandomResponse = _report(options, respond, random_report, "draw_random")
+    response: RandomResponse = _report(options, partial(_random, options), random_report, "draw_random")
     return response
 
 
-def _spectrum(options: argparse.Namespace, scene: Scene) -> Spectrum:
-    """The PSD in the file, or for a number the white one of this level over the band of the modes, which is told."""
+def _random(options: argparse.Namespace, scene: Scene, **outputs: tuple[str, ...]) -> RandomResponse:
+    """The response to the PSD in a file, or for a number to a white one over the band of the modes, which is told."""
     from os.path import exists
 
     from modal.scene.records import read_spectrum
-    from modal.vibration.random import INPUT, white_spectrum
+    from modal.vibration import random_response
+    from modal.vibration.random import white_spectrum
 
+    supports = options.input == USUAL
     try:
         level = 0.0 if exists(options.psd) else number("(m/s²)²/Hz above 0")(options.psd)
     except argparse.ArgumentTypeError:
         level = 0.0
-    if not level:
-        return read_spectrum(options.psd, options.input != INPUT)
-    spectrum = white_spectrum(scene, level)
-    low, high = spectrum.frequency_hz
-    unit = "(m/s²)²/Hz" if options.input == INPUT else "N²/Hz"
-    band = "a third of the slowest mode to three times the fastest"
-    remark(f"a white PSD of {level:g} {unit} from {low:.4g} to {high:.4g} Hz, {band}")
-    return spectrum
+    spectrum = white_spectrum(scene, level) if level else read_spectrum(options.psd, not supports)
+    response = random_response(scene, spectrum, source=options.input, **outputs)
+    if level:
+        low, high = spectrum.frequency_hz
+        unit, band = "(m/s²)²/Hz" if supports else "N²/Hz", "a third of the slowest mode to three times the fastest"
+        remark(f"a white PSD of {level:g} {unit} from {low:.4g} to {high:.4g} Hz, {band}")
+    return response
 
 
 def _thermal(options: argparse.Namespace) -> ThermalNoise | None:
     """The thermal noise, with the response to a PSD beside it where there is one."""
     from modal.errors import SceneError
     from modal.scene import load
-    from modal.vibration import random_response, thermal_noise, thermal_report
+    from modal.vibration import thermal_noise, thermal_report
     from modal.vibration.random import INPUT
 
     if options.psd is None and options.input != INPUT:
@@ -90,7 +88,7 @@ def _thermal(options: argparse.Namespace) -> ThermalNoise | None:
     outputs = listed(options.signals) or ("tip_positions",)
     noise, beside = thermal_noise(scene, options.temperature, outputs), None
     if options.psd is not None:
-        beside = random_response(scene, _spectrum(options, scene), outputs, options.input)
+        beside = _random(options, scene, outputs=outputs)
     at = options.at or ()
     draw_in(options, options.picture, "modal.plotting.vibration", "draw_thermal", (noise, beside, at))
     with output(options.output) as write:

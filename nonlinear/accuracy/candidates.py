@@ -20,7 +20,7 @@ from time import perf_counter
 import numpy as np
 
 from modal.errors import ComputationError
-from modal.report import Displayed
+from modal.report import Displayed, silent
 from modal.scene import Scene, require, validate_scene
 from modal.types import Floats
 from nonlinear.integration import CLOSED, Choice, Request, SolverInfo, Trajectory, taylor, validate_method
@@ -41,12 +41,16 @@ class GivenUpError(ComputationError):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Question(Displayed):
-    """The motion of a scene at `times` (T,) in s from 0 on after this start; a run may take `patience` seconds."""
+    """The motion of a scene at `times` (T,) in s from 0 on after this start; a run may take `patience` seconds.
+
+    `report` is called with the share of each run that is done.
+    """
 
     scene: Scene
     start: State
     times: Floats
     patience: float = inf
+    report: Callable[[float], object] = silent
 
     @property
     def request(self) -> Request:
@@ -130,6 +134,7 @@ def _impatient(question: Question) -> Callable[[float], None]:
     def report(elapsed: float) -> None:
         spent = perf_counter() - begun
         share = min(1.0, elapsed / duration)
+        question.report(share)
         if spent > patience or (spent > SOON * patience and spent > PLAINLY * patience * share):
             raise TimeoutError(f"given up after {spent:.2g} s, at {elapsed:.3g} s of the motion")
 

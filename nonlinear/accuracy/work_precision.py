@@ -186,8 +186,9 @@ def measure_work_precision(
     """Run every candidate, or these, on a scene from its own start or another for `duration` seconds.
 
     A family of candidates ends with the first that exceeds `patience` seconds or clearly will.  `report` is called with
-    the number of candidates done, the reference included.  After Ctrl-C those done are returned, once there is a
-    reference. Raises SceneError for invalid arguments, ComputationError where there is no reference to compare with.
+    the number of candidates done, the reference included, and during each with parts of it.  After Ctrl-C those done
+    are returned, once there is a reference. Raises SceneError for invalid arguments, ComputationError where there is no
+    reference to compare with.
     """
     validate_scene(scene)
     validate_numbers(duration, 1e-9, 0.0)
@@ -196,7 +197,7 @@ def measure_work_precision(
         raise SceneError([f"the scene has {scene.n_links} links: methods are compared for at most {MOST_LINKS}"])
     state = validate_state(start if start is not None else initial_state(scene), system_of(scene))
     asked = list_candidates(scene) if candidates is None else tuple(candidates)
-    reference = _reference(scene, state, duration)
+    reference = _reference(scene, state, duration, report)
     question = Question(scene, state, reference.trajectory.times)
     first = measure(reference.candidate, question, reference)
     report(1)
@@ -204,18 +205,42 @@ def measure_work_precision(
     return WorkPrecision(scene, reference, (first, *rows), tuple(skipped.items()))
 
 
-def _reference(scene: Scene, state: State, duration: float) -> Reference:
+STEP = 0.02
+"""Of a candidate, by which progress is reported."""
+
+
+def _part(
+    done: int, report: Callable[[float], object], whole: float = 1.0, begun: float = 0.0
+) -> Callable[[float], object]:
+    """A report of the share of a run, the `whole` of which is a part of one candidate after those `done`.
+
+    It rises from what was `begun`, by steps that cost nothing beside those of a run whose time is measured.
+    """
+    most = begun
+
+    def reported(share: float) -> None:
+        nonlocal most
+        if share * whole > most + STEP:
+            most = share * whole
+            report(done + most)
+
+    return reported
+
+
+def _reference(scene: Scene, state: State, duration: float, report: Callable[[float], object]) -> Reference:
     """A reference of longer and longer duration, so that nothing far beyond its horizon is computed."""
     part = FIRST * 2 * pi / estimate_timescales(scene).swing
+    before = 0.0
     while True:
         asked = min(part, duration)
+        shown = _part(0, report, asked / duration, before / duration)
         try:
-            reference = reference_of(Question(scene, state, _samples(scene, asked), PATIENT))
+            reference = reference_of(Question(scene, state, _samples(scene, asked), PATIENT, shown))
         except GivenUpError as error:
             raise ComputationError(f"the reference was {error}: use a shorter duration") from None
         if asked == duration or not reference.whole:
             return replace(reference, duration=duration)
-        part *= LONGER
+        before, part = asked, part * LONGER
 
 
 def _samples(scene: Scene, duration: float) -> Floats:
@@ -232,7 +257,8 @@ def _climbed(
     for done, candidate in enumerate(candidates):
         try:
             if candidate.family not in skipped:
-                rows.append(measure(candidate, question, reference))
+                shown = replace(question, report=_part(done + 1, report))
+                rows.append(measure(candidate, shown, reference))
             report(done + 2)
         except SceneError as error:
             skipped[candidate.family] = str(error)

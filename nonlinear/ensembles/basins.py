@@ -201,7 +201,8 @@ def grid_of(scene: Scene, vary: Sequence[str] | Sequence[Variation] = ()) -> tup
     texts = [axis for axis in wanted if isinstance(axis, str)]
     axes = parse_variations(texts) if texts else tuple(axis for axis in wanted if isinstance(axis, Variation))
     if len(axes) != 2:
-        raise SceneError([f"basins need two numbers to vary, not {len(axes)}"])
+        example = "'pendulum[0].start.angles_deg[0]=-170:170:60'"
+        raise SceneError([f"vary: a map has two axes, not {len(axes)}, such as {example} and that of angles_deg[1]"])
     return axes
 
 

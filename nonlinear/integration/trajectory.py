@@ -184,15 +184,17 @@ class Trajectory(Displayed):
         """
         return deferred("nonlinear.postprocessing.datasets:dataset_of")(self)
 
-    def plot(self) -> Figure:
-        """A matplotlib figure: angles, the cart, energies, phase portrait and spectrum.
+    def plot(self, theme: str = "") -> Figure:
+        """A matplotlib figure in a theme, light or dark: angles, the cart, energies, phase portrait and spectrum.
 
         >>> from modal import load
         >>> from nonlinear import simulate
         >>> len(simulate(load("chain-1"), 5.0).plot().axes)
         4
         """
-        figure: Figure = deferred("nonlinear.plotting.run:run_figure")(self)
+        figure: Figure = deferred("modal.plotting.style:figure_at")(
+            "nonlinear.plotting.run:run_figure", self, theme=theme
+        )
         return figure
 
     def _summary(self) -> Summary:

@@ -81,8 +81,8 @@ class Branch(TextResult):
         """The columns of CSV, (K,): what it was continued along, frequency, stability, amplitude, energy and more."""
         return by_column(list(deferred("nonlinear.orbits.report:orbit_rows")(self)))
 
-    def plot(self) -> Figure:
-        """A matplotlib figure of the branch, beside the linear mode in which it begins.
+    def plot(self, theme: str = "") -> Figure:
+        """A matplotlib figure of the branch in a theme, light or dark, beside the linear mode in which it begins.
 
         Raises ComputationError for a branch that goes along nothing and begins in no mode.
         """
@@ -93,7 +93,9 @@ class Branch(TextResult):
                 raise ComputationError("this branch goes along no number and begins in no mode: nothing to draw")
             modes = natural_modes(scene)
             mode = modes[int(np.argmin(np.abs(modes.omega - self.linear)))]
-        figure: Figure = deferred("nonlinear.plotting.orbits:orbits_figure")(scene, [self], mode)
+        figure: Figure = deferred("modal.plotting.style:figure_at")(
+            "nonlinear.plotting.orbits:orbits_figure", scene, [self], mode, theme=theme
+        )
         return figure
 
     def text(self) -> str:

@@ -350,7 +350,9 @@ def test_an_interrupt_keeps_what_is_done(monkeypatch: pytest.MonkeyPatch) -> Non
     assert [row.candidate.name for row in diagram.rows[1:]] == [LINEAR]
     assert diagram.interrupted
     assert [name for name, _ in diagram.skipped] == [CORRECTED, "minimal RK45 0.001"]
-    assert heard == [1, 2]
+    assert heard == sorted(heard)
+    assert 0 < heard[0] < 1
+    assert heard[-1] == 2
 
 
 def test_an_interrupt_between_rungs_keeps_them_too() -> None:

@@ -6,6 +6,7 @@ import csv
 from pathlib import Path
 
 import pytest
+from documents import ROOT, Page
 from scipy.io import loadmat
 
 from multipendula.cli import main
@@ -104,3 +105,13 @@ def test_numbers_are_listed_where_one_has_to_be_chosen(
     assert example in text
     assert "  pendulum[0].links[0].mass = 1 kg\n" in text
     assert "table SCENE --places lists all" in text
+
+
+def test_guesses_are_answered_as_the_manual_says() -> None:
+    page = (ROOT / "docs" / "howto" / "troubleshooting.md").read_text(encoding="utf-8")
+    Page("guesses").done(page.partition("## Guesses\n")[2].partition("\n## ")[0])
+
+
+def test_a_robot_description_becomes_a_scene_as_the_manual_says() -> None:
+    page = (ROOT / "docs" / "howto" / "scene.md").read_text(encoding="utf-8")
+    Page("a robot description").done(page.partition("## A robot description\n")[2].partition("\n## ")[0])

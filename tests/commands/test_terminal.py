@@ -189,9 +189,13 @@ def test_a_wrong_ending_is_told_with_all_that_are_right(folder: Path, capsys: py
     assert not list(folder.glob("r.*"))
 
 
-def test_a_format_wins_over_the_ending_of_a_file_of_text(printed: Printed, folder: Path) -> None:
-    printed("table crane-hook --format latex -o t.csv", None)
-    assert (folder / "t.csv").read_text(encoding="utf-8").startswith("%")
+def test_a_format_is_that_of_the_ending_of_its_file(
+    printed: Printed, folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    printed("table crane-hook --format latex -o t.txt", None)
+    assert (folder / "t.txt").read_text(encoding="utf-8").startswith("%")
+    assert main(["table", "crane-hook", "--format", "latex", "-o", "t.csv"]) == 2
+    assert "--format latex: cannot be combined with -o t.csv" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("command", ["table", "scenes", "enclose"])

@@ -188,7 +188,7 @@ def test_studies_that_cannot_be_are_told() -> None:
         find_section(load("chain-2"), at="theta[1,9]")
     with pytest.raises(SceneError, match="remove the dampers"):
         find_section(load("metronomes"), energy=1.0)
-    with pytest.raises(SceneError, match="two numbers to vary"):
+    with pytest.raises(SceneError, match="a map has two axes"):
         find_basins(load("chain-2"), vary=GRID[:1])
     with pytest.raises(SceneError, match="no drive"):
         find_basins(load("chain-2"), vary=GRID, measure="configuration")

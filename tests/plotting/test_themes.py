@@ -13,7 +13,7 @@ import pytest
 from chromium import Chromium
 from IPython.core.interactiveshell import InteractiveShell
 from live import BROWSER
-from matplotlib import rcParams
+from matplotlib import cycler, rc_context, rcParams
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from PIL import Image
@@ -134,6 +134,22 @@ def test_outside_a_notebook_the_style_is_set() -> None:
     with theme("dark"):
         show_both_themes()
         assert rcParams["figure.facecolor"] == "#ffffff"
+
+
+def test_a_result_draws_in_a_theme_and_in_the_style_that_was_chosen() -> None:
+    modes = natural_modes(modal.load("chain-1"))
+
+    def paper(name: str = "") -> str:
+        return to_hex(modes.plot(theme=name).get_facecolor())
+
+    with rc_context({"figure.facecolor": "#112233"}):
+        assert paper() == "#ffffff"  # nobody has chosen colours of curves: the light theme
+        assert paper("dark") == "#12181d"
+    with theme("dark"):
+        assert paper() == "#12181d"
+        assert paper("light") == "#ffffff"
+    with rc_context({"figure.facecolor": "#112233", "axes.prop_cycle": cycler("color", ["r", "b"])}):
+        assert paper() == "#112233"
 
 
 @BROWSER

@@ -246,6 +246,20 @@ def test_a_result_shows_how_its_command_begins(
     assert_begins(repr(called(command)), lines)
 
 
+@pytest.mark.parametrize(
+    "command",
+    [
+        "scenes",
+        "scenes chain-1",
+        "response chain-2 --at 0.5",
+        "table chain-2 --format csv",
+        "enclose chain-1 --digits 5",
+    ],
+)
+def test_a_text_shows_all_that_its_command_prints(command: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert repr(called(command)).split("\n") == printed(command, capsys)
+
+
 @pytest.mark.parametrize("name", ["paper-cart-2", "chain-3", "crane-two-loads"])
 def test_a_mode_says_what_its_row_of_the_table_says(name: str) -> None:
     modes = natural_modes(modal.load(name))

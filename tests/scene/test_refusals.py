@@ -90,7 +90,7 @@ def test_mistakes_that_come_together_are_counted_each() -> None:
     "option", ["table chain-1 --format=--", "sweep chain-1 --vary=--", "shapes chain-1 --output=--"]
 )
 def test_an_option_with_dashes_for_its_value_has_none(option: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert any("expected one argument" in line for line in refused(capsys, 2, *option.split()))
+    assert any("needs a value" in line for line in refused(capsys, 2, *option.split()))
 
 
 def test_a_name_that_no_file_can_have_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
