@@ -43,6 +43,9 @@ class GivenUpError(ComputationError):
 class Question(Displayed):
     """The motion of a scene at `times` (T,) in s from 0 on after this start; a run may take `patience` seconds."""
 
+    what = "Motion by which methods are compared"
+    shows = "scene: scene; times: times; patience: longest run, s"
+
     scene: Scene
     start: State
     times: Floats
