@@ -241,7 +241,7 @@ class Family(Displayed):
     what = "Family of modes"
     shows = (
         "omega: ω with all else held, rad/s; fold: modes of single pendula; mass: effective mass, kg; still: "
-        "combinations that move nothing else; branches: modes that move something else; beats: beats, s"
+        "combinations that move nothing else; beats: beats, s"
     )
 
     omega: float

@@ -36,7 +36,7 @@ class Estimate(Displayed):
     """Numbers of a `scene` at `places`, written as `paths`, with their `covariance` (p, p) in the scene's units."""
 
     what = "Estimate of numbers with their covariance"
-    shows = "paths: numbers; deviations: standard deviations"
+    shows = "paths: numbers; stds: standard deviations"
 
     scene: Scene
     places: tuple[Place, ...]

@@ -156,7 +156,9 @@ class CloseApproach(Displayed):
     """
 
     what = "Meeting of two loci"
-    shows = "kind: kind; loci: loci, from 0; value: at; omega: ω, rad/s; gap: gap, rad/s; exchange: exchange (MAC)"
+    shows = (
+        "kind: kind; loci: loci counted from 0; value: at; omega: ω, rad/s; gap: gap, rad/s; exchange: exchange (MAC)"
+    )
 
     kind: Kind
     loci: Pair

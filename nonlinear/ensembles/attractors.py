@@ -39,7 +39,7 @@ class Attractor(Displayed):
     """
 
     what = "Attractor"
-    shows = "period: period, of the drives; turns: turns of links; largest_angle_deg: largest angle, °"
+    shows = "period: period in drives; turns: turns of links; largest_angle_deg: largest angle, °"
 
     period: int
     turns: tuple[int, ...]

@@ -43,7 +43,7 @@ class ModalMotion(Displayed):
     """
 
     what = "Modal coordinates of a motion"
-    shows = "number: modes, from 0; coordinate: coordinates; rate: rates"
+    shows = "number: modes counted from 0; coordinate: coordinates; rate: rates"
 
     modes: Modes
     matrices: Matrices

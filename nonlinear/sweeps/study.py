@@ -53,7 +53,7 @@ class Study(Displayed):
     """
 
     what = "Sweep over numbers of a scene"
-    shows = "scene: scene; variations: along; measures: measures; shape: points"
+    shows = "scene: scene; variations: along; shape: points"
 
     scene: Scene
     variations: tuple[Variation, ...]

@@ -143,7 +143,7 @@ class ModeCheck(Displayed):
     """
 
     what = "Mode of the table against simulation"
-    shows = "mode: mode; measurements: runs; one_percent_deg: 1 % off at, °"
+    shows = "mode: mode; one_percent_deg: 1 % off at, °"
 
     mode: Mode
     measurements: tuple[Measurement, ...]
