@@ -29,6 +29,7 @@ from modal.report import (
     grid,
     headed,
     html,
+    limit,
     listed,
     markdown,
     one_line,
@@ -61,6 +62,7 @@ def table(
     chosen: str = "",
     elsewhere: str = "",
     sensitive: bool = False,
+    left: int = 0,
 ) -> str:
     """These rows of `modes` as text, markdown, latex, csv, html or json, as `form` says.
 
@@ -72,7 +74,8 @@ def table(
     Columns that say nothing about the scene are left out, but in csv and json.  Text that does not fit the width in
     force (`modal.report.fitted`) leaves out more and names them, with the sentence `elsewhere` on where they are.
     `chosen` are names of columns to print instead, `all`, or after a + to add; a table of chosen columns leaves out
-    none, it is stacked.  `sensitive` adds the sensitivities of the frequencies to the numbers of the scene.
+    none, it is stacked.  `sensitive` adds the sensitivities of the frequencies to the numbers of the scene.  Text says
+    how many rows are `left` out.
     """
     if form not in (forms := ("text", "csv", "json", *_WRITERS)):
         raise SceneError([f"form {form}: must be one of {', '.join(forms)}{meant(form, forms)}"])
@@ -86,7 +89,9 @@ def table(
     split = stds is not None and any(isnan(stds[row.number][0]) for row in rows if not row.is_uncertain)
     notes = _footnotes(modes, rows, starred) + [SPLIT] * split
     if form == "text":
-        written = _text(modes, shown, cells, notes, chosen, elsewhere)
+        more = limit()
+        below = [f"… {left} more{more.elsewhere if more else ''}"] * bool(left)
+        written = _text(modes, shown, cells, notes, chosen, elsewhere, below)
     else:
         written = _WRITERS[form](modes, shown, cells, notes)
     return written + (_sensitivities(modes, rows, form) if sensitive else "")
@@ -212,9 +217,15 @@ def _align(columns: Sequence[Column]) -> list[str]:
 
 
 def _text(
-    modes: Modes, shown: Sequence[Column], cells: list[list[str]], notes: list[str], chosen: str, elsewhere: str
+    modes: Modes,
+    shown: Sequence[Column],
+    cells: list[list[str]],
+    notes: list[str],
+    chosen: str,
+    elsewhere: str,
+    below: list[str],
 ) -> str:
-    """The columns that fit, the names of those that do not, and the notes."""
+    """The columns that fit with a line `below`, the names of those that do not, and the notes."""
     headings, left = [column.heading for column in shown], list[str]()
     if not chosen or chosen.startswith("+"):
         kept, left = that_fit(shown, widths_of(cells, headings), columns(), added_by(modes, chosen, shown))
@@ -224,7 +235,10 @@ def _text(
         words = f"left out to fit {columns()} columns: {', '.join(left)}"
         notes = [f"{words}; {elsewhere}" if elsewhere else words, *notes]
     body = aligned(cells, headings, _align(shown))
-    return "\n".join([headed(title_of(modes.scene)), "", body, "", *map(folded, notes)]).rstrip() + "\n"
+    return (
+        "\n".join([headed(title_of(modes.scene)), "", body, *map(folded, below), "", *map(folded, notes)]).rstrip()
+        + "\n"
+    )
 
 
 def _markdown(modes: Modes, columns: Sequence[Column], cells: list[list[str]], notes: list[str]) -> str:

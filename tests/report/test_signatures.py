@@ -16,7 +16,7 @@ import pytest
 import modal
 import nonlinear
 from modal import Bob, Pendulum, Scene, exports, load, natural_modes
-from modal.report import silent
+from modal.report import Displayed, silent
 from nonlinear import simulate
 
 OBJECT = re.compile(r" at 0x|<factory>|<lambda>|<object|\n|\*\*data")
@@ -104,3 +104,15 @@ def test_an_index_of_no_mode_is_one_error_in_all_places() -> None:
     with pytest.raises(TypeError, match="modes have indices from 0"):
         modes.shape("omega")  # type: ignore[arg-type]
     np.testing.assert_array_equal(modes.shape(-1).angles, modes.shape(4).angles)
+
+
+def test_no_public_result_shows_a_bare_listing_of_its_fields() -> None:
+    """Each says what it is, and of what it has by names in words, with units."""
+    classes = {thing for name, thing in callables() if isinstance(thing, type) and issubclass(thing, Displayed)}
+    bare = {each.__name__ for each in classes if each._summary is Displayed._summary and not each.shows}
+    shown = {each for each in classes if each.__repr__ is Displayed.__repr__}
+    assert len(classes) > 100
+    assert bare & {each.__name__ for each in shown} == {"Displayed"}
+    for each in shown - {Displayed}:
+        names = [words.partition(": ")[0] for words in each.shows.split("; ") if each.shows]
+        assert all(name in each.__dataclass_fields__ or hasattr(each, name) for name in names), each
