@@ -28,6 +28,7 @@ COMMANDS = (
         name="explain",
         topic="coupling and synchronization",
         run=explain,
+        main=("--words", "--format", "--output"),
         takes=(
             SCENE,
             formats("text", "markdown", "json"),

@@ -79,7 +79,7 @@ def _format(options: argparse.Namespace) -> str:
     if options.to is None and not by_name:
         every = [form.extension for form in FORMATS.values()]
         ends = f"the name must end in {', '.join(every[:-1])} or {every[-1]}"
-        asked = f"-o {options.output}: {ends}" if options.output else f"-o FILE: is missing, and {ends}"
+        asked = f"-o {options.output}: {ends}" if options.output else f"-o FILE: is required, and {ends}"
         raise SceneError([f"{asked}; or give --to FORMAT"])
     if options.to in FORMATS and options.output != STANDARD and is_new(options.output):
         extension = FORMATS[options.to].extension
@@ -192,15 +192,13 @@ def _gains(options: argparse.Namespace) -> None:
 
 def shaper(options: argparse.Namespace) -> None:
     """Print an input shaper that suppresses residual swing in the slowest modes of a crane."""
-    from modal.errors import SceneError
     from modal.report import csv_rows, folded
     from modal.scene import load
     from modal.statespace import shaper_for, swing_words, usual_drive
 
     picture_in_place(options)
-    alone = {"--picture": options.picture, "--over": options.over} if options.travel is None else {}
-    if problems := [f"{flag} {value}: needs --travel METRES" for flag, value in alone.items() if value is not None]:
-        raise SceneError(problems)
+    if options.travel is None:
+        refuse(options, "needs --travel METRES", "--picture", "--over")
     scene = noted(load(options.scene), "a shaper")
     drive = options.drive or usual_drive(scene)
     estimate = estimate_of(scene, options.covariance)
@@ -233,6 +231,7 @@ COMMANDS = (
         name="export",
         topic="control",
         run=export,
+        main=("--to", "--output", "--input", "--signals", "--discrete"),
         takes=(
             SCENE,
             *SIGNALS,
@@ -267,6 +266,7 @@ COMMANDS = (
         name="response",
         topic="control",
         run=response,
+        main=("--output", "--at", "--input", "--signals", "--gains"),
         takes=(
             SCENE,
             "--covariance: adds standard deviations of magnitudes, in the picture a band of two to either side",
@@ -301,6 +301,7 @@ COMMANDS = (
         name="shaper",
         topic="control",
         run=shaper,
+        main=("--kind", "--count", "--travel", "--discrete", "--output"),
         takes=(
             SCENE,
             "--covariance: adds what the shaped command leaves over the band of the fitted numbers",
