@@ -250,16 +250,16 @@ COMMANDS = (
             "(npz and mat only)."
         ),
         examples=(
-            ("export crane-hook --to mat -o crane.mat", "for MATLAB and Octave"),
+            ("export crane-hook -o crane.mat", "for MATLAB and Octave"),
             (
-                "export crane-hook --to control --input cart_acceleration -o crane.py",
+                "export crane-hook --input cart_acceleration -o crane.py",
                 "for python-control, with prescribed cart motion",
             ),
             (
-                "export crane-hook --to c --discrete 0.01 --input cart_acceleration --signals angles -o crane.h",
+                "export crane-hook --discrete 0.01 --input cart_acceleration --signals angles -o crane.h",
                 "for a controller that samples at 100 Hz",
             ),
-            ("export paper-cart-3 --to json --minimal -o small.json", "the controllable part: 6 states of 14"),
+            ("export paper-cart-3 --minimal -o small.json", "the controllable part: 6 states of 14"),
         ),
     ),
     Command(
