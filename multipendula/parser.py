@@ -302,7 +302,7 @@ class Page(argparse.ArgumentParser):
             from modal.errors import meant
 
             there = ", ".join(map(str, choices))
-            like = meant(value, choices)
+            like = f" (did you mean -o FILE.{value}?)" if value in self.kinds else meant(value, choices)
             told = f"{like}: must be one of {there}" if self.name else f": no such command{like}; there are {there}"
             raise argparse.ArgumentError(action, f"{value}{told}")
 

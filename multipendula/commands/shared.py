@@ -383,7 +383,7 @@ def missing(scene: Scene, flag: str, values: str, more: str = "") -> SceneError:
     others = f"{len(numbers) - MOST_LISTED} more and " if len(numbers) > MOST_LISTED else ""
     return SceneError(
         [
-            f"{flag}: is missing, such as {flag} {quote(given)}{more}; the scene has",
+            f"{flag}: is required, such as {flag} {quote(given)}{more}; the scene has",
             *lines,
             f"  and {others}numbers that are 0: `scene_numbers(scene)` lists all",
         ]

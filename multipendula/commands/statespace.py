@@ -111,7 +111,7 @@ def _format(options: argparse.Namespace) -> str:
     if options.to is None and not by_name:
         every = [form.extension for form in FORMATS.values()]
         ends = f"the name must end in {', '.join(every[:-1])} or {every[-1]}"
-        asked = f"-o {options.output}: {ends}" if options.output else f"-o FILE: is missing, and {ends}"
+        asked = f"-o {options.output}: {ends}" if options.output else f"-o FILE: is required, and {ends}"
         raise SceneError([f"{asked}; or give --to FORMAT"])
     if options.to in FORMATS and options.output != STANDARD and is_new(options.output):
         extension = FORMATS[options.to].extension
@@ -318,16 +318,16 @@ COMMANDS = (
             "(npz and mat only)."
         ),
         examples=(
-            ("export crane-hook --to mat -o crane.mat", "for MATLAB and Octave"),
+            ("export crane-hook -o crane.mat", "for MATLAB and Octave"),
             (
-                "export crane-hook --to control --input cart_acceleration -o crane.py",
+                "export crane-hook --input cart_acceleration -o crane.py",
                 "for python-control, with prescribed cart motion",
             ),
             (
-                "export crane-hook --to c --discrete 0.01 --input cart_acceleration --signals angles -o crane.h",
+                "export crane-hook --discrete 0.01 --input cart_acceleration --signals angles -o crane.h",
                 "for a controller that samples at 100 Hz",
             ),
-            ("export paper-cart-3 --to json --minimal -o small.json", "the controllable part: 6 states of 14"),
+            ("export paper-cart-3 --minimal -o small.json", "the controllable part: 6 states of 14"),
         ),
     ),
     Command(

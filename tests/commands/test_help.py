@@ -144,7 +144,11 @@ def test_a_long_example_is_folded_between_an_option_and_the_next() -> None:
         ("tabel chain-3", "did you mean table?", "multipendula --help"),
         ("tabel chain-3", "scenes, completion, table, shapes", "multipendula --help"),
         ("table chain-3 --formt json", "--formt: no such option (did you mean --format?)", "multipendula table --help"),
-        ("table chain-3 --format jsn", "--format jsn: must be one of text, markdown", "multipendula table --help"),
+        (
+            "table chain-3 --format jsn",
+            "--format jsn (did you mean json?): must be one of",
+            "multipendula table --help",
+        ),
         ("shapes chain-3 --outptu a.png", "(did you mean --output?)", "multipendula shapes --help"),
         (
             "simulate chain-3 --time 5",
