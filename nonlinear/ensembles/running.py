@@ -20,13 +20,13 @@ from typing import Any, cast
 import numpy as np
 
 from modal.errors import SceneError
-from modal.report import Displayed, Drawable, Result, Summary, counted, finite, silent
-from modal.scene import Scene, name_of, require
+from modal.report import Displayed, Drawable, Result, Summary, counted, deferred, finite, silent
+from modal.scene import Scene, name_of, require, title_of
 from modal.scene.parameters import Vary
-from modal.types import Floats
+from modal.types import Floats, Ints
 from nonlinear.ensembles.computing import DISAGREES, Chunk, compute, engine_of
 from nonlinear.ensembles.costs import Decision, choose_engine, seconds_of
-from nonlinear.ensembles.executors import DIED, Crew, computed, cores
+from nonlinear.ensembles.executors import DIED, Crew, computed, cores, pool_of
 from nonlinear.ensembles.measures import requested_measures, validate_measures
 from nonlinear.ensembles.members import Members, Starts, members_of
 from nonlinear.ensembles.plain import state_columns, validate_plain
@@ -182,6 +182,32 @@ class Ensemble(Displayed):
         measured = {name: values for name in single if (values := self.column(name)).ndim == 1}
         return {**varied, **measured}
 
+    def to_xarray(self) -> Any:
+        """What was kept as an `xarray.Dataset` over `member`, beside what was varied; chunks are read as they are used.
+
+        Crossings, which are not one of each member, are left out.  Raises MissingExtraError without xarray.
+        """
+        first = next(iter(self.chunks), None)
+        columns = {} if first is None else {name: values.shape[1:] for name, values in first.columns.items()}
+        kept = {name: tail for name, tail in columns.items() if not name.startswith("crossing_")}
+        told = {"title": title_of(self.question.scene), "duration_s": self.question.duration, "engine": self.engine}
+        dataset = deferred("nonlinear.postprocessing.datasets:dataset_of_rows")
+        return dataset(self.size, self.members.values, kept, self._rows, told)
+
+    def _rows(self, name: str, members: Ints, each: tuple[int, ...]) -> Floats:
+        """One quantity of some members, of such a shape each, from their chunks alone; NaN where it is not known."""
+        numbers, rows = members // self.question.chunk, np.full((len(members), *each), np.nan)
+        for number in np.unique(numbers).tolist():
+            if (chunk := self._chunk(number)) is not None and name in chunk.columns:
+                here = numbers == number
+                rows[here] = chunk.columns[name][members[here] - chunk.first]
+        return rows
+
+    def _chunk(self, number: int) -> Chunk | None:
+        if isinstance(self.chunks, Parts):
+            return self.chunks.read(number) if self.chunks.path(number).exists() else None
+        return next((chunk for chunk in self.chunks if chunk.first == number * self.question.chunk), None)
+
     def _summary(self) -> Summary:
         members, question = counted(self.size, "member", "members"), self.question
         title = f"Ensemble of {members} of {name_of(question.scene)} over {question.duration:g} s"
@@ -282,7 +308,8 @@ def ensemble(
         Any `concurrent.futures.Executor` in place of processes, or a `WorkerPool` that says on how many chunks it works
         at a time.
     report
-        Is called with the number of members done.
+        Is called with the number of members done; before, its method `expect`, if it has one, with the seconds that the
+        others are estimated to take, and the number done.
 
     Returns
     -------
@@ -404,6 +431,8 @@ def _run(
     kept: dict[int, Chunk] = {}
     done = question.members.size - sum(_size(question, number) for number in left)
     report(done)
+    if expect := getattr(report, "expect", None):
+        expect(_seconds_left(question, len(left), workers, crew), done)
     interrupted = False
     try:
         with closing(_chunks(question, decision.forgone, left, workers, crew)) as chunks:
@@ -417,6 +446,12 @@ def _run(
     except KeyboardInterrupt:
         interrupted = True
     return Ensemble(question, parts or [kept[number] for number in sorted(kept)], decision.reason, interrupted)
+
+
+def _seconds_left(question: EnsembleRequest, left: int, workers: int | None, crew: Crew | None) -> float:
+    """Roughly how long so many chunks take together (s)."""
+    count = pool_of(crew).size if crew is not None else workers or cores()
+    return seconds_of(question, left) / max(min(count, left), 1)
 
 
 def _size(question: EnsembleRequest, number: int) -> int:
