@@ -87,7 +87,8 @@ def number(words: str, most: float = sys.float_info.max, least: float = 5e-324) 
         except ValueError:
             value = float("nan")
         if not least <= value <= most:
-            raise argparse.ArgumentTypeError(f"{text}: must be a number of {words}")
+            kind = "" if words.startswith("at least") else "a number of "
+            raise argparse.ArgumentTypeError(f"{text}: must be {kind}{words}")
         return value
 
     converted.of = words.split(maxsplit=1)[0]  # type: ignore[attr-defined]

@@ -7,7 +7,7 @@ import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from io import BytesIO
-from typing import IO, TYPE_CHECKING
+from typing import IO, TYPE_CHECKING, Any
 
 from multipendula.options import FILMS, PICTURES, endings
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from modal.identification import Estimate
     from modal.scene import Scene
 
-DAY, LONGEST = 86_400.0, 1e5  # s; days that are told as a number
+HOUR, DAY, LONGEST = 3600.0, 86_400.0, 1e5  # s; days that are told as a number
 LONG, COORDINATE = 5.0, 9e-5  # s that are told first, and for the square of the coordinates of supports
 LATE = 1.0  # s until progress is shown, and between two looks at it
 MEASURED = "{desc}{percentage:3.0f} % |{bar:24}| {remaining} left, {elapsed} passed"
@@ -153,14 +153,41 @@ def validated(options: argparse.Namespace, image: str | None, fitting: Callable[
     return checked
 
 
+class Progress:
+    """What a computation tells how far it has come, and how long it is expected to take before it has come far."""
+
+    def __init__(self, shown: Any = None) -> None:
+        self.shown, self.usual = shown, getattr(shown, "bar_format", "")
+        self.expected, self.first = 0.0, 0.0
+
+    def __call__(self, now: float) -> None:
+        """So much is done."""
+        if self.shown is not None:
+            self.look(now)
+            self.shown.update(now - self.shown.n)
+
+    def expect(self, seconds: float, done: float = 0.0) -> None:
+        """What is left takes about so long, which is said first if it is over an hour; so much is done already."""
+        self.expected, self.first = seconds, done
+        _forewarn(seconds, HOUR)
+
+    def look(self, now: float) -> None:
+        """Tell the time left as expected while nothing more is done."""
+        left = self.expected - self.shown.format_dict["elapsed"]
+        about = f"about {self.shown.format_interval(left)}"
+        self.shown.bar_format = (
+            self.usual.replace("{remaining}", about) if now <= self.first and left > 0 else self.usual
+        )
+
+
 @contextmanager
-def bar(total: float, unit: str = "s", title: str = "") -> Iterator[Callable[[float], object]]:
+def bar(total: float, unit: str = "s", title: str = "") -> Iterator[Progress]:
     """A progress bar in per cent with the time left, or how many units are done where the total is not known (0).
 
     It is shown on a terminal only, from one second on, also while nothing is reported.
     """
     if not sys.stderr.isatty():
-        yield lambda elapsed: None
+        yield Progress()
         return
     from threading import Event, Thread
 
@@ -169,15 +196,17 @@ def bar(total: float, unit: str = "s", title: str = "") -> Iterator[Callable[[fl
     form = MEASURED if total else COUNTED
     ended = Event()
     with tqdm(total=total or None, unit=unit, delay=LATE, leave=False, desc=title or None, bar_format=form) as shown:
+        progress = Progress(shown)
 
         def tick() -> None:
             while not ended.wait(LATE):
+                progress.look(shown.n)
                 shown.refresh()
 
         clock = Thread(target=tick, daemon=True)
         clock.start()
         try:
-            yield lambda elapsed: shown.update(elapsed - shown.n)
+            yield progress
         finally:
             ended.set()
             clock.join()
@@ -264,16 +293,17 @@ def forewarning(
         nonlocal told
         if not told:
             told = True
-            _forewarn(scene, duration, members, tolerance, least)
+            if duration:
+                from nonlinear.integration.methods import least_seconds
+
+                _forewarn(least_seconds(scene, duration, tolerance, members), least)
         report(now)
 
     return reported
 
 
-def _forewarn(scene: Scene, duration: float | None, members: int, tolerance: float, least: float) -> None:
-    from nonlinear.integration.methods import least_seconds
-
-    seconds = least_seconds(scene, duration, tolerance, members) if duration else 0.0
+def _forewarn(seconds: float, least: float) -> None:
+    """Say how long a computation is estimated to take, if over `least` s."""
     if seconds > least:
         days = seconds / DAY
         told = f"{days:.2g} days on one core" if days < LONGEST else "time longer than anyone can wait"

@@ -83,7 +83,7 @@ def find_attractors(
         words = (
             "changes the attractors themselves: vary numbers of a start, and follow attractors by `find_bifurcations`"
         )
-        raise SceneError([f"{path}: {words}" for path in other])
+        raise SceneError([f"vary {path}: {words}" for path in other])
     period = drive_period(scene).seconds
     if duration is None:
         duration = settling_time(scene, period) + KEPT * period

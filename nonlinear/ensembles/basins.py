@@ -201,7 +201,7 @@ def grid_of(scene: Scene, vary: Sequence[str] | Sequence[Variation] = ()) -> tup
     texts = [axis for axis in wanted if isinstance(axis, str)]
     axes = parse_variations(texts) if texts else tuple(axis for axis in wanted if isinstance(axis, Variation))
     if len(axes) != 2:
-        raise SceneError([f"basins need two numbers to vary, not {len(axes)}"])
+        raise SceneError([f"vary: basins need two numbers to vary, not {len(axes)}"])
     return axes
 
 
@@ -250,7 +250,7 @@ def usual_axes(scene: Scene) -> list[str]:
             f"pendulum[0].start.rates_deg[0]={-most:.3g}:{most:.3g}:{SIZE}",
         ]
     else:
-        raise SceneError(["this scene has one starting angle: choose two numbers to vary"])
+        raise SceneError(["vary: this scene has one starting angle: choose two numbers"])
     size = SIZE if form_of(scene) is not None else SIZE_ONE_BY_ONE
     return [f"{place}={-WIDEST:g}:{WIDEST:g}:{size}" for place in places]
 

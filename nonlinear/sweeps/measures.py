@@ -328,7 +328,7 @@ def parse_measures(texts: Sequence[str], verb: str = "sweep") -> tuple[Requested
             request = RequestedMeasure(COMPUTATIONS[measure.name], number)
             name = request.text if measure.whole else measure.name
             if name in requests:
-                raise SceneError([f"{text}: {name} is requested twice"])
+                raise SceneError([f"measure {text}: {name} is requested twice"])
             requests[name] = request
         except SceneError as error:
             problems += error.problems

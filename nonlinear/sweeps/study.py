@@ -271,7 +271,7 @@ def validate_energies(scene: Scene, requests: Sequence[RequestedMeasure], member
 def _of_starts(name: str) -> None:
     """SceneError for a measure that an ensemble does not take."""
     if why := MEASURES[name].refused.get("ensemble"):
-        raise SceneError([f"{name}: cannot be measured of starts drawn at an energy: {why}"])
+        raise SceneError([f"measure {name}: cannot be measured of starts drawn at an energy: {why}"])
 
 
 def measured_at(scene: Scene, points: Sequence[tuple[int, float]], task: SweepTask) -> dict[int, Measured]:

@@ -87,7 +87,7 @@ def test_loci_are_told_kept_and_drawn(tmp_path: Path, capsys: pytest.CaptureFixt
         ({"output": "/nowhere/m.npz"}, "there is no folder"),
         (
             {"measure": ["beet"], "output": "m.txt"},
-            "must end in .npz, .csv, .json, .png, .svg or .pdf\nbeet: no such measure",
+            "must end in .npz, .csv, .json, .png, .svg or .pdf\nmeasure beet: no such measure",
         ),
         ({"loci": True, "measure": ["beat"]}, "--measure: "),
         ({"loci": True, "workers": None, "output": "l.npz"}, "-o l.npz: .*csv"),
