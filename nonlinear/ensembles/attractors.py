@@ -92,7 +92,9 @@ def find_attractors(
         raise SceneError([f"duration {duration:g} s: an attractor takes {KEPT} periods of {period:.4g} s"])
     times = strobe_times(period, settle=(last - KEPT + 1) * period)
     ensembled = ensemble(scene, max(duration, times[-1]), vary=axes, output=times.tolist(), report=report, **options)
-    states = [part[:, -KEPT:] for part in ensembled.require("start").states()]
+    if not ensembled.require("start").columns:  # a share without a chunk
+        return ensembled, (), np.full(ensembled.size, nan)
+    states = [part[:, -KEPT:] for part in ensembled.states()]
     strobes = natural_units(ensembled.question.system, states)
     repeats, turns = repetition(strobes, ensembled.question.system.n_links)
     labels, members = clustered(strobes, repeats, turns)

@@ -15,7 +15,7 @@ from contextlib import closing
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from math import isnan
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
@@ -40,7 +40,7 @@ from nonlinear.ensembles.question import (
     refused,
     sample_of,
 )
-from nonlinear.ensembles.store import Parts, engine_of_folder
+from nonlinear.ensembles.store import Parts, engine_of_folder, validate_folder, validate_share
 from nonlinear.integration import sample_times, validate, validate_numbers, validate_whole
 from nonlinear.integration.readiness import Forgone, lose, rented
 from nonlinear.system import Motion, System, system_of
@@ -350,26 +350,6 @@ def _left(question: EnsembleRequest, parts: Parts | None, share: tuple[int, int]
     """The chunks to compute."""
     first, of = share or (0, 1)
     return [number for number in range(first, question.chunks, of) if not (parts and parts.done(number))]
-
-
-def validate_share(share: object) -> None:
-    """SceneError for a share that cannot be."""
-    if share is None:
-        return
-    try:
-        first, of = cast("tuple[int, int]", share)
-        validate_whole(0, k=first, n=of)
-        fits = first < of
-    except (TypeError, ValueError):
-        fits = False
-    if not fits:
-        raise SceneError([f"share {share!r}: must be (k, n), whole numbers with 0 ≤ k < n"])
-
-
-def validate_folder(folder: object) -> None:
-    """SceneError for what names no folder."""
-    if folder is not None and not (isinstance(folder, str | os.PathLike) and os.fspath(folder)):
-        raise SceneError([f"folder {folder!r}: must be the path of a folder"])
 
 
 def _question(

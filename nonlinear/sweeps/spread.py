@@ -14,7 +14,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property, partial
+from functools import cached_property
 from operator import itemgetter
 from typing import TYPE_CHECKING, Any
 
@@ -40,7 +40,7 @@ from modal.scene.parameters import Variable, find_places, number_at, unit_at
 from modal.types import Floats
 from nonlinear.ensembles import Ensemble, ensemble
 from nonlinear.integration import validate, validate_whole
-from nonlinear.sweeps.measures import parse_measures
+from nonlinear.sweeps.measures import parse_measures, validate_requests
 from nonlinear.sweeps.study import TOGETHER, PointChunk, SweepTask, measure_chunk
 from nonlinear.system import State, system_of
 
@@ -353,7 +353,7 @@ def find_spread(
         lambda: validate_whole(0, seed=seed),
         lambda: parse_measures(measures, "spread"),
     )
-    validate(*(partial(door, scene) for request in requests if (door := request.computation.door)))
+    validate_requests(requests, scene)
     rng = np.random.default_rng(seed)
     values = {tolerance.path: tolerance.drawn(_value(scene, tolerance.path), members, rng) for tolerance in parsed}
     values |= estimate.drawn(members, rng) if estimate is not None else {}
