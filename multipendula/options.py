@@ -87,7 +87,7 @@ def number(words: str, most: float = sys.float_info.max, least: float = 5e-324) 
         except ValueError:
             value = float("nan")
         if not least <= value <= most:
-            unit = "a number " if words.startswith("from ") else "a number of "
+            unit = "" if words.startswith("at least") else "a number " if words.startswith("from ") else "a number of "
             raise argparse.ArgumentTypeError(f"{text}: must be {unit}{words}")
         return value
 

@@ -62,10 +62,10 @@ class Measure(Displayed):
     def validate(self, number: float) -> float:
         """The N itself; SceneError where it is none of such a measure."""
         if not self.counts:
-            raise SceneError([f"{self.name}:{number:g}: {self.name} takes no number"])
+            raise SceneError([f"measure {self.name}:{number:g}: {self.name} takes no number"])
         kind = f"a {'whole ' * self.whole}number above 0 and at most {self.most:g}"
         if not (isfinite(number) and 0 < number <= self.most) or (self.whole and number != int(number)):
-            raise SceneError([f"{self.name}:{number:g}: must have {kind}"])
+            raise SceneError([f"measure {self.name}:{number:g}: must have {kind}"])
         return number
 
 
@@ -254,10 +254,10 @@ def measure_for(verb: str, text: str) -> Measure:
     if name not in MEASURES:
         now = f" (is now {FORMER[name]})" if name in FORMER else ""
         hint = now or meant(name, taken_by(verb)) or f" (must be one of {', '.join(taken_by(verb))})"
-        raise SceneError([f"{text}: no such measure{hint}"])
+        raise SceneError([f"measure {text}: no such measure{hint}"])
     measure = MEASURES[name]
     if why := measure.refused.get(verb):
-        raise SceneError([f"{text}: {verb} does not take {name}: {why}"])
+        raise SceneError([f"measure {text}: {verb} does not take {name}: {why}"])
     return measure
 
 
@@ -274,7 +274,7 @@ def requested(verb: str, text: str) -> tuple[Measure, float]:
     try:
         value = float(number)
     except ValueError:
-        raise SceneError([f'{text}: "{number}" is not a number']) from None
+        raise SceneError([f'measure {text}: "{number}" is not a number']) from None
     return measure, measure.validate(value)
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from multipendula.command import CREW, SCENE, Command, Option, formats, kwargs_of, option, refuse, report_file
 from multipendula.commands.runs import ELSEWHERE, start_of, tell_of_start
-from multipendula.commands.shared import bar, draw_in, estimate_of, forewarning, in_a_folder, picture, remark, say
+from multipendula.commands.shared import bar, draw_in, estimate_of, in_a_folder, picture, remark, say
 from multipendula.completion import words
 from multipendula.options import integer, number
 from nonlinear.measures import taken_by
@@ -60,7 +60,7 @@ def basins(options: argparse.Namespace) -> Basins | None:
     axes = grid_of(scene, options.vary or ())
     if begins_in_mode(scene, axes):
         tell_of_start("every member begins in the shape of the first mode that swings")
-    with _engine(options, scene, prod(len(axis.values) for axis in axes)) as more:
+    with _engine(options, prod(len(axis.values) for axis in axes)) as more:
         outcome = find_basins(scene, options.duration, vary=axes, measure=options.measure, **more)
     return _show(options, basins_table, "draw_basins", outcome)
 
@@ -77,7 +77,7 @@ def _crossings(options: argparse.Namespace, scene: Scene) -> PoincareSection | N
 
     refuse(options, "needs a scene that is driven by a sine: a force or a moved support", *BY_STROBES)
     members = options.members or MOTIONS
-    with _engine(options, scene, members) as more:
+    with _engine(options, members) as more:
         section = find_section(
             scene, options.duration, energy=options.energy, at=options.crossing, orbits=members, **more
         )
@@ -93,7 +93,7 @@ def _strobes(options: argparse.Namespace, scene: Scene) -> StroboscopicSection |
     refuse(options, "needs a scene that keeps its energy; of this one the section is stroboscopic", *BY_ENERGY)
     if not has_start(scene):
         tell_of_start("motions begin around the shape of its first mode that swings")
-    with _engine(options, scene, options.members or MOTIONS) as more:
+    with _engine(options, options.members or MOTIONS) as more:
         how = kwargs_of(options, "--members", "--phase-deg", "--spread", "--settle", "--seed")
         strobes = find_strobes(scene, options.duration, of=names_of(options), **how, **more)
     return _show(options, strobes_table, "draw_strobes", strobes)
@@ -114,7 +114,7 @@ def spread(options: argparse.Namespace) -> Spread | None:
     if options.folder and not options.duration:
         raise SceneError(["--folder: needs --duration, for frequencies are not kept"])
     uncertain = options.uncertain or ([] if options.covariance else _all_numbers(scene))
-    with _engine(options, scene, members) as more:
+    with _engine(options, members) as more:
         more["measures"] = options.measure or ()
         more["estimate"] = estimate_of(scene, options.covariance)
         start = start_of(scene, None, elsewhere=ELSEWHERE) if options.duration else None
@@ -181,14 +181,12 @@ def crew_of(options: argparse.Namespace) -> Iterator[WorkerPool | None]:
 
 
 @contextmanager
-def _engine(options: argparse.Namespace, scene: Scene, members: int) -> Iterator[dict[str, Any]]:
+def _engine(options: argparse.Namespace, members: int) -> Iterator[dict[str, Any]]:
     """The arguments of an ensemble, with a progress bar in members."""
     refuse_homeless(options)
-    tolerance = options.tolerance or TOLERANCE
     more = kwargs_of(options, "--engine", "--workers", "--folder", "--share")
     with bar(members, "member") as shown, crew_of(options) as crew:
-        report = forewarning(shown, scene, options.duration, members, tolerance)
-        yield more | {"tolerance": tolerance, "report": report, "crew": crew}
+        yield more | {"tolerance": options.tolerance or TOLERANCE, "report": shown, "crew": crew}
 
 
 COMMANDS = (

@@ -9,7 +9,7 @@ from contextlib import ExitStack, contextmanager
 from contextvars import ContextVar
 from io import BytesIO, StringIO
 from itertools import takewhile
-from typing import IO, TYPE_CHECKING, TextIO
+from typing import IO, TYPE_CHECKING, Any, TextIO
 
 from multipendula.options import FILMS, PICTURES, endings
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from modal.identification import Estimate
     from modal.scene import Scene
 
-DAY, LONGEST = 86_400.0, 1e5  # s; days beyond which nothing is begun
+HOUR, DAY, LONGEST = 3600.0, 86_400.0, 1e5  # s; days beyond which nothing is begun
 LENGTHY = 1e7  # s of motion, from which on it is asked at once whether the computation can end
 LONG, COORDINATE = 5.0, 9e-5  # s that are told first, and for the square of the coordinates of supports
 LATE = 1.0  # s until progress is shown, and between two looks at it
@@ -220,14 +220,41 @@ def validated(options: argparse.Namespace, image: str | None, fitting: Callable[
     return checked
 
 
+class Progress:
+    """What a computation tells how far it has come, and how long it is expected to take before it has come far."""
+
+    def __init__(self, shown: Any = None) -> None:
+        self.shown, self.usual = shown, getattr(shown, "bar_format", "")
+        self.expected, self.first = 0.0, 0.0
+
+    def __call__(self, now: float) -> None:
+        """So much is done."""
+        if self.shown is not None:
+            self.look(now)
+            self.shown.update(now - self.shown.n)
+
+    def expect(self, seconds: float, done: float = 0.0) -> None:
+        """What is left takes about so long, which is said first if it is over an hour; so much is done already."""
+        self.expected, self.first = seconds, done
+        _forewarn(seconds, HOUR)
+
+    def look(self, now: float) -> None:
+        """Tell the time left as expected while nothing more is done."""
+        left = self.expected - self.shown.format_dict["elapsed"]
+        about = f"about {self.shown.format_interval(left)}"
+        self.shown.bar_format = (
+            self.usual.replace("{remaining}", about) if now <= self.first and left > 0 else self.usual
+        )
+
+
 @contextmanager
-def bar(total: float, unit: str = "s", title: str = "") -> Iterator[Callable[[float], object]]:
+def bar(total: float, unit: str = "s", title: str = "") -> Iterator[Progress]:
     """A progress bar in per cent with the time left, or how many units are done where the total is not known (0).
 
     It is shown on a terminal only, from one second on, also while nothing is reported.
     """
     if not sys.stderr.isatty():
-        yield lambda elapsed: None
+        yield Progress()
         return
     from threading import Event, Thread
 
@@ -236,15 +263,17 @@ def bar(total: float, unit: str = "s", title: str = "") -> Iterator[Callable[[fl
     form = MEASURED if total else COUNTED
     ended = Event()
     with tqdm(total=total or None, unit=unit, delay=LATE, leave=False, desc=title or None, bar_format=form) as shown:
+        progress = Progress(shown)
 
         def tick() -> None:
             while not ended.wait(LATE):
+                progress.look(shown.n)
                 shown.refresh()
 
         clock = Thread(target=tick, daemon=True)
         clock.start()
         try:
-            yield lambda elapsed: shown.update(elapsed - shown.n)
+            yield progress
         finally:
             ended.set()
             clock.join()
@@ -327,40 +356,37 @@ def forewarning(
     """The report, which at its first call says on standard error how long so many motions take, if over `least` s."""
     told = False
     if duration and duration > LENGTHY:
-        _judge(duration, _estimate(scene, duration, members, tolerance) / DAY)
+        _judge(scene, duration, members, tolerance)
 
     def reported(now: float) -> None:
         nonlocal told
         if not told:
             told = True
-            _forewarn(scene, duration, members, tolerance, least)
+            if duration:
+                from nonlinear.integration.methods import least_seconds
+
+                _forewarn(least_seconds(scene, duration, tolerance, members), least)
         report(now)
 
     return reported
 
 
-def _estimate(scene: Scene, duration: float, members: int, tolerance: float) -> float:
-    """The seconds of computing that such motions take at least."""
+def _judge(scene: Scene, duration: float, members: int, tolerance: float) -> None:
+    """SceneError for motions that take longer than anyone can wait."""
+    from modal.errors import SceneError
     from nonlinear.integration.methods import least_seconds
 
-    return least_seconds(scene, duration, tolerance, members)
-
-
-def _judge(duration: float, days: float) -> None:
-    """SceneError for a motion that takes longer than anyone can wait."""
-    from modal.errors import SceneError
-
+    days = least_seconds(scene, duration, tolerance, members) / DAY
     if days > LONGEST:
         most = f"{0.9 * duration * LONGEST / days:.0e} s"
         raise SceneError([f"duration: takes an estimated {days:.2g} days on one core, and {most} are begun at most"])
 
 
-def _forewarn(scene: Scene, duration: float | None, members: int, tolerance: float, least: float) -> None:
-    seconds = _estimate(scene, duration, members, tolerance) if duration else 0.0
+def _forewarn(seconds: float, least: float) -> None:
+    """Say how long a computation is estimated to take, if over `least` s."""
     if seconds > least:
         days = seconds / DAY
-        _judge(duration or 0.0, days)
-        told = f"{days:.2g} days on one core"
+        told = f"{days:.2g} days on one core" if days < LONGEST else "time longer than anyone can wait"
         if days <= 1:
             told = f"{seconds / 60:.0f} minutes" if seconds < 7200 else f"{seconds / 3600:.0f} hours"
         remark(f"this takes an estimated {told}; Ctrl-C ends it")

@@ -86,7 +86,7 @@ def find_attractors(
         words = (
             "changes the attractors themselves: vary numbers of a start, and follow attractors by `find_bifurcations`"
         )
-        raise SceneError([f"{path}: {words}" for path in other])
+        raise SceneError([f"vary {path}: {words}" for path in other])
     period = drive_period(scene).seconds
     if duration is None:
         duration = settling_time(scene, period) + KEPT * period
@@ -95,7 +95,9 @@ def find_attractors(
         raise SceneError([f"duration {duration:g} s: an attractor takes {KEPT} periods of {period:.4g} s"])
     times = strobe_times(period, settle=(last - KEPT + 1) * period)
     ensembled = ensemble(scene, max(duration, times[-1]), vary=axes, output=times.tolist(), report=report, **options)
-    states = [part[:, -KEPT:] for part in ensembled.require("start").states()]
+    if not ensembled.require("start").columns:  # a share without a chunk
+        return ensembled, (), np.full(ensembled.size, nan)
+    states = [part[:, -KEPT:] for part in ensembled.states()]
     strobes = natural_units(ensembled.question.system, states)
     repeats, turns = repetition(strobes, ensembled.question.system.n_links)
     labels, members = clustered(strobes, repeats, turns)

@@ -251,7 +251,7 @@ def usual_axes(scene: Scene) -> list[str]:
             f"pendulum[0].start.rates_deg[0]={-most:.3g}:{most:.3g}:{SIZE}",
         ]
     else:
-        raise SceneError(["this scene has one starting angle: choose two numbers to vary"])
+        raise SceneError(["vary: this scene has one starting angle: choose two numbers"])
     size = SIZE if form_of(scene) is not None else SIZE_ONE_BY_ONE
     return [f"{place}={-WIDEST:g}:{WIDEST:g}:{size}" for place in places]
 

@@ -188,7 +188,7 @@ def _variation(scene: Scene, vary: str | Variation) -> Variation:
     variation = parse_variations([vary])[0] if isinstance(vary, str) else vary
     validate_variations(scene, (variation,))
     if variation.path.endswith(".count"):
-        raise SceneError([f"{variation.path}: changes how many links there are: vary another number"])
+        raise SceneError([f"vary {variation.path}: changes how many links there are: vary another number"])
     return variation
 
 

@@ -27,6 +27,7 @@ from nonlinear.ensembles.question import (
 )
 from nonlinear.integration import kernels
 from nonlinear.integration.crowds import Crowd
+from nonlinear.integration.methods import least_seconds
 from nonlinear.integration.readiness import Code, Forgone, Offer, best_of, forgone_by
 from nonlinear.system import Motion, Numbers, State, motion_of, numbers_of, system_of
 
@@ -154,6 +155,6 @@ def seconds_of(question: EnsembleRequest, chunks: int) -> float:
     """Seconds of work in so many chunks, on one core."""
     count = min(chunks * question.chunk, question.members.size)
     if question.engine == PLAIN:
-        return count * ONE_BY_ONE
+        return count * max(ONE_BY_ONE, least_seconds(question.scene, question.duration, question.tolerance))
     each = seconds_each(question.scene, question.duration, question.tolerance)
     return count * each / SOONER.get(question.engine, 1.0)

@@ -207,11 +207,11 @@ def requested_measures(texts: Sequence[str], system: System) -> RequestedMeasure
         try:
             measure_for("ensemble", text)
             if name in names:
-                raise SceneError([f"{text}: {name} is requested twice"])
+                raise SceneError([f"measure {text}: {name} is requested twice"])
             if name == "section":
                 section = section_of(text, system)
             elif name != text:
-                raise SceneError([f"{text}: {name} takes no number here: the duration is that of the ensemble"])
+                raise SceneError([f"measure {text}: {name} takes no number here: the duration is that of the ensemble"])
         except SceneError as error:
             problems += error.problems
         names.append(name)
@@ -241,22 +241,24 @@ def validate_measures(names: Sequence[str], scene: Scene, seconds: float | None 
     """SceneError where a measure is none of such a scene, or not from so many seconds."""
     problems: list[str] = []
     if scene.space == "space":
-        problems += [f"{name}: only for motion in the plane" for name in names if MEASURES[name].needs != MOTION]
+        problems += [
+            f"measure {name}: only for motion in the plane" for name in names if MEASURES[name].needs != MOTION
+        ]
     if "order" in names and scene.is_hoisted:
-        problems.append("order: needs constant lengths, since modes change with them")
+        problems.append("measure order: needs constant lengths, since modes change with them")
     if "lyapunov" in names and not problems:
         try:
             if seconds is not None:
                 require(scene, "a Lyapunov exponent")
                 validate_duration(scene, seconds)
         except SceneError as error:
-            problems += [f"lyapunov: {problem}" for problem in error.problems]
+            problems += [f"measure lyapunov: {problem}" for problem in error.problems]
     if "configuration" in names and not problems:
         try:
             if not scene.is_driven:
                 raise SceneError(["no drive keeps this scene swinging"])
             configurations(scene)
         except (ComputationError, SceneError) as error:
-            problems.append(f"configuration: {error}")
+            problems.append(f"measure configuration: {error}")
     if problems:
         raise SceneError(problems)

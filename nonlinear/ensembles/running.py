@@ -15,18 +15,18 @@ from contextlib import closing
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from math import isnan
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
 from modal.errors import SceneError
-from modal.report import Displayed, Drawable, Result, Summary, counted, finite, silent
-from modal.scene import Scene, name_of, require
+from modal.report import Displayed, Drawable, Result, Summary, counted, deferred, finite, silent
+from modal.scene import Scene, name_of, require, title_of
 from modal.scene.parameters import Vary
-from modal.types import Floats
+from modal.types import Floats, Ints
 from nonlinear.ensembles.computing import DISAGREES, Chunk, compute, engine_of
 from nonlinear.ensembles.costs import Decision, choose_engine, seconds_of
-from nonlinear.ensembles.executors import DIED, Crew, computed, cores
+from nonlinear.ensembles.executors import DIED, Crew, computed, cores, pool_of
 from nonlinear.ensembles.measures import requested_measures, validate_measures
 from nonlinear.ensembles.members import Members, Starts, members_of
 from nonlinear.ensembles.plain import state_columns, validate_plain
@@ -40,7 +40,7 @@ from nonlinear.ensembles.question import (
     refused,
     sample_of,
 )
-from nonlinear.ensembles.store import Parts, engine_of_folder
+from nonlinear.ensembles.store import Parts, engine_of_folder, validate_folder, validate_share
 from nonlinear.integration import sample_times, validate, validate_numbers, validate_whole
 from nonlinear.integration.readiness import Forgone, lose, rented
 from nonlinear.system import Motion, System, system_of
@@ -182,6 +182,32 @@ class Ensemble(Displayed):
         measured = {name: values for name in single if (values := self.column(name)).ndim == 1}
         return {**varied, **measured}
 
+    def to_xarray(self) -> Any:
+        """What was kept as an `xarray.Dataset` over `member`, beside what was varied; chunks are read as they are used.
+
+        Crossings, which are not one of each member, are left out.  Raises MissingExtraError without xarray.
+        """
+        first = next(iter(self.chunks), None)
+        columns = {} if first is None else {name: values.shape[1:] for name, values in first.columns.items()}
+        kept = {name: tail for name, tail in columns.items() if not name.startswith("crossing_")}
+        told = {"title": title_of(self.question.scene), "duration_s": self.question.duration, "engine": self.engine}
+        dataset = deferred("nonlinear.postprocessing.datasets:dataset_of_rows")
+        return dataset(self.size, self.members.values, kept, self._rows, told)
+
+    def _rows(self, name: str, members: Ints, each: tuple[int, ...]) -> Floats:
+        """One quantity of some members, of such a shape each, from their chunks alone; NaN where it is not known."""
+        numbers, rows = members // self.question.chunk, np.full((len(members), *each), np.nan)
+        for number in np.unique(numbers).tolist():
+            if (chunk := self._chunk(number)) is not None and name in chunk.columns:
+                here = numbers == number
+                rows[here] = chunk.columns[name][members[here] - chunk.first]
+        return rows
+
+    def _chunk(self, number: int) -> Chunk | None:
+        if isinstance(self.chunks, Parts):
+            return self.chunks.read(number) if self.chunks.path(number).exists() else None
+        return next((chunk for chunk in self.chunks if chunk.first == number * self.question.chunk), None)
+
     def _summary(self) -> Summary:
         members, question = counted(self.size, "member", "members"), self.question
         title = f"Ensemble of {members} of {name_of(question.scene)} over {question.duration:g} s"
@@ -282,7 +308,8 @@ def ensemble(
         Any `concurrent.futures.Executor` in place of processes, or a `WorkerPool` that says on how many chunks it works
         at a time.
     report
-        Is called with the number of members done.
+        Is called with the number of members done; before, its method `expect`, if it has one, with the seconds that the
+        others are estimated to take, and the number done.
 
     Returns
     -------
@@ -323,26 +350,6 @@ def _left(question: EnsembleRequest, parts: Parts | None, share: tuple[int, int]
     """The chunks to compute."""
     first, of = share or (0, 1)
     return [number for number in range(first, question.chunks, of) if not (parts and parts.done(number))]
-
-
-def validate_share(share: object) -> None:
-    """SceneError for a share that cannot be."""
-    if share is None:
-        return
-    try:
-        first, of = cast("tuple[int, int]", share)
-        validate_whole(0, k=first, n=of)
-        fits = first < of
-    except (TypeError, ValueError):
-        fits = False
-    if not fits:
-        raise SceneError([f"share {share!r}: must be (k, n), whole numbers with 0 ≤ k < n"])
-
-
-def validate_folder(folder: object) -> None:
-    """SceneError for what names no folder."""
-    if folder is not None and not (isinstance(folder, str | os.PathLike) and os.fspath(folder)):
-        raise SceneError([f"folder {folder!r}: must be the path of a folder"])
 
 
 def _question(
@@ -404,6 +411,8 @@ def _run(
     kept: dict[int, Chunk] = {}
     done = question.members.size - sum(_size(question, number) for number in left)
     report(done)
+    if expect := getattr(report, "expect", None):
+        expect(_seconds_left(question, len(left), workers, crew), done)
     interrupted = False
     try:
         with closing(_chunks(question, decision.forgone, left, workers, crew)) as chunks:
@@ -417,6 +426,12 @@ def _run(
     except KeyboardInterrupt:
         interrupted = True
     return Ensemble(question, parts or [kept[number] for number in sorted(kept)], decision.reason, interrupted)
+
+
+def _seconds_left(question: EnsembleRequest, left: int, workers: int | None, crew: Crew | None) -> float:
+    """Roughly how long so many chunks take together (s)."""
+    count = pool_of(crew).size if crew is not None else workers or cores()
+    return seconds_of(question, left) / max(min(count, left), 1)
 
 
 def _size(question: EnsembleRequest, number: int) -> int:

@@ -12,7 +12,7 @@ import os
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import IO, Any, TypeVar
+from typing import IO, Any, TypeVar, cast
 
 from modal.errors import SceneError
 from modal.scene import whole_file
@@ -23,6 +23,7 @@ from nonlinear.ensembles.measures import Columns
 from nonlinear.ensembles.members import MemberPart
 from nonlinear.ensembles.question import EnsembleRequest
 from nonlinear.files import as_npz, from_npz
+from nonlinear.integration import validate_whole
 
 T = TypeVar("T")
 HEADER = "ensemble.json"
@@ -64,6 +65,26 @@ def _refuse_unlike(
     whole = {len(rows) for name, rows in columns.items() if not name.startswith(CROSSING)}
     if len(crossed) > 1 or not whole <= {part.size} or any(rows.dtype.kind not in "fib" for rows in columns.values()):
         raise ValueError
+
+
+def validate_share(share: object) -> None:
+    """SceneError for a share that cannot be."""
+    if share is None:
+        return
+    try:
+        first, of = cast("tuple[int, int]", share)
+        validate_whole(0, k=first, n=of)
+        fits = first < of
+    except (TypeError, ValueError):
+        fits = False
+    if not fits:
+        raise SceneError([f"share {share!r}: must be (k, n), whole numbers with 0 ≤ k < n"])
+
+
+def validate_folder(folder: object) -> None:
+    """SceneError for what names no folder."""
+    if folder is not None and not (isinstance(folder, str | os.PathLike) and os.fspath(folder)):
+        raise SceneError([f"folder {folder!r}: must be the path of a folder"])
 
 
 class ChunkFolder:

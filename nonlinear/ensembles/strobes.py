@@ -263,7 +263,7 @@ def validate_strobes(*, phase_deg: float, spread_deg: float = 0.0, settle: float
     """SceneError for a phase, a spread of starts or a transient that cannot be."""
     problems = [] if isfinite(phase_deg) else [f"phase_deg {phase_deg!r}: must be a number of degrees"]
     for name, value in (("spread_deg", spread_deg), ("settle", settle)):
-        problems += [] if 0 <= value < inf else [f"{name} {value!r}: must be a number of at least 0"]
+        problems += [] if 0 <= value < inf else [f"{name} {value!r}: must be at least 0"]
     if problems:
         raise SceneError(problems)
 

@@ -1,11 +1,12 @@
-"""A trajectory as a labelled data set; the only user of xarray.
+"""Trajectories and ensembles as labelled data sets; the only user of xarray.
 
-Over `time`, `pendulum` and `link`, numbered from 1 as in the table.  Every variable and coordinate has its unit in the
-attribute `units` and a `long_name`, by which xarray labels its figures.
+A trajectory is over `time`, `pendulum` and `link`, numbered from 1 as in the table.  Every variable and coordinate has
+its unit in the attribute `units` and a `long_name`, by which xarray labels its figures.  An ensemble is over `member`.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from importlib import import_module
 from typing import Any
 
@@ -28,10 +29,7 @@ def dataset_of(trajectory: Trajectory) -> Any:
     Raises MissingExtraError without xarray, ComputationError where pendula of very different length would fill it with
     NaN.
     """
-    try:
-        xarray = import_module("xarray")
-    except ImportError:
-        raise MissingExtraError("xarray", "xarray") from None
+    xarray = _xarray()
     system, motion, run, scene = trajectory.system, trajectory.motion, trajectory.run, trajectory.scene
     place = _places(system.pendulum)
     counts = (system.n_pendula, int(place[1].max()) + 1)
@@ -70,6 +68,52 @@ def dataset_of(trajectory: Trajectory) -> Any:
     title = title_of(scene)
     told = {"title": title, "form": run.form, "method": run.method, "tolerance": run.tolerance}
     return xarray.Dataset(variables, coordinates, told)
+
+
+def dataset_of_rows(
+    size: int,
+    coordinates: Mapping[str, Floats],
+    columns: Mapping[str, tuple[int, ...]],
+    rows: Callable[[str, Ints, tuple[int, ...]], Floats],
+    told: Mapping[str, Any],
+) -> Any:
+    """The `xarray.Dataset` over so many members of columns (size, …), each given by the shape of what one member has.
+
+    `rows` gives some members of a column of such a shape, and is asked when numbers are used.
+    """
+    xarray = _xarray()
+    indexing, backends = (import_module(f"xarray.{name}") for name in ("core.indexing", "backends"))
+
+    class ColumnOnDisk(backends.BackendArray):  # type: ignore[misc, name-defined]
+        """A column that is read where it is asked for."""
+
+        def __init__(self, name: str) -> None:
+            self.name, self.shape, self.dtype = name, (size, *columns[name]), np.dtype(float)
+
+        def __getitem__(self, key: Any) -> Any:
+            outer = indexing.IndexingSupport.OUTER
+            return indexing.explicit_indexing_adapter(key, self.shape, outer, self._read)
+
+        def _read(self, key: tuple[Any, ...]) -> Floats:
+            members = np.arange(size)[key[0]]
+            values = rows(self.name, np.atleast_1d(members), self.shape[1:])
+            for axis in range(len(key) - 1, 0, -1):
+                values = values[(*[slice(None)] * axis, key[axis])]
+            return np.asarray(values if np.ndim(members) else values[0])
+
+    variables = {
+        name: (("member", *(f"{name}_{k}" for k in range(len(tail)))), indexing.LazilyIndexedArray(ColumnOnDisk(name)))
+        for name, tail in columns.items()
+    }
+    varied = {name: ("member", values) for name, values in coordinates.items()}
+    return xarray.Dataset(variables, {"member": np.arange(size), **varied}, told)
+
+
+def _xarray() -> Any:
+    try:
+        return import_module("xarray")
+    except ImportError:
+        raise MissingExtraError("xarray", "xarray") from None
 
 
 def _attributes(units: str, long_name: str) -> dict[str, str]:

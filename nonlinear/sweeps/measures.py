@@ -31,7 +31,7 @@ from modal.scene import Scene, require
 from modal.vibration import ParametricStability, parametric_stability, stabilities, vertical_sine
 from nonlinear.chaos import usual_duration
 from nonlinear.ensembles import measured_run, measured_together, run_together, times_of, validate_measures
-from nonlinear.integration import Trajectory
+from nonlinear.integration import Trajectory, validate
 from nonlinear.measures import LAST_TENTH, MEASURES, WHOLE_MOTION, Measure, requested
 from nonlinear.postprocessing import extremes
 from nonlinear.postprocessing import largest_angle as widest
@@ -117,13 +117,11 @@ class Portion:
 class Computation:
     """How a measure is computed: a function of a scene, of N, 0 where it chooses one itself, and the scene's portion.
 
-    The function is at module level, so that other processes can import it.  `door` refuses a scene before anything is
-    computed.
+    The function is at module level, so that other processes can import it.
     """
 
     measure: Measure
     function: Callable[[Scene, float, Portion], dict[str, float]]
-    door: Callable[[Scene], object] | None = None
 
     @property
     def runs(self) -> bool:
@@ -287,24 +285,13 @@ def read_off_member(name: str, scene: Scene, seconds: float, portion: Portion) -
     return portion.member(scene, seconds, name)
 
 
-def grows(scene: Scene) -> None:
-    """SceneError where a scene has no Lyapunov exponent."""
-    require(scene, "a Lyapunov exponent")
-
-
-FLOQUET = "floquet"
+FLOQUET, OF_MEMBERS = "floquet", ("first_turn", "order", "configuration")
 FUNCTIONS = (
     *(frequencies, damping, splitting, beat, floquet),
     *(largest_angle, cart_travel, energy_drift, survivor, locking),
 )
-DOORS: dict[str, Callable[[Scene], object]] = {
-    FLOQUET: vertical_sine,
-    "lyapunov": grows,
-    **{name: partial(validate_measures, (name,)) for name in ("first_turn", "order", "configuration")},
-}
-"""What refuses a scene before anything is computed."""
 COMPUTATIONS: dict[str, Computation] = {
-    name: Computation(MEASURES[name], function, DOORS.get(name))
+    name: Computation(MEASURES[name], function)
     for name, function in (
         *((function.__name__, function) for function in FUNCTIONS),
         *((name, partial(read_off_end, name)) for name in ("order", "pendulum_energy", "configuration")),
@@ -312,6 +299,14 @@ COMPUTATIONS: dict[str, Computation] = {
     )
 }
 """How each measure that a sweep takes is computed."""
+
+
+def validate_requests(requests: Sequence[RequestedMeasure], scene: Scene) -> None:
+    """SceneError where a scene has nothing of what is measured, before anything is computed."""
+    names = [request.name for request in requests]
+    checks: list[Callable[[], object]] = [partial(vertical_sine, scene)] * (FLOQUET in names)
+    checks += [partial(require, scene, "a Lyapunov exponent")] * ("lyapunov" in names)
+    validate(*checks, partial(validate_measures, [name for name in names if name in OF_MEMBERS], scene))
 
 
 def parse_measures(texts: Sequence[str], verb: str = "sweep") -> tuple[RequestedMeasure, ...]:
@@ -328,7 +323,7 @@ def parse_measures(texts: Sequence[str], verb: str = "sweep") -> tuple[Requested
             request = RequestedMeasure(COMPUTATIONS[measure.name], number)
             name = request.text if measure.whole else measure.name
             if name in requests:
-                raise SceneError([f"{text}: {name} is requested twice"])
+                raise SceneError([f"measure {text}: {name} is requested twice"])
             requests[name] = request
         except SceneError as error:
             problems += error.problems

@@ -22,7 +22,7 @@ from modal.scene.parameters import Place, Variable, Variation, find_places
 from modal.types import Floats
 from modal.vibration import Boundary, tongues, vertical_sine
 from nonlinear.ensembles.executors import DIED, Crew, computed, cores
-from nonlinear.ensembles.running import validate_folder, validate_share
+from nonlinear.ensembles.store import validate_folder, validate_share
 from nonlinear.integration import validate, validate_whole
 from nonlinear.sweeps.checkpoint import Checkpoint, RowFolder
 from nonlinear.sweeps.measures import FLOQUET, parse_measures

@@ -14,7 +14,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property, partial
+from functools import cached_property
 from operator import itemgetter
 from typing import TYPE_CHECKING, Any
 
@@ -40,7 +40,7 @@ from modal.scene.parameters import Variable, find_places, number_at, unit_at
 from modal.types import Floats
 from nonlinear.ensembles import Ensemble, ensemble
 from nonlinear.integration import validate, validate_whole
-from nonlinear.sweeps.measures import parse_measures
+from nonlinear.sweeps.measures import parse_measures, validate_requests
 from nonlinear.sweeps.study import TOGETHER, PointChunk, SweepTask, measure_chunk
 from nonlinear.system import State, system_of
 
@@ -49,7 +49,7 @@ if TYPE_CHECKING:
 
 MEMBERS, SAMPLES, SEED = 1000, 201, 5
 ROUNDING = 1e-12  # of a result, below which nothing is said to matter
-QUANTILES = (0.05, 0.5, 0.95)
+QUANTILES, QUANTILE_NAMES = (0.05, 0.5, 0.95), ("q05", "q50", "q95")
 WRITTEN = re.compile(r"\s*([^=]+?)\s*=\s*(?:([^:%]+)(%?)|([^:]+):([^:]+))\s*")
 
 
@@ -95,9 +95,9 @@ def parse_tolerances(scene: Scene, texts: Sequence[str]) -> tuple[Tolerance, ...
         except SceneError as error:
             problems += error.problems
     paths = [tolerance.path for tolerance in parsed]
-    problems += [f"{path}: has two tolerances" for path in dict.fromkeys(paths) if paths.count(path) > 1]
+    problems += [f"uncertain {path}: has two tolerances" for path in dict.fromkeys(paths) if paths.count(path) > 1]
     if not texts:
-        problems.append("spread needs a tolerance: gravity=0.01, for example")
+        problems.append("uncertain: spread needs a tolerance: gravity=0.01, for example")
     if problems:
         raise SceneError(problems)
     return tuple(parsed)
@@ -107,17 +107,17 @@ def _parsed(scene: Scene, text: str) -> Tolerance:
     match = WRITTEN.fullmatch(text)
     if not match:
         words = "must be PLACE=SIGMA, PLACE=PERCENT% or PLACE=LOW:HIGH"
-        raise SceneError([f"{text[:60]}: {words}"])
+        raise SceneError([f"uncertain {text[:60]}: {words}"])
     path, sigma, percent, low, high = match.groups()
     value = _value(scene, path)
     if sigma is None:
         ends = _number(text, low), _number(text, high)
         if not ends[0] < ends[1]:
-            raise SceneError([f"{text}: an interval goes from a smaller to a larger number"])
+            raise SceneError([f"uncertain {text}: an interval goes from a smaller to a larger number"])
         return Tolerance(path, low=ends[0], high=ends[1])
     deviation = _number(text, sigma) * (abs(value) / 100 if percent else 1.0)
     if not deviation > 0:
-        raise SceneError([f"{text}: a standard deviation must be above 0"])
+        raise SceneError([f"uncertain {text}: a standard deviation must be above 0"])
     return Tolerance(path, sigma=deviation)
 
 
@@ -125,9 +125,9 @@ def _value(scene: Scene, path: str) -> float:
     places = find_places(scene, path)
     values = {number_at(scene, place) for place in places}
     if places[0][-1] == "count":
-        raise SceneError([f"{path}: a count has no tolerance"])
+        raise SceneError([f"uncertain {path}: a count has no tolerance"])
     if len(values) > 1:
-        raise SceneError([f"{path}: means several numbers of different value: give each its own tolerance"])
+        raise SceneError([f"uncertain {path}: means several numbers of different value: give each its own tolerance"])
     return values.pop()
 
 
@@ -137,7 +137,7 @@ def _number(text: str, word: str) -> float:
     except ValueError:
         value = np.nan
     if not np.isfinite(value):
-        raise SceneError([f'{text}: "{word.strip()}" is not a number'])
+        raise SceneError([f'uncertain {text}: "{word.strip()}" is not a number'])
     return value
 
 
@@ -216,8 +216,8 @@ class Spread(Drawable, Result):
         }
         if self.ensemble is not None:
             bands = {
-                f"q{round(100 * q):02d}_deg": [[finite(value) for value in row] for row in band]
-                for q, band in zip(QUANTILES, self.bands.tolist(), strict=True)
+                f"{name}_deg": [[finite(value) for value in row] for row in band]
+                for name, band in zip(QUANTILE_NAMES, self.bands.tolist(), strict=True)
             }
             motion = {"engine": self.ensemble.engine, "time_s": self.times.tolist(), "coordinates": _coordinates(self)}
             whole["motion"] = motion | bands
@@ -268,11 +268,6 @@ class Spread(Drawable, Result):
             return np.empty((0, self.scene.n_links))
         return np.asarray(np.degrees(np.nanstd(self.ensemble.column("links_rad"), axis=0, ddof=1)))
 
-    @cached_property
-    def quantiles(self) -> Floats:
-        """Of the frequencies (rad/s), (Q, R)."""
-        return np.asarray(np.nanquantile(self.omega, QUANTILES, axis=0))
-
     def shares(self, result: Floats) -> dict[str, float]:
         """How much of the variance of a result (S,) each number explains."""
         known = np.isfinite(result)
@@ -281,49 +276,44 @@ class Spread(Drawable, Result):
     @cached_property
     def frequencies(self) -> list[dict[str, Any]]:
         """A record for every frequency that is not zero."""
-        records = []
-        for number, omega in enumerate(self.omega.T, 1):
-            if not self.nominal[number - 1] > 0:
-                continue
-            low, middle, high = self.quantiles[:, number - 1].tolist()
-            shares = self.shares(omega)
-            records.append(
-                {
-                    "mode": number,
-                    "omega_rad_per_s": float(self.nominal[number - 1]),
-                    "mean_rad_per_s": float(np.nanmean(omega)),
-                    "standard_deviation_rad_per_s": float(np.nanstd(omega, ddof=1)),
-                    "q05_rad_per_s": low,
-                    "q50_rad_per_s": middle,
-                    "q95_rad_per_s": high,
-                    "shares": shares,
-                    "matters_most": max(shares, key=shares.__getitem__) if any(shares.values()) else "",
-                }
-            )
-        return records
+        return [
+            {
+                "mode": number,
+                "omega_rad_per_s": float(nominal),
+                "mean_rad_per_s": float(np.nanmean(omega)),
+                **_distribution(omega, "_rad_per_s"),
+                **self._ranking(omega),
+            }
+            for number, (nominal, omega) in enumerate(zip(self.nominal, self.omega.T, strict=True), 1)
+            if nominal > 0
+        ]
 
     @cached_property
     def quantities(self) -> list[dict[str, Any]]:
         """A record for every column that was measured: the scene's own number, quantiles, which number matters most."""
-        records = []
-        for name, (nominal, numbers) in self.measured.items():
-            known = numbers[np.isfinite(numbers)]
-            low, middle, high = np.quantile(known, QUANTILES).tolist() if known.size else (np.nan,) * 3
-            shares = self.shares(numbers)
-            records.append(
-                {
-                    "quantity": name,
-                    "nominal": nominal,
-                    "standard_deviation": float(known.std(ddof=1)) if known.size > 1 else np.nan,
-                    "q05": low,
-                    "q50": middle,
-                    "q95": high,
-                    "known": int(known.size),
-                    "shares": shares,
-                    "matters_most": max(shares, key=shares.__getitem__) if any(shares.values()) else "",
-                }
-            )
-        return records
+        return [
+            {
+                "quantity": name,
+                "nominal": nominal,
+                **_distribution(numbers),
+                "known": int(np.count_nonzero(np.isfinite(numbers))),
+                **self._ranking(numbers),
+            }
+            for name, (nominal, numbers) in self.measured.items()
+        ]
+
+    def _ranking(self, numbers: Floats) -> dict[str, Any]:
+        """How much of the variance each number explains, and which the most."""
+        shares = self.shares(numbers)
+        return {"shares": shares, "matters_most": max(shares, key=shares.__getitem__) if any(shares.values()) else ""}
+
+
+def _distribution(numbers: Floats, unit: str = "") -> dict[str, float]:
+    """The standard deviation and the quantiles of those that are known."""
+    known = numbers[np.isfinite(numbers)]
+    quantiles = np.quantile(known, QUANTILES).tolist() if known.size else [np.nan] * len(QUANTILES)
+    values = (float(known.std(ddof=1)) if known.size > 1 else np.nan, *quantiles)
+    return {f"{name}{unit}": value for name, value in zip(("standard_deviation", *QUANTILE_NAMES), values, strict=True)}
 
 
 def _share(x: Floats, r: Floats) -> float:
@@ -357,13 +347,13 @@ def find_spread(
     if estimate is not None:
         twice = [tolerance.path for tolerance in parsed if {*find_places(scene, tolerance.path)} & {*estimate.places}]
         if twice:
-            raise SceneError([f"{path}: has a tolerance and is among the fitted numbers" for path in twice])
+            raise SceneError([f"uncertain {path}: has a tolerance and is among the fitted numbers" for path in twice])
     *_, requests = validate(
         lambda: validate_whole(3, members=members),
         lambda: validate_whole(0, seed=seed),
         lambda: parse_measures(measures, "spread"),
     )
-    validate(*(partial(door, scene) for request in requests if (door := request.computation.door)))
+    validate_requests(requests, scene)
     rng = np.random.default_rng(seed)
     values = {tolerance.path: tolerance.drawn(_value(scene, tolerance.path), members, rng) for tolerance in parsed}
     values |= estimate.drawn(members, rng) if estimate is not None else {}

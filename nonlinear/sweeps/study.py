@@ -13,7 +13,7 @@ import json
 import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 from hashlib import sha256
 from math import prod
 from typing import Any, NamedTuple
@@ -30,7 +30,7 @@ from nonlinear.ensembles import engine_of_many, ensemble, seconds_each, starts_a
 from nonlinear.integration import validate, validate_whole
 from nonlinear.integration.readiness import reproducible
 from nonlinear.measures import MEASURES, SCENE_ITSELF, columns_of
-from nonlinear.sweeps.measures import Portion, RequestedMeasure, parse_measures
+from nonlinear.sweeps.measures import Portion, RequestedMeasure, parse_measures, validate_requests
 
 MOST_AXES, MOST_POINTS = 3, 1_000_000
 VERSION = 1
@@ -84,10 +84,10 @@ class Study(Displayed):
             checks += [partial(validate_energies, self.scene, self.measures, self.members, self.seed)]
             if not self.members:
                 problems.append(f"{ENERGY}: needs `members`, the number of starts drawn at every energy")
-        elif self.members:
-            problems.append(f"members {self.members}: starts are drawn where {ENERGY} is varied")
-        doors = () if self.by_energy else (request.computation.door for request in self.measures)
-        checks += [partial(door, self.scene) for door in doors if door]
+        else:
+            checks += [partial(validate_requests, self.measures, self.scene)]
+            if self.members:
+                problems.append(f"members {self.members}: starts are drawn where {ENERGY} is varied")
         for check in checks:
             try:
                 check()
@@ -128,7 +128,7 @@ class Study(Displayed):
         """What a worker is told."""
         return SweepTask(self.scene, self.measures, self.size, self.members, self.seed)
 
-    @property
+    @cached_property
     def chunk(self) -> int:
         """How many points are measured together: by the study alone, as their last digits depend on it."""
         if self.by_energy:
@@ -274,7 +274,7 @@ def validate_energies(scene: Scene, requests: Sequence[RequestedMeasure], member
 def _of_starts(name: str) -> None:
     """SceneError for a measure that an ensemble does not take."""
     if why := MEASURES[name].refused.get("ensemble"):
-        raise SceneError([f"{name}: cannot be measured of starts drawn at an energy: {why}"])
+        raise SceneError([f"measure {name}: cannot be measured of starts drawn at an energy: {why}"])
 
 
 def measured_at(scene: Scene, points: Sequence[tuple[int, float]], task: SweepTask) -> dict[int, Measured]:

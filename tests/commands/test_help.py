@@ -196,8 +196,8 @@ def test_other_errors_do_not(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_a_place_that_an_option_gives_a_value_is_not_called_the_files(capsys: pytest.CaptureFixture[str]) -> None:
-    (line,) = refused(capsys, "spread", "chain-3", "--uncertain", "gravity=-1")
-    assert line == "multipendula: gravity=-1: a standard deviation must be above 0"
+    line, _ = refused(capsys, "spread", "chain-3", "--uncertain", "gravity=-1")
+    assert line == "multipendula: --uncertain gravity=-1: a standard deviation must be above 0"
 
 
 @pytest.mark.parametrize("name", FORMER_COMMANDS)

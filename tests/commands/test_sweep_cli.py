@@ -89,7 +89,7 @@ def test_loci_are_told_kept_and_drawn(tmp_path: Path, capsys: pytest.CaptureFixt
         ({"output": "/nowhere/m.npz"}, "there is no folder"),
         (
             {"measure": ["beet"], "output": "m.txt"},
-            "must end in .npz, .csv, .json, .png, .svg or .pdf\nbeet: no such measure",
+            "must end in .npz, .csv, .json, .png, .svg or .pdf\nmeasure beet: no such measure",
         ),
         ({"loci": True, "measure": ["beat"]}, "--measure: "),
         ({"loci": True, "workers": None, "output": "l.npz"}, "-o l.npz: .*csv"),
@@ -252,6 +252,14 @@ def test_shares_of_a_sweep_are_the_whole(
     if not outcome:
         assert (tmp_path / "together.csv").read_bytes() == (tmp_path / "whole.csv").read_bytes()
         assert {path: path.stat().st_mtime_ns for path in before} == before
+
+
+def test_a_share_may_have_nothing_to_do(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "driven.toml").write_text(DRIVEN)
+    grid = [f"--vary=pendulum[0].start.{name}[0]=-20,20" for name in ("angles_deg", "rates_deg")]
+    asked = ["basins", str(tmp_path / "driven.toml"), "--measure", "attractor", "--duration", "15", *grid]
+    assert main([*asked, "--workers", "1", "--folder", str(tmp_path / "kept"), "--share", "2/2"]) == 0
+    assert capsys.readouterr().out.startswith("share 2 of 2 is in ")
 
 
 def test_folders_of_sweeps_are_refused_where_they_are_another_s(tmp_path: Path) -> None:

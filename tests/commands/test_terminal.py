@@ -14,9 +14,11 @@ from pathlib import Path
 import pytest
 from hostility.options import BASES, prepare
 
+from modal import load
 from modal.report import breadth
 from multipendula.cli import main
 from multipendula.commands import shared
+from nonlinear import ensemble
 
 Printed = Callable[..., str]
 SELDOM = {
@@ -395,3 +397,25 @@ def test_progress_is_per_cent_with_the_time_left_before_anything_is_reported(mon
 def test_what_is_counted_is_told_in_english(done: int, words: str) -> None:
     tqdm = pytest.importorskip("tqdm").tqdm
     assert tqdm.format_meter(done, None, 3.0, unit="branches", bar_format=shared.COUNTED) == words
+
+
+def test_the_time_that_is_expected_is_told_while_nothing_is_done(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Of an ensemble's first chunk; over an hour it is said beforehand, also in a pipe."""
+    with shared.bar(9) as progress:
+        ensemble(load("chain-2"), 0.1, starts=[[0.1, 0.2]] * 9, workers=1, engine="numpy", report=progress)
+        assert 0 < progress.expected < 60
+    with shared.bar(9) as progress:
+        progress.expect(7000.0)
+    assert capsys.readouterr().err == "multipendula: this takes an estimated 117 minutes; Ctrl-C ends it\n"
+    monkeypatch.setattr(shared, "LATE", 0.01)
+    monkeypatch.setattr(sys, "stderr", stream := Watched())
+    with shared.bar(9) as progress:
+        progress.expect(90.0)
+        time.sleep(0.1)
+        early = stream.getvalue()
+        progress(4)
+        time.sleep(0.1)
+    assert "about 01:" in early
+    assert "about" not in stream.getvalue()[len(early) :].partition("44 %")[2]

@@ -24,6 +24,7 @@ from modal.errors import ComputationError, SceneError
 from modal.scene import Scene, scene_from
 from nonlinear.ensembles import Ensemble, ensemble
 from nonlinear.ensembles.executors import WorkerPool
+from nonlinear.ensembles.store import Parts
 from nonlinear.files import as_npz, from_npz
 from nonlinear.integration import readiness
 from nonlinear.integration.methods import choose
@@ -262,6 +263,32 @@ def test_chunks_in_memory_and_on_disk_say_the_same(tmp_path: Path) -> None:
         np.testing.assert_array_equal(kept.column(name), memory.column(name))
     assert kept.differences == memory.differences
     assert kept.words() == memory.words()
+
+
+def test_a_folder_is_one_data_set_of_which_chunks_are_read_as_they_are_used(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("xarray")
+    asked: dict[str, object] = {"output": 3, "chunk": 2, "measures": MEASURES}
+    kept = run(tmp_path, starts=STARTS[:9], share=(0, 2), **asked)
+    some = kept.to_xarray()
+    assert np.isnan(some.energy_drift.values).tolist() == [False, False, True, True] * 2 + [False]
+    whole = run(tmp_path, starts=STARTS[:9], **asked)
+    read: list[int] = []
+    monkeypatch.setattr(
+        Parts, "read", lambda parts, number, once=Parts.read: read.append(number) or once(parts, number)
+    )
+    data, links = whole.to_xarray(), whole.column("links_rad")
+    read.clear()
+    assert data.links_rad.shape == links.shape
+    np.testing.assert_array_equal(data.links_rad[3:6, 1, ::-1].values, links[3:6, 1, ::-1])
+    assert read == [1, 2]
+    np.testing.assert_array_equal(data.links_rad[8, :, 0].values, links[8, :, 0])
+    for name in data.data_vars:
+        np.testing.assert_array_equal(data[name].values, whole.column(name))
+    assert {*data.data_vars} == {name for name in whole.columns if not name.startswith("crossing_")}
+    memory = run(None, starts=STARTS[:9], **asked).to_xarray()
+    np.testing.assert_array_equal(memory.links_rad.values, links)
 
 
 def test_a_folder_of_earlier_is_read_and_goes_on(tmp_path: Path) -> None:

@@ -153,6 +153,8 @@ def test_no_public_function_is_missing_on_the_page_of_functions() -> None:
     public = [(room, name) for room in rooms for name in room.__all__]
     assert len(rooms) > 30
     assert not [name for room, name in public if isfunction(getattr(room, name)) and f".{name}" not in page]
+
+
 def test_editors_see_the_namespace_as_it_is() -> None:
     assert STUB.read_text(encoding="utf-8") == stub(), "python docs/namespace.py makes it anew"
 

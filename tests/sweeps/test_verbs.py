@@ -78,7 +78,7 @@ def test_a_verb_takes_a_measure_or_says_why_not(name: str) -> None:
             }
             with pytest.raises(SceneError) as refused:
                 doors[verb]()
-            assert refused.value.problems == (f"{name}: {verb} does not take {name}: {why}",)
+            assert refused.value.problems == (f"measure {name}: {verb} does not take {name}: {why}",)
 
 
 @pytest.mark.parametrize(
