@@ -14,6 +14,7 @@ from multipendula.options import FILMS, PICTURES, endings
 if TYPE_CHECKING:
     from modal.identification import Estimate
     from modal.scene import Scene
+    from nonlinear.ensembles import Workers
 
 DAY, LONGEST = 86_400.0, 1e5  # s; days that are told as a number
 LONG, COORDINATE = 5.0, 9e-5  # s that are told first, and for the square of the coordinates of supports
@@ -181,6 +182,15 @@ def bar(total: float, unit: str = "s", title: str = "") -> Iterator[Callable[[fl
         finally:
             ended.set()
             clock.join()
+
+
+@contextmanager
+def crew_of(options: argparse.Namespace) -> Iterator[Workers]:
+    """Who computes what is independent: the --workers, or those of a --scheduler."""
+    from nonlinear.ensembles import workers_at
+
+    with workers_at(options.scheduler, options.workers) as crew:
+        yield crew
 
 
 @contextmanager

@@ -5,8 +5,8 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING, Any
 
-from multipendula.command import SCENE, Command, formats, kwargs_of, main_file, option, picture_file
-from multipendula.commands.shared import bar, in_a_folder, listed, noted, picture, pictured, say, write_together
+from multipendula.command import CREW, SCENE, Command, formats, kwargs_of, main_file, option, picture_file
+from multipendula.commands.shared import bar, crew_of, in_a_folder, noted, picture, pictured, say, write_together
 
 if TYPE_CHECKING:
     from modal.scene.motion import Acting
@@ -37,8 +37,8 @@ def tune(options: argparse.Namespace) -> None:
     problems += [f"--{name}: needs --travel METRES" for name in ("over", "kind") if _alone(options, name)]
     if problems:
         raise SceneError(problems)
-    with bar(0, "starts"):
-        best = tuned(scene, listed(options.free), robust=options.robust, **kwargs_of(options, *AIMS))
+    with crew_of(options) as crew, bar(0, "starts"):
+        best = tuned(scene, options.free, robust=options.robust, crew=crew, **kwargs_of(options, *AIMS))
     swing = None if options.largest_angle is None else _swing(best, options.largest_angle)
     record = {} if swing is None else {"finite_swing": _swing_record(swing, best)}
     told = tuned_json(best, record) if options.report or options.format == "json" else ""
@@ -161,12 +161,14 @@ COMMANDS = (
             main_file("the scene with the best numbers", ("toml",)),
             "--report: with the curves",
             *picture_file("the peaks before and after"),
+            *CREW,
             formats("text", "json"),
         ),
         details=(
             "At small angles, with exact derivatives and all peaks at once, from several starts. Beside the best "
             "numbers are Den Hartog's where they apply; what each number is worth, and how far it may be off for 1 % "
-            "of the objective; the worst case of all masses ±5 %; stroke and torque of the dampers."
+            "of the objective; the worst case of all masses ±5 %; stroke and torque of the dampers. The "
+            "--workers share random starts, the last descents and the cases of masses."
         ),
         examples=(
             (

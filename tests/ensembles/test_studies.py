@@ -174,7 +174,7 @@ def test_numbers_of_a_study_that_are_none_are_named(number: object) -> None:
         "members": lambda n: find_spread(chain, ["gravity=1%"], members=n),
         "seed": lambda n: find_spread(chain, ["gravity=1%"], members=3, seed=n),
         "orbits": lambda n: find_section(chain, 1.0, orbits=n),
-        "ensemble": lambda n: lyapunov_exponent(chain, 30.0, ensemble=n),
+        "ensemble": lambda n: lyapunov_exponent(chain, 30.0, members=n),
     }
     for name, call in calls.items():
         with pytest.raises(SceneError, match=escape(f"{name} {number!r}: must be a whole number")):

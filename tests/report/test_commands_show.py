@@ -136,7 +136,7 @@ SHOWN: dict[str, tuple[str, Callable[[], Any]]] = {
     ),
     "chaos chain-2": (
         "nonlinear.chaos:lyapunov_exponent",
-        lambda: lyapunov_exponent(modal.load("chain-2"), 7.0, ensemble=2),
+        lambda: lyapunov_exponent(modal.load("chain-2"), 7.0, members=2),
     ),
     "chaos paper:001": ("nonlinear.chaos:measure", finding),
     "tradeoff chain-1 --linear": (

@@ -158,7 +158,7 @@ def test_a_fit_shows_its_numbers() -> None:
 
 
 def test_an_exponent_shows_itself() -> None:
-    exponent = lyapunov_exponent(modal.load("chain-2"), duration=20.0, ensemble=2)
+    exponent = lyapunov_exponent(modal.load("chain-2"), duration=20.0, members=2)
     assert_shown(exponent)
 
 
