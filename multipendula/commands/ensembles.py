@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from multipendula.command import CREW, SCENE, Command, Option, formats, kwargs_of, option, report_file
 from multipendula.commands.runs import ELSEWHERE, start_of, tell_of_start
-from multipendula.commands.shared import bar, draw_in, estimate_of, forewarning, in_a_folder, picture, say
+from multipendula.commands.shared import bar, draw_in, forewarning, in_a_folder, picture, say
 from multipendula.completion import words
 from multipendula.options import integer, number
 from nonlinear.measures import taken_by
@@ -75,7 +75,7 @@ def _crossings(options: argparse.Namespace, scene: Scene) -> None:
     members = options.members or MOTIONS
     with _engine(options, scene, members) as more:
         section = find_section(
-            scene, options.duration, energy=options.energy, at=options.crossing, orbits=members, **more
+            scene, options.duration, energy=options.energy, crossing=options.crossing, members=members, **more
         )
     if options.energy is None and not has_start(scene):
         tell_of_start("its energy is that of the first mode that swings", "--energy chooses another")
@@ -119,8 +119,8 @@ def spread(options: argparse.Namespace) -> None:
         raise SceneError(["--folder: needs --duration, for frequencies are not kept"])
     with _engine(options, scene, members) as more:
         more["measures"] = options.measure or ()
-        more["estimate"] = estimate_of(scene, options.covariance)
-        if more["estimate"] is None and not options.uncertain:
+        more["covariance"] = options.covariance
+        if options.covariance is None and not options.uncertain:
             raise SceneError(["spread needs --uncertain PLACE=WIDTH or --covariance FIT.json"])
         start = start_of(scene, None, elsewhere=ELSEWHERE) if options.duration else None
         spreads = find_spread(
@@ -221,7 +221,7 @@ COMMANDS = (
             SCENE,
             "--energy (default that of its start)",
             "--crossing, upwards (>), downwards (<) or both (=): theta[1,1]>0 (default), degrees, or x=0, metres",
-            option(f"--members: motions (default {MOTIONS})", type=integer(10_000), keyword="orbits"),
+            option(f"--members: motions (default {MOTIONS})", type=integer(10_000)),
             "--spread, of a driven scene (default 10)",
             "--seed, of a driven scene",
             *strobed("none"),
@@ -259,7 +259,7 @@ COMMANDS = (
             "--covariance: draws its numbers together",
             option("--members: scenes drawn (default 1000)", type=integer(10_000_000)),
             "--seed",
-            measured("spread", "all frequencies); repeat for several"),
+            measured("spread", "all frequencies); repeat for several", keyword="measures"),
             "--duration from the scene's own start (default none: frequencies only)",
             *COMPUTED,
             formats(*FORMATS),

@@ -67,15 +67,13 @@ def _misfits(options: argparse.Namespace) -> Iterator[str]:
 def _mode(scene: Scene, options: argparse.Namespace) -> tuple[Branch, ...]:
     from math import radians
 
-    from modal.scene.parameters import parse_variations
     from nonlinear.orbits import mode_along, nonlinear_mode
 
     noted(scene, "a periodic orbit of a mode")
     largest = options.largest_angle or LARGEST
     if options.vary:
-        (variation,) = parse_variations([options.vary])
         with bar(0, "orbits") as report:
-            return (mode_along(scene, options.mode, variation, radians(largest), report=report),)
+            return (mode_along(scene, options.mode, options.vary, radians(largest), report=report),)
     with bar(largest, "deg") as report:
         return (nonlinear_mode(scene, options.mode, radians(largest), report=report),)
 
@@ -87,11 +85,11 @@ def _cycles(scene: Scene, options: argparse.Namespace, crew: Crew) -> tuple[Bran
 
     (variation,) = parse_variations([options.vary])
     if scene.is_forced:
-        cycles = options.periods or 1
+        periods = options.periods or 1
         require_forced(scene, variation)
         begun = _settled(scene, variation.path, variation.values[0], options)[0] if options.settled else None
         with bar(0, "branches") as report:
-            return follow_forced(scene, variation, start=begun, cycles=cycles, report=report)
+            return follow_forced(scene, variation, start=begun, periods=periods, report=report)
     if options.periods:
         raise SceneError(['--periods: needs a [[force]], or a support of kind = "moved"'])
     require_cycles(scene, variation)

@@ -181,7 +181,7 @@ COMMANDS = (
                 "three of them; start.energy=1:20:40 (J above rest) draws --members starts at every energy",
                 required=True,
             ),
-            measured("sweep", "frequencies, over energies lyapunov); repeat for several"),
+            measured("sweep", "frequencies, over energies lyapunov); repeat for several", keyword="measures"),
             option("--members: starts drawn at every start.energy (default 50)", type=integer(100_000)),
             "--seed (default 0)",
             "--loci",

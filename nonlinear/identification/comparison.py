@@ -16,7 +16,7 @@ from modal.identification.parameters import natural_unit
 from modal.report import Displayed, silent
 from modal.scene import Scene
 from modal.scene.doors import checked, formerly
-from modal.scene.parameters import find_places, with_numbers
+from modal.scene.parameters import find_places, texts_of, with_numbers
 from modal.types import Crew, shared
 from nonlinear.identification.fitting import fit
 from nonlinear.identification.records import FEWEST, Recording
@@ -48,8 +48,8 @@ class ComparedLaw(Displayed):
 def compare(
     scene: Scene,
     recording: Recording,
-    free: Sequence[str],
-    laws: Sequence[str],
+    free: str | Sequence[str],
+    laws: str | Sequence[str],
     *,
     crew: Crew | None = None,
     report: Callable[[float], object] = silent,
@@ -59,6 +59,7 @@ def compare(
 
     A `crew` fits several laws at once; `report` is called with the part that is done.
     """
+    laws, free = (texts_of(texts, separated=True) for texts in (laws, free))
     problems = [
         f"compare {name}: must be laws such as {', '.join(LAWS)} or viscous+coulomb{meant(name, LAWS)}"
         for name in laws

@@ -12,8 +12,8 @@ import numpy as np
 from modal.errors import ComputationError, SceneError
 from modal.report import silent
 from modal.scene import Scene, require
-from modal.scene.doors import checked, checked_index, checked_number
-from modal.scene.parameters import Variation, validate_variations, vary
+from modal.scene.doors import checked, checked_index, checked_number, formerly
+from modal.scene.parameters import Variation, validate_variations, variation_of, vary
 from modal.types import Crew, Floats, shared
 from nonlinear.averaging import RelativeEquilibrium, average, relative_equilibria
 from nonlinear.dynamics.variational import Force
@@ -217,9 +217,10 @@ def _dampings(system: System) -> Floats:
 
 
 @checked
+@formerly(variation="vary")
 def follow_cycles(
     scene: Scene,
-    variation: Variation,
+    vary: str | Variation,
     *,
     start: tuple[State, float] | None = None,
     tolerance: float = TOLERANCE,
@@ -236,6 +237,7 @@ def follow_cycles(
     SceneError for a variation of fewer than two values or of a count, ComputationError where nothing excites the scene
     or no limit cycle is found.
     """
+    variation = variation_of(vary)
     require_cycles(scene, variation)
     ends = (variation.values[0], variation.values[-1])
     branches: list[Branch] = []

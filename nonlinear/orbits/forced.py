@@ -18,8 +18,8 @@ import numpy as np
 from modal.errors import ComputationError, SceneError
 from modal.report import Displayed, Summary, silent
 from modal.scene import Scene, drive_period, require
-from modal.scene.doors import checked
-from modal.scene.parameters import Variation, validate_variations, vary
+from modal.scene.doors import checked, formerly
+from modal.scene.parameters import Variation, validate_variations, variation_of, vary
 from modal.types import Floats
 from nonlinear.orbits.branch import Branch, Report
 from nonlinear.orbits.continuation import apart
@@ -100,8 +100,9 @@ def linear_response(scene: Scene) -> LinearResponse:
 
 
 @checked
-def forced_orbit(scene: Scene, *, start: State | None = None, cycles: int = 1, tolerance: float = TOLERANCE) -> Orbit:
-    """The periodic motion of a scene under its drives, over so many `cycles` of their common period.
+@formerly(cycles="periods")
+def forced_orbit(scene: Scene, *, start: State | None = None, periods: int = 1, tolerance: float = TOLERANCE) -> Orbit:
+    """The periodic motion of a scene under its drives, over so many `periods` of them together.
 
     It is the one beside a `start` at the time 0, by default beside the linear response or where the motion from there
     settles.  Raises SceneError where no drives have a common period, ComputationError where no orbit is found.
@@ -114,16 +115,17 @@ def forced_orbit(scene: Scene, *, start: State | None = None, cycles: int = 1, t
     >>> orbit.period, round(orbit.amplitude, 6), round(linear_response(scene).amplitude, 6)
     (4.0, 0.269091, 0.272383)
     """
-    return _beginning(scene, None, None, start, cycles, tolerance).orbit
+    return _beginning(scene, None, None, start, periods, tolerance).orbit
 
 
 @checked
+@formerly(variation="vary", cycles="periods")
 def follow_forced(
     scene: Scene,
-    variation: Variation,
+    vary: str | Variation,
     *,
     start: State | None = None,
-    cycles: int = 1,
+    periods: int = 1,
     tolerance: float = TOLERANCE,
     longest: float = LONGEST,
     most: int = MOST,
@@ -131,19 +133,20 @@ def follow_forced(
 ) -> tuple[Branch, ...]:
     """The periodic motions of a scene under its drives along a number, followed through their folds, within its range.
 
-    They have so many `cycles` of the drives' common period and begin at both ends of the range, or at its first value
+    They have so many `periods` of the drives and begin at both ends of the range, or at its first value
     beside a `start` at the time 0.  Neighbours differ by at most 2 % in amplitude and 0.1 in phase (`continuation`).
     `report` is called with the number of branches followed so far.  Raises SceneError for a variation of fewer than two
     values or of a count and where the drives have no common period, ComputationError where no orbit is found at either
     end.
     """
+    variation = variation_of(vary)
     require_forced(scene, variation)
     branches, failed = list[Branch](), dict[float, ComputationError]()
     ends = (variation.values[0], variation.values[-1])
     walk = BranchWalk(longest, most, apart)
     for value in ends[: 1 if start else 2]:
         try:
-            begun = _beginning(scene, variation, value, start, cycles, tolerance)
+            begun = _beginning(scene, variation, value, start, periods, tolerance)
         except ComputationError as error:
             failed[value] = error
             continue

@@ -24,8 +24,8 @@ import numpy as np
 from modal.errors import SceneError
 from modal.report import Displayed, TextResult, silent
 from modal.scene import Scene, require
-from modal.scene.doors import checked
-from modal.scene.parameters import Variation, validate_variations, vary
+from modal.scene.doors import checked, formerly
+from modal.scene.parameters import Variation, validate_variations, variation_of, vary
 from modal.types import Complexes, Crew, Floats, shared
 from nonlinear.averaging import (
     AveragedEquations,
@@ -151,8 +151,9 @@ class Branches(TextResult):
 
 
 @checked
+@formerly(variation="vary")
 def follow_branches(
-    scene: Scene, variation: Variation, report: Report = silent, *, crew: Crew | None = None
+    scene: Scene, vary: str | Variation, report: Report = silent, *, crew: Crew | None = None
 ) -> Branches:
     """The branches of a self-excited scene; `report` is called with the number followed so far.
 
@@ -163,6 +164,7 @@ def follow_branches(
     of a count, ComputationError where nothing excites the scene or it is outside the scope of
     `nonlinear.averaging.equations`.
     """
+    variation = variation_of(vary)
     validate_variations(scene, [variation])
     if len(variation.values) < 2 or variation.path.endswith("count"):
         raise SceneError([f"{variation.path}: branches need two or more values of a continuous parameter"])

@@ -18,7 +18,8 @@ import scipy
 from modal.errors import ComputationError
 from modal.report import Displayed, Summary, TextResult, counted, silent
 from modal.scene import Scene, require
-from modal.scene.parameters import Variation, vary
+from modal.scene.doors import checked, formerly
+from modal.scene.parameters import Variation, variation_of, vary
 from modal.types import Crew, Floats, shared
 from nonlinear.averaging import averaged_pattern, patterns_of, rest_growth
 from nonlinear.orbits import PatternOrbit, pattern_orbit, require_cycles
@@ -140,8 +141,10 @@ class PopulationDiagram(TextResult):
             yield begin, high
 
 
+@checked
+@formerly(variation="vary")
 def follow_populations(
-    scene: Scene, variation: Variation, report: Report = silent, *, crew: Crew | None = None
+    scene: Scene, vary: str | Variation, report: Report = silent, *, crew: Crew | None = None
 ) -> PopulationDiagram:
     """The symmetric motions of a scene along a number; `report` is called with the number followed so far.
 
@@ -150,6 +153,7 @@ def follow_populations(
     Raises SceneError for a variation of fewer than two values or of a count, ComputationError where nothing excites the
     scene or populations have no symmetric motions.
     """
+    variation = variation_of(vary)
     require_cycles(scene, variation)
     require(scene, "a prediction of synchronization")
     walk = PopulationWalk(scene, variation)
