@@ -1,4 +1,7 @@
-"""Type aliases of arrays of one kind of number, of any shape."""
+"""Type aliases of arrays of one kind of number, of any shape, and who computes many things."""
+
+from collections.abc import Callable, Iterable, Iterator
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -7,3 +10,19 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Booleans = NDArray[np.bool_]
 Complexes = NDArray[np.complex128]
+
+T = TypeVar("T")
+R = TypeVar("R")
+
+
+class Crew(Protocol):
+    """Who computes many things that do not depend on each other: any `concurrent.futures.Executor`."""
+
+    def map(self, function: Callable[..., R], /, *things: Iterable[Any]) -> Iterator[R]:
+        """What the function makes of each, in their order."""
+        ...
+
+
+def shared(function: Callable[[T], R], things: Iterable[T], crew: Crew | None) -> Iterator[R]:
+    """What the function makes of each of these things, in their order, by a crew or one after the other here."""
+    return map(function, things) if crew is None else crew.map(function, things)

@@ -61,6 +61,27 @@ def checked(function: Function) -> Function:
     return checking  # type: ignore[return-value]
 
 
+def formerly(**names: str) -> Callable[[Function], Function]:
+    """A `checked` function whose arguments had these names before: what each is called now.
+
+    >>> @checked
+    ... @formerly(orbits="members")
+    ... def draw(scene: str, *, members: int = 24) -> int:
+    ...     return members
+    >>> try:
+    ...     draw("chain-2", orbits=3)
+    ... except SceneError as error:
+    ...     print(error)
+    orbits: is now members
+    """
+
+    def noted(function: Function) -> Function:
+        function.formerly = names  # type: ignore[attr-defined]
+        return function
+
+    return noted
+
+
 def problem_of(kind: str, value: object) -> str:
     """Why a value is none of a kind, a name of a class, "" where it is one.
 
@@ -148,6 +169,8 @@ class _Door:
 
     def problems(self, arguments: Sequence[object], named: Mapping[str, object]) -> Iterator[str]:
         """What is wrong with the arguments of a call."""
+        former = getattr(self.function, "formerly", {})
+        yield from (f"{name}: is now {former[name]}" for name in named if name in former)
         for name, value in [*zip(self.names, arguments, strict=False), *named.items()]:
             if name in self.checks and (words := self.checks[name](value)):
                 yield f"{name}: {words}" if words.startswith(("a ", "has ")) else f"{name} {words}"
@@ -186,7 +209,7 @@ def _of_atom(atom: str, names: Mapping[str, Any], unbounded: bool) -> Check | No
         return _callable
     if get_origin(meaning) is Literal:
         return _one_of(get_args(meaning))
-    if atom in WAYS or (isinstance(meaning, type) and not hasattr(meaning, "__protocol_attrs__")):
+    if atom in WAYS or (isinstance(meaning, type) and not getattr(meaning, "_is_protocol", False)):
         return partial(problem_of, atom)
     return None
 

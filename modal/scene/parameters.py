@@ -241,8 +241,8 @@ def _numbers(part: Any, at: Place = ()) -> Iterator[Place]:
         yield at
 
 
-Vary = Mapping[str, ArrayLike] | Sequence[str] | Sequence["Variation"]
-"""What is varied: numbers at places, or a grid of the texts `PLACE=VALUES`."""
+Vary = Mapping[str, ArrayLike] | str | Sequence[str] | Sequence["Variation"]
+"""What is varied: numbers at places, or a grid of the texts `PLACE=VALUES`, of which one may stand alone."""
 ANY_POSITIVE = {"gravity", "mass", "length", "centre", "inertia", "stiffness"}
 """Numbers that may be anything from SMALLEST to LARGEST."""
 MOST_SHOWN = 5
@@ -291,7 +291,23 @@ class Variation(Displayed):
         return f"{self.path}_{unit}" if unit and not told else self.path
 
 
-def parse_variations(texts: Sequence[str]) -> tuple[Variation, ...]:
+def texts_of(given: str | Sequence[str], *, separated: bool = False) -> tuple[str, ...]:
+    """Texts in a list, or the one that stands for a list, as an option has it; of some commas `separated` several.
+
+    >>> texts_of("gravity=1,2,3"), texts_of("gravity, support.mass", separated=True)
+    (('gravity=1,2,3',), ('gravity', 'support.mass'))
+    """
+    if isinstance(given, str):
+        return tuple(text.strip() for text in given.split(",")) if separated else (given,)
+    return tuple(given)
+
+
+def variation_of(vary: str | Variation) -> Variation:
+    """The one variation that a text describes, or that is given."""
+    return vary if isinstance(vary, Variation) else parse_variations(vary)[0]
+
+
+def parse_variations(texts: str | Sequence[str]) -> tuple[Variation, ...]:
     """The variations that texts describe; SceneError names every mistake.
 
     >>> parse_variations(["support.mass=1:100:3log"])
@@ -299,7 +315,7 @@ def parse_variations(texts: Sequence[str]) -> tuple[Variation, ...]:
     """
     variations: list[Variation] = []
     problems: list[str] = []
-    for text in texts:
+    for text in texts_of(texts):
         try:
             variations.append(_parsed(text))
         except SceneError as error:
@@ -394,6 +410,8 @@ def parse_vary(scene: Scene, vary: Vary) -> tuple[tuple[Variation, ...], dict[st
     """The axes of a grid, or arrays of finite numbers by their places; SceneError names every mistake."""
     if isinstance(vary, Mapping):
         return (), parse_arrays(scene, vary)[1]
+    if isinstance(vary, str):
+        vary = [vary]
     if not isinstance(vary, list | tuple) or not all(isinstance(axis, str | Variation) for axis in vary):
         raise SceneError([f"vary {vary!r}: must be a list of PLACE=VALUES, or a mapping of places to values"])
     axes = tuple(axis if isinstance(axis, Variation) else parse_variations([axis])[0] for axis in vary)

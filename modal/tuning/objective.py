@@ -6,8 +6,9 @@ what the tuned dampers have to bear, their stroke and their torque or force, of 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import product
 
 import numpy as np
@@ -21,7 +22,7 @@ from modal.statespace.geometry import geometry_of
 from modal.tuning.minimax import APART, HELPING, Evaluation, Faces
 from modal.tuning.pieces import Pieces, Quantities, Setting
 from modal.tuning.quantities import FreeNumber, Limit, Quantity
-from modal.types import Floats
+from modal.types import Crew, Floats, shared
 
 Factors = Mapping[Place, float]
 
@@ -262,20 +263,22 @@ def worst_case(objective: Objective, z: Floats) -> MassCase:
     return max((nominal, *worst_cases(objective, z)), key=lambda case: case.cost)
 
 
-def worst_cases(objective: Objective, z: Floats) -> list[MassCase]:
-    """Corners of the box of masses ±5 % in which one piece of the objective or another is worst."""
+def worst_cases(objective: Objective, z: Floats, crew: Crew | None = None) -> list[MassCase]:
+    """Corners of the box of masses ±5 % in which a piece of the objective is worst; a `crew` shares them."""
     places = _free_masses(objective, z)
     corners: list[Factors]
     if len(places) <= CORNERS:
         signs = product((1 - SHARE, 1 + SHARE), repeat=len(places))
         corners = [dict(zip(places, corner, strict=True)) for corner in signs]
     else:
-        corners = list(_climbed(objective, z, places))
-    cases: list[MassCase] = []
-    for factors in corners:
-        if factors and all(case.factors != factors for case in cases):
-            cases.append(MassCase(factors, objective.value(z, factors), _cost(objective, z, factors)))
-    return cases
+        pieces = _signs(objective, z, places, {})
+        corners = list(shared(partial(_climbed, objective, z, places), pieces, crew))
+    different = [factors for k, factors in enumerate(corners) if factors and factors not in corners[:k]]
+    return list(shared(partial(_mass_case, objective, z), different, crew))
+
+
+def _mass_case(objective: Objective, z: Floats, factors: Factors) -> MassCase:
+    return MassCase(factors, objective.value(z, factors), _cost(objective, z, factors))
 
 
 def _free_masses(objective: Objective, z: Floats) -> list[Place]:
@@ -293,18 +296,16 @@ def _free_masses(objective: Objective, z: Floats) -> list[Place]:
     return places
 
 
-def _climbed(objective: Objective, z: Floats, places: list[Place]) -> Iterator[Factors]:
-    """From the masses as they are along every piece, and from there on along the worst one."""
-    first = _signs(objective, z, places, {})
-    for signs in first:
-        factors = _corner(places, signs)
-        for _ in range(CLIMBS):
-            better = _signs(objective, z, places, factors, worst=True)
-            after = _corner(places, better[0]) if better else factors
-            if after == factors or _cost(objective, z, after) <= _cost(objective, z, factors):
-                break
-            factors = after
-        yield factors
+def _climbed(objective: Objective, z: Floats, places: list[Place], signs: Floats) -> Factors:
+    """From the masses as they are in the direction in which a piece grows, and from there on along the worst one."""
+    factors = _corner(places, signs)
+    for _ in range(CLIMBS):
+        better = _signs(objective, z, places, factors, worst=True)
+        after = _corner(places, better[0]) if better else factors
+        if after == factors or _cost(objective, z, after) <= _cost(objective, z, factors):
+            break
+        factors = after
+    return factors
 
 
 def _corner(places: list[Place], signs: Floats) -> Factors:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from itertools import permutations
 from os import PathLike
 
@@ -12,7 +13,7 @@ from modal.assembly import differences, matrices
 from modal.errors import ComputationError, SceneError
 from modal.report import silent
 from modal.scene import Scene, validate_scene
-from modal.scene.parameters import Place
+from modal.scene.parameters import Place, texts_of
 from modal.scene.records import Spectrum, read_spectrum
 from modal.statespace.shapers import Kind
 from modal.tuning.closed_forms import beside, den_hartog, single_links, values_for
@@ -22,7 +23,7 @@ from modal.tuning.objective import Aim, Objective, worst_cases
 from modal.tuning.pieces import Setting
 from modal.tuning.quantities import SOURCE, FreeNumber, Quantity, find_free, key_of, parse_limit, parse_quantity
 from modal.tuning.result import Tuned, Valley
-from modal.types import Floats
+from modal.types import Crew, Floats, shared
 
 TRIED, KEPT = 12, 3
 """Random starts for each free number, of which so many lead into a descent."""
@@ -45,11 +46,11 @@ Report = Callable[[float], object]
 
 def tune(
     scene: Scene,
-    free: Sequence[str],
+    free: str | Sequence[str],
     *,
-    minimize: Sequence[str] = (),
-    maximize: Sequence[str] = (),
-    limits: Sequence[str] = (),
+    minimize: str | Sequence[str] = (),
+    maximize: str | Sequence[str] = (),
+    limits: str | Sequence[str] = (),
     over_hz: tuple[float, float] | None = None,
     psd: Spectrum | str | PathLike[str] | None = None,
     modes: Sequence[int] = (),
@@ -57,6 +58,7 @@ def tune(
     over: float | None = None,
     kind: Kind | None = None,
     robust: bool = False,
+    crew: Crew | None = None,
     report: Report = silent,
 ) -> Tuned:
     """The numbers at the places `free`, each perhaps with bounds FROM:TO, that make quantities least or largest.
@@ -65,7 +67,10 @@ def tune(
     "2*peak:x/cart_force" (`modal.tuning.quantities`); `limits` such as "rel_1_1=0.2" bound others from above.  Peaks
     are those `over_hz`, by default over all frequencies; `psd` is a spectrum or its file, `modes` are rows of the
     table, `travel` (m) lasts `over` seconds and has a shaper of a `kind`.  A `robust` result is the best for the worst
-    case of all masses ±5 %.  Raises SceneError that names every mistake, ComputationError where nothing is best.
+    case of all masses ±5 %.  A `crew` shares random starts, the last descents and the cases of masses; the first
+    descents follow each other, since each may end in a valley that is known.
+
+    Raises SceneError that names every mistake, ComputationError where nothing is best.
 
     >>> from modal import Bob, Cart, Pendulum, Scene
     >>> damper = Bob(mass=0.5, length=2.0, damping=0.4)
@@ -76,16 +81,16 @@ def tune(
     (6.40792077, 1)
     """
     validate_scene(scene)
-    aims, problems = _aims(minimize, maximize)
+    aims, problems = _aims(texts_of(minimize), texts_of(maximize))
     found_limits = []
-    for text in limits:
+    for text in texts_of(limits):
         try:
             found_limits.append(parse_limit(text, [item.quantity for item in aims]))
         except SceneError as error:
             problems += error.problems
     numbers: tuple[FreeNumber, ...] = ()
     try:
-        numbers = find_free(scene, free, lambda place: _begin(scene, place))
+        numbers = find_free(scene, texts_of(free, separated=True), lambda place: _begin(scene, place))
     except SceneError as error:
         problems += error.problems
     every = [*(item.quantity for item in aims), *(item.quantity for item in found_limits)]
@@ -96,7 +101,7 @@ def tune(
         raise SceneError(list(dict.fromkeys(problems)))
     objective = Objective(scene, numbers, aims, found_limits, setting)
     before = objective.pieces(np.log([item.value or item.start for item in numbers]))
-    starts = list(_starts(objective))
+    starts = list(_starts(objective, crew))
     if over_hz is not None:
         _refuse_no_peak(objective, objective.start)
     if not starts:
@@ -105,14 +110,14 @@ def tune(
     objective.scale = size if not objective.is_log and size > 0 else 1.0
     valleys = _valleys(objective, starts, report)
     candidates = [valleys[0], *(item for item in valleys[1:FINISHED] if not item.certain)]
-    descents = [_descended(objective, item.point.z) for item in candidates]
+    descents = list(shared(partial(_descended, objective), [item.point.z for item in candidates], crew))
     deepest = min(range(len(descents)), key=lambda k: descents[k].point.merit)
     best = descents[deepest]
     _centre(objective, best.point.z)
     valleys.insert(0, valleys.pop(valleys.index(candidates[deepest])))
     _refuse_endless(objective, best)
     if robust:
-        best = _robust(objective, best)
+        best = _robust(objective, best, crew)
     _refuse_no_peak(objective, best.point.z)
     _refuse_undamped(objective, best.point.z)
     ends = tuple(
@@ -174,7 +179,7 @@ def _begin(scene: Scene, place: Place) -> float:
     return float(known.min()) if len(known) else 1.0
 
 
-def _starts(objective: Objective) -> Iterator[Floats]:
+def _starts(objective: Objective, crew: Crew | None) -> Iterator[Floats]:
     """The scene's own numbers, those by Den Hartog's rule, and the best of many random ones, all with finite values."""
     tried: list[Floats] = []
     for z in (objective.start, *_by_rule(objective)):
@@ -189,7 +194,7 @@ def _starts(objective: Objective) -> Iterator[Floats]:
     bounded = np.array([other.bounded for other in objective.free])
     inside = objective.low + (objective.high - objective.low) * rng.random((TRIED * n, n))
     draws = np.where(bounded, inside, np.clip(draws, objective.low, objective.high))
-    merits = np.array([_merit(objective, other) for other in draws])
+    merits = np.array([*shared(partial(_merit, objective), draws, crew)])
     kept = 0
     for k in np.argsort(merits, kind="stable").tolist():
         if not np.isfinite(merits[k]) or kept == KEPT:
@@ -276,14 +281,14 @@ def _centre(objective: Objective, z: Floats) -> None:
         objective.quantities.centre(objective.numbers(z), factors)
 
 
-def _robust(objective: Objective, best: Minimum) -> Minimum:
+def _robust(objective: Objective, best: Minimum, crew: Crew | None) -> Minimum:
     """The best for the worst of all masses ±5 %, to which cases are added until none is worse."""
     cases = list(objective.cases)
     for _ in range(CASES):
         here = objective.evaluate(best.point.z, False).cost
         worse = [
             case
-            for case in worst_cases(objective, best.point.z)
+            for case in worst_cases(objective, best.point.z, crew)
             if case.cost > here + EDGE and case.factors not in cases
         ]
         if not worse:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from multipendula.command import CREW, SCENE, Command, Option, formats, kwargs_of, option, refuse, report_file
 from multipendula.commands.runs import ELSEWHERE, start_of, tell_of_start
-from multipendula.commands.shared import bar, draw_in, estimate_of, in_a_folder, picture, remark, say
+from multipendula.commands.shared import bar, draw_in, in_a_folder, picture, remark, say
 from multipendula.completion import words
 from multipendula.options import integer, number
 from nonlinear.measures import taken_by
@@ -79,7 +79,7 @@ def _crossings(options: argparse.Namespace, scene: Scene) -> PoincareSection | N
     members = options.members or MOTIONS
     with _engine(options, members) as more:
         section = find_section(
-            scene, options.duration, energy=options.energy, at=options.crossing, orbits=members, **more
+            scene, options.duration, energy=options.energy, crossing=options.crossing, members=members, **more
         )
     if options.energy is None and not has_start(scene):
         tell_of_start("its energy is that of the first mode that swings", "--energy chooses another")
@@ -116,7 +116,7 @@ def spread(options: argparse.Namespace) -> Spread | None:
     uncertain = options.uncertain or ([] if options.covariance else _all_numbers(scene))
     with _engine(options, members) as more:
         more["measures"] = options.measure or ()
-        more["estimate"] = estimate_of(scene, options.covariance)
+        more["covariance"] = options.covariance
         start = start_of(scene, None, elsewhere=ELSEWHERE) if options.duration else None
         spreads = find_spread(scene, uncertain, options.duration, members=members, seed=seed, start=start, **more)
     return _show(options, spread_table, "draw_spread", spreads)
@@ -169,7 +169,7 @@ def refuse_homeless(options: argparse.Namespace) -> None:
 
 
 @contextmanager
-def crew_of(options: argparse.Namespace) -> Iterator[WorkerPool | None]:
+def executor_of(options: argparse.Namespace) -> Iterator[WorkerPool | None]:
     """The workers of a scheduler, None where there is none."""
     if not options.scheduler:
         yield None
@@ -185,7 +185,7 @@ def _engine(options: argparse.Namespace, members: int) -> Iterator[dict[str, Any
     """The arguments of an ensemble, with a progress bar in members."""
     refuse_homeless(options)
     more = kwargs_of(options, "--engine", "--workers", "--folder", "--share")
-    with bar(members, "member") as shown, crew_of(options) as crew:
+    with bar(members, "member") as shown, executor_of(options) as crew:
         yield more | {"tolerance": options.tolerance or TOLERANCE, "report": shown, "crew": crew}
 
 
@@ -239,7 +239,7 @@ COMMANDS = (
             SCENE,
             "--energy (default that of its start)",
             "--crossing, upwards (>), downwards (<) or both (=): theta[1,1]>0 (default), degrees, or x=0, metres",
-            option(f"--members: motions (default {MOTIONS})", type=integer(10_000), keyword="orbits"),
+            option(f"--members: motions (default {MOTIONS})", type=integer(10_000)),
             "--spread, of a driven scene (default 10)",
             "--seed, of a driven scene",
             *strobed("none"),
@@ -278,7 +278,7 @@ COMMANDS = (
             "--covariance: draws its numbers together",
             option("--members: scenes drawn (default 1000)", type=integer(10_000_000)),
             "--seed",
-            measured("spread", "all frequencies); repeat for several"),
+            measured("spread", "all frequencies); repeat for several", keyword="measures"),
             "--duration from the scene's own start (default none: frequencies only)",
             *COMPUTED,
             formats(*FORMATS),

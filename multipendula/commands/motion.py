@@ -134,7 +134,7 @@ def _print_band(options: argparse.Namespace, estimate: Estimate, kind: str) -> N
     start = start_of(scene, options.start, told=True)
     with bar(BAND_MEMBERS, "member") as report:
         members = find_spread(
-            scene, (), duration, members=BAND_MEMBERS, estimate=estimate, start=start, report=report, check=0
+            scene, (), duration, members=BAND_MEMBERS, covariance=estimate, start=start, report=report, check=0
         )
     say(f"band of {members.size} members with {members.words}, from 5 to 95 %:\n{motion_words(members)}\n")
     if members.failures:

@@ -6,13 +6,15 @@ import argparse
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from multipendula.command import SCENE, Command, formats, once, report_file
+from multipendula.command import CREW, SCENE, Command, formats, once, report_file
 from multipendula.commands.runs import start_of, whole
-from multipendula.commands.shared import bar, drawn, film_form, noted, picture, remark, say, validated, warned
+from multipendula.commands.shared import bar, crew_of, drawn, film_form, noted, picture, remark, say, validated, warned
 
 if TYPE_CHECKING:
+    from modal.errors import ComputationError
     from modal.scene import Scene
-    from nonlinear.orbits import Branch
+    from modal.types import Crew
+    from nonlinear.orbits import Branch, Special
     from nonlinear.system import State
 
 LARGEST, LONG = 90.0, 100
@@ -24,11 +26,12 @@ def orbits(options: argparse.Namespace) -> tuple[Branch, ...]:
     scene = warned(validated(options, options.output, lambda: _fitting(options)), "a periodic orbit")
     if not (options.mode or options.vary):
         options.mode = _first_mode(scene)
-    branches = _mode(scene, options) if options.mode else _cycles(scene, options)
-    newest = branches
-    for _ in range((options.depth or 1) if options.enter else 0):
-        newest = tuple(_entered(newest))
-        branches = (*branches, *newest)
+    with crew_of(options) as crew:
+        branches = _mode(scene, options) if options.mode else _cycles(scene, options, crew)
+        newest = branches
+        for _ in range((options.depth or 1) if options.enter else 0):
+            newest = tuple(_entered(newest, crew))
+            branches = (*branches, *newest)
     say(_told(scene, branches, options), options.format)
     if options.output:
         _draw(scene, branches, options)
@@ -73,42 +76,43 @@ def _misfits(options: argparse.Namespace) -> Iterator[str]:
         yield "--periods: needs --vary and no --mode"
     asked = [name for name in ("start", "duration") if getattr(options, name)]
     yield from (f"--{name}: needs --settled" for name in asked if not options.settled)
+    if options.mode and not options.enter:
+        asked = [name for name in ("workers", "scheduler") if getattr(options, name)]
+        yield from (f"--{name}: needs --enter, or --vary without --mode: a branch is followed by one" for name in asked)
 
 
 def _mode(scene: Scene, options: argparse.Namespace) -> tuple[Branch, ...]:
     from math import radians
 
-    from modal.scene.parameters import parse_variations
     from nonlinear.orbits import mode_along, nonlinear_mode
 
     noted(scene, "a periodic orbit of a mode")
     largest = options.largest_angle or LARGEST
     if options.vary:
-        (variation,) = parse_variations([options.vary])
         with bar(0, "orbits") as report:
-            return (mode_along(scene, options.mode, variation, radians(largest), report=report),)
+            return (mode_along(scene, options.mode, options.vary, radians(largest), report=report),)
     with bar(largest, "deg") as report:
         return (nonlinear_mode(scene, options.mode, radians(largest), report=report),)
 
 
-def _cycles(scene: Scene, options: argparse.Namespace) -> tuple[Branch, ...]:
+def _cycles(scene: Scene, options: argparse.Namespace, crew: Crew) -> tuple[Branch, ...]:
     from modal.errors import SceneError
     from modal.scene.parameters import parse_variations
     from nonlinear.orbits import follow_cycles, follow_forced, require_cycles, require_forced
 
     (variation,) = parse_variations([options.vary])
     if scene.is_forced:
-        cycles = options.periods or 1
+        periods = options.periods or 1
         require_forced(scene, variation)
         begun = _settled(scene, variation.path, variation.values[0], options)[0] if options.settled else None
         with bar(0, "branches") as report:
-            return follow_forced(scene, variation, start=begun, cycles=cycles, report=report)
+            return follow_forced(scene, variation, start=begun, periods=periods, report=report)
     if options.periods:
         raise SceneError(['--periods: needs a [[force]], or a support of kind = "moved"'])
     require_cycles(scene, variation)
     start = _settled(scene, variation.path, variation.values[0], options) if options.settled else None
     with bar(0, "branches") as report:
-        return follow_cycles(scene, variation, start=start, report=report)
+        return follow_cycles(scene, variation, start=start, crew=crew, report=report)
 
 
 def _settled(scene: Scene, path: str, value: float, options: argparse.Namespace) -> tuple[State, float]:
@@ -137,17 +141,29 @@ def _settled(scene: Scene, path: str, value: float, options: argparse.Namespace)
     return run.final, last_swing(run.times, run.motion)
 
 
-def _entered(branches: tuple[Branch, ...]) -> Iterator[Branch]:
+def _entered(branches: tuple[Branch, ...], crew: Crew) -> Iterator[Branch]:
     from modal.errors import ComputationError
-    from nonlinear.orbits import LEAVES, entered
+    from modal.types import shared
+    from nonlinear.orbits import LEAVES
 
-    for branch in branches:
-        for special in branch.special:
-            if special.kind in LEAVES:
-                try:
-                    yield entered(branch, special)
-                except ComputationError as error:
-                    remark(error)
+    left = [(branch, special) for branch in branches for special in branch.special if special.kind in LEAVES]
+    with bar(len(left), "branch") as report:
+        for done, entry in enumerate(shared(_entered_at, left, crew), 1):
+            report(done)
+            if isinstance(entry, ComputationError):
+                remark(entry)
+            else:
+                yield entry
+
+
+def _entered_at(left: tuple[Branch, Special]) -> Branch | ComputationError:
+    from modal.errors import ComputationError
+    from nonlinear.orbits import entered
+
+    try:
+        return entered(*left)
+    except ComputationError as error:
+        return error
 
 
 def _told(scene: Scene, branches: tuple[Branch, ...], options: argparse.Namespace) -> str:
@@ -212,6 +228,7 @@ COMMANDS = (
             formats("text", "csv", "json"),
             *report_file("text", "csv", "json"),
             "--film: the last orbit beside the linear mode",
+            *CREW,
         ),
         details=(
             "With --mode, the periodic motions that begin in a mode of the table, without dampers and drives, are "
@@ -221,7 +238,8 @@ COMMANDS = (
             "motion), or the motions of a scene under forces or on a moved support that repeat with the period of "
             "these; with both, the mode's orbit of one amplitude. Every orbit closes in the full equations, its "
             "stability is that of its Floquet multipliers, and folds, branch points, period doublings and tori are "
-            "located."
+            "located. A branch is followed from orbit to orbit, by one process; the limit cycles from one end of a "
+            "range, and the branches that --enter follows, are shared among the --workers."
         ),
         examples=(
             (

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from modal.errors import SceneError
     from modal.identification import Estimate
     from modal.scene import Scene
+    from nonlinear.ensembles import Workers
 
 HOUR, DAY, LONGEST = 3600.0, 86_400.0, 1e5  # s; days beyond which nothing is begun
 LENGTHY = 1e7  # s of motion, from which on it is asked at once whether the computation can end
@@ -277,6 +278,15 @@ def bar(total: float, unit: str = "s", title: str = "") -> Iterator[Progress]:
         finally:
             ended.set()
             clock.join()
+
+
+@contextmanager
+def crew_of(options: argparse.Namespace) -> Iterator[Workers]:
+    """Who computes what is independent: the --workers, or those of a --scheduler."""
+    from nonlinear.ensembles import workers_at
+
+    with workers_at(options.scheduler, options.workers) as crew:
+        yield crew
 
 
 @contextmanager

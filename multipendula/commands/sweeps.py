@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from multipendula.command import CREW, SCENE, Command, kwargs_of, main_file, option, picture_file, refuse
-from multipendula.commands.ensembles import crew_of, measured, names_of, refuse_homeless, strobed, tell_of_share
+from multipendula.commands.ensembles import executor_of, measured, names_of, refuse_homeless, strobed, tell_of_share
 from multipendula.commands.runs import tell_of_start
 from multipendula.commands.shared import bar, drawn, missing, picture_in_place, say
 from multipendula.options import PICTURES, RUNS, integer
@@ -70,7 +70,7 @@ def _map(options: argparse.Namespace, kind: str) -> Sweep | None:
     if options.folder and options.fresh:
         raise SceneError(["--fresh: cannot be combined with --folder: remove the folder"])
     with _journal(options, study) as kept:
-        with crew_of(options) as crew, bar(study.size, "point") as report:
+        with executor_of(options) as crew, bar(study.size, "point") as report:
             who = {"workers": options.workers, "crew": crew, "share": options.share}
             outcome = swept(study, journal=kept, report=report, **who)
         if not outcome.interrupted and tell_of_share(options):
@@ -159,7 +159,7 @@ def _strobes(options: argparse.Namespace, kind: str) -> BifurcationDiagram | Non
     if not has_start(scene):
         tell_of_start("every value begins in the shape of its first mode that swings")
     more = kwargs_of(options, "--phase-deg", "--settle", "--workers", "--folder", "--share")
-    with crew_of(options) as crew, bar(len(variation.values), "value") as report:
+    with executor_of(options) as crew, bar(len(variation.values), "value") as report:
         strobes = find_bifurcations(scene, variation, crew=crew, report=report, of=names_of(options), **more)
     if tell_of_share(options):
         return None
@@ -188,7 +188,7 @@ COMMANDS = (
                 "--vary: support.mass=1:1000:50log, gravity=1:10:5 or pendulum[*].links[0].length=0.9,1,1.1; one to "
                 "three of them; start.energy=1:20:40 (J above rest) draws --members starts at every energy",
             ),
-            measured("sweep", "frequencies, over energies lyapunov); repeat for several"),
+            measured("sweep", "frequencies, over energies lyapunov); repeat for several", keyword="measures"),
             option("--members: starts drawn at every start.energy (default 50)", type=integer(100_000)),
             "--seed (default 0)",
             "--loci",

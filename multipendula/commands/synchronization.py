@@ -6,9 +6,20 @@ import argparse
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING
 
-from multipendula.command import SCENE, Command, formats, once, report_file
+from multipendula.command import CREW, SCENE, Command, formats, once, report_file
 from multipendula.commands.runs import start_of
-from multipendula.commands.shared import bar, drawn, film_form, forewarning, picture, remark, say, stages, validated
+from multipendula.commands.shared import (
+    bar,
+    crew_of,
+    drawn,
+    film_form,
+    forewarning,
+    picture,
+    remark,
+    say,
+    stages,
+    validated,
+)
 
 if TYPE_CHECKING:
     from modal.scene import Scene
@@ -40,7 +51,10 @@ def _misfits(options: argparse.Namespace) -> Iterator[str]:
         yield from (f"--{name}: cannot be combined with --vary" for name in asked)
         if options.format == "json":
             yield f"{form}: cannot be combined with --vary"
-    elif options.format == "csv":
+        return
+    asked = [name for name in ("workers", "scheduler") if getattr(options, name)]
+    yield from (f"--{name}: needs --vary" for name in asked)
+    if options.format == "csv":
         yield f"{form}: needs --vary"
 
 
@@ -95,8 +109,8 @@ def _branches(scene: Scene, options: argparse.Namespace) -> Branches | Populatio
     (variation,) = parse_variations([options.vary])
     if _has_populations(scene):
         return _diagram(scene, variation, options)
-    with bar(0, "branches") as report:
-        branches = follow_branches(scene, variation, report)
+    with crew_of(options) as crew, bar(0, "branches") as report:
+        branches = follow_branches(scene, variation, report, crew=crew)
     say(branches_csv(branches) if options.format == "csv" else branches_text(branches), options.format)
     if options.output:
         from nonlinear.plotting import draw_branches
@@ -116,8 +130,8 @@ def _has_populations(scene: Scene) -> bool:
 def _diagram(scene: Scene, variation: Variation, options: argparse.Namespace) -> PopulationDiagram:
     from nonlinear.synchronization import diagram_csv, diagram_text, follow_populations
 
-    with bar(0, "motions") as report:
-        diagram = follow_populations(scene, variation, report)
+    with crew_of(options) as crew, bar(0, "motions") as report:
+        diagram = follow_populations(scene, variation, report, crew=crew)
     say(diagram_csv(diagram) if options.format == "csv" else diagram_text(diagram), options.format)
     if options.output:
         from nonlinear.plotting import draw_populations
@@ -142,6 +156,7 @@ COMMANDS = (
             "--words: prediction and simulation",
             *report_file("text", "csv", "json"),
             "--film: a stroboscopic one",
+            *CREW,
         ),
         details=(
             "For scenes with drives (van der Pol torques or escapements). Averaged equations predict the steady "
@@ -151,7 +166,8 @@ COMMANDS = (
             "full equations, sweep --loci the frequencies of small motion). For equal pendula on the supports of a "
             "structure it says which population is locked, and to which; then follow the growth rates of the motions "
             "in which every population is one pendulum, and with --vary the values at which these begin or cease to "
-            "last."
+            "last. With --vary the oscillations found at one value, and their critical values, are shared among the "
+            "--workers; each is followed from value to value by one."
         ),
         examples=(
             ("sync metronomes -o sync.png --film sync.gif", "two metronomes on a light base, with a figure and a film"),

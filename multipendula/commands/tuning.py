@@ -5,11 +5,11 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING, Any
 
-from multipendula.command import SCENE, Command, formats, kwargs_of, main_file, option, picture_file
+from multipendula.command import CREW, SCENE, Command, formats, kwargs_of, main_file, option, picture_file
 from multipendula.commands.shared import (
     bar,
+    crew_of,
     in_a_folder,
-    listed,
     missing,
     noted,
     picture,
@@ -49,9 +49,9 @@ def tune(options: argparse.Namespace) -> Tuned | None:
     problems += [f"--{name}: needs --travel METRES" for name in ("over", "kind") if _alone(options, name)]
     if problems:
         raise SceneError(problems)
-    with bar(1.0, title="tuning") as report:
+    with crew_of(options) as crew, bar(1.0, title="tuning") as report:
         how = kwargs_of(options, *AIMS)
-        best = tuned(scene, listed(options.free), robust=options.robust, report=report, **how)
+        best = tuned(scene, options.free, robust=options.robust, crew=crew, report=report, **how)
     swing = None if options.largest_angle is None else _swing(best, options.largest_angle)
     record = {} if swing is None else {"finite_swing": _swing_record(swing, best)}
     told = tuned_json(best, record) if options.report or options.format == "json" else ""
@@ -175,12 +175,14 @@ COMMANDS = (
             main_file("the scene with the best numbers", ("toml",)),
             "--report: with the curves",
             *picture_file("the peaks before and after"),
+            *CREW,
             formats("text", "json"),
         ),
         details=(
             "At small angles, with exact derivatives and all peaks at once, from several starts. Beside the best "
             "numbers are Den Hartog's where they apply; what each number is worth, and how far it may be off for 1 % "
-            "of the objective; the worst case of all masses ±5 %; stroke and torque of the dampers."
+            "of the objective; the worst case of all masses ±5 %; stroke and torque of the dampers. The "
+            "--workers share random starts, the last descents and the cases of masses."
         ),
         examples=(
             (

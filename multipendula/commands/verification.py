@@ -5,9 +5,20 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING, Any
 
-from multipendula.command import SCENE, Command, formats, option, refuse, report_file, scene_argument
+from multipendula.command import CREW, SCENE, Command, formats, option, refuse, report_file, scene_argument
 from multipendula.commands.runs import ELSEWHERE, RunOptions, motion, recorded, start_of
-from multipendula.commands.shared import bar, chosen, draw_in, drawn, forewarning, in_a_folder, picture, say, warned
+from multipendula.commands.shared import (
+    bar,
+    chosen,
+    crew_of,
+    draw_in,
+    drawn,
+    forewarning,
+    in_a_folder,
+    picture,
+    say,
+    warned,
+)
 from multipendula.options import REPORTS, integer
 
 if TYPE_CHECKING:
@@ -97,9 +108,9 @@ def _exponent(options: argparse.Namespace) -> Exponent:
     scene = warned(load(_scene(options)), "a Lyapunov exponent")
     duration = options.duration or usual_duration(scene)
     members, start = options.members or 16, start_of(scene, None, elsewhere=ELSEWHERE)
-    with bar((1 + TRANSIENT) * duration) as report:
+    with crew_of(options) as crew, bar((1 + TRANSIENT) * duration) as report:
         told = forewarning(report, scene, (1 + TRANSIENT) * duration, members)
-        return lyapunov_exponent(scene, duration, ensemble=members, start=start, report=told)
+        return lyapunov_exponent(scene, duration, members=members, start=start, crew=crew, report=told)
 
 
 def _claims(options: argparse.Namespace) -> Finding:
@@ -109,8 +120,8 @@ def _claims(options: argparse.Namespace) -> Finding:
     if options.duration or options.members:
         raise SceneError([f"{options.scene}: has its own --duration and --members; --quick makes it short"])
     chosen = study(options.scene.removeprefix("paper:"), quick=options.quick)
-    with bar(len(chosen.cases), "scene") as report:
-        return measure(chosen, report)
+    with crew_of(options) as crew, bar(len(chosen.cases), "scene") as report:
+        return measure(chosen, report, crew=crew)
 
 
 def tradeoff(options: argparse.Namespace) -> WorkPrecision | FrequencyTradeoff:
@@ -209,13 +220,14 @@ COMMANDS = (
             "--duration (default 200 sqrt(l/g))",
             option("--members: starts (default 16)", type=integer(10_000)),
             "--quick of a paper's study",
+            *CREW,
             *report_file(),
         ),
         details=(
             "The largest Lyapunov exponent with its uncertainty, from tangent vectors along an ensemble of starts, or "
             "an upper bound if it is indistinguishable from zero. The first start is the scene's own, the others are "
             "within 0.1 degrees of it: to find chaos, give the scene large angles. paper:000 and paper:001 test the "
-            "claims of two papers."
+            "claims of two papers. The --workers share 256 starts at a time, of a paper's study its scenes."
         ),
         examples=(
             ("chaos chain-2 --duration 10 --members 4", "a quick estimate for a double pendulum"),

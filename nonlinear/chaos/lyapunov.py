@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from math import ceil, log, sqrt
 from typing import Any
 
@@ -23,8 +24,8 @@ import scipy
 from modal.errors import ComputationError, SceneError
 from modal.report import TextResult, silent, visible
 from modal.scene import Scene, frequencies_of, require, title_of, validate_scene
-from modal.scene.doors import checked, checked_number
-from modal.types import Floats
+from modal.scene.doors import checked, checked_number, formerly
+from modal.types import Crew, Floats, shared
 from nonlinear.chaos.tangent import Tangent
 from nonlinear.dynamics import Lanes, Mechanics
 from nonlinear.integration import validate, validate_numbers, validate_whole
@@ -39,6 +40,8 @@ TRANSIENT = 0.5
 """Fraction of the duration run beforehand, for v to align with the fastest growing direction."""
 WIDEST = 10.0
 """Spread of starts (rad)."""
+TOGETHER = 256
+"""Starts that a crew computes together: side by side 64 take hardly longer than 4."""
 MOST_SAMPLES = 50_000_000
 """Numbers of the growth that are kept."""
 THIRDS = 3
@@ -230,26 +233,30 @@ def regular_exponent(scene: Scene, duration: float) -> float:
 
 
 @checked
+@formerly(ensemble="members")
 def lyapunov_exponent(
     scene: Scene,
     duration: float | None = None,
     *,
-    ensemble: int = 16,
+    members: int = 16,
     starts: Sequence[State] | None = None,
     start: State | None = None,
     spread: float = 1e-3,
     tolerance: float = TOLERANCE,
     seed: int = 0,
+    crew: Crew | None = None,
     report: Callable[[float], object] = silent,
 ) -> Exponent:
     """λ of a plane scene from `duration` seconds, after a transient of half that length that is discarded.
 
     By default the duration is 200 sqrt(l/g) of the longest link, and the `starts` are `start`, by default the scene's
-    own, and `ensemble` − 1 more whose angles differ from it by up to `spread` (rad): in chaos they soon become
+    own, and `members` − 1 more whose angles differ from it by up to `spread` (rad): in chaos they soon become
     independent, and together, if there are at least four, they give the uncertainty of λ.  `report` is called with the
-    simulated time, out of 1.5 times the duration.  After Ctrl-C λ comes from the part measured so far, if that is long
-    enough. Raises SceneError for a scene in space, for motions of a support and forces that are no sines and for a
-    duration that is too short.
+    simulated time, out of 1.5 times the duration.  A `crew` computes TOGETHER starts at a time.  After Ctrl-C λ comes
+    from the part measured so far, if that is long enough.
+
+    Raises SceneError for a scene in space, for motions of a support and forces that are no sines and for a duration
+    that is too short.
     """
     require(scene, "a Lyapunov exponent")
     frequencies_of(scene)
@@ -257,17 +264,29 @@ def lyapunov_exponent(
     duration = usual_duration(scene) if duration is None else duration
     validate(
         lambda: validate_numbers(duration, tolerance, 0.0),
-        lambda: validate_whole(1, ensemble=ensemble),
+        lambda: validate_whole(1, members=members),
         lambda: validate_whole(0, seed=seed),
     )
     validate_duration(scene, duration)
     tangent = Tangent(system_of(scene))
-    _refuse_endless(duration, float(tangent.scale[-1, 0]), ensemble if starts is None else len(starts))
+    _refuse_endless(duration, float(tangent.scale[-1, 0]), members if starts is None else len(starts))
     rng = np.random.default_rng(seed)
-    states = starts if starts is not None else nearby(start or initial_state(scene), ensemble, spread, rng)
+    states = starts if starts is not None else nearby(start or initial_state(scene), members, spread, rng)
     y = np.stack([tangent.equations.begin(validate_state(state, tangent.system)) for state in states], axis=1)
     least = TRANSIENT * duration + SHORTEST / USUAL * usual_duration(scene)
-    times, growth, last = _grown(scene, tangent, y, (1 + TRANSIENT) * duration, tolerance, least, report)
+    end = (1 + TRANSIENT) * duration
+    grown = partial(_grown, scene, end, tolerance, least)
+    if crew is None or y.shape[1] <= TOGETHER:
+        times, growth, last = grown(y, report)
+    else:
+        portions = np.array_split(y, range(TOGETHER, y.shape[1], TOGETHER), axis=1)
+        found = []
+        for part in shared(grown, portions, crew):
+            found.append(part)
+            report(end * len(found) / len(portions))
+        known = min((times for times, _, _ in found), key=len)
+        times, growth = known, np.concatenate([growth[: len(known) - 1] for _, growth, _ in found], axis=1)
+        last = np.concatenate([last for _, _, last in found], axis=1)
     return Exponent(scene, times, growth, TRANSIENT * duration, _energy_drift(tangent, y, last))
 
 
@@ -277,9 +296,9 @@ def usual_duration(scene: Scene) -> float:
     return USUAL * sqrt(max(link.length for link in scene.links()) / scene.gravity)
 
 
-def nearby(state: State, ensemble: int, spread: float, rng: np.random.Generator) -> list[State]:
-    """The state and further ones to make `ensemble`, with angles perturbed by up to `spread` (rad)."""
-    asides = rng.uniform(-spread, spread, (ensemble, state.links.size))
+def nearby(state: State, members: int, spread: float, rng: np.random.Generator) -> list[State]:
+    """The state and further ones to make `members`, with angles perturbed by up to `spread` (rad)."""
+    asides = rng.uniform(-spread, spread, (members, state.links.size))
     asides[0] = 0.0
     return [replace(state, links=state.links + aside) for aside in asides]
 
@@ -300,18 +319,13 @@ def _refuse_endless(duration: float, scale: float, members: int) -> None:
 
 
 def _grown(
-    scene: Scene,
-    tangent: Tangent,
-    y: Floats,
-    end: float,
-    tolerance: float,
-    least: float,
-    report: Callable[[float], object],
+    scene: Scene, end: float, tolerance: float, least: float, y: Floats, report: Callable[[float], object] = silent
 ) -> tuple[Floats, Floats, Floats]:
     """Times (K + 1,), the gains of ln |v| between them (K, E), and the last y (size, E).
 
     Every start goes with its own steps; after Ctrl-C the times are those that all of them have reached.
     """
+    tangent = Tangent(system_of(scene))
     numbers = numbers_of(scene, system=tangent.system)
     numbers = replace(numbers, switching=switching_numbers(tangent.system))
     count, members = THIRDS * ceil(end * float(tangent.scale[-1, 0]) / THIRDS), y.shape[1]

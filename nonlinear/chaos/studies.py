@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from math import hypot
 
 import numpy as np
@@ -15,7 +16,7 @@ import numpy as np
 from modal.report import Displayed, TextResult, silent
 from modal.scene import Scene
 from modal.scene.doors import require_type
-from modal.types import Floats
+from modal.types import Crew, Floats, shared
 from nonlinear.chaos.lyapunov import Exponent, lyapunov_exponent
 from nonlinear.system import Group, State, system_of
 
@@ -64,15 +65,19 @@ class Finding(TextResult):
         return cases
 
 
-def measure(study: ChaosStudy, report: Callable[[float], object] = silent) -> Finding:
-    """The exponents of a study; `report` is called with the number of cases done."""
+def measure(study: ChaosStudy, report: Callable[[float], object] = silent, *, crew: Crew | None = None) -> Finding:
+    """The exponents of a study, whose cases a `crew` shares; `report` is called with the number of cases done."""
     require_type("study", study, "ChaosStudy")
     exponents = []
-    for done, case in enumerate(study.cases, 1):
-        starts = level_starts(case.scene, study.ensemble)
-        exponents.append(lyapunov_exponent(case.scene, study.duration, starts=starts))
-        report(done)
+    for exponent in shared(partial(_exponent, study), study.cases, crew):
+        exponents.append(exponent)
+        report(len(exponents))
     return Finding(study, tuple(exponents))
+
+
+def _exponent(study: ChaosStudy, case: Case) -> Exponent:
+    starts = level_starts(case.scene, study.ensemble)
+    return lyapunov_exponent(case.scene, study.duration, starts=starts)
 
 
 def level_starts(scene: Scene, ensemble: int, seed: int = 0) -> list[State]:

@@ -131,7 +131,7 @@ def find_bifurcations(
     *,
     phase_deg: float = 0.0,
     settle: float | None = None,
-    of: Sequence[str] = (),
+    of: str | Sequence[str] = (),
     report: Callable[[float], object] = silent,
     **options: Any,
 ) -> BifurcationDiagram:

@@ -23,7 +23,7 @@ import numpy as np
 from modal.errors import SceneError
 from modal.report import Form, silent
 from modal.scene import Scene, require
-from modal.scene.doors import checked, checked_index, checked_number
+from modal.scene.doors import checked, checked_index, checked_number, formerly
 from modal.types import Floats
 from nonlinear.dynamics import Lanes
 from nonlinear.ensembles.energies import Accounts
@@ -97,36 +97,37 @@ class PoincareSection(EnsembleResult):
 
 
 @checked
+@formerly(at="crossing", orbits="members")
 def find_section(
     scene: Scene,
     duration: float | None = None,
     *,
     energy: float | None = None,
-    at: str | None = None,
-    orbits: int = ORBITS,
+    crossing: str | None = None,
+    members: int = ORBITS,
     report: Callable[[float], object] = silent,
     **options: Any,
 ) -> PoincareSection:
     """The section of a conservative plane scene at an energy (J), by default that of its usual start.
 
-    `at` is a coordinate with what it passes, such as "theta[1,1]>0" (deg, or m of the cart), by default the first
+    `crossing` is a coordinate with what it passes, such as "theta[1,1]>0" (deg, or m of the cart), by default the first
     angle upwards through 0.  SceneError for a scene that does not keep its energy, and where no start has it.
     """
     require(scene, "a Poincaré section")
-    checked_index("orbits", orbits, 1, MOST_ORBITS)
+    checked_index("members", members, 1, MOST_ORBITS)
     system = system_of(scene)
-    text = at or f"{system.labels[system.first]}>0"
+    text = crossing or f"{system.labels[system.first]}>0"
     try:
         section = section_of(f"section:{text}", system)
     except SceneError as error:
-        raise SceneError([f"at {problem.replace('section:', '')}" for problem in error.problems]) from None
+        raise SceneError([f"crossing {problem.replace('section:', '')}" for problem in error.problems]) from None
     energy = _usual_energy(scene) if energy is None else checked_number("energy", energy)
-    starts = starts_at(scene, energy, orbits, section=section)
+    starts = starts_at(scene, energy, members, section=section)
     length = PERIODS * sqrt(max(link.length for link in scene.links()) / scene.gravity)
-    members = ensemble(scene, duration or length, starts=starts, measures=[f"section:{text}"], report=report, **options)
+    motions = ensemble(scene, duration or length, starts=starts, measures=[f"section:{text}"], report=report, **options)
     crossed = system.labels[section.row]
     others = [label for label in system.labels[system.first :] if label != crossed]
-    return PoincareSection(members.require(), energy, section, text, (others or [crossed])[0])
+    return PoincareSection(motions.require(), energy, section, text, (others or [crossed])[0])
 
 
 @checked

@@ -20,7 +20,8 @@ from modal.errors import MultipendulaError, SceneError
 from modal.modes import natural_modes
 from modal.report import Form, counted, silent
 from modal.scene import Scene, drive_period, require, validate_scene
-from modal.scene.doors import checked
+from modal.scene.doors import checked, formerly
+from modal.scene.parameters import texts_of
 from modal.types import Floats, Ints
 from nonlinear.chaos.lyapunov import nearby
 from nonlinear.ensembles.measures import places
@@ -203,6 +204,8 @@ def within_a_turn(angle: Floats) -> Floats:
     return np.asarray(180 - (180 - angle) % 360)
 
 
+@checked
+@formerly(orbits="members")
 def find_strobes(
     scene: Scene,
     duration: float | None = None,
@@ -210,15 +213,15 @@ def find_strobes(
     phase_deg: float = 0.0,
     spread_deg: float = SPREAD,
     settle: float = 0.0,
-    orbits: int = ORBITS,
-    of: Sequence[str] = (),
+    members: int = ORBITS,
+    of: str | Sequence[str] = (),
     seed: int = SEED,
     report: Callable[[float], object] = silent,
     **options: Any,
 ) -> StroboscopicSection:
     """The stroboscopic section of a plane scene that is driven by sines, from many starts.
 
-    Each of `orbits` motions begins as the scene does, all but the first with angles up to `spread_deg` aside, drawn by
+    Each of `members` motions begins as the scene does, all but the first with angles up to `spread_deg` aside, drawn by
     `seed`, and is looked at once a period, at `phase_deg` of it, from `settle` (s) to the `duration` (s), by default
     200 periods later.  `of` names the links to draw, "theta_1_1".  `options` are those of `ensemble`.  SceneError for a
     scene without a common period of its drives, and where nothing would be seen.
@@ -228,14 +231,14 @@ def find_strobes(
     >>> push = SineForce(on="pendulum[0].links[0]", amplitude=1.0, frequency_hz=0.5)
     >>> links = [Bob(mass=1.0, length=1.0, damping=2.0)]
     >>> scene = Scene(gravity=9.81, pendulum=[Pendulum(links=links, start={"angles_deg": [20.0]})], force=[push])
-    >>> found = find_strobes(scene, 60.0, settle=20.0, orbits=2, workers=1)
+    >>> found = find_strobes(scene, 60.0, settle=20.0, members=2, workers=1)
     >>> found.period, found.times.tolist()[:3], found.repeats.tolist()
     (2.0, [20.0, 22.0, 24.0], [1, 1])
     """
     validate_scene(scene)
     require(scene, "a stroboscopic section")
     validate(
-        lambda: validate_whole(1, orbits=orbits),
+        lambda: validate_whole(1, members=members),
         lambda: validate_whole(0, seed=seed),
         lambda: validate_strobes(phase_deg=phase_deg, spread_deg=spread_deg, settle=settle),
     )
@@ -246,14 +249,14 @@ def find_strobes(
     times = times[times <= until * (1 + 1e-12)]
     if not len(times):
         raise SceneError([f"duration {until:g} s: no strobe comes after {settle:g} s, at a period of {period:.4g} s"])
-    starts = nearby(usual_start(scene), orbits, radians(spread_deg), np.random.default_rng(seed))
-    members = ensemble(scene, max(until, times[-1]), starts=starts, output=times.tolist(), report=report, **options)
-    return StroboscopicSection(members.require(), times, period, phase_deg, spread_deg, settle, shown)
+    starts = nearby(usual_start(scene), members, radians(spread_deg), np.random.default_rng(seed))
+    motions = ensemble(scene, max(until, times[-1]), starts=starts, output=times.tolist(), report=report, **options)
+    return StroboscopicSection(motions.require(), times, period, phase_deg, spread_deg, settle, shown)
 
 
-def links_named(names: Sequence[str], system: System) -> tuple[int, ...]:
+def links_named(names: str | Sequence[str], system: System) -> tuple[int, ...]:
     """The links, from 0, of names such as "theta_1_2", by default the first; SceneError names every mistake."""
-    known = [f"theta_{place}" for place in places(system)]
+    names, known = texts_of(names, separated=True), [f"theta_{place}" for place in places(system)]
     if problems := [f"of {name}: must be one of {', '.join(known)}" for name in names if name not in known]:
         raise SceneError(problems)
     return tuple(dict.fromkeys(map(known.index, names))) or (0,)

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from math import log
+from typing import Any
 
 import numpy as np
 
@@ -13,8 +15,9 @@ from modal.identification import scene_with
 from modal.identification.parameters import natural_unit
 from modal.report import Displayed, silent
 from modal.scene import Scene
-from modal.scene.doors import checked
-from modal.scene.parameters import find_places, with_numbers
+from modal.scene.doors import checked, formerly
+from modal.scene.parameters import find_places, texts_of, with_numbers
+from modal.types import Crew, shared
 from nonlinear.identification.fitting import fit
 from nonlinear.identification.records import FEWEST, Recording
 from nonlinear.identification.result import Fit
@@ -44,37 +47,47 @@ class ComparedLaw(Displayed):
 
 
 @checked
+@formerly(names="laws")
 def compare(
     scene: Scene,
     recording: Recording,
-    free: Sequence[str],
-    names: Sequence[str],
+    free: str | Sequence[str],
+    laws: str | Sequence[str],
     *,
+    crew: Crew | None = None,
     report: Callable[[float], object] = silent,
     **options: object,
 ) -> list[ComparedLaw]:
-    """The candidates, the best by BIC first; `options` are those of `fit`.  SceneError for an unknown law."""
+    """The candidates, the best by BIC first; `options` are those of `fit`.  SceneError for an unknown law.
+
+    A `crew` fits several laws at once; `report` is called with the part that is done.
+    """
+    laws, free = (texts_of(texts, separated=True) for texts in (laws, free))
     problems = [
         f"compare {name}: must be laws such as {', '.join(LAWS)} or viscous+coulomb{meant(name, LAWS)}"
-        for name in names
+        for name in laws
         if not name or any(law not in LAWS for law in name.split("+"))
     ]
     if problems:
         raise SceneError(problems)
-    used = _used(recording)
+    names = [*dict.fromkeys(laws)]
     fits: list[tuple[str, Fit, float]] = []
-    for turn, name in enumerate(dict.fromkeys(names)):
-        damped, places = with_laws(scene, name.split("+"))
-        wanted = [*dict.fromkeys([*_without(scene, free), *places])]
-
-        def part(done: float, turn: int = turn) -> None:
-            report((turn + done) / len(names))
-
-        whole = fit(damped, recording, wanted, report=part, **options)  # type: ignore[arg-type]
-        trained = fit(whole.scene, used, wanted, **options)  # type: ignore[arg-type]
-        fits.append((name, whole, _held_out(trained, recording)))
+    for fitted in shared(partial(_fitted, scene, recording, [*_without(scene, free)], options), names, crew):
+        fits.append(fitted)
+        report(len(fits) / len(names))
     count = min((independent(whole) for _, whole, _ in fits), default=2.0)
     return sorted((_candidate(*damped, count) for damped in fits), key=lambda candidate: candidate.bic)
+
+
+def _fitted(
+    scene: Scene, recording: Recording, free: Sequence[str], options: Mapping[str, Any], name: str
+) -> tuple[str, Fit, float]:
+    """The fit with one of the laws, and what it leaves of the part that is held back."""
+    damped, places = with_laws(scene, name.split("+"))
+    wanted = [*dict.fromkeys([*free, *places])]
+    whole = fit(damped, recording, wanted, **options)
+    trained = fit(whole.scene, _used(recording), wanted, **options)
+    return name, whole, _held_out(trained, recording)
 
 
 def _candidate(name: str, whole: Fit, held_out: float, count: float) -> ComparedLaw:

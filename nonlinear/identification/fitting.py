@@ -24,7 +24,8 @@ from modal.identification import (
 )
 from modal.report import silent
 from modal.scene import Scene
-from modal.scene.doors import checked
+from modal.scene.doors import checked, formerly
+from modal.scene.parameters import texts_of
 from modal.types import Booleans, Floats
 from nonlinear.identification.diagnosis import diagnose
 from nonlinear.identification.mistakes import find_mistake, require_radians, require_seconds
@@ -72,20 +73,21 @@ Report = Callable[[float], object]
 
 
 @checked
+@formerly(scaled="scale")
 def fit(
     scene: Scene,
     recording: Recording,
-    free: Sequence[str] = (),
+    free: str | Sequence[str] = (),
     *,
-    priors: Sequence[str] = (),
-    scaled: bool = False,
+    priors: str | Sequence[str] = (),
+    scale: bool = False,
     loss: str = "linear",
     window: float | None = None,
     report: Report = silent,
 ) -> Fit:
     """The numbers at the places `free` that fit a recording best, from the scene's values on.
 
-    `priors` are texts such as "gravity=9.81±0.01"; `scaled` frees the scale of every sensor; `loss` is one of
+    `priors` are texts such as "gravity=9.81±0.01"; `scale` frees the scale of every sensor; `loss` is one of
     `scipy.optimize.least_squares`.  A long chaotic segment is fitted in windows of `window` seconds that join (multiple
     shooting; Bock & Plitt, IFAC Proc. 17, 1603 (1984)).  `report` is called with the part that is done.
 
@@ -95,11 +97,11 @@ def fit(
     require_fittable(scene)
     if loss not in LOSSES:
         raise SceneError([f"loss {loss}: must be one of {', '.join(LOSSES)}"])
-    parameters = find_parameters(scene, free, priors)
+    parameters = find_parameters(scene, texts_of(free, separated=True), texts_of(priors))
     require_fittable(scene, parameters)
     require_seconds(scene, recording)
     whole, recording = recording, recording if window is None else recording.windows(window)
-    problem = FitProblem(scene, parameters, recording, coarse_noise(recording), scaled)
+    problem = FitProblem(scene, parameters, recording, coarse_noise(recording), scale)
 
     def beginning(recorded: Recording) -> float:
         return _beginning(replace(problem, recording=recorded))

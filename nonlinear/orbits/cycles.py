@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import islice
+from typing import NamedTuple
 
 import numpy as np
 
 from modal.errors import ComputationError, SceneError
 from modal.report import silent
 from modal.scene import Scene, require
-from modal.scene.doors import checked, checked_index, checked_number
-from modal.scene.parameters import Variation, validate_variations, vary
-from modal.types import Floats
+from modal.scene.doors import checked, checked_index, checked_number, formerly
+from modal.scene.parameters import Variation, validate_variations, variation_of, vary
+from modal.types import Crew, Floats, shared
 from nonlinear.averaging import RelativeEquilibrium, average, relative_equilibria
 from nonlinear.dynamics.variational import Force
 from nonlinear.orbits.between import resolved
@@ -216,37 +217,37 @@ def _dampings(system: System) -> Floats:
 
 
 @checked
+@formerly(variation="vary")
 def follow_cycles(
     scene: Scene,
-    variation: Variation,
+    vary: str | Variation,
     *,
     start: tuple[State, float] | None = None,
     tolerance: float = TOLERANCE,
     longest: float = 0.1,
     most: int = MOST,
+    crew: Crew | None = None,
     report: Report = silent,
 ) -> tuple[Branch, ...]:
     """The limit cycles of a driven scene along a number, followed through their folds, within its range.
 
     They begin at both ends of the range beside the averaged configurations, or at its first value beside a motion given
-    by a `start` and an approximate period (s).  `report` is called with the number of branches followed so far.  Raises
+    by a `start` and an approximate period (s).  A `crew` follows branches from one end together: each is followed from
+    orbit to orbit.  `report` is called with the number of branches followed so far.  Raises
     SceneError for a variation of fewer than two values or of a count, ComputationError where nothing excites the scene
     or no limit cycle is found.
     """
+    variation = variation_of(vary)
     require_cycles(scene, variation)
-    branches: list[Branch] = []
     ends = (variation.values[0], variation.values[-1])
+    branches: list[Branch] = []
+    walk = BranchWalk(longest, most)
     for value in ends[: 1 if start else 2]:
-        for problem, u, words in _beginnings(scene, variation, value, start, tolerance):
-            orbit = problem.orbit(u)
-            if any(known(orbit, branch) for branch in branches):
-                continue
-            points, complete = walked(problem, u, orbit, longest, most)
-            points = resolved(problem, points)
-            special = tuple(along_cycles(problem, points))
-            points = with_values(problem, points, variation)
-            branches.append(Branch(words, tuple(points), special, problem, variation, complete))
-            report(len(branches))
+        begun = _beginnings(scene, variation, value, start, tolerance)
+        for branch in shared(walk, (each for each in begun if each.is_new(branches)), crew):
+            if not is_known(branch.orbits[0], branches):
+                branches.append(branch)
+                report(len(branches))
     if not branches:
         raise ComputationError("no limit cycle was found at the ends of the range")
     return tuple(branches)
@@ -267,8 +268,8 @@ def _beginnings(
     value: float,
     start: tuple[State, float] | None,
     tolerance: float,
-) -> Iterator[tuple[Shooting, Floats, str]]:
-    """Limit cycles at one value of the number, with their equations and where they come from."""
+) -> Iterator[Beginning]:
+    """Limit cycles at one value of the number."""
     here = vary(scene, {variation.path: value})
     probe = shooting(here, tolerance=tolerance)
     guesses: list[tuple[Floats, float, int, str]] = []
@@ -284,38 +285,63 @@ def _beginnings(
             u = solution(problem, y, period, value)
             orbit = problem.orbit(u)
             if orbit.residual < CLOSED < orbit.amplitude:
-                yield problem, u, words
+                yield Beginning(problem, u, orbit, words)
         except ComputationError:
             continue
 
 
-def walked(
-    problem: Shooting,
-    u: Floats,
-    orbit: Orbit,
-    longest: float,
-    most: int,
-    apart: Callable[[OrbitPoint, OrbitPoint], float] = level,
-) -> tuple[list[OrbitPoint], bool]:
-    """The points from one end of the range until the branch leaves it, and whether it does."""
-    inward = np.zeros(len(u))
-    inward[-1] = 1.0 if u[-1] < 0.5 else -1.0
-    points: list[OrbitPoint] = []
-    first = OrbitPoint(u, tangent_of(problem.equations(u)[1], inward), orbit)
-    for here in follow(problem, first, step=longest / 5, longest=longest, apart=apart):
-        points.append(here)
-        if len(points) > 1 and not 0 < here.u[-1] < 1:
-            points[-1] = at_edge(problem, points[-2], here)
-            return points, True
-        dies = not problem.clock and here.orbit.amplitude < DYING * orbit.amplitude
-        if len(points) >= most or dies:
-            break
-    return points, False
+class Beginning(NamedTuple):
+    """An orbit at an end of the range of a number: its equations, the unknowns, and in words where it comes from."""
+
+    problem: Shooting
+    u: Floats
+    orbit: Orbit
+    words: str
+
+    def is_new(self, branches: Sequence[Branch]) -> bool:
+        """Whether none of these branches begins or ends with it."""
+        return not is_known(self.orbit, branches)
 
 
-def known(orbit: Orbit, branch: Branch) -> bool:
-    """Whether a branch begins or ends with this orbit."""
-    ends = (branch.orbits[0], branch.orbits[-1])
+@dataclass(frozen=True)
+class BranchWalk:
+    """Follows branches in steps up to the `longest`, to at most so many orbits; `apart` is at most 1 for neighbours."""
+
+    longest: float
+    most: int
+    apart: Callable[[OrbitPoint, OrbitPoint], float] = level
+
+    def __call__(self, begun: Beginning) -> Branch:
+        """The branch from one end of the range until it leaves that, with its special points and the values."""
+        problem, variation = begun.problem, begun.problem.variation
+        assert variation
+        points, complete = self._followed(begun)
+        points = resolved(problem, points)
+        special = tuple(along_cycles(problem, points))
+        points = with_values(problem, points, variation)
+        return Branch(begun.words, tuple(points), special, problem, variation, complete)
+
+    def _followed(self, begun: Beginning) -> tuple[list[OrbitPoint], bool]:
+        """The points until the branch leaves the range, and whether it does."""
+        problem, u = begun.problem, begun.u
+        inward = np.zeros(len(u))
+        inward[-1] = 1.0 if u[-1] < 0.5 else -1.0
+        points: list[OrbitPoint] = []
+        first = OrbitPoint(u, tangent_of(problem.equations(u)[1], inward), begun.orbit)
+        for here in follow(problem, first, step=self.longest / 5, longest=self.longest, apart=self.apart):
+            points.append(here)
+            if len(points) > 1 and not 0 < here.u[-1] < 1:
+                points[-1] = at_edge(problem, points[-2], here)
+                return points, True
+            dies = not problem.clock and here.orbit.amplitude < DYING * begun.orbit.amplitude
+            if len(points) >= self.most or dies:
+                break
+        return points, False
+
+
+def is_known(orbit: Orbit, branches: Sequence[Branch]) -> bool:
+    """Whether one of these branches begins or ends with this orbit."""
+    ends = [end for branch in branches for end in (branch.orbits[0], branch.orbits[-1])]
     return any(
         orbit.value is not None and np.isclose(end.value or 0.0, orbit.value, rtol=1e-9) and same(end, orbit)
         for end in ends

@@ -18,17 +18,15 @@ import numpy as np
 from modal.errors import ComputationError, SceneError
 from modal.report import Displayed, Summary, silent
 from modal.scene import Scene, drive_period, require
-from modal.scene.doors import checked
-from modal.scene.parameters import Variation, validate_variations, vary
+from modal.scene.doors import checked, formerly
+from modal.scene.parameters import Variation, validate_variations, variation_of, vary
 from modal.types import Floats
-from nonlinear.orbits.between import resolved
 from nonlinear.orbits.branch import Branch, Report
-from nonlinear.orbits.continuation import apart, with_values
-from nonlinear.orbits.cycles import CLOSED, TOLERANCE, known, solution, walked
+from nonlinear.orbits.continuation import apart
+from nonlinear.orbits.cycles import CLOSED, TOLERANCE, Beginning, BranchWalk, solution
 from nonlinear.orbits.flow import Flow
 from nonlinear.orbits.orbit import Orbit
 from nonlinear.orbits.shooting import Shooting, shooting
-from nonlinear.orbits.special import along_cycles
 from nonlinear.system import State, system_of
 
 SAMPLES = 64  # of the linear response in a period of its fastest drive
@@ -102,8 +100,9 @@ def linear_response(scene: Scene) -> LinearResponse:
 
 
 @checked
-def forced_orbit(scene: Scene, *, start: State | None = None, cycles: int = 1, tolerance: float = TOLERANCE) -> Orbit:
-    """The periodic motion of a scene under its drives, over so many `cycles` of their common period.
+@formerly(cycles="periods")
+def forced_orbit(scene: Scene, *, start: State | None = None, periods: int = 1, tolerance: float = TOLERANCE) -> Orbit:
+    """The periodic motion of a scene under its drives, over so many `periods` of them together.
 
     It is the one beside a `start` at the time 0, by default beside the linear response or where the motion from there
     settles.  Raises SceneError where no drives have a common period, ComputationError where no orbit is found.
@@ -116,17 +115,17 @@ def forced_orbit(scene: Scene, *, start: State | None = None, cycles: int = 1, t
     >>> orbit.period, round(orbit.amplitude, 6), round(linear_response(scene).amplitude, 6)
     (4.0, 0.269091, 0.272383)
     """
-    problem, u, _ = _beginning(scene, None, None, start, cycles, tolerance)
-    return problem.orbit(u)
+    return _beginning(scene, None, None, start, periods, tolerance).orbit
 
 
 @checked
+@formerly(variation="vary", cycles="periods")
 def follow_forced(
     scene: Scene,
-    variation: Variation,
+    vary: str | Variation,
     *,
     start: State | None = None,
-    cycles: int = 1,
+    periods: int = 1,
     tolerance: float = TOLERANCE,
     longest: float = LONGEST,
     most: int = MOST,
@@ -134,30 +133,26 @@ def follow_forced(
 ) -> tuple[Branch, ...]:
     """The periodic motions of a scene under its drives along a number, followed through their folds, within its range.
 
-    They have so many `cycles` of the drives' common period and begin at both ends of the range, or at its first value
+    They have so many `periods` of the drives and begin at both ends of the range, or at its first value
     beside a `start` at the time 0.  Neighbours differ by at most 2 % in amplitude and 0.1 in phase (`continuation`).
     `report` is called with the number of branches followed so far.  Raises SceneError for a variation of fewer than two
     values or of a count and where the drives have no common period, ComputationError where no orbit is found at either
     end.
     """
+    variation = variation_of(vary)
     require_forced(scene, variation)
     branches, failed = list[Branch](), dict[float, ComputationError]()
     ends = (variation.values[0], variation.values[-1])
+    walk = BranchWalk(longest, most, apart)
     for value in ends[: 1 if start else 2]:
         try:
-            problem, u, words = _beginning(scene, variation, value, start, cycles, tolerance)
-            orbit = problem.orbit(u)
+            begun = _beginning(scene, variation, value, start, periods, tolerance)
         except ComputationError as error:
             failed[value] = error
             continue
-        if any(known(orbit, branch) for branch in branches):
-            continue
-        points, complete = walked(problem, u, orbit, longest, most, apart)
-        points = resolved(problem, points)
-        special = tuple(along_cycles(problem, points))
-        points = with_values(problem, points, variation)
-        branches.append(Branch(words, tuple(points), special, problem, variation, complete))
-        report(len(branches))
+        if begun.is_new(branches):
+            branches.append(walk(begun))
+            report(len(branches))
     if not branches:
         places = " and ".join(f"{value:g}" for value in failed)
         raise ComputationError(f"{variation.path} = {places}: {failed[variation.values[0]]}")
@@ -175,11 +170,8 @@ def require_forced(scene: Scene, variation: Variation) -> None:
 
 def _beginning(
     scene: Scene, variation: Variation | None, value: float | None, start: State | None, cycles: int, tolerance: float
-) -> tuple[Shooting, Floats, str]:
-    """An orbit at a value of the number: its equations, the unknowns, and where it comes from.
-
-    ComputationError where none is found.
-    """
+) -> Beginning:
+    """An orbit at a value of the number; ComputationError where none is found."""
     here = scene if variation is None or value is None else vary(scene, {variation.path: value})
     problem = shooting(scene, tolerance=tolerance, variation=variation, cycles=cycles, segments=cycles)
     flow = problem.flow_at(value)
@@ -197,7 +189,7 @@ def _beginning(
     raise ComputationError(NOWHERE)
 
 
-def _beside(problem: Shooting, y: Floats, value: float | None, words: str) -> tuple[Shooting, Floats, str]:
+def _beside(problem: Shooting, y: Floats, value: float | None, words: str) -> Beginning:
     """The orbit beside the motion from y, whose links gain the whole turns that they gain there."""
     flow = problem.flow_at(value)
     layout, period = flow.equations.layout, problem.clock.period(value) if problem.clock else np.inf
@@ -209,6 +201,7 @@ def _beside(problem: Shooting, y: Floats, value: float | None, words: str) -> tu
     y = problem.placed(y)
     problem = replace(problem, turns=tuple(turns.tolist()) if turns.any() else ())
     u = solution(problem, y, period, value)
-    if problem.orbit(u).residual > CLOSED:
+    orbit = problem.orbit(u)
+    if orbit.residual > CLOSED:
         raise ComputationError("the motion beside this one does not close")
-    return problem, u, words
+    return Beginning(problem, u, orbit, words)

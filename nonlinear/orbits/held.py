@@ -17,8 +17,8 @@ import numpy as np
 from modal.errors import ComputationError
 from modal.report import silent
 from modal.scene import Scene
-from modal.scene.doors import checked
-from modal.scene.parameters import Variation, validate_variations, vary
+from modal.scene.doors import checked, formerly
+from modal.scene.parameters import Variable, Variation, validate_variations, variation_of
 from modal.types import Floats
 from nonlinear.orbits.between import resolved
 from nonlinear.orbits.branch import Branch, Report
@@ -82,31 +82,34 @@ def _largest(problem: Quarter, u: Floats) -> tuple[float, Floats]:
 
 
 @checked
+@formerly(number="mode", variation="vary", amplitude="largest_angle")
 def mode_along(
     scene: Scene,
-    number: int,
-    variation: Variation,
-    amplitude: float = radians(30),
+    mode: int,
+    vary: str | Variation,
+    largest_angle: float = radians(30),
     *,
     tolerance: float = TOLERANCE,
     report: Report = silent,
 ) -> Branch:
-    """The orbits of mode `number` of the table with this largest angle (rad), along a number of the scene.
+    """The orbits of a `mode` of the table with this largest angle (rad), along a number of the scene.
 
     They begin at the first value and are followed, through folds, until they leave the range.  Raises what
     `nonlinear_mode` does, and SceneError for a place that the scene does not have.
     """
+    variation = variation_of(vary)
     validate_variations(scene, [variation])
+    varied = Variable(scene, [variation.path])
 
     @lru_cache(maxsize=8)
     def quarter_at(value: float) -> Quarter:
-        return quarter_of(vary(scene, {variation.path: value}).conservative, tolerance)
+        return quarter_of(varied.at({variation.path: value}).conservative, tolerance)
 
-    problem = Held(quarter_at, variation, amplitude)
-    begun = vary(scene, {variation.path: variation.values[0]})
-    begin = nonlinear_mode(begun, number, amplitude, longest=0.2, locate=False)
+    problem = Held(quarter_at, variation, largest_angle)
+    begun = varied.at({variation.path: variation.values[0]})
+    begin = nonlinear_mode(begun, mode, largest_angle, longest=0.2, locate=False)
     if not begin.complete:
-        raise ComputationError(f"the orbits of mode {number} do not reach {degrees(amplitude):.4g} deg")
+        raise ComputationError(f"the orbits of mode {mode} do not reach {degrees(largest_angle):.4g} deg")
     u = np.append(begin.points[-1].u, 0.0)
     up = np.append(np.zeros(len(u) - 1), 1.0)
     if (solution := corrected(problem, u, up)) is None:
@@ -123,12 +126,12 @@ def mode_along(
             break
         if len(points) >= MOST:
             break
-    modes, row = oscillating(begun, number)
+    modes, row = oscillating(begun, mode)
     points = resolved(problem, points)
     special = tuple(_specials(problem, points))
     points = with_values(problem, points, variation)
     return Branch(
-        f"mode {number}", tuple(points), special, problem, variation, complete=complete, linear=float(modes.omega[row])
+        f"mode {mode}", tuple(points), special, problem, variation, complete=complete, linear=float(modes.omega[row])
     )
 
 

@@ -15,8 +15,9 @@ may be a further unknown.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property, lru_cache
+from typing import Any
 
 import numpy as np
 
@@ -59,6 +60,44 @@ class Clock:
 
 
 @dataclass(frozen=True, eq=False)
+class FlowAt:
+    """The flow of a scene for a value of the `variation`, with its change with that number; for None of itself."""
+
+    scene: Scene
+    variation: Variation | None
+    capability: str
+    tolerance: float
+    force: Force | None
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Without the flows that were made."""
+        return {each.name: getattr(self, each.name) for each in fields(self)}
+
+    def __call__(self, value: float | None) -> Flow:
+        """The flow, kept for the values that were asked for last."""
+        return self._kept(value)
+
+    @cached_property
+    def _kept(self) -> Callable[[float | None], Flow]:
+        return lru_cache(maxsize=8)(self._made)
+
+    def _made(self, value: float | None) -> Flow:
+        varied = self.scene if value is None else self._scene_at(value)
+        require(varied, self.capability)
+        flow = Flow(system_of(varied), self.tolerance, force=self.force)
+        if value is None or self.variation is None:
+            return flow
+        return replace(flow, change=_change(self._scene_at, value, flow))
+
+    @cached_property
+    def _variable(self) -> Variable:
+        return Variable(self.scene, [self.variation.path] if self.variation else [])
+
+    def _scene_at(self, value: float) -> Scene:
+        return self._variable.at({self.variation.path: value}) if self.variation else self.scene
+
+
+@dataclass(frozen=True, eq=False)
 class Shooting:
     """The equations of periodic orbits: u = (y_0, …, y_{m−1} in natural units, T sqrt(g/l), place in the range).
 
@@ -68,7 +107,7 @@ class Shooting:
     """
 
     scene: Scene
-    flow_at: Callable[[float | None], Flow]
+    flow_at: FlowAt
     leader: int = 0
     segments: int = SEGMENTS
     clock: Clock | None = None
@@ -301,18 +340,7 @@ def shooting(
     capability = "a forced periodic orbit" if cycles else "a periodic orbit"
     require(scene, capability)
 
-    variable = Variable(scene, [variation.path] if variation else [])
-
-    def scene_at(value: float) -> Scene:
-        return variable.at({variation.path: value}) if variation else scene
-
-    @lru_cache(maxsize=8)
-    def flow_at(value: float | None) -> Flow:
-        varied = scene if value is None else scene_at(value)
-        require(varied, capability)
-        flow = Flow(system_of(varied), tolerance, force=force)
-        return flow if value is None or variation is None else replace(flow, change=_change(scene_at, value, flow))
-
+    flow_at = FlowAt(scene, variation, capability, tolerance, force)
     clock = _clock(scene, variation, cycles) if cycles else None
     return Shooting(scene, flow_at, leader, segments, clock, variation, cycles)
 

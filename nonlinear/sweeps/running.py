@@ -17,8 +17,8 @@ import numpy as np
 from modal.errors import SceneError
 from modal.report import Drawable, TextResult, grid, silent, visible
 from modal.scene import Scene, SineMotion, left_out
-from modal.scene.doors import checked, require_type
-from modal.scene.parameters import Place, Variable, Variation, find_places
+from modal.scene.doors import checked, formerly, require_type
+from modal.scene.parameters import Place, Variable, Variation, find_places, texts_of, variation_of
 from modal.types import Floats
 from modal.vibration import Boundary, tongues, vertical_sine
 from nonlinear.ensembles.executors import DIED, Crew, computed, cores
@@ -107,9 +107,15 @@ def vertical_places(scene: Scene) -> dict[Place, str]:
     return {(*at, name): name for at, name in product(sines, ("amplitude", "frequency_hz"))}
 
 
+@checked
+@formerly(study="scene")
 def sweep(
-    study: Study,
+    scene: Study | Scene,
+    vary: str | Sequence[str] | Sequence[Variation] = (),
     *,
+    measures: str | Sequence[str] = ("frequencies",),
+    members: int = 0,
+    seed: int = 0,
     journal: Checkpoint | None = None,
     folder: str | os.PathLike[str] | None = None,
     share: tuple[int, int] | None = None,
@@ -117,8 +123,9 @@ def sweep(
     crew: Crew | None = None,
     report: Report = silent,
 ) -> Sweep:
-    """All points of a study: those already in a journal or a folder are taken from it, new ones are added to it.
+    """All points of a grid: those already in a journal or a folder are taken from it, new ones are added to it.
 
+    What the grid is follows the scene, in the texts of the command, or is a `Study` in its place.
     In a `folder` each chunk of points is a file; a `share` (k, n), with k from 0, is every n-th chunk alone, for n
     processes that know nothing of each other.
     `workers` is a number of processes, 1 to stay in this one; by default, all cores are used once the sweep has taken
@@ -126,7 +133,12 @@ def sweep(
     neither.  `report` is given the number of points done.  On Ctrl-C the rows found so far are returned.  Raises
     ComputationError where workers cannot be started.
     """
-    require_type("study", study, "Study")
+    require_type("scene", scene, "Study", "Scene")
+    if isinstance(scene, Study):
+        study = scene
+    else:
+        axes = tuple(map(variation_of, [vary] if isinstance(vary, str) else vary))
+        study = Study(scene, axes, parse_measures(texts_of(measures)), members, seed)
     validate(
         lambda: validate_whole(1, optional=True, workers=workers),
         lambda: validate_share(share),

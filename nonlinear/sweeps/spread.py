@@ -11,6 +11,7 @@ which for small tolerances is (∂r/∂x σ_x)²/σ_r², so that the shares of i
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
@@ -35,8 +36,8 @@ from modal.report import (
     silent,
 )
 from modal.scene import Scene, describe, left_out
-from modal.scene.doors import checked
-from modal.scene.parameters import Variable, find_places, number_at, unit_at
+from modal.scene.doors import checked, formerly
+from modal.scene.parameters import Variable, find_places, number_at, texts_of, unit_at
 from modal.types import Floats
 from nonlinear.ensembles import Ensemble, ensemble
 from nonlinear.integration import validate, validate_whole
@@ -82,14 +83,14 @@ class Tolerance:
         return rng.uniform(self.low, self.high, count)
 
 
-def parse_tolerances(scene: Scene, texts: Sequence[str]) -> tuple[Tolerance, ...]:
+def parse_tolerances(scene: Scene, texts: str | Sequence[str]) -> tuple[Tolerance, ...]:
     """The tolerances in texts such as "gravity=9.8:9.83", "support.mass=0.5" or "support.mass=2%".
 
     SceneError names every mistake.
     """
     parsed: list[Tolerance] = []
     problems: list[str] = []
-    for text in texts:
+    for text in texts_of(texts):
         try:
             parsed.append(_parsed(scene, text))
         except SceneError as error:
@@ -323,27 +324,29 @@ def _share(x: Floats, r: Floats) -> float:
 
 
 @checked
+@formerly(tolerances="uncertain", estimate="covariance")
 def find_spread(
     scene: Scene,
-    tolerances: Sequence[str],
+    uncertain: str | Sequence[str],
     duration: float | None = None,
     *,
     members: int = MEMBERS,
     seed: int = SEED,
-    estimate: Estimate | None = None,
+    covariance: Estimate | str | os.PathLike[str] | None = None,
     start: State | None = None,
-    measures: Sequence[str] = (),
+    measures: str | Sequence[str] = (),
     report: Callable[[float], object] = silent,
     **options: Any,
 ) -> Spread:
-    """Frequencies of so many members with numbers drawn within `tolerances`, and their motion over a duration (s).
+    """Frequencies of so many members with numbers as `uncertain` as these texts say, and their motion.
 
-    The numbers of an `estimate` are drawn by its covariance.  The motion is from `start`, if not from the scene's own;
-    `measures`, NAME or NAME:N of those that `spread` takes in `nonlinear.measures`, are computed of every member in
-    this process, as a sweep computes them.  `options` are those of `ensemble`.  SceneError names every mistake;
-    ComputationError where no member can be.
+    Fitted numbers are drawn by their `covariance`, an `Estimate` or the file of a report of `fit`.  The motion over a
+    `duration` (s) is from `start`, if not from the scene's own; `measures`, NAME or NAME:N of those that `spread` takes
+    in `nonlinear.measures`, are computed of every member in this process, as a sweep computes them.  `options` are
+    those of `ensemble`.  SceneError names every mistake; ComputationError where no member can be.
     """
-    parsed = parse_tolerances(scene, tolerances) if tolerances or estimate is None else ()
+    estimate = _estimate(scene, covariance) if isinstance(covariance, str | os.PathLike) else covariance
+    parsed = parse_tolerances(scene, uncertain) if uncertain or estimate is None else ()
     if estimate is not None:
         twice = [tolerance.path for tolerance in parsed if {*find_places(scene, tolerance.path)} & {*estimate.places}]
         if twice:
@@ -351,7 +354,7 @@ def find_spread(
     *_, requests = validate(
         lambda: validate_whole(3, members=members),
         lambda: validate_whole(0, seed=seed),
-        lambda: parse_measures(measures, "spread"),
+        lambda: parse_measures(texts_of(measures), "spread"),
     )
     validate_requests(requests, scene)
     rng = np.random.default_rng(seed)
@@ -371,6 +374,12 @@ def find_spread(
         failures = failures | motion.failures
     measured, reasons = _measured(SweepTask(scene, requests, members), values) if requests else ({}, {})
     return Spread(scene, parsed, values, omega, frequencies[0], failures | reasons, motion, estimate, measured)
+
+
+def _estimate(scene: Scene, path: str | os.PathLike[str]) -> Estimate:
+    from modal.identification import read_estimate
+
+    return read_estimate(scene, path)
 
 
 def _measured(task: SweepTask, values: dict[str, Floats]) -> tuple[dict[str, tuple[float, Floats]], dict[int, str]]:

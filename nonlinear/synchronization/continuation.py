@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import pairwise
 from math import exp, log
 
@@ -24,9 +24,9 @@ import numpy as np
 from modal.errors import SceneError
 from modal.report import Displayed, TextResult, silent
 from modal.scene import Scene, require
-from modal.scene.doors import checked
-from modal.scene.parameters import Variation, validate_variations, vary
-from modal.types import Complexes, Floats
+from modal.scene.doors import checked, formerly
+from modal.scene.parameters import Variation, validate_variations, variation_of, vary
+from modal.types import Complexes, Crew, Floats, shared
 from nonlinear.averaging import (
     AveragedEquations,
     RelativeEquilibrium,
@@ -150,21 +150,24 @@ class Branches(TextResult):
 
         None where no such point was found beside it.
         """
-        return tuple(
-            critical(self.scene, branch.variation, branch.states, branch.values, change.value)
-            for change, branch in ((change, self.branches[number]) for change, number in self.changes)
-        )
+        return tuple(_located(self, at) for at in range(len(self.changes)))
 
 
 @checked
-def follow_branches(scene: Scene, variation: Variation, report: Report = silent) -> Branches:
+@formerly(variation="vary")
+def follow_branches(
+    scene: Scene, vary: str | Variation, report: Report = silent, *, crew: Crew | None = None
+) -> Branches:
     """The branches of a self-excited scene; `report` is called with the number followed so far.
+
+    A `crew` follows those from one value together and locates their critical values, too.
 
     Configurations are searched for at both ends of the range and, up to MOST_SEARCHES times, at the next value beyond
     a point where a branch ends or loses stability.  Raises SceneError for a variation of fewer than two values or
     of a count, ComputationError where nothing excites the scene or it is outside the scope of
     `nonlinear.averaging.equations`.
     """
+    variation = variation_of(vary)
     validate_variations(scene, [variation])
     if len(variation.values) < 2 or variation.path.endswith("count"):
         raise SceneError([f"{variation.path}: branches need two or more values of a continuous parameter"])
@@ -172,17 +175,36 @@ def follow_branches(scene: Scene, variation: Variation, report: Report = silent)
     walk = Walk(scene, variation)
     branches: list[EquilibriumBranch] = []
     for value in _places(variation, branches):
-        for state in relative_equilibria(walk.at(value)):
-            if not any(same(state, other) for other in _known(branches, value)):
-                values, states = zip(*walk.whole(value, state), strict=True)
-                branches.append(EquilibriumBranch(variation, np.array(values), states))
+        begun = relative_equilibria(walk.at(value))
+        new = (state for state in begun if not _is_known(state, value, branches))
+        for state, branch in shared(partial(_followed, walk, value), new, crew):
+            if not _is_known(state, value, branches):
+                branches.append(branch)
                 report(len(branches))
-    order = sorted(branches, key=lambda branch: (branch.values[0], branch.omega[0]))
-    return Branches(scene, variation, tuple(order))
+    branches.sort(key=lambda branch: (branch.values[0], branch.omega[0]))
+    found = Branches(scene, variation, tuple(branches))
+    if crew is not None:
+        found.__dict__["located"] = tuple(shared(partial(_located, found), range(len(found.changes)), crew))
+    return found
 
 
-def _known(branches: Sequence[EquilibriumBranch], value: float) -> list[RelativeEquilibrium]:
-    return [state for branch in branches for at, state in zip(branch.values, branch.states, strict=True) if at == value]
+def _followed(walk: Walk, value: float, state: RelativeEquilibrium) -> tuple[RelativeEquilibrium, EquilibriumBranch]:
+    """The configuration at a value with its branch."""
+    values, states = zip(*walk.whole(value, state), strict=True)
+    return state, EquilibriumBranch(walk.variation, np.array(values), states)
+
+
+def _located(found: Branches, at: int) -> Special | None:
+    """Where the periodic orbits of the full equations do what happens at one of the critical values."""
+    change, number = found.changes[at]
+    branch = found.branches[number]
+    return critical(found.scene, branch.variation, branch.states, branch.values, change.value)
+
+
+def _is_known(state: RelativeEquilibrium, value: float, branches: Sequence[EquilibriumBranch]) -> bool:
+    """Whether one of these branches has this configuration at a value."""
+    pairs = (pair for branch in branches for pair in zip(branch.values, branch.states, strict=True))
+    return any(at == value and same(state, other) for at, other in pairs)
 
 
 def _places(variation: Variation, branches: Sequence[EquilibriumBranch]) -> Iterator[float]:

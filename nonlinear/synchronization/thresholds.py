@@ -18,8 +18,9 @@ import scipy
 from modal.errors import ComputationError
 from modal.report import Displayed, Summary, TextResult, counted, silent
 from modal.scene import Scene, require
-from modal.scene.parameters import Variation, vary
-from modal.types import Floats
+from modal.scene.doors import checked, formerly
+from modal.scene.parameters import Variation, variation_of, vary
+from modal.types import Crew, Floats, shared
 from nonlinear.averaging import averaged_pattern, patterns_of, rest_growth
 from nonlinear.orbits import PatternOrbit, pattern_orbit, require_cycles
 from nonlinear.synchronization.sectors import SymmetricMotion, symmetric_motion
@@ -46,6 +47,10 @@ class Threshold:
     becomes: str
     beat: float = 0.0
     reason: str = ""
+
+
+Crossing = tuple[Threshold, SymmetricMotion | None]
+"""A threshold with the motion there."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -136,19 +141,25 @@ class PopulationDiagram(TextResult):
             yield begin, high
 
 
-def follow_populations(scene: Scene, variation: Variation, report: Report = silent) -> PopulationDiagram:
+@checked
+@formerly(variation="vary")
+def follow_populations(
+    scene: Scene, vary: str | Variation, report: Report = silent, *, crew: Crew | None = None
+) -> PopulationDiagram:
     """The symmetric motions of a scene along a number; `report` is called with the number followed so far.
+
+    A `crew` follows several motions at once.
 
     Raises SceneError for a variation of fewer than two values or of a count, ComputationError where nothing excites the
     scene or populations have no symmetric motions.
     """
+    variation = variation_of(vary)
     require_cycles(scene, variation)
     require(scene, "a prediction of synchronization")
     walk = PopulationWalk(scene, variation)
     branches, thresholds = list[MotionBranch](), list[Threshold]()
-    for name in [pattern.name for pattern in patterns_of(walk.scene_at(variation.values[0]))]:
-        branch = walk.branch(name)
-        crossings = sorted(walk.thresholds(name, branch), key=lambda pair: pair[0].value)
+    names = [pattern.name for pattern in patterns_of(walk.scene_at(variation.values[0]))]
+    for branch, crossings in shared(walk.followed, names, crew):
         branches.append(_joined(branch, crossings))
         thresholds += [threshold for threshold, _ in crossings]
         report(len(branches))
@@ -157,7 +168,7 @@ def follow_populations(scene: Scene, variation: Variation, report: Report = sile
     )
 
 
-def _joined(branch: MotionBranch, crossings: list[tuple[Threshold, SymmetricMotion | None]]) -> MotionBranch:
+def _joined(branch: MotionBranch, crossings: list[Crossing]) -> MotionBranch:
     """The branch with the motions at its thresholds."""
     every = [*zip(branch.values.tolist(), branch.motions, strict=True)]
     every += [(threshold.value, motion) for threshold, motion in crossings if motion is not None]
@@ -181,6 +192,11 @@ class PopulationWalk:
         pattern = next(motion for motion in patterns_of(self.scene_at(value)) if motion.name == name)
         return symmetric_motion(pattern, beside if beside is not None and beside.orbit else None)
 
+    def followed(self, name: str) -> tuple[MotionBranch, list[Crossing]]:
+        """The motion of a name and its thresholds, in ascending order."""
+        branch = self.branch(name)
+        return branch, sorted(self.thresholds(name, branch), key=lambda pair: pair[0].value)
+
     def branch(self, name: str) -> MotionBranch:
         """The motion of a name at all values at which it exists."""
         values, motions = list[float](), list[SymmetricMotion]()
@@ -192,7 +208,7 @@ class PopulationWalk:
                 motions.append(before)
         return MotionBranch(name, self.variation, np.array(values), tuple(motions))
 
-    def thresholds(self, name: str, branch: MotionBranch) -> Iterator[tuple[Threshold, SymmetricMotion | None]]:
+    def thresholds(self, name: str, branch: MotionBranch) -> Iterator[Crossing]:
         """All its thresholds, with the motions there."""
         there = dict(zip(branch.values.tolist(), branch.motions, strict=True))
         for a, b in pairwise(self.variation.values):

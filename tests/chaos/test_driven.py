@@ -56,7 +56,7 @@ def multipliers(gamma: float) -> Floats:
 def test_of_a_periodic_motion_it_is_the_logarithm_of_the_largest_multiplier(gamma: float) -> None:
     mu = multipliers(gamma)
     assert np.prod(mu).real == pytest.approx(np.exp(-2 * BETA), rel=1e-8)  # the sum of all exponents is −2β
-    exponent = lyapunov_exponent(textbook(gamma), 60.0, ensemble=2, spread=1e-6, tolerance=1e-9)
+    exponent = lyapunov_exponent(textbook(gamma), 60.0, members=2, spread=1e-6, tolerance=1e-9)
     expected = np.log(np.abs(mu)).max()
     if np.iscomplex(mu).any():
         assert expected == pytest.approx(-BETA, rel=1e-8)
@@ -73,7 +73,7 @@ def test_a_weak_drive_leaves_the_exponent_half_the_damping() -> None:
     links = [Bob(mass=1.0, length=1.0, damping=0.6)]
     force = SineForce(on="pendulum[0].links[0]", direction="torque", amplitude=0.1, frequency_hz=0.8)
     scene = Scene(gravity=9.81, pendulum=[Pendulum(links=links, start={"angles_deg": [5.0]})], force=[force])
-    exponent = lyapunov_exponent(scene, 50.0, ensemble=2)
+    exponent = lyapunov_exponent(scene, 50.0, members=2)
     assert exponent.value == pytest.approx(-0.3, abs=0.01)
 
 
@@ -87,7 +87,7 @@ def test_all_exponents_add_up_to_the_loss_of_area_in_chaos_too() -> None:
 
 
 def test_the_driven_pendulum_of_the_textbook_is_chaotic_at_1105_and_not_at_106() -> None:
-    chaotic, regular = (lyapunov_exponent(textbook(gamma), 40.0, ensemble=3) for gamma in (1.105, 1.06))
+    chaotic, regular = (lyapunov_exponent(textbook(gamma), 40.0, members=3) for gamma in (1.105, 1.06))
     assert chaotic.is_positive
     assert 0.5 < chaotic.value < 1.0
     assert regular.is_negative

@@ -92,7 +92,7 @@ def test_the_tangent_is_sympys_jacobian() -> None:
 
 
 def test_regular_motion_is_not_told_from_zero() -> None:
-    exponent = lyapunov_exponent(released(1, 90), 40.0, ensemble=8)
+    exponent = lyapunov_exponent(released(1, 90), 40.0, members=8)
     assert not exponent.is_positive
     assert exponent.chaotic == 0
     assert 0 < exponent.bound < 0.1
@@ -109,7 +109,7 @@ def test_at_a_standing_rest_it_is_the_fastest_growth_rate(links: int, up: int) -
     )
     rate = max(mode.growth_rate or 0.0 for mode in natural_modes(scene))
     assert links > 1 or rate == pytest.approx(np.sqrt(G), rel=1e-14)
-    exponent = lyapunov_exponent(scene, 7.0, ensemble=4, spread=0.0)
+    exponent = lyapunov_exponent(scene, 7.0, members=4, spread=0.0)
     early, late = np.searchsorted(exponent.times, [14 / rate, 22 / rate])
     grown = exponent.growth[early:late].sum(0) / (exponent.times[late] - exponent.times[early])
     assert grown == pytest.approx([rate] * 4, rel=1e-6 if links == 1 else 1e-4)
@@ -133,7 +133,7 @@ def test_dampers_make_it_the_slowest_decay() -> None:
         support=Cart(mass=1.0, damping=1.0, stiffness=6.0),
         pendulum=(Pendulum(links=(Rod(**joint), Rod(**joint)), start=InitialCondition(angles_deg=(0.01, 0.01))),),
     )
-    exponent = lyapunov_exponent(scene, 60.0, ensemble=4)
+    exponent = lyapunov_exponent(scene, 60.0, members=4)
     assert exponent.value == pytest.approx(max(natural_modes(scene).eigenvalue.real), abs=1 / 60)
     assert exponent.value < -0.1
     assert not exponent.is_positive
@@ -143,7 +143,7 @@ def test_dampers_make_it_the_slowest_decay() -> None:
 def test_gravity_only_sets_the_clock() -> None:
     """g → 4 g from the same angles doubles every λ: the same growth in half the time."""
     slow, fast = (
-        lyapunov_exponent(released(2, 120, gravity=g), 20 / np.sqrt(g), ensemble=3, tolerance=1e-11) for g in (1.0, 4.0)
+        lyapunov_exponent(released(2, 120, gravity=g), 20 / np.sqrt(g), members=3, tolerance=1e-11) for g in (1.0, 4.0)
     )
     assert fast.times[-1] == slow.times[-1] / 2
     assert slow.growth.sum(0).min() > 2
@@ -191,7 +191,7 @@ def test_two_routes_agree_at_high_energy() -> None:
 
 @pytest.fixture(scope="module")
 def many() -> Exponent:
-    return lyapunov_exponent(released(2, 150), 24.0, ensemble=32, tolerance=1e-6)
+    return lyapunov_exponent(released(2, 150), 24.0, members=32, tolerance=1e-6)
 
 
 def test_the_exponent_is_that_of_64_runs_of_an_hour(many: Exponent) -> None:
@@ -339,7 +339,7 @@ def test_a_study_is_measured_case_by_case() -> None:
 def test_progress_is_told_at_every_step() -> None:
     """Not only where v is brought back: ten thousand starts take a while until then."""
     seen: list[float] = []
-    exponent = lyapunov_exponent(released(1, 90), 7.0, ensemble=1, report=seen.append)
+    exponent = lyapunov_exponent(released(1, 90), 7.0, members=1, report=seen.append)
     assert len(seen) > len(exponent.times)
     assert seen == sorted(seen)
     assert seen[-1] == pytest.approx(10.5)
@@ -357,6 +357,6 @@ def test_linear_drag_is_in_the_exponent_and_in_its_sweep() -> None:
     start = InitialCondition(angles_deg=(20.0,))
     scene = Scene(gravity=9.81, pendulum=(Pendulum(links=(link,), start=start),))
     slowest = float(natural_modes(scene).eigenvalue.real.max())
-    assert lyapunov_exponent(scene, 40.0, ensemble=1).value == pytest.approx(slowest, rel=6e-3)
+    assert lyapunov_exponent(scene, 40.0, members=1).value == pytest.approx(slowest, rel=6e-3)
     (swept,) = parse_measures(["lyapunov:40"])
     assert swept.of(scene)["lyapunov_per_s"] == pytest.approx(slowest, rel=6e-3)

@@ -90,7 +90,7 @@ def test_a_perturbation_feels_quadratic_drag_as_neighbours_do() -> None:
 
 def test_a_clock_that_ticks_regularly_is_not_chaotic() -> None:
     """Along its motion a perturbation lasts, across it none does."""
-    exponent = lyapunov_exponent(hung({**BOB, "damping": 0.3, "drive": CLOCK}), 60.0, ensemble=4)
+    exponent = lyapunov_exponent(hung({**BOB, "damping": 0.3, "drive": CLOCK}), 60.0, members=4)
     assert not exponent.is_positive
     assert abs(exponent.value) < 0.02
 

@@ -104,9 +104,9 @@ def test_forced_orbits_along_a_number() -> None:
 
 
 def test_exponents_and_sections() -> None:
-    plain, null = both(CART, lambda scene: lyapunov_exponent(scene, 7.0, ensemble=2).value)
+    plain, null = both(CART, lambda scene: lyapunov_exponent(scene, 7.0, members=2).value)
     assert null == pytest.approx(plain, rel=1e-10)
-    plain, null = both(CART, lambda scene: find_section(scene, 4.0, orbits=2, workers=1, engine="numpy"))
+    plain, null = both(CART, lambda scene: find_section(scene, 4.0, members=2, workers=1, engine="numpy"))
     assert null.to_dict().keys() == plain.to_dict().keys()
     assert null.energy == pytest.approx(plain.energy, rel=1e-13)
     for point, other in zip(null.points(), plain.points(), strict=True):

@@ -114,7 +114,7 @@ def test_a_cart_passes_and_returns(engine: str) -> None:
 
 
 def test_every_motion_of_a_section_begins_with_its_start() -> None:
-    section = find_section(load("chain-2"), 1.0, energy=12.0, orbits=4, workers=1, check=0, engine="numpy")
+    section = find_section(load("chain-2"), 1.0, energy=12.0, members=4, workers=1, check=0, engine="numpy")
     times, motions = section.ensemble.column("crossing_time_s"), section.orbit
     assert [times[motions == k].min() for k in range(4)] == [0.0] * 4
 

@@ -134,7 +134,7 @@ def test_strobes_come_at_their_phase_after_the_transient(phase: float, settle: f
 
 def test_strobes_are_those_of_the_equation() -> None:
     strobes = find_strobes(
-        vary(DRIVEN, {"force[0].amplitude": 1.06}), 9.0, phase_deg=90.0, settle=2.0, orbits=3, workers=1
+        vary(DRIVEN, {"force[0].amplitude": 1.06}), 9.0, phase_deg=90.0, settle=2.0, members=3, workers=1
     )
     assert strobes.times == pytest.approx(2.25 + np.arange(7))
     begun = strobes.ensemble.question.members.states
@@ -146,7 +146,7 @@ def test_strobes_are_those_of_the_equation() -> None:
         expected = by_scipy(driven, [start, 0.0], strobes.times, 1.06)
         assert np.radians(rates[member]) == pytest.approx(expected[:, 1], abs=1e-6)
         assert np.exp(1j * np.radians(angles[member])) == pytest.approx(np.exp(1j * expected[:, 0]), abs=1e-7)
-    other = find_strobes(DRIVEN, 9.0, orbits=3, seed=8, workers=1).ensemble.question.members.states
+    other = find_strobes(DRIVEN, 9.0, members=3, seed=8, workers=1).ensemble.question.members.states
     assert other is not None
     assert other.links[1, 0] != begun.links[1, 0]
 
@@ -160,7 +160,7 @@ def test_strobes_of_two_links_on_a_cart_are_those_of_the_maximal_form() -> None:
     start = {"angles_deg": [30.0, -20.0]}
     scene = Scene(gravity=9.81, support=Cart(mass=2.0), pendulum=[Pendulum(links=links, start=start)], force=forces)
     strobes = find_strobes(
-        scene, 9.0, orbits=2, spread_deg=0.0, of=["theta_1_2", "theta_1_1"], engine="numpy", workers=1
+        scene, 9.0, members=2, spread_deg=0.0, of=["theta_1_2", "theta_1_1"], engine="numpy", workers=1
     )
     assert strobes.period == 4.0
     assert strobes.shown == (1, 0)
@@ -179,7 +179,7 @@ def test_a_weak_drive_ends_in_its_linear_response() -> None:
     force = SineForce(on=PUSH, direction="torque", amplitude=1e-4, frequency_hz=0.4, phase_deg=90.0)
     links = [Bob(mass=1.0, length=1.0, damping=0.8)]
     scene = Scene(gravity=9.81, pendulum=[Pendulum(links=links, start={"angles_deg": [1.0]})], force=[force])
-    strobes = find_strobes(scene, 100.0, settle=60.0, orbits=3, spread_deg=0.5, tolerance=1e-11, workers=1)
+    strobes = find_strobes(scene, 100.0, settle=60.0, members=3, spread_deg=0.5, tolerance=1e-11, workers=1)
     omega = 0.8 * np.pi
     expected = 1e-4 / (9.81 - omega**2 + 0.8j * omega)
     assert strobes.states[0][..., 0] == pytest.approx(np.full((3, 17), expected.real), abs=1e-9)
@@ -381,7 +381,7 @@ def test_scenes_without_a_period_have_no_strobes(scene: Scene, words: str) -> No
 
 def test_every_mistake_is_named_at_once() -> None:
     with pytest.raises(SceneError) as told:
-        find_strobes(DRIVEN, orbits=0, phase_deg=np.nan, spread_deg=-1.0, settle=np.inf)
+        find_strobes(DRIVEN, members=0, phase_deg=np.nan, spread_deg=-1.0, settle=np.inf)
     assert len(told.value.problems) == 4
     with pytest.raises(SceneError, match=r"theta_2_1: must be one of theta_1_1"):
         find_strobes(DRIVEN, of=["theta_2_1"])
@@ -400,7 +400,7 @@ def test_every_mistake_is_named_at_once() -> None:
 def drawn() -> tuple[StroboscopicSection, Basins, BifurcationDiagram]:
     grid = [f"{ANGLE}=-10,10", f"{RATE}=0,720"]
     return (
-        find_strobes(DRIVEN, 30.0, orbits=8, workers=1, check=0),
+        find_strobes(DRIVEN, 30.0, members=8, workers=1, check=0),
         find_basins(rotor(), 75.0, vary=grid, measure="attractor", workers=1, check=0),
         find_bifurcations(DRIVEN, "force[0].amplitude=1.06:1.1:20", settle=9.0, workers=1),
     )

@@ -77,7 +77,7 @@ def test_basins_of_two_clocks_are_those_that_sync_finds() -> None:
 
 def test_crossings_of_a_section_have_its_energy() -> None:
     scene = load("chain-2")
-    section = find_section(scene, 8.0, energy=12.0, orbits=5, workers=1)
+    section = find_section(scene, 8.0, energy=12.0, members=5, workers=1)
     links, rates = (section.ensemble.column(f"crossing_{name}") for name in ("links_rad", "link_rates_rad_per_s"))
     np.testing.assert_allclose(np.sin(links[:, 0]), 0.0, atol=1e-7)
     assert np.all(rates[:, 0] > 0)
@@ -91,7 +91,8 @@ def test_crossings_of_a_section_have_its_energy() -> None:
 def test_a_section_downwards_has_other_crossings() -> None:
     scene = load("chain-2")
     ways = {
-        way: find_section(scene, 6.0, energy=8.0, at=f"theta[1,2]{way}0", orbits=3, workers=1, check=0) for way in "<>="
+        way: find_section(scene, 6.0, energy=8.0, crossing=f"theta[1,2]{way}0", members=3, workers=1, check=0)
+        for way in "<>="
     }
     for way, sign in (("<", -1), (">", 1)):
         assert np.all(sign * ways[way].ensemble.column("crossing_link_rates_rad_per_s")[:, 1] >= 0)
@@ -171,12 +172,13 @@ def test_what_is_no_tolerance_is_told(texts: list[str], words: str) -> None:
 def test_numbers_of_a_study_that_are_none_are_named(number: object) -> None:
     chain: Any = load("chain-2")
     calls: dict[str, Callable[[Any], object]] = {
-        "members": lambda n: find_spread(chain, ["gravity=1%"], members=n),
+        "spread": lambda n: find_spread(chain, ["gravity=1%"], members=n),
         "seed": lambda n: find_spread(chain, ["gravity=1%"], members=3, seed=n),
-        "orbits": lambda n: find_section(chain, 1.0, orbits=n),
-        "ensemble": lambda n: lyapunov_exponent(chain, 30.0, ensemble=n),
+        "section": lambda n: find_section(chain, 1.0, members=n),
+        "exponent": lambda n: lyapunov_exponent(chain, 30.0, members=n),
     }
-    for name, call in calls.items():
+    for verb, call in calls.items():
+        name = "seed" if verb == "seed" else "members"
         with pytest.raises(SceneError, match=escape(f"{name} {number!r}: must be a whole number")):
             call(number)
 
@@ -184,8 +186,8 @@ def test_numbers_of_a_study_that_are_none_are_named(number: object) -> None:
 def test_studies_that_cannot_be_are_told() -> None:
     with pytest.raises(SceneError, match="that of links that all hang"):
         find_section(load("chain-2"), energy=-1.0)
-    with pytest.raises(SceneError, match=escape("at theta[1,9]: must be COORDINATE=VALUE")):
-        find_section(load("chain-2"), at="theta[1,9]")
+    with pytest.raises(SceneError, match=escape("crossing theta[1,9]: must be COORDINATE=VALUE")):
+        find_section(load("chain-2"), crossing="theta[1,9]")
     with pytest.raises(SceneError, match="remove the dampers"):
         find_section(load("metronomes"), energy=1.0)
     with pytest.raises(SceneError, match="a map has two axes"):
@@ -205,7 +207,7 @@ def test_nothing_is_wrong_with_pictures(name: str) -> None:
         figures = [
             basins_figure(find_basins(load("chain-2"), 2.0, vary=GRID, workers=1, check=0)),
             basins_figure(find_basins(load("metronomes"), 1.0, vary=CLOCKS, workers=1, check=0)),
-            section_figure(find_section(load("chain-2"), 4.0, energy=12.0, orbits=3, workers=1, check=0)),
+            section_figure(find_section(load("chain-2"), 4.0, energy=12.0, members=3, workers=1, check=0)),
             spread_figure(find_spread(load("paper-cart-1"), ["gravity=1%"], 0.5, members=20, workers=1, check=0)),
         ]
     for figure in figures:
@@ -253,7 +255,7 @@ def test_the_usual_grid_is_fine_where_members_go_side_by_side() -> None:
 
 def test_the_usual_energy_of_a_section_is_that_of_the_usual_start() -> None:
     scene = Scene(gravity=9.81, pendulum=[Pendulum(links=[Bob(mass=0.15, length=0.25)] * 2)])
-    section = find_section(scene, 2.0, orbits=2, workers=1)
+    section = find_section(scene, 2.0, members=2, workers=1)
     assert section.energy == pytest.approx(simulate(scene, 0.1, start=usual_start(scene)).mechanics.energy[0])
 
 

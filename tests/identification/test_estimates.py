@@ -141,7 +141,7 @@ def test_numbers_that_split_a_shared_frequency_leave_no_standard_deviation() -> 
 
 def test_members_of_a_spread_are_drawn_from_the_joint_distribution() -> None:
     estimated = estimate()
-    spread = find_spread(scene(), (), members=usually(300, 800), estimate=estimated)
+    spread = find_spread(scene(), (), members=usually(300, 800), covariance=estimated)
     assert set(spread.values) == set(PLACES)
     assert np.corrcoef(spread.values[PLACES[0]], spread.values[PLACES[1]])[0, 1] == pytest.approx(0.6, abs=0.08)
     modes = natural_modes(scene())
@@ -150,7 +150,7 @@ def test_members_of_a_spread_are_drawn_from_the_joint_distribution() -> None:
     assert last["omega_rad_per_s"] == pytest.approx(modes.omega[-1])
     assert last["standard_deviation_rad_per_s"] == pytest.approx(std.omega, rel=0.1)
     with pytest.raises(SceneError, match="has a tolerance and is among the fitted numbers"):
-        find_spread(scene(), [f"{PLACES[0]}=1%"], members=5, estimate=estimated)
+        find_spread(scene(), [f"{PLACES[0]}=1%"], members=5, covariance=estimated)
 
 
 def spoiled(**changes: Any) -> dict[str, Any]:

@@ -129,7 +129,7 @@ def test_a_sensors_scale_and_outliers_are_found() -> None:
     assert plain.rms_all > 0.1
     assert plain.stds[0] > 10 * fitted.stds[0]
     bent = [replace(segment, values=1.05 * segment.values) for segment in record.segments]
-    scaled = fit(scene, replace(record, segments=tuple(bent)), scaled=True)
+    scaled = fit(scene, replace(record, segments=tuple(bent)), scale=True)
     (at,) = range(scaled.problem.layout.size)[scaled.problem.layout.scales]
     assert abs(scaled.unknowns[at] - 0.05) < 4 * np.sqrt(scaled.cov[at, at]) < 0.04
 

@@ -339,7 +339,7 @@ def test_a_vertical_shake_doubles_the_period_where_floquets_multiplier_passes_mi
     swing = entered(branch, special, most=12)
     assert swing.orbits[-1].cycles == 2
     assert swing.orbits[-1].amplitude > 0.01
-    again = forced_orbit(swing.orbits[-1].scene, start=swing.orbits[-1].state, cycles=2)
+    again = forced_orbit(swing.orbits[-1].scene, start=swing.orbits[-1].state, periods=2)
     assert again.amplitude == pytest.approx(swing.orbits[-1].amplitude, rel=1e-8)
 
 

@@ -170,7 +170,7 @@ def followed(scene: str | Scene, text: str) -> Figure:
 
 @cache
 def exponent() -> Exponent:
-    return lyapunov_exponent(modal.load("paper-cart-1"), 7.0, ensemble=2)
+    return lyapunov_exponent(modal.load("paper-cart-1"), 7.0, members=2)
 
 
 def claimed(paper_number: str, rates: list[float]) -> Figure:

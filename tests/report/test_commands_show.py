@@ -137,7 +137,7 @@ SHOWN: dict[str, tuple[str, Callable[[], Any]]] = {
     ),
     "chaos chain-2": (
         "nonlinear.chaos:lyapunov_exponent",
-        lambda: lyapunov_exponent(modal.load("chain-2"), 7.0, ensemble=2),
+        lambda: lyapunov_exponent(modal.load("chain-2"), 7.0, members=2),
     ),
     "chaos paper:001": ("nonlinear.chaos:measure", finding),
     "simulate chain-2 --duration 2": (
@@ -169,11 +169,11 @@ SHOWN: dict[str, tuple[str, Callable[[], Any]]] = {
     ),
     "section chain-2": (
         "nonlinear.ensembles:find_section",
-        lambda: find_section(modal.load("chain-2"), 2.0, orbits=2, **ALONE),
+        lambda: find_section(modal.load("chain-2"), 2.0, members=2, **ALONE),
     ),
     "section driven.toml": (
         "nonlinear.ensembles:find_strobes",
-        lambda: find_strobes(modal.load("driven.toml"), 8.0, orbits=2, **ALONE),
+        lambda: find_strobes(modal.load("driven.toml"), 8.0, members=2, **ALONE),
     ),
     "spread chain-2 --uncertain gravity=0.1": (
         "nonlinear.sweeps:find_spread",

@@ -94,7 +94,7 @@ RESULTS: dict[str, Callable[[], Any]] = {
         workers=1,
         check=0,
     ),
-    "section": lambda: find_section(modal.load("chain-2"), 5.0, orbits=2, engine="numpy", workers=1, check=0),
+    "section": lambda: find_section(modal.load("chain-2"), 5.0, members=2, engine="numpy", workers=1, check=0),
     "spread": lambda: find_spread(modal.load("chain-2"), ["gravity=0.1"], members=50),
     "branch": lambda: nonlinear_mode(modal.load("chain-2"), 1, 0.3),
     "identified": decay,
@@ -158,7 +158,7 @@ def test_a_fit_shows_its_numbers() -> None:
 
 
 def test_an_exponent_shows_itself() -> None:
-    exponent = lyapunov_exponent(modal.load("chain-2"), duration=20.0, ensemble=2)
+    exponent = lyapunov_exponent(modal.load("chain-2"), duration=20.0, members=2)
     assert_shown(exponent)
 
 
