@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from functools import partial
 from itertools import chain, islice
 from threading import Thread
-from typing import Generic, NamedTuple, TypeVar
+from typing import Generic, NamedTuple, TypeVar, cast
 
 from modal.errors import ComputationError
 from nonlinear.dynamics import children_without_interrupts
@@ -126,9 +126,9 @@ def computed(
 ) -> Generator[R, None, None]:
     """What a function makes of portions, as it comes, by a crew or by `count` processes of this machine.
 
-    Portions whose processes died are `divided` and computed one by one by a new crew; `lost` is what a part gives at
-    which its process dies.  Raises ComputationError where an executor has died that nobody makes anew, or the function
-    fails.
+    Portions whose processes died are computed one by one by a new crew, and `divided` where it dies again; `lost` is
+    what a part gives at which its process dies.  Raises ComputationError where an executor has died that nobody makes
+    anew, or the function fails.
     """
     if crew is not None and not callable(crew):
         if (yield from _shared(function, portions, crew)):
@@ -136,21 +136,26 @@ def computed(
         return
     for first in portions:
         with (crew or partial(processes, count))() as pool:
-            left = yield from _shared(function, chain([first], portions), pool)
-        parts = deque(part for portion in left for part in divided(portion))
+            parts = deque((yield from _shared(function, chain([first], portions), pool)))
         while parts:
             with (crew or partial(processes, 1))() as worker:
                 while parts:
                     part = parts.popleft()
                     if (yield from _shared(function, iter([part]), worker)):
-                        yield lost(part)
+                        smaller = divided(part)
+                        if len(smaller) == 1:
+                            yield lost(part)
+                        else:
+                            parts.extendleft(reversed(smaller))
                         break
 
 
-def size_of(crew: Crew) -> int:
-    """The number of portions that a crew takes at a time, which most executors say."""
-    sizes = ["size"] if isinstance(crew, WorkerPool) else SIZES
-    return next((size for name in sizes if (size := getattr(crew, name, None))), None) or cores()
+def pool_of(crew: Crew) -> WorkerPool:
+    """An executor with the number of portions it takes at a time, which most say; of what makes one, the number."""
+    if isinstance(crew, WorkerPool):
+        return crew
+    sizes = (getattr(crew, name, None) for name in SIZES)
+    return WorkerPool(cast("Executor", crew), next(filter(None, sizes), None) or cores())
 
 
 class Failure(NamedTuple):
@@ -181,11 +186,11 @@ def _shared(
     What an executor that still works has lost or cancelled it is given again, TRIES times in all, in whatever words it
     tells of it.
     """
-    executor, most = crew.executor if isinstance(crew, WorkerPool) else crew, AHEAD * size_of(crew)
+    executor, size = pool_of(crew)
     flying: dict[Future[R | Failure], tuple[P, int]] = {}
     try:
         while True:
-            more = islice(portions, most - len(flying))
+            more = islice(portions, AHEAD * size - len(flying))
             flying |= {_submitted(function, portion, executor): (portion, 1) for portion in more}
             if not flying:
                 return []

@@ -20,7 +20,7 @@ from modal.scene.doors import checked, require_type
 from modal.scene.parameters import Place, Variable, Variation, find_places
 from modal.types import Floats
 from modal.vibration import Boundary, tongues, vertical_sine
-from nonlinear.ensembles.executors import DIED, Crew, computed, cores, size_of
+from nonlinear.ensembles.executors import DIED, Crew, computed, cores, pool_of
 from nonlinear.integration import validate_whole
 from nonlinear.sweeps.checkpoint import Checkpoint
 from nonlinear.sweeps.measures import FLOQUET, parse_measures
@@ -124,7 +124,7 @@ def sweep(
     """All points of a study: those already in a journal are taken from it, new ones are added to it.
 
     `workers` is a number of processes, 1 to stay in this one; by default, all cores are used once the sweep has taken
-    PATIENCE.  `crew` is that of `ensemble`, such as any `concurrent.futures.Executor`.  `report` is given
+    PATIENCE.  `crew` is any `concurrent.futures.Executor`, or that of `nonlinear.ensembles.cluster`.  `report` is given
     the number of points done.  On Ctrl-C the rows found so far are returned.  Raises ComputationError where workers
     cannot be started.
     """
@@ -217,7 +217,7 @@ def _found(study: Study, left: Sequence[int], workers: int | None, crew: Crew | 
             size = min(2 * size, most) if taken < brief else max(1, size // 2)
     if not remaining:
         return
-    count = min(count, remaining) if crew is None else size_of(crew)
+    count = min(count, remaining) if crew is None else pool_of(crew).size
     size = max(1, min(CHUNK, remaining // ((2 if task.durations else 8) * count)))
     portions: Iterator[Points] = iter(lambda: list(islice(points, size)), [])
     yield from computed(partial(measure_points, task), portions, crew, count, _divided, _died)
