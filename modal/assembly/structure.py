@@ -275,7 +275,7 @@ class Hanging:
         assert first is not None, "one end at least has a place"
         assert second is not None
         ways = [_difference(*rows) for rows in zip(*map(self._point, spring.ends[::-1]), strict=True)]
-        if drawn_together(first, second):
+        if np.all(drawn_together(first, second)):
             yield ways[0], 1.0, "_along"
             yield ways[1], 0.0, "_down"
             return

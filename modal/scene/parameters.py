@@ -202,7 +202,7 @@ def _stepped(at: Any, step: Step) -> Any:
 
 
 def _is_number(value: object) -> bool:
-    return isinstance(value, int | float)
+    return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 def _unknown(scene: Scene, name: str, path: str) -> str:

@@ -93,15 +93,15 @@ def is_damped(structure: Structure) -> bool:
     return of_carriers or any(np.any(spring.damping) for spring in structure.springs)
 
 
-def drawn_together(first: tuple[Any, Any], second: tuple[Any, Any]) -> bool:
-    """Whether two ends of a spring, (m along, m down) or arrays of such, are one point as drawn.
+def drawn_together(first: tuple[Any, Any], second: tuple[Any, Any]) -> Any:
+    """Whether two ends of a spring, (m along, m down), are one point as drawn; of arrays, each by itself.
 
-    >>> drawn_together((0.1 + 0.2, 1.0), (0.3, 1.0))
+    >>> bool(drawn_together((0.1 + 0.2, 1.0), (0.3, 1.0)))
     True
     """
-    apart = np.hypot(np.subtract(first[0], second[0]), np.subtract(first[1], second[1]))
-    largest = np.max([np.max(np.abs(part)) for part in (*first, *second)])
-    return bool(np.all(apart <= DRAWN_TOGETHER * largest))
+    parts = np.array(np.broadcast_arrays(*first, *second))
+    apart = np.hypot(*(parts[:2] - parts[2:]))
+    return apart <= DRAWN_TOGETHER * np.abs(parts).max(0)
 
 
 def tied(structure: Structure, sizes: Sequence[int]) -> frozenset[int]:

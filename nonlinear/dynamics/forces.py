@@ -31,6 +31,7 @@ and F·e_x on the cart.  A torque on a link acts on its angle; one on a joint ac
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import sqrt
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -64,8 +65,16 @@ class External(NamedTuple):
 
 def drag_law(velocity: Any, drag: Any, quadratic: Any = None) -> Any:
     """The force (N), (d, ...) like the velocity (m/s) of a centre in the air."""
-    strength = drag if quadratic is None else drag + quadratic * np.sqrt((velocity * velocity).sum(0))
+    strength = drag if quadratic is None else drag + quadratic * _root((velocity * velocity).sum(0))
     return -(strength * velocity)
+
+
+def _root(squares: Any) -> Any:
+    """The root of an array, in a text also of what no number of a scene moves."""
+    if squares.dtype != object:
+        return np.sqrt(squares)
+    roots = [each.sqrt() if hasattr(each, "sqrt") else sqrt(each) for each in squares.flat]
+    return np.array(roots, dtype=object).reshape(squares.shape)
 
 
 def drag_forces(group: Group, velocities: Any) -> Any:

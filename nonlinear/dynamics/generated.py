@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -160,7 +160,7 @@ class Lanes:
     @cached_property
     def inputs(self) -> Inputs:
         """What time brings."""
-        return Inputs(self.system)
+        return Inputs(self.system, drags=self.numbers.dragged)
 
     @cached_property
     def is_written(self) -> bool:
@@ -193,9 +193,10 @@ class Lanes:
         system = numbers.arrays
         bodies = (None if self._winds(group) else Recursion(group) for group in system.groups)
         equations = Minimal(system, tuple(bodies), counts_work=self.layout.works)
+        inputs = replace(equations.inputs, drags=self.inputs.drags)
 
         def by_recursion(y: Any, times: Any = 0.0) -> Any:
-            instant = equations.inputs.instant(self.inputs.beside(np.broadcast_to(times, y.shape[1:])))
+            instant = inputs.instant(self.inputs.beside(np.broadcast_to(times, y.shape[1:])))
             return equations.rates(y, instant)
 
         return by_recursion

@@ -71,11 +71,20 @@ QUIET = Instant()
 
 @dataclass(frozen=True, eq=False)
 class Inputs:
-    """What time brings to a system under a load, with `contacts` (the coordinates below and above each)."""
+    """What time brings to a system under a load, with `contacts` (the coordinates below and above each).
+
+    `drags` tells that others of its form, with numbers of their own, have drag.
+    """
 
     system: System
     load: Load | None = None
     contacts: tuple[tuple[int, int], ...] = ()
+    drags: bool = False
+
+    @cached_property
+    def courses(self) -> tuple[Course, ...]:
+        """The functions of time."""
+        return self.system.courses(drags=self.drags)
 
     @cached_property
     def laws(self) -> tuple[Any, ...]:
@@ -94,7 +103,7 @@ class Inputs:
 
     @property
     def _moved(self) -> int:
-        return 1 if self.is_analytic else len(self.system.courses)
+        return 1 if self.is_analytic else len(self.courses)
 
     @property
     def is_analytic(self) -> bool:
@@ -118,21 +127,21 @@ class Inputs:
             return lambda time, y=(): (time,)
         if (polynomials := self.polynomials) is not None:
             return in_floats(polynomials)
-        courses = [_clock] if self.is_analytic else [course.at for course in self.system.courses]
+        courses = [_clock] if self.is_analytic else [course.at for course in self.courses]
         laws = [in_floats([*_derivatives(law)]) if isinstance(law, LengthLaw) else law.at for _, law in self.laws]
         return lambda time, y=(): [*(at(time) for at in courses), *(number for law in laws for number in law(time))]
 
     def beside(self, times: Any) -> list[Any]:
         """The inputs of time alone at times of any shape (s), each of that shape."""
         laws = [part for _, law in self.laws for part in law(times)]
-        return [times, *laws] if self.is_analytic else [course.beside(times) for course in self.system.courses] + laws
+        return [times, *laws] if self.is_analytic else [course.beside(times) for course in self.courses] + laws
 
     @cached_property
     def polynomials(self) -> list[Polynomials] | None:
         """Every input of time alone piece by piece; none where the time is the only one; None where any has none."""
         if self.is_analytic and not self.laws:
             return []
-        moved = [pieces for course in self.system.courses if (pieces := course.polynomials)]
+        moved = [pieces for course in self.courses if (pieces := course.polynomials)]
         moved = [CLOCK] if self.is_analytic else moved
         if len(moved) < self._moved or not all(isinstance(law, LengthLaw) for _, law in self.laws):
             return None
@@ -153,7 +162,7 @@ class Inputs:
         """
         gravity, times = float(np.min(self.system.gravity)), set[float]()
         accuracy *= LEAST_BEND
-        for course in self.system.courses:
+        for course in self.courses:
             times |= {*course.motion.breaks}
         for course, unit in self._bending(gravity):
             if (pieces := course.polynomials) and pieces.period == inf:
@@ -170,9 +179,9 @@ class Inputs:
         """Accelerations of the support (m/s²) and forces (N, N m), with the unit of each."""
         system = self.system
         forces, moved = len(system.forces), len(system.support.motions) if system.support else 0
-        yield from ((course, gravity) for course in system.courses[:moved])
+        yield from ((course, gravity) for course in self.courses[:moved])
         weight = gravity * float(np.min(system.by_link("mass"))) if forces else 0.0
-        for force, course in zip(system.forces, system.courses[len(system.courses) - forces :], strict=True):
+        for force, course in zip(system.forces, self.courses[len(self.courses) - forces :], strict=True):
             yield course, weight if force.direction else weight * float(np.min(system.by_link("length")))
 
     def longest_step(self, accuracy: float = 0.0) -> float:
@@ -195,11 +204,11 @@ class Inputs:
         values = iter(u)
         support = velocity = (0.0, 0.0)
         time = next(values) if self.is_analytic else None
-        sizes = [course.of(time) if self.is_analytic else next(values) for course in self.system.courses]
+        sizes = [course.of(time) if self.is_analytic else next(values) for course in self.courses]
         if moving := self.system.support:
             count = len(moving.motions)
             support = moving.combined(sizes[:count])
-            if self.system.dragged:
+            if self.drags or self.system.dragged:
                 velocity = moving.combined(sizes[count : 2 * count])
         forces = tuple(sizes[len(sizes) - len(self.system.forces) :])
         lengths = self._lengths([(next(values), next(values), next(values)) for _ in self.laws]) if self.laws else None

@@ -1,4 +1,11 @@
-"""Workers: processes on this machine, or any other `concurrent.futures.Executor`."""
+"""Workers: processes on this machine, or any other `concurrent.futures.Executor`, or what makes one.
+
+>>> from concurrent.futures import ThreadPoolExecutor
+>>> from modal import load
+>>> from nonlinear import ensemble
+>>> ensemble(load("chain-1"), 1.0, starts=[[0.1], [0.2]], engine="numpy", crew=ThreadPoolExecutor).size
+2
+"""
 
 from __future__ import annotations
 
@@ -6,12 +13,13 @@ import os
 import signal
 from collections import deque
 from collections.abc import Callable, Generator, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
-from contextlib import contextmanager
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Executor, Future, wait
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
+from functools import partial
 from itertools import chain, islice
 from threading import Thread
-from typing import Generic, NamedTuple, TypeVar
+from typing import Generic, NamedTuple, TypeVar, cast
 
 from modal.errors import ComputationError
 from nonlinear.dynamics import children_without_interrupts
@@ -21,6 +29,9 @@ AHEAD = 2
 TRIES = 3
 """How often a portion is handed to an executor that loses it."""
 DIED = "its process died, perhaps for lack of memory"
+DEAD = "the workers have died: give in place of the executor what makes one, and what they had is done again"
+SIZES = ("_max_workers", "max_workers", "num_workers")
+"""Where executors of the standard library and loky, of executorlib and of mpi4py say how many workers they have."""
 P = TypeVar("P")
 R = TypeVar("R")
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
@@ -33,7 +44,8 @@ class WorkerPool(NamedTuple):
     size: int
 
 
-Crew = WorkerPool | Executor
+Crew = WorkerPool | Executor | Callable[[], AbstractContextManager[WorkerPool | Executor]]
+"""An executor, or what makes one: its class, a function.  That is asked again where an executor has broken."""
 
 
 def cores() -> int:
@@ -114,18 +126,19 @@ def computed(
 ) -> Generator[R, None, None]:
     """What a function makes of portions, as it comes, by a crew or by `count` processes of this machine.
 
-    Portions whose processes died are computed one by one, and `divided` where they die again; `lost` is what a part
-    gives at which its process dies.  Raises ComputationError where a crew has died, or the function fails.
+    Portions whose processes died are computed one by one by a new crew, and `divided` where they die again; `lost` is
+    what a part gives at which its process dies.  Raises ComputationError where an executor has died that nobody makes
+    anew, or the function fails.
     """
-    if crew is not None:
-        if (yield from _shared(function, portions, pool_of(crew))):
-            raise ComputationError("the workers have died")
+    if crew is not None and not callable(crew):
+        if (yield from _shared(function, portions, crew)):
+            raise ComputationError(DEAD)
         return
     for first in portions:
-        with processes(count) as pool:
+        with (crew or partial(processes, count))() as pool:
             parts = deque((yield from _shared(function, chain([first], portions), pool)))
         while parts:
-            with processes(1) as worker:
+            with (crew or partial(processes, 1))() as worker:
                 while parts:
                     part = parts.popleft()
                     if (yield from _shared(function, iter([part]), worker)):
@@ -138,8 +151,11 @@ def computed(
 
 
 def pool_of(crew: Crew) -> WorkerPool:
-    """An executor with the number of portions it takes at a time, which most say."""
-    return crew if isinstance(crew, WorkerPool) else WorkerPool(crew, getattr(crew, "_max_workers", None) or cores())
+    """An executor with the number of portions it takes at a time, which most say; of what makes one, the number."""
+    if isinstance(crew, WorkerPool):
+        return crew
+    sizes = (getattr(crew, name, None) for name in SIZES)
+    return WorkerPool(cast("Executor", crew), next(filter(None, sizes), None) or cores())
 
 
 class Failure(NamedTuple):
@@ -162,24 +178,28 @@ class WorkerCall(Generic[P, R]):
             return Failure(error)
 
 
-def _shared(function: Callable[[P], R], portions: Iterator[P], crew: WorkerPool) -> Generator[R, None, list[P]]:
+def _shared(
+    function: Callable[[P], R], portions: Iterator[P], crew: WorkerPool | Executor
+) -> Generator[R, None, list[P]]:
     """What the function makes of portions, a few in flight at a time; those of an executor that broke are handed back.
 
-    What an executor that still works has lost it is given again, TRIES times in all, in whatever words it tells of it.
+    What an executor that still works has lost or cancelled it is given again, TRIES times in all, in whatever words it
+    tells of it.
     """
+    executor, size = pool_of(crew)
     flying: dict[Future[R | Failure], tuple[P, int]] = {}
-    ahead = AHEAD * crew.size
     try:
         while True:
-            flying |= {_submitted(function, portion, crew): (portion, 1) for portion in islice(portions, ahead)}
+            more = islice(portions, AHEAD * size - len(flying))
+            flying |= {_submitted(function, portion, executor): (portion, 1) for portion in more}
             if not flying:
                 return []
             done = wait(flying, return_when=FIRST_COMPLETED).done
-            broken = any(isinstance(future.exception(), BrokenExecutor) for future in done)
+            broken = any(isinstance(_error_of(future), BrokenExecutor) for future in done)
             lost: list[P] = []
             for future in wait(flying).done if broken else done:
                 portion, tries = flying.pop(future)
-                error = future.exception()
+                error = _error_of(future)
                 if error is None:
                     result = future.result()
                     if isinstance(result, Failure):
@@ -190,10 +210,9 @@ def _shared(function: Callable[[P], R], portions: Iterator[P], crew: WorkerPool)
                 elif tries == TRIES or not isinstance(error, Exception):
                     raise error
                 else:
-                    flying[_submitted(function, portion, crew)] = portion, tries + 1
+                    flying[_submitted(function, portion, executor)] = portion, tries + 1
             if broken:
                 return lost
-            ahead = AHEAD * crew.size - len(flying)
     except Exception as error:
         raise ComputationError(f"a worker failed: {type(error).__name__}: {error}") from error
     finally:
@@ -201,9 +220,17 @@ def _shared(function: Callable[[P], R], portions: Iterator[P], crew: WorkerPool)
             future.cancel()
 
 
-def _submitted(function: Callable[[P], R], portion: P, crew: WorkerPool) -> Future[R | Failure]:
+def _error_of(future: Future[R | Failure]) -> BaseException | None:
+    """What has become of a task that is done, cancelled ones included."""
     try:
-        return crew.executor.submit(WorkerCall(function), portion)
+        return future.exception()
+    except CancelledError as error:
+        return error
+
+
+def _submitted(function: Callable[[P], R], portion: P, executor: Executor) -> Future[R | Failure]:
+    try:
+        return executor.submit(WorkerCall(function), portion)
     except BrokenExecutor as error:
         failed: Future[R | Failure] = Future()
         failed.set_exception(error)

@@ -35,6 +35,7 @@ from nonlinear.system import (
     Motion,
     Numbers,
     State,
+    System,
     initial_state,
     motion_of,
     numbers_of,
@@ -102,9 +103,18 @@ class MemberPart:
         y = np.ascontiguousarray(layout.rows(begun).T)
         return MemberBlock(good, numbers, y, reasons)
 
+    @property
+    def system(self) -> System:
+        """The system with the numbers of the members in its arrays, whether they can be or not."""
+        return numbers_of(self.scene, self._others(slice(None))).arrays
+
+    def _others(self, members: Any) -> dict[Place, Floats]:
+        """What differs in more than the start."""
+        return {place: values[members] for place, values in self._at.items() if "start" not in place}
+
     def numbers(self, good: Ints) -> Numbers:
         """The numbers of the members at these places; SceneError where switches cannot be."""
-        others = {place: values[good] for place, values in self._at.items() if "start" not in place}
+        others = self._others(good)
         numbers = numbers_of(self.scene, others, modal=self._dampers(others, good))
         if (system := numbers.system).kicked or system.rubs:
             every = [self.scene_of(int(place)) for place in good] if others else [self.scene]

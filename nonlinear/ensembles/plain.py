@@ -28,7 +28,7 @@ from nonlinear.integration.readiness import reproducible
 from nonlinear.integration.within import Watch
 from nonlinear.postprocessing import largest_angle
 from nonlinear.simulation import request_of, simulate
-from nonlinear.system import Layout, Motion, State, numbers_of
+from nonlinear.system import Layout, Motion, State, System, numbers_of
 
 STATES = {
     "links": "links_rad",
@@ -81,14 +81,14 @@ def columns(question: EnsembleRequest, scene: Scene, start: State) -> Columns:
     kept |= _measured(question, scene, run, sampled, watches)
     rows = np.searchsorted(sampled.times, question.times)
     if question.keeps_end:
-        kept |= _states(run.motion.at(slice(-1, None)), single=True)
+        kept |= _states(run.system, run.motion.at(slice(-1, None)), single=True)
     if question.times:
-        kept |= _states(sampled.motion.at(rows), single=False)
+        kept |= _states(run.system, sampled.motion.at(rows), single=False)
     return kept
 
 
-def _states(motion: Motion, single: bool) -> Columns:
-    parts = {column: getattr(motion, part) for part, column in state_columns(motion.supports.size > 0).items()}
+def _states(system: System, motion: Motion, single: bool) -> Columns:
+    parts = {column: getattr(motion, part) for part, column in state_columns(system.structure is not None).items()}
     return {name: values[0] if single else values for name, values in parts.items()}
 
 
@@ -109,7 +109,8 @@ def _measured(
         _, times, crossings = whole.crossed
         measured["crossing_time_s"] = times
         measured |= {
-            f"crossing_{name}": values for name, values in _states(layout.read(crossings), single=False).items()
+            f"crossing_{name}": values
+            for name, values in _states(run.system, layout.read(crossings), single=False).items()
         }
     return measured
 

@@ -23,7 +23,7 @@ from nonlinear.ensembles.members import MemberPart, Members
 from nonlinear.ensembles.results import Wanted
 from nonlinear.integration import choose, estimate_timescales
 from nonlinear.integration.methods import PER_PERIOD
-from nonlinear.system import System, system_of
+from nonlinear.system import System, slack_of, system_of
 
 VERSION = 1
 PLAIN, LANES, COMPILED = "simulate", "numpy", "numba"
@@ -159,6 +159,8 @@ def refused(members: Members, duration: float, tolerance: float) -> str:
         return "members differ in motions of the support or forces, of which not all are sines or constant"
     if any(_of_hoist(scene, place) for place in places):
         return "members differ in the law of a hoist"
+    if why := _drawn(members, places):
+        return why
     if choose(scene, duration, tolerance).method == "Radau":
         return "the fastest decay is far faster than the fastest swing"
     return ""
@@ -180,6 +182,18 @@ def _switching(scene: Scene, members: Members, places: list[Place]) -> str:
         for place in find_places(scene, path)
     ):
         return "some members have no such kicks or friction"
+    return ""
+
+
+def _drawn(members: Members, places: list[Place]) -> str:
+    """Why members with springs between points go one by one."""
+    if not members.scene.spring or all("start" in place for place in places):
+        return ""
+    system = system_of(members.scene)
+    for first in range(0, members.size, MOST):
+        for k, those in enumerate(slack_of(members.part(first, first + MOST).system)):
+            if np.any(np.not_equal(those, system.slack[k])):
+                return f"spring[{system.suspension.springs[k].entry}] has a length as drawn in some members alone"
     return ""
 
 

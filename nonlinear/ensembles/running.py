@@ -305,8 +305,8 @@ def ensemble(
     workers
         A number of processes, 1 to stay in this one.
     crew
-        Any `concurrent.futures.Executor` in place of processes, or a `WorkerPool` that says on how many chunks it works
-        at a time.
+        Any `concurrent.futures.Executor` in place of processes, or what makes one, such as its class: another is made
+        where one has broken.  A `WorkerPool` says on how many chunks an executor works at a time.
     report
         Is called with the number of members done; before, its method `expect`, if it has one, with the seconds that the
         others are estimated to take, and the number done.

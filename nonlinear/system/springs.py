@@ -65,7 +65,7 @@ def ends_may_meet(system: Grouped) -> bool:
         if spring.torsion or not np.any(spring.stiffness) or not any(isinstance(end, LinkEnd) for end in spring.ends):
             continue
         first, second = (drawn_place(system, end) for end in spring.ends)
-        if first is not None and second is not None and not drawn_together(first, second):
+        if first is not None and second is not None and not np.all(drawn_together(first, second)):
             length = np.min(np.hypot(np.subtract(first[0], second[0]), np.subtract(first[1], second[1])))
             if length <= sum(_reach(system, end) for end in spring.ends):
                 return True
@@ -81,8 +81,8 @@ def _reach(system: Grouped, end: End) -> float:
     return 2 * float(np.max(np.sum(group.block.length[:row, column], axis=0) + below))
 
 
-def slack_of(system: Grouped) -> tuple[bool, ...]:
-    """Which springs of a structure have no length as drawn; no torsion spring has one."""
+def slack_of(system: Grouped) -> tuple[Any, ...]:
+    """Which springs of a structure have no length as drawn, of arrays each; no torsion spring has one."""
     slack = []
     for spring in system.suspension.springs:
         first, second = (None, None) if spring.torsion else (drawn_place(system, end) for end in spring.ends)

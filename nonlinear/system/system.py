@@ -361,15 +361,14 @@ class System(Displayed):
         motions = [motion for _, motion in self.support.motions] if self.support else []
         return (*motions, *(force.motion for force in self.forces))
 
-    @cached_property
-    def courses(self) -> tuple[Course, ...]:
+    def courses(self, *, drags: bool = False) -> tuple[Course, ...]:
         """What these bring: the support's accelerations, where links have drag its velocities; sizes of forces."""
         if not self.prescribed:
             return ()
         from modal.vibration import Course
 
         moved = self.prescribed[: len(self.prescribed) - len(self.forces)]
-        orders = ((2, 1) if self.dragged else (2,)) if moved else ()
+        orders = ((2, 1) if drags or self.dragged else (2,)) if moved else ()
         accelerations = [Course(motion, order) for order in orders for motion in moved]
         return (*accelerations, *(force.course for force in self.forces))
 
@@ -442,7 +441,7 @@ def system_of(scene: Scene, hoists: Hoists | None = None) -> System:
     system = System(
         rig.gravity, rig.support, tuple(groups), rig.spatial, labels, *prescribed, is_structured=scene.is_structured
     )
-    return replace(system, slack=slack_of(system))
+    return replace(system, slack=tuple(map(bool, slack_of(system))))
 
 
 def _support(scene: Scene) -> MovingSupport | None:

@@ -12,7 +12,7 @@ import sys
 import time
 import tracemalloc
 from collections.abc import Iterator
-from concurrent.futures import BrokenExecutor, Executor, Future, ThreadPoolExecutor
+from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +22,7 @@ from support.amounts import usually
 from modal import load
 from modal.errors import ComputationError, SceneError
 from modal.scene import Scene, scene_from
+from modal.scene.files import TEMPORARY
 from nonlinear.ensembles import Ensemble, ensemble
 from nonlinear.ensembles.executors import WorkerPool
 from nonlinear.ensembles.store import Parts
@@ -97,15 +98,18 @@ class Dying(Executor):
 
 
 class Losing(Executor):
-    """Loses every task of so many and goes on, as executors of clusters do."""
+    """Loses or cancels every task of so many and goes on, as executors of clusters do."""
 
-    def __init__(self, every: int) -> None:
-        self.count, self.every = 0, every
+    def __init__(self, every: int, *, cancels: bool = False) -> None:
+        self.count, self.every, self.cancels = 0, every, cancels
 
     def submit(self, function, /, *arguments, **more) -> Future:
         future: Future = Future()
         self.count += 1
-        if self.count % self.every == 0:
+        if self.count % self.every == 0 and self.cancels:
+            future.cancel()
+            future.set_running_or_notify_cancel()
+        elif self.count % self.every == 0:
             future.set_exception(RuntimeError("a node was reclaimed"))
         else:
             future.set_result(function(*arguments, **more))
@@ -113,13 +117,34 @@ class Losing(Executor):
 
 
 def test_what_an_executor_loses_in_its_own_words_is_done_again(tmp_path: Path, alone: dict[str, bytes]) -> None:
-    run(tmp_path / "lost", crew=Losing(5))
-    assert contents(tmp_path / "lost") == alone
+    for folder, crew in {"lost": Losing(5), "cancelled": Losing(5, cancels=True), "made": ThreadPoolExecutor}.items():
+        run(tmp_path / folder, crew=crew)
+        assert contents(tmp_path / folder) == alone
     with ThreadPoolExecutor(2) as executor:
         run(tmp_path / "threads", crew=executor)
     assert contents(tmp_path / "threads") == alone
     with pytest.raises(ComputationError, match="a worker failed: RuntimeError: a node was reclaimed"):
         run(None, crew=Losing(1))
+
+
+@pytest.mark.parametrize("name", ["loky", "processes"])
+def test_an_executor_whose_worker_is_killed_is_made_anew(tmp_path: Path, alone: dict[str, bytes], name: str) -> None:
+    make = ProcessPoolExecutor if name == "processes" else pytest.importorskip("loky").get_reusable_executor
+    made: list[Executor] = []
+    heard: list[float] = []
+
+    def crew() -> Executor:
+        made.append(make(max_workers=2))
+        return made[-1]
+
+    def killing(done: float) -> None:
+        heard.append(done)
+        if len(heard) == 3:
+            os.kill(next(iter(made[0]._processes)), signal.SIGKILL)  # type: ignore[attr-defined]
+
+    run(tmp_path, crew=crew, report=killing)
+    assert contents(tmp_path) == alone
+    assert len(made) > 1
 
 
 def test_the_bytes_do_not_depend_on_workers(tmp_path: Path, alone: dict[str, bytes]) -> None:
@@ -196,6 +221,55 @@ def test_kill_9_loses_at_most_a_chunk(tmp_path: Path, whole: tuple[Scene, dict[s
     assert heard[0] == 7 * len(before)
     assert {path: path.stat().st_mtime_ns for path in before} == before
     assert contents(tmp_path) == alone
+
+
+KILLED = """
+import os, pickle, signal, sys, time
+from nonlinear.ensembles import ensemble
+
+def written():
+    return sum(name.startswith("part") for name in os.listdir(sys.argv[1]))
+
+question, shares, moments = pickle.load(sys.stdin.buffer)
+os.mkdir(sys.argv[1])
+ensemble(**question | {"starts": question["starts"][:2]})
+for moment in moments:
+    before = written()
+    children = []
+    for share in shares:
+        child = os.fork()
+        if not child:
+            ensemble(folder=sys.argv[1], share=share, **question)
+            os._exit(0)
+        children.append(child)
+    while moment > 0 and written() == before:
+        time.sleep(0.001)
+    time.sleep(abs(moment))
+    for child in children:
+        os.kill(child, signal.SIGKILL)
+        os.waitpid(child, 0)
+    print(written())
+"""
+"""Processes that compute their shares of an ensemble, killed at moments (s) after a chunk; negative, after a start."""
+
+
+@pytest.mark.parametrize(("processes", "kills"), usually([(1, 3)], [(1, 10), (2, 10)]))
+def test_kill_9_at_any_moment_changes_nothing(tmp_path: Path, processes: int, kills: int) -> None:
+    """In one process, and in two that share a folder: whoever goes on ends with the same bytes."""
+    drawn = np.random.default_rng(processes)
+    question = {"scene": load("chain-2"), "duration": 1.0, "starts": drawn.uniform(-2, 2, (90, 2)), "engine": "numpy"}
+    question |= {"measures": MEASURES, "output": "end", "chunk": 3, "workers": 1, "check": 4}
+    shares = [(k, processes) for k in range(processes)] if processes > 1 else [None]
+    told = pickle.dumps((question, shares, drawn.uniform(-0.1, 0.1, kills).tolist()))
+    command = [sys.executable, "-c", KILLED, os.fspath(tmp_path / "killed")]
+    done = subprocess.run(command, input=told, capture_output=True, check=True, timeout=600)
+    counts = [int(line) for line in done.stdout.split()]
+    assert counts == sorted(counts)
+    assert 0 < counts[-1] < 30
+    ensemble(folder=tmp_path / "killed", **question)
+    ensemble(folder=tmp_path / "alone", **question)
+    parts = {name: data for name, data in contents(tmp_path / "killed").items() if not name.startswith(TEMPORARY)}
+    assert parts == contents(tmp_path / "alone")
 
 
 def test_another_ensemble_does_not_go_into_the_same_folder(tmp_path: Path, alone: dict[str, bytes]) -> None:
