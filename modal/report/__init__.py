@@ -49,6 +49,7 @@ from modal.report.tables import (
     full,
     grid,
     headed,
+    layout,
     titled,
     widths_of,
 )
@@ -96,6 +97,7 @@ __all__ = [
     "html",
     "json_text",
     "latex",
+    "layout",
     "limit",
     "line_width",
     "listed",
