@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     import argparse
 
     from modal.errors import SceneError
-    from modal.report import Limit
+    from modal.report import TableLimit
     from multipendula.parser import Page
 
 os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
@@ -246,13 +246,13 @@ def _channels(options: argparse.Namespace) -> Iterator[None]:
         yield
 
 
-def _limit(options: argparse.Namespace) -> Limit | None:
+def _limit(options: argparse.Namespace) -> TableLimit | None:
     """How much of a table a terminal shows: all where a format, rows or columns were asked for."""
-    from modal.report import TABLE_ROWS, Limit
+    from modal.report import TABLE_ROWS, TableLimit
 
     asked = getattr(options, "format_asked", False) or getattr(options, "modes", None) or getattr(options, "columns", 0)
     ways = ["--format text"] * hasattr(options, "format") + ["a pipe"]
-    return None if asked else Limit(TABLE_ROWS, f"; {' or '.join(ways)} shows all")
+    return None if asked else TableLimit(TABLE_ROWS, f"; {' or '.join(ways)} shows all")
 
 
 def _long(action: argparse.Action) -> str:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from modal.assembly import Matrices
 from modal.errors import ComputationError, SceneError, meant
-from modal.modes.columns import COLUMNS, Column, Stds, added_by, columns_of, printed, that_fit
+from modal.modes.columns import COLUMNS, Column, Stds, added_by, columns_of, printed, spare_headings
 from modal.modes.dissipation import sharing
 from modal.modes.mode import Mode
 from modal.modes.modes import Modes
@@ -21,7 +21,6 @@ from modal.report import (
     aligned,
     as_json,
     breadth,
-    columns,
     csv_rows,
     finite,
     fits,
@@ -29,11 +28,11 @@ from modal.report import (
     grid,
     headed,
     html,
+    layout,
     limit,
     listed,
     markdown,
     one_line,
-    widths_of,
 )
 from modal.scene import Scene, describe, title_of
 from modal.scene.doors import checked
@@ -226,15 +225,10 @@ def _text(
     below: list[str],
 ) -> str:
     """The columns that fit with a line `below`, the names of those that do not, and the notes."""
-    headings, left = [column.heading for column in shown], list[str]()
-    if not chosen or chosen.startswith("+"):
-        kept, left = that_fit(shown, widths_of(cells, headings), columns(), added_by(modes, chosen, shown))
-        shown, headings = [shown[k] for k in kept], [headings[k] for k in kept]
-        cells = [[row[k] for k in kept] for row in cells]
-    if left:
-        words = f"left out to fit {columns()} columns: {', '.join(left)}"
-        notes = [f"{words}; {elsewhere}" if elsewhere else words, *notes]
-    body = aligned(cells, headings, _align(shown))
+    headings, added = [column.heading for column in shown], added_by(modes, chosen, shown)
+    spare = spare_headings(shown, added) if added or not chosen else []
+    body, left = layout(cells, headings, _align(shown), spare, elsewhere, whole=True)
+    notes = [*left, *notes]
     return (
         "\n".join([headed(title_of(modes.scene)), "", body, *map(folded, below), "", *map(folded, notes)]).rstrip()
         + "\n"

@@ -35,7 +35,7 @@ from modal.report.escaping import (
     python_text,
     visible,
 )
-from modal.report.fitting import TABLE_ROWS, Limit, breadth, broken, columns, fits, fitted, folded, limit, padded
+from modal.report.fitting import TABLE_ROWS, TableLimit, breadth, broken, columns, fits, fitted, folded, limit, padded
 from modal.report.prose import WIDTH, capital, counted, line_width, listed, percent, rad, short, silent, with_unit
 from modal.report.results import Drawable, ReportColumn, ReportTable, Result, TextResult, records_of
 from modal.report.tables import (
@@ -49,6 +49,7 @@ from modal.report.tables import (
     full,
     grid,
     headed,
+    layout,
     titled,
     widths_of,
 )
@@ -63,11 +64,11 @@ __all__ = [
     "Displayed",
     "Drawable",
     "Form",
-    "Limit",
     "ReportColumn",
     "ReportTable",
     "Result",
     "Summary",
+    "TableLimit",
     "TextResult",
     "aligned",
     "as_csv",
@@ -96,6 +97,7 @@ __all__ = [
     "html",
     "json_text",
     "latex",
+    "layout",
     "limit",
     "line_width",
     "listed",

@@ -14,7 +14,7 @@ from typing import NamedTuple
 from unicodedata import category, east_asian_width
 
 
-class Limit(NamedTuple):
+class TableLimit(NamedTuple):
     """How much of a table is shown: so many rows, and of columns those that fit; `elsewhere` says where the rest is."""
 
     rows: int
@@ -27,7 +27,7 @@ NARROWEST = 20
 """Columns below which text is as wide as it would be here."""
 _COLUMNS: ContextVar[int | None] = ContextVar("columns", default=None)
 _CHARSET: ContextVar[str | None] = ContextVar("charset", default=None)
-_LIMIT: ContextVar[Limit | None] = ContextVar("limit", default=None)
+_LIMIT: ContextVar[TableLimit | None] = ContextVar("limit", default=None)
 _RULE = re.compile(r"\s*([-=])\1+")
 _WORD = re.compile(r"\d\S* %[.,;:)]*(?=\s|$)|\S+")  # a number keeps its sign for per cent
 _HANGING = re.compile(r"\s*(?:[-*] |\S+ {2,})?")
@@ -44,7 +44,7 @@ def columns() -> int | None:
     return _COLUMNS.get()
 
 
-def limit() -> Limit | None:
+def limit() -> TableLimit | None:
     """How much of a table is shown; None for all of it."""
     return _LIMIT.get()
 
@@ -56,7 +56,7 @@ def fits(width: int) -> bool:
 
 
 @contextmanager
-def fitted(to: int | None, encoding: str | None = None, most: Limit | None = None) -> Iterator[None]:
+def fitted(to: int | None, encoding: str | None = None, most: TableLimit | None = None) -> Iterator[None]:
     """Make text inside this block fit into so many columns, any number for None.
 
     With an encoding, letters that it lacks take the columns of their spelling (`modal.report.spelling`).  Tables are

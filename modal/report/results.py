@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 from modal.report.display import HTML_ROWS, MOST_LINES, TEXT_ROWS, Displayed, Summary, by_column, deferred, scrolled
 from modal.report.escaping import html, latex, visible
-from modal.report.fitting import TABLE_ROWS, Limit, fitted, folded
+from modal.report.fitting import TABLE_ROWS, TableLimit, fitted, folded
 from modal.report.prose import WIDTH
 from modal.report.tables import LEFT, NOTHING, Form, as_csv, as_json, finite, grid, headed, layout, titled
 
@@ -137,12 +137,12 @@ class TextResult(Displayed):
         return folded("\n".join(map(visible, self.text().rstrip("\n").split("\n")))).split("\n")
 
     def __repr__(self) -> str:
-        with fitted(WIDTH, most=Limit(TABLE_ROWS)):
+        with fitted(WIDTH, most=TableLimit(TABLE_ROWS)):
             lines = list(islice(self._lines(), MOST_LINES + 1))
         return "\n".join(lines if len(lines) <= MOST_LINES else [*lines[: MOST_LINES - 1], "…"])
 
     def _repr_html_(self) -> str:
-        with fitted(WIDTH, most=Limit(TABLE_ROWS)):
+        with fitted(WIDTH, most=TableLimit(TABLE_ROWS)):
             lines = list(islice(self._lines(), MOST_WRITTEN + 1))
         shown = "\n".join(map(html, lines[:MOST_WRITTEN]))
         return scrolled(f"<pre>{shown}</pre>", "<p>…</p>" * (len(lines) > MOST_WRITTEN))

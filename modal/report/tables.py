@@ -8,7 +8,6 @@ from typing import Any, Literal, TypeVar
 
 from modal.report.escaping import csv_rows, json_text, markdown, visible
 from modal.report.fitting import breadth, broken, columns, folded, limit, padded
-from modal.report.prose import listed
 
 T = TypeVar("T")
 Form = Literal["text", "csv", "json", "markdown"]
@@ -25,7 +24,7 @@ GAP = 2
 """Blanks between columns."""
 LEAST_WORDS = 12
 """Columns at least of a column of words that is made narrower."""
-MOST_NAMES = 6
+MOST_NAMES = 9
 """Columns that are left out and named."""
 MOST_KEYS = 3
 """Columns at most that name a row, and are repeated in every part of a stacked table."""
@@ -68,20 +67,28 @@ def aligned(
 
 
 def layout(
-    cells: Sequence[Sequence[str]], headings: Sequence[str], align: Sequence[str], spare: Sequence[str] = ()
+    cells: Sequence[Sequence[str]],
+    headings: Sequence[str],
+    align: Sequence[str],
+    spare: Sequence[str] = (),
+    elsewhere: str = "",
+    *,
+    whole: bool = False,
 ) -> tuple[str, list[str]]:
     """A table as text, and notes on what is left out of it.  Imports nothing: commands start quickly.
 
-    The headings of a table that is too wide for the columns in force (`fitted`) are broken between words, and columns
-    of words made narrower.  One that is still too wide is stacked: its columns follow in several parts below each
-    other, each of which begins with the columns that name a row.  Where there is a limit it is not stacked: the columns
-    of the `spare` headings are left out, one after the other, then the last ones; and rows beyond the limit.
+    The headings of a table that is too wide for the columns in force (`fitted`) are broken between words, then the
+    columns of the `spare` headings are left out, one after the other, as far as it takes; then columns of words are
+    made narrower.  One that is still too wide is stacked: its columns follow in several parts below each other, each of
+    which begins with the columns that name a row.  Where there is a limit, its first part is all, and rows beyond the
+    limit are left out.  `elsewhere`, or the limit, says where columns are that are left out.  The headings stay
+    `whole` as long as there are spare ones.
     """
     most, rest = columns(), limit()
     total, shown, dropped = len(cells), list(range(len(headings))), list[int]()
     cells = cells[: rest.rows] if rest else cells
-    order = [list(headings).index(name) for name in spare if name in headings] if rest else []
-    while (widths := _room(cells, headings, shown, most)) is None and order:
+    order = [list(headings).index(name) for name in spare if name in headings]
+    while (widths := _room(cells, headings, shown, most, (not whole) + 2 * (not order))) is None and order:
         dropped.append(order.pop(0))
         shown.remove(dropped[-1])
     parts = [shown]
@@ -97,8 +104,10 @@ def layout(
     lines = (_lines(*_of(part, cells, headings, align), [(widths or {})[k] for k in part]) for part in parts)
     notes = [f"… {total - len(cells)} more{rest.elsewhere if rest else ''}"] * (len(cells) < total)
     if dropped:
-        names = listed([headings[k] for k in dropped[:MOST_NAMES]], len(dropped))
-        notes.append(f"left out to fit {most} columns: {names}{rest.elsewhere if rest else ''}")
+        names = ", ".join(headings[k] for k in dropped[:MOST_NAMES])
+        names += f", … ({len(dropped)} in all)" * (len(dropped) > MOST_NAMES)
+        place = f"; {elsewhere}" if elsewhere else rest.elsewhere if rest else ""
+        notes.append(f"left out to fit {most} columns: {names}{place}")
     return "\n\n".join(map("\n".join, lines)), notes
 
 
@@ -110,13 +119,18 @@ def _of(
 
 
 def _room(
-    cells: Sequence[Sequence[str]], headings: Sequence[str], shown: Sequence[int], most: int | None
+    cells: Sequence[Sequence[str]], headings: Sequence[str], shown: Sequence[int], most: int | None, means: int
 ) -> dict[int, int] | None:
-    """The columns that each column of a table takes, by its place, where all fit; None where they do not."""
+    """The columns that each column of a table takes, by its place, where all fit; None where they do not.
+
+    The `means` are none (0), headings broken between words (1), columns of words made narrower too (2 and more).
+    """
     body, heads, _ = _of(shown, cells, headings, headings)
     widths: list[int] | None = widths_of(body, heads)
     if most is not None and full(widths or ()) > most:
-        widths = _shrunk(body, widths_of(body, [max(head.split(), key=breadth, default="") for head in heads]), most)
+        narrow = widths_of(body, [max(head.split(), key=breadth, default="") for head in heads])
+        fits = means == 1 and full(narrow) <= most
+        widths = _shrunk(body, narrow, most) if means > 1 else narrow if fits else None
     return None if widths is None else dict(zip(shown, widths, strict=True))
 
 

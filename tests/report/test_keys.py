@@ -1,4 +1,4 @@
-"""The keys of JSON, which programs read: today those that were stored, to the letter and in their order."""
+"""The keys of JSON, which programs read, are those that were stored, to the letter and in their order."""
 
 from __future__ import annotations
 
