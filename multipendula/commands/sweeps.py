@@ -203,14 +203,15 @@ COMMANDS = (
         ),
         details=(
             "One to three numbers of a scene, named by their place in the file, are set to every combination of "
-            "values, on all cores. Finished points are saved beside --output; after Ctrl-C the same command resumes. "
-            "With --loci the frequencies are followed by their mode shapes along one number, and crossings are "
-            "distinguished from veerings (orbits --vary follows motions at large angles, sync --vary the steady "
-            "oscillations of a scene with drives). With --strobe every value has a run of its own, of which, after a "
-            "transient, 50 states are kept, one in each period of the drives: one point is a motion of that period, "
-            "two or four mean that the period has doubled, many mean chaos. With start.energy, --members starts are "
-            "drawn at random on each energy, and of what is measured quantiles are kept. With --measure floquet over "
-            "the amplitude and the frequency of a vertical sine, the boundaries of growth are traced and drawn."
+            "values, on all cores. Finished points are saved beside --output or in --folder; after Ctrl-C the same "
+            "command resumes. With --loci the frequencies are followed by their mode shapes along one number, and "
+            "crossings are distinguished from veerings (orbits --vary follows motions at large angles, sync --vary "
+            "the steady oscillations of a scene with drives). With --strobe every value has a run of its own, of "
+            "which, after a transient, 50 states are kept, one in each period of the drives: one point is a motion of "
+            "that period, two or four mean that the period has doubled, many mean chaos. With start.energy, --members "
+            "starts are drawn at random on each energy, and of what is measured quantiles are kept. With --measure "
+            "floquet over the amplitude and the frequency of a vertical sine, the boundaries of growth are traced and "
+            "drawn."
         ),
         examples=(
             (

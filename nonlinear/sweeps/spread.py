@@ -40,6 +40,7 @@ from modal.scene.doors import checked, formerly
 from modal.scene.parameters import Variable, find_places, number_at, texts_of, unit_at
 from modal.types import Floats
 from nonlinear.ensembles import Ensemble, ensemble
+from nonlinear.ensembles.measures import places
 from nonlinear.integration import validate, validate_whole
 from nonlinear.sweeps.measures import parse_measures, validate_requests
 from nonlinear.sweeps.study import TOGETHER, PointChunk, SweepTask, measure_chunk
@@ -194,8 +195,8 @@ class Spread(Drawable, Result):
     def records(self) -> Iterator[dict[str, Any]]:
         """A row for each member: what was drawn, measured, and its angles at every sample of a motion."""
         modes = [k for k, row in enumerate(self.nominal) if row > 0]
-        places = [label[len("theta") :].strip("[]").replace(",", "_") for label in _coordinates(self)]
-        at = [f"theta_{place}_at_{time:.10g}_s_deg" for time in self.times.tolist() for place in places]
+        links = places(system_of(self.scene))
+        at = [f"theta_{place}_at_{time:.10g}_s_deg" for time in self.times.tolist() for place in links]
         measured = {name: row for name, (_, row) in self.measured.items() if not name.startswith("omega_")}
         names = [*self.values, *(f"omega_{mode + 1}_rad_per_s" for mode in modes), *measured, *at]
         angles = self.angles.reshape(self.size, len(at))
