@@ -47,11 +47,11 @@ def test_an_option_is_an_argument_by_its_name(name: str) -> None:
     command = command_named(name)
     assert command
     taken = [option for option in command.options if option.name.startswith("--")]
-    own = WRITTEN | OF_COMMAND.get(name, set())
+    excepted = WRITTEN | OF_COMMAND.get(name, set())
     missing = {
         option.name: option.keyword
         for option in taken
-        if option.name not in own and not ({option.keyword, "crew" if option.name in CREW else ""} & arguments)
+        if option.name not in excepted and not ({option.keyword, "crew" if option.name in CREW else ""} & arguments)
     }
     assert missing == {}
 
@@ -59,8 +59,8 @@ def test_an_option_is_an_argument_by_its_name(name: str) -> None:
 def test_a_text_stands_for_a_list_of_one() -> None:
     assert parse_variations("gravity=9,10") == parse_variations(["gravity=9,10"])
     scene = load("chain-2")
-    one, several = (sweeps.find_spread(scene, texts, members=3) for texts in ("gravity=1%", ["gravity=1%"]))
-    assert (one.omega == several.omega).all()
+    single, several = (sweeps.find_spread(scene, texts, members=3) for texts in ("gravity=1%", ["gravity=1%"]))
+    assert (single.omega == several.omega).all()
 
 
 @pytest.mark.parametrize(
