@@ -62,10 +62,9 @@ def checked(function: Function) -> Function:
 
 
 def formerly(**names: str) -> Callable[[Function], Function]:
-    """A `checked` function whose arguments had these names before: what each is called now.
+    """A function whose arguments had these names before: one SceneError says what each is called now.
 
-    >>> @checked
-    ... @formerly(orbits="members")
+    >>> @formerly(orbits="members")
     ... def draw(scene: str, *, members: int = 24) -> int:
     ...     return members
     >>> try:
@@ -75,11 +74,16 @@ def formerly(**names: str) -> Callable[[Function], Function]:
     orbits: is now members
     """
 
-    def noted(function: Function) -> Function:
-        function.formerly = names  # type: ignore[attr-defined]
-        return function
+    def renamed(function: Function) -> Function:
+        @wraps(function)
+        def renaming(*arguments: Any, **named: Any) -> Any:
+            if problems := [f"{name}: is now {names[name]}" for name in named if name in names]:
+                raise SceneError(problems)
+            return function(*arguments, **named)
 
-    return noted
+        return renaming  # type: ignore[return-value]
+
+    return renamed
 
 
 def problem_of(kind: str, value: object) -> str:
@@ -169,8 +173,6 @@ class _Door:
 
     def problems(self, arguments: Sequence[object], named: Mapping[str, object]) -> Iterator[str]:
         """What is wrong with the arguments of a call."""
-        former = getattr(self.function, "formerly", {})
-        yield from (f"{name}: is now {former[name]}" for name in named if name in former)
         for name, value in [*zip(self.names, arguments, strict=False), *named.items()]:
             if name in self.checks and (words := self.checks[name](value)):
                 yield f"{name}: {words}" if words.startswith(("a ", "has ")) else f"{name} {words}"

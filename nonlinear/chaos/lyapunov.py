@@ -232,8 +232,8 @@ def regular_exponent(scene: Scene, duration: float) -> float:
     return float(_apparent(scene, TRANSIENT * duration, duration))
 
 
-@checked
 @formerly(ensemble="members")
+@checked
 def lyapunov_exponent(
     scene: Scene,
     duration: float | None = None,

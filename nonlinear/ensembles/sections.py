@@ -96,8 +96,8 @@ class PoincareSection(EnsembleResult):
         return within_a_turn(np.degrees(links[:, link])), np.degrees(rates[:, link])
 
 
-@checked
 @formerly(at="crossing", orbits="members")
+@checked
 def find_section(
     scene: Scene,
     duration: float | None = None,

@@ -204,7 +204,6 @@ def within_a_turn(angle: Floats) -> Floats:
     return np.asarray(180 - (180 - angle) % 360)
 
 
-@checked
 @formerly(orbits="members")
 def find_strobes(
     scene: Scene,

@@ -46,8 +46,8 @@ class ComparedLaw(Displayed):
     held_out_rms: float
 
 
-@checked
 @formerly(names="laws")
+@checked
 def compare(
     scene: Scene,
     recording: Recording,

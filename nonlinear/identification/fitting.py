@@ -72,8 +72,8 @@ SETTLED = 0.02  # relative change of the noise
 Report = Callable[[float], object]
 
 
-@checked
 @formerly(scaled="scale")
+@checked
 def fit(
     scene: Scene,
     recording: Recording,

@@ -216,8 +216,8 @@ def _dampings(system: System) -> Floats:
     return np.diag(np.concatenate(dampers))
 
 
-@checked
 @formerly(variation="vary")
+@checked
 def follow_cycles(
     scene: Scene,
     vary: str | Variation,

@@ -99,8 +99,8 @@ def linear_response(scene: Scene) -> LinearResponse:
     return LinearResponse(drives.seconds, motion, motion[:, links] - flow.rest[links])
 
 
-@checked
 @formerly(cycles="periods")
+@checked
 def forced_orbit(scene: Scene, *, start: State | None = None, periods: int = 1, tolerance: float = TOLERANCE) -> Orbit:
     """The periodic motion of a scene under its drives, over so many `periods` of them together.
 
@@ -118,8 +118,8 @@ def forced_orbit(scene: Scene, *, start: State | None = None, periods: int = 1, 
     return _beginning(scene, None, None, start, periods, tolerance).orbit
 
 
-@checked
 @formerly(variation="vary", cycles="periods")
+@checked
 def follow_forced(
     scene: Scene,
     vary: str | Variation,

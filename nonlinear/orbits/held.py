@@ -81,8 +81,8 @@ def _largest(problem: Quarter, u: Floats) -> tuple[float, Floats]:
     return abs(turned), np.append(np.sign(turned) * V[column], 0.0)
 
 
-@checked
 @formerly(number="mode", variation="vary", amplitude="largest_angle")
+@checked
 def mode_along(
     scene: Scene,
     mode: int,

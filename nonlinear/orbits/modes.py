@@ -12,7 +12,7 @@ from modal.errors import ComputationError, SceneError
 from modal.modes import Modes, natural_modes, table_numbers
 from modal.report import silent
 from modal.scene import Scene, require
-from modal.scene.doors import checked, checked_number
+from modal.scene.doors import checked, checked_number, formerly
 from nonlinear.orbits.between import resolved
 from nonlinear.orbits.branch import Branch, Report
 from nonlinear.orbits.continuation import OrbitPoint, follow, located, point
@@ -30,11 +30,12 @@ MOST = 2000  # orbits of a branch
 STILL = 1e-9  # angle (rad) of links over the displacements (m, rad) of carriers, below which they hang still
 
 
+@formerly(number="mode", to="largest_angle")
 @checked
 def nonlinear_mode(
     scene: Scene,
-    number: int,
-    to: float = radians(90),
+    mode: int,
+    largest_angle: float = radians(90),
     *,
     energy: float | None = None,
     first: float = SMALL,
@@ -44,27 +45,29 @@ def nonlinear_mode(
     locate: bool = True,
     report: Report = silent,
 ) -> Branch:
-    """The orbits from mode `number` of the table (from 1) up to a largest angle `to` (rad), which the last one has.
+    """The orbits from a `mode` of the table (from 1) up to a `largest_angle` (rad), which the last one has.
 
     With an `energy` (J, above that of the equilibrium) the last one has this energy instead, if that comes first.
     Dampers and drives are left out.  To `locate` special points, orbits are added where stability changes twice between
-    two others.  The branch ends before `to` where it ends by itself or after `most` (MOST) orbits,
+    two others.  The branch ends before that where it ends by itself or after `most` (MOST) orbits,
     and is then not `complete`.  Raises SceneError for a mode that the scene does not have or that is no oscillation
     along the rail, ComputationError where no orbit is found beside the linear mode.
     """
-    checked_number("to", to, SMALLEST, FARTHEST_TURN)
+    checked_number("largest_angle", largest_angle, SMALLEST, FARTHEST_TURN)
     checked_number("first", first, SMALLEST, FARTHEST_TURN)
     checked_number("tolerance", tolerance, FINEST, COARSEST)
     if energy is not None:
         checked_number("energy", energy, SMALLEST)
-    modes, row = oscillating(scene, number)
+    modes, row = oscillating(scene, mode)
     problem = quarter_of(modes.scene, tolerance)
-    first = min(first, to / 2)
+    first = min(first, largest_angle / 2)
     steps = follow(problem, beginning(problem, modes, row, first), step=first, longest=longest)
-    points, complete = _until(problem, steps, lambda here: _beyond(here.orbit, to, energy), most or MOST, report)
+    points, complete = _until(
+        problem, steps, lambda here: _beyond(here.orbit, largest_angle, energy), most or MOST, report
+    )
     points = resolved(problem, points) if locate else points
     special = tuple(along_backbone(problem, points)) if locate else ()
-    return Branch(f"mode {number}", tuple(points), special, problem, complete=complete, linear=float(modes.omega[row]))
+    return Branch(f"mode {mode}", tuple(points), special, problem, complete=complete, linear=float(modes.omega[row]))
 
 
 def _beyond(orbit: Orbit, to: float, energy: float | None) -> float:

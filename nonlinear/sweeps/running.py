@@ -107,7 +107,6 @@ def vertical_places(scene: Scene) -> dict[Place, str]:
     return {(*at, name): name for at, name in product(sines, ("amplitude", "frequency_hz"))}
 
 
-@checked
 @formerly(study="scene")
 def sweep(
     scene: Study | Scene,

@@ -324,8 +324,8 @@ def _share(x: Floats, r: Floats) -> float:
     return float(np.corrcoef(x, r)[0, 1] ** 2)
 
 
-@checked
 @formerly(tolerances="uncertain", estimate="covariance")
+@checked
 def find_spread(
     scene: Scene,
     uncertain: str | Sequence[str],

@@ -153,8 +153,8 @@ class Branches(TextResult):
         return tuple(_located(self, at) for at in range(len(self.changes)))
 
 
-@checked
 @formerly(variation="vary")
+@checked
 def follow_branches(
     scene: Scene, vary: str | Variation, report: Report = silent, *, crew: Crew | None = None
 ) -> Branches:

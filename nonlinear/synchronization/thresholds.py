@@ -18,7 +18,7 @@ import scipy
 from modal.errors import ComputationError
 from modal.report import Displayed, Summary, TextResult, counted, silent
 from modal.scene import Scene, require
-from modal.scene.doors import checked, formerly
+from modal.scene.doors import formerly
 from modal.scene.parameters import Variation, variation_of, vary
 from modal.types import Crew, Floats, shared
 from nonlinear.averaging import averaged_pattern, patterns_of, rest_growth
@@ -141,7 +141,6 @@ class PopulationDiagram(TextResult):
             yield begin, high
 
 
-@checked
 @formerly(variation="vary")
 def follow_populations(
     scene: Scene, vary: str | Variation, report: Report = silent, *, crew: Crew | None = None

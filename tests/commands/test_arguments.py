@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import inspect
+import re
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from modal import SceneError, load, tuning
 from modal.scene.parameters import parse_variations
+from multipendula.cli import main
 from multipendula.commands import command_named
 from nonlinear import chaos, ensembles, identification, orbits, sweeps, synchronization
 
@@ -43,11 +47,11 @@ def test_an_option_is_an_argument_by_its_name(name: str) -> None:
     command = command_named(name)
     assert command
     taken = [option for option in command.options if option.name.startswith("--")]
-    own = WRITTEN | OF_COMMAND.get(name, set())
+    excepted = WRITTEN | OF_COMMAND.get(name, set())
     missing = {
         option.name: option.keyword
         for option in taken
-        if option.name not in own and not ({option.keyword, "crew" if option.name in CREW else ""} & arguments)
+        if option.name not in excepted and not ({option.keyword, "crew" if option.name in CREW else ""} & arguments)
     }
     assert missing == {}
 
@@ -55,8 +59,8 @@ def test_an_option_is_an_argument_by_its_name(name: str) -> None:
 def test_a_text_stands_for_a_list_of_one() -> None:
     assert parse_variations("gravity=9,10") == parse_variations(["gravity=9,10"])
     scene = load("chain-2")
-    one, several = (sweeps.find_spread(scene, texts, members=3) for texts in ("gravity=1%", ["gravity=1%"]))
-    assert (one.omega == several.omega).all()
+    single, several = (sweeps.find_spread(scene, texts, members=3) for texts in ("gravity=1%", ["gravity=1%"]))
+    assert (single.omega == several.omega).all()
 
 
 @pytest.mark.parametrize(
@@ -72,3 +76,30 @@ def test_a_text_stands_for_a_list_of_one() -> None:
 def test_a_former_name_says_the_present_one(call: Callable[[Any], object], words: str) -> None:
     with pytest.raises(SceneError, match=words):
         call(load("chain-2"))
+
+
+PAGE = (Path(__file__).parents[2] / "docs/reference/values.md").read_text(encoding="utf-8")
+ROWS = [(row[1], row[2]) for row in re.finditer(r"^\| `(gravt?i?ty[^`]*)` \| (.*) \|$", PAGE, re.MULTILINE)]
+VALUES = [(text, words) for text, words in ROWS if re.fullmatch(r"[0-9., ]+", words)]
+REFUSALS = [row for row in ROWS if row not in VALUES]
+VARYING = {"sweep": (), "basins": ("--vary", "pendulum[0].links[0].mass=1:2:2"), "orbits": ("--mode", "1"), "sync": ()}
+
+
+@pytest.mark.parametrize(("text", "words"), VALUES)
+def test_values_of_the_manual_are_those_of_a_branch(text: str, words: str) -> None:
+    values = [float(word) for word in words.split(",")]
+    (variation,) = parse_variations(text)
+    assert variation.values == pytest.approx(values, rel=1e-15)
+    branch = orbits.mode_along(load("chain-1"), 1, text, 0.3)
+    assert all(np.isclose(branch.value, value, rtol=1e-9).any() for value in values)
+
+
+@pytest.mark.parametrize(("text", "words"), REFUSALS)
+def test_every_command_refuses_alike_what_are_no_values(
+    text: str, words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert len(VALUES) == 3
+    assert len(REFUSALS) == 8
+    for name, more in VARYING.items():
+        assert main([name, "metronomes" if name == "sync" else "chain-1", "--vary", text, *more]) == 2, name
+        assert words in " ".join(capsys.readouterr().err.split()), name
