@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 import multipendula as mp
+from multipendula.cli import main
 from multipendula.commands import COMMANDS, command_named
 from multipendula.functions import Text, _options_of, keyword_of
 
@@ -104,6 +105,13 @@ def test_scenes_runs_and_states_are_taken_as_they_are(tmp_path: Path) -> None:
     assert mp.load(tmp_path / "scene.toml") == scene
     with pytest.raises(mp.SceneError, match="thing: a Scene is required, not int"):
         mp.save(cast("Any", 3), tmp_path / "x")
+
+
+def test_notes_name_keywords(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    mp.orbits("chain-1", largest_angle=2)
+    assert "mode 1: mode R follows another" in capsys.readouterr().err
+    assert main(["orbits", "chain-1", "--largest-angle", "2", "-o", str(tmp_path / "o.csv")]) == 0
+    assert "--mode R follows another" in capsys.readouterr().err
 
 
 def test_figures_are_returned_unless_a_file_is_named(tmp_path: Path) -> None:
