@@ -113,7 +113,7 @@ def _obey(arguments: Sequence[str] | None, stopped: Sequence[int]) -> int:
     except OSError as error:
         return _answer(error, None)
     if strangers:
-        options.page.error(f"unrecognized arguments: {' '.join(strangers)}")
+        options.page.refuse_words(strangers)
     if sys.stdout is None:
         return _refuse("standard output is closed", 1)
     try:
@@ -334,12 +334,13 @@ def _page(given: Sequence[str]) -> tuple[Page, Sequence[str]]:
 def _parser(name: str = "") -> Page:
     """The page of all commands, or of the one called `name` alone."""
     from multipendula.commands import ABOUT, COMMANDS, FIRST, command_named
+    from multipendula.flags import ASIDE
     from multipendula.parser import Page, Version
 
     topics: dict[str, list[str]] = {}
     command = command_named(name)
     commands = (command,) if command else COMMANDS
-    for command in commands:
+    for command in sorted(commands, key=lambda command: command.topic == ASIDE):
         topics.setdefault(command.topic, []).append(command.name)
     parser = Page(prog="multipendula", description=ABOUT, examples=FIRST, topics=topics)
     parser.more.add_argument("--version", action=Version, nargs=0, help="print the version and exit")

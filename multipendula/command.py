@@ -177,13 +177,15 @@ def picture_file(what: str = "") -> tuple[Takes, ...]:
 class Command(NamedTuple):
     """A command under a topic of `multipendula --help`.
 
-    `details` follow the docstring of `run` on its page.  Tests run the `examples` of each page in order.
+    `details` follow the docstring of `run` on its page.  On the screen of -h
+    are the `main` options, five at most, and the first three `examples`.  Tests run all of these in order.
     """
 
     name: str
     topic: str
     run: Callable[[argparse.Namespace], Any]
     takes: tuple[Takes, ...]
+    main: tuple[str, ...]
     details: str
     examples: Examples
 
@@ -204,6 +206,7 @@ class Command(NamedTuple):
         for taken in self.options:
             taken.add_to(page)
         page.former = {flag: former for (command, flag), former in FORMER.items() if command == self.name}
+        page.main = self.main
         page.set_defaults(run=self.run, page=page, command=self)
         return page
 

@@ -37,6 +37,9 @@ from multipendula.options import (
     share,
 )
 
+STREAM = ", - for standard output"
+"""What is said of every file to be written."""
+
 
 class Flag(NamedTuple):
     """An option: metavar, empty for a switch or a choice of words, and meaning; the group of a page it stands in.
@@ -63,7 +66,7 @@ class Flag(NamedTuple):
     @property
     def words(self) -> str:
         """With what a help page begins: the meaning, and that a file may be standard output."""
-        return self.meaning + ", - for standard output" * (self.metavar == "FILE")
+        return self.meaning + STREAM * (self.metavar == "FILE")
 
 
 SECONDS, SECONDS_FROM_0 = number("seconds above 0"), number("seconds from 0", least=0.0)
@@ -121,7 +124,7 @@ FLAGS: dict[str, Flag] = {
     "--duration": Flag("SECONDS", "simulated time", SECONDS, "motion"),
     "--energy": Flag("JOULES", "energy above the scene's rest", joules),
     "--engine": Flag(
-        "", "what integrates the members of the ensemble", engine, "computed", choices=ENGINES, default="auto"
+        "", "what integrates the members of the ensemble", engine, "numerics", choices=ENGINES, default="auto"
     ),
     "--enter": Flag("", "also follow the branches that leave"),
     "--equilibrium": Flag("down,up", "equilibrium of every link", action=Joined, completion=words(("down", "up"))),
@@ -129,7 +132,7 @@ FLAGS: dict[str, Flag] = {
     "--explain": Flag("", "report what was computed, and what the scene did not require", group="written"),
     "--film": Flag("FILE", "file for a film beside the main result", group="written", kinds=FILMS),
     "--folder": Flag("FOLDER", "where finished parts are kept, so that an interrupted run goes on", group="written"),
-    "--form": Flag("NAME", "form of the equations of motion", group="computed", completion=words(FORMS, "")),
+    "--form": Flag("NAME", "form of the equations of motion", group="numerics", completion=words(FORMS, "")),
     "--format": Flag("", "format of what is printed", group="written", action=Asked),
     "--fps": Flag("N", "frames a second of a film", number("frames a second from 1 to 60", 60, 1), "written"),
     "--free": Flag(
@@ -139,7 +142,7 @@ FLAGS: dict[str, Flag] = {
     "--from": Flag("NAME", "the one input whose response is shown", keyword="source"),
     "--gains": Flag("", "how well each input reaches every mode, and each output sees it"),
     "--general": Flag("", "project one run on the modes instead"),
-    "--help": Flag("", "show this help message and exit", group="more"),
+    "--help": Flag("", "show this page and exit, -h one screen of it", group="more"),
     "--identification": Flag(
         "", "method of identification", group="computed", choices=("era", "decrement"), default="era", keyword="method"
     ),
@@ -163,7 +166,7 @@ FLAGS: dict[str, Flag] = {
     "--maximize": Flag("QUANTITY", "quantity to make large", action=Repeated, completion=words(QUANTITIES, "")),
     "--measure": Flag("NAME[:N]", "what is measured of every point", action=Repeated),
     "--members": Flag("N", "number of members of the ensemble"),
-    "--method": Flag("NAME", "method of integration", group="computed", completion=words(METHODS, "")),
+    "--method": Flag("NAME", "method of integration", group="numerics", completion=words(METHODS, "")),
     "--minimal": Flag("", "without uncontrollable and unobservable states", group="alone"),
     "--minimize": Flag("QUANTITY", "quantity to make small", action=Repeated, completion=words(QUANTITIES, "")),
     "--mode": Flag("R", "a row of the table of modes", integer(100_000), action=Repeated, completion=mode_numbers),
@@ -197,7 +200,7 @@ FLAGS: dict[str, Flag] = {
     "--relative-error": Flag(
         "SHARE",
         "largest relative error of a frequency",
-        number("at least 1e-16 and at most 0.1", 0.1, 1e-16),
+        number("from 1e-16 to 0.1", 0.1, 1e-16),
         "computed",
     ),
     "--report": Flag("FILE", "file for the full report", group="written", kinds=("json",)),
@@ -209,7 +212,7 @@ FLAGS: dict[str, Flag] = {
     "--scale": Flag("", "fit the scale of every sensor too", group="computed", keyword="scaled"),
     "--scene": Flag("SCENE", "scene whose modes stand beside the measured ones", completion=scenes((".toml",))),
     "--schema": Flag("", "print the JSON Schema of a scene file"),
-    "--scheduler": Flag("ADDRESS", "Dask cluster that computes", group="computed"),
+    "--scheduler": Flag("ADDRESS", "Dask cluster that computes", group="numerics"),
     "--seconds": Flag("SECONDS", "longest duration of a film", SECONDS, "written"),
     "--seed": Flag("N", "seed of the random numbers", integer(2**31, 0)),
     "--sensitivities": Flag(
@@ -252,8 +255,8 @@ FLAGS: dict[str, Flag] = {
     "--tolerance": Flag(
         "TOL",
         "relative error of a step of the integrator",
-        number("at least 1e-15 and at most 0.01", 0.01, 1e-15),
-        "computed",
+        number("from 1e-15 to 0.01", 0.01, 1e-15),
+        "numerics",
     ),
     "--travel": Flag("METRES", "how far the cart travels, smoothly", number("metres above 0"), names=("distance",)),
     "--uncertain": Flag(
@@ -266,7 +269,7 @@ FLAGS: dict[str, Flag] = {
     "--where": Flag("COLUMN=VALUE", "which rows of a record are used", action=Repeated),
     "--window": Flag("SECONDS", "length of windows in which a long record is fitted", SECONDS, "computed"),
     "--words": Flag("", "everything in sentences too", group="written"),
-    "--workers": Flag("N", "number of processes", integer(1000), "computed"),
+    "--workers": Flag("N", "number of processes", integer(1000), "numerics"),
 }
 
 

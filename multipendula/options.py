@@ -87,7 +87,8 @@ def number(words: str, most: float = sys.float_info.max, least: float = 5e-324) 
         except ValueError:
             value = float("nan")
         if not least <= value <= most:
-            raise argparse.ArgumentTypeError(f"{text}: must be a number of {words}")
+            unit = "a number " if words.startswith("from ") else "a number of "
+            raise argparse.ArgumentTypeError(f"{text}: must be {unit}{words}")
         return value
 
     converted.of = words.split(maxsplit=1)[0]  # type: ignore[attr-defined]
@@ -150,5 +151,5 @@ def engine(text: str) -> str:
     from nonlinear.ensembles.question import RETIRED, WITHOUT_SERIES
 
     if text == RETIRED:
-        raise argparse.ArgumentTypeError(WITHOUT_SERIES)
+        raise argparse.ArgumentTypeError(WITHOUT_SERIES.removeprefix("engine "))
     return text

@@ -10,25 +10,28 @@ from functools import cached_property
 from itertools import takewhile, zip_longest
 from typing import TYPE_CHECKING, Any, NoReturn
 
-from multipendula.flags import ASIDE, ELSEWHERE, FLAGS, IN_SCENE, SYNONYMS
+from multipendula.flags import ASIDE, ELSEWHERE, FLAGS, IN_SCENE, STREAM, SYNONYMS
 
 if TYPE_CHECKING:
     from multipendula.flags import Former
 
 LIKE = 0.7
 """How alike an unknown option and a known one are, for the latter to be suggested."""
-MISSING, UNKNOWN = "the following arguments are required: ", "unrecognized arguments: "
-REFUSALS = (
-    (r"^argument ([^:]+): not allowed with argument (.+)$", r"\1: cannot be combined with \2"),
-    (r"^argument ([^:]+): expected .*$", r"\1: needs a value"),
-    (r"^argument ([^:]+): (.*)$", r"\1 \2"),
-    (r"^ambiguous option: (\S+) could match (.*)$", r"\1: begins several options: \2"),
-)
-"""How messages of argparse begin and read, and what is said for them."""
 ANY = "…"
 """What stands for any value of an argument in a message."""
 WIDTH = 79
 """Columns of a page: a terminal of 80, less one for the cursor."""
+INDENT, SCREEN, FEW = 26, 30, 3
+"""Columns before what an option means; lines of a screen, and examples on it."""
+ARGUMENT = re.compile(r"argument (?P<name>[^:\s]+): (?P<words>.*)", re.DOTALL)
+"""What argparse says of one argument, in these words or else in those of its converter, the value first."""
+SAID = (
+    (r"expected (one|at least one) argument", "{name}: needs a value{value}"),
+    (r"not allowed with argument (?P<other>\S+)", "{name}: cannot be combined with {other}"),
+    (r"ignored explicit argument .*", "{name}: takes no value"),
+    (r"is given twice.*", "{name}: {words}"),
+    (r".*", "{name} {words}"),
+)
 
 Examples = tuple[tuple[str, str], ...]
 """Commands, each with a description."""
@@ -67,12 +70,14 @@ class Page(argparse.ArgumentParser):
         self.keywords: dict[str, str] = {}
         self.refused: dict[str, str] = {}
         self.former: Mapping[str, Former] = {}
+        self.main: Sequence[str] = ()
         self.asked = self.add_argument_group("arguments")
         self.motion = self.add_argument_group("motion")
         self.computed = self.add_argument_group("computation")
         self.written = self.add_argument_group("output")
         self.more = self.add_argument_group("other")
-        self.more.add_argument("-h", "--help", action="help", help=FLAGS["--help"].meaning)
+        self.more.add_argument("-h", "--help", action=Help, nargs=0, help=FLAGS["--help"].meaning)
+        self.numerics = self.add_argument_group("numerics")
 
     @property
     def name(self) -> str:
@@ -113,15 +118,56 @@ class Page(argparse.ArgumentParser):
         )
         about = textwrap.fill(self.description or "", WIDTH)
         steps = f"first steps:\n{shown(self.examples)}"
-        further = f"`{self.prog} --help` says what each command does,\n`{self.prog} table --help` how one is used."
+        further = f"`{self.prog} --help` says what each command does,\n`{self.prog} table -h` how one is used."
         return "\n\n".join([about, "\n".join(["commands:", *topics]), steps, further])
+
+    def screen(self) -> str:
+        """The most important of the page, on one screen: what it does, the main options, examples."""
+        pages = ("\n\n".join(self._screen(lines)) for lines in (2, 1))
+        return min(pages, key=lambda page: page.count("\n") >= SCREEN)
+
+    def _screen(self, most: int) -> Iterator[str]:
+        """The parts of that, of each option so many lines at most."""
+        import textwrap
+
+        columns = self._get_formatter()
+        options = [action for action in self._actions if action.option_strings]
+        first = [action for action in self._actions if not action.option_strings]
+        words = [columns._format_args(action, action.dest.upper()) for action in first]
+        words += [_brief_name(action) for action in options if action.required]
+        yield textwrap.fill(f"usage: {self.prog} {' '.join(words)} [options]", WIDTH, subsequent_indent="    ")
+        yield textwrap.fill((self.description or "").partition(". ")[0].removesuffix(".") + ".", WIDTH)
+        shown_here = [*first, *(self._option_string_actions[flag] for flag in self.main)]
+        yield "\n".join(
+            line for action in shown_here for line in self._brief_lines(action, most if action.option_strings else 1)
+        )
+        yield f"examples:\n{shown(self.examples[:FEW])}"
+        yield f"`{self.prog} --help` has all {len(options)} options and what they mean."
+
+    def _brief_lines(self, action: argparse.Action, most: int) -> list[str]:
+        """What an argument means, in so many lines at most."""
+        import textwrap
+
+        columns = self._get_formatter()
+        name = _brief_name(action) if action.option_strings else columns._format_args(action, action.dest.upper())
+        words = columns._expand_help(action) if action.help else "one of these words"
+        if action.metavar == "FILE":
+            words = words.replace(STREAM, "").removeprefix(f"{FLAGS['--output'].meaning}: ")
+        elif action.option_strings and action.choices:
+            words = f"{', '.join(map(str, action.choices))}: {words}"
+        lines = textwrap.wrap(words, WIDTH - INDENT)
+        if len(lines) > most:
+            cut = words[len(" ".join(lines[: most - 1])) :].lstrip()[: WIDTH - INDENT - 1]
+            lines[most - 1 :] = [re.sub("[^ ,]*$", "…", cut, count=1)]
+        rest = [" " * INDENT + line for line in lines]
+        return [f"  {name:<{INDENT - 2}}{lines[0]}", *rest[1:]] if len(name) < INDENT - 3 else [f"  {name}", *rest]
 
     def _sections(self) -> Iterator[tuple[str | None, list[argparse.Action]]]:
         """Commands by topic, then arguments by title."""
         for chosen in self._positionals._group_actions:
             lines = {line.dest: line for line in chosen._get_subactions()}  # type: ignore[attr-defined]
             yield from ((topic, [lines[name] for name in names]) for topic, names in self.topics.items())
-        for group in (self.asked, self.motion, self.computed, self.written, self.more):
+        for group in (self.asked, self.motion, self.computed, self.written, self.more, self.numerics):
             yield group.title, group._group_actions
 
     def _further(self) -> str:
@@ -168,13 +214,40 @@ class Page(argparse.ArgumentParser):
         return super().parse_known_args(self.given, namespace)
 
     def error(self, message: str) -> NoReturn:
-        """Report the mistake and unknown options as every refusal reads, and the help page; exit with code 2."""
+        """Report the mistake, unknown options and the help page; exit with code 2."""
         from modal.report import visible
 
-        lines = list(self._strangers())
-        if not (lines and message.startswith(UNKNOWN)):
-            lines = [*_refusals(message), *lines]
-        self.exit(2, "".join(f"multipendula: {visible(line)}\n" for line in (*lines, self.pointer)))
+        lines = map(visible, filter(None, [*self._in_our_words(message), *self._strangers(), self.pointer]))
+        self.exit(2, "".join(f"multipendula: {line}\n" for line in lines))
+
+    def refuse_words(self, words: Sequence[str]) -> NoReturn:
+        """Report words that no argument takes."""
+        unknown = [word for word in words if word[:1] == "-"]
+        short = [f"{word}: no such option" for word in unknown if word[:2] != "--"]
+        self.error("\n".join(short if unknown else (f"{word}: is one argument too many" for word in words)))
+
+    def _in_our_words(self, message: str) -> Iterator[str]:
+        """What argparse says, as every other message: what it is about, and a colon."""
+        if about := ARGUMENT.fullmatch(message):
+            name, words = about["name"], about["words"]
+            action = next((a for a in self._actions if name == argparse._get_action_name(a)), None)
+            if action is None or not action.option_strings:
+                yield words
+                return
+            value = f", {action.metavar}" if action.metavar else ""
+            for pattern, ours in SAID:
+                if match := re.fullmatch(pattern, words, re.DOTALL):
+                    more = {key: _long(said) for key, said in match.groupdict().items()}
+                    yield ours.format(name=_long(name), words=words, value=value, **more)
+                    return
+        told, _, names = message.partition(": ")
+        if told == "the following arguments are required":
+            yield from (f"{_long(name)}: is required" for name in names.split(", "))
+        elif told == "ambiguous option":
+            option, _, known = names.partition(" could match ")
+            yield f"{option}: may be {' or '.join(known.split(', '))}"
+        else:
+            yield from message.split("\n")
 
     def _former_options(self) -> Iterator[str]:
         """What to say of former spellings of this command's options, which may be beginnings of new ones."""
@@ -228,39 +301,37 @@ class Page(argparse.ArgumentParser):
         if choices is not None and value not in choices:
             from modal.errors import meant
 
-            there, near = ", ".join(map(str, choices)), meant(value, choices)
-            if not self.name:
-                raise argparse.ArgumentError(None, f"{value}: no such command{near}; there are {there}")
-            if value in self.kinds:
-                near = f" (did you mean -o FILE.{value}?)"
-            raise argparse.ArgumentError(action, f"{value}: must be one of {there}{near}")
+            there = ", ".join(map(str, choices))
+            like = f" (did you mean -o FILE.{value}?)" if value in self.kinds else meant(value, choices)
+            told = f"{like}: must be one of {there}" if self.name else f": no such command{like}; there are {there}"
+            raise argparse.ArgumentError(action, f"{value}{told}")
 
 
-def _refusals(message: str) -> Iterator[str]:
-    """A message of argparse as every refusal reads: the option, perhaps its value, a colon, and what is wrong.
+def _long(names: str) -> str:
+    """The long name of an option that argparse calls by both."""
+    return next((name for name in names.split("/") if name[:2] == "--"), names)
 
-    >>> list(_refusals("argument --duration: ten: must be a number of seconds above 0"))
-    ['--duration ten: must be a number of seconds above 0']
-    >>> list(_refusals("the following arguments are required: SCENE, --output/-o"))
-    ['SCENE: is missing', '-o: is missing']
-    """
-    message = re.sub(r"--[a-z-]+/(-[a-z])\b", r"\1", message)
-    if message.startswith(MISSING):
-        yield from (f"{name}: is missing" for name in message.removeprefix(MISSING).split(", "))
-        return
-    if message.startswith(UNKNOWN):
-        yield f"{message.removeprefix(UNKNOWN)}: is more than this command takes"
-        return
-    for pattern, words in REFUSALS:
-        message, changed = re.subn(pattern, words, message, count=1)
-        if changed:
-            break
-    yield message
+
+def _brief_name(action: argparse.Action) -> str:
+    """An option by one of its names, -o by this, and what stands for its value."""
+    name = "-o" if "-o" in action.option_strings else action.option_strings[0]
+    value = "" if action.nargs == 0 else str(action.metavar or "WORD")
+    return f"{name} {value}".strip()
 
 
 class _Columns(argparse.HelpFormatter):
     def __init__(self, prog: str, **words: Any) -> None:
-        super().__init__(prog, **{"width": WIDTH, "max_help_position": 26} | words)
+        super().__init__(prog, **{"width": WIDTH, "max_help_position": INDENT} | words)
+
+
+class Help(argparse.Action):
+    """Print what there is to know, -h what fits one screen, and exit."""
+
+    def __call__(self, parser: Any, namespace: object, values: object, option_string: str | None = None) -> None:
+        """Print it."""
+        brief = parser.screen if parser.name else parser.overview
+        parser._print_message(f"{brief()}\n" if option_string == "-h" else parser.format_help(), sys.stdout)
+        parser.exit()
 
 
 class Version(argparse.Action):

@@ -33,6 +33,7 @@ COMMANDS = (
         name="explain",
         topic="coupling and synchronization",
         run=explain,
+        main=("--words", "--format", "--output"),
         takes=(
             SCENE,
             formats("text", "markdown", "json"),

@@ -126,6 +126,7 @@ COMMANDS = (
         name="derive",
         topic="symbols and proof",
         run=derive,
+        main=("--show", "--symbolic", "--equilibrium", "--format", "--output"),
         takes=(
             argument("target", "TARGET", TARGET, scenes((".toml",), TARGETS)),
             option(f"--symbolic, one for each link, shared by copies: {','.join(SYMBOLS)}", completion=words(SYMBOLS)),
@@ -161,6 +162,7 @@ COMMANDS = (
         name="enclose",
         topic="symbols and proof",
         run=enclose,
+        main=("--digits", "--output"),
         takes=(SCENE, "--digits: a relative width of 10^-N (default 30)", *text_file(kind="txt")),
         details=(
             "Two decimals for each frequency, between which it provably lies, by ball arithmetic. Needs the extra "

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from math import prod
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from multipendula.command import CREW, SCENE, Command, Option, formats, kwargs_of, option, report_file
+from multipendula.command import CREW, SCENE, Command, Option, formats, kwargs_of, option, refuse, report_file
 from multipendula.commands.runs import ELSEWHERE, start_of, tell_of_start
 from multipendula.commands.shared import bar, draw_in, estimate_of, forewarning, in_a_folder, picture, remark, say
 from multipendula.completion import words
@@ -25,7 +25,7 @@ TOLERANCE, MOTIONS = 1e-9, 24
 """Of the integrator, and of a section, unless told."""
 COMPUTED = (
     "--engine (default the fastest, counting what is still to be compiled)",
-    option("--tolerance (default 1e-9)", type=number("at least 1e-13 and at most 0.001", 1e-3, 1e-13)),
+    option("--tolerance (default 1e-9)", type=number("from 1e-13 to 0.001", 1e-3, 1e-13)),
     *CREW,
     "--share",
     "--folder",
@@ -33,7 +33,7 @@ COMPUTED = (
 Made = TypeVar("Made")
 """What an ensemble ends in."""
 FORMATS = ("text", "csv", "json")
-BY_ENERGY, BY_STROBES = ("energy", "crossing"), ("phase_deg", "spread", "settle", "of", "seed")
+BY_ENERGY, BY_STROBES = ("--energy", "--crossing"), ("--phase-deg", "--spread", "--settle", "--of", "--seed")
 """Options of a section at an energy, and of a stroboscopic one."""
 
 
@@ -75,7 +75,7 @@ def _crossings(options: argparse.Namespace, scene: Scene) -> PoincareSection | N
     from nonlinear.ensembles import find_section, section_table
     from nonlinear.system import has_start
 
-    refuse(options, BY_STROBES, "needs a scene that is driven by a sine: a force or a moved support")
+    refuse(options, "needs a scene that is driven by a sine: a force or a moved support", *BY_STROBES)
     members = options.members or MOTIONS
     with _engine(options, scene, members) as more:
         section = find_section(
@@ -90,21 +90,13 @@ def _strobes(options: argparse.Namespace, scene: Scene) -> StroboscopicSection |
     from nonlinear.ensembles import find_strobes, strobes_table
     from nonlinear.system import has_start
 
-    refuse(options, BY_ENERGY, "needs a scene that keeps its energy; of this one the section is stroboscopic")
+    refuse(options, "needs a scene that keeps its energy; of this one the section is stroboscopic", *BY_ENERGY)
     if not has_start(scene):
         tell_of_start("motions begin around the shape of its first mode that swings")
     with _engine(options, scene, options.members or MOTIONS) as more:
         how = kwargs_of(options, "--members", "--phase-deg", "--spread", "--settle", "--seed")
         strobes = find_strobes(scene, options.duration, of=names_of(options), **how, **more)
     return _show(options, strobes_table, "draw_strobes", strobes)
-
-
-def refuse(options: argparse.Namespace, names: Sequence[str], why: str) -> None:
-    """SceneError for those of these options that were given."""
-    from modal.errors import SceneError
-
-    if problems := [f"--{name.replace('_', '-')}: {why}" for name in names if getattr(options, name) is not None]:
-        raise SceneError(problems)
 
 
 def names_of(options: argparse.Namespace) -> list[str]:
@@ -188,6 +180,7 @@ COMMANDS = (
         name="basins",
         topic="coupling and synchronization",
         run=basins,
+        main=("--vary", "--measure", "--duration", "--output"),
         takes=(
             SCENE,
             "--vary, such as pendulum[0].start.angles_deg[0]=-180:180:512; two of them (default two angles, or angle "
@@ -227,6 +220,7 @@ COMMANDS = (
         name="section",
         topic="motion",
         run=section,
+        main=("--energy", "--crossing", "--members", "--duration", "--output"),
         takes=(
             SCENE,
             "--energy (default that of its start)",
@@ -262,6 +256,7 @@ COMMANDS = (
         name="spread",
         topic="motion",
         run=spread,
+        main=("--uncertain", "--covariance", "--duration", "--members", "--output"),
         takes=(
             SCENE,
             "--uncertain: its standard deviation, support.mass=0.5 or support.mass=2%%, or its interval, "

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
-from multipendula.command import SCENE, Command, formats, option, report_file
+from multipendula.command import SCENE, Command, formats, option, refuse, report_file
 from multipendula.commands.shared import drawn, noted, picture, say
 from multipendula.completion import words
 from multipendula.options import integer
@@ -16,19 +16,16 @@ if TYPE_CHECKING:
 
 BESIDE = "--drive cart_acceleration lists the modes beside a cart whose motion is prescribed"
 DRIVES = ("cart_force", "cart_acceleration")
-TRAVEL = ("over", "kind", "count")
 
 
 def hoist(options: argparse.Namespace) -> Along | None:
     """Print lengths and frequencies along a hoist, and the swing that hoist and travel leave together."""
-    from modal.errors import SceneError
     from modal.scene import load
     from modal.statespace.hoisting import frequencies_along
 
     form = picture(options.output) if options.output else ""
-    alone = [name for name in TRAVEL if getattr(options, name) is not None and options.travel is None]
-    if alone:
-        raise SceneError([f"--{name}: needs --travel METRES" for name in alone])
+    if options.travel is None:
+        refuse(options, "needs --travel METRES", "--over", "--kind", "--count")
     scene = load(options.scene)
     noted(scene.at(0.0), "mode shapes")
     along = frequencies_along(scene, options.samples, options.drive)
@@ -66,6 +63,7 @@ COMMANDS = (
         name="hoist",
         topic="control",
         run=hoist,
+        main=("--travel", "--over", "--kind", "--samples", "--output"),
         takes=(
             SCENE,
             option("--samples, along the hoist (default 11)", group="asked", type=integer(10_000), default=11),

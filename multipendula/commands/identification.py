@@ -203,6 +203,7 @@ COMMANDS = (
         name="fit",
         topic="measurements",
         run=fit,
+        main=("--free", "--output", "--report", "--picture", "--compare"),
         takes=(
             SCENE,
             *records("; or one of measured modes with mode, frequency_hz and std_hz"),
@@ -237,6 +238,7 @@ COMMANDS = (
         name="poles",
         topic="measurements",
         run=poles,
+        main=("--output", "--identified-modes", "--scene", "--excitation", "--format"),
         takes=(
             *records(", as for fit; or, for --scene, one of measured modes with mode, frequency_hz, std_hz and shapes"),
             "--scene, whose MAC matrix, pairs and errors of frequencies are then shown instead",

@@ -48,6 +48,7 @@ COMMANDS = (
         name="play",
         topic="motion",
         run=play,
+        main=("--output",),
         takes=(RUN, main_file("the page", KINDS, ".html")),
         details=(
             "One HTML file that any browser opens, without a server or a network. Drag a mass, a length or the cart's "

@@ -172,6 +172,7 @@ COMMANDS = (
         name="table",
         topic="modes",
         run=table,
+        main=("--modes", "--columns", "--format", "--amplitude", "--output"),
         takes=(
             SCENE,
             "--covariance: adds standard deviations",
@@ -211,6 +212,7 @@ COMMANDS = (
         name="shapes",
         topic="modes",
         run=shapes,
+        main=("--output", "--modes", "--amplitude", "--theme"),
         takes=(
             SCENE,
             main_file("the figure, or a film", PICTURES + FILMS, "-shapes.png"),
@@ -235,6 +237,7 @@ COMMANDS = (
         name="matrices",
         topic="modes",
         run=matrices,
+        main=("--format", "--output"),
         takes=(SCENE, *text_file("text", "json")),
         details=(
             "Mass, damping and stiffness matrices about the scene's equilibrium, M q'' + D q' + K q = 0, with the "

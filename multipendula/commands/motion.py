@@ -43,7 +43,7 @@ def simulate(options: argparse.Namespace) -> Trajectory | Compilation:
     if options.compile:
         return _compile(options)
     if options.scene is None:
-        options.page.error("the following arguments are required: SCENE")
+        options.page.error("SCENE: is required")
     from modal.report import visible
     from modal.scene import STANDARD
     from nonlinear import files as recordings
@@ -196,6 +196,7 @@ COMMANDS = (
         name="simulate",
         topic="motion",
         run=simulate,
+        main=("--duration", "--start", "--accuracy", "--samples", "--output"),
         takes=(
             RUN._replace(how={"nargs": "?"}),
             *motion(60.0)[1:],
@@ -219,7 +220,6 @@ COMMANDS = (
         ),
         examples=(
             ("simulate paper-cart-3 --duration 20 -o run.npz", "from the scene's own start: level links at rest"),
-            ("simulate run.npz --duration 10 -o more.npz", "continue the saved run"),
             (
                 "simulate crane-hook --start mode:2:10 --duration 20",
                 "in the shape of mode 2, its largest angle 10 degrees",
@@ -228,6 +228,7 @@ COMMANDS = (
                 "simulate chain-2 --start angles:60,0 --duration 10 --accuracy 1e-6",
                 "every angle accurate to a microradian, and what was tried for it",
             ),
+            ("simulate run.npz --duration 10 -o more.npz", "continue the saved run"),
             ("simulate chain-2 --compile", "before many runs of double pendulums"),
         ),
     ),
@@ -235,6 +236,7 @@ COMMANDS = (
         name="plot",
         topic="motion",
         run=plot,
+        main=("--output", "--duration", "--start"),
         takes=(*motion(20.0), main_file("the figure", PICTURES, "-plot.png"), THEME),
         details=(
             "The run is a saved one, or of a scene that is simulated first. Dotted lines in the spectrum are the "
@@ -251,6 +253,7 @@ COMMANDS = (
         name="animate",
         topic="motion",
         run=animate,
+        main=("--output", "--duration", "--speed", "--seconds", "--start"),
         takes=(
             *motion(10.0),
             main_file("the film", FILMS, "-film.gif"),

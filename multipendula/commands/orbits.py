@@ -193,6 +193,7 @@ COMMANDS = (
         name="orbits",
         topic="motion",
         run=orbits,
+        main=("--mode", "--largest-angle", "--vary", "--format", "--output"),
         takes=(
             SCENE,
             once("--mode, to follow without dampers and drives (default the first that swings)"),

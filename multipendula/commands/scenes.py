@@ -49,6 +49,7 @@ COMMANDS = (
         name="scenes",
         topic="look",
         run=scenes,
+        main=("--schema", "--output"),
         takes=(argument("name", "NAME", "print this scene's file", names, nargs="?"), "--schema", *text_file()),
         details=(
             "Commands accept the name of a shipped scene in place of a file. With a name, its file is printed, as a "
@@ -67,7 +68,8 @@ COMMANDS = (
         name="completion",
         topic=ASIDE,
         run=completion,
-        takes=(Option("shell", Flag("", "", choices=SHELLS)), *text_file()),
+        main=("--output",),
+        takes=(Option("shell", Flag("SHELL", "bash, zsh, fish or powershell", choices=SHELLS)), *text_file()),
         details=(
             "The shell then completes commands, options, names of scenes, files of the right kind, places in a scene "
             "and values such as those of --show and --measure. Write the script to a file once and have your shell "

@@ -18,7 +18,8 @@ if TYPE_CHECKING:
     from modal.identification import Estimate
     from modal.scene import Scene
 
-DAY, LONGEST = 86_400.0, 1e5  # s; days that are told as a number
+DAY, LONGEST = 86_400.0, 1e5  # s; days beyond which nothing is begun
+LENGTHY = 1e7  # s of motion, from which on it is asked at once whether the computation can end
 LONG, COORDINATE = 5.0, 9e-5  # s that are told first, and for the square of the coordinates of supports
 LATE = 1.0  # s until progress is shown, and between two looks at it
 MEASURED = "{desc}{percentage:3.0f} % |{bar:24}| {remaining} left, {elapsed} passed"
@@ -327,6 +328,8 @@ def forewarning(
 ) -> Callable[[float], object]:
     """The report, which at its first call says on standard error how long so many motions take, if over `least` s."""
     told = False
+    if duration and duration > LENGTHY:
+        _judge(duration, _estimate(scene, duration, members, tolerance) / DAY)
 
     def reported(now: float) -> None:
         nonlocal told
@@ -338,13 +341,28 @@ def forewarning(
     return reported
 
 
-def _forewarn(scene: Scene, duration: float | None, members: int, tolerance: float, least: float) -> None:
+def _estimate(scene: Scene, duration: float, members: int, tolerance: float) -> float:
+    """The seconds of computing that such motions take at least."""
     from nonlinear.integration.methods import least_seconds
 
-    seconds = least_seconds(scene, duration, tolerance, members) if duration else 0.0
+    return least_seconds(scene, duration, tolerance, members)
+
+
+def _judge(duration: float, days: float) -> None:
+    """SceneError for a motion that takes longer than anyone can wait."""
+    from modal.errors import SceneError
+
+    if days > LONGEST:
+        most = f"{0.9 * duration * LONGEST / days:.0e} s"
+        raise SceneError([f"duration: takes an estimated {days:.2g} days on one core, and {most} are begun at most"])
+
+
+def _forewarn(scene: Scene, duration: float | None, members: int, tolerance: float, least: float) -> None:
+    seconds = _estimate(scene, duration, members, tolerance) if duration else 0.0
     if seconds > least:
         days = seconds / DAY
-        told = f"{days:.2g} days on one core" if days < LONGEST else "time longer than anyone can wait"
+        _judge(duration or 0.0, days)
+        told = f"{days:.2g} days on one core"
         if days <= 1:
             told = f"{seconds / 60:.0f} minutes" if seconds < 7200 else f"{seconds / 3600:.0f} hours"
         remark(f"this takes an estimated {told}; Ctrl-C ends it")
@@ -367,7 +385,7 @@ def missing(scene: Scene, flag: str, values: str, more: str = "") -> SceneError:
     others = f"{len(numbers) - MOST_LISTED} more and " if len(numbers) > MOST_LISTED else ""
     return SceneError(
         [
-            f"{flag}: is missing, such as {flag} {quote(given)}{more}; the scene has",
+            f"{flag}: is required, such as {flag} {quote(given)}{more}; the scene has",
             *lines,
             f"  and {others}numbers that are 0: `scene_numbers(scene)` lists all",
         ]

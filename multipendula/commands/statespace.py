@@ -82,7 +82,7 @@ def _format(options: argparse.Namespace) -> str:
     if options.to is None and not by_name:
         every = [form.extension for form in FORMATS.values()]
         ends = f"the name must end in {', '.join(every[:-1])} or {every[-1]}"
-        asked = f"-o {options.output}: {ends}" if options.output else f"-o FILE: is missing, and {ends}"
+        asked = f"-o {options.output}: {ends}" if options.output else f"-o FILE: is required, and {ends}"
         raise SceneError([f"{asked}; or give --to FORMAT"])
     if options.to in FORMATS and options.output != STANDARD and is_new(options.output):
         extension = FORMATS[options.to].extension
@@ -196,15 +196,13 @@ def _gains(options: argparse.Namespace) -> Gains:
 
 def shaper(options: argparse.Namespace) -> Shaper:
     """Print an input shaper that suppresses residual swing in the slowest modes of a crane."""
-    from modal.errors import SceneError
     from modal.report import csv_rows, folded
     from modal.scene import load
     from modal.statespace import shaper_for, swing_words, usual_drive
 
     picture_in_place(options)
-    alone = {"--picture": options.picture, "--over": options.over} if options.travel is None else {}
-    if problems := [f"{flag} {value}: needs --travel METRES" for flag, value in alone.items() if value is not None]:
-        raise SceneError(problems)
+    if options.travel is None:
+        refuse(options, "needs --travel METRES", "--picture", "--over")
     scene = noted(load(options.scene), "a shaper")
     drive = options.drive or usual_drive(scene)
     estimate = estimate_of(scene, options.covariance)
@@ -238,6 +236,7 @@ COMMANDS = (
         name="export",
         topic="control",
         run=export,
+        main=("--to", "--output", "--input", "--signals", "--discrete"),
         takes=(
             SCENE,
             *SIGNALS,
@@ -256,22 +255,23 @@ COMMANDS = (
             "(npz and mat only)."
         ),
         examples=(
-            ("export crane-hook --to mat -o crane.mat", "for MATLAB and Octave"),
+            ("export crane-hook -o crane.mat", "for MATLAB and Octave"),
             (
-                "export crane-hook --to control --input cart_acceleration -o crane.py",
+                "export crane-hook --input cart_acceleration -o crane.py",
                 "for python-control, with prescribed cart motion",
             ),
             (
-                "export crane-hook --to c --discrete 0.01 --input cart_acceleration --signals angles -o crane.h",
+                "export crane-hook --discrete 0.01 --input cart_acceleration --signals angles -o crane.h",
                 "for a controller that samples at 100 Hz",
             ),
-            ("export paper-cart-3 --to json --minimal -o small.json", "the controllable part: 6 states of 14"),
+            ("export paper-cart-3 --minimal -o small.json", "the controllable part: 6 states of 14"),
         ),
     ),
     Command(
         name="response",
         topic="control",
         run=response,
+        main=("--output", "--at", "--input", "--signals", "--gains"),
         takes=(
             SCENE,
             "--covariance: adds standard deviations of magnitudes, in the picture a band of two to either side",
@@ -306,6 +306,7 @@ COMMANDS = (
         name="shaper",
         topic="control",
         run=shaper,
+        main=("--kind", "--count", "--travel", "--discrete", "--output"),
         takes=(
             SCENE,
             "--covariance: adds what the shaped command leaves over the band of the fitted numbers",

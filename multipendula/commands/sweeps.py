@@ -8,8 +8,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from multipendula.command import CREW, SCENE, Command, kwargs_of, main_file, option, picture_file
-from multipendula.commands.ensembles import measured, names_of, refuse, strobed
+from multipendula.command import CREW, SCENE, Command, kwargs_of, main_file, option, picture_file, refuse
+from multipendula.commands.ensembles import measured, names_of, strobed
 from multipendula.commands.runs import tell_of_start
 from multipendula.commands.shared import bar, drawn, missing, picture_in_place, say
 from multipendula.options import PICTURES, RUNS, integer
@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from nonlinear.sweeps import Checkpoint, Study, Sweep, WorkerPool
 
 
-BY_STROBES = ("phase_deg", "settle", "of")
-BY_ENERGY, DRAWN = "start.energy", ("members", "seed")
+BY_STROBES = ("--phase-deg", "--settle", "--of")
+BY_ENERGY, DRAWN = "start.energy", ("--members", "--seed")
 """What is varied where starts are drawn at random, and the options of that."""
 ENDINGS = (*RUNS, "json", *PICTURES)
 """Of the numbers, and of the figure in their place."""
@@ -35,9 +35,9 @@ def sweep(options: argparse.Namespace) -> Sweep | Loci | BifurcationDiagram:
         raise missing(load(options.scene), "--vary", "={half}:{double}:9")
     kind = picture_in_place(options)
     if not options.strobe:
-        refuse(options, BY_STROBES, "needs --strobe")
+        refuse(options, "needs --strobe", *BY_STROBES)
     if not any(text.partition("=")[0].strip() == BY_ENERGY for text in options.vary):
-        refuse(options, DRAWN, f"needs --vary {BY_ENERGY}=VALUES")
+        refuse(options, f"needs --vary {BY_ENERGY}=VALUES", *DRAWN)
     return (_loci if options.loci else _strobes if options.strobe else _map)(options, kind)
 
 
@@ -183,6 +183,7 @@ COMMANDS = (
         name="sweep",
         topic="coupling and synchronization",
         run=sweep,
+        main=("--vary", "--measure", "--loci", "--strobe", "--output"),
         takes=(
             SCENE,
             option(

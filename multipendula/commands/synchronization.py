@@ -132,6 +132,7 @@ COMMANDS = (
         name="sync",
         topic="coupling and synchronization",
         run=sync,
+        main=("--duration", "--start", "--vary", "--film", "--output"),
         takes=(
             SCENE,
             "--duration (default as predicted)",

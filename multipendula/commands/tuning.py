@@ -148,6 +148,7 @@ COMMANDS = (
         name="tune",
         topic="control",
         run=tune,
+        main=("--free", "--minimize", "--max", "--output", "--picture"),
         takes=(
             SCENE,
             option(

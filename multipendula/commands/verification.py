@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING, Any
 
-from multipendula.command import SCENE, Command, formats, option, report_file, scene_argument
+from multipendula.command import SCENE, Command, formats, option, refuse, report_file, scene_argument
 from multipendula.commands.runs import ELSEWHERE, RunOptions, motion, recorded, start_of
 from multipendula.commands.shared import bar, chosen, draw_in, drawn, forewarning, in_a_folder, picture, say, warned
 from multipendula.options import REPORTS, integer
@@ -44,7 +44,7 @@ def _mode_by_mode(options: argparse.Namespace, scene: Scene) -> tuple[Any, Any, 
     from nonlinear.verification import AMPLITUDES_DEG, check_table
     from nonlinear.verification import check as checked
 
-    _refuse(options, "needs", tuple(RunOptions.of(options).given))
+    refuse(options, "needs --general", *(f"--{name.replace('_', '-')}" for name in RunOptions.of(options).given))
     numbers = chosen(options.modes, len(natural_modes(scene)))
     with bar(len(numbers), "mode") as report:
         outcome = checked(scene, list(numbers), options.amplitudes or AMPLITUDES_DEG, report=report)
@@ -56,7 +56,7 @@ def _general(options: argparse.Namespace, scene: Scene) -> tuple[Any, Any, Any]:
     from modal.scene import require
     from nonlinear.verification import compare, comparison_table
 
-    _refuse(options, "cannot be combined with", ("modes", "amplitudes"))
+    refuse(options, "cannot be combined with --general", "--modes", "--amplitudes")
     require(scene, "a comparison with modes")
     trajectory = RunOptions.of(options).shown()
     return compare(trajectory), comparison_table, deferred("nonlinear.plotting:draw_spectrum")
@@ -73,13 +73,6 @@ def _scene(options: argparse.Namespace) -> Any:
     if recorded(options.scene):
         raise SceneError([f"{options.scene}: is a saved run, and this command needs a scene"])
     return options.scene
-
-
-def _refuse(options: argparse.Namespace, verb: str, names: tuple[str, ...], other: str = "--general") -> None:
-    from modal.errors import SceneError
-
-    if asked := [name for name in names if getattr(options, name) is not None]:
-        raise SceneError([f"--{name.replace('_', '-')}: {verb} {other}" for name in asked])
 
 
 def chaos(options: argparse.Namespace) -> Exponent | Finding:
@@ -140,7 +133,7 @@ def _of_motion(options: argparse.Namespace, scene: Scene) -> tuple[Any, str]:
     from nonlinear.accuracy import list_candidates, tradeoff_table
     from nonlinear.accuracy import measure_work_precision as compared
 
-    _refuse(options, "needs", ("relative_error",), "--linear")
+    refuse(options, "needs --linear", "--relative-error")
     start, duration = start_of(scene, options.start), options.duration or TRADED
     with bar(len(list_candidates(scene)) + 1, "candidate") as report:
         comparison = compared(scene, duration, start=start, report=report)
@@ -150,7 +143,7 @@ def _of_motion(options: argparse.Namespace, scene: Scene) -> tuple[Any, str]:
 def _of_frequencies(options: argparse.Namespace, scene: Scene) -> tuple[Any, str]:
     from nonlinear.accuracy import frequencies_table, measure_frequencies
 
-    _refuse(options, "is of motions: leave out", ("start", "duration"), "--linear")
+    refuse(options, "is of motions: leave out --linear", "--start", "--duration")
     comparison = measure_frequencies(scene, (options.relative_error or RELATIVE_ERROR,))
     return comparison, frequencies_table(comparison, options.format)
 
@@ -160,6 +153,7 @@ COMMANDS = (
         name="check",
         topic="motion",
         run=check,
+        main=("--modes", "--amplitudes", "--general", "--format", "--output"),
         takes=(
             *motion(USUAL, runs=False, without=("keep_modes",)),
             "--modes, counted from 1 (default all)",
@@ -184,6 +178,7 @@ COMMANDS = (
         name="tradeoff",
         topic="motion",
         run=tradeoff,
+        main=("--duration", "--start", "--linear", "--format", "--output"),
         takes=(
             SCENE,
             "--start, as in simulate",
@@ -208,6 +203,7 @@ COMMANDS = (
         name="chaos",
         topic="motion",
         run=chaos,
+        main=("--duration", "--members", "--quick", "--output"),
         takes=(
             scene_argument("; or paper:000, paper:001 to test their claims", names=("paper:000", "paper:001")),
             "--duration (default 200 sqrt(l/g))",

@@ -132,6 +132,7 @@ COMMANDS = (
         name="vibration",
         topic="control",
         run=vibration,
+        main=("--psd", "--record", "--temperature", "--signals", "--output"),
         takes=(
             SCENE,
             "--psd of the support's motion along the rail, with frequency_hz, and psd in (m/s²)²/Hz or velocity_psd or "
@@ -139,7 +140,7 @@ COMMANDS = (
             "--temperature, reported with a budget by place; beside that of the PSD where there is a --psd",
             "--at: the thermal noise (default some over its band)",
             "--record: time_s, and displacement_m, velocity_m_per_s or acceleration_m_per_s2 of the support",
-            "--baseline, a --record (default keep): velocity takes out a constant acceleration so that the support "
+            "--baseline, with --record (default keep): velocity takes out a constant acceleration so that the support "
             "ends as it began",
             option(
                 "--input: the one that the PSD is of, support_acceleration (default), cart_force, on a structure the "
@@ -162,16 +163,16 @@ COMMANDS = (
         examples=(
             ("vibration suspension.toml --psd ground.csv", "two files of the folder examples"),
             (
-                "vibration suspension.toml --psd ground.csv --signals tip_positions --picture psd.png",
-                "how the mirror moves in the laboratory, with a figure",
+                "vibration tower --record quake.csv --baseline velocity --picture shock.png",
+                "peaks in an earthquake, without drift (a record of the folder examples)",
             ),
             (
                 "vibration suspension --temperature 290 --at 1,10,100",
                 "the thermal noise of the shipped suspension, by wire",
             ),
             (
-                "vibration tower --record quake.csv --baseline velocity --picture shock.png",
-                "peaks in an earthquake, without drift (a record of the folder examples)",
+                "vibration suspension.toml --psd ground.csv --signals tip_positions --picture psd.png",
+                "how the mirror moves in the laboratory, with a figure",
             ),
         ),
     ),

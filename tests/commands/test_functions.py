@@ -146,7 +146,7 @@ def test_text_is_returned_where_it_is_asked_for(capsys: pytest.CaptureFixture[st
         ),
         (lambda: mp.table("chain-1", output="t.png"), mp.SceneError, "^output t.png: this command writes text"),
         (lambda: cast("Any", mp.simulate)("chain-1", t_end=3), TypeError, r"'t_end' \(did you mean `duration`\?\)"),
-        (lambda: mp.sweep("chain-1"), mp.SceneError, "^vary: is missing, such as vary 'pendulum"),
+        (lambda: mp.sweep("chain-1"), mp.SceneError, "^vary: is required, such as vary 'pendulum"),
         (lambda: mp.fit(*["chain-1"]), TypeError, "^fit: missing a required argument: 'data'$"),
     ],
 )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import os
 import re
+import shlex
 import shutil
 import subprocess
 import sys
@@ -16,10 +17,11 @@ import pytest
 from modal import example_names
 from multipendula import completion
 from multipendula.cli import _parser, main
+from multipendula.command import Command
 from multipendula.commands import COMMANDS, FIRST, GROUPS, NAMES
 from multipendula.commands.scenes import SHELLS
 from multipendula.flags import ASIDE, FORMER_COMMANDS
-from multipendula.parser import WIDTH, Page, shown
+from multipendula.parser import SCREEN, WIDTH, Page, shown
 
 TOPICS = (
     "look",
@@ -75,11 +77,45 @@ def test_no_argument_is_without_a_title() -> None:
         titled = [action for group in page._action_groups[2:] for action in group._group_actions]
         assert sorted(map(id, titled)) == sorted(map(id, page._actions)), page.name
         assert [action.dest for action in page.more._group_actions] == ["help"], page.name
+        numerics = {flag for action in page.numerics._group_actions for flag in action.option_strings}
+        assert numerics == NUMERICS & page_flags(page), page.name
+        assert [actions for _, actions in page._sections()][-1] == page.numerics._group_actions
+
+
+NUMERICS = {"--engine", "--form", "--method", "--scheduler", "--tolerance", "--workers"}
+
+
+def page_flags(page: Page) -> set[str]:
+    return {flag for flag in page._option_string_actions if flag[:2] == "--"}
+
+
+@pytest.mark.parametrize("command", COMMANDS, ids=lambda command: command.name)
+def test_the_most_important_fits_a_screen(command: Command, capsys: pytest.CaptureFixture[str]) -> None:
+    """What it does, five options at most and three examples, all of which its parser takes."""
+    page = PAGES[command.name]
+    with pytest.raises(SystemExit) as left:
+        main([command.name, "-h"])
+    assert left.value.code == 0
+    text = capsys.readouterr().out
+    assert len(text.splitlines()) <= SCREEN
+    assert max(map(len, text.splitlines())) <= WIDTH
+    assert 1 <= len(command.main) <= 5
+    assert set(command.main) <= page_flags(page)
+    assert all(f"  {'-o' if flag == '--output' else flag}" in text for flag in command.main)
+    assert " ".join(text.split()).startswith(f"usage: multipendula {command.name}")
+    assert f"`multipendula {command.name} --help` has all {len(page_flags(page))} options" in text.splitlines()[-1]
+    for example, words in command.examples[:3]:
+        assert words in " ".join(text.split())
+        name, *rest = shlex.split(example)
+        PAGES[name].parse_args(rest)
 
 
 def test_the_command_alone_prints_what_there_is(capsys: pytest.CaptureFixture[str]) -> None:
     assert main([]) == 0
     lines = capsys.readouterr().out.splitlines()
+    with pytest.raises(SystemExit):
+        main(["-h"])
+    assert capsys.readouterr().out.splitlines() == lines
     assert len(lines) < 40
     assert max(map(len, lines)) < 80
     shown = {word for line in lines for word in re.findall("[a-z]+", line)}
@@ -108,7 +144,11 @@ def test_a_long_example_is_folded_between_an_option_and_the_next() -> None:
         ("tabel chain-3", "did you mean table?", "multipendula --help"),
         ("tabel chain-3", "scenes, completion, table, shapes", "multipendula --help"),
         ("table chain-3 --formt json", "--formt: no such option (did you mean --format?)", "multipendula table --help"),
-        ("table chain-3 --format jsn", "--format jsn: must be one of text, markdown", "multipendula table --help"),
+        (
+            "table chain-3 --format jsn",
+            "--format jsn (did you mean json?): must be one of",
+            "multipendula table --help",
+        ),
         ("shapes chain-3 --outptu a.png", "(did you mean --output?)", "multipendula shapes --help"),
         (
             "simulate chain-3 --time 5",
@@ -117,8 +157,26 @@ def test_a_long_example_is_folded_between_an_option_and_the_next() -> None:
         ),
         ("table chain-3 --latex", "(did you mean --format latex?)", "multipendula table --help"),
         ("shaper crane-hook --type zvd", "(did you mean --kind?)", "multipendula shaper --help"),
+        ("tabel chain-3", "tabel: no such command (did you mean table?)", "multipendula --help"),
+        ("table chain-3 --co", "--co: may be --covariance or --columns", "multipendula table --help"),
+        ("table chain-3 --modes", "--modes: needs a value, 1:10", "multipendula table --help"),
+        ("chaos chain-2 --quick=3", "--quick: takes no value", "multipendula chaos --help"),
+        ("table -x chain-2", "-x: no such option", "multipendula table --help"),
+        (
+            "export crane-hook --minimal --dominant 2",
+            "--dominant: cannot be combined with --minimal",
+            "multipendula export --help",
+        ),
+        (
+            "simulate chain-2 --tolerance 5",
+            "--tolerance 5: must be a number from 1e-15 to 0.01",
+            "multipendula simulate --help",
+        ),
+        ("simulate chain-2 --duration 1e300", "--duration: takes an estimated", "multipendula simulate --help"),
+        ("shaper crane-hook --over 3", "--over: needs --travel METRES", "multipendula shaper --help"),
+        ("basins chain-2 --engine heyoka", "--engine heyoka: is no longer there", "multipendula basins --help"),
         ("table chain-3 --modes 9:1", "--modes 9:1: begins after its end", "multipendula table --help"),
-        ("table chain-3 chain-4", "chain-4: is more than this command takes", "multipendula table --help"),
+        ("table chain-3 chain-4", "chain-4: is one argument too many", "multipendula table --help"),
         ("shapes chain-3 -o a.avi", "-o a.avi: the name must end in", "multipendula shapes --help"),
         ("simulate chain-3 --samples 0", "must be a whole number", "multipendula simulate --help"),
         ("sweep chain-3 --vary gravity=1,2 -o a.txt", "-o a.txt: the name must end in", "multipendula sweep --help"),
@@ -161,7 +219,7 @@ def test_what_a_command_did_by_itself_is_told_with_its_new_words(capsys: pytest.
         ("simulate --compile --duration 3", ["--duration: cannot be combined with --compile"]),
         ("simulate chain-2 --compile -o run.npz", ["-o run.npz: the name must end in .txt or .json"]),
         ("simulate chain-2 --format json", ["--format: needs --accuracy RAD of a scene, or --compile"]),
-        ("simulate", ["SCENE: is missing"]),
+        ("simulate", ["SCENE: is required"]),
         ("scenes chain-2 --schema", ["chain-2: the schema is that of every scene"]),
         ("poles modes.csv", ["modes.csv: has modes"]),
         ("poles modes.csv --scene chain-2 --order 3", ["--order: is for measured motions"]),

@@ -14,6 +14,7 @@ import sweep_measures
 from modal import ComputationError, SceneError, load
 from modal.scene.parameters import parse_variations, vary
 from multipendula.cli import main
+from multipendula.commands import command_named
 from multipendula.commands.sweeps import sweep
 from nonlinear.measures import MEASURES
 from nonlinear.reduction import usual_start
@@ -26,9 +27,11 @@ KAPITZA = str(Path(__file__).parents[2] / "examples" / "kapitza.toml")
 
 
 def options(*places: str, **changes: Any) -> Namespace:
-    usual = dict.fromkeys(("measure", "output", "picture", "scheduler", "phase_deg", "settle", "of", "members", "seed"))
-    usual |= {"scene": "paper-cart-2", "vary": list(places), "loci": False, "strobe": False, "workers": 1}
-    return Namespace(theme="light", fresh=False, **usual | changes)
+    command = command_named("sweep")
+    assert command is not None
+    asked: Namespace = command.page().parse_args(["paper-cart-2", "--vary", ""])
+    vars(asked).update({"vary": list(places), "workers": 1} | changes)
+    return asked
 
 
 def test_a_map_is_kept_and_drawn(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
