@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import inspect
 import keyword
-import re
 import textwrap
 from argparse import Namespace
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -24,7 +23,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 from multipendula.cli import perform
 from multipendula.commands import command_named
 from multipendula.commands.runs import recorded
-from multipendula.commands.shared import text_into
+from multipendula.commands.shared import text_into, with_keywords
 from multipendula.options import PICTURES, Joined, Repeated
 
 if TYPE_CHECKING:
@@ -43,7 +42,6 @@ WITHOUT = frozenset({"--quiet"})
 """Options of the command line alone."""
 FORMS = frozenset({"--format", "--columns", "--words", "--sensitivities", "--shapes", "--show"})
 """Options that ask for a text of its own form, which is then what a function returns."""
-FLAG = re.compile(r"(?<![\w-])(?:--([a-z][a-z-]*)|-(o)\b)")
 ROWS, SCENE = "int | range | str", "Scene | str | PathLike[str]"
 TYPES = {
     **{"1:10": ROWS, "1:12": ROWS, "FILE": "str | PathLike[str]", "FROM:TO": "tuple[float, float] | str"},
@@ -167,7 +165,7 @@ def type_of(taken: Option) -> str:
 
 
 def _docstring(command: Command, options: Mapping[str, Option]) -> Iterator[str]:
-    yield _with_keywords(command.summary)
+    yield with_keywords(command.summary)
     yield from ("", *_lines_of(command.details), "", "Parameters", "----------")
     for word, taken in options.items():
         yield from (word, *_lines_of(taken.words.replace("%%", "%"), "    "))
@@ -176,22 +174,16 @@ def _docstring(command: Command, options: Mapping[str, Option]) -> Iterator[str]
 
 def _lines_of(words: str, indent: str = "") -> list[str]:
     """Words with the keywords of options, as lines of a docstring."""
-    return textwrap.wrap(
-        _with_keywords(words), 88, initial_indent=indent, subsequent_indent=indent, break_on_hyphens=False
-    )
-
-
-def _with_keywords(words: str, quote: str = "`") -> str:
-    """Words with the keywords of options in place of these."""
     words = words.replace("repeat for several", "or a list of several")
-    named = FLAG.sub(lambda flag: f"{quote}{'output' if flag[2] else flag[1].replace('-', '_')}{quote}", words)
-    return named.replace("``", "`")
+    return textwrap.wrap(
+        with_keywords(words), 88, initial_indent=indent, subsequent_indent=indent, break_on_hyphens=False
+    )
 
 
 def _suggestion(page: Page, options: Mapping[str, Option], keywords: Mapping[str, object]) -> str:
     """What there is in place of the first keyword that there is not."""
     page.given = [f"--{word.replace('_', '-')}" for word in keywords if word not in options]
-    return next((_with_keywords(words.partition("no such option")[2]) for words in page._strangers()), "")
+    return next((with_keywords(words.partition("no such option")[2]) for words in page._strangers()), "")
 
 
 def _result_of(command: Command, given: Arguments) -> Any:
@@ -200,12 +192,12 @@ def _result_of(command: Command, given: Arguments) -> Any:
 
     try:
         options = _options_of(command.page(), given)
-        with text_into(StringIO()) as text:
+        with text_into(StringIO(), of_function=True) as text:
             result = perform(options)
     except SceneError as error:
         if type(error) is not SceneError:
             raise
-        raise SceneError([_with_keywords(problem, quote="") for problem in error.problems]) from None
+        raise SceneError([with_keywords(problem, quote="") for problem in error.problems]) from None
     is_text = result is None or any(taken.name in FORMS and value for taken, value in given)
     told = text.getvalue()
     if isinstance(result, tuple) and not hasattr(result, "_fields"):

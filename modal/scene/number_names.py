@@ -10,6 +10,7 @@ from itertools import accumulate
 from typing import NamedTuple
 
 from modal.report import as_csv, as_json, grid, titled
+from modal.scene.doors import checked
 from modal.scene.model import Scene
 from modal.scene.parameters import Place, Step, find_places, number_at, number_paths, unit_at
 from modal.scene.titles import title_of
@@ -70,6 +71,7 @@ COURSES = {"start", "hoist", "motion"}
 """Keys of what a scene is made of, and of parts that say how it moves."""
 
 
+@checked
 def number_label(scene: Scene, path: str) -> str:
     """The number at a path in words with its unit, a dash for one without dimension; SceneError where there is none.
 
@@ -82,6 +84,7 @@ def number_label(scene: Scene, path: str) -> str:
     return f"{number_words(scene, path)} ({number_unit(scene, path)})"
 
 
+@checked
 def number_words(scene: Scene, path: str) -> str:
     """The same without its unit.
 
@@ -97,6 +100,7 @@ def number_words(scene: Scene, path: str) -> str:
     return " ".join([what, *(f"of {owner}" for owner in owners)]) + " at the start" * ("start" in first)
 
 
+@checked
 def number_unit(scene: Scene, path: str) -> str:
     """Its unit, of a force N and of a torque N m; a dash for a number without dimension.
 
@@ -124,6 +128,7 @@ class NamedNumber(NamedTuple):
     """Whether it is a mass, a length, a stiffness or the like, neither 0 nor a start or a course in time."""
 
 
+@checked
 def scene_numbers(scene: Scene) -> list[NamedNumber]:
     """Every number of a scene, whether it is written in the file or left at its default.
 
@@ -140,6 +145,7 @@ def scene_numbers(scene: Scene) -> list[NamedNumber]:
     return numbers
 
 
+@checked
 def numbers_table(scene: Scene, form: str = "text") -> str:
     """Every number of a scene as text, "markdown", "csv" or "json": place, value, unit and meaning."""
     numbers = scene_numbers(scene)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import re
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
@@ -28,7 +29,9 @@ COUNTED = "{desc}{unit}: {n_fmt}, {elapsed} passed"
 MOST_LISTED = 20  # numbers of a scene that are named where one has to be chosen
 MANY = 60  # links from which a command that integrates disturbances says beforehand that it takes long
 
+FLAG = re.compile(r"(?<![\w-])(?:--([a-z][a-z-]*)|-(o)\b)")
 TEXT: ContextVar[TextIO | None] = ContextVar("TEXT", default=None)
+OF_FUNCTION: ContextVar[bool] = ContextVar("OF_FUNCTION", default=False)
 
 
 def text_stream() -> TextIO:
@@ -36,14 +39,25 @@ def text_stream() -> TextIO:
     return TEXT.get() or sys.stdout
 
 
+def with_keywords(words: str, quote: str = "`") -> str:
+    """Words in which every option is called by the keyword that it is of a function.
+
+    >>> with_keywords("--over-hz: needs -o FILE", quote="")
+    'over_hz: needs output FILE'
+    """
+    named = FLAG.sub(lambda flag: f"{quote}{'output' if flag[2] else flag[1].replace('-', '_')}{quote}", words)
+    return named.replace("``", "`")
+
+
 @contextmanager
-def text_into(text: StringIO) -> Iterator[StringIO]:
-    """Collect in it what a command prints, of this thread alone."""
-    token = TEXT.set(text)
+def text_into(text: StringIO, *, of_function: bool = False) -> Iterator[StringIO]:
+    """Collect in it what a command prints, of this thread alone; notes `of_function` name keywords, not options."""
+    before, kind = TEXT.set(text), OF_FUNCTION.set(of_function or OF_FUNCTION.get())
     try:
         yield text
     finally:
-        TEXT.reset(token)
+        TEXT.reset(before)
+        OF_FUNCTION.reset(kind)
 
 
 @contextmanager
@@ -124,7 +138,8 @@ def remark(words: object) -> None:
     """Print words beside the result on standard error, with nothing in them that controls a terminal."""
     from modal.report import visible
 
-    text = "multipendula: " + "\n".join(map(visible, str(words).split("\n")))
+    told = with_keywords(str(words), quote="") if OF_FUNCTION.get() else str(words)
+    text = "multipendula: " + "\n".join(map(visible, told.split("\n")))
     if "tqdm" in sys.modules:
         from tqdm import tqdm
 

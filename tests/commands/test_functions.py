@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 import multipendula as mp
+from multipendula.cli import main
 from multipendula.commands import COMMANDS, command_named
 from multipendula.functions import Text, _options_of, keyword_of
 
@@ -106,6 +107,13 @@ def test_scenes_runs_and_states_are_taken_as_they_are(tmp_path: Path) -> None:
         mp.save(cast("Any", 3), tmp_path / "x")
 
 
+def test_notes_name_keywords(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    mp.orbits("chain-1", largest_angle=2)
+    assert "mode 1: mode R follows another" in capsys.readouterr().err
+    assert main(["orbits", "chain-1", "--largest-angle", "2", "-o", str(tmp_path / "o.csv")]) == 0
+    assert "--mode R follows another" in capsys.readouterr().err
+
+
 def test_figures_are_returned_unless_a_file_is_named(tmp_path: Path) -> None:
     figure = mp.shapes("chain-1", theme="dark")
     assert figure.get_facecolor()[:3] == pytest.approx((0x12 / 255, 0x18 / 255, 0x1D / 255))
@@ -138,7 +146,7 @@ def test_text_is_returned_where_it_is_asked_for(capsys: pytest.CaptureFixture[st
         ),
         (lambda: mp.table("chain-1", output="t.png"), mp.SceneError, "^output t.png: this command writes text"),
         (lambda: cast("Any", mp.simulate)("chain-1", t_end=3), TypeError, r"'t_end' \(did you mean `duration`\?\)"),
-        (lambda: mp.sweep("chain-1"), mp.SceneError, "^vary: is missing, such as vary 'pendulum"),
+        (lambda: mp.sweep("chain-1"), mp.SceneError, "^vary: is required, such as vary 'pendulum"),
         (lambda: mp.fit(*["chain-1"]), TypeError, "^fit: missing a required argument: 'data'$"),
     ],
 )

@@ -71,7 +71,7 @@ links = [{ kind = "bob", mass = 1.0, length = 1.0 }]
 links = []
 [[pendulum]]
 count = 0
-links = [{ kind = "rod", mass = -1.0, length = nan }, { kind = "spring", mass = 1.0, length = 1.0 }, { mass = 1.0 }]
+links = [{ kind = "rod", mass = -1.0, length = nan }, { kind = "gear", mass = 1.0, length = 1.0 }, { mass = 1.0 }]
 """
     assert set(refused(text)) == {
         "gravity = -9.81: must be positive",
@@ -83,7 +83,7 @@ links = [{ kind = "rod", mass = -1.0, length = nan }, { kind = "spring", mass = 
         "pendulum[2].count = 0: must be positive",
         "pendulum[2].links[0].mass = -1.0: must be positive",
         "pendulum[2].links[0].length = nan: must be finite",
-        'pendulum[2].links[1].kind = "spring": must be one of "bob", "rod", "body"',
+        'pendulum[2].links[1].kind = "gear": must be one of "bob", "rod", "body"',
         'pendulum[2].links[2]: needs a kind, one of "bob", "rod", "body"',
     }
 
