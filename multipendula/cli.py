@@ -18,7 +18,6 @@ from _thread import interrupt_main
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, redirect_stderr, redirect_stdout, suppress
 from io import StringIO, TextIOBase, TextIOWrapper
-from shutil import get_terminal_size
 from typing import TYPE_CHECKING, Any, TextIO
 
 if TYPE_CHECKING:
@@ -296,7 +295,11 @@ def _reported(options: argparse.Namespace) -> Iterator[None]:
 
 def _columns() -> int | None:
     """The columns of the terminal, or those that COLUMNS says it has; None for a pipe or a file, which wrap no line."""
-    return get_terminal_size().columns if sys.stdout.isatty() else None
+    if not sys.stdout.isatty():
+        return None
+    from shutil import get_terminal_size
+
+    return get_terminal_size().columns
 
 
 class _Aside(TextIOBase):

@@ -12,46 +12,11 @@ dense form for printing, for small problems and for tests.
 
 from typing import TYPE_CHECKING
 
-from modal.assembly.arrays import ARRAYS, Block, CartNumbers, Rig, Units, masses_below, rig_of
-from modal.assembly.equilibrium import Equilibrium, equilibrium_of
-from modal.assembly.linearization import Arrays, Matrices, coordinate_labels, differences, matrices, matrices_of
-from modal.assembly.losses import (
-    CART,
-    Dissipator,
-    LossAngles,
-    dissipators_of,
-    loss_angles,
-    loss_at,
-    losses_of,
-    on_lines,
-)
-from modal.assembly.modal_damping import RatioAt, frequencies, modal_dampers, modal_factor, ratio_at
-from modal.assembly.squares import (
-    DRAG,
-    JOINT,
-    SPRING,
-    WAYS,
-    WIRE,
-    Columns,
-    Element,
-    SquareRows,
-    centres,
-    chain_squares,
-    displacements,
-    joints,
-)
-from modal.assembly.stacks import Stack, can_stack, keep_form, single, stacked, varied
-from modal.assembly.structure import (
-    Hanging,
-    SpringRow,
-    assembled,
-    modal_supports,
-    null_space,
-    scene_squares,
-)
 from modal.lazy import exported
 
 if TYPE_CHECKING:
+    from modal.assembly.arrays import ARRAYS, Block, CartNumbers, Rig, Units, masses_below, rig_of
+    from modal.assembly.equilibrium import Equilibrium, equilibrium_of
     from modal.assembly.hoisting import (
         Hoisting,
         HoistInstant,
@@ -63,6 +28,34 @@ if TYPE_CHECKING:
         no_hoist,
         quadratic_drags,
     )
+    from modal.assembly.linearization import Arrays, Matrices, coordinate_labels, differences, matrices, matrices_of
+    from modal.assembly.losses import (
+        CART,
+        Dissipator,
+        LossAngles,
+        dissipators_of,
+        loss_angles,
+        loss_at,
+        losses_of,
+        on_lines,
+    )
+    from modal.assembly.modal_damping import RatioAt, frequencies, modal_dampers, modal_factor, ratio_at
+    from modal.assembly.squares import (
+        DRAG,
+        JOINT,
+        SPRING,
+        WAYS,
+        WIRE,
+        Columns,
+        Element,
+        SquareRows,
+        centres,
+        chain_squares,
+        displacements,
+        joints,
+    )
+    from modal.assembly.stacks import Stack, can_stack, keep_form, single, stacked, varied
+    from modal.assembly.structure import Hanging, SpringRow, assembled, modal_supports, null_space, scene_squares
 
 __all__ = [
     "ARRAYS",
@@ -129,4 +122,5 @@ __all__ = [
 ]
 
 if not TYPE_CHECKING:
-    __getattr__ = exported(__name__, ("hoisting",))
+    homes = "arrays equilibrium squares structure stacks losses modal_damping linearization hoisting"
+    __getattr__ = exported(__name__, tuple(homes.split()))

@@ -10,14 +10,16 @@ from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import chain
 from operator import attrgetter
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from modal.assembly.arrays import Block, CartNumbers, Units, different
 from modal.scene import Cart, Pendulum, Scene, validate_scene
-from modal.scene.parameters import Place
 from modal.types import Booleans, Floats
+
+if TYPE_CHECKING:
+    from modal.scene.parameters import Place
 
 NUMBERS = ("mass", "length", "centre", "inertia")
 SUPPORT = {("gravity",), ("support", "mass"), ("support", "stiffness")}

@@ -7,37 +7,42 @@ In: a `Rig`.  Out: a `ModalSpectrum`, the eigenvalues in ascending order, each w
 A rig is parted into what moves together (`components`), all of a cart, chain by chain what is at rest.  Plain chains
 use the effective-mass recursion and bisection (`squares`, in floats `short`), on a cart of many different ones the
 secular equation (`coupled`).  All else is a structure (`structured`), a cart one of one coordinate, a support at rest
-one of none: counts go on through trees of springs (`trees`);
+one of none, what nothing holds (`free_motions`) aside: counts go on through trees of springs (`trees`);
 loops and springs between links take the factors of K and M (`product`), dampers the quadratic problem (`dense`).
 Start with `spectrum`, which chooses.
 
 `elimination` is the recursion at any complex frequency, with loads, in floats or decimals.
 """
 
-from modal.eigen.amplitude import ModeSwing, distortion, one_percent_amplitude
-from modal.eigen.coupled import CLOSE, LIGHTEST, TOLERANCE, degenerate_modes
-from modal.eigen.dense import is_singular
-from modal.eigen.elimination import (
-    FORCE,
-    REPLICAS,
-    TORQUE,
-    TURN,
-    Arithmetic,
-    Digits,
-    Hung,
-    Load,
-    Rounded,
-    cart_of,
-    evaluated,
-    hung,
-)
-from modal.eigen.recursion import Suspension, at_infinity
-from modal.eigen.secular import Poles, solve
-from modal.eigen.short import short_squares
-from modal.eigen.sources import Details, counted, largest_angle, structured_error
-from modal.eigen.spectrum import UNCERTAIN, ModalSpectrum, SpectrumPart, find_spectrum, notes
-from modal.eigen.squares import EVERYTHING, Limits, smallest_where, squares_of
-from modal.eigen.structured import LIGHT, FreeMotions
+from typing import TYPE_CHECKING
+
+from modal.lazy import exported
+
+if TYPE_CHECKING:
+    from modal.eigen.amplitude import LIGHT, ModeSwing, distortion, one_percent_amplitude
+    from modal.eigen.coupled import CLOSE, LIGHTEST, TOLERANCE, degenerate_modes
+    from modal.eigen.dense import is_singular
+    from modal.eigen.elimination import (
+        FORCE,
+        REPLICAS,
+        TORQUE,
+        TURN,
+        Arithmetic,
+        Digits,
+        Hung,
+        Load,
+        Rounded,
+        cart_of,
+        evaluated,
+        hung,
+    )
+    from modal.eigen.free_motions import FreeMotions
+    from modal.eigen.recursion import Suspension, at_infinity
+    from modal.eigen.secular import Poles, solve
+    from modal.eigen.short import short_squares
+    from modal.eigen.sources import Details, counted, largest_angle, structured_error
+    from modal.eigen.spectrum import UNCERTAIN, ModalSpectrum, SpectrumPart, find_spectrum, notes
+    from modal.eigen.squares import EVERYTHING, Limits, smallest_where, squares_of
 
 __all__ = [
     "CLOSE",
@@ -81,4 +86,7 @@ __all__ = [
     "squares_of",
     "structured_error",
 ]
-__dir__ = __all__.copy
+
+if not TYPE_CHECKING:
+    homes = "amplitude recursion squares short sources free_motions spectrum coupled secular dense elimination"
+    __getattr__ = exported(__name__, tuple(homes.split()))

@@ -31,6 +31,8 @@ QUARTER = pi / 16 * np.array([1.0, 3.0, 5.0, 7.0])
 RATIOS = np.array([[0.0], [1.0], [-1.0], [2.0], [-2.0]])
 """Ratios of the amplitudes of two modes at which their mean Lagrangian is evaluated."""
 INSTANTS = 33
+LIGHT = 0.1
+"""Damping ratio, and out-of-phase share of a shape, up to which a mode has an amplitude coefficient."""
 
 
 def quartic(block: Block, x: Floats, cart: Floats, angle: Floats) -> Floats:

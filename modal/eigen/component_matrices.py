@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,8 +20,11 @@ from numpy.typing import NDArray
 from modal.assembly import WAYS, Block, Element, null_space
 from modal.eigen.components import CANCELLED, ROUNDED, Component, Heavy, PartedRig
 from modal.eigen.recursion import joints, kinetic
-from modal.eigen.trees import HungChains, Tree
+from modal.report import deferred
 from modal.types import Floats, Ints
+
+if TYPE_CHECKING:
+    from modal.eigen.trees import HungChains, Tree
 
 WIDE = 200
 """Coordinates up to which the triangular factors are computed in the widest floats of the machine."""
@@ -261,7 +264,8 @@ class ComponentMatrices:
 
     def _hung(self, hung: list[tuple[Heavy, int]]) -> list[HungChains]:
         """The chains of every block, h² times as heavy, whose angles are h times as large."""
-        chains = []
+        chains: list[HungChains] = []
+        hung_chains = deferred("modal.eigen.trees:HungChains")
         for number in sorted({heavy.block for heavy, _ in hung}):
             members = [(k, heavy, at) for k, (heavy, at) in enumerate(hung) if heavy.block == number]
             block = self.carried.rig.blocks[number].take(np.array([heavy.column for _, heavy, _ in members]))
@@ -269,7 +273,7 @@ class ComponentMatrices:
             h = np.array([float(heavy.along.sum()) if moved else 1.0 for _, heavy, _ in members])
             heavier = block.heavier(np.array([heavy.weight for _, heavy, _ in members]) * h**2)
             places = np.array([at for *_, at in members])
-            chains.append(HungChains(heavier, places, h, self.places[[k for k, *_ in members]]))
+            chains.append(hung_chains(heavier, places, h, self.places[[k for k, *_ in members]]))
         return chains
 
 
@@ -331,7 +335,7 @@ def _tree(
         return None
     at = {place: k for k, place in enumerate(order)}
     spring, near_end, far_end = np.reshape([above[place][1:] for place in order], (-1, 3)).T
-    return Tree(
+    tree: Tree = deferred("modal.eigen.trees:Tree")(
         np.array(order, dtype=np.int64),
         np.array([at.get(above[place][0], -1) for place in order], dtype=np.int64),
         stiffness[order],
@@ -341,6 +345,7 @@ def _tree(
         far_end,
         tuple(each._replace(places=np.array([at.get(place, 0) for place in each.places.tolist()])) for each in hung),
     )
+    return tree
 
 
 def square_root(S: Floats) -> tuple[Floats, Floats]:

@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -26,11 +27,14 @@ from modal.assembly import Block, CartNumbers, Rig
 from modal.eigen.amplitude import quartic
 from modal.eigen.chains import ChainShapes, cart_shapes, fixed_shapes
 from modal.eigen.recursion import Suspension, at_infinity, joints, kinetic
-from modal.eigen.secular import Poles, Roots, solve
 from modal.eigen.seeds import seed_matrices
 from modal.eigen.sources import Built, Details, chain_details, counted, oscillating, structured_error
 from modal.eigen.squares import EVERYTHING, Limits, Squares, squares_of
+from modal.report import deferred
 from modal.types import Complexes, Floats, Ints
+
+if TYPE_CHECKING:
+    from modal.eigen.secular import Poles, Roots
 
 CHUNK = 100_000
 LIGHTEST = 1e-290
@@ -241,7 +245,7 @@ class StillModes:
 
     pendula: CartPendula
     route = "effective mass"
-    is_damped = False
+    is_damped = is_singular = False
     built = Built("equal frequencies of different pendula", 1, 0)
 
     @property
@@ -365,12 +369,14 @@ class CoupledPendula:
         square, spring = self.clusters.square, self.cart.stiffness
         if spring > 0:
             square, weight = np.append(0.0, square), np.append(spring, weight)
-        return Poles(square, weight, bare_mass(self.blocks, self.cart))
+        poles: Poles = deferred("modal.eigen.secular:Poles")(square, weight, bare_mass(self.blocks, self.cart))
+        return poles
 
     @cached_property
     def roots(self) -> Roots:
         """The modes that move the cart, as offsets from the nearest pole."""
-        return solve(self.poles)
+        roots: Roots = deferred("modal.eigen.secular:solve")(self.poles)
+        return roots
 
     @cached_property
     def squares(self) -> Floats:

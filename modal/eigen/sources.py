@@ -73,6 +73,14 @@ class Source(Protocol):
     def built(self) -> Built:
         """The sizes of the problems solved."""
 
+    @property
+    def is_damped(self) -> bool:
+        """Whether dampers besides those of a damping ratio act on these modes."""
+
+    @property
+    def is_singular(self) -> bool:
+        """Whether M is known to be singular, by a massless cart over bobs."""
+
     def details(self, rows: Ints) -> Details:
         """Properties of these rows."""
 
@@ -93,6 +101,7 @@ class Alone:
 
     block: Block
     limits: Limits = EVERYTHING
+    is_damped = is_singular = False
 
     @property
     def route(self) -> str:
@@ -144,6 +153,7 @@ class StillPendula:
     balanced: StillGroup
     source: Source
     rows: Ints
+    is_singular = False
 
     @property
     def route(self) -> str:
@@ -168,7 +178,7 @@ class StillPendula:
     @property
     def is_damped(self) -> bool:
         """Whether the modes are complex."""
-        return bool(getattr(self.source, "is_damped", False))
+        return self.source.is_damped
 
     def details(self, rows: Ints) -> Details:
         """The angles of the pendulum, by the amplitudes of the combination."""

@@ -12,19 +12,24 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise, repeat
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from modal.assembly import RatioAt, Rig, ratio_at
+from modal.assembly import Rig
 from modal.eigen.component_matrices import ComponentMatrices
 from modal.eigen.components import PartedRig, StillGroup
 from modal.eigen.coupled import CartPendula, StillModes
+from modal.eigen.free_motions import FreeMotions
 from modal.eigen.sources import Alone, Details, Source, StillPendula
 from modal.eigen.squares import EVERYTHING, SEEDS, Limits
-from modal.eigen.structured import FreeMotions, OnStructure
 from modal.errors import ComputationError
+from modal.report import deferred
 from modal.types import Booleans, Floats, Ints
+
+if TYPE_CHECKING:
+    from modal.assembly import RatioAt
 
 UNCERTAIN = 0.1
 """Bound on a relative error from which on no digit is certain: bounds are of first order, and larger ones none."""
@@ -39,8 +44,7 @@ MERGED = (
 )
 
 
-@dataclass(frozen=True)
-class SpectrumPart:
+class SpectrumPart(NamedTuple):
     """`along` + `across` modes of equal frequency, from row `row` of source `source` on.
 
     `kind` is the (block, column) whose copies share that row and move while all else is at rest; None where one
@@ -83,7 +87,7 @@ def batches(rig: Rig, limits: Limits) -> Iterator[Batch]:
 
     Equal frequencies of different pendula on a cart are recognized from all digits of their own modes.
     """
-    ratio = ratio_at(rig) if rig.damping_ratio else None
+    ratio = _ratio_at(rig) if rig.damping_ratio else None
     carried = PartedRig(rig)
     components, balanced = carried.parted
     plain = rig.cart is not None and not rig.cart.damping and all(block.is_plain.all() for block in rig.blocks)
@@ -108,13 +112,18 @@ def batches(rig: Rig, limits: Limits) -> Iterator[Batch]:
     fixed = tuple(source.squares for source in alone) if coupled else ()
     for component in components:
         reduced = ComponentMatrices(carried, component)
-        moving = CartPendula(rig, fixed, limits) if plain else OnStructure(reduced, ratio, limits)
+        moving = CartPendula(rig, fixed, limits) if plain else _on_structure(reduced, ratio, limits)
         if reduced.free.size:
             yield _moving(FreeMotions(reduced, moving))
         if isinstance(moving, CartPendula) and fixed and moving.clusters.shared.size:
             yield _still(StillModes(moving))
         if rig.cart or reduced.size > reduced.coasting.shape[1]:
             yield _moving(moving)
+
+
+_ratio_at = deferred("modal.assembly.modal_damping:ratio_at")
+_on_structure = deferred("modal.eigen.structured:OnStructure")
+"""Loaded with the scenes that need them: others wait for neither."""
 
 
 def _still(modes: StillModes) -> Batch:
@@ -139,7 +148,7 @@ def _sources(source: Alone, needed: Booleans, ratio: RatioAt | None) -> Iterator
         yield structured, source if structured.size == block.size else Alone(block.take(structured), source.limits)
     for column in np.flatnonzero(needed & ~block.is_plain):
         chain = PartedRig(Rig(1.0, (block.take(np.array([column])),), ((0, 0, 1),), None, spatial=False))
-        yield np.array([column]), OnStructure(ComponentMatrices(chain, chain.whole), ratio, source.limits)
+        yield np.array([column]), _on_structure(ComponentMatrices(chain, chain.whole), ratio, source.limits)
 
 
 def _moving(source: Source) -> Batch:
@@ -156,7 +165,7 @@ def notes(sources: Sequence[Source]) -> tuple[str, ...]:
 
 def _omitted(sources: Iterable[Source]) -> int:
     """How many modes have no finite frequency."""
-    return sum(isinstance(source, CartPendula | OnStructure) and source.is_singular for source in sources)
+    return sum(source.is_singular for source in sources)
 
 
 @dataclass(frozen=True, eq=False)
@@ -219,7 +228,7 @@ def find_spectrum(rig: Rig, limits: Limits = EVERYTHING) -> ModalSpectrum:
         parts = list(batches(rig, limits))
         values = np.concatenate([batch.source.eigenvalue[batch.rows] for batch in parts])
         if rig.damping_ratio:
-            values = _damped(values, np.concatenate([_undamped(batch) for batch in parts]), ratio_at(rig))
+            values = _damped(values, np.concatenate([_undamped(batch) for batch in parts]), _ratio_at(rig))
         errors = np.concatenate([batch.source.error[batch.rows] for batch in parts])
     except np.linalg.LinAlgError:
         raise ComputationError("the ratios in this scene are beyond double precision on its dense route") from None
@@ -252,8 +261,7 @@ def _compare_with_states(rig: Rig, parts: Sequence[Batch]) -> None:
 
 def _undamped(batch: Batch) -> Booleans:
     """Which rows (R,) of a batch are eigenvalues without any dampers."""
-    damped = isinstance(batch.source, OnStructure | StillPendula) and batch.source.is_damped
-    return np.full(len(batch.rows), not damped)
+    return np.full(len(batch.rows), not batch.source.is_damped)
 
 
 def _damped(values: NDArray[np.complex128], undamped: Booleans, ratio: RatioAt) -> NDArray[np.complex128]:

@@ -54,7 +54,7 @@ class Limits(NamedTuple):
     squares: Floats | None = None
 
 
-EVERYTHING = Limits()
+EVERYTHING: Limits = Limits()
 
 
 def smallest_where(reached: Callable[[Floats], Booleans], low: Floats, high: Floats) -> Floats:

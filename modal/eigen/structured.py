@@ -1,4 +1,4 @@
-"""Sources of modes of pendula on structures: free motions, and what moves with the structure.
+"""The source of modes of pendula on structures: what moves with the structure, free motions aside.
 
 The frequencies of a component (`modal.eigen.components`) are found by counts where its springs form a tree
 (`modal.eigen.trees`), from the factors of K and M where all springs are positive (`modal.eigen.product`), and from
@@ -14,101 +14,27 @@ import numpy as np
 
 from modal.assembly import RatioAt, modal_factor
 from modal.eigen import dense
-from modal.eigen.amplitude import coefficient, quartic
+from modal.eigen.amplitude import LIGHT, coefficient, quartic
 from modal.eigen.component_matrices import (
     BEYOND,
     ComponentMatrices,
     Numbers,
     SquareSum,
-    StructureShapes,
     is_wide,
     moved_of,
 )
-from modal.eigen.coupled import MOST_LINKS_TOGETHER, CartPendula
+from modal.eigen.coupled import MOST_LINKS_TOGETHER
+from modal.eigen.free_motions import cancelled, details_of
 from modal.eigen.sources import ROUNDOFF, Built, Details, counted, largest_angle, oscillating, structured_error
 from modal.eigen.squares import EVERYTHING, Limits
 from modal.errors import ComputationError
 from modal.report import deferred
-from modal.types import Booleans, Complexes, Floats, Ints
+from modal.types import Complexes, Floats, Ints
 
 LARGEST = 1200
 """Coordinates of one component up to which shapes, and frequencies from factors, are computed."""
-LIGHT = 0.1
-"""Damping ratio, and out-of-phase share of a shape, up to which a mode has an amplitude coefficient."""
 NARROW = 64.0
 """Factor on the error where the triangular factors are computed in floats no wider than the results."""
-
-
-def _details(
-    moved: StructureShapes, modal_mass: Floats, momentum: Floats, residual: Floats, energies: tuple[Floats, ...]
-) -> Details:
-    """The properties that any mode has: no κ, and no share of a cart's."""
-    unknown = np.full(len(modal_mass), np.nan)
-    return Details(
-        modal_mass=modal_mass,
-        momentum=momentum,
-        cart=np.zeros(len(modal_mass)),
-        participation=unknown,
-        kappa=unknown,
-        residual=residual,
-        angles=moved.angles,
-        shares=tuple(part / modal_mass for part in energies),
-        eta=tuple(moved.eta),
-    )
-
-
-@dataclass(frozen=True, eq=False)
-class FreeMotions:
-    """The motions of one component that nothing holds, ω = 0; where a damper drags it no dynamics are left of them."""
-
-    reduced: ComponentMatrices
-    moving: CartPendula | OnStructure
-    route = "exact"
-
-    @property
-    def built(self) -> Built:
-        """One problem that is not solved."""
-        if self.reduced.carried.is_plain:
-            return Built("free cart with everything at rest on it", 1, 0)
-        return Built("free motion of the structure with everything at rest on it", self._number, 0)
-
-    @property
-    def _number(self) -> int:
-        return int(self.reduced.free.shape[1])
-
-    @property
-    def dragged(self) -> Booleans:
-        """Which of them a damper drags, (f,)."""
-        return np.asarray(np.arange(self._number) >= self.reduced.coasting.shape[1])
-
-    @property
-    def eigenvalue(self) -> Complexes:
-        """0."""
-        return np.zeros(self._number, dtype=complex)
-
-    @property
-    def error(self) -> Floats:
-        """They are exact."""
-        return np.zeros(self._number)
-
-    def details(self, rows: Ints) -> Details:
-        """The structure alone is displaced, every angle is zero."""
-        carried, at = self.reduced.carried, self.reduced.component.eta
-        eta, unit = np.zeros((carried.size, len(rows))), np.ones(len(rows))
-        eta[at] = self.reduced.free[: len(at), rows]
-        moved = StructureShapes(carried, eta, tuple(np.zeros((*b.mass.shape, len(rows))) for b in carried.rig.blocks))
-        momentum = _cancelled(carried.momenta[at], eta[at])
-        if not carried.is_plain:
-            momentum = momentum + (np.nan if self.reduced.is_damped else 0.0)
-            return _details(moved, unit, momentum, 0 * unit, moved.energies)
-        dragged, cart = self.dragged[rows], eta[0]
-        return replace(
-            _details(moved, unit, np.where(dragged, np.nan, momentum), 0 * unit, moved.energies),
-            cart=cart,
-            participation=np.where(dragged, 0.0, cart**2 / self.moving.accelerance),
-            kappa=0 * unit,
-            eta=(),
-        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -298,7 +224,7 @@ class OnStructure:
         modal_mass = (M.size[:, None] * np.abs(M.rows @ shape) ** 2).sum(0)
         momentum = np.full(len(rows), np.nan)
         if not self.is_damped:
-            momentum = _cancelled(reduced.momentum, shape)
+            momentum = cancelled(reduced.momentum, shape)
             held = (K.size[:, None] * (K.rows @ shape) ** 2).sum(0)
             residual = np.abs(1 + held / modal_mass / (value**2).real)
         else:
@@ -312,7 +238,7 @@ class OnStructure:
             )
             unit = np.sqrt(M.size @ M.rows**2)[:, None]
             residual = np.linalg.norm(push / unit, axis=0) / np.linalg.norm(size / unit, axis=0)
-        described = _details(moved, modal_mass, momentum, residual, moved.energies)
+        described = details_of(moved, modal_mass, momentum, residual, moved.energies)
         return self._of_cart(described, value, shape) if self._is_plain else described
 
     def _counted(self, rows: Ints) -> Details:
@@ -322,11 +248,11 @@ class OnStructure:
         shape, works, push, missed = tree.shapes(self.squares, rows)
         moved, unit = moved_of(self.reduced, shape), np.ones(len(rows))
         if not self._is_plain:
-            momentum = _cancelled(self.reduced.momentum, shape)
-            return _details(moved, unit, momentum, missed, moved.energies)
+            momentum = cancelled(self.reduced.momentum, shape)
+            return details_of(moved, unit, momentum, missed, moved.energies)
         counts = (block.count[:, None] for block in self.reduced.carried.rig.blocks)
         energies = tuple(work / count for work, count in zip(works, counts, strict=True))
-        return self._of_cart(_details(moved, unit, push, missed, energies), value, shape)
+        return self._of_cart(details_of(moved, unit, push, missed, energies), value, shape)
 
     def _of_cart(self, details: Details, value: Complexes, shape: Numbers) -> Details:
         """The properties of these modes with κ and, on a cart, what moves it."""
@@ -404,12 +330,6 @@ def _product_modes(stiffness: SquareSum, inertia: SquareSum, free: int) -> tuple
     """ω and shapes by `modal.eigen.product`, which loads SciPy's linear algebra: scenes without structures do not."""
     modes: tuple[Floats, Floats] = deferred("modal.eigen.product:product_modes")(stiffness, inertia, free)
     return modes
-
-
-def _cancelled(row: Floats, shape: Numbers) -> Floats:
-    """A row times shapes (n, R), 0 where no more than rounding is left of its terms."""
-    products: Floats = row @ shape
-    return np.where(np.abs(products) <= 4 * len(row) * dense.EPS * (np.abs(row) @ np.abs(shape)), 0.0, products)
 
 
 def _condition(S: Floats) -> float:

@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
 from functools import cache
 from math import isfinite, nan, pi, radians
 from textwrap import wrap
+from typing import NamedTuple
 
 import numpy as np
 
 from modal.errors import SceneError, meant
-from modal.modes.dissipation import quality_factors
 from modal.modes.mode import Mode
 from modal.modes.modes import Modes
 from modal.modes.numbering import fixed_base_masses, on_free_cart
 from modal.modes.rows import moved_by
-from modal.report import NOTHING, digits, line_width
+from modal.report import NOTHING, deferred, digits, line_width
 from modal.types import Floats
 
 Stds = Mapping[int, tuple[float, float]]
@@ -27,8 +26,7 @@ INDENT = 14
 """Characters before a line of an error message."""
 
 
-@dataclass(frozen=True)
-class Column:
+class Column(NamedTuple):
     """A key with its unit, its value and, if it is printed, a heading, plain and in LaTeX, and a format.
 
     `only_if` tells of which scenes it says something.  Where a value takes more than its own row, `of_rows` computes
@@ -63,7 +61,7 @@ class Column:
         def value(mode: Mode) -> float:
             return values()[mode.number]
 
-        return replace(self, value=value, shown=_digits(self.digits, value))
+        return self._replace(value=value, shown=_digits(self.digits, value))
 
 
 def _digits(most: int, value: Callable[[Mode], float | None]) -> Callable[[Mode], str]:
@@ -123,6 +121,9 @@ def _indices(modes: Modes, rows: Sequence[Mode]) -> list[int]:
     return [modes.index_of(row) for row in rows]
 
 
+_quality_factors = deferred("modal.modes.dissipation:quality_factors")
+
+
 def _fixed_base(modes: Modes, rows: Sequence[Mode]) -> Floats:
     return fixed_base_masses(modes, _indices(modes, rows), [row.effective_mass for row in rows])
 
@@ -156,7 +157,7 @@ COLUMNS = (
     _number("damping_ratio", lambda m: m.damping_ratio, "ζ", r"$\zeta$", 4, lambda modes: modes.scene.has_damping),
     _of_rows(
         "quality_factor",
-        lambda modes, rows: quality_factors(modes, _indices(modes, rows)),
+        lambda modes, rows: _quality_factors(modes, _indices(modes, rows)),
         "Q",
         "$Q$",
         5,
@@ -242,7 +243,7 @@ def columns_of(
         at = [column.key for column in every].index("cart_participation")
         every[at : at + 1] = coordinate_columns(modes, rows)
     if modes.scene.has_losses:
-        every = [replace(column, usual=True) if column.key == "quality_factor" else column for column in every]
+        every = [column._replace(usual=True) if column.key == "quality_factor" else column for column in every]
     asked = _asked(modes, chosen, every)
     return [column.computed(modes, rows) for column in every if column.usual or column.key in asked]
 

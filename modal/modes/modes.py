@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, overload
 import numpy as np
 from numpy.typing import NDArray
 
-from modal.assembly import Matrices, Rig, matrices_of
+from modal.assembly import Rig
 from modal.eigen import UNCERTAIN, Limits, SpectrumPart, notes
 from modal.errors import SceneError
 from modal.modes.eigenvalues import Eigenvalues, Short, kept
@@ -28,6 +28,8 @@ if TYPE_CHECKING:
     from os import PathLike
 
     from matplotlib.figure import Figure
+
+    from modal.assembly import Matrices
 
 GROWING = "Growing modes get nothing of the scene's damping_ratio, which belongs to modes that oscillate."
 SELECTED = "Only some of the modes were computed, and resonances among these alone."
@@ -182,7 +184,8 @@ class Modes(TextResult, Eigenvalues, Sequence[Mode]):
     @cached_property
     def matrices(self) -> Matrices:
         """M, K and D of the scene along the rail; ComputationError where it is too large for dense matrices."""
-        return matrices_of(self.rig)
+        matrices: Matrices = deferred("modal.assembly:matrices_of")(self.rig)
+        return matrices
 
     @cached_property
     def matrix(self) -> ModalMatrix:

@@ -30,7 +30,7 @@ from modal.errors import ComputationError
 from modal.modes.eigenvalues import Eigenvalues
 from modal.modes.mode import BESIDE, PROMISED, SURE, UNKNOWN, Amplitude, Mode, answering, is_guide, resonances
 from modal.modes.shapes import by_kind, displacements, expand, first_of_largest, is_balanced
-from modal.modes.squares import MOST, momentum_left
+from modal.report import deferred
 from modal.structure import Structure, coordinate_units
 from modal.types import Floats, Ints
 
@@ -42,6 +42,8 @@ UNNAMED = {"tilt": "board", "heave": "support", "modal": "structure"}
 ALIKE = {"cart": "carts", "swing": "swings"}
 COUNTED = ("", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten")
 MOST_NAMED = 3
+MOST_REFINED = 120
+"""Coordinates up to which any mode is refined where terms of its momentum cancel."""
 FIXED, CART_STILL = "fixed support", "cart still"
 
 
@@ -293,7 +295,7 @@ def _mode(modes: Eigenvalues, number: int, pieces: list[_RowPart]) -> Mode:
     head = _head(pieces)
     certain = 1.0 if modes.error[number] < UNCERTAIN else np.nan
     effective = certain * unit * sum(piece.effective_mass(modes.rig) for piece in pieces)
-    few = isfinite(effective) and modes.scene.n_links + modes.rig.leading <= MOST
+    few = isfinite(effective) and modes.scene.n_links + modes.rig.leading <= MOST_REFINED
     if few and modes.rig.structure and modes.multiplicity[number] == 1 and not modes.rig.is_damped and certain == 1:
         effective = _left_of(modes, number, head, effective)
     light = not modes.is_classical or ratio < LIGHT
@@ -323,7 +325,7 @@ def _left_of(modes: Eigenvalues, number: int, head: _RowPart, effective: float) 
     if shape.across:
         return effective
     phi = np.concatenate((shape.leading[: modes.rig.leading], shape.angles)).astype(np.complex128)
-    momentum = momentum_left(modes, number, phi)
+    momentum: float | None = deferred("modal.modes.squares:momentum_left")(modes, number, phi)
     return effective if momentum is None else momentum**2
 
 

@@ -24,6 +24,7 @@ from modal.assembly.squares import SceneSquares, SquareRows
 from modal.assembly.structure import modal_supports
 from modal.eigen import Digits
 from modal.errors import ComputationError, SceneError
+from modal.modes.rows import MOST_REFINED
 from modal.scene import Scene
 from modal.scene.parameters import Place, number_at
 from modal.scene.validation import Part
@@ -38,8 +39,8 @@ DIGITS, STEPS, CLOSE = 80, 12, 30
 """Decimal digits, most steps, and digits to which two steps agree at the end."""
 KEPT = 1e-3
 """Of the terms of a momentum: what of them is left with its digits."""
-FEW, MOST = 24, 120
-"""Coordinates up to which every mode is refined, and up to which any is."""
+FEW = 24
+"""Coordinates up to which every mode is refined."""
 Keys = list[tuple[str, int, int]]
 
 
@@ -133,8 +134,8 @@ def refined(scene: Scene, value: complex, phi: Complexes, within: float) -> Refi
     `value` is its eigenvalue, right `within` this relative error, and `phi` its shape, in the scale of which both are.
     ComputationError where no mode is found there.
     """
-    if len(phi) > MOST:
-        raise ComputationError(f"more than {MOST} coordinates: its digits are not refined")
+    if len(phi) > MOST_REFINED:
+        raise ComputationError(f"more than {MOST_REFINED} coordinates: its digits are not refined")
     with localcontext(Context(prec=DIGITS)):
         numbers = Digits(np.ones(1), DIGITS, is_real=not scene.has_damping)
         matrices, rows, momentum = _in_digits(scene)

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from math import isnan, nan
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from modal.assembly import Matrices
 from modal.errors import ComputationError, SceneError, meant
 from modal.modes.columns import COLUMNS, Column, Stds, added_by, columns_of, printed, spare_headings
-from modal.modes.dissipation import sharing
 from modal.modes.mode import Mode
 from modal.modes.modes import Modes
 from modal.report import (
@@ -22,6 +20,7 @@ from modal.report import (
     as_json,
     breadth,
     csv_rows,
+    deferred,
     finite,
     fits,
     folded,
@@ -37,6 +36,9 @@ from modal.report import (
 from modal.scene import Scene, describe, title_of
 from modal.scene.doors import checked
 from modal.types import Floats
+
+if TYPE_CHECKING:
+    from modal.assembly import Matrices
 
 __all__ = ["GUIDE", "matrices_table", "table"]
 
@@ -185,7 +187,7 @@ def _footnotes(modes: Modes, rows: Sequence[Mode], starred: str) -> list[str]:
     if any(row.growth_rate for row in rows):
         notes.append("unstable: the scene leaves this equilibrium; every growing mode is paired with a decaying one.")
     if modes.scene.has_losses:
-        marked = set(sharing(modes)) & {row.number for row in rows}
+        marked = set(deferred("modal.modes.dissipation:sharing")(modes)) & {row.number for row in rows}
         if marked:
             numbers = ", ".join(map(str, sorted(marked)))
             notes.append(f"Q of modes {numbers} is approximate: they are closer together than their losses, and mix.")

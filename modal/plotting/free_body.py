@@ -34,7 +34,7 @@ from modal.plotting.layout import SMALL, caption, headline
 from modal.plotting.style import QUIET, colour, ink, mixed, muted, paper, sheet, theme
 from modal.scene import FreeBodies, Scene, free_bodies, title_of
 from modal.scene.doors import checked
-from modal.scene.free_bodies import normal
+from modal.scene.free_body import normal
 
 # ------------------------------------------------------------------------------------------------------- the door
 

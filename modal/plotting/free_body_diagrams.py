@@ -3,7 +3,7 @@
 A diagram of a part says "these forces = mass times acceleration": on the left the part with all that acts on it, each
 arrow in the direction in which its letter is positive, and on the right what they cause.  What a joint exerts on one
 part it exerts reversed on the other, so the same letter stands at both with the arrow turned round.  Which force acts
-where is read from `modal.scene.free_bodies`.  Shapes and angles are not to scale.  `free_body` draws them.
+where is read from `modal.scene.free_body`.  Shapes and angles are not to scale.  `free_body` draws them.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import numpy as np
 
 from modal.errors import SceneError
 from modal.scene import FreeBodies, FreeBody
-from modal.scene.free_bodies import Effort, normal
+from modal.scene.free_body import Effort, normal
 
 MOST_PARTS, MOST_AT_ONCE = 12, 120
 """Most parts that are drawn where none are chosen, and in one picture."""

@@ -6,54 +6,55 @@ In: TOML, or the same objects from Python.  Out: an immutable `Scene`, checked c
 
 Start with `model`, whose pendula are chains of `links`, with their loss angles, and hang from `supports`, which springs
 join; `structures` tells what is wrong with both; `motion` moves a support and acts on `points`, `periods` tells when
-that repeats, `records` reads its records, `hoist` changes a length; `files` reads and writes scenes, `sealed` detects
-damaged files, `contents` reads any and tells what it is; `validation` checks every part and words the messages,
-`parameters` finds and varies numbers by path, `number_names` calls them in words, `doors` checks arguments, `titles`
-says what hangs in a scene, `free_bodies` takes it apart.
+that repeats, `records` reads its records, `hoist` changes a length by one of `length_laws`; `files` reads and writes
+scenes, `sealed` detects damaged files, `contents` reads any and tells what it is; `validation` checks every part and
+words the messages, `parameters` finds and varies numbers by path, `number_names` calls them in words, `doors` checks
+arguments, `titles` says what hangs in a scene, `free_body` takes it apart.
 """
 
 from typing import TYPE_CHECKING
 
 from modal.lazy import exported
-from modal.scene.capabilities import CAPABILITIES, left_out, one_by_one, refusals, require
-from modal.scene.features import FEATURES
-from modal.scene.files import STANDARD, dump, dumps, example_names, kind_of, load, parse, whole_file
-from modal.scene.free_bodies import FreeBodies, FreeBody, free_bodies
-from modal.scene.hoist import Hoist, LengthLaw
-from modal.scene.links import AnyLink, Bob, Body, Escapement, LossTable, Rod, VanDerPol, is_lossy
-from modal.scene.model import (
-    InitialCondition,
-    Pendulum,
-    Scene,
-    describe,
-    scene_from,
-    validate_scene,
-    validate_scenes,
-)
-from modal.scene.motion import (
-    ConstantForce,
-    Force,
-    Ground,
-    Moved,
-    RandomForce,
-    RandomMotion,
-    RecordForce,
-    RecordMotion,
-    SineForce,
-    SineMotion,
-    SupportMotion,
-    SweepForce,
-    SweepMotion,
-)
-from modal.scene.parameters import parse_variations
-from modal.scene.points import places_of
-from modal.scene.supports import Carrier, Cart, Fixed, Heave, ModalSupport, Platform, Spring, Swing, Tilt
-from modal.scene.titles import name_of, title_of, what_hangs
 
 if TYPE_CHECKING:
+    from modal.scene.capabilities import CAPABILITIES, left_out, one_by_one, refusals, require
+    from modal.scene.features import FEATURES
+    from modal.scene.files import STANDARD, dump, dumps, example_names, kind_of, load, parse, whole_file
+    from modal.scene.free_body import FreeBodies, FreeBody, free_bodies
+    from modal.scene.hoist import Hoist
+    from modal.scene.length_laws import LengthLaw
+    from modal.scene.links import AnyLink, Bob, Body, Escapement, LossTable, Rod, VanDerPol, is_lossy
+    from modal.scene.model import (
+        InitialCondition,
+        Pendulum,
+        Scene,
+        describe,
+        scene_from,
+        validate_scene,
+        validate_scenes,
+    )
+    from modal.scene.motion import (
+        ConstantForce,
+        Force,
+        Ground,
+        Moved,
+        RandomForce,
+        RandomMotion,
+        RecordForce,
+        RecordMotion,
+        SineForce,
+        SineMotion,
+        SupportMotion,
+        SweepForce,
+        SweepMotion,
+    )
     from modal.scene.number_names import number_label, number_unit, number_words, scene_numbers
+    from modal.scene.parameters import parse_variations
     from modal.scene.periods import DrivePeriod, drive_period, frequencies_of, sines_of
+    from modal.scene.points import places_of
     from modal.scene.records import Spectrum
+    from modal.scene.supports import Carrier, Cart, Fixed, Heave, ModalSupport, Platform, Spring, Swing, Tilt
+    from modal.scene.titles import name_of, title_of, what_hangs
 
 __all__ = [
     "CAPABILITIES",
@@ -129,4 +130,6 @@ __all__ = [
 ]
 
 if not TYPE_CHECKING:
-    __getattr__ = exported(__name__, ("number_names", "periods", "records"))
+    homes = "model files capabilities features titles links supports motion points hoist length_laws"
+    homes += " number_names periods records free_body parameters"
+    __getattr__ = exported(__name__, tuple(homes.split()))

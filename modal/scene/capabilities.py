@@ -17,7 +17,7 @@ The manual prints the table (docs/reference/combinations.md).
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Set
-from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 from modal.errors import SceneError
 from modal.scene.doors import require_type
@@ -29,19 +29,18 @@ Sentences = Mapping[str, str]
 NONE: Sentences = {}
 
 
-@dataclass(frozen=True)
-class Capability:
+class Capability(NamedTuple):
     """What a capability does with every feature; its `name` begins the sentences of what it refuses."""
 
     name: str
     takes: Names
-    leaves: Sentences = field(default_factory=dict)
-    refuses: Sentences = field(default_factory=dict)
-    singly: Sentences = field(default_factory=dict)
-    unless: Sentences = field(default_factory=dict)
-    beside: Sentences = field(default_factory=dict)
-    apart: Mapping[tuple[str, str], str] = field(default_factory=dict)
-    needs: Mapping[frozenset[str], str] = field(default_factory=dict)
+    leaves: Sentences = NONE
+    refuses: Sentences = NONE
+    singly: Sentences = NONE
+    unless: Sentences = NONE
+    beside: Sentences = NONE
+    apart: Mapping[tuple[str, str], str] = {}
+    needs: Mapping[frozenset[str], str] = {}
     instead: tuple[str, str] = ("", "")
 
     def entries(self, feature: str) -> list[tuple[str, str]]:
@@ -148,8 +147,7 @@ CONSTANT_MODEL = Capability(
     refuses=AT_ONE_TIME,
     unless={"massless_cart": "the mass matrix is singular", **LEANING},
 )
-MOVED_MODEL = replace(
-    CONSTANT_MODEL,
+MOVED_MODEL = CONSTANT_MODEL._replace(
     name="a linear model of a moved support",
 )
 GROWS = {**CONSTANT_MODEL.unless, "inverted": "grows by itself"}
@@ -235,8 +233,7 @@ def _told(capability: Capability) -> Capability:
     more = {name: words for name, words in UNTOLD.items() if not capability.entries(name)}
     beside = {} if capability.entries("load") else UNLOADED
     apart = UNRUBBED if capability.takes & FRICTION and capability.takes >= STRUCTURED else {}
-    return replace(
-        capability,
+    return capability._replace(
         refuses={**capability.refuses, **more},
         beside={**capability.beside, **beside},
         apart={**apart, **capability.apart},
@@ -247,7 +244,7 @@ CAPABILITIES: dict[str, Capability] = {
     capability.name: _told(capability)
     for capability in (
         TABLE,
-        replace(TABLE, name="mode shapes", takes=TABLE.takes - {"loss"}, leaves={**OMITTED, **LOSSLESS}),
+        TABLE._replace(name="mode shapes", takes=TABLE.takes - {"loss"}, leaves={**OMITTED, **LOSSLESS}),
         Capability(
             "the explanation of the coupling",
             LINEAR - {"inverted"} | {"structure", "springs"},
@@ -255,19 +252,17 @@ CAPABILITIES: dict[str, Capability] = {
             refuses={**CONSTANT, **SHIFTED, "inverted": "has no frequency of a link that stands"},
         ),
         CONSTANT_MODEL,
-        replace(CONSTANT_MODEL, name="a frequency response", takes=CONSTANT_MODEL.takes | {"loss"}, leaves=ABOUT),
-        replace(CONSTANT_MODEL, name="an impulse response", leaves=ABOUT, refuses={**AT_ONE_TIME, **IN_TIME}),
+        CONSTANT_MODEL._replace(name="a frequency response", takes=CONSTANT_MODEL.takes | {"loss"}, leaves=ABOUT),
+        CONSTANT_MODEL._replace(name="an impulse response", leaves=ABOUT, refuses={**AT_ONE_TIME, **IN_TIME}),
         MOVED_MODEL,
-        replace(MOVED_MODEL, name="a shock", leaves=ABOUT, refuses={**MOVED_MODEL.refuses, **IN_TIME}),
-        replace(
-            MOVED_MODEL,
+        MOVED_MODEL._replace(name="a shock", leaves=ABOUT, refuses={**MOVED_MODEL.refuses, **IN_TIME}),
+        MOVED_MODEL._replace(
             name="random vibration",
             takes=MOVED_MODEL.takes - {"inverted"} | {"loss"},
             leaves=ABOUT,
             unless=GROWS,
         ),
-        replace(
-            CONSTANT_MODEL,
+        CONSTANT_MODEL._replace(
             name="thermal noise",
             takes=CONSTANT_MODEL.takes - {"inverted"} | {"loss"},
             leaves=ABOUT,
@@ -401,20 +396,18 @@ CAPABILITIES: dict[str, Capability] = {
             instead=("form minimal", "method DOP853 takes it"),
         ),
         UNSWITCHED,
-        replace(
-            UNSWITCHED,
+        UNSWITCHED._replace(
             name="an implicit method",
             takes=UNSWITCHED.takes - {"space"},
             refuses={**UNSWITCHED.refuses, "space": "cannot keep the constraints of motion in space"},
         ),
         SIDE_BY_SIDE,
-        replace(
-            SIDE_BY_SIDE,
+        SIDE_BY_SIDE._replace(
             name="engine numba",
             takes=SIDE_BY_SIDE.takes - {"moved_support", "force"},
             unless={**STOPS, **_each(_of("moved_support force"), "takes no sweep, and no sine beside a record")},
         ),
-        replace(SIDE_BY_SIDE, name="an ensemble", refuses=NONE, singly=BESIDE_NONE),
+        SIDE_BY_SIDE._replace(name="an ensemble", refuses=NONE, singly=BESIDE_NONE),
         Capability(
             "motion in a few modes",
             SHAPE | LOSS | STRUCTURED | {"quadratic_drag"},
@@ -469,8 +462,7 @@ CAPABILITIES: dict[str, Capability] = {
             unless={"inverted": "the equilibrium is unstable", "massless_cart": HANGS_STRAIGHT},
         ),
         PERIODIC,
-        replace(
-            PERIODIC,
+        PERIODIC._replace(
             name="a limit cycle",
             takes=PERIODIC.takes - NO_RATIO.keys(),
             refuses={**PERIODIC.refuses, **NO_RATIO},
@@ -484,8 +476,7 @@ CAPABILITIES: dict[str, Capability] = {
             unless=STOPS,
         ),
         SECTIONED,
-        replace(
-            SECTIONED,
+        SECTIONED._replace(
             name="a start by its energy",
             refuses={
                 **SECTIONED.refuses,
@@ -493,8 +484,7 @@ CAPABILITIES: dict[str, Capability] = {
             },
         ),
         STROBED,
-        replace(
-            STROBED,
+        STROBED._replace(
             name="an attractor",
             needs={
                 DRIVEN_IN_TIME: "an attractor needs a period: a sine that moves the support or acts as a force",
@@ -515,8 +505,8 @@ CAPABILITIES: dict[str, Capability] = {
             needs={_of("moved_support"): 'support.kind: a Floquet multiplier needs kind = "moved"'},
         ),
         AVERAGED,
-        replace(AVERAGED, name="a prediction of synchronization", needs=EXCITED),
-        replace(AVERAGED, name="a branch of configurations", needs=EXCITED),
+        AVERAGED._replace(name="a prediction of synchronization", needs=EXCITED),
+        AVERAGED._replace(name="a branch of configurations", needs=EXCITED),
         Capability(
             "synchronization",
             SHAPE - {"inverted"} | LOSS | DRAG | FRICTION | DRIVES | STRUCTURED,

@@ -15,12 +15,10 @@ from __future__ import annotations
 import codecs
 import os
 import re
-import zlib
 from io import BytesIO
 from os import PathLike
 from stat import S_ISREG
 from typing import IO, NamedTuple
-from zipfile import BadZipFile, ZipFile
 
 from modal.errors import SceneError
 
@@ -142,6 +140,9 @@ def as_text(content: bytes, errors: str = "strict") -> str:
 
 def _archive(content: bytes) -> FileKind | None:
     """What a ZIP archive holds, from the names of its members and the beginning of its header."""
+    import zlib
+    from zipfile import BadZipFile, ZipFile
+
     try:
         with ZipFile(BytesIO(content)) as zipped:
             names = set(zipped.namelist())

@@ -7,8 +7,7 @@ equations of motion read the numbers of a scene, not its features.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 from modal.scene.links import AnyLink, Escapement, VanDerPol, is_lossy
 from modal.scene.validation import Part
@@ -57,8 +56,7 @@ class Described(Protocol):
         """Every link."""
 
 
-@dataclass(frozen=True)
-class Feature:
+class Feature(NamedTuple):
     """A trait of scenes: its name in a sentence, the way out of it, and the keys of a scene whose values tell it.
 
     A scene has it where `has` is true of the value of that key in the scene, a support (one of several keys), a spring,
@@ -139,6 +137,14 @@ def _is_structure(scene: Described) -> bool:
     if isinstance(support, tuple) or support.kind not in {"fixed", "cart", "moved"}:
         return True
     return support.kind == "cart" and bool(scene.spring or scene.ground)
+
+
+def hangs_plainly(scene: Described) -> bool:
+    """Whether all hangs from one nameless fixed, moved or cart support, with no springs: no name can be wrong."""
+    support = scene.support
+    if isinstance(support, tuple) or support.kind not in {"fixed", "cart", "moved"} or scene.spring or scene.ground:
+        return False
+    return not getattr(support, "name", "") and all(pendulum.on is None for pendulum in scene.pendulum)
 
 
 def _is_one_cart(scene: Described) -> bool:

@@ -15,7 +15,7 @@ from unicodedata import category
 
 from modal.errors import SceneError
 from modal.report import Displayed, Summary, deferred
-from modal.scene.features import DRAG, DRIVES, FRICTION, LOSS, features
+from modal.scene.features import DRAG, DRIVES, FRICTION, LOSS, features, hangs_plainly
 from modal.scene.links import AnyLink, Bob, Body, Link, Rod, is_lossy
 from modal.scene.motion import FORCE, AppliedForce, ConstantForce, Force, Ground, Moved, SupportMotion
 from modal.scene.points import point_problems
@@ -28,7 +28,6 @@ from modal.scene.stored import (
     SeveralKinds,
     SeveralOrNone,
 )
-from modal.scene.structures import force_problems, structure_problems
 from modal.scene.supports import (
     PAIR,
     Cart,
@@ -422,9 +421,10 @@ class Scene(Displayed, Part):
                 if link.friction:
                     yield f'.pendulum[{index}].links[{at}].friction = {link.friction!r}: needs space = "plane"'
         yield from self._rail_problems()
-        yield from structure_problems(self)
+        if not hangs_plainly(self):
+            yield from deferred("modal.scene.structures:structure_problems")(self)
         for at, force in enumerate(self.force):
-            words = [*point_problems(self, force.on), *force_problems(self, force)]
+            words = [*point_problems(self, force.on), *deferred("modal.scene.structures:force_problems")(self, force)]
             yield from (f'.force[{at}].on = "{force.on}": {why}' for why in words)
             if self.space == "space":
                 yield f'.force[{at}]: needs space = "plane"'

@@ -40,8 +40,6 @@ SUFFIXES = {
 
 def structure_problems(scene: Described) -> Iterator[str]:
     """Every mistake in what pendula hang from and in what joins them, but those of their balance."""
-    if _is_plain(scene):
-        return
     if len(scene.supports) > MOST_SUPPORTS:
         yield f".support: has {len(scene.supports)} supports: at most {MOST_SUPPORTS}"
         return
@@ -56,14 +54,6 @@ def structure_problems(scene: Described) -> Iterator[str]:
         yield from _spring_problems(scene, spring, f".spring[{index}]")
     if scene.is_structured:
         yield from _limits(scene)
-
-
-def _is_plain(scene: Described) -> bool:
-    """Whether nothing can be wrong here: a nameless fixed, moved or cart support, with no springs."""
-    support = scene.support
-    if isinstance(support, tuple) or support.kind not in {"fixed", "cart", "moved"} or scene.spring or scene.ground:
-        return False
-    return not getattr(support, "name", "") and all(pendulum.on is None for pendulum in scene.pendulum)
 
 
 def place_of(scene: Described, index: int) -> str:

@@ -9,10 +9,9 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
 from datetime import date, time
 from operator import index
-from typing import Any, ClassVar, Self, cast, dataclass_transform
+from typing import Any, ClassVar, NamedTuple, Self, cast, dataclass_transform
 
 from pydantic_core import SchemaValidator, ValidationError
 
@@ -157,8 +156,7 @@ def any_kind(*kinds: type[Part]) -> Schema:
     return {"type": "tagged-union", "choices": choices, "discriminator": "kind", "from_attributes": True}
 
 
-@dataclass(frozen=True)
-class Field:
+class Field(NamedTuple):
     """The schema of a field, its meaning, its unit, and its default value."""
 
     schema: Schema

@@ -11,34 +11,28 @@ what is here.
 from typing import TYPE_CHECKING
 
 from modal.lazy import exported
-from modal.scene.points import CarrierEnd, End, GroundEnd, LinkEnd, Where, carrier_end
-from modal.structure.carriers import PLATFORM, CarrierNumbers, Moving, carrier_numbers
-from modal.structure.rest import (
-    BALANCED,
-    Phi,
-    Row,
-    bends,
-    carried,
-    drawn_together,
-    hung_masses,
-    is_damped,
-    phi,
-    slopes,
-    tied,
-    turning,
-    unbalanced,
-    weights,
-)
-from modal.structure.structure import (
-    SpringNumbers,
-    Structure,
-    coordinate_units,
-    scaled,
-    structure_of,
-)
 
 if TYPE_CHECKING:
+    from modal.scene.points import CarrierEnd, End, GroundEnd, LinkEnd, Where
+    from modal.structure.carriers import PLATFORM, CarrierNumbers, Moving, carrier_numbers
     from modal.structure.outlines import STILL, Piece, Scaffold
+    from modal.structure.rest import (
+        BALANCED,
+        Phi,
+        Row,
+        bends,
+        carried,
+        drawn_together,
+        hung_masses,
+        is_damped,
+        phi,
+        slopes,
+        tied,
+        turning,
+        unbalanced,
+        weights,
+    )
+    from modal.structure.structure import SpringNumbers, Structure, coordinate_units, scaled, structure_of
 
 __all__ = [
     "BALANCED",
@@ -59,7 +53,6 @@ __all__ = [
     "Where",
     "bends",
     "carried",
-    "carrier_end",
     "carrier_numbers",
     "coordinate_units",
     "drawn_together",
@@ -76,4 +69,4 @@ __all__ = [
 ]
 
 if not TYPE_CHECKING:
-    __getattr__ = exported(__name__, ("outlines",))
+    __getattr__ = exported(__name__, ("carriers", "structure", "rest", "outlines"))

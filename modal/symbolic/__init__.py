@@ -6,7 +6,7 @@ as text, LaTeX or Markdown.  SymPy is imported in this room alone.
     d/dt ∂L/∂q' − ∂L/∂q = 0,    L = T − V
 
 Start with `system`, then `derivation`; `hamiltonian` has Hamilton's equations, `newton_euler` the balances of parts,
-which are taken apart in `modal.scene.free_bodies`; `structures` has the energies of all scenes, of which a support that
+which are taken apart in `modal.scene.free_body`; `structures` has the energies of all scenes, of which a support that
 stands still or one cart are the smallest; `papers` holds each numbered equation as printed and as corrected.
 """
 

@@ -7,7 +7,7 @@ all of them are linear,
 
     A u = F,    u = (accelerations of the cart and of every link, the rail's push, the joints' forces)
 
-Which force acts on which part is read from `modal.scene.free_bodies` alone, centre and inertia of a rod or a bob from
+Which force acts on which part is read from `modal.scene.free_body` alone, centre and inertia of a rod or a bob from
 `modal.pair`; nothing here calls the numeric equations of `nonlinear`.
 """
 
@@ -24,7 +24,7 @@ from modal import pair
 from modal.errors import SceneError
 from modal.report import Displayed, Summary
 from modal.scene import title_of
-from modal.scene.free_bodies import Effort, FreeBodies, FreeBody, force_names, joint_law, normal
+from modal.scene.free_body import Effort, FreeBodies, FreeBody, force_names, joint_law, normal
 from modal.symbolic.carriers import Coordinate, coordinate
 from modal.symbolic.derivation import MOST_WRITTEN
 from modal.symbolic.papers import equal, residual

@@ -37,7 +37,7 @@ from modal.scene import (
     SweepForce,
     SweepMotion,
 )
-from modal.scene.hoist import monotone_slopes, splined_stretches, unsplined_intervals, unsplined_words
+from modal.scene.length_laws import monotone_slopes, splined_stretches, unsplined_intervals, unsplined_words
 from modal.scene.records import Spectrum
 from modal.types import Booleans, Floats
 from modal.vibration.courses import Constant, PiecewiseMotion, Polynomials, PrescribedMotion, Sine, SweptSine

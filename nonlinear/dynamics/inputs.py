@@ -24,7 +24,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from modal.scene.hoist import LengthLaw
+from modal.scene.length_laws import LengthLaw
 from modal.types import Floats
 from modal.vibration.courses import Course, Polynomials, in_floats
 from nonlinear.dynamics.contacts import Gripping

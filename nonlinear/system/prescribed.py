@@ -14,8 +14,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from modal.scene import Scene, SupportMotion, places_of
-from modal.scene.points import Place
-from modal.structure import CarrierEnd, carrier_end
+from modal.scene.points import Place, carrier_end
+from modal.structure import CarrierEnd
 from modal.types import Floats, Ints
 from modal.vibration import Course, PrescribedMotion, prescribed_motion
 

@@ -9,7 +9,7 @@ from scipy.interpolate import CubicSpline
 from modal import load, natural_modes
 from modal.errors import SceneError
 from modal.scene import Bob, Hoist, Rod, Scene, dumps, parse
-from modal.scene.hoist import spline
+from modal.scene.length_laws import spline
 from modal.scene.parameters import vary
 from nonlinear import load as load_run
 from nonlinear import save, simulate

@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import PchipInterpolator, make_interp_spline
 
 from modal.scene import Bob, Cart, InitialCondition, Pendulum, RecordForce, RecordMotion, Scene
-from modal.scene.hoist import monotone_slopes, spline, unsplined_intervals
+from modal.scene.length_laws import monotone_slopes, spline, unsplined_intervals
 from modal.vibration import shock_response
 from modal.vibration.prescribed import Record, prescribed_motion
 from multipendula import cli

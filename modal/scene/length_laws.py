@@ -1,0 +1,227 @@
+"""The prescribed length of a rope that is hoisted or lowered: a law of time, made of polynomials.
+
+    smooth        l = l₀ + Δ (10 s³ − 15 s⁴ + 6 s⁵),  s = (t − begin)/duration: speed and acceleration end at 0
+    trapezoidal   the speed rises linearly for a share of the duration, is constant, and falls as long
+    a record      the cubic spline through its points with speed 0 at both ends; where that would leave the range of
+                  its samples, cubics that do not
+
+Before a law begins and after its end the length is constant.
+
+A spline through a step, a corner or a hole overshoots without limit.  Where it leaves the range of the four samples
+around an interval, there a record is joined without it, the splines on either side are made anew, and so on until
+none leaves; fewer than six samples are too few for one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
+from typing import Any
+
+import numpy as np
+
+from modal.report import Displayed
+from modal.types import Booleans, Floats
+
+ALMOST_REAL = 1e-9
+"""Imaginary part (s) up to which a root of a speed is real."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class LengthLaw(Displayed):
+    """A length (m) in K pieces: Σ c_k (t − t_i)^k between the `knots` t (K + 1,) in s, with `coefficients` (K, d).
+
+    `words` say where a record is not joined by a spline.
+    """
+
+    what = "Length as a function of time"
+    shows = "words: given as; knots: knots, s"
+
+    knots: Floats
+    coefficients: Floats
+    words: str = ""
+
+    def __call__(self, times: Any) -> tuple[Floats, Floats, Floats]:
+        """Length (m), its speed (m/s) and its acceleration (m/s²) at times (s) of any shape."""
+        t = np.asarray(times, dtype=np.float64)
+        first, last = self.knots[0], self.knots[-1]
+        piece = np.clip(np.searchsorted(self.knots, t, side="right") - 1, 0, len(self.coefficients) - 1)
+        s, moving = np.clip(t, first, last) - self.knots[piece], (t >= first) & (t < last)
+        length, speed, acceleration = np.zeros_like(t), np.zeros_like(t), np.zeros_like(t)
+        for coefficient in self.coefficients.T[::-1]:
+            acceleration = acceleration * s + 2 * speed
+            speed = speed * s + length
+            length = length * s + coefficient[piece]
+        return length, np.where(moving, speed, 0.0), np.where(moving, acceleration, 0.0)
+
+    @property
+    def breaks(self) -> tuple[float, ...]:
+        """The times (s) at which a derivative may jump."""
+        return tuple(self.knots.tolist())
+
+    @property
+    def end(self) -> float:
+        """The length (m) to which the last piece leads."""
+        span = self.knots[-1] - self.knots[-2]
+        return float(self.coefficients[-1] @ span ** np.arange(self.coefficients.shape[1]))
+
+    @property
+    def greatest(self) -> float:
+        """A bound of all lengths, speeds and accelerations (SI); inf or NaN where double precision has none."""
+        sizes, bounds = np.abs(self.coefficients), []
+        powers = np.diff(self.knots)[:, None] ** np.arange(sizes.shape[1])
+        for _ in range(3):
+            bounds.append(np.max(np.sum(sizes * powers[:, : sizes.shape[1]], axis=1)))
+            sizes = sizes[:, 1:] * np.arange(1.0, sizes.shape[1])
+        return float(np.max(bounds))
+
+    @cached_property
+    def extremes(self) -> tuple[float, float]:
+        """The shortest and the longest length (m)."""
+        lengths, spans, pieces = [*self(self.knots)[0].tolist()], np.diff(self.knots), self.coefficients
+        reach = np.sum(np.abs(pieces[:, 1:]) * spans[:, None] ** np.arange(1, pieces.shape[1]), axis=1)
+        beyond = (pieces[:, 0] - reach < min(lengths)) | (pieces[:, 0] + reach > max(lengths))
+        for span, piece in zip(spans[beyond], pieces[beyond], strict=True):
+            slope = np.polynomial.Polynomial(piece).deriv()
+            roots = slope.roots() if np.any(slope.coef[1:]) else np.empty(0)
+            inside = roots.real[(abs(roots.imag) < ALMOST_REAL) & (roots.real > 0) & (roots.real < span)]
+            lengths += [float(np.polynomial.Polynomial(piece)(root)) for root in inside]
+        return min(lengths), max(lengths)
+
+
+@lru_cache(maxsize=256)
+def profile_law(length: float, to: float, begin: float, span: float, share: float | None) -> LengthLaw:
+    """From a `length` (m) `to` another over `span` (s): smooth, or with a speed that rises for a share of it."""
+    change = to - length
+    if share is None:
+        powers = span ** -np.arange(6.0) * np.array([0.0, 0.0, 0.0, 10.0, -15.0, 6.0]) * change
+        powers[0] = length
+        return LengthLaw(np.array([begin, begin + span]), powers[None])
+    ramp = span * share
+    speed = change / (span - ramp)
+    knots = begin + np.array([0.0, ramp, span - ramp, span])
+    rising, even = [length, 0.0, speed / (2 * ramp)], [length + speed * ramp / 2, speed, 0.0]
+    falling = [to - speed * ramp / 2, speed, -speed / (2 * ramp)]
+    kept = [0, 1, 2] if span > 2 * ramp else [0, 2]
+    return LengthLaw(knots[[*kept, 3]], np.array([rising, even, falling])[kept])
+
+
+@lru_cache(maxsize=64)
+def recorded_law(times: tuple[float, ...], lengths: tuple[float, ...]) -> LengthLaw:
+    """The law of a record."""
+    return spline(np.array(times), np.array(lengths))
+
+
+def spline(times: Floats, lengths: Floats) -> LengthLaw:
+    """The law through lengths (m) at ascending times (s), both (T,), with speed 0 at both ends."""
+    resting = monotone_slopes(times, lengths)
+    resting[[0, -1]] = 0.0
+
+    def between(first: int, last: int) -> LengthLaw:
+        part = slice(first, last + 1)
+        return _cubics(times[part], lengths[part], _speeds(times[part], lengths[part], resting[[first, last]]))
+
+    unsplined = unsplined_intervals(times, lengths, lambda first, last: lambda at: between(first, last)(at)[0])
+    speed = resting.copy()
+    for first, last in splined_stretches(unsplined):
+        speed[first : last + 1] = _speeds(times[first : last + 1], lengths[first : last + 1], resting[[first, last]])
+    words = unsplined_words(times, unsplined, "cubics")
+    return replace(_cubics(times, lengths, speed), words=words)
+
+
+def _cubics(times: Floats, lengths: Floats, speed: Floats) -> LengthLaw:
+    """Cubics between samples with these speeds at them."""
+    h = np.diff(times)
+    slope = np.diff(lengths) / h
+    bend = (speed[:-1] + speed[1:] - 2 * slope) / h
+    return LengthLaw(times, np.stack((lengths[:-1], speed[:-1], (slope - speed[:-1]) / h - bend, bend / h), axis=1))
+
+
+def _speeds(times: Floats, lengths: Floats, ends: Floats) -> Floats:
+    """The speeds (T,) of the cubic spline through samples with those (2,) at both `ends`.
+
+    (de Boor, A Practical Guide to Splines, 1978, ch. IV: the speeds at the knots from one tridiagonal system.)
+    """
+    h = np.diff(times)
+    slope = np.diff(lengths) / h
+    speed = np.zeros(len(times))
+    speed[0], speed[-1] = ends
+    if len(times) == 2:
+        return speed
+    right = 3 * (h[:-1] * slope[1:] + h[1:] * slope[:-1])
+    right[0] -= h[1] * speed[0]
+    diagonal = 2 * (h[:-1] + h[1:])
+    for i in range(1, len(right)):
+        share = h[i + 1] / diagonal[i - 1]
+        diagonal[i] -= share * h[i - 1]
+        right[i] -= share * right[i - 1]
+    for i in reversed(range(len(right))):
+        speed[i + 1] = (right[i] - h[i] * speed[i + 2]) / diagonal[i]
+    return speed
+
+
+LEAST_SAMPLES = 6
+"""Samples of a spline of degree 5."""
+LEAVING = 0.02
+"""What a spline may leave the samples around by, over the range of the record."""
+PEAK = 0.45
+"""And over the range of these samples: a sine of 2.8 samples a period, of which a spline still is within a percent,
+is 0.42 of it above them at its top."""
+INNER = np.arange(1, 8) / 8
+"""Places within an interval at which a spline is looked at."""
+Spline = Callable[[int, int], Callable[[Floats], Floats]]
+"""The spline through the samples from one to another, both included."""
+
+
+def unsplined_intervals(times: Floats, values: Floats, spline: Spline) -> Booleans:
+    """The intervals (T - 1,) between samples at `times`, both (T,), that are joined without a spline."""
+    before, after = (
+        np.maximum(np.arange(-1, len(times) - 2), 0),
+        np.minimum(np.arange(2, len(times) + 1), len(times) - 1),
+    )
+    around = np.array([values[before], values[:-1], values[1:], values[after]])
+    low, high = around.min(0), around.max(0)
+    room = LEAVING * np.ptp(values) + PEAK * (high - low)
+    straight, seen = np.zeros(len(times) - 1, dtype=bool), set[tuple[int, int]]()
+    while new := [ends for ends in splined_stretches(straight) if ends not in seen]:
+        for first, last in new:
+            seen.add((first, last))
+            if straight.any() and last - first + 1 < LEAST_SAMPLES:
+                straight[first:last] = True
+                continue
+            inner = times[first:last, None] + np.diff(times)[first:last, None] * INNER
+            joined, here = spline(first, last)(inner), slice(first, last)
+            outside = (joined < (low - room)[here, None]) | (joined > (high + room)[here, None]) | np.isnan(joined)
+            straight[here] = outside.any(axis=1)
+    return straight
+
+
+def splined_stretches(straight: Booleans) -> list[tuple[int, int]]:
+    """The first and the last sample of each stretch of intervals that are joined by a spline."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([True], straight, [True])).astype(np.int8)))
+    return [(int(first), int(last)) for first, last in edges.reshape(-1, 2)]
+
+
+def unsplined_words(times: Floats, unsplined: Booleans, joined_by: str) -> str:
+    """One line of where a record is joined without a spline; "" for nowhere."""
+    at = np.flatnonzero(unsplined)
+    if not at.size:
+        return ""
+    where = "all intervals" if unsplined.all() else f"{at.size} of {unsplined.size} intervals"
+    ends = f"from {times[at[0]]:.5g} to {times[at[-1] + 1]:.5g} s"
+    return f"{joined_by} join the samples of {where}, {ends}, where a spline would leave their range"
+
+
+def monotone_slopes(times: Floats, values: Floats) -> Floats:
+    """Slopes (T,) with which cubics between samples stay within the range of both.
+
+    (Fritsch & Butland, SIAM J. Sci. Stat. Comput. 5, 300 (1984), equation (7).)
+    """
+    h = np.diff(times)
+    slope = np.diff(values) / h
+    slopes = np.concatenate((slope[:1], np.zeros(len(times) - 2), slope[-1:]))
+    alike = np.flatnonzero(slope[:-1] * slope[1:] > 0)
+    left, right, share = slope[alike], slope[alike + 1], (h[alike] + 2 * h[alike + 1]) / (3 * (h[alike] + h[alike + 1]))
+    slopes[alike + 1] = left * right / (share * right + (1 - share) * left)
+    return slopes
