@@ -30,6 +30,7 @@ from functools import cache, partial
 from html import escape as html
 from importlib import import_module
 from pathlib import Path
+from pkgutil import iter_modules
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -282,7 +283,25 @@ def functions() -> str:
         )
         for command in parsers()
     ]
-    return _table("command | computes | writes, draws", rows)
+    others = [f"`{room}` | {_linked(names)}" for room, names in functions_by_room().items()]
+    told = "Every other public function, by the room from which it is imported."
+    return "\n\n".join([_table("command | computes | writes, draws", rows), told, _table("room | functions", others)])
+
+
+def functions_by_room() -> dict[str, list[str]]:
+    """The public functions of both packages that no command names, in full, by package and room."""
+    named = {name for entry in _functions().values() for names in entry.values() for name in names}
+    told = {function_named(name) for name in named}
+    rooms = {}
+    for package in ("modal", "nonlinear"):
+        inner = sorted(room.name for room in iter_modules(import_module(package).__path__) if room.ispkg)
+        for place in (package, *(f"{package}.{room}" for room in inner)):
+            home = import_module(place)
+            public = {name: getattr(home, name) for name in home.__all__}
+            new = [name for name, thing in public.items() if inspect.isfunction(thing) and thing not in told]
+            told |= {public[name] for name in new}
+            rooms[place] = [f"{place}.{name}" for name in new]
+    return {place: names for place, names in rooms.items() if names}
 
 
 @cache

@@ -80,6 +80,3 @@ if not TYPE_CHECKING:
         homes=("errors", "scene", "assembly", "modes"),
         later={"tune": "tuning"},
     )
-
-    def __dir__() -> list[str]:
-        return sorted([*__all__, "tune"])

@@ -11,7 +11,7 @@ from typing import Any
 def exported(package: str, homes: tuple[str, ...], later: Mapping[str, str] | None = None) -> Callable[[str], Any]:
     """The `__getattr__` of a package: it loads the names in `__all__` from its modules `homes`, and these modules.
 
-    The names in `later`, each with its module, need SciPy: `import *` leaves them out.
+    The names in `later`, each with its module, need SciPy: `import *` leaves them out.  `dir` shows all these names.
     """
 
     def find(name: str) -> Any:
@@ -24,4 +24,8 @@ def exported(package: str, homes: tuple[str, ...], later: Mapping[str, str] | No
             return getattr(import_module(f"{package}.{later[name]}"), name)
         raise AttributeError(f"module {package!r} has no attribute {name!r}", name=name, obj=offering)
 
+    def names() -> list[str]:
+        return sorted({*sys.modules[package].__all__, *(later or ())})
+
+    vars(sys.modules[package])["__dir__"] = names
     return find

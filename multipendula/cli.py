@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     import argparse
 
     from modal.errors import SceneError
+    from modal.report import Limit
     from multipendula.parser import Page
 
 os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
@@ -236,8 +237,18 @@ def _channels(options: argparse.Namespace) -> Iterator[None]:
     written = any("-o" in action.option_strings and vars(options)[action.dest] is not None for action in files)
     words = _Aside(sys.stdout, quiet=options.quiet) if to_output or (options.quiet and written) else sys.stdout
     notes = StringIO() if options.quiet else sys.stderr
-    with fitted(_columns(), _charset()), redirect_stdout(words), redirect_stderr(notes):
+    with fitted(_columns(), _charset(), _limit(options)), redirect_stdout(words), redirect_stderr(notes):
         yield
+
+
+def _limit(options: argparse.Namespace) -> Limit | None:
+    """How much of a table a terminal shows: all where a format, rows or columns were asked for."""
+    from modal.report import TABLE_ROWS, Limit
+
+    chosen = ("format_asked", "modes", "columns", "places")
+    asked = any(getattr(options, name, None) for name in chosen)
+    ways = ["--format text"] * hasattr(options, "format") + ["a pipe"]
+    return None if asked else Limit(TABLE_ROWS, f"; {' or '.join(ways)} shows all")
 
 
 def _long(action: argparse.Action) -> str:

@@ -65,4 +65,3 @@ if not TYPE_CHECKING:
         __name__,
         homes=("system", "integration", "simulation", "files", "ensembles"),
     )
-    __dir__ = __all__.copy

@@ -1,8 +1,8 @@
 """Trajectories on disk: NPZ keeps every bit, CSV holds the same numbers for other programs.
 
-Both begin with a JSON header: the scene, how the run was made, and its events.  In a CSV the header is a comment on
-the first line; a column is named by its quantity, the pendulum and the link (both from 1) and its unit.  Both carry a
-checksum, and a file that has been altered is refused.
+Both have a record in JSON: the scene, how the run was made, and its events.  That of a CSV stands beside it, in
+FILE.csv.json, or as a comment on its first line, where files had it before; a column is named by its quantity, the
+pendulum and the link (both from 1) and its unit.  Both carry a checksum, and a file that has been altered is refused.
 """
 
 from __future__ import annotations
@@ -89,8 +89,11 @@ def save(trajectory: Trajectory, path: str | os.PathLike[str]) -> None:
     """
     if trajectory.system.hoisting and trajectory.system.hoisting.given:
         raise SceneError([f"{path}: lengths given in Python are not saved: write the hoist in the scene"])
-    writers = {"npz": _npz, "csv": _csv, "mat": _mat}
-    content = writers[kind_of(path, tuple(writers))](trajectory)
+    kind = kind_of(path, (*KINDS, "mat"))
+    if kind == "csv":
+        write_csv(path, _header(trajectory), [columns(trajectory), *rows_of(trajectory).tolist()])
+        return
+    content = _npz(trajectory) if kind == "npz" else _mat(trajectory)
     with whole_file(path) as stream:
         stream.write(content)
 
@@ -138,14 +141,32 @@ def checked_kind(path: str | os.PathLike[str]) -> str:
     return kind_of(path, KINDS)
 
 
-def as_csv(header: dict[str, Any], rows: Iterable[Iterable[Any]]) -> bytes:
-    """A CSV file: the header in a comment, preceded by the checksum of the rest, then the rows."""
-    return sealed.sealed_text(COMMENT, f" {csv_comment(json.dumps(header))[1:]}\n" + csv_rows(rows))
+def write_csv(path: str | os.PathLike[str], header: dict[str, Any], rows: Iterable[Iterable[Any]]) -> None:
+    """Write the rows as a CSV file and the header beside it, both whole or not at all.
+
+    The checksum in the header is that of the text in which the header is a comment before the rows.
+    """
+    text = sealed.sealed_text(COMMENT, f" {csv_comment(json.dumps(header))[1:]}\n" + csv_rows(rows))
+    record, _, table = text.partition(b"\n")
+    with whole_file(record_of(path)) as beside, whole_file(path) as stream:
+        beside.write(record.removeprefix(b"# ") + b"\n")
+        stream.write(table)
+        beside.flush()
+        stream.flush()
+
+
+def record_of(path: str | os.PathLike[str]) -> str:
+    """The file beside a CSV that has its header."""
+    return f"{os.fspath(path)}.json"
 
 
 def from_csv(path: str | os.PathLike[str]) -> tuple[dict[str, Any], str]:
-    """The header of a CSV file and the text below it."""
+    """The header of a CSV file, from its first line or from the file beside it, and the text below it."""
     content = sealed.content(path)
+    if not content.startswith(b"#"):
+        if not os.path.exists(record_of(path)):
+            raise SceneError([f"has no record: {os.path.basename(record_of(path))} must stand beside it"])
+        content = b"# " + sealed.content(record_of(path)).rstrip(b"\n") + b"\n" + content
     sealed.verify_sealed_text(content, COMMENT)
     first, _, rest = content.decode().partition("\n")
     header: dict[str, Any] = json.loads(first.removeprefix("# "))
@@ -276,12 +297,27 @@ def _read_npz(name: str) -> tuple[dict[str, Any], Floats, dict[str, Floats]]:
 # ---------------------------------------------------------------------------------------------------------- CSV
 
 
-def columns(system: System) -> list[str]:
+def columns(trajectory: Trajectory) -> list[str]:
     """The names of a CSV's columns, in order: time, links, their rates, the cart and the work, a moved support.
 
-    On a structure its coordinates and their rates stand in the place of the cart's, and the work is followed by
-    extension and pull of every spring between points.
+    There is no cart where none moves, and no work where nothing does any.  On a structure its coordinates and their
+    rates stand in the place of the cart's, and the work is followed by extension and pull of every spring between
+    points.
     """
+    system = trajectory.system
+    work = ["work_J"] * _works(trajectory)
+    return [*_of_links(system), *_of_first(system), *work, *_of_springs(system), *_of_support(system)]
+
+
+def _works(trajectory: Trajectory) -> bool:
+    return trajectory.system.works or trajectory.driven or bool(np.any(trajectory.motion.work))
+
+
+def _of_first(system: System) -> list[str]:
+    return system.first_columns if system.first else []
+
+
+def _of_links(system: System) -> list[str]:
     places = [label[len("theta") :].strip("[]").replace(",", "_") for label in system.labels[system.first :]]
     if system.spatial:
         links = [f"u{axis}_{place}" for place in places for axis in AXES]
@@ -289,7 +325,7 @@ def columns(system: System) -> list[str]:
     else:
         links = [f"theta_{place}_rad" for place in places]
         rates = [f"theta_dot_{place}_rad_per_s" for place in places]
-    return ["time_s", *links, *rates, *system.first_columns, "work_J", *_of_springs(system), *_of_support(system)]
+    return ["time_s", *links, *rates]
 
 
 def _of_springs(system: System) -> list[str]:
@@ -310,8 +346,9 @@ def _of_support(system: System) -> tuple[str, ...]:
 def rows_of(trajectory: Trajectory) -> Floats:
     """The numbers of the motion, a column for each of `columns`, (T, C)."""
     motion, size, system = trajectory.motion, len(trajectory.times), trajectory.system
-    carried = _carried(system) or PARTS[2:4]
-    blocks = [np.reshape(getattr(motion, name), (size, -1)) for name in (*PARTS[:2], *carried, PARTS[4])]
+    carried = _carried(system) or (PARTS[2:4] if system.first else ())
+    work = PARTS[4:] if _works(trajectory) else ()
+    blocks = [np.reshape(getattr(motion, name), (size, -1)) for name in (*PARTS[:2], *carried, *work)]
     if system.structure is not None and system.structure.springs:
         extension, pull, _ = trajectory.mechanics.springs
         blocks.append(np.stack((extension, pull), axis=2).reshape(size, -1))
@@ -323,11 +360,7 @@ def rows_of(trajectory: Trajectory) -> Floats:
 
 def columns_of(trajectory: Trajectory) -> dict[str, Floats]:
     """The numbers (T,) of the motion by the names of the columns of a CSV."""
-    return dict(zip(columns(trajectory.system), rows_of(trajectory).T, strict=True))
-
-
-def _csv(trajectory: Trajectory) -> bytes:
-    return as_csv(_header(trajectory), [columns(trajectory.system), *rows_of(trajectory).tolist()])
+    return dict(zip(columns(trajectory), rows_of(trajectory).T, strict=True))
 
 
 def _mat(trajectory: Trajectory) -> bytes:
@@ -342,16 +375,17 @@ def _read_csv(name: str) -> tuple[dict[str, Any], Floats, dict[str, Floats]]:
     with warnings.catch_warnings(action="ignore"):
         rows = np.loadtxt(io.StringIO(numbers), delimiter=",", comments=None, ndmin=2)
     system = system_of(scene_from(header["scene"]))
-    if names.split(",") != columns(system):
+    given, links, first = names.split(","), _of_links(system), system.first_columns
+    known = [*links, *first, "work_J", *_of_springs(system), *_of_support(system)]
+    if given != [name for name in known if name in given] or not {*known} - {*first, "work_J"} <= {*given}:
         raise ValueError
-    rows = rows[:, : len(rows[0]) - len(_of_support(system)) - len(_of_springs(system))]
-    size, width = len(rows), 3 if system.spatial else 1
-    count = system.n_links * width
+    size, none = len(rows), np.zeros(len(rows))
+    at = dict(zip(given, rows.T, strict=True))
     shape = (size, system.n_links, 3) if system.spatial else (size, system.n_links)
-    split = [rows[:, 1 : 1 + count].reshape(shape), rows[:, 1 + count : 1 + 2 * count].reshape(shape)]
-    if system.structure is not None:
-        d, at, none = system.first, 1 + 2 * count, np.zeros(size)
-        carried = rows[:, at : at + d], rows[:, at + d : at + 2 * d]
-        split += [none, none, rows[:, -1]]
-        return header, rows[:, 0], dict(zip(PARTS, split, strict=True)) | dict(zip(CARRIED, carried, strict=True))
-    return header, rows[:, 0], dict(zip(PARTS, [*split, *rows[:, -3:].T], strict=True))
+    angles, rates = np.split(rows[:, 1 : len(links)], 2, axis=1)
+    parts = {"links": angles.reshape(shape), "link_rates": rates.reshape(shape), "work": at.get("work_J", none)}
+    if system.structure is None:
+        cart = {name: at.get(key, none) for name, key in zip(PARTS[2:4], first, strict=True)}
+        return header, rows[:, 0], parts | cart
+    carried = np.split(np.transpose([at[name] for name in first]), 2, axis=1)
+    return header, rows[:, 0], parts | dict.fromkeys(PARTS[2:4], none) | dict(zip(CARRIED, carried, strict=True))

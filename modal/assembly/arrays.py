@@ -156,6 +156,9 @@ class Rig(Displayed):
     their pivots move alike and no spring joins them to something; there is no cart then.
     """
 
+    what = "Rig of pendula"
+    shows = "blocks: different pendula; members: pendula; cart: cart; structure: structure; gravity: gravity, m/s²"
+
     gravity: float
     blocks: tuple[Block, ...]
     members: tuple[tuple[int, int, int], ...]

@@ -31,3 +31,4 @@ __all__ = [
     "negative_damping",
     "passes_energy",
 ]
+__dir__ = __all__.copy

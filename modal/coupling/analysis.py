@@ -68,6 +68,9 @@ class StructureMode(Displayed):
     uᵀMu.  Where no such point moves, the largest of η is 1, and the mass in its unit.
     """
 
+    what = "Mode of the structure alone"
+    shows = "omega: ω, rad/s; shape: shape; mass: modal mass"
+
     omega: float
     shape: Floats
     mass: float

@@ -196,6 +196,12 @@ class FamilyBranch(Displayed):
     factor dampers outside the family change ε, `cart_mode` the index of the mode among those that move the cart.
     """
 
+    what = "Mode of a family that moves something else"
+    shows = (
+        "omega: ω, rad/s; splitting: Δω, rad/s; strength: coupling strength; motion: moves; still: the structure is "
+        "still"
+    )
+
     strength: float
     omega: float
     splitting: float
@@ -231,6 +237,12 @@ class Family(Displayed):
     does not hold, and where the joints damp some of the pendula faster than others; `beats` are its 2π/|Δω| (s), the
     slowest first, of every two levels between which energy passes, and comes back.
     """
+
+    what = "Family of modes"
+    shows = (
+        "omega: ω with all else held, rad/s; fold: modes of single pendula; mass: effective mass, kg; still: "
+        "combinations that move nothing else; beats: beats, s"
+    )
 
     omega: float
     members: tuple[int, ...]
@@ -321,6 +333,12 @@ class FamilyRow(Displayed):
     moves, `fold` how many modes of single pendula the family has.
     """
 
+    what = "Row of the table of families"
+    shows = (
+        "family: family; omega: ω with all else held, rad/s; mass: effective mass, kg; strength: coupling strength; "
+        "splitting: Δω, rad/s; beat: beat, s; share: share halfway; modes: modes; moves: moves"
+    )
+
     family: str
     omega: float
     mass: float | None
@@ -351,4 +369,5 @@ def mode_words(still: int | None, moving: int | None, copies: int = 1) -> str:
 
 def family_table(rows: Sequence[FamilyRow]) -> ReportTable:
     """The columns that hold anything."""
-    return ReportTable.of((each for each in COLUMNS if any(each.of(row) is not None for row in rows)), rows)
+    table = ReportTable.of((each for each in COLUMNS if any(each.of(row) is not None for row in rows)), rows)
+    return table._replace(spare=("effective mass (kg)", "Δω (rad/s)", "share halfway (%)"))

@@ -81,3 +81,4 @@ __all__ = [
     "squares_of",
     "structured_error",
 ]
+__dir__ = __all__.copy

@@ -35,6 +35,9 @@ Links = tuple[tuple[Fraction, ...], ...]
 class Polynomial(Displayed):
     """Integer coefficients, highest power first, of a polynomial in x = ω²/unit or in λ = −unit/ω²."""
 
+    what = "Characteristic polynomial with integer coefficients, the highest power first"
+    shows = "variable: variable; unit: unit; coefficients: coefficients"
+
     coefficients: tuple[int, ...]
     variable: Variable = "x"
     unit: str = "rad^2/s^2"

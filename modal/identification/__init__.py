@@ -72,3 +72,4 @@ __all__ = [
     "shaped_modes",
     "starts_of",
 ]
+__dir__ = __all__.copy

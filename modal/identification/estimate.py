@@ -35,6 +35,9 @@ INDEFINITE = 1e-9  # of the largest eigenvalue of the correlations: a negative o
 class Estimate(Displayed):
     """Numbers of a `scene` at `places`, written as `paths`, with their `covariance` (p, p) in the scene's units."""
 
+    what = "Estimate of numbers with their covariance"
+    shows = "paths: numbers; stds: standard deviations"
+
     scene: Scene
     places: tuple[Place, ...]
     paths: tuple[str, ...]

@@ -36,6 +36,9 @@ class Undetermined(Displayed):
     `changes` are the relative changes of numbers, by path, for a change of 1 of the held one.
     """
 
+    what = "Numbers that change together without effect"
+    shows = "changes: changes; held: held"
+
     held: str
     changes: dict[str, float]
 
@@ -54,6 +57,12 @@ class Undetermined(Displayed):
 @dataclass(frozen=True, eq=False, repr=False)
 class Determined(Displayed):
     """Which parameters `kept` (indices) are determined when the others, `held`, stay; and why, a direction each."""
+
+    what = "What the data determine"
+    shows = (
+        "kept: numbers that they determine; held: numbers that stay; directions: undetermined directions; condition: "
+        "condition number"
+    )
 
     kept: Ints
     held: Ints

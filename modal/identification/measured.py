@@ -45,6 +45,12 @@ class MeasuredMode(Displayed):
     largest is 1.
     """
 
+    what = "Measured mode"
+    shows = (
+        "number: number in the table; frequency: frequency, Hz; std: ±, Hz; damping_ratio: damping ratio; "
+        "damping_ratio_std: ±; shape: shape"
+    )
+
     number: int
     frequency: float
     std: float
@@ -60,6 +66,9 @@ class MeasuredModes(Displayed):
 
     On a structure (0, k) is that of its `coordinates` with the index k.
     """
+
+    what = "Measured modes"
+    shows = "file: file; modes: modes; components: components of shapes; unused: columns not used"
 
     file: str
     modes: tuple[MeasuredMode, ...]

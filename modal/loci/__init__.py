@@ -11,3 +11,4 @@ from modal.loci.following import Loci, follow_loci, followed_columns, loci_csv, 
 from modal.loci.tracking import CloseApproach
 
 __all__ = ["CloseApproach", "Loci", "follow_loci", "followed_columns", "loci_csv", "loci_text", "span_of"]
+__dir__ = __all__.copy

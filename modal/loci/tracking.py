@@ -155,6 +155,11 @@ class CloseApproach(Displayed):
     after.
     """
 
+    what = "Meeting of two loci"
+    shows = (
+        "kind: kind; loci: loci counted from 0; value: at; omega: ω, rad/s; gap: gap, rad/s; exchange: exchange (MAC)"
+    )
+
     kind: Kind
     loci: Pair
     value: float

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from math import isfinite, log10, nan, pi, radians
+from math import isfinite, nan, pi, radians
 from textwrap import wrap
 
 import numpy as np
@@ -16,7 +16,7 @@ from modal.modes.mode import Mode
 from modal.modes.modes import Modes
 from modal.modes.numbering import fixed_base_masses, on_free_cart
 from modal.modes.rows import moved_by
-from modal.report import NOTHING, full, line_width
+from modal.report import NOTHING, digits, line_width
 from modal.types import Floats
 
 Stds = Mapping[int, tuple[float, float]]
@@ -70,11 +70,8 @@ def _digits(most: int, value: Callable[[Mode], float | None]) -> Callable[[Mode]
     """At most `most` significant digits, and no more than the bound on ω allows."""
 
     def shown(mode: Mode) -> str:
-        number, bound = value(mode), mode.relative_error_bound
-        if number is None or not isfinite(number) or mode.is_uncertain:
-            return NOTHING
-        certain = most if bound == 0 else min(most, max(1, int(-log10(bound))))
-        return f"{number:.{certain}g}"
+        number = value(mode)
+        return NOTHING if number is None or mode.is_uncertain else digits(number, mode.relative_error_bound, most)
 
     return shown
 
@@ -324,21 +321,10 @@ def _asked(modes: Modes, chosen: str, every: Sequence[Column]) -> set[str]:
     return keys
 
 
-def that_fit(
-    columns: Sequence[Column], widths: Sequence[int], most: int | None, kept: frozenset[str] = frozenset()
-) -> tuple[list[int], list[str]]:
-    """The places of the columns that fit into so many, and the headings of those left out, in the order of DROPPED.
-
-    Those whose keys are `kept` stay.
-    """
-    shown, dropped = list(range(len(columns))), list[str]()
-    order = [k for start in DROPPED for k in shown if columns[k].key.startswith(start) and columns[k].key not in kept]
-    for k in dict.fromkeys(order):
-        if most is None or full(widths[k] for k in shown) <= most:
-            break
-        shown.remove(k)
-        dropped.append(columns[k].heading)
-    return shown, dropped
+def spare_headings(columns: Sequence[Column], kept: frozenset[str] = frozenset()) -> list[str]:
+    """Headings of columns for which a narrow terminal has no room, in the order of DROPPED, but for those `kept`."""
+    order = [c.heading for start in DROPPED for c in columns if c.key.startswith(start) and c.key not in kept]
+    return list(dict.fromkeys(order))
 
 
 def _with_stds(stds: Stds) -> list[Column]:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from modal.assembly import Matrices
 from modal.errors import ComputationError, SceneError, meant
-from modal.modes.columns import COLUMNS, Column, Stds, added_by, columns_of, printed, that_fit
+from modal.modes.columns import COLUMNS, Column, Stds, added_by, columns_of, printed, spare_headings
 from modal.modes.dissipation import sharing
 from modal.modes.mode import Mode
 from modal.modes.modes import Modes
@@ -21,7 +21,6 @@ from modal.report import (
     aligned,
     as_json,
     breadth,
-    columns,
     csv_rows,
     finite,
     fits,
@@ -29,10 +28,11 @@ from modal.report import (
     grid,
     headed,
     html,
+    layout,
+    limit,
     listed,
     markdown,
     one_line,
-    widths_of,
 )
 from modal.scene import Scene, describe, title_of
 from modal.scene.doors import checked
@@ -61,6 +61,7 @@ def table(
     chosen: str = "",
     elsewhere: str = "",
     sensitive: bool = False,
+    left: int = 0,
 ) -> str:
     """These rows of `modes` as text, markdown, latex, csv, html or json, as `form` says.
 
@@ -72,7 +73,8 @@ def table(
     Columns that say nothing about the scene are left out, but in csv and json.  Text that does not fit the width in
     force (`modal.report.fitted`) leaves out more and names them, with the sentence `elsewhere` on where they are.
     `chosen` are names of columns to print instead, `all`, or after a + to add; a table of chosen columns leaves out
-    none, it is stacked.  `sensitive` adds the sensitivities of the frequencies to the numbers of the scene.
+    none, it is stacked.  `sensitive` adds the sensitivities of the frequencies to the numbers of the scene.  Text says
+    how many rows are `left` out.
     """
     if form not in (forms := ("text", "csv", "json", *_WRITERS)):
         raise SceneError([f"form {form}: must be one of {', '.join(forms)}{meant(form, forms)}"])
@@ -86,7 +88,9 @@ def table(
     split = stds is not None and any(isnan(stds[row.number][0]) for row in rows if not row.is_uncertain)
     notes = _footnotes(modes, rows, starred) + [SPLIT] * split
     if form == "text":
-        written = _text(modes, shown, cells, notes, chosen, elsewhere)
+        more = limit()
+        below = [f"… {left} more{more.elsewhere if more else ''}"] * bool(left)
+        written = _text(modes, shown, cells, notes, chosen, elsewhere, below)
     else:
         written = _WRITERS[form](modes, shown, cells, notes)
     return written + (_sensitivities(modes, rows, form) if sensitive else "")
@@ -212,19 +216,23 @@ def _align(columns: Sequence[Column]) -> list[str]:
 
 
 def _text(
-    modes: Modes, shown: Sequence[Column], cells: list[list[str]], notes: list[str], chosen: str, elsewhere: str
+    modes: Modes,
+    shown: Sequence[Column],
+    cells: list[list[str]],
+    notes: list[str],
+    chosen: str,
+    elsewhere: str,
+    below: list[str],
 ) -> str:
-    """The columns that fit, the names of those that do not, and the notes."""
-    headings, left = [column.heading for column in shown], list[str]()
-    if not chosen or chosen.startswith("+"):
-        kept, left = that_fit(shown, widths_of(cells, headings), columns(), added_by(modes, chosen, shown))
-        shown, headings = [shown[k] for k in kept], [headings[k] for k in kept]
-        cells = [[row[k] for k in kept] for row in cells]
-    if left:
-        words = f"left out to fit {columns()} columns: {', '.join(left)}"
-        notes = [f"{words}; {elsewhere}" if elsewhere else words, *notes]
-    body = aligned(cells, headings, _align(shown))
-    return "\n".join([headed(title_of(modes.scene)), "", body, "", *map(folded, notes)]).rstrip() + "\n"
+    """The columns that fit with a line `below`, the names of those that do not, and the notes."""
+    headings, added = [column.heading for column in shown], added_by(modes, chosen, shown)
+    spare = spare_headings(shown, added) if added or not chosen else []
+    body, left = layout(cells, headings, _align(shown), spare, elsewhere, whole=True)
+    notes = [*left, *notes]
+    return (
+        "\n".join([headed(title_of(modes.scene)), "", body, *map(folded, below), "", *map(folded, notes)]).rstrip()
+        + "\n"
+    )
 
 
 def _markdown(modes: Modes, columns: Sequence[Column], cells: list[list[str]], notes: list[str]) -> str:

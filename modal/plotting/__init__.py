@@ -144,3 +144,4 @@ __all__ = [
     "tuning_figure",
     "write_film",
 ]
+__dir__ = __all__.copy

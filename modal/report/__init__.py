@@ -35,7 +35,7 @@ from modal.report.escaping import (
     python_text,
     visible,
 )
-from modal.report.fitting import breadth, broken, columns, fits, fitted, folded, padded
+from modal.report.fitting import TABLE_ROWS, Limit, breadth, broken, columns, fits, fitted, folded, limit, padded
 from modal.report.prose import WIDTH, capital, counted, line_width, listed, percent, rad, short, silent, with_unit
 from modal.report.results import Drawable, ReportColumn, ReportTable, Result, TextResult, records_of
 from modal.report.tables import (
@@ -49,6 +49,7 @@ from modal.report.tables import (
     full,
     grid,
     headed,
+    layout,
     titled,
     widths_of,
 )
@@ -57,11 +58,13 @@ __all__ = [
     "HTML_ROWS",
     "LETTERS",
     "NOTHING",
+    "TABLE_ROWS",
     "TEXT_ROWS",
     "WIDTH",
     "Displayed",
     "Drawable",
     "Form",
+    "Limit",
     "ReportColumn",
     "ReportTable",
     "Result",
@@ -94,6 +97,8 @@ __all__ = [
     "html",
     "json_text",
     "latex",
+    "layout",
+    "limit",
     "line_width",
     "listed",
     "markdown",
@@ -116,3 +121,4 @@ __all__ = [
     "widths_of",
     "with_unit",
 ]
+__dir__ = __all__.copy

@@ -8,7 +8,7 @@ colours of its own, so that it suits a light and a dark page.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import MISSING, dataclass, fields, is_dataclass
 from functools import partial
 from importlib import import_module
@@ -147,6 +147,10 @@ class Displayed:
     """
 
     __slots__ = ()
+    what: ClassVar[str] = ""
+    """What it is, in words; its class by default."""
+    shows: ClassVar[str] = ""
+    """What is told of it, as in "omega: ω, rad/s; fold: copies"; its fields by default."""
     __signature__ = _ResultSignature()
     internal: ClassVar[frozenset[str]] = frozenset({"internal"})
 
@@ -199,13 +203,24 @@ def by_column(records: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
 
 
 def summary_of(result: Any) -> Summary:
-    """The fields of a dataclass, of a named tuple, or of nothing."""
+    """What a result `shows`, or the fields of a dataclass, of a named tuple, or of nothing."""
+    if getattr(result, "shows", ""):
+        return Summary(result.what, list(_facts(result)))
     if is_dataclass(result):
         names = [field.name for field in fields(result) if field.repr]
     else:
         names = list(getattr(result, "_fields", ()))
     values = ((name, getattr(result, name)) for name in names if not name.startswith("_"))
     return Summary(type(result).__name__, [(name, brief(value)) for name, value in values if value is not None])
+
+
+def _facts(result: Displayed) -> Iterator[tuple[str, str]]:
+    for words in result.shows.split("; "):
+        name, _, told = words.partition(": ")
+        heading, _, unit = told.partition(", ")
+        value = getattr(result, name)
+        if value is not None and value is not False and not (isinstance(value, Sequence) and not value):
+            yield heading, f"{'' if value is True else brief(value)} {unit}".strip()
 
 
 def brief(value: Any) -> str:

@@ -10,12 +10,24 @@ import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
+from typing import NamedTuple
 from unicodedata import category, east_asian_width
 
+
+class Limit(NamedTuple):
+    """How much of a table is shown: so many rows, and of columns those that fit; `elsewhere` says where the rest is."""
+
+    rows: int
+    elsewhere: str = ""
+
+
+TABLE_ROWS = 12
+"""Rows of a table on a terminal."""
 NARROWEST = 20
 """Columns below which text is as wide as it would be here."""
 _COLUMNS: ContextVar[int | None] = ContextVar("columns", default=None)
 _CHARSET: ContextVar[str | None] = ContextVar("charset", default=None)
+_LIMIT: ContextVar[Limit | None] = ContextVar("limit", default=None)
 _RULE = re.compile(r"\s*([-=])\1+")
 _WORD = re.compile(r"\d\S* %[.,;:)]*(?=\s|$)|\S+")  # a number keeps its sign for per cent
 _HANGING = re.compile(r"\s*(?:[-*] |\S+ {2,})?")
@@ -32,6 +44,11 @@ def columns() -> int | None:
     return _COLUMNS.get()
 
 
+def limit() -> Limit | None:
+    """How much of a table is shown; None for all of it."""
+    return _LIMIT.get()
+
+
 def fits(width: int) -> bool:
     """Whether so many columns are no more than those in force."""
     most = columns()
@@ -39,22 +56,24 @@ def fits(width: int) -> bool:
 
 
 @contextmanager
-def fitted(to: int | None, encoding: str | None = None) -> Iterator[None]:
+def fitted(to: int | None, encoding: str | None = None, most: Limit | None = None) -> Iterator[None]:
     """Make text inside this block fit into so many columns, any number for None.
 
-    With an encoding, letters that it lacks take the columns of their spelling (`modal.report.spelling`).
+    With an encoding, letters that it lacks take the columns of their spelling (`modal.report.spelling`).  Tables are
+    shown as far as `most` says, whole without it.
 
     >>> with fitted(24):
     ...     print(folded("a line of more than twenty columns"))
     a line of more than
     twenty columns
     """
-    tokens = _COLUMNS.set(to and max(to, NARROWEST)), _CHARSET.set(encoding)
+    tokens = _COLUMNS.set(to and max(to, NARROWEST)), _CHARSET.set(encoding), _LIMIT.set(most if to else None)
     try:
         yield
     finally:
         _COLUMNS.reset(tokens[0])
         _CHARSET.reset(tokens[1])
+        _LIMIT.reset(tokens[2])
 
 
 def breadth(text: str) -> int:

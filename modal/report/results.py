@@ -9,6 +9,7 @@ form is written from these, and what shows at the prompt is how the text begins.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import islice
 from operator import attrgetter
@@ -16,13 +17,15 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 from modal.report.display import HTML_ROWS, MOST_LINES, TEXT_ROWS, Displayed, Summary, by_column, deferred, scrolled
 from modal.report.escaping import html, latex, visible
-from modal.report.fitting import fitted, folded
+from modal.report.fitting import TABLE_ROWS, Limit, fitted, folded
 from modal.report.prose import WIDTH
-from modal.report.tables import LEFT, NOTHING, Form, as_csv, as_json, finite, grid, headed, titled
+from modal.report.tables import LEFT, NOTHING, Form, as_csv, as_json, finite, grid, headed, layout, titled
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+SIGNIFICANT = re.compile(r"[-+]?\.(\d+)g")
+DECIMAL = re.compile(r"(?P<sign>[-+]?)(?P<whole>\d+)(?:\.(?P<decimals>\d+))?")
 MOST_TABLES, MOST_WRITTEN = 2, 40
 """Tables of a result in a notebook, and lines of one that is text."""
 
@@ -54,22 +57,56 @@ class ReportColumn(NamedTuple):
             return self.shown(value)
         return NOTHING if finite(value) is None else format(value, self.shown)
 
+    def cells(self, rows: Sequence[Any]) -> list[str]:
+        """The values of these rows in text; of a format with significant digits none is dropped that others show."""
+        written = [self.cell(row) for row in rows]
+        digits = SIGNIFICANT.fullmatch(self.shown) if isinstance(self.shown, str) else None
+        return evened(written, int(digits[1])) if digits else written
+
+
+def evened(numbers: Sequence[str], significant: int) -> list[str]:
+    """Decimal numbers with as many decimals as the one that has most, and with so many significant digits at most.
+
+    >>> evened(["7.18867087", "7.2094781", "12.5", "0", "1e-09"], 9)
+    ['7.18867087', '7.20947810', '12.5000000', '0', '1e-09']
+    """
+    parts = [DECIMAL.fullmatch(number) for number in numbers]
+    most = max((len(part["decimals"] or "") for part in parts if part), default=0)
+
+    def full(number: str, part: re.Match[str] | None) -> str:
+        if part is None or not float(number):
+            return number
+        decimals = part["decimals"] or ""
+        room = min(most - len(decimals), significant - len((part["whole"] + decimals).lstrip("0")))
+        return number if room <= 0 else f"{part['sign']}{part['whole']}.{decimals}{'0' * room}"
+
+    return [full(number, part) for number, part in zip(numbers, parts, strict=True)]
+
 
 class ReportTable(NamedTuple):
-    """Cells of text under headings."""
+    """Cells of text under headings; columns of the `spare` ones are left out first where there is no room for all."""
 
     headings: Sequence[str]
     cells: Sequence[Sequence[str]]
+    spare: Sequence[str] = ()
 
     @classmethod
     def of(cls, columns: Iterable[ReportColumn], rows: Iterable[Any]) -> ReportTable:
         """The columns that have a heading, of these rows."""
-        shown = [column for column in columns if column.heading is not None]
-        return cls([str(column.heading) for column in shown], [[column.cell(row) for column in shown] for row in rows])
+        shown, every = [column for column in columns if column.heading is not None], list(rows)
+        cells = zip(*(column.cells(every) for column in shown), strict=True)
+        return cls([str(column.heading) for column in shown], [list(row) for row in cells])
 
     def written(self, form: str = "text") -> str:
         """The table as text or Markdown; the empty string if it has no rows."""
-        return grid(self.cells, self.headings, form)
+        return grid(self.cells, self.headings, form, self.spare)
+
+    def beginning(self, rows: int) -> tuple[str, int]:
+        """The table as text to the end of these rows, as it is laid out for more, and how many follow."""
+        align = ["left" if heading in LEFT else "right" for heading in self.headings]
+        body, _ = layout(self.cells, self.headings, align, self.spare)
+        lines, hidden = body.split("\n"), min(len(self.cells), TABLE_ROWS) - rows
+        return "\n".join(lines[: -hidden or None] if hidden > 0 else lines), max(len(self.cells) - rows, 0)
 
 
 def records_of(columns: Iterable[ReportColumn], rows: Iterable[Any]) -> list[dict[str, Any]]:
@@ -100,12 +137,12 @@ class TextResult(Displayed):
         return folded("\n".join(map(visible, self.text().rstrip("\n").split("\n")))).split("\n")
 
     def __repr__(self) -> str:
-        with fitted(WIDTH):
+        with fitted(WIDTH, most=Limit(TABLE_ROWS)):
             lines = list(islice(self._lines(), MOST_LINES + 1))
         return "\n".join(lines if len(lines) <= MOST_LINES else [*lines[: MOST_LINES - 1], "…"])
 
     def _repr_html_(self) -> str:
-        with fitted(WIDTH):
+        with fitted(WIDTH, most=Limit(TABLE_ROWS)):
             lines = list(islice(self._lines(), MOST_WRITTEN + 1))
         shown = "\n".join(map(html, lines[:MOST_WRITTEN]))
         return scrolled(f"<pre>{shown}</pre>", "<p>…</p>" * (len(lines) > MOST_WRITTEN))
@@ -183,12 +220,13 @@ class Result(TextResult):
         scene, what = self.titles()
         yield from headed(f"{scene}: {what}").split("\n")
         for part in self.parts():
-            if not (text := _written(part, "text")):
+            text, left = _written(part, "text"), 0
+            if isinstance(part, ReportTable) and len(part.cells) > TEXT_ROWS:
+                text, left = part.beginning(TEXT_ROWS)
+            if not text:
                 continue
             yield ""
-            lines = [line for whole in text.split("\n") for line in folded(visible(whole)).split("\n")]
-            left = len(part.cells) - TEXT_ROWS if isinstance(part, ReportTable) else 0
-            yield from lines[: -left or None] if left > 0 else lines
+            yield from (line for whole in text.split("\n") for line in folded(visible(whole)).split("\n"))
             if left > 0:
                 yield f"… {left} more"
                 return

@@ -7,7 +7,7 @@ from math import isfinite, log10
 from typing import Any, Literal, TypeVar
 
 from modal.report.escaping import csv_rows, json_text, markdown, visible
-from modal.report.fitting import breadth, broken, columns, folded, padded
+from modal.report.fitting import breadth, broken, columns, folded, limit, padded
 
 T = TypeVar("T")
 Form = Literal["text", "csv", "json", "markdown"]
@@ -24,6 +24,8 @@ GAP = 2
 """Blanks between columns."""
 LEAST_WORDS = 12
 """Columns at least of a column of words that is made narrower."""
+MOST_NAMES = 9
+"""Columns that are left out and named."""
 MOST_KEYS = 3
 """Columns at most that name a row, and are repeated in every part of a stacked table."""
 
@@ -41,12 +43,10 @@ def headed(title: str) -> str:
     return "\n".join(broken(visible(title), columns()))
 
 
-def grid(cells: Sequence[Sequence[str]], headings: Sequence[str], form: str = "text") -> str:
+def grid(cells: Sequence[Sequence[str]], headings: Sequence[str], form: str = "text", spare: Sequence[str] = ()) -> str:
     """Cells under headings, text aligned left and numbers right; the empty string if there are no cells.
 
-    The headings of a table of text that is too wide for the columns in force (`fitted`) are broken between words.  One
-    that is still too wide is stacked: its columns follow in several parts below each other, each of which begins with
-    the columns that name a row.
+    In text as `layout` lays it out.
     """
     if not cells:
         return ""
@@ -55,45 +55,92 @@ def grid(cells: Sequence[Sequence[str]], headings: Sequence[str], form: str = "t
         from tabulate import tabulate
 
         return tabulate(cells, headings, tablefmt="github", colalign=align, disable_numparse=True)
-    return aligned(cells, headings, align)
+    return aligned(cells, headings, align, spare)
 
 
-def aligned(cells: Sequence[Sequence[str]], headings: Sequence[str], align: Sequence[str]) -> str:
-    """Cells under headings as text; where they are too wide headings are broken, then the table is stacked.
+def aligned(
+    cells: Sequence[Sequence[str]], headings: Sequence[str], align: Sequence[str], spare: Sequence[str] = ()
+) -> str:
+    """Cells under headings as text, with what is left out of it in lines below (`layout`)."""
+    body, notes = layout(cells, headings, align, spare)
+    return "\n".join([body, *map(folded, notes)])
 
-    Imports nothing: commands start quickly.
+
+def layout(
+    cells: Sequence[Sequence[str]],
+    headings: Sequence[str],
+    align: Sequence[str],
+    spare: Sequence[str] = (),
+    elsewhere: str = "",
+    *,
+    whole: bool = False,
+) -> tuple[str, list[str]]:
+    """A table as text, and notes on what is left out of it.  Imports nothing: commands start quickly.
+
+    The headings of a table that is too wide for the columns in force (`fitted`) are broken between words, then the
+    columns of the `spare` headings are left out, one after the other, as far as it takes; then columns of words are
+    made narrower.  One that is still too wide is stacked: its columns follow in several parts below each other, each of
+    which begins with the columns that name a row.  Where there is a limit, its first part is all, and rows beyond the
+    limit are left out.  `elsewhere`, or the limit, says where columns are that are left out.  The headings stay
+    `whole` as long as there are spare ones.
     """
-    widths, most = widths_of(cells, headings), columns()
-    if most is None or full(widths) <= most:
-        return "\n".join(_lines(cells, headings, align, widths))
-    narrow = widths_of(cells, [max(heading.split(), key=breadth, default="") for heading in headings])
-    if (room := _shrunk(cells, narrow, most)) is not None:
-        return "\n".join(_lines(cells, headings, align, room))
-    keys = _keys(cells, widths, most)
-    limits = _limits(widths, keys, most)
-    parts = (
-        "\n".join(
-            _lines(
-                [[row[k] for k in shown] for row in cells],
-                [headings[k] for k in shown],
-                [align[k] for k in shown],
-                [limits[k] for k in shown],
-            )
-        )
-        for shown in _stacked(limits, keys, most)
-    )
-    return "\n\n".join(parts)
+    most, rest = columns(), limit()
+    total, shown, dropped = len(cells), list(range(len(headings))), list[int]()
+    cells = cells[: rest.rows] if rest else cells
+    order = [list(headings).index(name) for name in spare if name in headings]
+    while (widths := _room(cells, headings, shown, most, (not whole) + 2 * (not order))) is None and order:
+        dropped.append(order.pop(0))
+        shown.remove(dropped[-1])
+    parts = [shown]
+    if widths is None and most is not None:
+        every = widths_of([[row[k] for k in shown] for row in cells], [headings[k] for k in shown])
+        keys = _keys([[row[k] for k in shown] for row in cells], every, most)
+        limits = _limits(every, keys, most)
+        parts = [[shown[k] for k in part] for part in _stacked(limits, keys, most)]
+        widths = dict(zip(shown, limits, strict=True))
+        if rest:
+            dropped += [k for part in parts[1:] for k in part[keys:]]
+            parts = parts[:1]
+    lines = (_lines(*_of(part, cells, headings, align), [(widths or {})[k] for k in part]) for part in parts)
+    notes = [f"… {total - len(cells)} more{rest.elsewhere if rest else ''}"] * (len(cells) < total)
+    if dropped:
+        names = ", ".join(headings[k] for k in dropped[:MOST_NAMES])
+        names += f", … ({len(dropped)} in all)" * (len(dropped) > MOST_NAMES)
+        place = f"; {elsewhere}" if elsewhere else rest.elsewhere if rest else ""
+        notes.append(f"left out to fit {most} columns: {names}{place}")
+    return "\n\n".join(map("\n".join, lines)), notes
+
+
+def _of(
+    part: Sequence[int], cells: Sequence[Sequence[str]], headings: Sequence[str], align: Sequence[str]
+) -> tuple[list[list[str]], list[str], list[str]]:
+    """Some columns of a table."""
+    return [[row[k] for k in part] for row in cells], [headings[k] for k in part], [align[k] for k in part]
+
+
+def _room(
+    cells: Sequence[Sequence[str]], headings: Sequence[str], shown: Sequence[int], most: int | None, means: int
+) -> dict[int, int] | None:
+    """The columns that each column of a table takes, by its place, where all fit; None where they do not.
+
+    The `means` are none (0), headings broken between words (1), columns of words made narrower too (2 and more).
+    """
+    body, heads, _ = _of(shown, cells, headings, headings)
+    widths: list[int] | None = widths_of(body, heads)
+    if most is not None and full(widths or ()) > most:
+        narrow = widths_of(body, [max(head.split(), key=breadth, default="") for head in heads])
+        fits = means == 1 and full(narrow) <= most
+        widths = _shrunk(body, narrow, most) if means > 1 else narrow if fits else None
+    return None if widths is None else dict(zip(shown, widths, strict=True))
 
 
 def _shrunk(cells: Sequence[Sequence[str]], widths: list[int], most: int) -> list[int] | None:
-    """The widths, the widest column of words narrower where that makes them fit; None where it does not."""
-    if (over := full(widths) - most) <= 0:
-        return widths
+    """The widths, columns of words narrower where that makes them fit, the widest first; None where it does not."""
+    narrow = list(widths)
     words = [k for k in range(len(widths)) if any(" " in row[k] for row in cells)]
-    widest = max(words, key=lambda k: widths[k], default=None)
-    if widest is None or widths[widest] - over < LEAST_WORDS:
-        return None
-    return [width - over if k == widest else width for k, width in enumerate(widths)]
+    for k in sorted(words, key=lambda k: -widths[k]):
+        narrow[k] -= min(max(full(narrow) - most, 0), max(narrow[k] - LEAST_WORDS, 0))
+    return narrow if full(narrow) <= most else None
 
 
 def widths_of(cells: Sequence[Sequence[str]], headings: Sequence[str]) -> list[int]:

@@ -44,6 +44,7 @@ SIGNATURES = (
 TEXTS = (
     (r'\A\s*# \{"sha256": "\w*", "multipendula_trajectory"', "run table", "a run"),
     (r'\A\s*# \{"sha256": "\w*", "multipendula_', "run table", "a result saved by multipendula"),
+    (r"\A\s*time_s,(theta|ux)_\d+_\d+(_rad)?,([^\n]*,)?(theta|uz)_dot_\d+_\d+_(rad_)?per_s\b", "run table", "a run"),
     (r"(?s)\A\s*(<\?xml.{0,2000}?)?<svg", "picture", "an SVG picture"),
     (r"(?s)\A\s*(<[?!].{0,2000}?)?<robot\b", "robot", "a robot description (URDF)"),
     (r"(?s)\A\s*(<[?!].{0,2000}?)?<mujoco\b", "robot", "a MuJoCo model (MJCF)"),

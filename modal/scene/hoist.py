@@ -107,6 +107,9 @@ class LengthLaw(Displayed):
     `words` say where a record is not joined by a spline.
     """
 
+    what = "Length as a function of time"
+    shows = "words: given as; knots: knots, s"
+
     knots: Floats
     coefficients: Floats
     words: str = ""

@@ -143,7 +143,7 @@ class Gains(TextResult):
             cells = (f"{w} {share:.2g}" if w == side.verb else w for w, share in zip(words, shares, strict=True))
             fold = [f"{len(side.parts[number])}"] * several
             rows.append([f"{number + 1}", self._rate(number), *fold, f"{side.copies[number]}", *cells])
-        return aligned(rows, headings, ["right"] * len(headings))
+        return aligned(rows, headings, ["right"] * len(headings), ["multiplicity"])
 
 
 @checked

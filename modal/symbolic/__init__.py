@@ -39,3 +39,4 @@ __all__ = [
     "typeset",
     "vanishes",
 ]
+__dir__ = __all__.copy

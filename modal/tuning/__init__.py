@@ -39,3 +39,4 @@ __all__ = [
     "tuned_record",
     "tuned_text",
 ]
+__dir__ = __all__.copy

@@ -60,6 +60,12 @@ class Absorber(Displayed):
     pendulum's own frequency over it and its own damping ratio; `alone` where the rest has one coordinate.
     """
 
+    what = "Pendulum as an absorber"
+    shows = (
+        "pendulum: pendulum; mu: mass ratio μ; omega: ω of the mode, rad/s; damping_ratio: damping ratio of the mode;"
+        " f: tuning; zeta: damping ratio of the absorber"
+    )
+
     pendulum: int
     mu: float
     omega: float

@@ -39,6 +39,9 @@ SOURCE = "support_acceleration"
 class Quantity(Displayed):
     """A quantity of a scene, of `output` for `input` where it is a peak or an RMS; `weight` among several."""
 
+    what = "Quantity of a scene"
+    shows = "name: name; weight: weight"
+
     kind: str
     output: str = ""
     input: str = ""
@@ -96,6 +99,9 @@ def parse_quantity(text: str) -> Quantity:
 class Limit(Displayed):
     """The most that a quantity may be."""
 
+    what = "Limit of a quantity"
+    shows = "quantity: quantity; most: at most"
+
     quantity: Quantity
     most: float
 
@@ -136,6 +142,9 @@ class FreeNumber(Displayed):
 
     `start` is the scene's own number, or where that is 0 one from which a search can begin.
     """
+
+    what = "Free number"
+    shows = "place: place; start: start; low: from; high: to; unit_name: unit"
 
     place: Place
     value: float

@@ -283,4 +283,4 @@ def _rules_table(tuned: Tuned) -> str:
             )
         else:
             notes = ["Den Hartog's rule beside several carriers is for the mode nearest to the pendulum alone."]
-    return "\n\n".join([grid(rows, headings), *notes])
+    return "\n\n".join([grid(rows, headings, spare=["unit"]), *notes])

@@ -33,13 +33,16 @@ def table(options: argparse.Namespace) -> None:
     """Print the table of modes."""
     from modal.errors import SceneError
     from modal.modes import tables
+    from modal.report import limit
 
     if options.places:
         _list_places(options)
         return
     if options.shapes and options.format != "json":
         raise SceneError(["--shapes: needs --format json"])
-    modes, numbers = _modes(options, options.relative_error)
+    modes, every = _modes(options, options.relative_error)
+    rest = limit() if options.format == "text" and options.output is None else None
+    numbers = every[: rest.rows] if rest else every
     stds = _stds(modes, numbers, options.covariance)
     rows = list(_with_progress(modes.rows(numbers), len(numbers)))
     starred = f"{tables.GUIDE} (`--orbits` computes it)"
@@ -47,7 +50,12 @@ def table(options: argparse.Namespace) -> None:
         rows, starred = _by_orbits(modes, rows)
     with output(options.output) as write:
         more = {"shapes": options.shapes, "starred": starred, "amplitude_deg": options.amplitude, "stds": stds}
-        more |= {"chosen": options.columns or "", "elsewhere": ELSEWHERE, "sensitive": options.sensitivities}
+        more |= {
+            "chosen": options.columns or "",
+            "elsewhere": ELSEWHERE,
+            "sensitive": options.sensitivities,
+            "left": len(every) - len(numbers),
+        }
         write(tables.table(modes, rows, options.format, **more))
     if options.explain:
         from modal.modes.solution_report import report_solution

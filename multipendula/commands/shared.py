@@ -6,7 +6,8 @@ import argparse
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
-from io import BytesIO
+from io import BytesIO, StringIO
+from itertools import takewhile
 from typing import IO, TYPE_CHECKING
 
 from multipendula.options import FILMS, PICTURES, endings
@@ -36,18 +37,30 @@ def output(path: str | None) -> Iterator[Callable[[str], object]]:
         yield getattr(sys.stdout, "output", sys.stdout).write
         return
     with fitted(None), whole_file(path) as stream:
-        texts: list[str] = []
-        yield texts.append
-        stream.write(encoded(path, "".join(texts)))
+        text = StringIO()
+        yield text.write
+        stream.write(encoded(path, text.getvalue()))
 
 
-def encoded(name: str, text: str) -> bytes:
-    """Text as the bytes of a file of this name: the columns of CSV where it is a MAT file."""
-    if not name.lower().endswith(".mat"):
+def encoded(path: str, text: str) -> bytes:
+    """Text as the bytes of a file of this name, the columns of CSV where it is a MAT file.
+
+    Comments at the beginning of a CSV are written to a record beside it, FILE.csv.json.
+    """
+    if path.lower().endswith(".mat"):
+        from modal.exports.scripts import columns_of_csv, write_columns
+
+        return write_columns(columns_of_csv(text))
+    lines = text.splitlines(keepends=True)
+    notes = list(takewhile(lambda line: line.startswith("#"), lines))
+    if not notes or not path.lower().endswith(".csv"):
         return text.encode()
-    from modal.exports.scripts import columns_of_csv, write_columns
+    from modal.report import as_json
+    from modal.scene import whole_file
 
-    return write_columns(columns_of_csv(text))
+    with whole_file(f"{path}.json") as stream:
+        stream.write(as_json({"notes": [note.removeprefix("# ").rstrip("\n") for note in notes]}).encode())
+    return "".join(lines[len(notes) :]).encode()
 
 
 def write_together(contents: Mapping[str | None, bytes]) -> None:

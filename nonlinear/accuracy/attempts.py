@@ -76,6 +76,9 @@ class TriedRun:
 class Goal(Displayed):
     """A requested motion and its accuracy (rad)."""
 
+    what = "Motion and the accuracy asked for"
+    shows = "request: motion; accuracy: accuracy, rad"
+
     request: Request
     accuracy: float
 

@@ -46,6 +46,9 @@ class Question(Displayed):
     `report` is called with the share of each run that is done.
     """
 
+    what = "Motion by which methods are compared"
+    shows = "scene: scene; times: times; patience: longest run, s"
+
     scene: Scene
     start: State
     times: Floats

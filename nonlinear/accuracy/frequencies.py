@@ -43,6 +43,9 @@ NOTES = (
 class FrequencyRow(Displayed):
     """One way to all frequencies: its route, median seconds, the bound that it states (NaN: none), the true error."""
 
+    what = "One way to all frequencies"
+    shows = "way: way; route: route; seconds: time, s; bound: stated bound; error: error"
+
     way: str
     route: str
     seconds: float

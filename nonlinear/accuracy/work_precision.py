@@ -58,6 +58,12 @@ class WorkPrecisionRow(Displayed):
     whose losses are not computed).  For a Taylor method `calls` counts its series.
     """
 
+    what = "One method for a motion"
+    shows = (
+        "candidate: method; seconds: time, s; prepared: preparation, s; calls: derivatives; error: error, rad; drift:"
+        " energy drift"
+    )
+
     candidate: Candidate
     prepared: float
     seconds: float

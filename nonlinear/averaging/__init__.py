@@ -62,3 +62,4 @@ __all__ = [
     "settle",
     "swinging",
 ]
+__dir__ = __all__.copy

@@ -50,6 +50,9 @@ class RelativeEquilibrium(Displayed):
     is the size of Re z*ᵀJz/|z|² (1/s), the rate at which the overall amplitude changes by itself.
     """
 
+    what = "Motion of constant shape, by averaged equations"
+    shows = "turning: rotation rates, rad/s; rates: growth rates, 1/s; z: amplitudes"
+
     averaged: AveragedEquations
     z: Complexes
     turning: Floats

@@ -40,6 +40,9 @@ class Prediction(Displayed):
     start, ASIDE in relative amplitude, to which everything else refers.
     """
 
+    what = "Slow motion as averaged equations predict it"
+    shows = "ending: ends in; motion: motion; neighbours: neighbours; unstable: unstable equilibria on the way"
+
     averaged: AveragedEquations
     start: State
     unstable: RelativeEquilibrium | None

@@ -33,3 +33,4 @@ __all__ = [
     "usual_duration",
     "validate_duration",
 ]
+__dir__ = __all__.copy

@@ -29,6 +29,9 @@ WIDEST, SHARE = 0.5, 0.9
 class Case(Displayed):
     """A scene of a study, its series and its position in it (None: the reference of the others)."""
 
+    what = "Scene of a study"
+    shows = "series: series; at: position; scene: scene"
+
     series: str
     at: float | None
     scene: Scene

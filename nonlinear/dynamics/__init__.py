@@ -82,3 +82,4 @@ __all__ = [
     "undisturbed",
     "vectors",
 ]
+__dir__ = __all__.copy

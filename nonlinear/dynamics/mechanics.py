@@ -81,6 +81,9 @@ class Mechanics(Displayed):
     the laboratory.
     """
 
+    what = "Positions, energies and momenta, computed when asked for"
+    shows = "system: system; times: times, s"
+
     system: System
     motion: Motion
     times: Floats | None = None
@@ -272,6 +275,9 @@ class Reactions(Displayed):
     `pivots` (T, L, d): the force on each link from above at its upper joint, along the rail and down (in space along,
     across and down).  `tops` (L,) marks the links that hang from the support.
     """
+
+    what = "Reaction forces (N)"
+    shows = "normal: on the rail; pivots: at pivots; tops: at the tops of links"
 
     normal: Floats
     pivots: Floats

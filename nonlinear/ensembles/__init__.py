@@ -59,3 +59,4 @@ __all__ = [
     "times_of",
     "validate_measures",
 ]
+__dir__ = __all__.copy

@@ -38,6 +38,9 @@ class Attractor(Displayed):
     of the drives.
     """
 
+    what = "Attractor"
+    shows = "period: period in drives; turns: turns of links; largest_angle_deg: largest angle, °"
+
     period: int
     turns: tuple[int, ...]
     largest_angle_deg: float

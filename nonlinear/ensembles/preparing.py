@@ -40,6 +40,9 @@ class CompiledCode(Displayed):
     the scene, `why_not` says so, and the action is "".
     """
 
+    what = "Code for an engine"
+    shows = "runs: runs; engine: engine; action: action; seconds: time, s; kept_in: kept in; why_not: why not"
+
     runs: str
     engine: str
     action: str = ""

@@ -29,3 +29,4 @@ __all__ = [
     "read_recording",
     "turning_points",
 ]
+__dir__ = __all__.copy

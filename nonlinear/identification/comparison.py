@@ -33,6 +33,9 @@ class ComparedLaw(Displayed):
     Information criteria count as many values as the residuals' autocorrelation leaves independent.
     """
 
+    what = "Law of damping, fitted"
+    shows = "name: law; aic: AIC; bic: BIC; held_out_rms: RMS of what was not fitted, rad"
+
     name: str
     fit: Fit
     aic: float

@@ -77,6 +77,9 @@ class Segment(Displayed):
     be its continuation.
     """
 
+    what = "Motion recorded in one go"
+    shows = "file: file; name: name; times: times, s; values: readings"
+
     file: str
     name: str
     times: Floats
@@ -95,6 +98,9 @@ class Recording(Displayed):
 
     `continued` are the names of sensors whose jumps by a turn were taken out.
     """
+
+    what = "Recorded motions"
+    shows = "segments: segments; sensors: sensors; unused: columns not used"
 
     sensors: tuple[Sensor, ...]
     segments: tuple[Segment, ...]

@@ -78,3 +78,4 @@ __all__ = [
     "validate_observable",
     "validate_whole",
 ]
+__dir__ = __all__.copy

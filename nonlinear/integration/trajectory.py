@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from modal.report import HTML_ROWS, Displayed, Summary, counted, deferred, tabulated
+from modal.report import HTML_ROWS, Displayed, Summary, TextResult, counted, deferred, tabulated
 from modal.scene import Scene, name_of
 from modal.types import Floats
 from nonlinear.dynamics import Mechanics
@@ -59,7 +59,7 @@ class SolverInfo(Displayed):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Trajectory(Displayed):
+class Trajectory(TextResult):
     """A scene's motion at `times` (T,) in s, the events on the way, and how it was computed.
 
     `kicks` are those of escapements, `friction` tells what dry friction did; `driven` tells whether anything acted from
@@ -82,6 +82,12 @@ class Trajectory(Displayed):
     friction: Friction = NO_FRICTION
     driven: bool = False
     equations: Equations | None = field(default=None, repr=False)
+    writer = "nonlinear.postprocessing.summary:text"
+    _title, _repr_html_ = Displayed._title, Displayed._repr_html_
+
+    def __repr__(self) -> str:
+        quick = len(self.times) * self.system.n_links <= QUICKLY
+        return super().__repr__() if quick else Displayed.__repr__(self)
 
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "equations": None}
@@ -166,12 +172,12 @@ class Trajectory(Displayed):
         return self.run.drift
 
     def to_dict(self) -> dict[str, Floats]:
-        """Time, angles, rates, the cart and the work (T,), by the names of the columns of a CSV file.
+        """Time, angles, rates, a cart and the work where something does any (T,), by the names of the columns of a CSV.
 
         >>> from modal import load
         >>> from nonlinear import simulate
         >>> list(simulate(load("chain-1"), 1.0, output=5).to_dict())
-        ['time_s', 'theta_1_1_rad', 'theta_dot_1_1_rad_per_s', 'x_m', 'x_dot_m_per_s', 'work_J']
+        ['time_s', 'theta_1_1_rad', 'theta_dot_1_1_rad_per_s']
         """
         columns: dict[str, Floats] = deferred("nonlinear.files:columns_of")(self)
         return columns

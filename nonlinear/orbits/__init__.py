@@ -72,3 +72,4 @@ __all__ = [
     "require_cycles",
     "require_forced",
 ]
+__dir__ = __all__.copy

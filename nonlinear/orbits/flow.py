@@ -84,6 +84,9 @@ class Flow(Displayed):
     With a `change` of its numbers V has a last column, the change of y with them.
     """
 
+    what = "Flow of a system"
+    shows = "system: system; tolerance: tolerance"
+
     system: System
     tolerance: float = 1e-12
     force: Force | None = None

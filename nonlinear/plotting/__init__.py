@@ -66,3 +66,4 @@ __all__ = [
     "tradeoff_figure",
     "validate_axes",
 ]
+__dir__ = __all__.copy

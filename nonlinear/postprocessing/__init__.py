@@ -39,3 +39,4 @@ __all__ = [
     "smooth",
     "words_of",
 ]
+__dir__ = __all__.copy

@@ -44,3 +44,4 @@ __all__ = [
     "survey_modes",
     "usual_start",
 ]
+__dir__ = __all__.copy

@@ -42,6 +42,9 @@ class ModalMotion(Displayed):
     no angle).  `displacement` q and `velocity` v (T, n) are the whole motion about equilibrium, `shapes` (n, C) the φ.
     """
 
+    what = "Modal coordinates of a motion"
+    shows = "number: modes counted from 0; coordinate: coordinates; rate: rates"
+
     modes: Modes
     matrices: Matrices
     number: Ints

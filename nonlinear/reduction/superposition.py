@@ -127,6 +127,9 @@ class Superposition(Displayed):
     These are the plane itself, or for a scene in space the one along the rail and the one across it.
     """
 
+    what = "Motion by modes in closed form"
+    shows = "scene: scene; planes: vertical planes"
+
     scene: Scene
     planes: tuple[Flat, ...]
 

@@ -37,3 +37,4 @@ __all__ = [
     "sweep",
     "sweep_text",
 ]
+__dir__ = __all__.copy

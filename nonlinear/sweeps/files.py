@@ -1,7 +1,8 @@
 """Sweeps on disk: NPZ has every number over the grid, CSV one row per point for other programs, JSON both and more.
 
-Both begin with a header in JSON: the scene, the variations, the measures and the points that failed.  A column of
-an axis is named by its path and unit.  Both carry a checksum, and a file that has been altered is refused.
+Both have a header in JSON, that of a CSV in a file beside it: the scene, the variations, the measures and the points
+that failed.  A column of an axis is named by its path and unit.  Both carry a checksum, and a file that has been
+altered is refused.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from modal.scene import kind_of, whole_file
 from modal.scene.sealed import index, reading, require_keys
 from modal.types import Floats
 from modal.vibration import KINDS as STABILITY
-from nonlinear.files import as_csv, as_npz, checked_kind, from_csv, from_npz
+from nonlinear.files import as_npz, checked_kind, from_csv, from_npz, write_csv
 from nonlinear.sweeps.running import Sweep
 from nonlinear.sweeps.study import Row, Study, study_from
 
@@ -29,7 +30,10 @@ KINDS = ("npz", "csv", "json")
 
 def save(sweep: Sweep, path: str | os.PathLike[str]) -> None:
     """Write a .npz, .csv or .json file atomically; SceneError for any other file name."""
-    content = {"npz": _npz, "csv": _csv, "json": _json}[kind_of(path, KINDS)](sweep)
+    if (kind := kind_of(path, KINDS)) == "csv":
+        write_csv(path, _header(sweep), _rows(sweep))
+        return
+    content = _npz(sweep) if kind == "npz" else _json(sweep)
     with whole_file(path) as stream:
         stream.write(content)
 
@@ -108,12 +112,12 @@ def _read_npz(name: str) -> Sweep:
 # ---------------------------------------------------------------------------------------------------------- CSV
 
 
-def _csv(sweep: Sweep) -> bytes:
+def _rows(sweep: Sweep) -> list[list[Any]]:
     rows: list[list[Any]] = [[*(variation.column for variation in sweep.study.variations), *sweep.columns, REASON]]
     for row in sweep.rows:
         numbers = [row.numbers.get(name, np.nan) for name in sweep.columns]
         rows.append([*sweep.study.point(row.index).values(), *numbers, row.reason])
-    return as_csv(_header(sweep), rows)
+    return rows
 
 
 def _read_csv(name: str) -> Sweep:

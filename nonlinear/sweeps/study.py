@@ -52,6 +52,9 @@ class Study(Displayed):
     (`measured_at`).
     """
 
+    what = "Sweep over numbers of a scene"
+    shows = "scene: scene; variations: along; shape: points"
+
     scene: Scene
     variations: tuple[Variation, ...]
     measures: tuple[RequestedMeasure, ...]

@@ -49,3 +49,4 @@ __all__ = [
     "sync_text",
     "theory_of_scene",
 ]
+__dir__ = __all__.copy

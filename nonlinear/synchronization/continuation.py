@@ -67,6 +67,9 @@ class Change:
 class EquilibriumBranch(Displayed):
     """One configuration at K ascending values: those of the variation within its range and others between."""
 
+    what = "Configuration along a number"
+    shows = "variation: along; values: values; states: states"
+
     variation: Variation
     values: Floats
     states: tuple[RelativeEquilibrium, ...]

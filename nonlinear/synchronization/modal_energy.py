@@ -54,6 +54,9 @@ class Survival(Displayed):
     √(mean η'²/mean η²) in the last quarter of the run.
     """
 
+    what = "Energies of modes over time"
+    shows = "scene: scene; times: times, s; row: modes; energy: energies, J"
+
     scene: Scene
     times: Floats
     modes: Modes

@@ -99,3 +99,4 @@ __all__ = [
     "velocities",
     "with_prescribed",
 ]
+__dir__ = __all__.copy

@@ -42,6 +42,9 @@ class Numbers(Displayed):
     and `switching`, those of escapements and dry friction (`nonlinear.integration.switches`), empty without them.
     """
 
+    what = "Numbers of members with the form of one system"
+    shows = "system: system; entries: numbers that differ"
+
     system: System
     entries: tuple[Any, ...]
     prescribed: tuple[Any, ...] = ()

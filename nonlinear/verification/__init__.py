@@ -24,3 +24,4 @@ __all__ = [
     "compare",
     "comparison_table",
 ]
+__dir__ = __all__.copy

@@ -142,6 +142,9 @@ class ModeCheck(Displayed):
     periodic orbits of the mode without dampers, in scenes of up to MOST_LINKS links.
     """
 
+    what = "Mode of the table against simulation"
+    shows = "mode: mode; one_percent_deg: 1 % off at, °"
+
     mode: Mode
     measurements: tuple[Measurement, ...]
     one_percent_deg: float

@@ -34,6 +34,9 @@ class ModeInMotion(Displayed):
     `note` says why there are no lines.
     """
 
+    what = "Mode in a motion"
+    shows = "mode: mode; largest: largest, rad; share: share of the energy; lines: lines; note: note"
+
     mode: Mode
     copy: int
     largest: float

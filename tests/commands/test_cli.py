@@ -198,7 +198,7 @@ def test_no_more_digits_are_shown_than_the_bound_leaves(capsys: pytest.CaptureFi
     modes = natural_modes(load("chain-2"))
     rough = with_spectrum(modes, replace(modes.spectrum, error=np.array([2e-4, 1e-15])))
     cells = [line.split()[1] for line in tables.table(rough, list(rough), "text").splitlines()[4:6]]
-    assert cells == [f"{modes.omega[0]:.3g}", f"{modes.omega[1]:.9g}"]
+    assert cells == [f"{modes.omega[0]:#.3g}", f"{modes.omega[1]:#.9g}"]
 
 
 @pytest.mark.skipif(os.name == "nt", reason="POSIX shell")

@@ -62,6 +62,11 @@ def test_travel_is_that_of_the_package(capsys: pytest.CaptureFixture[str], small
     ]
     comments = [line for line in printed(capsys, *words, "csv").splitlines() if line.startswith("# residual swing")]
     assert len(comments) == 4
+    target = small.with_name("along.csv")
+    assert printed(capsys, *words[:-1], "-o", str(target)) == ""
+    notes = json.loads(target.with_name("along.csv.json").read_text(encoding="utf-8"))["notes"]
+    assert target.read_text(encoding="utf-8").startswith("time_s,")
+    assert [f"# {note}" for note in notes] == comments
 
 
 def test_pictures_are_written_in_both_themes(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:

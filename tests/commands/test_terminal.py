@@ -117,9 +117,22 @@ def test_chosen_columns_are_stacked_and_none_is_lost(printed: Printed) -> None:
     assert narrow.count("\nmode ") > 3
 
 
-def test_a_stacked_table_has_every_number(printed: Printed) -> None:
+def test_a_terminal_shows_one_table_and_names_what_is_left_out(printed: Printed) -> None:
     whole, narrow = (printed("response paper-cart-3 --gains", columns) for columns in (None, 40))
-    assert sorted(set(whole.split())) == sorted(set(narrow.split()))
+    assert [text.count("ω (rad/s)") for text in (whole, narrow)] == [2, 2]
+    assert "left out to fit 40 columns: multiplicity, theta_1_1, theta_1_2" in " ".join(narrow.split())
+    assert "left out" not in whole
+
+
+def test_a_terminal_shows_twelve_rows_unless_more_are_asked_for(printed: Printed) -> None:
+    def rows(call: str, columns: int | None = 80) -> int:
+        text = printed(f"table thousand-pendula{call}", columns)
+        return sum(line.lstrip()[:1].isdigit() for line in text.split("\n"))
+
+    assert "\n… 989 more; --format text or a pipe shows all\n" in printed("table thousand-pendula", 80)
+    assert rows("") == 12
+    assert rows(" --modes 1:30") == 30
+    assert rows(" --format text") == rows("", None) == 1001
 
 
 def test_columns_that_are_added_stay(printed: Printed) -> None:

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 import sweep_measures
 from amounts import usually
-from forged import forged
+from forged import forged, with_record
 
 from modal import SceneError, load
 from modal.exports.data import read_json, read_npz, write_json, write_npz
@@ -88,7 +88,9 @@ def changed(content: bytes) -> Iterator[bytes]:
 def test_a_changed_file_is_refused_in_one_line(kind: str, files: Files, tmp_path: Path) -> None:
     good, read = files[kind]
     read(good)
-    path = tmp_path / kind
+    path, beside = tmp_path / kind, good.with_name(f"{kind}.json")
+    if beside.exists():
+        (tmp_path / beside.name).write_bytes(beside.read_bytes())
     for content in changed(good.read_bytes()):
         path.write_bytes(content)
         with pytest.raises(SceneError) as caught:
@@ -228,9 +230,9 @@ def test_what_nobody_wrote_is_refused(
 ) -> None:
     good, read = files[kind]
     path = tmp_path / kind
-    path.write_bytes(_header(good.read_bytes(), lambda header: None))
+    path.write_bytes(_header(with_record(good), lambda header: None))
     read(path)
-    path.write_bytes(_header(good.read_bytes(), edit))
+    path.write_bytes(_header(with_record(good), edit))
     with pytest.raises(SceneError, match="saved by this version of multipendula"):
         read(path)
 
@@ -247,7 +249,7 @@ def test_alien_arrays_and_other_axes_are_refused(files: Files, tmp_path: Path) -
 
 def test_other_programs_read_them_still(files: Files) -> None:
     run = recordings.load(files["run.csv"][0])
-    table = np.loadtxt(files["run.csv"][0], delimiter=",", skiprows=2)
+    table = np.loadtxt(files["run.csv"][0], delimiter=",", skiprows=1)
     assert np.array_equal(table[:, 0], run.times)
     with np.load(files["run.npz"][0]) as data:
         assert np.array_equal(data["links"], run.motion.links)
@@ -257,10 +259,10 @@ def test_other_programs_read_them_still(files: Files) -> None:
 def test_the_command_says_so_and_leaves_with_2(
     files: Files, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    content = files["run.csv"][0].read_bytes()
+    content = with_record(files["run.csv"][0])
     for words, damaged in (
         ("is damaged", content[:-1]),
-        ("is incomplete, or is not a trajectory", content[40:]),
+        ("has no record: run.csv.json must stand beside it", content[40:]),
     ):
         (tmp_path / "run.csv").write_bytes(damaged)
         assert main(["simulate", str(tmp_path / "run.csv")]) == 2

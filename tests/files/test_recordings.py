@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from forged import forged
+from forged import forged, with_record
 
 import modal
 from modal import Scene, SceneError
@@ -53,10 +53,10 @@ def test_events_are_saved(tmp_path: Path) -> None:
 
 def test_csv_columns_carry_units(tmp_path: Path) -> None:
     recordings.save(short_run("paper-cart-1"), tmp_path / "run.csv")
-    header, names, *rows = (tmp_path / "run.csv").read_text().splitlines()
-    assert json.loads(header[2:])["scene"]["gravity"] == 9.81
+    names, *rows = (tmp_path / "run.csv").read_text().splitlines()
+    assert json.loads((tmp_path / "run.csv.json").read_text())["scene"]["gravity"] == 9.81
     assert names.split(",")[:3] == ["time_s", "theta_1_1_rad", "theta_1_2_rad"]
-    assert names.endswith("theta_dot_1_2_rad_per_s,x_m,x_dot_m_per_s,work_J")
+    assert names.endswith("theta_dot_1_2_rad_per_s,x_m,x_dot_m_per_s")
     assert len(rows) == 11
 
 
@@ -72,7 +72,7 @@ def broken(tmp_path: Path) -> dict[str, Path]:
     made = {kind: tmp_path / f"good.{kind}" for kind in ("npz", "csv")}
     for path in made.values():
         recordings.save(short_run("chain-2"), path)
-    text, data = made["csv"].read_text(), dict(np.load(made["npz"]))
+    text, data = with_record(made["csv"]).decode(), dict(np.load(made["npz"]))
     files = {
         "missing.npz": None,
         "empty.npz": b"",
@@ -111,14 +111,14 @@ def test_anything_else_is_refused_in_one_line(tmp_path: Path) -> None:
 
 def test_a_bad_scene_in_the_header_is_named(tmp_path: Path) -> None:
     recordings.save(short_run("chain-2"), tmp_path / "run.csv")
-    text = (tmp_path / "run.csv").read_text().replace('"gravity": 9.81', '"gravity": -1.0')
+    text = with_record(tmp_path / "run.csv").decode().replace('"gravity": 9.81', '"gravity": -1.0')
     (tmp_path / "run.csv").write_bytes(forged(text.encode()))
     with pytest.raises(SceneError, match=r"run.csv: gravity = -1.0: must be"):
         recordings.load(tmp_path / "run.csv")
 
 
 def test_a_name_of_no_known_kind_is_refused_before_anything_is_written(tmp_path: Path) -> None:
-    with pytest.raises(SceneError, match=r"the name must end in \.npz or \.csv"):
+    with pytest.raises(SceneError, match=r"the name must end in \.npz, \.csv or \.mat"):
         recordings.save(short_run("chain-2"), tmp_path / "run.json")
     assert not list(tmp_path.iterdir())
 
@@ -130,3 +130,28 @@ def test_no_scene_of_the_plane_is_read_as_one_of_space(tmp_path: Path) -> None:
     recordings.save(lied, tmp_path / "run.npz")
     with pytest.raises(SceneError, match="is not a trajectory"):
         recordings.load(tmp_path / "run.npz")
+
+
+def test_a_csv_is_a_plain_table_with_its_record_beside_it(tmp_path: Path) -> None:
+    """The first line names columns; files with the record on their first line are read too, a table alone is not."""
+    for name in ("chain-1", "paper-cart-1", "tower"):
+        saved, path = short_run(name), tmp_path / f"{name}.csv"
+        recordings.save(saved, path)
+        table = np.genfromtxt(path, delimiter=",", names=True, deletechars="")
+        assert list(table.dtype.names or ()) == list(saved.to_dict())
+        assert all(np.any(table[column]) for column in saved.to_dict() if column != "work_J")
+        (tmp_path / "before.csv").write_bytes(with_record(path))
+        for written in (path, tmp_path / "before.csv"):
+            read = recordings.load(written)
+            assert all(np.array_equal(column, read.to_dict()[key]) for key, column in saved.to_dict().items())
+        path.with_name(f"{path.name}.json").unlink()
+        with pytest.raises(SceneError, match=rf"{name}\.csv: has no record: {name}\.csv\.json must stand beside it"):
+            recordings.load(path)
+
+
+@pytest.mark.parametrize("name", ["run.csv", "cart.csv"])
+def test_files_of_earlier_are_read(name: str) -> None:
+    """Saved before, with the record on the first line and a column for a cart on every support."""
+    read = recordings.load(Path(__file__).parent / "written" / name)
+    assert read.to_dict()["theta_1_1_rad"][0] == pytest.approx(np.radians(read.scene.pendulum[0].start.angles_deg[0]))
+    assert {"x_m"} & {*read.to_dict()} == ({"x_m"} if name == "cart.csv" else set())

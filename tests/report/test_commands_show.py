@@ -37,7 +37,7 @@ from nonlinear.ensembles import (
 )
 from nonlinear.identification import Recording, Segment, Sensor, fit
 from nonlinear.orbits import nonlinear_mode
-from nonlinear.simulation import simulate
+from nonlinear.simulation import advise, simulate
 from nonlinear.sweeps import Study, find_spread, parse_measures, sweep
 from nonlinear.synchronization import SynchronizationStudy, follow_branches, phases_of
 from nonlinear.verification import check, compare
@@ -139,6 +139,14 @@ SHOWN: dict[str, tuple[str, Callable[[], Any]]] = {
         lambda: lyapunov_exponent(modal.load("chain-2"), 7.0, ensemble=2),
     ),
     "chaos paper:001": ("nonlinear.chaos:measure", finding),
+    "simulate chain-2 --duration 2": (
+        "nonlinear.simulation:simulate",
+        lambda: simulate(modal.load("chain-2"), 2.0),
+    ),
+    "advise chain-1 --accuracy 1e-2 --duration 1": (
+        "nonlinear.simulation:advise",
+        lambda: advise(modal.load("chain-1"), 1.0, accuracy=1e-2),
+    ),
     "tradeoff chain-1 --linear": (
         "nonlinear.accuracy:measure_frequencies",
         lambda: measure_frequencies(modal.load("chain-1")),

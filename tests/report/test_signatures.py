@@ -7,6 +7,7 @@ import pkgutil
 import re
 from collections.abc import Callable, Iterator
 from importlib import import_module
+from types import ModuleType
 from typing import Any, get_origin
 
 import numpy as np
@@ -14,19 +15,23 @@ import pytest
 
 import modal
 import nonlinear
-from modal import Bob, Pendulum, Scene, load, natural_modes
-from modal.report import silent
+from modal import Bob, Pendulum, Scene, exports, load, natural_modes
+from modal.report import Displayed, silent
 from nonlinear import simulate
 
 OBJECT = re.compile(r" at 0x|<factory>|<lambda>|<object|\n|\*\*data")
 """What no signature shows: a default without words, or several lines of one."""
 
 
+def rooms() -> list[ModuleType]:
+    """Both packages with what is in them."""
+    names = [f"{p.__name__}.{room.name}" for p in (modal, nonlinear) for room in pkgutil.iter_modules(p.__path__)]
+    return [modal, nonlinear, *(import_module(name) for name in names if "._" not in name)]
+
+
 def callables() -> Iterator[tuple[str, Callable[..., Any]]]:
     """Every public function and class, with the public functions of each class; no alias of a type."""
-    packages = [f"{p.__name__}.{room.name}" for p in (modal, nonlinear) for room in pkgutil.iter_modules(p.__path__)]
-    rooms = [modal, nonlinear, *(import_module(name) for name in packages if "._" not in name)]
-    for room in rooms:
+    for room in rooms():
         for name in getattr(room, "__all__", ()):
             thing = getattr(room, name)
             if not callable(thing) or get_origin(thing) is not None:
@@ -71,6 +76,10 @@ def test_a_default_that_is_made_is_shown_as_it_is_made() -> None:
 def test_completion_offers_what_is_public() -> None:
     assert {*modal.__all__, "tune"} == set(dir(modal))
     assert set(nonlinear.__all__) == set(dir(nonlinear))
+    packages = [room for room in rooms() if hasattr(room, "__path__")]
+    later = {"modal": {"tune"}, "modal.exports": {*exports.LATER}}
+    assert len(packages) > 30
+    assert all({*dir(room)} == {*room.__all__} | later.get(room.__name__, set()) for room in packages)
     modes = natural_modes(load("paper-cart-2"))
     assert {"omega", "frequency", "shape", "plot", "table", "to_dict"} <= set(dir(modes))
     assert not {"rig", "short", "limits", "which", "internal"} & set(dir(modes))
@@ -95,3 +104,15 @@ def test_an_index_of_no_mode_is_one_error_in_all_places() -> None:
     with pytest.raises(TypeError, match="modes have indices from 0"):
         modes.shape("omega")  # type: ignore[arg-type]
     np.testing.assert_array_equal(modes.shape(-1).angles, modes.shape(4).angles)
+
+
+def test_no_public_result_shows_a_bare_listing_of_its_fields() -> None:
+    """Each says what it is, and of what it has by names in words, with units."""
+    classes = {thing for name, thing in callables() if isinstance(thing, type) and issubclass(thing, Displayed)}
+    bare = {each.__name__ for each in classes if each._summary is Displayed._summary and not each.shows}
+    shown = {each for each in classes if each.__repr__ is Displayed.__repr__}
+    assert len(classes) > 100
+    assert bare & {each.__name__ for each in shown} == {"Displayed"}
+    for each in shown - {Displayed}:
+        names = [words.partition(": ")[0] for words in each.shows.split("; ") if each.shows]
+        assert all(name in each.__dataclass_fields__ or hasattr(each, name) for name in names), each

@@ -5,11 +5,16 @@ from __future__ import annotations
 import argparse
 import tomllib
 from collections import defaultdict
+from importlib import import_module
+from inspect import isfunction
 from pathlib import Path
+from pkgutil import iter_modules
 
 import pytest
 from generated import combinations, function_named, functions, options, parsers
 
+import modal
+import nonlinear
 from modal.scene import CAPABILITIES, FEATURES
 from multipendula.cli import main
 from multipendula.flags import FLAGS, FORMER
@@ -135,6 +140,18 @@ def test_every_command_has_its_functions() -> None:
     page = functions()
     assert all(f"`{command}`](" in page for command in told)
     assert all(name in page for name in named)
+
+
+def test_no_public_function_is_missing_on_the_page_of_functions() -> None:
+    page = functions()
+    rooms = [
+        import_module(f"{package.__name__}{inner}")
+        for package in (modal, nonlinear)
+        for inner in ("", *(f".{room.name}" for room in iter_modules(package.__path__) if room.ispkg))
+    ]
+    public = [(room, name) for room in rooms for name in room.__all__]
+    assert len(rooms) > 30
+    assert not [name for room, name in public if isfunction(getattr(room, name)) and f".{name}" not in page]
 
 
 def test_the_pages_hold_every_entry() -> None:
