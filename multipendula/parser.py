@@ -236,8 +236,8 @@ class Page(argparse.ArgumentParser):
                 return
             value = f", {action.metavar}" if action.metavar else ""
             for pattern, ours in SAID:
-                if found := re.fullmatch(pattern, words, re.DOTALL):
-                    more = {key: _long(said) for key, said in found.groupdict().items()}
+                if said := re.fullmatch(pattern, words, re.DOTALL):
+                    more = {key: _long(names) for key, names in said.groupdict().items()}
                     yield ours.format(name=_long(name), words=words, value=value, **more)
                     return
         told, _, names = message.partition(": ")

@@ -2,8 +2,7 @@
 
 A command is a `Command` in the `COMMANDS` of its module.  `NAMES` has them in the order of `multipendula --help`: of
 all, the one that is called has its group loaded and its page made.
-`shared` has helpers for output, `runs` the arguments of the commands that simulate, `models` those of the commands
-about state-space models.
+`shared` has helpers for output, `runs` the arguments of the commands that simulate.
 """
 
 from __future__ import annotations

@@ -40,7 +40,8 @@ if TYPE_CHECKING:
     from modal.scene import Scene
 
 OF_MOTIONS = ("--where", "--angles", "--excitation", "--identification", "--order", "--identified-modes")
-"""Options of `poles` that a file of modes does not take."""
+OF_FITTED_MOTIONS = ("--where", "--scale", "--compare", "--window", "--bootstrap", "--column", "--angles")
+"""Options of `poles` and of `fit` that a file of modes does not take."""
 
 
 def fit(options: argparse.Namespace) -> None:
@@ -61,17 +62,9 @@ def _fit_modes(options: argparse.Namespace) -> None:
     from modal.identification import fit_modes, mode_fit_json, mode_fit_text, read_modes
     from modal.scene import dumps, load
 
-    motions = {"--where": options.where, "--scale": options.scale, "--compare": options.compare}
-    motions |= {"--window": options.window, "--bootstrap": options.bootstrap, "--column": options.column}
-    problems = [
-        f"{name}: is for measured motions, and {options.data[0]} has modes" for name, asked in motions.items() if asked
-    ]
-    if options.angles != "absolute":
-        problems.append("--angles: shapes of modes have absolute angles")
+    refuse(options, f"is for measured motions, and {options.data[0]} has modes", *OF_FITTED_MOTIONS)
     if len(options.data) > 1:
-        problems.append("measured modes are read from one file, by itself")
-    if problems:
-        raise SceneError(problems)
+        raise SceneError(["measured modes are read from one file, by itself"])
     kind = picture(options.picture, "--picture") if options.picture else ""
     for path in (options.output, options.report, options.picture):
         in_a_folder(path)

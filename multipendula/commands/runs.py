@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -98,9 +98,11 @@ class RunOptions:
     def _place(self) -> None:
         in_a_folder(self.output)
 
-    def _bar(self, scene: Scene) -> AbstractContextManager[Callable[[float], object]]:
+    @contextmanager
+    def _bar(self, scene: Scene) -> Iterator[Callable[[float], object]]:
         """A progress bar, and a word on motions that take days."""
-        return forewarned(scene, self.duration)
+        with bar(self.duration) as report:
+            yield forewarning(report, scene, self.duration)
 
     def _computed(self, function: Callable[..., Computed], checks: Sequence[Check]) -> Computed:
         """What a function that takes the arguments of `simulate` makes of a scene and its start."""
@@ -163,13 +165,6 @@ class RunOptions:
 def recorded(name: str) -> bool:
     """Whether a name is the name of a saved run."""
     return name.lower().endswith(endings(RUNS))
-
-
-@contextmanager
-def forewarned(scene: Scene, duration: float) -> Iterator[Callable[[float], object]]:
-    """A progress bar of a motion, and a word on one that takes days."""
-    with bar(duration) as report:
-        yield forewarning(report, scene, duration)
 
 
 ELSEWHERE = "another one: start = { angles_deg = [...] } in an entry of the file"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING, Any
 
-from multipendula.command import SCENE, Command, formats, kwargs_of, main_file, option, picture_file
+from multipendula.command import SCENE, Command, formats, kwargs_of, main_file, option, picture_file, refuse
 from multipendula.commands.shared import (
     bar,
     in_a_folder,
@@ -46,9 +46,10 @@ def tune(options: argparse.Namespace) -> None:
         problems += _angle_problems(options)
     if options.picture and not any("peak:" in aim for aim in (*(options.minimize or ()), *(options.maximize or ()))):
         problems.append("--picture: shows a peak:OUTPUT/INPUT before and after, and none is tuned")
-    problems += [f"--{name}: needs --travel METRES" for name in ("over", "kind") if _alone(options, name)]
     if problems:
         raise SceneError(problems)
+    if options.travel is None:
+        refuse(options, "needs --travel METRES", "--over", "--kind")
     with bar(1.0, title="tuning") as report:
         how = kwargs_of(options, *AIMS)
         best = tuned(scene, listed(options.free), robust=options.robust, report=report, **how)
@@ -63,10 +64,6 @@ def tune(options: argparse.Namespace) -> None:
         files[options.picture] = pictured(lambda stream: draw_tuning(best, stream, kind), options.theme)
     write_together(files)
     say(told if options.format == "json" else text, options.format)
-
-
-def _alone(options: argparse.Namespace, name: str) -> bool:
-    return getattr(options, name) is not None and options.travel is None
 
 
 def _angle_problems(options: argparse.Namespace) -> list[str]:

@@ -150,7 +150,7 @@ def _of_motion(options: argparse.Namespace, scene: Scene) -> tuple[Any, str]:
     refuse(options, "needs --linear", "--relative-error")
     start, duration = start_of(scene, options.start), options.duration or TRADED
     with bar(len(list_candidates(scene)) + 1, "candidate") as report:
-        comparison = compared(scene, duration, start=start, report=report)
+        comparison = compared(scene, duration, start=start, report=forewarning(report, scene, duration))
     return comparison, tradeoff_table(comparison, options.format)
 
 

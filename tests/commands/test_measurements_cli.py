@@ -76,6 +76,7 @@ def test_a_record_becomes_modes_modes_become_numbers_and_these_a_table(
     compared = json.loads(said(capsys, "poles", "modes.csv", "--scene", "arms.toml", "-o", "m.svg", "--format", "json"))
     assert [(pair["measured"], pair["computed"]) for pair in compared["pairs"]] == [(1, 1), (2, 2)]
     assert min(pair["mac"] for pair in compared["pairs"]) > 0.9999
+    assert json.loads(said(capsys, "poles", "run.csv", "--scene", "arms.toml", "--format", "json")) == compared
     longer = ARMS.replace("length = 0.3", "length = 0.33").replace("length = 0.25", "length = 0.23")
     (folder / "guess.toml").write_text(longer)
     report = json.loads(
