@@ -198,7 +198,8 @@ def response(options: argparse.Namespace) -> None:
             else:
                 draw_bode(form, stream, source=at, outputs=chosen, kind=kind, std=std)
         what = "impulse response" if options.impulse else "Bode plot"
-        made(options.output, f"{what} of {', '.join(shown or outputs)} for {source}")
+        if options.format == "text":
+            made(options.output, f"{what} of {', '.join(shown or outputs)} for {source}")
 
 
 def _gains(options: argparse.Namespace) -> None:
