@@ -183,6 +183,8 @@ def orbits(
     output: str | PathLike[str] | None = None,
     theme: str = "light",
     film: str | PathLike[str] | None = None,
+    workers: int | None = None,
+    scheduler: str | None = None,
 ) -> Any: ...
 def check(
     scene: Scene | str | PathLike[str],
@@ -218,6 +220,8 @@ def chaos(
     *,
     members: int | None = None,
     quick: bool = False,
+    workers: int | None = None,
+    scheduler: str | None = None,
     output: str | PathLike[str] | None = None,
     theme: str = "light",
 ) -> Any: ...
@@ -246,6 +250,8 @@ def sweep(
     theme: str = "light",
     workers: int | None = None,
     scheduler: str | None = None,
+    share: tuple[int, int] | str | None = None,
+    folder: str | None = None,
     fresh: bool = False,
 ) -> Any: ...
 def sync(
@@ -259,6 +265,8 @@ def sync(
     output: str | PathLike[str] | None = None,
     theme: str = "light",
     film: str | PathLike[str] | None = None,
+    workers: int | None = None,
+    scheduler: str | None = None,
 ) -> Any: ...
 def basins(
     scene: Scene | str | PathLike[str],
@@ -335,6 +343,8 @@ def fit(
     report: str | PathLike[str] | None = None,
     picture: str | PathLike[str] | None = None,
     theme: str = "light",
+    workers: int | None = None,
+    scheduler: str | None = None,
     format: str = "text",
 ) -> Any: ...
 def poles(
@@ -441,6 +451,8 @@ def tune(
     report: str | PathLike[str] | None = None,
     picture: str | PathLike[str] | None = None,
     theme: str = "light",
+    workers: int | None = None,
+    scheduler: str | None = None,
     format: str = "text",
 ) -> Tuned | Any: ...
 def derive(

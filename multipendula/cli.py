@@ -249,7 +249,8 @@ def _limit(options: argparse.Namespace) -> TableLimit | None:
     """How much of a table a terminal shows: all where a format, rows or columns were asked for."""
     from modal.report import TABLE_ROWS, TableLimit
 
-    asked = getattr(options, "format_asked", False) or getattr(options, "modes", None) or getattr(options, "columns", 0)
+    chosen = ("format_asked", "modes", "columns", "places")
+    asked = any(getattr(options, name, None) for name in chosen)
     ways = ["--format text"] * hasattr(options, "format") + ["a pipe"]
     return None if asked else TableLimit(TABLE_ROWS, f"; {' or '.join(ways)} shows all")
 

@@ -89,12 +89,11 @@ def save(trajectory: Trajectory, path: str | os.PathLike[str]) -> None:
     """
     if trajectory.system.hoisting and trajectory.system.hoisting.given:
         raise SceneError([f"{path}: lengths given in Python are not saved: write the hoist in the scene"])
-    writers = {"npz": _npz, "mat": _mat}
     kind = kind_of(path, (*KINDS, "mat"))
     if kind == "csv":
         write_csv(path, _header(trajectory), [columns(trajectory), *rows_of(trajectory).tolist()])
         return
-    content = writers[kind](trajectory)
+    content = _npz(trajectory) if kind == "npz" else _mat(trajectory)
     with whole_file(path) as stream:
         stream.write(content)
 

@@ -21,8 +21,8 @@ def scenes(options: argparse.Namespace) -> None:
     if options.schema and options.name:
         raise SceneError([f"{options.name}: the schema is that of every scene: leave out the name or --schema"])
     if is_new(options.output):
-        kind = "json" if options.schema else "toml" if options.name else "txt"
-        files.kind_of(options.output, (kind,), "-o ")
+        kinds = ("json", "txt") if options.schema else ("toml", "txt") if options.name else ("txt",)
+        files.kind_of(options.output, kinds, "-o ")
     names = files.example_names()
     width = max(map(len, names))
     with output(options.output) as write:

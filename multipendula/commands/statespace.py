@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from modal.exports import FORMATS, format_of_file
 from multipendula.command import (
@@ -39,7 +39,7 @@ from multipendula.completion import words
 
 if TYPE_CHECKING:
     from modal.scene import Scene
-    from modal.statespace import Signal, StateSpace
+    from modal.statespace import ModalForm, Signal, StateSpace
     from modal.statespace.gains import Gains
     from modal.statespace.sampling import VaryingModel
     from modal.statespace.shapers import Shaper
@@ -193,16 +193,24 @@ def response(options: argparse.Namespace) -> Gains | None:
         with output(told) as write:
             write(impulse_table(form, at, every, options.format))
     if options.output and not told:
-        from modal.plotting import draw_bode, draw_impulse
+        _draw_response(options, form, at, chosen, kind, std)
+        if options.format == "text":
+            what = "impulse response" if options.impulse else "Bode plot"
+            made(options.output, f"{what} of {', '.join(shown or outputs)} for {source}")
 
-        with drawn(options.output, options.theme) as stream:
-            if options.impulse:
-                draw_impulse(form, stream, source=at, outputs=chosen, kind=kind)
-            else:
-                draw_bode(form, stream, source=at, outputs=chosen, kind=kind, std=std)
-        what = "impulse response" if options.impulse else "Bode plot"
-        made(options.output, f"{what} of {', '.join(shown or outputs)} for {source}")
     return None
+
+
+def _draw_response(
+    options: argparse.Namespace, form: ModalForm, source: int, outputs: Sequence[int], kind: str, std: Any
+) -> None:
+    from modal.plotting import draw_bode, draw_impulse
+
+    with drawn(options.output, options.theme) as stream:
+        if options.impulse:
+            draw_impulse(form, stream, source=source, outputs=outputs, kind=kind)
+        else:
+            draw_bode(form, stream, source=source, outputs=outputs, kind=kind, std=std)
 
 
 def _gains(options: argparse.Namespace) -> Gains:

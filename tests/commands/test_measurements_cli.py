@@ -143,7 +143,6 @@ def test_motions_have_a_band(folder: Path, capsys: pytest.CaptureFixture[str]) -
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        (("spread", "crane.toml"), "spread needs --uncertain PLACE=WIDTH or --covariance FIT.json"),
         (("table", "crane.toml", "--covariance", "crane.toml"), "is a scene, not a JSON report of fit"),
         (("table", "arms.toml", "--covariance", "fit.json"), "is not a number of this scene"),
         (("simulate", "crane.toml", "--band", "b.png"), "--band: needs --covariance FIT.json"),

@@ -118,7 +118,7 @@ def test_a_bad_scene_in_the_header_is_named(tmp_path: Path) -> None:
 
 
 def test_a_name_of_no_known_kind_is_refused_before_anything_is_written(tmp_path: Path) -> None:
-    with pytest.raises(SceneError, match=r"the name must end in \.npz or \.csv"):
+    with pytest.raises(SceneError, match=r"the name must end in \.npz, \.csv or \.mat"):
         recordings.save(short_run("chain-2"), tmp_path / "run.json")
     assert not list(tmp_path.iterdir())
 
