@@ -126,7 +126,7 @@ STEPS = (2.0**-2, 2.0**-6, 2.0**-12)
 """Relative steps, the first that the scene's own bounds allow."""
 FINE = 2.0**-7
 WEIGHTS = (4 / 5, -1 / 5, 4 / 105, -1 / 280)
-"""Relative step and weights of the quotient of eight values (Fornberg, Math. Comp. 51, 699 (1988), table 1)."""
+"""Relative step and weights of the quotient of eight values [Fornberg1988, table 1]."""
 BENDING = frozenset({"length", "position"})
 """Keys of numbers in which the matrices of a structure are no polynomials."""
 Arrays = tuple[NDArray[Any], ...]

@@ -11,7 +11,7 @@ slow amplitudes obey i a' = H a with
     H_aa = ω_a (1 + μ_a/2m),    H_ab = g = √(μ_a μ_b ω_a ω_b)/2m,    δ = H_aa − H_bb,
 
 so that of the energy given to one the other receives at most 4g²/(4g² + δ²), once in every 2π/√(4g² + δ²)
-(two coupled oscillators: Landau & Lifshitz, Mechanics, §23).  More than half is transferred where |δ| < 2|g|.  All of
+(two coupled oscillators: [Landau1976, §23]).  More than half is transferred where |δ| < 2|g|.  All of
 this assumes a constant m: where it varies between ω_a and ω_b, something else takes part in the exchange.
 
 Dampers make H complex.  A damper c_c on the cart adds c_c/iω to m, those of the joints add iσ_a to H_aa.  With

@@ -18,7 +18,7 @@ it for η is, at x = ω², the dynamic stiffness
 
     S(x) = K_s − x (M_s + Σ Φᵀ diag(m_dyn(x), m) Φ)        (without springs at those joints and C)
 
-(Craig & Bampton, AIAA J. 6, 1313 (1968), with modes of the pendula by the recursion).
+([Craig1968], with modes of the pendula by the recursion).
 """
 
 from __future__ import annotations

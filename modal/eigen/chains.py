@@ -1,10 +1,9 @@
 """Shapes by the effective mass, of chains on a fixed support and of chains that share a cart.
 
-A shape is built from both ends and joined at one joint (a twisted factorization: Dhillon & Parlett, SIAM J. Matrix
-Anal. Appl. 25, 858 (2004), §2).  There it is out of balance by ω² (μ + ν) y, so its Rayleigh quotient deviates from ω²
-by |μ + ν| y² over the kinetic energy T: a residual that certifies the mode.  The joint is one where the halves agree to
-rounding (|μ + ν| against the joint's own mass) and the neighbouring links have most of the kinetic energy: where the
-mode is localized.
+A shape is built from both ends and joined at one joint (a twisted factorization: [Dhillon2004, §2]).  There it is out
+of balance by ω² (μ + ν) y, so its Rayleigh quotient deviates from ω² by |μ + ν| y² over the kinetic energy T: a
+residual that certifies the mode.  The joint is one where the halves agree to rounding (|μ + ν| against the joint's own
+mass) and the neighbouring links have most of the kinetic energy: where the mode is localized.
 """
 
 from __future__ import annotations

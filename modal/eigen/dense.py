@@ -16,7 +16,7 @@ whose matrices are all bounded: decaying modes have |θ| < 1, and a backward err
 Above every growth rate P is positive definite; at one it is singular, and γ is shifted.  Solutions for neighbouring γ
 are joined at a gap that both resolve, and more are computed where the bounds require it.  A joint dominated by its
 damper has the difference of its angles as its coordinate, so that P keeps what D would mask.
-(Scaling by such magnitudes: Gaubert & Sharify, Tropical scaling of polynomial matrices, LNCIS 389, 291 (2009).)
+(Scaling by such magnitudes: [Gaubert2009].)
 """
 
 from __future__ import annotations
@@ -294,8 +294,7 @@ def _solved(problem: _QuadraticProblem, rate: float) -> _Solution:
     """All eigenvalues and shapes; the bound is the first-order one.
 
     It is the condition number times a backward error of a few roundings of the matrix's norm and of P⁻¹'s sensitivity,
-    or, where that is less, as among multiple eigenvalues, what no perturbation of this size exceeds (Elsner, Linear
-    Algebra Appl. 71, 77 (1985)).
+    or, where that is less, as among multiple eigenvalues, what no perturbation of this size exceeds [Elsner1985].
     """
     scaled = min((_scaled(problem, rate * moved) for moved in MOVED), key=lambda candidate: candidate.sensitivity)
     M, K, D, n = scaled.M, scaled.K, scaled.friction.T @ scaled.friction, len(scaled.M)

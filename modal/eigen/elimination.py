@@ -14,13 +14,13 @@ where primes are for the link above.  Nothing is subtracted that is not subtract
 k/ω² above their modes, where m_dyn as a sum over modes cancels, and torques alone push the cart with ω²ε, whose ω² is
 that of the cart's inertia.  A linear drag d on a centre of mass adds −i d/ω to its mass, loss angles φ make k and κ's
 stiffness k (1 + iφ).
-(The recursion of `modal.eigen.recursion`, at a complex frequency; Parlett, The Symmetric Eigenvalue Problem, §3.3.)
+(The recursion of `modal.eigen.recursion`, at a complex frequency; [Parlett1998, §3.3].)
 
 There are two kinds of arithmetic: floats whose rounding is felt, and as many decimal digits as it takes.
 `Rounded` computes every frequency REPLICAS + 1 times in floats; in all but the first, `felt` changes each result by a
 random part in 2⁵², as rounding does, and the frequency by a last digit, as the rounding of ω² does beside a sharp
 resonance, so that the spread of the results is their rounding error (Monte Carlo arithmetic:
-Parker, UCLA CSD-970002 (1997); Vignes, Numer. Algorithms 37, 377 (2004)).  `Digits` computes in decimals of any
+[Parker1997]; [Vignes2004]).  `Digits` computes in decimals of any
 precision, starting from the exact value of every float.  Arrays of both take the same operators, frequencies last.
 """
 

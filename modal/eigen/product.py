@@ -4,10 +4,9 @@ Changing every k and m by a relative ε changes every ω² by 2ε at most: no su
 
 1. F₁ = √k Aᵀ, F₂ = √m Bᵀ; columns of both are divided by the lengths of those of F₂;
 2. F₂ = Q R by rows sorted by size, columns pivoted; G = F₁ R⁻¹, so that ω are the singular values of G
-   (Drmač, SIAM J. Numer. Anal. 35, 1804 (1998)), rows sorted by size;
+   [Drmac1998], rows sorted by size;
 3. G = L D U by complete pivoting, a rank-revealing decomposition with L and U well conditioned;
-4. L D = Q' R' with pivoting, W = R' P' U, one-sided Jacobi on W (Demmel, Gu, Eisenstat, Slapničar, Veselić & Drmač,
-   Linear Algebra Appl. 299, 21 (1999), algorithm 3.1; LAPACK's dgejsv).
+4. L D = Q' R' with pivoting, W = R' P' U, one-sided Jacobi on W ([Demmel1999, algorithm 3.1]; LAPACK's dgejsv).
 
 Steps 2 and 3 are computed in the widest floats of the machine where there are not too many coordinates: in plain ones
 they lose two or three digits in some scenes whose masses and springs each range over 24 orders.

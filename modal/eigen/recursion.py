@@ -4,9 +4,9 @@ Elimination from the free end.  With t = ω²/k and μ the effective mass felt a
 
     D = 1 − t (r + μ),    μ' = ((1 − t p) μ + m (1 − t J)) / D        (μ = 0 below the last link),
 
-the number of D < 0 is the number of frequencies below ω (Sylvester's law of inertia: Parlett, The Symmetric
-Eigenvalue Problem, §3.3), and a link whose upper joint moves by y turns by a = t (m s + μ) y / D and moves its lower
-joint to y (1 + t q) / D.  Counts take J apart, with w = 1 − t J,
+the number of D < 0 is the number of frequencies below ω (Sylvester's law of inertia: [Parlett1998, §3.3]), and a link
+whose upper joint moves by y turns by a = t (m s + μ) y / D and moves its lower joint to y (1 + t q) / D.  Counts take J
+apart, with w = 1 − t J,
 
     D = w − t (m s² + μ),    μ' = ((w − t m (1 − s)²) μ + m w) / D,
 

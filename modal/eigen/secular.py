@@ -10,7 +10,7 @@ poles, so each gap contains one root, and one more lies beyond the last pole if 
 
 Distant poles vary smoothly over a short run of gaps: their sum is tabulated at Chebyshev points, run by run, while
 the runs are divided until few enough neighbours are left to be summed one by one, as in fast multipole sums
-(Gu & Eisenstat, SIAM J. Matrix Anal. Appl. 16, 172 (1995)).
+[Gu1995].
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ class _Table:
     values: Floats
 
     def __call__(self, x: Floats) -> Floats:
-        """Barycentric interpolation (Berrut & Trefethen 2004, eq. 4.2)."""
+        """Barycentric interpolation [Berrut2004, eq. 4.2]."""
         distance = (x[:, None] - self.centre) / self.half - _NODES
         exact = distance == 0
         share = _WEIGHTS / np.where(exact, 1.0, distance)
@@ -151,7 +151,7 @@ def _beyond(poles: Poles) -> Roots:
 def _rising_zero(function: Callable[[Floats], Floats], high: Floats, at_low: Floats, at_high: Floats) -> Floats:
     """Zeros in (0, high] of functions that increase through them, given the values at both ends.
 
-    The Illinois rule (Dowell & Jarratt, BIT 11, 168 (1971)); ComputationError if it does not converge.
+    The Illinois rule [Dowell1971]; ComputationError if it does not converge.
     """
     low, last = np.zeros_like(high), np.zeros_like(high)
     for _ in range(MAX_STEPS):

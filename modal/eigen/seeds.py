@@ -3,7 +3,7 @@
     1/ω² = eigenvalues of K^−½ M K^−½,
 
 without a free cart, whose momentum stays zero: A − b bᵀ/M_tot replaces M.  Scaled by gravity, each eigenvalue is known
-to N ε of the largest (Parlett, The Symmetric Eigenvalue Problem, §10.3) and to a few ε of the largest of K^−½ A K^−½,
+to N ε of the largest [Parlett1998, §10.3] and to a few ε of the largest of K^−½ A K^−½,
 of whose entries, none negative, the terms of that difference are rounded; it exceeds the largest of the difference by
 Σ b/M_tot at most.  Slow modes have many digits, fast ones fewer.
 
@@ -12,7 +12,7 @@ mass T and a shape of kinetic energy N, twice over ω². The Rayleigh quotient o
 that is the square of that of x.
 
 Elimination from the free ends ends at the pivot, which moves in most modes.  Elimination from both ends may end at any
-joint (a twisted factorization: Dhillon & Parlett, SIAM J. Matrix Anal. Appl. 25, 858 (2004), §2): a mode that leaves
+joint (a twisted factorization: [Dhillon2004, §2]): a mode that leaves
 the pivot still has a suitable joint, that of the least T²/N in units of the joint's own mass.
 """
 
@@ -55,8 +55,9 @@ def seeds(suspension: Suspension) -> tuple[Floats, Floats]:
 def slow_seeds(suspension: Suspension, number: int) -> tuple[Floats, Floats]:
     """The `number` lowest ω² (R, 1) of one support without a spring, and estimates of their relative errors (R, 1).
 
-    They are the largest eigenvalues of the same matrix, by the Lanczos iteration with full orthogonalization (Parlett,
-    §13): its product with a vector is two running sums along each chain.  It may miss a mode, which a count tells.
+    They are the largest eigenvalues of the same matrix, by the Lanczos iteration with full orthogonalization
+    [Parlett1998, §13]: its product with a vector is two running sums along each chain.  It may miss a mode, which a
+    count tells.
     """
     (product, removed), size = _product(suspension), suspension.size
     steps = min(size, EACH * number + MORE)

@@ -25,7 +25,7 @@ upper joint,
 
 The number of D < 0 is the number of x below, negative ones included (Sylvester's law of inertia).  Without springs
 this is `modal.eigen.recursion`; with them the four are the minors of a 2 × 2 form, so that a stiff spring subtracts
-nothing (compound matrices: Ng & Reid, J. Comput. Phys. 30, 125 (1979)).  Angles are σ θ, those of the hanging chain:
+nothing (compound matrices: [Ng1979]).  Angles are σ θ, those of the hanging chain:
 in these a spring acts on σ_i θ_i − σ_i σ_{i−1} (σ_{i−1} θ_{i−1}).
 Shapes come from inverse iteration in the same elimination.
 

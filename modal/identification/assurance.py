@@ -2,9 +2,9 @@
 
     MAC_rs = |φ_rᴴψ_s|²/((φ_rᴴφ_r)(ψ_sᴴψ_s))
 
-over the components that were measured, as they stand: angles in rad, the cart in m (Allemang & Brown, Proc. 1st IMAC,
-110 (1982); Ewins, Modal Testing, 2nd ed. 2000, §7.4).  Where all measured modes have shapes, pairs are those of the
-largest MAC; else those of the nearest frequencies, by the least sum of |ln f/f'|.
+over the components that were measured, as they stand: angles in rad, the cart in m [Allemang1982], [Ewins2000, §7.4].
+Where all measured modes have shapes, pairs are those of the largest MAC; else those of the nearest frequencies, by the
+least sum of |ln f/f'|.
 """
 
 from __future__ import annotations

@@ -4,8 +4,8 @@ With the influence G = J (JᵀJ)⁻¹ of the readings on the estimates, an estim
 
     cov = Gᵀ Γ G,        Γ_kl = σ² ρ_|k−l|
 
-within each series of readings, ρ being the autocorrelation of the residuals (Ljung, System Identification, 2nd ed.
-1999, §9.4; Newey & West, Econometrica 55, 703 (1987), for the weights that keep it positive).
+within each series of readings, ρ being the autocorrelation of the residuals ([Ljung1999, §9.4]; [Newey1987], for the
+weights that keep it positive).
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ def covariance(G: Floats, blocks: Sequence[tuple[slice, float, Floats]]) -> Floa
 
 
 def resampled(series: Sequence[Floats], blocks: int, rng: np.random.Generator) -> list[Floats]:
-    """Series like these, each put together from that many blocks of itself (Künsch, Ann. Stat. 17, 1217 (1989))."""
+    """Series like these, each put together from that many blocks of itself [Kunsch1989]."""
     drawn = []
     for values in series:
         length = max(1, -(-len(values) // blocks))

@@ -4,12 +4,12 @@ With every reading a sum of decaying oscillations about an offset,
 
     y(t) = b + Σ_r Re(a_r e^{λ_r t}) + noise,
 
-the amplitudes a_r and the offset b are linear and projected out (Golub & Pereyra, SIAM J. Numer. Anal. 10, 413 (1973)),
+the amplitudes a_r and the offset b are linear and projected out [Golub1973],
 and the poles λ_r are fitted to all series together.  Their covariance allows for correlated residuals.
 
 The rate of a swing that is not small follows its amplitude, λ_r + i β_r e^{−2σ_r t} with σ_r = −Re λ_r, for the change
-goes with the square of the amplitude, Re β_r that of the frequency and Im β_r that of the damping (Nayfeh & Mook,
-Nonlinear Oscillations, 1979, §2.3).  Its exponent is
+goes with the square of the amplitude, Re β_r that of the frequency and Im β_r that of the damping [Nayfeh1979, §2.3].
+Its exponent is
 
     λ_r t + i β_r g_r(t),        g_r(t) = (1 − e^{−2σ_r t})/(2σ_r)
 
@@ -370,7 +370,7 @@ def log_decrement(times: Floats, values: Floats) -> Decrement:
     """The pole of a decay (K,) in which one mode swings, from its turning points.
 
     Extremes lie on b ± a e^{−σt}, so that ln of the differences of successive ones falls by σ times half a period
-    (Ewins, Modal Testing, 2nd ed. 2000, §4.2.1); their times are half a period π/Im λ apart.  Raises ComputationError
+    [Ewins2000, §4.2.1]; their times are half a period π/Im λ apart.  Raises ComputationError
     where there are too few of them.
     """
     middle = values - np.median(values)

@@ -7,7 +7,7 @@ eigenvalue and its shape follow from
     [ Q    Q_λ φ ] [ φ_p ]     [ −Q_p φ ]
     [ φᴴ     0   ] [ λ_p ]  =  [   0    ]
 
-(Andrew, Chu & Lancaster, SIAM J. Matrix Anal. Appl. 14, 903 (1993), §2), of which λ_p = −φᵀQ_pφ/φᵀQ_λφ.  An eigenvalue
+[Andrew1993, §2], of which λ_p = −φᵀQ_pφ/φᵀQ_λφ.  An eigenvalue
 shared by the shapes Φ keeps one derivative where ΦᵀQ_pΦ is a multiple of ΦᵀQ_λΦ, and splits where it is not.
 """
 

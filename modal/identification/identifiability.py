@@ -1,9 +1,9 @@
 """What data determine: combinations of parameters from the singular values of a Jacobian.
 
 With J = U S Vᵀ, the derivatives of readings in units of their noise, a step along the direction v_k changes the
-readings by s_k standard deviations, so 1/s_k is the standard deviation of that combination (Bellman & Åström, Math.
-Biosci. 7, 329 (1970); Ljung, System Identification, 2nd ed. 1999, §4.6).  A direction that is not determined is
-closed by holding one of its parameters at the value that the scene gives.
+readings by s_k standard deviations, so 1/s_k is the standard deviation of that combination [Bellman1970],
+[Ljung1999, §4.6].  A direction that is not determined is closed by holding one of its parameters at the value that the
+scene gives.
 """
 
 from __future__ import annotations

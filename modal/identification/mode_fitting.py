@@ -5,8 +5,7 @@ The residuals are those of frequencies, of damping ratios and of shapes, each in
     (f(p) − f)/σ_f,    (ζ(p) − ζ)/σ_ζ,    (s u(p) − v)/σ_v
 
 with v a measured shape whose largest component is 1, u the computed one and s the scale that brings it nearest.
-Derivatives are those of `derivatives`; what the modes determine is found as for motions.  (Friswell & Mottershead,
-Finite Element Model Updating in Structural Dynamics, 1995, ch. 8.)
+Derivatives are those of `derivatives`; what the modes determine is found as for motions.  [Friswell1995, ch. 8]
 
 Modes are polynomials in the numbers, so several sets of numbers may have the same ones: two bobs swing with the same
 frequencies when their lengths change places.  The fit is repeated from other starts, and every minimum within the

@@ -2,7 +2,7 @@
 
 Free decays are realized (`realization`) and their poles fitted to the records themselves (`decays`).  Of responses to
 random excitation the correlations are realized, and standard deviations are those of a jackknife over parts of the
-records (Efron & Stein, Ann. Stat. 9, 586 (1981)).
+records [Efron1981].
 """
 
 from __future__ import annotations
@@ -104,7 +104,7 @@ class IdentifiedMode(Displayed):
     def collinearity(self) -> float:
         """Modal phase collinearity: 1 for a real shape, 0 for a travelling wave.
 
-        (Pappa, Elliott & Schenk, J. Guid. Control Dyn. 16, 860 (1993).)
+        [Pappa1993]
         """
         x, y = self.shape.real, self.shape.imag
         whole = (x @ x + y @ y) ** 2

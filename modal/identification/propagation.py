@@ -4,7 +4,7 @@ To first order, with exact derivatives, for a result r(p)
 
     std(r)² = (∂r/∂p)ᵀ cov (∂r/∂p)
 
-(Ljung, System Identification, 2nd ed. 1999, §9.2).
+[Ljung1999, §9.2].
 """
 
 from __future__ import annotations

@@ -5,8 +5,8 @@ From samples y_k (C,) of free responses, in columns side by side, the block Hank
     H₀ = [y_{i+j}],   H₁ = [y_{i+j+1}],     H₀ = U S Vᵀ,    A = S^{-1/2} Uᵀ H₁ V S^{-1/2}
 
 give the poles λ = ln μ / Δt of order n by the eigenvalues μ of A (n, n), and shapes by the first block of U S^{1/2}.
-(Juang & Pappa, J. Guid. Control Dyn. 8, 620 (1985).)  Correlations of the responses to random excitation are free
-responses themselves: James, Carne & Lauffer, Int. J. Anal. Exp. Modal Anal. 10, 260 (1995).
+[Juang1985]  Correlations of the responses to random excitation are free
+responses themselves: [James1995].
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ import numpy as np
 from modal.types import Complexes, Floats
 
 FAINT = 1e-4  # of the largest singular value: harmonics of swings that are not small, and rounding
-FLAT = 2.858  # times the median singular value: noise (Gavish & Donoho, IEEE Trans. Inf. Theory 60, 5040 (2014))
+FLAT = 2.858  # times the median singular value: noise [Gavish2014]
 MOST_ROWS, MOST_COLUMNS = 240, 4000
 LAST_DAMPING = 0.95  # a damping ratio beyond which an oscillation is none
 
@@ -81,7 +81,7 @@ def realize(responses: Sequence[Floats], step: float, stride: int = 1, rows: int
 def modal_assurance(shapes: Complexes, other: Complexes) -> Floats:
     """MAC (R, S) between columns of (C, R) and (C, S): |φᴴψ|²/((φᴴφ)(ψᴴψ)), 0 for a column of zeros.
 
-    (Allemang & Brown, Proc. 1st IMAC, 110 (1982).)
+    [Allemang1982]
     """
     inner = np.abs(shapes.conj().T @ other) ** 2
     sizes = np.outer(np.sum(np.abs(shapes) ** 2, axis=0), np.sum(np.abs(other) ** 2, axis=0))

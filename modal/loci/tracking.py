@@ -4,7 +4,7 @@ Shapes φ at one value and χ at the next are compared by the modal assurance cr
 
     MAC = (φᵀ M χ)² / ((φᵀ M φ)(χᵀ M χ)),        M the mean of the two mass matrices
 
-(Allemang & Brown, Proc. 1st IMAC, 110 (1982)): 1 for one shape, 0 for different modes.  Where frequencies are equal to
+[Allemang1982]: 1 for one shape, 0 for different modes.  Where frequencies are equal to
 within their error bounds only the space spanned by their shapes is meaningful; followed shapes are projected on it.
 
 Two loci meet in a crossing, where the gap closes, or in a veering, where the mode shapes interchange.  Two uncoupled
@@ -13,7 +13,7 @@ modes cross: their order changes and their shapes do not.  Next to a veering
     (ω_b − ω_a)² = gap² + s²(p − p₀)²,
 
 the order is kept, and where the gap has grown by √2 on either side of p₀ each shape is halfway to the other, MAC = ½.
-(Leissa, ZAMP 25, 99 (1974); Perkins & Mote, J. Sound Vib. 106, 451 (1986).)
+([Leissa1974]; [Perkins1986].)
 """
 
 from __future__ import annotations

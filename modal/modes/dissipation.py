@@ -5,7 +5,7 @@ k_j with a loss angle φ_j in the mode shape q,
 
     1/Q = 2ζ + Σ_j k_j φ_j(ω) |r_j q|² / (ω² qᴴ M q),
 
-the modal strain energy (Johnson & Kienholz, AIAA J. 20, 1284 (1982)): to first order in φ the ratio of the imaginary to
+the modal strain energy [Johnson1982]: to first order in φ the ratio of the imaginary to
 the real part of the eigenvalue ω² (1 + i/Q) of K (1 + iφ).  What gravity holds straight stores energy without loss, so
 that a stiff pendulum wire dilutes the loss of its bending by itself.
 
@@ -15,10 +15,10 @@ modal energy E = ½ ω² a² φᵀMφ these are damping ratios, as describing fu
 
     ζ(a) = ζ + Σ_j M_j Y_j / (½ π ω² φᵀMφ a) + Σ_k 4 c_k V_k³ a / (3π φᵀMφ)
 
-(Jacobsen, Trans. ASME 52, APM-52-15 (1930); Den Hartog, Mechanical Vibrations, §8.9).  Friction alone takes 2 a_s from
+[Jacobsen1930], [DenHartog1956, §8.9].  Friction alone takes 2 a_s from
 the amplitude in every half swing, a_s = Σ M_j Y_j / (ω² φᵀMφ) being the largest amplitude at which it holds the mode at
-rest: the swing of a single joint is exactly a harmonic one about ±a_s in turn (Lorenz, Lehrbuch der Technischen Physik
-I, 1902).  For several contacts, which do not turn together, this is an estimate.
+rest: the swing of a single joint is exactly a harmonic one about ±a_s in turn [Lorenz1902].  For several contacts,
+which do not turn together, this is an estimate.
 """
 
 from __future__ import annotations

@@ -53,8 +53,8 @@ class Mode(Displayed):
     multiplicity        number of independent modes with this frequency; a scene in space counts both directions
     family              description of the motion
     cart_participation  share of the cart's velocity just after a sudden push, φ_x²/Σφ_x² with φᵀMφ = 1; over all
-                        modes it sums to 1.  With dampers it is the residue 2 Re[λφ_x²/(φᵀ(2λM + D)φ)] (Tisseur &
-                        Meerbergen, SIAM Rev. 43, 235 (2001), §3.5), which may be negative
+                        modes it sums to 1.  With dampers it is the residue 2 Re[λφ_x²/(φᵀ(2λM + D)φ)]
+                        [Tisseur2001, §3.5], which may be negative
     effective_mass      modal effective mass Γ²φᵀMφ (kg) of the support's motion along the rail, Γ the participation
                         factor φᵀMe/φᵀMφ (Clough & Penzien, Dynamics of Structures, §26-4)
     effective_mass_share   the same over the total mass of the scene, the cart included

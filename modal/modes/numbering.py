@@ -6,7 +6,7 @@ shapes φ and ψ, is
 
     w_rs = Σ |φᴴMψ|² / ((φᴴMφ)(ψᴴMψ))        over all pairs of their shapes along the rail,
 
-the modal assurance criterion with M as weight (Allemang, Sound and Vibration 37(8), 14 (2003)); rows are paired one to
+the modal assurance criterion with M as weight [Allemang2003]; rows are paired one to
 one, the most similar first.
 
 A damped mode has no real shape, of which its modal effective mass (φᵀMe)²/(φᵀMφ) would be.  Where the damping ratio is
@@ -79,7 +79,7 @@ def paired(alike: Floats, room: Ints) -> Ints:
     """A column for every row, the largest entries first, each column for at most `room` rows; −1 without one.
 
     Rows ask for columns in the order of their entries, and a column leaves the row with the smallest one where more ask
-    than it has room for: the same pairs as by sorting all entries (Gale & Shapley, Amer. Math. Monthly 69, 9 (1962)).
+    than it has room for: the same pairs as by sorting all entries [Gale1962].
     """
     open_to, partners = np.nan_to_num(alike, nan=-1.0), np.full(len(alike), -1)
     rows_of: dict[int, list[int]] = {}

@@ -11,8 +11,7 @@ not conjugated where dampers make it complex:
 
 with −l and −c for inverted links, d of a damper and e of drag; z_i is the horizontal displacement of the centre of
 link i and h_i/2 its rise: running sums along each chain, O(n) for all parameters together.  Without dampers λ = iω, and
-with φᵀMφ = 1 this is 2ω ∂ω/∂p = φᵀ(∂K/∂p − ω² ∂M/∂p)φ.  (Fox & Kapoor, AIAA J. 6, 2426 (1968); with dampers Andrew,
-Chu & Lancaster, SIAM J. Matrix Anal. Appl. 14, 903 (1993).)
+with φᵀMφ = 1 this is 2ω ∂ω/∂p = φᵀ(∂K/∂p − ω² ∂M/∂p)φ.  ([Fox1968]; with dampers [Andrew1993].)
 
 A number of the scene's file may belong to many links: copies of a pendulum, and a run of equal links.  All of them
 change with it, so their derivatives add up (`of_mode`).  On a structure they come from the squares of which M, K and D

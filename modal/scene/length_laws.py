@@ -141,7 +141,7 @@ def _cubics(times: Floats, lengths: Floats, speed: Floats) -> LengthLaw:
 def _speeds(times: Floats, lengths: Floats, ends: Floats) -> Floats:
     """The speeds (T,) of the cubic spline through samples with those (2,) at both `ends`.
 
-    (de Boor, A Practical Guide to Splines, 1978, ch. IV: the speeds at the knots from one tridiagonal system.)
+    ([DeBoor1978, ch. IV]: the speeds at the knots from one tridiagonal system.)
     """
     h = np.diff(times)
     slope = np.diff(lengths) / h
@@ -216,7 +216,7 @@ def unsplined_words(times: Floats, unsplined: Booleans, joined_by: str) -> str:
 def monotone_slopes(times: Floats, values: Floats) -> Floats:
     """Slopes (T,) with which cubics between samples stay within the range of both.
 
-    (Fritsch & Butland, SIAM J. Sci. Stat. Comput. 5, 300 (1984), equation (7).)
+    [Fritsch1984, equation (7)]
     """
     h = np.diff(times)
     slope = np.diff(values) / h

@@ -87,7 +87,7 @@ class VanDerPol(Part):
     """The torque e (1 − (γ/γ₀)²) γ': supplies energy within γ₀ and dissipates it beyond.
 
     Alone on a lightly driven pendulum it keeps the amplitude 2 γ₀, with a damper d at the same joint 2 γ₀ √(1 − d/e)
-    (Pantaleone, Am. J. Phys. 70, 992 (2002), equation (1)).
+    [Pantaleone2002, equation (1)].
     """
 
     kind: Literal["van-der-pol"] = field(one_of("van-der-pol"), default="van-der-pol")
@@ -103,7 +103,7 @@ class Escapement(Part):
     """A kick `impulse` (N m s) in the direction of motion each time that |γ| passes `angle_deg` outwards.
 
     Kicks alternate between the two sides, as the pallets of an anchor do; a swing that stays within the angle gets
-    none (Bennett, Schatz, Rockwood & Wiesenfeld, Proc. R. Soc. A 458, 563 (2002), §4).
+    none [Bennett2002, §4].
     """
 
     kind: Literal["escapement"] = field(one_of("escapement"), default="escapement")

@@ -6,7 +6,7 @@
 
 Modes of equal frequency span a space; an input reaches one direction in it, with the norm of its gains over the basis
 vectors, and all inputs together reach as many copies as the matrix of gains has significant singular values.
-(Modal gains as measures of controllability: Hamdan & Nayfeh, J. Guid. Control Dyn. 12, 421 (1989).)
+(Modal gains as measures of controllability: [Hamdan1989].)
 """
 
 from __future__ import annotations

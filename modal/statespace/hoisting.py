@@ -1,6 +1,6 @@
 """A hoist in the linear model: frequencies along it, and the swing that a travel of the cart leaves.
 
-A slow change of lengths keeps E/ω of every mode (Landau & Lifshitz, Mechanics, §49), so that with φᵀMφ = 1 the
+A slow change of lengths keeps E/ω of every mode ([Landau1976, §49]), so that with φᵀMφ = 1 the
 amplitude of a mode is that of its shape times ω^(−1/2); of one pendulum that is l^(−3/4).  Frequencies that approach
 each other veer apart, and keep their order, unless nothing couples their modes: those of pendula on a fixed support,
 and of equal pendula against each other while the cart stays still, are followed apart from all others.

@@ -6,7 +6,7 @@ With φ as in `Modes.shape` (which separates equal and zero frequencies as well 
     damped     α' = λα + ℓᵀB u,             z = 2 Re(rα),                r = (φ, λφ),  ℓ = ((λM + D)φ, Mφ)/s
     real λ     α' = λα + ℓᵀB u,             z = rα,                      s = φᵀ(2λM + D)φ
 
-(Tisseur & Meerbergen, SIAM Rev. 43, 235 (2001), §3.5: left and right vectors of a symmetric quadratic pencil.)  A cart
+([Tisseur2001, §3.5]: left and right vectors of a symmetric quadratic pencil.)  A cart
 whose acceleration or velocity is prescribed does not respond to the pendula: it is a separate block, and the modes are
 the fixed-base modes of the pendula.  So is a support whose acceleration or velocity is prescribed; the modes are then
 those of the scene.  Where springs or drag couple them with its motion, they deviate from what that makes of them while

@@ -16,9 +16,8 @@ A controller that samples every h can only act at multiples of h.  There the imp
 = −1, becomes two at the multiples around it, with Σ a e^{s t} = −1 as before: the sampled command of a ZV or ZVD shaper
 leaves nothing in the mode.  Those of UM are shared likewise between neighbouring samples.
 
-(Singer & Seering, J. Dyn. Syst. Meas. Control 112, 76 (1990); robustness as the range of V ≤ 5 %, and EI: Singhose,
-Seering & Singer, J. Mech. Des. 116, 654 (1994); UM: Singhose, Singer & Seering, ASME J. Dyn. Syst. 119, 198 (1997);
-on a grid: Murphy & Watanabe, IEEE Trans. Robot. Autom. 8, 285 (1992).)
+([Singer1990]; robustness as the range of V ≤ 5 %, and EI: [Singhose1994]; UM: [Singhose1997];
+on a grid: [Murphy1992].)
 
 The relevant frequencies depend on the drive: if the trolley follows an acceleration or a velocity whatever hangs from
 it, the load swings as on a fixed support.  A trolley driven by a force moves with its load, at the free frequencies,

@@ -8,7 +8,7 @@ zeros are the finite eigenvalues λ of the pencil
     [ A  b ]       [ 1  0 ]
     [ c  d ]  − λ  [ 0  0 ]
 
-of the terms that are left (Emami-Naeini & Van Dooren, Automatica 18, 415 (1982)), made exact by Newton's method on G(s)
+of the terms that are left [EmamiNaeini1982], made exact by Newton's method on G(s)
 by elimination (`modal.statespace.response`).  There are as many as there are poles, less the relative degree; that and
 the number of zeros at s = 0 are the powers of s that G follows far above and far below all poles, and g is the value of
 G Π (s − p_k)/Π (s − z_i) between them.

@@ -4,9 +4,9 @@ A pendulum of one link with the inertia A about its joint and the first moment b
 b, a mass b²/A on a spring; what is left of the carrier is M + m − b²/A.  With μ their ratio, ω_1² = k/(M + m − b²/A),
 f = ω_d/ω_1 and ζ = c/(2 A ω_d), the peak of k|x/F| is least, to first order about its two fixed points, for
 
-    f = 1/(1 + μ),    ζ = √(3μ/(8(1 + μ)))                      (Den Hartog, Mechanical Vibrations, 4th ed., §3.3)
+    f = 1/(1 + μ),    ζ = √(3μ/(8(1 + μ)))                      [DenHartog1956, §3.3]
 
-and exactly, of a carrier without a damper, for (Nishihara & Asami, J. Vib. Acoust. 124, 576 (2002))
+and exactly, of a carrier without a damper, for [Nishihara2002]
 
     f = 2/(1+μ) √(2(16+23μ+9μ²+2(2+μ)√(4+3μ))/(3(64+80μ+27μ²))),    ζ = ¼√((8+9μ−4√(4+3μ))/(1+μ))
 

@@ -4,8 +4,8 @@ A step δ from z solves, within a trust region and the bounds,
 
     min Σ_j t_j + ρ Σ_k s_k,      a_ij + ∇a_ij·δ ≤ t_j,      c_ik + ∇c_ik·δ ≤ s_k,   s_k ≥ 0
 
-for every piece a_ij of the costs j and c_ik of the limits k (Madsen, J. Inst. Maths Applics 16, 321 (1975); Fletcher,
-Practical Methods of Optimization, 2nd ed., ch. 14).  Where the multipliers λ have settled, Newton's method solves
+for every piece a_ij of the costs j and c_ik of the limits k [Madsen1975], [Fletcher1987, ch. 14].  Where the
+multipliers λ have settled, Newton's method solves
 
     Σ λ_ij ∇a_ij + Σ μ_ik ∇c_ik = 0,    a_ij = t_j,    Σ_i λ_ij = 1,    c_ik = 0
 
@@ -194,7 +194,7 @@ def _quasi_newton(evaluate: Evaluate, here: Evaluation, low: Floats, high: Float
     """Where BFGS leads with a search for the weak conditions of Wolfe, which needs no gradient to be continuous.
 
     So it goes along ridges on which modes meet, where gradients grow without bound and linear programs stop
-    (Lewis & Overton, Math. Program. 141, 135 (2013)).
+    [Lewis2013].
     """
 
     def merit(z: Floats) -> tuple[float, Floats, Evaluation]:

@@ -11,11 +11,11 @@ and two pairs of multipliers leave the unit circle where two half-traces meet (K
 
 A coarse grid seeds the curves: an edge of it across which a determinant changes its sign, or the number of complex
 multipliers off the circle, holds a point of one.  Each is followed in the plane by arclength, with a tangent as
-predictor and Newton's method as corrector (Keller, 1977).  A determinant is replaced by g of the bordered system
+predictor and Newton's method as corrector [Keller1977].  A determinant is replaced by g of the bordered system
 
     [F p; qᵀ 0] [v; g] = [0; 1],    dg = −wᵀ dF v,    with w of the transposed system
 
-(Govaerts, Numerical Methods for Bifurcations of Dynamical Equilibria, 2000, §3.3); dF comes from complex steps, the
+[Govaerts2000, §3.3]; dF comes from complex steps, the
 equations being analytic in both parameters.
 """
 

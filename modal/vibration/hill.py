@@ -13,15 +13,14 @@ own, Mathieu's.  Coordinates that nothing couples are separate systems here.
 The matrices are analytic on each half of the period: both halves are integrated by Taylor series, many pairs (A, Ω) at
 once, also complex ones, whose imaginary parts carry derivatives.  Without losses the motion is reversible and
 symplectic: with the first half N = [a b; c d] and R = diag(1, −1), the monodromy matrix is R N⁻¹ R N, so that its
-half-traces, the (μ + 1/μ)/2, are the eigenvalues of dᵀa + bᵀc = 1 + 2 bᵀc = 2 dᵀa − 1 (of one angle: Magnus & Winkler,
-Hill's Equation, 1966, §1.2).
+half-traces, the (μ + 1/μ)/2, are the eigenvalues of dᵀa + bᵀc = 1 + 2 bᵀc = 2 dᵀa − 1 (of one angle:
+[Magnus1966, §1.2]).
 
 Solutions grow where a Floquet multiplier μ, an eigenvalue of the matrix that takes (θ, θ') across one period, lies
 outside the unit circle: with the period of the support where μ > 1, with twice the period where μ < −1, and with two
-frequencies that add up to a multiple of the support's, or differ by one, where μ is complex (Yakubovich & Starzhinskii,
-Linear Differential Equations with Periodic Coefficients, 1975, chapter V).  The unstable regions of Mathieu's equation
-are the tongues of the chart of Ince and Strutt (McLachlan, Theory and Application of Mathieu Functions, 1947, §4.10),
-and an inverted pendulum stands where a²Ω² exceeds about 2 g l (Kapitza, 1951; Landau & Lifshitz, Mechanics, §30).
+frequencies that add up to a multiple of the support's, or differ by one, where μ is complex
+[Yakubovich1975, chapter V].  The unstable regions of Mathieu's equation are the tongues of the chart of Ince and Strutt
+[McLachlan1947, §4.10], and an inverted pendulum stands where a²Ω² exceeds about 2 g l [Kapitza1951], [Landau1976, §30].
 """
 
 from __future__ import annotations

@@ -7,10 +7,10 @@ integral of an acceleration begins at zero velocity, every integral at zero disp
 acceleration is zero.
 
 A random process of the PSD S (one-sided, per hertz) is the sum of sines √(2 S(f_k) Δf) cos(2π f_k t + φ_k) at all
-multiples f_k of Δf = 1/duration within the PSD, with independent uniform phases φ_k (Shinozuka & Jan, J. Sound Vib. 25,
-111 (1972), equation (17) with equal amplitudes a line): its PSD over one duration is S.  Between two points a PSD is a
-straight line over logarithmic axes, S = S₁ (f/f₁)^p, as test specifications draw it, and a straight line over linear
-axes where an end or its frequency is zero; outside its points it is zero.
+multiples f_k of Δf = 1/duration within the PSD, with independent uniform phases φ_k ([Shinozuka1972, equation (17)]
+with equal amplitudes a line): its PSD over one duration is S.  Between two points a PSD is a straight line over
+logarithmic axes, S = S₁ (f/f₁)^p, as test specifications draw it, and a straight line over linear axes where an end or
+its frequency is zero; outside its points it is zero.
 """
 
 from __future__ import annotations
@@ -273,7 +273,7 @@ def band(degree: int, derivatives: int) -> float:
     """Up to which frequency, in samples, a spline gives that derivative of a sine within WITHIN, images included.
 
     The spline of degree n through evenly spaced samples of e^{2πift} consists of e^{2πi(f−k)t} for all whole k, with
-    the weights (f−k)^{−n−1} / Σ_k (f−k)^{−n−1} (Schoenberg, Cardinal Spline Interpolation, 1973, lecture 4).
+    the weights (f−k)^{−n−1} / Σ_k (f−k)^{−n−1} [Schoenberg1973, lecture 4].
     """
 
     def excess(f: float) -> float:

@@ -7,7 +7,7 @@ With H the response of an output to the support's acceleration and S the one-sid
 H comes from elimination (`modal.statespace.response`), since the sum over its modes H_r cancels far from them, and the
 integrals are taken by Gauss's rule on intervals that shrink towards every resonance, to nearly full precision however
 sharp it is.  For white noise about a lightly damped
-mode with H_r = (N1 s + N0)/(s² + 2ζω s + ω²) they are Miles' equation (J. Aeronaut. Sci. 21, 753 (1954)),
+mode with H_r = (N1 s + N0)/(s² + 2ζω s + ω²) they are Miles' equation [Miles1954],
 
     RMS² ≈ S(ω/2π) (N0²/ω² + N1²) / (8 ζ ω),
 

@@ -5,18 +5,17 @@ knots, and for α' = λ α + a(t) and a with the derivatives a⁽ᵐ⁾ at the b
 
     α(t + h) = e^{λh} α(t) + Σ_m a⁽ᵐ⁾ h^{m+1} φ_{m+1}(λh),     φ_k(z) = ∫₀¹ e^{(1−θ)z} θ^{k−1}/(k−1)! dθ
 
-(the exact solution of an exponential integrator; Hochbruck & Ostermann, Acta Numerica 19, 209 (2010), §2.1).  The
+(the exact solution of an exponential integrator; [Hochbruck2010, §2.1]).  The
 effective masses add up to the whole mass; the modes needed for 90 % of it are those that building codes ask for
-(Chopra, Dynamics of Structures, §13.2; Eurocode 8, §4.3.3.3.1).  Peaks of modes, which do not occur at the same time,
+([Chopra2012, §13.2]; Eurocode 8, §4.3.3.3.1).  Peaks of modes, which do not occur at the same time,
 are combined beside it:
 
-    SRSS   √(Σ_r y_r²)                 modes far apart (Rosenblueth, 1951)
-    CQC    √(Σ_rs ρ_rs y_r y_s)        with the signs of the y_r (Wilson, Der Kiureghian & Bayo, 1981)
+    SRSS   √(Σ_r y_r²)                 modes far apart [Rosenblueth1951]
+    CQC    √(Σ_rs ρ_rs y_r y_s)        with the signs of the y_r [Wilson1981]
 
     ρ_rs = 8 √(ζ_r ζ_s) (ζ_r + q ζ_s) q^{3/2} / [(1 − q²)² + 4 ζ_r ζ_s q (1 + q²) + 4 (ζ_r² + ζ_s²) q²],   q = ω_s/ω_r
 
-is the correlation of two oscillators under white noise (Der Kiureghian, Earthquake Eng. Struct. Dyn. 9, 419 (1981),
-equation (8)).
+is the correlation of two oscillators under white noise [DerKiureghian1981, equation (8)].
 """
 
 from __future__ import annotations

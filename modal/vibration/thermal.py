@@ -1,7 +1,7 @@
 """Thermal noise of a scene: what its dampers and loss angles do to every output at a temperature T.
 
 Each dissipator along a row r, with the coefficient c_j = d + k φ/ω, pushes along its row with a force of the one-sided
-PSD 4 k_B T c_j (the fluctuation-dissipation theorem: Callen & Welton, Phys. Rev. 83, 34 (1951)), so that
+PSD 4 k_B T c_j (the fluctuation-dissipation theorem: [Callen1951]), so that
 
     S_y(f) = 4 k_B T Σ_j c_j(ω) |H_yj(ω)|²,        = 4 k_B T |Im H_xF|/ω   of a displacement x,
 

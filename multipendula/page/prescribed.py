@@ -37,7 +37,7 @@ def prescribed_module(scene: Scene) -> str:
 
     data = {
         "sources": [_source(motion) for motion in system.prescribed],
-        "courses": [[system.prescribed.index(course.motion), course.order] for course in system.courses],
+        "courses": [[system.prescribed.index(course.motion), course.order] for course in system.courses()],
         "forces": len(system.forces),
         "breaks": sorted({float(time) for motion in system.prescribed for time in motion.breaks}),
         "shortest": system.shortest,
@@ -58,7 +58,7 @@ def leading(system: System) -> int:
     """How many inputs u of the equations come first: the time, or the values of what is prescribed."""
     if not system.prescribed:
         return 0
-    return 1 if system.is_analytic else len(system.courses)
+    return 1 if system.is_analytic else len(system.courses())
 
 
 def long_ones(scene: Scene) -> Iterator[str]:

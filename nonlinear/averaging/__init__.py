@@ -4,7 +4,7 @@ In: a scene with drives.  Out: the mode that survives, the locking time, and sta
 
     z_r' = (i/Ω_b) ⟨φ_rᵀ ρ(q, v, a) e^{−iχ_b}⟩,    q = Re Σ φ_r z_r e^{iχ_b}
 
-(Krylov and Bogoliubov; Sanders, Verhulst & Murdock, 2007, ch. 2).  Start with `equations`; `equilibria` finds the
+(Krylov and Bogoliubov; [Sanders2007, ch. 2]).  Start with `equations`; `equilibria` finds the
 configurations, `slow_flow` integrates the amplitudes in time, `prediction` gives the outcome of a start.
 """
 

@@ -7,8 +7,7 @@ amplitudes z_r, w_r = z_r e^{iχ_b} = η_r − iη_r'/Ω_b of η_r = φ_rᵀMq, 
     q = Re Σ φ_r z_r e^{iχ_b},     q' = Re Σ iΩ_b φ_r z_r e^{iχ_b},     q'' = −Re Σ Ω_b² φ_r z_r e^{iχ_b}
 
 is substituted into the full nonlinear equations (`nonlinear.reduction.residual`), with drives and dampers.  The
-residual forces ρ drive the z_r slowly (averaging: Krylov and Bogoliubov; Sanders, Verhulst & Murdock, Averaging
-Methods in Nonlinear Dynamical Systems, 2007, ch. 2):
+residual forces ρ drive the z_r slowly (averaging: Krylov and Bogoliubov; [Sanders2007, ch. 2]):
 
     z_r' = (i/Ω_b) ⟨φ_rᵀρ e^{−iχ_b}⟩.
 

@@ -5,7 +5,7 @@ Paper 001: chaos grows with the number of links.  Its rate depends on the time u
 
 Paper 000: hanging double pendula on one cart makes them more predictable.  They are compared with as many of them on a
 fixed support, taken together, from the same starts.  Theory contradicts the claim: weakly coupled equal chaotic systems
-have a larger λ than uncoupled ones (Daido, Progress of Theoretical Physics 72, 853, 1984).
+have a larger λ than uncoupled ones [Daido1984].
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
     λ = lim ln(|v(t)| / |v(0)|) / t
 
 v obeys the tangent equations and is rescaled to length 1 again and again, its gains being added up
-(Benettin, Galgani, Giorgilli and Strelcyn, Meccanica 15, 9 and 21, 1980); a kick of an escapement changes it by
+[Benettin1980a], [Benettin1980b]; a kick of an escapement changes it by
 saltation (`nonlinear.integration.changes`).  Under forces and on a moved support y' depends on time; v does not change
 it, so that its own exponent, 0, is not among these.  A run of finite length cannot distinguish every λ from zero: in
 regular motion |v| grows like t, in natural units from 1 to about sqrt(g/l) t, which over T seconds looks like

@@ -2,10 +2,10 @@
 
 Of J contacts with γ'' = a + Gτ, G symmetric and positive definite, those at rest obey |τ| ≤ M: γ'' = 0 inside the
 limit, else γ'' is against τ.  The first contact that violates this changes its state until none does: finite for a
-positive definite G (Murty, Linear Algebra Appl. 7, 65 (1974); with bounds Júdice and Pires, Computers Ops Res. 21, 587
-(1994)).  On a rail with a coefficient μ the limit is μ|N|, N = normal₀ + Σ normal_j τ_j: every state of the rail is
-tried with either sign e of N, τ₀ = −s μ e (normal₀ + Σ normal_j τ_j)/(1 + s μ e normal_0), s being the side to which
-it slides, so that friction at the joints sees a + G₀ τ₀ as one more response to its own torques.
+positive definite G ([Murty1974]; with bounds [Judice1994]).  On a rail with a coefficient μ the limit is μ|N|, N =
+normal₀ + Σ normal_j τ_j: every state of the rail is tried with either sign e of N, τ₀ = −s μ e (normal₀ + Σ normal_j
+τ_j)/(1 + s μ e normal_0), s being the side to which it slides, so that friction at the joints sees a + G₀ τ₀ as one
+more response to its own torques.
 
 Arguments are lists of floats, G row by row.  Run by Python, compiled by numba (`nonlinear.integration.changes`).
 """

@@ -5,7 +5,7 @@ velocity.  The torque or force τ_j of friction opposes it and is at most the li
 
     γ' ≠ 0:  τ = −M sign γ',        γ' = 0:  |τ| ≤ M,  and τ = −M sign γ'' where sliding begins
 
-(Coulomb; Glocker, Set-Valued Force Laws, 2001, §2).  It adds Jᵀτ to the generalized forces, so that γ'' = a + Gτ with
+(Coulomb; [Glocker2001, §2]).  It adds Jᵀτ to the generalized forces, so that γ'' = a + Gτ with
 the accelerations a without friction and G = J M⁻¹ Jᵀ, symmetric and positive definite.  Which contacts at rest begin to
 slide is a linear complementarity problem with bounds, which has one solution (`complementarity`).  The friction of
 those that stick leaves them at rest, Ja + Gτ = 0 (`Sticking`).
@@ -25,8 +25,8 @@ With M', k', K', p', e' of all that hangs below a link, n = (cos θ, −sin θ) 
     D = J + l² n·M'n + 2 l n·k' + K'     h = m c n + l M'n + k'     g = l n·p' + e'     w = (1 − s)/D
     M = m + M' − w h hᵀ    k = s h    K = s D    p = p' + (s r − w g) h    e = s (g + D r)
 
-and on the way down α = s (α_above + r) − w (h·ã + g), τ = s (h·ã + D α + g) (Featherstone, Rigid Body Dynamics
-Algorithms, 2008, §7.2, with joints of no freedom).  One text serves every set of joints that stick.
+and on the way down α = s (α_above + r) − w (h·ã + g), τ = s (h·ã + D α + g) ([Featherstone2008, §7.2], with joints of
+no freedom).  One text serves every set of joints that stick.
 
 On a rail with a coefficient μ the limit is μ|N|.  Where N₀ and the response c₀ to a unit of friction on the rail are
 those with the others held,

@@ -13,7 +13,7 @@ Against still air the force on the centre of mass of a link, with the absolute v
 
     F = −(drag + quadratic_drag |v|) v
 
-(Landau and Lifshitz, Fluid Mechanics, §§20 and 45, for the two laws).  Over the cart's x and the links' directions u_i
+[Landau1987, §§20 and 45].  Over the cart's x and the links' directions u_i
 it is the generalized force Σ_k F_k·e_x on x and, with l and c the lengths to the lower joint and to the centre,
 
     Q_i = l_i Σ_{k>i} F_k + c_i F_i

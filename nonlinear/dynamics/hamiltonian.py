@@ -27,8 +27,7 @@ forces Q_i across the link and λ_i along it, so
          = (1 − u_i u_iᵀ)(g b_i e_z + Q_i) − (u_i'·π_i) u_i − (u_i·P_i) u_i'        p_x' = −k_c x − c_c x' + F
 
 without λ_i, since u_i'·P_i = u_i'·π_i; and u_i·π_i' + u_i'·π_i = 0 keeps π_i across u_i.  Without Q and F these are the
-equations of H by Dirac's brackets for the constraints |u_i| = 1 and u_i·π_i = 0 (Dirac, Lectures on Quantum Mechanics,
-1964, ch. 1),
+equations of H by Dirac's brackets for the constraints |u_i| = 1 and u_i·π_i = 0 [Dirac1964, ch. 1],
 
     {u_a, u_b} = 0        {u_a, π_b} = δ_ab − u_a u_b        {π_a, π_b} = π_a u_b − u_a π_b,
 

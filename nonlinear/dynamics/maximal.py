@@ -17,7 +17,7 @@ bobs have no inertia and a cart may have no mass.
 The accelerations satisfy the constraints, but round-off and integration errors do not: the system is of index 1, and
 positions drift off (linearly with the velocities' error, quadratically with the accelerations').  So between steps
 `project` restores q and q' by the smallest mass-weighted change, min ½ δᵀM δ with G δ = −g, one linear system of the
-same matrix per Newton step (Hairer, Lubich & Wanner, Geometric Numerical Integration, 2006, §IV.4).  It leaves the
+same matrix per Newton step [Hairer2006, §IV.4].  It leaves the
 centre of mass and the momentum along the rail unchanged.  Source: paper 000, section IV, corrected
 (`modal.symbolic.papers.cart_dae`), written link by link.
 

@@ -17,9 +17,9 @@ across), r and μ,
     p_T = D⁻¹ (cross y + (m c + l N) Q)     p_u = p'_u − |w|² (m c + l μ) − l r·D⁻¹ (l y − Q)
 
 with far = I + m (l − c)², cross = I − m c (l − c).  It is `nonlinear.dynamics.recursion` with a 2×2 block for each
-number across (Featherstone, Rigid Body Dynamics Algorithms, 2008, §7.2; Householder reflections: Golub and Van Loan,
-Matrix Computations, §5.1).  The reflection maps the plane of the rail onto itself, so motion there is as exact as in
-the plane case; outside it a bob right above a heavier one loses the digits of their mass ratio, as in dense equations.
+number across ([Featherstone2008, §7.2]; Householder reflections: [Golub2013, §5.1]).  The reflection maps the plane of
+the rail onto itself, so motion there is as exact as in the plane case; outside it a bob right above a heavier one loses
+the digits of their mass ratio, as in dense equations.
 
 The first axis of a vector holds its components; any further axes may follow.  Arrays of SymPy or heyoka expressions are
 accepted too, with `sign` given: any choice of ±1 that keeps 1 + sign u_z away from zero.

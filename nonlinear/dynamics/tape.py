@@ -5,8 +5,7 @@ tape, each once, without those that involve only a 0.  The inputs have a kind: "
 time brings), "y" (the state), "v" (a direction).  `nonlinear.dynamics.text` writes what is on the tape.
 
 Derivatives are found on the same tape by the chain rule, forwards: `partials` are the entries of a Jacobian that are
-not zero, `along` is its product with a vector; `gradient` goes backwards (Griewank and Walther, Evaluating Derivatives,
-2008, §§3.1 and 3.2).
+not zero, `along` is its product with a vector; `gradient` goes backwards [Griewank2008, §§3.1 and 3.2].
 """
 
 from __future__ import annotations

@@ -89,7 +89,7 @@ def fit(
 
     `priors` are texts such as "gravity=9.81±0.01"; `scale` frees the scale of every sensor; `loss` is one of
     `scipy.optimize.least_squares`.  A long chaotic segment is fitted in windows of `window` seconds that join (multiple
-    shooting; Bock & Plitt, IFAC Proc. 17, 1603 (1984)).  `report` is called with the part that is done.
+    shooting; [Bock1984]).  `report` is called with the part that is done.
 
     Raises SceneError for scenes that cannot be fitted and places that are not free numbers, ComputationError where no
     motion of the scene comes near the record.

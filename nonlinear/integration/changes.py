@@ -12,8 +12,7 @@ Columns V of derivatives by what the motion starts from become at a switch n·y 
 
     V₊ = DG V₋ + (f₊ − DG f₋) (n·V₋)/(n·f₋)
 
-taken one after the other where several switch at once (saltation; Leine and Nijmeijer, Dynamics and Bifurcations of
-Non-Smooth Mechanical Systems, 2004, §7).
+taken one after the other where several switch at once (saltation; [Leine2004, §7]).
 """
 
 from __future__ import annotations

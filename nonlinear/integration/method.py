@@ -1,4 +1,4 @@
-"""DOP853 (Hairer, Nørsett and Wanner, Solving Ordinary Differential Equations I, 1993, §II.5) as data and as texts.
+"""DOP853 [Hairer1993, §II.5] as data and as texts.
 
 The coefficients are those of Hairer's `dop853.f`, rounded to doubles, and stand nowhere else; every loop over steps, in
 floats, in lanes of NumPy, compiled, takes from here its sums over stages, its error and the length of its next step, so

@@ -2,8 +2,8 @@
 
 Compiled code runs many times as fast as what is always there, once it is loaded, which takes fractions of a second, or
 compiled, which takes seconds where nothing is kept.  How much is still to come nobody knows: so a process rents until
-what it would have saved has paid the price, and then buys, which costs at most twice what foresight would have (Karlin,
-Manasse, Rudolph and Sleator, Algorithmica 3, 1988).  What is there already is simply taken where it is faster.
+what it would have saved has paid the price, and then buys, which costs at most twice what foresight would have
+[Karlin1988].  What is there already is simply taken where it is faster.
 """
 
 from __future__ import annotations

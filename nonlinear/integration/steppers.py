@@ -57,9 +57,8 @@ AT_EASE = Pace()
 def first_step_of(y: Floats, slope: Floats, scale: Floats, longest: float) -> float:
     """A first step (s) to try, at most `longest`: the one in which y at this slope changes by its distance from zero.
 
-    Both are measured in `scale`, the absolute tolerance of each component.  SciPy's rule (Hairer, Nørsett and Wanner,
-    Solving Ordinary Differential Equations I, 1993, §II.4) ends with a power of seconds, so its steps depend on the
-    units.
+    Both are measured in `scale`, the absolute tolerance of each component.  SciPy's rule [Hairer1993, §II.4] ends with
+    a power of seconds, so its steps depend on the units.
     """
     size, speed = (float(np.max(np.abs(values / scale))) for values in (y, slope))
     return min(size / speed, longest) if size and speed else longest

@@ -1,11 +1,10 @@
 """High-order Taylor series by heyoka (extra `taylor`): the generated equations, compiled.
 
 The constants of a scene are parameters, so one compiled series serves all scenes that differ in these alone.
-heyoka computes the step size from the last two coefficients of the series (Jorba and Zou, Experimental Mathematics
-14, 2005).  Released from rest at ±90°, angles contain the powers 2, 6, 10, … of t and rates 1, 5, 9, …: where the
-order is a multiple of four both coefficients are zero, and the first step comes out many times too long.  So the order
-is never a multiple of four, and the first step no longer than FIRST of the shortest linear period; either measure alone
-preserved every digit in all starts tried.
+heyoka computes the step size from the last two coefficients of the series [Jorba2005].  Released from rest at ±90°,
+angles contain the powers 2, 6, 10, … of t and rates 1, 5, 9, …: where the order is a multiple of four both coefficients
+are zero, and the first step comes out many times too long.  So the order is never a multiple of four, and the first
+step no longer than FIRST of the shortest linear period; either measure alone preserved every digit in all starts tried.
 """
 
 from __future__ import annotations

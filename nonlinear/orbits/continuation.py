@@ -1,9 +1,8 @@
 """Pseudo-arclength continuation of the solutions of r(u) = 0, one more unknown than independent equations.
 
 The tangent t is the null vector of J = ∂r/∂u.  A step s along it is corrected by Newton's method (of least squares:
-conserved quantities make some equations follow from the others) in the plane across it (Keller, in Applications of
-Bifurcation Theory, 1977, p. 359; Seydel, Practical Bifurcation and Stability Analysis, 2010, ch. 4).  Steps grow where
-few corrections suffice and the tangent hardly turns.
+conserved quantities make some equations follow from the others) in the plane across it [Keller1977, p. 359],
+[Seydel2010, ch. 4].  Steps grow where few corrections suffice and the tangent hardly turns.
 """
 
 from __future__ import annotations

@@ -4,12 +4,11 @@ The period T is divided into equal segments that begin at y_0, y_1, …:
 
     φ_{T/m}(y_k) = y_{k+1},   φ_{T/m}(y_{m−1}) = y_0
 
-with T unknown unless drives of that period set it; then angles may gain whole turns in it (Keller, Numerical Solution
-of Two Point Boundary Value Problems, 1976; Seydel, Practical Bifurcation and Stability Analysis, 2010, ch. 7).  The
-phase of a free oscillation is chosen so that one link turns back at the start, or with dry friction, which stops
-there, passes its angle at rest to the right; a cart that nothing holds starts at 0, carriers at 0 in the mean.  In a
-conservative scene these equations follow from each other in part, and solutions form families.  A number of the scene
-may be a further unknown.
+with T unknown unless drives of that period set it; then angles may gain whole turns in it [Keller1976],
+[Seydel2010, ch. 7].  The phase of a free oscillation is chosen so that one link turns back at the start, or with dry
+friction, which stops there, passes its angle at rest to the right; a cart that nothing holds starts at 0, carriers at 0
+in the mean.  In a conservative scene these equations follow from each other in part, and solutions form families.  A
+number of the scene may be a further unknown.
 """
 
 from __future__ import annotations

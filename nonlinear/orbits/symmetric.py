@@ -6,7 +6,7 @@ release q and τ,
 
     q(τ; q) = q_rest,
 
-a family of one parameter (Rosenberg, Adv. Appl. Mech. 9, 155 (1966)).  Along a number of the scene, the energy is held.
+a family of one parameter [Rosenberg1966].  Along a number of the scene, the energy is held.
 
 On structures left and right differ: springs between points pull along lines that turn, boards lift what hangs beside
 their axis.  There the equations are still the same backwards, so that a motion released from rest that comes to rest

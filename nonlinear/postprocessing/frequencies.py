@@ -8,8 +8,8 @@ are those whose residual r is orthogonal to any small change of them,
 
     ⟨r, 1⟩ = ⟨r, cos x_j s⟩ = ⟨r, sin x_j s⟩ = ⟨r, s (b_j cos x_j s − a_j sin x_j s)⟩ = 0,    ⟨f, g⟩ = Σ χ f g,
 
-with the window χ = (1 + cos πs)^p.  For one line this is the maximum of |⟨f, e^{ixs}⟩| (Laskar, Icarus 88, 266 (1990);
-Laskar, Physica D 67, 257 (1993)); solved for all lines at once it needs no Gram–Schmidt step and no correction for the
+with the window χ = (1 + cos πs)^p.  For one line this is the maximum of |⟨f, e^{ixs}⟩| [Laskar1990],
+[Laskar1993]; solved for all lines at once it needs no Gram–Schmidt step and no correction for the
 lines' images at −ω.  An omitted line shifts the others by its amplitude over the (2p + 1)-th power of its distance.  χ
 and its derivatives vanish at both ends, which makes the sum over the samples as accurate as the integral.
 """

@@ -62,18 +62,18 @@ def _sums(pieces: Floats, begin: Ints, end: Ints) -> Floats:
 
 
 WINDOW, WINDOW_NAME = (0.35875, -0.48829, 0.14128, -0.01168), "Blackman–Harris"
-"""Amplitudes of the cosines that add up to the window, of four terms that with the least sidelobes (Harris 1978)."""
+"""Amplitudes of the cosines that add up to the window, of four terms that with the least sidelobes [Harris1978]."""
 PADDING = 8
 """Length of the transform over that of the signal: zeros in between draw each peak with its own shape."""
 BANDWIDTH = 2.72
-"""Width of the window's main lobe 6 dB down, in 2π/T (Harris, Proc. IEEE 66, 51, 1978, Table I)."""
+"""Width of the window's main lobe 6 dB down, in 2π/T [Harris1978, Table I]."""
 
 
 def power_spectrum(times: Floats, values: Floats) -> tuple[Floats, Floats]:
     """Angular frequencies (rad/s) and the power spectral density of values (unit² s), (F,) each.
 
     A linear trend is removed first, so that a rotating link shows the spectrum of its fluctuations; the four-term
-    Blackman-Harris window keeps the sidelobes of strong lines 92 dB down (Harris, Proc. IEEE 66, 51, 1978).  Zeros
+    Blackman-Harris window keeps the sidelobes of strong lines 92 dB down [Harris1978].  Zeros
     after the signal interpolate the spectrum at PADDING times as many frequencies; lines closer than `resolution`
     merge nevertheless.
     """

@@ -5,7 +5,7 @@ order its error e, the correction to be added to the motion, obeys the linear eq
 
     M e'' + D e' + K e = −ρ(t),     e(0), e'(0) = the deviation of the motion from the start,
 
-which are solved exactly for a ρ that is linear between samples (Van Loan, IEEE Trans. Autom. Control 23, 395 (1978)),
+which are solved exactly for a ρ that is linear between samples [VanLoan1978],
 all samples at once: y_k = E y_{k−1} + g_k by halving the number of samples until one is left.  A repetition for the
 motion with e added gives a second term; where that is not small compared with the first, the series is not trustworthy.
 """

@@ -5,7 +5,7 @@ With q = (x, θ − rest), v = q' and the shapes φ of an undamped scene, orthog
     η_r = φ_rᵀ M q / φ_rᵀ M φ_r,     q = Σ_r φ_r η_r.
 
 With dampers, shapes and eigenvalues are complex.  They are orthogonal in the first-order form of the equations
-(Tisseur & Meerbergen, SIAM Rev. 43, 235 (2001), §3.5), which separates even modes that dampers couple:
+[Tisseur2001, §3.5], which separates even modes that dampers couple:
 
     z_r = φ_rᵀ [(λ_r M + D) q + M v] / φ_rᵀ (2 λ_r M + D) φ_r,     q = Σ_r 2 Re φ_r z_r,     η_r = 2 Re z_r,
 

@@ -12,7 +12,7 @@ and with the pair (A, b) the equations of R unknowns, at a cost of O(n R²) and 
     ΦᵀMΦ = M φ_xᵀφ_x + Σ_i [A_ii F_iᵀF_i + b_i (F_iᵀ n_i·p_i + p_iᵀ·n_i F_i)]
     ΦᵀMΦ η'' = Φᵀ Q − Σ_i b_i [F_iᵀ (n_i·a_i + g sin θ_i) − θ_i'² p_iᵀ·u_i],
 
-Q being the forces of springs, dampers and loads on q (Kane & Levinson, Dynamics: Theory and Applications, 1985, §4.11).
+Q being the forces of springs, dampers and loads on q [Kane1985, §4.11].
 On a structure x becomes its coordinates; with the accelerations a of the whole scene's equations at q = Φ η, q' = Φ η',
 
     ΦᵀMΦ η'' = (MΦ)ᵀ a.

@@ -5,7 +5,7 @@ the modes φ' of the scene there: z' = φ'ᵀ M' q.  Steps are halved where ampl
 of the range; a branch that cannot be continued further, or not back from there, is lost.  Where stability changes,
 intermediate values are inserted by bisection.
 
-At a critical value a branch meets another and both end (Adler, Proc. IRE 34, 351 (1946): the critical detuning), or
+At a critical value a branch meets another and both end ([Adler1946]: the critical detuning), or
 it joins one that continues, or dies out, or continues with a change of stability.  Each is located to RESOLUTION of the
 range, and beside it the point where the periodic orbits of the full equations do the same
 (`nonlinear.synchronization.certificates`).

@@ -10,7 +10,7 @@ a run.  A population is locked where R_s > 0.99.  Populations that are all locke
     |⟨e^{i(Ψ_s − Ψ_1)}⟩| > 0.99     at rates equal within 1e-3, on supports that something joins,
 
 are in phase, in antiphase or locked at another phase Ψ_s − Ψ_1.  One locked and another one not, though all pendula are
-equal, is a chimera (Martens, Thutupalli, Fourrière & Hallatschek, PNAS 110, 10563 (2013)).
+equal, is a chimera [Martens2013].
 """
 
 from __future__ import annotations
