@@ -15,6 +15,7 @@ import io
 import os
 import re
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from math import isfinite, nan
 
@@ -98,14 +99,24 @@ def has_modes(path: str | os.PathLike[str]) -> bool:
 @checked
 def read_modes(scene: Scene, path: str | os.PathLike[str]) -> MeasuredModes:
     """The measured modes in a file, of a scene that has the components of their shapes; SceneError lists mistakes."""
-    return parse_modes(scene, os.fspath(path), text_of(path, "table"))
+    name = os.fspath(path)
+    with _mistakes_of(name):
+        text = text_of(path, "table")
+    return parse_modes(scene, name, text)
 
 
 @checked
 def parse_modes(scene: Scene, name: str, text: str) -> MeasuredModes:
     """The measured modes in the text of such a file, called `name`; SceneError lists mistakes."""
-    try:
+    with _mistakes_of(name):
         return _parsed(scene, name, text)
+
+
+@contextmanager
+def _mistakes_of(name: str) -> Iterator[None]:
+    """Mistakes are those of the file of this name."""
+    try:
+        yield
     except SceneError as error:
         raise SceneError([f"{name}: {problem}" for problem in error.problems]) from None
 

@@ -248,7 +248,7 @@ COMMANDS = (
             *report_file("text", "csv", "json"),
         ),
         details=(
-            "Free decays are realized by the eigensystem realization algorithm [Juang1985], and the poles "
+            "Free decays are realized by the eigensystem realization algorithm (Juang & Pappa 1985), and the poles "
             "then fitted to the records themselves; for responses to random excitation the correlations are realized "
             "instead. Frequencies are natural frequencies, as in the table of modes. The picture shows which poles are "
             "stable over its order. With --scene, every measured mode is paired with the computed one most similar to "
