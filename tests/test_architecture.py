@@ -227,7 +227,7 @@ NEEDED: dict[str, set[str]] = {
 """What an import or a command may load of it, beside what those before it have loaded; the last one loads it."""
 
 
-MOST_LOADED = {"table paper-cart-2": (72, 16_300)}
+MOST_LOADED = {"table paper-cart-2": (72, 17_000)}
 """Modules of ours, and their lines, that the first of them may load."""
 
 LONGER = ("sync", "tune", "plot", "import scipy")

@@ -118,7 +118,7 @@ def _scales(result: Fit) -> Iterator[str]:
         white = all(len(rho) == 1 for rho in result.rho)
         explained = white or lasting(after) < LEFT * lasting(residuals)
         if std and explained and abs(step[-1]) > TINY and abs(step[-1]) / std > best[0]:
-            words = f"{name}: a scale of {1 + step[-1]:.4g} ± {std:.1g} fits better: `scaled=True`"
+            words = f"{name}: a scale of {1 + step[-1]:.4g} ± {std:.1g} fits better: `scale=True`"
             best = (abs(step[-1]) / std, words)
     if best[1]:
         yield best[1]

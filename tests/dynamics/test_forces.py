@@ -187,4 +187,4 @@ def test_runs_under_forces_are_saved(tmp_path: Any) -> None:
         assert read.scene == scene
         assert np.array_equal(read.motion.links, run.motion.links)
         assert reaction_forces_of(read).pivots == pytest.approx(reaction_forces_of(run).pivots, rel=1e-12)
-    assert {"support_horizontal_m", "support_vertical_ddot_m_per_s2"} <= set(files.columns(run.system))
+    assert {"support_horizontal_m", "support_vertical_ddot_m_per_s2"} <= set(files.columns(run))

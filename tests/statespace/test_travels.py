@@ -127,7 +127,7 @@ def test_any_crane_is_drawn_before_and_after(tmp_path: Path, capsys: pytest.Capt
 
 def test_a_picture_needs_a_travel_and_a_travel_a_length(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     assert main(["shaper", "crane-hook", "-o", str(tmp_path / "a.png")]) == 2
-    assert "a.png: needs --travel METRES" in capsys.readouterr().err
+    assert "--picture: needs --travel METRES" in capsys.readouterr().err
     assert main(["shaper", "crane-hook", "--over", "3"]) == 2
     assert "--over 3.0: needs --travel METRES" in capsys.readouterr().err
     scene = crane()

@@ -31,6 +31,7 @@ from nonlinear.postprocessing import last, smooth
 from nonlinear.reduction import modal_motion, start_in_mode
 from nonlinear.simulation import simulate
 from nonlinear.sweeps import measures, parse_measures
+from nonlinear.sweeps.measures import Portion
 from nonlinear.synchronization import Phases, find_survival, phases_of
 from nonlinear.synchronization.phases import own_shapes
 from nonlinear.system import Motion, state_at_rest, system_of
@@ -344,8 +345,9 @@ def test_measures_of_a_sweep(monkeypatch: pytest.MonkeyPatch) -> None:
     )
     run = simulate(scene, 90.0, output=np.union1d(simulate(scene, 90.0).times, ending_times(scene, 90.0)))
     numbers: dict[str, float] = {}
+    portion = Portion([scene], scene)
     for request in parse_measures([f"{name}:90" for name in ("order", "survivor", "locking", "pendulum_energy")]):
-        numbers |= request.of(scene)
+        numbers |= request.computation.function(scene, request.number, portion)
     assert len(runs) == 1
     late = np.isin(run.times, ending_times(scene, 90.0))
     survival, mechanics = find_survival(run), run.mechanics
