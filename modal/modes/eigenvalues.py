@@ -136,7 +136,7 @@ class Eigenvalues:
     def moving_near(self, omega: float) -> str:
         """The mode of the scene nearest to a frequency (rad/s) that moves more than pendula on a support at rest."""
         sizes = np.abs(self._whole.eigenvalue) * self.units.rate
-        moving = [n for n, parts in enumerate(self._whole.groups) if not all(part.still for part in parts)]
+        moving = [n for n, parts in enumerate(self._whole.groups) if not all(part.is_still for part in parts)]
         nearest = min(moving, key=lambda n: abs(float(sizes[n]) - omega), default=None)
         return "a mode of the support" if nearest is None else f"mode {nearest + 1}"
 

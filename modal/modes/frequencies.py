@@ -212,7 +212,7 @@ def _squares(stack: Stack, accuracy: float) -> Iterator[Floats]:
 
 def _own_squares(block: Block, accuracy: float) -> Floats:
     """ω² (n, P, S) on fixed supports."""
-    return _squares_of(Suspension.fixed(block), block.n, accuracy).reshape(block.n, block.size, -1)
+    return _squares_of(Suspension.on_fixed_support(block), block.n, accuracy).reshape(block.n, block.size, -1)
 
 
 def _squares_of(suspension: Suspension, modes: int, accuracy: float) -> Floats:

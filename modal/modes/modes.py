@@ -212,11 +212,11 @@ class Modes(TextResult, Eigenvalues, Sequence[Mode]):
         """
         how, left, number = validate_normalisation(normalise), copy, self.place(number)
         for part in self.spectrum.groups[number]:
-            if 0 <= left < part.along + part.across:
+            if 0 <= left < part.along_count + part.across_count:
                 details = self.spectrum.details(part.source, [part.row_of(left)])
                 uncertain = bool(self.error[number] >= UNCERTAIN)
                 return expand(self.rig, self.units, part, left, details, how, uncertain=uncertain)
-            left -= part.along + part.across
+            left -= part.along_count + part.across_count
         raise IndexError(f"mode index {number} has {self.multiplicity[number]} basis vectors: there is no index {copy}")
 
     @cached_property
@@ -443,7 +443,11 @@ def all_shapes(modes: Eigenvalues) -> list[list[Shape]]:
         return expand(modes.rig, modes.units, part, copy, row, "mass", uncertain=uncertain)
 
     return [
-        [shape(part, copy, bool(error >= UNCERTAIN)) for part in parts for copy in range(part.along + part.across)]
+        [
+            shape(part, copy, bool(error >= UNCERTAIN))
+            for part in parts
+            for copy in range(part.along_count + part.across_count)
+        ]
         for parts, error in zip(groups, modes.error, strict=True)
     ]
 
@@ -453,6 +457,6 @@ def _rows(modes: Eigenvalues) -> dict[int, dict[int, int]]:
     rows: dict[int, dict[int, int]] = {}
     for part in (part for parts in modes.spectrum.groups for part in parts):
         places = rows.setdefault(part.source, {})
-        for copy in range(part.along + part.across):
+        for copy in range(part.along_count + part.across_count):
             places.setdefault(part.row_of(copy), len(places))
     return rows

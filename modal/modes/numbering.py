@@ -202,18 +202,18 @@ def _before(spectrum: ModalSpectrum) -> int:
 
 
 def _along(parts: Iterable[SpectrumPart]) -> int:
-    return sum(part.along for part in parts)
+    return sum(part.along_count for part in parts)
 
 
 def _masses(spectrum: ModalSpectrum, groups: Sequence[Sequence[SpectrumPart]]) -> Floats:
     """The effective mass of each group of parts along the rail."""
-    every = [(number, part) for number, parts in enumerate(groups) for part in parts if part.along]
+    every = [(number, part) for number, parts in enumerate(groups) for part in parts if part.along_count]
     masses = np.zeros(len(groups))
     for source in {part.source for _, part in every}:
         here = [(number, part) for number, part in every if part.source == source]
         mass = spectrum.details(source, [part.row for _, part in here]).effective_mass
         for (number, part), kg in zip(here, mass.tolist(), strict=True):
-            masses[number] += kg * part.along
+            masses[number] += kg * part.along_count
     return masses
 
 

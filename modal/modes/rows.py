@@ -205,11 +205,11 @@ class _RowPart(NamedTuple):
         Combinations of pendula in different places that hold a structure still may push it.
         """
         balanced = is_balanced(rig, self.part) and not (rig.structure and self.part.kind is None)
-        return 0.0 if balanced or not self.part.along else self._effective_mass() * self.part.along
+        return 0.0 if balanced or not self.part.along_count else self._effective_mass() * self.part.along_count
 
     def effective_mass_across(self) -> float:
         """Effective mass across the rail."""
-        return self._effective_mass() * self.part.across if self.part.across else 0.0
+        return self._effective_mass() * self.part.across_count if self.part.across_count else 0.0
 
     def _effective_mass(self) -> float:
         return float(self.details.effective_mass[self.at])
@@ -217,7 +217,7 @@ class _RowPart(NamedTuple):
 
 def _head(pieces: list[_RowPart]) -> _RowPart:
     """The piece that moves most of the scene."""
-    return next((piece for piece in pieces if not piece.part.still), pieces[0])
+    return next((piece for piece in pieces if not piece.part.is_still), pieces[0])
 
 
 def described(modes: Eigenvalues, numbers: Sequence[int]) -> Iterator[tuple[int, Mode]]:
@@ -368,13 +368,13 @@ def _family(modes: Eigenvalues, number: int, head: _RowPart, ratio: float) -> st
         return "rigid translation"
     structure, d = modes.hanging.structure, modes.rig.leading
     moved = displacements(modes.rig, details)
-    eta = np.zeros(d) if head.part.still else np.array([part[at] for part in moved])
+    eta = np.zeros(d) if head.part.is_still else np.array([part[at] for part in moved])
     words = moving_words(structure, eta, modes.inertia) if eta.any() else ""
     still = CART_STILL if modes.on_cart else STRUCTURE_STILL if d else FIXED
     folds = dict.fromkeys(("", "antiphase", "across the rail"), 0)
     for part in modes.spectrum.groups[number]:
-        folds["antiphase" if is_balanced(modes.rig, part) else ""] += part.along
-        folds["across the rail" if d else ""] += part.across
+        folds["antiphase" if is_balanced(modes.rig, part) else ""] += part.along_count
+        folds["across the rail" if d else ""] += part.across_count
     motion = FREE
     if modes.eigenvalue[number] != 0:
         motion = _motion(modes, number, head, eta)
@@ -384,7 +384,7 @@ def _family(modes: Eigenvalues, number: int, head: _RowPart, ratio: float) -> st
 def _motion(modes: Eigenvalues, number: int, head: _RowPart, eta: NDArray[np.inexact]) -> str:
     """How the pendula move in a mode, where what carries them moves by η."""
     details, at = head.details, head.at
-    if head.part.still:
+    if head.part.is_still:
         return motion_words(details.angles, details.shares, at, _whose(modes, number, head.part))
     if not any(angle[:, :, at].any() for angle in details.angles):
         return ""
@@ -406,10 +406,10 @@ def moved_by(modes: Eigenvalues, number: int) -> tuple[Floats, Floats]:
     """
     structure = modes.rig.support
     motion, share, taken = np.zeros(structure.size), np.zeros(structure.size), False
-    for part in (part for part in modes.spectrum.groups[number] if not part.still):
+    for part in (part for part in modes.spectrum.groups[number] if not part.is_still):
         details = modes.spectrum.details(part.source, [part.row])
         eta = np.array([coordinates[0] for coordinates in details.eta])
-        carried = modes.spectrum.sources[part.source].reduced.carried  # type: ignore[attr-defined]
+        carried = modes.spectrum.sources[part.source].matrices.parted_rig  # type: ignore[attr-defined]
         share = share + np.abs(eta) ** 2 / details.modal_mass[0] / carried.accelerances
         if not taken and eta.any():
             moved = eta * np.array(coordinate_units(structure, modes.units.length))
@@ -430,7 +430,11 @@ def _whose(modes: Eigenvalues, number: int, part: SpectrumPart) -> str:
 def _resonances(modes: Eigenvalues, number: int) -> tuple[str, ...]:
     """Resonances with modes that can exchange energy: all on what moves, on a fixed support the same pendulum's."""
     parts = modes.spectrum.groups[number]
-    fold = modes.multiplicity[number] if modes.rig.leading else 1 + any(part.along and part.across for part in parts)
+    fold = (
+        modes.multiplicity[number]
+        if modes.rig.leading
+        else 1 + any(part.along_count and part.across_count for part in parts)
+    )
     among = (f"1:1 among its own {fold} shapes",) if fold > 1 else ()
     return among + resonances(modes.omega, number, _partners(modes, number), modes.first)
 

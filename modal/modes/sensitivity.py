@@ -29,7 +29,7 @@ import numpy as np
 
 from modal import pair
 from modal.assembly import Rig
-from modal.eigen import TORQUE, UNCERTAIN, Digits, cart_of, hung
+from modal.eigen import TORQUE, UNCERTAIN, Digits, cart_of, chain_response
 from modal.errors import ComputationError, SceneError
 from modal.modes.mode import Mode
 from modal.modes.modes import Modes
@@ -321,7 +321,7 @@ def _loaded(
 ) -> tuple[list[Any], list[Any], Any]:
     """Centres (n, P) and angles with a torque on this link of every copy of a kind, and the turn of its joint (1,)."""
     loads = [[(TORQUE, link)] if block == kind[0] else [] for block in range(len(rig.blocks))]
-    every = [hung(block, load, rig.gravity, numbers) for block, load in zip(rig.blocks, loads, strict=True)]
+    every = [chain_response(block, load, rig.gravity, numbers) for block, load in zip(rig.blocks, loads, strict=True)]
     pivot: Any = None
     if moved and rig.cart:
         counts = [numbers.number(block.count[:, None]) for block in rig.blocks]

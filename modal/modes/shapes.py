@@ -127,7 +127,7 @@ def expand(
         raise ComputationError("a mode shape of this scene is beyond double precision")
     vector = replace(vector, eta=vector.eta * np.array(coordinate_units(rig.support, units.length)))
     scale = _scale(vector, units, normalise)
-    return _scaled(rig, vector, units, scale, across=copy >= part.along, uncertain=uncertain)
+    return _scaled(rig, vector, units, scale, across=copy >= part.along_count, uncertain=uncertain)
 
 
 def displacements(rig: Rig, details: Details) -> tuple[NDArray[np.inexact], ...]:
@@ -147,9 +147,9 @@ def by_kind(hanging: Hanging, values: NDArray[A]) -> tuple[NDArray[A], ...]:
 def is_balanced(rig: Rig, part: SpectrumPart) -> bool:
     """Whether a part is of equal pendula that together hold still what they hang from."""
     if part.kind is None:
-        return part.still
+        return part.is_still
     block, column = part.kind
-    return bool(rig.blocks[block].count[column] > part.along)
+    return bool(rig.blocks[block].count[column] > part.along_count)
 
 
 def _of_all(rig: Rig, details: Details) -> _Vector:
@@ -176,7 +176,7 @@ def _of_copies(rig: Rig, part: SpectrumPart, kind: tuple[int, int], copy: int, d
             np.outer(amplitudes, copy_shape).ravel() if amplitudes.any() else np.zeros(count * n, copy_shape.dtype)
         )
         shares.append(np.outer(amplitudes**2, share).ravel() if amplitudes.any() else np.zeros(count * n))
-    single = copy >= part.along or not is_balanced(rig, part)
+    single = copy >= part.along_count or not is_balanced(rig, part)
     momentum = details.momentum[0] if single or np.isnan(details.momentum[0]) else 0.0
     still = np.zeros(rig.leading)
     return _Vector(still, np.concatenate(angles), np.concatenate(shares), details.modal_mass[0], momentum)
@@ -185,8 +185,8 @@ def _of_copies(rig: Rig, part: SpectrumPart, kind: tuple[int, int], copy: int, d
 def _weights(rig: Rig, part: SpectrumPart, kind: tuple[int, int], copy: int) -> Floats:
     """The amplitude of each copy of a kind, of Euclidean length 1: one of them alone, or in antiphase on a cart."""
     weights = np.zeros(sum(count for block, column, count in rig.members if (block, column) == kind))
-    if copy >= part.along or not is_balanced(rig, part):
-        weights[copy - part.along if copy >= part.along else copy] = 1.0
+    if copy >= part.along_count or not is_balanced(rig, part):
+        weights[copy - part.along_count if copy >= part.along_count else copy] = 1.0
     else:
         weights[: copy + 1], weights[copy + 1] = 1.0, -(copy + 1.0)
         weights /= np.sqrt((copy + 1.0) * (copy + 2.0))

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from modal.assembly import Rig
-from modal.eigen import FreeMotions, ModalSpectrum, counted
+from modal.eigen import FreeMotions, ModalSpectrum, noun_count
 from modal.modes.modes import Modes
 
 PACKAGES = (
@@ -74,7 +74,10 @@ class SolutionReport:
 
     def text(self) -> str:
         """The report for a terminal, in at most 25 lines."""
-        unknowns, coordinates = counted(self.unknowns, "unknown"), counted(self.coordinates, "coordinate")
+        unknowns, coordinates = (
+            noun_count(self.unknowns, "unknown"),
+            noun_count(self.coordinates, "coordinate"),
+        )
         return "\n".join(
             [
                 f"Built: {unknowns} for a scene of {coordinates}",
@@ -107,7 +110,7 @@ def report_solution(modes: Modes) -> SolutionReport:
         coordinates=coordinates(modes.rig),
         parts=_parts(modes.spectrum),
         matrices=_matrices(modes.spectrum),
-        complex_problem=any(source.built.is_complex for source in modes.spectrum.sources),
+        complex_problem=any(source.problem_size.is_complex for source in modes.spectrum.sources),
         left_out=(*_coordinates_left_out(modes.rig), *_solving_left_out(modes), *not_loaded()),
         modules=loaded(),
     )
@@ -117,10 +120,10 @@ def _parts(spectrum: ModalSpectrum) -> tuple[ProblemGroup, ...]:
     """One part for each source, equal ones merged."""
     taken = Counter[int]()
     for part in (part for parts in spectrum.groups for part in parts):
-        taken[part.source] += part.along + part.across
+        taken[part.source] += part.along_count + part.across_count
     solved: dict[tuple[str, str, int], tuple[int, int]] = {}
     for index, source in enumerate(spectrum.sources):
-        built = source.built
+        built = source.problem_size
         kind = built.what, source.route, built.unknowns
         problems, modes = solved.get(kind, (0, 0))
         solved[kind] = problems + built.problems, modes + taken[index]
@@ -133,7 +136,7 @@ def _parts(spectrum: ModalSpectrum) -> tuple[ProblemGroup, ...]:
 def _matrices(spectrum: ModalSpectrum) -> tuple[Matrix, ...]:
     """The matrices, the largest first, equal ones merged."""
     counts = Counter[tuple[str, int]]()
-    for name, order, number in (matrix for source in spectrum.sources for matrix in source.built.matrices):
+    for name, order, number in (matrix for source in spectrum.sources for matrix in source.problem_size.matrices):
         counts[name, order] += number
     return tuple(Matrix(name, order, counts[name, order]) for name, order in sorted(counts, key=lambda key: -key[1]))
 
@@ -158,12 +161,12 @@ def _coordinates_left_out(rig: Rig) -> Iterator[str]:
         most = max(int(block.count.max()) for block in rig.blocks)
         times = f" with {most if rig.n_kinds == 1 else f'up to {most}'} times the masses" if rig.cart else ""
         alike = "equal ones move alike" + ("   or hold the cart still" if rig.cart else "")
-        yield f"{counted(rig.n_kinds, 'pendulum', 'pendula')}{times} instead of {pendula}: {alike}"
+        yield f"{noun_count(rig.n_kinds, 'pendulum', 'pendula')}{times} instead of {pendula}: {alike}"
 
 
 def _solving_left_out(modes: Modes) -> Iterator[str]:
     sources, size = modes.spectrum.sources, coordinates(modes.rig)
-    built = [source.built for source in sources]
+    built = [source.problem_size for source in sources]
     if modes.rig.cart and any(isinstance(source, FreeMotions) for source in sources):
         yield "no search for the free cart's own frequency: 0 exactly"
     why = "the scene's damping_ratio leaves the undamped shapes" if modes.is_classical else "nothing damps"

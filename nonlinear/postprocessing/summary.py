@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from math import degrees, isfinite
 from typing import Any
 
-from modal.eigen import counted
+from modal.eigen import noun_count
 from modal.errors import ComputationError, SceneError
 from modal.modes.solution_report import loaded, not_loaded
 from modal.report import visible
@@ -90,7 +90,10 @@ def _friction(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
     if not trajectory.system.rubs:
         return
     friction = trajectory.friction
-    yield "friction", f"took {-friction.work.sum():.6g} J; {counted(len(friction.link), 'phase', 'phases')} of sticking"
+    yield (
+        "friction",
+        f"took {-friction.work.sum():.6g} J; {noun_count(len(friction.link), 'phase', 'phases')} of sticking",
+    )
     if isfinite(friction.rest):
         yield "at rest", f"from {friction.rest:.9g} s on"
 
@@ -182,10 +185,11 @@ class Inventory:
     def text(self) -> str:
         """For a terminal."""
         sizes = ", ".join((f"{number} × " if number > 1 else "") + f"{n}×{n}" for n, number in self.matrices)
-        whole = counted(self.coordinates, "coordinate")
+        whole = noun_count(self.coordinates, "coordinate")
         return "\n".join(
             [
-                f"Integrated: {counted(self.integrated, 'coordinate')}, {self.numbers} numbers, for a scene of {whole}",
+                f"Integrated: {noun_count(self.integrated, 'coordinate')}, {self.numbers} numbers, "
+                f"for a scene of {whole}",
                 f"  matrices: {sizes or 'none'}",
                 f"  packages: {', '.join(self.modules)}",
                 "Left out:",

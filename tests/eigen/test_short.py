@@ -63,13 +63,13 @@ def test_every_digit_is_that_of_many(seed: int) -> None:
 
 @pytest.mark.parametrize("n", [1, 2, 10, 20])
 def test_two_counts_confirm_a_mode(n: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    swept, calls = short.swept, Counter[str]()
+    swept, calls = short.count_in_floats, Counter[str]()
 
     def counted(*arguments: object) -> tuple[int, float]:
         calls["counts"] += 1
         return swept(*arguments)  # type: ignore[arg-type]
 
-    monkeypatch.setattr(short, "swept", counted)
+    monkeypatch.setattr(short, "count_in_floats", counted)
     assert natural_frequencies(rods(n)).shape == (n + 1,)
     assert 2 * n <= calls["counts"] <= 2.5 * n + 1
 

@@ -226,7 +226,7 @@ def test_a_long_chain_takes_memory_in_proportion(monkeypatch: pytest.MonkeyPatch
         problem.count(trial)
         return trial
 
-    monkeypatch.setattr(squares, "_between", one_step)
+    monkeypatch.setattr(squares, "_bisect_between", one_step)
     natural_modes(scene(rods(400)))[0]
     part, whole = (peak(lambda n=n: natural_modes(scene(rods(n)))[0]) for n in (800, 6_000))
     assert whole < 10 * part
@@ -287,8 +287,8 @@ def test_terms_that_cancel_in_an_upright_scene(cart: Cart | None, monkeypatch: p
         handed.append(named["terms"])
         return dense_indefinite(*arguments, **named)
 
-    dense_indefinite = dense.indefinite
-    monkeypatch.setattr(dense, "indefinite", watched)
+    dense_indefinite = dense.indefinite_modes
+    monkeypatch.setattr(dense, "indefinite_modes", watched)
     links = tuple(Body(mass=m, length=1.0, centre=0.4, inertia=0.1, stiffness=3.0) for m in (1.0, 2.0, 0.5))
     upright = Pendulum(links=links, equilibrium=("up", "down", "up"))
     other = Pendulum(links=links[:2], equilibrium=("down", "up"))
