@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from modal.modes.frequencies import natural_frequencies
     from modal.modes.mode import Mode
     from modal.modes.modes import ModalMatrix, Modes, all_shapes, equilibrium_words, natural_modes
-    from modal.modes.numbering import MOST_COMPARED, counterparts, labelled, lettered, paired, table_numbers
+    from modal.modes.numbering import MOST_COMPARED, counterparts, letters, number_labels, pair_rows, table_numbers
     from modal.modes.rope import hanging_rope, rope_error_of_bobs, rope_error_of_rods
     from modal.modes.rows import moving_words
     from modal.modes.sensitivity import sensitivities
@@ -37,13 +37,13 @@ __all__ = [
     "counterparts",
     "equilibrium_words",
     "hanging_rope",
-    "labelled",
-    "lettered",
+    "letters",
     "mode_losses",
     "moving_words",
     "natural_frequencies",
     "natural_modes",
-    "paired",
+    "number_labels",
+    "pair_rows",
     "quality_factors",
     "rope_error_of_bobs",
     "rope_error_of_rods",

@@ -13,7 +13,7 @@ from typing import Any
 
 from modal.eigen import noun_count
 from modal.errors import ComputationError, SceneError
-from modal.modes.solution_report import loaded, not_loaded
+from modal.modes.solution_report import loaded_packages, packages_not_loaded
 from modal.report import visible
 from modal.scene import LengthLaw, SineMotion, refusals, title_of
 from modal.scene.doors import require_type
@@ -209,7 +209,12 @@ def run_inventory(trajectory: Trajectory) -> Inventory:
     system, equations = trajectory.system, trajectory.equations
     if trajectory.run.method == CLOSED:
         return Inventory(
-            _freedom(system), 0, 0, (), ("no integration: the motion follows from the modes", *not_loaded()), loaded()
+            _freedom(system),
+            0,
+            0,
+            (),
+            ("no integration: the motion follows from the modes", *packages_not_loaded()),
+            loaded_packages(),
         )
     if equations is None:
         raise ComputationError("how a saved run was computed is not saved with it")
@@ -219,8 +224,8 @@ def run_inventory(trajectory: Trajectory) -> Inventory:
     integrated = (
         numbers // 2 if form == "maximal" else inner.shapes.shape[1] if form == TRUNCATED else _freedom(inner.system)
     )
-    left_out = (*_coordinates(trajectory, inner), *_dense(integrated, matrices, inner), *not_loaded())
-    return Inventory(_freedom(system), integrated, numbers, matrices, left_out, loaded())
+    left_out = (*_coordinates(trajectory, inner), *_dense(integrated, matrices, inner), *packages_not_loaded())
+    return Inventory(_freedom(system), integrated, numbers, matrices, left_out, loaded_packages())
 
 
 def _freedom(system: System) -> int:

@@ -295,7 +295,7 @@ def test_terms_that_cancel_in_an_upright_scene(cart: Cart | None, monkeypatch: p
     example = scene(upright, other, cart=cart) if cart else scene(upright)
     rig = rig_of(example).natural()[0]
     carried = PartedRig(rig)
-    assert structured.OnStructure(ComponentMatrices(carried, carried.whole))._dense.order
+    assert structured.OnStructure(ComponentMatrices(carried, carried.all_pendula))._dense.order
     hanging = [(replace(b, sigma=np.abs(b.sigma)), p) for b in rig.blocks for p in range(b.size)]
     diagonal = np.diag(assembled(hanging, rig.cart, 1.0)[1])
     eliminated = len(diagonal) - len(handed[0])  # a free cart, which has no term

@@ -96,7 +96,7 @@ def test_no_scene_is_made() -> None:
 
 def test_two_counts_confirm_a_mode_of_a_scene(monkeypatch: pytest.MonkeyPatch) -> None:
     trials = []
-    reached = squares._has_passed
+    reached = squares._is_past
 
     def counted(problem: squares.Counting, wanted: Floats, points: Floats) -> Floats:
         trials.append(points.size)
@@ -188,7 +188,7 @@ def test_lanczos_seeds_are_near_the_lowest_modes(support: Fixed | Cart) -> None:
 
 def test_few_modes_of_a_long_chain_take_few_counts(monkeypatch: pytest.MonkeyPatch) -> None:
     trials = []
-    reached = squares._has_passed
+    reached = squares._is_past
 
     def counted(problem: squares.Counting, wanted: Floats, points: Floats) -> Floats:
         trials.append(points.size)
