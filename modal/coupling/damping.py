@@ -197,7 +197,7 @@ class _Losses:
     @cached_property
     def pivots(self) -> tuple[tuple[Floats, Floats], ...]:
         """Of every block, how its kinds move along the rail and turn, (P, d) each."""
-        along, turning = (by_kind(self.hanging, rows) for rows in (self.hanging.phi.along, self.hanging.phi.turning))
+        along, turning = (by_kind(self.hanging, rows) for rows in (self.hanging.phi.rail, self.hanging.phi.turning))
         return tuple(zip(along, turning, strict=True))
 
     @cached_property

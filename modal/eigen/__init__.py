@@ -16,7 +16,7 @@ Start with `spectrum`, which chooses.
 
 from typing import TYPE_CHECKING
 
-from modal.lazy import exported
+from modal.lazy import lazy_attributes
 
 if TYPE_CHECKING:
     from modal.eigen.amplitude import LIGHT, ModeSwing, distortion, one_percent_amplitude
@@ -89,4 +89,4 @@ __all__ = [
 
 if not TYPE_CHECKING:
     homes = "amplitude recursion squares short sources free_motions spectrum coupled secular dense elimination"
-    __getattr__ = exported(__name__, tuple(homes.split()))
+    __getattr__ = lazy_attributes(__name__, tuple(homes.split()))

@@ -94,7 +94,7 @@ class ComponentMatrices:
             for square in self.parted_rig.chains[heavy.block][which]:
                 nonzero, local = np.flatnonzero(square.size[p]), square.at[p]
                 part = np.zeros((len(nonzero), self.size))
-                entries = np.eye(len(local))[nonzero] if square.written is None else square.written[p, nonzero]
+                entries = np.eye(len(local))[nonzero] if square.row_source is None else square.row_source[p, nonzero]
                 part[:, at + local] = entries[:, -len(local) :]
                 if square.kind in WAYS:
                     part[:, :d] = entries[:, :1] * pivots[WAYS[square.kind]][self.component.eta]
@@ -178,7 +178,7 @@ class ComponentMatrices:
         for heavy, at in zip(self.component.heavies, self.places.tolist(), strict=False):
             block = self.parted_rig.rig.blocks[heavy.block]
             if block.rest:
-                pull, held = (part[:, heavy.column] for part in (block.rest.pull, block.rest.held))
+                pull, held = (part[:, heavy.column] for part in (block.rest.pull, block.rest.stiffness))
                 terms[at : at + block.n] += heavy.weight * (pull - np.abs(held))
         return terms
 

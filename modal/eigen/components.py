@@ -120,14 +120,16 @@ class PartedRig:
     def hanging(self) -> Hanging:
         """Its pendula and elements, with one pendulum for all equal ones on a cart or a support at rest."""
         rig = self.rig
-        return Hanging(replace(rig, members=tuple((*kind, 1) for kind in rig.names)).carried if self.is_plain else rig)
+        return Hanging(
+            replace(rig, members=tuple((*kind, 1) for kind in rig.names)).on_structure if self.is_plain else rig
+        )
 
     @cached_property
     def chains(self) -> list[list[list[SquareRows]]]:
         """The squares of M, K and D of every block but of what goes down as a whole, which the elements have."""
         squares_of_blocks = [chain_squares(block, self.rig.gravity) for block in self.rig.blocks]
         moving = ((filter(lambda square: square.at.size, part) for part in parts) for parts in squares_of_blocks)
-        return [[[square._replace(written=square.rows) for square in part] for part in parts] for parts in moving]
+        return [[[square._replace(row_source=square.rows) for square in part] for part in parts] for parts in moving]
 
     @property
     def size(self) -> int:
@@ -146,7 +148,7 @@ class PartedRig:
         """Φ and Ω (d,) of a column."""
         first, chains = self._columns[block, column], self.rig.blocks[block]
         feels = chains.stiffness[0, column] > 0 or chains.damping[0, column] > 0
-        return self.hanging.phi.along[first], self.hanging.phi.turning[first] * feels
+        return self.hanging.phi.rail[first], self.hanging.phi.turning[first] * feels
 
     # ------------------------------------------------------------------------------------------- what moves together
 
@@ -277,7 +279,7 @@ class PartedRig:
             return tuple(np.ones((block.size, self.size)) for block in self.rig.blocks)
         first = self._columns
         return tuple(
-            self.hanging.phi.along[[first[number, p] for p in range(block.size)]]
+            self.hanging.phi.rail[[first[number, p] for p in range(block.size)]]
             for number, block in enumerate(self.rig.blocks)
         )
 

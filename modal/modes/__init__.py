@@ -11,7 +11,7 @@ approach.  The names below are loaded on first use: who finds modes needs no tab
 
 from typing import TYPE_CHECKING
 
-from modal.lazy import exported
+from modal.lazy import lazy_attributes
 
 if TYPE_CHECKING:
     from modal.eigen import UNCERTAIN
@@ -55,7 +55,7 @@ __all__ = [
 ]
 
 if not TYPE_CHECKING:
-    __getattr__ = exported(
+    __getattr__ = lazy_attributes(
         __name__,
         ("modes", "mode", "shapes", "numbering", "rows", "dissipation", "tables", "frequencies", "sensitivity", "rope"),
     )

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from modal.errors import SceneError, meant
+from modal.errors import SceneError, spelling_hint
 from modal.modes.mode import Mode
 from modal.modes.modes import Modes
 from modal.modes.numbering import fixed_base_masses, on_free_cart
@@ -320,7 +320,7 @@ def _chosen_keys(modes: Modes, chosen: str, columns: Sequence[Column]) -> set[st
         )
         keys |= matching
         if not matching:
-            hint = meant(name, [column.key for column in printable])
+            hint = spelling_hint(name, [column.key for column in printable])
             has_hints = has_hints and bool(hint)
             problems.append(f"columns {name or chosen}: no such column{hint}")
     if problems:

@@ -8,7 +8,7 @@ from math import prod
 
 import numpy as np
 
-from modal.assembly import Block, Stack, can_stack, keep_form, stacked, varied
+from modal.assembly import Block, Stack, can_stack, keep_form, stack_scenes, vary_scene
 from modal.eigen import CLOSE, Suspension, squares_of
 from modal.errors import ComputationError, SceneError
 from modal.modes.eigenvalues import ShortChain
@@ -112,7 +112,7 @@ def _pieces(scene: Scene, size: int) -> list[slice]:
 
 
 def _of_scenes(scenes: Sequence[Scene], accuracy: float) -> Floats:
-    omegas = _solve_together(stacked(scenes), accuracy) if can_stack(scenes) else np.full((len(scenes), 1), np.nan)
+    omegas = _solve_together(stack_scenes(scenes), accuracy) if can_stack(scenes) else np.full((len(scenes), 1), np.nan)
     return _fill_missing(omegas, lambda missing: [scenes[k] for k in missing], accuracy)
 
 
@@ -121,7 +121,7 @@ def _of_numbers(variable: Variable, members: Mapping[str, Floats], piece: slice,
     values = {path: values_of[piece] for path, values_of in members.items()}
     numbers = {place: values_of for path, values_of in values.items() for place in variable.places[path]}
     keeps_form = keep_form(numbers)
-    stack = varied(
+    stack = vary_scene(
         variable.scene,
         numbers if keeps_form.all() else {place: values_of[keeps_form] for place, values_of in numbers.items()},
     )

@@ -414,7 +414,7 @@ def _motion(modes: Eigenvalues, number: int, head: _RowPart, eta: NDArray[np.ine
     names, cart = list(modes.rig.names.values()), modes.rig.cart
     phase = agreement(details.angles, details.shares, at, names, several=several, is_still=not (cart and eta.any()))
     if eta.any() and (not cart or (cart.stiffness and phase in ("", "in phase"))):
-        pivots = by_kind(modes.hanging, modes.hanging.phi.along @ eta)
+        pivots = by_kind(modes.hanging, modes.hanging.phi.rail @ eta)
         phase = following(details.angles, details.shares, pivots, at, several=several) or phase
     return motion_words(details.angles, details.shares, at, phase)
 

@@ -92,7 +92,7 @@ def rows_of(squares: SceneSquares) -> Rows:
         (part, power)
         for power, group in enumerate((squares.stiffness, squares.damping, squares.inertia))
         for part in group
-        if part.written is not None or part.total is None
+        if part.row_source is not None or part.total is None
     ]
     counts, keys = Counter[tuple[str, int]](), []
     for part, power in parts:
@@ -220,17 +220,17 @@ def slopes_by_squares(modes: Eigenvalues, number: int, phi: Complexes) -> dict[P
         return dict.fromkeys(changes, 0.0)
     weight = (rows.size * (rows.power == 2)) @ rows.rows**2
     floor = np.where((phi == 0) & (weight > 0), 4 * len(phi) / np.sqrt(np.where(weight > 0, weight, 1.0)), 0.0)
-    motion = _Motion(value, phi, rows.rows @ phi, ULP * (np.abs(rows.rows) @ (np.abs(phi) + floor)))
+    motion = _MovedShape(value, phi, rows.rows @ phi, ULP * (np.abs(rows.rows) @ (np.abs(phi) + floor)))
     derivatives, error = _slopes(modes, rows, changes, motion)
     if error > CANCELLED or len(phi) <= FEW:
         z, phi, _ = refine(modes.scene, value, phi, 2 * float(modes.error[number]) + CANCELLED)
-        derivatives, error = _slopes(modes, rows, changes, _Motion(value, phi, z, ULP * np.abs(z)))
+        derivatives, error = _slopes(modes, rows, changes, _MovedShape(value, phi, z, ULP * np.abs(z)))
         if not error <= UNSURE:
             raise ComputationError("its derivatives are beyond double precision")
     return derivatives
 
 
-class _Motion(NamedTuple):
+class _MovedShape(NamedTuple):
     """An eigenvalue, its shape (n,), and displacements z (N,) with their rounding."""
 
     value: complex
@@ -240,7 +240,7 @@ class _Motion(NamedTuple):
 
 
 def _slopes(
-    modes: Eigenvalues, rows: Rows, changes: dict[Place, _Change], motion: _Motion
+    modes: Eigenvalues, rows: Rows, changes: dict[Place, _Change], motion: _MovedShape
 ) -> tuple[dict[Place, float], float]:
     """The derivatives by each number, and the largest error of p/ω ∂ω/∂p by rounding."""
     value, phi, z, rounding = motion

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from modal.errors import ComputationError, SceneError, meant
+from modal.errors import ComputationError, SceneError, spelling_hint
 from modal.modes.columns import COLUMNS, Column, Stds, added_by, columns_of, printed_columns, spare_headings
 from modal.modes.mode import Mode
 from modal.modes.modes import Modes
@@ -79,7 +79,7 @@ def table(
     how many rows are `left` out.
     """
     if form not in (forms := ("text", "csv", "json", *_WRITERS)):
-        raise SceneError([f"form {form}: must be one of {', '.join(forms)}{meant(form, forms)}"])
+        raise SceneError([f"form {form}: must be one of {', '.join(forms)}{spelling_hint(form, forms)}"])
     columns = columns_of(modes, rows, chosen, stds, amplitude_deg)
     if form == "json":
         return _json(modes, rows, columns, shapes=shapes, sensitive=sensitive)

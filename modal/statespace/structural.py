@@ -234,7 +234,7 @@ def whole_response(
     scene: Scene, inputs: Sequence[Signal | Dissipator], outputs: Sequence[Signal]
 ) -> tuple[Callable[[Arithmetic], Any], list[Given], list[Reading]]:
     """The evaluation (p, m, W) of a whole scene, with what its inputs and outputs are."""
-    rig = rig_of(scene).carried
+    rig = rig_of(scene).on_structure
     geometry = geometry_of_rig(rig)
     driven, read = inputs_named(scene, geometry, inputs), outputs_named(geometry, outputs)
     dampers: Any = None

@@ -13,7 +13,7 @@ from scipy.linalg import eigh
 from test_modes import whole_basis
 
 from modal import Bob, Cart, Fixed, Pendulum, Rod, Scene, matrices, natural_modes
-from modal.assembly import assembled, rig_of
+from modal.assembly import assemble_pendula, rig_of
 from modal.eigen import structured
 from modal.eigen.component_matrices import ComponentMatrices
 from modal.eigen.components import PartedRig
@@ -184,5 +184,5 @@ def test_the_count_is_that_of_the_matrices() -> None:
 
 
 def _assembled(blocks: tuple, cart: object) -> tuple[np.ndarray, np.ndarray]:
-    M, K = assembled([(block, p) for block in blocks for p in range(block.size)], cart, 1.0)
+    M, K = assemble_pendula([(block, p) for block in blocks for p in range(block.size)], cart, 1.0)
     return K, M

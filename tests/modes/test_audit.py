@@ -32,7 +32,7 @@ from modal import (
     matrices,
     natural_modes,
 )
-from modal.assembly import assembled, rig_of
+from modal.assembly import assemble_pendula, rig_of
 from modal.eigen import chains, dense, sources, squares, structured
 from modal.eigen import coupled as crowd
 from modal.eigen.component_matrices import ComponentMatrices
@@ -297,7 +297,7 @@ def test_terms_that_cancel_in_an_upright_scene(cart: Cart | None, monkeypatch: p
     carried = PartedRig(rig)
     assert structured.OnStructure(ComponentMatrices(carried, carried.all_pendula))._dense.order
     hanging = [(replace(b, sigma=np.abs(b.sigma)), p) for b in rig.blocks for p in range(b.size)]
-    diagonal = np.diag(assembled(hanging, rig.cart, 1.0)[1])
+    diagonal = np.diag(assemble_pendula(hanging, rig.cart, 1.0)[1])
     eliminated = len(diagonal) - len(handed[0])  # a free cart, which has no term
     assert not diagonal[:eliminated].any()
     np.testing.assert_allclose(handed[0], diagonal[eliminated:], rtol=1e-14)
