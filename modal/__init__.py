@@ -10,7 +10,7 @@ The names below are loaded on first use, so that shell completion and help work 
 
 from typing import TYPE_CHECKING
 
-from modal.lazy import exported
+from modal.lazy import lazy_attributes
 from modal.namesake import warn_about_namesake
 
 if TYPE_CHECKING:
@@ -75,7 +75,7 @@ __all__ = [
 warn_about_namesake()
 
 if not TYPE_CHECKING:
-    __getattr__ = exported(
+    __getattr__ = lazy_attributes(
         __name__,
         homes=("errors", "scene", "assembly", "modes"),
         later={"tune": "tuning"},

@@ -104,7 +104,7 @@ def first_of(problems: Iterator[str], count: int) -> Iterator[str]:
         yield from problems
 
 
-def meant(word: str, known: Iterable[str], most: int = 1, near: float = 0.6) -> str:
+def spelling_hint(word: str, words: Iterable[str], limit: int = 1, cutoff: float = 0.6) -> str:
     """A suggestion for a mistyped word, ` (did you mean …?)`, or nothing if no known word is similar.
 
     >>> meant("lenght", ["mass", "length"])
@@ -112,9 +112,9 @@ def meant(word: str, known: Iterable[str], most: int = 1, near: float = 0.6) -> 
     """
     from difflib import get_close_matches
 
-    listed = list(known)
-    small = {each.lower(): each for each in reversed(listed)}
-    similar = get_close_matches(word, listed, most, near) or [
-        small[each] for each in get_close_matches(word.lower(), list(small), most, max(near, ALIKE))
+    candidates = list(words)
+    small = {candidate.lower(): candidate for candidate in reversed(candidates)}
+    similar = get_close_matches(word, candidates, limit, cutoff) or [
+        small[candidate] for candidate in get_close_matches(word.lower(), list(small), limit, max(cutoff, ALIKE))
     ]
     return f" (did you mean {' or '.join(similar)}?)" if similar else ""

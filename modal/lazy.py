@@ -8,7 +8,9 @@ from importlib import import_module
 from typing import Any
 
 
-def exported(package: str, homes: tuple[str, ...], later: Mapping[str, str] | None = None) -> Callable[[str], Any]:
+def lazy_attributes(
+    package: str, homes: tuple[str, ...], later: Mapping[str, str] | None = None
+) -> Callable[[str], Any]:
     """The `__getattr__` of a package: it loads the names in `__all__` from its modules `homes`, and these modules.
 
     The names in `later`, each with its module, need SciPy: `import *` leaves them out.  `dir` shows all these names.

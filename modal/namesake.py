@@ -30,6 +30,6 @@ def require_own_package() -> None:
     """ImportError with the way out unless the source of the package `modal` that is imported is multipendula's."""
     package = sys.modules["modal"]
     spec = package.__spec__
-    read = getattr(spec and spec.loader, "get_data", None)
-    if not (spec and spec.origin and read and b"natural_modes" in read(spec.origin)):
+    read_data = getattr(spec and spec.loader, "get_data", None)
+    if not (spec and spec.origin and read_data and b"natural_modes" in read_data(spec.origin)):
         raise ImportError(OVERWRITTEN.format(place=next(iter(package.__path__), "")))

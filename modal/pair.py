@@ -33,10 +33,10 @@ PROPORTIONS: dict[str, Callable[[Any, Any], tuple[Any, Any]]] = {
 
 def masses_below(mass: Scalars) -> list[Any]:
     """Σ_{k>i} m_k for every link i (kg)."""
-    below = [0 * mass[-1]]
+    sums = [0 * mass[-1]]
     for m in reversed(mass[1:]):
-        below.append(below[-1] + m)
-    return below[::-1]
+        sums.append(sums[-1] + m)
+    return sums[::-1]
 
 
 def first_moments(mass: Scalars, length: Scalars, centre: Scalars) -> list[Any]:
@@ -44,9 +44,9 @@ def first_moments(mass: Scalars, length: Scalars, centre: Scalars) -> list[Any]:
     return list(map(first_moment, mass, length, centre, masses_below(mass)))
 
 
-def first_moment(m: Any, l: Any, c: Any, below: Any) -> Any:
-    """The b of a link with a mass `below` it, or of as many as the arrays hold."""
-    return m * c + l * below
+def first_moment(m: Any, l: Any, c: Any, mass_below: Any) -> Any:
+    """The b of a link with a mass `mass_below` it, or of as many as the arrays hold."""
+    return m * c + l * mass_below
 
 
 def second_moments(mass: Scalars, length: Scalars, centre: Scalars, inertia: Scalars) -> list[Any]:
@@ -54,9 +54,9 @@ def second_moments(mass: Scalars, length: Scalars, centre: Scalars, inertia: Sca
     return list(map(second_moment, mass, length, centre, inertia, masses_below(mass)))
 
 
-def second_moment(m: Any, l: Any, c: Any, I: Any, below: Any) -> Any:
-    """A_ii of a link with a mass `below` it, or of as many as the arrays hold."""
-    return I + m * c * c + l * l * below
+def second_moment(m: Any, l: Any, c: Any, I: Any, mass_below: Any) -> Any:
+    """A_ii of a link with a mass `mass_below` it, or of as many as the arrays hold."""
+    return I + m * c * c + l * l * mass_below
 
 
 def inertia_matrix(mass: Scalars, length: Scalars, centre: Scalars, inertia: Scalars) -> list[list[Any]]:
@@ -64,7 +64,7 @@ def inertia_matrix(mass: Scalars, length: Scalars, centre: Scalars, inertia: Sca
     b = first_moments(mass, length, centre)
     diagonal = second_moments(mass, length, centre, inertia)
     return [
-        [*(l * b[i] for l in length[:i]), diagonal[i], *(length[i] * below for below in b[i + 1 :])]
+        [*(l * b[i] for l in length[:i]), diagonal[i], *(length[i] * moment for moment in b[i + 1 :])]
         for i in range(len(b))
     ]
 
@@ -88,12 +88,12 @@ class Constants(NamedTuple):
 
 def constants(mass: Scalars, length: Scalars, centre: Scalars, inertia: Scalars, gravity: Any = 1) -> list[Constants]:
     """The constants of every link."""
-    below = masses_below(mass)
-    return [link_constants(*link, gravity) for link in zip(mass, length, centre, inertia, below, strict=True)]
+    mass_below = masses_below(mass)
+    return [link_constants(*link, gravity) for link in zip(mass, length, centre, inertia, mass_below, strict=True)]
 
 
-def link_constants(m: Any, l: Any, c: Any, I: Any, below: Any, gravity: Any = 1) -> Constants:
-    """The constants of a link with a mass `below` it, or of as many as the arrays hold.
+def link_constants(m: Any, l: Any, c: Any, I: Any, mass_below: Any, gravity: Any = 1) -> Constants:
+    """The constants of a link with a mass `mass_below` it, or of as many as the arrays hold.
 
     l − c is computed before the division: a centre next to a joint keeps every digit.
     """
@@ -106,7 +106,7 @@ def link_constants(m: Any, l: Any, c: Any, I: Any, below: Any, gravity: Any = 1)
         q=m * s * rest - J,
         upper=m * s,
         lower=m * rest,
-        k=gravity * (m * s + below) / l,
+        k=gravity * (m * s + mass_below) / l,
     )
 
 

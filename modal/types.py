@@ -23,6 +23,6 @@ class Crew(Protocol):
         ...
 
 
-def shared(function: Callable[[T], R], things: Iterable[T], crew: Crew | None) -> Iterator[R]:
+def map_by_crew(function: Callable[[T], R], things: Iterable[T], crew: Crew | None) -> Iterator[R]:
     """What the function makes of each of these things, in their order, by a crew or one after the other here."""
     return map(function, things) if crew is None else crew.map(function, things)

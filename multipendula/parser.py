@@ -259,13 +259,13 @@ class Page(argparse.ArgumentParser):
 
     def _strangers(self) -> Iterator[str]:
         """Unknown options, each with the most similar known one; the top level ignores the words of its commands."""
-        from modal.errors import meant
+        from modal.errors import spelling_hint
 
         known = self._option_string_actions
         for word in takewhile(lambda word: word != "--" and (self.name or word[:1] == "-"), self.given):
             name = word.partition("=")[0]
             if name[:2] == "--" and name not in self.former and not any(option.startswith(name) for option in known):
-                yield f"{name}: no such option{self._synonym(name) or meant(name, known, near=LIKE)}"
+                yield f"{name}: no such option{self._synonym(name) or spelling_hint(name, known, cutoff=LIKE)}"
 
     def _synonym(self, name: str) -> str:
         """The option, perhaps with a value, that this command has for an unknown one; empty if there is none."""
@@ -299,10 +299,10 @@ class Page(argparse.ArgumentParser):
         """ArgumentError for a value that is not a choice, with the most similar choice."""
         choices = action.choices
         if choices is not None and value not in choices:
-            from modal.errors import meant
+            from modal.errors import spelling_hint
 
             there = ", ".join(map(str, choices))
-            like = f" (did you mean -o FILE.{value}?)" if value in self.kinds else meant(value, choices)
+            like = f" (did you mean -o FILE.{value}?)" if value in self.kinds else spelling_hint(value, choices)
             told = f"{like}: must be one of {there}" if self.name else f": no such command{like}; there are {there}"
             raise argparse.ArgumentError(action, f"{value}{told}")
 

@@ -11,7 +11,7 @@ The names below are loaded on first use, so that a simulation does not wait for 
 
 from typing import TYPE_CHECKING
 
-from modal.lazy import exported
+from modal.lazy import lazy_attributes
 from modal.namesake import require_own_package
 
 if TYPE_CHECKING:
@@ -61,7 +61,7 @@ __all__ = [
 require_own_package()
 
 if not TYPE_CHECKING:
-    __getattr__ = exported(
+    __getattr__ = lazy_attributes(
         __name__,
         homes=("system", "integration", "simulation", "files", "ensembles"),
     )

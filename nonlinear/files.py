@@ -87,7 +87,7 @@ def save(trajectory: Trajectory, path: str | os.PathLike[str]) -> None:
     >>> bool((same.motion.links == run.motion.links).all())
     True
     """
-    if trajectory.system.hoisting and trajectory.system.hoisting.given:
+    if trajectory.system.hoisting and trajectory.system.hoisting.custom_laws:
         raise SceneError([f"{path}: lengths given in Python are not saved: write the hoist in the scene"])
     kind = kind_of(path, (*KINDS, "mat"))
     if kind == "csv":

@@ -15,7 +15,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from math import isfinite
 
-from modal.errors import SceneError, meant
+from modal.errors import SceneError, spelling_hint
 from modal.report import Displayed, Summary
 
 VERBS = ("sweep", "basins", "spread", "ensemble")
@@ -253,7 +253,7 @@ def measure_for(verb: str, text: str) -> Measure:
     name = text.partition(":")[0]
     if name not in MEASURES:
         now = f" (is now {FORMER[name]})" if name in FORMER else ""
-        hint = now or meant(name, taken_by(verb)) or f" (must be one of {', '.join(taken_by(verb))})"
+        hint = now or spelling_hint(name, taken_by(verb)) or f" (must be one of {', '.join(taken_by(verb))})"
         raise SceneError([f"measure {text}: no such measure{hint}"])
     measure = MEASURES[name]
     if why := measure.refused.get(verb):

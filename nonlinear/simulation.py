@@ -261,5 +261,5 @@ def resume(
         tolerance = run.tolerance if tolerance is None else tolerance
     options |= {"method": method or "auto", "form": form or "auto", "tolerance": tolerance, "load": load}
     options.setdefault("before", trajectory.kicks)
-    options.setdefault("hoist", trajectory.system.hoisting and trajectory.system.hoisting.given)
+    options.setdefault("hoist", trajectory.system.hoisting and trajectory.system.hoisting.custom_laws)
     return simulate(trajectory.scene, duration, start=trajectory.final, start_time=last, **options)

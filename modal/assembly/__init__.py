@@ -12,7 +12,7 @@ dense form for printing, for small problems and for tests.
 
 from typing import TYPE_CHECKING
 
-from modal.lazy import exported
+from modal.lazy import lazy_attributes
 
 if TYPE_CHECKING:
     from modal.assembly.arrays import ARRAYS, Block, CartNumbers, Rig, Units, masses_below, rig_of
@@ -54,8 +54,8 @@ if TYPE_CHECKING:
         displacements,
         joints,
     )
-    from modal.assembly.stacks import Stack, can_stack, keep_form, single, stacked, varied
-    from modal.assembly.structure import Hanging, SpringRow, assembled, modal_supports, null_space, scene_squares
+    from modal.assembly.stacks import Stack, can_stack, keep_form, single, stack_scenes, vary_scene
+    from modal.assembly.structure import Hanging, SpringRow, assemble_pendula, modal_supports, null_space, scene_squares
 
 __all__ = [
     "ARRAYS",
@@ -84,7 +84,7 @@ __all__ = [
     "SquareRows",
     "Stack",
     "Units",
-    "assembled",
+    "assemble_pendula",
     "can_stack",
     "centres",
     "chain_squares",
@@ -117,10 +117,10 @@ __all__ = [
     "rig_of",
     "scene_squares",
     "single",
-    "stacked",
-    "varied",
+    "stack_scenes",
+    "vary_scene",
 ]
 
 if not TYPE_CHECKING:
     homes = "arrays equilibrium squares structure stacks losses modal_damping linearization hoisting"
-    __getattr__ = exported(__name__, tuple(homes.split()))
+    __getattr__ = lazy_attributes(__name__, tuple(homes.split()))

@@ -20,7 +20,7 @@ from modal import pair
 from modal.assembly.equilibrium import Rest, equilibrium_of
 from modal.report import Displayed
 from modal.scene import Pendulum, Scene, validate_scene
-from modal.structure import CarrierEnd, CarrierNumbers, Structure, is_damped, phi, scaled, structure_of, tied
+from modal.structure import CarrierEnd, CarrierNumbers, Structure, is_damped, phi, scale_structure, structure_of, tied
 from modal.types import Booleans, Floats, Ints
 
 ARRAYS = ("mass", "length", "centre", "inertia", "damping", "stiffness", "drag", "sigma")
@@ -70,24 +70,24 @@ class Block:
         return bool(self.damping.any() or self.drag.any())
 
     @cached_property
-    def below(self) -> Floats:
+    def mass_below(self) -> Floats:
         """The mass below every link, shape (n, P)."""
         return masses_below(self.mass)
 
     @cached_property
     def b(self) -> Floats:
         """First moments b, shape (n, P)."""
-        return np.asarray(pair.first_moment(self.mass, self.length, self.centre, self.below))
+        return np.asarray(pair.first_moment(self.mass, self.length, self.centre, self.mass_below))
 
     @cached_property
     def diagonal(self) -> Floats:
         """The diagonal of A, shape (n, P)."""
-        return np.asarray(pair.second_moment(self.mass, self.length, self.centre, self.inertia, self.below))
+        return np.asarray(pair.second_moment(self.mass, self.length, self.centre, self.inertia, self.mass_below))
 
     @cached_property
     def constants(self) -> pair.Constants:
         """The recursion's constants at g = 1, each an array of shape (n, P)."""
-        return pair.link_constants(self.mass, self.length, self.centre, self.inertia, self.below)
+        return pair.link_constants(self.mass, self.length, self.centre, self.inertia, self.mass_below)
 
     @cached_property
     def across(self) -> Floats:
@@ -111,7 +111,7 @@ class Block:
             return self
         extensive = ("mass", "inertia", "damping", "stiffness", "drag")
         heavier = replace(self, **{name: getattr(self, name) * factor for name in extensive})
-        return replace(heavier, rest=self.rest.scaled(factor)) if self.rest else heavier
+        return replace(heavier, rest=self.rest.scale(factor)) if self.rest else heavier
 
 
 @dataclass(frozen=True, eq=False)
@@ -191,7 +191,7 @@ class Rig(Displayed):
         return self.structure or Structure(self.carriers, pivots, ())
 
     @property
-    def carried(self) -> Rig:
+    def on_structure(self) -> Rig:
         """The same on its support as a structure."""
         return self if self.structure else replace(self, cart=None, structure=self.support)
 
@@ -203,14 +203,14 @@ class Rig(Displayed):
     @property
     def is_damped(self) -> bool:
         """Whether there are dampers or drag."""
-        carried = is_damped(self.structure or Structure(self.carriers, (), ()))
-        return carried or any(block.is_damped for block in self.blocks)
+        support_damps = is_damped(self.structure or Structure(self.carriers, (), ()))
+        return support_damps or any(block.is_damped for block in self.blocks)
 
     @property
     def rest_angles(self) -> Floats:
         """The equilibrium's angle (L,) of every link in the order of the file: 0 hanging, π inverted, or moved."""
-        each = [block.rest.angle if block.rest else np.where(block.sigma > 0, 0.0, np.pi) for block in self.blocks]
-        return np.concatenate([np.tile(each[block][:, column], copies) for block, column, copies in self.members])
+        angles = [block.rest.angle if block.rest else np.where(block.sigma > 0, 0.0, np.pi) for block in self.blocks]
+        return np.concatenate([np.tile(angles[block][:, column], copies) for block, column, copies in self.members])
 
     @property
     def leans(self) -> bool:
@@ -225,15 +225,15 @@ class Rig(Displayed):
     @cached_property
     def names(self) -> dict[tuple[int, int], str]:
         """Every kind (block, column), block by block, named by its first pendulum, copies numbered from 1."""
-        counted: dict[tuple[int, int], tuple[int, int]] = {}
-        passed = 0
+        first_and_copies: dict[tuple[int, int], tuple[int, int]] = {}
+        number = 0
         for block, column, count in self.members:
-            first, copies = counted.get((block, column), (passed + 1, 0))
-            counted[block, column] = first, copies + count
-            passed += count
+            first, copies = first_and_copies.get((block, column), (number + 1, 0))
+            first_and_copies[block, column] = first, copies + count
+            number += count
         return {
             kind: f"pendulum {first}" if copies == 1 else f"the {copies} equal to pendulum {first}"
-            for kind, (first, copies) in sorted(counted.items())
+            for kind, (first, copies) in sorted(first_and_copies.items())
         }
 
     def natural(self) -> tuple[Rig, Units]:
@@ -252,7 +252,7 @@ class Rig(Displayed):
                 damping=block.damping / (moment * units.rate),
                 stiffness=block.stiffness / (units.mass * units.gravity * units.length),
                 drag=block.drag / (units.mass * units.rate),
-                rest=block.rest and block.rest.scaled(1 / (units.mass * units.gravity * units.length)),
+                rest=block.rest and block.rest.scale(1 / (units.mass * units.gravity * units.length)),
             )
             for block in self.blocks
         )
@@ -261,28 +261,29 @@ class Rig(Displayed):
             damping=self.cart.damping / (units.mass * units.rate),
             stiffness=self.cart.stiffness / units.stiffness,
         )
-        carried = self.structure and scaled(self.structure, units.mass, units.length, units.gravity)
-        return replace(self, gravity=1.0, blocks=blocks, cart=cart, structure=carried), units
+        structure = self.structure and scale_structure(self.structure, units.mass, units.length, units.gravity)
+        return replace(self, gravity=1.0, blocks=blocks, cart=cart, structure=structure), units
 
 
 def masses_below(mass: Floats) -> Floats:
     """Σ_{k>i} m_k for every link i, as in `modal.pair`, for arrays with links first."""
-    below = 0 * mass
-    np.add.accumulate(mass[:0:-1], axis=0, out=below[-2::-1])
-    return below
+    sums = 0 * mass
+    np.add.accumulate(mass[:0:-1], axis=0, out=sums[-2::-1])
+    return sums
 
 
-def rig_of(scene: Scene, apart: Sequence[tuple[float, ...]] | None = None) -> Rig:
+def rig_of(scene: Scene, distinctions: Sequence[tuple[float, ...]] | None = None) -> Rig:
     """The arrays of a scene, in SI units; SceneError for an invalid one, and for one without an equilibrium.
 
-    Equal pendula are of one kind, unless the numbers `apart` of each entry of the file, as many as it has links or a
-    multiple of that, tell them apart.
+    Equal pendula are of one kind, unless the numbers `distinctions` of each entry of the file, as many as it has links
+    or a multiple of that, tell them apart.
     """
     validate_scene(scene)
     equilibrium = equilibrium_of(scene)
-    told = apart or [()] * len(scene.pendulum)
+    marks_of_entries = distinctions or [()] * len(scene.pendulum)
     entries = [
-        _Entry(pendulum, pendulum.count, apart=marks) for pendulum, marks in zip(scene.pendulum, told, strict=True)
+        _Entry(pendulum, pendulum.count, distinctions=marks)
+        for pendulum, marks in zip(scene.pendulum, marks_of_entries, strict=True)
     ]
     if equilibrium:
         entries = list(_each_at(scene, equilibrium.rest))
@@ -299,10 +300,10 @@ def rig_of(scene: Scene, apart: Sequence[tuple[float, ...]] | None = None) -> Ri
             members[index] = (len(blocks), int(column), entries[index].copies)
         blocks.append(block)
     cart = CartNumbers(scene.cart.mass, scene.cart.damping, scene.cart.stiffness) if scene.cart else None
-    moved = equilibrium.cart if equilibrium else 0.0
+    cart_rest = equilibrium.cart if equilibrium else 0.0
     spatial = scene.space == "space"
     return Rig(
-        scene.gravity, tuple(blocks), tuple(members), cart, spatial, scene.damping_ratio, moved, structure=structure
+        scene.gravity, tuple(blocks), tuple(members), cart, spatial, scene.damping_ratio, cart_rest, structure=structure
     )
 
 
@@ -312,7 +313,7 @@ class _Entry(NamedTuple):
     pendulum: Pendulum
     copies: int
     rest: Floats | None = None
-    apart: tuple[float, ...] = ()
+    distinctions: tuple[float, ...] = ()
 
 
 def _each_on(scene: Scene, structure: Structure) -> Iterator[_Entry]:
@@ -320,17 +321,17 @@ def _each_on(scene: Scene, structure: Structure) -> Iterator[_Entry]:
 
     Equal ones are told apart by how their pivots move along the rail, and turn where the first joint feels it.
     """
-    joined = tied(structure, [pendulum.n_links for pendulum in scene.pendulum for _ in range(pendulum.count)])
+    tied_pendula = tied(structure, [pendulum.n_links for pendulum in scene.pendulum for _ in range(pendulum.count)])
     rows, first = phi(structure), 0
     for pendulum in scene.pendulum:
         top, last = pendulum.links[0], first + pendulum.count
-        felt = rows.turning[first] * bool(top.stiffness or top.damping)
-        apart = *rows.along[first].tolist(), *felt.tolist()
-        alone = range(first, last) if not joined.isdisjoint(range(first, last)) else ()
-        for free, group in groupby(alone, key=lambda k: k if k in joined else -1):
-            yield _Entry(pendulum, len(list(group)), apart=(*apart, 1.0 + free))
-        if not alone:
-            yield _Entry(pendulum, pendulum.count, apart=(*apart, 0.0))
+        turning_row = rows.turning[first] * bool(top.stiffness or top.damping)
+        distinctions = *rows.rail[first].tolist(), *turning_row.tolist()
+        single = range(first, last) if not tied_pendula.isdisjoint(range(first, last)) else ()
+        for free, group in groupby(single, key=lambda k: k if k in tied_pendula else -1):
+            yield _Entry(pendulum, len(list(group)), distinctions=(*distinctions, 1.0 + free))
+        if not single:
+            yield _Entry(pendulum, pendulum.count, distinctions=(*distinctions, 0.0))
         first = last
 
 
@@ -347,12 +348,12 @@ def _block(entries: list[_Entry]) -> tuple[Block, Iterable[int]]:
     table = np.array([_parameters(entry.pendulum) for entry in entries]) + 0.0
     width, rests = len(ARRAYS), [entry.rest for entry in entries if entry.rest is not None]
     if rests:
-        each = table.reshape(len(entries), -1, width)
-        table, width = np.concatenate((each, np.array(rests) + 0.0), axis=2).reshape(len(entries), -1), width + 3
-    table = np.column_stack((table, [entry.apart for entry in entries])) if entries[0].apart else table
+        numbers = table.reshape(len(entries), -1, width)
+        table, width = np.concatenate((numbers, np.array(rests) + 0.0), axis=2).reshape(len(entries), -1), width + 3
+    table = np.column_stack((table, [entry.distinctions for entry in entries])) if entries[0].distinctions else table
     first, columns = different(table)
     count = np.bincount(columns, weights=[entry.copies for entry in entries]).astype(np.int64)
-    kinds = table[first, : table.shape[1] - len(entries[0].apart)]
+    kinds = table[first, : table.shape[1] - len(entries[0].distinctions)]
     arrays = np.ascontiguousarray(kinds.reshape(len(kinds), -1, width).transpose(2, 1, 0))
     rest = Rest(*arrays[len(ARRAYS) :]) if rests else None
     return Block(**dict(zip(ARRAYS, arrays, strict=False)), count=count, rest=rest), columns

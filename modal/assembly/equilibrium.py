@@ -36,16 +36,16 @@ FINEST = 2.0**-20
 class Rest(NamedTuple):
     """The equilibrium of links: angles from hanging (rad), what holds each there (N m/rad), and the sum of its terms.
 
-    `held` is B_z cos θ + B_x sin θ, the stiffness of a link without springs, `pull` is g b + Σ |F| r.
+    `stiffness` is B_z cos θ + B_x sin θ, the stiffness of a link without springs, `pull` is g b + Σ |F| r.
     """
 
     angle: Floats
-    held: Floats
+    stiffness: Floats
     pull: Floats
 
-    def scaled(self, factor: Any) -> Rest:
+    def scale(self, factor: Any) -> Rest:
         """What the links of so many equal copies together, or other units, have."""
-        return self._replace(held=self.held * factor, pull=self.pull * factor)
+        return self._replace(stiffness=self.stiffness * factor, pull=self.pull * factor)
 
 
 class Equilibrium(NamedTuple):
@@ -61,7 +61,7 @@ class Equilibrium(NamedTuple):
 class _Load(NamedTuple):
     """On every link (L,) B without gravity along the rail and down, torques, sums of absolute terms; on the cart."""
 
-    along: Floats
+    horizontal: Floats
     down: Floats
     torque: Floats
     sizes: Floats
@@ -88,7 +88,7 @@ def equilibrium_of(scene: Scene) -> Equilibrium | None:
     if not scene.force or "constant_force" not in scene.features:
         return None
     load = _load_of(scene)
-    problems, rests = list(_unbalanced(scene, load)), []
+    problems, rests = list(_imbalance(scene, load)), []
     first = 0
     for p, pendulum in enumerate(scene.pendulum):
         chain = _LoadedChain(pendulum, scene.gravity)
@@ -101,13 +101,13 @@ def equilibrium_of(scene: Scene) -> Equilibrium | None:
             first += chain.n
     if problems:
         raise SceneError(problems)
-    held = scene.cart.stiffness if scene.cart else 0.0
-    cart = load.cart / held if held else 0.0
+    stiffness = scene.cart.stiffness if scene.cart else 0.0
+    cart = load.cart / stiffness if stiffness else 0.0
     return Equilibrium(cart, Rest(*(np.concatenate(parts) for parts in zip(*rests, strict=True))))
 
 
 def _load_of(scene: Scene) -> _Load:
-    along, down, torque, sizes = np.zeros((4, scene.n_links))
+    horizontal, down, torque, sizes = np.zeros((4, scene.n_links))
     reach, centre = np.array(
         [
             (link.length, link.centre)
@@ -128,23 +128,23 @@ def _load_of(scene: Scene) -> _Load:
         if force.direction == "horizontal":
             cart += force.amplitude * max(len(places), 1)
             on_cart += abs(force.amplitude) * max(len(places), 1)
-        for link, above, below in places:
+        for link, upper_link, distance in places:
             if force.direction == "torque":
                 torque[link] += force.amplitude
                 sizes[link] += abs(force.amplitude)
-                if below is None and above >= 0:
-                    torque[above] -= force.amplitude
-                    sizes[above] += abs(force.amplitude)
+                if distance is None and upper_link >= 0:
+                    torque[upper_link] -= force.amplitude
+                    sizes[upper_link] += abs(force.amplitude)
                 continue
             arms = reach[link - top[link] : link + 1].copy()
-            arms[-1] = centre[link] if below is None else below
-            load = along if force.direction == "horizontal" else down
-            load[link - top[link] : link + 1] += arms * (force.amplitude if load is along else -force.amplitude)
+            arms[-1] = centre[link] if distance is None else distance
+            load = horizontal if force.direction == "horizontal" else down
+            load[link - top[link] : link + 1] += arms * (force.amplitude if load is horizontal else -force.amplitude)
             sizes[link - top[link] : link + 1] += arms * abs(force.amplitude)
-    return _Load(along, down, torque, sizes, cart, on_cart)
+    return _Load(horizontal, down, torque, sizes, cart, on_cart)
 
 
-def _unbalanced(scene: Scene, load: _Load) -> Iterator[str]:
+def _imbalance(scene: Scene, load: _Load) -> Iterator[str]:
     """What is wrong with a cart that nothing holds."""
     loose = scene.cart is not None and not scene.cart.stiffness
     if loose and abs(load.cart) > BALANCED * load.on_cart:
@@ -171,18 +171,18 @@ class _LoadedChain:
         self.relaxed = np.pi * self.stands
         self.names = [f".links[{k}]" for k, link in enumerate(pendulum.links) for _ in range(link.count)]
 
-    def rest(self, along: Floats, down: Floats, torque: Floats, sizes: Floats) -> Rest:
+    def rest(self, horizontal: Floats, down: Floats, torque: Floats, sizes: Floats) -> Rest:
         """The equilibrium under a load on every link, (n,) each; SceneError without one."""
         if self.springs.any():
-            theta = self._followed(along, down, torque)
+            theta = self._follow_load(horizontal, down, torque)
         else:
-            theta = self._alone(along, self.weight + down, torque, sizes)
-        held = (self.weight + down) * np.cos(theta) + along * np.sin(theta)
-        return Rest(theta, held, self.weight + sizes)
+            theta = self._free_angles(horizontal, self.weight + down, torque, sizes)
+        stiffness = (self.weight + down) * np.cos(theta) + horizontal * np.sin(theta)
+        return Rest(theta, stiffness, self.weight + sizes)
 
-    def _alone(self, along: Floats, down: Floats, torque: Floats, sizes: Floats) -> Floats:
+    def _free_angles(self, horizontal: Floats, down: Floats, torque: Floats, sizes: Floats) -> Floats:
         """Of links without springs, each by itself."""
-        pull, problems = np.hypot(along, down), []
+        pull, problems = np.hypot(horizontal, down), []
         for k in range(self.n):
             if pull[k] <= BALANCED * (self.weight[k] + sizes[k]):
                 problems.append(f"{self.names[k]}: gravity and the constant forces on it and below it cancel")
@@ -193,24 +193,24 @@ class _LoadedChain:
                 )
         if problems:
             raise SceneError([f"{words}: there is no equilibrium" for words in dict.fromkeys(problems)])
-        turned = np.arcsin(torque / pull)
+        turn = np.arcsin(torque / pull)
         sign = np.where(self.stands, -1.0, 1.0)
-        theta: Floats = np.arctan2(sign * along, sign * down) + sign * turned
+        theta: Floats = np.arctan2(sign * horizontal, sign * down) + sign * turn
         return np.asarray(np.where(self.stands & (theta < -BALANCED), theta + 2 * np.pi, theta))
 
-    def _followed(self, along: Floats, down: Floats, torque: Floats) -> Floats:
+    def _follow_load(self, horizontal: Floats, down: Floats, torque: Floats) -> Floats:
         """With joint springs, from the unloaded equilibrium while the load grows."""
         theta, share, step = self.relaxed.copy(), 0.0, 1.0 / STEPS
         while share < 1:
             step = min(step, 1 - share)
-            settled = self._newton(theta, *((share + step) * part for part in (along, down, torque)))
-            if settled is None:
+            equilibrium = self._newton(theta, *((share + step) * part for part in (horizontal, down, torque)))
+            if equilibrium is None:
                 step /= 2
                 if step < FINEST:
                     raise SceneError([self._ends(share)])
                 continue
-            theta, share, step = settled, share + step, 1.5 * step
-        if not self.stands.any() and np.linalg.eigvalsh(self._stiffness(theta, along, self.weight + down))[0] <= 0:
+            theta, share, step = equilibrium, share + step, 1.5 * step
+        if not self.stands.any() and np.linalg.eigvalsh(self._stiffness(theta, horizontal, self.weight + down))[0] <= 0:
             raise SceneError(
                 [": its equilibrium under the constant forces is unstable: links buckle before they are reached"]
             )
@@ -219,15 +219,15 @@ class _LoadedChain:
     def _ends(self, share: float) -> str:
         return f": at {100 * share:.3g} % of the constant forces its equilibrium ends: there is none under all of them"
 
-    def _newton(self, start: Floats, along: Floats, down: Floats, torque: Floats) -> Floats | None:
+    def _newton(self, start: Floats, horizontal: Floats, down: Floats, torque: Floats) -> Floats | None:
         """The equilibrium near a start; None if Newton's method goes elsewhere."""
         theta, total, size = start, self.weight + down, np.inf
         for _ in range(NEWTON):
             bend = np.diff(theta - self.relaxed, prepend=0.0)
             moments = self.springs * bend
-            slope = total * np.sin(theta) - along * np.cos(theta) - torque + moments - np.append(moments[1:], 0.0)
+            slope = total * np.sin(theta) - horizontal * np.cos(theta) - torque + moments - np.append(moments[1:], 0.0)
             try:
-                change = np.linalg.solve(self._stiffness(theta, along, total), -slope)
+                change = np.linalg.solve(self._stiffness(theta, horizontal, total), -slope)
             except np.linalg.LinAlgError:
                 return None
             last, size = size, float(np.abs(change).max())
@@ -238,9 +238,9 @@ class _LoadedChain:
                 return theta
         return None
 
-    def _stiffness(self, theta: Floats, along: Floats, down: Floats) -> Floats:
+    def _stiffness(self, theta: Floats, horizontal: Floats, down: Floats) -> Floats:
         """∇²V."""
-        K = np.diag(down * np.cos(theta) + along * np.sin(theta) + self.springs + np.append(self.springs[1:], 0.0))
-        beside = np.arange(self.n - 1)
-        K[beside, beside + 1] = K[beside + 1, beside] = -self.springs[1:]
+        K = np.diag(down * np.cos(theta) + horizontal * np.sin(theta) + self.springs + np.append(self.springs[1:], 0.0))
+        rows = np.arange(self.n - 1)
+        K[rows, rows + 1] = K[rows + 1, rows] = -self.springs[1:]
         return K

@@ -48,12 +48,12 @@ LEANS = (
 class Hoisting:
     """The lengths (L,) of all links, in the order of the file, of which some follow laws: positions (k,) and law.
 
-    `given` are the laws that are not the scene's own.
+    `custom_laws` are those that are not the scene's own.
     """
 
     base: Floats
     laws: tuple[tuple[Ints, Law], ...]
-    given: Hoists | None = None
+    custom_laws: Hoists | None = None
 
     @cached_property
     def moving(self) -> Any:
@@ -76,8 +76,8 @@ class Hoisting:
         shape = (*np.shape(times), len(self.base))
         lengths = np.broadcast_to(self.base, shape).copy(), np.zeros(shape), np.zeros(shape)
         for index, law in self.laws:
-            for whole, part in zip(lengths, law(times), strict=True):
-                whole[..., index] = np.asarray(part, dtype=np.float64)[..., None]
+            for array, part in zip(lengths, law(times), strict=True):
+                array[..., index] = np.asarray(part, dtype=np.float64)[..., None]
         if not (np.all(lengths[0] > 0) and all(np.all(np.isfinite(part)) for part in lengths)):
             raise SceneError([POSITIVE])
         return lengths
@@ -87,24 +87,24 @@ class Hoisting:
 class Spline:
     """The law of a spline with `derivative`, or of a function of one time that returns all three numbers."""
 
-    given: Any
+    function: Any
 
     def __call__(self, times: Any) -> tuple[Any, Any, Any]:
         """Length, speed and acceleration."""
-        if hasattr(self.given, "derivative"):
-            return self.given(times), self._speed(times), self._acceleration(times)
+        if hasattr(self.function, "derivative"):
+            return self.function(times), self._speed(times), self._acceleration(times)
         if np.ndim(times):
-            columns = np.array([self.given(float(time)) for time in np.ravel(times)]).T
+            columns = np.array([self.function(float(time)) for time in np.ravel(times)]).T
             return tuple(column.reshape(np.shape(times)) for column in columns)
-        return self.given(float(times))  # type: ignore[no-any-return]
+        return self.function(float(times))  # type: ignore[no-any-return]
 
     @cached_property
     def _speed(self) -> Any:
-        return self.given.derivative(1)
+        return self.function.derivative(1)
 
     @cached_property
     def _acceleration(self) -> Any:
-        return self.given.derivative(2)
+        return self.function.derivative(2)
 
     def at(self, time: float) -> tuple[float, float, float]:
         """The same at one time (s) in plain floats; SceneError as of `Hoisting.at`."""
@@ -116,7 +116,7 @@ class Spline:
     @property
     def breaks(self) -> tuple[float, ...]:
         """The knots of a spline."""
-        return tuple(np.unique(getattr(self.given, "x", ())).tolist())
+        return tuple(np.unique(getattr(self.function, "x", ())).tolist())
 
 
 def hoisting_of(scene: Scene, hoists: Hoists | None = None) -> Hoisting | None:
@@ -129,7 +129,7 @@ def hoisting_of(scene: Scene, hoists: Hoists | None = None) -> Hoisting | None:
         return None
     if not isinstance(hoists or {}, Mapping):
         raise SceneError(["hoist: must be a mapping such as {(0, 0): spline}"])
-    told = dict(hoists or {})
+    custom_laws = dict(hoists or {})
     base: list[float] = []
     laws: list[tuple[Ints, Law]] = []
     for p, pendulum in enumerate(scene.pendulum):
@@ -140,18 +140,20 @@ def hoisting_of(scene: Scene, hoists: Hoists | None = None) -> Hoisting | None:
         base += base[at:] * (pendulum.count - 1)
         first = at + pendulum.n_links * np.arange(pendulum.count)
         for i, links in places:
-            link, other = pendulum.links[i], told.pop((p, i), None)
+            link, function = pendulum.links[i], custom_laws.pop((p, i), None)
             index = np.add.outer(first, links).ravel()
-            if other is not None:
-                laws.append((index, _validated(other, link, f"hoist of pendulum[{p}].links[{i}]")))
+            if function is not None:
+                laws.append((index, _law_of(function, link, f"hoist of pendulum[{p}].links[{i}]")))
             elif link.hoist:
                 laws.append((index, link.hoist.law(link.length)))
-    if told:
-        raise SceneError([f"hoist: {place!r} is not a pair of a pendulum and a link of this scene" for place in told])
+    if custom_laws:
+        raise SceneError(
+            [f"hoist: {place!r} is not a pair of a pendulum and a link of this scene" for place in custom_laws]
+        )
     return Hoisting(np.array(base), tuple(laws), hoists or None)
 
 
-def _validated(function: Any, link: Any, place: str) -> Spline:
+def _law_of(function: Any, link: Any, place: str) -> Spline:
     if not isinstance(link, Bob):
         raise SceneError([f"{place}: only the massless rope of a bob can change its length"])
     law = Spline(function)
@@ -192,8 +194,8 @@ def matrices_along(scene: Scene) -> Callable[[float], Matrices]:
     if not scene.is_hoisted:
         constant = matrices_of(rig_of(scene))
         return lambda time: constant
-    along = instants(scene)
-    return lambda time: along(time).matrices
+    instant_at = instants(scene)
+    return lambda time: instant_at(time).matrices
 
 
 @checked
@@ -222,16 +224,19 @@ def instants(scene: Scene) -> Callable[[float], HoistInstant]:
     if rig.structure:
         _refuse_springs(scene)
     hanging, first = Hanging(rig), rig.leading
-    each = [(rig.blocks[block], column) for block, column in hanging.kinds.tolist()]
+    chains = [(rig.blocks[block], column) for block, column in hanging.kinds.tolist()]
     mass, inertia, linear, centre, sigma = (
-        np.concatenate([getattr(block, name)[:, column] for block, column in each])
+        np.concatenate([getattr(block, name)[:, column] for block, column in chains])
         for name in ("mass", "inertia", "drag", "centre", "sigma")
     )
-    owner = np.repeat(np.arange(len(each)), np.diff(hanging.first))
-    along, down, bent = (rows[owner] for rows in (hanging.phi.along, hanging.phi.down, hanging.bends))
+    owner = np.repeat(np.arange(len(chains)), np.diff(hanging.first))
+    pivot_rows, down, curvatures = (rows[owner] for rows in (hanging.phi.rail, hanging.phi.down, hanging.bends))
     labels, quadratic, sunk = coordinate_labels(rig), quadratic_drags(scene), down.T
     pattern = np.tril(owner[:, None] == owner) * sigma
-    above, arms = np.where(hoisting.moving, pattern, np.tril(pattern, -1)), np.diag(~hoisting.moving * sigma * centre)
+    lever_rows, arms = (
+        np.where(hoisting.moving, pattern, np.tril(pattern, -1)),
+        np.diag(~hoisting.moving * sigma * centre),
+    )
     index, (bare_M, bare_K, bare_D) = np.arange(first, first + len(mass)), _without_links(rig)
     resting: dict[bytes, HoistInstant] = {}
 
@@ -244,19 +249,19 @@ def instants(scene: Scene) -> Callable[[float], HoistInstant]:
         if not (speed.any() or acceleration.any()):
             key = length.tobytes()
             return resting[key] if key in resting else resting.setdefault(key, rest(time))
-        rows = np.hstack((along, above * length + arms))
-        rate, bend = (np.hstack((0 * along, pattern * part)) for part in (speed, acceleration))
-        falling, fallen = rate.sum(1), bend.sum(1)
+        rows = np.hstack((pivot_rows, lever_rows * length + arms))
+        rate, bend = (np.hstack((0 * pivot_rows, pattern * part)) for part in (speed, acceleration))
+        falling, fall_acceleration = rate.sum(1), bend.sum(1)
         drag = linear + quadratic * np.abs(falling)
-        massive, dragged = rows.T * mass, rows.T * drag
+        massive, drag_rows = rows.T * mass, rows.T * drag
         M = massive @ rows + bare_M
         M[index, index] += inertia
         M[:first, :first] += (sunk * mass) @ down
-        pull = mass * (rig.gravity - fallen) - drag * falling
-        K = bare_K + massive @ bend + dragged @ rate
+        pull = mass * (rig.gravity - fall_acceleration) - drag * falling
+        K = bare_K + massive @ bend + drag_rows @ rate
         K[index, index] += (rows.T @ pull)[first:]
-        K[range(first), range(first)] += pull @ bent
-        D = bare_D + 2 * massive @ rate + dragged @ rows
+        K[range(first), range(first)] += pull @ curvatures
+        D = bare_D + 2 * massive @ rate + drag_rows @ rows
         D[:first, :first] += (sunk * (linear + 2 * quadratic * np.abs(falling))) @ down
         return HoistInstant(Matrices(M, K, D, labels), rate, bend, drag)
 

@@ -61,13 +61,13 @@ def on_lines(frequencies: Floats, values: Floats, f: Floats) -> Floats:
     Over linear axes where an end or its frequency is 0; beyond the first and the last the lines go on.
     """
     at = np.clip(np.searchsorted(frequencies, f, side="right") - 1, 0, len(frequencies) - 2)
-    low, high, left, right = frequencies[at], frequencies[at + 1], values[at], values[at + 1]
-    straight = left + (right - left) * (f - low) / (high - low)
-    positive = (left > 0) & (right > 0) & (low > 0) & (f > 0)
+    low, high, start, end = frequencies[at], frequencies[at + 1], values[at], values[at + 1]
+    straight = start + (end - start) * (f - low) / (high - low)
+    positive = (start > 0) & (end > 0) & (low > 0) & (f > 0)
     with np.errstate(all="ignore"):
-        power = np.log(right / left) / np.log(high / low)
-        curved = left * (f / low) ** power
-    return np.where(positive, curved, straight)
+        power = np.log(end / start) / np.log(high / low)
+        power_law = start * (f / low) ** power
+    return np.where(positive, power_law, straight)
 
 
 def loss_at(loss: Loss, omega: Floats) -> Floats:
@@ -96,41 +96,41 @@ class LossAngles(NamedTuple):
 
     def at(self, omega: Floats, links: Ints) -> Floats:
         """Those of joints and of wires at ω (W,) of links (…), as (2, …, W)."""
-        every = np.array([loss_at(loss, omega) for loss in self.different])
-        return np.asarray(every[self.places[:, links]])
+        angles = np.array([loss_at(loss, omega) for loss in self.different])
+        return np.asarray(angles[self.places[:, links]])
 
     def rig_of(self, scene: Scene) -> tuple[Rig, list[Ints]]:
         """The arrays of its scene with pendula of different loss angles apart, and for each block its links (n, P)."""
         sizes = [pendulum.n_links for pendulum in scene.pendulum for _ in range(pendulum.count)]
         starts = np.cumsum([0, *sizes])
         firsts = np.cumsum([0, *(pendulum.count for pendulum in scene.pendulum)])[:-1]
-        apart = [self.places[:, starts[k] : starts[k + 1]] for k in firsts]
-        rig = rig_of(scene, [tuple(part.ravel().tolist()) for part in apart])
+        entry_places = [self.places[:, starts[k] : starts[k + 1]] for k in firsts]
+        rig = rig_of(scene, [tuple(part.ravel().tolist()) for part in entry_places])
         links = [np.zeros((block.n, block.size), dtype=np.int64) for block in rig.blocks]
-        passed = 0
+        pendulum_number = 0
         for block, column, copies in rig.members:
-            links[block][:, column] = starts[passed] + np.arange(rig.blocks[block].n)
-            passed += copies
+            links[block][:, column] = starts[pendulum_number] + np.arange(rig.blocks[block].n)
+            pendulum_number += copies
         return rig, links
 
 
 @checked
 def loss_angles(scene: Scene) -> LossAngles | None:
     """The loss angles of all joints and wires of a scene; None where all are 0."""
-    known: dict[Loss, int] = {0.0: 0}
-    each = [
-        [known.setdefault(loss if is_lossy(loss) else 0.0, len(known)) for loss in (link.loss, link.wire_loss)]
+    numbers: dict[Loss, int] = {0.0: 0}
+    places = [
+        [numbers.setdefault(loss if is_lossy(loss) else 0.0, len(numbers)) for loss in (link.loss, link.wire_loss)]
         for pendulum in scene.pendulum
         for _ in range(pendulum.count)
         for link in pendulum.links
         for _ in range(link.count)
     ]
-    return LossAngles(tuple(known), np.array(each).T) if len(known) > 1 else None
+    return LossAngles(tuple(numbers), np.array(places).T) if len(numbers) > 1 else None
 
 
 def losses_of(scene: Scene) -> list[Dissipator]:
     """Every loss angle of a scene, along its row over the coordinates of `modal.assembly.matrices`."""
-    return [dissipator for dissipator in _every(scene) if is_lossy(dissipator.loss)]
+    return [dissipator for dissipator in _all_dissipators(scene) if is_lossy(dissipator.loss)]
 
 
 def dissipators_of(scene: Scene) -> list[Dissipator]:
@@ -138,13 +138,15 @@ def dissipators_of(scene: Scene) -> list[Dissipator]:
 
     Raises ComputationError where dampers that belong to modes cannot be computed.
     """
-    dissipators = [dissipator for dissipator in _every(scene) if dissipator.damping or is_lossy(dissipator.loss)]
+    dissipators = [
+        dissipator for dissipator in _all_dissipators(scene) if dissipator.damping or is_lossy(dissipator.loss)
+    ]
     if scene.has_modal_damping:
         dissipators += _factors("damping_ratio", modal_dampers(rig_of(scene)), 0)
     return dissipators
 
 
-def _every(scene: Scene) -> list[Dissipator]:
+def _all_dissipators(scene: Scene) -> list[Dissipator]:
     """All squares of D, and those of K that may have a loss angle: of supports, of links from the first on, springs."""
     rig = rig_of(scene)
     hanging = Hanging(rig)
@@ -157,16 +159,18 @@ def _every(scene: Scene) -> list[Dissipator]:
         for _ in range(link.count)
     ]
     springs = [(f"spring[{row.entry}]", scene.spring[row.entry]) for row in hanging.spring_rows]
-    every = list[Dissipator]()
+    dissipators = list[Dissipator]()
     for keys, parts in ((DAMPER_KEYS, squares.damping), (LOSS_KEYS, squares.stiffness)):
         for part in (part for part in parts if part.kind in keys):
             kind, key = DRAG if part.kind == DRAG_DOWN else part.kind, keys[part.kind]
-            for number, (at, row, size) in part.each:
+            for number, (at, row, size) in part.elements:
                 place, owner = (springs if kind == SPRING else links)[number]
                 d, k, loss = (size, 0.0, 0.0) if keys is DAMPER_KEYS else (0.0, size, getattr(owner, key))
-                every.append(Dissipator(f"{place}.{key}", kind, dict(zip(at, row, strict=True)), d, k, loss, number))
-    every.sort(key=lambda each: (each.kind == SPRING, each.number, each.kind == DRAG))
-    return [*_of_supports(scene, rig, hanging.structure, squares.damping), *every]
+                dissipators.append(
+                    Dissipator(f"{place}.{key}", kind, dict(zip(at, row, strict=True)), d, k, loss, number)
+                )
+    dissipators.sort(key=lambda dissipator: (dissipator.kind == SPRING, dissipator.number, dissipator.kind == DRAG))
+    return [*_of_supports(scene, rig, hanging.structure, squares.damping), *dissipators]
 
 
 def _of_supports(scene: Scene, rig: Rig, structure: Structure, damping: Iterable[SquareRows]) -> Iterator[Dissipator]:
@@ -175,11 +179,11 @@ def _of_supports(scene: Scene, rig: Rig, structure: Structure, damping: Iterable
         start = int(part.at[0, 0])
         carrier = bisect(structure.offsets, start) - 1
         place = f"support[{carrier}]" if isinstance(scene.support, tuple) else "support"
-        if part.written is None:
+        if part.row_source is None:
             yield from _factors(f"{place}.D", part.total[0], start)
             continue
         body, start = structure.carriers[carrier], structure.offsets[carrier]
-        for number, (at, row, size) in part.each:
+        for number, (at, row, size) in part.elements:
             suffix = f".{PLATFORM[number - start]}" if body.kind == "platform" else ""
             kind = CART if rig.cart else OTHER
             yield Dissipator(f"{place}.damping{suffix}", kind, dict(zip(at, row, strict=True)), size)
@@ -188,10 +192,10 @@ def _of_supports(scene: Scene, rig: Rig, structure: Structure, damping: Iterable
 def _factors(place: str, D: Floats, start: int) -> list[Dissipator]:
     """The rows of a matrix of dampers of coordinates from `start` on: its eigenvectors."""
     sizes, rows = np.linalg.eigh(D)
-    kept = np.flatnonzero(sizes > NEGLIGIBLE * sizes[-1]) if len(sizes) else ()
+    significant = np.flatnonzero(sizes > NEGLIGIBLE * sizes[-1]) if len(sizes) else ()
     return [
         Dissipator(
             place, OTHER, {start + k: float(value) for k, value in enumerate(rows[:, j]) if value}, float(sizes[j])
         )
-        for j in kept
+        for j in significant
     ]

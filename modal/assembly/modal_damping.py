@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from modal.assembly.arrays import Rig
-from modal.assembly.structure import Hanging, assembled
+from modal.assembly.structure import Hanging, assemble_pendula
 from modal.errors import ComputationError, SceneError
 from modal.types import Floats, Ints
 
@@ -45,7 +45,7 @@ def ratio_at(rig: Rig) -> RatioAt:
     if len(ratios) > len(omega):
         raise SceneError([f"damping_ratio: has {len(ratios)} values for {len(omega)} modes of different frequency"])
     by_mode = np.append(np.array(ratios), np.zeros(len(omega) - len(ratios)))
-    return lambda each: np.asarray(by_mode[np.abs(np.subtract.outer(each, omega)).argmin(-1)])
+    return lambda rates: np.asarray(by_mode[np.abs(np.subtract.outer(rates, omega)).argmin(-1)])
 
 
 def frequencies(rig: Rig) -> Floats:
@@ -58,9 +58,9 @@ def frequencies(rig: Rig) -> Floats:
 
 def _different(rates: Floats) -> Floats:
     """The finite ones of these rates by size, those that agree once."""
-    each = np.sort(np.abs(rates))
-    each = each[np.isfinite(each)]
-    return np.asarray(each[np.append(True, np.diff(each) > SAME * each[1:])])
+    sizes = np.sort(np.abs(rates))
+    sizes = sizes[np.isfinite(sizes)]
+    return np.asarray(sizes[np.append(True, np.diff(sizes) > SAME * sizes[1:])])
 
 
 def modal_factor(M: Floats, K: Floats, free: Floats | bool, ratio: RatioAt) -> Floats:
@@ -80,18 +80,18 @@ def modal_dampers(rig: Rig) -> Floats:
     ratio = ratio_at(rig)
     size = rig.leading + sum(rig.blocks[block].n * copies for block, _, copies in rig.members)
     D = np.zeros((size, size))
-    for M, K, free, places, balanced in _systems(rig):
+    for M, K, free, places, keeps_balance in _systems(rig):
         C = modal_factor(M, K, free, ratio)
-        if not balanced:
+        if not keeps_balance:
             shares = np.zeros((len(C), size))
             for column, index in zip(C.T, places, strict=True):
                 shares[:, index] = column[:, None] / len(index)
             D += shares.T @ shares
             continue
-        alone, index, count = C.T @ C, np.array(places).T, len(places[0])
-        D[index[:, :, None], index[:, None, :]] += alone
+        product, index, count = C.T @ C, np.array(places).T, len(places[0])
+        D[index[:, :, None], index[:, None, :]] += product
         if rig.leading:
-            D[index[:, None, :, None], index[None, :, None, :]] -= alone / count
+            D[index[:, None, :, None], index[None, :, None, :]] -= product / count
     return D
 
 
@@ -105,7 +105,7 @@ class _System(NamedTuple):
     K: Floats
     free: Floats
     places: Sequence[Ints]
-    balanced: bool
+    keeps_balance: bool
 
 
 def _systems(rig: Rig) -> Iterator[_System]:
@@ -113,23 +113,23 @@ def _systems(rig: Rig) -> Iterator[_System]:
 
     On a structure every pendulum is one of its own.
     """
-    every, whole, d = _places(rig), rig, rig.leading
+    places_of_kinds, heavy_rig, d = _places(rig), rig, rig.leading
     if not rig.structure:
-        for kind, index in every.items():
+        for kind, index in places_of_kinds.items():
             if not d or rig.spatial or len(index) > 1:
                 _refuse_large(index.shape[1])
-                M, K = assembled([(rig.blocks[kind[0]], kind[1])], None, rig.gravity)
-                yield _System(M, K, np.zeros((len(M), 0)), list(index.T), balanced=True)
+                M, K = assemble_pendula([(rig.blocks[kind[0]], kind[1])], None, rig.gravity)
+                yield _System(M, K, np.zeros((len(M), 0)), list(index.T), keeps_balance=True)
         blocks = tuple(block.heavier(block.count) for block in rig.blocks)
-        whole = replace(rig, blocks=blocks, members=tuple((*kind, 1) for kind in rig.names))
+        heavy_rig = replace(rig, blocks=blocks, members=tuple((*kind, 1) for kind in rig.names))
         if not d:
             return
-    hanging, places = Hanging(whole), [np.array([k]) for k in range(d)]
-    places += [copies for index in every.values() for copies in index.T]
+    hanging, places = Hanging(heavy_rig), [np.array([k]) for k in range(d)]
+    places += [copies for index in places_of_kinds.values() for copies in index.T]
     _refuse_large(len(places))
     M, K, _ = hanging.squares().matrices
     free = np.concatenate((hanging.free, np.zeros((len(places) - d, hanging.free.shape[1]))))
-    yield _System(M, K, free, places, balanced=False)
+    yield _System(M, K, free, places, keeps_balance=False)
 
 
 def _places(rig: Rig) -> dict[tuple[int, ...], Ints]:
@@ -156,12 +156,12 @@ def _eigen(M: Floats, K: Floats, free: Floats) -> tuple[Floats, Floats]:
 
     Of every `free` motion (n, f) one coordinate that no other moves is left out: its momentum balances the others'.
     """
-    alone = np.count_nonzero(free, axis=1) == 1
-    loose = [int(np.flatnonzero(alone & (motion == 1))[0]) for motion in free.T]
-    held = np.setdiff1d(np.arange(len(M)), loose)
-    push = (M @ free)[held]
-    inertia = M[np.ix_(held, held)] - push @ np.linalg.solve(free.T @ M @ free, push.T)
-    stiffness = K[np.ix_(held, held)]
+    is_single = np.count_nonzero(free, axis=1) == 1
+    loose = [int(np.flatnonzero(is_single & (motion == 1))[0]) for motion in free.T]
+    remaining = np.setdiff1d(np.arange(len(M)), loose)
+    push = (M @ free)[remaining]
+    inertia = M[np.ix_(remaining, remaining)] - push @ np.linalg.solve(free.T @ M @ free, push.T)
+    stiffness = K[np.ix_(remaining, remaining)]
     scale = 1 / np.sqrt(np.diag(inertia) if np.any(np.diag(stiffness) <= 0) else np.diag(stiffness))
     inertia, stiffness = (part * scale * scale[:, None] for part in (inertia, stiffness))
     try:
@@ -177,9 +177,9 @@ def _eigen(M: Floats, K: Floats, free: Floats) -> tuple[Floats, Floats]:
             raise ComputationError(BEYOND) from None
         square, v = np.linalg.eigh(_in_factors(L, stiffness))
         rate, momentum = np.sign(square) * np.sqrt(np.abs(square)), L @ v / scale[:, None]
-    whole = np.zeros((len(M), len(rate)))
-    whole[held], whole[loose] = momentum, -free[held].T @ momentum
-    return rate, whole
+    momenta = np.zeros((len(M), len(rate)))
+    momenta[remaining], momenta[loose] = momentum, -free[remaining].T @ momentum
+    return rate, momenta
 
 
 def _in_factors(L: Floats, S: Floats) -> Floats:

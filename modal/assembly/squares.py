@@ -63,9 +63,9 @@ class Element(NamedTuple):
 class SquareRows(NamedTuple):
     """`size` (P, R) times the squares of `rows` (P, R, c) over the coordinates `at` (P, c): P parts of one `kind`.
 
-    `written` are the rows, or what writes them once they are asked for; None is 1 at each coordinate.  `numbers` (P, R)
-    tell whose they are: links in the order of the file, coordinates of a support, ways of springs.  `total` (P, c, c)
-    is their sum where it is known without a product of rows: of the centres of chains, which are A and b, and of a
+    `row_source` is the rows, or what writes them once they are asked for; None is 1 at each coordinate.  `numbers`
+    (P, R) tell whose they are: links in the order of the file, coordinates of a support, ways of springs.  `total`
+    (P, c, c) is their sum where it is known without a product of rows: of the centres of chains, which are A and b, and of a
     modal support, which has no rows.  Where pivots `moves` (P, k) with the coordinates `columns` (k,), rows and sums
     begin with an entry for the pivot.
     """
@@ -73,7 +73,7 @@ class SquareRows(NamedTuple):
     kind: str
     numbers: Ints
     at: Ints
-    written: Any
+    row_source: Any
     size: Any
     total: Any = None
     columns: Ints = NOWHERE
@@ -82,10 +82,10 @@ class SquareRows(NamedTuple):
     @property
     def rows(self) -> Any:
         """The rows themselves, (P, R, c), or None."""
-        return self.written() if callable(self.written) else self.written
+        return self.row_source() if callable(self.row_source) else self.row_source
 
     @property
-    def each(self) -> Iterator[tuple[int, Element]]:
+    def elements(self) -> Iterator[tuple[int, Element]]:
         """Number and element of every square of floats that is not 0."""
         rows = self.rows
         for p, k in np.argwhere(self.size).tolist():
@@ -94,30 +94,30 @@ class SquareRows(NamedTuple):
                 places = places[k : k + 1]
             elif self.moves is not None:
                 places, row = np.append(self.columns, places), np.append(row[0] * self.moves[p], row[1:])
-            moved = np.flatnonzero(row)
-            if len(moved):
-                at, entries = tuple(places[moved].tolist()), tuple(row[moved].tolist())
+            nonzero = np.flatnonzero(row)
+            if len(nonzero):
+                at, entries = tuple(places[nonzero].tolist()), tuple(row[nonzero].tolist())
                 yield int(self.numbers[p, k]), Element(at, entries, float(self.size[p, k]))
 
     def add_to(self, S: Any) -> None:
         """Add it to a matrix in place."""
-        if self.written is None and self.total is None:
+        if self.row_source is None and self.total is None:
             S[self.at, self.at] += self.size
             return
-        T, at = squared(self.rows, self.size) if self.total is None else self.total, self.at
+        T, at = sum_of_squares(self.rows, self.size) if self.total is None else self.total, self.at
         if self.moves is not None:
             corner, edge = (self.columns[:, None], self.columns), (at[:, :, None], self.columns)
-            S[corner] += squared(self.moves, T[:, 0, 0])
-            pushed = S[edge] + T[:, 1:, :1] * self.moves[:, None, :]
-            S[edge], S[edge[::-1]] = pushed, pushed
+            S[corner] += sum_of_squares(self.moves, T[:, 0, 0])
+            edge_sum = S[edge] + T[:, 1:, :1] * self.moves[:, None, :]
+            S[edge], S[edge[::-1]] = edge_sum, edge_sum
             T = T[:, 1:, 1:]
         if len(at) == 1 and len(T[0]) and at[0, -1] - at[0, 0] == len(T[0]) - 1:
-            together = slice(at[0, 0], at[0, -1] + 1)
-            S[together, together] += T[0]
+            span = slice(at[0, 0], at[0, -1] + 1)
+            S[span, span] += T[0]
         else:
             S[at[:, :, None], at[:, None, :]] += T
 
-    def hung(self, which: Any, first: Ints, d: int, columns: Ints, ways: Sequence[Any]) -> Iterator[SquareRows]:
+    def hang(self, which: Any, first: Ints, d: int, columns: Ints, ways: Sequence[Any]) -> Iterator[SquareRows]:
         """Those of chains `which` (P,) of a block whose links are numbered from `first` (P, 1), after d coordinates.
 
         Their pivots move by each of the `ways` (P, k) with the coordinates `columns` (k,); None where they rest.
@@ -128,7 +128,7 @@ class SquareRows(NamedTuple):
         numbers, top = first + self.numbers[0], slice(int(self.kind in WAYS and moves is None), None)
         at = d + numbers if self.at.size else self.at[which]
         total = None if self.total is None else self.total[which, top, top]
-        rows = None if self.written is None else lambda: self.rows[which, :, top]
+        rows = None if self.row_source is None else lambda: self.rows[which, :, top]
         yield SquareRows(self.kind, numbers, at, rows, self.size[which], total, columns, moves)
 
 
@@ -150,28 +150,28 @@ class SceneSquares(NamedTuple):
     @property
     def momentum(self) -> Any:
         """That of everything at unit velocity along the rail, in the directions of q, (n,); no modal supports."""
-        return self._along(self.inertia, ALONG)
+        return self._sum_along(self.inertia, ALONG)
 
     @property
     def windage(self) -> Any:
         """The linear drag of everything at unit velocity along the rail, (n,)."""
-        return self._along(self.damping, DRAG)
+        return self._sum_along(self.damping, DRAG)
 
-    def _along(self, parts: Iterable[SquareRows], kind: str) -> Any:
-        whole = self.number(np.zeros(self.n))
+    def _sum_along(self, parts: Iterable[SquareRows], kind: str) -> Any:
+        total = self.number(np.zeros(self.n))
         for part in (part for part in parts if part.kind == kind):
-            felt = (part.rows * part.size[:, :, None]).sum(1)
+            pull = (part.rows * part.size[:, :, None]).sum(1)
             if part.moves is not None:
-                whole[part.columns] += (part.moves * felt[:, :1]).sum(0)
-                felt = felt[:, 1:]
-            whole[part.at] += felt
-        return whole
+                total[part.columns] += (part.moves * pull[:, :1]).sum(0)
+                pull = pull[:, 1:]
+            total[part.at] += pull
+        return total
 
 
-def squared(rows: Any, size: Any) -> Any:
+def sum_of_squares(rows: Any, size: Any) -> Any:
     """The sum of `size` (…, R) times the squares of `rows` (…, R, c), symmetric to the last digit."""
-    S, each = (rows * size[..., None]).swapaxes(-1, -2) @ rows, np.arange(rows.shape[-1])
-    return np.where(each[:, None] >= each, S, S.swapaxes(-1, -2)) if len(each) > 1 else S
+    S, order = (rows * size[..., None]).swapaxes(-1, -2) @ rows, np.arange(rows.shape[-1])
+    return np.where(order[:, None] >= order, S, S.swapaxes(-1, -2)) if len(order) > 1 else S
 
 
 def matrix(squares: Iterable[SquareRows], n: int, number: Number = floats) -> Any:
@@ -193,59 +193,63 @@ def chain_squares(block: Block, gravity: float, number: Number | None = None) ->
     names = ("mass", "length", "centre", "across", "inertia", "stiffness", "damping", "drag")
     m, l, c, way, inertia, spring, damper, drag = (number(getattr(block, name)) for name in names)
     links = angles = np.arange(n)[None].repeat(P, 0)
-    each = np.arange(n)
+    order = np.arange(n)
 
     def centres(kind: str, way: Any, size: Any) -> SquareRows:
-        arms, reach, hung = way * l, way * c, masses_below(size)
-        b = pair.first_moment(size, arms, reach, hung)
+        arms, reach, mass_below = way * l, way * c, masses_below(size)
+        b = pair.first_moment(size, arms, reach, mass_below)
         total = np.empty((P, n + 1, n + 1), dtype=size.dtype)
-        total[:, 0, 0], total[:, 0, 1:], total[:, 1:, 0] = size[0] + hung[0], b.T, b.T
+        total[:, 0, 0], total[:, 0, 1:], total[:, 1:, 0] = size[0] + mass_below[0], b.T, b.T
         moment, arm = b.T[:, :, None], arms.T[:, :, None]
         for i in range(0, n, CHUNK):
             rows = slice(i, i + CHUNK)
-            lower = each[rows, None] > each
-            below, above = moment[:, rows] * arm.swapaxes(1, 2), arm[:, rows] * moment.swapaxes(1, 2)
-            total[:, 1:, 1:][:, rows] = np.where(lower, below, above)
-        total[:, each + 1, each + 1] = pair.second_moment(size, arms, reach, 0, hung).T
+            lower = order[rows, None] > order
+            lower_entries, upper_entries = moment[:, rows] * arm.swapaxes(1, 2), arm[:, rows] * moment.swapaxes(1, 2)
+            total[:, 1:, 1:][:, rows] = np.where(lower, lower_entries, upper_entries)
+        total[:, order + 1, order + 1] = pair.second_moment(size, arms, reach, 0, mass_below).T
 
-        def written() -> Any:
-            return np.concatenate((number(np.ones((P, n, 1))), displaced(arms, reach)), axis=2)
+        def write_rows() -> Any:
+            return np.concatenate((number(np.ones((P, n, 1))), displacement_rows(arms, reach)), axis=2)
 
-        return SquareRows(kind, links, angles, written, size.T, total)
+        return SquareRows(kind, links, angles, write_rows, size.T, total)
 
-    def both(along: str, down: str, size: Any) -> list[SquareRows]:
+    def both_directions(rail_kind: str, down_kind: str, size: Any) -> list[SquareRows]:
         if block.sinking is not None:
-            return [centres(along, way, size), centres(down, number(block.sinking), size)]
-        moved = centres(along, way, size)
-        unit, total = lambda: number(np.ones((P, n, 1))), moved.total[:, :1, :1]
-        return [moved, SquareRows(down, links, angles[:, :0], unit, size.T, total)]
+            return [centres(rail_kind, way, size), centres(down_kind, number(block.sinking), size)]
+        rail_square = centres(rail_kind, way, size)
+        unit, total = lambda: number(np.ones((P, n, 1))), rail_square.total[:, :1, :1]
+        return [rail_square, SquareRows(down_kind, links, angles[:, :0], unit, size.T, total)]
 
     def joints(size: Any) -> SquareRows:
         turns, total = number(np.eye(n, n + 1, k=1) - np.eye(n, n + 1)), number(np.zeros((P, n + 1, n + 1)))
-        total[:, each, each] = size.T
-        total[:, each + 1, each + 1] = total[:, each + 1, each + 1] + size.T
-        total[:, each, each + 1] = total[:, each + 1, each] = -size.T
+        total[:, order, order] = size.T
+        total[:, order + 1, order + 1] = total[:, order + 1, order + 1] + size.T
+        total[:, order, order + 1] = total[:, order + 1, order] = -size.T
         return SquareRows(JOINT, links, angles, lambda: turns[None].repeat(P, 0), size.T, total)
 
-    inertias = both(ALONG, DOWN, m)
-    held = number(gravity) * inertias[0].total[:, 0, 1:] if block.rest is None else number(block.rest.held).T
-    stiffness = [SquareRows(WIRE, links, angles, None, held)]
+    inertias = both_directions(ALONG, DOWN, m)
+    weights = number(gravity) * inertias[0].total[:, 0, 1:] if block.rest is None else number(block.rest.stiffness).T
+    stiffness = [SquareRows(WIRE, links, angles, None, weights)]
     if np.count_nonzero(block.inertia):
         inertias.append(SquareRows(INERTIA, links, angles, None, inertia.T))
     if np.count_nonzero(block.stiffness):
         stiffness.append(joints(spring))
     damping = [joints(damper)] if np.count_nonzero(block.damping) else []
-    return inertias, stiffness, damping + (both(DRAG, DRAG_DOWN, drag) if np.count_nonzero(block.drag) else [])
+    return (
+        inertias,
+        stiffness,
+        damping + (both_directions(DRAG, DRAG_DOWN, drag) if np.count_nonzero(block.drag) else []),
+    )
 
 
-def displaced(arms: Any, reach: Any) -> Any:
+def displacement_rows(arms: Any, reach: Any) -> Any:
     """The displacement (P, n, n) of a point of every link by the angles of its chain.
 
     That is `arms` (n, P) of each link above, and `reach` (n, P) of the link itself.
     """
-    each = np.arange(len(arms))
-    rows = np.where(each[:, None] > each, arms.T[:, None, :], 0 * arms.T[:, None, :])
-    rows[:, each, each] = reach.T
+    order = np.arange(len(arms))
+    rows = np.where(order[:, None] > order, arms.T[:, None, :], 0 * arms.T[:, None, :])
+    rows[:, order, order] = reach.T
     return rows
 
 
@@ -256,7 +260,7 @@ def centres(block: Block, column: int, way: Floats | None = None) -> Floats:
     """
     moves = block.across if way is None else way
     arms, reach = (moves[:, [column]] * part[:, [column]] for part in (block.length, block.centre))
-    return np.asarray(displaced(arms, reach)[0])
+    return np.asarray(displacement_rows(arms, reach)[0])
 
 
 def joints(block: Block, column: int) -> Floats:
@@ -298,14 +302,16 @@ def carrier_squares(structure: Structure, gravity: float, number: Number = float
             continue
         mass = number(float(body.mass))
         if body.size:
-            along, down = slopes(structure, carrier, body.centre)
-            inertia += row_squares(ALONG, carrier, along, mass, number) + row_squares(DOWN, carrier, down, mass, number)
+            rail_row, down_row = slopes(structure, carrier, body.centre)
+            inertia += row_squares(ALONG, carrier, rail_row, mass, number) + row_squares(
+                DOWN, carrier, down_row, mass, number
+            )
             turn = number(float(body.inertia))
             inertia += row_squares(INERTIA, carrier, turning(structure, carrier), turn, number)
         for k in range(start, start + body.size):
-            held, damped = number(float(body.stiffness[k - start])), number(float(body.damping[k - start]))
-            stiffness += row_squares(SUPPORT, k, {k: 1.0}, held, number)
-            damping += row_squares(SUPPORT, k, {k: 1.0}, damped, number)
+            spring, damper = number(float(body.stiffness[k - start])), number(float(body.damping[k - start]))
+            stiffness += row_squares(SUPPORT, k, {k: 1.0}, spring, number)
+            damping += row_squares(SUPPORT, k, {k: 1.0}, damper, number)
         stiffness += bend_squares(structure, carrier, body.centre, number(gravity) * mass, number)
     return inertia, stiffness, damping
 
@@ -315,5 +321,5 @@ def bend_squares(
 ) -> list[SquareRows]:
     """What a weight on a point of a carrier holds coordinates with, as that point sinks and rises on its path."""
     first = structure.offsets[carrier]
-    every = [(first + k, weight * number(bend)) for k, bend in bends(structure.carriers[carrier], where)]
-    return [square for at, size in every for square in row_squares(WEIGHT, at, {at: 1.0}, size, number)]
+    weights = [(first + k, weight * number(bend)) for k, bend in bends(structure.carriers[carrier], where)]
+    return [square for at, size in weights for square in row_squares(WEIGHT, at, {at: 1.0}, size, number)]

@@ -61,23 +61,23 @@ def can_stack(scenes: Sequence[Scene]) -> bool:
 def _form(scene: Scene) -> Hashable:
     """A key equal for scenes of the same form."""
     cart = scene.cart
-    held = cart and (cart.mass > 0, cart.damping, cart.stiffness > 0)
+    cart_form = cart and (cart.mass > 0, cart.damping, cart.stiffness > 0)
     pendula = [(pendulum.count, pendulum.equilibrium, *map(KIND, pendulum.links)) for pendulum in scene.pendulum]
-    return held, scene.space, tuple(pendula), "constant_force" in scene.features
+    return cart_form, scene.space, tuple(pendula), "constant_force" in scene.features
 
 
 def _is_plain(scene: Scene) -> bool:
     return OTHERS.isdisjoint(scene.features) and not (scene.cart and not scene.cart.mass)
 
 
-def stacked(scenes: Sequence[Scene]) -> Stack:
+def stack_scenes(scenes: Sequence[Scene]) -> Stack:
     """The arrays of scenes of one form."""
     carts = [(scene.cart.mass, scene.cart.stiffness) for scene in scenes if scene.cart]
     cart = np.array(carts).T if carts else None
     return _stack(scenes[0], _links(scenes), np.array([scene.gravity for scene in scenes]), cart)
 
 
-def varied(scene: Scene, numbers: Mapping[Place, Floats]) -> Stack | None:
+def vary_scene(scene: Scene, numbers: Mapping[Place, Floats]) -> Stack | None:
     """The arrays of one scene with other numbers (S,) at some places; None where these change more than numbers.
 
     They must `keep_form`.
@@ -91,9 +91,9 @@ def varied(scene: Scene, numbers: Mapping[Place, Floats]) -> Stack | None:
     for row, (i, j, link) in enumerate(where):
         at = ("pendulum", i, "links", j)
         mass, length = (numbers.get((*at, name), getattr(link, name)) for name in NUMBERS[:2])
-        told = dict(zip(NUMBERS, (mass, length, *link.proportions(mass, length)), strict=True))
+        values_by_name = dict(zip(NUMBERS, (mass, length, *link.proportions(mass, length)), strict=True))
         for values, name in zip(links, NUMBERS, strict=True):
-            values[row] = told[name] if link.is_uniform else numbers.get((*at, name), told[name])
+            values[row] = values_by_name[name] if link.is_uniform else numbers.get((*at, name), values_by_name[name])
     gravity = np.broadcast_to(numbers.get(("gravity",), scene.gravity), size)
     cart = None
     if scene.cart is not None:
@@ -105,11 +105,11 @@ def varied(scene: Scene, numbers: Mapping[Place, Floats]) -> Stack | None:
 
 def keep_form(numbers: Mapping[Place, Floats]) -> Booleans:
     """Which members (S,) have a form in common: none of these numbers is a zero that makes it another one."""
-    kept = np.ones(len(next(iter(numbers.values()))), dtype=np.bool_)
+    keeps = np.ones(len(next(iter(numbers.values()))), dtype=np.bool_)
     for place, values in numbers.items():
         if place in SUPPORT or place[-1] in CHANGING:
-            kept &= values > 0
-    return kept
+            keeps &= values > 0
+    return keeps
 
 
 def _is_of_link(place: Place) -> bool:
@@ -120,8 +120,8 @@ def _stack(scene: Scene, links: Sequence[Floats], gravity: Floats, cart: Floats 
     """The arrays of scenes of the form of one, with these numbers (L, S) of all links and (2, S) of the cart."""
     mass, length, centre, inertia = links
     heaviest, longest = (np.ldexp(1.0, np.frexp(values.max(0))[1]) for values in (mass, length))
-    scaled = mass / heaviest, length / longest, centre / longest, inertia / (heaviest * longest**2)
-    blocks = tuple(_pendula_of(chosen, scaled) for chosen in _by_length(scene))
+    natural = mass / heaviest, length / longest, centre / longest, inertia / (heaviest * longest**2)
+    blocks = tuple(_pendula_of(chosen, natural) for chosen in _by_length(scene))
     rail = None if cart is None else CartNumbers(cart[0] / heaviest, 0.0, cart[1] / (heaviest * gravity / longest))
     return Stack(blocks, rail, np.sqrt(gravity / longest), scene.space == "space")
 
@@ -151,7 +151,7 @@ def _by_length(scene: Scene) -> list[list[tuple[Pendulum, int]]]:
     return [groups[n] for n in sorted(groups)]
 
 
-def _pendula_of(chosen: list[tuple[Pendulum, int]], scaled: Sequence[Floats]) -> Block:
+def _pendula_of(chosen: list[tuple[Pendulum, int]], numbers: Sequence[Floats]) -> Block:
     """Pendula of equal numbers in every scene are one column."""
     columns = [
         np.repeat(np.arange(len(pendulum.links)), [link.count for link in pendulum.links]) + column
@@ -160,9 +160,9 @@ def _pendula_of(chosen: list[tuple[Pendulum, int]], scaled: Sequence[Floats]) ->
     at = np.array(columns).T
     if len(chosen) == 1 and at[-1] - at[0] == len(at) - 1:
         rows = slice(at[0, 0], at[-1, 0] + 1)
-        arrays = [values[rows, None, None] for values in scaled]
+        arrays = [values[rows, None, None] for values in numbers]
     else:
-        arrays = [values[at][:, :, None] for values in scaled]
+        arrays = [values[at][:, :, None] for values in numbers]
     first, kinds = different(np.concatenate(arrays).swapaxes(0, 1).reshape(len(chosen), -1))
     count = np.bincount(kinds, weights=[pendulum.count for pendulum, _ in chosen]).astype(np.int64)
     mass, length, centre, inertia = arrays if len(first) == len(chosen) else [values[:, first] for values in arrays]

@@ -75,9 +75,10 @@ CANCELLED = 2.0**-48
 class SpringRow(NamedTuple):
     """One way in which a spring acts: its extension is `row` q, its force N or N m for each unit of both numbers.
 
-    `along` is the part along the rail of the direction from its first end to its second; 0 for torsion.  `on_pendula`
-    are the pendula, from 0, that it ends on, with the sign of its pull on each.  `label` numbers springs from 1, in
-    the order of the file and counting copies, and tells two ways of one apart.  It belongs to this `entry` of the file.
+    `rail_part` is the part along the rail of the direction from its first end to its second; 0 for torsion.
+    `on_pendula` are the pendula, from 0, that it ends on, with the sign of its pull on each.  `label` numbers
+    springs from 1, in the order of the file and counting copies, and tells two ways of one apart.  It belongs to this
+    `entry` of the file.
     """
 
     label: str
@@ -85,7 +86,7 @@ class SpringRow(NamedTuple):
     row: Row
     stiffness: float
     damping: float
-    along: float
+    rail_part: float
     torsion: bool
     on_pendula: tuple[tuple[int, float], ...]
     entry: int
@@ -110,11 +111,11 @@ class Hanging:
     @property
     def bends(self) -> Floats:
         """−∂²z/∂η² (P, d) of all pivots."""
-        bent = np.zeros(self.phi.down.shape)
-        for row, (carrier, where) in zip(bent, self.structure.pivots, strict=True):
+        curvatures = np.zeros(self.phi.down.shape)
+        for row, (carrier, where) in zip(curvatures, self.structure.pivots, strict=True):
             for k, bend in bends(self.structure.carriers[carrier], where):
                 row[self.structure.offsets[carrier] + k] = bend
-        return bent
+        return curvatures
 
     @cached_property
     def kinds(self) -> Ints:
@@ -150,30 +151,35 @@ class Hanging:
         """All elements but those of the chains along the rail; modal supports have matrices of their own."""
         structure = self.structure
         inertia, stiffness, damping = self._supporting(floats)
-        for carrier, where in self._hung:
+        for carrier, where in self._pendula_at_points:
             down = slopes(structure, carrier, where)[1]
             mass, drag = (self._on_point((carrier, where), name, floats) for name in ("mass", "drag"))
             inertia += row_squares(DOWN, carrier, down, mass)
             damping += row_squares(DRAG_DOWN, carrier, down, drag)
-        masses, held, lost = (
-            [(square.kind, element) for square in part if square.written is not None for _, element in square.each]
+        masses, stiffnesses, losses = (
+            [
+                (square.kind, element)
+                for square in part
+                if square.row_source is not None
+                for _, element in square.elements
+            ]
             for part in (inertia, stiffness, damping)
         )
         parts: list[list[float]] = [[] for _ in range(structure.size)]
-        for _, element in (each for each in held if each[0] != SPRING):
+        for _, element in (group for group in stiffnesses if group[0] != SPRING):
             parts[element.at[0]].append(element.size)
-        sums, terms = map(fsum, parts), np.array([fsum(map(abs, each)) for each in parts])
+        sums, terms = map(fsum, parts), np.array([fsum(map(abs, group)) for group in parts])
         own_held = [Element((k,), (1.0,), value) for k, value in enumerate(sums) if value]
-        springs = [element for kind, element in held if kind == SPRING]
+        springs = [element for kind, element in stiffnesses if kind == SPRING]
         return Elements(
-            tuple(each for _, each in masses), (*own_held, *springs), tuple(each for _, each in lost), terms
+            tuple(group for _, group in masses), (*own_held, *springs), tuple(group for _, group in losses), terms
         )
 
     def _supporting(self, number: Number) -> Parts:
         """The squares of carriers, with what hangs from them as they sink, and of springs between points."""
         structure, gravity = self.structure, self.rig.gravity
         parts = carrier_squares(structure, gravity, number)
-        for carrier, where in self._hung if any(body.bends for body in structure.carriers) else ():
+        for carrier, where in self._pendula_at_points if any(body.bends for body in structure.carriers) else ():
             weight = number(gravity) * self._on_point((carrier, where), "mass", number)
             parts[1].extend(bend_squares(structure, carrier, where, weight, number))
         for k, row in enumerate(self.spring_rows):
@@ -183,8 +189,11 @@ class Hanging:
 
     def _on_point(self, point: tuple[int, Where], name: str, number: Number) -> Any:
         """The mass or drag of all that hangs from a point, of floats to the last digit."""
-        each = [number(getattr(block, name)[:, column]).sum() * copies for block, column, copies in self._hung[point]]
-        return fsum(each) if number is floats else sum(each)
+        numbers = [
+            number(getattr(block, name)[:, column]).sum() * copies
+            for block, column, copies in self._pendula_at_points[point]
+        ]
+        return fsum(numbers) if number is floats else sum(numbers)
 
     def squares(self, arithmetic: Number | None = None) -> SceneSquares:
         """Those of the whole scene without modal dampers, over η and the angles of all links; of floats by default."""
@@ -205,26 +214,26 @@ class Hanging:
                 columns, first = np.arange(start, stop), self.first[pendula, None]
                 for part, squares in zip(parts, local, strict=True):
                     for square in squares:
-                        part.extend(square.hung(which, first, d, columns, moves))
+                        part.extend(square.hang(which, first, d, columns, moves))
         return SceneSquares(*parts, d + int(self.first[-1]), number)
 
     @cached_property
     def supporting(self) -> tuple[Floats, Floats, Floats]:
         """M, K and D (d, d) of what carries the pendula, all links held, with what these weigh as they go down."""
         d = self.structure.size
-        each = modal_supports(self.structure)
-        for S, elements in zip(each, self.elements[:3], strict=True):
+        matrices = modal_supports(self.structure)
+        for S, elements in zip(matrices, self.elements[:3], strict=True):
             for element in elements:
                 S[:] += element.size * np.multiply.outer(element.over(d), element.over(d))
-        return each
+        return matrices
 
     @property
     def inertia(self) -> Floats:
         """M_s + Σ m (ΦᵀΦ + ΨᵀΨ), (d, d): the structure with all pendula as if they were stiff."""
         M = self.supporting[0].copy()
         for (block, column, copies), pendulum in zip(self.rig.members, self.starts.tolist(), strict=True):
-            along = self.phi.along[pendulum]
-            M += copies * self.rig.blocks[block].mass[:, column].sum() * np.multiply.outer(along, along)
+            row = self.phi.rail[pendulum]
+            M += copies * self.rig.blocks[block].mass[:, column].sum() * np.multiply.outer(row, row)
         return M
 
     @cached_property
@@ -237,13 +246,13 @@ class Hanging:
         return null_space(np.array([*rows, *modal_supports(self.structure)[1]]))
 
     @cached_property
-    def _hung(self) -> dict[tuple[int, Where], list[tuple[Block, int, int]]]:
+    def _pendula_at_points(self) -> dict[tuple[int, Where], list[tuple[Block, int, int]]]:
         """The block, the column and the number of copies of all pendula that hang from one point."""
-        hung: dict[tuple[int, Where], list[tuple[Block, int, int]]] = {}
+        pendula: dict[tuple[int, Where], list[tuple[Block, int, int]]] = {}
         for (block, column, copies), pendulum in zip(self.rig.members, self.starts.tolist(), strict=True):
             pivot = self.structure.pivots[pendulum]
-            hung.setdefault((pivot.carrier, pivot.where), []).append((self.rig.blocks[block], column, copies))
-        return hung
+            pendula.setdefault((pivot.carrier, pivot.where), []).append((self.rig.blocks[block], column, copies))
+        return pendula
 
     @cached_property
     def spring_rows(self) -> tuple[SpringRow, ...]:
@@ -254,16 +263,16 @@ class Hanging:
         for number, spring in enumerate(self.structure.springs, start=1):
             ways = list(self._ways(spring))
             moving = [way for way in ways if any(way[0].values())] or ways[:1]
-            pulled = tuple(
+            pulls = tuple(
                 (self.owner(end.link), sign)
                 for end, sign in zip(spring.ends, (1.0, -1.0), strict=True)
                 if isinstance(end, LinkEnd) and not spring.torsion
             )
             words = " and ".join(map(self._words, spring.ends))
-            for row, along, way in moving:
+            for row, rail_part, way in moving:
                 label = f"{number}" + way * (len(moving) > 1)
                 numbers = float(spring.stiffness), float(spring.damping)
-                yield SpringRow(label, words, row, *numbers, along, spring.torsion, pulled, spring.entry)
+                yield SpringRow(label, words, row, *numbers, rail_part, spring.torsion, pulls, spring.entry)
 
     def _ways(self, spring: SpringNumbers) -> Iterator[tuple[Row, float, str]]:
         """The extension of a spring in each of the ways in which it acts, the part of that along the rail, its name."""
@@ -279,13 +288,13 @@ class Hanging:
             yield ways[0], 1.0, "_along"
             yield ways[1], 0.0, "_down"
             return
-        apart = second[0] - first[0], second[1] - first[1]
-        reach = np.hypot(*apart)
+        distance = second[0] - first[0], second[1] - first[1]
+        reach = np.hypot(*distance)
         line: Row = {}
-        for row, part in zip(ways, apart, strict=True):
+        for row, part in zip(ways, distance, strict=True):
             for column, value in row.items():
                 line[column] = line.get(column, 0.0) + value * float(part / reach)
-        yield line, float(apart[0] / reach), ""
+        yield line, float(distance[0] / reach), ""
 
     def _words(self, end: End) -> str:
         """What a spring ends on."""
@@ -308,8 +317,8 @@ class Hanging:
         if isinstance(end, CarrierEnd):
             return slopes(self.structure, end.carrier, end.where)
         pendulum = self.owner(end.link)
-        along, down = slopes(self.structure, *self.structure.pivots[pendulum])
-        return along | dict(self._arms(pendulum, end)), down
+        rail_row, down_row = slopes(self.structure, *self.structure.pivots[pendulum])
+        return rail_row | dict(self._arms(pendulum, end)), down_row
 
     def _arms(self, pendulum: int, end: LinkEnd) -> Iterator[tuple[int, float]]:
         """How far a point of a link moves by each angle of its chain."""
@@ -328,10 +337,10 @@ class Hanging:
             self.structure.pivots[self.owner(end.link)] if isinstance(end, LinkEnd) else (end.carrier, end.where)
         )
         body = self.structure.carriers[carrier]
-        still = (0.0,) * body.size
-        x, z = body.moving(where, still, still).place
-        below = sum(arm for _, arm in self._arms(self.owner(end.link), end)) if isinstance(end, LinkEnd) else 0.0
-        return float(x), float(z) + below
+        zeros = (0.0,) * body.size
+        x, z = body.moving(where, zeros, zeros).place
+        depth = sum(arm for _, arm in self._arms(self.owner(end.link), end)) if isinstance(end, LinkEnd) else 0.0
+        return float(x), float(z) + depth
 
 
 def _difference(first: Row, second: Row) -> Row:
@@ -356,7 +365,7 @@ def scene_squares(rig: Rig, arithmetic: Number | None = None) -> SceneSquares:
     return Hanging(rig).squares(arithmetic)
 
 
-def assembled(columns: Columns, cart: CartNumbers | None, gravity: float) -> tuple[Floats, Floats]:
+def assemble_pendula(columns: Columns, cart: CartNumbers | None, gravity: float) -> tuple[Floats, Floats]:
     """(M, K) of a cart or (None) a fixed support with one pendulum for each (block, column)."""
     blocks, members = tuple(block for block, _ in columns), enumerate(column for _, column in columns)
     rig = Rig(gravity, blocks, tuple((k, column, 1) for k, column in members), cart, spatial=False)

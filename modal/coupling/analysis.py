@@ -194,7 +194,7 @@ class Coupling(TextResult):
     def _farthest(self, shape: Floats) -> float:
         """How far the point of the structure goes that goes farthest."""
         phi, structure = self.reduced.hanging.phi, self.structure
-        ways = [np.hypot(phi.along @ shape, phi.down @ shape).max()]
+        ways = [np.hypot(phi.rail @ shape, phi.down @ shape).max()]
         for k, carrier in enumerate(structure.carriers):
             if carrier.size and carrier.M is None:
                 rows = [

@@ -160,7 +160,7 @@ def _shapes(rig: Rig, spectrum: ModalSpectrum, source: int, parts: list[Spectrum
     size = max(1, CHUNK // sum(block.mass.size for block in rig.blocks))
     for start in range(0, len(parts), size):
         chosen = parts[start : start + size]
-        rows = [list(range(part.row, part.row + (1 if part.kind else part.along))) for part in chosen]
+        rows = [list(range(part.row, part.row + (1 if part.kind else part.along_count))) for part in chosen]
         details = spectrum.details(source, [row for part_rows in rows for row in part_rows])
         ends = np.cumsum([len(part_rows) for part_rows in rows]).tolist()
         eta = np.array(displacements(rig, details)).reshape(rig.leading, ends[-1]).real
@@ -197,7 +197,7 @@ class _Losses:
     @cached_property
     def pivots(self) -> tuple[tuple[Floats, Floats], ...]:
         """Of every block, how its kinds move along the rail and turn, (P, d) each."""
-        along, turning = (by_kind(self.hanging, rows) for rows in (self.hanging.phi.along, self.hanging.phi.turning))
+        along, turning = (by_kind(self.hanging, rows) for rows in (self.hanging.phi.rail, self.hanging.phi.turning))
         return tuple(zip(along, turning, strict=True))
 
     @cached_property
@@ -230,8 +230,8 @@ class _Losses:
         vectors = np.linalg.eigh(parts[0] + parts[1] + parts[-1])[1]
         each = np.array([np.einsum("ik,ij,jk->k", vectors, matrix, vectors) for matrix in parts]).T
         share = 2 * np.einsum("ik,ij,jk->k", eta, self.carrier[0], eta)
-        still = part.still or bool(np.all(share <= STILL * bool(self.rig.structure)))
-        fold = part.along if len(scale) == 1 else 1
+        still = part.is_still or bool(np.all(share <= STILL * bool(self.rig.structure)))
+        fold = part.along_count if len(scale) == 1 else 1
         return [
             Damped(omega, fold, still, None, cart, joints, drives, fed, None, drag, ratio * omega)
             for cart, joints, drives, fed, drag in each.tolist()
@@ -274,7 +274,7 @@ def _exact(rig: Rig, modes: list[tuple[Kind | None, Damped]], spectrum: ModalSpe
     values: dict[Kind | None, list[complex]] = {}
     for value, group in zip(spectrum.eigenvalue.tolist(), spectrum.groups, strict=True):
         for part in group if value else ():
-            values.setdefault(part.kind, []).extend([value] * (1 if part.kind else part.along))
+            values.setdefault(part.kind, []).extend([value] * (1 if part.kind else part.along_count))
     wanted: dict[Kind | None, list[int]] = {}
     for m, (kind, _) in enumerate(modes):
         wanted.setdefault(kind, []).append(m)

@@ -28,7 +28,7 @@ from modal.coupling.families import STRONG, FamilyBranch
 from modal.coupling.reduced import MOST_COORDINATES, ReducedStructure
 from modal.eigen import LIGHTEST, Poles, at_infinity, degenerate_modes, solve
 from modal.errors import ComputationError
-from modal.modes import paired
+from modal.modes import pair_rows
 from modal.report import Displayed
 from modal.types import Booleans, Floats, Ints
 
@@ -219,7 +219,9 @@ class SecularEquation:
             moved = dynamic.omega[:, None] * np.sqrt(dynamic.mass[:, None] / zeros.modal_mass)
             shares = np.vstack([energy, (omega / apart * moved) ** 2])[1 - held :]
         owner = np.full(count, -1)
-        for row, zero in enumerate(paired(np.nan_to_num(shares, posinf=1.0), np.ones(count, dtype=np.int64)).tolist()):
+        for row, zero in enumerate(
+            pair_rows(np.nan_to_num(shares, posinf=1.0), np.ones(count, dtype=np.int64)).tolist()
+        ):
             if zero >= 0:
                 owner[zero] = row - held
         return owner

@@ -32,7 +32,7 @@ from typing import Any
 
 import numpy as np
 
-from modal.modes import lettered
+from modal.modes import letters
 from modal.report import NOTHING, Displayed, ReportColumn, ReportTable, short
 from modal.types import Complexes, Floats, Ints
 
@@ -353,7 +353,7 @@ class FamilyRow(Displayed):
 
 def family_name(index: int) -> str:
     """A, B, … of families from 0: numbers are for modes."""
-    return lettered(index).upper()
+    return letters(index).upper()
 
 
 def mode_words(still: int | None, moving: int | None, copies: int = 1) -> str:

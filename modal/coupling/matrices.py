@@ -23,7 +23,7 @@ from modal.coupling.families import FamilyBranch
 from modal.coupling.reduced import ReducedStructure, pencil
 from modal.eigen import degenerate_modes
 from modal.errors import ComputationError
-from modal.modes import paired
+from modal.modes import pair_rows
 from modal.types import Floats, Ints
 
 RANK = 1e-10
@@ -131,7 +131,7 @@ class ReducedPencil:
             whole = np.einsum("ik,ij,jk->k", columns, S, columns)[:, None] * size[modes]
             products = (columns.T @ S @ vectors[:, modes]) ** 2
             shares[:, modes] = np.divide(products, whole, out=np.zeros_like(products), where=whole > 0)
-        return paired(shares, np.ones(len(square), dtype=np.int64))
+        return pair_rows(shares, np.ones(len(square), dtype=np.int64))
 
     @cached_property
     def others(self) -> tuple[Other, ...]:

@@ -31,7 +31,7 @@ from typing import Any
 
 import numpy as np
 
-from modal.assembly import Hanging, Rig, assembled, centres, dissipators_of
+from modal.assembly import Hanging, Rig, assemble_pendula, centres, dissipators_of
 from modal.eigen import find_spectrum
 from modal.errors import ComputationError
 from modal.report import Displayed
@@ -117,7 +117,7 @@ def _free_modes(rig: Rig, held: Mapping[Kind, Floats]) -> Iterator[tuple[float, 
 def _tied_modes(rig: Rig, held: Mapping[Kind, Floats]) -> Iterator[tuple[float, Kind, float, Floats]]:
     """The same of pendula that springs join to something, which is held."""
     for (number, column), more in held.items():
-        A, K = assembled([(rig.blocks[number], column)], None, rig.gravity)
+        A, K = assemble_pendula([(rig.blocks[number], column)], None, rig.gravity)
         squares, shapes = pencil(K + more, A)
         for square, shape in zip(squares, shapes.T, strict=True):
             push = float(shape @ rig.blocks[number].b[:, column])
@@ -204,7 +204,7 @@ class ReducedStructure:
     @cached_property
     def along(self) -> Floats:
         """Φ (kinds, d)."""
-        return self.hanging.phi.along[list(self.pivots)]
+        return self.hanging.phi.rail[list(self.pivots)]
 
     @cached_property
     def joints(self) -> tuple[Floats, Floats]:

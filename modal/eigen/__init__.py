@@ -16,7 +16,7 @@ Start with `spectrum`, which chooses.
 
 from typing import TYPE_CHECKING
 
-from modal.lazy import exported
+from modal.lazy import lazy_attributes
 
 if TYPE_CHECKING:
     from modal.eigen.amplitude import LIGHT, ModeSwing, distortion, one_percent_amplitude
@@ -28,19 +28,19 @@ if TYPE_CHECKING:
         TORQUE,
         TURN,
         Arithmetic,
+        ChainResponse,
         Digits,
-        Hung,
         Load,
         Rounded,
         cart_of,
-        evaluated,
-        hung,
+        chain_response,
+        precise_values,
     )
     from modal.eigen.free_motions import FreeMotions
     from modal.eigen.recursion import Suspension, at_infinity
     from modal.eigen.secular import Poles, solve
     from modal.eigen.short import short_squares
-    from modal.eigen.sources import Details, counted, largest_angle, structured_error
+    from modal.eigen.sources import Details, largest_angle, noun_count, structured_error
     from modal.eigen.spectrum import UNCERTAIN, ModalSpectrum, SpectrumPart, find_spectrum, notes
     from modal.eigen.squares import EVERYTHING, Limits, smallest_where, squares_of
 
@@ -56,10 +56,10 @@ __all__ = [
     "TURN",
     "UNCERTAIN",
     "Arithmetic",
+    "ChainResponse",
     "Details",
     "Digits",
     "FreeMotions",
-    "Hung",
     "Limits",
     "Load",
     "ModalSpectrum",
@@ -70,16 +70,16 @@ __all__ = [
     "Suspension",
     "at_infinity",
     "cart_of",
-    "counted",
+    "chain_response",
     "degenerate_modes",
     "distortion",
-    "evaluated",
     "find_spectrum",
-    "hung",
     "is_singular",
     "largest_angle",
     "notes",
+    "noun_count",
     "one_percent_amplitude",
+    "precise_values",
     "short_squares",
     "smallest_where",
     "solve",
@@ -89,4 +89,4 @@ __all__ = [
 
 if not TYPE_CHECKING:
     homes = "amplitude recursion squares short sources free_motions spectrum coupled secular dense elimination"
-    __getattr__ = exported(__name__, tuple(homes.split()))
+    __getattr__ = lazy_attributes(__name__, tuple(homes.split()))

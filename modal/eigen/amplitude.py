@@ -44,11 +44,11 @@ def quartic(block: Block, x: Floats, cart: Floats, angle: Floats) -> Floats:
     return part
 
 
-def fourth_order(block: Block, angle: Floats, cart_speed: Floats, speed: Floats) -> Floats:
+def fourth_order(block: Block, angle: Floats, cart_velocity: Floats, speed: Floats) -> Floats:
     """The contribution of each chain (P, R) to the fourth-order Lagrangian at g = 1, at one instant."""
     b = (block.sigma * block.b)[:, :, None]
     square = angle * angle
-    inertial = cart_speed * (b * square * speed).sum(0) + _pairs(block, angle, speed)
+    inertial = cart_velocity * (b * square * speed).sum(0) + _pairs(block, angle, speed)
     lagrangian: Floats = (b * square * square).sum(0) / 24 - inertial / 2
     return lagrangian
 
@@ -95,22 +95,22 @@ def distortion(
     a2 = min(0.01 / abs(kappa), (pi / 2) ** 2)
     chosen = np.vstack((np.ones(len(answers)), np.eye(len(answers))))
     size, bend, meets = np.zeros((3, len(answers)))
-    for at, (harmonic, other) in enumerate(answers):
+    for at, (harmonic, response) in enumerate(answers):
         driven = harmonic**2 * swing.x
-        gamma, first, second = _mixed(blocks, swing, other, harmonic)
-        linear = other.modal_mass * (other.x - driven)
-        drifted = other.modal_mass * (other.x - driven * (1 + 2 * kappa * a2)) - 4 * second * a2
-        size[at] = (2 * first * a2 / drifted).item()
+        gamma, first, second = _quartic_terms(blocks, swing, response, harmonic)
+        linear_detuning = response.modal_mass * (response.x - driven)
+        detuning = response.modal_mass * (response.x - driven * (1 + 2 * kappa * a2)) - 4 * second * a2
+        size[at] = (2 * first * a2 / detuning).item()
         bend[at] = (0.75 * first * size[at] / gamma).item()
-        meets[at] = (linear * drifted <= 0).item()
-    bent = 1 + chosen @ bend
-    lost = (chosen @ meets > 0) | (bent <= 0)
-    angles = _largest(swing, answers, chosen * size) / np.sqrt(np.where(lost, 1, bent))
-    angles[0] *= _own(blocks, swing, kappa)
-    return np.where(lost, inf, angles - 1)
+        meets[at] = (linear_detuning * detuning <= 0).item()
+    shift_factor = 1 + chosen @ bend
+    is_infinite = (chosen @ meets > 0) | (shift_factor <= 0)
+    angles = _largest(swing, answers, chosen * size) / np.sqrt(np.where(is_infinite, 1, shift_factor))
+    angles[0] *= _amplitude_ratio(blocks, swing, kappa)
+    return np.where(is_infinite, inf, angles - 1)
 
 
-def _own(blocks: tuple[Block, ...], swing: ModeSwing, kappa: float) -> float:
+def _amplitude_ratio(blocks: tuple[Block, ...], swing: ModeSwing, kappa: float) -> float:
     """The angle of 1 % over its first guess, without other modes.
 
     With a share p of the potential in Γ the averaged Lagrangian is stationary at r² = ω(a)²/ω² where
@@ -124,21 +124,21 @@ def _own(blocks: tuple[Block, ...], swing: ModeSwing, kappa: float) -> float:
     return sqrt(max(square, 0.0) * abs(kappa) / 0.01)
 
 
-def _mixed(
-    blocks: tuple[Block, ...], swing: ModeSwing, other: ModeSwing, harmonic: int
+def _quartic_terms(
+    blocks: tuple[Block, ...], swing: ModeSwing, response: ModeSwing, harmonic: int
 ) -> tuple[Floats, Floats, Floats]:
     """(Γ, G₁, G₂) from the average at RATIOS, exact for a polynomial of fourth degree."""
-    far, fast = RATIOS * np.cos(harmonic * QUARTER), -RATIOS * harmonic * np.sin(harmonic * QUARTER)
+    elongation, velocity = RATIOS * np.cos(harmonic * QUARTER), -RATIOS * harmonic * np.sin(harmonic * QUARTER)
     cos, sin, omega = np.cos(QUARTER), -np.sin(QUARTER), np.sqrt(swing.x)
-    cart_speed = _lanes(swing.cart * omega, sin) + _lanes(other.cart * omega, fast)
-    total = np.zeros(len(cart_speed))
-    for block, swung, its in zip(blocks, swing.angles, other.angles, strict=True):
-        angle = _lanes(swung, cos) + _lanes(its, far)
-        speed = _lanes(swung * omega, sin) + _lanes(its * omega, fast)
-        total += fourth_order(block, angle, cart_speed, speed).sum(0)
-    none, near, less, twice, minus = total.reshape(len(omega), len(RATIOS), -1).mean(2).T
-    first = (8 * (near - less) - (twice - minus)) / 12
-    second = (16 * (near + less) - (twice + minus) - 30 * none) / 24
+    cart_velocity = _lanes(swing.cart * omega, sin) + _lanes(response.cart * omega, velocity)
+    total = np.zeros(len(cart_velocity))
+    for block, swung, its in zip(blocks, swing.angles, response.angles, strict=True):
+        angle = _lanes(swung, cos) + _lanes(its, elongation)
+        speed = _lanes(swung * omega, sin) + _lanes(its * omega, velocity)
+        total += fourth_order(block, angle, cart_velocity, speed).sum(0)
+    none, plus_one, minus_one, plus_two, minus_two = total.reshape(len(omega), len(RATIOS), -1).mean(2).T
+    first = (8 * (plus_one - minus_one) - (plus_two - minus_two)) / 12
+    second = (16 * (plus_one + minus_one) - (plus_two + minus_two) - 30 * none) / 24
     return none, first, second
 
 
@@ -156,7 +156,7 @@ def _largest(swing: ModeSwing, answers: Sequence[tuple[int, ModeSwing]], sizes: 
     waves = np.array([np.cos(harmonic * time) for harmonic, _ in answers]).reshape(-1, INSTANTS)
     largest = []
     for at, angles in enumerate(swing.angles):
-        theirs = np.concatenate([angles[..., :0], *(other.angles[at] for _, other in answers)], axis=-1)
-        moved = np.tensordot(theirs, sizes[:, :, None] * waves, axes=(2, 1))
-        largest.append(np.abs(angles[..., None] * np.cos(time) + moved).max((0, 1, 3)))
+        theirs = np.concatenate([angles[..., :0], *(response.angles[at] for _, response in answers)], axis=-1)
+        response_angles = np.tensordot(theirs, sizes[:, :, None] * waves, axes=(2, 1))
+        largest.append(np.abs(angles[..., None] * np.cos(time) + response_angles).max((0, 1, 3)))
     return np.asarray(np.max(largest, axis=0))

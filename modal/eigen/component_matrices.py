@@ -54,13 +54,13 @@ def is_wide(size: int) -> bool:
 class ComponentMatrices:
     """M, K and D of one component as sums of squares, over its η and the angles of its combinations."""
 
-    carried: PartedRig
+    parted_rig: PartedRig
     component: Component
 
     @cached_property
     def places(self) -> Ints:
         """Where the angles of each combination begin, and the number of coordinates."""
-        sizes = [self.carried.rig.blocks[heavy.block].n for heavy in self.component.heavies]
+        sizes = [self.parted_rig.rig.blocks[heavy.block].n for heavy in self.component.heavies]
         return len(self.component.eta) + np.concatenate([[0], np.cumsum(sizes, dtype=np.int64)])
 
     @property
@@ -69,14 +69,14 @@ class ComponentMatrices:
         return int(self.places[-1])
 
     @cached_property
-    def _known(self) -> dict[int, int]:
+    def _place_of_coordinate(self) -> dict[int, int]:
         """Where coordinates of the whole scene stand here, those of links of pendula by themselves."""
         places = {int(place): k for k, place in enumerate(self.component.eta)}
-        first, d = self.carried.hanging.first, self.carried.size
+        first, d = self.parted_rig.hanging.first, self.parted_rig.size
         for heavy, at in zip(self.component.heavies, self.places.tolist(), strict=False):
             if heavy.is_alone:
                 link = d + int(first[heavy.shares[0].first])
-                places |= {link + i: at + i for i in range(self.carried.rig.blocks[heavy.block].n)}
+                places |= {link + i: at + i for i in range(self.parted_rig.rig.blocks[heavy.block].n)}
         return places
 
     @cached_property
@@ -90,25 +90,28 @@ class ComponentMatrices:
         for row, element in zip(rows[0], elements, strict=True):
             row[:] = element.over(self.size)
         for heavy, at in zip(self.component.heavies, self.places.tolist(), strict=False):
-            pivots, p = (heavy.along, 0 * heavy.along, heavy.felt), heavy.column
-            for square in self.carried.chains[heavy.block][which]:
-                there, local = np.flatnonzero(square.size[p]), square.at[p]
-                part = np.zeros((len(there), self.size))
-                entries = np.eye(len(local))[there] if square.written is None else square.written[p, there]
+            pivots, p = (heavy.pivot_row, 0 * heavy.pivot_row, heavy.turning_row), heavy.column
+            for square in self.parted_rig.chains[heavy.block][which]:
+                nonzero, local = np.flatnonzero(square.size[p]), square.at[p]
+                part = np.zeros((len(nonzero), self.size))
+                entries = np.eye(len(local))[nonzero] if square.row_source is None else square.row_source[p, nonzero]
                 part[:, at + local] = entries[:, -len(local) :]
                 if square.kind in WAYS:
                     part[:, :d] = entries[:, :1] * pivots[WAYS[square.kind]][self.component.eta]
                 rows.append(part)
-                sizes.append(heavy.weight * square.size[p, there])
+                sizes.append(heavy.weight * square.size[p, nonzero])
         return SquareSum(np.concatenate(rows), np.concatenate(sizes))
 
     @cached_property
     def squares(self) -> tuple[tuple[Element, ...], ...]:
         """The elements of M, K and D but those of the chains themselves, in the coordinates of the component."""
-        known, owned = self._known, self.carried.owned.get(self.component.group, ([], [], []))
+        place_of, part_elements = (
+            self._place_of_coordinate,
+            self.parted_rig.elements_of_parts.get(self.component.group, ([], [], [])),
+        )
         squares = [
-            [element._replace(at=tuple(known[place] for place in element.at)) for element in elements]
-            for elements in owned
+            [element._replace(at=tuple(place_of[place] for place in element.at)) for element in elements]
+            for elements in part_elements
         ]
         for start, matrices in self.modal:
             for elements, S in zip(squares, matrices, strict=True):
@@ -122,16 +125,21 @@ class ComponentMatrices:
     @property
     def modal(self) -> Iterator[tuple[int, tuple[Floats, Floats, Floats]]]:
         """M, K and D of every modal support of the component, with the place of its coordinates."""
-        structure = self.carried.hanging.structure
+        structure = self.parted_rig.hanging.structure
         for carrier, start in zip(structure.carriers, structure.offsets, strict=False):
-            if carrier.M is not None and carrier.K is not None and carrier.D is not None and start in self._known:
-                yield self._known[start], (carrier.M, carrier.K, carrier.D)
+            if (
+                carrier.M is not None
+                and carrier.K is not None
+                and carrier.D is not None
+                and start in self._place_of_coordinate
+            ):
+                yield self._place_of_coordinate[start], (carrier.M, carrier.K, carrier.D)
 
     @cached_property
     def momentum(self) -> Floats:
         """The momentum along the rail (n,) by each rate; NaN where a modal support is part of the component."""
         momentum = np.zeros(self.size)
-        momentum[: len(self.component.eta)] = self.carried.momenta[self.component.eta]
+        momentum[: len(self.component.eta)] = self.parted_rig.momenta[self.component.eta]
         for (block, heavy), at in zip(self._chains, self.places.tolist(), strict=False):
             several = sum(share.copies * share.amplitude for share in heavy.shares)
             momentum[at : at + block.n] = several * block.across[:, heavy.column] * block.b[:, heavy.column]
@@ -140,7 +148,7 @@ class ComponentMatrices:
     @cached_property
     def is_damped(self) -> bool:
         """Whether there are dampers or drag."""
-        if not self.carried.rig.is_damped:
+        if not self.parted_rig.rig.is_damped:
             return False
         return bool(self.squares[2]) or any(
             block.damping[:, heavy.column].any() or block.drag[:, heavy.column].any() for block, heavy in self._chains
@@ -153,7 +161,7 @@ class ComponentMatrices:
 
     @property
     def _chains(self) -> Iterator[tuple[Block, Heavy]]:
-        return ((self.carried.rig.blocks[heavy.block], heavy) for heavy in self.component.heavies)
+        return ((self.parted_rig.rig.blocks[heavy.block], heavy) for heavy in self.component.heavies)
 
     @cached_property
     def is_positive(self) -> bool:
@@ -168,32 +176,32 @@ class ComponentMatrices:
         terms: Floats = (K.rows**2).T @ np.abs(K.size)
         terms[: len(self.component.eta)] += self.hidden
         for heavy, at in zip(self.component.heavies, self.places.tolist(), strict=False):
-            block = self.carried.rig.blocks[heavy.block]
+            block = self.parted_rig.rig.blocks[heavy.block]
             if block.rest:
-                pull, held = (part[:, heavy.column] for part in (block.rest.pull, block.rest.held))
+                pull, held = (part[:, heavy.column] for part in (block.rest.pull, block.rest.stiffness))
                 terms[at : at + block.n] += heavy.weight * (pull - np.abs(held))
         return terms
 
     @cached_property
     def hidden(self) -> Floats:
         """What the sums of terms of each η exceed the stiffness that is left of them, (nη,)."""
-        elements, eta = self.carried.hanging.elements, self.component.eta
-        left = np.zeros(self.carried.size)
+        elements, eta = self.parted_rig.hanging.elements, self.component.eta
+        remainder = np.zeros(self.parted_rig.size)
         for element in elements.stiffness:
-            if len(element.at) == 1 and element.row == (1.0,) and element.at[0] < left.size:
-                left[element.at[0]] += abs(element.size)
-        return np.maximum(elements.terms - left, 0.0)[eta]
+            if len(element.at) == 1 and element.row == (1.0,) and element.at[0] < remainder.size:
+                remainder[element.at[0]] += abs(element.size)
+        return np.maximum(elements.terms - remainder, 0.0)[eta]
 
     @property
     def cancelling(self) -> float:
         """The largest ratio of the sum of absolute terms of an η's stiffness to what is left of it."""
-        left = np.zeros(len(self.component.eta))
+        stiffness = np.zeros(len(self.component.eta))
         for element in self.squares[1]:
             for place, value in zip(element.at, element.row, strict=True):
-                if place < len(left):
-                    left[place] += element.size * value**2
-        held = left > 0
-        return float(1 + (self.hidden[held] / left[held]).max(initial=0.0))
+                if place < len(stiffness):
+                    stiffness[place] += element.size * value**2
+        is_sprung = stiffness > 0
+        return float(1 + (self.hidden[is_sprung] / stiffness[is_sprung]).max(initial=0.0))
 
     @cached_property
     def free(self) -> Floats:
@@ -203,30 +211,30 @@ class ComponentMatrices:
         """
         eta = self.component.eta
         d = len(eta)
-        if self.carried.is_plain:
-            cart = self.carried.rig.cart
+        if self.parted_rig.is_plain:
+            cart = self.parted_rig.rig.cart
             number = int(cart is not None and cart.stiffness == 0)
-            return np.asarray(np.eye(self.size, number) / np.sqrt(self.carried.rig.total_mass))
-        joints = [heavy.felt[eta] * (block.stiffness[0, heavy.column] > 0) for block, heavy in self._chains]
+            return np.asarray(np.eye(self.size, number) / np.sqrt(self.parted_rig.rig.total_mass))
+        joints = [heavy.turning_row[eta] * (block.stiffness[0, heavy.column] > 0) for block, heavy in self._chains]
         rows, M = [element.over(d) for element in self.squares[1]], np.zeros((d, d))
         for element in self.squares[0]:
             M += element.size * np.multiply.outer(element.over(d), element.over(d))
         for block, heavy in self._chains:
             mass = heavy.weight * block.mass[:, heavy.column].sum()
-            M += mass * np.multiply.outer(heavy.along[eta], heavy.along[eta])
+            M += mass * np.multiply.outer(heavy.pivot_row[eta], heavy.pivot_row[eta])
         basis = null_space(np.array([*rows, *joints]).reshape(len(rows) + len(joints), d))
         motions = np.zeros((self.size, basis.shape[1]))
         for k in range(basis.shape[1]):
-            before = motions[:d, :k]
-            motion = basis[:, k] - before @ (before.T @ (M @ basis[:, k]))
+            earlier_motions = motions[:d, :k]
+            motion = basis[:, k] - earlier_motions @ (earlier_motions.T @ (M @ basis[:, k]))
             motions[:d, k] = motion / np.sqrt(motion @ M @ motion)
         if not self.is_damped:
             return motions
-        damped = self.factors[2].rows @ motions
-        dragged = (damped.T * self.factors[2].size) @ damped
-        if np.count_nonzero(dragged - np.diag(np.diag(dragged))):
-            return np.asarray(motions @ np.linalg.eigh(dragged)[1])
-        return motions[:, np.argsort(np.diag(dragged), kind="stable")]
+        stretches = self.factors[2].rows @ motions
+        damping = (stretches.T * self.factors[2].size) @ stretches
+        if np.count_nonzero(damping - np.diag(np.diag(damping))):
+            return np.asarray(motions @ np.linalg.eigh(damping)[1])
+        return motions[:, np.argsort(np.diag(damping), kind="stable")]
 
     @cached_property
     def coasting(self) -> Floats:
@@ -234,19 +242,19 @@ class ComponentMatrices:
         if not self.is_damped:
             return self.free
         rows, free = self.factors[2].rows, self.free
-        stretched, terms = rows @ free, np.abs(rows) @ np.abs(free)
-        dragged = np.where(np.abs(stretched) > CANCELLED * terms, stretched, 0.0)
-        return free @ null_space(dragged) if dragged.any() else free
+        stretches, terms = rows @ free, np.abs(rows) @ np.abs(free)
+        nonzero_stretches = np.where(np.abs(stretches) > CANCELLED * terms, stretches, 0.0)
+        return free @ null_space(nonzero_stretches) if nonzero_stretches.any() else free
 
     @cached_property
     def tree(self) -> Tree | None:
         """The component as a tree of coordinates with chains; None for any other."""
-        known, d, hung = self._known, len(self.component.eta), list[tuple[Heavy, int]]()
+        place_of, d, chain_places = self._place_of_coordinate, len(self.component.eta), list[tuple[Heavy, int]]()
         for block, heavy in self._chains:
-            at = np.flatnonzero(heavy.along)
-            if len(at) != min(d, 1) or heavy.felt.any() or block.rest:
+            at = np.flatnonzero(heavy.pivot_row)
+            if len(at) != min(d, 1) or heavy.turning_row.any() or block.rest:
                 return None
-            hung.append((heavy, known[int(at[0])] if d else 0))
+            chain_places.append((heavy, place_of[int(at[0])] if d else 0))
         mass, stiffness, springs = np.zeros(d), np.zeros(d), dict[tuple[int, int], tuple[float, float, float]]()
         for diagonal, elements in zip((mass, stiffness), self.squares, strict=False):
             for element in elements:
@@ -260,17 +268,17 @@ class ComponentMatrices:
                     springs[pair] = (element.size, element.row[0], element.row[1])
         if len(springs) != max(d - 1, 0):
             return None
-        return _tree(mass, stiffness, springs, self._hung(hung))
+        return _tree(mass, stiffness, springs, self._hanging_chains(chain_places))
 
-    def _hung(self, hung: list[tuple[Heavy, int]]) -> list[HungChains]:
+    def _hanging_chains(self, chain_places: list[tuple[Heavy, int]]) -> list[HungChains]:
         """The chains of every block, h² times as heavy, whose angles are h times as large."""
         chains: list[HungChains] = []
         hung_chains = deferred("modal.eigen.trees:HungChains")
-        for number in sorted({heavy.block for heavy, _ in hung}):
-            members = [(k, heavy, at) for k, (heavy, at) in enumerate(hung) if heavy.block == number]
-            block = self.carried.rig.blocks[number].take(np.array([heavy.column for _, heavy, _ in members]))
-            moved = len(self.component.eta) > 0
-            h = np.array([float(heavy.along.sum()) if moved else 1.0 for _, heavy, _ in members])
+        for number in sorted({heavy.block for heavy, _ in chain_places}):
+            members = [(k, heavy, at) for k, (heavy, at) in enumerate(chain_places) if heavy.block == number]
+            block = self.parted_rig.rig.blocks[number].take(np.array([heavy.column for _, heavy, _ in members]))
+            has_coordinates = len(self.component.eta) > 0
+            h = np.array([float(heavy.pivot_row.sum()) if has_coordinates else 1.0 for _, heavy, _ in members])
             heavier = block.heavier(np.array([heavy.weight for _, heavy, _ in members]) * h**2)
             places = np.array([at for *_, at in members])
             chains.append(hung_chains(heavier, places, h, self.places[[k for k, *_ in members]]))
@@ -281,7 +289,7 @@ class ComponentMatrices:
 class StructureShapes:
     """R shapes of one component: every η (d, R) of the structure, and the angles (n, P, R) of every block."""
 
-    carried: PartedRig
+    parted_rig: PartedRig
     eta: Numbers
     angles: tuple[Numbers, ...]
 
@@ -289,61 +297,69 @@ class StructureShapes:
     def energies(self) -> tuple[Floats, ...]:
         """Twice the kinetic energy of each link of one copy over ω², (n, P, R); a mean over copies that move down."""
         energies = []
-        for number, (block, angle) in enumerate(zip(self.carried.rig.blocks, self.angles, strict=True)):
-            along = self.carried.pivots[number] @ self.eta
+        for number, (block, angle) in enumerate(zip(self.parted_rig.rig.blocks, self.angles, strict=True)):
+            pivot_displacement = self.parted_rig.pivots[number] @ self.eta
             turn = angle * (block.across * block.length)[:, :, None]
-            parts = [(along.real, turn.real)] + [(along.imag, turn.imag)] * np.iscomplexobj(angle)
+            parts = [(pivot_displacement.real, turn.real)] + [(pivot_displacement.imag, turn.imag)] * np.iscomplexobj(
+                angle
+            )
             if block.sinking is not None:
-                fallen = angle * (block.sinking * block.length)[:, :, None]
-                parts += [(0 * along.real, fallen.real), (0 * along.real, fallen.imag)]
+                descent = angle * (block.sinking * block.length)[:, :, None]
+                parts += [(0 * pivot_displacement.real, descent.real), (0 * pivot_displacement.real, descent.imag)]
             energy = sum((kinetic(block, joints(y, a), a) for y, a in parts), start=np.zeros(angle.shape))
-            sunk = self.carried.sinking[number]
+            sunk = self.parted_rig.sinking[number]
             if sunk is not None:
                 energy += block.mass[:, :, None] * np.abs(np.einsum("pij,ir,jr->pr", sunk, self.eta, self.eta.conj()))
             energies.append(energy)
         return tuple(energies)
 
 
-def moved_of(reduced: ComponentMatrices, shape: Numbers) -> StructureShapes:
+def shapes_in_scene(matrices: ComponentMatrices, shape: Numbers) -> StructureShapes:
     """The shapes (n, R) of a component over the whole scene."""
-    carried, component = reduced.carried, reduced.component
-    eta = np.zeros((carried.size, shape.shape[1]), shape.dtype)
+    parted_rig, component = matrices.parted_rig, matrices.component
+    eta = np.zeros((parted_rig.size, shape.shape[1]), shape.dtype)
     eta[component.eta] = shape[: len(component.eta)]
-    angles = tuple(np.zeros((*block.mass.shape, shape.shape[1]), shape.dtype) for block in carried.rig.blocks)
-    for heavy, at in zip(component.heavies, reduced.places.tolist(), strict=False):
-        angle = shape[at : at + carried.rig.blocks[heavy.block].n]
+    angles = tuple(np.zeros((*block.mass.shape, shape.shape[1]), shape.dtype) for block in parted_rig.rig.blocks)
+    for heavy, at in zip(component.heavies, matrices.places.tolist(), strict=False):
+        angle = shape[at : at + parted_rig.rig.blocks[heavy.block].n]
         for share in heavy.shares:
             angles[heavy.block][:, share.column] += share.amplitude * angle
-    return StructureShapes(carried, eta, angles)
+    return StructureShapes(parted_rig, eta, angles)
 
 
 def _tree(
-    mass: Floats, stiffness: Floats, springs: dict[tuple[int, int], tuple[float, float, float]], hung: list[HungChains]
+    mass: Floats,
+    stiffness: Floats,
+    springs: dict[tuple[int, int], tuple[float, float, float]],
+    hanging_chains: list[HungChains],
 ) -> Tree | None:
     """The tree of coordinates in the order in which they are reached from the first; None where there is a loop."""
-    beside: list[list[tuple[int, float, float, float]]] = [[] for _ in mass]
-    for (first, second), (size, near, far) in springs.items():
-        beside[first].append((second, size, near, far))
-        beside[second].append((first, size, far, near))
-    order, above = [0][: len(mass)], {0: (-1, 0.0, 0.0, 0.0)}
+    neighbours: list[list[tuple[int, float, float, float]]] = [[] for _ in mass]
+    for (first, second), (size, alpha, beta) in springs.items():
+        neighbours[first].append((second, size, alpha, beta))
+        neighbours[second].append((first, size, beta, alpha))
+    order, parents = [0][: len(mass)], {0: (-1, 0.0, 0.0, 0.0)}
     for i in order:
-        for other, size, near, far in beside[i]:
-            if other not in above:
-                order.append(other)
-                above[other] = (i, size, near, far)
+        for neighbour, size, alpha, beta in neighbours[i]:
+            if neighbour not in parents:
+                order.append(neighbour)
+                parents[neighbour] = (i, size, alpha, beta)
     if len(order) < len(mass):
         return None
     at = {place: k for k, place in enumerate(order)}
-    spring, near_end, far_end = np.reshape([above[place][1:] for place in order], (-1, 3)).T
+    spring, near_end, far_end = np.reshape([parents[place][1:] for place in order], (-1, 3)).T
     tree: Tree = deferred("modal.eigen.trees:Tree")(
         np.array(order, dtype=np.int64),
-        np.array([at.get(above[place][0], -1) for place in order], dtype=np.int64),
+        np.array([at.get(parents[place][0], -1) for place in order], dtype=np.int64),
         stiffness[order],
         mass[order],
         spring,
         near_end,
         far_end,
-        tuple(each._replace(places=np.array([at.get(place, 0) for place in each.places.tolist()])) for each in hung),
+        tuple(
+            hanging._replace(places=np.array([at.get(place, 0) for place in hanging.places.tolist()]))
+            for hanging in hanging_chains
+        ),
     )
     return tree
 
@@ -351,8 +367,8 @@ def _tree(
 def square_root(S: Floats) -> tuple[Floats, Floats]:
     """Rows F (R, d) and signs (R,) with S = Fᵀ diag(signs) F: Cholesky's factor where there is one."""
     if not (S - np.diag(np.diag(S))).any():
-        held = np.diag(S) != 0
-        return np.diag(np.sqrt(np.abs(np.diag(S))))[held], np.sign(np.diag(S))[held]
+        is_nonzero = np.diag(S) != 0
+        return np.diag(np.sqrt(np.abs(np.diag(S))))[is_nonzero], np.sign(np.diag(S))[is_nonzero]
     diagonal = np.diag(S)
     scale = 1 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
     try:
@@ -360,6 +376,6 @@ def square_root(S: Floats) -> tuple[Floats, Floats]:
         return np.asarray((L / scale[:, None]).T), np.ones(len(S))
     except np.linalg.LinAlgError:
         values, vectors = np.linalg.eigh(S * scale * scale[:, None])
-        kept = np.abs(values) > 4 * len(S) * ROUNDED * np.abs(values).max(initial=0.0)
-        rows = np.sqrt(np.abs(values[kept]))[:, None] * vectors.T[kept] / scale
-        return rows, np.sign(values[kept])
+        is_significant = np.abs(values) > 4 * len(S) * ROUNDED * np.abs(values).max(initial=0.0)
+        rows = np.sqrt(np.abs(values[is_significant]))[:, None] * vectors.T[is_significant] / scale
+        return rows, np.sign(values[is_significant])

@@ -36,13 +36,16 @@ class Share(NamedTuple):
 
 
 class Heavy(NamedTuple):
-    """A combination of equal pendula: a chain `weight` times as heavy on a pivot `along` η, feeling `felt` η, (d,)."""
+    """A combination of equal pendula: a chain `weight` times as heavy on a pivot `pivot_row` η, (d,).
+
+    It feels the angle `turning_row` η, (d,).
+    """
 
     block: int
     column: int
     weight: float
-    along: Floats
-    felt: Floats
+    pivot_row: Floats
+    turning_row: Floats
     shares: tuple[Share, ...]
 
     @property
@@ -117,14 +120,16 @@ class PartedRig:
     def hanging(self) -> Hanging:
         """Its pendula and elements, with one pendulum for all equal ones on a cart or a support at rest."""
         rig = self.rig
-        return Hanging(replace(rig, members=tuple((*kind, 1) for kind in rig.names)).carried if self.is_plain else rig)
+        return Hanging(
+            replace(rig, members=tuple((*kind, 1) for kind in rig.names)).on_structure if self.is_plain else rig
+        )
 
     @cached_property
     def chains(self) -> list[list[list[SquareRows]]]:
         """The squares of M, K and D of every block but of what goes down as a whole, which the elements have."""
-        every = [chain_squares(block, self.rig.gravity) for block in self.rig.blocks]
-        moving = ((filter(lambda each: each.at.size, part) for part in parts) for parts in every)
-        return [[[each._replace(written=each.rows) for each in part] for part in parts] for parts in moving]
+        squares_of_blocks = [chain_squares(block, self.rig.gravity) for block in self.rig.blocks]
+        moving = ((filter(lambda square: square.at.size, part) for part in parts) for parts in squares_of_blocks)
+        return [[[square._replace(row_source=square.rows) for square in part] for part in parts] for parts in moving]
 
     @property
     def size(self) -> int:
@@ -143,7 +148,7 @@ class PartedRig:
         """Φ and Ω (d,) of a column."""
         first, chains = self._columns[block, column], self.rig.blocks[block]
         feels = chains.stiffness[0, column] > 0 or chains.damping[0, column] > 0
-        return self.hanging.phi.along[first], self.hanging.phi.turning[first] * feels
+        return self.hanging.phi.rail[first], self.hanging.phi.turning[first] * feels
 
     # ------------------------------------------------------------------------------------------- what moves together
 
@@ -157,8 +162,8 @@ class PartedRig:
         leader = np.arange(self.size + len(tied))
 
         def join(places: Sequence[int]) -> None:
-            for other in places[1:]:
-                first, second = (_leader(leader, k) for k in (places[0], other))
+            for place in places[1:]:
+                first, second = (_leader(leader, k) for k in (places[0], place))
                 leader[max(first, second)] = min(first, second)
 
         def of(place: int) -> int:
@@ -171,12 +176,12 @@ class PartedRig:
                 join(range(start, start + carrier.size))
         for block, column in self.rig.names:
             pendulum = self._columns[block, column]
-            moved = np.flatnonzero(np.abs(self._rows(block, column)).sum(0)).tolist()
-            join([*([node[pendulum]] if pendulum in node else []), *moved])
+            moving_coordinates = np.flatnonzero(np.abs(self._rows(block, column)).sum(0)).tolist()
+            join([*([node[pendulum]] if pendulum in node else []), *moving_coordinates])
         return np.array([_leader(leader, k) for k in range(len(leader))], dtype=np.int64)
 
     @cached_property
-    def owned(self) -> dict[int, tuple[list[Element], list[Element], list[Element]]]:
+    def elements_of_parts(self) -> dict[int, tuple[list[Element], list[Element], list[Element]]]:
         """The elements of M, K and D by the number of their part."""
         node = {p: self.size + k for k, p in enumerate(sorted(self.hanging.tied))}
         elements: dict[int, tuple[list[Element], list[Element], list[Element]]] = {
@@ -190,39 +195,41 @@ class PartedRig:
         return elements
 
     @cached_property
-    def parted(self) -> tuple[tuple[Component, ...], tuple[StillGroup, ...]]:
+    def partition(self) -> tuple[tuple[Component, ...], tuple[StillGroup, ...]]:
         """The components, and the combinations of pendula in different columns that leave the structure still."""
         if self.is_plain:
-            return ((self.whole,) if self.size else ()), ()
+            return ((self.all_pendula,) if self.size else ()), ()
         tied = {p: self.size + k for k, p in enumerate(sorted(self.hanging.tied))}
-        owned: dict[int, list[Heavy]] = {int(k): [] for k in self.groups}
+        heavies_of_part: dict[int, list[Heavy]] = {int(k): [] for k in self.groups}
         alike: dict[tuple[int, int, bytes], list[int]] = {}
         for block, column in self.rig.names:
             pendulum, rows = self._columns[block, column], self._rows(block, column)
             count = int(self.rig.blocks[block].count[column])
             if pendulum in tied:
                 heavy = Heavy(block, column, 1.0, *rows, (Share(column, 1, 1.0, pendulum),))
-                owned[int(self.groups[tied[pendulum]])].append(heavy)
-            elif (moved := np.flatnonzero(np.abs(rows).sum(0))).size and count:
-                key = int(self.groups[moved[0]]), block, _data(self.rig.blocks[block], column)
+                heavies_of_part[int(self.groups[tied[pendulum]])].append(heavy)
+            elif (coordinates := np.flatnonzero(np.abs(rows).sum(0))).size and count:
+                key = int(self.groups[coordinates[0]]), block, _data(self.rig.blocks[block], column)
                 alike.setdefault(key, []).append(column)
-        still = []
+        still_groups = []
         for (group, block, _), columns in alike.items():
-            heavies, balanced = self._combined(block, columns)
-            owned[group] += heavies
-            still += balanced
+            heavies, idle_groups = self._combine(block, columns)
+            heavies_of_part[group] += heavies
+            still_groups += idle_groups
         eta = np.arange(self.size)
-        components = [Component(g, eta[self.groups[: self.size] == g], tuple(heavy)) for g, heavy in owned.items()]
-        return tuple(components), tuple(still)
+        components = [
+            Component(g, eta[self.groups[: self.size] == g], tuple(heavy)) for g, heavy in heavies_of_part.items()
+        ]
+        return tuple(components), tuple(still_groups)
 
     @cached_property
-    def whole(self) -> Component:
+    def all_pendula(self) -> Component:
         """All kinds of pendula and the one coordinate of a cart, or none."""
-        moved, still, heavies = np.ones(self.size), np.zeros(self.size), list[Heavy]()
+        ones, zeros, heavies = np.ones(self.size), np.zeros(self.size), list[Heavy]()
         for number, block in enumerate(self.rig.blocks):
             for column, count in enumerate(block.count.tolist()):
                 shares = (Share(column, count, 1.0, len(heavies)),)
-                heavies.append(Heavy(number, column, float(count), moved, still, shares))
+                heavies.append(Heavy(number, column, float(count), ones, zeros, shares))
         return Component(0, np.arange(self.size), tuple(heavies))
 
     @cached_property
@@ -231,32 +238,32 @@ class PartedRig:
         if self.is_plain:
             return tuple(np.full(block.size, self.size) for block in self.rig.blocks)
         moving = [np.zeros(block.size, dtype=np.int64) for block in self.rig.blocks]
-        for heavy in (heavy for component in self.parted[0] for heavy in component.heavies):
+        for heavy in (heavy for component in self.partition[0] for heavy in component.heavies):
             moving[heavy.block][[share.column for share in heavy.shares]] = 1
         return tuple(moving)
 
-    def _alone(self, block: int, column: int) -> Heavy:
+    def _single_heavy(self, block: int, column: int) -> Heavy:
         count, rows = int(self.rig.blocks[block].count[column]), self._rows(block, column)
         return Heavy(block, column, float(count), *rows, (Share(column, count, 1.0, self._columns[block, column]),))
 
-    def _combined(self, block: int, columns: list[int]) -> tuple[list[Heavy], list[StillGroup]]:
+    def _combine(self, block: int, columns: list[int]) -> tuple[list[Heavy], list[StillGroup]]:
         """The combinations of equal pendula in these columns that move the structure, and those that do not."""
         if len(columns) == 1:
-            return [self._alone(block, columns[0])], []
+            return [self._single_heavy(block, columns[0])], []
         counts = self.rig.blocks[block].count[columns]
         rows = np.array([np.concatenate(self._rows(block, column)) for column in columns])
-        weighted = np.sqrt(counts)[:, None] * rows
+        weighted_rows = np.sqrt(counts)[:, None] * rows
         scale = np.tile(1 / np.sqrt(self.inertia), 2)
-        U, sigma, _ = np.linalg.svd(weighted * scale, full_matrices=False)
+        U, sigma, _ = np.linalg.svd(weighted_rows * scale, full_matrices=False)
         rank = int((sigma > sigma[0] * ROUNDED * max(rows.shape)).sum())
         first = [self._columns[block, column] for column in columns]
         if rank == len(columns):
-            return [self._alone(block, column) for column in columns], []
+            return [self._single_heavy(block, column) for column in columns], []
         heavies = []
         for combination in U.T[:rank]:
             amplitude = (combination / np.sqrt(counts)).tolist()
             shares = tuple(map(Share, columns, counts.tolist(), amplitude, first))
-            row = combination @ weighted
+            row = combination @ weighted_rows
             heavies.append(Heavy(block, columns[0], 1.0, row[: self.size], row[self.size :], shares))
         return heavies, [StillGroup.of(block, np.array(columns), counts, U[:, :rank])]
 
@@ -272,7 +279,7 @@ class PartedRig:
             return tuple(np.ones((block.size, self.size)) for block in self.rig.blocks)
         first = self._columns
         return tuple(
-            self.hanging.phi.along[[first[number, p] for p in range(block.size)]]
+            self.hanging.phi.rail[[first[number, p] for p in range(block.size)]]
             for number, block in enumerate(self.rig.blocks)
         )
 
@@ -293,8 +300,8 @@ class PartedRig:
         """Σ φ_η² over all modes (d,), φᵀMφ = 1: what a sudden force on each coordinate gives it, per unit of force."""
         M = self.hanging.supporting[0].copy()
         for number, block in enumerate(self.rig.blocks):
-            felt = at_infinity(block)[0].ravel() * block.count
-            M += (self.pivots[number].T * felt) @ self.pivots[number]
+            pivot_mass = at_infinity(block)[0].ravel() * block.count
+            M += (self.pivots[number].T * pivot_mass) @ self.pivots[number]
         return np.diag(np.linalg.inv(M))
 
     @cached_property
@@ -302,17 +309,17 @@ class PartedRig:
         """The momentum along the rail by each rate of the structure, (d,)."""
         if self.is_plain:
             return np.full(self.size, self.rig.total_mass)
-        structure, whole = self.hanging.structure, np.zeros(self.size)
+        structure, momentum = self.hanging.structure, np.zeros(self.size)
         for carrier, body in enumerate(structure.carriers):
             span = slice(structure.offsets[carrier], structure.offsets[carrier + 1])
             if body.M is not None:
-                whole[span] += np.nan
+                momentum[span] += np.nan
             elif body.size:
                 for place, value in slopes(structure, carrier, body.centre)[0].items():
-                    whole[place] += float(body.mass) * value
+                    momentum[place] += float(body.mass) * value
         for number, block in enumerate(self.rig.blocks):
-            whole += (block.count * block.mass.sum(0)) @ self.pivots[number]
-        return whole
+            momentum += (block.count * block.mass.sum(0)) @ self.pivots[number]
+        return momentum
 
 
 def _leader(leader: Ints, k: int) -> int:

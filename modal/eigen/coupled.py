@@ -28,7 +28,7 @@ from modal.eigen.amplitude import quartic
 from modal.eigen.chains import ChainShapes, cart_shapes, fixed_shapes
 from modal.eigen.recursion import Suspension, at_infinity, joints, kinetic
 from modal.eigen.seeds import seed_matrices
-from modal.eigen.sources import Built, Details, chain_details, counted, oscillating, structured_error
+from modal.eigen.sources import Details, ProblemSize, chain_details, noun_count, oscillating, structured_error
 from modal.eigen.squares import EVERYTHING, Limits, Squares, squares_of
 from modal.report import deferred
 from modal.types import Complexes, Floats, Ints
@@ -62,7 +62,7 @@ class DegenerateModes:
     first: Ints
     size: Ints
     square: Floats
-    rounded: bool
+    has_rounding: bool
 
     @property
     def inside(self) -> Ints:
@@ -77,7 +77,7 @@ class DegenerateModes:
         return float((np.diff(self.square) / self.square[1:]).min(initial=1.0))
 
     @property
-    def shared(self) -> Ints:
+    def shared_clusters(self) -> Ints:
         """Clusters with more than one member."""
         return np.flatnonzero(self.size > 1)
 
@@ -87,28 +87,28 @@ def degenerate_modes(squares: tuple[Floats, ...]) -> DegenerateModes:
     flat = np.concatenate([square.ravel() for square in squares])
     order = np.argsort(flat, kind="stable")
     ascending = flat[order]
-    far = np.diff(ascending, prepend=-1.0) > TOLERANCE * ascending
-    starts = np.append(np.flatnonzero(far), len(flat))
-    for run in np.flatnonzero(np.diff(starts) > 2):
-        first, last = (int(end) for end in starts[run : run + 2])
+    is_first = np.diff(ascending, prepend=-1.0) > TOLERANCE * ascending
+    starts = np.append(np.flatnonzero(is_first), len(flat))
+    for cluster in np.flatnonzero(np.diff(starts) > 2):
+        first, last = (int(end) for end in starts[cluster : cluster + 2])
         while (first := int(np.searchsorted(ascending[:last], ascending[first] * (1 + TOLERANCE), "right"))) < last:
-            far[first] = True
-    starts = np.flatnonzero(far)
+            is_first[first] = True
+    starts = np.flatnonzero(is_first)
     sizes = np.diff(starts, append=len(flat))
-    rounded = bool(np.any(ascending[starts] != ascending[starts + sizes - 1]))
-    return DegenerateModes(order, starts, sizes, ascending[starts], rounded)
+    has_rounding = bool(np.any(ascending[starts] != ascending[starts + sizes - 1]))
+    return DegenerateModes(order, starts, sizes, ascending[starts], has_rounding)
 
 
 @dataclass(frozen=True, eq=False)
 class CartPendula:
     """The modes of one heavy pendulum of each kind, all of them plain, and the cart.
 
-    `fixed` are the squares (n, P) of every block on a support at rest where there are different kinds.  Few links take
-    counts; many of different kinds, and the shapes of close ones, the secular equation.
+    `fixed_squares` are the squares (n, P) of every block on a support at rest where there are different kinds.  Few
+    links take counts; many of different kinds, and the shapes of close ones, the secular equation.
     """
 
     rig: Rig
-    fixed: tuple[Floats, ...] = ()
+    fixed_squares: tuple[Floats, ...] = ()
     limits: Limits = EVERYTHING
     is_damped = False
 
@@ -126,34 +126,36 @@ class CartPendula:
     @cached_property
     def clusters(self) -> DegenerateModes:
         """The fixed-base modes of different kinds."""
-        return degenerate_modes(self.fixed)
+        return degenerate_modes(self.fixed_squares)
 
     @cached_property
-    def coupled(self) -> CoupledPendula:
+    def secular_equation(self) -> CoupledPendula:
         """The secular equation."""
-        return CoupledPendula(self.blocks, self.cart, self.fixed, self.clusters)
+        return CoupledPendula(self.blocks, self.cart, self.fixed_squares, self.clusters)
 
     @property
     def _links(self) -> int:
         return sum(block.mass.size for block in self.blocks)
 
     @property
-    def _held(self) -> int:
+    def _spring_count(self) -> int:
         """1 if a spring holds the cart."""
         return int(self.cart.stiffness > 0)
 
     @property
     def n_modes(self) -> int:
         """Number of oscillatory modes: a free cart's rigid translation is a coordinate, but not one of these."""
-        return self._links + self._held - self.is_singular
+        return self._links + self._spring_count - self.is_singular
 
     @property
     def _are_few(self) -> bool:
-        return not self.fixed or self._links <= MOST_LINKS_TOGETHER
+        return not self.fixed_squares or self._links <= MOST_LINKS_TOGETHER
 
     @cached_property
     def _are_apart(self) -> bool:
-        return not self.fixed or (self._are_few and self.clusters.closest > CLOSE and not self.clusters.shared.size)
+        return not self.fixed_squares or (
+            self._are_few and self.clusters.closest > CLOSE and not self.clusters.shared_clusters.size
+        )
 
     @cached_property
     def bare_mass(self) -> float:
@@ -171,8 +173,8 @@ class CartPendula:
         if not self.is_singular:
             return 1.0 / self.bare_mass
         _, beta, gamma = (float(sum(map(np.sum, parts))) for parts in zip(*map(at_infinity, self.blocks), strict=True))
-        held = float(self.cart.stiffness) + beta
-        return gamma / held / held
+        stiffness = float(self.cart.stiffness) + beta
+        return gamma / stiffness / stiffness
 
     @property
     def route(self) -> str:
@@ -180,14 +182,14 @@ class CartPendula:
         return self.oscillating.route if self._are_few else "secular equation"
 
     @property
-    def built(self) -> Built:
+    def problem_size(self) -> ProblemSize:
         """All chains and the cart, or the distinct fixed-base modes of the pendula."""
         seeds = seed_matrices(self._links, 1) if self._are_few else ()
         if self._are_apart:
-            return Built(f"cart and {counted(self._links, 'link')}", 1, self._links + 1, seeds)
-        poles, shapes = len(self.clusters.first), vars(self.coupled).get("modes", ())
-        kept = tuple(("own shapes", b.n, b.size) for b, _ in zip(self.blocks, shapes, strict=False) if b.n > 1)
-        return Built(f"cart and {counted(poles, 'pole')}", 1, poles + 1, (*seeds, *kept))
+            return ProblemSize(f"cart and {noun_count(self._links, 'link')}", 1, self._links + 1, seeds)
+        poles, shapes = len(self.clusters.first), vars(self.secular_equation).get("modes", ())
+        shape_sizes = tuple(("own shapes", b.n, b.size) for b, _ in zip(self.blocks, shapes, strict=False) if b.n > 1)
+        return ProblemSize(f"cart and {noun_count(poles, 'pole')}", 1, poles + 1, (*seeds, *shape_sizes))
 
     @cached_property
     def oscillating(self) -> Squares:
@@ -195,12 +197,12 @@ class CartPendula:
         if self.limits.squares is not None:
             return Squares.exact(self.limits.squares)
         if not self._are_few:
-            return Squares.exact(self.coupled.squares)
-        limits, wanted = self.limits, np.arange(self.n_modes)
+            return Squares.exact(self.secular_equation.squares)
+        limits, indices = self.limits, np.arange(self.n_modes)
         if not self._are_apart:
-            limits, wanted = EVERYTHING, np.delete(wanted, self.clusters.inside + self._held)
+            limits, indices = EVERYTHING, np.delete(indices, self.clusters.inside + self._spring_count)
         suspension = Suspension.on_cart(self.blocks, self.cart)
-        x, error = squares_of(suspension, wanted[: limits.lowest], self.n_modes, limits.accuracy)
+        x, error = squares_of(suspension, indices[: limits.lowest], self.n_modes, limits.accuracy)
         return Squares(x[:, 0], error[:, 0])
 
     @property
@@ -227,11 +229,11 @@ class CartPendula:
     def details(self, rows: Ints) -> Details:
         """Shapes in which all copies of a kind move alike."""
         x = self.squares[rows]
-        return self.described(
-            x, cart_shapes(self.blocks, self.cart, x) if self._are_apart else self.coupled.shapes(rows, x)
+        return self.describe(
+            x, cart_shapes(self.blocks, self.cart, x) if self._are_apart else self.secular_equation.shapes(rows, x)
         )
 
-    def described(self, x: Floats, motion: ChainShapes) -> Details:
+    def describe(self, x: Floats, motion: ChainShapes) -> Details:
         """The properties of shapes at x (R,)."""
         angles = tuple(a * (b.sigma / b.length)[:, :, None] for a, b in zip(motion.turns, self.blocks, strict=True))
         parts = [quartic(b, x, motion.cart, angle).sum(0) for b, angle in zip(self.blocks, angles, strict=True)]
@@ -246,7 +248,7 @@ class StillModes:
     pendula: CartPendula
     route = "effective mass"
     is_damped = is_singular = False
-    built = Built("equal frequencies of different pendula", 1, 0)
+    problem_size = ProblemSize("equal frequencies of different pendula", 1, 0)
 
     @property
     def clusters(self) -> DegenerateModes:
@@ -256,12 +258,12 @@ class StillModes:
     @cached_property
     def folds(self) -> Ints:
         """The number of vectors of each shared cluster."""
-        return self.clusters.size[self.clusters.shared] - 1
+        return self.clusters.size[self.clusters.shared_clusters] - 1
 
     @property
     def squares(self) -> Floats:
         """ω² of every row."""
-        return np.repeat(self.clusters.square[self.clusters.shared], self.folds)
+        return np.repeat(self.clusters.square[self.clusters.shared_clusters], self.folds)
 
     @cached_property
     def eigenvalue(self) -> Complexes:
@@ -281,7 +283,7 @@ class StillModes:
         ends = np.cumsum(self.folds)
         for at, row in enumerate(rows):
             group = int(np.searchsorted(ends, row, side="right"))
-            members = self._members(int(self.clusters.shared[group]))
+            members = self._members(int(self.clusters.shared_clusters[group]))
             number = int(row - ends[group] + self.folds[group])
             for member, amplitude in zip(members, _combination(members, number), strict=False):
                 turns[member.block][:, member.column, at] = amplitude * member.turn
@@ -289,7 +291,7 @@ class StillModes:
                 residual[at] = max(residual[at], member.residual)
         zero = np.zeros(len(rows))
         motion = ChainShapes(zero, tuple(turns), tuple(energies), zero + 1.0, zero, residual)
-        return self.pendula.described(self.squares[rows], motion)
+        return self.pendula.describe(self.squares[rows], motion)
 
     def _members(self, cluster: int) -> list[_Member]:
         """The modes in a cluster, each of modal mass 1, the one with the largest momentum first."""
@@ -297,9 +299,9 @@ class StillModes:
         places = np.sort(self.clusters.order[first : first + size])
         members, offset = [], 0
         for index, block in enumerate(self.pendula.blocks):
-            here = places[(places >= offset) & (places < offset + block.mass.size)] - offset
-            columns = here % block.size
-            motion = fixed_shapes(block.take(columns), np.full(len(here), self.clusters.square[cluster]))
+            local_places = places[(places >= offset) & (places < offset + block.mass.size)] - offset
+            columns = local_places % block.size
+            motion = fixed_shapes(block.take(columns), np.full(len(local_places), self.clusters.square[cluster]))
             scale = 1 / np.sqrt(motion.modal_mass)
             members += [
                 _Member(
@@ -348,22 +350,22 @@ class _Own:
 
 @dataclass(frozen=True, eq=False)
 class CoupledPendula:
-    """Chains that share a cart, counts folded into their masses, with their squares `fixed` (n, P)."""
+    """Chains that share a cart, counts folded into their masses, with their squares `fixed_squares` (n, P)."""
 
     blocks: tuple[Block, ...]
     cart: CartNumbers
-    fixed: tuple[Floats, ...]
+    fixed_squares: tuple[Floats, ...]
     clusters: DegenerateModes
 
     @cached_property
     def modes(self) -> tuple[_Own, ...]:
         """Fixed-base modes of every block."""
-        return tuple(_own_modes(block, square) for block, square in zip(self.blocks, self.fixed, strict=True))
+        return tuple(_own_modes(block, square) for block, square in zip(self.blocks, self.fixed_squares, strict=True))
 
     @cached_property
     def poles(self) -> Poles:
         """One pole for each cluster, after that of the spring."""
-        pairs = zip(self.modes, self.fixed, strict=True)
+        pairs = zip(self.modes, self.fixed_squares, strict=True)
         weight = np.concatenate([(modes.momentum**2 / modes.modal_mass * x).ravel() for modes, x in pairs])
         weight = np.maximum(np.add.reduceat(weight[self.clusters.order], self.clusters.first), LIGHTEST)
         square, spring = self.clusters.square, self.cart.stiffness
@@ -394,36 +396,36 @@ class CoupledPendula:
             np.einsum("imp,mpr->ipr", modes.turn, part * cart)
             for modes, part in zip(self.modes, amplitudes, strict=True)
         )
-        felt, twice = (self._sums(rows, cart, power) for power in (1, 2))
+        momenta, twice = (self._sums(rows, cart, power) for power in (1, 2))
         energies = tuple(
-            _scaled_to(kinetic(block, joints(cart, a), a), whole)
-            for block, a, whole in zip(self.blocks, turns, twice, strict=True)
+            _rescale(kinetic(block, joints(cart, a), a), known_sum)
+            for block, a, known_sum in zip(self.blocks, turns, twice, strict=True)
         )
         modal_mass = self.cart.mass * cart**2 + sum(part.sum((0, 1)) for part in energies)
-        held = self.cart.stiffness / x * cart
-        push = self.cart.mass * cart + sum(part.sum(0) for part in felt) - held
-        return ChainShapes(cart, turns, energies, modal_mass, held, np.abs(push * cart) / modal_mass)
+        momentum = self.cart.stiffness / x * cart
+        push = self.cart.mass * cart + sum(part.sum(0) for part in momenta) - momentum
+        return ChainShapes(cart, turns, energies, modal_mass, momentum, np.abs(push * cart) / modal_mass)
 
     def _sums(self, rows: Ints, cart: Floats, power: int) -> list[Floats]:
         """Xᵖ (α + Σ μ_r (λ_r/(λ_r − x))ᵖ) of every pendulum for a power p, for each block (P, R); X is `cart` (R,)."""
         sums = []
         for block, modes, squares, distance in zip(
-            self.blocks, self.modes, self.fixed, self._distances(rows), strict=True
+            self.blocks, self.modes, self.fixed_squares, self._distances(rows), strict=True
         ):
             weight = (modes.momentum**2 / modes.modal_mass)[..., None]
-            still, moved = at_infinity(block)[0][:, None], squares[..., None] * (cart / distance)
-            sums.append(still * cart**power + (weight * moved**power).sum(0))
+            residual_mass, amplitude = at_infinity(block)[0][:, None], squares[..., None] * (cart / distance)
+            sums.append(residual_mass * cart**power + (weight * amplitude**power).sum(0))
         return sums
 
     def _distances(self, rows: Ints) -> list[Floats]:
         """λ_r − x of every fixed-base mode, for each block (n modes, P, R), with full relative accuracy."""
         anchor, offset = self.roots.anchor[rows], self.roots.offset[rows]
         square = self.poles.square[len(self.poles.square) - len(self.clusters.first) :]
-        apart = square[:, None] - self.poles.square[anchor] - offset
+        gaps = square[:, None] - self.poles.square[anchor] - offset
         distance = np.empty((len(self.clusters.order), len(rows)))
-        distance[self.clusters.order] = np.repeat(apart, self.clusters.size, axis=0)
-        ends = np.cumsum([squares.size for squares in self.fixed])[:-1]
-        parts = zip(np.split(distance, ends), self.fixed, strict=True)
+        distance[self.clusters.order] = np.repeat(gaps, self.clusters.size, axis=0)
+        ends = np.cumsum([squares.size for squares in self.fixed_squares])[:-1]
+        parts = zip(np.split(distance, ends), self.fixed_squares, strict=True)
         return [part.reshape(*squares.shape, len(rows)) for part, squares in parts]
 
 
@@ -437,17 +439,17 @@ def _own_modes(block: Block, square: Floats) -> _Own:
     column, x = np.broadcast_to(np.arange(block.size), square.shape).ravel(), square.ravel()
     step = max(1, CHUNK // block.n)
 
-    def kept(part: slice) -> tuple[Floats, Floats, Floats]:
+    def solve_part(part: slice) -> tuple[Floats, Floats, Floats]:
         motion = fixed_shapes(block.take(column[part]), x[part])
         return motion.momentum, motion.modal_mass, motion.turns[0][:, 0]
 
-    pieces = [kept(slice(start, start + step)) for start in range(0, x.size, step)]
+    pieces = [solve_part(slice(start, start + step)) for start in range(0, x.size, step)]
     momentum, modal_mass, turn = (np.concatenate(parts, axis=-1) for parts in zip(*pieces, strict=True))
     shape = square.shape
     return _Own(momentum.reshape(shape), modal_mass.reshape(shape), turn.reshape(block.n, *shape))
 
 
-def _scaled_to(energies: Floats, whole: Floats) -> Floats:
+def _rescale(energies: Floats, known_sum: Floats) -> Floats:
     """A chain's energies link by link (n, P, R), rescaled to their known sum (P, R)."""
     total = energies.sum(0)
-    return energies * np.where(total > 0, whole / np.where(total > 0, total, 1.0), 0.0)
+    return energies * np.where(total > 0, known_sum / np.where(total > 0, total, 1.0), 0.0)

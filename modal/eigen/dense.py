@@ -54,36 +54,36 @@ class Eigen:
     number: int = 1
 
 
-def undamped(M: Floats, K: Floats, whole: Floats, *, singular: bool) -> Eigen:
-    """Modes of K φ = ω² M φ, K positive definite; M is the `whole` inertia less that of motions that are left out.
+def undamped_modes(M: Floats, K: Floats, total_inertia: Floats, *, singular: bool) -> Eigen:
+    """Modes of K φ = ω² M φ, K positive definite; M is `total_inertia` less that of motions that are left out.
 
     Where M is known to be `singular`, by one dimension, the mode at infinite frequency is omitted.
     """
-    scale, L, sensitivity = _factored(K)
+    scale, L, sensitivity = _scaled_factor(K)
     inverse_square, v = np.linalg.eigh(_in_factors(L, M * scale * scale[:, None]))
     inverse_square, v = inverse_square[singular:], v[:, singular:]
     if inverse_square.size and inverse_square[0] <= 4 * len(M) * EPS * inverse_square[-1]:
         raise ComputationError("the frequencies spread too far for the dense route that this scene needs")
     inverse_square, v = inverse_square[::-1], v[:, ::-1]
     shape = scale[:, None] * np.linalg.solve(L.T, v)
-    largest = np.trace(_in_factors(L, whole * scale * scale[:, None]))
+    largest = np.trace(_in_factors(L, total_inertia * scale * scale[:, None]))
     error = 2 * len(M) * EPS * (sensitivity + largest / inverse_square)
     return Eigen(1j / np.sqrt(inverse_square), shape, error, len(L))
 
 
-def indefinite(M: Floats, K: Floats, *, terms: Floats, lost: float = 1.0) -> Eigen:
+def indefinite_modes(M: Floats, K: Floats, *, terms: Floats, loss_factor: float = 1.0) -> Eigen:
     """Modes of K φ = x M φ about an equilibrium that may be unstable: λ = i√x, and for x < 0 the growth rate √−x > 0.
 
-    `terms` (size,) are the sums of the absolute terms of K's diagonal, where springs and gravity may cancel, `lost` is
-    the factor on errors by what was subtracted from M.  The decaying counterpart −√−x of a growing mode has the same
-    shape and is not listed.
+    `terms` (size,) are the sums of the absolute terms of K's diagonal, where springs and gravity may cancel,
+    `loss_factor` is the factor on errors by what was subtracted from M.  The decaying counterpart −√−x of a growing
+    mode has the same shape and is not listed.
     """
-    scale, L, sensitivity = _factored(M)
+    scale, L, sensitivity = _scaled_factor(M)
     x, v = np.linalg.eigh(_in_factors(L, K * scale * scale[:, None]))
     shape = scale[:, None] * np.linalg.solve(L.T, v)
     x = np.where(x == 0, np.finfo(float).tiny, x)
     largest = max(np.abs(x).max(initial=0.0), (terms * scale**2).max(initial=0.0))
-    error = 2 * len(M) * EPS * sensitivity * lost * largest / np.abs(x)
+    error = 2 * len(M) * EPS * sensitivity * loss_factor * largest / np.abs(x)
     value = np.sqrt(np.abs(x)) * np.where(x < 0, 1.0, 1j)
     return Eigen(value, shape, error, len(L))
 
@@ -96,7 +96,7 @@ def in_phase(shape: NDArray[np.inexact], first: int) -> NDArray[np.inexact]:
     return shape * np.where(size > 0, leading.conj() / np.where(size > 0, size, 1.0), 1.0)
 
 
-def _factored(S: Floats) -> tuple[Floats, Floats, float]:
+def _scaled_factor(S: Floats) -> tuple[Floats, Floats, float]:
     """Scale to a unit diagonal, Cholesky factor, and sensitivity ‖L⁻¹‖² of a positive definite matrix.
 
     Roundings of the scaled entries change its quadratic form by at most this factor times their sum.
@@ -108,8 +108,8 @@ def _factored(S: Floats) -> tuple[Floats, Floats, float]:
 
 def _in_factors(L: Floats, S: Floats) -> Floats:
     """L⁻¹ S L⁻ᵀ of a symmetric S."""
-    reduced: Floats = np.linalg.solve(L, np.linalg.solve(L, S).T)
-    return reduced
+    product: Floats = np.linalg.solve(L, np.linalg.solve(L, S).T)
+    return product
 
 
 def is_singular(M: Floats) -> bool:
@@ -141,13 +141,13 @@ WISHED, LOST, NEAR, MOST = 1e-8, 1e-2, 30.0, 12
 
 
 class Dampers(NamedTuple):
-    """Strength of the damper between each coordinate and the one `above` it (−1: the ground), both (size,).
+    """Strength of the damper between each coordinate and the one `parents` it (−1: the ground), both (size,).
 
     Further ones, as drag, act on the coordinates with D = `roots`ᵀ `roots`, (R, size).
     """
 
     strength: Floats
-    above: Ints
+    parents: Ints
     roots: Floats | None = None
 
 
@@ -168,27 +168,27 @@ class _QuadraticProblem:
         if self.dampers.roots is not None:
             d = d + (self.dampers.roots**2).sum(0)
         strong = d > np.sqrt(m) * np.sqrt(k)
-        wished = np.concatenate([np.sqrt(k / m)[~strong], (d / m)[strong], (k[strong] / d[strong])])
-        ascending = np.sort(wished[wished > 0])
+        candidates = np.concatenate([np.sqrt(k / m)[~strong], (d / m)[strong], (k[strong] / d[strong])])
+        ascending = np.sort(candidates[candidates > 0])
         rates = []
         while ascending.size:
-            near = ascending <= SPAN * ascending[0]
-            rates.append(float(np.sqrt(ascending[0]) * np.sqrt(ascending[near][-1])))
-            ascending = ascending[~near]
+            is_near = ascending <= SPAN * ascending[0]
+            rates.append(float(np.sqrt(ascending[0]) * np.sqrt(ascending[is_near][-1])))
+            ascending = ascending[~is_near]
         return rates
 
-    def turned(self, rate: float) -> tuple[Floats, Floats]:
+    def joint_coordinates(self, rate: float) -> tuple[Floats, Floats]:
         """Coordinates q (size, size) as columns of the old ones, and each damper's displacement in terms of q, by rows.
 
         A joint whose damper outweighs everything else on its link at this rate is described by the difference of its
         angles.
         """
-        strength, above, _ = self.dampers
-        held = (above >= 0) & (rate * strength > rate * (rate * np.diag(self.M)) + np.diag(self.sizes))
-        turned = np.eye(len(strength))
-        for i in np.flatnonzero(held):
-            turned[i] += turned[above[i]]
-        return turned, turned - np.where(above[:, None] >= 0, turned[above], 0.0)
+        strength, parents, _ = self.dampers
+        is_stiff = (parents >= 0) & (rate * strength > rate * (rate * np.diag(self.M)) + np.diag(self.sizes))
+        basis = np.eye(len(strength))
+        for i in np.flatnonzero(is_stiff):
+            basis[i] += basis[parents[i]]
+        return basis, basis - np.where(parents[:, None] >= 0, basis[parents], 0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -206,42 +206,42 @@ class _Solution:
     def gaps(self) -> np.typing.NDArray[np.bool_]:
         """Whether the first k are certainly smaller than all others, (N + 1,)."""
         size = np.abs(self.value)
-        below = np.maximum.accumulate(np.append(0.0, size * (1 + self.error)))
-        above = np.minimum.accumulate(np.append(size / (1 + self.error), np.inf)[::-1])[::-1]
-        return np.asarray(below < above)
+        highest_below = np.maximum.accumulate(np.append(0.0, size * (1 + self.error)))
+        lowest_above = np.minimum.accumulate(np.append(size / (1 + self.error), np.inf)[::-1])[::-1]
+        return np.asarray(highest_below < lowest_above)
 
-    def wishes(self, rates: list[float]) -> float | None:
+    def next_rate(self, rates: list[float]) -> float | None:
         """The magnitude of the best-known eigenvalue that a rate other than these would improve; None without any."""
         size = np.abs(self.value)
-        away = np.abs(np.log(size[:, None] / np.array(rates))).min(1)
-        asking = np.flatnonzero((self.error > WISHED) & (self.error < LOST) & (away > np.log(NEAR)))
+        distance = np.abs(np.log(size[:, None] / np.array(rates))).min(1)
+        asking = np.flatnonzero((self.error > WISHED) & (self.error < LOST) & (distance > np.log(NEAR)))
         return float(size[asking[np.argmin(self.error[asking])]]) if asking.size else None
 
-    def joined(self, faster: _Solution) -> _Solution:
+    def join(self, faster: _Solution) -> _Solution:
         """The slow part of this one and the fast part of another, cut where the sum of their bounds is smallest."""
-        slower, other = (np.log(part.error) for part in (self, faster))
-        cost = np.append(0.0, np.cumsum(slower)) + np.append(np.cumsum(other[::-1])[::-1], 0.0)
-        allowed = self.gaps & faster.gaps
-        allowed[[0, -1]] = True
-        cut = int(np.argmin(np.where(allowed, cost, np.inf)))
-        slow, fast = self.take(slice(cut)), faster.take(slice(cut, None))
+        slower_errors, faster_errors = (np.log(part.error) for part in (self, faster))
+        cost = np.append(0.0, np.cumsum(slower_errors)) + np.append(np.cumsum(faster_errors[::-1])[::-1], 0.0)
+        may_cut = self.gaps & faster.gaps
+        may_cut[[0, -1]] = True
+        place = int(np.argmin(np.where(may_cut, cost, np.inf)))
+        slow, fast = self.take(slice(place)), faster.take(slice(place, None))
         return _Solution(
             np.append(slow.value, fast.value), np.hstack([slow.shape, fast.shape]), np.append(slow.error, fast.error)
         )
 
 
-def damped(
-    M: Floats, K: Floats, terms: Floats, dampers: Dampers, modal: Floats | None = None, lost: float = 1.0
+def damped_modes(
+    M: Floats, K: Floats, terms: Floats, dampers: Dampers, modal: Floats | None = None, loss_factor: float = 1.0
 ) -> Eigen:
-    """Modes of M q'' + D q' + K q = 0, with `terms` and `lost` of `indefinite`.
+    """Modes of M q'' + D q' + K q = 0, with `terms` and `loss_factor` of `indefinite_modes`.
 
     `modal` (R, size) is a C whose CᵀC is added to D.
     """
     sizes = np.abs(K)
     np.fill_diagonal(sizes, terms)
     extra = np.zeros((0, len(M))) if modal is None else modal
-    solution, number = _solved_everywhere(_QuadraticProblem(M, K, sizes, dampers, extra))
-    value, error = solution.value, lost * solution.error
+    solution, number = _solve_all_rates(_QuadraticProblem(M, K, sizes, dampers, extra))
+    value, error = solution.value, loss_factor * solution.error
     rounded_up = (value.imag != 0) & (value.real > 0) & (value.real <= error * np.abs(value))
     value = np.where(rounded_up, 1j * value.imag, value)
     chosen = np.flatnonzero(value.imag >= 0)
@@ -249,18 +249,18 @@ def damped(
     return Eigen(value[chosen], shape, error[chosen], 2 * len(M), number)
 
 
-def _solved_everywhere(problem: _QuadraticProblem) -> tuple[_Solution, int]:
+def _solve_all_rates(problem: _QuadraticProblem) -> tuple[_Solution, int]:
     """The solutions for all rates, joined, and their number."""
-    solved = {rate: _solved(problem, rate) for rate in problem.rates}
+    solutions = {rate: _solve(problem, rate) for rate in problem.rates}
     while True:
-        solution = reduce(_Solution.joined, (solved[rate] for rate in sorted(solved)))
-        rate = solution.wishes(list(solved))
-        if rate is None or len(solved) >= MOST:
-            return solution, len(solved)
-        solved[rate] = _solved(problem, rate)
+        solution = reduce(_Solution.join, (solutions[rate] for rate in sorted(solutions)))
+        rate = solution.next_rate(list(solutions))
+        if rate is None or len(solutions) >= MOST:
+            return solution, len(solutions)
+        solutions[rate] = _solve(problem, rate)
 
 
-class _Scaled(NamedTuple):
+class _ScaledProblem(NamedTuple):
     """γ²M, K and a C with CᵀC = γD (a row per damper or drag) in the coordinates of the columns of `shape`, and P⁻¹."""
 
     rate: float
@@ -276,47 +276,47 @@ class _Scaled(NamedTuple):
         return float(np.linalg.norm(self.inverse, 2))
 
 
-def _scaled(problem: _QuadraticProblem, rate: float) -> _Scaled:
-    turned, seen = problem.turned(rate)
-    M, K, sizes = (turned.T @ part @ turned for part in (rate * (rate * problem.M), problem.K, problem.sizes))
-    friction = np.sqrt(rate * problem.dampers.strength)[:, None] * seen
+def _scale(problem: _QuadraticProblem, rate: float) -> _ScaledProblem:
+    basis, stretches = problem.joint_coordinates(rate)
+    M, K, sizes = (basis.T @ part @ basis for part in (rate * (rate * problem.M), problem.K, problem.sizes))
+    friction = np.sqrt(rate * problem.dampers.strength)[:, None] * stretches
     if len(problem.modal):
-        friction = np.vstack([friction, np.sqrt(rate) * problem.modal @ turned])
+        friction = np.vstack([friction, np.sqrt(rate) * problem.modal @ basis])
     if problem.dampers.roots is not None:
-        friction = np.vstack((friction, np.sqrt(rate) * (problem.dampers.roots @ turned)))
+        friction = np.vstack((friction, np.sqrt(rate) * (problem.dampers.roots @ basis)))
     scale = 1 / np.sqrt(np.diag(M) + (friction**2).sum(0) + np.diag(sizes))
     M, K = (part * scale * scale[:, None] for part in (M, K))
     friction = friction * scale
-    return _Scaled(rate, turned * scale, M, K, friction, np.linalg.inv(M + friction.T @ friction + K))
+    return _ScaledProblem(rate, basis * scale, M, K, friction, np.linalg.inv(M + friction.T @ friction + K))
 
 
-def _solved(problem: _QuadraticProblem, rate: float) -> _Solution:
+def _solve(problem: _QuadraticProblem, rate: float) -> _Solution:
     """All eigenvalues and shapes; the bound is the first-order one.
 
     It is the condition number times a backward error of a few roundings of the matrix's norm and of P⁻¹'s sensitivity,
     or, where that is less, as among multiple eigenvalues, what no perturbation of this size exceeds [Elsner1985].
     """
-    scaled = min((_scaled(problem, rate * moved) for moved in MOVED), key=lambda candidate: candidate.sensitivity)
-    M, K, D, n = scaled.M, scaled.K, scaled.friction.T @ scaled.friction, len(scaled.M)
-    state = np.block([[np.zeros((n, n)), np.eye(n)], [-scaled.inverse @ part for part in (M - D + K, 2 * (M - K))]])
+    scaling = min((_scale(problem, rate * factor) for factor in MOVED), key=lambda candidate: candidate.sensitivity)
+    M, K, D, n = scaling.M, scaling.K, scaling.friction.T @ scaling.friction, len(scaling.M)
+    state = np.block([[np.zeros((n, n)), np.eye(n)], [-scaling.inverse @ part for part in (M - D + K, 2 * (M - K))]])
     theta, right = np.linalg.eig(state)
     theta = np.where(np.abs(theta * theta - 1) < EPS, theta * (1 - EPS), theta)
     condition = np.linalg.norm(np.linalg.pinv(right), axis=1) * np.linalg.norm(right, axis=0)
     norm = float(np.linalg.norm(state, 2))
-    backward = 16 * len(state) * EPS * scaled.sensitivity * norm
+    backward = 16 * len(state) * EPS * scaling.sensitivity * norm
     furthest = backward ** (1 / len(state)) * (2 * norm + backward) ** (1 - 1 / len(state))
     error = 2 * np.minimum(backward * condition, furthest) / np.abs(theta * theta - 1)
-    value = _lightly_damped(np.asarray((theta + 1) / (theta - 1), dtype=complex), right[:n], M, scaled.friction)
+    value = _correct_light_damping(np.asarray((theta + 1) / (theta - 1), dtype=complex), right[:n], M, scaling.friction)
     order = np.argsort(np.abs(value), kind="stable")
-    return _Solution(scaled.rate * value, scaled.shape @ right[:n].astype(complex), error).take(order)
+    return _Solution(scaling.rate * value, scaling.shape @ right[:n].astype(complex), error).take(order)
 
 
-def _lightly_damped(values: Complexes, shape: Complexes, M: Floats, friction: Floats) -> Complexes:
+def _correct_light_damping(values: Complexes, shape: Complexes, M: Floats, friction: Floats) -> Complexes:
     """Eigenvalues with Re μ = −φᴴDφ/(2 φᴴMφ) where the real part is below the rounding of the state matrix.
 
     This is exact where μ is not real (μ² φᴴMφ + μ φᴴDφ + φᴴKφ = 0 has real coefficients), and D has no cancellation.
     """
     inertia = np.einsum("ir,ij,jr->r", shape.conj(), M, shape, optimize=True).real
-    lost = (np.abs(friction @ shape) ** 2).sum(0)
+    dissipation = (np.abs(friction @ shape) ** 2).sum(0)
     light = (values.imag != 0) & (np.abs(values.real) < LIGHT * np.abs(values))
-    return np.where(light, -lost / (2 * inertia) + 1j * values.imag, values)
+    return np.where(light, -dissipation / (2 * inertia) + 1j * values.imag, values)

@@ -17,8 +17,8 @@ stiffness k (1 + iφ).
 (The recursion of `modal.eigen.recursion`, at a complex frequency; [Parlett1998, §3.3].)
 
 There are two kinds of arithmetic: floats whose rounding is felt, and as many decimal digits as it takes.
-`Rounded` computes every frequency REPLICAS + 1 times in floats; in all but the first, `felt` changes each result by a
-random part in 2⁵², as rounding does, and the frequency by a last digit, as the rounding of ω² does beside a sharp
+`Rounded` computes every frequency REPLICAS + 1 times in floats; in all but the first, `round_off` changes each result
+by a random part in 2⁵², as rounding does, and the frequency by a last digit, as the rounding of ω² does beside a sharp
 resonance, so that the spread of the results is their rounding error (Monte Carlo arithmetic:
 [Parker1997]; [Vignes2004]).  `Digits` computes in decimals of any
 precision, starting from the exact value of every float.  Arrays of both take the same operators, frequencies last.
@@ -42,7 +42,7 @@ Load = tuple[str, int]
 """A torque at the upper joint of a link, a force on its centre or a torque on it alone, and the link, from 0."""
 
 
-class Hung(NamedTuple):
+class ChainResponse(NamedTuple):
     """P chains on a pivot: `mass` (P, W) felt there, `direct` and `inertial` (P, L, W), e and ε of the loads there.
 
     Joints (n + 1, P, 1 + L, W) and angles (n, P, 1 + L, W) for a pivot displaced by 1, then for each load on a pivot at
@@ -56,22 +56,22 @@ class Hung(NamedTuple):
     angles: Any
 
 
-def hung(
+def chain_response(
     block: Block, loads: list[Load], gravity: float, numbers: Arithmetic, losses: tuple[Floats, Floats] | None = None
-) -> Hung:
+) -> ChainResponse:
     """Chains with unit loads at the frequencies of `numbers`; `losses` are the loss angles of joints and wires.
 
     Each is (n, P, W), at the frequencies `numbers.rates`.
     """
-    square, felt = numbers.omega * numbers.omega, numbers.felt
+    square, round_off = numbers.omega * numbers.omega, numbers.round_off
     parts = (block.mass, block.length, block.centre, block.inertia, block.sigma)
     m, length, c, I, sigma = (numbers.number(part[..., None]) for part in parts)
-    below = np.array(pair.masses_below(m))
-    links = pair.link_constants(m, length, c, I, below, numbers.number(gravity))
+    mass_below = np.array(pair.masses_below(m))
+    links = pair.link_constants(m, length, c, I, mass_below, numbers.number(gravity))
     k = sigma * links.k
     if block.drag.any():
         heavy = m - numbers.imaginary(numbers.number(block.drag[..., None]) / numbers.omega)
-        links = pair.link_constants(heavy, length, c, I, below)
+        links = pair.link_constants(heavy, length, c, I, mass_below)
     joint = numbers.number(block.stiffness[..., None])
     if block.damping.any():
         joint = joint + numbers.imaginary(numbers.number(block.damping[..., None]) * numbers.omega)
@@ -80,60 +80,65 @@ def hung(
         joint = joint + numbers.imaginary(numbers.number(block.stiffness[..., None]) * of_joints)
         k = k + numbers.imaginary(k * of_wires)
     is_sprung = bool(block.stiffness.any() or block.damping.any())
-    torque, force = _loaded(block, loads)
+    torque, force = _unit_loads(block, loads)
     torques, forces = numbers.number(torque) * sigma[:, :, None] / length[:, :, None], numbers.number(force)
     mu: Any = numbers.number(np.zeros((block.size, 1)))
     nu: Any = 0
     stiff: Any = 0
-    turned: Any = 0
+    passed_torque: Any = 0
     e: Any = numbers.number(np.zeros((block.size, len(loads), 1)))
-    epsilon, passed = e, []
+    epsilon, coefficients = e, []
     for i in range(block.n - 1, -1, -1):
         m, mJ, r, p, q, upper, lower = (part[i] for part in links[:-1])
         s, rest, J = upper / m, lower / m, mJ / m
         spring = joint[i] / length[i] / length[i]
         total = k[i] + stiff + spring
-        P = felt(numbers.pivot(total - square * (r + mu + nu + nu), total))
-        N = felt(total + square * (q - nu))
-        beta = felt(upper + mu + nu)
-        T = turned + torques[i]
-        E = felt(T + _wide(s) * forces[i] + e + square * epsilon)
+        P = round_off(numbers.pivot(total - square * (r + mu + nu + nu), total))
+        N = round_off(total + square * (q - nu))
+        beta = round_off(upper + mu + nu)
+        T = passed_torque + torques[i]
+        E = round_off(T + _widen(s) * forces[i] + e + square * epsilon)
         coupling = joint[i] * sigma[i] * sigma[i - 1] / length[i] / length[i - 1] if i and is_sprung else None
-        passed.append((P, N, beta, E, coupling))
-        moved = felt(total - square * (J + rest * mu + (1 + rest) * nu))
-        e = felt((_wide(N) * e + _wide(moved) * forces[i]) / _wide(P))
-        epsilon = felt((_wide(N) * epsilon + _wide(beta) * T) / _wide(P))
-        mu = felt(((m + mu) * total - square * (mJ + p * mu + (lower + lower) * nu - nu * nu)) / P)
+        coefficients.append((P, N, beta, E, coupling))
+        force_coefficient = round_off(total - square * (J + rest * mu + (1 + rest) * nu))
+        e = round_off((_widen(N) * e + _widen(force_coefficient) * forces[i]) / _widen(P))
+        epsilon = round_off((_widen(N) * epsilon + _widen(beta) * T) / _widen(P))
+        mu = round_off(((m + mu) * total - square * (mJ + p * mu + (lower + lower) * nu - nu * nu)) / P)
         if coupling is not None:
-            nu = felt(coupling * beta / P)
-            stiff = felt(joint[i] * (P - spring) / P / length[i - 1] / length[i - 1])
-            turned = felt(_wide(coupling) * E / _wide(P))
-    joints, angles = _followed(passed[::-1], numbers.number(np.eye(1, 1 + len(loads))[..., None]), square, felt)
-    return Hung(mu, e, epsilon, joints, np.array(angles) * sigma[:, :, None] / length[:, :, None])
+            nu = round_off(coupling * beta / P)
+            stiff = round_off(joint[i] * (P - spring) / P / length[i - 1] / length[i - 1])
+            passed_torque = round_off(_widen(coupling) * E / _widen(P))
+    joints, angles = _descend(
+        coefficients[::-1], numbers.number(np.eye(1, 1 + len(loads))[..., None]), square, round_off
+    )
+    return ChainResponse(mu, e, epsilon, joints, np.array(angles) * sigma[:, :, None] / length[:, :, None])
 
 
-def _followed(passed: list[Any], pivot: Any, square: Any, felt: Any) -> tuple[Any, list[Any]]:
+def _descend(coefficients: list[Any], pivot: Any, square: Any, round_off: Any) -> tuple[Any, list[Any]]:
     """Joints and turns, from the pivot down."""
-    y, above = pivot, None
+    y, turn = pivot, None
     joints, turns = [], []
-    for P, N, beta, E, coupling in passed:
-        pushed = np.concatenate([0 * E[:, :1], E], axis=1) if E.shape[1] else 0 * _wide(P)
+    for P, N, beta, E, coupling in coefficients:
+        push = np.concatenate([0 * E[:, :1], E], axis=1) if E.shape[1] else 0 * _widen(P)
         if coupling is not None:
-            pushed = pushed + _wide(coupling) * above
+            push = push + _widen(coupling) * turn
         joints.append(y)
-        above, y = felt((pushed + square * _wide(beta) * y) / _wide(P)), felt((pushed + _wide(N) * y) / _wide(P))
-        turns.append(above)
+        turn, y = (
+            round_off((push + square * _widen(beta) * y) / _widen(P)),
+            round_off((push + _widen(N) * y) / _widen(P)),
+        )
+        turns.append(turn)
     joints.append(y)
     shape = np.broadcast_shapes(*(np.shape(values) for values in joints))
     return np.array([np.broadcast_to(values, shape) for values in joints]), turns
 
 
-def _wide(values: Any) -> Any:
+def _widen(values: Any) -> Any:
     """Numbers of chains (P, W) beside those of chains and loads (P, L, W)."""
     return values[:, None]
 
 
-def _loaded(block: Block, loads: list[Load]) -> tuple[Any, Any]:
+def _unit_loads(block: Block, loads: list[Load]) -> tuple[Any, Any]:
     """Torques on links and forces on their centres, (n, 1, L, 1), of unit loads."""
     torque, force = np.zeros((2, block.n, 1, len(loads), 1))
     for column, (what, link) in enumerate(loads):
@@ -150,16 +155,16 @@ def cart_of(cart: CartNumbers, mass: Any, numbers: Arithmetic) -> tuple[Any, Any
 
     `mass` (W,) is what it feels of the pendula; without a spring and a damper its equation is divided by ω².
     """
-    omega, felt = numbers.omega, numbers.felt
-    whole = felt(numbers.number(cart.mass) + mass)
+    omega, round_off = numbers.omega, numbers.round_off
+    total_mass = round_off(numbers.number(cart.mass) + mass)
     if not (cart.stiffness or cart.damping):
-        inertial = numbers.number(-1.0) / numbers.pivot(whole, numbers.number(cart.mass) + abs(whole))
-        return inertial / (omega * omega), inertial, 0 * whole
-    held = numbers.number(cart.stiffness)
+        inertial = numbers.number(-1.0) / numbers.pivot(total_mass, numbers.number(cart.mass) + abs(total_mass))
+        return inertial / (omega * omega), inertial, 0 * total_mass
+    stiffness = numbers.number(cart.stiffness)
     if cart.damping:
-        held = held + numbers.imaginary(numbers.number(cart.damping) * omega)
-    direct = numbers.number(1.0) / felt(numbers.pivot(held - omega * omega * whole, held))
-    return direct, direct * omega * omega, direct * held
+        stiffness = stiffness + numbers.imaginary(numbers.number(cart.damping) * omega)
+    direct = numbers.number(1.0) / round_off(numbers.pivot(stiffness - omega * omega * total_mass, stiffness))
+    return direct, direct * omega * omega, direct * stiffness
 
 
 REPLICAS, SAFETY = 3, 4.0
@@ -188,10 +193,10 @@ class Arithmetic(Protocol):
     def imaginary(self, values: Any) -> Any:
         """I times these numbers."""
 
-    def felt(self, values: Any) -> Any:
+    def round_off(self, values: Any) -> Any:
         """The numbers with their rounding."""
 
-    def pivot(self, values: Any, beside: Any) -> Any:
+    def pivot(self, values: Any, neighbours: Any) -> Any:
         """The numbers, with zeros replaced by a last digit of those beside them."""
 
 
@@ -217,7 +222,7 @@ class Rounded:
         """Complex floats."""
         return 1j * values
 
-    def felt(self, values: Any) -> Any:
+    def round_off(self, values: Any) -> Any:
         """Each replica changed by up to one part in 2⁵²."""
         values = np.array(np.broadcast_to(values, np.broadcast_shapes(np.shape(values), self.omega.shape)))
         later = values[..., self._first :]
@@ -226,14 +231,14 @@ class Rounded:
             later *= 1 + 1j * ULP * (2 * self._random.random(later.shape) - 1)
         return values
 
-    def pivot(self, values: Any, beside: Any) -> Any:
+    def pivot(self, values: Any, neighbours: Any) -> Any:
         """Zeros replaced by a last bit of those beside them."""
-        return np.where(values == 0, -ULP * beside, values)
+        return np.where(values == 0, -ULP * neighbours, values)
 
     def results(self, values: Any) -> tuple[Complexes, Floats]:
         """The values (…, W) and their rounding errors (…, W)."""
-        every = np.asarray(values, dtype=np.complex128)
-        parts = every.reshape(*every.shape[:-1], REPLICAS + 1, self._first)
+        all_values = np.asarray(values, dtype=np.complex128)
+        parts = all_values.reshape(*all_values.shape[:-1], REPLICAS + 1, self._first)
         spread = np.abs(parts[..., 1:, :] - parts[..., :1, :]).max(-2)
         return parts[..., 0, :], SAFETY * spread
 
@@ -269,15 +274,17 @@ class Digits:
         """I times complex numbers."""
         return np.frompyfunc(lambda value: Complex(-value.imag, value.real), 1, 1)(values)
 
-    def felt(self, values: Any) -> Any:
+    def round_off(self, values: Any) -> Any:
         """The numbers: their rounding is seen by those of more digits."""
         return values
 
-    def pivot(self, values: Any, beside: Any) -> Any:
+    def pivot(self, values: Any, neighbours: Any) -> Any:
         """Zeros replaced by a last digit of those beside them."""
         digit: Any = Decimal(-1).scaleb(-self.precision)
         last = digit if self.is_real else Complex(digit, Decimal(0))
-        return np.frompyfunc(lambda value, other: other * last if value == 0 else value, 2, 1)(values, beside)
+        return np.frompyfunc(lambda value, neighbour: neighbour * last if value == 0 else value, 2, 1)(
+            values, neighbours
+        )
 
 
 class Complex:
@@ -310,10 +317,10 @@ class Complex:
     def __truediv__(self, other: Any) -> Complex:
         if other.__class__ is not Complex:
             return NotImplemented
-        above, c, d = self, other.real, other.imag
+        numerator, c, d = self, other.real, other.imag
         if d:
-            above, c = self * Complex(c, -d), c * c + d * d
-        return Complex(above.real / c, above.imag / c)
+            numerator, c = self * Complex(c, -d), c * c + d * d
+        return Complex(numerator.real / c, numerator.imag / c)
 
     def __neg__(self) -> Complex:
         return Complex(-self.real, -self.imag)
@@ -331,7 +338,7 @@ class Complex:
     __radd__, __rmul__ = __add__, __mul__
 
 
-def evaluated(
+def precise_values(
     evaluate: Callable[[Any], Any],
     omega: Floats | Complexes,
     *,
@@ -346,12 +353,14 @@ def evaluated(
     """
     with np.errstate(all="ignore"):
         values, errors = (numbers := Rounded(omega)).results(evaluate(numbers))
-    lost = ~(errors <= tolerance * np.abs(values))
-    entries = tuple(range(lost.ndim - 1))
-    if len(left := np.flatnonzero(lost.any(entries))):
-        beyond = np.zeros(len(omega)) if remainder is None else remainder
-        terms = np.nan_to_num(errors[..., left], posinf=0.0) / ULP
-        values[..., left] = _in_digits(evaluate, omega[left], beyond[left], terms, is_real=is_real)
+    is_imprecise = ~(errors <= tolerance * np.abs(values))
+    entries = tuple(range(is_imprecise.ndim - 1))
+    if len(open_places := np.flatnonzero(is_imprecise.any(entries))):
+        full_remainder = np.zeros(len(omega)) if remainder is None else remainder
+        terms = np.nan_to_num(errors[..., open_places], posinf=0.0) / ULP
+        values[..., open_places] = _in_digits(
+            evaluate, omega[open_places], full_remainder[open_places], terms, is_real=is_real
+        )
     return values
 
 
@@ -364,29 +373,29 @@ def _in_digits(
     at all frequencies.  Any other is sought in more digits.
     """
 
-    def computed(
-        points: Floats | Complexes, beyond: Floats, precision: int, sizes: Floats
+    def compute(
+        points: Floats | Complexes, offset: Floats, precision: int, sizes: Floats
     ) -> tuple[Complexes, Booleans]:
         with localcontext(Context(prec=precision)):
-            digits = evaluate(Digits(points, precision, is_real=is_real, remainder=beyond))
+            digits = evaluate(Digits(points, precision, is_real=is_real, remainder=offset))
             values = np.frompyfunc(complex if is_real else Complex.__complex__, 1, 1)(digits).astype(np.complex128)
         return values, np.abs(values) <= 10.0 ** (-precision // 2) * sizes
 
     results = np.zeros(terms.shape, dtype=np.complex128)
-    left, last, vanish = np.arange(len(omega)), None, np.zeros(0, dtype=np.bool_)
+    open_places, last, vanish = np.arange(len(omega)), None, np.zeros(0, dtype=np.bool_)
     for precision in PRECISIONS:
-        values, small = computed(omega[left], remainder[left], precision, terms[..., left])
+        values, small = compute(omega[open_places], remainder[open_places], precision, terms[..., open_places])
         if small.any() and not vanish.size:
-            beside = omega[[np.abs(omega).argmax()]] * BESIDE
-            vanish = computed(beside, np.zeros(1), PRECISIONS[-1], terms.max(-1, keepdims=True))[1]
+            nearby_frequency = omega[[np.abs(omega).argmax()]] * BESIDE
+            vanish = compute(nearby_frequency, np.zeros(1), PRECISIONS[-1], terms.max(-1, keepdims=True))[1]
         zero = small & vanish if vanish.size and precision < PRECISIONS[-1] else small
         values[zero] = 0
-        results[..., left] = values
+        results[..., open_places] = values
         if last is not None:
-            apart = ~(np.abs(values - last) <= AGREED * np.abs(values)) | (small & ~zero)
-            again = apart.any(tuple(range(apart.ndim - 1)))
-            left, values = left[again], values[..., again]
-            if not len(left):
+            disagrees = ~(np.abs(values - last) <= AGREED * np.abs(values)) | (small & ~zero)
+            is_open = disagrees.any(tuple(range(disagrees.ndim - 1)))
+            open_places, values = open_places[is_open], values[..., is_open]
+            if not len(open_places):
                 break
         last = values
     return results

@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from modal.eigen.component_matrices import ComponentMatrices, Numbers, StructureShapes
-from modal.eigen.sources import Built, Details
+from modal.eigen.sources import Details, ProblemSize
 from modal.types import Booleans, Complexes, Floats, Ints
 
 EPS = float(np.finfo(float).eps)
@@ -23,7 +23,7 @@ class CartModes(Protocol):
 
 
 def details_of(
-    moved: StructureShapes, modal_mass: Floats, momentum: Floats, residual: Floats, energies: tuple[Floats, ...]
+    shapes: StructureShapes, modal_mass: Floats, momentum: Floats, residual: Floats, energies: tuple[Floats, ...]
 ) -> Details:
     """The properties that any mode has: no κ, and no share of a cart's."""
     unknown = np.full(len(modal_mass), np.nan)
@@ -34,9 +34,9 @@ def details_of(
         participation=unknown,
         kappa=unknown,
         residual=residual,
-        angles=moved.angles,
+        angles=shapes.angles,
         shares=tuple(part / modal_mass for part in energies),
-        eta=tuple(moved.eta),
+        eta=tuple(shapes.eta),
     )
 
 
@@ -44,26 +44,26 @@ def details_of(
 class FreeMotions:
     """The motions of one component that nothing holds, ω = 0; where a damper drags it no dynamics are left of them."""
 
-    reduced: ComponentMatrices
+    matrices: ComponentMatrices
     moving: CartModes
     route = "exact"
     is_damped = is_singular = False
 
     @property
-    def built(self) -> Built:
+    def problem_size(self) -> ProblemSize:
         """One problem that is not solved."""
-        if self.reduced.carried.is_plain:
-            return Built("free cart with everything at rest on it", 1, 0)
-        return Built("free motion of the structure with everything at rest on it", self._number, 0)
+        if self.matrices.parted_rig.is_plain:
+            return ProblemSize("free cart with everything at rest on it", 1, 0)
+        return ProblemSize("free motion of the structure with everything at rest on it", self._number, 0)
 
     @property
     def _number(self) -> int:
-        return int(self.reduced.free.shape[1])
+        return int(self.matrices.free.shape[1])
 
     @property
-    def dragged(self) -> Booleans:
+    def has_drag(self) -> Booleans:
         """Which of them a damper drags, (f,)."""
-        return np.asarray(np.arange(self._number) >= self.reduced.coasting.shape[1])
+        return np.asarray(np.arange(self._number) >= self.matrices.coasting.shape[1])
 
     @property
     def eigenvalue(self) -> Complexes:
@@ -77,25 +77,27 @@ class FreeMotions:
 
     def details(self, rows: Ints) -> Details:
         """The structure alone is displaced, every angle is zero."""
-        carried, at = self.reduced.carried, self.reduced.component.eta
-        eta, unit = np.zeros((carried.size, len(rows))), np.ones(len(rows))
-        eta[at] = self.reduced.free[: len(at), rows]
-        moved = StructureShapes(carried, eta, tuple(np.zeros((*b.mass.shape, len(rows))) for b in carried.rig.blocks))
-        momentum = cancelled(carried.momenta[at], eta[at])
-        if not carried.is_plain:
-            momentum = momentum + (np.nan if self.reduced.is_damped else 0.0)
-            return details_of(moved, unit, momentum, 0 * unit, moved.energies)
-        dragged, cart = self.dragged[rows], eta[0]
+        parted_rig, at = self.matrices.parted_rig, self.matrices.component.eta
+        eta, unit = np.zeros((parted_rig.size, len(rows))), np.ones(len(rows))
+        eta[at] = self.matrices.free[: len(at), rows]
+        shapes = StructureShapes(
+            parted_rig, eta, tuple(np.zeros((*b.mass.shape, len(rows))) for b in parted_rig.rig.blocks)
+        )
+        momentum = significant_product(parted_rig.momenta[at], eta[at])
+        if not parted_rig.is_plain:
+            momentum = momentum + (np.nan if self.matrices.is_damped else 0.0)
+            return details_of(shapes, unit, momentum, 0 * unit, shapes.energies)
+        has_drag, cart = self.has_drag[rows], eta[0]
         return replace(
-            details_of(moved, unit, np.where(dragged, np.nan, momentum), 0 * unit, moved.energies),
+            details_of(shapes, unit, np.where(has_drag, np.nan, momentum), 0 * unit, shapes.energies),
             cart=cart,
-            participation=np.where(dragged, 0.0, cart**2 / self.moving.accelerance),
+            participation=np.where(has_drag, 0.0, cart**2 / self.moving.accelerance),
             kappa=0 * unit,
             eta=(),
         )
 
 
-def cancelled(row: Floats, shape: Numbers) -> Floats:
+def significant_product(row: Floats, shape: Numbers) -> Floats:
     """A row times shapes (n, R), 0 where no more than rounding is left of its terms."""
     products: Floats = row @ shape
     return np.where(np.abs(products) <= 4 * len(row) * EPS * (np.abs(row) @ np.abs(shape)), 0.0, products)

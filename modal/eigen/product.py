@@ -34,8 +34,8 @@ def product_modes(stiffness: SquareSum, inertia: SquareSum, free: int = 0) -> tu
 
     ComputationError where M is singular, or double precision does not suffice.
     """
-    wide: Any = np.longdouble if is_wide(inertia.rows.shape[1]) else np.float64
-    F1, F2 = (_root(factor, wide) for factor in (stiffness, inertia))
+    number_type: Any = np.longdouble if is_wide(inertia.rows.shape[1]) else np.float64
+    F1, F2 = (_root(factor, number_type) for factor in (stiffness, inertia))
     n = F2.shape[1]
     if n == free:
         return np.zeros(0), np.zeros((n, 0))
@@ -43,11 +43,11 @@ def product_modes(stiffness: SquareSum, inertia: SquareSum, free: int = 0) -> tu
     if not (size > 0).all():
         raise ComputationError(BEYOND)
     F1, F2 = F1 / size, F2 / size
-    R, order = _triangular(_sorted(F2))
+    R, order = _triangular(_sort_rows(F2))
     G = np.empty_like(F1)
     for j, column in enumerate(order):
         G[:, j] = (F1[:, column] - G[:, :j] @ R[:j, j]) / R[j, j]
-    L, d, U = _complete_pivoting(_sorted(G), n - free)
+    L, d, U = _complete_pivoting(_sort_rows(G), n - free)
     _, R2, order2 = scipy.linalg.qr((L * d).astype(float), mode="economic", pivoting=True)
     omega, u = _jacobi((R2 @ U.astype(float)[order2]).T)
     shapes = np.empty((n, n - free))
@@ -56,9 +56,9 @@ def product_modes(stiffness: SquareSum, inertia: SquareSum, free: int = 0) -> tu
     return omega, shapes / size[:, None].astype(float)
 
 
-def _root(factor: SquareSum, wide: Any) -> Any:
+def _root(factor: SquareSum, number_type: Any) -> Any:
     """F (E, n) with FᵀF the sum."""
-    return np.sqrt(factor.size.astype(wide))[:, None] * factor.rows
+    return np.sqrt(factor.size.astype(number_type))[:, None] * factor.rows
 
 
 def _triangular(F: Any) -> tuple[Any, Ints]:
@@ -78,7 +78,7 @@ def _triangular(F: Any) -> tuple[Any, Ints]:
     return A[:n], order
 
 
-def _sorted(F: Any) -> Any:
+def _sort_rows(F: Any) -> Any:
     """The rows by their largest entries, the largest first."""
     return F[np.argsort(-np.abs(F).max(1), kind="stable")]
 
@@ -86,9 +86,9 @@ def _sorted(F: Any) -> Any:
 def _jacobi(W: Floats) -> tuple[Floats, Floats]:
     """Singular values of W (n, r), ascending, and its left singular vectors (n, r)."""
     gejsv: Any = scipy.linalg.lapack.dgejsv
-    sva, u, _, work, _, failed = gejsv(np.asfortranarray(W), joba=KEEP_ALL, jobu=0, jobv=3, jobr=0, jobt=0, jobp=0)
+    sva, u, _, work, _, failure = gejsv(np.asfortranarray(W), joba=KEEP_ALL, jobu=0, jobv=3, jobr=0, jobt=0, jobp=0)
     omega = sva * (work[0] / work[1])
-    if failed or not (omega > 0).all():
+    if failure or not (omega > 0).all():
         raise ComputationError(BEYOND)
     up = np.argsort(omega, kind="stable")
     return omega[up], u[:, up]

@@ -62,7 +62,7 @@ def at_infinity(block: Block) -> tuple[Floats, Floats, Floats]:
     return alpha, beta, gamma
 
 
-class Swept(NamedTuple):
+class SweepResult(NamedTuple):
     """Results of elimination in one direction: mass, energy at joints (n + 1, P, R), the rest at links (n, P, R).
 
     `mass` is the effective mass of that side, `gain` the ratio of the far joint's displacement to the near one's,
@@ -77,40 +77,40 @@ class Swept(NamedTuple):
     turn: Floats
 
 
-def from_below(block: Block, x: Floats) -> Swept:
+def from_below(block: Block, x: Floats) -> SweepResult:
     """Everything below each joint, seen from above: joint n is free."""
-    swept = _empty(block, x)
-    swept.mass[-1] = swept.energy[-1] = swept.nearest[-1] = 0.0
+    results = _empty(block, x)
+    results.mass[-1] = results.energy[-1] = results.nearest[-1] = 0.0
     for i, link in reversed(list(enumerate(_columns(block)))):
-        mu, t = swept.mass[i + 1], x / link.k
+        mu, t = results.mass[i + 1], x / link.k
         D = 1.0 - t * (link.r + mu) - NUDGE
-        swept.gain[i] = (1.0 + t * link.q) / D
-        swept.turn[i] = t * (link.upper + mu) / D
-        swept.mass[i] = _passed_on(link, x, link.p, mu) / D
-        swept.nearest[i] = _kinetic(link, 1.0, swept.turn[i])
-        swept.energy[i] = swept.nearest[i] + swept.energy[i + 1] * swept.gain[i] ** 2
-    return swept
+        results.gain[i] = (1.0 + t * link.q) / D
+        results.turn[i] = t * (link.upper + mu) / D
+        results.mass[i] = _mass_numerator(link, x, link.p, mu) / D
+        results.nearest[i] = _kinetic(link, 1.0, results.turn[i])
+        results.energy[i] = results.nearest[i] + results.energy[i + 1] * results.gain[i] ** 2
+    return results
 
 
-def from_above(block: Block, x: Floats, nu: Floats | None, energy: Floats | float = 0.0) -> Swept:
+def from_above(block: Block, x: Floats, nu: Floats | None, energy: Floats | float = 0.0) -> SweepResult:
     """Everything above each joint, seen from below; mass `nu` and `energy` (P, R) at the pivot, None if it is fixed."""
-    swept = _empty(block, x)
-    swept.mass[0] = np.inf if nu is None else nu
-    swept.energy[0], swept.nearest[0] = energy, 0.0
+    results = _empty(block, x)
+    results.mass[0] = np.inf if nu is None else nu
+    results.energy[0], results.nearest[0] = energy, 0.0
     for i, link in enumerate(_columns(block)):
         t = x / link.k
         if nu is None:
-            swept.gain[i], swept.turn[i] = 0.0, 1.0
-            swept.mass[i + 1] = link.r - 1.0 / t
+            results.gain[i], results.turn[i] = 0.0, 1.0
+            results.mass[i + 1] = link.r - 1.0 / t
         else:
             D = 1.0 - t * (link.p + nu) - NUDGE
-            swept.gain[i] = (1.0 + t * link.q) / D
-            swept.turn[i] = -t * (link.lower + nu) / D
-            swept.mass[i + 1] = _passed_on(link, x, link.r, nu) / D
-        swept.nearest[i + 1] = _kinetic(link, swept.gain[i], swept.turn[i])
-        swept.energy[i + 1] = swept.nearest[i + 1] + swept.energy[i] * swept.gain[i] ** 2
-        nu = swept.mass[i + 1]
-    return swept
+            results.gain[i] = (1.0 + t * link.q) / D
+            results.turn[i] = -t * (link.lower + nu) / D
+            results.mass[i + 1] = _mass_numerator(link, x, link.r, nu) / D
+        results.nearest[i + 1] = _kinetic(link, results.gain[i], results.turn[i])
+        results.energy[i + 1] = results.nearest[i + 1] + results.energy[i] * results.gain[i] ** 2
+        nu = results.mass[i + 1]
+    return results
 
 
 def kinetic(block: Block, y: Floats, a: Floats) -> Floats:
@@ -141,9 +141,9 @@ def _rows(links: Constants) -> list[Constants]:
     return [Constants(*row) for row in zip(*links, strict=True)]
 
 
-def _passed_on(link: Constants, x: Floats, other: Floats, mass: Floats) -> Floats:
-    passed: Floats = (1.0 - x * (other / link.k)) * mass + (link.m - x * (link.mJ / link.k))
-    return passed
+def _mass_numerator(link: Constants, x: Floats, inertia: Floats, mass: Floats) -> Floats:
+    numerator: Floats = (1.0 - x * (inertia / link.k)) * mass + (link.m - x * (link.mJ / link.k))
+    return numerator
 
 
 def _kinetic(link: Constants, y: Floats | float, a: Floats) -> Floats:
@@ -151,9 +151,9 @@ def _kinetic(link: Constants, y: Floats | float, a: Floats) -> Floats:
     return twice
 
 
-def _empty(block: Block, x: Floats) -> Swept:
+def _empty(block: Block, x: Floats) -> SweepResult:
     shape = (block.size, x.shape[-1])
-    return Swept(
+    return SweepResult(
         mass=np.empty((block.n + 1, *shape)),
         energy=np.empty((block.n + 1, *shape)),
         nearest=np.empty((block.n + 1, *shape)),
@@ -173,13 +173,13 @@ MOST_COUNTED = 127
 class Chains(NamedTuple):
     """The recursion's constants (n, P, 1, S) with 1/k for k, and the entries of a dense matrix.
 
-    J = I/l² is apart from `near`, `far` and `cross`: m s², m (1 − s)² and m s (1 − s).
+    J = I/l² is apart from `top_inertia`, `tip_inertia` and `cross`: m s², m (1 − s)² and m s (1 − s).
     """
 
     m: Floats
     J: Floats
-    near: Floats
-    far: Floats
+    top_inertia: Floats
+    tip_inertia: Floats
     cross: Floats
     r: Floats
     p: Floats
@@ -211,12 +211,12 @@ class Chains(NamedTuple):
 
 def chains_of(mass: Floats, length: Floats, centre: Floats, inertia: Floats) -> Chains:
     """Chains with these numbers, (n, P, 1, S) each."""
-    below = masses_below(mass)
-    link = pair.link_constants(mass, length, centre, inertia, below)
-    b = pair.first_moment(mass, length, centre, below)
-    diagonal = pair.second_moment(mass, length, centre, inertia, below)
-    apart = lever_masses(link, length, centre, inertia)
-    return Chains(link.m, *apart, link.r, link.p, link.q, 1 / link.k, length, b, diagonal)
+    mass_below = masses_below(mass)
+    link = pair.link_constants(mass, length, centre, inertia, mass_below)
+    b = pair.first_moment(mass, length, centre, mass_below)
+    diagonal = pair.second_moment(mass, length, centre, inertia, mass_below)
+    levers = lever_masses(link, length, centre, inertia)
+    return Chains(link.m, *levers, link.r, link.p, link.q, 1 / link.k, length, b, diagonal)
 
 
 def lever_masses(link: Constants, length: Any, centre: Any, inertia: Any) -> tuple[Any, Any, Any, Any]:
@@ -237,12 +237,12 @@ class Suspension:
     def on_cart(cls, blocks: Sequence[Block], cart: CartNumbers) -> Suspension:
         """All chains on one cart, or on each of S carts."""
         mass, stiffness = np.atleast_1d(cart.mass), np.atleast_1d(cart.stiffness)
-        return cls(tuple(_arranged(block, (-1, 1, len(mass))) for block in blocks), mass, stiffness)
+        return cls(tuple(_arrange(block, (-1, 1, len(mass))) for block in blocks), mass, stiffness)
 
     @classmethod
-    def fixed(cls, block: Block) -> Suspension:
+    def on_fixed_support(cls, block: Block) -> Suspension:
         """Every chain of a block on a fixed support of its own."""
-        return cls((_arranged(block, (1, 1, -1)),))
+        return cls((_arrange(block, (1, 1, -1)),))
 
     @property
     def supports(self) -> int:
@@ -268,64 +268,66 @@ class Suspension:
 
     def count(self, x: Floats) -> Ints:
         """Number of oscillatory modes below each x (R, S)."""
-        below: Ints = np.zeros(x.shape, dtype=np.int64)
-        felt = np.zeros(x.shape)
+        total: Ints = np.zeros(x.shape, dtype=np.int64)
+        pivot_mass = np.zeros(x.shape)
         for chains in self.chains:
             counts, mass = count_and_mass(chains, x)
-            below += counts.sum(0)
-            felt += mass.sum(0)
+            total += counts.sum(0)
+            pivot_mass += mass.sum(0)
         if self.mass is None or self.stiffness is None:
-            return below
-        return np.asarray(below + (felt + self.mass > self.stiffness / x) - (self.stiffness == 0))
+            return total
+        return np.asarray(total + (pivot_mass + self.mass > self.stiffness / x) - (self.stiffness == 0))
 
     @cached_property
     def low(self) -> Floats:
         """A power of two below every ω² > 0, from 1/ω² ≤ trace(K⁻¹ M), (S,)."""
         trace = sum((chains.diagonal / chains.b).sum((0, 1, 2)) for chains in self.chains)
         if self.stiffness is not None:
-            held = self.stiffness > 0
-            trace = trace + np.where(held, self.total_mass / np.where(held, self.stiffness, 1.0), 0.0)
+            has_spring = self.stiffness > 0
+            trace = trace + np.where(has_spring, self.total_mass / np.where(has_spring, self.stiffness, 1.0), 0.0)
         power: Floats = 2.0 ** (-np.ceil(np.log2(trace)) - 1)
         return power
 
 
 def count_and_mass(chains: Chains, x: Floats) -> tuple[Ints, Floats]:
     """Number of fixed-base frequencies of each chain below each x, and the mass felt at its pivot, (P, R, S)."""
-    if alone := one_by_one(swept, (chains.inverse, chains.J, chains.near, chains.far, chains.m), x):
-        return alone[0].astype(np.int64), alone[1]
+    if results := one_by_one(
+        count_in_floats, (chains.inverse, chains.J, chains.top_inertia, chains.tip_inertia, chains.m), x
+    ):
+        return results[0].astype(np.int64), results[1]
     with np.errstate(all="ignore"):
-        below, mass = _counted(chains, x, 0.0)
+        counts, mass = _count_in_arrays(chains, x, 0.0)
         if not (fine := np.isfinite(mass).all((0, 2))).all():
-            below[:, ~fine], mass[:, ~fine] = _counted(chains, x[~fine], NUDGE)
-    return below, mass
+            counts[:, ~fine], mass[:, ~fine] = _count_in_arrays(chains, x[~fine], NUDGE)
+    return counts, mass
 
 
-def _counted(chains: Chains, x: Floats, nudge: float) -> tuple[Ints, Floats]:
+def _count_in_arrays(chains: Chains, x: Floats, nudge: float) -> tuple[Ints, Floats]:
     mu = np.zeros((chains.m.shape[1], *x.shape))
-    below = np.zeros(mu.shape, dtype=np.int64)
+    counts = np.zeros(mu.shape, dtype=np.int64)
     step = min(MOST_COUNTED, max(1, ROOM // max(1, mu.size)))
     room = np.empty((5, min(step, chains.n), *mu.shape))
     for end in range(chains.n, 0, -step):
-        some = slice(max(0, end - step), end)
-        t, light, gains, masses, pivots = room[:, : end - some.start]
-        np.multiply(chains.inverse[some], x, out=t)
-        np.multiply(chains.J[some], t, out=light)
+        span = slice(max(0, end - step), end)
+        t, light, gains, masses, pivots = room[:, : end - span.start]
+        np.multiply(chains.inverse[span], x, out=t)
+        np.multiply(chains.J[span], t, out=light)
         np.subtract(1.0, light, out=light)
-        np.multiply(chains.far[some], t, out=gains)
+        np.multiply(chains.tip_inertia[span], t, out=gains)
         np.subtract(light, gains, out=gains)
-        np.multiply(chains.m[some], light, out=masses)
-        factors = t, light, gains, masses, chains.near[some], pivots
-        for stretched, w, gain, added, near, D in zip(*(values[::-1] for values in factors), strict=True):
-            np.add(mu, near, out=D)
-            np.multiply(D, stretched, out=D)
+        np.multiply(chains.m[span], light, out=masses)
+        factors = t, light, gains, masses, chains.top_inertia[span], pivots
+        for ratio, w, gain, addend, top_inertia, D in zip(*(values[::-1] for values in factors), strict=True):
+            np.add(mu, top_inertia, out=D)
+            np.multiply(D, ratio, out=D)
             np.subtract(w, D, out=D)
             if nudge:
                 np.subtract(D, nudge, out=D)
             mu *= gain
-            mu += added
+            mu += addend
             mu /= D
-        below += np.add.reduce((pivots < 0).view(np.int8), axis=0, dtype=np.int8)
-    return below, mu
+        counts += np.add.reduce((pivots < 0).view(np.int8), axis=0, dtype=np.int8)
+    return counts, mu
 
 
 def one_by_one(sweep: Sweep, constants: Sequence[Floats], x: Floats) -> tuple[Floats, Floats] | None:
@@ -347,44 +349,44 @@ def one_by_one(sweep: Sweep, constants: Sequence[Floats], x: Floats) -> tuple[Fl
     return results[0], results[1]
 
 
-def swept(links: list[Any], y: float) -> tuple[int, float]:
+def count_in_floats(links: list[Any], y: float) -> tuple[int, float]:
     """Pivots D < 0 and the mass at the pivot of links (1/k, J, m s², m (1 − s)², m), tip first."""
-    mu, below = 0.0, 0
-    for k, J, near, far, m in links:
+    mu, count = 0.0, 0
+    for k, J, top_inertia, tip_inertia, m in links:
         t = y * k
         w = 1.0 - J * t
-        D = w - (mu + near) * t
+        D = w - (mu + top_inertia) * t
         if D < 0.0:
-            below += 1
-        mu = (mu * (w - far * t) + m * w) / D
-    return below, mu
+            count += 1
+        mu = (mu * (w - tip_inertia * t) + m * w) / D
+    return count, mu
 
 
-def nudged(links: list[Any], y: float, nudge: float) -> tuple[int, float]:
+def nudged_count_in_floats(links: list[Any], y: float, nudge: float) -> tuple[int, float]:
     """The same with D less the nudge."""
-    mu, below = 0.0, 0
-    for k, J, near, far, m in links:
+    mu, count = 0.0, 0
+    for k, J, top_inertia, tip_inertia, m in links:
         t = y * k
         w = 1.0 - J * t
-        D = w - (mu + near) * t - nudge
-        mu = (mu * (w - far * t) + m * w) / D
-        below += D < 0
-    return below, mu
+        D = w - (mu + top_inertia) * t - nudge
+        mu = (mu * (w - tip_inertia * t) + m * w) / D
+        count += D < 0
+    return count, mu
 
 
-def swept_with_energy(links: list[Any], y: float) -> tuple[float, float]:
+def mass_and_energy_in_floats(links: list[Any], y: float) -> tuple[float, float]:
     """Mass and energy at the pivot of links, their constants before m s (1 − s), r, p and q, tip first."""
     mu = energy = 0.0
-    for k, J, near, far, m, cross, r, p, q in links:
+    for k, J, top_inertia, tip_inertia, m, cross, r, p, q in links:
         t = y * k
         w = 1.0 - J * t
-        D = w - near * t - t * mu
-        carried = (w + cross * t) / D
-        mu = (mu * (w - far * t) + m * w) / D
-        energy = ((energy + r) * carried + 2.0 * q) * carried + p
+        D = w - top_inertia * t - t * mu
+        gain = (w + cross * t) / D
+        mu = (mu * (w - tip_inertia * t) + m * w) / D
+        energy = ((energy + r) * gain + 2.0 * q) * gain + p
     return mu, energy
 
 
-def _arranged(block: Block, shape: tuple[int, int, int]) -> Chains:
+def _arrange(block: Block, shape: tuple[int, int, int]) -> Chains:
     numbers = block.mass, block.length, block.centre, block.inertia
     return chains_of(*(values.reshape(block.n, *shape) for values in numbers))

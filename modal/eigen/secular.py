@@ -56,7 +56,7 @@ def solve(poles: Poles) -> Roots:
     gaps = _Run(poles, 0, len(poles.square) - 1, 0, len(poles.square), None)
     parts = [Roots(np.zeros(0, dtype=np.int64), np.zeros(0)), *gaps.roots()]
     if poles.constant > 0:
-        parts.append(_beyond(poles))
+        parts.append(_last_root(poles))
     return Roots(np.concatenate([p.anchor for p in parts]), np.concatenate([p.offset for p in parts]))
 
 
@@ -85,8 +85,8 @@ class _Run:
     poles: Poles
     first: int
     last: int
-    near: int
-    far: int
+    pole_start: int
+    pole_stop: int
     others: _Table | None
 
     def roots(self) -> Iterator[Roots]:
@@ -104,47 +104,47 @@ class _Run:
         square, weight = self.poles.square, self.poles.weight
         low, high = square[first], square[last]
         half = (high - low) / 2
-        near = max(self.near, int(np.searchsorted(square, low - 2 * half)))
-        far = min(self.far, int(np.searchsorted(square, high + 2 * half, side="right")))
+        pole_start = max(self.pole_start, int(np.searchsorted(square, low - 2 * half)))
+        pole_stop = min(self.pole_stop, int(np.searchsorted(square, high + 2 * half, side="right")))
         x = low + half * (1 + _NODES)
         values = np.zeros(POINTS) if self.others is None else self.others(x)
-        for outer in (slice(self.near, near), slice(far, self.far)):
+        for outer in (slice(self.pole_start, pole_start), slice(pole_stop, self.pole_stop)):
             values = values + (weight[outer] / (square[outer] - x[:, None])).sum(1)
         table = _Table(low + half, half, values)
-        return replace(self, first=first, last=last, near=near, far=far, others=table)
+        return replace(self, first=first, last=last, pole_start=pole_start, pole_stop=pole_stop, others=table)
 
     def _leaf(self) -> Roots:
         square, weight = self.poles.square, self.poles.weight
-        left = np.arange(self.first, self.last)
-        gap = square[left + 1] - square[left]
-        middle = self._value(left, gap / 2)
-        anchor = np.where(middle > 0, left, left + 1)
+        gap_index = np.arange(self.first, self.last)
+        gap = square[gap_index + 1] - square[gap_index]
+        middle = self._value(gap_index, gap / 2)
+        anchor = np.where(middle > 0, gap_index, gap_index + 1)
         sign = np.where(middle > 0, 1.0, -1.0)
 
-        def deflated(size: Floats) -> Floats:
+        def deflated_value(size: Floats) -> Floats:
             return size * (1.0 - size / gap) * sign * self._value(anchor, sign * size)
 
-        return Roots(anchor, sign * _rising_zero(deflated, gap / 2, -weight[anchor], gap / 4 * np.abs(middle)))
+        return Roots(anchor, sign * _rising_zero(deflated_value, gap / 2, -weight[anchor], gap / 4 * np.abs(middle)))
 
     def _value(self, anchor: Ints, offset: Floats) -> Floats:
-        square, near = self.poles.square, slice(self.near, self.far)
-        distance = (square[near] - square[anchor][:, None]) - offset[:, None]
-        value: Floats = self.poles.constant + (self.poles.weight[near] / distance).sum(1)
+        square, span = self.poles.square, slice(self.pole_start, self.pole_stop)
+        distance = (square[span] - square[anchor][:, None]) - offset[:, None]
+        value: Floats = self.poles.constant + (self.poles.weight[span] / distance).sum(1)
         if self.others is not None:
             value += self.others(square[anchor] + offset)
         return value
 
 
-def _beyond(poles: Poles) -> Roots:
+def _last_root(poles: Poles) -> Roots:
     """The root above the last pole, at most ΣW/c beyond it."""
     distance = poles.square[-1] - poles.square
     farthest = np.atleast_1d(2 * poles.weight.sum() / poles.constant)
 
-    def deflated(size: Floats) -> Floats:
+    def deflated_value(size: Floats) -> Floats:
         value: Floats = size * poles.constant - (poles.weight * (size / (distance + size))).sum(keepdims=True)
         return value
 
-    size = _rising_zero(deflated, farthest, -poles.weight[-1:], deflated(farthest))
+    size = _rising_zero(deflated_value, farthest, -poles.weight[-1:], deflated_value(farthest))
     return Roots(np.array([len(distance) - 1]), size)
 
 
@@ -160,9 +160,9 @@ def _rising_zero(function: Callable[[Floats], Floats], high: Floats, at_low: Flo
         if np.all(np.abs(trial - last) <= 4e-16 * trial):
             return trial
         value = function(trial)
-        above = value >= 0
-        at_low = np.where(above, np.where(trial < last, at_low / 2, at_low), value)
-        at_high = np.where(above, value, np.where(trial > last, at_high / 2, at_high))
-        low, high = np.where(above, low, trial), np.where(above, trial, high)
+        is_above = value >= 0
+        at_low = np.where(is_above, np.where(trial < last, at_low / 2, at_low), value)
+        at_high = np.where(is_above, value, np.where(trial > last, at_high / 2, at_high))
+        low, high = np.where(is_above, low, trial), np.where(is_above, trial, high)
         last = trial
     raise ComputationError("the secular equation of this cart did not converge in double precision")

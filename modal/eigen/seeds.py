@@ -23,7 +23,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from modal.eigen.recursion import ROOM, Chains, Suspension, joint_masses, one_by_one, swept_with_energy
+from modal.eigen.recursion import ROOM, Chains, Suspension, joint_masses, mass_and_energy_in_floats, one_by_one
 from modal.types import Floats
 
 EPS = 2.0**-53
@@ -39,15 +39,15 @@ LARGEST = 1500
 
 def seeds(suspension: Suspension) -> tuple[Floats, Floats]:
     """ω² (N, S), ascending, and bounds on the relative errors (N, S), infinite where nothing is known."""
-    matrix, removed = _scaled(suspension)
+    matrix, removed_norm = _scaled_matrices(suspension)
     size = matrix.shape[-1]
     try:
-        values = {1: _only, 2: _both}.get(size, np.linalg.eigvalsh)(matrix)
+        values = {1: _single_eigenvalue, 2: _two_eigenvalues}.get(size, np.linalg.eigvalsh)(matrix)
     except np.linalg.LinAlgError:
         values = np.full(matrix.shape[:2], np.nan)
     largest = values[:, -1:]
     with np.errstate(all="ignore"):
-        error = ROUNDINGS * EPS * (size * largest + EARLIER * (largest + 2 * removed[:, None])) / values
+        error = ROUNDINGS * EPS * (size * largest + EARLIER * (largest + 2 * removed_norm[:, None])) / values
         error = np.where((values > 0) & np.isfinite(error), error, np.inf)
         return np.asarray((1.0 / values).T[::-1]), error.T[::-1]
 
@@ -59,7 +59,7 @@ def slow_seeds(suspension: Suspension, number: int) -> tuple[Floats, Floats]:
     [Parlett1998, §13]: its product with a vector is two running sums along each chain.  It may miss a mode, which a
     count tells.
     """
-    (product, removed), size = _product(suspension), suspension.size
+    (product, removed_norm), size = _product(suspension), suspension.size
     steps = min(size, EACH * number + MORE)
     basis, small, beta = np.zeros((steps + 1, size)), np.zeros((steps, steps)), 0.0
     start = np.random.default_rng(0).uniform(0.5, 1.0, size)
@@ -72,8 +72,8 @@ def slow_seeds(suspension: Suspension, number: int) -> tuple[Floats, Floats]:
         small[k + 1 : k + 2, k] = beta = float(np.linalg.norm(w))
         basis[k + 1] = w / beta if beta > 0 else w
     values, vectors = np.linalg.eigh(small)
-    values, missed = values[: -number - 1 : -1, None], beta * np.abs(vectors[-1, : -number - 1 : -1, None])
-    error = (missed + ROUNDINGS * (size + EARLIER) * EPS * (values[0] + removed)) / values
+    values, residual = values[: -number - 1 : -1, None], beta * np.abs(vectors[-1, : -number - 1 : -1, None])
+    error = (residual + ROUNDINGS * (size + EARLIER) * EPS * (values[0] + removed_norm)) / values
     return 1.0 / values, np.where((values > 0) & np.isfinite(error), error, np.inf)
 
 
@@ -86,19 +86,19 @@ def _product(suspension: Suspension) -> tuple[Callable[[Floats], Floats], float]
     )
     moment = np.sqrt(b)
     reach, scale = length / moment, diagonal / b
-    drawn = moment / suspension.total_mass[0] if suspension.mass is not None else np.zeros_like(moment)
+    cart_coupling = moment / suspension.total_mass[0] if suspension.mass is not None else np.zeros_like(moment)
     ends = np.cumsum([chains.n for chains, _ in rows]).tolist()
     pieces = [slice(end - chains.n, end) for end, (chains, _) in zip(ends, rows, strict=True)]
 
     def product(v: Floats) -> Floats:
-        image: Floats = scale * v - drawn * (moment @ v)
+        image: Floats = scale * v - cart_coupling * (moment @ v)
         for piece in pieces:
-            along, across = (reach * v)[piece], (moment * v)[piece]
-            image[piece][1:] += moment[piece][1:] * np.cumsum(along[:-1])
-            image[piece][:-1] += reach[piece][:-1] * np.cumsum(across[:0:-1])[::-1]
+            reach_terms, moment_terms = (reach * v)[piece], (moment * v)[piece]
+            image[piece][1:] += moment[piece][1:] * np.cumsum(reach_terms[:-1])
+            image[piece][:-1] += reach[piece][:-1] * np.cumsum(moment_terms[:0:-1])[::-1]
         return image
 
-    return product, float(moment @ drawn)
+    return product, float(moment @ cart_coupling)
 
 
 def seed_matrices(links: int, supports: int) -> tuple[tuple[str, int, int], ...]:
@@ -106,42 +106,42 @@ def seed_matrices(links: int, supports: int) -> tuple[tuple[str, int, int], ...]
     return (("seeds", links, supports),) if 1 < links <= LARGEST else ()
 
 
-def _only(matrix: Floats) -> Floats:
+def _single_eigenvalue(matrix: Floats) -> Floats:
     return matrix[..., 0]
 
 
-def _both(matrix: Floats) -> Floats:
+def _two_eigenvalues(matrix: Floats) -> Floats:
     """The eigenvalues (S, 2) of matrices of two rows, ascending, sooner than by LAPACK."""
-    first, last, beside = matrix[:, 0, 0], matrix[:, 1, 1], matrix[:, 1, 0]
-    middle, half = (first + last) / 2, np.hypot((first - last) / 2, beside)
+    first, last, off_diagonal = matrix[:, 0, 0], matrix[:, 1, 1], matrix[:, 1, 0]
+    middle, half = (first + last) / 2, np.hypot((first - last) / 2, off_diagonal)
     return np.stack([middle - half, middle + half], axis=-1)
 
 
-def _scaled(suspension: Suspension) -> tuple[Floats, Floats]:
+def _scaled_matrices(suspension: Suspension) -> tuple[Floats, Floats]:
     """The lower triangle of each K^−½ M K^−½ (S, N, N), next to each other in memory, and the norms Σ b/M_tot (S,)."""
     supports, links = suspension.supports, suspension.size
     spring = suspension.stiffness is not None and bool(suspension.stiffness[0] > 0)
     free = suspension.stiffness is not None and not spring
     matrices = np.zeros((links + spring, links + spring, supports))
     moments = [np.sqrt(chains.b[:, :, 0]).swapaxes(0, 1).reshape(-1, supports) for chains in suspension.chains]
-    every = np.concatenate(moments)
-    drawn = every / suspension.total_mass if free else np.zeros((links, 1))
+    all_moments = np.concatenate(moments)
+    cart_coupling = all_moments / suspension.total_mass if free else np.zeros((links, 1))
     if free and links > suspension.chains[0].n:
-        np.multiply(every[:, None], -drawn, out=matrices)
+        np.multiply(all_moments[:, None], -cart_coupling, out=matrices)
     at = 0
     for chains in suspension.chains:
         for p in range(chains.m.shape[1]):
             span = slice(at, at + chains.n)
-            moment, less = every[span], drawn[span]
+            moment, coupling = all_moments[span], cart_coupling[span]
             at += chains.n
             block = matrices[span.start + spring : at + spring, span.start + spring : at + spring]
-            np.multiply(moment[:, None], chains.length[:, p, 0] / moment - less, out=block)
-            np.einsum("iis->is", block)[:] = chains.diagonal[:, p, 0] / moment / moment - moment * less
+            np.multiply(moment[:, None], chains.length[:, p, 0] / moment - coupling, out=block)
+            np.einsum("iis->is", block)[:] = chains.diagonal[:, p, 0] / moment / moment - moment * coupling
     if spring and suspension.stiffness is not None:
-        held = np.sqrt(suspension.stiffness)
-        matrices[0, 0] = suspension.total_mass / held / held
-        matrices[1:, 0] = every / held
-    return matrices.transpose(2, 0, 1), np.broadcast_to((every * drawn).sum(0), (supports,))
+        root_stiffness = np.sqrt(suspension.stiffness)
+        matrices[0, 0] = suspension.total_mass / root_stiffness / root_stiffness
+        matrices[1:, 0] = all_moments / root_stiffness
+    return matrices.transpose(2, 0, 1), np.broadcast_to((all_moments * cart_coupling).sum(0), (supports,))
 
 
 class _Side(NamedTuple):
@@ -151,7 +151,7 @@ class _Side(NamedTuple):
     energy: Floats
 
     @property
-    def reversed(self) -> _Side:
+    def reverse_order(self) -> _Side:
         """The joints in the opposite order."""
         return _Side(self.mass[::-1], self.energy[::-1])
 
@@ -163,30 +163,30 @@ def at_pivot(suspension: Suspension, x: Floats) -> Floats:
             (chains,) = suspension.chains
             mass, energy = (rows[0] for rows in _mass_and_energy(chains.rest, x))
             first = chains.r[0, 0]
-            missed = (mass + first - 1.0 / (chains.inverse[0, 0] * x)) / (energy + first)
+            imbalance = (mass + first - 1.0 / (chains.inverse[0, 0] * x)) / (energy + first)
         else:
-            every = zip(*(_mass_and_energy(chains, x) for chains in suspension.chains), strict=True)
-            mass, energy = (sum(values.sum(0) for values in both) for both in every)
-            missed = (mass + suspension.mass - suspension.stiffness / x) / (energy + suspension.mass)
-        quotients: Floats = x * (1.0 - missed)
+            pairs = zip(*(_mass_and_energy(chains, x) for chains in suspension.chains), strict=True)
+            mass, energy = (sum(values.sum(0) for values in arrays) for arrays in pairs)
+            imbalance = (mass + suspension.mass - suspension.stiffness / x) / (energy + suspension.mass)
+        quotients: Floats = x * (1.0 - imbalance)
         return quotients
 
 
 def _mass_and_energy(chains: Chains, x: Floats) -> tuple[Floats, Floats]:
     """Mass, and twice the kinetic energy over ω², of chains whose pivots are displaced by 1, (P, R, S)."""
-    m, J, near, far, cross, r, p, q, inverse = chains[:9]
-    if alone := one_by_one(swept_with_energy, (inverse, J, near, far, m, cross, r, p, q), x):
-        return alone
+    m, J, top_inertia, tip_inertia, cross, r, p, q, inverse = chains[:9]
+    if results := one_by_one(mass_and_energy_in_floats, (inverse, J, top_inertia, tip_inertia, m, cross, r, p, q), x):
+        return results
     mass, energy = (np.zeros((chains.m.shape[1], *x.shape)) for _ in range(2))
     D = np.empty_like(mass)
     step = max(1, ROOM // max(1, mass.size))
     room = np.empty((5, min(step, chains.n), *mass.shape))
     for end in range(chains.n, 0, -step):
-        some = slice(max(0, end - step), end)
-        m, J, near, far, cross, r, p, q = (values[some] for values in chains[:8])
-        t, *products = room[:, : end - some.start]
-        np.multiply(chains.inverse[some], x, out=t)
-        for constant, product in zip((near, far, J, cross), products, strict=True):
+        span = slice(max(0, end - step), end)
+        m, J, top_inertia, tip_inertia, cross, r, p, q = (values[span] for values in chains[:8])
+        t, *products = room[:, : end - span.start]
+        np.multiply(chains.inverse[span], x, out=t)
+        for constant, product in zip((top_inertia, tip_inertia, J, cross), products, strict=True):
             np.multiply(constant, t, out=product)
         free, gains, masses, shares = products
         np.subtract(1.0, masses, out=masses)
@@ -195,15 +195,15 @@ def _mass_and_energy(chains: Chains, x: Floats) -> tuple[Floats, Floats]:
         shares += masses
         masses *= m
         factors = t, r, p, 2 * q, free, gains, masses, shares
-        for stretched, r, p, twice, free, passed, added, carried in zip(
+        for ratio, r, p, twice, free, gain, addend, energy_gain in zip(
             *(values[::-1] for values in factors), strict=True
         ):
-            np.multiply(stretched, mass, out=D)
+            np.multiply(ratio, mass, out=D)
             np.subtract(free, D, out=D)
-            mass *= passed
-            mass += added
+            mass *= gain
+            mass += addend
             mass /= D
-            np.divide(carried, D, out=D)
+            np.divide(energy_gain, D, out=D)
             energy += r
             energy *= D
             energy += twice
@@ -212,77 +212,81 @@ def _mass_and_energy(chains: Chains, x: Floats) -> tuple[Floats, Floats]:
     return mass, energy
 
 
-def twisted(suspension: Suspension, x: Floats) -> Floats:
+def twisted_quotients(suspension: Suspension, x: Floats) -> Floats:
     """The Rayleigh quotients (R, S) of the shapes at x (R, S) out of balance at the best joint; NaN without one."""
     step = max(1, ROOM // (suspension.size * suspension.supports))
     with np.errstate(all="ignore"):
-        pieces = [x[at : at + step] * (1.0 - _missed(suspension, x[at : at + step])) for at in range(0, len(x), step)]
+        pieces = [
+            x[at : at + step] * (1.0 - _least_imbalance(suspension, x[at : at + step])) for at in range(0, len(x), step)
+        ]
     return np.concatenate(pieces)
 
 
-def _missed(suspension: Suspension, x: Floats) -> Floats:
+def _least_imbalance(suspension: Suspension, x: Floats) -> Floats:
     """(μ + ν)/N (R, S) at the best joint."""
     choices = []
-    for below, above, masses in _joined(suspension, x):
-        mass, energy = below.mass + above.mass, below.energy + above.energy
-        missed = mass / energy
-        cost = np.abs(mass * missed) / masses
-        choices.append((np.where(np.isfinite(cost), cost, np.inf).reshape(-1, *x.shape), missed.reshape(-1, *x.shape)))
-    costs, missed = (np.concatenate(parts) for parts in zip(*choices, strict=True))
+    for lower_side, upper_side, masses in _sides_of_joints(suspension, x):
+        mass, energy = lower_side.mass + upper_side.mass, lower_side.energy + upper_side.energy
+        imbalance = mass / energy
+        cost = np.abs(mass * imbalance) / masses
+        choices.append(
+            (np.where(np.isfinite(cost), cost, np.inf).reshape(-1, *x.shape), imbalance.reshape(-1, *x.shape))
+        )
+    costs, imbalance = (np.concatenate(parts) for parts in zip(*choices, strict=True))
     at = costs.argmin(0)[None]
-    chosen: Floats = np.take_along_axis(missed, at, 0)[0]
+    chosen: Floats = np.take_along_axis(imbalance, at, 0)[0]
     return chosen
 
 
-def _joined(suspension: Suspension, x: Floats) -> Iterator[tuple[_Side, _Side, Floats]]:
+def _sides_of_joints(suspension: Suspension, x: Floats) -> Iterator[tuple[_Side, _Side, Floats]]:
     """Both sides of each joint, and the joints' own masses, for every group of chains."""
     mass, stiffness = suspension.mass, suspension.stiffness
-    from_below = [_swept(chains, x, 0.0, 0.0, upward=True).reversed for chains in suspension.chains]
+    from_below = [_sweep_side(chains, x, 0.0, 0.0, upward=True).reverse_order for chains in suspension.chains]
     if mass is None or stiffness is None:
-        for chains, below in zip(suspension.chains, from_below, strict=True):
+        for chains, lower_side in zip(suspension.chains, from_below, strict=True):
             first = chains.r[0] - 1.0 / (chains.inverse[0] * x)
-            above = _swept(chains.rest, x, first, np.broadcast_to(chains.r[0], first.shape), upward=False)
-            yield _Side(below.mass[1:], below.energy[1:]), above, joint_masses(chains.p, chains.r)[1:]
+            upper_side = _sweep_side(chains.rest, x, first, np.broadcast_to(chains.r[0], first.shape), upward=False)
+            yield _Side(lower_side.mass[1:], lower_side.energy[1:]), upper_side, joint_masses(chains.p, chains.r)[1:]
         return
-    others = without_each(mass - stiffness / x, [below.mass[0] for below in from_below])
-    energies = without_each(np.broadcast_to(mass, x.shape), [below.energy[0] for below in from_below])
+    others = sums_without_each(mass - stiffness / x, [lower_side.mass[0] for lower_side in from_below])
+    energies = sums_without_each(np.broadcast_to(mass, x.shape), [lower_side.energy[0] for lower_side in from_below])
     pivot = mass + sum(chains.p[0].sum(0) for chains in suspension.chains)
-    for chains, below, felt, energy in zip(suspension.chains, from_below, others, energies, strict=True):
+    for chains, lower_side, pivot_mass, energy in zip(suspension.chains, from_below, others, energies, strict=True):
         masses = joint_masses(chains.p, chains.r)
         masses[0] = pivot
-        yield below, _swept(chains, x, felt, energy, upward=False), masses
+        yield lower_side, _sweep_side(chains, x, pivot_mass, energy, upward=False), masses
 
 
-def _swept(chains: Chains, x: Floats, mass: Floats | float, energy: Floats | float, *, upward: bool) -> _Side:
+def _sweep_side(chains: Chains, x: Floats, mass: Floats | float, energy: Floats | float, *, upward: bool) -> _Side:
     """One side of each joint in the order of the sweep, given mass and energy at the first joint."""
     order = slice(None, None, -1 if upward else 1)
-    m, J, near, far, cross, r, p, q = (values[order] for values in chains[:8])
+    m, J, top_inertia, tip_inertia, cross, r, p, q = (values[order] for values in chains[:8])
     if not upward:
-        near, far, r, p = far, near, p, r
+        top_inertia, tip_inertia, r, p = tip_inertia, top_inertia, p, r
     t = chains.inverse[order] * x
     light = 1.0 - J * t
-    free, passed, carried, added = light - near * t, light - far * t, light + cross * t, m * light
+    free, gains, energy_gains, addends = light - top_inertia * t, light - tip_inertia * t, light + cross * t, m * light
     side = _Side(*(np.empty((chains.n + 1, *t.shape[1:])) for _ in range(2)))
     side.mass[0], side.energy[0] = mass, energy
     twice, D = 2 * q, np.empty(t.shape[1:])
     for i in range(chains.n):
-        felt, lower = side.mass[i], side.mass[i + 1]
-        np.multiply(t[i], felt, out=D)
+        joint_mass, next_mass = side.mass[i], side.mass[i + 1]
+        np.multiply(t[i], joint_mass, out=D)
         np.subtract(free[i], D, out=D)
-        np.multiply(passed[i], felt, out=lower)
-        lower += added[i]
-        lower /= D
-        np.divide(carried[i], D, out=D)
-        whole = side.energy[i + 1]
-        np.add(side.energy[i], r[i], out=whole)
-        whole *= D
-        whole += twice[i]
-        whole *= D
-        whole += p[i]
+        np.multiply(gains[i], joint_mass, out=next_mass)
+        next_mass += addends[i]
+        next_mass /= D
+        np.divide(energy_gains[i], D, out=D)
+        next_energy = side.energy[i + 1]
+        np.add(side.energy[i], r[i], out=next_energy)
+        next_energy *= D
+        next_energy += twice[i]
+        next_energy *= D
+        next_energy += p[i]
     return side
 
 
-def without_each(base: Floats, parts: list[Floats]) -> list[Floats]:
+def sums_without_each(base: Floats, parts: list[Floats]) -> list[Floats]:
     """Own + Σ of all rows but each one, for rows (P, …) in several arrays, without subtraction."""
     rows = np.concatenate(parts)
     before, after = np.zeros_like(rows), np.zeros_like(rows)

@@ -17,7 +17,13 @@ import numpy as np
 
 from modal import pair
 from modal.assembly import CartNumbers
-from modal.eigen.recursion import NUDGE, lever_masses, nudged, swept, swept_with_energy
+from modal.eigen.recursion import (
+    NUDGE,
+    count_in_floats,
+    lever_masses,
+    mass_and_energy_in_floats,
+    nudged_count_in_floats,
+)
 from modal.eigen.squares import FARTHER
 from modal.types import Floats
 
@@ -38,37 +44,37 @@ def short_squares(links: Sequence[Link], cart: CartNumbers | None) -> Floats | N
     The same floats as `squares_of`; None where counts confirm none near a seed, or two modes meet.
     """
     try:
-        squares = _found(links, cart)
+        squares = _confirmed_squares(links, cart)
     except (ZeroDivisionError, np.linalg.LinAlgError):
         return None
     return np.array(squares) if squares and all(map(lt, squares, squares[1:])) else None
 
 
-def _found(links: Sequence[Link], cart: CartNumbers | None) -> list[float]:
+def _confirmed_squares(links: Sequence[Link], cart: CartNumbers | None) -> list[float]:
     """All ω², or none as soon as one is not confirmed; the fastest first, whose seeds have the fewest digits."""
-    constants, scaled, below = [], [], 0.0
+    constants, seed_constants, mass_below = [], [], 0.0
     for m, length, c, inertia in reversed(links):
-        link = pair.link_constants(m, length, c, inertia, below)
-        J, near, far, cross = lever_masses(link, length, c, inertia)
-        constants.append((1 / link.k, J, near, far, m, cross, link.r, link.p, link.q))
-        scaled.append((link.k, length, link.r + below))
-        below += m
-    counted = [constant[:5] for constant in constants]
-    seeds = _seeds(scaled, below, cart)
+        link = pair.link_constants(m, length, c, inertia, mass_below)
+        J, top_inertia, tip_inertia, cross = lever_masses(link, length, c, inertia)
+        constants.append((1 / link.k, J, top_inertia, tip_inertia, m, cross, link.r, link.p, link.q))
+        seed_constants.append((link.k, length, link.r + mass_below))
+        mass_below += m
+    count_constants = [constant[:5] for constant in constants]
+    seeds = _seeds(seed_constants, mass_below, cart)
     if cart:
         mass, stiffness = cart.mass, cart.stiffness
-        rail, spring, before = mass, stiffness, int(stiffness == 0)
+        rail, spring, rigid_modes = mass, stiffness, int(stiffness == 0)
     else:  # the first link is to the others what a cart and its spring are to a whole chain
-        mass, stiffness = constants.pop()[6], scaled[-1][0]
-        rail, spring, before = -inf, 0.0, 0
+        mass, stiffness = constants.pop()[6], seed_constants[-1][0]
+        rail, spring, rigid_modes = -inf, 0.0, 0
     squares: list[float] = []
-    for j, seed in reversed([*enumerate(seeds, before)]):
+    for j, seed in reversed([*enumerate(seeds, rigid_modes)]):
         x = seed
         for _ in range(STEPS):
-            mu, energy = swept_with_energy(constants, x)
-            missed = (mu + mass - stiffness / x) / (energy + mass)
-            x *= 1.0 - missed
-            if abs(missed) < SETTLED and (square := _stepped(counted, rail, spring, j, x)):
+            mu, energy = mass_and_energy_in_floats(constants, x)
+            imbalance = (mu + mass - stiffness / x) / (energy + mass)
+            x *= 1.0 - imbalance
+            if abs(imbalance) < SETTLED and (square := _step_of_count(count_constants, rail, spring, j, x)):
                 squares.append(square)
                 break
         else:
@@ -77,16 +83,16 @@ def _found(links: Sequence[Link], cart: CartNumbers | None) -> list[float]:
 
 
 @np.errstate(all="ignore")
-def _seeds(scaled: list[tuple[float, float, float]], hanging: float, cart: CartNumbers | None) -> list[float]:
+def _seeds(constants: list[tuple[float, float, float]], hanging: float, cart: CartNumbers | None) -> list[float]:
     """Approximate ω², ascending, as in `modal.eigen.seeds`, from k, l and r + Σ m below of each link, tip first."""
-    k, length, held = np.array(scaled).T
-    root, n = np.sqrt(k), len(scaled)
+    k, length, diagonal = np.array(constants).T
+    root, n = np.sqrt(k), len(constants)
     moment = root * length
     at = 1 if cart and cart.stiffness else 0
     matrix = np.empty((n + at, n + at))
     chain = matrix[at:, at:]
     np.divide(moment, root[:, None], out=chain)
-    chain.flat[:: n + 1] = held / k
+    chain.flat[:: n + 1] = diagonal / k
     if cart:
         total = cart.mass + hanging
         if at:
@@ -98,26 +104,26 @@ def _seeds(scaled: list[tuple[float, float, float]], hanging: float, cart: CartN
     return seeds
 
 
-def _stepped(links: list[Constants], mass: float, stiffness: float, before: int, x: float) -> float:
-    """The float within FARTHER of x at which the count passes the number `before`, 0 without one.
+def _step_of_count(links: list[Constants], mass: float, stiffness: float, index: int, x: float) -> float:
+    """The float within FARTHER of x at which the count passes the number `index`, 0 without one.
 
     The count is that of a chain on a cart with a rigid translation; a `mass` of −∞ is a fixed support.
     """
     if not 0 < x < inf:
         return 0.0
     try:
-        return _neighbour(swept, links, mass, stiffness, before, x)
+        return _neighbour(count_in_floats, links, mass, stiffness, index, x)
     except ZeroDivisionError:
-        return _neighbour(partial(nudged, nudge=NUDGE), links, mass, stiffness, before, x)
+        return _neighbour(partial(nudged_count_in_floats, nudge=NUDGE), links, mass, stiffness, index, x)
 
 
-def _neighbour(count: Count, links: list[Constants], mass: float, stiffness: float, before: int, x: float) -> float:
-    below, mu = count(links, x)
-    high = below + (mu + mass > stiffness / x) > before
+def _neighbour(count: Count, links: list[Constants], mass: float, stiffness: float, index: int, x: float) -> float:
+    number, mu = count(links, x)
+    high = number + (mu + mass > stiffness / x) > index
     way = 0.0 if high else inf
     for _ in range(FARTHER):
         last, x = x, nextafter(x, way)
-        below, mu = count(links, x)
-        if (below + (mu + mass > stiffness / x) > before) != high:
+        number, mu = count(links, x)
+        if (number + (mu + mass > stiffness / x) > index) != high:
             return last if high else x
     return 0.0

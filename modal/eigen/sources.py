@@ -70,7 +70,7 @@ class Source(Protocol):
         """Relative error bounds."""
 
     @property
-    def built(self) -> Built:
+    def problem_size(self) -> ProblemSize:
         """The sizes of the problems solved."""
 
     @property
@@ -106,23 +106,23 @@ class Alone:
     @property
     def route(self) -> str:
         """Dense where that is accurate enough, else the effective mass."""
-        return self.fixed.route
+        return self.fixed_squares.route
 
     @property
-    def built(self) -> Built:
+    def problem_size(self) -> ProblemSize:
         """One problem for each chain."""
         n, chains = self.block.n, self.block.size
-        return Built(f"chain of {counted(n, 'link')}, support still", chains, n, seed_matrices(n, chains))
+        return ProblemSize(f"chain of {noun_count(n, 'link')}, support still", chains, n, seed_matrices(n, chains))
 
     @cached_property
-    def fixed(self) -> Squares:
+    def fixed_squares(self) -> Squares:
         """ω² (n, P), or of the lowest of the n modes."""
         return fixed_squares(self.block, self.limits)
 
     @property
     def squares(self) -> Floats:
         """ω² without their errors."""
-        return self.fixed.x
+        return self.fixed_squares.x
 
     @cached_property
     def eigenvalue(self) -> NDArray[np.complex128]:
@@ -132,7 +132,7 @@ class Alone:
     @property
     def error(self) -> Floats:
         """Relative error bounds."""
-        return self.fixed.error.ravel() / 2 + structured_error(self.block.n, 1)
+        return self.fixed_squares.error.ravel() / 2 + structured_error(self.block.n, 1)
 
     def details(self, rows: Ints) -> Details:
         """One copy's shape and momentum."""
@@ -140,8 +140,8 @@ class Alone:
         chains = self.block.take(rows % self.block.size) if several else self.block
         motion = fixed_shapes(chains, x)
         angle = motion.turns[0] / chains.length[:, None, :]
-        square, turned = (x[:, None], angle.swapaxes(1, 2)) if several else (x, angle)
-        gamma = quartic(chains, square, np.zeros(1), turned).ravel()
+        square, turn = (x[:, None], angle.swapaxes(1, 2)) if several else (x, angle)
+        gamma = quartic(chains, square, np.zeros(1), turn).ravel()
         return chain_details(motion, x, (angle,), gamma, motion.energies, np.inf)
 
 
@@ -149,8 +149,8 @@ class Alone:
 class StillPendula:
     """Combinations of equal pendula in different columns that leave the structure still: row i K + k of mode i."""
 
-    carried: PartedRig
-    balanced: StillGroup
+    parted_rig: PartedRig
+    still_group: StillGroup
     source: Source
     rows: Ints
     is_singular = False
@@ -161,19 +161,19 @@ class StillPendula:
         return self.source.route
 
     @property
-    def built(self) -> Built:
+    def problem_size(self) -> ProblemSize:
         """What is known of one pendulum already."""
-        return Built("equal pendula that leave the structure still", 1, 0)
+        return ProblemSize("equal pendula that leave the structure still", 1, 0)
 
     @cached_property
     def eigenvalue(self) -> Complexes:
         """Those of one pendulum on a fixed support, for each combination."""
-        return np.repeat(self.source.eigenvalue[self.rows], self.balanced.number)
+        return np.repeat(self.source.eigenvalue[self.rows], self.still_group.number)
 
     @property
     def error(self) -> Floats:
         """Relative error bounds."""
-        return np.repeat(self.source.error[self.rows], self.balanced.number)
+        return np.repeat(self.source.error[self.rows], self.still_group.number)
 
     @property
     def is_damped(self) -> bool:
@@ -182,23 +182,23 @@ class StillPendula:
 
     def details(self, rows: Ints) -> Details:
         """The angles of the pendulum, by the amplitudes of the combination."""
-        group, blocks = self.balanced, self.carried.rig.blocks
-        alone = self.source.details(self.rows[rows // group.number])
+        group, blocks = self.still_group, self.parted_rig.rig.blocks
+        pendulum_details = self.source.details(self.rows[rows // group.number])
         amplitude = group.vectors(rows % group.number) / np.sqrt(group.counts)
         angles, shares = (
             tuple(np.zeros((*b.mass.shape, len(rows)), part.dtype) for b in blocks)
-            for part in (alone.angles[0], alone.shares[0])
+            for part in (pendulum_details.angles[0], pendulum_details.shares[0])
         )
-        angles[group.block][:, group.columns] = alone.angles[0][:, 0][:, None] * amplitude.T
-        shares[group.block][:, group.columns] = alone.shares[0][:, 0][:, None] * amplitude.T**2
+        angles[group.block][:, group.columns] = pendulum_details.angles[0][:, 0][:, None] * amplitude.T
+        shares[group.block][:, group.columns] = pendulum_details.shares[0][:, 0][:, None] * amplitude.T**2
         pushes = np.where(rows % group.number < group.pushes, amplitude @ group.counts, 0.0)
         return replace(
-            alone,
-            momentum=alone.momentum * pushes,
+            pendulum_details,
+            momentum=pendulum_details.momentum * pushes,
             angles=angles,
             shares=shares,
             kappa=np.full(len(rows), np.nan),
-            eta=tuple(np.zeros((self.carried.size, len(rows)))),
+            eta=tuple(np.zeros((self.parted_rig.size, len(rows)))),
         )
 
 
@@ -229,7 +229,7 @@ def largest_angle(angles: tuple[NDArray[np.inexact], ...]) -> Floats:
     return largest
 
 
-class Built(NamedTuple):
+class ProblemSize(NamedTuple):
     """A number of `problems` of one form, each with `unknowns`; square `matrices` as (name, order, count).
 
     `is_complex` tells whether eigenvalues were sought in the complex plane.
@@ -242,6 +242,6 @@ class Built(NamedTuple):
     is_complex: bool = False
 
 
-def counted(number: int, noun: str, several: str = "") -> str:
+def noun_count(number: int, noun: str, several: str = "") -> str:
     """A number and its noun: 1 link, 3 links."""
     return f"{number} {noun if number == 1 else several or noun + 's'}"

@@ -45,18 +45,18 @@ MERGED = (
 
 
 class SpectrumPart(NamedTuple):
-    """`along` + `across` modes of equal frequency, from row `row` of source `source` on.
+    """`along_count` + `across_count` modes of equal frequency, from row `row` of source `source` on.
 
     `kind` is the (block, column) whose copies share that row and move while all else is at rest; None where one
-    vector moves several kinds and has a row of its own.  `still` tells that the support does not move.
+    vector moves several kinds and has a row of its own.  `is_still` tells that the support does not move.
     """
 
     source: int
     row: int
-    along: int
-    across: int
+    along_count: int
+    across_count: int
     kind: tuple[int, int] | None
-    still: bool
+    is_still: bool
 
     def row_of(self, copy: int) -> int:
         """The row of the copy-th vector."""
@@ -69,17 +69,17 @@ class Batch:
 
     source: Source
     rows: Ints
-    along: Ints
-    across: Ints
-    still: bool = False
+    along_count: Ints
+    across_count: Ints
+    is_still: bool = False
     block: int = -1
     columns: Ints | None = None
 
     def parts(self, index: int) -> Iterator[SpectrumPart]:
         """The rows one by one, for source number `index`."""
         kinds = repeat(None) if self.columns is None else ((self.block, column) for column in self.columns.tolist())
-        numbers = zip(self.rows.tolist(), self.along.tolist(), self.across.tolist(), kinds, strict=False)
-        return (SpectrumPart(index, *number, self.still) for number in numbers)
+        numbers = zip(self.rows.tolist(), self.along_count.tolist(), self.across_count.tolist(), kinds, strict=False)
+        return (SpectrumPart(index, *number, self.is_still) for number in numbers)
 
 
 def batches(rig: Rig, limits: Limits) -> Iterator[Batch]:
@@ -88,36 +88,44 @@ def batches(rig: Rig, limits: Limits) -> Iterator[Batch]:
     Equal frequencies of different pendula on a cart are recognized from all digits of their own modes.
     """
     ratio = _ratio_at(rig) if rig.damping_ratio else None
-    carried = PartedRig(rig)
-    components, balanced = carried.parted
+    parted_rig = PartedRig(rig)
+    components, still_groups = parted_rig.partition
     plain = rig.cart is not None and not rig.cart.damping and all(block.is_plain.all() for block in rig.blocks)
-    coupled = plain and rig.n_kinds > 1
+    has_coupling = plain and rig.n_kinds > 1
     alike = rig.n_kinds == 1 and not rig.structure
-    shown = limits if alike else EVERYTHING if coupled else Limits(lowest=limits.lowest)
-    alone = [Alone(block, shown) for block in rig.blocks]
-    for index, (block, source) in enumerate(zip(rig.blocks, alone, strict=True)):
-        along = block.count - carried.carrying[index]
-        across = block.count if rig.spatial else np.zeros_like(along)
-        groups = [group for group in balanced if group.block == index]
-        needed = (along + across > 0) | coupled
-        needed[[group.columns[0] for group in groups]] = True
-        for columns, each in _sources(source, needed, ratio):
-            rows = np.arange(len(each.eigenvalue))
+    pendulum_limits = limits if alike else EVERYTHING if has_coupling else Limits(lowest=limits.lowest)
+    pendulum_sources = [Alone(block, pendulum_limits) for block in rig.blocks]
+    for index, (block, source) in enumerate(zip(rig.blocks, pendulum_sources, strict=True)):
+        along_count = block.count - parted_rig.carrying[index]
+        across_count = block.count if rig.spatial else np.zeros_like(along_count)
+        groups = [group for group in still_groups if group.block == index]
+        has_modes = (along_count + across_count > 0) | has_coupling
+        has_modes[[group.columns[0] for group in groups]] = True
+        for columns, column_source in _sources(source, has_modes, ratio):
+            rows = np.arange(len(column_source.eigenvalue))
             column = columns[rows % columns.size]
-            there = (along + across)[column] > 0
-            kinds = column[there]
-            yield Batch(each, rows[there], along[kinds], across[kinds], still=True, block=index, columns=kinds)
+            is_present = (along_count + across_count)[column] > 0
+            kinds = column[is_present]
+            yield Batch(
+                column_source,
+                rows[is_present],
+                along_count[kinds],
+                across_count[kinds],
+                is_still=True,
+                block=index,
+                columns=kinds,
+            )
             for group in (group for group in groups if group.columns[0] in columns):
-                yield from _balanced(carried, group, each, rows[column == group.columns[0]])
-    fixed = tuple(source.squares for source in alone) if coupled else ()
+                yield from _group_batches(parted_rig, group, column_source, rows[column == group.columns[0]])
+    fixed_squares = tuple(source.squares for source in pendulum_sources) if has_coupling else ()
     for component in components:
-        reduced = ComponentMatrices(carried, component)
-        moving = CartPendula(rig, fixed, limits) if plain else _on_structure(reduced, ratio, limits)
-        if reduced.free.size:
-            yield _moving(FreeMotions(reduced, moving))
-        if isinstance(moving, CartPendula) and fixed and moving.clusters.shared.size:
-            yield _still(StillModes(moving))
-        if rig.cart or reduced.size > reduced.coasting.shape[1]:
+        matrices = ComponentMatrices(parted_rig, component)
+        moving = CartPendula(rig, fixed_squares, limits) if plain else _on_structure(matrices, ratio, limits)
+        if matrices.free.size:
+            yield _moving(FreeMotions(matrices, moving))
+        if isinstance(moving, CartPendula) and fixed_squares and moving.clusters.shared_clusters.size:
+            yield _still_batch(StillModes(moving))
+        if rig.cart or matrices.size > matrices.coasting.shape[1]:
             yield _moving(moving)
 
 
@@ -126,29 +134,32 @@ _on_structure = deferred("modal.eigen.structured:OnStructure")
 """Loaded with the scenes that need them: others wait for neither."""
 
 
-def _still(modes: StillModes) -> Batch:
+def _still_batch(modes: StillModes) -> Batch:
     first = np.cumsum(modes.folds) - modes.folds
-    return Batch(modes, first, modes.folds, np.zeros_like(first), still=True)
+    return Batch(modes, first, modes.folds, np.zeros_like(first), is_still=True)
 
 
-def _balanced(carried: PartedRig, group: StillGroup, source: Source, rows: Ints) -> Iterator[Batch]:
+def _group_batches(parted_rig: PartedRig, group: StillGroup, source: Source, rows: Ints) -> Iterator[Batch]:
     """The combination that pushes along the rail, and all others."""
-    still = StillPendula(carried, group, source, rows)
+    pendula = StillPendula(parted_rig, group, source, rows)
     first, zero = np.arange(len(rows)) * group.number, np.zeros_like(rows)
     if group.pushes:
-        yield Batch(still, first, np.ones_like(rows), zero, still=True)
+        yield Batch(pendula, first, np.ones_like(rows), zero, is_still=True)
     if others := group.number - group.pushes:
-        yield Batch(still, first + group.pushes, np.full_like(rows, others), zero, still=True)
+        yield Batch(pendula, first + group.pushes, np.full_like(rows, others), zero, is_still=True)
 
 
-def _sources(source: Alone, needed: Booleans, ratio: RatioAt | None) -> Iterator[tuple[Ints, Source]]:
+def _sources(source: Alone, has_modes: Booleans, ratio: RatioAt | None) -> Iterator[tuple[Ints, Source]]:
     block = source.block
-    structured = np.flatnonzero(needed & block.is_plain)
-    if structured.size:
-        yield structured, source if structured.size == block.size else Alone(block.take(structured), source.limits)
-    for column in np.flatnonzero(needed & ~block.is_plain):
+    plain_columns = np.flatnonzero(has_modes & block.is_plain)
+    if plain_columns.size:
+        yield (
+            plain_columns,
+            source if plain_columns.size == block.size else Alone(block.take(plain_columns), source.limits),
+        )
+    for column in np.flatnonzero(has_modes & ~block.is_plain):
         chain = PartedRig(Rig(1.0, (block.take(np.array([column])),), ((0, 0, 1),), None, spatial=False))
-        yield np.array([column]), _on_structure(ComponentMatrices(chain, chain.whole), ratio, source.limits)
+        yield np.array([column]), _on_structure(ComponentMatrices(chain, chain.all_pendula), ratio, source.limits)
 
 
 def _moving(source: Source) -> Batch:
@@ -158,12 +169,12 @@ def _moving(source: Source) -> Batch:
 
 def notes(sources: Sequence[Source]) -> tuple[str, ...]:
     """What these `sources` omitted or took as equal, and why."""
-    merged = any(isinstance(source, StillModes) and source.clusters.rounded for source in sources)
-    dense = any(SEEDS in source.route for source in sources)
-    return (MASSLESS,) * _omitted(sources) + (MERGED,) * merged + (DENSE,) * dense
+    has_merger = any(isinstance(source, StillModes) and source.clusters.has_rounding for source in sources)
+    is_dense = any(SEEDS in source.route for source in sources)
+    return (MASSLESS,) * _omission_count(sources) + (MERGED,) * has_merger + (DENSE,) * is_dense
 
 
-def _omitted(sources: Iterable[Source]) -> int:
+def _omission_count(sources: Iterable[Source]) -> int:
     """How many modes have no finite frequency."""
     return sum(source.is_singular for source in sources)
 
@@ -196,7 +207,7 @@ class ModalSpectrum:
     @cached_property
     def multiplicity(self) -> Ints:
         """The number of independent modes of each eigenvalue, (R,)."""
-        return np.array([sum(part.along + part.across for part in parts) for parts in self.groups])
+        return np.array([sum(part.along_count + part.across_count for part in parts) for parts in self.groups])
 
     @cached_property
     def numbers_of_kind(self) -> dict[tuple[int, int] | None, list[int]]:
@@ -228,7 +239,7 @@ def find_spectrum(rig: Rig, limits: Limits = EVERYTHING) -> ModalSpectrum:
         parts = list(batches(rig, limits))
         values = np.concatenate([batch.source.eigenvalue[batch.rows] for batch in parts])
         if rig.damping_ratio:
-            values = _damped(values, np.concatenate([_undamped(batch) for batch in parts]), _ratio_at(rig))
+            values = _add_damping(values, np.concatenate([_is_conservative(batch) for batch in parts]), _ratio_at(rig))
         errors = np.concatenate([batch.source.error[batch.rows] for batch in parts])
     except np.linalg.LinAlgError:
         raise ComputationError("the ratios in this scene are beyond double precision on its dense route") from None
@@ -248,26 +259,28 @@ def find_spectrum(rig: Rig, limits: Limits = EVERYTHING) -> ModalSpectrum:
 
 def _compare_with_states(rig: Rig, parts: Sequence[Batch]) -> None:
     """ComputationError where the modes are not as many as the states, of which a decay or a dragged rest has one."""
-    missing = _omitted(batch.source for batch in parts)
+    missing = _omission_count(batch.source for batch in parts)
     links = sum(int(block.count.sum()) * block.n for block in rig.blocks) * (1 + rig.spatial)
-    states, known = 2 * (rig.leading + links - missing), 0
+    states, mode_states = 2 * (rig.leading + links - missing), 0
     for batch in parts:
         value = batch.source.eigenvalue[batch.rows]
-        dragged = batch.source.dragged if isinstance(batch.source, FreeMotions) else ~_undamped(batch)
-        known += int(((batch.along + batch.across) * np.where(dragged & (value.imag == 0), 1, 2)).sum())
-    if known != states:
-        raise ComputationError(f"the modes found have {known} of the {states} states of this scene")
+        has_drag = batch.source.has_drag if isinstance(batch.source, FreeMotions) else ~_is_conservative(batch)
+        mode_states += int(
+            ((batch.along_count + batch.across_count) * np.where(has_drag & (value.imag == 0), 1, 2)).sum()
+        )
+    if mode_states != states:
+        raise ComputationError(f"the modes found have {mode_states} of the {states} states of this scene")
 
 
-def _undamped(batch: Batch) -> Booleans:
+def _is_conservative(batch: Batch) -> Booleans:
     """Which rows (R,) of a batch are eigenvalues without any dampers."""
     return np.full(len(batch.rows), not batch.source.is_damped)
 
 
-def _damped(values: NDArray[np.complex128], undamped: Booleans, ratio: RatioAt) -> NDArray[np.complex128]:
+def _add_damping(values: NDArray[np.complex128], is_conservative: Booleans, ratio: RatioAt) -> NDArray[np.complex128]:
     """The eigenvalues −ζω + iω√(1−ζ²) of those modes iω to which no other dampers belong."""
-    swings = undamped & (values.imag > 0)
+    swings = is_conservative & (values.imag > 0)
     zeta = ratio(values[swings].imag)
-    damped = values.copy()
-    damped[swings] *= np.sqrt((1 - zeta) * (1 + zeta)) + 1j * zeta
-    return damped
+    eigenvalues = values.copy()
+    eigenvalues[swings] *= np.sqrt((1 - zeta) * (1 + zeta)) + 1j * zeta
+    return eigenvalues

@@ -19,7 +19,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from modal.eigen.recursion import Suspension
-from modal.eigen.seeds import LARGEST, at_pivot, seeds, slow_seeds, twisted
+from modal.eigen.seeds import LARGEST, at_pivot, seeds, slow_seeds, twisted_quotients
 from modal.errors import ComputationError
 from modal.types import Booleans, Floats, Ints
 
@@ -57,23 +57,23 @@ class Limits(NamedTuple):
 EVERYTHING: Limits = Limits()
 
 
-def smallest_where(reached: Callable[[Floats], Booleans], low: Floats, high: Floats) -> Floats:
-    """The smallest float x in (low, high] with reached(x), elementwise; `reached` turns from False to True once."""
+def smallest_where(condition: Callable[[Floats], Booleans], low: Floats, high: Floats) -> Floats:
+    """The smallest float x in (low, high] with reached(x), elementwise; `condition` turns from False to True once."""
     lo, hi = low.view(np.int64).copy(), high.view(np.int64).copy()
     while np.any(hi - lo > 1):
         middle = lo + (hi - lo) // 2
-        inside = reached(middle.view(np.float64))
+        inside = condition(middle.view(np.float64))
         hi = np.where(inside, middle, hi)
         lo = np.where(inside, lo, middle)
     return hi.view(np.float64)
 
 
-def above_all(count: Callable[[Floats], Ints], start: Floats, wanted: Ints) -> Floats:
-    """Powers of STRIDE times `start` until `count` has reached `wanted` everywhere."""
+def upper_bounds(count: Callable[[Floats], Ints], start: Floats, target: Ints) -> Floats:
+    """Powers of STRIDE times `start` until `count` has reached `target` everywhere."""
     high = start * STRIDE
     if not np.all((start > 0) & np.isfinite(start)):
         raise ComputationError(BEYOND)
-    while np.any(count(high) < wanted):
+    while np.any(count(high) < target):
         high = high * STRIDE
         if not np.all(high < 1e280):
             raise ComputationError(BEYOND)
@@ -94,68 +94,68 @@ class Counting(Protocol):
         """A subset of the problems."""
 
 
-def located(problem: Counting, wanted: Ints, modes: int) -> Floats:
+def locate(problem: Counting, indices: Ints, modes: int) -> Floats:
     """The eigenvalues with these indices (R,), from 0, of each problem with `modes` eigenvalues, (R, S)."""
     low = problem.low[None].view(np.int64)
-    high = above_all(problem.count, problem.low[None], np.array(modes)).view(np.int64)
-    parts = max(2, len(wanted))
+    high = upper_bounds(problem.count, problem.low[None], np.array(modes)).view(np.int64)
+    parts = max(2, len(indices))
     inner = np.arange(1, parts)[:, None]
     points = low + (high - low) // parts * inner + (high - low) % parts * inner // parts  # as many as are sought
     counts = problem.count(points.view(np.float64))
-    first = np.stack([np.searchsorted(column, wanted, side="right") for column in counts.T], axis=1)
+    first = np.stack([np.searchsorted(column, indices, side="right") for column in counts.T], axis=1)
     ends = np.concatenate([low, points, high])
-    return _between(problem, wanted, *(np.take_along_axis(ends, first + step, 0) for step in (0, 1)))
+    return _bisect_between(problem, indices, *(np.take_along_axis(ends, first + step, 0) for step in (0, 1)))
 
 
-def confirmed(problem: Counting, wanted: Ints, guess: Floats, near: int = NEAR) -> tuple[Floats, Booleans]:
-    """The eigenvalues confirmed within `near` units in the last place of guesses (R, S), and a mask of the others."""
+def confirm(problem: Counting, indices: Ints, guess: Floats, distance: int = NEAR) -> tuple[Floats, Booleans]:
+    """The eigenvalues confirmed within `distance` last places of guesses (R, S), and a mask of the others."""
     bits = np.where(guess > 0, guess, 1.0).view(np.int64)
-    steps = np.arange(-near, near + 1)
-    reached = _reached(problem, wanted, bits + steps[:, None, None])
-    squares = (bits + steps[reached.argmax(0)]).view(np.float64)
-    return squares, reached[0] | ~reached[-1]
+    steps = np.arange(-distance, distance + 1)
+    is_past = _is_past(problem, indices, bits + steps[:, None, None])
+    squares = (bits + steps[is_past.argmax(0)]).view(np.float64)
+    return squares, is_past[0] | ~is_past[-1]
 
 
-def lies_within(problem: Counting, wanted: Ints, guess: Floats, error: Floats | float) -> Booleans:
+def lies_within(problem: Counting, indices: Ints, guess: Floats, error: Floats | float) -> Booleans:
     """Whether each eigenvalue lies within a relative error of its guess (R, S)."""
     ends = np.stack([guess * (1 - error), guess * (1 + error)])
-    reached = _reached(problem, wanted, ends.view(np.int64))
-    return np.asarray(~reached[0] & reached[1])
+    is_past = _is_past(problem, indices, ends.view(np.int64))
+    return np.asarray(~is_past[0] & is_past[1])
 
 
-def searched(problem: Counting, wanted: Ints, guess: Floats, error: Floats, modes: int) -> Floats:
+def search(problem: Counting, indices: Ints, guess: Floats, error: Floats, modes: int) -> Floats:
     """The eigenvalues from guesses (R, S) with relative errors (R, S), infinite where there is no guess."""
-    least = problem.low[None].view(np.int64)
-    most = above_all(problem.count, problem.low[None], np.array(modes)).view(np.int64)
-    bits = np.clip(np.where(np.isfinite(error), guess, 1.0).view(np.int64), least, most)
+    lowest = problem.low[None].view(np.int64)
+    highest = upper_bounds(problem.count, problem.low[None], np.array(modes)).view(np.int64)
+    bits = np.clip(np.where(np.isfinite(error), guess, 1.0).view(np.int64), lowest, highest)
     width = (np.minimum(error, 1.0) * 2.0**53).astype(np.int64) + WIDER
     while True:
-        lo, hi = bits - np.minimum(width, bits - least), bits + np.minimum(width, most - bits)
-        reached = _reached(problem, wanted, np.stack([lo, hi]))
-        wrong = (reached[0] & (lo > least)) | (~reached[1] & (hi < most))
+        lo, hi = bits - np.minimum(width, bits - lowest), bits + np.minimum(width, highest - bits)
+        is_past = _is_past(problem, indices, np.stack([lo, hi]))
+        wrong = (is_past[0] & (lo > lowest)) | (~is_past[1] & (hi < highest))
         if not wrong.any():
-            return _between(problem, wanted, lo, hi)
+            return _bisect_between(problem, indices, lo, hi)
         width = np.where(wrong, np.where(width < WIDEST // WIDER, width * WIDER, WIDEST), width)
 
 
-def _between(problem: Counting, wanted: Ints, lo: Ints, hi: Ints) -> Floats:
+def _bisect_between(problem: Counting, indices: Ints, lo: Ints, hi: Ints) -> Floats:
     """The floats at which the count passes each index, between these bit patterns."""
     parts = max(2, TRIALS // max(1, lo.size))
     inner = np.arange(1, parts)[:, None, None]
     while np.any((gap := hi - lo) > 1):
         points = lo + (gap // parts) * inner + (gap % parts) * inner // parts
-        reached = _reached(problem, wanted, points)
-        first = np.where(reached.any(0), reached.argmax(0), parts - 1)[None]
+        is_past = _is_past(problem, indices, points)
+        first = np.where(is_past.any(0), is_past.argmax(0), parts - 1)[None]
         ends = np.concatenate([lo[None], points, hi[None]])
         lo, hi = (np.take_along_axis(ends, first + step, 0)[0] for step in (0, 1))
     return hi.view(np.float64)
 
 
-def _reached(problem: Counting, wanted: Ints, points: Ints) -> Booleans:
+def _is_past(problem: Counting, indices: Ints, points: Ints) -> Booleans:
     """Whether the count at points (K, R, S) has passed the indices (R,), or (R, S)."""
     x = np.ascontiguousarray(points).view(np.float64)
     counts = problem.count(x.reshape(-1, points.shape[-1])).reshape(points.shape)
-    return np.asarray(counts > (wanted[:, None] if wanted.ndim == 1 else wanted))
+    return np.asarray(counts > (indices[:, None] if indices.ndim == 1 else indices))
 
 
 class Squares(NamedTuple):
@@ -177,101 +177,101 @@ class Squares(NamedTuple):
         return ", ".join(routes)
 
 
-def squares_of(suspension: Suspension, wanted: Ints, modes: int, accuracy: float = 0.0) -> Squares:
+def squares_of(suspension: Suspension, indices: Ints, modes: int, accuracy: float = 0.0) -> Squares:
     """ω² (R, S) with these indices (R,), from 0, among the oscillatory modes of each support.
 
     Dense eigenvalues within `accuracy`, relative in ω, are used unchanged.
     """
-    if not wanted.size:
+    if not indices.size:
         return Squares.exact(np.zeros((0, suspension.supports)))
-    if _is_slow(suspension, wanted):
-        guess, error = slow_seeds(suspension, len(wanted))
-        near = guess, np.maximum(error, 3 * accuracy)  # nothing tells that none was missed, so that a count must
-        return _settled(suspension, wanted, _tried(suspension, wanted, accuracy, near), modes)
-    if suspension.size > LARGEST or _are_few(suspension, wanted):
-        return Squares.exact(located(suspension, wanted, modes))
+    if _is_slow(suspension, indices):
+        guess, error = slow_seeds(suspension, len(indices))
+        guesses = guess, np.maximum(error, 3 * accuracy)  # nothing tells that none was missed, so that a count must
+        return _settle(suspension, indices, _try_seeds(suspension, indices, accuracy, guesses), modes)
+    if suspension.size > LARGEST or _are_few(suspension, indices):
+        return Squares.exact(locate(suspension, indices, modes))
     step = max(1, CACHED // suspension.size**2)
     starts = range(0, suspension.supports, step)
     pieces = [suspension.take(slice(at, at + step)) for at in starts] if len(starts) > 1 else [suspension]
-    tried = [_tried(piece, wanted, accuracy, seeds(piece)) for piece in pieces]
-    every = Tried(*(np.concatenate(parts, axis=1) for parts in zip(*tried, strict=True)))
-    return _settled(suspension, wanted, every, modes)
+    trials = [_try_seeds(piece, indices, accuracy, seeds(piece)) for piece in pieces]
+    trial = Trial(*(np.concatenate(parts, axis=1) for parts in zip(*trials, strict=True)))
+    return _settle(suspension, indices, trial, modes)
 
 
-def _is_slow(suspension: Suspension, wanted: Ints) -> bool:
+def _is_slow(suspension: Suspension, indices: Ints) -> bool:
     """Whether these are a few of the lowest modes of one long support without a spring."""
     sprung = suspension.stiffness is not None and bool(suspension.stiffness[0] > 0)
-    lowest = bool(wanted[-1] == len(wanted) - 1)
-    return _are_few(suspension, wanted) and suspension.supports == 1 and lowest and not sprung
+    lowest = bool(indices[-1] == len(indices) - 1)
+    return _are_few(suspension, indices) and suspension.supports == 1 and lowest and not sprung
 
 
-def _are_few(suspension: Suspension, wanted: Ints) -> bool:
-    return FEW * len(wanted) < suspension.size - LONG
+def _are_few(suspension: Suspension, indices: Ints) -> bool:
+    return FEW * len(indices) < suspension.size - LONG
 
 
-class Tried(NamedTuple):
+class Trial(NamedTuple):
     """ω² of a first way, bounds on their errors beyond rounding, where counts refute it, the seeds and their errors."""
 
     x: Floats
     error: Floats
-    missed: Booleans
+    is_wrong: Booleans
     guess: Floats
-    known: Floats
+    seed_error: Floats
 
 
-def _settled(suspension: Suspension, wanted: Ints, tried: Tried, modes: int) -> Squares:
+def _settle(suspension: Suspension, indices: Ints, trial: Trial, modes: int) -> Squares:
     """All ω², those that were missed found mode by mode another way."""
-    x, error, missed, guess, known = tried
-    rows, supports = np.nonzero(missed)
+    x, error, is_wrong, guess, seed_error = trial
+    rows, supports = np.nonzero(is_wrong)
     if not rows.size:
         return Squares(x, error)
     if suspension.supports == 1:
-        x[rows] = _otherwise(suspension, wanted[rows, None], guess[rows], known[rows], modes)
+        x[rows] = _find_otherwise(suspension, indices[rows, None], guess[rows], seed_error[rows], modes)
         return Squares(x, error)
     squares, step = [], max(1, CACHED // suspension.size)
     for at in range(0, len(rows), step):
         row, support = rows[at : at + step], supports[at : at + step]
-        alone = wanted[None, row], guess[None, row, support], known[None, row, support]
-        squares.append(_otherwise(suspension.take(support), *alone, modes)[0])
-    x[missed] = np.concatenate(squares)
+        arguments = indices[None, row], guess[None, row, support], seed_error[None, row, support]
+        squares.append(_find_otherwise(suspension.take(support), *arguments, modes)[0])
+    x[is_wrong] = np.concatenate(squares)
     return Squares(x, error)
 
 
-def _tried(suspension: Suspension, wanted: Ints, accuracy: float, near: tuple[Floats, Floats]) -> Tried:
-    """Seeds `near` all modes where they are known to be accurate enough, else a Rayleigh quotient step from each."""
-    guess, known = (values[wanted] for values in near)
-    x, error, missed = guess.copy(), known.copy(), np.zeros(guess.shape, dtype=np.bool_)
-    rows = np.flatnonzero((known > 2 * accuracy).any(1))
+def _try_seeds(suspension: Suspension, indices: Ints, accuracy: float, guesses: tuple[Floats, Floats]) -> Trial:
+    """Seeds `guesses` all modes where they are known to be accurate enough, else a Rayleigh quotient step from each."""
+    guess, seed_error = (values[indices] for values in guesses)
+    x, error, is_wrong = guess.copy(), seed_error.copy(), np.zeros(guess.shape, dtype=np.bool_)
+    rows = np.flatnonzero((seed_error > 2 * accuracy).any(1))
     if accuracy and rows.size:
-        inside = lies_within(suspension, wanted[rows], guess[rows], 2 * accuracy)
+        inside = lies_within(suspension, indices[rows], guess[rows], 2 * accuracy)
         error[rows] = np.where(inside, 2 * accuracy, error[rows])
         rows = np.flatnonzero((error > 2 * accuracy).any(1))
     if rows.size:
-        x[rows], missed[rows] = _improved(suspension, wanted[rows], guess[rows])
+        x[rows], is_wrong[rows] = _improve(suspension, indices[rows], guess[rows])
         error[rows] = 0.0
-    return Tried(x, error, missed, guess, known)
+    return Trial(x, error, is_wrong, guess, seed_error)
 
 
-def _improved(suspension: Suspension, wanted: Ints, guess: Floats) -> tuple[Floats, Booleans]:
+def _improve(suspension: Suspension, indices: Ints, guess: Floats) -> tuple[Floats, Booleans]:
     """A Rayleigh quotient step at the pivot, and where the count does not confirm it.
 
     Of one support the float at which the count steps, of many a float within CLOSEST of it.
     """
     squares = at_pivot(suspension, guess)
     if suspension.supports == 1:
-        steps, missed = confirmed(suspension, wanted, squares, FARTHER if _are_few(suspension, wanted) else NEAR)
-        rows = np.flatnonzero(missed)
-        if 0 < RARE * rows.size < len(wanted):
-            steps[rows], missed[rows] = confirmed(suspension, wanted[rows], squares[rows], FARTHER)
-        return steps, missed
-    return squares, ~lies_within(suspension, wanted, squares, CLOSEST)
+        steps, is_wrong = confirm(suspension, indices, squares, FARTHER if _are_few(suspension, indices) else NEAR)
+        rows = np.flatnonzero(is_wrong)
+        if 0 < RARE * rows.size < len(indices):
+            steps[rows], is_wrong[rows] = confirm(suspension, indices[rows], squares[rows], FARTHER)
+        return steps, is_wrong
+    return squares, ~lies_within(suspension, indices, squares, CLOSEST)
 
 
-def _otherwise(suspension: Suspension, wanted: Ints, guess: Floats, error: Floats, modes: int) -> Floats:
+def _find_otherwise(suspension: Suspension, indices: Ints, guess: Floats, error: Floats, modes: int) -> Floats:
     """The eigenvalues with these indices (R, S) from another shape, and by a search where that is not confirmed."""
-    squares, missed = confirmed(suspension, wanted, twisted(suspension, guess), FARTHER)
-    if missed.any():
-        rows, supports = (np.flatnonzero(missed.any(axis)) for axis in (1, 0))
+    squares, is_wrong = confirm(suspension, indices, twisted_quotients(suspension, guess), FARTHER)
+    if is_wrong.any():
+        rows, supports = (np.flatnonzero(is_wrong.any(axis)) for axis in (1, 0))
         part = np.ix_(rows, supports)
-        squares[part] = searched(suspension.take(supports), wanted[part], guess[part], error[part], modes)
+        squares[part] = search(suspension.take(supports), indices[part], guess[part], error[part], modes)
     return squares

@@ -21,11 +21,19 @@ from modal.eigen.component_matrices import (
     Numbers,
     SquareSum,
     is_wide,
-    moved_of,
+    shapes_in_scene,
 )
 from modal.eigen.coupled import MOST_LINKS_TOGETHER
-from modal.eigen.free_motions import cancelled, details_of
-from modal.eigen.sources import ROUNDOFF, Built, Details, counted, largest_angle, oscillating, structured_error
+from modal.eigen.free_motions import details_of, significant_product
+from modal.eigen.sources import (
+    ROUNDOFF,
+    Details,
+    ProblemSize,
+    largest_angle,
+    noun_count,
+    oscillating,
+    structured_error,
+)
 from modal.eigen.squares import EVERYTHING, Limits
 from modal.errors import ComputationError
 from modal.report import deferred
@@ -41,67 +49,67 @@ NARROW = 64.0
 class OnStructure:
     """The modes of one component but its free motions: of a structure, a cart, or a chain on a support at rest."""
 
-    reduced: ComponentMatrices
+    matrices: ComponentMatrices
     ratio: RatioAt | None = None
     limits: Limits = EVERYTHING
 
     @cached_property
     def is_damped(self) -> bool:
         """Whether there are dampers besides those of a damping ratio."""
-        return self.reduced.is_damped
+        return self.matrices.is_damped
 
     @cached_property
     def _is_counted(self) -> bool:
-        is_cart = self._is_plain and len(self.reduced.component.eta) > 0
-        if self.is_damped or (is_cart and self.reduced.size - 1 > MOST_LINKS_TOGETHER):
+        is_cart = self._is_plain and len(self.matrices.component.eta) > 0
+        if self.is_damped or (is_cart and self.matrices.size - 1 > MOST_LINKS_TOGETHER):
             return False
-        if (tree := self.reduced.tree) is None:
+        if (tree := self.matrices.tree) is None:
             return False
-        return not self.is_singular if self._is_plain else self.reduced.is_positive and tree.is_plain
+        return not self.is_singular if self._is_plain else self.matrices.is_positive and tree.is_plain
 
     @property
     def _is_plain(self) -> bool:
-        return self.reduced.carried.is_plain
+        return self.matrices.parted_rig.is_plain
 
     @property
     def _is_product(self) -> bool:
-        return self.reduced.is_positive and not (self.is_damped or self._is_plain or self._is_counted)
+        return self.matrices.is_positive and not (self.is_damped or self._is_plain or self._is_counted)
 
     @cached_property
     def is_singular(self) -> bool:
         """Whether M is known to be singular, by a massless cart over bobs."""
-        tree = self.reduced.tree if self._is_plain and self.reduced.is_massless else None
+        tree = self.matrices.tree if self._is_plain and self.matrices.is_massless else None
         return tree is not None and not tree.bare.all()
 
     @property
     def route(self) -> str:
         """Counts, factors or dense matrices, about the equilibrium under constant forces where there are any."""
         if self._is_counted:
-            return "effective mass" if self.reduced.tree and self.reduced.tree.is_plain else "mass and moment"
-        leaning = ", about the equilibrium under constant forces" * self.reduced.carried.rig.leans
+            return "effective mass" if self.matrices.tree and self.matrices.tree.is_plain else "mass and moment"
+        leaning = ", about the equilibrium under constant forces" * self.matrices.parted_rig.rig.leans
         return "product form" if self._is_product else f"dense{leaning}"
 
     @property
-    def built(self) -> Built:
+    def problem_size(self) -> ProblemSize:
         """The unknowns of the component, and matrices where there are any."""
-        eta, n = len(self.reduced.component.eta), self.reduced.size
-        links = counted(n - eta, "link")
-        what = f"{counted(eta, 'coordinate')} of the structure and {links}"
+        eta, n = len(self.matrices.component.eta), self.matrices.size
+        links = noun_count(n - eta, "link")
+        what = f"{noun_count(eta, 'coordinate')} of the structure and {links}"
         if self._is_plain:
             what = f"cart and {links}" if eta else f"chain of {links}, support still"
         if self._is_counted:
-            return Built(what, 1, n)
+            return ProblemSize(what, 1, n)
         if self._is_product:
-            return Built(what, 1, n, (("factors", n, 2),))
+            return ProblemSize(what, 1, n, (("factors", n, 2),))
         sizes = [("M", n, 1), ("K", n, 1), *([("D", n, 1)] if self.is_damped else [])]
         kind = "state" if self.is_damped else "symmetric"
-        return Built(what, 1, n, (*sizes, (kind, self._dense.order, self._dense.number)), self.is_damped)
+        return ProblemSize(what, 1, n, (*sizes, (kind, self._dense.order, self._dense.number)), self.is_damped)
 
     @cached_property
     def squares(self) -> Floats:
         """ω² (R,) by counts."""
-        assert self.reduced.tree is not None
-        return self.reduced.tree.squares(self.limits.lowest)
+        assert self.matrices.tree is not None
+        return self.matrices.tree.squares(self.limits.lowest)
 
     @cached_property
     def eigenvalue(self) -> Complexes:
@@ -113,78 +121,82 @@ class OnStructure:
     @cached_property
     def error(self) -> Floats:
         """Relative error bounds."""
-        reduced, lost = self.reduced, 0.0
+        matrices, loss_error = self.matrices, 0.0
         if not (self._is_counted or self._is_product):
             return self._dense.error
-        if reduced.hidden.any():
-            lost = 2 * ROUNDOFF * reduced.cancelling
-        for _, matrices in reduced.modal:
-            lost += sum(len(S) * ROUNDOFF * _condition(S) for S in matrices[:2])
+        if matrices.hidden.any():
+            loss_error = 2 * ROUNDOFF * matrices.cancelling
+        for _, modal_matrices in matrices.modal:
+            loss_error += sum(len(S) * ROUNDOFF * _condition(S) for S in modal_matrices[:2])
         if self._is_counted:
-            blocks = [reduced.carried.rig.blocks[heavy.block] for heavy in reduced.component.heavies]
+            blocks = [matrices.parted_rig.rig.blocks[heavy.block] for heavy in matrices.component.heavies]
             deepest = max((block.n for block in blocks), default=0)
-            deepest += 0 if self._is_plain else 2 * len(reduced.component.eta)
-            assert reduced.tree is not None
-            return reduced.tree.slack(self.squares) * structured_error(deepest, len(blocks)) + lost
-        narrow = NARROW if not is_wide(reduced.size) else 1.0
-        return np.full(len(self._product[0]), narrow * (32 + 12 * reduced.size) * ROUNDOFF + lost)
+            deepest += 0 if self._is_plain else 2 * len(matrices.component.eta)
+            assert matrices.tree is not None
+            return matrices.tree.slack(self.squares) * structured_error(deepest, len(blocks)) + loss_error
+        narrow = NARROW if not is_wide(matrices.size) else 1.0
+        return np.full(len(self._product[0]), narrow * (32 + 12 * matrices.size) * ROUNDOFF + loss_error)
 
     @cached_property
     def _product(self) -> tuple[Floats, Floats]:
         """ω (R,) and shapes (n, R) from the factors."""
-        dense.refuse_beyond(LARGEST, self.reduced.size, "shapes on a structure")
-        M, K, _ = self.reduced.factors
-        return _product_modes(K, M, self.reduced.free.shape[1])
+        dense.refuse_beyond(LARGEST, self.matrices.size, "shapes on a structure")
+        M, K, _ = self.matrices.factors
+        return _product_modes(K, M, self.matrices.free.shape[1])
 
     @cached_property
     def _dense(self) -> dense.Eigen:
         """Of dense matrices, free motions without dampers left out with their momentum."""
-        leans, positive = self.reduced.carried.rig.leans, self.reduced.is_positive
+        leans, positive = self.matrices.parted_rig.rig.leans, self.matrices.is_positive
         cause = "constant forces" if leans else "inverted links" if not positive else "joint springs"
         cause = cause if self._is_plain else "falling coordinates"
         largest = dense.LARGEST_DAMPED if self.is_damped else dense.LARGEST_UNDAMPED
-        dense.refuse_beyond(largest, self.reduced.size, "dampers" if self.is_damped else cause)
-        undamped = self._is_plain and positive and not self.is_damped
-        if self.is_singular and not undamped:
+        dense.refuse_beyond(largest, self.matrices.size, "dampers" if self.is_damped else cause)
+        is_conservative = self._is_plain and positive and not self.is_damped
+        if self.is_singular and not is_conservative:
             raise ComputationError(dense.SINGULAR)
-        M, K = (factor.matrix for factor in self.reduced.factors[:2])
-        if not undamped and dense.is_singular(M):
+        M, K = (factor.matrix for factor in self.matrices.factors[:2])
+        if not is_conservative and dense.is_singular(M):
             raise ComputationError(dense.SINGULAR if self._is_plain else BEYOND)
-        coasting = self.reduced.coasting
-        kept, back, inertia, lost = _without(coasting, M)
-        stiffness, terms, left = K[np.ix_(kept, kept)], self.reduced.terms[kept], slice(None)
-        grown = len(M) / max(len(kept), 1)
-        if undamped:
-            modes = dense.undamped(inertia, stiffness, M[np.ix_(kept, kept)], singular=self.is_singular)
+        coasting = self.matrices.coasting
+        coordinates, back, inertia, loss_factor = _eliminate_free_motions(coasting, M)
+        stiffness, terms, selection = K[np.ix_(coordinates, coordinates)], self.matrices.terms[coordinates], slice(None)
+        grown = len(M) / max(len(coordinates), 1)
+        if is_conservative:
+            modes = dense.undamped_modes(
+                inertia, stiffness, M[np.ix_(coordinates, coordinates)], singular=self.is_singular
+            )
             modes = replace(modes, error=modes.error * grown)
         elif not self.is_damped:
-            modes = dense.indefinite(inertia, stiffness, terms=terms, lost=lost * grown)
+            modes = dense.indefinite_modes(inertia, stiffness, terms=terms, loss_factor=loss_factor * grown)
         else:
             roots, modal = self._dampers
-            dampers = dense.Dampers(roots.strength[kept], _kept(roots.above, kept), _rows(roots.roots, kept))
-            modes = dense.damped(inertia, stiffness, terms, dampers, _rows(modal, kept), lost)
-            left = slice(self.reduced.free.shape[1] - coasting.shape[1], None)
-        turned = self._turned_by_rounding(K) if leans else 0.0
+            dampers = dense.Dampers(
+                roots.strength[coordinates], _parents_among(roots.parents, coordinates), _rows(roots.roots, coordinates)
+            )
+            modes = dense.damped_modes(inertia, stiffness, terms, dampers, _rows(modal, coordinates), loss_factor)
+            selection = slice(self.matrices.free.shape[1] - coasting.shape[1], None)
+        turn_error = self._turn_by_rounding(K) if leans else 0.0
         return replace(
             modes,
-            eigenvalue=modes.eigenvalue[left],
-            shape=back @ modes.shape[:, left],
-            error=modes.error[left] + turned,
+            eigenvalue=modes.eigenvalue[selection],
+            shape=back @ modes.shape[:, selection],
+            error=modes.error[selection] + turn_error,
         )
 
-    def _turned_by_rounding(self, K: Floats) -> float:
+    def _turn_by_rounding(self, K: Floats) -> float:
         """How far rounding may turn links (rad) whose equilibrium constant forces move, as near the balance of forces.
 
         M and K change with the cosines of their angles.
         """
-        first = len(self.reduced.component.eta)
-        held = np.abs(np.linalg.inv(K[first:, first:]))
-        return float(8 * dense.EPS * (held @ self.reduced.terms[first:]).max())
+        first = len(self.matrices.component.eta)
+        compliance = np.abs(np.linalg.inv(K[first:, first:]))
+        return float(8 * dense.EPS * (compliance @ self.matrices.terms[first:]).max())
 
     @cached_property
     def _losses(self) -> SquareSum:
         """D with what the damping ratio adds to it."""
-        D, modal = self.reduced.factors[2], self._dampers[1]
+        D, modal = self.matrices.factors[2], self._dampers[1]
         if modal is None:
             return D
         return SquareSum(np.concatenate([D.rows, modal]), np.concatenate([D.size, np.ones(len(modal))]))
@@ -192,41 +204,41 @@ class OnStructure:
     @cached_property
     def _dampers(self) -> tuple[dense.Dampers, Floats | None]:
         """Dampers of joints below the first by their links, all others by their rows; and C with D_modal = CᵀC."""
-        reduced, D = self.reduced, self.reduced.factors[2]
-        strength, above = np.zeros(reduced.size), np.full(reduced.size, -1)
+        matrices, D = self.matrices, self.matrices.factors[2]
+        strength, parents = np.zeros(matrices.size), np.full(matrices.size, -1)
         by_rows = np.ones(len(D.size), dtype=bool)
         for k, (row, size) in enumerate(zip(*D, strict=True)):
             at = np.flatnonzero(row)
-            beside = at.size == 2 and at[0] >= len(reduced.component.eta) and row[at[1]] == -row[at[0]] == 1
-            if (at.size == 1 and abs(row[at[0]]) == 1 and not strength[at[0]]) or beside:
+            is_joint = at.size == 2 and at[0] >= len(matrices.component.eta) and row[at[1]] == -row[at[0]] == 1
+            if (at.size == 1 and abs(row[at[0]]) == 1 and not strength[at[0]]) or is_joint:
                 strength[at[-1]], by_rows[k] = size, False
-                above[at[-1]] = at[0] if beside else -1
+                parents[at[-1]] = at[0] if is_joint else -1
         roots = np.sqrt(D.size)[by_rows, None] * D.rows[by_rows]
         modal = None
         if self.ratio is not None:
-            M, K, _ = reduced.factors
+            M, K, _ = matrices.factors
             if self._is_plain:
-                modal = modal_factor(M.matrix, K.matrix, bool(reduced.free.size), self.ratio)
-            elif not reduced.is_positive:
+                modal = modal_factor(M.matrix, K.matrix, bool(matrices.free.size), self.ratio)
+            elif not matrices.is_positive:
                 raise ComputationError("damping_ratio: is not computed with dampers where a coordinate falls")
             else:
-                omega, shapes = _product_modes(K, M, reduced.free.shape[1])
+                omega, shapes = _product_modes(K, M, matrices.free.shape[1])
                 modal = np.sqrt(2 * self.ratio(omega) * omega)[:, None] * (M.matrix @ shapes).T
-        return dense.Dampers(strength, above, roots if len(roots) else None), modal
+        return dense.Dampers(strength, parents, roots if len(roots) else None), modal
 
     def details(self, rows: Ints) -> Details:
         """Shapes over the whole structure and every kind of pendulum."""
         if self._is_counted:
-            return self._counted(rows)
-        reduced, value, shape = self.reduced, self.eigenvalue[rows], self._shapes(rows)
-        M, K, _ = reduced.factors
-        moved = moved_of(reduced, shape)
+            return self._tree_details(rows)
+        matrices, value, shape = self.matrices, self.eigenvalue[rows], self._shapes(rows)
+        M, K, _ = matrices.factors
+        shapes = shapes_in_scene(matrices, shape)
         modal_mass = (M.size[:, None] * np.abs(M.rows @ shape) ** 2).sum(0)
         momentum = np.full(len(rows), np.nan)
         if not self.is_damped:
-            momentum = cancelled(reduced.momentum, shape)
-            held = (K.size[:, None] * (K.rows @ shape) ** 2).sum(0)
-            residual = np.abs(1 + held / modal_mass / (value**2).real)
+            momentum = significant_product(matrices.momentum, shape)
+            potential = (K.size[:, None] * (K.rows @ shape) ** 2).sum(0)
+            residual = np.abs(1 + potential / modal_mass / (value**2).real)
         else:
             terms = [(K, 0), (self._losses, 1), (M, 2)]
             push = sum(part.rows.T @ (part.size[:, None] * (part.rows @ shape)) * value**p for part, p in terms)
@@ -238,29 +250,29 @@ class OnStructure:
             )
             unit = np.sqrt(M.size @ M.rows**2)[:, None]
             residual = np.linalg.norm(push / unit, axis=0) / np.linalg.norm(size / unit, axis=0)
-        described = details_of(moved, modal_mass, momentum, residual, moved.energies)
-        return self._of_cart(described, value, shape) if self._is_plain else described
+        details = details_of(shapes, modal_mass, momentum, residual, shapes.energies)
+        return self._of_cart(details, value, shape) if self._is_plain else details
 
-    def _counted(self, rows: Ints) -> Details:
+    def _tree_details(self, rows: Ints) -> Details:
         """Shapes of a tree."""
-        tree, value = self.reduced.tree, self.eigenvalue[rows]
+        tree, value = self.matrices.tree, self.eigenvalue[rows]
         assert tree is not None
-        shape, works, push, missed = tree.shapes(self.squares, rows)
-        moved, unit = moved_of(self.reduced, shape), np.ones(len(rows))
+        shape, works, push, residual = tree.shapes(self.squares, rows)
+        shapes, unit = shapes_in_scene(self.matrices, shape), np.ones(len(rows))
         if not self._is_plain:
-            momentum = cancelled(self.reduced.momentum, shape)
-            return details_of(moved, unit, momentum, missed, moved.energies)
-        counts = (block.count[:, None] for block in self.reduced.carried.rig.blocks)
+            momentum = significant_product(self.matrices.momentum, shape)
+            return details_of(shapes, unit, momentum, residual, shapes.energies)
+        counts = (block.count[:, None] for block in self.matrices.parted_rig.rig.blocks)
         energies = tuple(work / count for work, count in zip(works, counts, strict=True))
-        return self._of_cart(details_of(moved, unit, push, missed, energies), value, shape)
+        return self._of_cart(details_of(shapes, unit, push, residual, energies), value, shape)
 
     def _of_cart(self, details: Details, value: Complexes, shape: Numbers) -> Details:
         """The properties of these modes with κ and, on a cart, what moves it."""
-        is_cart = len(self.reduced.component.eta) > 0
+        is_cart = len(self.matrices.component.eta) > 0
         cart = shape[0] if is_cart else np.zeros(len(value))
         momentum = details.momentum
         if is_cart and not self.is_damped:
-            (spring,) = self.reduced.carried.hanging.structure.carriers[0].stiffness
+            (spring,) = self.matrices.parted_rig.hanging.structure.carriers[0].stiffness
             momentum = spring * cart.real / -(value**2).real
         return replace(
             details,
@@ -278,7 +290,7 @@ class OnStructure:
         """
         if not self.is_damped:
             return np.asarray(shape[0].real ** 2 / modal_mass / self.accelerance)
-        M, _, D = *self.reduced.factors[:2], self._losses
+        M, _, D = *self.matrices.factors[:2], self._losses
         inertia, losses = ((S.size[:, None] * (S.rows @ shape) ** 2).sum(0) for S in (M, D))
         residue: Floats = (value * shape[0] ** 2 / (2 * value * inertia + losses)).real / self.accelerance
         return np.where(value.imag > 0, 2 * residue, residue)
@@ -286,29 +298,29 @@ class OnStructure:
     @cached_property
     def accelerance(self) -> float:
         """Σ φ_x² over all finite modes of a cart (1/kg): (M⁻¹)_xx, where M is singular from the modes themselves."""
-        if (tree := self.reduced.tree) is None:
-            return float(np.linalg.inv(self.reduced.factors[0].matrix)[0, 0])
+        if (tree := self.matrices.tree) is None:
+            return float(np.linalg.inv(self.matrices.factors[0].matrix)[0, 0])
         if not self.is_singular:
             return 1.0 / float(tree.bare[0])
-        M, shape = self.reduced.factors[0], self._dense.shape.real
+        M, shape = self.matrices.factors[0], self._dense.shape.real
         finite = float(np.sum(shape[0] ** 2 / (M.size[:, None] * (M.rows @ shape) ** 2).sum(0)))
-        return finite + (1.0 / float(M.matrix[0, 0]) if self.reduced.free.size else 0.0)
+        return finite + (1.0 / float(M.matrix[0, 0]) if self.matrices.free.size else 0.0)
 
     def _kappa(self, details: Details, value: Complexes, shape: Numbers) -> Floats:
         """κ of the in-phase part of each shape: exact without dampers, to first order in light ones.
 
         About an equilibrium that constant forces have moved there are forces of odd order, too: NaN.
         """
-        rig, omega = self.reduced.carried.rig, np.abs(value)
+        rig, omega = self.matrices.parted_rig.rig, np.abs(value)
         if rig.leans:
             return np.full(len(value), np.nan)
-        cart = shape.real[0] if len(self.reduced.component.eta) else np.zeros(len(value))
+        cart = shape.real[0] if len(self.matrices.component.eta) else np.zeros(len(value))
         angles = tuple(angle.real for angle in details.angles)
         parts = zip(rig.blocks, angles, strict=True)
         gamma = np.sum([(quartic(b, omega**2, cart, a) * b.count[:, None]).sum(0) for b, a in parts], axis=0)
         modal_mass = details.modal_mass
         if self.is_damped:
-            M = self.reduced.factors[0]
+            M = self.matrices.factors[0]
             modal_mass = (M.size[:, None] * (M.rows @ shape.real) ** 2).sum(0)
         kappa = coefficient(gamma, modal_mass, omega**2, largest_angle(angles))
         quiet = np.abs(shape.imag).max(0) < LIGHT * np.abs(shape.real).max(0)
@@ -317,10 +329,10 @@ class OnStructure:
 
     def _shapes(self, rows: Ints) -> Numbers:
         """(n, R), real without dampers; what moves no more than rounding, in its share of the energy, is still."""
-        whole = self._product[1] if self._is_product else self._dense.shape
-        first, M = len(self.reduced.component.eta), self.reduced.factors[0]
-        shape = whole[:, rows]
-        shape = dense.in_phase(shape, first if self.reduced.size > first else 0) if self.is_damped else shape.real
+        all_shapes = self._product[1] if self._is_product else self._dense.shape
+        first, M = len(self.matrices.component.eta), self.matrices.factors[0]
+        shape = all_shapes[:, rows]
+        shape = dense.in_phase(shape, first if self.matrices.size > first else 0) if self.is_damped else shape.real
         weight = np.sqrt((M.size[:, None] * M.rows**2).sum(0))[:, None]
         sizes = np.abs(shape) * weight
         return np.where(sizes > 4 * len(shape) * dense.EPS * sizes.max(0), shape, 0.0)
@@ -338,11 +350,11 @@ def _condition(S: Floats) -> float:
         return 1.0
     scale = 1 / np.sqrt(np.abs(np.diag(S)) + np.finfo(float).tiny)
     values = np.abs(np.linalg.eigvalsh(S * scale * scale[:, None]))
-    kept = values[values > 4 * len(S) * dense.EPS * values.max()]
-    return float(values.max() / kept.min())
+    significant = values[values > 4 * len(S) * dense.EPS * values.max()]
+    return float(values.max() / significant.min())
 
 
-def _without(free: Floats, M: Floats) -> tuple[Ints, Floats, Floats, float]:
+def _eliminate_free_motions(free: Floats, M: Floats) -> tuple[Ints, Floats, Floats, float]:
     """What is left without free motions (n, f): coordinates, shapes from them, inertia, and its loss of digits.
 
     In each motion one coordinate rests and the momentum is 0, as on a free cart.
@@ -360,20 +372,20 @@ def _without(free: Floats, M: Floats) -> tuple[Ints, Floats, Floats, float]:
         others = np.arange(f) != k
         A[:, others] -= np.multiply.outer(A[:, k], A[at, others])
         resting.append(at)
-    kept = np.setdiff1d(np.arange(n), resting)
+    coordinates = np.setdiff1d(np.arange(n), resting)
     momentum = A.T @ M
-    follow = np.linalg.solve(momentum @ A, momentum[:, kept])
-    left = M[np.ix_(kept, kept)]
-    inertia = left - momentum[:, kept].T @ follow
-    lost = float((np.diag(left) / np.diag(inertia)).max(initial=1.0))
-    return kept, np.eye(n)[:, kept] - A @ follow, (inertia + inertia.T) / 2, lost
+    follow = np.linalg.solve(momentum @ A, momentum[:, coordinates])
+    part = M[np.ix_(coordinates, coordinates)]
+    inertia = part - momentum[:, coordinates].T @ follow
+    loss_factor = float((np.diag(part) / np.diag(inertia)).max(initial=1.0))
+    return coordinates, np.eye(n)[:, coordinates] - A @ follow, (inertia + inertia.T) / 2, loss_factor
 
 
-def _kept(above: Ints, kept: Ints) -> Ints:
+def _parents_among(parents: Ints, coordinates: Ints) -> Ints:
     """The places of coordinates among those that are kept."""
-    at = {int(k): i for i, k in enumerate(kept)}
-    return np.array([at.get(int(above[k]), -1) for k in kept])
+    at = {int(k): i for i, k in enumerate(coordinates)}
+    return np.array([at.get(int(parents[k]), -1) for k in coordinates])
 
 
-def _rows(roots: Floats | None, kept: Ints) -> Floats | None:
-    return None if roots is None else roots[:, kept]
+def _rows(roots: Floats | None, coordinates: Ints) -> Floats | None:
+    return None if roots is None else roots[:, coordinates]

@@ -43,7 +43,7 @@ import numpy as np
 
 from modal.assembly import Block, CartNumbers
 from modal.eigen.recursion import Chains, Suspension, at_infinity, count_and_mass
-from modal.eigen.squares import above_all, located, smallest_where
+from modal.eigen.squares import locate, smallest_where, upper_bounds
 from modal.types import Booleans, Floats, Ints
 
 NUDGE = 2.0**-60
@@ -72,7 +72,7 @@ class TreeShapes(NamedTuple):
     shape: Floats
     works: tuple[Floats, ...]
     push: Floats
-    missed: Floats
+    residual: Floats
 
 
 class HungChains(NamedTuple):
@@ -91,7 +91,7 @@ class HungChains(NamedTuple):
 class Tree:
     """Coordinates in an `order` (N,), the root first and each after its `parent` (N,), −1 of the root.
 
-    `stiffness` and `mass` (N,) are their own, `spring`, `near` and `far` (N,) are κ, α at the parent and β.
+    `stiffness` and `mass` (N,) are their own, `spring`, `alpha` and `beta` (N,) are κ, α at the parent and β.
     """
 
     order: Ints
@@ -99,27 +99,27 @@ class Tree:
     stiffness: Floats
     mass: Floats
     spring: Floats
-    near: Floats
-    far: Floats
-    hung: tuple[HungChains, ...]
+    alpha: Floats
+    beta: Floats
+    hanging_chains: tuple[HungChains, ...]
 
     @cached_property
     def chains(self) -> tuple[tuple[Chains | Block, Ints], ...]:
         """The constants of plain chains, or all numbers of the others, with the coordinate of each."""
         return tuple(
             (Suspension.on_cart([block], NO_CART).chains[0] if block.is_plain.all() else block, places)
-            for block, places, *_ in self.hung
+            for block, places, *_ in self.hanging_chains
         )
 
     @property
     def is_plain(self) -> bool:
         """Whether all chains are."""
-        return all(hanging.block.is_plain.all() for hanging in self.hung)
+        return all(hanging.block.is_plain.all() for hanging in self.hanging_chains)
 
     @property
     def stands(self) -> bool:
         """Whether any link is inverted."""
-        return any((hanging.block.sigma < 0).any() for hanging in self.hung)
+        return any((hanging.block.sigma < 0).any() for hanging in self.hanging_chains)
 
     @property
     def free(self) -> int:
@@ -129,13 +129,13 @@ class Tree:
     @property
     def size(self) -> int:
         """Number of coordinates with those of the chains."""
-        return len(self.parent) + sum(hanging.block.mass.size for hanging in self.hung)
+        return len(self.parent) + sum(hanging.block.mass.size for hanging in self.hanging_chains)
 
     @cached_property
     def bare(self) -> Floats:
         """The mass (N,) that each coordinate feels from inertia alone."""
         bare = self.mass.copy()
-        for hanging in self.hung if len(bare) else ():
+        for hanging in self.hanging_chains if len(bare) else ():
             np.add.at(bare, hanging.places, at_infinity(hanging.block)[0])
         return bare
 
@@ -145,29 +145,34 @@ class Tree:
         s, total = np.zeros((len(self.parent), len(trial))), np.where(trial > 0, -self.free, 0)
         for chains, places in self.chains:
             if isinstance(chains, Block):
-                below, mass = sprung_count_and_mass(chains, trial)
+                number, mass = sprung_count_and_mass(chains, trial)
             else:
                 counts, masses = count_and_mass(chains, x)
-                below, mass = counts[:, :, 0], masses[:, :, 0]
-            total += below.sum(0)
+                number, mass = counts[:, :, 0], masses[:, :, 0]
+            total += number.sum(0)
             if len(s):
                 np.add.at(s, places, mass)
-        passed = np.zeros_like(s)
+        child_stiffness = np.zeros_like(s)
         for i in reversed(range(len(s))):
-            stiffness, pivot, near = self._pivot(i, trial, s[i], passed[i])
+            stiffness, pivot, alpha_stiffness = self._pivot(i, trial, s[i], child_stiffness[i])
             total += pivot < 0
             if self.parent[i] >= 0:
-                passed[self.parent[i]] += near * (stiffness / pivot)
+                child_stiffness[self.parent[i]] += alpha_stiffness * (stiffness / pivot)
         return total[:, None]
 
-    def _pivot(self, i: int, x: Floats, felt: Floats, passed: Floats) -> tuple[Floats, Floats, float]:
-        """S of a coordinate on which chains have the effective mass `felt`, β²κ + s, and α²κ."""
-        inertia = x * (self.mass[i] + felt)
-        stiffness = self.stiffness[i] - inertia + passed
-        near, far = self.spring[i] * self.near[i] ** 2, self.spring[i] * self.far[i] ** 2
-        pivot = far + stiffness
-        size = self.stiffness[i] + np.abs(x) * (self.mass[i] + np.abs(felt)) + np.abs(passed) + far
-        return stiffness, np.where(pivot == 0, -NUDGE * size, pivot), float(near)
+    def _pivot(self, i: int, x: Floats, chain_mass: Floats, child_stiffness: Floats) -> tuple[Floats, Floats, float]:
+        """S of a coordinate on which chains have the effective mass `chain_mass`, β²κ + s, and α²κ."""
+        inertia = x * (self.mass[i] + chain_mass)
+        stiffness = self.stiffness[i] - inertia + child_stiffness
+        alpha_stiffness, beta_stiffness = self.spring[i] * self.alpha[i] ** 2, self.spring[i] * self.beta[i] ** 2
+        pivot = beta_stiffness + stiffness
+        size = (
+            self.stiffness[i]
+            + np.abs(x) * (self.mass[i] + np.abs(chain_mass))
+            + np.abs(child_stiffness)
+            + beta_stiffness
+        )
+        return stiffness, np.where(pivot == 0, -NUDGE * size, pivot), float(alpha_stiffness)
 
     def take(self, supports: Ints | slice) -> Tree:
         """The tree itself: it is one problem."""
@@ -178,9 +183,11 @@ class Tree:
         """A trial value (1,) below all modes."""
         if self.stands:
             return np.array([SMALLEST])
-        held = np.concatenate([self.stiffness, self.spring, *(h.block.constants.k.ravel() for h in self.hung)])
-        heavy = np.concatenate([self.mass, *(hanging.block.mass.ravel() for hanging in self.hung)])
-        trial = np.array([[held[held > 0].min() / heavy.sum()]])
+        stiffnesses = np.concatenate(
+            [self.stiffness, self.spring, *(h.block.constants.k.ravel() for h in self.hanging_chains)]
+        )
+        heavy = np.concatenate([self.mass, *(hanging.block.mass.ravel() for hanging in self.hanging_chains)])
+        trial = np.array([[stiffnesses[stiffnesses > 0].min() / heavy.sum()]])
         while self.count(trial)[0, 0] > 0 and trial[0, 0] > 0:
             trial = trial * LOWER
         return np.asarray(trial[0])
@@ -188,21 +195,21 @@ class Tree:
     def squares(self, lowest: int | None) -> Floats:
         """All ω² but 0, ascending, or the lowest of them; with inverted links all, negative for growing modes."""
         modes = self.size - self.free
-        wanted = np.arange(modes)
+        indices = np.arange(modes)
         if not self.stands:
-            return located(self, wanted[:lowest], modes)[:, 0] if modes else np.zeros(0)
+            return locate(self, indices[:lowest], modes)[:, 0] if modes else np.zeros(0)
 
-        def below(x: Floats) -> Ints:
+        def count_below(x: Floats) -> Ints:
             return self.count(x[:, None])[:, 0]
 
-        def crossings(reached: Callable[[Floats], Booleans], highest: Floats, number: int) -> Floats:
-            return smallest_where(reached, *(np.broadcast_to(end, number) for end in (self.low, highest)))
+        def crossings(condition: Callable[[Floats], Booleans], highest: Floats, number: int) -> Floats:
+            return smallest_where(condition, *(np.broadcast_to(end, number) for end in (self.low, highest)))
 
-        growing = int(below(-self.low)[0])
-        top = above_all(lambda u: growing - below(-u), self.low, np.array([growing])) if growing else self.low
-        high = above_all(below, self.low, np.array([modes]))
-        negative = -crossings(lambda u: below(-u) <= wanted[:growing], top, growing)
-        return np.append(negative, crossings(lambda u: below(u) > wanted[growing:], high, modes - growing))
+        growing = int(count_below(-self.low)[0])
+        top = upper_bounds(lambda u: growing - count_below(-u), self.low, np.array([growing])) if growing else self.low
+        high = upper_bounds(count_below, self.low, np.array([modes]))
+        negative = -crossings(lambda u: count_below(-u) <= indices[:growing], top, growing)
+        return np.append(negative, crossings(lambda u: count_below(u) > indices[growing:], high, modes - growing))
 
     def slack(self, squares: Floats) -> Floats:
         """Factor of the error of ω over that of one recursion (R,).
@@ -212,25 +219,26 @@ class Tree:
         if not self.stands:
             return np.full(len(squares), 1.0 if self.is_plain else float(ROUNDINGS))
         (eta, angles, _), _ = self._shapes(squares, np.arange(len(squares)))
-        held = self.stiffness @ eta**2
-        for (block, *_), turned in zip(self.hung, angles, strict=True):
-            above = np.concatenate([np.zeros_like(turned[:1]), turned[:-1]]) * turns(block)[:, :, None]
-            spring = block.stiffness[:, :, None] * (turned - above) ** 2
-            held = held + (block.b[:, :, None] * turned**2 + spring).sum((0, 1))
-        return np.asarray(ROUNDINGS * (held / np.abs(squares) + 1) / 2)
+        potential = self.stiffness @ eta**2
+        for (block, *_), angle in zip(self.hanging_chains, angles, strict=True):
+            upper_angle = np.concatenate([np.zeros_like(angle[:1]), angle[:-1]]) * turns(block)[:, :, None]
+            spring = block.stiffness[:, :, None] * (angle - upper_angle) ** 2
+            potential = potential + (block.b[:, :, None] * angle**2 + spring).sum((0, 1))
+        return np.asarray(ROUNDINGS * (potential / np.abs(squares) + 1) / 2)
 
     # ----------------------------------------------------------------------------------------------------- shapes
 
     def shapes(self, squares: Floats, rows: Ints) -> TreeShapes:
         """The shapes of these rows of all `squares`."""
-        shape, missed = self._shapes(squares, rows)
+        shape, residual = self._shapes(squares, rows)
         angles, (_, forces, moments) = shape[1], self._inertial(shape)
         parts = zip(forces, shape[2], moments, angles, strict=True)
-        works = tuple(force * centres + moment * turned for force, centres, moment, turned in parts)
+        works = tuple(force * centres + moment * angle for force, centres, moment, angle in parts)
         pushes = [
-            (eliminated(h.block, squares[rows]).moment[0] * a[0]).sum(0) for h, a in zip(self.hung, angles, strict=True)
+            (eliminated_chain(h.block, squares[rows]).moment[0] * a[0]).sum(0)
+            for h, a in zip(self.hanging_chains, angles, strict=True)
         ]
-        return TreeShapes(self._written(shape), works, np.sum(pushes, axis=0), missed)
+        return TreeShapes(self._component_columns(shape), works, np.sum(pushes, axis=0), residual)
 
     def _shapes(self, squares: Floats, rows: Ints) -> tuple[_Shape, Floats]:
         """Shapes φᵀMφ = 1 of these rows, and errors of their Rayleigh quotients over ω², (R,).
@@ -239,25 +247,27 @@ class Tree:
         squares are computed together.
         """
         size = np.abs(squares)
-        near = np.concatenate([[0], np.cumsum(np.diff(squares) > CLOSE * np.minimum(size[1:], size[:-1]))])
-        members = np.flatnonzero(np.isin(near, near[rows]))
-        x, place = squares[members], members - np.searchsorted(near, near[members])
-        pivots = [eliminated(hanging.block, x) for hanging in self.hung]
+        cluster = np.concatenate([[0], np.cumsum(np.diff(squares) > CLOSE * np.minimum(size[1:], size[:-1]))])
+        members = np.flatnonzero(np.isin(cluster, cluster[rows]))
+        x, place = squares[members], members - np.searchsorted(cluster, cluster[members])
+        pivots = [eliminated_chain(hanging.block, x) for hanging in self.hanging_chains]
         random = np.random.default_rng(0)
-        every = range(int(place.max(initial=0)) + 1)
-        sizes = [np.sqrt(hanging.block.diagonal) for hanging in self.hung]
-        drawn = [[size * random.uniform(0.5, 1.0, size.shape) for size in sizes] for _ in every]
-        moments = [np.stack([draw[k] for draw in drawn], axis=-1)[..., place] for k in range(len(sizes))]
-        pushed = np.stack([np.sqrt(self.mass) * random.uniform(0.5, 1.0, len(self.mass)) for _ in every], axis=1)
-        loads = pushed[:, place], [np.zeros_like(moment) for moment in moments], moments
+        numbers = range(int(place.max(initial=0)) + 1)
+        sizes = [np.sqrt(hanging.block.diagonal) for hanging in self.hanging_chains]
+        draws = [[size * random.uniform(0.5, 1.0, size.shape) for size in sizes] for _ in numbers]
+        moments = [np.stack([draw[k] for draw in draws], axis=-1)[..., place] for k in range(len(sizes))]
+        random_forces = np.stack(
+            [np.sqrt(self.mass) * random.uniform(0.5, 1.0, len(self.mass)) for _ in numbers], axis=1
+        )
+        loads = random_forces[:, place], [np.zeros_like(moment) for moment in moments], moments
         for _ in range(ITERATIONS):
             shape = self._answer(pivots, x, loads)
             size = np.sqrt(_work(self._inertial(shape), shape))
-            shape = _scaled(shape, 1 / size)
-            missed = _work(loads, shape) / size
+            shape = _scale(shape, 1 / size)
+            imbalance = _work(loads, shape) / size
             for k in np.flatnonzero(place).tolist():
-                for before in range(k - int(place[k]), k):
-                    late, early = _column(shape, k), _column(shape, before)
+                for earlier in range(k - int(place[k]), k):
+                    late, early = _column(shape, k), _column(shape, earlier)
                     share = _work(self._inertial(early), late)
                     for array, its in zip(_arrays(shape), _arrays(early), strict=True):
                         array[..., k] -= (its * share)[..., 0]
@@ -268,54 +278,57 @@ class Tree:
             loads = self._inertial(shape)
         eta, angles, centres = shape
         swings = np.max([np.abs(part).max((0, 1)) for part in angles], axis=0, initial=0.0)
-        several = np.bincount(near)[near[members]] > 1
+        several = np.bincount(cluster)[cluster[members]] > 1
         eta[:] = np.where(several & (np.abs(eta) <= CANCELLED * self.size * swings), 0.0, eta)
         at = np.searchsorted(members, rows)
-        kept = eta[:, at], [part[:, :, at] for part in angles], [part[:, :, at] for part in centres]
-        return kept, np.abs(missed / x)[at]
+        selection = eta[:, at], [part[:, :, at] for part in angles], [part[:, :, at] for part in centres]
+        return selection, np.abs(imbalance / x)[at]
 
     def _answer(self, pivots: list[EliminatedChain], x: Floats, loads: _Loads) -> _Shape:
         """(K − x M)⁻¹ of these loads."""
-        parts = zip(self.hung, pivots, *loads[1:], strict=True)
-        felt = [gathered(hanging.block, chain, x, *load) for hanging, chain, *load in parts]
+        parts = zip(self.hanging_chains, pivots, *loads[1:], strict=True)
+        link_loads = [gather_loads(hanging.block, chain, x, *load) for hanging, chain, *load in parts]
         mass, force = np.zeros((len(self.mass), len(x))), loads[0].copy()
-        for hanging, chain, (_, pulled) in zip(self.hung, pivots, felt, strict=True):
+        for hanging, chain, (_, pivot_force) in zip(self.hanging_chains, pivots, link_loads, strict=True):
             if len(mass):
                 np.add.at(mass, hanging.places, chain.mass[0])
-                np.add.at(force, hanging.places, pulled)
-        eta, passed, pivot = np.zeros_like(force), np.zeros_like(force), np.zeros_like(force)
-        across = -self.spring * self.near * self.far
+                np.add.at(force, hanging.places, pivot_force)
+        eta, child_stiffness, pivot = np.zeros_like(force), np.zeros_like(force), np.zeros_like(force)
+        cross_stiffness = -self.spring * self.alpha * self.beta
         for i in reversed(range(len(eta))):
-            stiffness, pivot[i], near = self._pivot(i, x, mass[i], passed[i])
+            stiffness, pivot[i], alpha_stiffness = self._pivot(i, x, mass[i], child_stiffness[i])
             if self.parent[i] >= 0:
-                passed[self.parent[i]] += near * (stiffness / pivot[i])
-                force[self.parent[i]] += across[i] * force[i] / pivot[i]
+                child_stiffness[self.parent[i]] += alpha_stiffness * (stiffness / pivot[i])
+                force[self.parent[i]] += cross_stiffness[i] * force[i] / pivot[i]
         for i in range(len(eta)):
-            above = eta[self.parent[i]] if self.parent[i] >= 0 else 0.0
-            eta[i] = (force[i] + across[i] * above) / pivot[i]
-        every = zip(self.hung, pivots, felt, strict=True)
-        still = np.zeros(len(x))
-        moved = [
-            descended(hanging.block, chain, x, load, eta[hanging.places] if len(eta) else still)
-            for hanging, chain, (load, _) in every
+            parent_eta = eta[self.parent[i]] if self.parent[i] >= 0 else 0.0
+            eta[i] = (force[i] + cross_stiffness[i] * parent_eta) / pivot[i]
+        chains = zip(self.hanging_chains, pivots, link_loads, strict=True)
+        rest = np.zeros(len(x))
+        answers = [
+            descend(hanging.block, chain, x, load, eta[hanging.places] if len(eta) else rest)
+            for hanging, chain, (load, _) in chains
         ]
-        return eta, [angles for angles, _ in moved], [centres for _, centres in moved]
+        return eta, [angles for angles, _ in answers], [centres for _, centres in answers]
 
     def _inertial(self, shape: _Shape) -> _Loads:
         """M φ: forces on coordinates, on centres, and moments."""
         eta, angles, centres = shape
         return (
             self.mass[:, None] * eta,
-            [hanging.block.mass[:, :, None] * part for hanging, part in zip(self.hung, centres, strict=True)],
-            [hanging.block.inertia[:, :, None] * part for hanging, part in zip(self.hung, angles, strict=True)],
+            [hanging.block.mass[:, :, None] * part for hanging, part in zip(self.hanging_chains, centres, strict=True)],
+            [
+                hanging.block.inertia[:, :, None] * part
+                for hanging, part in zip(self.hanging_chains, angles, strict=True)
+            ],
         )
 
-    def _written(self, shape: _Shape) -> Floats:
+    def _component_columns(self, shape: _Shape) -> Floats:
         """One column for each shape, coordinates in the order of the component."""
         eta, angles, _ = shape
         shapes = np.zeros((self.size, eta.shape[1]))
         shapes[self.order] = eta
-        for hanging, part in zip(self.hung, angles, strict=True):
+        for hanging, part in zip(self.hanging_chains, angles, strict=True):
             for p, (first, h) in enumerate(zip(hanging.first.tolist(), hanging.h.tolist(), strict=True)):
                 shapes[first : first + hanging.block.n] = h * hanging.block.sigma[:, p, None] * part[:, p]
         return shapes
@@ -335,7 +348,7 @@ def _column(shape: _Shape, k: int) -> _Shape:
     return shape[0][:, [k]], [part[:, :, [k]] for part in shape[1]], [part[:, :, [k]] for part in shape[2]]
 
 
-def _scaled(shape: _Shape, factor: Floats) -> _Shape:
+def _scale(shape: _Shape, factor: Floats) -> _Shape:
     return shape[0] * factor, [part * factor for part in shape[1]], [part * factor for part in shape[2]]
 
 
@@ -363,23 +376,23 @@ class EliminatedChain(NamedTuple):
 def eliminate(block: Block, x: Floats) -> Iterator[EliminatedChain]:
     """Every link at x (R,), from the last to the first."""
     mu, h, F, delta = (np.zeros((block.size, x.shape[-1])) for _ in range(4))
-    turned = turns(block)
+    turn_signs = turns(block)
     for i in reversed(range(block.n)):
         m, l, c, inertia, s = _link(block, i)
         r, G = l - c, (block.sigma[i] * block.b[i])[:, None]
-        lm, held = l * mu, G + F
+        lm, stiffness = l * mu, G + F
         H = lm + h + m * c
-        N = delta + mu * (G - x * (inertia + m * r * r)) - x * (2 * m * r * h) + m * (held - x * inertia)
-        B = held - x * (inertia + m * c * c + l * (lm + 2 * h))
+        N = delta + mu * (G - x * (inertia + m * r * r)) - x * (2 * m * r * h) + m * (stiffness - x * inertia)
+        B = stiffness - x * (inertia + m * c * c + l * (lm + 2 * h))
         D = B + s
         D = np.where(D == 0, -NUDGE * (np.abs(G) + s), D)
-        above = (N + s * (mu + m)) / D
-        yield EliminatedChain(D, H, h, F, above)
-        passed = s / D
-        mu, h, F, delta = above, turned[i][:, None] * passed * H, passed * B, passed * N
+        mass_above = (N + s * (mu + m)) / D
+        yield EliminatedChain(D, H, h, F, mass_above)
+        ratio = s / D
+        mu, h, F, delta = mass_above, turn_signs[i][:, None] * ratio * H, ratio * B, ratio * N
 
 
-def eliminated(block: Block, x: Floats) -> EliminatedChain:
+def eliminated_chain(block: Block, x: Floats) -> EliminatedChain:
     """All links, top first."""
     links = list(eliminate(block, x))[::-1]
     return EliminatedChain(*(np.array(values) for values in zip(*links, strict=True)))
@@ -387,10 +400,10 @@ def eliminated(block: Block, x: Floats) -> EliminatedChain:
 
 def sprung_count_and_mass(block: Block, x: Floats) -> tuple[Ints, Floats]:
     """Number of ω² of each chain on a fixed support below each x (R,), and the mass felt at its pivot, (P, R)."""
-    below = np.zeros((block.size, x.shape[-1]), dtype=np.int64)
+    count = np.zeros((block.size, x.shape[-1]), dtype=np.int64)
     for link in eliminate(block, x):
-        below += link.pivot < 0
-    return below, link.mass
+        count += link.pivot < 0
+    return count, link.mass
 
 
 def _link(block: Block, i: int) -> list[Floats]:
@@ -404,32 +417,40 @@ def turns(block: Block) -> Floats:
     return np.concatenate([np.ones((1, block.size)), block.sigma[1:] * block.sigma[:-1]])
 
 
-def gathered(block: Block, pivots: EliminatedChain, x: Floats, force: Floats, moment: Floats) -> tuple[Floats, Floats]:
+def gather_loads(
+    block: Block, pivots: EliminatedChain, x: Floats, force: Floats, moment: Floats
+) -> tuple[Floats, Floats]:
     """The load on each link (n, P, R) once everything below is eliminated, and the force on the pivot (P, R)."""
-    felt, pivot = np.empty_like(moment), np.zeros(moment.shape[1:])
-    passed, turned = pivot, turns(block)
+    link_loads, pivot = np.empty_like(moment), np.zeros(moment.shape[1:])
+    joint_moment, turn_signs = pivot, turns(block)
     for i in reversed(range(block.n)):
         _, l, c, _, s = _link(block, i)
-        felt[i] = l * pivot + passed + c * force[i] + moment[i]
-        pivot = pivot + force[i] + x * pivots.moment[i] * felt[i] / pivots.pivot[i]
-        passed = turned[i][:, None] * s * felt[i] / pivots.pivot[i]
-    return felt, pivot
+        link_loads[i] = l * pivot + joint_moment + c * force[i] + moment[i]
+        pivot = pivot + force[i] + x * pivots.moment[i] * link_loads[i] / pivots.pivot[i]
+        joint_moment = turn_signs[i][:, None] * s * link_loads[i] / pivots.pivot[i]
+    return link_loads, pivot
 
 
-def descended(block: Block, pivots: EliminatedChain, x: Floats, felt: Floats, pivot: Floats) -> tuple[Floats, Floats]:
+def descend(
+    block: Block, pivots: EliminatedChain, x: Floats, link_loads: Floats, pivot: Floats
+) -> tuple[Floats, Floats]:
     """Angles and displacements of the centres (n, P, R) under the load on each link, pivots displaced (R,) or (P, R).
 
     The lower joint moves by y + l θ = (y (D + x l H) + l (s φ + …)) / D, in which D + x l H needs no μ.
     """
-    angles, centres = np.empty_like(felt), np.empty_like(felt)
-    above, y, turned = np.zeros(felt.shape[1:]), np.broadcast_to(pivot, felt.shape[1:]), turns(block)
+    angles, centres = np.empty_like(link_loads), np.empty_like(link_loads)
+    upper_angle, y, turn_signs = (
+        np.zeros(link_loads.shape[1:]),
+        np.broadcast_to(pivot, link_loads.shape[1:]),
+        turns(block),
+    )
     for i in range(block.n):
         m, l, c, inertia, s = _link(block, i)
-        pushed = s * turned[i][:, None] * above + felt[i]
-        angles[i] = above = (pushed + x * pivots.moment[i] * y) / pivots.pivot[i]
-        held = (block.sigma[i] * block.b[i])[:, None] + pivots.stiffness[i] + s
-        gain = held + x * (m * c * (l - c) - inertia - l * pivots.first_moment[i])
-        lower = (y * gain + l * pushed) / pivots.pivot[i]
+        load = s * turn_signs[i][:, None] * upper_angle + link_loads[i]
+        angles[i] = upper_angle = (load + x * pivots.moment[i] * y) / pivots.pivot[i]
+        stiffness = (block.sigma[i] * block.b[i])[:, None] + pivots.stiffness[i] + s
+        gain = stiffness + x * (m * c * (l - c) - inertia - l * pivots.first_moment[i])
+        lower = (y * gain + l * load) / pivots.pivot[i]
         centres[i] = y * ((l - c) / l) + lower * (c / l)
         y = lower
     return angles, centres

@@ -10,7 +10,7 @@ Start with `characteristic` for polynomials and with `enclosures` for proofs (ex
 
 from typing import TYPE_CHECKING
 
-from modal.lazy import exported
+from modal.lazy import lazy_attributes
 
 if TYPE_CHECKING:
     from modal.exact.characteristic import (
@@ -41,4 +41,4 @@ __all__ = [
 ]
 
 if not TYPE_CHECKING:
-    __getattr__ = exported(__name__, ("polynomials", "characteristic", "enclosures"))
+    __getattr__ = lazy_attributes(__name__, ("polynomials", "characteristic", "enclosures"))

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from modal.lazy import exported
+from modal.lazy import lazy_attributes
 
 if TYPE_CHECKING:
     from modal.exports.data import read_json as read_json
@@ -71,11 +71,11 @@ def _function(place: str) -> Callable[..., Any]:
 def find_format(name: str) -> Format:
     """The format of this name; SceneError lists all formats if it is unknown."""
     if name not in FORMATS:
-        from modal.errors import SceneError, meant
+        from modal.errors import SceneError, spelling_hint
 
-        other = OTHER_NAMES.get(name.lower())
-        near = f" (did you mean {other}?)" if other else meant(name, FORMATS)
-        raise SceneError([f"format {name}: must be one of {', '.join(FORMATS)}{near}"])
+        synonym = OTHER_NAMES.get(name.lower())
+        hint = f" (did you mean {synonym}?)" if synonym else spelling_hint(name, FORMATS)
+        raise SceneError([f"format {name}: must be one of {', '.join(FORMATS)}{hint}"])
     return FORMATS[name]
 
 
@@ -138,5 +138,5 @@ OTHER_NAMES = {
     **dict.fromkeys(("excel", "xlsx"), "csv"),
 }
 """Formats by the tools that read them."""
-__getattr__ = exported(__name__, (), LATER)
+__getattr__ = lazy_attributes(__name__, (), LATER)
 __all__ = ["FORMATS", "Format", "find_format", "format_of_file"]

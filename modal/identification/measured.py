@@ -21,7 +21,7 @@ from math import isfinite, nan
 
 import numpy as np
 
-from modal.errors import SceneError, meant
+from modal.errors import SceneError, spelling_hint
 from modal.report import Displayed, counted
 from modal.scene import Scene
 from modal.scene.contents import LARGEST_READ, SIZES_READ, SMALLEST_READ, first_line, text_of
@@ -163,7 +163,7 @@ def _component(column: str, coordinates: Sequence[str]) -> tuple[int, int]:
 def _header_problems(scene: Scene, header: Sequence[str]) -> Iterator[str]:
     for column in NEEDED:
         if column not in header:
-            yield f"has no column {column}{meant(column, header)}"
+            yield f"has no column {column}{spelling_hint(column, header)}"
     yield from (
         f"column {heading}: stands there twice"
         for heading in dict.fromkeys(header)
@@ -186,7 +186,7 @@ def _header_problems(scene: Scene, header: Sequence[str]) -> Iterator[str]:
                 yield f"column {column}: the pendulum has {counted(sizes[pendulum - 1], 'link', 'links')}"
         elif column not in (*NEEDED, *OPTIONAL, *coordinates) and NEAR.match(column):
             known = (*NEEDED, *OPTIONAL, *(name for name in coordinates if name != CART))
-            yield f"column {column}: must be one of {', '.join(known)}, theta_P_L or cart{meant(column, known)}"
+            yield f"column {column}: must be one of {', '.join(known)}, theta_P_L or cart{spelling_hint(column, known)}"
 
 
 def _mode(line: int, row: dict[str, str], components: Sequence[str]) -> MeasuredMode:

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from modal.errors import SceneError, meant
+from modal.errors import SceneError, spelling_hint
 from modal.report import NOTHING, Displayed, Drawable, ReportTable, Result, Summary, capital, finite, short
 from modal.scene import Scene, title_of
 from modal.scene.doors import checked
@@ -141,7 +141,7 @@ def _prior(scene: Scene, text: str) -> dict[Place, tuple[float, float]]:
 def _parameter(scene: Scene, place: Place, prior: tuple[float, float] | None) -> Parameter:
     name, value = _key(place), number_at(scene, place)
     if "start" in place or (name not in (*POSITIVE, *CAN_VANISH) and not is_placed(place)):
-        hint = " (the start is always fitted)" if "start" in place else meant(name, (*POSITIVE, *CAN_VANISH))
+        hint = " (the start is always fitted)" if "start" in place else spelling_hint(name, (*POSITIVE, *CAN_VANISH))
         raise SceneError([f"{with_numbers(place)}: is not a number that a fit can change{hint}"])
     is_log = name in POSITIVE and value > 0 and not is_placed(place)
     if is_log and prior and prior[0] <= 0:

@@ -16,7 +16,7 @@ import numpy as np
 
 from modal.errors import ComputationError, SceneError
 from modal.loci.tracking import CloseApproach, LociPoint, find_close_approaches, follow, solve_at
-from modal.modes import labelled
+from modal.modes import number_labels
 from modal.report import Drawable, ReportColumn, ReportTable, TextResult, csv_rows, silent, with_unit
 from modal.scene import Scene, left_out
 from modal.scene.doors import checked
@@ -104,7 +104,7 @@ def follow_loci(scene: Scene, variation: Variation, report: Report = silent) -> 
     walk, value = _Walk(scene, variation), _own_value(scene, variation)
     points = walk.all_points(value, report)
     first, multiplicity = _distinct(np.array([point.group for point in points]))
-    names = labelled(next(1 + point.row[first] for point in points if point.value == value).tolist())
+    names = number_labels(next(1 + point.row[first] for point in points if point.value == value).tolist())
     approaches, nearest = find_close_approaches(points, first, walk.at)
     points = sorted((*points, *nearest), key=lambda point: point.value)
     values, omega = np.array([point.value for point in points]), np.array([point.omega[first] for point in points])

@@ -27,7 +27,7 @@ from typing import Literal
 import numpy as np
 
 from modal.errors import ComputationError
-from modal.modes import UNCERTAIN, Modes, natural_modes, paired
+from modal.modes import UNCERTAIN, Modes, natural_modes, pair_rows
 from modal.report import Displayed
 from modal.scene import Scene
 from modal.scene.parameters import vary
@@ -117,7 +117,7 @@ def follow(start: LociPoint, end: LociPoint) -> tuple[LociPoint, bool]:
     np.add.at(shares, members, overlap**2)
     best, free = np.argmax(shares, axis=0), np.bincount(members)
     sure = bool(np.all(shares.max(axis=0) >= SURE) and np.array_equal(np.bincount(best, minlength=names.size), free))
-    chosen = best if sure else paired(shares.T, free)
+    chosen = best if sure else pair_rows(shares.T, free)
     order, shapes = np.zeros_like(members), np.zeros_like(end.shapes)
     for number in range(names.size):
         rows, tracks = np.flatnonzero(members == number), np.flatnonzero(chosen == number)

@@ -11,7 +11,7 @@ approach.  The names below are loaded on first use: who finds modes needs no tab
 
 from typing import TYPE_CHECKING
 
-from modal.lazy import exported
+from modal.lazy import lazy_attributes
 
 if TYPE_CHECKING:
     from modal.eigen import UNCERTAIN
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from modal.modes.frequencies import natural_frequencies
     from modal.modes.mode import Mode
     from modal.modes.modes import ModalMatrix, Modes, all_shapes, equilibrium_words, natural_modes
-    from modal.modes.numbering import MOST_COMPARED, counterparts, labelled, lettered, paired, table_numbers
+    from modal.modes.numbering import MOST_COMPARED, counterparts, letters, number_labels, pair_rows, table_numbers
     from modal.modes.rope import hanging_rope, rope_error_of_bobs, rope_error_of_rods
     from modal.modes.rows import moving_words
     from modal.modes.sensitivity import sensitivities
@@ -37,13 +37,13 @@ __all__ = [
     "counterparts",
     "equilibrium_words",
     "hanging_rope",
-    "labelled",
-    "lettered",
+    "letters",
     "mode_losses",
     "moving_words",
     "natural_frequencies",
     "natural_modes",
-    "paired",
+    "number_labels",
+    "pair_rows",
     "quality_factors",
     "rope_error_of_bobs",
     "rope_error_of_rods",
@@ -55,7 +55,7 @@ __all__ = [
 ]
 
 if not TYPE_CHECKING:
-    __getattr__ = exported(
+    __getattr__ = lazy_attributes(
         __name__,
         ("modes", "mode", "shapes", "numbering", "rows", "dissipation", "tables", "frequencies", "sensitivity", "rope"),
     )

@@ -10,11 +10,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from modal.errors import SceneError, meant
+from modal.errors import SceneError, spelling_hint
 from modal.modes.mode import Mode
 from modal.modes.modes import Modes
 from modal.modes.numbering import fixed_base_masses, on_free_cart
-from modal.modes.rows import moved_by
+from modal.modes.rows import structure_motion
 from modal.report import NOTHING, deferred, digits, line_width
 from modal.types import Floats
 
@@ -37,18 +37,18 @@ class Column(NamedTuple):
     value: Callable[[Mode], Value]
     heading: str = ""
     latex: str = ""
-    shown: Callable[[Mode], str] | None = None
+    cell: Callable[[Mode], str] | None = None
     only_if: Callable[[Modes], bool] = lambda modes: True
     of_rows: Callable[[Modes, Sequence[Mode]], Floats] | None = None
     digits: int = 0
     usual: bool = True
 
     @property
-    def headed(self) -> str:
+    def latex_heading(self) -> str:
         """The heading in LaTeX."""
         return self.latex or self.heading
 
-    def computed(self, modes: Modes, rows: Sequence[Mode]) -> Column:
+    def with_values(self, modes: Modes, rows: Sequence[Mode]) -> Column:
         """The same with the values of these rows, computed when the first of them is asked for."""
         if self.of_rows is None:
             return self
@@ -61,25 +61,25 @@ class Column(NamedTuple):
         def value(mode: Mode) -> float:
             return values()[mode.number]
 
-        return self._replace(value=value, shown=_digits(self.digits, value))
+        return self._replace(value=value, cell=_digits(self.digits, value))
 
 
-def _digits(most: int, value: Callable[[Mode], float | None]) -> Callable[[Mode], str]:
-    """At most `most` significant digits, and no more than the bound on ω allows."""
+def _digits(limit: int, value: Callable[[Mode], float | None]) -> Callable[[Mode], str]:
+    """At most `limit` significant digits, and no more than the bound on ω allows."""
 
-    def shown(mode: Mode) -> str:
+    def cell(mode: Mode) -> str:
         number = value(mode)
-        return NOTHING if number is None or mode.is_uncertain else digits(number, mode.relative_error_bound, most)
+        return NOTHING if number is None or mode.is_uncertain else digits(number, mode.relative_error_bound, limit)
 
-    return shown
+    return cell
 
 
-def _marked(mode: Mode) -> str:
+def _number_with_marks(mode: Mode) -> str:
     marks = (("*", bool(mode.resonances)), ("~", mode.indistinct), ("!", mode.is_uncertain))
     return f"{mode.number}{''.join(mark for mark, holds in marks if holds)}"
 
 
-def _trusted(mode: Mode) -> str:
+def _angle_cell(mode: Mode) -> str:
     angle = mode.linear_to_1_percent_deg
     return ">90" if angle > 90 and isfinite(mode.kappa) and mode.kappa else _digits(3, lambda m: angle)(mode)
 
@@ -150,7 +150,7 @@ def _cumulative_held(modes: Modes, rows: Sequence[Mode]) -> Floats:
 
 
 COLUMNS = (
-    Column("mode", lambda m: m.number, "mode", shown=_marked),
+    Column("mode", lambda m: m.number, "mode", cell=_number_with_marks),
     _number("omega_rad_per_s", lambda m: m.omega, "ω (rad/s)", r"$\omega$ (rad/s)", 9),
     _number("frequency_hz", lambda m: m.frequency, "f (Hz)", r"$f$ (Hz)", 7),
     _number("period_s", lambda m: m.period, "T (s)", r"$T$ (s)", 7),
@@ -169,10 +169,10 @@ COLUMNS = (
         "multiplicity",
         lambda m: m.multiplicity,
         "multiplicity",
-        shown=lambda m: str(m.multiplicity),
+        cell=lambda m: str(m.multiplicity),
         only_if=lambda modes: bool((modes.multiplicity > 1).any()),
     ),
-    Column("family", lambda m: m.family, "description", shown=lambda m: m.family),
+    Column("family", lambda m: m.family, "description", cell=lambda m: m.family),
     _number("cart_participation", lambda m: m.cart_participation, "cart part.", "", 4, lambda modes: modes.on_cart),
     _number(
         "effective_mass_kg", lambda m: m.effective_mass, "eff. mass (kg)", r"$m_\mathrm{eff}$ (kg)", 6, _has_own_mass
@@ -195,7 +195,11 @@ COLUMNS = (
         lambda modes: modes.rig.spatial,
     ),
     Column(
-        "linear_to_1_percent_deg", lambda m: m.linear_to_1_percent_deg, "1 % at (°)", r"1\,\% at ($^\circ$)", _trusted
+        "linear_to_1_percent_deg",
+        lambda m: m.linear_to_1_percent_deg,
+        "1 % at (°)",
+        r"1\,\% at ($^\circ$)",
+        _angle_cell,
     ),
     Column("kappa_per_rad2", lambda m: m.kappa),
     Column("resonances", lambda m: "; ".join(m.resonances)),
@@ -236,16 +240,18 @@ def columns_of(
 
     SceneError for a name in `chosen` that no column has.
     """
-    every = list(COLUMNS) if stds is None else _with_stds(stds)
+    columns = list(COLUMNS) if stds is None else _with_stds(stds)
     if amplitude_deg is not None:
-        every.insert(1 + [column.key for column in every].index("damping_ratio"), _at_amplitude(modes, amplitude_deg))
+        columns.insert(
+            1 + [column.key for column in columns].index("damping_ratio"), _at_amplitude(modes, amplitude_deg)
+        )
     if modes.scene.is_structured:
-        at = [column.key for column in every].index("cart_participation")
-        every[at : at + 1] = coordinate_columns(modes, rows)
+        at = [column.key for column in columns].index("cart_participation")
+        columns[at : at + 1] = coordinate_columns(modes, rows)
     if modes.scene.has_losses:
-        every = [column._replace(usual=True) if column.key == "quality_factor" else column for column in every]
-    asked = _asked(modes, chosen, every)
-    return [column.computed(modes, rows) for column in every if column.usual or column.key in asked]
+        columns = [column._replace(usual=True) if column.key == "quality_factor" else column for column in columns]
+    chosen_keys = _chosen_keys(modes, chosen, columns)
+    return [column.with_values(modes, rows) for column in columns if column.usual or column.key in chosen_keys]
 
 
 def coordinate_columns(modes: Modes, rows: Sequence[Mode]) -> list[Column]:
@@ -256,14 +262,14 @@ def coordinate_columns(modes: Modes, rows: Sequence[Mode]) -> list[Column]:
     """
 
     @cache
-    def moved() -> tuple[Floats, Floats]:
-        parts = [moved_by(modes, index) for index in _indices(modes, rows)]
+    def shapes_and_shares() -> tuple[Floats, Floats]:
+        parts = [structure_motion(modes, index) for index in _indices(modes, rows)]
         shapes, shares = (np.array([part[k] for part in parts]).reshape(len(rows), -1) for k in (0, 1))
         return shapes, shares
 
     def column(k: int, name: str, which: int) -> Column:
         def of_rows(modes: Modes, rows: Sequence[Mode]) -> Floats:
-            return np.asarray(moved()[which][:, k])
+            return np.asarray(shapes_and_shares()[which][:, k])
 
         if which:
             return _of_rows(f"{name}_participation", of_rows, f"{name} part.", "", 4, usual=False)
@@ -274,78 +280,80 @@ def coordinate_columns(modes: Modes, rows: Sequence[Mode]) -> list[Column]:
     return [column(k, name, which) for which in (0, 1) for k, name in enumerate(modes.rig.support.names)]
 
 
-def added_by(modes: Modes, chosen: str, every: Sequence[Column]) -> frozenset[str]:
+def added_by(modes: Modes, chosen: str, columns: Sequence[Column]) -> frozenset[str]:
     """The keys of the columns that a choice adds to the usual ones."""
-    return frozenset(_asked(modes, chosen, every)) if chosen.startswith("+") else frozenset()
+    return frozenset(_chosen_keys(modes, chosen, columns)) if chosen.startswith("+") else frozenset()
 
 
-def printed(modes: Modes, rows: Sequence[Mode], every: Sequence[Column], chosen: str = "") -> list[Column]:
+def printed_columns(modes: Modes, rows: Sequence[Mode], columns: Sequence[Column], chosen: str = "") -> list[Column]:
     """The columns that are printed: those that say something about the scene, or those that are `chosen`."""
-    with_heading = [column for column in every if column.shown]
+    with_heading = [column for column in columns if column.cell]
     if chosen == EVERY:
         return with_heading
-    asked = _asked(modes, chosen, with_heading)
+    chosen_keys = _chosen_keys(modes, chosen, with_heading)
     if chosen and not chosen.startswith("+"):
-        return [column for column in with_heading if column.key in asked or column.key == "mode"]
-    return [column for column in with_heading if column.key in asked or _says_something(modes, rows, column)]
+        return [column for column in with_heading if column.key in chosen_keys or column.key == "mode"]
+    return [column for column in with_heading if column.key in chosen_keys or _says_something(modes, rows, column)]
 
 
 def _says_something(modes: Modes, rows: Sequence[Mode], column: Column) -> bool:
-    told = column.only_if(modes) and column.usual
-    return told and (column.shown is None or not rows or any(column.shown(row) != NOTHING for row in rows))
+    is_usual = column.only_if(modes) and column.usual
+    return is_usual and (column.cell is None or not rows or any(column.cell(row) != NOTHING for row in rows))
 
 
-def _asked(modes: Modes, chosen: str, every: Sequence[Column]) -> set[str]:
+def _chosen_keys(modes: Modes, chosen: str, columns: Sequence[Column]) -> set[str]:
     """The keys of the columns with these names, separated by commas, perhaps after a +.
 
     A name is a key, a heading, or how keys begin: then those are meant that say something about the scene, if any do.
     """
-    there = [column for column in every if column.shown]
+    printable = [column for column in columns if column.cell]
     if chosen == EVERY:
-        return {column.key for column in there}
-    keys, problems, hinted = set[str](), [], True
+        return {column.key for column in printable}
+    keys, problems, has_hints = set[str](), [], True
     for name in dict.fromkeys(word.strip() for word in chosen.removeprefix("+").split(",") if chosen):
-        matching = {column.key for column in there if name in {column.key, column.heading}}
-        begun = [column for column in there if name and column.key.startswith(name)]
+        matching = {column.key for column in printable if name in {column.key, column.heading}}
+        completions = [column for column in printable if name and column.key.startswith(name)]
         matching = (
-            matching or {column.key for column in begun if column.only_if(modes)} or {column.key for column in begun}
+            matching
+            or {column.key for column in completions if column.only_if(modes)}
+            or {column.key for column in completions}
         )
         keys |= matching
         if not matching:
-            hint = meant(name, [column.key for column in there])
-            hinted = hinted and bool(hint)
+            hint = spelling_hint(name, [column.key for column in printable])
+            has_hints = has_hints and bool(hint)
             problems.append(f"columns {name or chosen}: no such column{hint}")
     if problems:
-        names = ", ".join(column.key for column in there)
-        known = [] if hinted else wrap(f"columns are {EVERY}, {names}", line_width() - INDENT)
-        raise SceneError([*problems, *known])
+        names = ", ".join(column.key for column in printable)
+        overview = [] if has_hints else wrap(f"columns are {EVERY}, {names}", line_width() - INDENT)
+        raise SceneError([*problems, *overview])
     return keys
 
 
-def spare_headings(columns: Sequence[Column], kept: frozenset[str] = frozenset()) -> list[str]:
-    """Headings of columns for which a narrow terminal has no room, in the order of DROPPED, but for those `kept`."""
-    order = [c.heading for start in DROPPED for c in columns if c.key.startswith(start) and c.key not in kept]
+def spare_headings(columns: Sequence[Column], exceptions: frozenset[str] = frozenset()) -> list[str]:
+    """Headings of columns for which a narrow terminal has no room, in the order of DROPPED, but for `exceptions`."""
+    order = [c.heading for start in DROPPED for c in columns if c.key.startswith(start) and c.key not in exceptions]
     return list(dict.fromkeys(order))
 
 
 def _with_stds(stds: Stds) -> list[Column]:
     """All columns, with those of standard deviations beside what they are of."""
-    beside = {
+    std_columns = {
         "omega_rad_per_s": ("omega_std_rad_per_s", 0, 1.0, "± (rad/s)", r"$\pm$ (rad/s)"),
         "frequency_hz": ("frequency_std_hz", 0, 1 / (2 * pi), "± (Hz)", r"$\pm$ (Hz)"),
         "damping_ratio": ("damping_ratio_std", 1, 1.0, "± ζ", r"$\pm\zeta$"),
     }
-    shown = []
+    columns = []
     for column in COLUMNS:
-        shown.append(column)
-        if std := beside.get(column.key):
+        columns.append(column)
+        if std := std_columns.get(column.key):
             key, which, factor, heading, latex = std
 
             def value(mode: Mode, column: Column = column, which: int = which, factor: float = factor) -> float:
                 return nan if column.value(mode) is None else factor * stds[mode.number][which]
 
-            shown.append(_number(key, value, heading, latex, 2, column.only_if))
-    return shown
+            columns.append(_number(key, value, heading, latex, 2, column.only_if))
+    return columns
 
 
 def _at_amplitude(modes: Modes, amplitude_deg: float) -> Column:

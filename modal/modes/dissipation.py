@@ -75,9 +75,9 @@ def quality_factors(modes: Modes, indices: Sequence[int] | None = None) -> Float
     """
     chosen = np.arange(len(modes)) if indices is None else np.asarray(indices, dtype=np.int64)
     ratio = modes.damping_ratio[chosen]
-    lost = 2 * ratio + mode_losses(modes, chosen.tolist())
+    loss_factor = 2 * ratio + mode_losses(modes, chosen.tolist())
     with np.errstate(divide="ignore", invalid="ignore"):
-        return np.where((modes.omega[chosen] > 0) & (ratio >= 0) & (ratio < 1), 1 / lost, np.nan)
+        return np.where((modes.omega[chosen] > 0) & (ratio >= 0) & (ratio < 1), 1 / loss_factor, np.nan)
 
 
 def sharing(modes: Modes) -> list[int]:
@@ -88,8 +88,8 @@ def sharing(modes: Modes) -> list[int]:
     if not modes.scene.has_losses or len(modes) < 2:
         return []
     losses, square = np.nan_to_num(mode_losses(modes)), modes.omega**2
-    near = np.diff(square) <= CLOSE * np.maximum(losses[1:], losses[:-1]) * square[1:]
-    return [int(number) for number in modes.number[np.append(near, False) | np.append(False, near)]]
+    is_near = np.diff(square) <= CLOSE * np.maximum(losses[1:], losses[:-1]) * square[1:]
+    return [int(number) for number in modes.number[np.append(is_near, False) | np.append(False, is_near)]]
 
 
 def _loss(modes: Modes, index: int, losses: Sequence[Dissipator], alike: bool) -> float:
@@ -152,25 +152,25 @@ def sliding_modes(scene: Scene) -> tuple[Sliding, ...]:
     Of modes of one frequency only the first shape counts.  ComputationError where the modes cannot be had.
     """
     validate_scene(scene)
-    still, table = natural_modes(scene.conservative), natural_modes(scene)
-    numbers, sliding = table_numbers(scene, still), []
+    undamped_modes, table = natural_modes(scene.conservative), natural_modes(scene)
+    numbers, sliding = table_numbers(scene, undamped_modes), []
     joints, rail, weight, quadratic = _limits(scene)
-    spans = _centres(still) if quadratic.any() else None
-    for row, omega in enumerate(still.omega.tolist()):
-        shape = still.shape(row)
+    spans = _centres(undamped_modes) if quadratic.any() else None
+    for row, omega in enumerate(undamped_modes.omega.tolist()):
+        shape = undamped_modes.shape(row)
         if not omega or shape.across:
             continue
         angles = np.real(shape.angles)
         cart = float(np.real(shape.cart))
         inertia, number = float(shape.modal_mass), int(numbers[row])
-        turned = np.abs(_relative(scene, angles))
-        slid = joints @ turned + (rail + weight) * abs(cart)
+        relative_angles = np.abs(_relative(scene, angles))
+        sliding_path = joints @ relative_angles + (rail + weight) * abs(cart)
         air = 0.0
         if spans is not None:
-            moved = np.hypot(cart + spans[0] @ angles, spans[1] @ angles)
-            air = float(4 * (quadratic @ moved**3) / (3 * pi * inertia))
+            centre_displacements = np.hypot(cart + spans[0] @ angles, spans[1] @ angles)
+            air = float(4 * (quadratic @ centre_displacements**3) / (3 * pi * inertia))
         ratio = float(-table.eigenvalue[number - 1].real / table.omega[number - 1]) if scene.has_damping else 0.0
-        sliding.append(Sliding(number, omega, ratio, float(slid) / (omega**2 * inertia), air))
+        sliding.append(Sliding(number, omega, ratio, float(sliding_path) / (omega**2 * inertia), air))
     return tuple(sliding)
 
 
@@ -198,7 +198,7 @@ def stop_words(scene: Scene, amplitude_deg: float) -> list[str]:
 
     Friction on the rail alone stops the cart: its work ends there.
     """
-    what, after = ("the cart", "; the swing goes on as on a fixed support") if scene.is_gripped else ("it", "")
+    what, consequence = ("the cart", "; the swing goes on as on a fixed support") if scene.is_gripped else ("it", "")
     words = []
     for sliding in sliding_modes(scene) if scene.has_friction else ():
         stop = stop_of(sliding, float(np.radians(amplitude_deg)))
@@ -206,7 +206,7 @@ def stop_words(scene: Scene, amplitude_deg: float) -> list[str]:
             words.append(
                 f"mode {sliding.mode}: dry friction stops {what} after {stop.time:.4g} s "
                 f"({stop.half_swings} half swings) from {amplitude_deg:g} deg, "
-                f"within {np.degrees(stop.within):.3g} deg of rest{after}."
+                f"within {np.degrees(stop.within):.3g} deg of rest{consequence}."
             )
     return words
 
@@ -254,10 +254,10 @@ def _centres(modes: Modes) -> np.ndarray:
     rows, at = np.zeros((2, size, size)), 0
     for block, column, count in rig.members:
         for _ in range(count):
-            each = rig.blocks[block]
-            links = slice(at, at + each.n)
-            rows[0, links, links] = centres(each, column)
-            if each.sinking is not None:
-                rows[1, links, links] = centres(each, column, each.sinking)
-            at += each.n
+            chains = rig.blocks[block]
+            links = slice(at, at + chains.n)
+            rows[0, links, links] = centres(chains, column)
+            if chains.sinking is not None:
+                rows[1, links, links] = centres(chains, column, chains.sinking)
+            at += chains.n
     return rows

@@ -27,7 +27,7 @@ from modal.types import Booleans, Floats, Ints
 A = TypeVar("A", bound=NDArray[Any])
 
 
-class Short(NamedTuple):
+class ShortChain(NamedTuple):
     """All that a short chain is asked for at first: its ω² (R,) in natural units, found before its rig is made.
 
     A free cart's rigid translation is not among the squares.
@@ -39,7 +39,7 @@ class Short(NamedTuple):
     is_free: bool
 
     @classmethod
-    def of(cls, scene: Scene) -> Short | None:
+    def of(cls, scene: Scene) -> ShortChain | None:
         """Those of a scene that is one short chain with distinct modes, None for any other."""
         chain = single(scene)
         squares = short_squares(chain.links, chain.cart) if chain else None
@@ -66,13 +66,13 @@ class Eigenvalues:
     """The eigenvalues of a scene in ascending order of natural frequency, and the columns that follow from them.
 
     Those `which` are chosen, or all.  `rig` is the scene as arrays, `spectrum` the source of each mode in natural
-    `units`: for a `short` chain both wait until a shape is asked for.
+    `units`: for a `short_chain` both wait until a shape is asked for.
     """
 
     scene: Scene
     limits: Limits = EVERYTHING
     which: slice | None = None
-    short: Short | None = None
+    short_chain: ShortChain | None = None
 
     @cached_property
     def rig(self) -> Rig:
@@ -80,37 +80,41 @@ class Eigenvalues:
         return rig_of(self.scene)
 
     @cached_property
-    def _scaled(self) -> tuple[Rig, Units]:
+    def _natural_form(self) -> tuple[Rig, Units]:
         with np.errstate(all="ignore"):
             return self.rig.natural()
 
     @property
     def natural(self) -> Rig:
         """The scene as arrays in natural units."""
-        return self._scaled[0]
+        return self._natural_form[0]
 
     @property
     def units(self) -> Units:
         """The natural units."""
-        return self.short.units if self.short else self._scaled[1]
+        return self.short_chain.units if self.short_chain else self._natural_form[1]
 
     @cached_property
-    def _whole(self) -> ModalSpectrum:
-        limits = self.limits._replace(squares=self.short.squares) if self.short else self.limits
+    def _full_spectrum(self) -> ModalSpectrum:
+        limits = self.limits._replace(squares=self.short_chain.squares) if self.short_chain else self.limits
         with np.errstate(all="ignore"):
             return find_spectrum(self.natural, limits)
 
     @cached_property
     def spectrum(self) -> ModalSpectrum:
         """The eigenvalues in natural units, each with the source of its shape."""
-        return self._whole.take(slice(self.first, self.first + len(self._range))) if self.selected else self._whole
+        return (
+            self._full_spectrum.take(slice(self.first, self.first + len(self._range)))
+            if self.is_partial
+            else self._full_spectrum
+        )
 
     @property
     def _range(self) -> range:
-        return range(len(self._whole.eigenvalue))[self.which or slice(None)]
+        return range(len(self._full_spectrum.eigenvalue))[self.which or slice(None)]
 
     @cached_property
-    def supported(self) -> SupportResponse | None:
+    def support_response(self) -> SupportResponse | None:
         """What the structure does at twice the frequency of a mode; None beyond MOST_COORDINATES."""
         links = sum(int(block.mass.shape[0] * block.count.sum()) for block in self.rig.blocks)
         return SupportResponse.of(self.rig) if links <= MOST_COORDINATES else None
@@ -135,23 +139,27 @@ class Eigenvalues:
 
     def moving_near(self, omega: float) -> str:
         """The mode of the scene nearest to a frequency (rad/s) that moves more than pendula on a support at rest."""
-        sizes = np.abs(self._whole.eigenvalue) * self.units.rate
-        moving = [n for n, parts in enumerate(self._whole.groups) if not all(part.still for part in parts)]
+        sizes = np.abs(self._full_spectrum.eigenvalue) * self.units.rate
+        moving = [n for n, parts in enumerate(self._full_spectrum.groups) if not all(part.is_still for part in parts)]
         nearest = min(moving, key=lambda n: abs(float(sizes[n]) - omega), default=None)
         return "a mode of the support" if nearest is None else f"mode {nearest + 1}"
 
     @property
-    def selected(self) -> bool:
+    def is_partial(self) -> bool:
         """Whether only some of the modes were asked for."""
         return self.which is not None
 
     @property
     def first(self) -> int:
         """The index of the first of these among all modes of the scene."""
-        return self._range.start if self.selected else 0
+        return self._range.start if self.is_partial else 0
 
     def __len__(self) -> int:
-        return len(self.short.squares) + self.short.is_free if self.short else len(self.spectrum.eigenvalue)
+        return (
+            len(self.short_chain.squares) + self.short_chain.is_free
+            if self.short_chain
+            else len(self.spectrum.eigenvalue)
+        )
 
     @property
     def is_classical(self) -> bool:
@@ -166,30 +174,30 @@ class Eigenvalues:
     @property
     def number(self) -> Ints:
         """The numbers of the modes in the table, from 1, (R,)."""
-        return kept(np.arange(self.first + 1, self.first + len(self) + 1))
+        return read_only(np.arange(self.first + 1, self.first + len(self) + 1))
 
     @cached_property
     def eigenvalue(self) -> NDArray[np.complex128]:
         """λ (R,) in rad/s: iω for undamped modes, −ζω + iω√(1−ζ²) for damped ones."""
-        eigenvalues = self.short.omega * 1j if self.short else self.spectrum.eigenvalue * self.units.rate
-        return kept(eigenvalues.astype(np.complex128, copy=False))
+        eigenvalues = self.short_chain.omega * 1j if self.short_chain else self.spectrum.eigenvalue * self.units.rate
+        return read_only(eigenvalues.astype(np.complex128, copy=False))
 
     @cached_property
     def omega(self) -> Floats:
         """Natural frequencies |λ| (R,) in rad/s; NaN where no digit is certain."""
-        if self.short:
-            return kept(self.short.omega)
-        return kept(np.where(self.error < UNCERTAIN, np.abs(self.eigenvalue), np.nan))
+        if self.short_chain:
+            return read_only(self.short_chain.omega)
+        return read_only(np.where(self.error < UNCERTAIN, np.abs(self.eigenvalue), np.nan))
 
     @property
     def multiplicity(self) -> Ints:
         """The number of independent modes with each frequency, (R,)."""
-        return kept(np.ones(len(self), dtype=np.int64) if self.short else self.spectrum.multiplicity.view())
+        return read_only(np.ones(len(self), dtype=np.int64) if self.short_chain else self.spectrum.multiplicity.view())
 
     @property
     def error(self) -> Floats:
         """Bounds on the relative errors of `eigenvalue`, (R,)."""
-        return kept(self.short.error if self.short else self.spectrum.error.view())
+        return read_only(self.short_chain.error if self.short_chain else self.spectrum.error.view())
 
     @property
     def relative_error_bound(self) -> Floats:
@@ -202,42 +210,42 @@ class Eigenvalues:
         ratio = np.zeros(len(self))
         np.divide(-self.eigenvalue.real, self.omega, out=ratio, where=self.omega > 0)
         certain = self.error < UNCERTAIN
-        return kept(np.where(certain, np.clip(ratio, -1.0, 1.0) + 0.0, np.nan))
+        return read_only(np.where(certain, np.clip(ratio, -1.0, 1.0) + 0.0, np.nan))
 
     @cached_property
     def frequency(self) -> Floats:
         """Natural frequencies |λ|/2π (R,) in Hz: 0 for a rigid translation, NaN for modes that do not oscillate."""
-        known = oscillating(self.omega, self.damping_ratio) | (self.omega == 0)
-        return kept(np.where(known, hertz(self.omega), np.nan))
+        has_frequency = oscillating(self.omega, self.damping_ratio) | (self.omega == 0)
+        return read_only(np.where(has_frequency, hertz(self.omega), np.nan))
 
     @cached_property
     def period(self) -> Floats:
         """Periods 2π/|Im λ| (R,) in s; NaN for modes that do not oscillate."""
         periods, swings = np.full(len(self), np.nan), oscillating(self.omega, self.damping_ratio)
         periods[swings] = swing_period(self.omega[swings], self.damping_ratio[swings])
-        return kept(periods)
+        return read_only(periods)
 
     @cached_property
     def growth_rate(self) -> Floats:
         """Re λ (R,) in 1/s of unstable modes; NaN for all others."""
-        return kept(np.where(self.damping_ratio < 0, -self.damping_ratio * self.omega, np.nan))
+        return read_only(np.where(self.damping_ratio < 0, -self.damping_ratio * self.omega, np.nan))
 
     @cached_property
     def indistinct(self) -> Booleans:
         """Whether a neighbour of each mode is closer than the sum of both bounds, (R,)."""
         size = np.abs(self.eigenvalue)
         radius = np.where(size > 0, self.error * size, 0.0)
-        close = (np.diff(size) <= radius[1:] + radius[:-1]) & (size[1:] > 0)
-        return kept(np.concatenate((close, [False])) | np.concatenate(([False], close)))
+        is_close = (np.diff(size) <= radius[1:] + radius[:-1]) & (size[1:] > 0)
+        return read_only(np.concatenate((is_close, [False])) | np.concatenate(([False], is_close)))
 
     @cached_property
-    def lightly_damped(self) -> Booleans:
+    def is_light(self) -> Booleans:
         """The modes with any certain digit that are at most lightly damped, ζ < 0.1, (R,)."""
         light = np.abs(self.eigenvalue.real) < LIGHT * np.abs(self.eigenvalue)
-        return kept(light & (self.error < UNCERTAIN))
+        return read_only(light & (self.error < UNCERTAIN))
 
 
-def kept(values: A) -> A:
+def read_only(values: A) -> A:
     """A read-only array."""
     values.flags.writeable = False
     return values

@@ -8,10 +8,10 @@ from math import prod
 
 import numpy as np
 
-from modal.assembly import Block, Stack, can_stack, keep_form, stacked, varied
+from modal.assembly import Block, Stack, can_stack, keep_form, stack_scenes, vary_scene
 from modal.eigen import CLOSE, Suspension, squares_of
 from modal.errors import ComputationError, SceneError
-from modal.modes.eigenvalues import Short
+from modal.modes.eigenvalues import ShortChain
 from modal.modes.modes import natural_modes, validate_accuracy
 from modal.scene import Scene, validate_scenes
 from modal.scene.parameters import Variable, Vary, parse_arrays, parse_vary, validate_arrays
@@ -72,19 +72,19 @@ def natural_frequencies(
     """
     limit = validate_accuracy(accuracy)
     if isinstance(scenes, Scene):
-        return _one(scenes, limit) if vary is None else _varied(scenes, vary, limit)
+        return _one(scenes, limit) if vary is None else _frequencies_of_variations(scenes, vary, limit)
     if vary is not None:
         raise SceneError(["vary: the numbers of one scene can be varied, not those of several"])
     validate_scenes(scenes)
     pieces = _pieces(scenes[0], len(scenes)) if len(scenes) else []
-    return _joined([_of_scenes(scenes[piece], limit) for piece in pieces])
+    return _concatenate([_of_scenes(scenes[piece], limit) for piece in pieces])
 
 
-def _varied(scene: Scene, vary: Vary, accuracy: float) -> Floats:
+def _frequencies_of_variations(scene: Scene, vary: Vary, accuracy: float) -> Floats:
     if not isinstance(vary, Mapping):
         axes, _ = parse_vary(scene, vary)
-        meshed = np.meshgrid(*(axis.values for axis in axes), indexing="ij", sparse=True)
-        vary = dict(zip((axis.path for axis in axes), meshed, strict=True))
+        grids = np.meshgrid(*(axis.values for axis in axes), indexing="ij", sparse=True)
+        vary = dict(zip((axis.path for axis in axes), grids, strict=True))
     variable, arrays = parse_arrays(scene, vary)
     validate_arrays(variable, arrays)
     try:
@@ -93,15 +93,15 @@ def _varied(scene: Scene, vary: Vary, accuracy: float) -> Floats:
         shapes = ", ".join(f"{values.shape} at {path}" for path, values in arrays.items())
         raise SceneError([f"vary: arrays must have shapes that broadcast together, not {shapes}"]) from None
     if not (size := prod(shape)) or not arrays:
-        alone = _one(scene, accuracy)
-        return np.broadcast_to(alone, (*shape, len(alone))).copy()
+        frequencies = _one(scene, accuracy)
+        return np.broadcast_to(frequencies, (*shape, len(frequencies))).copy()
     if size > MOST:
         raise SceneError([f"vary: at most {MOST} members, not {size}"])
-    whole = {
+    full_arrays = {
         path: values if values.shape == shape else np.broadcast_to(values, shape) for path, values in arrays.items()
     }
-    members = {path: values.ravel() for path, values in whole.items()}
-    return _joined([_of_numbers(variable, members, piece, accuracy) for piece in _pieces(scene, size)]).reshape(
+    members = {path: values.ravel() for path, values in full_arrays.items()}
+    return _concatenate([_of_numbers(variable, members, piece, accuracy) for piece in _pieces(scene, size)]).reshape(
         *shape, -1
     )
 
@@ -112,29 +112,30 @@ def _pieces(scene: Scene, size: int) -> list[slice]:
 
 
 def _of_scenes(scenes: Sequence[Scene], accuracy: float) -> Floats:
-    omegas = _together(stacked(scenes), accuracy) if can_stack(scenes) else np.full((len(scenes), 1), np.nan)
-    return _completed(omegas, lambda missing: [scenes[k] for k in missing], accuracy)
+    omegas = _solve_together(stack_scenes(scenes), accuracy) if can_stack(scenes) else np.full((len(scenes), 1), np.nan)
+    return _fill_missing(omegas, lambda missing: [scenes[k] for k in missing], accuracy)
 
 
 def _of_numbers(variable: Variable, members: Mapping[str, Floats], piece: slice, accuracy: float) -> Floats:
     """ω (S, R) of a scene with these numbers at its paths, a piece of them."""
     values = {path: values_of[piece] for path, values_of in members.items()}
     numbers = {place: values_of for path, values_of in values.items() for place in variable.places[path]}
-    kept = keep_form(numbers)
-    stack = varied(
-        variable.scene, numbers if kept.all() else {place: values_of[kept] for place, values_of in numbers.items()}
+    keeps_form = keep_form(numbers)
+    stack = vary_scene(
+        variable.scene,
+        numbers if keeps_form.all() else {place: values_of[keeps_form] for place, values_of in numbers.items()},
     )
-    omegas = np.full((len(kept), 1), np.nan)
-    if stack and kept.all():
-        omegas = _together(stack, accuracy)
-    elif stack and kept.any():
-        together = _together(stack, accuracy)
-        omegas = np.full((len(kept), together.shape[1]), np.nan)
-        omegas[kept] = together
-    return _completed(omegas, partial(_made, variable, values, piece.start), accuracy)
+    omegas = np.full((len(keeps_form), 1), np.nan)
+    if stack and keeps_form.all():
+        omegas = _solve_together(stack, accuracy)
+    elif stack and keeps_form.any():
+        rows = _solve_together(stack, accuracy)
+        omegas = np.full((len(keeps_form), rows.shape[1]), np.nan)
+        omegas[keeps_form] = rows
+    return _fill_missing(omegas, partial(_make_scenes, variable, values, piece.start), accuracy)
 
 
-def _made(variable: Variable, values: Mapping[str, Floats], first: int, missing: Sequence[int]) -> list[Scene]:
+def _make_scenes(variable: Variable, values: Mapping[str, Floats], first: int, missing: Sequence[int]) -> list[Scene]:
     """The scenes of some members; SceneError that names all of those whose numbers cannot be together."""
     scenes, problems = [], list[str]()
     for k in missing:
@@ -147,20 +148,20 @@ def _made(variable: Variable, values: Mapping[str, Floats], first: int, missing:
     return scenes
 
 
-def _completed(omegas: Floats, scenes_of: Callable[[Sequence[int]], list[Scene]], accuracy: float) -> Floats:
+def _fill_missing(omegas: Floats, scenes_of: Callable[[Sequence[int]], list[Scene]], accuracy: float) -> Floats:
     """The rows with those of NaN from their scenes, one by one."""
     missing = np.flatnonzero(np.isnan(omegas[:, 0]))
     if not missing.size:
         return omegas
-    completed = [_one(scene, accuracy) for scene in scenes_of(missing.tolist())]
+    rows = [_one(scene, accuracy) for scene in scenes_of(missing.tolist())]
     if missing.size == len(omegas):
-        return _joined([row[None] for row in completed])
-    _joined([omegas[:0], *(row[None] for row in completed)])
-    omegas[missing] = completed
+        return _concatenate([row[None] for row in rows])
+    _concatenate([omegas[:0], *(row[None] for row in rows)])
+    omegas[missing] = rows
     return omegas
 
 
-def _joined(pieces: Sequence[Floats]) -> Floats:
+def _concatenate(pieces: Sequence[Floats]) -> Floats:
     """All rows; ValueError where they are of different lengths."""
     if len(sizes := {piece.shape[1] for piece in pieces}) > 1:
         raise ValueError(f"scenes have from {min(sizes)} to {max(sizes)} modes: of one form all have as many")
@@ -168,13 +169,13 @@ def _joined(pieces: Sequence[Floats]) -> Floats:
 
 
 def _one(scene: Scene, accuracy: float) -> Floats:
-    if short := Short.of(scene):
-        return short.omega
+    if chain := ShortChain.of(scene):
+        return chain.omega
     modes = natural_modes(scene, accuracy=accuracy or None)
     return np.repeat(modes.omega, modes.multiplicity)
 
 
-def _together(stack: Stack, accuracy: float) -> Floats:
+def _solve_together(stack: Stack, accuracy: float) -> Floats:
     """ω (S, R); NaN in the rows of scenes that need individual treatment."""
     supports = len(stack.rate)
     try:
@@ -212,18 +213,18 @@ def _squares(stack: Stack, accuracy: float) -> Iterator[Floats]:
 
 def _own_squares(block: Block, accuracy: float) -> Floats:
     """ω² (n, P, S) on fixed supports."""
-    return _squares_of(Suspension.fixed(block), block.n, accuracy).reshape(block.n, block.size, -1)
+    return _squares_of(Suspension.on_fixed_support(block), block.n, accuracy).reshape(block.n, block.size, -1)
 
 
 def _squares_of(suspension: Suspension, modes: int, accuracy: float) -> Floats:
     """All ω² (R, S), rounded as those of many supports also where there is one: no member depends on the others."""
-    alone = suspension.supports == 1
-    several = suspension.take(np.zeros(2, dtype=np.int64)) if alone else suspension
+    is_single = suspension.supports == 1
+    several = suspension.take(np.zeros(2, dtype=np.int64)) if is_single else suspension
     squares = squares_of(several, np.arange(modes), modes, accuracy).x
-    return squares[:, :1] if alone else squares
+    return squares[:, :1] if is_single else squares
 
 
 def _meet(stretches: Sequence[Floats]) -> Booleans:
     """Whether two fixed-base frequencies of a scene are too close for a common treatment, (S,)."""
-    every = np.sort(np.concatenate([squares.reshape(-1, squares.shape[-1]) for squares in stretches]), axis=0)
-    return np.asarray((np.diff(every, axis=0) <= CLOSE * every[1:]).any(0))
+    all_squares = np.sort(np.concatenate([squares.reshape(-1, squares.shape[-1]) for squares in stretches]), axis=0)
+    return np.asarray((np.diff(all_squares, axis=0) <= CLOSE * all_squares[1:]).any(0))

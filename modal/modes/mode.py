@@ -172,11 +172,11 @@ def resonances(omega: Floats, number: int, partners: Ints, first: int = 0) -> tu
     words: list[str] = []
     for ratio, factor in RATIOS:
         low, high = np.searchsorted(others, frequency * factor * np.array([1 - WIDTH, 1 + WIDTH]))
-        near = [int(k) for k in partners[low : min(high, low + MOST_NAMED + 1)] if k != number][:MOST_NAMED]
+        neighbours = [int(k) for k in partners[low : min(high, low + MOST_NAMED + 1)] if k != number][:MOST_NAMED]
         itself = low <= np.searchsorted(partners, number) < high
-        words += [f"{ratio} with mode {first + k + 1}" for k in near]
-        more = int(high - low - itself) - len(near)
-        words += [f"{ratio} with {more} more"] if more > 0 else []
+        words += [f"{ratio} with mode {first + k + 1}" for k in neighbours]
+        remainder = int(high - low - itself) - len(neighbours)
+        words += [f"{ratio} with {remainder} more"] if remainder > 0 else []
     return tuple(words)
 
 
@@ -231,16 +231,16 @@ class SupportResponse:
         """Σ Ψ σ b φ² (d,) of a shape over all links, 0 where only rounding is left."""
         hanging, squares = self.hanging, np.real(shape.angles) ** 2
         moments = np.concatenate([self._moments(*kind) for kind in hanging.kinds.tolist()])
-        each = hanging.phi.down * np.add.reduceat(moments * squares, hanging.first[:-1])[:, None]
-        pushes, terms = each.sum(0), np.abs(each).sum(0)
-        return np.where(np.abs(pushes) <= len(each) * 2.0**-48 * terms, 0.0, pushes)
+        forces = hanging.phi.down * np.add.reduceat(moments * squares, hanging.first[:-1])[:, None]
+        pushes, terms = forces.sum(0), np.abs(forces).sum(0)
+        return np.where(np.abs(pushes) <= len(forces) * 2.0**-48 * terms, 0.0, pushes)
 
     def _moments(self, number: int, column: int) -> Floats:
         block = self.hanging.rig.blocks[number]
         return np.asarray(block.sigma[:, column] * block.b[:, column])
 
-    def amplitude(self, shape: Shape, omega: float, held: float) -> Amplitude:
-        """Those of a shape with a largest angle of 1 that pushes the structure; κ is `held` on a support held still."""
+    def amplitude(self, shape: Shape, omega: float, fixed_kappa: float) -> Amplitude:
+        """Those of a shape with a largest angle of 1 that pushes the structure; κ at rest is `fixed_kappa`."""
         pushes = self.pushes(shape)
 
         def second(r: float) -> float:
@@ -252,9 +252,9 @@ class SupportResponse:
             return float(-(force @ np.linalg.solve(stiffness, force)).real) / (shape.modal_mass * omega**2)
 
         try:
-            kappa = held + second(1.0)
+            kappa = fixed_kappa + second(1.0)
             r = 1 + np.copysign(ONE_PERCENT, kappa)
-            square = (r**2 - 1) / 2 / (held + second(r))
+            square = (r**2 - 1) / 2 / (fixed_kappa + second(r))
         except np.linalg.LinAlgError:
             return UNKNOWN
         return Amplitude(kappa, degrees(sqrt(square)) if 0 < square < np.inf else np.nan)

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from modal.assembly import Rig
 from modal.eigen import UNCERTAIN, Limits, SpectrumPart, notes
 from modal.errors import SceneError
-from modal.modes.eigenvalues import Eigenvalues, Short, kept
+from modal.modes.eigenvalues import Eigenvalues, ShortChain, read_only
 from modal.modes.mode import Mode
-from modal.modes.rows import described, row_of
+from modal.modes.rows import mode_rows, row_of
 from modal.modes.shapes import Shape, expand, validate_normalisation
 from modal.report import HTML_ROWS, TEXT_ROWS, Displayed, Summary, TextResult, counted, deferred, more, scrolled
 from modal.scene import Scene, left_out, validate_scene
@@ -102,7 +102,7 @@ class Modes(TextResult, Eigenvalues, Sequence[Mode]):
         for start in range(0, len(places), size):
             chunk = places[start : start + size]
             with np.errstate(all="ignore"):
-                described_rows = dict(described(self, chunk))
+                described_rows = dict(mode_rows(self, chunk))
             yield from (self._with_masses(number, described_rows[number]) for number in chunk)
 
     def _with_masses(self, index: int, mode: Mode) -> Mode:
@@ -111,12 +111,12 @@ class Modes(TextResult, Eigenvalues, Sequence[Mode]):
             return mode
         with np.errstate(all="ignore"):
             masses = deferred("modal.modes.numbering:undamped_masses")(self)
-        along, across = float(masses.along[index]), float(masses.across[index])
+        mass_along, mass_across = float(masses.along[index]), float(masses.across[index])
         return replace(
             mode,
-            effective_mass=along,
-            effective_mass_share=along / self.rig.total_mass,
-            effective_mass_across=across if isnan(mode.effective_mass_across) else mode.effective_mass_across,
+            effective_mass=mass_along,
+            effective_mass_share=mass_along / self.rig.total_mass,
+            effective_mass_across=mass_across if isnan(mode.effective_mass_across) else mode.effective_mass_across,
         )
 
     # -------------------------------------------------------------------------------- columns that need the rows
@@ -127,7 +127,7 @@ class Modes(TextResult, Eigenvalues, Sequence[Mode]):
         return tuple(self)
 
     def _column(self, name: str) -> NDArray[Any]:
-        return kept(np.array([getattr(mode, name) for mode in self.every]))
+        return read_only(np.array([getattr(mode, name) for mode in self.every]))
 
     @cached_property
     def family(self) -> NDArray[np.str_]:
@@ -172,7 +172,7 @@ class Modes(TextResult, Eigenvalues, Sequence[Mode]):
     @cached_property
     def resonances(self) -> NDArray[np.str_]:
         """The modes near 1:1, 1:2 or 1:3 that make this angle a guide, in words, (R,); "" where there are none."""
-        return kept(np.array(["; ".join(mode.resonances) for mode in self.every]))
+        return read_only(np.array(["; ".join(mode.resonances) for mode in self.every]))
 
     @cached_property
     def residual(self) -> Floats:
@@ -190,10 +190,12 @@ class Modes(TextResult, Eigenvalues, Sequence[Mode]):
     @cached_property
     def matrix(self) -> ModalMatrix:
         """The modal matrix Φ of all modes and copies, in the order of the table."""
-        each = all_shapes(self)
-        across = np.array([shape.across for vectors in each for shape in vectors], dtype=bool)
-        return stacked(
-            [[self.column(shape_of_copy) for shape_of_copy in vectors] for vectors in each], across, self.matrices.M
+        shapes_of_modes = all_shapes(self)
+        is_across = np.array([shape.across for vectors in shapes_of_modes for shape in vectors], dtype=bool)
+        return stack_columns(
+            [[self.column(shape_of_copy) for shape_of_copy in vectors] for vectors in shapes_of_modes],
+            is_across,
+            self.matrices.M,
         )
 
     def column(self, shape: Shape) -> NDArray[Any]:
@@ -210,13 +212,13 @@ class Modes(TextResult, Eigenvalues, Sequence[Mode]):
         Where no digit of the frequency is certain, `Shape.uncertain` is set. Raises IndexError for a mode or
         copy that does not exist, ValueError for another normalisation.
         """
-        how, left, number = validate_normalisation(normalise), copy, self.place(number)
+        how, index, number = validate_normalisation(normalise), copy, self.place(number)
         for part in self.spectrum.groups[number]:
-            if 0 <= left < part.along + part.across:
-                details = self.spectrum.details(part.source, [part.row_of(left)])
+            if 0 <= index < part.along_count + part.across_count:
+                details = self.spectrum.details(part.source, [part.row_of(index)])
                 uncertain = bool(self.error[number] >= UNCERTAIN)
-                return expand(self.rig, self.units, part, left, details, how, uncertain=uncertain)
-            left -= part.along + part.across
+                return expand(self.rig, self.units, part, index, details, how, uncertain=uncertain)
+            index -= part.along_count + part.across_count
         raise IndexError(f"mode index {number} has {self.multiplicity[number]} basis vectors: there is no index {copy}")
 
     @cached_property
@@ -225,8 +227,8 @@ class Modes(TextResult, Eigenvalues, Sequence[Mode]):
         with np.errstate(all="ignore"):
             of_routes = notes(self.spectrum.sources)
         grows = self.scene.has_modal_damping and bool(((self.eigenvalue.real > 0) & (self.eigenvalue.imag == 0)).any())
-        told = (*equilibrium_words(self.rig), *left_out(self.scene))
-        return *of_routes, *[GROWING] * grows, *told, *[SELECTED] * self.selected
+        remarks = (*equilibrium_words(self.rig), *left_out(self.scene))
+        return *of_routes, *[GROWING] * grows, *remarks, *[SELECTED] * self.is_partial
 
     @cached_property
     def route(self) -> str:
@@ -285,12 +287,12 @@ class Modes(TextResult, Eigenvalues, Sequence[Mode]):
     def _lines(self) -> list[str]:
         """The table of the first modes, and how many more there are."""
         lines = self.table("text", self[:TEXT_ROWS]).rstrip("\n").split("\n")
-        left = len(self) - TEXT_ROWS
-        return [*lines[: lines.index("", 2)], f"… {left} more"] if left > 0 else lines
+        hidden_rows = len(self) - TEXT_ROWS
+        return [*lines[: lines.index("", 2)], f"… {hidden_rows} more"] if hidden_rows > 0 else lines
 
     def _repr_html_(self) -> str:
-        shown = self[:HTML_ROWS]
-        return scrolled(self.table("html", shown), more(len(self) - len(shown)))
+        head = self[:HTML_ROWS]
+        return scrolled(self.table("html", head), more(len(self) - len(head)))
 
 
 def _indices(numbers: Sequence[int] | None) -> Sequence[int] | None:
@@ -342,11 +344,11 @@ def natural_modes(scene: Scene, *, accuracy: float | None = None, modes: slice |
     if modes is not None:
         require_type("modes", modes, "slice")
     limits = Limits(validate_accuracy(accuracy), _lowest(modes))
-    if modes is None and (short := Short.of(validate_scene(scene))):
-        return Modes(scene, short=short)
-    computed = Modes(scene, limits, modes)
-    _ = computed.spectrum  # what cannot be computed is told here
-    return computed
+    if modes is None and (chain := ShortChain.of(validate_scene(scene))):
+        return Modes(scene, short_chain=chain)
+    solution = Modes(scene, limits, modes)
+    _ = solution.spectrum  # what cannot be computed is told here
+    return solution
 
 
 def equilibrium_words(rig: Rig) -> tuple[str, ...]:
@@ -361,14 +363,17 @@ def equilibrium_words(rig: Rig) -> tuple[str, ...]:
     if not rig.leans:
         return ()
     sizes = [rig.blocks[block].n for block, _, copies in rig.members for _ in range(copies)]
-    each = np.split(np.degrees(rig.rest_angles) + 0.0, np.cumsum(sizes)[:-1])
-    words = [", ".join([f"{angle:.1f}°" for angle in angles[:MOST_TOLD].tolist()]) for angles in each]
-    words = [f"{told}, …" if len(angles) > MOST_TOLD else told for told, angles in zip(words, each, strict=True)]
-    runs = [(told, len(list(group))) for told, group in groupby(words)]
-    told = [told if count == 1 else f"{told} ({count} times)" for told, count in runs[:MOST_TOLD]]
-    told += ["…"] * (len(runs) > MOST_TOLD)
+    chain_angles = np.split(np.degrees(rig.rest_angles) + 0.0, np.cumsum(sizes)[:-1])
+    words = [", ".join([f"{angle:.1f}°" for angle in angles[:MOST_TOLD].tolist()]) for angles in chain_angles]
+    words = [
+        f"{phrase}, …" if len(angles) > MOST_TOLD else phrase
+        for phrase, angles in zip(words, chain_angles, strict=True)
+    ]
+    runs = [(phrase, len(list(group))) for phrase, group in groupby(words)]
+    phrases = [phrase if count == 1 else f"{phrase} ({count} times)" for phrase, count in runs[:MOST_TOLD]]
+    phrases += ["…"] * (len(runs) > MOST_TOLD)
     cart = f"the cart at {rig.cart_rest:.4g} m, links at " if rig.cart_rest else ""
-    return (f"The equilibrium under the constant forces: {cart}{'; '.join(told)}.",)
+    return (f"The equilibrium under the constant forces: {cart}{'; '.join(phrases)}.",)
 
 
 def validate_accuracy(accuracy: float | None) -> float:
@@ -426,11 +431,13 @@ class ModalMatrix(Displayed):
         return ModalMatrix(self.shapes.T[columns].T, row, copy, across, self.M)
 
 
-def stacked(each: list[list[NDArray[Any]]], across: Booleans, M: Floats) -> ModalMatrix:
+def stack_columns(columns_of_modes: list[list[NDArray[Any]]], is_across: Booleans, M: Floats) -> ModalMatrix:
     """The matrix of the columns of every mode, one list a mode."""
-    places = [(row, copy) for row, vectors in enumerate(each) for copy in range(len(vectors))]
+    places = [(row, copy) for row, vectors in enumerate(columns_of_modes) for copy in range(len(vectors))]
     row, copy = (np.array([place[part] for place in places], dtype=np.int64) for part in (0, 1))
-    return ModalMatrix(np.array([column for vectors in each for column in vectors]).T, row, copy, across, M)
+    return ModalMatrix(
+        np.array([column for vectors in columns_of_modes for column in vectors]).T, row, copy, is_across, M
+    )
 
 
 def all_shapes(modes: Eigenvalues) -> list[list[Shape]]:
@@ -443,7 +450,11 @@ def all_shapes(modes: Eigenvalues) -> list[list[Shape]]:
         return expand(modes.rig, modes.units, part, copy, row, "mass", uncertain=uncertain)
 
     return [
-        [shape(part, copy, bool(error >= UNCERTAIN)) for part in parts for copy in range(part.along + part.across)]
+        [
+            shape(part, copy, bool(error >= UNCERTAIN))
+            for part in parts
+            for copy in range(part.along_count + part.across_count)
+        ]
         for parts, error in zip(groups, modes.error, strict=True)
     ]
 
@@ -453,6 +464,6 @@ def _rows(modes: Eigenvalues) -> dict[int, dict[int, int]]:
     rows: dict[int, dict[int, int]] = {}
     for part in (part for parts in modes.spectrum.groups for part in parts):
         places = rows.setdefault(part.source, {})
-        for copy in range(part.along + part.across):
+        for copy in range(part.along_count + part.across_count):
             places.setdefault(part.row_of(copy), len(places))
     return rows

@@ -53,15 +53,19 @@ ALIKE = 0.99
 
 
 @lru_cache(maxsize=4)
-def table_numbers(scene: Scene, still: Modes | None = None) -> Ints:
-    """The number in the table of a scene for every row (R,) of `natural_modes(scene.conservative)`, `still`.
+def table_numbers(scene: Scene, undamped_modes: Modes | None = None) -> Ints:
+    """The number in the table of a scene for every row (R,) of `natural_modes(scene.conservative)`, `undamped_modes`.
 
     >>> from modal import load
     >>> table_numbers(load("huygens")).tolist()  # the cart's creeping on its damper is mode 2 of the table
     [1, 3, 4]
     """
-    still = still or natural_modes(scene.conservative)
-    numbers = 1 + counterparts(still, natural_modes(scene)) if scene.has_damping else np.arange(1, len(still) + 1)
+    undamped_modes = undamped_modes or natural_modes(scene.conservative)
+    numbers = (
+        1 + counterparts(undamped_modes, natural_modes(scene))
+        if scene.has_damping
+        else np.arange(1, len(undamped_modes) + 1)
+    )
     numbers.flags.writeable = False
     return numbers
 
@@ -71,11 +75,11 @@ def counterparts(modes: Modes, others: Modes, among: Sequence[int] | None = None
     """For every row (R,) of `modes` the index of the most similar row of `others` (one of `among`)."""
     chosen = np.arange(len(others)) if among is None else np.asarray(among, dtype=np.intp)
     alike = np.round(likeness(modes, others)[:, chosen], DIGITS)
-    partners = paired(alike, np.ones(len(chosen), dtype=np.int64))
+    partners = pair_rows(alike, np.ones(len(chosen), dtype=np.int64))
     return np.asarray(chosen[np.where(partners < 0, alike.argmax(axis=1), partners)])
 
 
-def paired(alike: Floats, room: Ints) -> Ints:
+def pair_rows(alike: Floats, room: Ints) -> Ints:
     """A column for every row, the largest entries first, each column for at most `room` rows; −1 without one.
 
     Rows ask for columns in the order of their entries, and a column leaves the row with the smallest one where more ask
@@ -93,50 +97,50 @@ def paired(alike: Floats, room: Ints) -> Ints:
         rows = rows_of.setdefault(column, [])
         rows.append(row)
         if len(rows) > room[column]:
-            left = min(rows, key=lambda other: (alike[other, column], -other))
-            rows.remove(left)
-            partners[left] = -1
-            asking.append(left)
+            worst = min(rows, key=lambda candidate: (alike[candidate, column], -candidate))
+            rows.remove(worst)
+            partners[worst] = -1
+            asking.append(worst)
     return partners
 
 
-def labelled(numbers: Iterable[int]) -> tuple[str, ...]:
+def number_labels(numbers: Iterable[int]) -> tuple[str, ...]:
     """A name for each of these numbers of the table: the number, followed by b, c, … where it is repeated.
 
     >>> labelled([2, 2, 3, 2])
     ('2', '2b', '3', '2c')
     """
-    before: Counter[int] = Counter()
+    counts: Counter[int] = Counter()
     names = []
     for number in numbers:
-        names.append(f"{number}{lettered(before[number]) if before[number] else ''}")
-        before[number] += 1
+        names.append(f"{number}{letters(counts[number]) if counts[number] else ''}")
+        counts[number] += 1
     return tuple(names)
 
 
-def lettered(index: int) -> str:
+def letters(index: int) -> str:
     """a, b, … z, aa, ab, … of indices from 0."""
-    before, last = divmod(index, 26)
-    return (lettered(before - 1) if before else "") + chr(ord("a") + last)
+    prefix, last = divmod(index, 26)
+    return (letters(prefix - 1) if prefix else "") + chr(ord("a") + last)
 
 
 def likeness(modes: Modes, others: Modes) -> Floats:
     """The similarity w (R, S) of rows, over all coordinates where both have them, else over the links."""
     left_out = max(modes.rig.leading - others.rig.leading, 0)
     M = modes.matrices.M[left_out:, left_out:]
-    left, owners = _stacked(modes, M)
-    other, whose = _stacked(others, M)
+    phi, owners = _unit_shapes(modes, M)
+    psi, whose = _unit_shapes(others, M)
     similarity = np.zeros((len(modes), len(others)))
-    np.add.at(similarity, np.ix_(owners, whose), np.abs(left.conj().T @ M @ other) ** 2)
+    np.add.at(similarity, np.ix_(owners, whose), np.abs(phi.conj().T @ M @ psi) ** 2)
     return similarity
 
 
-def _stacked(modes: Modes, M: Floats) -> tuple[Complexes, Ints]:
+def _unit_shapes(modes: Modes, M: Floats) -> tuple[Complexes, Ints]:
     """All shapes along the rail (n, C), n the size of M, with φᴴMφ = 1, and the row (C,) of each."""
-    along = [(row, shape) for row, vectors in enumerate(all_shapes(modes)) for shape in vectors if not shape.across]
-    phi = np.array([modes.column(shape)[-len(M) :] for _, shape in along], dtype=np.complex128).T
+    pairs = [(row, shape) for row, vectors in enumerate(all_shapes(modes)) for shape in vectors if not shape.across]
+    phi = np.array([modes.column(shape)[-len(M) :] for _, shape in pairs], dtype=np.complex128).T
     size = np.sqrt(np.einsum("ic,ic->c", phi.conj(), M @ phi).real)
-    return phi / np.where(size > 0, size, 1.0), np.array([row for row, _ in along])
+    return phi / np.where(size > 0, size, 1.0), np.array([row for row, _ in pairs])
 
 
 def on_free_cart(rig: Rig) -> bool:
@@ -160,7 +164,7 @@ def fixed_base_masses(
     """
     rig, rows = modes.rig, np.arange(len(modes)) if numbers is None else np.asarray(numbers, dtype=np.int64)
     if rig.is_damped:
-        return np.asarray(undamped_masses(modes).held[rows])
+        return np.asarray(undamped_masses(modes).fixed_base[rows])
     free = on_free_cart(rig)
     if rig.structure or modes.scene.stands or rig.leans or (rig.leading and not free):
         return np.full(len(rows), np.nan)
@@ -168,52 +172,58 @@ def fixed_base_masses(
         return np.asarray(effective, dtype=np.float64)
     spectrum = modes.spectrum
     with np.errstate(all="ignore"):
-        masses = _held(modes, rows) if free else _masses(spectrum, [spectrum.groups[row] for row in rows.tolist()])
+        masses = (
+            _masses_on_free_cart(modes, rows)
+            if free
+            else _masses(spectrum, [spectrum.groups[row] for row in rows.tolist()])
+        )
     return np.where(modes.error[rows] < UNCERTAIN, masses * modes.units.mass, np.nan)
 
 
-def _held(modes: Modes, rows: Ints) -> Floats:
+def _masses_on_free_cart(modes: Modes, rows: Ints) -> Floats:
     """Masses of the fixed-base modes that belong to modes on a free cart, in natural units."""
-    along = np.array([_along(parts) for parts in modes.spectrum.groups], dtype=np.int64)
-    behind = _before(modes.spectrum) + np.cumsum(along) - 1  # shapes up to each row, without the rigid translation
+    shape_counts = np.array([_count_along(parts) for parts in modes.spectrum.groups], dtype=np.int64)
+    last_places = (
+        _count_before(modes.spectrum) + np.cumsum(shape_counts) - 1
+    )  # shapes up to each row, without the rigid translation
     natural, _ = replace(modes.rig, cart=None, damping_ratio=0.0, spatial=False).natural()
-    lowest = int(behind.max(initial=0)) + 1 if modes.selected else None
-    held = find_spectrum(natural, Limits(lowest=lowest))
-    omega = np.abs(held.eigenvalue)
-    gathered = degenerate_modes((omega**2,))
-    ends = np.cumsum(np.add.reduceat([_along(parts) for parts in held.groups], gathered.first))
+    lowest = int(last_places.max(initial=0)) + 1 if modes.is_partial else None
+    fixed_spectrum = find_spectrum(natural, Limits(lowest=lowest))
+    omega = np.abs(fixed_spectrum.eigenvalue)
+    clusters = degenerate_modes((omega**2,))
+    ends = np.cumsum(np.add.reduceat([_count_along(parts) for parts in fixed_spectrum.groups], clusters.first))
     owner: list[int] = []
     groups: list[tuple[SpectrumPart, ...]] = []
     for at, row in enumerate(rows.tolist()):
-        passed = [behind[row] - along[row], behind[row]]
-        for cluster in range(*np.searchsorted(ends, passed, side="right").tolist()):
-            start, size = int(gathered.first[cluster]), int(gathered.size[cluster])
+        bounds = [last_places[row] - shape_counts[row], last_places[row]]
+        for cluster in range(*np.searchsorted(ends, bounds, side="right").tolist()):
+            start, size = int(clusters.first[cluster]), int(clusters.size[cluster])
             owner += [at] * size
-            groups += held.groups[start : start + size]
+            groups += fixed_spectrum.groups[start : start + size]
     masses: Floats = np.zeros(len(rows))
-    np.add.at(masses, owner, _masses(held, groups))
+    np.add.at(masses, owner, _masses(fixed_spectrum, groups))
     return masses
 
 
-def _before(spectrum: ModalSpectrum) -> int:
+def _count_before(spectrum: ModalSpectrum) -> int:
     """How many shapes along the rail have lower frequencies than those that were selected."""
     parts = [part for index, batch in enumerate(spectrum.batches) for part in batch.parts(index)]
-    return _along(parts[k] for k in spectrum.order[: spectrum.cuts[0]].tolist())
+    return _count_along(parts[k] for k in spectrum.order[: spectrum.cuts[0]].tolist())
 
 
-def _along(parts: Iterable[SpectrumPart]) -> int:
-    return sum(part.along for part in parts)
+def _count_along(parts: Iterable[SpectrumPart]) -> int:
+    return sum(part.along_count for part in parts)
 
 
 def _masses(spectrum: ModalSpectrum, groups: Sequence[Sequence[SpectrumPart]]) -> Floats:
     """The effective mass of each group of parts along the rail."""
-    every = [(number, part) for number, parts in enumerate(groups) for part in parts if part.along]
+    pairs = [(number, part) for number, parts in enumerate(groups) for part in parts if part.along_count]
     masses = np.zeros(len(groups))
-    for source in {part.source for _, part in every}:
-        here = [(number, part) for number, part in every if part.source == source]
-        mass = spectrum.details(source, [part.row for _, part in here]).effective_mass
-        for (number, part), kg in zip(here, mass.tolist(), strict=True):
-            masses[number] += kg * part.along
+    for source in {part.source for _, part in pairs}:
+        source_pairs = [(number, part) for number, part in pairs if part.source == source]
+        mass = spectrum.details(source, [part.row for _, part in source_pairs]).effective_mass
+        for (number, part), kg in zip(source_pairs, mass.tolist(), strict=True):
+            masses[number] += kg * part.along_count
     return masses
 
 
@@ -222,7 +232,7 @@ class UndampedMasses(NamedTuple):
 
     along: Floats
     across: Floats
-    held: Floats
+    fixed_base: Floats
 
 
 @lru_cache(maxsize=2)
@@ -240,9 +250,9 @@ def undamped_masses(modes: Modes) -> UndampedMasses:
     fold = modes.multiplicity
     light = (modes.damping_ratio >= 0) & (modes.damping_ratio < LIGHT) & (without.multiplicity[counterpart] == fold)
     light &= alike[np.arange(len(modes)), counterpart] >= ALIKE * fold
-    held = fixed_base_masses(without)
-    for row, other in zip(np.flatnonzero(light).tolist(), counterpart[light].tolist(), strict=True):
-        mode = without[other]
+    fixed_base = fixed_base_masses(without)
+    for row, partner in zip(np.flatnonzero(light).tolist(), counterpart[light].tolist(), strict=True):
+        mode = without[partner]
         masses.along[row], masses.across[row] = mode.effective_mass, mode.effective_mass_across
-        masses.held[row] = held[other]
+        masses.fixed_base[row] = fixed_base[partner]
     return masses

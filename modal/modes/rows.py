@@ -54,9 +54,11 @@ def family(*, where: str, folds: dict[str, int], motion: str, ratio: float) -> s
     comes from `motion_words`, `ratio` is −Re λ/|λ|.
     """
     total = sum(folds.values())
-    named = [(sort, count) for sort, count in folds.items() if count and sort]
+    named_sorts = [(sort, count) for sort, count in folds.items() if count and sort]
     several = len([count for count in folds.values() if count]) > 1
-    sorts = [", ".join(f"{sort} {count}" for sort, count in named)] if several else [sort for sort, _ in named]
+    sorts = (
+        [", ".join(f"{sort} {count}" for sort, count in named_sorts)] if several else [sort for sort, _ in named_sorts]
+    )
     words = ", ".join(word for word in (*sorts, motion, _decay(ratio)) if word)
     where += f", {total}-fold" if total > 1 else ""
     return f"{where}: {words}" if words else where
@@ -93,12 +95,12 @@ def agreement(
     names: list[str],
     *,
     several: bool,
-    still: bool,
+    is_still: bool,
 ) -> str:
     """The phase agreement of the top links of all pendula with a fair share of the energy in mode `at`.
 
-    `names` are those of all P kinds; `several` tells that one column represents several pendula moving alike, `still`
-    that the cart does not move.
+    `names` are those of all P kinds; `several` tells that one column represents several pendula moving alike,
+    `is_still` that the cart does not move.
     """
     top, energy = np.concatenate([angle[0, :, at] for angle in angles]), energies(shares, at)
     if len(top) == 1:
@@ -109,7 +111,7 @@ def agreement(
     signs = np.sign(_in_phase_with_largest(top[busy]))
     if np.all(signs > 0) or np.all(signs < 0):
         return "in phase"
-    return "antiphase" if still else "mixed phases"
+    return "antiphase" if is_still else "mixed phases"
 
 
 def _order(chain: NDArray[np.float64]) -> str:
@@ -117,44 +119,50 @@ def _order(chain: NDArray[np.float64]) -> str:
     if len(chain) == 1:
         return ""
     signs = np.sign(chain[chain != 0])
-    opposed = int(np.sum(signs[1:] != signs[:-1]))
+    reversals = int(np.sum(signs[1:] != signs[:-1]))
     if len(chain) == 2:
-        return "fast" if opposed else "slow"
-    if opposed in (0, len(chain) - 1):
-        return "fastest (neighbours opposed)" if opposed else "slowest (all links agree)"
-    return f"{opposed} of {len(chain) - 1} joints opposed"
+        return "fast" if reversals else "slow"
+    if reversals in (0, len(chain) - 1):
+        return "fastest (neighbours opposed)" if reversals else "slowest (all links agree)"
+    return f"{reversals} of {len(chain) - 1} joints opposed"
 
 
 def _in_phase_with_largest(values: NDArray[np.inexact]) -> NDArray[np.float64]:
     largest = values[np.abs(values).argmax()]
-    aligned = values * (np.conj(largest) / abs(largest)) if largest != 0 else values
-    phased: NDArray[np.float64] = aligned.real
-    return phased
+    in_phase = values * (np.conj(largest) / abs(largest)) if largest != 0 else values
+    real_part: NDArray[np.float64] = in_phase.real
+    return real_part
 
 
 def moving_words(structure: Structure, eta: NDArray[np.inexact], inertia: NDArray[np.float64]) -> str:
     """What moves of a structure, by its coordinates (d,): two carts in antiphase, board tilts."""
     weight = np.abs(eta) * np.sqrt(inertia)
-    moved = np.flatnonzero(weight >= NEGLIGIBLE * weight.max()).tolist()
-    owners = [int(np.searchsorted(structure.offsets, k, side="right")) - 1 for k in moved]
+    moving_coordinates = np.flatnonzero(weight >= NEGLIGIBLE * weight.max()).tolist()
+    owners = [int(np.searchsorted(structure.offsets, k, side="right")) - 1 for k in moving_coordinates]
     kinds = {structure.carriers[owner].kind for owner in owners}
-    if len(moved) > 1 and len(kinds) == 1 and (kind := kinds.pop()) in ALIKE:
-        signs = np.sign(_in_phase_with_largest(eta[moved]))
-        phase = "in phase" if (signs > 0).all() else "in antiphase" if len(moved) == 2 else "in mixed phases"
-        every = len(moved) == sum(carrier.kind == kind for carrier in structure.carriers)
-        if not every and len(moved) <= MOST_NAMED:
-            return f"{_listed([_named(structure, owner) for owner in owners])} {phase}"
-        count = COUNTED[len(moved)] if len(moved) < len(COUNTED) else str(len(moved))
+    if len(moving_coordinates) > 1 and len(kinds) == 1 and (kind := kinds.pop()) in ALIKE:
+        signs = np.sign(_in_phase_with_largest(eta[moving_coordinates]))
+        phase = (
+            "in phase" if (signs > 0).all() else "in antiphase" if len(moving_coordinates) == 2 else "in mixed phases"
+        )
+        is_all = len(moving_coordinates) == sum(carrier.kind == kind for carrier in structure.carriers)
+        if not is_all and len(moving_coordinates) <= MOST_NAMED:
+            return f"{_enumerate_words([_carrier_name(structure, owner) for owner in owners])} {phase}"
+        count = (
+            COUNTED[len(moving_coordinates)] if len(moving_coordinates) < len(COUNTED) else str(len(moving_coordinates))
+        )
         return f"{count} {ALIKE[kind]} {phase}"
-    told: dict[int, list[str]] = {}
-    for k, owner in zip(moved, owners, strict=True):
+    verbs_of: dict[int, list[str]] = {}
+    for k, owner in zip(moving_coordinates, owners, strict=True):
         moving = structure.carriers[owner]
         verb = PLATFORM[k - structure.offsets[owner]] if moving.kind == "platform" else VERBS[moving.kind]
-        if verb not in told.setdefault(owner, []):
-            told[owner].append(verb)
-    if len(told) > MOST_NAMED:
-        return f"{len(moved)} coordinates move"
-    return ", ".join(f"{_named(structure, owner)} {_listed(verbs)}" for owner, verbs in told.items())
+        if verb not in verbs_of.setdefault(owner, []):
+            verbs_of[owner].append(verb)
+    if len(verbs_of) > MOST_NAMED:
+        return f"{len(moving_coordinates)} coordinates move"
+    return ", ".join(
+        f"{_carrier_name(structure, owner)} {_enumerate_words(verbs)}" for owner, verbs in verbs_of.items()
+    )
 
 
 def following(
@@ -174,18 +182,20 @@ def following(
     signs = np.sign((top * np.conj(np.concatenate(pivots))).real)[energy >= NEGLIGIBLE * energy.max()]
     if not (signs > 0).all() and not (signs < 0).all():
         return ""
-    many = several or len(top) > 1
+    is_plural = several or len(top) > 1
     return (
-        ("pendula follow" if many else "pendulum follows") if signs[0] > 0 else f"pendul{'a' if many else 'um'} opposed"
+        ("pendula follow" if is_plural else "pendulum follows")
+        if signs[0] > 0
+        else f"pendul{'a' if is_plural else 'um'} opposed"
     )
 
 
-def _named(structure: Structure, owner: int) -> str:
+def _carrier_name(structure: Structure, owner: int) -> str:
     carrier = structure.carriers[owner]
     return UNNAMED.get(carrier.kind, carrier.name) if carrier.name == carrier.kind else carrier.name
 
 
-def _listed(words: list[str]) -> str:
+def _enumerate_words(words: list[str]) -> str:
     return " and ".join((", ".join(words[:-1]), words[-1])) if len(words) > 1 else words[0]
 
 
@@ -204,12 +214,12 @@ class _RowPart(NamedTuple):
 
         Combinations of pendula in different places that hold a structure still may push it.
         """
-        balanced = is_balanced(rig, self.part) and not (rig.structure and self.part.kind is None)
-        return 0.0 if balanced or not self.part.along else self._effective_mass() * self.part.along
+        holds_still = is_balanced(rig, self.part) and not (rig.structure and self.part.kind is None)
+        return 0.0 if holds_still or not self.part.along_count else self._effective_mass() * self.part.along_count
 
     def effective_mass_across(self) -> float:
         """Effective mass across the rail."""
-        return self._effective_mass() * self.part.across if self.part.across else 0.0
+        return self._effective_mass() * self.part.across_count if self.part.across_count else 0.0
 
     def _effective_mass(self) -> float:
         return float(self.details.effective_mass[self.at])
@@ -217,22 +227,28 @@ class _RowPart(NamedTuple):
 
 def _head(pieces: list[_RowPart]) -> _RowPart:
     """The piece that moves most of the scene."""
-    return next((piece for piece in pieces if not piece.part.still), pieces[0])
+    return next((piece for piece in pieces if not piece.part.is_still), pieces[0])
 
 
-def described(modes: Eigenvalues, numbers: Sequence[int]) -> Iterator[tuple[int, Mode]]:
+def mode_rows(modes: Eigenvalues, numbers: Sequence[int]) -> Iterator[tuple[int, Mode]]:
     """The rows of the modes with these indices (from 0), each with its index, in this order."""
-    structured = modes.scene.is_structured  # whose resonances are those of `_shaking`
-    near = {n: () if structured else _resonances(modes, n) for n in numbers}
-    asked = {n: [] if near[n] or structured else answering(modes.omega, n, _partners(modes, n)) for n in numbers}
-    pieces = _pieces(modes, sorted({*numbers, *(k for pairs in asked.values() for _, k in pairs)}))
+    on_structure = modes.scene.is_structured  # whose resonances are those of `_shaking`
+    resonances_of = {n: () if on_structure else _resonances(modes, n) for n in numbers}
+    partners_of = {
+        n: [] if resonances_of[n] or on_structure else answering(modes.omega, n, _partners(modes, n)) for n in numbers
+    }
+    pieces = _pieces(modes, sorted({*numbers, *(k for pairs in partners_of.values() for _, k in pairs)}))
     for n in numbers:
         mode = _mode(modes, n, pieces[n])
-        if structured and isfinite(mode.kappa):
+        if on_structure and isfinite(mode.kappa):
             yield n, _shaking(modes, mode, _head(pieces[n]).part)
             continue
-        answers = _answers(modes, n, asked[n], pieces) if isfinite(mode.kappa) and mode.kappa and not near[n] else []
-        yield n, replace(mode, resonances=(*near[n], *answers) if isfinite(mode.kappa) else ())
+        answers = (
+            _answers(modes, n, partners_of[n], pieces)
+            if isfinite(mode.kappa) and mode.kappa and not resonances_of[n]
+            else []
+        )
+        yield n, replace(mode, resonances=(*resonances_of[n], *answers) if isfinite(mode.kappa) else ())
 
 
 def _shaking(modes: Eigenvalues, mode: Mode, part: SpectrumPart) -> Mode:
@@ -242,19 +258,19 @@ def _shaking(modes: Eigenvalues, mode: Mode, part: SpectrumPart) -> Mode:
     """
     if not modes.pivots_sink:
         return mode
-    if modes.supported is None:
+    if modes.support_response is None:
         return _with_amplitude(mode, UNKNOWN, ())
     details = modes.spectrum.details(part.source, [part.row])
     shape = expand(modes.rig, modes.units, part, 0, details, "angle", uncertain=mode.is_uncertain)
-    if not modes.supported.pushes(shape).any():
+    if not modes.support_response.pushes(shape).any():
         return mode
-    amplitude = modes.supported.amplitude(shape, mode.omega, mode.kappa)
-    far = abs(amplitude.one_percent_deg / one_percent_amplitude(amplitude.kappa) - 1)
+    amplitude = modes.support_response.amplitude(shape, mode.omega, mode.kappa)
+    deviation = abs(amplitude.one_percent_deg / one_percent_amplitude(amplitude.kappa) - 1)
     # Of the next order in a, which terms of opposite sign in κ leave large beside their sum.
-    missed = 0.01 * (mode.kappa**2 + (amplitude.kappa - mode.kappa) ** 2) / amplitude.kappa**2
-    near = [] if far + missed <= PROMISED else [f"1:2 with {modes.moving_near(2 * mode.omega)}"]
+    next_order = 0.01 * (mode.kappa**2 + (amplitude.kappa - mode.kappa) ** 2) / amplitude.kappa**2
+    words = [] if deviation + next_order <= PROMISED else [f"1:2 with {modes.moving_near(2 * mode.omega)}"]
     several = [f"1:1 among its own {mode.multiplicity} shapes"] if mode.multiplicity > 1 else []
-    return _with_amplitude(mode, amplitude, (*several, *near))
+    return _with_amplitude(mode, amplitude, (*several, *words))
 
 
 def _with_amplitude(mode: Mode, amplitude: Amplitude, resonances: tuple[str, ...]) -> Mode:
@@ -264,12 +280,12 @@ def _with_amplitude(mode: Mode, amplitude: Amplitude, resonances: tuple[str, ...
 
 
 def _pieces(modes: Eigenvalues, numbers: Sequence[int]) -> dict[int, list[_RowPart]]:
-    needed = sorted(
+    entries = sorted(
         ((part, n) for n in numbers for part in modes.spectrum.groups[n]),
         key=lambda entry: (entry[0].source, entry[0].row),
     )
     pieces: dict[int, list[_RowPart]] = {n: [] for n in numbers}
-    for source, members in groupby(needed, key=lambda entry: entry[0].source):
+    for source, members in groupby(entries, key=lambda entry: entry[0].source):
         numbers_of = list(members)
         for (part, n), place in zip(
             numbers_of, _details(modes, source, [part.row for part, _ in numbers_of]), strict=True
@@ -295,8 +311,14 @@ def _mode(modes: Eigenvalues, number: int, pieces: list[_RowPart]) -> Mode:
     head = _head(pieces)
     certain = 1.0 if modes.error[number] < UNCERTAIN else np.nan
     effective = certain * unit * sum(piece.effective_mass(modes.rig) for piece in pieces)
-    few = isfinite(effective) and modes.scene.n_links + modes.rig.leading <= MOST_REFINED
-    if few and modes.rig.structure and modes.multiplicity[number] == 1 and not modes.rig.is_damped and certain == 1:
+    is_refinable = isfinite(effective) and modes.scene.n_links + modes.rig.leading <= MOST_REFINED
+    if (
+        is_refinable
+        and modes.rig.structure
+        and modes.multiplicity[number] == 1
+        and not modes.rig.is_damped
+        and certain == 1
+    ):
         effective = _left_of(modes, number, head, effective)
     light = not modes.is_classical or ratio < LIGHT
     kappa = certain * float(head.details.kappa[head.at]) if light else np.nan
@@ -367,37 +389,37 @@ def _family(modes: Eigenvalues, number: int, head: _RowPart, ratio: float) -> st
     if modes.on_cart and modes.eigenvalue[number] == 0:
         return "rigid translation"
     structure, d = modes.hanging.structure, modes.rig.leading
-    moved = displacements(modes.rig, details)
-    eta = np.zeros(d) if head.part.still else np.array([part[at] for part in moved])
+    motions = displacements(modes.rig, details)
+    eta = np.zeros(d) if head.part.is_still else np.array([part[at] for part in motions])
     words = moving_words(structure, eta, modes.inertia) if eta.any() else ""
-    still = CART_STILL if modes.on_cart else STRUCTURE_STILL if d else FIXED
+    still_words = CART_STILL if modes.on_cart else STRUCTURE_STILL if d else FIXED
     folds = dict.fromkeys(("", "antiphase", "across the rail"), 0)
     for part in modes.spectrum.groups[number]:
-        folds["antiphase" if is_balanced(modes.rig, part) else ""] += part.along
-        folds["across the rail" if d else ""] += part.across
+        folds["antiphase" if is_balanced(modes.rig, part) else ""] += part.along_count
+        folds["across the rail" if d else ""] += part.across_count
     motion = FREE
     if modes.eigenvalue[number] != 0:
         motion = _motion(modes, number, head, eta)
-    return family(where=words or still, folds=folds, motion=motion, ratio=ratio)
+    return family(where=words or still_words, folds=folds, motion=motion, ratio=ratio)
 
 
 def _motion(modes: Eigenvalues, number: int, head: _RowPart, eta: NDArray[np.inexact]) -> str:
     """How the pendula move in a mode, where what carries them moves by η."""
     details, at = head.details, head.at
-    if head.part.still:
+    if head.part.is_still:
         return motion_words(details.angles, details.shares, at, _whose(modes, number, head.part))
     if not any(angle[:, :, at].any() for angle in details.angles):
         return ""
     several = len(modes.rig.members) > 1 or modes.rig.members[0][2] > 1
     names, cart = list(modes.rig.names.values()), modes.rig.cart
-    told = agreement(details.angles, details.shares, at, names, several=several, still=not (cart and eta.any()))
-    if eta.any() and (not cart or (cart.stiffness and told in ("", "in phase"))):
-        pivots = by_kind(modes.hanging, modes.hanging.phi.along @ eta)
-        told = following(details.angles, details.shares, pivots, at, several=several) or told
-    return motion_words(details.angles, details.shares, at, told)
+    phase = agreement(details.angles, details.shares, at, names, several=several, is_still=not (cart and eta.any()))
+    if eta.any() and (not cart or (cart.stiffness and phase in ("", "in phase"))):
+        pivots = by_kind(modes.hanging, modes.hanging.phi.rail @ eta)
+        phase = following(details.angles, details.shares, pivots, at, several=several) or phase
+    return motion_words(details.angles, details.shares, at, phase)
 
 
-def moved_by(modes: Eigenvalues, number: int) -> tuple[Floats, Floats]:
+def structure_motion(modes: Eigenvalues, number: int) -> tuple[Floats, Floats]:
     """How a mode moves the coordinates (d,) of a structure where its largest angle is 1 rad, and its share of a push.
 
     Where no link moves the largest displacement is 1 of its unit; of equal frequencies one shape is taken that moves
@@ -405,23 +427,23 @@ def moved_by(modes: Eigenvalues, number: int) -> tuple[Floats, Floats]:
     with dampers.
     """
     structure = modes.rig.support
-    motion, share, taken = np.zeros(structure.size), np.zeros(structure.size), False
-    for part in (part for part in modes.spectrum.groups[number] if not part.still):
+    motion, share, is_found = np.zeros(structure.size), np.zeros(structure.size), False
+    for part in (part for part in modes.spectrum.groups[number] if not part.is_still):
         details = modes.spectrum.details(part.source, [part.row])
         eta = np.array([coordinates[0] for coordinates in details.eta])
-        carried = modes.spectrum.sources[part.source].reduced.carried  # type: ignore[attr-defined]
-        share = share + np.abs(eta) ** 2 / details.modal_mass[0] / carried.accelerances
-        if not taken and eta.any():
-            moved = eta * np.array(coordinate_units(structure, modes.units.length))
+        parted_rig = modes.spectrum.sources[part.source].matrices.parted_rig  # type: ignore[attr-defined]
+        share = share + np.abs(eta) ** 2 / details.modal_mass[0] / parted_rig.accelerances
+        if not is_found and eta.any():
+            displacement = eta * np.array(coordinate_units(structure, modes.units.length))
             angles = np.concatenate([details.angles[block][:, column, 0] for block, column, _ in modes.rig.members])
-            leading = first_of_largest(angles) or moved[np.abs(moved).argmax()]
-            motion, taken = (moved / leading).real + 0.0, True
+            leading = first_of_largest(angles) or displacement[np.abs(displacement).argmax()]
+            motion, is_found = (displacement / leading).real + 0.0, True
     return motion, share if not modes.rig.is_damped else np.full(structure.size, np.nan)
 
 
 def _whose(modes: Eigenvalues, number: int, part: SpectrumPart) -> str:
     """The pendula that move while the others are at rest, where there are different ones."""
-    kinds = {other.kind for other in modes.spectrum.groups[number]}
+    kinds = {piece.kind for piece in modes.spectrum.groups[number]}
     if modes.rig.n_kinds == 1 or part.kind is None or len(kinds) > 1:
         return ""
     return modes.rig.names[part.kind]
@@ -430,21 +452,25 @@ def _whose(modes: Eigenvalues, number: int, part: SpectrumPart) -> str:
 def _resonances(modes: Eigenvalues, number: int) -> tuple[str, ...]:
     """Resonances with modes that can exchange energy: all on what moves, on a fixed support the same pendulum's."""
     parts = modes.spectrum.groups[number]
-    fold = modes.multiplicity[number] if modes.rig.leading else 1 + any(part.along and part.across for part in parts)
+    fold = (
+        modes.multiplicity[number]
+        if modes.rig.leading
+        else 1 + any(part.along_count and part.across_count for part in parts)
+    )
     among = (f"1:1 among its own {fold} shapes",) if fold > 1 else ()
     return among + resonances(modes.omega, number, _partners(modes, number), modes.first)
 
 
 def _partners(modes: Eigenvalues, number: int) -> Ints:
     if modes.rig.leading:
-        return np.flatnonzero(modes.lightly_damped)
+        return np.flatnonzero(modes.is_light)
     kinds = {part.kind for part in modes.spectrum.groups[number]}
     partners = np.array(sorted({row for kind in kinds for row in modes.spectrum.numbers_of_kind[kind]}))
-    return np.asarray(partners[modes.lightly_damped[partners]])
+    return np.asarray(partners[modes.is_light[partners]])
 
 
 def _answers(
-    modes: Eigenvalues, number: int, asked: list[tuple[int, int]], pieces: dict[int, list[_RowPart]]
+    modes: Eigenvalues, number: int, partners: list[tuple[int, int]], pieces: dict[int, list[_RowPart]]
 ) -> list[str]:
     """The modes whose responses make a mode's angle of 1 % a guide, in words: those that change it most.
 
@@ -452,7 +478,7 @@ def _answers(
     """
     head = _head(pieces[number])
     kappa = float(head.details.kappa[head.at])
-    alike = [(k, n, piece) for k, n in asked for piece in pieces[n] if piece.part.kind == head.part.kind]
+    alike = [(k, n, piece) for k, n in partners for piece in pieces[n] if piece.part.kind == head.part.kind]
     if not alike:
         return []
     swings = [(harmonic, _swing(modes, partner, piece)) for harmonic, partner, piece in alike]
@@ -462,13 +488,13 @@ def _answers(
     doubt = sum(share * abs(change) for share, change in zip(shares, changes, strict=True) if change)
     if not is_guide(radians(one_percent_amplitude(kappa)), error, doubt):
         return []
-    most = max(map(abs, changes))
-    named = [
+    largest = max(map(abs, changes))
+    words = [
         f"1:{harmonic} with mode {modes.first + partner + 1}"
         for (harmonic, partner, _), change in zip(alike, changes, strict=True)
-        if abs(change) >= min(most, PROMISED)
+        if abs(change) >= min(largest, PROMISED)
     ]
-    return list(dict.fromkeys(named))
+    return list(dict.fromkeys(words))
 
 
 def _swing(modes: Eigenvalues, number: int, piece: _RowPart) -> ModeSwing:

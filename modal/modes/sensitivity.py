@@ -29,7 +29,7 @@ import numpy as np
 
 from modal import pair
 from modal.assembly import Rig
-from modal.eigen import TORQUE, UNCERTAIN, Digits, cart_of, hung
+from modal.eigen import TORQUE, UNCERTAIN, Digits, cart_of, chain_response
 from modal.errors import ComputationError, SceneError
 from modal.modes.mode import Mode
 from modal.modes.modes import Modes
@@ -113,12 +113,17 @@ def sensitivities(modes: Modes, number: int) -> Sensitivities:
     refuse(modes, number)
     value, shape = complex(modes.eigenvalue[number]), modes.shape(number, 0, "mass")
     if value == 0:
-        return _nothing(modes.scene.n_links)
-    hung = list(_hung(modes, shape))
-    centres = [_centres(*chain, shape.cart) for chain in hung]
-    if sum(_lost(*chain, shape.cart, z) for chain, z in zip(hung, centres, strict=True)) > CANCELLED:
+        return _zero_sensitivities(modes.scene.n_links)
+    links_and_angles = list(_chains_with_angles(modes, shape))
+    centres = [_centres(*chain, shape.cart) for chain in links_and_angles]
+    if (
+        sum(_rounding_error(*chain, shape.cart, z) for chain, z in zip(links_and_angles, centres, strict=True))
+        > CANCELLED
+    ):
         centres = centre_displacements(modes.rig, value, shape)
-    chains = [_of_chains(*chain, z, value, modes.scene.gravity) for chain, z in zip(hung, centres, strict=True)]
+    chains = [
+        _of_chains(*chain, z, value, modes.scene.gravity) for chain, z in zip(links_and_angles, centres, strict=True)
+    ]
     columns = [np.concatenate([np.ravel(values) for values in column]) for column in zip(*chains, strict=True)]
     cart, square, support = shape.cart**2, value**2, modes.rig.cart
     pencil = 2 * value
@@ -165,9 +170,9 @@ def refuse(modes: Modes, number: int) -> None:
         )
 
 
-def _nothing(n_links: int) -> Sensitivities:
-    still = {field.name: np.zeros(n_links) if field.type == "Floats" else 0.0 for field in fields(Sensitivities)}
-    return Sensitivities(**still)  # type: ignore[arg-type]
+def _zero_sensitivities(n_links: int) -> Sensitivities:
+    zeros = {field.name: np.zeros(n_links) if field.type == "Floats" else 0.0 for field in fields(Sensitivities)}
+    return Sensitivities(**zeros)  # type: ignore[arg-type]
 
 
 class _Chain(NamedTuple):
@@ -183,16 +188,16 @@ class _Chain(NamedTuple):
     follows: Floats
 
 
-def _hung(modes: Modes, shape: Shape) -> Iterator[tuple[_Chain, Complexes]]:
+def _chains_with_angles(modes: Modes, shape: Shape) -> Iterator[tuple[_Chain, Complexes]]:
     """Every pendulum as specified in the scene, with the angles (copies, n) of its copies."""
     angles, at = shape.angles.astype(np.complex128), 0
     for pendulum, (block, column, copies) in zip(modes.scene.pendulum, modes.rig.members, strict=True):
-        held = modes.rig.blocks[block]
-        m, l, c, I = (values[:, column] for values in (held.mass, held.length, held.centre, held.inertia))
-        sigma, damping, drag = (values[:, column] for values in (held.sigma, held.damping, held.drag))
-        size = copies * held.n
+        arrays = modes.rig.blocks[block]
+        m, l, c, I = (values[:, column] for values in (arrays.mass, arrays.length, arrays.centre, arrays.inertia))
+        sigma, damping, drag = (values[:, column] for values in (arrays.sigma, arrays.damping, arrays.drag))
+        size = copies * arrays.n
         chain = _Chain(m, l, c, I, sigma, damping, drag, _follows(pendulum))
-        yield chain, angles[at : at + size].reshape(copies, held.n)
+        yield chain, angles[at : at + size].reshape(copies, arrays.n)
         at += size
 
 
@@ -203,15 +208,17 @@ def _follows(pendulum: Pendulum) -> Floats:
 
 def _centres(chain: _Chain, phi: Complexes, cart: complex) -> Complexes:
     """The displacement z (copies, n) of every centre of mass."""
-    return cart + _above(chain.sigma * chain.length * phi) + chain.sigma * chain.centre * phi
+    return cart + _sum_above(chain.sigma * chain.length * phi) + chain.sigma * chain.centre * phi
 
 
-def _lost(chain: _Chain, phi: Complexes, cart: complex, z: Complexes) -> float:
+def _rounding_error(chain: _Chain, phi: Complexes, cart: complex, z: Complexes) -> float:
     """The error of the relative derivatives that is due to rounding of z, where φᵀMφ = 1."""
     m, turns = chain.mass, np.abs(phi)
-    rounding = ULP * (abs(cart) + _above((chain.length * turns).astype(np.complex128)) + np.abs(chain.centre) * turns)
-    pushed = (chain.centre * m * rounding) + chain.length * _below(m * rounding)
-    return float(np.sum(m * np.abs(z) * rounding.real + turns * np.abs(pushed)))
+    rounding = ULP * (
+        abs(cart) + _sum_above((chain.length * turns).astype(np.complex128)) + np.abs(chain.centre) * turns
+    )
+    load = (chain.centre * m * rounding) + chain.length * _sum_below(m * rounding)
+    return float(np.sum(m * np.abs(z) * rounding.real + turns * np.abs(load)))
 
 
 def _of_chains(chain: _Chain, phi: Complexes, z: Complexes, value: complex, g: float) -> tuple[Complexes, ...]:
@@ -223,11 +230,11 @@ def _of_chains(chain: _Chain, phi: Complexes, z: Complexes, value: complex, g: f
     """
     m, l, c, I, sigma, d, e, follows = chain
     square, turn = value**2, phi**2
-    h = _above(sigma * l * turn) + sigma * c * turn
-    pushed = (square * m + value * e) * z
+    h = _sum_above(sigma * l * turn) + sigma * c * turn
+    push = (square * m + value * e) * z
     inertia = square * turn
-    centre = sigma * (m * g * turn + 2 * pushed * phi)
-    length = sigma * (g * turn * pair.masses_below(m) + 2 * phi * _below(pushed))
+    centre = sigma * (m * g * turn + 2 * push * phi)
+    length = sigma * (g * turn * pair.masses_below(m) + 2 * phi * _sum_below(push))
     bend = np.diff(phi, axis=1, prepend=0.0) ** 2
     return (
         g * h + square * z**2 + follows * I / m * inertia,
@@ -242,14 +249,14 @@ def _of_chains(chain: _Chain, phi: Complexes, z: Complexes, value: complex, g: f
     )
 
 
-def _above(values: Complexes) -> Complexes:
+def _sum_above(values: Complexes) -> Complexes:
     """Σ_{k<i} along the last axis."""
     return np.pad(np.cumsum(values[..., :-1], axis=-1), ((0, 0), (1, 0)))
 
 
-def _below(values: Complexes) -> Complexes:
+def _sum_below(values: Complexes) -> Complexes:
     """Σ_{k>i} along the last axis."""
-    return _above(values[..., ::-1])[..., ::-1]
+    return _sum_above(values[..., ::-1])[..., ::-1]
 
 
 # ------------------------------------------------------------------------------------------ where sums of angles cancel
@@ -267,16 +274,16 @@ def centre_displacements(rig: Rig, value: complex, shape: Shape) -> list[Complex
     `value` is its eigenvalue in 1/s and `shape` its shape, in the scale of which z is.
     """
     angles = np.split(shape.angles, np.cumsum([copies * rig.blocks[block].n for block, _, copies in rig.members])[:-1])
-    each = [
+    chain_angles = [
         chain.reshape(copies, rig.blocks[block].n)
         for chain, (block, _, copies) in zip(angles, rig.members, strict=True)
     ]
-    member = int(np.argmax([np.abs(chain).max() for chain in each]))
-    copy, link = np.unravel_index(np.abs(each[member]).argmax(), each[member].shape)
+    member = int(np.argmax([np.abs(chain).max() for chain in chain_angles]))
+    copy, link = np.unravel_index(np.abs(chain_angles[member]).argmax(), chain_angles[member].shape)
     with localcontext(Context(prec=DIGITS)):
-        centres, turns = _excited(rig, value, rig.members[member][:2], int(link), moved=shape.cart != 0)
+        centres, turns = _excite(rig, value, rig.members[member][:2], int(link), moves_cart=shape.cart != 0)
         places = []
-        for chain, (block, column, copies) in zip(each, rig.members, strict=True):
+        for chain, (block, column, copies) in zip(chain_angles, rig.members, strict=True):
             z = np.zeros((copies, chain.shape[1]), dtype=np.complex128)
             for k in range(copies):
                 at = int(np.abs(chain[k]).argmax())
@@ -288,48 +295,52 @@ def centre_displacements(rig: Rig, value: complex, shape: Shape) -> list[Complex
     return places
 
 
-def _excited(rig: Rig, value: complex, kind: tuple[int, int], link: int, *, moved: bool) -> tuple[list[Any], list[Any]]:
+def _excite(
+    rig: Rig, value: complex, kind: tuple[int, int], link: int, *, moves_cart: bool
+) -> tuple[list[Any], list[Any]]:
     """Centres and angles (n, P) of every block where the torque of one link excites the mode alone."""
     numbers = Digits(np.ones(1), DIGITS, is_real=not rig.is_damped)
     omega = numbers.number(np.array([value.imag]))
     if rig.is_damped:
         omega = omega - numbers.imaginary(numbers.number(np.array([value.real])))
     last: Any = None
-    ahead = omega * (numbers.exact(np.array([1 + Decimal(1).scaleb(AWAY)])))
+    next_omega = omega * (numbers.exact(np.array([1 + Decimal(1).scaleb(AWAY)])))
     for _ in range(STEPS):
         numbers.omega = omega
-        centres, turns, turn = _loaded(rig, kind, link, numbers, moved=moved)
+        centres, turns, turn = _load_link(rig, kind, link, numbers, moves_cart=moves_cart)
         inverse = numbers.exact(np.array([Decimal(1)])) / turn
         if last is None:
-            last, omega = (omega, inverse), ahead
+            last, omega = (omega, inverse), next_omega
             continue
         slope = inverse - last[1]
         step = abs(complex(slope[0]))
-        if not step or abs(complex(inverse[0])) < 1e-60 * abs(complex(last[1][0])) or _close(omega, last[0]):
+        if not step or abs(complex(inverse[0])) < 1e-60 * abs(complex(last[1][0])) or _agree(omega, last[0]):
             break
         following = omega - inverse * (omega - last[0]) / slope
         last, omega = (omega, inverse), following
     return centres, turns
 
 
-def _close(omega: Any, last: Any) -> bool:
+def _agree(omega: Any, last: Any) -> bool:
     return abs(complex((omega - last)[0])) <= 10.0 ** (20 - DIGITS) * abs(complex(omega[0]))
 
 
-def _loaded(
-    rig: Rig, kind: tuple[int, int], link: int, numbers: Digits, *, moved: bool
+def _load_link(
+    rig: Rig, kind: tuple[int, int], link: int, numbers: Digits, *, moves_cart: bool
 ) -> tuple[list[Any], list[Any], Any]:
     """Centres (n, P) and angles with a torque on this link of every copy of a kind, and the turn of its joint (1,)."""
     loads = [[(TORQUE, link)] if block == kind[0] else [] for block in range(len(rig.blocks))]
-    every = [hung(block, load, rig.gravity, numbers) for block, load in zip(rig.blocks, loads, strict=True)]
+    responses = [
+        chain_response(block, load, rig.gravity, numbers) for block, load in zip(rig.blocks, loads, strict=True)
+    ]
     pivot: Any = None
-    if moved and rig.cart:
+    if moves_cart and rig.cart:
         counts = [numbers.number(block.count[:, None]) for block in rig.blocks]
-        mass = np.sum([(count * hanging.mass).sum(0) for count, hanging in zip(counts, every, strict=True)], axis=0)
+        mass = np.sum([(count * hanging.mass).sum(0) for count, hanging in zip(counts, responses, strict=True)], axis=0)
         _, inertial, _ = cart_of(rig.cart, mass, numbers)
-        pivot = inertial * counts[kind[0]][kind[1]] * every[kind[0]].inertial[kind[1], 0]
+        pivot = inertial * counts[kind[0]][kind[1]] * responses[kind[0]].inertial[kind[1], 0]
     centres, turns = [], []
-    for number, (block, hanging) in enumerate(zip(rig.blocks, every, strict=True)):
+    for number, (block, hanging) in enumerate(zip(rig.blocks, responses, strict=True)):
         zero = 0 * numbers.omega
         y = hanging.joints[:, :, 0] * pivot if pivot is not None else hanging.joints[:, :, 0] * 0
         theta = hanging.angles[:, :, 0] * pivot if pivot is not None else hanging.angles[:, :, 0] * 0
@@ -392,21 +403,21 @@ def _places(modes: Modes, omega: float, slopes: Sensitivities) -> Iterator[tuple
         members = slice(at, at + pendulum.count * pendulum.n_links)
         at, first = members.stop, 0
         for i, link in enumerate(pendulum.links):
-            run = slice(first, first + link.count)
-            first = run.stop
+            span = slice(first, first + link.count)
+            first = span.stop
 
-            def whole(values: Floats, links: slice = members, run: slice = run, n: int = pendulum.n_links) -> float:
-                return float(values[links].reshape(-1, n)[:, run].sum())
+            def total(values: Floats, links: slice = members, span: slice = span, n: int = pendulum.n_links) -> float:
+                return float(values[links].reshape(-1, n)[:, span].sum())
 
             name = f"pendulum[{p}].links[{i}]"
-            yield from _one(f"{name}.mass", link.mass, whole(slopes.mass), omega)
-            yield from _one(f"{name}.length", link.length, whole(slopes.length), omega)
+            yield from _one(f"{name}.mass", link.mass, total(slopes.mass), omega)
+            yield from _one(f"{name}.length", link.length, total(slopes.length), omega)
             if isinstance(link, Body):
-                yield from _one(f"{name}.centre", link.centre, whole(slopes.centre), omega)
-                yield from _one(f"{name}.inertia", link.inertia, whole(slopes.inertia), omega)
-            yield from _one(f"{name}.damping", link.damping, whole(slopes.damping), omega)
-            yield from _one(f"{name}.stiffness", link.stiffness, whole(slopes.stiffness), omega)
-            yield from _one(f"{name}.drag", link.drag, whole(slopes.drag), omega)
+                yield from _one(f"{name}.centre", link.centre, total(slopes.centre), omega)
+                yield from _one(f"{name}.inertia", link.inertia, total(slopes.inertia), omega)
+            yield from _one(f"{name}.damping", link.damping, total(slopes.damping), omega)
+            yield from _one(f"{name}.stiffness", link.stiffness, total(slopes.stiffness), omega)
+            yield from _one(f"{name}.drag", link.drag, total(slopes.drag), omega)
     yield from _one("gravity", scene.gravity, slopes.gravity, omega)
 
 

@@ -127,13 +127,13 @@ def expand(
         raise ComputationError("a mode shape of this scene is beyond double precision")
     vector = replace(vector, eta=vector.eta * np.array(coordinate_units(rig.support, units.length)))
     scale = _scale(vector, units, normalise)
-    return _scaled(rig, vector, units, scale, across=copy >= part.along, uncertain=uncertain)
+    return _scale_vector(rig, vector, units, scale, is_across=copy >= part.along_count, uncertain=uncertain)
 
 
 def displacements(rig: Rig, details: Details) -> tuple[NDArray[np.inexact], ...]:
     """How all rows move each coordinate of what carries the pendula, d arrays (R,); 0 in modes of single pendula."""
-    moved = details.eta if rig.structure else (details.cart,)
-    return (moved or (np.zeros(len(details.modal_mass)),) * rig.leading)[: rig.leading]
+    eta = details.eta if rig.structure else (details.cart,)
+    return (eta or (np.zeros(len(details.modal_mass)),) * rig.leading)[: rig.leading]
 
 
 def by_kind(hanging: Hanging, values: NDArray[A]) -> tuple[NDArray[A], ...]:
@@ -147,9 +147,9 @@ def by_kind(hanging: Hanging, values: NDArray[A]) -> tuple[NDArray[A], ...]:
 def is_balanced(rig: Rig, part: SpectrumPart) -> bool:
     """Whether a part is of equal pendula that together hold still what they hang from."""
     if part.kind is None:
-        return part.still
+        return part.is_still
     block, column = part.kind
-    return bool(rig.blocks[block].count[column] > part.along)
+    return bool(rig.blocks[block].count[column] > part.along_count)
 
 
 def _of_all(rig: Rig, details: Details) -> _Vector:
@@ -158,7 +158,7 @@ def _of_all(rig: Rig, details: Details) -> _Vector:
         np.concatenate([values[block][:, column, 0] for block, column in kinds])
         for values in (details.angles, details.shares)
     )
-    eta = np.array([moved[0] for moved in displacements(rig, details)])
+    eta = np.array([row[0] for row in displacements(rig, details)])
     return _Vector(eta, angles, shares.real, details.modal_mass[0], details.momentum[0])
 
 
@@ -176,17 +176,17 @@ def _of_copies(rig: Rig, part: SpectrumPart, kind: tuple[int, int], copy: int, d
             np.outer(amplitudes, copy_shape).ravel() if amplitudes.any() else np.zeros(count * n, copy_shape.dtype)
         )
         shares.append(np.outer(amplitudes**2, share).ravel() if amplitudes.any() else np.zeros(count * n))
-    single = copy >= part.along or not is_balanced(rig, part)
+    single = copy >= part.along_count or not is_balanced(rig, part)
     momentum = details.momentum[0] if single or np.isnan(details.momentum[0]) else 0.0
-    still = np.zeros(rig.leading)
-    return _Vector(still, np.concatenate(angles), np.concatenate(shares), details.modal_mass[0], momentum)
+    zero = np.zeros(rig.leading)
+    return _Vector(zero, np.concatenate(angles), np.concatenate(shares), details.modal_mass[0], momentum)
 
 
 def _weights(rig: Rig, part: SpectrumPart, kind: tuple[int, int], copy: int) -> Floats:
     """The amplitude of each copy of a kind, of Euclidean length 1: one of them alone, or in antiphase on a cart."""
     weights = np.zeros(sum(count for block, column, count in rig.members if (block, column) == kind))
-    if copy >= part.along or not is_balanced(rig, part):
-        weights[copy - part.along if copy >= part.along else copy] = 1.0
+    if copy >= part.along_count or not is_balanced(rig, part):
+        weights[copy - part.along_count if copy >= part.along_count else copy] = 1.0
     else:
         weights[: copy + 1], weights[copy + 1] = 1.0, -(copy + 1.0)
         weights /= np.sqrt((copy + 1.0) * (copy + 2.0))
@@ -212,18 +212,20 @@ def _scale(vector: _Vector, units: Units, how: Normalisation) -> complex:
     return scale if np.iscomplexobj(vector.angles) else scale.real
 
 
-def _scaled(rig: Rig, vector: _Vector, units: Units, scale: complex, *, across: bool, uncertain: bool) -> Shape:
+def _scale_vector(
+    rig: Rig, vector: _Vector, units: Units, scale: complex, *, is_across: bool, uncertain: bool
+) -> Shape:
     eta = vector.eta * scale
     modal_mass = vector.modal_mass * abs(scale) ** 2 * units.mass * units.length**2
-    undamped = np.isfinite(vector.momentum)
+    has_momentum = np.isfinite(vector.momentum)
     momentum = vector.momentum * scale.real * units.mass * units.length
     return Shape(
         cart=eta[0] if rig.cart else 0.0 * scale * units.length,
         angles=vector.angles * scale,
         kinetic_energy_share=vector.shares,
         modal_mass=float(modal_mass),
-        participation_factor=float(momentum / modal_mass) if undamped else np.nan,
-        across=across,
+        participation_factor=float(momentum / modal_mass) if has_momentum else np.nan,
+        across=is_across,
         uncertain=uncertain,
         supports=NONE if rig.cart else eta,
     )

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from modal.assembly import Rig
-from modal.eigen import FreeMotions, ModalSpectrum, counted
+from modal.eigen import FreeMotions, ModalSpectrum, noun_count
 from modal.modes.modes import Modes
 
 PACKAGES = (
@@ -74,13 +74,16 @@ class SolutionReport:
 
     def text(self) -> str:
         """The report for a terminal, in at most 25 lines."""
-        unknowns, coordinates = counted(self.unknowns, "unknown"), counted(self.coordinates, "coordinate")
+        unknowns, coordinates = (
+            noun_count(self.unknowns, "unknown"),
+            noun_count(self.coordinates, "coordinate"),
+        )
         return "\n".join(
             [
                 f"Built: {unknowns} for a scene of {coordinates}",
                 f"{'unknowns':>12}  {'modes':>8}  {'route':<16}  of what",
                 *_first((_row(part) for part in self.parts), indent=" " * 8),
-                f"  matrices: {', '.join(_first(map(_sized, self.matrices))) or 'none'}",
+                f"  matrices: {', '.join(_first(map(_size_words, self.matrices))) or 'none'}",
                 f"  packages: {', '.join(self.modules)}",
                 "Left out:",
                 *(f"  {sentence}" for sentence in self.left_out),
@@ -107,33 +110,33 @@ def report_solution(modes: Modes) -> SolutionReport:
         coordinates=coordinates(modes.rig),
         parts=_parts(modes.spectrum),
         matrices=_matrices(modes.spectrum),
-        complex_problem=any(source.built.is_complex for source in modes.spectrum.sources),
-        left_out=(*_coordinates_left_out(modes.rig), *_solving_left_out(modes), *not_loaded()),
-        modules=loaded(),
+        complex_problem=any(source.problem_size.is_complex for source in modes.spectrum.sources),
+        left_out=(*_coordinates_left_out(modes.rig), *_solving_left_out(modes), *packages_not_loaded()),
+        modules=loaded_packages(),
     )
 
 
 def _parts(spectrum: ModalSpectrum) -> tuple[ProblemGroup, ...]:
     """One part for each source, equal ones merged."""
-    taken = Counter[int]()
+    mode_counts = Counter[int]()
     for part in (part for parts in spectrum.groups for part in parts):
-        taken[part.source] += part.along + part.across
-    solved: dict[tuple[str, str, int], tuple[int, int]] = {}
+        mode_counts[part.source] += part.along_count + part.across_count
+    totals: dict[tuple[str, str, int], tuple[int, int]] = {}
     for index, source in enumerate(spectrum.sources):
-        built = source.built
-        kind = built.what, source.route, built.unknowns
-        problems, modes = solved.get(kind, (0, 0))
-        solved[kind] = problems + built.problems, modes + taken[index]
+        size = source.problem_size
+        kind = size.what, source.route, size.unknowns
+        problems, modes = totals.get(kind, (0, 0))
+        totals[kind] = problems + size.problems, modes + mode_counts[index]
     return tuple(
         ProblemGroup(what, route, problems, unknowns, modes)
-        for (what, route, unknowns), (problems, modes) in solved.items()
+        for (what, route, unknowns), (problems, modes) in totals.items()
     )
 
 
 def _matrices(spectrum: ModalSpectrum) -> tuple[Matrix, ...]:
     """The matrices, the largest first, equal ones merged."""
     counts = Counter[tuple[str, int]]()
-    for name, order, number in (matrix for source in spectrum.sources for matrix in source.built.matrices):
+    for name, order, number in (matrix for source in spectrum.sources for matrix in source.problem_size.matrices):
         counts[name, order] += number
     return tuple(Matrix(name, order, counts[name, order]) for name, order in sorted(counts, key=lambda key: -key[1]))
 
@@ -155,39 +158,43 @@ def _coordinates_left_out(rig: Rig) -> Iterator[str]:
         )
     pendula = sum(int(block.count.sum()) for block in rig.blocks)
     if pendula > rig.n_kinds:
-        most = max(int(block.count.max()) for block in rig.blocks)
-        times = f" with {most if rig.n_kinds == 1 else f'up to {most}'} times the masses" if rig.cart else ""
+        largest_count = max(int(block.count.max()) for block in rig.blocks)
+        times = (
+            f" with {largest_count if rig.n_kinds == 1 else f'up to {largest_count}'} times the masses"
+            if rig.cart
+            else ""
+        )
         alike = "equal ones move alike" + ("   or hold the cart still" if rig.cart else "")
-        yield f"{counted(rig.n_kinds, 'pendulum', 'pendula')}{times} instead of {pendula}: {alike}"
+        yield f"{noun_count(rig.n_kinds, 'pendulum', 'pendula')}{times} instead of {pendula}: {alike}"
 
 
 def _solving_left_out(modes: Modes) -> Iterator[str]:
     sources, size = modes.spectrum.sources, coordinates(modes.rig)
-    built = [source.built for source in sources]
+    sizes = [source.problem_size for source in sources]
     if modes.rig.cart and any(isinstance(source, FreeMotions) for source in sources):
         yield "no search for the free cart's own frequency: 0 exactly"
     why = "the scene's damping_ratio leaves the undamped shapes" if modes.is_classical else "nothing damps"
-    if not any(route.is_complex for route in built):
+    if not any(route.is_complex for route in sizes):
         yield f"no complex eigenproblem: {why}"
-    orders = [order for route in built for name, order, _ in route.matrices if name == "M"]
+    orders = [order for route in sizes for name, order, _ in route.matrices if name == "M"]
     if not orders:
-        seeded = any(name == "seeds" for route in built for name, *_ in route.matrices)
-        counts = "its counts confirm seeds" if seeded else "O(n) numbers"
+        has_seeds = any(name == "seeds" for route in sizes for name, *_ in route.matrices)
+        counts = "its counts confirm seeds" if has_seeds else "O(n) numbers"
         yield f"no M and K of {size} × {size}: frequencies come from the effective mass, {counts}"
-    elif not any(name == "D" for route in built for name, *_ in route.matrices):
+    elif not any(name == "D" for route in sizes for name, *_ in route.matrices):
         yield f"no damping matrix: {why}"
     if orders and max(orders) < size:
         yield f"no M and K of {size} × {size}: {max(orders)} × {max(orders)} are the largest"
 
 
-def loaded() -> tuple[str, ...]:
+def loaded_packages() -> tuple[str, ...]:
     """The larger packages that this process has loaded."""
     return tuple(name for name in PACKAGES if sys.modules.get(name))
 
 
-def not_loaded() -> Iterator[str]:
+def packages_not_loaded() -> Iterator[str]:
     """A sentence on the packages not loaded."""
-    missing = [name for name in PACKAGES if name not in loaded()]
+    missing = [name for name in PACKAGES if name not in loaded_packages()]
     if missing:
         yield f"not imported: {', '.join(missing)}"
 
@@ -198,12 +205,12 @@ def _row(part: ProblemGroup) -> str:
     return f"{unknowns:>12}  {part.modes:>8}  {part.route:<16}  {part.what}{purpose}"
 
 
-def _sized(matrix: Matrix) -> str:
+def _size_words(matrix: Matrix) -> str:
     several = f"{matrix.number} × " if matrix.number > 1 else ""
     return f"{several}{matrix.name} {matrix.order}×{matrix.order}"
 
 
 def _first(words: Iterable[str], indent: str = "") -> list[str]:
-    every = list(words)
-    more = len(every) - MOST_SHOWN
-    return every[:MOST_SHOWN] + ([f"{indent}and {more} more"] if more > 0 else [])
+    all_words = list(words)
+    hidden = len(all_words) - MOST_SHOWN
+    return all_words[:MOST_SHOWN] + ([f"{indent}and {hidden} more"] if hidden > 0 else [])

@@ -5,7 +5,7 @@ M, K and D are sums of sizes s times the squares of rows r over the coordinates 
     φᵀ ∂(λ²M + λD + K)/∂p φ = Σ λᵏ (∂s/∂p z² + 2 s z ∂r/∂p·φ),      z = r·φ, k = 2, 1, 0
 
 in which a displacement z that is the small difference of large terms is lost with φ rounded: there the mode is refined
-in many digits (`refined`), by Newton's iteration of λ in yᵀP(λ)y with P(λ)y = P'(λ)φ, P = λ²M + λD + K.
+in many digits (`refine`), by Newton's iteration of λ in yᵀP(λ)y with P(λ)y = P'(λ)φ, P = λ²M + λD + K.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ NOTHING_OF = 2.0**-40
 class _Change(NamedTuple):
     """What a number changes of `Rows`: sizes (k,) and entries of rows (e,), at these places."""
 
-    sized: Ints
+    size_places: Ints
     size: Floats
     square: Ints
     column: Ints
@@ -74,15 +74,15 @@ class Rows(NamedTuple):
     power: Ints
     keys: Keys
 
-    def ordered(self, keys: Keys) -> tuple[Any, Any]:
+    def in_order(self, keys: Keys) -> tuple[Any, Any]:
         """Size and rows in the order of other keys; of what rests there size and rows are 0."""
         if keys == self.keys:
             return self.size, self.rows
         places = {key: place for place, key in enumerate(self.keys)}
         size, rows = np.zeros(len(keys)), np.zeros((len(keys), self.rows.shape[1]))
         for place, key in enumerate(keys):
-            if (there := places.get(key)) is not None:
-                size[place], rows[place] = self.size[there], self.rows[there]
+            if (position := places.get(key)) is not None:
+                size[place], rows[place] = self.size[position], self.rows[position]
         return size, rows
 
 
@@ -90,16 +90,16 @@ def rows_of(squares: SceneSquares) -> Rows:
     """The squares of a scene with their rows; what modal supports bring has none."""
     parts = [
         (part, power)
-        for power, each in enumerate((squares.stiffness, squares.damping, squares.inertia))
-        for part in each
-        if part.written is not None or part.total is None
+        for power, group in enumerate((squares.stiffness, squares.damping, squares.inertia))
+        for part in group
+        if part.row_source is not None or part.total is None
     ]
-    met, keys = Counter[tuple[str, int]](), []
+    counts, keys = Counter[tuple[str, int]](), []
     for part, power in parts:
         for number in part.numbers.ravel().tolist():
             key = f"{power} {part.kind}", number
-            keys.append((*key, met[key]))
-            met[key] += 1
+            keys.append((*key, counts[key]))
+            counts[key] += 1
     size = np.concatenate([part.size.ravel() for part, _ in parts])
     rows = np.concatenate([_over_all(part, squares.n, squares.number) for part, _ in parts])
     return Rows(size, rows, np.repeat([power for _, power in parts], [part.size.size for part, _ in parts]), keys)
@@ -108,16 +108,16 @@ def rows_of(squares: SceneSquares) -> Rows:
 def _over_all(part: SquareRows, n: int, number: Callable[[Any], Any]) -> Any:
     """The rows of a part (P R, n)."""
     P, R = part.size.shape
-    whole, rows = number(np.zeros((P, R, n))), part.rows
-    each, within = np.arange(P)[:, None, None], np.arange(R)[:, None]
+    array, rows = number(np.zeros((P, R, n))), part.rows
+    pendula, within = np.arange(P)[:, None, None], np.arange(R)[:, None]
     if rows is None:
-        whole[each[..., 0], within[:, 0], part.at] = number(np.ones(1))[0]
-        return whole.reshape(-1, n)
+        array[pendula[..., 0], within[:, 0], part.at] = number(np.ones(1))[0]
+        return array.reshape(-1, n)
     if part.moves is not None:
-        whole[:, :, part.columns] = rows[:, :, :1] * part.moves[:, None, :]
+        array[:, :, part.columns] = rows[:, :, :1] * part.moves[:, None, :]
         rows = rows[:, :, 1:]
-    whole[each, within, part.at[:, None, :]] = rows
-    return whole.reshape(-1, n)
+    array[pendula, within, part.at[:, None, :]] = rows
+    return array.reshape(-1, n)
 
 
 class Refined(NamedTuple):
@@ -128,7 +128,7 @@ class Refined(NamedTuple):
     momentum: complex
 
 
-def refined(scene: Scene, value: complex, phi: Complexes, within: float) -> Refined:
+def refine(scene: Scene, value: complex, phi: Complexes, within: float) -> Refined:
     """A simple mode in digits.
 
     `value` is its eigenvalue, right `within` this relative error, and `phi` its shape, in the scale of which both are.
@@ -144,17 +144,17 @@ def refined(scene: Scene, value: complex, phi: Complexes, within: float) -> Refi
             raise ComputationError("its digits are not found")
         names = () if numbers.is_real else ("real", "imag")
         parts = [np.array([getattr(entry, name) for entry in shape]) for name in names] or [shape]
-        left = [np.array([_rest(momentum, part)]) for part in parts]
-        each = [np.concatenate((rows @ p, p, rest)).astype(np.float64) for p, rest in zip(parts, left, strict=True)]
-    whole = each[0] + 1j * each[-1] if len(each) > 1 else each[0].astype(np.complex128)
-    return Refined(whole[: len(rows)], whole[len(rows) : -1], complex(whole[-1]))
+        rests = [np.array([_rest(momentum, part)]) for part in parts]
+        columns = [np.concatenate((rows @ p, p, rest)).astype(np.float64) for p, rest in zip(parts, rests, strict=True)]
+    column = columns[0] + 1j * columns[-1] if len(columns) > 1 else columns[0].astype(np.complex128)
+    return Refined(column[: len(rows)], column[len(rows) : -1], complex(column[-1]))
 
 
 def _rest(row: Any, shape: Any) -> Decimal:
     """A row times a shape, 0 where half of the digits cancel."""
     terms = row * shape
-    whole: Decimal = terms.sum()
-    return whole if abs(whole) > np.abs(terms).sum().scaleb(-DIGITS // 2) else Decimal(0)
+    total: Decimal = terms.sum()
+    return total if abs(total) > np.abs(terms).sum().scaleb(-DIGITS // 2) else Decimal(0)
 
 
 @lru_cache(maxsize=2)
@@ -174,9 +174,9 @@ def _newton(numbers: Digits, pencil: list[Any], value: complex, phi: Complexes) 
     scale = shape[largest]
     for _ in range(STEPS):
         P, slope = (K - rate * M, -M) if numbers.is_real else (rate * rate * M + rate * D + K, (rate + rate) * M + D)
-        pushed = slope @ shape
-        shape = _solved(P, pushed, numbers)
-        step = (shape @ pushed) / (shape @ (slope @ shape))
+        load = slope @ shape
+        shape = _solve(P, load, numbers)
+        step = (shape @ load) / (shape @ (slope @ shape))
         rate, shape = rate - step, shape * (scale / shape[largest])
         if abs(complex(step)) <= 10.0**-CLOSE * abs(complex(rate)):
             break
@@ -189,18 +189,18 @@ def _number(numbers: Digits, values: Complexes) -> Any:
     return exact if numbers.is_real else exact + numbers.imaginary(numbers.number(values.imag))
 
 
-def _solved(P: Any, right: Any, numbers: Digits) -> Any:
+def _solve(P: Any, right: Any, numbers: Digits) -> Any:
     """P⁻¹ times a column, by elimination with pivots of the largest in each column."""
     S, n = np.concatenate((P, right[:, None]), axis=1), len(P)
-    least = numbers.exact(np.array([Decimal(1).scaleb(-4 * DIGITS)]))[0]
+    smallest = numbers.exact(np.array([Decimal(1).scaleb(-4 * DIGITS)]))[0]
     for k in range(n):
         sizes = np.abs(S[k:, k].astype(np.complex128))
         top = k + int(sizes.argmax())
         S[[k, top]] = S[[top, k]]
         if S[k, k] == 0:
-            S[k, k] = least
-        below = S[k + 1 :, k] / S[k, k]
-        S[k + 1 :, k + 1 :] = S[k + 1 :, k + 1 :] - below[:, None] * S[k, k + 1 :]
+            S[k, k] = smallest
+        factors = S[k + 1 :, k] / S[k, k]
+        S[k + 1 :, k + 1 :] = S[k + 1 :, k + 1 :] - factors[:, None] * S[k, k + 1 :]
     solution = S[:, n]
     for k in range(n - 1, -1, -1):
         solution[k] = solution[k] / S[k, k]
@@ -219,18 +219,18 @@ def slopes_by_squares(modes: Eigenvalues, number: int, phi: Complexes) -> dict[P
     if not value:
         return dict.fromkeys(changes, 0.0)
     weight = (rows.size * (rows.power == 2)) @ rows.rows**2
-    still = np.where((phi == 0) & (weight > 0), 4 * len(phi) / np.sqrt(np.where(weight > 0, weight, 1.0)), 0.0)
-    moved = _Moved(value, phi, rows.rows @ phi, ULP * (np.abs(rows.rows) @ (np.abs(phi) + still)))
-    derivatives, lost = _slopes(modes, rows, changes, moved)
-    if lost > CANCELLED or len(phi) <= FEW:
-        z, phi, _ = refined(modes.scene, value, phi, 2 * float(modes.error[number]) + CANCELLED)
-        derivatives, lost = _slopes(modes, rows, changes, _Moved(value, phi, z, ULP * np.abs(z)))
-        if not lost <= UNSURE:
+    floor = np.where((phi == 0) & (weight > 0), 4 * len(phi) / np.sqrt(np.where(weight > 0, weight, 1.0)), 0.0)
+    motion = _MovedShape(value, phi, rows.rows @ phi, ULP * (np.abs(rows.rows) @ (np.abs(phi) + floor)))
+    derivatives, error = _slopes(modes, rows, changes, motion)
+    if error > CANCELLED or len(phi) <= FEW:
+        z, phi, _ = refine(modes.scene, value, phi, 2 * float(modes.error[number]) + CANCELLED)
+        derivatives, error = _slopes(modes, rows, changes, _MovedShape(value, phi, z, ULP * np.abs(z)))
+        if not error <= UNSURE:
             raise ComputationError("its derivatives are beyond double precision")
     return derivatives
 
 
-class _Moved(NamedTuple):
+class _MovedShape(NamedTuple):
     """An eigenvalue, its shape (n,), and displacements z (N,) with their rounding."""
 
     value: complex
@@ -240,21 +240,21 @@ class _Moved(NamedTuple):
 
 
 def _slopes(
-    modes: Eigenvalues, rows: Rows, changes: dict[Place, _Change], moved: _Moved
+    modes: Eigenvalues, rows: Rows, changes: dict[Place, _Change], motion: _MovedShape
 ) -> tuple[dict[Place, float], float]:
     """The derivatives by each number, and the largest error of p/ω ∂ω/∂p by rounding."""
-    value, phi, z, rounding = moved
+    value, phi, z, rounding = motion
     pencil = np.sum(rows.power * value ** (rows.power - 1.0) * rows.size * z**2)
     M, _, D = modal_supports(modes.rig.support) if modes.rig.leading else (np.zeros((0, 0)),) * 3
     eta = phi[: len(M)]
     pencil += eta @ (2 * value * M + D) @ eta
     power, derivatives, worst = value**rows.power, dict[Place, float](), 0.0
     for place, change in changes.items():
-        s, r = change.sized, change.square
-        turned, pushed = change.entry * phi[change.column], 2 * power[r] * rows.size[r]
-        terms = np.concatenate((power[s] * change.size * z[s] ** 2, pushed * z[r] * turned))
+        s, r = change.size_places, change.square
+        turn, push = change.entry * phi[change.column], 2 * power[r] * rows.size[r]
+        terms = np.concatenate((power[s] * change.size * z[s] ** 2, push * z[r] * turn))
         unsure = np.sum(np.abs(power[s] * change.size) * (2 * np.abs(z[s]) + rounding[s]) * rounding[s])
-        unsure += np.sum(np.abs(pushed * turned) * rounding[r]) + ULP * np.sum(np.abs(terms))
+        unsure += np.sum(np.abs(push * turn) * rounding[r]) + ULP * np.sum(np.abs(terms))
         slope = -terms.sum() / pencil
         derivatives[place] = float((np.conj(value) * slope).real / abs(value))
         worst = max(worst, abs(number_at(modes.scene, place)) * float(unsure) / abs(pencil * value))
@@ -264,10 +264,10 @@ def _slopes(
 @lru_cache(maxsize=2)
 def square_changes(scene: Scene) -> tuple[Rows, dict[Place, _Change]]:
     """The squares of a scene on a structure, and what every number but 0 changes of them, by its place."""
-    by_place, here = {}, rows_of(scene_squares(rig_of(scene)))
+    by_place, base = {}, rows_of(scene_squares(rig_of(scene)))
 
-    def of(other: Scene) -> Arrays:
-        return rows_of(scene_squares(rig_of(other))).ordered(here.keys)
+    def of(variation: Scene) -> Arrays:
+        return rows_of(scene_squares(rig_of(variation))).in_order(base.keys)
 
     for place in _numbers(scene):
         try:
@@ -275,11 +275,11 @@ def square_changes(scene: Scene) -> tuple[Rows, dict[Place, _Change]]:
         except SceneError:
             continue
         number = abs(number_at(scene, place))
-        sized = np.flatnonzero(number * np.abs(size) > NOTHING_OF * np.abs(here.size))
-        square, column = np.nonzero(number * np.abs(rows) > NOTHING_OF * np.abs(here.rows))
-        if len(sized) or len(square):
-            by_place[place] = _Change(sized, size[sized], square, column, rows[square, column])
-    return here, by_place
+        size_places = np.flatnonzero(number * np.abs(size) > NOTHING_OF * np.abs(base.size))
+        square, column = np.nonzero(number * np.abs(rows) > NOTHING_OF * np.abs(base.rows))
+        if len(size_places) or len(square):
+            by_place[place] = _Change(size_places, size[size_places], square, column, rows[square, column])
+    return base, by_place
 
 
 def _numbers(part: Any, at: Place = ()) -> Iterator[Place]:
@@ -310,6 +310,6 @@ def momentum_left(modes: Eigenvalues, number: int, phi: Complexes) -> float | No
     if not value or abs(row @ phi) > KEPT * (np.abs(row) @ np.abs(phi)):
         return None
     try:
-        return refined(modes.scene, value, phi, 2 * float(modes.error[number]) + CANCELLED).momentum.real
+        return refine(modes.scene, value, phi, 2 * float(modes.error[number]) + CANCELLED).momentum.real
     except ComputationError:
         return None

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from modal.errors import ComputationError, SceneError, meant
-from modal.modes.columns import COLUMNS, Column, Stds, added_by, columns_of, printed, spare_headings
+from modal.errors import ComputationError, SceneError, spelling_hint
+from modal.modes.columns import COLUMNS, Column, Stds, added_by, columns_of, printed_columns, spare_headings
 from modal.modes.mode import Mode
 from modal.modes.modes import Modes
 from modal.report import (
@@ -79,23 +79,23 @@ def table(
     how many rows are `left` out.
     """
     if form not in (forms := ("text", "csv", "json", *_WRITERS)):
-        raise SceneError([f"form {form}: must be one of {', '.join(forms)}{meant(form, forms)}"])
-    every = columns_of(modes, rows, chosen, stds, amplitude_deg)
+        raise SceneError([f"form {form}: must be one of {', '.join(forms)}{spelling_hint(form, forms)}"])
+    columns = columns_of(modes, rows, chosen, stds, amplitude_deg)
     if form == "json":
-        return _json(modes, rows, every, shapes=shapes, sensitive=sensitive)
+        return _json(modes, rows, columns, shapes=shapes, sensitive=sensitive)
     if form == "csv":
-        return _csv(modes, rows, every, sensitive=sensitive)
-    shown = printed(modes, rows, every, chosen)
-    cells = [[column.shown(row) for column in shown if column.shown] for row in rows]
+        return _csv(modes, rows, columns, sensitive=sensitive)
+    visible_columns = printed_columns(modes, rows, columns, chosen)
+    cells = [[column.cell(row) for column in visible_columns if column.cell] for row in rows]
     split = stds is not None and any(isnan(stds[row.number][0]) for row in rows if not row.is_uncertain)
     notes = _footnotes(modes, rows, starred) + [SPLIT] * split
     if form == "text":
-        more = limit()
-        below = [f"… {left} more{more.elsewhere if more else ''}"] * bool(left)
-        written = _text(modes, shown, cells, notes, chosen, elsewhere, below)
+        room = limit()
+        last_lines = [f"… {left} more{room.elsewhere if room else ''}"] * bool(left)
+        text = _text(modes, visible_columns, cells, notes, chosen, elsewhere, last_lines)
     else:
-        written = _WRITERS[form](modes, shown, cells, notes)
-    return written + (_sensitivities(modes, rows, form) if sensitive else "")
+        text = _WRITERS[form](modes, visible_columns, cells, notes)
+    return text + (_sensitivities(modes, rows, form) if sensitive else "")
 
 
 def _sensitivities(modes: Modes, rows: Sequence[Mode], form: str) -> str:
@@ -109,12 +109,12 @@ def _sensitivities(modes: Modes, rows: Sequence[Mode], form: str) -> str:
         raise ComputationError(f"{size} sensitivities are too many for a table: choose fewer modes with `modes`")
     from modal.modes.sensitivity import of_mode
 
-    each = [of_mode(modes, row) for row in rows]
-    relative = [{place: slope.relative for place, slope in slopes.items()} for slopes in each]
-    places = list(dict.fromkeys(place for slopes in each for place in slopes))
+    slopes_of_modes = [of_mode(modes, row) for row in rows]
+    relative = [{place: slope.relative for place, slope in slopes.items()} for slopes in slopes_of_modes]
+    places = list(dict.fromkeys(place for slopes in slopes_of_modes for place in slopes))
     cells = [[place, *(_decimals(slopes.get(place)) for slopes in relative)] for place in places]
     headings = ["number", *(f"mode {row.number}" for row in rows)]
-    lacking = [f"{row.number}" for row, slopes in zip(rows, each, strict=True) if not slopes]
+    lacking = [f"{row.number}" for row, slopes in zip(rows, slopes_of_modes, strict=True) if not slopes]
     which = f"mode{'s' * (len(lacking) > 1)} {listed(lacking, len(lacking))}"
     why = f"No single derivative: {which} ({NO_DERIVATIVE})." if lacking else ""
     if form == "text":
@@ -157,8 +157,8 @@ def _json(
 
         for record, row in zip(rows_of, rows, strict=True):
             record["sensitivities"] = {path: slope.record() for path, slope in of_mode(modes, row).items()}
-    whole = {"scene": describe(modes.scene), "modes": rows_of, "route": modes.route, "notes": list(modes.notes)}
-    return as_json(whole)
+    document = {"scene": describe(modes.scene), "modes": rows_of, "route": modes.route, "notes": list(modes.notes)}
+    return as_json(document)
 
 
 def _shape_record(modes: Modes, row: Mode, copy: int) -> dict[str, Any]:
@@ -187,9 +187,9 @@ def _footnotes(modes: Modes, rows: Sequence[Mode], starred: str) -> list[str]:
     if any(row.growth_rate for row in rows):
         notes.append("unstable: the scene leaves this equilibrium; every growing mode is paired with a decaying one.")
     if modes.scene.has_losses:
-        marked = set(deferred("modal.modes.dissipation:sharing")(modes)) & {row.number for row in rows}
-        if marked:
-            numbers = ", ".join(map(str, sorted(marked)))
+        mixing = set(deferred("modal.modes.dissipation:sharing")(modes)) & {row.number for row in rows}
+        if mixing:
+            numbers = ", ".join(map(str, sorted(mixing)))
             notes.append(f"Q of modes {numbers} is approximate: they are closer together than their losses, and mix.")
     if any(row.indistinct for row in rows):
         notes.append("~ closer to the next frequency than the error bounds can distinguish.")
@@ -207,7 +207,7 @@ def _csv(modes: Modes, rows: Sequence[Mode], columns: Sequence[Column], *, sensi
     return csv_rows([keys, *(record.values() for record in records)])
 
 
-def _formatted(name: str, columns: Sequence[Column], cells: list[list[str]], headings: list[str]) -> str:
+def _tabulate(name: str, columns: Sequence[Column], cells: list[list[str]], headings: list[str]) -> str:
     from tabulate import tabulate
 
     return tabulate(cells, headings, tablefmt=name, colalign=_align(columns) if cells else None, disable_numparse=True)
@@ -219,28 +219,28 @@ def _align(columns: Sequence[Column]) -> list[str]:
 
 def _text(
     modes: Modes,
-    shown: Sequence[Column],
+    columns: Sequence[Column],
     cells: list[list[str]],
     notes: list[str],
     chosen: str,
     elsewhere: str,
-    below: list[str],
+    last_lines: list[str],
 ) -> str:
-    """The columns that fit with a line `below`, the names of those that do not, and the notes."""
-    headings, added = [column.heading for column in shown], added_by(modes, chosen, shown)
-    spare = spare_headings(shown, added) if added or not chosen else []
-    body, left = layout(cells, headings, _align(shown), spare, elsewhere, whole=True)
-    notes = [*left, *notes]
+    """The columns that fit with a line `last_lines`, the names of those that do not, and the notes."""
+    headings, extra_keys = [column.heading for column in columns], added_by(modes, chosen, columns)
+    spare = spare_headings(columns, extra_keys) if extra_keys or not chosen else []
+    body, omissions = layout(cells, headings, _align(columns), spare, elsewhere, whole=True)
+    notes = [*omissions, *notes]
     return (
-        "\n".join([headed(title_of(modes.scene)), "", body, *map(folded, below), "", *map(folded, notes)]).rstrip()
+        "\n".join([headed(title_of(modes.scene)), "", body, *map(folded, last_lines), "", *map(folded, notes)]).rstrip()
         + "\n"
     )
 
 
 def _markdown(modes: Modes, columns: Sequence[Column], cells: list[list[str]], notes: list[str]) -> str:
-    body = _formatted("github", columns, cells, [column.heading for column in columns])
-    below = (f"\n{markdown(note)}" for note in notes)
-    return "\n".join([f"**{markdown(title_of(modes.scene))}**", "", body, *below]) + "\n"
+    body = _tabulate("github", columns, cells, [column.heading for column in columns])
+    paragraphs = (f"\n{markdown(note)}" for note in notes)
+    return "\n".join([f"**{markdown(title_of(modes.scene))}**", "", body, *paragraphs]) + "\n"
 
 
 def _latex(modes: Modes, columns: Sequence[Column], cells: list[list[str]], notes: list[str]) -> str:
@@ -248,12 +248,12 @@ def _latex(modes: Modes, columns: Sequence[Column], cells: list[list[str]], note
         [cell.replace(NOTHING, "--").replace(">", "$>$").replace("~", r"\textasciitilde{}") for cell in row]
         for row in cells
     ]
-    body = _formatted("latex_raw", columns, plain, [column.headed for column in columns])
+    body = _tabulate("latex_raw", columns, plain, [column.latex_heading for column in columns])
     return "\n".join([f"% {line}" for line in (one_line(title_of(modes.scene)), *notes)] + [body]) + "\n"
 
 
 def _html(modes: Modes, columns: Sequence[Column], cells: list[list[str]], notes: list[str]) -> str:
-    body = _formatted("html", columns, cells, [column.heading for column in columns])
+    body = _tabulate("html", columns, cells, [column.heading for column in columns])
     caption = f"<table>\n<caption>{html(title_of(modes.scene))}</caption>"
     return "\n".join([body.replace("<table>", caption, 1), *(f"<p>{html(note)}</p>" for note in notes)]) + "\n"
 
@@ -267,16 +267,16 @@ _WRITERS: dict[str, Callable[[Modes, Sequence[Column], list[list[str]], list[str
 
 def matrices_table(scene: Scene, dense: Matrices, form: str) -> str:
     """M, K and D of a scene; `form` is text or json."""
-    named = {"M": dense.M, "K": dense.K, "D": dense.D}
+    by_name = {"M": dense.M, "K": dense.K, "D": dense.D}
     if form == "json":
-        whole = {
+        document = {
             "scene": describe(scene),
             "coordinates": list(dense.labels),
-            **{name: matrix.tolist() for name, matrix in named.items()},
+            **{name: matrix.tolist() for name, matrix in by_name.items()},
         }
-        return as_json(whole)
+        return as_json(document)
     parts = [folded(f"coordinates ({len(dense.labels)}): {', '.join(dense.labels)}")]
-    for name, matrix in named.items():
+    for name, matrix in by_name.items():
         parts.append(f"{name} = 0" if not matrix.any() else f"{name} =\n{_grid(matrix, dense.labels)}")
     return "\n\n".join(parts) + "\n"
 
@@ -316,8 +316,8 @@ def _array(values: list[Any]) -> NDArray[Any]:
 
 def summarize_mode(mode: Mode) -> Summary:
     """The number of a mode and its description, and what its row of the table says."""
-    columns = {column.key: column for column in COLUMNS if column.shown and column.of_rows is None}
-    cells = {key: column.shown(mode) for key, column in columns.items() if column.shown}
+    columns = {column.key: column for column in COLUMNS if column.cell and column.of_rows is None}
+    cells = {key: column.cell(mode) for key, column in columns.items() if column.cell}
     title = f"Mode {cells.pop('mode')}: {cells.pop('family')}"
     facts = [(columns[key].heading, cell) for key, cell in cells.items() if cell != NOTHING]
     return Summary(title, [(name, cell) for name, cell in facts if cell != "0" or name == columns[OMEGA].heading])

@@ -25,14 +25,14 @@ def draw_pieces(axis: Axes, pieces: Iterable[Piece], look: dict[str, Any], *, re
             if rests:
                 hue = ink() if piece.role == "ground" else muted()
                 line = MARKED if piece.role == "guide" else COMPUTED
-                closed = [*points, points[0]] if piece.closed else points
+                closed = [*points, points[0]] if piece.is_outline else points
                 x, y = zip(*closed, strict=True)
                 axis.plot(
                     x, y, ls=line, color=hue, lw=WIDTHS[piece.role], gid=look.get("gid"), zorder=ORDER[piece.role]
                 )
         elif piece.role == "dot":
             axis.plot(*points.T, "o", ms=4.0, **look | {"color": paper()}, mec=look["color"], mew=1.2, zorder=1.8)
-        elif piece.closed:
+        elif piece.is_outline:
             face = mixed(look["color"], FILL) if rests else "none"
             style = {"fc": face, "ec": look["color"], "lw": WIDTHS["body"], "joinstyle": "round"}
             axis.add_patch(Polygon(points, closed=True, gid=look.get("gid"), zorder=ORDER["body"], **style))

@@ -190,7 +190,7 @@ class ShapeLayout:
     def pieces(self, eta: Floats, chains: Sequence[Floats]) -> list[Piece]:
         """What the pendula hang from, and their springs, at η (1, d)."""
         joints = (chain[None] for chain in chains)
-        return self.scaffold.pieces(eta, dict(zip(self.scaffold.drawn.tolist(), joints, strict=True)))
+        return self.scaffold.pieces(eta, dict(zip(self.scaffold.pendula.tolist(), joints, strict=True)))
 
 
 def draw_shapes(
@@ -270,7 +270,7 @@ def arranged(count: int, ratio: float) -> tuple[int, int]:
 
 def layout_of(modes: Modes) -> ShapeLayout:
     """What is drawn of the pendula, and where: what they hang from as drawn at rest, with room for it to move."""
-    scene, structure = modes.scene, modes.rig.carried.structure
+    scene, structure = modes.scene, modes.rig.on_structure.structure
     assert structure is not None
     copies = [pendulum for pendulum in scene.pendulum for _ in range(pendulum.count)]
     first = np.cumsum([0, *(pendulum.n_links for pendulum in copies)])
@@ -435,6 +435,6 @@ def _caption(modes: Modes, rows: Sequence[Mode], layout: ShapeLayout, amplitude_
 
 def set_apart(scaffold: Scaffold, count: int) -> list[str]:
     """What is not drawn of `count` pendula on a structure, and what is not in its place."""
-    drawn = len(scaffold.drawn)
+    drawn = len(scaffold.pendula)
     words = [f"{drawn} of {count} pendula drawn"] if drawn < count else []
     return [*words, *["what would overlap is set apart"] * bool(scaffold.shifts.any() or scaffold.aside.any())]

@@ -14,7 +14,7 @@ arguments, `titles` says what hangs in a scene, `free_body` takes it apart.
 
 from typing import TYPE_CHECKING
 
-from modal.lazy import exported
+from modal.lazy import lazy_attributes
 
 if TYPE_CHECKING:
     from modal.scene.capabilities import CAPABILITIES, left_out, one_by_one, refusals, require
@@ -132,4 +132,4 @@ __all__ = [
 if not TYPE_CHECKING:
     homes = "model files capabilities features titles links supports motion points hoist length_laws"
     homes += " number_names periods records free_body parameters"
-    __getattr__ = exported(__name__, tuple(homes.split()))
+    __getattr__ = lazy_attributes(__name__, tuple(homes.split()))

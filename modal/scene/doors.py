@@ -25,7 +25,7 @@ from typing import Any, Literal, TypeVar, get_args, get_origin
 
 import numpy as np
 
-from modal.errors import SceneError, meant
+from modal.errors import SceneError, spelling_hint
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 Check = Callable[[object], str]
@@ -269,7 +269,7 @@ def _one_of(words: Sequence[str]) -> Check:
     def problem(value: object) -> str:
         if isinstance(value, str) and value in words:
             return ""
-        near = meant(value, words) if isinstance(value, str) else ""
+        near = spelling_hint(value, words) if isinstance(value, str) else ""
         return f"{_shown(value)}: must be one of {', '.join(words)}{near}"
 
     return problem

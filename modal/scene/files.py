@@ -14,7 +14,7 @@ from threading import Timer
 from time import time
 from typing import IO, Any
 
-from modal.errors import SceneError, meant
+from modal.errors import SceneError, spelling_hint
 from modal.scene.contents import SHIPPED, content_of, decoded, limited
 from modal.scene.doors import checked, require_type
 from modal.scene.model import Scene, describe, scene_from
@@ -195,7 +195,7 @@ def example_text(name: str) -> str:
 
 
 def _near(name: str) -> str:
-    return meant(name, example_names(), most=3, near=0.5)
+    return spelling_hint(name, example_names(), limit=3, cutoff=0.5)
 
 
 def kind_of(path: str | os.PathLike[str], kinds: Sequence[str], before: str = "") -> str:

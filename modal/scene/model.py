@@ -402,7 +402,7 @@ class Scene(Displayed, Part):
         problems = list(self._own_problems())
         yield from problems
         if self.is_structured and not problems:
-            unbalanced: Iterator[str] = deferred("modal.structure:unbalanced")(self)
+            unbalanced: Iterator[str] = deferred("modal.structure:find_imbalance")(self)
             yield from (f".{words}" for words in unbalanced)
 
     def _own_problems(self) -> Iterator[str]:

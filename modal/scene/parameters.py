@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from modal.errors import SceneError, meant
+from modal.errors import SceneError, spelling_hint
 from modal.report import Displayed, Summary
 from modal.scene.links import Escapement
 from modal.scene.model import Scene, describe, plain_data, scene_from
@@ -207,7 +207,7 @@ def _is_number(value: object) -> bool:
 
 def _unknown(scene: Scene, name: str, path: str) -> str:
     numbers = number_paths(scene)
-    hint = meant(name, numbers, near=NEAR) or _of_that_key(name, numbers)
+    hint = spelling_hint(name, numbers, cutoff=NEAR) or _of_that_key(name, numbers)
     if ".start." in name and not any(".start." in place for place in numbers):
         hint = ": its file gives no pendulum a `start`"
     return f"{path}: " + ("" if name == path else f"{name} ") + "is not a number of this scene" + hint
@@ -219,7 +219,7 @@ def _of_that_key(name: str, numbers: Sequence[str]) -> str:
     word = name.rpartition(".")[2].partition("[")[0]
     key = word if word in keys.values() else ABBREVIATED.get(word, word.rpartition("_")[2])
     places = [place for place in numbers if keys[place] == key]
-    near = places or [place for place in numbers if meant(word, [keys[place]], near=NEAR)]
+    near = places or [place for place in numbers if spelling_hint(word, [keys[place]], cutoff=NEAR)]
     more = f", … {len(near) - MOST_NAMED} more" if len(near) > MOST_NAMED + 1 else ""
     named = ", ".join(near[:MOST_NAMED] if more else near)
     return f": there is {named}{more}" if near else ": `scene_numbers(scene)` lists them"

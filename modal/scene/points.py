@@ -17,7 +17,7 @@ import re
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
-from modal.errors import meant
+from modal.errors import spelling_hint
 from modal.scene.features import Described
 from modal.scene.validation import LARGEST
 
@@ -140,7 +140,7 @@ def point_problems(scene: Described, text: str) -> Iterator[str]:
     if point is None:
         kinds = [support.kind for support in scene.supports]
         if len(kinds) > 1:
-            yield f"there are several supports: write the name of one{meant(text, scene.support_names)}"
+            yield f"there are several supports: write the name of one{spelling_hint(text, scene.support_names)}"
         elif kinds[0] != CART:
             yield f'the support is {kinds[0]}, and there is no cart: give it kind = "cart", or name a link'
         return
@@ -169,7 +169,7 @@ def _carrier_problems(scene: Described, point: CarrierPoint) -> Iterator[str]:
     """Why a scene has no such point of a support."""
     names = scene.support_names
     if point.name not in names:
-        yield f'there is no support "{point.name}"{meant(point.name, names)}'
+        yield f'there is no support "{point.name}"{spelling_hint(point.name, names)}'
         return
     support = scene.supports[names.index(point.name)]
     if support.kind == "modal" and point.point is None:

@@ -21,7 +21,7 @@ from os import PathLike, fspath
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from modal.errors import SceneError, meant
+from modal.errors import SceneError, spelling_hint
 from modal.scene.contents import LARGEST_READ, SIZES_READ, SMALLEST_READ, text_of
 from modal.scene.hoist import RECORD
 from modal.scene.motion import FORCES, RECORDED, Quantity, spectrum_problems
@@ -86,7 +86,7 @@ def read_spectrum(path: str | PathLike[str], acts: bool = False, *, quoted: bool
     densities = [(name, of) for name in columns if (of := _of_force(name) if acts else _quantity(name))]
     if "frequency_hz" not in columns or len(densities) != 1:
         asked = f"frequency_hz and one of {', '.join(FORCE_PSDS if acts else (*MOTION_PSDS,))}"
-        hint = "" if "frequency_hz" in columns else meant("frequency_hz", columns)
+        hint = "" if "frequency_hz" in columns else spelling_hint("frequency_hz", columns)
         raise table.lacks(asked, hint)
     name, of = densities[0]
     frequencies, psd = columns["frequency_hz"], columns[name]

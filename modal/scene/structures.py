@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from modal.errors import meant
+from modal.errors import spelling_hint
 from modal.scene.features import Described
 from modal.scene.motion import Ground, Moved
 from modal.scene.points import (
@@ -128,7 +128,7 @@ def _hanging_problems(scene: Described, pendulum: Any, at: str) -> Iterator[str]
     try:
         point = parse_point(pendulum.on)
     except ValueError:
-        yield f"{where}: is not the name of a support{meant(pendulum.on, names)}"
+        yield f"{where}: is not the name of a support{spelling_hint(pendulum.on, names)}"
         return
     if point is None:
         yield from (f"{where}: {words}" for words in point_problems(scene, pendulum.on))

@@ -15,7 +15,7 @@ from typing import Any, ClassVar, NamedTuple, Self, cast, dataclass_transform
 
 from pydantic_core import SchemaValidator, ValidationError
 
-from modal.errors import SceneError, first_of, meant
+from modal.errors import SceneError, first_of, spelling_hint
 from modal.scene.stored import PartDocumentation, PartSignature
 from modal.scene.wording import OTHER_NAMES, as_table, in_brackets, number_in, suggestion
 
@@ -472,7 +472,7 @@ def _words(finding: Mapping[str, Any]) -> str:
 def _unknown(key: str, is_table: bool) -> str:
     """What is wrong with a key that is not known where it stands."""
     if key in KEYS:
-        return "does not belong here" + meant(key, KEYS - {key}, near=ALIKE)
+        return "does not belong here" + spelling_hint(key, KEYS - {key}, cutoff=ALIKE)
     kind = key if key in TAGS else OTHER_NAMES.get(key.lower(), "")
     if key == "scene" and is_table:
         return "is not a table: the keys of a scene stand at the top of the file"

@@ -6,7 +6,7 @@ import json
 import re
 from collections.abc import Iterable
 
-from modal.errors import meant
+from modal.errors import spelling_hint
 
 OTHER_NAMES = {
     **dict.fromkeys(("g", "g_m_per_s2", "gravitation", "gravity_m_per_s2"), "gravity"),
@@ -71,7 +71,7 @@ def suggestion(word: str, known: Iterable[str], near: float = 0.6) -> str:
     for candidate in (OTHER_NAMES.get(small, ""), small):
         if candidate in words and candidate != word:
             return f" (did you mean {candidate}?)"
-    return meant(word, words, near=near)
+    return spelling_hint(word, words, cutoff=near)
 
 
 def as_table(kind: str, homes: dict[str, str]) -> str:

@@ -11,7 +11,7 @@ own paths.
 
 from typing import TYPE_CHECKING
 
-from modal.lazy import exported
+from modal.lazy import lazy_attributes
 
 if TYPE_CHECKING:
     from modal.statespace.gains import modal_gains, unreached, unseen
@@ -64,4 +64,6 @@ __all__ = [
 ]
 
 if not TYPE_CHECKING:
-    __getattr__ = exported(__name__, ("signals", "model", "modal_form", "gains", "reduction", "response", "shapers"))
+    __getattr__ = lazy_attributes(
+        __name__, ("signals", "model", "modal_form", "gains", "reduction", "response", "shapers")
+    )

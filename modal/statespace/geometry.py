@@ -161,7 +161,7 @@ class Geometry:
         pulls = np.zeros((len(self.tips), len(self.springs)))
         for k, spring in enumerate(self.springs):
             for pendulum, sign in spring.on_pendula:
-                pulls[pendulum, k] += sign * spring.along
+                pulls[pendulum, k] += sign * spring.rail_part
         return pulls
 
 
@@ -189,7 +189,7 @@ def geometry_of(scene: Scene) -> Geometry:
 
 def geometry_of_rig(rig: Rig) -> Geometry:
     """The rows of the scene of a rig."""
-    hanging = Hanging(rig.carried)
+    hanging = Hanging(rig.on_structure)
     structure, first = hanging.structure, hanging.first
     hung = [(rig.blocks[block], column) for block, column in hanging.kinds.tolist()]
     sizes = np.diff(first)

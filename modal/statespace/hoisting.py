@@ -27,7 +27,7 @@ import scipy
 
 from modal.assembly import Matrices, hoisting_of, matrices, matrices_along, no_hoist, rig_of
 from modal.errors import ComputationError, SceneError
-from modal.modes import labelled, natural_modes, table_numbers
+from modal.modes import natural_modes, number_labels, table_numbers
 from modal.report import Form, ReportColumn, ReportTable, Result, short
 from modal.scene import Fixed, Pendulum, Scene
 from modal.statespace.model import fixed, refuse_no_inertia
@@ -183,7 +183,7 @@ def _names(scene: Scene, omega: Floats, held: bool) -> tuple[str, ...]:
     on_support = fixed(scene) if held else scene
     table = natural_modes(on_support.conservative)
     nearest = np.abs(np.subtract.outer(omega, table.omega)).argmin(1)
-    return labelled(table_numbers(on_support, table)[nearest].tolist())
+    return number_labels(table_numbers(on_support, table)[nearest].tolist())
 
 
 def is_held(scene: Scene, drive: Drive) -> bool:

@@ -23,7 +23,19 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from modal.assembly import CART, DRAG, JOINT, WIRE, Dissipator, LossAngles, Rig, loss_angles, rig_of
-from modal.eigen import FORCE, REPLICAS, TORQUE, TURN, Arithmetic, Hung, Load, Rounded, cart_of, evaluated, hung
+from modal.eigen import (
+    FORCE,
+    REPLICAS,
+    TORQUE,
+    TURN,
+    Arithmetic,
+    ChainResponse,
+    Load,
+    Rounded,
+    cart_of,
+    chain_response,
+    precise_values,
+)
 from modal.report import as_csv, as_json, finite, grid, titled
 from modal.scene import Scene, require, title_of
 from modal.statespace.modal_form import ModalBlock, ModalForm
@@ -162,7 +174,7 @@ class ExactResponse:
         beyond = np.zeros(len(omega)) if remainder is None else remainder
         spans = [slice(first, first + self._step) for first in range(0, len(omega), self._step)]
         responses = [
-            evaluated(self._evaluate, omega[span], is_real=is_real, tolerance=tolerance, remainder=beyond[span])
+            precise_values(self._evaluate, omega[span], is_real=is_real, tolerance=tolerance, remainder=beyond[span])
             for span in spans
         ]
         return (
@@ -212,7 +224,7 @@ def _from_tips(
             [angles.at(numbers.rates, of_block) for of_block in links] if angles else [None] * len(rig.blocks)
         )
         parts = zip(rig.blocks, loads, losses, strict=True)
-        every = [hung(block, of_block, rig.gravity, numbers, lost) for block, of_block, lost in parts]
+        every = [chain_response(block, of_block, rig.gravity, numbers, lost) for block, of_block, lost in parts]
         nothing = 0 * numbers.omega
         moved = np.array([nothing + place for place in _pivots(rig, every, driven, members, loads, numbers)])
         rows = []
@@ -234,7 +246,7 @@ def _from_tips(
 
 def _pivots(
     rig: Rig,
-    every: Sequence[Hung],
+    every: Sequence[ChainResponse],
     driven: Sequence[SignalPlace],
     members: Sequence[tuple[int, int]],
     loads: Sequence[Sequence[Load]],
@@ -261,12 +273,12 @@ def _pivots(
     return pivots
 
 
-def _read(chain: Hung, column: int, row: SignalPlace, numbers: Arithmetic) -> Any:
+def _read(chain: ChainResponse, column: int, row: SignalPlace, numbers: Arithmetic) -> Any:
     """An output for a displaced pivot, then for each load, (1 + L, W)."""
     if row.what == "pivot_force":
         square = numbers.omega * numbers.omega
         passed = chain.direct[column] + square * chain.inertial[column]
-        return numbers.felt(np.concatenate([(square * chain.mass[column])[None], passed]))
+        return numbers.round_off(np.concatenate([(square * chain.mass[column])[None], passed]))
     if row.what == "joint":
         return chain.joints[row.link + 1, column]
     above = chain.angles[row.link - 1, column] if row.what == "rel" and row.link else 0

@@ -37,7 +37,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from modal.eigen import smallest_where
-from modal.errors import ComputationError, SceneError, meant
+from modal.errors import ComputationError, SceneError, spelling_hint
 from modal.modes import MOST_COMPARED, Modes, counterparts, natural_modes
 from modal.report import Displayed, Summary, counted, tabulated
 from modal.scene import Scene, refusals, validate_scene
@@ -166,7 +166,7 @@ def swing_rows(scene: Scene, drive: Drive) -> tuple[Modes, list[int]]:
     """The modes of the scene with this drive, and the indices of those that it excites."""
     drives = drives_of(scene)
     problems = (
-        [f"drive {drive!r}: must be one of {', '.join(drives)}{meant(str(drive), drives)}"]
+        [f"drive {drive!r}: must be one of {', '.join(drives)}{spelling_hint(str(drive), drives)}"]
         if drives and drive not in drives
         else []
     )

@@ -26,7 +26,7 @@ from typing import NamedTuple, TypeVar, get_args
 
 import numpy as np
 
-from modal.errors import SceneError, meant
+from modal.errors import SceneError, spelling_hint
 from modal.scene import Scene, places_of
 from modal.scene.motion import Acting
 from modal.scene.points import CarrierPoint, GroundPoint, Place, parse_point, point_problems
@@ -350,7 +350,7 @@ def validate_signals(
         raise SceneError([f'{what} {words}: must be a tuple of names: ("{words}",)'])
     there = ", ".join(known) + (f"; or {written}" if written else "")
     unknown = [word for word in words if word not in known and not more(word) and not _lacks(word, geometry)]
-    problems = [f"{what} {word}: must be one of {there}{meant(word, known)}" for word in unknown]
+    problems = [f"{what} {word}: must be one of {there}{spelling_hint(word, known)}" for word in unknown]
     problems += [f"{what} {word}: named twice" for word in dict.fromkeys(words) if words.count(word) > 1]
     problems += [f"{what} {word}: {why}" for word in words if (why := _lacks(word, geometry))]
     if problems:

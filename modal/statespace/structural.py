@@ -132,7 +132,7 @@ def structural_response(
     def evaluate(numbers: Arithmetic) -> Any:
         squares = scene_squares(rig, numbers.number)
         M, K, D = (matrix[..., None] for matrix in squares.matrices)
-        omega, felt = numbers.omega, numbers.felt
+        omega, felt = numbers.omega, numbers.round_off
         square = omega * omega
         if dampers is not None:
             D = D + numbers.exact(dampers)[..., None]
@@ -217,16 +217,16 @@ def solved(A: Any, F: Any, numbers: Arithmetic, filled: Booleans | None = None) 
         P = numbers.pivot(A[k, k], diagonal[k])
         at: Any = slice(k) if there is None else np.flatnonzero(there[k, :k])
         block = (at, at) if there is None else np.ix_(at, at)
-        row = numbers.felt(A[k, at] / P)
-        A[block] = numbers.felt(A[block] - A[at, k][:, None] * row)
-        F[at] = numbers.felt(F[at] - row[:, None] * F[k])
-        F[k] = numbers.felt(F[k] / P)
+        row = numbers.round_off(A[k, at] / P)
+        A[block] = numbers.round_off(A[block] - A[at, k][:, None] * row)
+        F[at] = numbers.round_off(F[at] - row[:, None] * F[k])
+        F[k] = numbers.round_off(F[k] / P)
         rows.append((at, row))
         if there is not None:
             there[block] = True
     for k, (at, row) in enumerate(rows[::-1]):
         if len(row):
-            F[k] = numbers.felt(F[k] - (row[:, None] * F[at]).sum(0))
+            F[k] = numbers.round_off(F[k] - (row[:, None] * F[at]).sum(0))
     return F
 
 
@@ -234,7 +234,7 @@ def whole_response(
     scene: Scene, inputs: Sequence[Signal | Dissipator], outputs: Sequence[Signal]
 ) -> tuple[Callable[[Arithmetic], Any], list[Given], list[Reading]]:
     """The evaluation (p, m, W) of a whole scene, with what its inputs and outputs are."""
-    rig = rig_of(scene).carried
+    rig = rig_of(scene).on_structure
     geometry = geometry_of_rig(rig)
     driven, read = inputs_named(scene, geometry, inputs), outputs_named(geometry, outputs)
     dampers: Any = None

@@ -10,7 +10,7 @@ what is here.
 
 from typing import TYPE_CHECKING
 
-from modal.lazy import exported
+from modal.lazy import lazy_attributes
 
 if TYPE_CHECKING:
     from modal.scene.points import CarrierEnd, End, GroundEnd, LinkEnd, Where
@@ -21,18 +21,18 @@ if TYPE_CHECKING:
         Phi,
         Row,
         bends,
-        carried,
+        carried_weights,
         drawn_together,
+        find_imbalance,
         hung_masses,
         is_damped,
         phi,
         slopes,
         tied,
         turning,
-        unbalanced,
         weights,
     )
-    from modal.structure.structure import SpringNumbers, Structure, coordinate_units, scaled, structure_of
+    from modal.structure.structure import SpringNumbers, Structure, coordinate_units, scale_structure, structure_of
 
 __all__ = [
     "BALANCED",
@@ -52,21 +52,21 @@ __all__ = [
     "Structure",
     "Where",
     "bends",
-    "carried",
+    "carried_weights",
     "carrier_numbers",
     "coordinate_units",
     "drawn_together",
+    "find_imbalance",
     "hung_masses",
     "is_damped",
     "phi",
-    "scaled",
+    "scale_structure",
     "slopes",
     "structure_of",
     "tied",
     "turning",
-    "unbalanced",
     "weights",
 ]
 
 if not TYPE_CHECKING:
-    __getattr__ = exported(__name__, ("carriers", "structure", "rest", "outlines"))
+    __getattr__ = lazy_attributes(__name__, ("carriers", "structure", "rest", "outlines"))

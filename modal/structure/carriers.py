@@ -48,8 +48,8 @@ class Moving(NamedTuple):
         """J η' (m/s)."""
         x: Any = 0.0
         z: Any = 0.0
-        for (along, down), rate in zip(self.slopes, rates, strict=True):
-            x, z = plus(x, along, rate), plus(z, down, rate)
+        for (dx, dz), rate in zip(self.slopes, rates, strict=True):
+            x, z = plus(x, dx, rate), plus(z, dz, rate)
         return x, z
 
 
@@ -69,13 +69,13 @@ def inner(slope: tuple[Any, Any], x: Any, z: Any) -> Any:
     return plus(plus(0.0, slope[0], x), slope[1], z)
 
 
-def swung(S: Any, C: Any, length: Any, rate: Any) -> tuple[tuple[Any, Any], tuple[Any, Any]]:
+def swing_path(S: Any, C: Any, length: Any, rate: Any) -> tuple[tuple[Any, Any], tuple[Any, Any]]:
     """Slope and bias of a swing whose rods stand at an angle of this sine and cosine."""
     ww = rate * rate / length
     return (C, -S), (-S * ww, -C * ww)
 
 
-def turned(s: Any, h: Any, S: Any, C: Any, rate: Any) -> tuple[tuple[Any, Any], tuple[Any, Any], tuple[Any, Any]]:
+def turn_point(s: Any, h: Any, S: Any, C: Any, rate: Any) -> tuple[tuple[Any, Any], tuple[Any, Any], tuple[Any, Any]]:
     """Place from the origin, slope and bias of a point (s, h) of what has turned, by sine and cosine of its angle."""
     ww = rate * rate
     arm = s * C + h * S, h * C - s * S
@@ -134,7 +134,7 @@ class CarrierNumbers:
     ) -> Moving:
         """How its point (s, h), or the numbered point of a modal one, moves."""
         if self.points is not None:
-            return _combined(self.position, self.points[where], eta)
+            return _combine_slopes(self.position, self.points[where], eta)
         assert not isinstance(where, int)
         pose, slopes, bias = self._pose(eta, rates, sine, cosine)
         turning = self.turning
@@ -143,7 +143,7 @@ class CarrierNumbers:
             x, z = self.position[0] + s, self.position[1] + h
             return Moving((x + pose[0], z + pose[1]), slopes, bias)
         S, C, w = sine(eta[turning]), cosine(eta[turning]), rates[turning]
-        arm, turn, thrown = turned(s, h, S, C, w)
+        arm, turn, thrown = turn_point(s, h, S, C, w)
         slopes = (*slopes[:turning], turn)
         place = self.position[0] + pose[0] + arm[0], self.position[1] + pose[1] + arm[1]
         return Moving(place, slopes, (bias[0] + thrown[0], bias[1] + thrown[1]))
@@ -154,7 +154,7 @@ class CarrierNumbers:
             return (eta[0], 0.0), ((1.0, 0.0),), (0.0, 0.0)
         if self.kind == "swing":
             S, C = sine(eta[0] / self.length), cosine(eta[0] / self.length)
-            slope, bias = swung(S, C, self.length, rates[0])
+            slope, bias = swing_path(S, C, self.length, rates[0])
             return (self.length * S, self.length * (C - 1)), (slope,), bias
         if self.kind == "tilt":
             return (0.0, 0.0), (), (0.0, 0.0)
@@ -165,7 +165,7 @@ class CarrierNumbers:
         return (0.0, 0.0), (), (0.0, 0.0)
 
 
-def _combined(position: tuple[Any, Any], point: Floats, eta: Sequence[Any]) -> Moving:
+def _combine_slopes(position: tuple[Any, Any], point: Floats, eta: Sequence[Any]) -> Moving:
     """A point (2, d) of a modal support."""
     slopes = tuple((x, z) for x, z in point.T.tolist())
     x, z = (sum((slope[k] * value for slope, value in zip(slopes, eta, strict=True)), position[k]) for k in (0, 1))

@@ -38,12 +38,12 @@ class Piece(NamedTuple):
 
     role: Role
     points: Floats
-    closed: bool = False
+    is_outline: bool = False
 
 
 @dataclass(frozen=True, eq=False)
 class Scaffold:
-    """A structure of which the pendula `drawn` are shown, and the first link of every pendulum, `first` (P + 1,).
+    """A structure of which the `pendula` are shown, and the first link of every pendulum, `first` (P + 1,).
 
     `unit` (m) is the size of what has none of its own, that of the longest chain; `gap` is the room, over it, between
     bodies that are set apart.  `hanging` are the joints (n + 1, 2) of drawn pendula at rest, where springs hold them to
@@ -51,7 +51,7 @@ class Scaffold:
     """
 
     structure: Structure
-    drawn: Ints
+    pendula: Ints
     first: Ints
     unit: float
     gap: float = GAP
@@ -62,9 +62,9 @@ class Scaffold:
     @cached_property
     def aside(self) -> Floats:
         """How far (m) every drawn pendulum is set apart from those on its point; those of a modal support are one."""
-        shift = np.zeros(len(self.drawn))
+        shift = np.zeros(len(self.pendula))
         places: dict[Any, list[int]] = {}
-        for k, pendulum in enumerate(self.drawn.tolist()):
+        for k, pendulum in enumerate(self.pendula.tolist()):
             pivot = self.structure.pivots[pendulum]
             places.setdefault(pivot.carrier if isinstance(pivot.where, int) else pivot, []).append(k)
         for members in places.values():
@@ -76,7 +76,7 @@ class Scaffold:
     def _points(self) -> tuple[Floats, ...]:
         """Every carrier's points of which something is drawn, (K, 2) in m along and below its origin."""
         points: list[list[tuple[float, float]]] = [[] for _ in self.structure.carriers]
-        for pendulum, aside in zip(self.drawn.tolist(), self.aside.tolist(), strict=True):
+        for pendulum, aside in zip(self.pendula.tolist(), self.aside.tolist(), strict=True):
             carrier, where = self.structure.pivots[pendulum]
             s, h = (0.0, 0.0) if isinstance(where, int) else where
             points[carrier].append((float(s) + aside, float(h)))
@@ -84,22 +84,28 @@ class Scaffold:
             for end in spring.ends:
                 if isinstance(end, CarrierEnd) and not isinstance(end.where, int) and not spring.torsion:
                     points[end.carrier].append((float(end.where[0]), float(end.where[1])))
-        return tuple(np.array(drawn).reshape(-1, 2) for drawn in points)
+        return tuple(np.array(part).reshape(-1, 2) for part in points)
 
     @cached_property
     def _bodies(self) -> tuple[tuple[float, float, float], ...]:
         """Left, right and height (m, along and below its origin) of every carrier's body."""
         bodies = []
         for body, points in zip(self.structure.carriers, self._points, strict=True):
-            near = points if body.turning is None else points[np.abs(points[:, 1]) < 10 * self.unit]
+            close_points = points if body.turning is None else points[np.abs(points[:, 1]) < 10 * self.unit]
             level = 0.0
-            if body.kind == "tilt" and len(near) and np.ptp(near[:, 1]) < FAR_OFF * self.unit:
-                level = float(near[:, 1].mean())
+            if body.kind == "tilt" and len(close_points) and np.ptp(close_points[:, 1]) < FAR_OFF * self.unit:
+                level = float(close_points[:, 1].mean())
             if body.kind == "platform":
-                near = near[np.abs(near[:, 1]) < 0.5 * self.unit]
-            least = LEAST * self.unit * (2.5 if body.kind == "platform" else 1.0)
-            along = np.concatenate([near[:, 0] - MARGIN * self.unit, near[:, 0] + MARGIN * self.unit, [-least, least]])
-            bodies.append((float(along.min()), float(along.max()), level))
+                close_points = close_points[np.abs(close_points[:, 1]) < 0.5 * self.unit]
+            half_width = LEAST * self.unit * (2.5 if body.kind == "platform" else 1.0)
+            extents = np.concatenate(
+                [
+                    close_points[:, 0] - MARGIN * self.unit,
+                    close_points[:, 0] + MARGIN * self.unit,
+                    [-half_width, half_width],
+                ]
+            )
+            bodies.append((float(extents.min()), float(extents.max()), level))
         return tuple(bodies)
 
     def body(self, carrier: int) -> tuple[float, float, float]:
@@ -111,9 +117,9 @@ class Scaffold:
         """How far (m) every carrier is set apart along the rail, (C,); 0 where no two bodies overlap."""
         carriers, high = self.structure.carriers, 3 * THICK * self.unit
         boxes = []
-        for body, (left, right, level) in zip(carriers, self._bodies, strict=True):
+        for body, (left_end, right_end, level) in zip(carriers, self._bodies, strict=True):
             x, z = (float(part) for part in body.position)
-            boxes.append((x + left, x + right, z + level))
+            boxes.append((x + left_end, x + right_end, z + level))
         moving = [k for k, body in enumerate(carriers) if body.size]
         upon = any(
             boxes[i][0] < boxes[j][1] and boxes[j][0] < boxes[i][1] and abs(boxes[i][2] - boxes[j][2]) < high
@@ -141,10 +147,10 @@ class Scaffold:
 
     def pivots(self, eta: Floats) -> Floats:
         """Where the drawn pendula hang at η (F, d), (F, D, 2)."""
-        every = zip(self.drawn.tolist(), self.aside.tolist(), strict=True)
+        pairs = zip(self.pendula.tolist(), self.aside.tolist(), strict=True)
         pivots = self.structure.pivots
-        each = [self.place(pivots[p].carrier, pivots[p].where, eta, aside) for p, aside in every]
-        return np.stack(each, axis=1)
+        places = [self.place(pivots[p].carrier, pivots[p].where, eta, aside) for p, aside in pairs]
+        return np.stack(places, axis=1)
 
     def reach(self, supports: Any) -> float:
         """How far (m) the points of the structure are from rest in a small motion with these η (d,), over its size."""
@@ -153,8 +159,8 @@ class Scaffold:
         small = 1e-4 * self.unit / max(float(np.abs(supports).max()), 1e-300)
         eta = np.array([small * np.real(supports), 0.0 * np.real(supports)])
         ends = [piece.points for piece in self.pieces(eta, {}) if piece.role in {"body", "line", "dot"}]
-        moved = [np.linalg.norm(points[0] - points[1], axis=-1).max() for points in (*ends, self.pivots(eta))]
-        return float(max(moved)) / small
+        distances = [np.linalg.norm(points[0] - points[1], axis=-1).max() for points in (*ends, self.pivots(eta))]
+        return float(max(distances)) / small
 
     # --------------------------------------------------------------------------------------------------- pieces
 
@@ -173,14 +179,14 @@ class Scaffold:
         """Points of a carrier, (F, K, 2)."""
         return np.stack([self.place(k, point, eta) for point in points], axis=1)
 
-    def _fixed(self, k: int, points: Sequence[tuple[float, float]]) -> Floats:
+    def _ground_points(self, k: int, points: Sequence[tuple[float, float]]) -> Floats:
         """Points of the ground beside a carrier as drawn, (1, K, 2)."""
         x, z = self.structure.carriers[k].position
         return np.array([[(float(x) + self.shifts[k] + s, -(float(z) + h)) for s, h in points]])
 
     def _carrier(self, k: int, eta: Floats) -> Iterator[Piece]:
         body, u = self.structure.carriers[k], self.unit
-        left, right, level = self._bodies[k]
+        left_end, right_end, level = self._bodies[k]
         if not body.size:
             yield from self._ceiling(k)
             return
@@ -189,12 +195,22 @@ class Scaffold:
             return
         half = THICK * u
         if body.kind == "platform":
-            hull = [(left, -half), (right, -half), (0.82 * right, 2.2 * half), (0.82 * left, 2.2 * half)]
-            yield Piece("body", self._at(k, hull, eta), closed=True)
+            hull = [
+                (left_end, -half),
+                (right_end, -half),
+                (0.82 * right_end, 2.2 * half),
+                (0.82 * left_end, 2.2 * half),
+            ]
+            yield Piece("body", self._at(k, hull, eta), is_outline=True)
         else:
             high = half if body.kind != "tilt" else 0.6 * half
-            box = [(left, level - high), (right, level - high), (right, level + high), (left, level + high)]
-            yield Piece("body", self._at(k, box, eta), closed=True)
+            box = [
+                (left_end, level - high),
+                (right_end, level - high),
+                (right_end, level + high),
+                (left_end, level + high),
+            ]
+            yield Piece("body", self._at(k, box, eta), is_outline=True)
         for s, h in self._points[k].tolist():
             if abs(h - level) > FAR_OFF * u:
                 foot = (0.3 * s if body.kind == "platform" else s, level)
@@ -205,8 +221,10 @@ class Scaffold:
         """What stands still, hatched from above."""
         points, u = self._points[k], self.unit
         for h in np.unique(points[:, 1]):
-            along = points[points[:, 1] == h, 0]
-            yield from _hatched(self._fixed(k, [(along.min() - 0.16 * u, h), (along.max() + 0.16 * u, h)]), u)
+            abscissas = points[points[:, 1] == h, 0]
+            yield from _hatch(
+                self._ground_points(k, [(abscissas.min() - 0.16 * u, h), (abscissas.max() + 0.16 * u, h)]), u
+            )
 
     def _frame(self, k: int, eta: Floats) -> Iterator[Piece]:
         """The points of a modal support where something is fixed to them, as dots."""
@@ -223,7 +241,7 @@ class Scaffold:
         for where in numbers:
             asides = [
                 float(aside)
-                for p, aside in zip(self.drawn.tolist(), self.aside, strict=True)
+                for p, aside in zip(self.pendula.tolist(), self.aside, strict=True)
                 if self.structure.pivots[p] == (k, where)
             ] or [0.0]
             ends = [self.place(k, where, eta, aside) for aside in (min(asides), max(asides))]
@@ -232,51 +250,51 @@ class Scaffold:
             yield Piece("dot", np.stack([(ends[0] + ends[1]) / 2], axis=1))
 
     def _cart(self, k: int, body: CarrierNumbers, eta: Floats) -> Iterator[Piece]:
-        left, right, _ = self._bodies[k]
+        left_end, right_end, _ = self._bodies[k]
         u, low = self.unit, (THICK + WHEEL) * self.unit
-        for s in (0.75 * left + 0.25 * right, 0.25 * left + 0.75 * right):
+        for s in (0.75 * left_end + 0.25 * right_end, 0.25 * left_end + 0.75 * right_end):
             middle = self.place(k, (s, low), eta)[:, None]
             turn = np.linspace(0, 2 * np.pi, 25)
-            yield Piece("body", middle + WHEEL * u * np.stack((np.cos(turn), np.sin(turn)), axis=-1), closed=True)
+            yield Piece("body", middle + WHEEL * u * np.stack((np.cos(turn), np.sin(turn)), axis=-1), is_outline=True)
         rail = low + WHEEL * u
-        yield Piece("ground", self._fixed(k, [(left - 0.3 * u, rail), (right + 0.3 * u, rail)]))
+        yield Piece("ground", self._ground_points(k, [(left_end - 0.3 * u, rail), (right_end + 0.3 * u, rail)]))
         yield from self._to_wall(k, body.stiffness[0], body.damping[0], eta)
 
     def _swing(self, k: int, body: CarrierNumbers, eta: Floats) -> Iterator[Piece]:
-        left, right, _ = self._bodies[k]
+        left_end, right_end, _ = self._bodies[k]
         length, u = float(body.length), self.unit
-        for s in (left + 0.06 * u, right - 0.06 * u):
-            top = np.broadcast_to(self._fixed(k, [(s, -length)]), (len(eta), 1, 2))
+        for s in (left_end + 0.06 * u, right_end - 0.06 * u):
+            top = np.broadcast_to(self._ground_points(k, [(s, -length)]), (len(eta), 1, 2))
             yield Piece("line", np.concatenate([top, self._at(k, [(s, 0.0)], eta)], axis=1))
-        yield from _hatched(self._fixed(k, [(left - 0.06 * u, -length), (right + 0.06 * u, -length)]), u)
+        yield from _hatch(self._ground_points(k, [(left_end - 0.06 * u, -length), (right_end + 0.06 * u, -length)]), u)
         yield from self._to_wall(k, body.stiffness[0], 0.0, eta)
 
     def _tilt(self, k: int, body: CarrierNumbers, eta: Floats) -> Iterator[Piece]:
-        left, right, level = self._bodies[k]
+        left_end, right_end, level = self._bodies[k]
         u, way = self.unit, 1.0 if level < 0 or (level == 0 and not len(self._points[k])) else -1.0
-        foot = min(max(0.0, left), right)
+        foot = min(max(0.0, left_end), right_end)
         if abs(level) > THICK * u:
             yield Piece("line", self._at(k, [(0.0, 0.0), (foot, level)], eta))
         apex, base = (0.0, 0.0), way * 0.17 * u
-        yield Piece("ground", self._fixed(k, [apex, (-0.09 * u, base), (0.09 * u, base)]), closed=True)
-        yield from _hatched(self._fixed(k, [(-0.16 * u, base), (0.16 * u, base)]), u, way)
+        yield Piece("ground", self._ground_points(k, [apex, (-0.09 * u, base), (0.09 * u, base)]), is_outline=True)
+        yield from _hatch(self._ground_points(k, [(-0.16 * u, base), (0.16 * u, base)]), u, way)
         if body.stiffness[0]:
             angle = eta[:, self.structure.offsets[k]]
             yield Piece("spring", _spiral(self.place(k, (0.0, 0.0), eta), angle, u))
         yield Piece("dot", self._at(k, [(float(body.centre[0]), float(body.centre[1]))], eta))
 
     def _heave(self, k: int, body: CarrierNumbers, eta: Floats) -> Iterator[Piece]:
-        left, right, _ = self._bodies[k]
+        left_end, right_end, _ = self._bodies[k]
         u = self.unit
-        for s in (left - 0.03 * u, right + 0.03 * u):
-            yield Piece("guide", self._fixed(k, [(s, -0.3 * u), (s, 0.3 * u)]))
-        yield from self._to_floor(k, body.stiffness[0], eta, (left + right) / 2)
+        for s in (left_end - 0.03 * u, right_end + 0.03 * u):
+            yield Piece("guide", self._ground_points(k, [(s, -0.3 * u), (s, 0.3 * u)]))
+        yield from self._to_floor(k, body.stiffness[0], eta, (left_end + right_end) / 2)
 
     def _platform(self, k: int, body: CarrierNumbers, eta: Floats) -> Iterator[Piece]:
-        left, right, _ = self._bodies[k]
+        left_end, right_end, _ = self._bodies[k]
         sway, heave, roll = body.stiffness
         yield from self._to_wall(k, sway, 0.0, eta)
-        at = (0.6 * left, 0.6 * right) if roll else ((left + right) / 2,)
+        at = (0.6 * left_end, 0.6 * right_end) if roll else ((left_end + right_end) / 2,)
         for s in at:
             yield from self._to_floor(k, heave or roll, eta, s)
         yield Piece("dot", self._at(k, [(float(body.centre[0]), float(body.centre[1]))], eta))
@@ -289,9 +307,9 @@ class Scaffold:
         end = self._bodies[k][1 if side > 0 else 0]
         wall = end + side * WALL * self.unit
         yield from self._wall(k, wall, level, side)
-        near = self.place(k, (end, level), eta)
-        far = np.broadcast_to(self._fixed(k, [(wall, level)])[:, 0], near.shape)
-        yield Piece("spring", _zigzag(far, near, self.unit, damped=not stiffness))
+        body_end = self.place(k, (end, level), eta)
+        wall_end = np.broadcast_to(self._ground_points(k, [(wall, level)])[:, 0], body_end.shape)
+        yield Piece("spring", _zigzag(wall_end, body_end, self.unit, is_damper=not stiffness))
 
     def _side(self, k: int) -> float:
         """On which side of a carrier there is room for a wall: −1 left, 1 right."""
@@ -303,9 +321,11 @@ class Scaffold:
 
     def _wall(self, k: int, at: float, level: float, side: float) -> Iterator[Piece]:
         u = self.unit
-        yield Piece("ground", self._fixed(k, [(at, level - 0.11 * u), (at, level + 0.11 * u)]))
+        yield Piece("ground", self._ground_points(k, [(at, level - 0.11 * u), (at, level + 0.11 * u)]))
         for h in np.linspace(-0.11, 0.08, 5) * u:
-            yield Piece("hatch", self._fixed(k, [(at, level + h + 0.04 * u), (at + side * 0.05 * u, level + h)]))
+            yield Piece(
+                "hatch", self._ground_points(k, [(at, level + h + 0.04 * u), (at + side * 0.05 * u, level + h)])
+            )
 
     def _to_floor(self, k: int, stiffness: Any, eta: Floats, s: float) -> Iterator[Piece]:
         """A spring from below."""
@@ -313,76 +333,83 @@ class Scaffold:
             return
         u, low = self.unit, THICK * self.unit * (2.2 if self.structure.carriers[k].kind == "platform" else 1.0)
         floor = low + 0.42 * u
-        yield from _hatched(self._fixed(k, [(s - 0.12 * u, floor), (s + 0.12 * u, floor)]), u, 1.0)
-        near = self.place(k, (s, low), eta)
-        far = np.broadcast_to(self._fixed(k, [(s, floor)])[:, 0], near.shape)
-        yield Piece("spring", _zigzag(far, near, u))
+        yield from _hatch(self._ground_points(k, [(s - 0.12 * u, floor), (s + 0.12 * u, floor)]), u, 1.0)
+        body_end = self.place(k, (s, low), eta)
+        floor_end = np.broadcast_to(self._ground_points(k, [(s, floor)])[:, 0], body_end.shape)
+        yield Piece("spring", _zigzag(floor_end, body_end, u))
 
     # --------------------------------------------------------------------------------------------------- springs
 
     def _spring(self, spring: SpringNumbers, eta: Floats, joints: Mapping[int, Floats]) -> Iterator[Piece]:
         """A spring between points, or a spiral for one between angles; nothing of pendula that are not drawn."""
-        damped = not spring.stiffness
+        is_damper = not spring.stiffness
         ends = [self._end(end, eta, joints, torsion=spring.torsion) for end in spring.ends]
         if spring.torsion:
             for end, place in zip(spring.ends, ends, strict=True):
                 if isinstance(end, LinkEnd) and place is not None:
                     yield Piece("spring", _spiral(place, np.zeros(len(eta)), self.unit))
-            joined = [place for place in ends if place is not None]
-            if len(joined) == 2:
-                yield Piece("guide", np.stack(joined, axis=1))
+            places = [place for place in ends if place is not None]
+            if len(places) == 2:
+                yield Piece("guide", np.stack(places, axis=1))
             return
-        anchored = next((k for k, end in enumerate(spring.ends) if isinstance(end, GroundEnd)), None)
-        if anchored is not None and ends[1 - anchored] is not None:
-            yield from self._grounded(spring.ends[1 - anchored], spring.ends[anchored], eta, joints, damped=damped)
+        ground_end = next((k for k, end in enumerate(spring.ends) if isinstance(end, GroundEnd)), None)
+        if ground_end is not None and ends[1 - ground_end] is not None:
+            yield from self._ground_spring(
+                spring.ends[1 - ground_end], spring.ends[ground_end], eta, joints, is_damper=is_damper
+            )
             return
         first, second = ends
         if first is not None and second is not None:
-            yield Piece("spring", _zigzag(*self._edges(spring.ends, first, second), self.unit, damped=damped))
+            yield Piece("spring", _zigzag(*self._edges(spring.ends, first, second), self.unit, is_damper=is_damper))
 
     def _edges(self, ends: tuple[End, End], first: Floats, second: Floats) -> tuple[Floats, Floats]:
         """The ends of a spring between origins of carriers side by side, at the edges of their bodies."""
-        edges, drawn = [first, second], [self._drawn(end) for end in ends]
+        edges, abscissas = [first, second], [self._rest_place(end) for end in ends]
         for k, end in enumerate(ends):
             if isinstance(end, CarrierEnd) and end.where == (0.0, 0.0):
-                left, right, level = self._bodies[end.carrier]
-                ahead = drawn[1 - k] - drawn[k]
-                if abs(ahead) > right - left and not level:
-                    edges[k] = edges[k] + np.array([right if ahead > 0 else left, 0.0])
-                    drawn[k] += right if ahead > 0 else left
+                left_end, right_end, level = self._bodies[end.carrier]
+                distance = abscissas[1 - k] - abscissas[k]
+                if abs(distance) > right_end - left_end and not level:
+                    edges[k] = edges[k] + np.array([right_end if distance > 0 else left_end, 0.0])
+                    abscissas[k] += right_end if distance > 0 else left_end
         return edges[0], edges[1]
 
-    def _drawn(self, end: End) -> float:
+    def _rest_place(self, end: End) -> float:
         """Where (m, along the rail) an end of a spring that moves is at rest, where links hang straight down."""
-        still = np.zeros((1, self.structure.size))
+        zeros = np.zeros((1, self.structure.size))
         if isinstance(end, LinkEnd):
             pendulum = int(np.searchsorted(self.first, end.link, side="right")) - 1
-            return float(self.pivots(still)[0, self.drawn.tolist().index(pendulum), 0])
+            return float(self.pivots(zeros)[0, self.pendula.tolist().index(pendulum), 0])
         assert isinstance(end, CarrierEnd)
-        return float(self.place(end.carrier, end.where, still)[0, 0])
+        return float(self.place(end.carrier, end.where, zeros)[0, 0])
 
-    def _grounded(
-        self, end: End, ground: End, eta: Floats, joints: Mapping[int, Floats], *, damped: bool
+    def _ground_spring(
+        self, end: End, ground: End, eta: Floats, joints: Mapping[int, Floats], *, is_damper: bool
     ) -> Iterator[Piece]:
         """A spring from a point to the ground: to its place, or to a wall beside the point as drawn."""
         assert isinstance(ground, GroundEnd)
-        near = self._end(end, eta, joints, torsion=False)
-        assert near is not None
+        moving_end = self._end(end, eta, joints, torsion=False)
+        assert moving_end is not None
         carrier = end.carrier if isinstance(end, CarrierEnd) else None
         if ground.place is not None:
-            far = np.array([float(ground.place[0]), -float(ground.place[1])])
-            far = far + ([self.shifts[carrier], 0.0] if carrier is not None else [0.0, 0.0])
-            yield from _hatched(far + np.array([[[-0.08, 0.0], [0.08, 0.0]]]) * self.unit, self.unit, 1.0)
-            yield Piece("spring", _zigzag(np.broadcast_to(far, near.shape), near, self.unit, damped=damped))
+            fixed_end = np.array([float(ground.place[0]), -float(ground.place[1])])
+            fixed_end = fixed_end + ([self.shifts[carrier], 0.0] if carrier is not None else [0.0, 0.0])
+            yield from _hatch(fixed_end + np.array([[[-0.08, 0.0], [0.08, 0.0]]]) * self.unit, self.unit, 1.0)
+            yield Piece(
+                "spring",
+                _zigzag(np.broadcast_to(fixed_end, moving_end.shape), moving_end, self.unit, is_damper=is_damper),
+            )
         elif carrier is not None and not isinstance(end.where, int):  # type: ignore[union-attr]
             level = self._bodies[carrier][2] if end.where == (0.0, 0.0) else float(end.where[1])  # type: ignore[union-attr]
-            yield from self._to_wall(carrier, not damped, damped, eta, level)
+            yield from self._to_wall(carrier, not is_damper, is_damper, eta, level)
         else:
-            drawn = {pendulum: place[None] for pendulum, place in (self.hanging or {}).items()}
-            still = self._end(end, np.zeros((1, self.structure.size)), drawn, torsion=False)
-            wall = (near if still is None else still)[0] + np.array([-WALL * self.unit, 0.0])
+            rest_joints = {pendulum: place[None] for pendulum, place in (self.hanging or {}).items()}
+            rest_end = self._end(end, np.zeros((1, self.structure.size)), rest_joints, torsion=False)
+            wall = (moving_end if rest_end is None else rest_end)[0] + np.array([-WALL * self.unit, 0.0])
             yield Piece("ground", wall + np.array([[[0.0, -0.11], [0.0, 0.11]]]) * self.unit)
-            yield Piece("spring", _zigzag(np.broadcast_to(wall, near.shape), near, self.unit, damped=damped))
+            yield Piece(
+                "spring", _zigzag(np.broadcast_to(wall, moving_end.shape), moving_end, self.unit, is_damper=is_damper)
+            )
 
     def _end(self, end: End, eta: Floats, joints: Mapping[int, Floats], *, torsion: bool) -> Floats | None:
         """Where an end is drawn, (F, 2); None of the ground, and of pendula that are not drawn."""
@@ -396,37 +423,37 @@ class Scaffold:
         chain, i = joints[pendulum], end.link - int(self.first[pendulum])
         if torsion:
             return chain[:, i]
-        along = chain[:, i + 1] - chain[:, i]
+        link_line = chain[:, i + 1] - chain[:, i]
         if end.below is None:
             return chain[:, i + 1]
-        return np.asarray(chain[:, i] + _direction(along) * float(end.below))
+        return np.asarray(chain[:, i] + _direction(link_line) * float(end.below))
 
 
-def _hatched(line: Floats, unit: float, way: float = -1.0) -> Iterator[Piece]:
+def _hatch(line: Floats, unit: float, way: float = -1.0) -> Iterator[Piece]:
     """A line of the ground (1, 2, 2) with hatching above (−1) or below it."""
     yield Piece("ground", line)
-    (left, level), (right, _) = line[0]
-    count = max(3, round((right - left) / (0.08 * unit)))
+    (left_end, level), (right_end, _) = line[0]
+    count = max(3, round((right_end - left_end) / (0.08 * unit)))
     lean = 0.05 * unit
-    for x in np.linspace(left, right, count + 1)[:-1]:
+    for x in np.linspace(left_end, right_end, count + 1)[:-1]:
         yield Piece("hatch", np.array([[(x, level), (x + lean, level - way * lean)]]))
 
 
-def _direction(along: Floats) -> Floats:
+def _direction(line: Floats) -> Floats:
     """Unit vectors (F, 2), along the rail where there is no length."""
-    size: Floats = np.sqrt((along * along).sum(axis=-1, keepdims=True))
-    if along.dtype.hasobject:
-        return np.asarray(along / size)
-    unit: Floats = np.divide(along, size, out=np.broadcast_to([1.0, 0.0], along.shape).copy(), where=size > 0)
+    size: Floats = np.sqrt((line * line).sum(axis=-1, keepdims=True))
+    if line.dtype.hasobject:
+        return np.asarray(line / size)
+    unit: Floats = np.divide(line, size, out=np.broadcast_to([1.0, 0.0], line.shape).copy(), where=size > 0)
     return unit
 
 
-def _zigzag(start: Floats, end: Floats, unit: float, *, damped: bool = False) -> Floats:
+def _zigzag(start: Floats, end: Floats, unit: float, *, is_damper: bool = False) -> Floats:
     """A spring from `start` to `end` (F, 2); of a damper alone a box across the line, (F, K, 2)."""
-    along = end - start
-    way = _direction(along)
-    across = np.stack((-way[:, 1], way[:, 0]), axis=-1)
-    if damped:
+    line = end - start
+    way = _direction(line)
+    normal = np.stack((-way[:, 1], way[:, 0]), axis=-1)
+    if is_damper:
         shares = np.array([0.0, 0.4, 0.4, 0.6, 0.6, 0.4, 0.4, 0.6, 0.6, 1.0])
         aside = np.array([0.0, 0.0, 1.0, 1.0, -1.0, -1.0, 0.0, 0.0, 0.0, 0.0])
     else:
@@ -434,7 +461,7 @@ def _zigzag(start: Floats, end: Floats, unit: float, *, damped: bool = False) ->
             [[0.0, LEAD], LEAD + (1 - 2 * LEAD) * (np.arange(TEETH) + 0.5) / TEETH, [1 - LEAD, 1.0]]
         )
         aside = np.concatenate([[0.0, 0.0], np.where(np.arange(TEETH) % 2, -1.0, 1.0), [0.0, 0.0]])
-    points: Floats = start[:, None] + shares[:, None] * along[:, None] + TOOTH * unit * aside[:, None] * across[:, None]
+    points: Floats = start[:, None] + shares[:, None] * line[:, None] + TOOTH * unit * aside[:, None] * normal[:, None]
     return points
 
 
@@ -442,8 +469,8 @@ def _spiral(middle: Floats, angle: Floats, unit: float) -> Floats:
     """A spiral about points (F, 2), turned by an angle (F,)."""
     turn = np.linspace(0, 2 * np.pi * TURNS, 50)
     radius = COIL * unit * (0.15 + 0.85 * turn / turn[-1])
-    whole = turn[:-1] - np.pi / 2 + np.outer(angle, 1 - turn[:-1] / turn[-1])
-    inner = radius[:-1, None] * np.stack((np.cos(whole), np.sin(whole)), axis=-1)
-    still = radius[-1] * np.array([np.sin(turn[-1]), -np.cos(turn[-1])])
-    ends = np.broadcast_to(still, (len(inner), 1, 2))
+    angles = turn[:-1] - np.pi / 2 + np.outer(angle, 1 - turn[:-1] / turn[-1])
+    inner = radius[:-1, None] * np.stack((np.cos(angles), np.sin(angles)), axis=-1)
+    anchor = radius[-1] * np.array([np.sin(turn[-1]), -np.cos(turn[-1])])
+    ends = np.broadcast_to(anchor, (len(inner), 1, 2))
     return np.asarray(middle[:, None] + np.concatenate([inner, ends], axis=1))

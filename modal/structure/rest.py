@@ -33,7 +33,7 @@ DRAWN_TOGETHER = 1e-12
 class Phi(NamedTuple):
     """Rows (P, d) of all pivots: displacements along the rail and down, and the angles of their carriers."""
 
-    along: Floats
+    rail: Floats
     down: Floats
     turning: Floats
 
@@ -46,13 +46,13 @@ def phi(structure: Structure) -> Phi:
     >>> from modal.structure import structure_of
     >>> hung = Pendulum(links=[Bob(mass=1.0, length=1.0)], position=(0.0, 0.25))
     >>> board = Tilt(mass=2.0, inertia=0.5, stiffness=9.0)
-    >>> phi(structure_of(Scene(gravity=9.81, support=board, pendulum=[hung]))).along.tolist()
+    >>> phi(structure_of(Scene(gravity=9.81, support=board, pendulum=[hung]))).rail.tolist()
     [[0.25]]
     """
-    known: dict[tuple[int, Where], int] = {}
-    at = np.array([known.setdefault((pivot.carrier, pivot.where), len(known)) for pivot in structure.pivots])
-    rows = np.zeros((3, len(known), structure.size))
-    for (carrier, where), k in known.items():
+    numbers: dict[tuple[int, Where], int] = {}
+    at = np.array([numbers.setdefault((pivot.carrier, pivot.where), len(numbers)) for pivot in structure.pivots])
+    rows = np.zeros((3, len(numbers), structure.size))
+    for (carrier, where), k in numbers.items():
         ways = (*slopes(structure, carrier, where), turning(structure, carrier))
         for part, row in zip(rows, ways, strict=True):
             for column, value in row.items():
@@ -63,10 +63,10 @@ def phi(structure: Structure) -> Phi:
 def slopes(structure: Structure, carrier: int, where: Where) -> tuple[Row, Row]:
     """∂(x, z)/∂η of a point of a carrier at rest."""
     body, first = structure.carriers[carrier], structure.offsets[carrier]
-    still = (0.0,) * body.size
-    rows = body.moving(where, still, still).slopes
-    along, down = ({first + k: float(row[way]) + 0.0 for k, row in enumerate(rows)} for way in (0, 1))
-    return along, down
+    zeros = (0.0,) * body.size
+    rows = body.moving(where, zeros, zeros).slopes
+    rail_row, down_row = ({first + k: float(row[way]) + 0.0 for k, row in enumerate(rows)} for way in (0, 1))
+    return rail_row, down_row
 
 
 def turning(structure: Structure, carrier: int) -> Row:
@@ -77,10 +77,10 @@ def turning(structure: Structure, carrier: int) -> Row:
 
 def bends(body: CarrierNumbers, where: Where) -> Iterator[tuple[int, float]]:
     """−∂²z/∂η_k² (1/m, m) of a point of a carrier at rest, by its own coordinates k; mixed derivatives are 0."""
-    still = (0.0,) * body.size
+    zeros = (0.0,) * body.size
     for k in range(body.size) if body.bends else ():
         rates = tuple(float(k == j) for j in range(body.size))
-        if bend := -float(body.moving(where, still, rates).bias[1]):
+        if bend := -float(body.moving(where, zeros, rates).bias[1]):
             yield k, bend
 
 
@@ -100,8 +100,8 @@ def drawn_together(first: tuple[Any, Any], second: tuple[Any, Any]) -> Any:
     True
     """
     parts = np.array(np.broadcast_arrays(*first, *second))
-    apart = np.hypot(*(parts[:2] - parts[2:]))
-    return apart <= DRAWN_TOGETHER * np.abs(parts).max(0)
+    distance = np.hypot(*(parts[:2] - parts[2:]))
+    return distance <= DRAWN_TOGETHER * np.abs(parts).max(0)
 
 
 def tied(structure: Structure, sizes: Sequence[int]) -> frozenset[int]:
@@ -137,10 +137,10 @@ def _moments(structure: Structure, hung_mass: Sequence[Any]) -> Iterator[tuple[i
         for index, carrier in enumerate(structure.carriers)
         if carrier.size and carrier.M is None
     ]
-    hung = zip(structure.pivots, hung_mass, strict=True)
-    for _, together in groupby(hung, key=lambda each: id(each[0])):
-        pivots, below = zip(*together, strict=True)
-        masses.append((*pivots[0], sum(below[1:], below[0])))
+    pairs = zip(structure.pivots, hung_mass, strict=True)
+    for _, members in groupby(pairs, key=lambda pair: id(pair[0])):
+        pivots, masses_of_pivots = zip(*members, strict=True)
+        masses.append((*pivots[0], sum(masses_of_pivots[1:], masses_of_pivots[0])))
     for index, where, mass in masses:
         carrier = structure.carriers[index]
         rest = [0.0] * carrier.size
@@ -157,7 +157,7 @@ def weights(structure: Structure, hung_mass: Sequence[float], gravity: float) ->
     return list(map(Weight, forces, sizes))
 
 
-def carried(structure: Structure, hung_mass: Sequence[Any], gravity: Any) -> list[Any]:
+def carried_weights(structure: Structure, hung_mass: Sequence[Any], gravity: Any) -> list[Any]:
     """W_i (N, N m) of every coordinate whose own spring carries it, 0 of any other.
 
     Numbers may be floats, arrays of any one shape, or symbols.  A stiffness of 0 carries nothing; a symbol is taken to
@@ -169,13 +169,13 @@ def carried(structure: Structure, hung_mass: Sequence[Any], gravity: Any) -> lis
     >>> [float(force) for force in carried(structure_of(ship), hung_masses(ship), ship.gravity)]
     [0.0, -20110500.0, -5886000.0]
     """
-    held, moments = _held(structure), [0.0] * structure.size
+    is_held, moments = _has_spring(structure), [0.0] * structure.size
     for k, moment in _moments(structure, hung_mass):
         moments[k] = moments[k] + moment
-    return [gravity * moment if holds else 0.0 for moment, holds in zip(moments, held, strict=True)]
+    return [gravity * moment if holds else 0.0 for moment, holds in zip(moments, is_held, strict=True)]
 
 
-def _held(structure: Structure) -> list[bool]:
+def _has_spring(structure: Structure) -> list[bool]:
     """Whether each coordinate has a spring of its own; a modal support holds all of its own."""
     return [
         carrier.M is not None or _is_there(carrier.stiffness[k])
@@ -191,14 +191,14 @@ def _is_there(number: Any) -> bool:
     return not isinstance(number, float | int) or number != 0
 
 
-def unbalanced(scene: Scene) -> Iterator[str]:
+def find_imbalance(scene: Scene) -> Iterator[str]:
     """A sentence for every coordinate whose weights nothing holds: the drawn scene is then no equilibrium."""
     require_type("scene", scene, "Scene")
     structure = structure_of(scene)
     coordinates = [(carrier.name, suffix) for carrier in structure.carriers for suffix in carrier.suffixes]
-    every = weights(structure, hung_masses(scene), scene.gravity)
-    for (name, suffix), weight, held in zip(coordinates, every, _held(structure), strict=True):
-        if held or abs(weight.force) <= BALANCED * weight.size:
+    coordinate_weights = weights(structure, hung_masses(scene), scene.gravity)
+    for (name, suffix), weight, is_held in zip(coordinates, coordinate_weights, _has_spring(structure), strict=True):
+        if is_held or abs(weight.force) <= BALANCED * weight.size:
             continue
         verb, unit = VERBS[suffix.rpartition("_")[2]]
         key = "stiffness" + (f".{suffix.partition('_')[0]}" if "_" in suffix else "")

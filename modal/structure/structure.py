@@ -93,7 +93,7 @@ def structure_of(scene: Scene) -> Structure:
     return Structure(carriers, pivots, springs)
 
 
-def scaled(structure: Structure, mass: float, length: float, gravity: float) -> Structure:
+def scale_structure(structure: Structure, mass: float, length: float, gravity: float) -> Structure:
     """The same structure with these units of mass (kg), length (m) and acceleration (m/s²).
 
     Coordinates in m change with the unit of length; angles and those of modal supports keep their values.

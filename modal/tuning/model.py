@@ -20,7 +20,7 @@ import numpy as np
 import scipy
 
 from modal.assembly import differences, matrices_of, rig_of, scene_squares
-from modal.errors import SceneError, meant
+from modal.errors import SceneError, spelling_hint
 from modal.scene import Scene, require
 from modal.scene.parameters import Place, Variable, with_numbers
 from modal.statespace.geometry import Geometry, geometry_of
@@ -171,7 +171,7 @@ def reduced(scene: Scene, channels: Sequence[Channel]) -> ChannelModel:
 
 
 def _among(names: Sequence[str], wrong: str) -> str:
-    return f"must be one of {', '.join(names[:SHOWN])}{', …' * (len(names) > SHOWN)}{meant(wrong, names)}"
+    return f"must be one of {', '.join(names[:SHOWN])}{', …' * (len(names) > SHOWN)}{spelling_hint(wrong, names)}"
 
 
 def _given(inputs: dict[str, tuple[Source, Signal]], name: str) -> Source | None:

@@ -22,7 +22,7 @@ from modal.statespace.geometry import geometry_of
 from modal.tuning.minimax import APART, HELPING, Evaluation, Faces
 from modal.tuning.pieces import Pieces, Quantities, Setting
 from modal.tuning.quantities import FreeNumber, Limit, Quantity
-from modal.types import Crew, Floats, shared
+from modal.types import Crew, Floats, map_by_crew
 
 Factors = Mapping[Place, float]
 
@@ -272,9 +272,9 @@ def worst_cases(objective: Objective, z: Floats, crew: Crew | None = None) -> li
         corners = [dict(zip(places, corner, strict=True)) for corner in signs]
     else:
         pieces = _signs(objective, z, places, {})
-        corners = list(shared(partial(_climbed, objective, z, places), pieces, crew))
+        corners = list(map_by_crew(partial(_climbed, objective, z, places), pieces, crew))
     different = [factors for k, factors in enumerate(corners) if factors and factors not in corners[:k]]
-    return list(shared(partial(_mass_case, objective, z), different, crew))
+    return list(map_by_crew(partial(_mass_case, objective, z), different, crew))
 
 
 def _mass_case(objective: Objective, z: Floats, factors: Factors) -> MassCase:

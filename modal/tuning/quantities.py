@@ -17,7 +17,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from math import inf, isfinite
 
-from modal.errors import SceneError, meant
+from modal.errors import SceneError, spelling_hint
 from modal.report import Displayed
 from modal.scene import Scene
 from modal.scene.parameters import Place, find_places, number_at, unit_at, vary, with_numbers
@@ -73,7 +73,10 @@ def parse_quantity(text: str) -> Quantity:
     kind = match["kind"] if match else ""
     if not match or kind not in KINDS:
         raise SceneError(
-            [f"{text:.60}: must be peak:OUTPUT/INPUT, rms:OUTPUT, residual, damping or settling{meant(kind, KINDS)}"]
+            [
+                f"{text:.60}: must be peak:OUTPUT/INPUT, rms:OUTPUT, residual, damping or settling"
+                f"{spelling_hint(kind, KINDS)}"
+            ]
         )
     weight = 1.0
     if match["weight"] is not None:
@@ -249,7 +252,7 @@ def _refuse(scene: Scene, place: Place) -> None:
         raise SceneError([f"{path}: is a count, and only continuous numbers are tuned: tune a scene for each value"])
     if "start" in place or key not in (*POSITIVE, *CAN_VANISH):
         known = (*POSITIVE, *CAN_VANISH)
-        raise SceneError([f"{path}: is not a number that can be tuned: {', '.join(known)}{meant(key, known)}"])
+        raise SceneError([f"{path}: is not a number that can be tuned: {', '.join(known)}{spelling_hint(key, known)}"])
     value = number_at(scene, place)
     if value < 0:
         raise SceneError([f"{path} = {value:g}: is below 0, and what is tuned stays positive"])

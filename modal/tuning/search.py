@@ -23,7 +23,7 @@ from modal.tuning.objective import Aim, Objective, worst_cases
 from modal.tuning.pieces import Setting
 from modal.tuning.quantities import SOURCE, FreeNumber, Quantity, find_free, key_of, parse_limit, parse_quantity
 from modal.tuning.result import Tuned, Valley
-from modal.types import Crew, Floats, shared
+from modal.types import Crew, Floats, map_by_crew
 
 TRIED, KEPT = 12, 3
 """Random starts for each free number, of which so many lead into a descent."""
@@ -110,7 +110,7 @@ def tune(
     objective.scale = size if not objective.is_log and size > 0 else 1.0
     valleys = _valleys(objective, starts, report)
     candidates = [valleys[0], *(item for item in valleys[1:FINISHED] if not item.certain)]
-    descents = list(shared(partial(_descended, objective), [item.point.z for item in candidates], crew))
+    descents = list(map_by_crew(partial(_descended, objective), [item.point.z for item in candidates], crew))
     deepest = min(range(len(descents)), key=lambda k: descents[k].point.merit)
     best = descents[deepest]
     _centre(objective, best.point.z)
@@ -194,7 +194,7 @@ def _starts(objective: Objective, crew: Crew | None) -> Iterator[Floats]:
     bounded = np.array([other.bounded for other in objective.free])
     inside = objective.low + (objective.high - objective.low) * rng.random((TRIED * n, n))
     draws = np.where(bounded, inside, np.clip(draws, objective.low, objective.high))
-    merits = np.array([*shared(partial(_merit, objective), draws, crew)])
+    merits = np.array([*map_by_crew(partial(_merit, objective), draws, crew)])
     kept = 0
     for k in np.argsort(merits, kind="stable").tolist():
         if not np.isfinite(merits[k]) or kept == KEPT:

@@ -11,7 +11,7 @@ Start with `prescribed`, made of `courses`; `random`, `thermal`, `shock`, `hill`
 
 from typing import TYPE_CHECKING
 
-from modal.lazy import exported
+from modal.lazy import lazy_attributes
 
 if TYPE_CHECKING:
     from modal.vibration.boundaries import Boundary, Tongues, tongues
@@ -57,6 +57,6 @@ __all__ = [
 ]
 
 if not TYPE_CHECKING:
-    __getattr__ = exported(
+    __getattr__ = lazy_attributes(
         __name__, ("courses", "prescribed", "hill", "boundaries", "random", "shock", "thermal", "report")
     )

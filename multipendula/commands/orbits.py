@@ -143,12 +143,12 @@ def _settled(scene: Scene, path: str, value: float, options: argparse.Namespace)
 
 def _entered(branches: tuple[Branch, ...], crew: Crew) -> Iterator[Branch]:
     from modal.errors import ComputationError
-    from modal.types import shared
+    from modal.types import map_by_crew
     from nonlinear.orbits import LEAVES
 
     left = [(branch, special) for branch in branches for special in branch.special if special.kind in LEAVES]
     with bar(len(left), "branch") as report:
-        for done, entry in enumerate(shared(_entered_at, left, crew), 1):
+        for done, entry in enumerate(map_by_crew(_entered_at, left, crew), 1):
             report(done)
             if isinstance(entry, ComputationError):
                 remark(entry)

@@ -134,7 +134,7 @@ def _drawing(system: System, structure: Structure) -> tuple[Module, list[dict[st
     for carrier, piece in (*carriers, *((-1, piece) for piece in springs)):
         points = [value for x, z in piece.points[0].tolist() for value in (x, -z)]
         own_piece: dict[str, Any] = {"role": piece.role, "carrier": carrier}
-        if piece.closed:
+        if piece.is_outline:
             own_piece["closed"] = True
         if _is_still(piece, points):
             own_piece["points"] = [round(float(value), 9) for value in points]

@@ -11,7 +11,7 @@ solutions with which they are compared, `frequencies` compares the ways to natur
 
 from typing import TYPE_CHECKING
 
-from modal.lazy import exported
+from modal.lazy import lazy_attributes
 
 if TYPE_CHECKING:
     from nonlinear.accuracy.advice import Advice, advice_table, seek_accuracy
@@ -46,6 +46,6 @@ __all__ = [
 ]
 
 if not TYPE_CHECKING:
-    __getattr__ = exported(
+    __getattr__ = lazy_attributes(
         __name__, ("candidates", "attempts", "advice", "references", "frequencies", "work_precision")
     )

@@ -25,7 +25,7 @@ from modal.errors import ComputationError, SceneError
 from modal.report import TextResult, silent, visible
 from modal.scene import Scene, frequencies_of, require, title_of, validate_scene
 from modal.scene.doors import checked, checked_number, formerly
-from modal.types import Crew, Floats, shared
+from modal.types import Crew, Floats, map_by_crew
 from nonlinear.chaos.tangent import Tangent
 from nonlinear.dynamics import Lanes, Mechanics
 from nonlinear.integration import validate, validate_numbers, validate_whole
@@ -281,7 +281,7 @@ def lyapunov_exponent(
     else:
         portions = np.array_split(y, range(TOGETHER, y.shape[1], TOGETHER), axis=1)
         found = []
-        for part in shared(grown, portions, crew):
+        for part in map_by_crew(grown, portions, crew):
             found.append(part)
             report(end * len(found) / len(portions))
         known = min((times for times, _, _ in found), key=len)

@@ -16,7 +16,7 @@ import numpy as np
 from modal.report import Displayed, TextResult, silent
 from modal.scene import Scene
 from modal.scene.doors import require_type
-from modal.types import Crew, Floats, shared
+from modal.types import Crew, Floats, map_by_crew
 from nonlinear.chaos.lyapunov import Exponent, lyapunov_exponent
 from nonlinear.system import Group, State, system_of
 
@@ -69,7 +69,7 @@ def measure(study: ChaosStudy, report: Callable[[float], object] = silent, *, cr
     """The exponents of a study, whose cases a `crew` shares; `report` is called with the number of cases done."""
     require_type("study", study, "ChaosStudy")
     exponents = []
-    for exponent in shared(partial(_exponent, study), study.cases, crew):
+    for exponent in map_by_crew(partial(_exponent, study), study.cases, crew):
         exponents.append(exponent)
         report(len(exponents))
     return Finding(study, tuple(exponents))

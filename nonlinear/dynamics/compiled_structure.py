@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from modal.structure import CarrierEnd, End, LinkEnd
-from modal.structure.carriers import swung, turned
+from modal.structure.carriers import swing_path, turn_point
 from modal.types import Booleans, Floats, Ints
 from nonlinear.dynamics.compiling import in_place
 from nonlinear.dynamics.forces import joint_law
@@ -29,7 +29,7 @@ WAYS = {"cart": ((1.0, 0.0),), "heave": ((0.0, -1.0),), "platform": ((1.0, 0.0),
 
 _sincos, _joint_law, _versed = in_place(sincos), in_place(joint_law), in_place(versed)
 _ended, _passed, _hung, _driven = in_place(ended), in_place(passed), in_place(hung), in_place(driven)
-_swung, _turned, _along_arc, _swayed = in_place(swung), in_place(turned), in_place(along_arc), in_place(swayed)
+_swung, _turned, _along_arc, _swayed = in_place(swing_path), in_place(turn_point), in_place(along_arc), in_place(swayed)
 _stretched, _slack, _eliminate = in_place(stretched), in_place(slack), in_place(eliminate)
 
 

@@ -22,7 +22,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from modal.structure import CarrierNumbers, Moving, Structure, carried
+from modal.structure import CarrierNumbers, Moving, Structure, carried_weights
 from modal.structure.carriers import plus
 from modal.types import Ints
 from nonlinear.dynamics.springs import Springs, filled, versed
@@ -176,7 +176,7 @@ class Carriers:
         for group in self.system.groups:
             for column, pendulum in enumerate(group.pendula.tolist()):
                 hung[pendulum] = group.block.mass[:, column].sum(0)
-        return carried(self.structure, hung, self.system.gravity)
+        return carried_weights(self.structure, hung, self.system.gravity)
 
     @cached_property
     def drawn(self) -> list[Any]:

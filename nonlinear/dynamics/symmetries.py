@@ -27,7 +27,7 @@ from typing import Any
 import numpy as np
 
 from modal.assembly import ARRAYS
-from modal.structure import scaled
+from modal.structure import scale_structure
 from modal.types import Floats, Ints
 from nonlinear.dynamics.contacts import contacts_of
 from nonlinear.dynamics.forces import link_torques
@@ -221,7 +221,7 @@ def natural(system: System, start: State) -> Symmetry | None:
     units = {"mass": mass, "length": length, "centre": length, "sigma": 1.0}
     numbers = {name: units.get(name, moment) for name in ARRAYS}
     groups = tuple(_counted(group, numbers, moment) for group in system.groups)
-    suspension = scaled(system.suspension, mass, length, length)
+    suspension = scale_structure(system.suspension, mass, length, length)
     small = replace(system, gravity=system.gravity / length, suspension=suspension, groups=groups)
     return Symmetry(
         small,

@@ -10,14 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from modal.errors import SceneError, meant
+from modal.errors import SceneError, spelling_hint
 from modal.identification import scene_with
 from modal.identification.parameters import natural_unit
 from modal.report import Displayed, silent
 from modal.scene import Scene
 from modal.scene.doors import checked, formerly
 from modal.scene.parameters import find_places, texts_of, with_numbers
-from modal.types import Crew, shared
+from modal.types import Crew, map_by_crew
 from nonlinear.identification.fitting import fit
 from nonlinear.identification.records import FEWEST, Recording
 from nonlinear.identification.result import Fit
@@ -64,7 +64,7 @@ def compare(
     """
     laws, free = (texts_of(texts, separated=True) for texts in (laws, free))
     problems = [
-        f"compare {name}: must be laws such as {', '.join(LAWS)} or viscous+coulomb{meant(name, LAWS)}"
+        f"compare {name}: must be laws such as {', '.join(LAWS)} or viscous+coulomb{spelling_hint(name, LAWS)}"
         for name in laws
         if not name or any(law not in LAWS for law in name.split("+"))
     ]
@@ -72,7 +72,7 @@ def compare(
         raise SceneError(problems)
     names = [*dict.fromkeys(laws)]
     fits: list[tuple[str, Fit, float]] = []
-    for fitted in shared(partial(_fitted, scene, recording, [*_without(scene, free)], options), names, crew):
+    for fitted in map_by_crew(partial(_fitted, scene, recording, [*_without(scene, free)], options), names, crew):
         fits.append(fitted)
         report(len(fits) / len(names))
     count = min((independent(whole) for _, whole, _ in fits), default=2.0)

@@ -21,7 +21,7 @@ from math import isinf, nan, pi, radians
 
 import numpy as np
 
-from modal.errors import SceneError, meant
+from modal.errors import SceneError, spelling_hint
 from modal.report import Displayed, counted, listed
 from modal.scene import Scene
 from modal.scene.contents import LARGEST_READ, SIZES_READ, SMALLEST_READ, text_of
@@ -311,7 +311,9 @@ def _table(
     headings = [word.strip() for word in header[1]]
     columns = [meanings.get(word, word) for word in headings]
     problems = [
-        f"column {heading}: is missing{meant(heading, headings)}" for heading in meanings if heading not in headings
+        f"column {heading}: is missing{spelling_hint(heading, headings)}"
+        for heading in meanings
+        if heading not in headings
     ]
     problems += [
         f"column {old}: {new}: must be time_s, time_ms, theta_P_L_rad, theta_P_L_deg or cart_m, or - and one of these"
@@ -336,13 +338,15 @@ def _table(
 def _header_problems(columns: Sequence[str], where: Mapping[str, str], carriers: Carriers) -> Iterator[str]:
     times = [heading for heading in columns if heading in TIMES]
     if not times:
-        yield f"has no column {TIME}{meant(TIME, columns)}"
+        yield f"has no column {TIME}{spelling_hint(TIME, columns)}"
     if len(set(times)) > 1:
         yield f"columns {listed(times, len(times))}: are the time in two units"
     yield from (
         f"column {heading}: stands there twice" for heading in dict.fromkeys(columns) if columns.count(heading) > 1
     )
-    yield from (f"column {heading}: is missing{meant(heading, columns)}" for heading in where if heading not in columns)
+    yield from (
+        f"column {heading}: is missing{spelling_hint(heading, columns)}" for heading in where if heading not in columns
+    )
     for column in columns:
         if column not in where and not _is_known(column, carriers) and LIKE_ONE.match(column):
             yield f"column {column}: must be theta_P_L_rad, theta_P_L_deg or cart_m, with P and L from 1"

@@ -11,7 +11,7 @@ from math import pi
 
 import numpy as np
 
-from modal.errors import SceneError, meant
+from modal.errors import SceneError, spelling_hint
 from modal.scene import CAPABILITIES, Scene, refusals, validate_scene
 from nonlinear.dynamics import (
     Arranged,
@@ -93,10 +93,12 @@ def validate_method(
     validate_scene(scene)
     system = system or system_of(scene)
     problems = (
-        [] if method in METHODS else [f"method {method}: must be one of {', '.join(METHODS)}{meant(method, METHODS)}"]
+        []
+        if method in METHODS
+        else [f"method {method}: must be one of {', '.join(METHODS)}{spelling_hint(method, METHODS)}"]
     )
     if form not in FORMS:
-        problems.append(f"form {form}: must be one of {', '.join(FORMS)}{meant(form, FORMS)}")
+        problems.append(f"form {form}: must be one of {', '.join(FORMS)}{spelling_hint(form, FORMS)}")
         form = "auto"
     scene = scene if system.spatial or scene.space == "plane" else scene.in_plane
     more = _added(system, driven)

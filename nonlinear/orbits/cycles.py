@@ -14,7 +14,7 @@ from modal.report import silent
 from modal.scene import Scene, require
 from modal.scene.doors import checked, checked_index, checked_number, formerly
 from modal.scene.parameters import Variation, validate_variations, variation_of, vary
-from modal.types import Crew, Floats, shared
+from modal.types import Crew, Floats, map_by_crew
 from nonlinear.averaging import RelativeEquilibrium, average, relative_equilibria
 from nonlinear.dynamics.variational import Force
 from nonlinear.orbits.between import resolved
@@ -244,7 +244,7 @@ def follow_cycles(
     walk = BranchWalk(longest, most)
     for value in ends[: 1 if start else 2]:
         begun = _beginnings(scene, variation, value, start, tolerance)
-        for branch in shared(walk, (each for each in begun if each.is_new(branches)), crew):
+        for branch in map_by_crew(walk, (each for each in begun if each.is_new(branches)), crew):
             if not is_known(branch.orbits[0], branches):
                 branches.append(branch)
                 report(len(branches))

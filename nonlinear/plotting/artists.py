@@ -196,7 +196,7 @@ class _Structure:
 def _piece(axis: Axes, piece: Piece) -> Polygon | Line2D:
     """A piece where it is first."""
     points, order, width = piece.points[0], ORDER[piece.role], WIDTHS[piece.role]
-    if piece.closed:
+    if piece.is_outline:
         face = shade(BODY) if piece.role == "body" else paper()
         body = Polygon(points, closed=True, facecolor=face, edgecolor=ink(), lw=width, joinstyle="round", zorder=order)
         axis.add_patch(body)

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from math import degrees, isfinite
 from typing import Any
 
-from modal.eigen import counted
+from modal.eigen import noun_count
 from modal.errors import ComputationError, SceneError
-from modal.modes.solution_report import loaded, not_loaded
+from modal.modes.solution_report import loaded_packages, packages_not_loaded
 from modal.report import visible
 from modal.scene import LengthLaw, SineMotion, refusals, title_of
 from modal.scene.doors import require_type
@@ -90,7 +90,10 @@ def _friction(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
     if not trajectory.system.rubs:
         return
     friction = trajectory.friction
-    yield "friction", f"took {-friction.work.sum():.6g} J; {counted(len(friction.link), 'phase', 'phases')} of sticking"
+    yield (
+        "friction",
+        f"took {-friction.work.sum():.6g} J; {noun_count(len(friction.link), 'phase', 'phases')} of sticking",
+    )
     if isfinite(friction.rest):
         yield "at rest", f"from {friction.rest:.9g} s on"
 
@@ -182,10 +185,11 @@ class Inventory:
     def text(self) -> str:
         """For a terminal."""
         sizes = ", ".join((f"{number} × " if number > 1 else "") + f"{n}×{n}" for n, number in self.matrices)
-        whole = counted(self.coordinates, "coordinate")
+        whole = noun_count(self.coordinates, "coordinate")
         return "\n".join(
             [
-                f"Integrated: {counted(self.integrated, 'coordinate')}, {self.numbers} numbers, for a scene of {whole}",
+                f"Integrated: {noun_count(self.integrated, 'coordinate')}, {self.numbers} numbers, "
+                f"for a scene of {whole}",
                 f"  matrices: {sizes or 'none'}",
                 f"  packages: {', '.join(self.modules)}",
                 "Left out:",
@@ -205,7 +209,12 @@ def run_inventory(trajectory: Trajectory) -> Inventory:
     system, equations = trajectory.system, trajectory.equations
     if trajectory.run.method == CLOSED:
         return Inventory(
-            _freedom(system), 0, 0, (), ("no integration: the motion follows from the modes", *not_loaded()), loaded()
+            _freedom(system),
+            0,
+            0,
+            (),
+            ("no integration: the motion follows from the modes", *packages_not_loaded()),
+            loaded_packages(),
         )
     if equations is None:
         raise ComputationError("how a saved run was computed is not saved with it")
@@ -215,8 +224,8 @@ def run_inventory(trajectory: Trajectory) -> Inventory:
     integrated = (
         numbers // 2 if form == "maximal" else inner.shapes.shape[1] if form == TRUNCATED else _freedom(inner.system)
     )
-    left_out = (*_coordinates(trajectory, inner), *_dense(integrated, matrices, inner), *not_loaded())
-    return Inventory(_freedom(system), integrated, numbers, matrices, left_out, loaded())
+    left_out = (*_coordinates(trajectory, inner), *_dense(integrated, matrices, inner), *packages_not_loaded())
+    return Inventory(_freedom(system), integrated, numbers, matrices, left_out, loaded_packages())
 
 
 def _freedom(system: System) -> int:

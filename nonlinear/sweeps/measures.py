@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from modal.assembly import can_stack
 from modal.coupling import passes_energy
 from modal.errors import ComputationError, MultipendulaError, SceneError
-from modal.modes import UNCERTAIN, labelled, natural_frequencies, natural_modes
+from modal.modes import UNCERTAIN, natural_frequencies, natural_modes, number_labels
 from modal.report import counted
 from modal.scene import Scene, require
 from modal.vibration import ParametricStability, parametric_stability, stabilities, vertical_sine
@@ -184,7 +184,7 @@ def damping(scene: Scene, count: float, portion: Portion) -> dict[str, float]:
 
 
 def _first(scene: Scene, count: float, portion: Portion) -> Iterator[tuple[str, np.complex128]]:
-    return islice(zip(labelled(portion.numbers(scene)), portion.swinging(scene)[0], strict=True), int(count))
+    return islice(zip(number_labels(portion.numbers(scene)), portion.swinging(scene)[0], strict=True), int(count))
 
 
 def splitting(scene: Scene, number: float, portion: Portion) -> dict[str, float]:

@@ -26,7 +26,7 @@ from modal.report import Displayed, TextResult, silent
 from modal.scene import Scene, require
 from modal.scene.doors import checked, formerly
 from modal.scene.parameters import Variation, validate_variations, variation_of, vary
-from modal.types import Complexes, Crew, Floats, shared
+from modal.types import Complexes, Crew, Floats, map_by_crew
 from nonlinear.averaging import (
     AveragedEquations,
     RelativeEquilibrium,
@@ -177,14 +177,14 @@ def follow_branches(
     for value in _places(variation, branches):
         begun = relative_equilibria(walk.at(value))
         new = (state for state in begun if not _is_known(state, value, branches))
-        for state, branch in shared(partial(_followed, walk, value), new, crew):
+        for state, branch in map_by_crew(partial(_followed, walk, value), new, crew):
             if not _is_known(state, value, branches):
                 branches.append(branch)
                 report(len(branches))
     branches.sort(key=lambda branch: (branch.values[0], branch.omega[0]))
     found = Branches(scene, variation, tuple(branches))
     if crew is not None:
-        found.__dict__["located"] = tuple(shared(partial(_located, found), range(len(found.changes)), crew))
+        found.__dict__["located"] = tuple(map_by_crew(partial(_located, found), range(len(found.changes)), crew))
     return found
 
 

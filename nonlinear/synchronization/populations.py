@@ -108,8 +108,8 @@ class PopulationPhases(Displayed):
         small, pivots = matrices(scene), phi(structure_of(scene))
         links = np.abs(small.M) + np.abs(small.K) + np.abs(small.D)
         first = np.cumsum([0, *(each.n_links for each in scene.pendulum for _ in range(each.count))])[:-1]
-        d = pivots.along.shape[1]
-        links[:d, d + first] += (np.abs(pivots.along) + np.abs(pivots.down)).T
+        d = pivots.rail.shape[1]
+        links[:d, d + first] += (np.abs(pivots.rail) + np.abs(pivots.down)).T
         _, labels = scipy.sparse.csgraph.connected_components(links, directed=False)
         return len(np.unique(labels[-scene.n_links :])) == 1
 

@@ -20,7 +20,7 @@ from modal.report import Displayed, Summary, TextResult, counted, silent
 from modal.scene import Scene, require
 from modal.scene.doors import formerly
 from modal.scene.parameters import Variation, variation_of, vary
-from modal.types import Crew, Floats, shared
+from modal.types import Crew, Floats, map_by_crew
 from nonlinear.averaging import averaged_pattern, patterns_of, rest_growth
 from nonlinear.orbits import PatternOrbit, pattern_orbit, require_cycles
 from nonlinear.synchronization.sectors import SymmetricMotion, symmetric_motion
@@ -158,7 +158,7 @@ def follow_populations(
     walk = PopulationWalk(scene, variation)
     branches, thresholds = list[MotionBranch](), list[Threshold]()
     names = [pattern.name for pattern in patterns_of(walk.scene_at(variation.values[0]))]
-    for branch, crossings in shared(walk.followed, names, crew):
+    for branch, crossings in map_by_crew(walk.followed, names, crew):
         branches.append(_joined(branch, crossings))
         thresholds += [threshold for threshold, _ in crossings]
         report(len(branches))

@@ -22,7 +22,7 @@ def graded(seed: int, rows: int, columns: int) -> np.ndarray:
 def test_a_triangle_has_its_largest_columns_first(seed: int) -> None:
     """The definition of QR with pivoting: R_jj² is at least the sum of squares of what is left of each later column."""
     F = graded(seed, 6, 4)
-    R, order = product._triangular(product._sorted(F))
+    R, order = product._triangular(product._sort_rows(F))
     left = np.cumsum(R[::-1] ** 2, axis=0)[::-1]
     assert all(R[j, j] ** 2 >= left[j, j:].max() * (1 - 1e-12) for j in range(4))
     np.testing.assert_allclose(abs(R), abs(np.linalg.qr(F[:, order])[1]), rtol=1e-6)
@@ -61,9 +61,9 @@ def test_a_push_that_has_cancelled_is_none(turn: float, pushes: bool) -> None:
 def test_undamped_modes_are_refused_where_their_bound_says_nothing() -> None:
     """Of K = 1 and M = diag(1, d) it is 4ε (1 + (1 + d)/ω⁻²): half of ω at the limit, a few roundings for d = 1/2."""
     with pytest.raises(ComputationError, match="spread too far"):
-        dense.undamped(np.diag([1.0, 7 * EPS]), np.eye(2), np.diag([1.0, 7 * EPS]), singular=False)
-    last = dense.undamped(np.diag([1.0, 9 * EPS]), np.eye(2), np.diag([1.0, 9 * EPS]), singular=False)
+        dense.undamped_modes(np.diag([1.0, 7 * EPS]), np.eye(2), np.diag([1.0, 7 * EPS]), singular=False)
+    last = dense.undamped_modes(np.diag([1.0, 9 * EPS]), np.eye(2), np.diag([1.0, 9 * EPS]), singular=False)
     assert 0.25 < last.error.max() < 0.5
-    easy = dense.undamped(np.diag([1.0, 0.5]), np.eye(2), np.diag([1.0, 0.5]), singular=False)
+    easy = dense.undamped_modes(np.diag([1.0, 0.5]), np.eye(2), np.diag([1.0, 0.5]), singular=False)
     np.testing.assert_allclose(easy.eigenvalue.imag, [1.0, np.sqrt(2)], rtol=EPS)
     np.testing.assert_allclose(easy.error, 4 * EPS * np.array([2.5, 4.0]), rtol=1e-12)

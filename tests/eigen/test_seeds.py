@@ -13,8 +13,8 @@ from modal.assembly import rig_of
 from modal.eigen import recursion, seeds, squares
 from modal.eigen.coupled import CartPendula
 from modal.eigen.recursion import Suspension
-from modal.eigen.seeds import at_pivot, twisted
-from modal.eigen.squares import confirmed, located, searched, squares_of
+from modal.eigen.seeds import at_pivot, twisted_quotients
+from modal.eigen.squares import confirm, locate, search, squares_of
 from modal.types import Floats, Ints
 
 ULPS = 4
@@ -25,7 +25,7 @@ def suspended(scene: Scene) -> tuple[Suspension, int]:
     """What hangs there, on a fixed support the first block, and how many modes it has."""
     rig = rig_of(scene).natural()[0]
     if rig.cart is None:
-        return Suspension.fixed(rig.blocks[0]), rig.blocks[0].n
+        return Suspension.on_fixed_support(rig.blocks[0]), rig.blocks[0].n
     return Suspension.on_cart(rig.blocks, rig.cart), CartPendula(rig).n_modes
 
 
@@ -44,7 +44,7 @@ def assert_bisection_agrees(scene: Scene) -> None:
     suspension, modes = suspended(scene)
     places = np.arange(modes)
     roots = squares_of(suspension, places, modes)
-    expected = located(suspension, places, modes)
+    expected = locate(suspension, places, modes)
     assert np.abs(bits(roots.x) - bits(expected)).max(initial=0) <= ULPS
     assert not roots.error.any()
 
@@ -68,7 +68,7 @@ def test_seeds_are_within_their_bounds(n: int, support: Fixed | Cart) -> None:
     for seed in range(10):
         suspension, modes = suspended(random_chain(n, 1.0, support, seed))
         guess, error = (values[:modes] for values in seeds.seeds(suspension))
-        exact = located(suspension, np.arange(modes), modes)
+        exact = locate(suspension, np.arange(modes), modes)
         assert np.all(np.abs(guess / exact - 1) <= error)
 
 
@@ -97,8 +97,8 @@ def test_the_terms_of_a_difference_bound_its_error(accuracy: float) -> None:
 def test_a_step_squares_what_was_missed() -> None:
     """From a relative distance of 1e-6, on a chain whose frequencies are well apart."""
     suspension, modes = suspended(random_chain(6, 0.1, Cart(mass=3.0), 1))
-    exact = located(suspension, np.arange(modes), modes)
-    for step in (at_pivot, twisted):
+    exact = locate(suspension, np.arange(modes), modes)
+    for step in (at_pivot, twisted_quotients):
         assert np.abs(step(suspension, exact * (1 + 1e-6)) / exact - 1).max() < 1e-8
 
 
@@ -106,8 +106,8 @@ def test_a_mode_that_leaves_the_pivot_still_has_a_joint_of_its_own() -> None:
     """A light link far below a heavy one: the pivot hardly moves, and only the twisted step finds the way."""
     links = [Bob(mass=1e9, length=1.0), Bob(mass=1.0, length=1.0), Bob(mass=1.0, length=0.3)]
     suspension, modes = suspended(Scene(gravity=9.81, support=Cart(mass=1e12), pendulum=[Pendulum(links=links)]))
-    exact = located(suspension, np.arange(modes), modes)
-    better = twisted(suspension, exact * (1 + 1e-7))
+    exact = locate(suspension, np.arange(modes), modes)
+    better = twisted_quotients(suspension, exact * (1 + 1e-7))
     assert np.abs(better / exact - 1).max() < 1e-12
 
 
@@ -115,15 +115,15 @@ def test_a_mode_that_leaves_the_pivot_still_has_a_joint_of_its_own() -> None:
 def test_wrong_guesses_are_found_out(off: float) -> None:
     suspension, modes = suspended(random_chain(5, 0.5, Cart(mass=3.0), 2))
     places = np.arange(modes)
-    exact = located(suspension, places, modes)
-    near, missed = confirmed(suspension, places, exact)
+    exact = locate(suspension, places, modes)
+    near, missed = confirm(suspension, places, exact)
     assert not missed.any()
     np.testing.assert_array_equal(near, exact)
     with np.errstate(all="ignore"):
         wrong = exact * off
-        assert confirmed(suspension, places, wrong)[1].all()
+        assert confirm(suspension, places, wrong)[1].all()
         claimed = np.full(exact.shape, np.inf if not np.isfinite(off) else 1e-13)
-        np.testing.assert_array_equal(searched(suspension, places, wrong, claimed, modes), exact)
+        np.testing.assert_array_equal(search(suspension, places, wrong, claimed, modes), exact)
 
 
 def test_without_a_dense_matrix_it_is_bisection(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -147,14 +147,17 @@ def test_scalar_arithmetic_is_that_of_numpy(seed: int) -> None:
     numbers = 10 ** rng.uniform(-2, 2, (2, 1 + 5 * seed, 1, 1, 1))
     hung = recursion.chains_of(numbers[0], numbers[1], numbers[1] / 2, numbers[0] * numbers[1] ** 2 / 12)
     x = np.append(10 ** rng.uniform(-6, 6, 33), 1 / (hung.r * hung.inverse)[0, 0, 0])[:, None]
-    rows = (hung.inverse, hung.J, hung.near, hung.far, hung.m, hung.cross, hung.r, hung.p, hung.q)
+    rows = (hung.inverse, hung.J, hung.top_inertia, hung.tip_inertia, hung.m, hung.cross, hung.r, hung.p, hung.q)
     links = list(zip(*(values[::-1, 0, 0, 0].tolist() for values in rows), strict=True))
     counted = [link[:5] for link in links]
     with np.errstate(all="ignore"):
         each = [
-            (recursion._counted(hung, x, 0.0), lambda y: recursion.swept(counted, y)),
-            (recursion._counted(hung, x, recursion.NUDGE), lambda y: recursion.nudged(counted, y, recursion.NUDGE)),
-            (seeds._mass_and_energy(hung, x), lambda y: recursion.swept_with_energy(links, y)),
+            (recursion._count_in_arrays(hung, x, 0.0), lambda y: recursion.count_in_floats(counted, y)),
+            (
+                recursion._count_in_arrays(hung, x, recursion.NUDGE),
+                lambda y: recursion.nudged_count_in_floats(counted, y, recursion.NUDGE),
+            ),
+            (seeds._mass_and_energy(hung, x), lambda y: recursion.mass_and_energy_in_floats(links, y)),
         ]
     for expected, by_numbers in each:
         for k, y in enumerate(x[:, 0].tolist()):

@@ -15,7 +15,7 @@ from scenes import mild_scene
 from modal import Bob, Body, Cart, Fixed, Modes, Pendulum, Rod, Scene, natural_frequencies, natural_modes
 from modal.assembly import rig_of, single
 from modal.eigen import find_spectrum, short, short_squares
-from modal.modes.eigenvalues import Short
+from modal.modes.eigenvalues import ShortChain
 
 ULPS = 4
 SUPPORTS = (Fixed(), Cart(mass=100.0), Cart(mass=1e-12), Cart(mass=1e12), Cart(mass=1.0, stiffness=3.0))
@@ -43,7 +43,7 @@ def test_the_floats_are_those_of_the_general_route(support: Fixed | Cart, spread
     solved = 0
     for seed in range(8):
         scene = random_chain(seed, spread, support)
-        if (short := Short.of(scene)) is None:
+        if (short := ShortChain.of(scene)) is None:
             continue
         solved += 1
         natural, units = rig_of(scene).natural()
@@ -63,13 +63,13 @@ def test_every_digit_is_that_of_many(seed: int) -> None:
 
 @pytest.mark.parametrize("n", [1, 2, 10, 20])
 def test_two_counts_confirm_a_mode(n: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    swept, calls = short.swept, Counter[str]()
+    swept, calls = short.count_in_floats, Counter[str]()
 
     def counted(*arguments: object) -> tuple[int, float]:
         calls["counts"] += 1
         return swept(*arguments)  # type: ignore[arg-type]
 
-    monkeypatch.setattr(short, "swept", counted)
+    monkeypatch.setattr(short, "count_in_floats", counted)
     assert natural_frequencies(rods(n)).shape == (n + 1,)
     assert 2 * n <= calls["counts"] <= 2.5 * n + 1
 
@@ -98,7 +98,7 @@ def test_a_small_table_takes_few_calls() -> None:
 
 def test_arrays_and_sources_wait_for_shapes() -> None:
     modes = natural_modes(rods(3))
-    assert modes.short
+    assert modes.short_chain
     assert len(modes) == 4
     assert modes.omega[0] == 0
     assert modes.multiplicity.tolist() == [1, 1, 1, 1]
@@ -111,7 +111,7 @@ def test_arrays_and_sources_wait_for_shapes() -> None:
 def test_what_waits_behaves_as_what_is_there() -> None:
     scene = rods(3)
     lazy, eager = natural_modes(scene), Modes(scene)
-    assert eager.short is None
+    assert eager.short_chain is None
     assert dir(lazy) == dir(eager)
     assert repr(lazy) == repr(eager)
     assert lazy.table() == eager.table()

@@ -13,7 +13,7 @@ from scipy.linalg import eigh
 from test_modes import whole_basis
 
 from modal import Bob, Cart, Fixed, Pendulum, Rod, Scene, matrices, natural_modes
-from modal.assembly import assembled, rig_of
+from modal.assembly import assemble_pendula, rig_of
 from modal.eigen import structured
 from modal.eigen.component_matrices import ComponentMatrices
 from modal.eigen.components import PartedRig
@@ -97,7 +97,7 @@ def test_without_springs_it_is_the_effective_mass(x: float) -> None:
     still = block.take(np.arange(block.size))
     object.__setattr__(still, "stiffness", np.zeros_like(still.stiffness))
     below, mass = count_and_mass(still, np.array([x]))
-    expected, felt = unsprung(Suspension.fixed(still).chains[0], np.full((1, still.size), x))
+    expected, felt = unsprung(Suspension.on_fixed_support(still).chains[0], np.full((1, still.size), x))
     np.testing.assert_array_equal(below[:, 0], expected[0, 0])
     np.testing.assert_allclose(mass[:, 0], felt[0, 0], rtol=1e-12)
 
@@ -174,7 +174,7 @@ def test_the_count_is_that_of_the_matrices() -> None:
         if not rig.cart:
             continue
         carried = PartedRig(rig)
-        tree = ComponentMatrices(carried, carried.whole).tree
+        tree = ComponentMatrices(carried, carried.all_pendula).tree
         assert tree is not None
         K, M = (part for part in _assembled(heavy, rig.cart))
         free = rig.cart.stiffness == 0
@@ -184,5 +184,5 @@ def test_the_count_is_that_of_the_matrices() -> None:
 
 
 def _assembled(blocks: tuple, cart: object) -> tuple[np.ndarray, np.ndarray]:
-    M, K = assembled([(block, p) for block in blocks for p in range(block.size)], cart, 1.0)
+    M, K = assemble_pendula([(block, p) for block in blocks for p in range(block.size)], cart, 1.0)
     return K, M

@@ -128,7 +128,9 @@ def test_what_dampers_drag_and_nothing_holds_has_all_its_modes(kind: str, seed: 
 
 def test_a_mode_that_is_missing_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     whole = spectrum._moving
-    monkeypatch.setattr(spectrum, "_moving", lambda source: replace(whole(source), along=whole(source).along - 1))
+    monkeypatch.setattr(
+        spectrum, "_moving", lambda source: replace(whole(source), along_count=whole(source).along_count - 1)
+    )
     with pytest.raises(ComputationError, match="of the 6 states"):
         len(natural_modes(_dragged("lone")))
 
@@ -202,7 +204,7 @@ def test_ten_thousand_double_pendula_on_five_carts_are_fifteen_unknowns() -> Non
     pendula = [Pendulum(on=f"c{k}", links=links, count=2000) for k in range(5)]
     modes = natural_modes(Scene(gravity=9.81, support=carts, pendulum=pendula, spring=springs))
     coupled = modes.spectrum.sources[-1]
-    assert coupled.built.unknowns == 15
+    assert coupled.problem_size.unknowns == 15
     assert modes.multiplicity.sum() == 20_005
     assert sorted(modes.multiplicity.tolist())[-2:] == [9995, 9995]
     frequencies = natural_frequencies(Scene(gravity=9.81, pendulum=[Pendulum(links=links)]))
@@ -307,12 +309,12 @@ def test_pairs_that_springs_join_are_problems_of_their_own() -> None:
     modes = natural_modes(Scene(gravity=9.81, pendulum=pairs, spring=[spring]))
     assert modes.multiplicity.tolist() == [40, 40]
     assert modes.omega.tolist() == pytest.approx([3.1320919527, 3.5085609586], abs=5e-11)
-    assert {source.built.unknowns for source in modes.spectrum.sources} == {2}
+    assert {source.problem_size.unknowns for source in modes.spectrum.sources} == {2}
 
 
 def test_the_parts_of_a_rig_hold_all_of_it() -> None:
     carried = PartedRig(rig_of(STRUCTURED["mixed"]).natural()[0])
-    components, balanced = carried.parted
+    components, balanced = carried.partition
     assert sorted(int(k) for component in components for k in component.eta) == [0, 1, 2]
     assert (
         sum(ComponentMatrices(carried, component).size for component in components) == 6
@@ -325,7 +327,7 @@ def test_terms_are_the_sums_of_what_cancels() -> None:
     hung = Pendulum(links=[Bob(mass=2.0, length=1.5, stiffness=3.0)], position=(0.0, 0.25))
     board = Tilt(mass=4.0, inertia=1.0, stiffness=50.0, centre=(0.0, -0.5))
     carried = PartedRig(rig_of(Scene(gravity=10.0, support=board, pendulum=[hung])))
-    reduced = ComponentMatrices(carried, carried.parted[0][0])
+    reduced = ComponentMatrices(carried, carried.partition[0][0])
     sinking, rising, joint = 10 * 2 * 0.25, 10 * 4 * 0.5, 3.0
     assert np.diag(reduced.factors[1].matrix).tolist() == [50 - rising + sinking + joint, 10 * 2 * 1.5 + joint]
     assert reduced.terms.tolist() == [50 + rising + sinking + joint, 10 * 2 * 1.5 + joint]

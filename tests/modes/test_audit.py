@@ -32,7 +32,7 @@ from modal import (
     matrices,
     natural_modes,
 )
-from modal.assembly import assembled, rig_of
+from modal.assembly import assemble_pendula, rig_of
 from modal.eigen import chains, dense, sources, squares, structured
 from modal.eigen import coupled as crowd
 from modal.eigen.component_matrices import ComponentMatrices
@@ -226,7 +226,7 @@ def test_a_long_chain_takes_memory_in_proportion(monkeypatch: pytest.MonkeyPatch
         problem.count(trial)
         return trial
 
-    monkeypatch.setattr(squares, "_between", one_step)
+    monkeypatch.setattr(squares, "_bisect_between", one_step)
     natural_modes(scene(rods(400)))[0]
     part, whole = (peak(lambda n=n: natural_modes(scene(rods(n)))[0]) for n in (800, 6_000))
     assert whole < 10 * part
@@ -287,17 +287,17 @@ def test_terms_that_cancel_in_an_upright_scene(cart: Cart | None, monkeypatch: p
         handed.append(named["terms"])
         return dense_indefinite(*arguments, **named)
 
-    dense_indefinite = dense.indefinite
-    monkeypatch.setattr(dense, "indefinite", watched)
+    dense_indefinite = dense.indefinite_modes
+    monkeypatch.setattr(dense, "indefinite_modes", watched)
     links = tuple(Body(mass=m, length=1.0, centre=0.4, inertia=0.1, stiffness=3.0) for m in (1.0, 2.0, 0.5))
     upright = Pendulum(links=links, equilibrium=("up", "down", "up"))
     other = Pendulum(links=links[:2], equilibrium=("down", "up"))
     example = scene(upright, other, cart=cart) if cart else scene(upright)
     rig = rig_of(example).natural()[0]
     carried = PartedRig(rig)
-    assert structured.OnStructure(ComponentMatrices(carried, carried.whole))._dense.order
+    assert structured.OnStructure(ComponentMatrices(carried, carried.all_pendula))._dense.order
     hanging = [(replace(b, sigma=np.abs(b.sigma)), p) for b in rig.blocks for p in range(b.size)]
-    diagonal = np.diag(assembled(hanging, rig.cart, 1.0)[1])
+    diagonal = np.diag(assemble_pendula(hanging, rig.cart, 1.0)[1])
     eliminated = len(diagonal) - len(handed[0])  # a free cart, which has no term
     assert not diagonal[:eliminated].any()
     np.testing.assert_allclose(handed[0], diagonal[eliminated:], rtol=1e-14)

@@ -10,7 +10,7 @@ from modal import Bob, Body, Cart, Fixed, Pendulum, Rod, Scene, load, natural_mo
 from modal.assembly import matrices
 from modal.coupling import explain
 from modal.errors import SceneError
-from modal.modes.columns import COLUMNS, DROPPED, columns_of, printed
+from modal.modes.columns import COLUMNS, DROPPED, columns_of, printed_columns
 from modal.modes.numbering import fixed_base_masses
 from modal.modes.tables import table
 from modal.report import fitted
@@ -197,7 +197,7 @@ def test_a_cart_on_a_spring_tells_its_own_mode_from_the_pendulas() -> None:
 def keys(name: str, chosen: str = "") -> list[str]:
     modes = natural_modes(load(name))
     rows = list(modes)
-    return [column.key for column in printed(modes, rows, columns_of(modes, rows, chosen), chosen)]
+    return [column.key for column in printed_columns(modes, rows, columns_of(modes, rows, chosen), chosen)]
 
 
 def test_columns_that_say_nothing_are_left_out() -> None:
@@ -214,7 +214,7 @@ def test_columns_are_chosen_by_name() -> None:
     from multipendula.commands.modes import COLUMN_NAMES
 
     every = keys("crane-hook", "all")
-    assert every == list(COLUMN_NAMES) == [column.key for column in COLUMNS if column.shown]
+    assert every == list(COLUMN_NAMES) == [column.key for column in COLUMNS if column.cell]
     assert keys("crane-hook", "omega,effective_mass_kg") == ["mode", "omega_rad_per_s", "effective_mass_kg"]
     for name, cumulative in (
         ("crane-hook", "cumulative_fixed_base_mass_share"),
@@ -247,7 +247,7 @@ def test_an_unknown_column_has_a_short_message() -> None:
 def test_every_column_but_two_may_go_and_the_order_is_documented() -> None:
     from pathlib import Path
 
-    usual = {column.key for column in COLUMNS if column.shown and column.usual}
+    usual = {column.key for column in COLUMNS if column.cell and column.usual}
     kept = {key for key in usual if not any(key.startswith(start) for start in DROPPED)}
     assert kept == {"mode", "omega_rad_per_s", "family", "damping_ratio"}
     manual = Path(__file__).parents[2] / "docs" / "reference" / "columns.md"

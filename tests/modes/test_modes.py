@@ -25,7 +25,7 @@ from modal import (
     matrices,
     natural_modes,
 )
-from modal.eigen.dense import Dampers, damped
+from modal.eigen.dense import Dampers, damped_modes
 from modal.eigen.structured import OnStructure
 from modal.modes import Modes
 from modal.statespace import state_space
@@ -275,7 +275,7 @@ def test_unstable_modes_are_recognised() -> None:
     from modal.modes.rows import FIXED, family
 
     dampers = Dampers(np.array([0.2]), np.array([-1]))
-    spectrum = damped(np.eye(1), -np.eye(1), np.ones(1), dampers)
+    spectrum = damped_modes(np.eye(1), -np.eye(1), np.ones(1), dampers)
     assert spectrum.eigenvalue == pytest.approx([np.sqrt(1.01) - 0.1, -np.sqrt(1.01) - 0.1], rel=1e-14)
     assert family(where=FIXED, folds={"": 1}, motion="", ratio=-0.1) == "fixed support: unstable"
 
@@ -377,7 +377,7 @@ def test_a_thousand_equal_damped_pendula_cost_one() -> None:
         pendulum=[Pendulum(links=(Rod(mass=1.0, length=1.0, damping=0.1),), count=1000)],
     )
     modes = natural_modes(scene)
-    assert [source.reduced.size for source in modes.spectrum.sources if isinstance(source, OnStructure)] == [1, 2]
+    assert [source.matrices.size for source in modes.spectrum.sources if isinstance(source, OnStructure)] == [1, 2]
     assert modes.multiplicity.max() == 999
 
 

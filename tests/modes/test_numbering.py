@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from modal import Bob, Cart, Pendulum, Scene, example_names, load, matrices, natural_modes
 from modal.coupling import coupling_report, explain
 from modal.loci import follow_loci, loci_csv, loci_text
-from modal.modes import lettered, table_numbers
+from modal.modes import letters, table_numbers
 from modal.scene.parameters import parse_variations
 from modal.statespace import modal_gains, state_space
 from nonlinear.sweeps import Study, parse_measures, sweep, sweep_text
@@ -110,7 +110,7 @@ def test_numbers_stay_where_dampers_appear_and_frequencies_meet() -> None:
 def test_copies_have_letters() -> None:
     columns = parse_measures(["damping:9"])[0].of(load("paper-cart-3"))
     assert list(columns) == [f"damping_ratio_{name}" for name in ("2", "2b", "3", "4", "4b", "5")]
-    assert [lettered(k) for k in (0, 25, 26, 27, 701, 702)] == ["a", "z", "aa", "ab", "zz", "aaa"]
+    assert [letters(k) for k in (0, 25, 26, 27, 701, 702)] == ["a", "z", "aa", "ab", "zz", "aaa"]
 
 
 def test_loci_have_the_numbers_of_the_table_at_the_scenes_own_value() -> None:

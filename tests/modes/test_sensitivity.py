@@ -14,7 +14,14 @@ from response_oracle import Oracle
 
 from modal import Bob, Body, Cart, ComputationError, Fixed, Pendulum, Rod, Scene, natural_modes
 from modal.modes import Modes
-from modal.modes.sensitivity import Sensitivities, _centres, _hung, centre_displacements, of_mode, sensitivities
+from modal.modes.sensitivity import (
+    Sensitivities,
+    _centres,
+    _chains_with_angles,
+    centre_displacements,
+    of_mode,
+    sensitivities,
+)
 from modal.symbolic import symbolic
 
 STEP = 2e-5
@@ -374,7 +381,7 @@ def test_centres_in_digits_are_the_running_sums_of_ordinary_scenes() -> None:
                 continue
             shape = modes.shape(number, 0, "mass")
             displacements = centre_displacements(modes.rig, value, shape)
-            for z, hung in zip(displacements, _hung(modes, shape), strict=True):
+            for z, hung in zip(displacements, _chains_with_angles(modes, shape), strict=True):
                 assert np.abs(z - _centres(*hung, shape.cart)).max() < 1e-10 * np.abs(hung[1]).max() + 1e-12
             tried += 1
         assert tried >= 3

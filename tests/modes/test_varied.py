@@ -96,14 +96,14 @@ def test_no_scene_is_made() -> None:
 
 def test_two_counts_confirm_a_mode_of_a_scene(monkeypatch: pytest.MonkeyPatch) -> None:
     trials = []
-    reached = squares._reached
+    reached = squares._is_past
 
     def counted(problem: squares.Counting, wanted: Floats, points: Floats) -> Floats:
         trials.append(points.size)
         return reached(problem, wanted, points)  # type: ignore[arg-type, return-value]
 
-    monkeypatch.setattr(squares, "_reached", counted)
-    monkeypatch.setattr(squares, "_otherwise", None)
+    monkeypatch.setattr(squares, "_is_past", counted)
+    monkeypatch.setattr(squares, "_find_otherwise", None)
     values = {path: column[:6] for path, column in numbers(0.1).items()}
     natural_frequencies(chain(Cart(mass=2.0)), vary=values)
     assert trials == [2 * 3 * 6]
@@ -178,7 +178,7 @@ def test_one_message_names_every_mistake() -> None:
 def test_lanczos_seeds_are_near_the_lowest_modes(support: Fixed | Cart) -> None:
     scene = Scene(gravity=9.81, support=support, pendulum=[Pendulum(links=[Rod(mass=1.0, length=1.0, count=300)])])
     rig = rig_of(scene).natural()[0]
-    suspension = Suspension.on_cart(rig.blocks, rig.cart) if rig.cart else Suspension.fixed(rig.blocks[0])
+    suspension = Suspension.on_cart(rig.blocks, rig.cart) if rig.cart else Suspension.on_fixed_support(rig.blocks[0])
     few, error = seeds.slow_seeds(suspension, 4)
     np.testing.assert_allclose(few, seeds.seeds(suspension)[0][:4], rtol=1e-10)
     assert error.max() < 1e-8
@@ -188,13 +188,13 @@ def test_lanczos_seeds_are_near_the_lowest_modes(support: Fixed | Cart) -> None:
 
 def test_few_modes_of_a_long_chain_take_few_counts(monkeypatch: pytest.MonkeyPatch) -> None:
     trials = []
-    reached = squares._reached
+    reached = squares._is_past
 
     def counted(problem: squares.Counting, wanted: Floats, points: Floats) -> Floats:
         trials.append(points.size)
         return reached(problem, wanted, points)  # type: ignore[arg-type, return-value]
 
-    monkeypatch.setattr(squares, "_reached", counted)
+    monkeypatch.setattr(squares, "_is_past", counted)
     assert len(natural_modes(load("rope"), modes=slice(0, 3))) == 3
     assert trials == [3 * (2 * squares.FARTHER + 1)]
 

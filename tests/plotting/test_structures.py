@@ -115,7 +115,7 @@ def test_carriers_at_one_place_are_set_apart() -> None:
 def test_equal_pendula_on_one_point_are_set_apart() -> None:
     made = scaffold("two-swings")
     structure = structure_of(load("two-swings"))
-    assert len({structure.pivots[p] for p in made.drawn.tolist()}) == 2
+    assert len({structure.pivots[p] for p in made.pendula.tolist()}) == 2
     x = made.pivots(np.zeros((1, 2)))[0, :, 0]
     assert np.diff(np.sort(x)).min() > 0.04
 

@@ -13,7 +13,7 @@ from modal.scene import Moved, dumps, left_out, parse, refusals, scene_from, tit
 from modal.scene.files import schema
 from modal.scene.parameters import find_places, parse_variations, unit_at, validate_variations, vary
 from modal.scene.supports import read_matrices
-from modal.structure import carried, hung_masses, structure_of, unbalanced, weights
+from modal.structure import carried_weights, find_imbalance, hung_masses, structure_of, weights
 
 BOB = {"kind": "bob", "mass": 1.0, "length": 1.0}
 CART = {"kind": "cart", "mass": 2.0}
@@ -320,16 +320,18 @@ def test_weights_are_slopes_of_the_potential() -> None:
     expected = np.array([-potential(scene, step).imag / 1e-30 for step in steps])
     assert forces == pytest.approx(expected, rel=1e-14, abs=1e-14)
     assert np.abs(forces).max() > 40
-    assert list(unbalanced(scene)) == []
+    assert list(find_imbalance(scene)) == []
 
 
 def test_only_what_springs_hold_is_carried() -> None:
     hanging = [hung(position=[side, 0.1]) for side in (-0.3, 0.3)]
     loose = scene_from(described(support=TILT, pendulum=hanging))
-    assert carried(structure_of(loose), hung_masses(loose), loose.gravity) == [0.0]
+    assert carried_weights(structure_of(loose), hung_masses(loose), loose.gravity) == [0.0]
     assert isinstance(loose.support, Tilt)
     held = loose.replace(support=loose.support.replace(stiffness=1.0), pendulum=loose.pendulum[1:])
-    assert carried(structure_of(held), hung_masses(held), held.gravity) == pytest.approx([-9.81 * 0.3], rel=1e-15)
+    assert carried_weights(structure_of(held), hung_masses(held), held.gravity) == pytest.approx(
+        [-9.81 * 0.3], rel=1e-15
+    )
 
 
 # --------------------------------------------------------------------------------------------------- files
