@@ -184,7 +184,7 @@ def draw_mass(axis: Axes, coupling: Coupling, s: int = 0) -> None:
     omega = _grid(poles, zeros, low, high, is_logarithmic)
     omega = omega[(omega <= poles[0]) | (omega >= poles[-1])] if crowd else omega
     with np.errstate(all="ignore"):
-        mass = coupling.felt(omega)[:, s] if is_structured else coupling.dynamic(omega)
+        mass = coupling.felt_masses(omega)[:, s] if is_structured else coupling.dynamic(omega)
     mass[np.isin(omega, poles)] = np.nan
     if is_structured:
         leaps = np.abs(np.diff(np.sign(mass))) * (np.abs(mass[1:]) + np.abs(mass[:-1])) > 2 * TOP * mass_at_rest
@@ -334,7 +334,7 @@ def draw_limits(axis: Axes, coupling: Coupling) -> None:
     poles, cart_mass = coupling.dynamic.omega, coupling.dynamic.cart if coupling.on_cart else np.inf
     low, high = _masses(coupling, cart_mass)
     masses = np.geomspace(low, high, MASSES)
-    omega = coupling.swept(masses)
+    omega = coupling.omega_of_carts(masses)
     light = np.array([mode.light for mode in coupling.cart_modes])
     now = np.array([mode.omega for mode in coupling.cart_modes]) if coupling.on_cart else poles
     spot, crowd = float(np.clip(cart_mass, low, high)), is_crowded(coupling)
