@@ -197,7 +197,7 @@ class FamilyBranch(Displayed):
     massless cart has lost is at infinity.
     `motion` (d,) is what the structure does, in its own modes, `pattern` (√kg m) the amplitudes of the members.
     `still` where the structure stands, and only springs between pendula split the family.  `damping_factor` is by what
-    complex factor dampers outside the family change ε, `cart_mode` the index of the mode among those that move the cart.
+    complex factor dampers outside the family change ε, `cart_mode` the index of the mode among those that move a cart.
     """
 
     what = "Mode of a family that moves something else"

@@ -165,7 +165,7 @@ class NewtonEuler(Displayed):
         if law.drive:
             terms.append(sp.Symbol(law.drive) * (1 - bend**2 / sp.Symbol(law.width) ** 2) * rate)
         terms += [sp.Symbol(name) for name in (law.friction, law.kicks) if name]
-        yield f"moment of the joint above {part.words}", equal(sp.Symbol(part.named("M")), sp.Add(*terms))
+        yield f"moment of the joint above {part.words}", equal(sp.Symbol(part.with_index("M")), sp.Add(*terms))
         if law.friction:
             yield f"{law.friction}: dry friction, against the sliding, as large as needed while the joint sticks", None
         if law.kicks:
@@ -174,9 +174,9 @@ class NewtonEuler(Displayed):
     def _drag(self, part: FreeBody) -> Iterator[tuple[str, Any]]:
         link: Any = part.link
         x, z, _ = self.motion(part)
-        strength = sp.Symbol(part.named("a")) if link.drag else sp.S.Zero
+        strength = sp.Symbol(part.with_index("a")) if link.drag else sp.S.Zero
         if link.quadratic_drag:
-            strength += sp.Symbol(part.named("b")) * sp.sqrt(x.v**2 + z.v**2)
+            strength += sp.Symbol(part.with_index("b")) * sp.sqrt(x.v**2 + z.v**2)
         for effort in part.efforts:
             if effort.kind == "drag":
                 yield f"drag of {part.words} along the rail", equal(sp.Symbol(effort.along), -strength * x.v)

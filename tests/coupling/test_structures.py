@@ -177,7 +177,7 @@ def test_a_cart_on_a_spring_is_the_cart_that_has_it(stiffness: float) -> None:
         assert pair.detuning == pytest.approx(theirs.detuning, rel=1e-9)
         assert pair.exchange.most == pytest.approx(theirs.exchange.most, rel=1e-3)
     for mine, theirs in zip(other.damped_modes, explanation.damped_modes, strict=True):
-        names = ("omega", "fold", "from_cart", "from_joints", "from_drag", "from_drives", "fed", "exact")
+        names = ("omega", "fold", "from_cart", "from_joints", "from_drag", "from_drives", "excitation", "exact")
         assert [getattr(mine, name) for name in names] == pytest.approx(
             [getattr(theirs, name) for name in names], rel=1e-8, abs=1e-12
         )
