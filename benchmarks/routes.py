@@ -16,7 +16,7 @@ from problems import Problem
 from scipy.integrate import solve_ivp
 
 from modal import Scene, matrices
-from modal.plotting import colour, ink, muted
+from modal.plotting import colour, ink, secondary_colour
 from nonlinear.dynamics import Generated
 from nonlinear.dynamics.compiled import Compiled
 from nonlinear.integration import Choice, Drive, Pace, SciPyStepper, Stepper, equations_of, estimate_timescales
@@ -314,8 +314,8 @@ ROUTES = {
     "ours, Taylor": Route(taylor, SERIES, "heyoka", partial(colour, 4), "^"),
     "ours, maximal": Route(maximal, TOLERANCES, "numpy", partial(colour, 5), "D"),
     "ours, in space": Route(spatial, TOLERANCES, "numpy", partial(colour, 3), "v"),
-    "dense, DOP853": Route(dense("DOP853"), TOLERANCES, "scipy", muted, "o", False),
-    "dense, LSODA": Route(dense("LSODA"), TOLERANCES, "scipy", muted, "s", False),
+    "dense, DOP853": Route(dense("DOP853"), TOLERANCES, "scipy", secondary_colour, "o", False),
+    "dense, LSODA": Route(dense("LSODA"), TOLERANCES, "scipy", secondary_colour, "s", False),
     "MuJoCo, RK4": Route(mujoco, STEPS, "mujoco", partial(colour, 1), "D", False),
     "heyoka alone": Route(heyoka_alone, SERIES, "heyoka", ink, "^", False),
     "numba alone, RK4": Route(numba_alone, STEPS, "numba", ink, "s", False),

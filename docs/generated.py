@@ -373,7 +373,7 @@ def _capability(at: int, capability: Capability) -> str:
     lines = [f"- {heads[kind]}: {', '.join(names)}: {_escaped(words)}" for (kind, words), names in told.items()]
     lines += [
         f"- not together: {FEATURES[a].words}, {FEATURES[b].words}: {_escaped(why)}"
-        for (a, b), why in capability.apart.items()
+        for (a, b), why in capability.conflicts.items()
     ]
     lines += [f"- needs: {_escaped(why)}" for why in capability.needs.values()]
     return "\n\n".join(

@@ -183,7 +183,7 @@ def as_npz(header: dict[str, Any], arrays: dict[str, Any]) -> bytes:
 
 def from_npz(path: str | os.PathLike[str]) -> tuple[dict[str, Any], dict[str, Any]]:
     """The header of an NPZ file and its other arrays."""
-    arrays = sealed.unpacked(sealed.content(path))
+    arrays = sealed.unpack(sealed.content(path))
     header: dict[str, Any] = json.loads(str(arrays.pop(HEADER)))
     return header, arrays
 

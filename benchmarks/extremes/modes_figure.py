@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from modes_families import FAMILIES, SHOWN
 
-from modal.plotting import colour, in_both_themes, muted, sheet
+from modal.plotting import colour, in_both_themes, secondary_colour, sheet
 
 SOLVERS = {
     "ours": ("multipendula", 0, "o"),
@@ -48,7 +48,7 @@ def _panel(axis: Any, name: str, cases: Sequence[Any]) -> None:
         shown = np.clip(errors[key], FLOOR * 2, 1.0)
         if np.isfinite(shown).any():
             axis.loglog(across, shown, mark + "-", color=colour(k), ms=4.5, lw=1.5, label=label, zorder=4 - order)
-    axis.loglog(across, errors["bound"], "--", color=muted(), lw=1.2, label="bound multipendula states")
+    axis.loglog(across, errors["bound"], "--", color=secondary_colour(), lw=1.2, label="bound multipendula states")
     at = np.where(np.isnan(errors["ours"]), 1.0, np.clip(errors["ours"], FLOOR * 2, 1.0))
     if said.any():
         ring = {"ms": 10, "mfc": "none", "mec": colour(4), "mew": 1.5, "zorder": 5}

@@ -10,7 +10,7 @@ from typing import Any
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from modal.plotting import colour, in_both_themes, muted, paper, sheet
+from modal.plotting import colour, in_both_themes, paper, secondary_colour, sheet
 
 PANELS = {
     "links of a chain": "links of a chain",
@@ -44,7 +44,7 @@ def _figure(lines: Sequence[Any]) -> Figure:
     for axis in axes[:, 0]:
         axis.set_ylabel("relative error of the angles (–)")
     handles, labels = axes.flat[0].get_legend_handles_labels()
-    cross = Line2D([], [], color=muted(), marker="x", ls="", ms=7)
+    cross = Line2D([], [], color=secondary_colour(), marker="x", ls="", ms=7)
     handles, labels = [*handles[::-1], cross], [*labels[::-1], "no answer"]
     made.legend(handles, labels, loc="outside lower center", ncols=4)
     made.suptitle("Large motion with every parameter taken to its ends")
@@ -52,7 +52,7 @@ def _figure(lines: Sequence[Any]) -> Figure:
 
 
 def _panel(axis: Any, lines: Sequence[Any], label: str) -> None:
-    axis.axhline(1.0, color=muted(), lw=1, ls=":")
+    axis.axhline(1.0, color=secondary_colour(), lw=1, ls=":")
     for at, (field, name, k, mark, style) in enumerate(CURVES):
         points = [(line.parameter, min(max(getattr(line, field), LOWEST), HIGHEST)) for line in lines]
         ours = field == "error"

@@ -147,25 +147,27 @@ class Coupling(TextResult):
         return self.reduced.names
 
     @cached_property
-    def _solved(self) -> tuple[Modes, Modes] | None:
+    def _mode_tables(self) -> tuple[Modes, Modes] | None:
         """The modes without dampers, and those of the table; None where the table is not available."""
-        damped = self.scene.has_damping
-        if damped and self.scene.n_links > MOST_COMPARED:
+        has_damping = self.scene.has_damping
+        if has_damping and self.scene.n_links > MOST_COMPARED:
             return None
         try:
             table = natural_modes(self.scene)
-            return natural_modes(self.scene.conservative) if damped else table, table
+            return natural_modes(self.scene.conservative) if has_damping else table, table
         except ComputationError:
             return None
 
     @cached_property
     def _table(self) -> tuple[Floats, Ints] | None:
         """ω of the modes without dampers and their numbers in the table; None where the table is not available."""
-        if self._solved is None:
+        if self._mode_tables is None:
             return None
-        still, table = self._solved
+        undamped_modes, table = self._mode_tables
         try:
-            return still.omega, still.number if still is table else 1 + counterparts(still, table)
+            return undamped_modes.omega, undamped_modes.number if undamped_modes is table else 1 + counterparts(
+                undamped_modes, table
+            )
         except ComputationError:
             return None
 
@@ -173,8 +175,8 @@ class Coupling(TextResult):
         """The number in the table of the undamped mode of this frequency (rad/s), None where unknown."""
         if self._table is None:
             return None
-        known, numbers = self._table
-        return int(numbers[np.abs(known - omega).argmin()])
+        frequencies, numbers = self._table
+        return int(numbers[np.abs(frequencies - omega).argmin()])
 
     # ------------------------------------------------------------------------------------------- the structure
 
@@ -219,7 +221,7 @@ class Coupling(TextResult):
         if self.secular and d:
             return -x * self.secular(omega)[:, None]
         direct = self.reduced.K[:d, :d] - x * self.reduced.M[:d, :d]
-        return np.asarray(direct + self.reduced.eliminated(range(d), x))
+        return np.asarray(direct + self.reduced.elimination(range(d), x))
 
     def dynamic_matrix(self, omega: float) -> Floats:
         """The dynamic mass matrix −UᵀSU/ω² (d, d) in kg along the structure's own modes, at ω (rad/s)."""
@@ -236,7 +238,7 @@ class Coupling(TextResult):
         pushes = self.reduced.push.T @ self.basis
         return np.asarray(np.array([mode.mass for mode in self.modes]) - (pushes**2).sum(0))
 
-    def felt(self, omega: Floats) -> Floats:
+    def felt_masses(self, omega: Floats) -> Floats:
         """The mass (W, d) in kg that a push along each own mode feels at ω (W,), the others free to move: 1/(m⁻¹)_ss.
 
         Its zeros are modes of the scene, its poles where all that is free holds this motion still.
@@ -257,8 +259,8 @@ class Coupling(TextResult):
         if self.secular is None:
             return ReducedPencil(self.reduced, self.basis, self.reduced.dampers(self.scene))
         damping, unit = self.reduced.own_damping.sum(), float(self.basis.sum()) or 1.0
-        lost = self.fixed_base.rate + self._lost(self.fixed_base.omega)
-        return SecularEquation(self.reduced, self.secular, self.on_cart, unit, float(damping), lost)
+        decay_rates = self.fixed_base.rate + self._decay_rates(self.fixed_base.omega)
+        return SecularEquation(self.reduced, self.secular, self.on_cart, unit, float(damping), decay_rates)
 
     @cached_property
     def families(self) -> tuple[Family, ...]:
@@ -286,18 +288,18 @@ class Coupling(TextResult):
             return family
         modes, members = self.fixed_base, list(family.members)
         rates = modes.rate[members]
-        apart = max((abs(branch.splitting) for branch in family.branches), default=0.0)
-        uneven = np.ptp(rates) > UNEVEN * (apart + rates.max())
-        if not apart or uneven:
+        largest_splitting = max((abs(branch.splitting) for branch in family.branches), default=0.0)
+        uneven = np.ptp(rates) > UNEVEN * (largest_splitting + rates.max())
+        if not largest_splitting or uneven:
             return family
-        lost = float(rates.mean() + self._lost(np.array([family.omega]))[0])
-        weights, levels = family.levels(modes.count[members], lost)
+        decay_rate = float(rates.mean() + self._decay_rates(np.array([family.omega]))[0])
+        weights, levels = family.levels(modes.count[members], decay_rate)
         exchange = exchange_among(weights, levels)
-        passes = exchange.beats and exchange.most > LEAST_SHARE_OF_BEATS and lost < family.omega
-        exchange = replace(exchange, beats=exchange.beats and lost < family.omega)
+        passes = exchange.beats and exchange.most > LEAST_SHARE_OF_BEATS and decay_rate < family.omega
+        exchange = replace(exchange, beats=exchange.beats and decay_rate < family.omega)
         return replace(family, exchange=exchange, beats=beats_of(weights, levels) if passes else ())
 
-    def _lost(self, omega: Floats) -> Floats:
+    def _decay_rates(self, omega: Floats) -> Floats:
         """ζω (1/s) by the damping ratio of the scene."""
         return np.asarray(ratio_at(self.rig)(omega) * omega) if self.scene.damping_ratio else 0.0 * omega
 
@@ -322,16 +324,16 @@ class Coupling(TextResult):
     @cached_property
     def omega(self) -> Floats:
         """All different natural frequencies (rad/s), ascending."""
-        still = [family.omega for family in self.families if family.still]
+        unmoved_omega = [family.omega for family in self.families if family.still]
         moving = [branch.omega for family in self.families for branch in family.branches if branch.is_finite]
-        return np.unique([*still, *moving, *(omega for omega, _ in self.structure_modes)])
+        return np.unique([*unmoved_omega, *moving, *(omega for omega, _ in self.structure_modes)])
 
     @property
     def cart_modes(self) -> tuple[CartMode, ...]:
         """The modes that move the cart, ascending, except a free cart's rigid translation; none without a cart."""
         return self.solver.cart_modes
 
-    def swept(self, masses: Floats) -> Floats:
+    def omega_of_carts(self, masses: Floats) -> Floats:
         """ω (len(masses), Z) in rad/s of the modes that move the cart, for carts of these masses (kg) above 0."""
         assert self.secular
         return np.array([self.secular.with_cart(float(mass)).zeros.omega for mass in masses])
@@ -361,59 +363,61 @@ class Coupling(TextResult):
         modes, at = self.fixed_base, [a, b]
         try:
             free = self.solver.pulled((a, b))
-            lossy = self.solver.pulled((a, b), damped=True) if self.scene.has_damping else free
+            lossy = self.solver.pulled((a, b), with_dampers=True) if self.scene.has_damping else free
         except np.linalg.LinAlgError:
             return None
-        detuning, coupling, strength, passed = pair_exchange(modes.omega[at], modes.rate[at], free, lossy)
+        detuning, coupling, strength, transfer = pair_exchange(modes.omega[at], modes.rate[at], free, lossy)
         families = [family for family in self.families if {a, b} & set(family.members)]
         mass, steady = self.solver.between((a, b))
-        alone = steady and sum(len(family.members) for family in families) == 2
+        is_alone = steady and sum(len(family.members) for family in families) == 2
         coupling = abs(coupling) if isfinite(mass) else coupling
-        return EnergyExchange(a, b, detuning, coupling, strength, mass, alone, passed)
+        return EnergyExchange(a, b, detuning, coupling, strength, mass, is_alone, transfer)
 
     @cached_property
-    def damped(self) -> tuple[Damped, ...]:
+    def damped_modes(self) -> tuple[Damped, ...]:
         """The damping and excitation of each mode that oscillates, ascending; `from_cart` is that of any structure."""
         if self.scene.is_structured:
             stable_pencil(self.reduced.own_stiffness, self.reduced.hanging.inertia)
         rig = rig_of(self.scene)
         names = dict(zip(rig.names.values(), self.names, strict=True))
-        solved = () if self._solved is None or rig.spatial else self._solved
-        spectra = [modes.spectrum if modes.rig.members == rig.members else None for modes in solved]
+        tables = () if self._mode_tables is None or rig.spatial else self._mode_tables
+        spectra = [modes.spectrum if modes.rig.members == rig.members else None for modes in tables]
         modes = damped_modes(rig, negative_damping(self.scene, rig), *spectra)
         return tuple(replace(mode, kind=mode.kind and names[mode.kind]) for mode in modes)
 
     # ------------------------------------------------------------------------------------------------- the table
 
-    def rows(self, most: int | None = None) -> list[FamilyRow]:
+    def rows(self, limit: int | None = None) -> list[FamilyRow]:
         """The table of families, or of the first of them: a line for each mode that moves other things."""
-        return [row for index, family in enumerate(self.families[:most]) for row in self._rows(index, family)]
+        return [row for index, family in enumerate(self.families[:limit]) for row in self._rows(index, family)]
 
     def _rows(self, index: int, family: Family) -> Iterator[FamilyRow]:
         name, share = family_name(index), family.exchange.most if family.exchange else None
-        numbered = family.still and (self.is_coupled or self.scene.is_structured)
-        still = self.number(family.omega) if numbered else None
-        structured = self.scene.is_structured
+        has_number = family.still and (self.is_coupled or self.scene.is_structured)
+        number = self.number(family.omega) if has_number else None
+        on_structure = self.scene.is_structured
         if not family.branches:
-            modes = mode_words(still, None, family.still) if structured else mode_words(None, self.number(family.omega))
-            mass, moves = (None, "nothing else") if structured else (family.mass, "")
+            modes = (
+                mode_words(number, None, family.still) if on_structure else mode_words(None, self.number(family.omega))
+            )
+            mass, moves = (None, "nothing else") if on_structure else (family.mass, "")
             yield FamilyRow(name, family.omega, mass, None, None, None, share, modes, moves, family.fold)
         for k, branch in enumerate(family.branches):
             moving = self.number(branch.omega) if branch.is_finite else None
             yield FamilyRow(
                 family=name,
                 omega=family.omega,
-                mass=self.effective_mass(family, branch) if structured else family.mass,
+                mass=self.effective_mass(family, branch) if on_structure else family.mass,
                 strength=branch.strength,
                 splitting=branch.splitting if branch.is_finite else None,
                 beat=self.beat(family, branch),
                 share=None if k else share,
-                modes=mode_words(None if k else still, moving, family.still),
-                moves=self.moved(branch) if structured else "",
+                modes=mode_words(None if k else number, moving, family.still),
+                moves=self.motion_words(branch) if on_structure else "",
                 fold=family.fold,
             )
 
-    def moved(self, branch: FamilyBranch) -> str:
+    def motion_words(self, branch: FamilyBranch) -> str:
         """What of the structure moves in a mode, in words; empty where there is no structure."""
         if branch.still:
             return "structure still" if self.reduced.d else ""
@@ -450,8 +454,10 @@ def explain(scene: Scene) -> Coupling:
         on_one = structure.d <= 1 and structure.only_pushes
         if not on_one:
             refuse_beyond(structure)
-        secular = dynamic_mass(structure, together=scene.cart is not None) if on_one else None
+        secular = dynamic_mass(structure, as_one_part=scene.cart is not None) if on_one else None
         coupling = Coupling(scene, structure, secular)
-    if not scene.is_structured and not (missed := coupling.residual()) <= MISSED:
-        raise ComputationError(f"modal effective masses are beyond double precision: their sum is off by {missed:.1e}")
+    if not scene.is_structured and not (discrepancy := coupling.residual()) <= MISSED:
+        raise ComputationError(
+            f"modal effective masses are beyond double precision: their sum is off by {discrepancy:.1e}"
+        )
     return coupling

@@ -43,8 +43,8 @@ class Damped(Displayed):
 
     `kind` is the pendula's name where only these move.  Rates in 1/s: `from_cart`, or from the dampers of a structure
     and its springs, `from_joints`, `from_drag` and `from_ratio` (ζω of the scene's damping ratio) add up to σ,
-    `from_drives` is the growth rate by the scene's own drives.  `fed` is F in 1/(kg m²), `exact` the damped eigenvalue
-    (rad/s), None where it is not available.
+    `from_drives` is the growth rate by the scene's own drives.  `excitation` is F in 1/(kg m²), `exact` the damped
+    eigenvalue (rad/s), None where it is not available.
     """
 
     omega: float
@@ -54,7 +54,7 @@ class Damped(Displayed):
     from_cart: float
     from_joints: float
     from_drives: float
-    fed: float
+    excitation: float
     exact: complex | None
     from_drag: float = 0.0
     from_ratio: float = 0.0
@@ -77,14 +77,14 @@ class Damped(Displayed):
     @property
     def threshold(self) -> float:
         """The drive e (N m s/rad) above which the mode grows, σ/F; infinite where the drive does not reach it."""
-        return self.rate / self.fed if self.fed else inf
+        return self.rate / self.excitation if self.excitation else inf
 
 
 def damped_modes(
     rig: Rig,
     strengths: tuple[Floats, ...],
-    undamped: ModalSpectrum | None = None,
-    damped: ModalSpectrum | None = None,
+    undamped_spectrum: ModalSpectrum | None = None,
+    damped_spectrum: ModalSpectrum | None = None,
 ) -> tuple[Damped, ...]:
     """All modes of a rig in SI units that oscillate along the rail, ascending; all links must hang.
 
@@ -94,14 +94,14 @@ def damped_modes(
     names, moment = rig.names, units.mass * units.length**2
     driven = tuple(strength / (moment * units.rate) for strength in strengths)
     with np.errstate(all="ignore"):
-        modes = _modes(_Losses(natural, driven), undamped or find_spectrum(without_damping(natural)))
-        values = _exact(natural, modes, damped)
+        modes = _modes(_Losses(natural, driven), undamped_spectrum or find_spectrum(without_damping(natural)))
+        values = _exact(natural, modes, damped_spectrum)
     rates = ("omega", "from_cart", "from_joints", "from_drives", "from_drag", "from_ratio")
     return tuple(
         replace(
             mode,
             kind=names[kind] if kind else None,
-            fed=mode.fed / moment,
+            excitation=mode.excitation / moment,
             exact=None if value is None else complex(value * units.rate),
             **{rate: getattr(mode, rate) * units.rate for rate in rates},
         )
@@ -113,12 +113,12 @@ def negative_damping(scene: Scene, rig: Rig) -> tuple[Floats, ...]:
     """Strengths e (N m s/rad) of one copy, (n, P) of each block; of equal pendula with unequal drives, their mean."""
     validate_scene(scene)
     strengths = tuple(np.zeros_like(block.damping) for block in rig.blocks)
-    entries, left = iter(scene.pendulum), 0
+    entries, remainder = iter(scene.pendulum), 0
     for block, column, copies in rig.members:  # several of one entry, where springs tell its copies apart
-        if not left:
+        if not remainder:
             pendulum = next(entries)
-            left = pendulum.count
-        left -= copies
+            remainder = pendulum.count
+        remainder -= copies
         strengths[block][:, column] += np.array(_strengths(pendulum)) * copies / rig.blocks[block].count[column]
     return strengths
 
@@ -144,10 +144,12 @@ def _modes(losses: _Losses, spectrum: ModalSpectrum) -> list[tuple[Kind | None, 
     modes, omega = [], np.abs(spectrum.eigenvalue)
     ratio = ratio_at(losses.rig)(omega)
     for source, members in groupby(parts, key=lambda entry: entry[1].source):
-        owned = list(members)
-        shapes = _shapes(losses.rig, spectrum, source, [part for _, part in owned])
-        for (number, part), each in zip(owned, shapes, strict=True):
-            modes.append((number, part.kind, losses.modes(part, float(omega[number]), float(ratio[number]), each)))
+        members_and_parts = list(members)
+        shapes = _shapes(losses.rig, spectrum, source, [part for _, part in members_and_parts])
+        for (number, part), part_shapes in zip(members_and_parts, shapes, strict=True):
+            modes.append(
+                (number, part.kind, losses.modes(part, float(omega[number]), float(ratio[number]), part_shapes))
+            )
     ascending = sorted(modes, key=lambda entry: entry[0])
     return [(kind, mode) for _, kind, equal in ascending for mode in equal]
 
@@ -171,9 +173,9 @@ def _shapes(rig: Rig, spectrum: ModalSpectrum, source: int, parts: list[Spectrum
             )
             if part.kind:
                 block, column = part.kind
-                alone, mass = angles[0][:, 0], mass * rig.blocks[block].count[column]
-                angles = tuple(np.zeros((*each.mass.shape, 1)) for each in rig.blocks)
-                angles[block][:, column] = alone
+                single_angles, mass = angles[0][:, 0], mass * rig.blocks[block].count[column]
+                angles = tuple(np.zeros((*block.mass.shape, 1)) for block in rig.blocks)
+                angles[block][:, column] = single_angles
             yield _Shapes(eta[:, first:last] * (not part.kind), mass, angles)
 
 
@@ -197,23 +199,23 @@ class _Losses:
     @cached_property
     def pivots(self) -> tuple[tuple[Floats, Floats], ...]:
         """Of every block, how its kinds move along the rail and turn, (P, d) each."""
-        along, turning = (by_kind(self.hanging, rows) for rows in (self.hanging.phi.rail, self.hanging.phi.turning))
-        return tuple(zip(along, turning, strict=True))
+        sway, turning = (by_kind(self.hanging, rows) for rows in (self.hanging.phi.rail, self.hanging.phi.turning))
+        return tuple(zip(sway, turning, strict=True))
 
     @cached_property
     def joints(self) -> tuple[Floats, Floats, Floats]:
         """Dampers and drives (J,) of all joints of blocks, and 1 for top joints, times the copies."""
         blocks = self.rig.blocks
         tops = [np.arange(block.n)[:, None] == np.zeros(block.size) for block in blocks]
-        every = [block.damping for block in blocks], self.driven, tops
+        terms = [block.damping for block in blocks], self.driven, tops
         damping, drive, top = (
             np.concatenate([(part * block.count).ravel() for part, block in zip(parts, blocks, strict=True)])
-            for parts in every
+            for parts in terms
         )
         return damping, drive, top
 
     @cached_property
-    def dragged(self) -> list[Kind]:
+    def kinds_with_drag(self) -> list[Kind]:
         """The kinds of pendula with drag."""
         return [kind for kind in self.rig.names if self.rig.blocks[kind[0]].drag[:, kind[1]].any()]
 
@@ -226,40 +228,40 @@ class _Losses:
             turn[0] -= turning @ eta
         rows = np.concatenate([turn.reshape(-1, len(scale)) for turn in turns])
         damping, drive, top = ((rows.T * strength) @ rows for strength in self.joints)
-        parts = self._carried(eta, angles), damping, drive, top, self._dragged(eta, angles)
+        parts = self._carrier_losses(eta, angles), damping, drive, top, self._drag_losses(eta, angles)
         vectors = np.linalg.eigh(parts[0] + parts[1] + parts[-1])[1]
-        each = np.array([np.einsum("ik,ij,jk->k", vectors, matrix, vectors) for matrix in parts]).T
+        losses = np.array([np.einsum("ik,ij,jk->k", vectors, matrix, vectors) for matrix in parts]).T
         share = 2 * np.einsum("ik,ij,jk->k", eta, self.carrier[0], eta)
-        still = part.is_still or bool(np.all(share <= STILL * bool(self.rig.structure)))
+        is_still = part.is_still or bool(np.all(share <= STILL * bool(self.rig.structure)))
         fold = part.along_count if len(scale) == 1 else 1
         return [
-            Damped(omega, fold, still, None, cart, joints, drives, fed, None, drag, ratio * omega)
-            for cart, joints, drives, fed, drag in each.tolist()
+            Damped(omega, fold, is_still, None, cart, joints, drives, excitation, None, drag, ratio * omega)
+            for cart, joints, drives, excitation, drag in losses.tolist()
         ]
 
-    def _carried(self, eta: Floats, angles: list[Floats]) -> Floats:
+    def _carrier_losses(self, eta: Floats, angles: list[Floats]) -> Floats:
         """Of what carries the pendula, of springs between points, and of what goes down, (R, R)."""
-        lost = np.asarray(eta.T @ self.carrier[1] @ eta)
+        losses = np.asarray(eta.T @ self.carrier[1] @ eta)
         for element in self.hanging.elements.damping:
-            pulled = np.zeros(eta.shape[1])
+            rates = np.zeros(eta.shape[1])
             for at, value in zip(element.at, element.row, strict=True):
-                pulled += value * (eta[at] if at < len(eta) else self._angle(at - len(eta), angles))
-            lost += element.size * np.outer(pulled, pulled)
-        return lost
+                rates += value * (eta[at] if at < len(eta) else self._angle(at - len(eta), angles))
+            losses += element.size * np.outer(rates, rates)
+        return losses
 
     def _angle(self, link: int, angles: list[Floats]) -> Floats:
         pendulum = self.hanging.owner(link)
         block, column = self.hanging.kinds[pendulum]
         return np.asarray(angles[block][link - int(self.hanging.first[pendulum]), column])
 
-    def _dragged(self, eta: Floats, angles: list[Floats]) -> Floats:
+    def _drag_losses(self, eta: Floats, angles: list[Floats]) -> Floats:
         """Of the drag of links along the rail, (R, R)."""
-        lost = np.zeros((eta.shape[1],) * 2)
-        for number, column in self.dragged:
+        losses = np.zeros((eta.shape[1],) * 2)
+        for number, column in self.kinds_with_drag:
             block = self.rig.blocks[number]
-            moved = self.pivots[number][0][column] @ eta + centres(block, column) @ angles[number][:, column]
-            lost += (moved.T * block.drag[:, column] * block.count[column]) @ moved
-        return lost
+            sway = self.pivots[number][0][column] @ eta + centres(block, column) @ angles[number][:, column]
+            losses += (sway.T * block.drag[:, column] * block.count[column]) @ sway
+        return losses
 
 
 def _exact(rig: Rig, modes: list[tuple[Kind | None, Damped]], spectrum: ModalSpectrum | None) -> list[complex | None]:
@@ -275,10 +277,10 @@ def _exact(rig: Rig, modes: list[tuple[Kind | None, Damped]], spectrum: ModalSpe
     for value, group in zip(spectrum.eigenvalue.tolist(), spectrum.groups, strict=True):
         for part in group if value else ():
             values.setdefault(part.kind, []).extend([value] * (1 if part.kind else part.along_count))
-    wanted: dict[Kind | None, list[int]] = {}
+    modes_of_kind: dict[Kind | None, list[int]] = {}
     for m, (kind, _) in enumerate(modes):
-        wanted.setdefault(kind, []).append(m)
-    for kind, places in wanted.items():
+        modes_of_kind.setdefault(kind, []).append(m)
+    for kind, places in modes_of_kind.items():
         first = np.array([(modes[m][1].rate, modes[m][1].omega) for m in places])
         slow = slowest(np.array(values.get(kind, [])), len(places))
         for m, value in zip(places, nearest_values(first, slow), strict=True):

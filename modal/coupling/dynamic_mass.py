@@ -58,10 +58,10 @@ class Zeros(Displayed):
         """ω (Z,) in rad/s."""
         return np.sqrt(self.square[self.anchor] + self.offset)
 
-    def above(self, zero: int, pole: int) -> float:
+    def distance(self, zero: int, pole: int) -> float:
         """ω_zero − ω_pole (rad/s), to full relative accuracy."""
-        apart = (self.square[self.anchor[zero]] - self.square[pole]) + self.offset[zero]
-        return float(apart / (self.omega[zero] + np.sqrt(self.square[pole])))
+        difference = (self.square[self.anchor[zero]] - self.square[pole]) + self.offset[zero]
+        return float(difference / (self.omega[zero] + np.sqrt(self.square[pole])))
 
     @cached_property
     def modal_mass(self) -> Floats:
@@ -70,9 +70,9 @@ class Zeros(Displayed):
         size = max(1, CHUNK // len(self.square))
         for start in range(0, len(mass), size):
             part = slice(start, start + size)
-            apart = (self.square - self.square[self.anchor[part], None]) - self.offset[part, None]
+            differences = (self.square - self.square[self.anchor[part], None]) - self.offset[part, None]
             with np.errstate(over="ignore", divide="ignore"):
-                mass[part] = (self.weight / apart / apart).sum(1) * self.omega[part] ** 2
+                mass[part] = (self.weight / differences / differences).sum(1) * self.omega[part] ** 2
         return mass
 
 
@@ -102,16 +102,16 @@ class DynamicMass(Displayed):
     def __call__(self, omega: ArrayLike, left_out: Booleans | None = None) -> Floats:
         """m_dyn (W,) in kg at ω (W,) in rad/s, infinite on a pole; without the poles marked in `left_out` (W, C)."""
         at = np.atleast_1d(np.asarray(omega, dtype=np.float64))
-        felt, size = np.empty(len(at)), max(1, CHUNK // len(self.omega))
+        mass, size = np.empty(len(at)), max(1, CHUNK // len(self.omega))
         with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
             for start in range(0, len(at), size):
                 part = slice(start, start + size)
                 w = at[part, None]
                 terms = self.mass * (self.omega / (self.omega - w)) * (self.omega / (self.omega + w))
                 none = self.mass == 0 if left_out is None else left_out[part] | (self.mass == 0)
-                felt[part] = np.where(none, 0.0, terms).sum(1)
-            held = self.spring / at / at if self.spring else 0.0
-        return self.at_infinity - held + felt
+                mass[part] = np.where(none, 0.0, terms).sum(1)
+            spring_part = self.spring / at / at if self.spring else 0.0
+        return self.at_infinity - spring_part + mass
 
     def with_cart(self, mass: float) -> DynamicMass:
         """The dynamic mass for a cart of another mass (kg)."""
@@ -151,28 +151,28 @@ class CartMode:
 class SecularEquation:
     """Modes of pendula on at most one coordinate, of own mode `unit` over it, with `damping` on it (N s/m).
 
-    `together` tells that all pendula are of one part, those that do not push it included; `lost` (K,) are the decay
+    `as_one_part` tells that all pendula are of one part, those that do not push it included; `lost` (K,) are the decay
     rates (1/s) of pendula alone.
     """
 
     reduced: ReducedStructure
     dynamic: DynamicMass
-    together: bool
+    as_one_part: bool
     unit: float
     damping: float
-    lost: Floats
+    decay_rates: Floats
 
     @cached_property
     def members(self) -> tuple[Ints, ...]:
         """The fixed-base modes of every family, ascending: those of one frequency that the coordinate joins."""
         modes = self.reduced.fixed_base
-        gathered = degenerate_modes((modes.omega**2,))
-        alone = 1 + modes.kind
-        part = np.zeros_like(alone) if self.together else np.where(self._pushes, 0, alone)
+        groups = degenerate_modes((modes.omega**2,))
+        part_numbers = 1 + modes.kind
+        part = np.zeros_like(part_numbers) if self.as_one_part else np.where(self._pushes, 0, part_numbers)
         members = []
-        for first, size in zip(gathered.first, gathered.size, strict=True):
-            alike = np.sort(gathered.order[first : first + size])
-            members += [alike[part[alike] == each] for each in dict.fromkeys(part[alike].tolist())]
+        for first, size in zip(groups.first, groups.size, strict=True):
+            alike = np.sort(groups.order[first : first + size])
+            members += [alike[part[alike] == number] for number in dict.fromkeys(part[alike].tolist())]
         return tuple(members)
 
     @property
@@ -186,12 +186,12 @@ class SecularEquation:
     @cached_property
     def poles(self) -> Ints:
         """The pole of every family; −1 of those that do not move the coordinate."""
-        pushes = np.array([self.together or bool(self._pushes[members[0]]) for members in self.members])
+        pushes = np.array([self.as_one_part or bool(self._pushes[members[0]]) for members in self.members])
         pushes &= self.reduced.d > 0
         return np.where(pushes, np.cumsum(pushes) - 1, -1)
 
     @property
-    def _held(self) -> int:
+    def _spring_poles(self) -> int:
         """1 if a spring holds the coordinate, which adds a pole at 0."""
         return int(self.dynamic.spring > 0)
 
@@ -208,22 +208,22 @@ class SecularEquation:
 
         Beyond MOST_COORDINATES poles both are in order.
         """
-        zeros, dynamic, held = self.dynamic.zeros, self.dynamic, self._held
+        zeros, dynamic, spring_poles = self.dynamic.zeros, self.dynamic, self._spring_poles
         count, omega = len(zeros.anchor), zeros.omega
         with np.errstate(all="ignore"):
             energy = dynamic.spring / omega / omega / zeros.modal_mass
             if len(dynamic.omega) > MOST_COORDINATES:
-                leading, order = int(energy.argmax()) if held else count, np.arange(count)
-                return np.where(order == leading, -1, order - (order > leading) * held)
-            apart = (zeros.square[held:, None] - zeros.square[zeros.anchor]) - zeros.offset
-            moved = dynamic.omega[:, None] * np.sqrt(dynamic.mass[:, None] / zeros.modal_mass)
-            shares = np.vstack([energy, (omega / apart * moved) ** 2])[1 - held :]
+                leading, order = int(energy.argmax()) if spring_poles else count, np.arange(count)
+                return np.where(order == leading, -1, order - (order > leading) * spring_poles)
+            distances = (zeros.square[spring_poles:, None] - zeros.square[zeros.anchor]) - zeros.offset
+            amplitudes = dynamic.omega[:, None] * np.sqrt(dynamic.mass[:, None] / zeros.modal_mass)
+            shares = np.vstack([energy, (omega / distances * amplitudes) ** 2])[1 - spring_poles :]
         owner = np.full(count, -1)
         for row, zero in enumerate(
             pair_rows(np.nan_to_num(shares, posinf=1.0), np.ones(count, dtype=np.int64)).tolist()
         ):
             if zero >= 0:
-                owner[zero] = row - held
+                owner[zero] = row - spring_poles
         return owner
 
     @cached_property
@@ -233,7 +233,7 @@ class SecularEquation:
             return [[] for _ in self.members]
         zeros, dynamic = self.dynamic.zeros, self.dynamic
         zero_of = {int(pole): zero for zero, pole in enumerate(self.owner.tolist())}
-        moved, at = (1 / np.sqrt(zeros.modal_mass)).tolist(), zeros.omega.tolist()
+        amplitudes, at = (1 / np.sqrt(zeros.modal_mass)).tolist(), zeros.omega.tolist()
         rests, masses, omegas = self.rest.tolist(), dynamic.mass.tolist(), dynamic.omega.tolist()
         branches: list[list[FamilyBranch]] = []
         for members, pole in zip(self.members, self.poles.tolist(), strict=True):
@@ -242,14 +242,14 @@ class SecularEquation:
                 continue
             rest, omega, pattern = rests[pole], omegas[pole], self.reduced.push[0, members]
             strength = masses[pole] / rest if rest else inf
-            damped = rest / (rest - 1j * self.damping / omega) if self.damping else 1.0
-            moving, apart, eta, zero = inf, inf, 0.0, zero_of.get(pole)
+            damping_factor = rest / (rest - 1j * self.damping / omega) if self.damping else 1.0
+            moving, splitting, eta, zero = inf, inf, 0.0, zero_of.get(pole)
             if zero is not None:
-                moving, apart = at[zero], zeros.above(zero, pole + self._held)
-                eta = -copysign(moved[zero], apart * pattern[np.abs(pattern).argmax()])
-                pattern = -pattern * eta * moving / apart * (moving / (moving + omega)) if apart else pattern
+                moving, splitting = at[zero], zeros.distance(zero, pole + self._spring_poles)
+                eta = -copysign(amplitudes[zero], splitting * pattern[np.abs(pattern).argmax()])
+                pattern = -pattern * eta * moving / splitting * (moving / (moving + omega)) if splitting else pattern
             motion = np.array([eta / self.unit])
-            branches.append([FamilyBranch(strength, moving, apart, motion, pattern, False, damped, zero)])
+            branches.append([FamilyBranch(strength, moving, splitting, motion, pattern, False, damping_factor, zero)])
         return branches
 
     @cached_property
@@ -261,7 +261,7 @@ class SecularEquation:
         rows = np.flatnonzero(self.owner < 0)
         swinging = [(float(zeros.omega[k]), np.array([1 / sqrt(zeros.modal_mass[k]) / self.unit])) for k in rows]
         drift = (0.0, np.array([1 / sqrt(self.dynamic.at_rest) / self.unit]))
-        return tuple(swinging) if self._held else (drift, *swinging)
+        return tuple(swinging) if self._spring_poles else (drift, *swinging)
 
     @cached_property
     def cart_modes(self) -> tuple[CartMode, ...]:
@@ -269,22 +269,22 @@ class SecularEquation:
 
         ComputationError where one of them hardly moves it, beyond double precision.
         """
-        if not self.together:
+        if not self.as_one_part:
             return ()
         dynamic, zeros = self.dynamic, self.dynamic.zeros
         with np.errstate(divide="ignore"):
             push = 1 / zeros.modal_mass
         if not np.all(np.isfinite(push)):
             raise ComputationError("the modes that move this cart are beyond double precision")
-        whole = float(push.sum()) + (0.0 if dynamic.spring else 1 / dynamic.at_rest)
+        total = float(push.sum()) + (0.0 if dynamic.spring else 1 / dynamic.at_rest)
         light = [*dynamic.with_cart(0.0).zeros.omega.tolist(), *[inf] * len(push)]
-        columns = (push / whole).tolist(), light, np.sqrt(zeros.square).tolist(), self.owner.tolist()
+        columns = (push / total).tolist(), light, np.sqrt(zeros.square).tolist(), self.owner.tolist()
         return tuple(
             CartMode(omega, share, low, high, None if owner < 0 else owner)
             for omega, share, low, high, owner in zip(zeros.omega.tolist(), *columns, strict=False)
         )
 
-    def pulled(self, modes: tuple[int, int], *, damped: bool = False) -> Any:
+    def pulled(self, modes: tuple[int, int], *, with_dampers: bool = False) -> Any:
         """F of some own modes halfway between their frequencies: how the coordinate, and dampers, shift their ω².
 
         LinAlgError where nothing else resists.
@@ -296,10 +296,10 @@ class SecularEquation:
         if not resists:
             raise np.linalg.LinAlgError("nothing else resists these modes")
         pushes = omega * (self.reduced.push[0, at] if self.reduced.d and isfinite(resists) else 0.0)
-        if not damped:
+        if not with_dampers:
             return np.outer(pushes, pushes) / resists
         yields = 1 / (resists - 1j * self.damping / sqrt(x)) if isfinite(resists) else 0.0
-        return np.outer(pushes, pushes) * yields + np.diag(2j * omega * self.lost[at])
+        return np.outer(pushes, pushes) * yields + np.diag(2j * omega * self.decay_rates[at])
 
     def _without(self, modes: tuple[int, int], omega: Sequence[float]) -> Floats:
         """The dynamic mass (W,) at ω (W,) without the poles of two modes."""
@@ -312,22 +312,22 @@ class SecularEquation:
 
         A coupling beyond STRONG is none that is steady; where there is no cart, infinite and steady.
         """
-        if not self.together:
+        if not self.as_one_part:
             return inf, True
-        alone, at = self.reduced.fixed_base, list(modes)
-        omega, mass = alone.omega[at], (alone.mass * alone.count)[at]
+        own_modes, at = self.reduced.fixed_base, list(modes)
+        omega, mass = own_modes.omega[at], (own_modes.mass * own_modes.count)[at]
         m = float(self._without(modes, [sqrt(float(omega.prod()))])[0])
         with np.errstate(all="ignore"):
             shift = omega * mass / (2 * m) if m else np.full(2, inf)
             middle, detuning = float((omega + shift).mean()), float(np.diff(omega + shift)[0])
             swing = np.hypot(detuning / 2, np.sqrt(np.abs(shift.prod())))
             ends = np.array([*omega, middle - swing, middle + swing])
-            beside = self._without(modes, [max(ends.min(), 0.0), max(ends.max(), 0.0)])
-            steady = bool(np.all(np.abs(beside - m) <= STEADY * abs(m)))
+            end_masses = self._without(modes, [max(ends.min(), 0.0), max(ends.max(), 0.0)])
+            steady = bool(np.all(np.abs(end_masses - m) <= STEADY * abs(m)))
         return m, steady and isfinite(m) and bool(mass.max() <= STRONG * abs(m))
 
 
-def dynamic_mass(reduced: ReducedStructure, *, together: bool) -> DynamicMass:
+def dynamic_mass(reduced: ReducedStructure, *, as_one_part: bool) -> DynamicMass:
     """The dynamic mass of at most one coordinate; of a fixed support that of a massless cart in its place.
 
     Raises ComputationError for a coordinate that falls.
@@ -335,18 +335,18 @@ def dynamic_mass(reduced: ReducedStructure, *, together: bool) -> DynamicMass:
     modes, rig = reduced.fixed_base, reduced.rig
     moves = reduced.along[:, 0] ** 2 if reduced.d else np.ones(len(reduced.kinds))
     mass = modes.mass * modes.count * moves[modes.kind]
-    chosen = np.arange(len(mass)) if together or not reduced.d else np.flatnonzero(reduced.push.any(0))
-    gathered = degenerate_modes((modes.omega[chosen] ** 2,))
+    chosen = np.arange(len(mass)) if as_one_part or not reduced.d else np.flatnonzero(reduced.push.any(0))
+    groups = degenerate_modes((modes.omega[chosen] ** 2,))
     natural, units = rig.natural()
     residual = np.concatenate([at_infinity(block)[0] * block.count for block in natural.blocks])
     carrier, spring = (float(S[0, 0]) if reduced.d else 0.0 for S in (reduced.own_inertia, reduced.own_stiffness))
     terms = float(reduced.hanging.elements.terms.sum()) if reduced.d else 0.0
     if spring < -NOTHING_HOLDS * terms:
         raise ComputationError(FALLS)
-    first = chosen[gathered.order[gathered.first]] if len(chosen) else chosen
+    first = chosen[groups.order[groups.first]] if len(chosen) else chosen
     return DynamicMass(
         omega=modes.omega[first],
-        mass=np.add.reduceat(mass[chosen[gathered.order]], gathered.first) if len(chosen) else np.zeros(0),
+        mass=np.add.reduceat(mass[chosen[groups.order]], groups.first) if len(chosen) else np.zeros(0),
         cart=carrier,
         residual=units.mass * float((residual * moves).sum()),
         spring=spring if spring > NOTHING_HOLDS * terms else 0.0,

@@ -72,13 +72,17 @@ def transfer(first: complex, second: complex, coupling: complex) -> Transfer:
         turn = np.sqrt(np.complex128(coupling) ** 2 + half**2)
         period = float(pi / abs(turn.real))
         if not (first.imag or second.imag or coupling.imag):
-            most = float(abs(coupling / turn) ** 2) if turn else 0.0
-            return Transfer(period, most, 1.0, beats=isfinite(period), lossless=True)
+            maximum = float(abs(coupling / turn) ** 2) if turn else 0.0
+            return Transfer(period, maximum, 1.0, beats=isfinite(period), lossless=True)
         rate = max(float(abs(turn)), decay)
         early, late = np.linspace(0.0, min(period, 100 / rate), SAMPLES), np.geomspace(1e-3, 1e6, SAMPLES) / rate
-        other = _swung(np.concatenate((early, late)), turn, decay) * abs(coupling) ** 2
-        left = float(max(_returned(sign * half, turn, decay, period) for sign in (1, -1))) if isfinite(period) else 0.0
-    return Transfer(period, float(other.max()), left, beats=bool(abs(turn.real) > abs(turn.imag)), lossless=False)
+        other_energy = _swung(np.concatenate((early, late)), turn, decay) * abs(coupling) ** 2
+        remainder = (
+            float(max(_energy_at(sign * half, turn, decay, period) for sign in (1, -1))) if isfinite(period) else 0.0
+        )
+    return Transfer(
+        period, float(other_energy.max()), remainder, beats=bool(abs(turn.real) > abs(turn.imag)), lossless=False
+    )
 
 
 def passes_energy(first: Floats, second: Floats) -> bool:
@@ -109,8 +113,8 @@ def exchange_among(weights: Floats, levels: Complexes) -> Transfer:
     """
     beats = beats_of(weights, levels)
     gaps = np.subtract.outer(levels, levels)
-    apart = np.abs(gaps.real)[np.abs(gaps.real) > 0]
-    period = beats[0] if beats else 2 * pi / float(apart.min()) if apart.size else inf
+    gap_sizes = np.abs(gaps.real)[np.abs(gaps.real) > 0]
+    period = beats[0] if beats else 2 * pi / float(gap_sizes.min()) if gap_sizes.size else inf
     lossless = not levels.imag.any()
     rate = max(float(np.abs(gaps).max()) / 2, float(levels.imag.max()))
     span = period if isfinite(period) and lossless else min(period, 100 / rate) if rate else 0.0
@@ -119,11 +123,11 @@ def exchange_among(weights: Floats, levels: Complexes) -> Transfer:
         times = np.concatenate((times, np.geomspace(1e-3, 1e6, SAMPLES) / rate))
         times = times[times * levels.imag.min() < 300]  # numbers below 1e-130 would be slow, and nothing is left then
     amplitude = np.exp(1j * np.outer(times, levels))
-    held, kept = (np.einsum("tl,lm->tm", part, weights) for part in (np.abs(amplitude) ** 2, amplitude))
-    others = held - np.abs(kept) ** 2
+    energies, amplitudes = (np.einsum("tl,lm->tm", part, weights) for part in (np.abs(amplitude) ** 2, amplitude))
+    others = energies - np.abs(amplitudes) ** 2
     back = np.abs(np.exp(1j * levels * period) @ weights) ** 2 if isfinite(period) else np.zeros(1)
-    left = 1.0 if lossless and len(levels) == 2 else float(back.max())
-    return Transfer(period, float(others.max()), left, bool(beats), lossless)
+    remainder = 1.0 if lossless and len(levels) == 2 else float(back.max())
+    return Transfer(period, float(others.max()), remainder, bool(beats), lossless)
 
 
 def _swung(times: Floats, turn: np.complex128, decay: float) -> Floats:
@@ -132,7 +136,7 @@ def _swung(times: Floats, turn: np.complex128, decay: float) -> Floats:
     return np.abs(grown / (2 * turn) if turn else times * np.exp(-decay * times)) ** 2
 
 
-def _returned(half: np.complex128, turn: np.complex128, decay: float, time: float) -> float:
+def _energy_at(half: np.complex128, turn: np.complex128, decay: float, time: float) -> float:
     """|a|² at a time."""
     up, down = (np.exp((sign * 1j * turn - decay) * time) for sign in (1, -1))
     return float(np.abs((up + down) / 2 + half * (up - down) / (2 * turn)) ** 2)
@@ -175,10 +179,10 @@ def pair_exchange(omega: Floats, rate: Floats, free: Any, lossy: Any) -> tuple[f
     (wa, wb), x = omega.tolist(), float(omega.prod())
     first, second = wa + free[0, 0] / (2 * wa), wb + free[1, 1] / (2 * wb)
     shifts = [complex(lossy[k, k]) / (2 * w) for k, w in enumerate((wa, wb))]
-    passed = transfer(wa + shifts[0], wb + shifts[1], complex(lossy[0, 1]) / (2 * sqrt(x)))
+    exchange = transfer(wa + shifts[0], wb + shifts[1], complex(lossy[0, 1]) / (2 * sqrt(x)))
     strength = max(abs(free[0, 0]) / wa**2, abs(free[1, 1]) / wb**2, abs(free[0, 1]) / x)
-    passed = replace(passed, beats=passed.beats and bool(np.all(rate < omega)))
-    return float(first - second), float(free[0, 1]) / (2 * sqrt(x)), float(strength), passed
+    exchange = replace(exchange, beats=exchange.beats and bool(np.all(rate < omega)))
+    return float(first - second), float(free[0, 1]) / (2 * sqrt(x)), float(strength), exchange
 
 
 ROUGH = 0.02
@@ -192,8 +196,8 @@ class FamilyBranch(Displayed):
     ε is negative just above another pole or a spring of what moves, infinite where nothing else resists.  A mode that a
     massless cart has lost is at infinity.
     `motion` (d,) is what the structure does, in its own modes, `pattern` (√kg m) the amplitudes of the members.
-    `still` where the structure stands, and only springs between pendula split the family.  `damped` is by what complex
-    factor dampers outside the family change ε, `cart_mode` the index of the mode among those that move the cart.
+    `still` where the structure stands, and only springs between pendula split the family.  `damping_factor` is by what
+    complex factor dampers outside the family change ε, `cart_mode` the index of the mode among those that move a cart.
     """
 
     what = "Mode of a family that moves something else"
@@ -208,7 +212,7 @@ class FamilyBranch(Displayed):
     motion: Floats
     pattern: Floats
     still: bool
-    damped: complex = 1.0
+    damping_factor: complex = 1.0
     cart_mode: int | None = None
 
     @property
@@ -218,8 +222,8 @@ class FamilyBranch(Displayed):
 
     def is_first_order(self, omega: float) -> bool:
         """Whether ½ ε ω_r of a family at ω_r is near its splitting, and the coupling weak."""
-        near = abs(self.strength * omega / 2 - self.splitting) <= FAR * abs(self.splitting)
-        return self.is_finite and abs(self.strength) <= STRONG and near
+        is_near = abs(self.strength * omega / 2 - self.splitting) <= FAR * abs(self.splitting)
+        return self.is_finite and abs(self.strength) <= STRONG and is_near
 
     def is_rough(self, omega: float) -> bool:
         """Whether another family is near: what resists varies from ω_r to the mode, not too much for first order."""
@@ -291,17 +295,17 @@ class Family(Displayed):
         """The slowest beat (s), in which energy passes from one pendulum of the family to the others and back."""
         return self.beats[0] if self.beats else None
 
-    def levels(self, copies: Ints, lost: float) -> tuple[Floats, Complexes]:
+    def levels(self, copies: Ints, decay_rate: float) -> tuple[Floats, Complexes]:
         """Of every branch, then of what is still: its share of each member released (levels, members), and Δω + iσ.
 
-        `copies` (members,) there are of each, `lost` is the decay rate (1/s) of one pendulum alone.
+        `copies` (members,) there are of each, `decay_rate` is the decay rate (1/s) of one pendulum alone.
         """
-        levels = [1j * lost + branch.splitting * branch.damped for branch in self.branches]
+        levels = [1j * decay_rate + branch.splitting * branch.damping_factor for branch in self.branches]
         patterns = [branch.pattern**2 / (branch.pattern @ branch.pattern) / copies for branch in self.branches]
         weights = np.reshape(patterns, (len(levels), len(copies)))
         if not self.still:
             return weights / weights.sum(0), np.array(levels)
-        return np.vstack([weights, np.maximum(1 - weights.sum(0), 0.0)]), np.array([*levels, 1j * lost])
+        return np.vstack([weights, np.maximum(1 - weights.sum(0), 0.0)]), np.array([*levels, 1j * decay_rate])
 
 
 def _cell(value: float | str | None) -> str:
@@ -356,18 +360,18 @@ def family_name(index: int) -> str:
     return letters(index).upper()
 
 
-def mode_words(still: int | None, moving: int | None, copies: int = 1) -> str:
+def mode_words(still_number: int | None, moving: int | None, copies: int = 1) -> str:
     """The modes of a family by their numbers: of these `copies` that move nothing else, and the one that does.
 
     >>> mode_words(3, 4), mode_words(3, 4, 28), mode_words(None, 2)
     ('3 still, 4', '3 still ×28, 4', '2')
     """
     several = f" ×{copies}" if copies > 1 else ""
-    parts = [f"{still} still{several}"] * (still is not None) + [str(moving)] * (moving is not None)
+    parts = [f"{still_number} still{several}"] * (still_number is not None) + [str(moving)] * (moving is not None)
     return ", ".join(parts) or NOTHING
 
 
 def family_table(rows: Sequence[FamilyRow]) -> ReportTable:
     """The columns that hold anything."""
-    table = ReportTable.of((each for each in COLUMNS if any(each.of(row) is not None for row in rows)), rows)
+    table = ReportTable.of((column for column in COLUMNS if any(column.of(row) is not None for row in rows)), rows)
     return table._replace(spare=("effective mass (kg)", "Δω (rad/s)", "share halfway (%)"))

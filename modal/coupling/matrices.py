@@ -43,10 +43,10 @@ class ReducedPencil:
     @cached_property
     def members(self) -> tuple[Ints, ...]:
         """The own modes of every family, ascending: those of one frequency and of one connected part of the scene."""
-        gathered = degenerate_modes((self.reduced.fixed_base.omega**2,))
+        groups = degenerate_modes((self.reduced.fixed_base.omega**2,))
         members = []
-        for first, size in zip(gathered.first, gathered.size, strict=True):
-            alike = gathered.order[first : first + size]
+        for first, size in zip(groups.first, groups.size, strict=True):
+            alike = groups.order[first : first + size]
             parts = self.reduced.parts[self.reduced.d + alike]
             members += [alike[parts == part] for part in dict.fromkeys(parts.tolist())]
         return tuple(members)
@@ -62,16 +62,16 @@ class ReducedPencil:
         size = np.sqrt(np.diag(M)[:d])
         combinations = []
         for members in self.members:
-            at, whole = d + members, np.eye(len(members))
+            at, basis = d + members, np.eye(len(members))
             if K[np.ix_(at, np.setdiff1d(np.arange(d, len(K)), at))].any() or np.any(
                 K[np.ix_(at, at)] - np.diag(np.diag(K)[at])
             ):
-                combinations.append(whole)
+                combinations.append(basis)
                 continue
             omega = self.reduced.fixed_base.omega[members[0]]
             rows = np.hstack([K[at, :d] / (omega * size), M[at, :d] * omega / size])
-            left, sizes, _ = np.linalg.svd(rows)
-            combinations.append(left[:, : int(np.sum(sizes > RANK * omega))])
+            left_vectors, sizes, _ = np.linalg.svd(rows)
+            combinations.append(left_vectors[:, : int(np.sum(sizes > RANK * omega))])
         return tuple(combinations)
 
     @cached_property
@@ -93,7 +93,7 @@ class ReducedPencil:
         """Of every family the modes that move other things; each mode belongs to one family or to the structure."""
         square, vectors = self.moving
         branches: list[list[FamilyBranch]] = [[] for _ in self.members]
-        for (r, k), mode in zip(self._places, self._owned.tolist(), strict=True):
+        for (r, k), mode in zip(self._places, self._owners.tolist(), strict=True):
             if r >= 0:
                 branches[r].append(self._branch(r, k, float(square[mode]), vectors[:, mode]))
         return [sorted(group, key=lambda branch: branch.omega) for group in branches]
@@ -117,20 +117,22 @@ class ReducedPencil:
     @property
     def _places(self) -> list[tuple[int, int]]:
         """What modes may belong to: the structure's own modes (−1, s), and the patterns k of every family r."""
-        patterns = [(r, k) for r, (_, each) in enumerate(self._shifts) for k in range(each.shape[1])]
+        patterns = [
+            (r, k) for r, (_, patterns_of_family) in enumerate(self._shifts) for k in range(patterns_of_family.shape[1])
+        ]
         return [(-1, s) for s in range(self.reduced.d)] + patterns
 
     @cached_property
-    def _owned(self) -> Ints:
+    def _owners(self) -> Ints:
         """The mode of every one of these places, by the share in its potential energy; of drifts in the kinetic."""
         d, (square, vectors) = self.reduced.d, self.moving
         carriers = np.vstack([self.basis, np.zeros((len(vectors) - d, d))])
         columns = np.hstack([carriers, *(self._spread(r, patterns) for r, (_, patterns) in enumerate(self._shifts))])
         shares = np.zeros((columns.shape[1], len(square)))
         for S, modes, size in ((self.reduced.K, square > 0, square), (self.reduced.M, square == 0, 1 + square)):
-            whole = np.einsum("ik,ij,jk->k", columns, S, columns)[:, None] * size[modes]
+            energies = np.einsum("ik,ij,jk->k", columns, S, columns)[:, None] * size[modes]
             products = (columns.T @ S @ vectors[:, modes]) ** 2
-            shares[:, modes] = np.divide(products, whole, out=np.zeros_like(products), where=whole > 0)
+            shares[:, modes] = np.divide(products, energies, out=np.zeros_like(products), where=energies > 0)
         return pair_rows(shares, np.ones(len(square), dtype=np.int64))
 
     @cached_property
@@ -138,47 +140,47 @@ class ReducedPencil:
         """ω, and η in its own modes, of the modes that belong to the structure rather than to a family."""
         square, vectors = self.moving
         d = self.reduced.d
-        return tuple((sqrt(square[k]), self._along(vectors[:d, k])) for k in sorted(self._owned[:d].tolist()))
+        return tuple((sqrt(square[k]), self._in_own_modes(vectors[:d, k])) for k in sorted(self._owners[:d].tolist()))
 
-    def _along(self, eta: Floats) -> Floats:
+    def _in_own_modes(self, eta: Floats) -> Floats:
         """A motion η in the structure's own modes."""
         return np.asarray(np.linalg.solve(self.basis, eta) if len(eta) else eta, dtype=np.float64)
 
     def _branch(self, r: int, k: int, square: float, vector: Floats) -> FamilyBranch:
         members, (shift, patterns), d = self.members[r], self._shifts[r], self.reduced.d
         pole = float(self.reduced.fixed_base.omega[members[0]])
-        moved, strength, apart = vector[:d], float(shift[k]) / pole**2, square - pole**2
-        share = float(moved @ self.reduced.M[:d, :d] @ moved)
+        motion, strength, difference = vector[:d], float(shift[k]) / pole**2, square - pole**2
+        share = float(motion @ self.reduced.M[:d, :d] @ motion)
         if abs(strength) < WEAK:
-            beside = np.linalg.eigvalsh(patterns.T @ self._apart(members, square) @ patterns)
-            near = float(beside[np.abs(beside - apart).argmin()])
-            apart = near if abs(near - apart) <= 1e-6 * pole**2 else apart
+            exact_shifts = np.linalg.eigvalsh(patterns.T @ self._exact_shifts(members, square) @ patterns)
+            closest = float(exact_shifts[np.abs(exact_shifts - difference).argmin()])
+            difference = closest if abs(closest - difference) <= 1e-6 * pole**2 else difference
         pattern, omega = vector[d + members], sqrt(square)
         turn = np.sign(pattern[np.abs(pattern).argmax()]) or 1.0
         return FamilyBranch(
             strength,
             omega,
-            apart / (omega + pole),
-            turn * self._along(moved),
+            difference / (omega + pole),
+            turn * self._in_own_modes(motion),
             turn * pattern,
             still=share <= STILL,
-            damped=self._damped(r, patterns[:, k], float(shift[k])),
+            damping_factor=self._damping_factor(r, patterns[:, k], float(shift[k])),
         )
 
-    def _damped(self, r: int, pattern: Floats, shift: float) -> complex:
+    def _damping_factor(self, r: int, pattern: Floats, shift: float) -> complex:
         """By what factor dampers but those of the members change the shift of a pattern."""
         if self.D is None or not shift or not np.isfinite(shift):
             return 1.0
         members, at = self.members[r].tolist(), self.reduced.d + self.members[r]
         omega = float(self.reduced.fixed_base.omega[members[0]])
-        alone = 1j * omega * (pattern @ self.D[np.ix_(at, at)] @ pattern)
-        return complex(pattern @ self.reduced.pulled(members, omega**2, self.D) @ pattern - alone) / shift
+        own_part = 1j * omega * (pattern @ self.D[np.ix_(at, at)] @ pattern)
+        return complex(pattern @ self.reduced.pulled(members, omega**2, self.D) @ pattern - own_part) / shift
 
-    def _apart(self, members: Ints, x: float) -> Floats:
+    def _exact_shifts(self, members: Ints, x: float) -> Floats:
         """The exact shifts of ω² of some own modes by all else at x."""
         at = (self.reduced.d + members).tolist()
         stiffness = self.reduced.K[np.ix_(at, at)]
-        return np.asarray(stiffness - np.diag(np.diag(stiffness)) + self.reduced.eliminated(at, x))
+        return np.asarray(stiffness - np.diag(np.diag(stiffness)) + self.reduced.elimination(at, x))
 
     @property
     def cart_modes(self) -> tuple[CartMode, ...]:
@@ -189,13 +191,13 @@ class ReducedPencil:
         """No one mass that two modes push, and that nothing is known to take part with them."""
         return inf, True
 
-    def pulled(self, modes: tuple[int, int], *, damped: bool = False) -> Any:
+    def pulled(self, modes: tuple[int, int], *, with_dampers: bool = False) -> Any:
         """F of two own modes halfway between their frequencies, with dampers or without.
 
         LinAlgError where nothing else resists.
         """
         x = float(self.reduced.fixed_base.omega[list(modes)].prod())
-        return self.reduced.pulled(modes, x, self.D if damped else None)
+        return self.reduced.pulled(modes, x, self.D if with_dampers else None)
 
 
 def stable_pencil(K: Floats, M: Floats) -> tuple[Floats, Floats]:

@@ -81,22 +81,22 @@ def without_damping(rig: Rig) -> Rig:
     return replace(rig, blocks=blocks, cart=cart, structure=structure, spatial=False, damping_ratio=0.0)
 
 
-def fixed_base_modes(rig: Rig, held: Mapping[Kind, Floats] = FREE) -> FixedBaseModes:
+def fixed_base_modes(rig: Rig, spring_stiffness: Mapping[Kind, Floats] = FREE) -> FixedBaseModes:
     """The fixed-base modes of every kind of pendulum of a rig in SI units, all of them hanging.
 
-    Springs add the stiffness `held` (n, n) to the pendula that they join to something.
+    Springs add the stiffness `spring_stiffness` (n, n) to the pendula that they join to something.
     """
     places = {kind: place for place, kind in enumerate(rig.names)}
-    modes = [*_free_modes(rig, held), *_tied_modes(rig, held)]
+    modes = [*_free_modes(rig, spring_stiffness), *_tied_modes(rig, spring_stiffness)]
     modes.sort(key=lambda mode: (mode[0], places[mode[1]]))
     omega, kinds, push, shapes = zip(*modes, strict=True)
-    kind = np.array([places[each] for each in kinds])
+    kind = np.array([places[kind_of_mode] for kind_of_mode in kinds])
     count = np.array([int(rig.blocks[block].count[column]) for block, column in kinds])
-    rate = np.array([_rate(rig, each, shape) for each, shape in zip(kinds, shapes, strict=True)])
+    rate = np.array([_rate(rig, kind_of_mode, shape) for kind_of_mode, shape in zip(kinds, shapes, strict=True)])
     return FixedBaseModes(np.array(omega), np.array(push), kind, places_within(kind), count, rate, shapes)
 
 
-def _free_modes(rig: Rig, held: Mapping[Kind, Floats]) -> Iterator[tuple[float, Kind, float, Floats]]:
+def _free_modes(rig: Rig, spring_stiffness: Mapping[Kind, Floats]) -> Iterator[tuple[float, Kind, float, Floats]]:
     """ω, kind, push and shape of pendula that no spring joins to anything, by the recursion."""
     natural, units = replace(without_damping(rig), cart=None, structure=None).natural()
     spectrum = find_spectrum(natural)
@@ -104,21 +104,21 @@ def _free_modes(rig: Rig, held: Mapping[Kind, Floats]) -> Iterator[tuple[float, 
     rows: dict[int, list[tuple[int, Kind, int]]] = {}
     for number, group in enumerate(spectrum.groups):
         for part in group:
-            if part.kind is not None and part.kind not in held:
+            if part.kind is not None and part.kind not in spring_stiffness:
                 rows.setdefault(part.source, []).append((part.row, part.kind, number))
-    for source, each in rows.items():
-        details = spectrum.details(source, [row for row, *_ in each])
+    for source, rows_of_source in rows.items():
+        details = spectrum.details(source, [row for row, *_ in rows_of_source])
         push = (details.momentum / np.sqrt(details.modal_mass) * np.sqrt(units.mass)).tolist()
         shapes = (details.angles[0][:, 0].real / np.sqrt(details.modal_mass) / length).T
-        for k, (_, kind, number) in enumerate(each):
+        for k, (_, kind, number) in enumerate(rows_of_source):
             yield float(omega[number]), kind, push[k], shapes[k]
 
 
-def _tied_modes(rig: Rig, held: Mapping[Kind, Floats]) -> Iterator[tuple[float, Kind, float, Floats]]:
+def _tied_modes(rig: Rig, spring_stiffness: Mapping[Kind, Floats]) -> Iterator[tuple[float, Kind, float, Floats]]:
     """The same of pendula that springs join to something, which is held."""
-    for (number, column), more in held.items():
+    for (number, column), stiffness in spring_stiffness.items():
         A, K = assemble_pendula([(rig.blocks[number], column)], None, rig.gravity)
-        squares, shapes = pencil(K + more, A)
+        squares, shapes = pencil(K + stiffness, A)
         for square, shape in zip(squares, shapes.T, strict=True):
             push = float(shape @ rig.blocks[number].b[:, column])
             yield float(np.sqrt(square)), (number, column), push, shape
@@ -145,10 +145,10 @@ def pencil(K: Floats, M: Floats) -> tuple[Floats, Floats]:
 def _rate(rig: Rig, kind: Kind, shape: Floats) -> float:
     """φᵀDφ/2 of the joints and the drag of one pendulum."""
     block, column = rig.blocks[kind[0]], kind[1]
-    lost = float(block.damping[:, column] @ np.diff(shape, prepend=0.0) ** 2)
+    dissipation = float(block.damping[:, column] @ np.diff(shape, prepend=0.0) ** 2)
     if block.drag[:, column].any():
-        lost += float(block.drag[:, column] @ (centres(block, column) @ shape) ** 2)
-    return lost / 2
+        dissipation += float(block.drag[:, column] @ (centres(block, column) @ shape) ** 2)
+    return dissipation / 2
 
 
 def places_within(kind: Ints) -> Ints:
@@ -239,10 +239,10 @@ class ReducedStructure:
     @property
     def only_pushes(self) -> bool:
         """Whether pendula feel each other only as they push what carries them: no spring ends on one or turns one."""
-        turned = self.hanging.phi.turning[list(self.pivots)]
+        rotations = self.hanging.phi.turning[list(self.pivots)]
         first = ((self.rig.blocks[block], column) for block, column in self.kinds)
-        felt = [bool(block.stiffness[0, column] or block.damping[0, column]) for block, column in first]
-        return not (self.hanging.tied or turned[felt].any())
+        has_joint_forces = [bool(block.stiffness[0, column] or block.damping[0, column]) for block, column in first]
+        return not (self.hanging.tied or rotations[has_joint_forces].any())
 
     @cached_property
     def M(self) -> Floats:
@@ -256,7 +256,7 @@ class ReducedStructure:
     def K(self) -> Floats:
         """Stiffness (d + K, d + K)."""
         d, modes = self.d, self.fixed_base
-        turned, first = self.joints
+        rotations, first = self.joints
         K = np.zeros_like(self.M)
         for element in self.hanging.elements.stiffness:
             vector = self.vector(zip(element.at, element.row, strict=True))
@@ -264,7 +264,7 @@ class ReducedStructure:
         for k in range(len(self.kinds)):
             columns = self.columns(k)
             K[np.ix_(columns, columns)] = np.diag(modes.omega[np.array(columns) - d] ** 2)
-        K[:d, d:] -= turned[modes.kind].T * first
+        K[:d, d:] -= rotations[modes.kind].T * first
         K[d:, :d], K[:d, :d] = K[:d, d:].T, self.own_stiffness
         return K
 
@@ -283,8 +283,8 @@ class ReducedStructure:
             kind = self.kinds.index((int(hanging.kinds[pendulum, 0]), int(hanging.kinds[pendulum, 1])))
             for column in self.columns(kind):
                 k = column - self.d
-                moved = modes.shapes[k][at - self.d - int(hanging.first[pendulum])]
-                vector[column] += value * moved / np.sqrt(modes.count[k])
+                motion = modes.shapes[k][at - self.d - int(hanging.first[pendulum])]
+                vector[column] += value * motion / np.sqrt(modes.count[k])
         return vector
 
     def dampers(self, scene: Scene) -> Floats | None:
@@ -297,12 +297,12 @@ class ReducedStructure:
             D += dissipator.damping * np.outer(vector, vector)
         return D
 
-    def eliminated(self, kept: Sequence[int], x: float) -> Floats:
-        """What the others make of K − xM for the coordinates `kept`, to be added to (K − xM) of these themselves.
+    def elimination(self, numbers: Sequence[int], x: float) -> Floats:
+        """What the others make of K − xM for the coordinates `numbers`, to be added to (K − xM) of these themselves.
 
         LinAlgError where the others swing by themselves at x.
         """
-        return np.asarray(self._schur(self.K - x * self.M, kept))
+        return np.asarray(self._schur(self.K - x * self.M, numbers))
 
     def pulled(self, modes: Sequence[int], x: float, D: Floats | None = None) -> Any:
         """F: the shifts of ω² of some own modes near x, by springs among them and by all else, which resists as at x.
@@ -310,30 +310,30 @@ class ReducedStructure:
         What resists is without the modes themselves: with η' alone, −x h hᵀ is moved from their poles
         x²/(ω² − x) = xω²/(ω² − x) − x to the structure.  With iωD of dampers, the own ones of the modes included.
         """
-        kept, d = [self.d + k for k in modes], self.d
+        numbers, d = [self.d + k for k in modes], self.d
         S = self.K - x * self.M
-        h, omega = self.M[:d, kept], self.fixed_base.omega[list(modes)]
+        h, omega = self.M[:d, numbers], self.fixed_base.omega[list(modes)]
         S[:d, :d] += x * (h @ h.T)
-        S[:d, kept] = self.K[:d, kept] - np.sqrt(x) * omega * h
-        S[kept, :d] = S[:d, kept].T
-        S[kept, kept] = 0.0
+        S[:d, numbers] = self.K[:d, numbers] - np.sqrt(x) * omega * h
+        S[numbers, :d] = S[:d, numbers].T
+        S[numbers, numbers] = 0.0
         rate = np.full(len(S), np.sqrt(x))
-        rate[kept] = omega
-        damped: Any = S if D is None else S + 1j * np.sqrt(np.outer(rate, rate)) * D
-        return damped[kept][:, kept] + self._schur(damped, kept)
+        rate[numbers] = omega
+        matrix: Any = S if D is None else S + 1j * np.sqrt(np.outer(rate, rate)) * D
+        return matrix[numbers][:, numbers] + self._schur(matrix, numbers)
 
     @cached_property
     def parts(self) -> Ints:
         """A number for every coordinate, equal where springs or inertia join them."""
-        joined = (self.K != 0) | (self.M != 0)
-        parts = np.arange(len(joined))
-        for at in range(len(joined)):
-            parts[np.isin(parts, parts[joined[at]])] = parts[at]
+        is_linked = (self.K != 0) | (self.M != 0)
+        parts = np.arange(len(is_linked))
+        for at in range(len(is_linked)):
+            parts[np.isin(parts, parts[is_linked[at]])] = parts[at]
         return parts
 
-    def _schur(self, S: Any, kept: Sequence[int]) -> Any:
+    def _schur(self, S: Any, numbers: Sequence[int]) -> Any:
         """What elimination of all others from a symmetric S adds to those that are kept."""
-        poles, rest = np.asarray(kept, dtype=np.intp), np.setdiff1d(np.arange(len(S)), kept)
+        poles, rest = np.asarray(numbers, dtype=np.intp), np.setdiff1d(np.arange(len(S)), numbers)
         if not np.iscomplexobj(S):  # what nothing joins to them may swing by itself at this frequency
             rest = rest[np.isin(self.parts[rest], self.parts[poles])]
         cross = S[np.ix_(poles, rest)]
@@ -343,7 +343,7 @@ class ReducedStructure:
 def reduced(rig: Rig) -> ReducedStructure:
     """A rig in SI units in these coordinates."""
     hanging = Hanging(rig)
-    return ReducedStructure(hanging, fixed_base_modes(hanging.rig, _held(hanging)))
+    return ReducedStructure(hanging, fixed_base_modes(hanging.rig, _spring_stiffness(hanging)))
 
 
 def refuse_beyond(structure: ReducedStructure) -> None:
@@ -354,9 +354,9 @@ def refuse_beyond(structure: ReducedStructure) -> None:
         )
 
 
-def _held(hanging: Hanging) -> dict[Kind, Floats]:
+def _spring_stiffness(hanging: Hanging) -> dict[Kind, Floats]:
     """The stiffness that springs add to the pendula that they join to something, all else held, (n, n) by kind."""
-    held: dict[Kind, Floats] = {}
+    stiffness: dict[Kind, Floats] = {}
     d = hanging.structure.size
     for element in hanging.elements.stiffness:
         rows: dict[int, Floats] = {}
@@ -367,5 +367,5 @@ def _held(hanging: Hanging) -> dict[Kind, Floats]:
                 rows.setdefault(pendulum, np.zeros(n))[at - d - int(hanging.first[pendulum])] = value
         for pendulum, row in rows.items():
             kind = int(hanging.kinds[pendulum, 0]), int(hanging.kinds[pendulum, 1])
-            held[kind] = held.get(kind, np.zeros((len(row),) * 2)) + element.size * np.outer(row, row)
-    return held
+            stiffness[kind] = stiffness.get(kind, np.zeros((len(row),) * 2)) + element.size * np.outer(row, row)
+    return stiffness

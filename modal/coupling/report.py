@@ -21,7 +21,7 @@ from modal.coupling.words import (
     exchanges,
     families,
     limits,
-    most_listed,
+    list_limit,
     own_mode_words,
     pendula_words,
     push_words,
@@ -52,15 +52,15 @@ def coupling_report(coupling: Coupling, form: Form = "text", *, words: bool = Fa
     if form not in FORMS:
         raise ValueError(f"form = {form!r}: must be one of {', '.join(FORMS)}")
     rows = coupling.rows()
-    told, left = verdict(coupling, rows), left_out(coupling)
+    sentences, omissions = verdict(coupling, rows), left_out(coupling)
     if form == "json":
-        return as_json({**coupling_record(coupling), "verdict_sentences": list(told), "left_out": list(left)})
-    names = {family_name(index) for index in range(most_listed(coupling))}
+        return as_json({**coupling_record(coupling), "verdict_sentences": list(sentences), "left_out": list(omissions)})
+    names = {family_name(index) for index in range(list_limit(coupling))}
     rows = [row for row in rows if row.family in names]
     parts = [
-        "\n".join(_verse(told, form)),
+        "\n".join(_verse(sentences, form)),
         family_table(rows).written(form),
-        "\n".join(_verse([*_columns(coupling, rows), *left, *filter(None, (elsewhere,))], form)),
+        "\n".join(_verse([*_columns(coupling, rows), *omissions, *filter(None, (elsewhere,))], form)),
     ]
     told_in_words = sections(coupling) if words else ()
     if form == "markdown":
@@ -72,14 +72,14 @@ def _verse(sentences: Sequence[str], form: str) -> Sequence[str]:
     """A sentence a line."""
     if form == "markdown":
         return [f"- {markdown(sentence)}" for sentence in sentences]
-    return [filled for sentence in sentences for filled in wrap(sentence, line_width(), break_on_hyphens=False)]
+    return [line for sentence in sentences for line in wrap(sentence, line_width(), break_on_hyphens=False)]
 
 
 def _columns(coupling: Coupling, rows: Sequence[FamilyRow]) -> Iterator[str]:
     """What the columns of the table mean."""
     if any(row.splitting is not None for row in rows):
-        held, moved = ("all else", "something else") if coupling.scene.is_structured else ("the cart", "the cart")
-        yield f"Each family: pendula that swing at ω with {held} held. Δω: the shift of the mode that moves {moved}."
+        rest, carriers = ("all else", "something else") if coupling.scene.is_structured else ("the cart", "the cart")
+        yield f"Each family: pendula that swing at ω with {rest} held. Δω: the shift of the mode that moves {carriers}."
     if any(row.share is not None for row in rows):
         yield (
             "Share: the most of one pendulum's energy that the others ever hold; dampers take the rest."
@@ -94,10 +94,10 @@ def left_out(coupling: Coupling) -> tuple[str, ...]:
 
 
 def _left_out(coupling: Coupling) -> Iterator[str]:
-    every, most = coupling.families, most_listed(coupling)
-    if len(every) > most:
-        more = counted(len(every) - most, "more family is", "more families are")
-        yield f"{more} {ELSEWHERE}, up to {rad(every[-1].omega)}."
+    families, limit = coupling.families, list_limit(coupling)
+    if len(families) > limit:
+        extra_families = counted(len(families) - limit, "more family is", "more families are")
+        yield f"{extra_families} {ELSEWHERE}, up to {rad(families[-1].omega)}."
     locking = coupling.scene.is_structured or coupling.on_cart
     also = " Locking takes dampers and drives (`sync`)." if locking and coupling.scene.n_pendula > 1 else ""
     yield f"Large angles are left out: the table of modes tells at which angle a frequency is 1 % off.{also}"
@@ -110,20 +110,20 @@ def _left_out(coupling: Coupling) -> Iterator[str]:
 
 def sections(coupling: Coupling) -> tuple[ReportSection, ...]:
     """The sections of the report."""
-    structured = coupling.scene.is_structured
+    on_structure = coupling.scene.is_structured
     support = [("The structure alone", own_mode_words)]
-    if not structured:
+    if not on_structure:
         support = [("What the cart feels" if coupling.on_cart else "What a cart would feel", push_words)]
     parts = [
         ("What hangs there", pendula_words),
         *support,
         ("Families of modes", families),
-        *[("The cart's mass from 0 to ∞", limits)] * (not structured),
+        *[("The cart's mass from 0 to ∞", limits)] * (not on_structure),
         ("Exchange of energy between pendula", exchanges),
-        ("Damping by mode" if structured else "Damping by family", damping),
+        ("Damping by mode" if on_structure else "Damping by family", damping),
     ]
-    written = (ReportSection(title, tuple(write(coupling))) for title, write in parts)
-    return tuple(section for section in written if section.sentences)
+    all_sections = (ReportSection(title, tuple(write(coupling))) for title, write in parts)
+    return tuple(section for section in all_sections if section.sentences)
 
 
 def _text(section: ReportSection) -> str:
@@ -145,15 +145,15 @@ def _markdown(title: str, parts: Sequence[str], words: Sequence[ReportSection]) 
 
 def coupling_record(coupling: Coupling) -> dict[str, Any]:
     """The contents of the JSON form; a structure's own modes are s1, s2, … over its `coordinates`."""
-    structured = coupling.scene.is_structured
-    moving = {} if structured else {"cart_modes": [_cart_mode(coupling, mode) for mode in coupling.cart_modes]}
+    on_structure = coupling.scene.is_structured
+    moving = {} if on_structure else {"cart_modes": [_cart_mode(coupling, mode) for mode in coupling.cart_modes]}
     return {
         "scene": describe(coupling.scene),
-        **(_of_structure if structured else _of_cart)(coupling),
-        "families": [_family(coupling, *numbered) for numbered in enumerate(coupling.families)],
+        **(_of_structure if on_structure else _of_cart)(coupling),
+        "families": [_family(coupling, *entry) for entry in enumerate(coupling.families)],
         **moving,
         "pairs": [_pair(coupling, pair) for pair in coupling.pairs],
-        "damping": [_damped(coupling, mode) for mode in coupling.damped],
+        "damping": [_damping_record(coupling, mode) for mode in coupling.damped_modes],
     }
 
 
@@ -189,10 +189,10 @@ def _of_structure(coupling: Coupling) -> dict[str, Any]:
 
 
 def _family(coupling: Coupling, index: int, family: Family) -> dict[str, Any]:
-    structured, held = coupling.scene.is_structured, coupling.on_cart and family.still
+    on_structure, is_unmoved = coupling.scene.is_structured, coupling.on_cart and family.still
     name, members = family_name(index), [_member(coupling, k) for k in family.members]
     share = family.exchange.most if family.exchange else None
-    if not structured:
+    if not on_structure:
         moving = next((branch.omega for branch in family.branches if branch.is_finite), None)
         return {
             "family": name,
@@ -203,7 +203,7 @@ def _family(coupling: Coupling, index: int, family: Family) -> dict[str, Any]:
             "dynamic_mass_of_the_rest_kg": finite(family.rest),
             "coupling_strength": finite(family.strength),
             "cart_mode": None if moving is None else coupling.number(moving),
-            "mode_cart_still": coupling.number(family.omega) if held else None,
+            "mode_cart_still": coupling.number(family.omega) if is_unmoved else None,
             "splitting_rad_per_s": family.splitting,
             "beat_period_s": family.beat,
             "energy_share_of_the_others": share,
@@ -251,16 +251,16 @@ def _pair(coupling: Coupling, pair: EnergyExchange) -> dict[str, Any]:
     size: dict[str, float | None] = {"coupling_strength": pair.strength}
     if coupling.on_cart:
         size = {"dynamic_mass_between_kg": finite(pair.cart_mass)}
-    told = pair.alone or not coupling.on_cart
+    is_pair = pair.alone or not coupling.on_cart
     return {
         "first": _member(coupling, pair.first),
         "second": _member(coupling, pair.second),
         "detuning_rad_per_s": pair.detuning,
         "coupling_rad_per_s": pair.coupling,
         **size,
-        "energy_share": pair.share if told else None,
-        "beat_period_s": finite(pair.period) if told and pair.exchange.beats else None,
-        "energy_left_after_a_beat": pair.exchange.left if told and pair.exchange.beats else None,
+        "energy_share": pair.share if is_pair else None,
+        "beat_period_s": finite(pair.period) if is_pair and pair.exchange.beats else None,
+        "energy_left_after_a_beat": pair.exchange.left if is_pair and pair.exchange.beats else None,
     }
 
 
@@ -275,7 +275,7 @@ def _cart_mode(coupling: Coupling, mode: CartMode) -> dict[str, Any]:
     }
 
 
-def _damped(coupling: Coupling, mode: Damped) -> dict[str, Any]:
+def _damping_record(coupling: Coupling, mode: Damped) -> dict[str, Any]:
     return {
         "mode": coupling.number(mode.omega),
         "omega_rad_per_s": mode.omega,
@@ -289,6 +289,6 @@ def _damped(coupling: Coupling, mode: Damped) -> dict[str, Any]:
         "damping_ratio_first_order": mode.ratio,
         "exact_rate_per_s": None if mode.exact is None else mode.decay,
         "exact_omega_rad_per_s": None if mode.exact is None else abs(mode.exact),
-        "drive_gain_per_kg_m2": mode.fed,
+        "drive_gain_per_kg_m2": mode.excitation,
         "drive_threshold_n_m_s_per_rad": finite(mode.threshold),
     }

@@ -23,13 +23,13 @@ MOST_LETTERS = 40
 
 def verdict(coupling: Coupling, rows: list[FamilyRow]) -> tuple[str, ...]:
     """The sentences, from the table of families."""
-    sentences = [_coupled(coupling)]
+    sentences = [_coupling_words(coupling)]
     if coupling.is_coupled:
         sentences += [*_strength(rows), *_beats(coupling, rows), *_between(coupling)]
     return (*sentences, *_lasting(coupling))
 
 
-def _coupled(coupling: Coupling) -> str:
+def _coupling_words(coupling: Coupling) -> str:
     scene = coupling.scene
     pendula = counted(scene.n_pendula, "pendulum", "pendula")
     if not coupling.is_coupled:
@@ -47,8 +47,8 @@ def _coupled(coupling: Coupling) -> str:
         return f"{capital(cart)} couples {pendula} ({short(hanging)} kg)."
     if scene.n_pendula > 1 and not coupling.joins_pendula:
         return f"Nothing couples the {pendula} with each other: each swings with what it hangs from alone."
-    joined = len(coupling.structure.springs)
-    springs = "a spring" if joined == 1 else f"{joined} springs"
+    n_springs = len(coupling.structure.springs)
+    springs = "a spring" if n_springs == 1 else f"{n_springs} springs"
     parts = [carrier_words(coupling.structure)] * bool(coupling.reduced.d)
     parts += [springs] * bool(coupling.structure.springs)
     single = len(parts) == 1 and parts[0].startswith("a ")
@@ -59,17 +59,17 @@ def _coupled(coupling: Coupling) -> str:
 
 
 def _strength(rows: list[FamilyRow]) -> Iterator[str]:
-    coupled = [row for row in rows if row.strength is not None and row.splitting is not None]
-    if not coupled:
+    coupled_rows = [row for row in rows if row.strength is not None and row.splitting is not None]
+    if not coupled_rows:
         return
-    most = max(coupled, key=lambda row: abs(row.strength or 0.0))
-    size = abs(most.strength or 0.0)
+    strongest = max(coupled_rows, key=lambda row: abs(row.strength or 0.0))
+    size = abs(strongest.strength or 0.0)
     if not isfinite(size):
-        yield f"The coupling is rigid: nothing else resists family {most.family}."
+        yield f"The coupling is rigid: nothing else resists family {strongest.family}."
         return
     kind = "weak" if size <= ROUGH else "moderate" if size <= STRONG else "strong"
-    largest = "at most " if len(coupled) > 1 else ""
-    yield f"The coupling is {kind}: its strength is {largest}{size:.3g} (family {most.family})."
+    largest = "at most " if len(coupled_rows) > 1 else ""
+    yield f"The coupling is {kind}: its strength is {largest}{size:.3g} (family {strongest.family})."
 
 
 def _beats(coupling: Coupling, rows: list[FamilyRow]) -> Iterator[str]:
@@ -79,15 +79,15 @@ def _beats(coupling: Coupling, rows: list[FamilyRow]) -> Iterator[str]:
         yield from _no_beats(coupling)
         return
     row = max(beating, key=lambda row: row.beat or 0.0)
-    most = ""
+    share_words = ""
     if row.share is not None:
-        held = "all" if row.share > 1 - SLIGHT else fraction(row.share)
-        most = f"; halfway, {'the other holds' if row.fold == 2 else 'the others hold'} {held} of the energy"
+        part = "all" if row.share > 1 - SLIGHT else fraction(row.share)
+        share_words = f"; halfway, {'the other holds' if row.fold == 2 else 'the others hold'} {part} of the energy"
         if coupling.scene.has_damping:
             who = "the other never holds" if row.fold == 2 else "the others never hold"
-            most = f"; {who} more than {fraction(row.share)} of the energy"
+            share_words = f"; {who} more than {fraction(row.share)} of the energy"
     slowest = "The slowest beat takes" if len(beating) > 1 else "The beat takes"
-    yield f"{slowest} {row.beat:.4g} s (family {row.family}){most}."
+    yield f"{slowest} {row.beat:.4g} s (family {row.family}){share_words}."
 
 
 def _no_beats(coupling: Coupling) -> Iterator[str]:
@@ -115,17 +115,17 @@ def _between(coupling: Coupling) -> Iterator[str]:
     pair = max(pairs, key=lambda pair: pair.exchange.most)
     names = [member_words(coupling, k) for k in (pair.first, pair.second)]
     who = " and ".join(names) if sum(map(len, names)) <= MOST_LETTERS else "pendula of different kinds"
-    passed, tuned = pair.exchange, abs(pair.detuning) < 2 * abs(pair.coupling)
-    period = f" in {passed.period:.4g} s" if passed.beats else ""
+    transfer, is_in_tune = pair.exchange, abs(pair.detuning) < 2 * abs(pair.coupling)
+    period = f" in {transfer.period:.4g} s" if transfer.beats else ""
     why = (
         ""
-        if tuned and (passed.lossless or passed.most > 0.5)
+        if is_in_tune and (transfer.lossless or transfer.most > 0.5)
         else ": dampers limit it"
-        if tuned
+        if is_in_tune
         else ": detuning limits it"
     )
-    most = f"{'at most' if why else 'up to'} {fraction(passed.most)}"
-    yield f"{capital(who)} exchange {most} of their energy{period}{why}."
+    part = f"{'at most' if why else 'up to'} {fraction(transfer.most)}"
+    yield f"{capital(who)} exchange {part} of their energy{period}{why}."
 
 
 def _is_isolated(coupling: Coupling, pair: EnergyExchange) -> bool:
@@ -142,18 +142,18 @@ def _lasting(coupling: Coupling) -> Iterator[str]:
         yield _driven(coupling)
         return
     if not scene.has_damping:
-        rubbed = scene.has_friction or scene.has_drag
-        else_ = " but friction or drag" if rubbed else ""
-        yield f"Nothing{else_} takes energy: every mode keeps its amplitude{' at small angles' if rubbed else ''}."
+        has_friction = scene.has_friction or scene.has_drag
+        else_ = " but friction or drag" if has_friction else ""
+        yield f"Nothing{else_} takes energy: every mode keeps its amplitude{' at small angles' * has_friction}."
         return
-    modes = coupling.damped
+    modes = coupling.damped_modes
     if not modes:
         return
     last, first = _slowest_and_fastest(modes)
-    spared = [mode for mode in modes if mode.decay <= NEGLIGIBLE * first.decay]
-    if spared:
-        who = capital(_called(coupling, [mode.omega for mode in spared]))
-        yield f"{who} not damped: in the end only {'this swings' if len(spared) == 1 else 'these swing'}."
+    undamped_modes = [mode for mode in modes if mode.decay <= NEGLIGIBLE * first.decay]
+    if undamped_modes:
+        who = capital(_subject(coupling, [mode.omega for mode in undamped_modes]))
+        yield f"{who} not damped: in the end only {'this swings' if len(undamped_modes) == 1 else 'these swing'}."
     else:
         yield f"{capital(_name(coupling, last.omega))} lasts longest: it falls to 1/e in {1 / last.decay:.4g} s."
 
@@ -164,13 +164,13 @@ def _slowest_and_fastest(modes: Sequence[Damped]) -> tuple[Damped, Damped]:
 
 
 def _driven(coupling: Coupling) -> str:
-    growing = [mode.omega for mode in coupling.damped if mode.from_drives > mode.decay]
+    growing = [mode.omega for mode in coupling.damped_modes if mode.from_drives > mode.decay]
     if growing:
         several = len(set(map(coupling.number, growing))) > 1
-        return f"Drives make {_listed(coupling, growing)} grow from rest" + (
+        return f"Drives make {_list_of_modes(coupling, growing)} grow from rest" + (
             "; `sync` tells which of them wins." if several else "; `sync` tells how far."
         )
-    if any(mode.from_drives for mode in coupling.damped):
+    if any(mode.from_drives for mode in coupling.damped_modes):
         return "No mode grows from rest: the drives feed each less than its dampers take."
     return "Kicks sustain the swing, and have no rate at rest; `sync` tells which mode wins."
 
@@ -180,7 +180,7 @@ def _name(coupling: Coupling, omega: float) -> str:
     return f"the mode at {short(omega)} rad/s" if number is None else f"mode {number}"
 
 
-def _listed(coupling: Coupling, omegas: list[float]) -> str:
+def _list_of_modes(coupling: Coupling, omegas: list[float]) -> str:
     """Modes 3 and 4; of many how many they are."""
     numbers = sorted({number for omega in omegas if (number := coupling.number(omega)) is not None})
     if not numbers or len(numbers) > MOST_NUMBERS:
@@ -188,8 +188,8 @@ def _listed(coupling: Coupling, omegas: list[float]) -> str:
     return f"mode{'s' if len(numbers) > 1 else ''} {listed(list(map(str, numbers)), len(numbers))}"
 
 
-def _called(coupling: Coupling, omegas: list[float]) -> str:
-    words = _listed(coupling, omegas)
+def _subject(coupling: Coupling, omegas: list[float]) -> str:
+    words = _list_of_modes(coupling, omegas)
     return f"{words} {'are' if words.startswith('modes') or words.endswith(' modes') else 'is'}"
 
 
@@ -204,11 +204,13 @@ def damping(coupling: Coupling) -> Iterator[str]:
     """Sentences about every mode, about the survivors, and about a drive."""
     yield from map(capital, stop_words(coupling.scene, LET_GO_DEG)[:MOST_DAMPED])
     if not (coupling.scene.has_damping or coupling.scene.is_driven):
-        rubbed = coupling.scene.has_friction or coupling.scene.has_drag
-        kept = "in the linear scene every mode keeps its amplitude" if rubbed else "every mode keeps its amplitude"
-        yield f"Nothing {'else ' if rubbed else ''}dissipates energy [D = 0]: {kept}."
+        has_friction = coupling.scene.has_friction or coupling.scene.has_drag
+        statement = (
+            "in the linear scene every mode keeps its amplitude" if has_friction else "every mode keeps its amplitude"
+        )
+        yield f"Nothing {'else ' if has_friction else ''}dissipates energy [D = 0]: {statement}."
         return
-    modes = coupling.damped
+    modes = coupling.damped_modes
     yield from (_mode(coupling, mode) for mode in modes[:MOST_DAMPED] if coupling.scene.has_damping)
     if len(modes) > MOST_DAMPED:
         yield f"{len(modes) - MOST_DAMPED} more modes are in the JSON form."
@@ -224,7 +226,7 @@ def damping(coupling: Coupling) -> Iterator[str]:
     yield from _drive(coupling, modes)
 
 
-def _named(coupling: Coupling, mode: Damped) -> str:
+def _mode_name(coupling: Coupling, mode: Damped) -> str:
     """A mode by its frequency and the moving parts."""
     whose = f", {mode.kind}" if mode.kind else ""
     number = coupling.number(mode.omega)
@@ -239,7 +241,7 @@ def _mode(coupling: Coupling, mode: Damped) -> str:
     if coupling.scene.is_structured:
         carrier = "the dampers of the structure and its springs [ηᵀD_sη/2φᵀMφ]"
     first = (
-        f"{capital(_named(coupling, mode))}: damping ratio {short(mode.ratio)} [σ/ω], rate {short(mode.rate)} 1/s "
+        f"{capital(_mode_name(coupling, mode))}: damping ratio {short(mode.ratio)} [σ/ω], rate {short(mode.rate)} 1/s "
         f"[σ = φᵀDφ/2φᵀMφ], {short(mode.from_cart)} of it from {carrier} and "
         f"{short(mode.from_joints)} from the joints [Σ d_i(θ_i − θ_i−1)²/2φᵀMφ]"
         + (f", {short(mode.from_drag)} from drag [Σ drag_k(h_kᵀφ)²/2φᵀMφ]" if mode.from_drag else "")
@@ -258,46 +260,47 @@ def _is_first_order(mode: Damped) -> bool:
 
 def _survivors(coupling: Coupling, modes: tuple[Damped, ...]) -> Iterator[str]:
     last, first = _slowest_and_fastest(modes)
-    most = NEGLIGIBLE * max(mode.rate for mode in modes)
-    spared = [mode for mode in modes if mode.decay <= NEGLIGIBLE * first.decay and mode.rate <= most]
-    if spared:
-        each = "; ".join(_named(coupling, mode) for mode in spared[:MOST_DAMPED])
-        rest = f"; and {len(spared) - MOST_DAMPED} more" if len(spared) > MOST_DAMPED else ""
-        yield f"Not damped at all [σ = 0]: {each}{rest}. In the end only these swing."
-        if first.from_cart and all(mode.still for mode in spared):
+    rate_limit = NEGLIGIBLE * max(mode.rate for mode in modes)
+    undamped_modes = [mode for mode in modes if mode.decay <= NEGLIGIBLE * first.decay and mode.rate <= rate_limit]
+    if undamped_modes:
+        names = "; ".join(_mode_name(coupling, mode) for mode in undamped_modes[:MOST_DAMPED])
+        rest = f"; and {len(undamped_modes) - MOST_DAMPED} more" if len(undamped_modes) > MOST_DAMPED else ""
+        yield f"Not damped at all [σ = 0]: {names}{rest}. In the end only these swing."
+        if first.from_cart and all(mode.still for mode in undamped_modes):
             yield f"What leaves the {coupling.noun} still survives a damper on it: antiphase, as Huygens saw."
     elif last.decay <= 0:
         yield (
-            f"The slowest to decay is {_named(coupling, last)}: its rate is beyond double precision beside that of "
-            f"{_named(coupling, first)}."
+            f"The slowest to decay is {_mode_name(coupling, last)}: its rate is beyond double precision beside that of "
+            f"{_mode_name(coupling, first)}."
         )
     elif last.decay < first.decay:
         formula = "1/σ" if last.exact is None else "−1/Re λ"
         yield (
-            f"The slowest to decay is {_named(coupling, last)}: it falls to 1/e in {short(1 / last.decay)} s "
-            f"[{formula}], {short(first.decay / last.decay)} times as long as the fastest, {_named(coupling, first)}."
+            f"The slowest to decay is {_mode_name(coupling, last)}: it falls to 1/e in {short(1 / last.decay)} s "
+            f"[{formula}], {short(first.decay / last.decay)} times as long as the fastest, "
+            f"{_mode_name(coupling, first)}."
         )
 
 
 def _own_drives(coupling: Coupling, modes: tuple[Damped, ...]) -> Iterator[str]:
     """The effect of the scene's van der Pol torques; the kicks of escapements have no rate at equilibrium."""
-    fed = [mode for mode in modes if mode.from_drives]
-    for mode in fed[:MOST_DAMPED]:
+    driven_modes = [mode for mode in modes if mode.from_drives]
+    for mode in driven_modes[:MOST_DAMPED]:
         net = mode.from_drives - mode.decay
         fate = "it grows from rest" if net > 0 else "it dies out nevertheless"
         feed = "[Σ e_i(θ_i − θ_i−1)²/2φᵀMφ]"
-        words = f"The drives feed {_named(coupling, mode)} with {short(mode.from_drives)} 1/s {feed}"
+        words = f"The drives feed {_mode_name(coupling, mode)} with {short(mode.from_drives)} 1/s {feed}"
         yield f"{words}: {fate}, net {short(net)} 1/s."
     yield "Linear modes cannot tell which mode wins at large angles; `sync` can."
 
 
 def _drive(coupling: Coupling, modes: tuple[Damped, ...]) -> Iterator[str]:
-    reached = [mode for mode in modes if isfinite(mode.threshold)]
-    if not reached or not all(map(_is_first_order, modes)):
+    excitable_modes = [mode for mode in modes if isfinite(mode.threshold)]
+    if not excitable_modes or not all(map(_is_first_order, modes)):
         return
-    first = min(reached, key=lambda mode: mode.threshold)
+    first = min(excitable_modes, key=lambda mode: mode.threshold)
     yield (
-        f"A drive that gives every pendulum the torque e θ_1' at its pivot starts {_named(coupling, first)} first, "
-        f"from e = {first.threshold:.4g} N m s/rad on [σ/F, F = Σθ_1²/2φᵀMφ = {short(first.fed)} 1/(kg m²)]. Linear "
-        "modes cannot tell which one wins at large angles."
+        f"A drive that gives every pendulum the torque e θ_1' at its pivot starts {_mode_name(coupling, first)} first, "
+        f"from e = {first.threshold:.4g} N m s/rad on [σ/F, F = Σθ_1²/2φᵀMφ = {short(first.excitation)} 1/(kg m²)]. "
+        "Linear modes cannot tell which one wins at large angles."
     )

@@ -30,7 +30,7 @@ NOUNS = {
 }
 
 
-def most_listed(coupling: Coupling) -> int:
+def list_limit(coupling: Coupling) -> int:
     """How many entries of each kind are listed, fewer where there are many."""
     return MOST_LISTED if len(coupling.fixed_base.omega) <= MOST_MODES else FEW
 
@@ -60,12 +60,12 @@ def carrier_words(structure: Structure) -> str:
     for carrier in structure.carriers:
         if carrier.size:
             by_kind.setdefault(carrier.kind, []).append(carrier.name)
-    each = [
+    phrases = [
         (f"a {_nouns(kind)[0]}" if len(names) == 1 else f"{len(names)} {_nouns(kind)[1]}")
         + ("" if names == [kind] else f" ({listed(names[:MOST_LISTED], len(names))})")
         for kind, names in by_kind.items()
     ]
-    return listed(each, len(each))
+    return listed(phrases, len(phrases))
 
 
 def _nouns(kind: str) -> tuple[str, str]:
@@ -91,15 +91,15 @@ def pendula_words(coupling: Coupling) -> Iterator[str]:
         if scene.n_pendula == 1:
             yield "One pendulum has no partner: the cart only shifts its frequencies."
         if dynamic.spring:
-            alone = (dynamic.spring / dynamic.at_rest) ** 0.5
+            rail_omega = (dynamic.spring / dynamic.at_rest) ** 0.5
             yield (
                 f"A spring of {short(dynamic.spring)} N/m holds the cart: with stiff pendula it would swing at "
-                f"{rad(alone)} [√(k_c/M)]."
+                f"{rad(rail_omega)} [√(k_c/M)]."
             )
     elif structure.size:
-        named = [*structure.names[:MOST_LISTED], *["…"] * (structure.size > MOST_LISTED)]
+        names = [*structure.names[:MOST_LISTED], *["…"] * (structure.size > MOST_LISTED)]
         size = counted(structure.size, "coordinate", "coordinates")
-        yield f"{what} from {carrier_words(structure)}: {size} [{', '.join(named)}]."
+        yield f"{what} from {carrier_words(structure)}: {size} [{', '.join(names)}]."
     elif structure.springs:
         yield f"{what} from a support that does not move: only springs between them couple them."
     elif scene.is_moved and not scene.is_structured:
@@ -112,8 +112,8 @@ def pendula_words(coupling: Coupling) -> Iterator[str]:
     if count := len(structure.springs):
         to_links = len(coupling.reduced.hanging.tied)
         acts = "acts" if count == 1 else "act"
-        joined = f" and {acts} on {counted(to_links, 'pendulum', 'pendula')}" if to_links else ""
-        yield f"{counted(count, 'spring joins', 'springs join')} points of the scene{joined}."
+        end_words = f" and {acts} on {counted(to_links, 'pendulum', 'pendula')}" if to_links else ""
+        yield f"{counted(count, 'spring joins', 'springs join')} points of the scene{end_words}."
     if scene.is_moved and scene.is_structured:
         yield "The ground moves as prescribed: all of this is about the ground at rest."
     if coupling.rig.spatial:
@@ -140,11 +140,11 @@ def push_words(coupling: Coupling) -> Iterator[str]:
             f"Were the support free to move, the pendula would add {short(dynamic.at_rest)} kg to its mass in a "
             f"slow push [Σ m], {short(dynamic.residual)} kg in a fast one [m_res], and at ω {sum_of_poles}."
         )
-    most = most_listed(coupling)
-    poles = listed([rad(omega) for omega in dynamic.omega[:most]], len(dynamic.omega))
+    limit = list_limit(coupling)
+    poles = listed([rad(omega) for omega in dynamic.omega[:limit]], len(dynamic.omega))
     yield f"Its poles, where the pendula hold a support still however it is pushed: {poles} [K φ = ω² A φ]."
     if coupling.cart_modes:
-        moving = [f"{rad(mode.omega)}{number_words(coupling, mode.omega)}" for mode in coupling.cart_modes[:most]]
+        moving = [f"{rad(mode.omega)}{number_words(coupling, mode.omega)}" for mode in coupling.cart_modes[:limit]]
         zeros = listed(moving, len(coupling.cart_modes))
         yield f"Its zeros, where the cart swings by itself: {zeros} [m_dyn(ω) = 0]."
     elif on_cart:
@@ -184,11 +184,11 @@ def own_mode_words(coupling: Coupling) -> Iterator[str]:
 
 def families(coupling: Coupling) -> Iterator[str]:
     """Sentences about each family."""
-    every, most = coupling.families, most_listed(coupling)
-    for index, family in enumerate(every[:most]):
+    all_families, limit = coupling.families, list_limit(coupling)
+    for index, family in enumerate(all_families[:limit]):
         yield _family(coupling, family_name(index), family)
-    if len(every) > most:
-        yield f"{len(every) - most} more families, up to {rad(every[-1].omega)}, are {ELSEWHERE}."
+    if len(all_families) > limit:
+        yield f"{len(all_families) - limit} more families, up to {rad(all_families[-1].omega)}, are {ELSEWHERE}."
 
 
 def _family(coupling: Coupling, r: str, family: Family) -> str:
@@ -196,25 +196,25 @@ def _family(coupling: Coupling, r: str, family: Family) -> str:
     number = "" if coupling.is_coupled else number_words(coupling, family.omega)
     mass = f"{short(family.mass)} kg [μ_{r} = Σ (φᵀb)²/(φᵀAφ)]"
     if coupling.scene.is_structured and len(family.masses):
-        pushed = np.flatnonzero(family.masses > NEGLIGIBLE * family.masses.max()).tolist()
-        each = [f"{short(float(family.masses[s]))} kg along s{s + 1}" for s in pushed[:MOST_LISTED]]
-        mass = f"{listed(each, len(pushed))} [μ = Σ N(φᵀb Φu)²/φᵀAφ]" if pushed else mass
+        directions = np.flatnonzero(family.masses > NEGLIGIBLE * family.masses.max()).tolist()
+        phrases = [f"{short(float(family.masses[s]))} kg along s{s + 1}" for s in directions[:MOST_LISTED]]
+        mass = f"{listed(phrases, len(directions))} [μ = Σ N(φᵀb Φu)²/φᵀAφ]" if directions else mass
     head = f"Family {r}, ω_{r} = {rad(family.omega)}{number} [K φ = ω² A φ]: {who}, of modal effective mass {mass}."
     if not coupling.is_coupled:
         return head
     words = [head]
     if family.still:
-        many = counted(family.still, "combination stays", "combinations stay")
+        still_words = counted(family.still, "combination stays", "combinations stay")
         moves = "moves" if family.still == 1 else "move"
         rest = "with the cart still, in antiphase" if coupling.on_cart else f"and {moves} nothing else"
         end = ";" if family.branches else "."
-        words.append(f"{many} at ω_{r} {rest}{number_words(coupling, family.omega)} [Σ φᵀb = 0]{end}")
+        words.append(f"{still_words} at ω_{r} {rest}{number_words(coupling, family.omega)} [Σ φᵀb = 0]{end}")
     for branch in family.branches[:MOST_LISTED]:
-        words += [*_moved(coupling, r, family, branch), *_strength(coupling, r, family, branch)]
+        words += [*_motion_sentences(coupling, r, family, branch), *_strength(coupling, r, family, branch)]
     return " ".join((*words, *_beats(coupling, family)))
 
 
-def _moved(coupling: Coupling, r: str, family: Family, branch: FamilyBranch) -> Iterator[str]:
+def _motion_sentences(coupling: Coupling, r: str, family: Family, branch: FamilyBranch) -> Iterator[str]:
     """How a mode of a family moves, and where it is."""
     several = family.still > 0
     if not branch.is_finite:
@@ -223,8 +223,8 @@ def _moved(coupling: Coupling, r: str, family: Family, branch: FamilyBranch) -> 
     bare = " without dampers" if coupling.scene.has_damping else ""
     how, formula = f"{'one moves' if several else 'It moves'} the cart,", "[m_dyn(ω) = 0]"
     if not coupling.on_cart:
-        told = [coupling.moved(branch), _pattern(family, branch)]
-        how, formula = ", ".join(filter(None, told)) or "one", "[det S = 0]"
+        phrases = [coupling.motion_words(branch), _pattern(family, branch)]
+        how, formula = ", ".join(filter(None, phrases)) or "one", "[det S = 0]"
         how = how if several and branch is family.branches[0] else capital(how)
     yield (
         f"{how} at {rad(branch.omega)}{number_words(coupling, branch.omega)} {formula}, "
@@ -268,8 +268,8 @@ def _beats(coupling: Coupling, family: Family) -> Iterator[str]:
     moving = [branch for branch in family.branches if branch.is_finite]
     if family.fold == 1 or not moving:
         return
-    passed, n = family.exchange, family.fold
-    if passed is None:
+    exchange, n = family.exchange, family.fold
+    if exchange is None:
         yield (
             "Dampers drain some of its pendula faster than others: what two of them exchange is said below."
             if family.is_first_order
@@ -277,8 +277,8 @@ def _beats(coupling: Coupling, family: Family) -> Iterator[str]:
         )
         return
     guide = max((_guide(family, branch) for branch in moving), key=len)
-    if not passed.lossless:
-        yield from _damped_beats(coupling, family, passed, guide)
+    if not exchange.lossless:
+        yield from _damped_beats(coupling, family, exchange, guide)
         return
     if len(moving) > 1 or not family.still:
         if family.beats:
@@ -287,31 +287,31 @@ def _beats(coupling: Coupling, family: Family) -> Iterator[str]:
         return
     share = ""
     if len(family.members) == 1:
-        held = "all of it" if n == 2 else percent(4 * (n - 1) / n**2)
-        share = f"; halfway, the others hold {held} [4(N − 1)/N², N = {n}]"
+        part = "all of it" if n == 2 else percent(4 * (n - 1) / n**2)
+        share = f"; halfway, the others hold {part} [4(N − 1)/N², N = {n}]"
     yield (
-        f"One pendulum set swinging alone in this mode recovers its energy after {short(passed.period)} s [2π/|Δω|]"
+        f"One pendulum set swinging alone in this mode recovers its energy after {short(exchange.period)} s [2π/|Δω|]"
         f"{share}. A run shorter than half of that shows only part of the exchange{guide}."
     )
 
 
-def _damped_beats(coupling: Coupling, family: Family, passed: Transfer, guide: str) -> Iterator[str]:
+def _damped_beats(coupling: Coupling, family: Family, exchange: Transfer, guide: str) -> Iterator[str]:
     """The effect of dampers on beats."""
     sigma = float(coupling.fixed_base.rate[family.members[0]])
     if sigma >= family.omega:
         yield "Joint dampers make its pendula overdamped [σ ≥ ω]: there are no beats."
         return
     aside = ", its drives aside," if coupling.scene.is_driven else ""
-    most = f"the others never hold more than {fraction(passed.most)} of the energy given"
-    if not passed.beats:
+    limit_words = f"the others never hold more than {fraction(exchange.most)} of the energy given"
+    if not exchange.beats:
         yield (
             f"There are no beats: the motion of the {coupling.noun} decays before it has run out of phase with the "
-            f"rest [−Re Δλ > Im Δλ]. Of one pendulum set swinging alone{aside}, {most}{guide}."
+            f"rest [−Re Δλ > Im Δλ]. Of one pendulum set swinging alone{aside}, {limit_words}{guide}."
         )
         return
     yield (
-        f"One pendulum set swinging alone in this mode{aside} recovers {fraction(passed.left)} of its energy after a "
-        f"beat of {short(passed.period)} s [2π/Im Δλ]: dampers take the rest, and {most}{guide}."
+        f"One pendulum set swinging alone in this mode{aside} recovers {fraction(exchange.left)} of its energy after a "
+        f"beat of {short(exchange.period)} s [2π/Im Δλ]: dampers take the rest, and {limit_words}{guide}."
     )
 
 
@@ -320,15 +320,15 @@ def limits(coupling: Coupling) -> Iterator[str]:
     if not coupling.on_cart:
         yield "A fixed support is the limit of an immense cart: the poles above are its frequencies [m_c → ∞]."
         return
-    modes, most = coupling.cart_modes, most_listed(coupling)
-    busiest = sorted(range(len(modes)), key=lambda number: -modes[number].participation)[:most]
+    modes, limit = coupling.cart_modes, list_limit(coupling)
+    busiest = sorted(range(len(modes)), key=lambda number: -modes[number].participation)[:limit]
     yield from (_limit(coupling, modes[number]) for number in sorted(busiest))
-    if len(modes) > most:
-        yield f"The {len(modes) - most} other modes that move the cart, all of them less, are {ELSEWHERE}."
+    if len(modes) > limit:
+        yield f"The {len(modes) - limit} other modes that move the cart, all of them less, are {ELSEWHERE}."
     if any(family.fold > 1 for family in coupling.families):
         yield "The modes that leave the cart still do not feel its mass at all [ω = ω_r for every m_c]."
-    held = ", one to 0 with the cart's spring" if coupling.dynamic.spring else ""
-    yield f"As m_c → ∞ every coupling strength goes to 0 [ε_r = μ_r/m_r] and every mode to its pole{held}."
+    spring_words = ", one to 0 with the cart's spring" if coupling.dynamic.spring else ""
+    yield f"As m_c → ∞ every coupling strength goes to 0 [ε_r = μ_r/m_r] and every mode to its pole{spring_words}."
 
 
 def _limit(coupling: Coupling, mode: CartMode) -> str:
@@ -351,16 +351,16 @@ def exchanges(coupling: Coupling) -> Iterator[str]:
     if len(coupling.names) == 1 or not coupling.is_coupled:
         return
     if len(coupling.fixed_base.omega) > MOST_MODES:
-        yield from _many(coupling)
+        yield from _spread_sentences(coupling)
         return
-    told = [pair for pair in coupling.pairs if coupling.on_cart or pair.coupling or pair.share > SLIGHT]
-    yield from (_pair(coupling, pair) for pair in told[:MOST_LISTED])
+    pairs = [pair for pair in coupling.pairs if coupling.on_cart or pair.coupling or pair.share > SLIGHT]
+    yield from (_pair(coupling, pair) for pair in pairs[:MOST_LISTED])
     if not coupling.pairs:
         yield (
             "Only the inertia of the pendula opposes them [m = 0]: they move together and exchange no energy in beats."
         )
-    elif (more := len(told) - MOST_LISTED) > 0:
-        yield f"{more} more pairs are {ELSEWHERE}."
+    elif (remainder := len(pairs) - MOST_LISTED) > 0:
+        yield f"{remainder} more pairs are {ELSEWHERE}."
 
 
 def _pair(coupling: Coupling, pair: EnergyExchange) -> str:
@@ -378,11 +378,11 @@ def _pair(coupling: Coupling, pair: EnergyExchange) -> str:
             f"{capital(a)} and {b} are not alone: other modes, or the cart's spring, make the dynamic mass m of all "
             "else change between their frequencies [m(ω_a) ≠ m(ω_b)]; their energy goes where the modes above carry it."
         )
-    overdamped = [
+    overdamped_pendula = [
         capital(member_words(coupling, k)) for k in (pair.first, pair.second) if modes.rate[k] >= modes.omega[k]
     ]
-    if overdamped:
-        return f"{listed(overdamped, len(overdamped))}: overdamped by its joints [σ ≥ ω], no beats."
+    if overdamped_pendula:
+        return f"{listed(overdamped_pendula, len(overdamped_pendula))}: overdamped by its joints [σ ≥ ω], no beats."
     copies = int(max(modes.count[[pair.first, pair.second]]))
     alike = ", all copies moving alike" if copies > 1 and not on_cart else ""
     delta = "δ = ω_a + F_aa/2ω_a − ω_b − F_bb/2ω_b" if not on_cart else "δ = ω_a(1 + μ_a/2m) − ω_b(1 + μ_b/2m)"
@@ -390,45 +390,46 @@ def _pair(coupling: Coupling, pair: EnergyExchange) -> str:
     others = "" if pair.alone else "; others of the same frequency take part"
     return (
         f"{capital(a)} and {b}{alike}: detuning {short(abs(pair.detuning))} rad/s [|δ|, {delta}] against coupling "
-        f"{short(abs(pair.coupling))} rad/s [{g}]: {_passed(pair)}{others}{GUIDE if pair.strength > ROUGH else ''}."
+        f"{short(abs(pair.coupling))} rad/s [{g}]: {_exchange_words(pair)}{others}"
+        f"{GUIDE if pair.strength > ROUGH else ''}."
     )
 
 
-def _passed(pair: EnergyExchange) -> str:
+def _exchange_words(pair: EnergyExchange) -> str:
     """Whether they exchange energy, how much, and how much comes back."""
-    passed, tuned = pair.exchange, abs(pair.detuning) < 2 * abs(pair.coupling)
-    if passed.lossless:
+    transfer, is_in_tune = pair.exchange, abs(pair.detuning) < 2 * abs(pair.coupling)
+    if transfer.lossless:
         return (
-            f"{'they exchange energy' if tuned else 'detuning suppresses the exchange'}. One passes at most "
+            f"{'they exchange energy' if is_in_tune else 'detuning suppresses the exchange'}. One passes at most "
             f"{percent(pair.share)} of its energy to the other [4g²/(4g² + δ²)] in beats of {short(pair.period)} s "
             "[2π/√(4g² + δ²)]"
         )
     verdict = (
         ("they exchange energy" if pair.share > HALF else "damping suppresses the exchange")
-        if tuned
+        if is_in_tune
         else "detuning suppresses the exchange"
     )
     back = (
         f"after a beat of {short(pair.period)} s [π/Re Ω, Ω² = g² + δ²/4 with the dampers] at most "
-        f"{fraction(passed.left)} is back"
-        if passed.beats
+        f"{fraction(transfer.left)} is back"
+        if transfer.beats
         else "nothing comes back in beats [Im Ω > Re Ω, Ω² = g² + δ²/4 with the dampers]"
     )
-    most = fraction(pair.share)
-    return f"{verdict}. With the dampers the other never holds more than {most} of one's energy, and {back}"
+    part = fraction(pair.share)
+    return f"{verdict}. With the dampers the other never holds more than {part} of one's energy, and {back}"
 
 
 def collective_words(coupling: Coupling) -> str:
     """One sentence on many different pendula that swing alike; empty where pairs are listed."""
     if len(coupling.fixed_base.omega) <= MOST_MODES or not coupling.on_cart:
         return ""
-    _, spread, shift, _ = _together(coupling)
+    _, spread, shift, _ = _collective_shift(coupling)
     if abs(shift) > spread:
         return "The cart shifts them together by more than they differ: one mode stands out."
     return "They differ by more than the cart shifts them: only neighbours in frequency exchange."
 
 
-def _together(coupling: Coupling) -> tuple[float, float, float, float]:
+def _collective_shift(coupling: Coupling) -> tuple[float, float, float, float]:
     """Of first modes their median and their spread, their shift (rad/s) if they swing alike, and m (kg) of the rest."""
     modes, dynamic = coupling.fixed_base, coupling.dynamic
     first = modes.number == 1
@@ -439,14 +440,14 @@ def _together(coupling: Coupling) -> tuple[float, float, float, float]:
     return middle, spread, middle * mass / (2 * rest) if rest else float("inf"), rest
 
 
-def _many(coupling: Coupling) -> Iterator[str]:
+def _spread_sentences(coupling: Coupling) -> Iterator[str]:
     """The first modes of many different pendula: their spread against their collective coupling."""
     modes = coupling.fixed_base
     head = f"{len(modes.omega)} modes of {len(coupling.names)} kinds are too many to list in pairs."
     if not coupling.on_cart:
         yield head
         return
-    middle, spread, shift, rest = _together(coupling)
+    middle, spread, shift, rest = _collective_shift(coupling)
     count = int(np.sum(modes.number == 1))
     yield (
         f"{head} Their first modes "

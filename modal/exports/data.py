@@ -24,7 +24,7 @@ from modal.scene.sealed import (
     reading,
     require_keys,
     sealed_text,
-    unpacked,
+    unpack,
     verify_sealed_text,
 )
 from modal.statespace import Signal, StateSpace, to_modal_form
@@ -125,7 +125,7 @@ def _labels(model: StateSpace | VaryingModel) -> tuple[dict[str, Any], dict[str,
 def read_npz(source: Source) -> StateSpace:
     """The model that was written, from the bytes of the file or its path; SceneError for any other content."""
     with reading(source, "model"):
-        data = unpacked(content(source), NAMES)
+        data = unpack(content(source), NAMES)
         resting = zip(data["operating_names"].tolist(), data["operating_values"].tolist(), strict=True)
         return assemble(data, {kind: data[kind].tolist() for kind in KINDS}, list(resting))
 

@@ -8,7 +8,7 @@ from typing import Any
 from matplotlib.axes import Axes
 from matplotlib.patches import Polygon
 
-from modal.plotting.style import COMPUTED, MARKED, ink, mixed, muted, paper
+from modal.plotting.style import COMPUTED, MARKED, ink, mixture, paper, secondary_colour
 from modal.structure import STILL, Piece
 
 WIDTHS = {"body": 1.3, "line": 1.6, "spring": 1.0, "dot": 1.2, "ground": 1.8, "hatch": 0.8, "guide": 0.9}
@@ -23,17 +23,17 @@ def draw_pieces(axis: Axes, pieces: Iterable[Piece], look: dict[str, Any], *, re
         points = piece.points[0]
         if piece.role in STILL:
             if rests:
-                hue = ink() if piece.role == "ground" else muted()
+                hue = ink() if piece.role == "ground" else secondary_colour()
                 line = MARKED if piece.role == "guide" else COMPUTED
-                closed = [*points, points[0]] if piece.is_outline else points
-                x, y = zip(*closed, strict=True)
+                outline = [*points, points[0]] if piece.is_outline else points
+                x, y = zip(*outline, strict=True)
                 axis.plot(
                     x, y, ls=line, color=hue, lw=WIDTHS[piece.role], gid=look.get("gid"), zorder=ORDER[piece.role]
                 )
         elif piece.role == "dot":
             axis.plot(*points.T, "o", ms=4.0, **look | {"color": paper()}, mec=look["color"], mew=1.2, zorder=1.8)
         elif piece.is_outline:
-            face = mixed(look["color"], FILL) if rests else "none"
+            face = mixture(look["color"], FILL) if rests else "none"
             style = {"fc": face, "ec": look["color"], "lw": WIDTHS["body"], "joinstyle": "round"}
             axis.add_patch(Polygon(points, closed=True, gid=look.get("gid"), zorder=ORDER["body"], **style))
         else:

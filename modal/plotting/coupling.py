@@ -13,8 +13,8 @@ from matplotlib.gridspec import GridSpec
 from matplotlib.lines import Line2D
 
 from modal.coupling import Coupling, Family, family_name
-from modal.plotting.layout import SMALL, headline, key, shortened
-from modal.plotting.style import MARKED, QUIET, WIDE, colour, ink, mixed, muted, paper, save, sheet
+from modal.plotting.layout import SMALL, headline, key, shorten
+from modal.plotting.style import MARKED, QUIET, WIDE, colour, ink, mixture, paper, save, secondary_colour, sheet
 from modal.scene import title_of
 from modal.types import Floats
 
@@ -50,11 +50,16 @@ def coupling_figure(coupling: Coupling) -> Figure:
     if coupling.scene.is_structured:
         figure = _of_structure(coupling)
     else:
-        close = close_families(coupling)
-        figure = sheet(WIDE, 10.5 if close else 7.6)
-        rows = GridSpec(3 if close else 2, max(1, len(close)), figure, height_ratios=(3, 2.1, 3) if close else (1, 1))
+        families = close_families(coupling)
+        figure = sheet(WIDE, 10.5 if families else 7.6)
+        rows = GridSpec(
+            3 if families else 2,
+            max(1, len(families)),
+            figure,
+            height_ratios=(3, 2.1, 3) if families else (1, 1),
+        )
         draw_mass(figure.add_subplot(rows[0, :]), coupling)
-        for column, number in enumerate(close):
+        for column, number in enumerate(families):
             draw_close(figure.add_subplot(rows[1, column]), coupling, number)
         draw_limits(figure.add_subplot(rows[-1, :]), coupling)
     _finish(figure, coupling)
@@ -80,7 +85,7 @@ def _finish(figure: Figure, coupling: Coupling) -> None:
         "dynamic mass": Line2D([], [], color=curve()),
         "poles: the cart stands still": Line2D([], [], color=pole(), ls=MARKED, lw=1.4),
         "zeros: the cart moves": Line2D([], [], color=zero(), marker="o", mec=paper()),
-        "mass for a fast push": Line2D([], [], color=muted(), ls=MARKED, lw=0.9),
+        "mass for a fast push": Line2D([], [], color=secondary_colour(), ls=MARKED, lw=0.9),
     }
     what = "dynamic mass for a force on the cart" if coupling.on_cart else "dynamic mass for a cart here"
     if coupling.scene.is_structured:
@@ -89,8 +94,8 @@ def _finish(figure: Figure, coupling: Coupling) -> None:
             **dict(zip(words, entries.values(), strict=False)),
             "the structure alone, pendula stiff": Line2D([], [], color=colour(1), ls=MARKED, lw=1.4),
         }
-        shown = f", the lowest {MOST_PANELS} of {d}" if d > MOST_PANELS else ""
-        what = f"mass felt by a push along the structure's own modes{shown}, and all levels"
+        limit_note = f", the lowest {MOST_PANELS} of {d}" if d > MOST_PANELS else ""
+        what = f"mass felt by a push along the structure's own modes{limit_note}, and all levels"
         if not d:
             what, entries = "levels of pendula alone and together", {name: entries[name] for name in words[1:]}
     elif not coupling.on_cart:
@@ -134,8 +139,8 @@ def _marks(coupling: Coupling, s: int) -> tuple[Floats, Floats]:
     poles = _poles(coupling)
     if not coupling.scene.is_structured:
         return np.concatenate([poles, _zeros(coupling, s)]), poles
-    every = np.concatenate([coupling.omega, poles, [mode.omega for mode in coupling.modes]])
-    return every[every > 0], poles
+    frequencies = np.concatenate([coupling.omega, poles, [mode.omega for mode in coupling.modes]])
+    return frequencies[frequencies > 0], poles
 
 
 def _poles(coupling: Coupling) -> Floats:
@@ -146,69 +151,71 @@ def _poles(coupling: Coupling) -> Floats:
 def _zeros(coupling: Coupling, s: int) -> Floats:
     """The frequencies of modes that move own mode s of what carries pendula, of several by LEAST of their energy."""
     branches = [(branch.omega, branch.motion) for family in coupling.families for branch in family.branches]
-    every = [(w, motion) for w, motion in (*branches, *coupling.structure_modes) if 0 < w < inf]
+    moving_modes = [(w, motion) for w, motion in (*branches, *coupling.structure_modes) if 0 < w < inf]
     if len(coupling.modes) > 1:
-        every = [(w, motion) for w, motion in every if coupling.modes[s].mass * motion[s] ** 2 > LEAST]
-    return np.sort([w for w, _ in every])
+        moving_modes = [(w, motion) for w, motion in moving_modes if coupling.modes[s].mass * motion[s] ** 2 > LEAST]
+    return np.sort([w for w, _ in moving_modes])
 
 
-def crowded(coupling: Coupling) -> bool:
+def is_crowded(coupling: Coupling) -> bool:
     """Whether poles are too close to be drawn one by one: more than MANY, or a band without room for their lines."""
     poles = _poles(coupling)
-    low, high, wide = span(*_marks(coupling, 0))
-    share = np.ptp(np.log(poles)) / np.log(high / low) if wide else np.ptp(poles) / (high - low)
+    low, high, is_logarithmic = span(*_marks(coupling, 0))
+    share = np.ptp(np.log(poles)) / np.log(high / low) if is_logarithmic else np.ptp(poles) / (high - low)
     return len(poles) > MANY or (len(poles) > 4 and bool(share < CLOSEST * len(poles)))
 
 
 def draw_mass(axis: Axes, coupling: Coupling, s: int = 0) -> None:
     """m_dyn over ω, its poles above and its zeros on the line m_dyn = 0; of a structure that along its own mode s."""
-    structured, poles, zeros = coupling.scene.is_structured, np.unique(_poles(coupling)), _zeros(coupling, s)
-    whole = coupling.modes[s].mass if structured else coupling.dynamic.at_rest
-    low, high, wide = span(*_marks(coupling, s))
-    if not (wide or structured) and coupling.dynamic(low)[0] > TOP * whole:
+    is_structured, poles, zeros = coupling.scene.is_structured, np.unique(_poles(coupling)), _zeros(coupling, s)
+    mass_at_rest = coupling.modes[s].mass if is_structured else coupling.dynamic.at_rest
+    low, high, is_logarithmic = span(*_marks(coupling, s))
+    if not (is_logarithmic or is_structured) and coupling.dynamic(low)[0] > TOP * mass_at_rest:
         low, high = 0.0, 1.5 * high
-    axis.set(xlim=(low, high), ylim=(-1.2 * whole, TOP * whole), xscale="log" if wide else "linear")
-    axis.set(xlabel="angular frequency ω (rad/s)", ylabel="mass felt (kg)" if structured else FELT)
+    axis.set(
+        xlim=(low, high), ylim=(-1.2 * mass_at_rest, TOP * mass_at_rest), xscale="log" if is_logarithmic else "linear"
+    )
+    axis.set(xlabel="angular frequency ω (rad/s)", ylabel="mass felt (kg)" if is_structured else FELT)
     axis.yaxis.set_major_formatter("{x:g}")
     axis.axhline(0.0, color=ink(), lw=0.8)
     if coupling.on_cart:
-        axis.axhline(coupling.dynamic.at_infinity, color=muted(), lw=0.9, ls=MARKED)
-    crowd, thin = not structured and crowded(coupling), _thinner(len(poles))
-    omega = _grid(poles, zeros, low, high, wide)
+        axis.axhline(coupling.dynamic.at_infinity, color=secondary_colour(), lw=0.9, ls=MARKED)
+    crowd, thin = not is_structured and is_crowded(coupling), _thinner(len(poles))
+    omega = _grid(poles, zeros, low, high, is_logarithmic)
     omega = omega[(omega <= poles[0]) | (omega >= poles[-1])] if crowd else omega
     with np.errstate(all="ignore"):
-        mass = coupling.felt(omega)[:, s] if structured else coupling.dynamic(omega)
+        mass = coupling.felt_masses(omega)[:, s] if is_structured else coupling.dynamic(omega)
     mass[np.isin(omega, poles)] = np.nan
-    if structured:
-        leaps = np.abs(np.diff(np.sign(mass))) * (np.abs(mass[1:]) + np.abs(mass[:-1])) > 2 * TOP * whole
+    if is_structured:
+        leaps = np.abs(np.diff(np.sign(mass))) * (np.abs(mass[1:]) + np.abs(mass[:-1])) > 2 * TOP * mass_at_rest
         mass[:-1][leaps] = np.nan
-    axis.plot(omega, np.clip(mass, -20 * whole, 20 * whole), color=curve(), lw=1.6 * thin, zorder=3)
+    axis.plot(omega, np.clip(mass, -20 * mass_at_rest, 20 * mass_at_rest), color=curve(), lw=1.6 * thin, zorder=3)
     if crowd:
         axis.axvspan(poles[0], poles[-1], color=pole(), alpha=0.18, lw=0)
         middle = float(np.sqrt(poles[0] * poles[-1]))
-        axis.text(middle, 2.25 * whole, f"{len(poles)} poles", color=pole(), fontsize=SMALL, ha="center")
+        axis.text(middle, 2.25 * mass_at_rest, f"{len(poles)} poles", color=pole(), fontsize=SMALL, ha="center")
         zeros = zeros[(zeros < poles[0]) | (zeros > poles[-1])]
     else:
         for value in poles:
             axis.axvline(value, color=pole(), ls=MARKED, lw=1.4 * thin)
         names = [_letter(coupling, value) for value in poles.tolist()]
-        values = [f" {value:.5g}" * (not structured) for value in poles]
-        _labels(axis, poles, [f"{a}{b}" for a, b in zip(names, values, strict=True)], pole(), above=True)
+        values = [f" {value:.5g}" * (not is_structured) for value in poles]
+        _labels(axis, poles, [f"{a}{b}" for a, b in zip(names, values, strict=True)], pole(), is_above=True)
     axis.plot(zeros, 0 * zeros, "o", color=zero(), ms=6 * thin, zorder=4, mec=paper(), mew=0.8 * thin)
-    if structured:
+    if is_structured:
         mode = coupling.modes[s]
-        words = shortened(coupling.words(mode.shape), LETTERS)
+        words = shorten(coupling.words(mode.shape), LETTERS)
         axis.axvline(mode.omega or np.nan, color=colour(1), ls=MARKED, lw=1.4, zorder=1)
         axis.set_title(f"s{s + 1}: {words}", loc="left", pad=15, parse_math=False)
     else:
-        _labels(axis, zeros, [f"{value:.5g}" for value in zeros], zero(), above=False)
+        _labels(axis, zeros, [f"{value:.5g}" for value in zeros], zero(), is_above=False)
 
 
 def span(omega: Floats, poles: Floats) -> tuple[float, float, bool]:
     """Both ends of the frequency axis and whether it is logarithmic."""
     smallest, largest = float(omega.min()), float(omega.max())
-    wide = largest > LOGARITHMIC * smallest and not _fits_linear(poles)
-    if wide:
+    is_logarithmic = largest > LOGARITHMIC * smallest and not _fits_linear(poles)
+    if is_logarithmic:
         return smallest / 3, largest * 3, True
     extent = largest - smallest
     return max(0.0, smallest - max(1.5 * extent, smallest / 5)), largest + max(extent / 4, largest / 12), False
@@ -216,9 +223,13 @@ def span(omega: Floats, poles: Floats) -> tuple[float, float, bool]:
 
 def _fits_linear(poles: Floats) -> bool:
     """Whether the closest of many poles are further apart on a linear axis than on a logarithmic one."""
-    even = np.unique(poles)
-    apart = [np.diff(scale).min() / np.ptp(scale) for scale in (even, np.log(even))] if len(even) > 1 else [0.0, 0.0]
-    return len(even) > MOST_HEAVY and bool(apart[0] > apart[1])
+    distinct_poles = np.unique(poles)
+    least_gaps = (
+        [np.diff(scale).min() / np.ptp(scale) for scale in (distinct_poles, np.log(distinct_poles))]
+        if len(distinct_poles) > 1
+        else [0.0, 0.0]
+    )
+    return len(distinct_poles) > MOST_HEAVY and bool(least_gaps[0] > least_gaps[1])
 
 
 def _thinner(count: int) -> float:
@@ -226,16 +237,20 @@ def _thinner(count: int) -> float:
     return float(np.clip(MOST_HEAVY / max(count, 1), THINNEST, 1.0))
 
 
-def _grid(poles: Floats, zeros: Floats, low: float, high: float, wide: bool) -> Floats:
+def _grid(poles: Floats, zeros: Floats, low: float, high: float, is_logarithmic: bool) -> Floats:
     """Points evenly spaced along the axis and closer near poles and zeros."""
-    even = np.geomspace(low, high, POINTS) if wide else np.linspace(low, high, POINTS)
-    marked = np.concatenate([poles, zeros])
+    axis_points = np.geomspace(low, high, POINTS) if is_logarithmic else np.linspace(low, high, POINTS)
+    poles_and_zeros = np.concatenate([poles, zeros])
     aside = np.geomspace(1e-7, 0.05, 120)
-    near = np.outer(marked, np.concatenate([1 - aside, 1 + aside])).ravel()
-    return np.unique(np.concatenate([even[even > 0], near[(near > low) & (near < high)], poles]))
+    close_points = np.outer(poles_and_zeros, np.concatenate([1 - aside, 1 + aside])).ravel()
+    return np.unique(
+        np.concatenate(
+            [axis_points[axis_points > 0], close_points[(close_points > low) & (close_points < high)], poles]
+        )
+    )
 
 
-def _labels(axis: Axes, places: Floats, words: Sequence[str], hue: str, *, above: bool) -> None:
+def _labels(axis: Axes, places: Floats, words: Sequence[str], hue: str, *, is_above: bool) -> None:
     """Words above the axis or next to the points on its zero line, omitting any that would touch the previous one."""
     last, to_share = -np.inf, axis.transData + axis.transAxes.inverted()
     for place, word in zip(places.tolist(), words, strict=True):
@@ -245,11 +260,11 @@ def _labels(axis: Axes, places: Floats, words: Sequence[str], hue: str, *, above
         last = at
         axis.annotate(
             word,
-            (place, 1.0 if above else 0.0),
-            (0, 4) if above else (6, -11),
-            axis.get_xaxis_transform() if above else axis.transData,
+            (place, 1.0 if is_above else 0.0),
+            (0, 4) if is_above else (6, -11),
+            axis.get_xaxis_transform() if is_above else axis.transData,
             textcoords="offset points",
-            ha="center" if above else "left",
+            ha="center" if is_above else "left",
             fontsize=SMALL,
             color=hue,
             zorder=5,
@@ -260,9 +275,9 @@ def _labels(axis: Axes, places: Floats, words: Sequence[str], hue: str, *, above
 
 def close_families(coupling: Coupling) -> list[int]:
     """The families shown enlarged, ascending: the most strongly coupled ones that are isolated."""
-    families = () if crowded(coupling) else coupling.families
-    alone = [number for number, family in enumerate(families) if _is_close(coupling, family)]
-    return sorted(sorted(alone, key=lambda number: -abs(families[number].strength))[:MOST_CLOSE])
+    families = () if is_crowded(coupling) else coupling.families
+    numbers = [number for number, family in enumerate(families) if _is_close(coupling, family)]
+    return sorted(sorted(numbers, key=lambda number: -abs(families[number].strength))[:MOST_CLOSE])
 
 
 def _window(family: Family) -> tuple[float, float]:
@@ -275,9 +290,9 @@ def _is_close(coupling: Coupling, family: Family) -> bool:
     """Whether the zero is so close to the pole that both are seen better enlarged, and no other pole lies beside."""
     if not family.splitting or abs(family.strength) > LOOSE:
         return False
-    apart = coupling.dynamic.omega - family.omega
+    distances = coupling.dynamic.omega - family.omega
     low, high = _window(family)
-    return not np.any((apart != 0) & (apart > low) & (apart < high))
+    return not np.any((distances != 0) & (distances > low) & (distances < high))
 
 
 def draw_close(axis: Axes, coupling: Coupling, number: int) -> None:
@@ -286,7 +301,7 @@ def draw_close(axis: Axes, coupling: Coupling, number: int) -> None:
     split = family.splitting or 0.0
     scale = max(abs(family.rest), coupling.dynamic.at_rest / 10)
     for share in (np.linspace(-0.8, -1e-3, 200), np.geomspace(1e-3, 2.6, 300)):
-        mass = _beside(coupling, number, share * split)
+        mass = mass_near_pole(coupling, number, share * split)
         axis.plot(share * split, np.where(np.abs(mass) < 30 * scale, mass, np.nan), color=curve())
     axis.axhline(0.0, color=ink(), lw=0.8)
     axis.axvline(0.0, color=pole(), ls=MARKED, lw=1.4)
@@ -302,12 +317,12 @@ def draw_close(axis: Axes, coupling: Coupling, number: int) -> None:
     axis.yaxis.set_major_formatter("{x:g}")
 
 
-def _beside(coupling: Coupling, number: int, apart: Floats) -> Floats:
+def mass_near_pole(coupling: Coupling, number: int, distances: Floats) -> Floats:
     """m_dyn at these distances from the pole of a family."""
     family, dynamic = coupling.families[number], coupling.dynamic
-    pole_part = family.mass * (family.omega / apart) * (family.omega / (2 * family.omega + apart))
-    marked = np.tile(np.arange(len(dynamic.omega)) == number, (len(apart), 1))
-    return np.asarray(dynamic(family.omega + apart, left_out=marked) - pole_part)
+    pole_part = family.mass * (family.omega / distances) * (family.omega / (2 * family.omega + distances))
+    pole_mask = np.tile(np.arange(len(dynamic.omega)) == number, (len(distances), 1))
+    return np.asarray(dynamic(family.omega + distances, left_out=pole_mask) - pole_part)
 
 
 def draw_limits(axis: Axes, coupling: Coupling) -> None:
@@ -316,18 +331,18 @@ def draw_limits(axis: Axes, coupling: Coupling) -> None:
     Between two neighbouring poles there is one of them whatever the cart's mass, so that a band of poles holds all but
     those beyond its ends, which are drawn.
     """
-    poles, here = coupling.dynamic.omega, coupling.dynamic.cart if coupling.on_cart else np.inf
-    low, high = _masses(coupling, here)
+    poles, cart_mass = coupling.dynamic.omega, coupling.dynamic.cart if coupling.on_cart else np.inf
+    low, high = _masses(coupling, cart_mass)
     masses = np.geomspace(low, high, MASSES)
-    omega = coupling.swept(masses)
+    omega = coupling.omega_of_carts(masses)
     light = np.array([mode.light for mode in coupling.cart_modes])
     now = np.array([mode.omega for mode in coupling.cart_modes]) if coupling.on_cart else poles
-    spot, crowd = float(np.clip(here, low, high)), crowded(coupling)
-    bottom, top, wide = _reach(poles, now, omega, light)
+    spot, crowd = float(np.clip(cart_mass, low, high)), is_crowded(coupling)
+    bottom, top, is_logarithmic = _reach(poles, now, omega, light)
     axis.set(
         xscale="log",
         xlim=(low, high),
-        yscale="log" if wide else "linear",
+        yscale="log" if is_logarithmic else "linear",
         xlabel=CART_MASS,
         ylabel="angular frequency ω (rad/s)",
     )
@@ -336,14 +351,16 @@ def draw_limits(axis: Axes, coupling: Coupling) -> None:
     if crowd:
         chosen = np.flatnonzero(((omega > poles[-1]) | (omega < poles[0])).any(axis=0))
         axis.axhspan(poles[0], poles[-1], color=pole(), alpha=0.18, lw=0)
-        held = omega.shape[1] - len(chosen)
-        words = f"band: {len(poles)} poles" + (f", with {held} modes that move the cart between them" if held else "")
+        n_between = omega.shape[1] - len(chosen)
+        words = f"band: {len(poles)} poles" + (
+            f", with {n_between} modes that move the cart between them" if n_between else ""
+        )
         axis.text(0.98, 0.92, words, transform=axis.transAxes, ha="right", va="top", fontsize=SMALL, bbox=plain())
     else:
         axis.hlines(poles, low, high, color=pole(), ls=MARKED, lw=1.2 * _thinner(len(poles)))
     thin = _thinner(len(chosen))
     axis.plot(masses, omega[:, chosen], color=zero(), lw=1.6 * thin)
-    _here(axis, here, spot, now[chosen[chosen < len(now)]], size=6 * thin)
+    _mark_scene(axis, cart_mass, spot, now[chosen[chosen < len(now)]], size=6 * thin)
     if not crowd:
         _ends(axis, low, [(value, f"{value:.5g}") for value in light[np.isfinite(light)].tolist()], zero(), (4, 4))
         _ends(axis, high, [(value, _letter(coupling, value)) for value in poles.tolist()], pole(), (5, -3))
@@ -357,18 +374,18 @@ def _reach(poles: Floats, now: Floats, omega: Floats, light: Floats) -> tuple[fl
     no limit, the axis goes as far as it rises on an axis of the same kind, up to RISE times the highest of these,
     of many LOW_RISE times.
     """
-    bottom, top, wide = span(np.concatenate([poles, now, light[np.isfinite(light)]]), poles)
-    known = np.concatenate((poles, now))
-    lowest = float(min(known.min(), omega.min()))
+    bottom, top, is_logarithmic = span(np.concatenate([poles, now, light[np.isfinite(light)]]), poles)
+    frequencies = np.concatenate((poles, now))
+    lowest = float(min(frequencies.min(), omega.min()))
     rises = float(omega.max()) > top
     top = (
-        min(float(omega.max()) * 1.05, (RISE if len(poles) <= MOST_HEAVY else LOW_RISE) * float(known.max()))
+        min(float(omega.max()) * 1.05, (RISE if len(poles) <= MOST_HEAVY else LOW_RISE) * float(frequencies.max()))
         if rises
         else top
     )
-    wide = wide or (top > LOGARITHMIC * lowest and not _fits_linear(poles))
+    is_logarithmic = is_logarithmic or (top > LOGARITHMIC * lowest and not _fits_linear(poles))
     room = 0.12 * (top - lowest)
-    return (lowest / 1.5 if wide else max(0.0, bottom, lowest - room)), top, wide
+    return (lowest / 1.5 if is_logarithmic else max(0.0, bottom, lowest - room)), top, is_logarithmic
 
 
 def _ends(axis: Axes, x: float, marks: list[tuple[float, str]], hue: str, offset: tuple[int, int]) -> None:
@@ -390,16 +407,16 @@ def _ends(axis: Axes, x: float, marks: list[tuple[float, str]], hue: str, offset
             )
 
 
-def _masses(coupling: Coupling, here: float) -> tuple[float, float]:
+def _masses(coupling: Coupling, cart_mass: float) -> tuple[float, float]:
     """Cart masses (kg) from far below to far above that of the pendula, the scene's own included."""
     hanging = coupling.dynamic.with_cart(0.0).at_rest
     low, high = hanging * 1e-3, hanging * 1e3
-    return (min(low, here / 10), max(high, here * 10)) if 0 < here < np.inf else (low, high)
+    return (min(low, cart_mass / 10), max(high, cart_mass * 10)) if 0 < cart_mass < np.inf else (low, high)
 
 
-def _here(axis: Axes, here: float, spot: float, now: Floats, *, size: float) -> None:
+def _mark_scene(axis: Axes, cart_mass: float, spot: float, now: Floats, *, size: float) -> None:
     """The scene's own cart, and its frequencies as dots."""
-    where = "a massless cart" if here == 0 else "a fixed support" if np.isinf(here) else f"{here:.6g} kg"
+    where = "a massless cart" if cart_mass == 0 else "a fixed support" if np.isinf(cart_mass) else f"{cart_mass:.6g} kg"
     late = spot > np.sqrt(np.prod(axis.get_xlim()))
     axis.axvline(spot, color=ink(), lw=1.2, ls=MARKED)
     if now.size:
@@ -417,67 +434,67 @@ def _here(axis: Axes, here: float, spot: float, now: Floats, *, size: float) -> 
     )
 
 
-def draw_levels(axis: Axes, coupling: Coupling, wide: bool) -> None:
+def draw_levels(axis: Axes, coupling: Coupling, is_logarithmic: bool) -> None:
     """Frequencies of pendula alone, of the scene, and of the structure alone, joined where one becomes another."""
     left, right = (0.0, 0.9), (3.1, 4.0)
     middle = (1.6, 2.4)
-    told: dict[str, list[tuple[float, str]]] = {"left": [], "middle": [], "right": []}
+    labels: dict[str, list[tuple[float, str]]] = {"left": [], "middle": [], "right": []}
     for r, family in enumerate(coupling.families):
         axis.plot(left, [family.omega] * 2, color=colour(0), lw=1.8)
-        told["left"].append((family.omega, rf"ω$_\mathrm{{{family_name(r)}}}$ {family.omega:.5g}"))
+        labels["left"].append((family.omega, rf"ω$_\mathrm{{{family_name(r)}}}$ {family.omega:.5g}"))
         if family.still:
             _level(axis, middle, family.omega, left[1], family.omega, colour(0))
             words = f"{family.omega:.5g}" + (f" × {family.still}" if family.still > 1 else "") + ", nothing else moves"
-            told["middle"].append((family.omega, words))
+            labels["middle"].append((family.omega, words))
         for branch in family.branches:
             _level(axis, middle, branch.omega, left[1], family.omega, colour(0))
-            told["middle"].append((branch.omega, f"{branch.omega:.5g}"))
-    matched = zip(coupling.structure_modes, _matched(coupling), strict=True)
-    for (omega, _), s in matched:
+            labels["middle"].append((branch.omega, f"{branch.omega:.5g}"))
+    structure_pairs = zip(coupling.structure_modes, _structure_matches(coupling), strict=True)
+    for (omega, _), s in structure_pairs:
         _level(axis, middle, omega, right[0], coupling.modes[s].omega, colour(1))
-        told["middle"].append((omega, f"{omega:.5g}"))
+        labels["middle"].append((omega, f"{omega:.5g}"))
     for s, mode in enumerate(coupling.modes):
         axis.plot(right, [mode.omega] * 2, color=colour(1), lw=1.8)
-        told["right"].append((mode.omega, f"s{s + 1} {mode.omega:.5g}"))
+        labels["right"].append((mode.omega, f"s{s + 1} {mode.omega:.5g}"))
     axis.set(
         xlim=(-0.75, 4.75 if coupling.modes else 3.2),
         ylabel="angular frequency ω (rad/s)",
-        yscale="log" if wide else "linear",
+        yscale="log" if is_logarithmic else "linear",
     )
     axis.margins(y=0.08)
     places = {"left": (left[0] - 0.05, "right"), "middle": (2.45, "left"), "right": (right[1] + 0.05, "left")}
     for column, (x, ha) in places.items():
-        _words(axis, told[column], x, ha)
+        _words(axis, labels[column], x, ha)
     axis.set_xticks([0.45, 2.0, 3.55][: 3 if coupling.modes else 2])
     axis.set_xticklabels(["pendula alone", "the scene", "the structure alone"][: 3 if coupling.modes else 2])
     axis.grid(visible=False)
     axis.set_title("levels", loc="left")
 
 
-def _level(axis: Axes, middle: tuple[float, float], omega: float, side: float, before: float, hue: str) -> None:
+def _level(axis: Axes, middle: tuple[float, float], omega: float, side: float, start: float, hue: str) -> None:
     """A level of the scene, and the line to what it comes from."""
     axis.plot(middle, [omega] * 2, color=colour(4), lw=1.8, zorder=3)
     end = middle[0] if side < middle[0] else middle[1]
-    axis.plot([side, end], [before, omega], color=mixed(hue, 0.55), lw=0.9, gid=QUIET, zorder=1)
+    axis.plot([side, end], [start, omega], color=mixture(hue, 0.55), lw=0.9, gid=QUIET, zorder=1)
 
 
-def _matched(coupling: Coupling) -> list[int]:
+def _structure_matches(coupling: Coupling) -> list[int]:
     """The structure's own mode that each mode of the scene that belongs to it is mostly of, none twice."""
-    left, matches = set(range(len(coupling.modes))), list[int]()
+    candidates, matches = set(range(len(coupling.modes))), list[int]()
     for _, motion in coupling.structure_modes:
         energy: Floats = np.array([mode.mass for mode in coupling.modes]) * motion**2
-        best = max(left, key=lambda s, energy=energy: float(energy[s]))  # type: ignore[misc]
-        left.remove(best)
+        best = max(candidates, key=lambda s, energy=energy: float(energy[s]))  # type: ignore[misc]
+        candidates.remove(best)
         matches.append(best)
     return matches
 
 
-def _words(axis: Axes, told: list[tuple[float, str]], x: float, ha: str) -> None:
+def _words(axis: Axes, labels: list[tuple[float, str]], x: float, ha: str) -> None:
     """Words beside levels, pushed apart where they would touch; a drift stands at the lower end."""
     axis.set_ylim(axis.get_ylim())
     transform, linear = axis.transScale + axis.transLimits, axis.get_yscale() == "linear"
-    told = sorted(told)
-    places = [float(transform.transform((x, omega))[1]) if omega or linear else 0.0 for omega, _ in told]
+    labels = sorted(labels)
+    places = [float(transform.transform((x, omega))[1]) if omega or linear else 0.0 for omega, _ in labels]
     for k in range(1, len(places)):
         places[k] = max(places[k], places[k - 1] + APART)
     highest = 1.0
@@ -485,6 +502,6 @@ def _words(axis: Axes, told: list[tuple[float, str]], x: float, ha: str) -> None
         places[k] = min(places[k], highest)
         highest = places[k] - APART
     box = {"facecolor": paper(), "edgecolor": "none", "pad": 0.8}
-    for place, (_, words) in zip(places, told, strict=True):
+    for place, (_, words) in zip(places, labels, strict=True):
         look: dict[str, Any] = {"ha": ha, "va": "center", "fontsize": SMALL, "bbox": box, "zorder": 4}
         axis.text(x, place, words, transform=axis.get_xaxis_transform(), **look)

@@ -14,7 +14,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgba
 
-from modal.plotting.layout import evenly
+from modal.plotting.layout import even_choice
 from modal.plotting.style import colour, spots, thickness
 from modal.types import Booleans, Floats, Ints
 
@@ -51,30 +51,32 @@ RANGE = "least to most"
 
 def coinciding(curves: Floats) -> list[list[int]]:
     """Curves (K, T) in groups of those that coincide with the first of their group, in the order of the first."""
-    few = np.asarray(curves, dtype=np.float64)[:, :: max(1, curves.shape[1] // INSTANTS)]
-    known = few[np.isfinite(few)]
-    room = CLOSE * float(np.ptp(known)) if known.size else 0.0
-    few, left, groups = np.nan_to_num(few, nan=np.inf), np.arange(len(few)), []
-    while len(left):
+    samples = np.asarray(curves, dtype=np.float64)[:, :: max(1, curves.shape[1] // INSTANTS)]
+    finite_values = samples[np.isfinite(samples)]
+    room = CLOSE * float(np.ptp(finite_values)) if finite_values.size else 0.0
+    samples, remainder, groups = np.nan_to_num(samples, nan=np.inf), np.arange(len(samples)), []
+    while len(remainder):
         with np.errstate(invalid="ignore"):
-            apart = np.where(few[left] == few[left[0]], 0.0, np.abs(few[left] - few[left[0]]))
-        alike = apart.max(axis=1, initial=0.0) <= room
-        groups.append(left[alike].tolist())
-        left = left[~alike]
+            distances = np.where(
+                samples[remainder] == samples[remainder[0]], 0.0, np.abs(samples[remainder] - samples[remainder[0]])
+            )
+        alike = distances.max(axis=1, initial=0.0) <= room
+        groups.append(remainder[alike].tolist())
+        remainder = remainder[~alike]
     return groups
 
 
-def together(names: Sequence[str]) -> str:
+def common_name(names: Sequence[str]) -> str:
     """One name for curves that coincide: "pendulum 1–3, 7 coincide"."""
     if len(names) < 2:
         return names[0]
-    joined = _runs(names)
-    listed = joined[0]
-    for k, word in enumerate(joined[1:], 1):
-        if len(listed) + len(word) > LONGEST:
-            return f"{listed}, … ({len(joined) - k} more) coincide"
-        listed += f", {word}"
-    return f"{listed} coincide"
+    runs = _runs(names)
+    text = runs[0]
+    for k, word in enumerate(runs[1:], 1):
+        if len(text) + len(word) > LONGEST:
+            return f"{text}, … ({len(runs) - k} more) coincide"
+        text += f", {word}"
+    return f"{text} coincide"
 
 
 def _runs(names: Sequence[str]) -> list[str]:
@@ -84,30 +86,30 @@ def _runs(names: Sequence[str]) -> list[str]:
     if len({tuple(words) for words, _ in parts}) > 1 or numbers == {0}:
         return list(names)
     table = np.array([labels for _, labels in parts])
-    varied = np.flatnonzero(np.ptp(table, axis=0) > 0)
-    if len(varied) != 1:
+    columns = np.flatnonzero(np.ptp(table, axis=0) > 0)
+    if len(columns) != 1:
         return list(names)
-    breaks = np.flatnonzero(np.diff(table[:, varied[0]]) != 1) + 1
-    place = [labels.span() for labels in NUMBERS.finditer(names[0])][varied[0]]
+    breaks = np.flatnonzero(np.diff(table[:, columns[0]]) != 1) + 1
+    place = [labels.span() for labels in NUMBERS.finditer(names[0])][columns[0]]
     head = names[0][: place[0]]
-    said = head if head.endswith(" ") else ""
+    prefix = head if head.endswith(" ") else ""
     labels = []
-    for run in np.split(np.arange(len(names)), breaks):
-        ends = [names[run[0]], names[run[-1]]][: len(run)]
-        labels.append("–".join(end.removeprefix(said) for end in ends))
-    return [said + labels[0], *labels[1:]]
+    for members in np.split(np.arange(len(names)), breaks):
+        ends = [names[members[0]], names[members[-1]]][: len(members)]
+        labels.append("–".join(end.removeprefix(prefix) for end in ends))
+    return [prefix + labels[0], *labels[1:]]
 
 
-def pick(curves: Floats, names: Sequence[str], most: int) -> tuple[Ints, list[str], int]:
+def pick(curves: Floats, names: Sequence[str], limit: int) -> tuple[Ints, list[str], int]:
     """Which of the curves (K, T) to draw, their names, and how many curves these stand for.
 
-    One of each group that coincides, where there are at most `most` groups, else `most` curves evenly spaced.
+    One of each group that coincides, where there are at most `limit` groups, else `limit` curves evenly spaced.
     """
     groups = coinciding(curves)
-    if len(groups) > most:
-        some = evenly(len(curves), most)
-        groups = [[int(some[k]) for k in group] for group in coinciding(curves[some])]
-    labels = [together([names[k] for k in group]) for group in groups]
+    if len(groups) > limit:
+        indices = even_choice(len(curves), limit)
+        groups = [[int(indices[k]) for k in group] for group in coinciding(curves[indices])]
+    labels = [common_name([names[k] for k in group]) for group in groups]
     return np.array([group[0] for group in groups], dtype=np.int64), labels, sum(map(len, groups))
 
 
@@ -129,36 +131,42 @@ def draw_curves(
     ascending x are bands, as their names say.  Returns whether there is a band.
     """
     size = _size(axis)
-    read = [(_read(x, log="x" in log), _read(y, log="y" in log)) for x, y in curves]
-    ends = [(np.nanmin(y), np.nanmax(y)) for _, y in read if np.isfinite(y).any()] if bands else []
+    scaled_curves = [(_scaled_values(x, log="x" in log), _scaled_values(y, log="y" in log)) for x, y in curves]
+    ends = [(np.nanmin(y), np.nanmax(y)) for _, y in scaled_curves if np.isfinite(y).any()] if bands else []
     extent = max((high for _, high in ends), default=0.0) - min((low for low, _ in ends), default=0.0)
     extent = max(extent, float(np.ptp(axis.get_ylim()))) if axis.has_data() and "y" not in log else extent
     numbers = numbers or range(len(curves))
     widths = [float(style.get("lw", thickness(number, first))) for number in numbers]
-    dense = [bands and is_blob(y, size[0] / width, extent) for (_, y), width in zip(read, widths, strict=True)]
-    placed = iter(_places([curve for curve, is_dense in zip(read, dense, strict=True) if not is_dense], size))
-    places = [np.zeros((2, 0)) if is_dense else next(placed) for is_dense in dense]
+    dense = [bands and is_blob(y, size[0] / width, extent) for (_, y), width in zip(scaled_curves, widths, strict=True)]
+    places_of_lines = iter(
+        _places([curve for curve, is_dense in zip(scaled_curves, dense, strict=True) if not is_dense], size)
+    )
+    places = [np.zeros((2, 0)) if is_dense else next(places_of_lines) for is_dense in dense]
     cells = [_cells(place, size) for place in places]
     for k, (x, y) in enumerate(curves):
         number = numbers[k]
         if dense[k]:
-            edges, low, high = envelope(x, read[k][1], size[0])
-            both = (np.exp(low), np.exp(high)) if "y" in log else (low, high)
-            _band(axis, edges, both, names[k] if names else "", style.get("color", colour(number)))
+            edges, low, high = envelope(x, scaled_curves[k][1], size[0])
+            bounds = (np.exp(low), np.exp(high)) if "y" in log else (low, high)
+            _band(axis, edges, bounds, names[k] if names else "", style.get("color", colour(number)))
             continue
         upon = _upon(places[k], cells[:k], size)
-        shared = _numbered(places[k][:, upon], size)
-        below = sum(2 * int(np.isin(shared, other).sum()) >= len(shared) for other in cells[:k]) if upon.any() else 0
+        shared_cells = _cell_numbers(places[k][:, upon], size)
+        n_below = (
+            sum(2 * int(np.isin(shared_cells, other_cells).sum()) >= len(shared_cells) for other_cells in cells[:k])
+            if upon.any()
+            else 0
+        )
         width = thickness(number, first)
-        unit, (slot, period) = STRIPE / width, SLOTS.get(below, (0, 1))
+        unit, (slot, period) = STRIPE / width, SLOTS.get(n_below, (0, 1))
         broken = ((period - slot) * unit, (unit, (period - 1) * unit))
-        marks = {"ms": style["ms"] * SMALLER**below} if "ms" in style else {}
+        marks = {"ms": style["ms"] * SMALLER**n_below} if "ms" in style else {}
         look: dict[str, Any] = {"color": colour(number), "lw": width, **style, **marks}
         label = names[k] if names else f"_{k}"
         if period == 1 or not upon.any():
             axis.plot(x, y, label=label, **look, **spots(number, places[k].sum(0)))
             continue
-        free = _widened(~upon)
+        free = _widen(~upon)
         axis.plot(x, np.where(free, y, np.nan), label=label, **look, **spots(number, places[k][:, free].sum(0)))
         dashes = {"ls": broken, "dash_capstyle": "butt", **spots(number, places[k][:, upon].sum(0))}
         axis.plot(x, np.where(upon, y, np.nan), label=f"_{label}", **look, **dashes)
@@ -168,8 +176,8 @@ def draw_curves(
 def _size(axis: Axes) -> tuple[int, int]:
     """The width and the height of an axis in points, nearly: it has its place before the figure is laid out."""
     inches = np.array(axis.get_window_extent().size) / axis.figure.dpi
-    across, up = np.maximum(np.rint(72 * inches), LEAST_CELLS).astype(int)
-    return int(across), int(up)
+    width, height = np.maximum(np.rint(72 * inches), LEAST_CELLS).astype(int)
+    return int(width), int(height)
 
 
 def is_blob(y: Floats, columns: float, extent: float) -> bool:
@@ -177,12 +185,12 @@ def is_blob(y: Floats, columns: float, extent: float) -> bool:
 
     `extent` is the height of the panel in the units of the curve.
     """
-    known = np.asarray(y, dtype=np.float64)[np.isfinite(y)]
-    way = np.sign(np.diff(known))
+    finite_values = np.asarray(y, dtype=np.float64)[np.isfinite(y)]
+    way = np.sign(np.diff(finite_values))
     way = way[way != 0]
     if np.count_nonzero(way[1:] != way[:-1]) <= MOST_TURNS * columns:
         return False
-    _, low, high = envelope(np.arange(len(known), dtype=np.float64), known, int(columns))
+    _, low, high = envelope(np.arange(len(finite_values), dtype=np.float64), finite_values, int(columns))
     return bool(np.median(high - low) > TALL * extent)
 
 
@@ -191,19 +199,19 @@ def envelope(x: Floats, y: Floats, columns: int) -> tuple[Floats, Floats, Floats
 
     Straight lines between the edges have every sample between them.
     """
-    known = np.isfinite(x) & np.isfinite(y)
-    x, y = np.asarray(x)[known], np.asarray(y)[known]
+    is_finite = np.isfinite(x) & np.isfinite(y)
+    x, y = np.asarray(x)[is_finite], np.asarray(y)[is_finite]
     count = max(1, min(columns, len(x) // PER_COLUMN))
     edges = np.linspace(x[0], x[-1], count + 1)
     column = np.clip(np.searchsorted(edges, x, "right") - 1, 0, count - 1)
     bounds = []
-    for least in (np.minimum, np.maximum):
+    for extremum in (np.minimum, np.maximum):
         ends = np.full(count, np.nan)
         ends[column] = y
-        least.at(ends, column, y)
-        filled = np.flatnonzero(np.isfinite(ends))
-        ends = np.interp(np.arange(count), filled, ends[filled])
-        bounds.append(least(np.append(ends[:1], ends), np.append(ends, ends[-1:])))
+        extremum.at(ends, column, y)
+        filled_columns = np.flatnonzero(np.isfinite(ends))
+        ends = np.interp(np.arange(count), filled_columns, ends[filled_columns])
+        bounds.append(extremum(np.append(ends[:1], ends), np.append(ends, ends[-1:])))
     return edges, bounds[0], bounds[1]
 
 
@@ -213,27 +221,27 @@ def _band(axis: Axes, edges: Floats, ends: tuple[Floats, Floats], name: str, hue
     axis.fill_between(edges, *ends, facecolor=to_rgba(hue, BAND), edgecolor=hue, lw=0.7, label=label)
 
 
-def _read(values: Floats, *, log: bool) -> Floats:
-    known = np.where(np.isfinite(values), values, np.nan)
-    return np.log(np.where(known > 0, known, np.nan)) if log else known
+def _scaled_values(values: Floats, *, log: bool) -> Floats:
+    finite_values = np.where(np.isfinite(values), values, np.nan)
+    return np.log(np.where(finite_values > 0, finite_values, np.nan)) if log else finite_values
 
 
 def _places(curves: Sequence[tuple[Floats, Floats]], size: tuple[int, int]) -> list[Floats]:
     """The points of curves in cells of their panel, (2, T) each."""
-    both = [np.stack(np.broadcast_arrays(*curve)) for curve in curves]
-    known = [curve[:, np.isfinite(curve).all(0)] for curve in both]
-    whole = np.concatenate(known, axis=1) if known else np.zeros((2, 0))
-    if not whole.size:
-        return both
-    low, extent = whole.min(1, keepdims=True), np.maximum(np.ptp(whole, axis=1, keepdims=True), 1e-300)
-    return [(curve - low) / extent * (np.array([size]).T - 1) for curve in both]
+    points = [np.stack(np.broadcast_arrays(*curve)) for curve in curves]
+    finite_points = [curve[:, np.isfinite(curve).all(0)] for curve in points]
+    all_points = np.concatenate(finite_points, axis=1) if finite_points else np.zeros((2, 0))
+    if not all_points.size:
+        return points
+    low, extent = all_points.min(1, keepdims=True), np.maximum(np.ptp(all_points, axis=1, keepdims=True), 1e-300)
+    return [(curve - low) / extent * (np.array([size]).T - 1) for curve in points]
 
 
-def _numbered(place: Floats, size: tuple[int, int]) -> Ints:
+def _cell_numbers(place: Floats, size: tuple[int, int]) -> Ints:
     """The number of the cell of each point; −1 for what is not finite."""
-    known = np.isfinite(place).all(axis=0)
-    x, y = np.round(np.where(known, place, 0.0)).astype(np.int64)
-    return np.where(known, x * size[1] + y, -1)
+    is_finite = np.isfinite(place).all(axis=0)
+    x, y = np.round(np.where(is_finite, place, 0.0)).astype(np.int64)
+    return np.where(is_finite, x * size[1] + y, -1)
 
 
 def _cells(place: Floats, size: tuple[int, int]) -> Ints:
@@ -241,12 +249,12 @@ def _cells(place: Floats, size: tuple[int, int]) -> Ints:
     points = place[:, np.isfinite(place).all(axis=0)]
     if not points.size:
         return np.zeros(0, dtype=np.int64)
-    along = _along(points)
-    fine = np.linspace(0.0, along[-1], int(min(2 * along[-1], MOST_POINTS)) + 2)
-    return np.unique(_numbered(np.stack([np.interp(fine, along, row) for row in points]), size))
+    path = _path_lengths(points)
+    fine = np.linspace(0.0, path[-1], int(min(2 * path[-1], MOST_POINTS)) + 2)
+    return np.unique(_cell_numbers(np.stack([np.interp(fine, path, row) for row in points]), size))
 
 
-def _along(points: Floats) -> Floats:
+def _path_lengths(points: Floats) -> Floats:
     """The way along a curve to each of its points, in cells."""
     steps = np.nan_to_num(np.linalg.norm(np.diff(points, axis=1), axis=0))
     return np.concatenate(([0.0], np.cumsum(steps)))
@@ -256,18 +264,18 @@ def _upon(place: Floats, others: Sequence[Ints], size: tuple[int, int]) -> Boole
     """Where a curve is upon others for a while, which excludes crossings."""
     if not others or not place.shape[1]:
         return np.zeros(place.shape[1], dtype=bool)
-    upon = np.isin(_numbered(place, size), np.concatenate(others))
-    along = _along(place)
+    upon = np.isin(_cell_numbers(place, size), np.concatenate(others))
+    path = _path_lengths(place)
     for kind, awhile in ((False, GAP), (True, AWHILE)):
         breaks = np.flatnonzero(np.diff(upon)) + 1
-        for run in np.split(np.arange(len(upon)), breaks):
-            whole = along[min(run[-1] + 1, len(along) - 1)] - along[max(run[0] - 1, 0)]
-            if upon[run[0]] == kind and whole < awhile and len(run) < len(upon):
-                upon[run] = not kind
+        for members in np.split(np.arange(len(upon)), breaks):
+            extent = path[min(members[-1] + 1, len(path) - 1)] - path[max(members[0] - 1, 0)]
+            if upon[members[0]] == kind and extent < awhile and len(members) < len(upon):
+                upon[members] = not kind
     return upon
 
 
-def _widened(where: Booleans) -> Booleans:
+def _widen(where: Booleans) -> Booleans:
     """The same and the points beside, so that pieces of a curve meet."""
     wider = where.copy()
     wider[1:] |= where[:-1]

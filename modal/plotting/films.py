@@ -40,11 +40,11 @@ from modal.plotting.shapes import (
     MOST_PANELS,
     USUAL_PANELS,
     ShapeLayout,
-    arranged,
     draw_rest,
     draw_swing,
     draw_translation,
     fitting_amplitude,
+    grid_of_panels,
     is_crowded,
     layout_of,
     levels_of,
@@ -93,14 +93,14 @@ class MovingFigure(ABC):
         self.show(frame)
         view = self.view(frame)
         if not self.still or self.still[0] != view:
-            self.still = view, self._still()
+            self.still = view, self._background()
         self.canvas.restore_region(self.still[1])  # type: ignore[no-untyped-call]
         for artist in self.moving:
             self.figure.draw_artist(artist)
         pixels = np.asarray(self.canvas.buffer_rgba())  # type: ignore[no-untyped-call]
         return Image.fromarray(pixels[..., :3].copy())
 
-    def _still(self) -> Any:
+    def _background(self) -> Any:
         """The pixels of all that does not move."""
         for artist in self.moving:
             artist.set_animated(True)
@@ -151,12 +151,12 @@ def _write_gif(film: MovingFigure, shot: Callable[[int], Image.Image], stream: I
     samples = [np.asarray(film.image(int(k))) for k in np.unique(np.linspace(0, count - 1, SAMPLED).astype(int))]
     palette = _on_paper(Image.fromarray(np.concatenate(samples)).quantize(COLOURS))
 
-    def reduced(frame: int) -> Image.Image:
+    def with_palette(frame: int) -> Image.Image:
         return shot(frame).quantize(palette=palette, dither=Image.Dither.NONE)
 
-    rest = map(reduced, range(1, count))
+    rest = map(with_palette, range(1, count))
     duration = round(1000 / film.rate)
-    reduced(0).save(stream, "GIF", save_all=True, append_images=rest, duration=duration, loop=0, optimize=True)
+    with_palette(0).save(stream, "GIF", save_all=True, append_images=rest, duration=duration, loop=0, optimize=True)
 
 
 def _on_paper(image: Image.Image) -> Image.Image:
@@ -175,37 +175,37 @@ def _write_mp4(film: MovingFigure, shot: Callable[[int], Image.Image], stream: I
     executable = find_ffmpeg()
     width, height = film.canvas.get_width_height()
     raw = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}", "-framerate", repr(film.rate)]
-    even = ["-vf", "crop=trunc(iw/2)*2:trunc(ih/2)*2"]
-    coded = [*even, "-vcodec", "h264", "-pix_fmt", "yuv420p", "-crf", "18", "-movflags", "+faststart"]
+    even_size = ["-vf", "crop=trunc(iw/2)*2:trunc(ih/2)*2"]
+    encoding = [*even_size, "-vcodec", "h264", "-pix_fmt", "yuv420p", "-crf", "18", "-movflags", "+faststart"]
     with TemporaryDirectory() as folder:
         path = Path(folder) / "film.mp4"
         try:
-            command = [executable, "-loglevel", "error", *raw, "-i", "pipe:", *coded, str(path)]
+            command = [executable, "-loglevel", "error", *raw, "-i", "pipe:", *encoding, str(path)]
             encoder = Popen(command, stdin=PIPE, stdout=DEVNULL, stderr=PIPE, start_new_session=True)
         except OSError as error:
-            raise _failed(executable, str(error.strerror)) from None
+            raise _encoder_error(executable, str(error.strerror)) from None
         with encoder:
             try:
-                said = _fed(encoder, (shot(frame).tobytes() for frame in range(film.count)))
+                message = _feed(encoder, (shot(frame).tobytes() for frame in range(film.count)))
             except BaseException:
                 encoder.kill()
                 raise
         if encoder.returncode:
-            raise _failed(executable, said or f"it ended with {encoder.returncode}")
+            raise _encoder_error(executable, message or f"it ended with {encoder.returncode}")
         stream.write(path.read_bytes())
 
 
-def _fed(encoder: Popen[bytes], frames: Iterable[bytes]) -> str:
+def _feed(encoder: Popen[bytes], frames: Iterable[bytes]) -> str:
     """The last message of a program fed with frames; one that has ended is fed no more."""
     assert encoder.stdin
     with suppress(BrokenPipeError):
         for frame in frames:
             encoder.stdin.write(frame)
-    said = encoder.communicate()[1].decode(errors="replace").split("\n")
-    return next((line.strip() for line in reversed(said) if line.strip()), "")
+    messages = encoder.communicate()[1].decode(errors="replace").split("\n")
+    return next((line.strip() for line in reversed(messages) if line.strip()), "")
 
 
-def _failed(executable: str, words: str) -> ComputationError:
+def _encoder_error(executable: str, words: str) -> ComputationError:
     return ComputationError(f"ffmpeg ({executable}) could not write the film: {words}")
 
 
@@ -228,12 +228,12 @@ def _write_html(film: MovingFigure, shot: Callable[[int], Image.Image], stream: 
     words |= {"WIDTH": str(film.canvas.get_width_height()[0]), "TITLE": html(film.title)}
     head, tail = (reduce(lambda text, pair: text.replace(*pair), words.items(), part) for part in PAGE.split("FRAMES"))
     stream.write(head.encode())
-    for part in chain.from_iterable(_embedded(shot(k)) for k in range(film.count)):
+    for part in chain.from_iterable(_embed(shot(k)) for k in range(film.count)):
         stream.write(part)
     stream.write(tail.encode())
 
 
-def _embedded(image: Image.Image) -> Iterator[bytes]:
+def _embed(image: Image.Image) -> Iterator[bytes]:
     buffer = BytesIO()
     _on_paper(image.quantize(COLOURS, dither=Image.Dither.NONE)).save(buffer, "PNG")
     yield b'"' + base64.b64encode(buffer.getvalue()) + b'",\n'
@@ -301,8 +301,8 @@ class ModalFilm(MovingFigure):
         amplitude_deg: float = AMPLITUDE_DEG,
         first: str = "",
     ) -> None:
-        rows, many = list(modes.rows(numbers)), is_crowded(modes.scene)
-        layout = None if many else layout_of(modes)
+        rows, has_profiles = list(modes.rows(numbers)), is_crowded(modes.scene)
+        layout = None if has_profiles else layout_of(modes)
         (columns, lines), width, height = _sizes(len(rows), layout)
         layout = layout and layout.within(width)
         words = [panel_words(row, max(18, int(width / LETTER))) for row in rows]
@@ -332,7 +332,7 @@ class ModalFilm(MovingFigure):
     @property
     def moving(self) -> list[Artist]:
         """The pendula and their carts."""
-        return sorted((artist for panel in self.panels for artist in panel.drawn), key=Artist.get_zorder)
+        return sorted((artist for panel in self.panels for artist in panel.artists), key=Artist.get_zorder)
 
     def show(self, frame: int) -> None:
         """Update every panel to a frame."""
@@ -345,20 +345,20 @@ class _Panel:
     """A panel: its axis, how its shape moves over the loop, what draws a shape, and what is drawn now."""
 
     axis: Axes
-    moved: Callable[[float], Shape]
+    shape_at: Callable[[float], Shape]
     draw: Callable[[Axes, Shape], None]
-    drawn: list[Artist]
+    artists: list[Artist]
     stands: bool
 
     def show(self, s: float) -> None:
         """Draw the shape at a part of the loop."""
         if self.stands:
             return
-        for artist in self.drawn:
+        for artist in self.artists:
             artist.remove()
-        before = set(self.axis.get_children())
-        self.draw(self.axis, self.moved(s))
-        self.drawn = [artist for artist in self.axis.get_children() if artist not in before]
+        earlier_artists = set(self.axis.get_children())
+        self.draw(self.axis, self.shape_at(s))
+        self.artists = [artist for artist in self.axis.get_children() if artist not in earlier_artists]
 
 
 def _panel(axis: Axes, modes: Modes, row: Mode, layout: ShapeLayout | None, amplitude: float) -> _Panel:
@@ -366,12 +366,12 @@ def _panel(axis: Axes, modes: Modes, row: Mode, layout: ShapeLayout | None, ampl
     shape = modes.shape(modes.index_of(row))
     real = shape.at()
 
-    def moved(s: float) -> Shape:
+    def shape_at(s: float) -> Shape:
         return shape.at(motion(row, s))
 
     if layout is None:
         draw = _profile(axis, modes, amplitude)
-        return _Panel(axis, moved, draw, [], stands=row.omega == 0 or row.is_uncertain)
+        return _Panel(axis, shape_at, draw, [], stands=row.omega == 0 or row.is_uncertain)
     draw_rest(axis, layout, real)
     axis.set_axis_off()
     if row.omega == 0:
@@ -381,7 +381,7 @@ def _panel(axis: Axes, modes: Modes, row: Mode, layout: ShapeLayout | None, ampl
     def hang(axis: Axes, now: Shape) -> None:
         draw_swing(axis, layout, now, largest, {"color": colour(0)})
 
-    return _Panel(axis, moved, hang, [], stands=row.omega == 0 or row.is_uncertain)
+    return _Panel(axis, shape_at, hang, [], stands=row.omega == 0 or row.is_uncertain)
 
 
 def motion(row: Mode, s: float) -> complex:
@@ -415,7 +415,7 @@ def _profile(axis: Axes, modes: Modes, amplitude: float) -> Callable[[Axes, Shap
 def _sizes(count: int, layout: ShapeLayout | None) -> tuple[tuple[int, int], float, float]:
     """The columns and lines of panels, and the width and height of one (inches)."""
     ratio = 1.5 if layout is None else 2 * layout.half_width / (layout.top - layout.bottom)
-    columns, lines = arranged(count, ratio)
+    columns, lines = grid_of_panels(count, ratio)
     width = float(np.clip(HIGHEST * ratio, 2.4, LARGEST / columns))
     return (columns, lines), width, width / ratio
 

@@ -31,7 +31,7 @@ from modal.plotting.free_body_diagrams import (
     point,
 )
 from modal.plotting.layout import SMALL, caption, headline
-from modal.plotting.style import QUIET, colour, ink, mixed, muted, paper, sheet, theme
+from modal.plotting.style import QUIET, colour, ink, mixture, paper, secondary_colour, sheet, theme
 from modal.scene import FreeBodies, Scene, free_bodies, title_of
 from modal.scene.doors import checked
 from modal.scene.free_body import normal
@@ -53,8 +53,8 @@ def plot_free_body(scene: Scene, *, letters: str = "own", parts: str = "") -> Fi
     ['whole scene', 'cart', 'pendulum 1', 'link 1', 'link 2']
     """
     bodies = free_bodies(scene, letters)
-    shown, note = diagrams(bodies, parts)
-    rows = _rows(shown)
+    pictures, note = diagrams(bodies, parts)
+    rows = _rows(pictures)
     width, height = RIGHT - LEFT, HIGH - LOW
     figure = sheet(INCHES * width * COLUMNS, INCHES * height * len(rows) + 0.9)
     grid = figure.add_gridspec(len(rows), COLUMNS)
@@ -72,7 +72,7 @@ def plot_free_body(scene: Scene, *, letters: str = "own", parts: str = "") -> Fi
                 _write(axis, words)
             at += diagram.columns
     headline(figure, title_of(scene), "free-body diagrams")
-    caption(figure, f"{_told(bodies)}{note}")
+    caption(figure, f"{_caption_words(bodies)}{note}")
     return figure
 
 
@@ -84,12 +84,12 @@ def free_body_tikz(scene: Scene, letters: str = "own", parts: str = "") -> str:
     \definecolor{fbbody}{HTML}{005F9E}
     """
     bodies = free_bodies(scene, letters)
-    shown, _ = diagrams(bodies, parts)
+    pictures, _ = diagrams(bodies, parts)
     with theme("light"):
         hues = {look: _hue(look).removeprefix("#").upper() for look in LOOKS}
     lines = [rf"\definecolor{{fb{look}}}{{HTML}}{{{hue}}}" for look, hue in hues.items()]
     lines.append(r"\begin{tikzpicture}[x=2.2cm, y=2.2cm, line cap=round, >=stealth]")
-    for k, row in enumerate(_rows(shown)):
+    for k, row in enumerate(_rows(pictures)):
         at = 0
         for diagram in row:
             shift = (at * (RIGHT - LEFT) + (diagram.columns - 1) * (RIGHT - LEFT) / 2, -k * (HIGH - LOW + 0.2))
@@ -109,7 +109,7 @@ def free_body_tikz(scene: Scene, letters: str = "own", parts: str = "") -> str:
 _ANCHORS = {"center": "", "left": "anchor=east, ", "right": "anchor=west, "}
 
 
-def _told(bodies: FreeBodies) -> str:
+def _caption_words(bodies: FreeBodies) -> str:
     down = bodies.downward
     words = (
         f"x along the rail, {down} down. Green: joints, equal and opposite on the adjoining part; "
@@ -121,13 +121,13 @@ def _told(bodies: FreeBodies) -> str:
     return words
 
 
-def _rows(shown: Sequence[Diagram]) -> list[list[Diagram]]:
+def _rows(pictures: Sequence[Diagram]) -> list[list[Diagram]]:
     """Diagrams in rows of COLUMNS; the links of a pendulum begin a row where they fit into one."""
-    several = sum(diagram.title.startswith("pendulum") for diagram in shown) > 1
+    several = sum(diagram.title.startswith("pendulum") for diagram in pictures) > 1
     rows: list[list[Diagram]] = [[]]
-    for diagram in shown:
+    for diagram in pictures:
         begins = several and diagram.title.startswith("pendulum")
-        if rows[-1] and (begins or sum(other.columns for other in rows[-1]) + diagram.columns > COLUMNS):
+        if rows[-1] and (begins or sum(neighbour.columns for neighbour in rows[-1]) + diagram.columns > COLUMNS):
             rows.append([])
         rows[-1].append(diagram)
     return rows
@@ -139,11 +139,11 @@ def _rows(shown: Sequence[Diagram]) -> list[list[Diagram]]:
 def _hue(look: str) -> str:
     hues = {
         "body": colour(0),
-        "faint": mixed(colour(0), 0.3),
+        "faint": mixture(colour(0), 0.3),
         "force": colour(4),
         "joint": colour(2),
         "inertia": colour(3),
-        "guide": muted(),
+        "guide": secondary_colour(),
         "ink": ink(),
     }
     return hues[look]
@@ -152,14 +152,14 @@ def _hue(look: str) -> str:
 def _draw(axis: Axes, stroke: Stroke) -> None:
     hue, points = _hue(stroke.look), stroke.points
     if stroke.kind == "line":
-        dash = "--" if stroke.dashed else "-"
+        dash = "--" if stroke.is_dashed else "-"
         faint: dict[str, Any] = {"gid": QUIET} if stroke.look == "faint" else {}
         axis.plot(*np.transpose(points), dash, color=hue, lw=stroke.width, solid_capstyle="round", zorder=3, **faint)
     elif stroke.kind in {"arrow", "measure"}:
         _arrow(axis, stroke, hue)
     elif stroke.kind == "box":
         (left, bottom), (right, top) = points
-        face = mixed(ink(), 0.1) if stroke.look == "ink" else paper()
+        face = mixture(ink(), 0.1) if stroke.look == "ink" else paper()
         box = Rectangle((left, bottom), right - left, top - bottom, fc=face, ec=hue, lw=stroke.width, zorder=2)
         axis.add_patch(box)
     else:
@@ -202,5 +202,5 @@ def _tikz(stroke: Stroke) -> str:
         (x, y), edge = stroke.points
         fill = look if stroke.kind == "disc" else "white"
         return rf"\draw[{look}, fill={fill}, {width}] ({x:.3f},{y:.3f}) circle ({hypot(edge[0] - x, edge[1] - y):.3f});"
-    more = {"arrow": ", ->", "measure": ", <->"}.get(stroke.kind, ", dashed" if stroke.dashed else "")
-    return rf"\draw[{look}, {width}{more}] {points};"
+    line_style = {"arrow": ", ->", "measure": ", <->"}.get(stroke.kind, ", dashed" if stroke.is_dashed else "")
+    return rf"\draw[{look}, {width}{line_style}] {points};"

@@ -46,7 +46,7 @@ class Stroke(NamedTuple):
     points: tuple[tuple[float, float], ...]
     look: str
     width: float = SIZES["arrow"]
-    dashed: bool = False
+    is_dashed: bool = False
 
 
 class Lettering(NamedTuple):
@@ -77,20 +77,20 @@ def diagrams(bodies: FreeBodies, parts: str = "") -> tuple[list[Diagram], str]:
     total = len(bodies.parts)
     numbers = _chosen(parts, total) if parts else range(min(total, MOST_PARTS))
     pendula = bodies.pendula
-    shown: list[Diagram] = []
+    pictures: list[Diagram] = []
     if not parts and bodies.support.kind == "cart" and _fits(pendula):
-        shown.append(_whole(bodies))
+        pictures.append(_whole_scene(bodies))
     for number in numbers:
         part = bodies.parts[number]
         if part.link is None:
-            shown.append(_cart(bodies) if part.kind == "cart" else _standing(bodies))
+            pictures.append(_cart(bodies) if part.kind == "cart" else _standing(bodies))
             continue
         chain = pendula[part.place[0]]
         if not parts and part.place[1] == 0 and 1 < len(chain) <= MOST_LINKS:
-            shown.append(_pendulum(bodies, chain))
-        shown.append(_link(bodies, part))
+            pictures.append(_pendulum(bodies, chain))
+        pictures.append(_link(bodies, part))
     note = f" {len(numbers)} of {total} parts are drawn." if len(numbers) < total else ""
-    return shown, note
+    return pictures, note
 
 
 def _fits(pendula: list[list[FreeBody]]) -> bool:
@@ -114,7 +114,7 @@ def _chosen(parts: str, total: int) -> range:
 # -------------------------------------------------------------------------------------------------------- letters
 
 
-def written(name: str, letters: str = "own") -> str:
+def in_latex(name: str, letters: str = "own") -> str:
     r"""The LaTeX of a letter by its name, `R_Bx_1` as R_{Bx,1}; of a product of two, one after the other.
 
     >>> written("m_1_2 g")
@@ -132,7 +132,7 @@ def _letter(name: str, letters: str) -> str:
     return f"{letter}_{{{','.join(index)}}}" if index else letter
 
 
-def _accelerated(letter: str, index: Sequence[int]) -> str:
+def _second_derivative(letter: str, index: Sequence[int]) -> str:
     tail = f"_{{{','.join(map(str, index))}}}" if index else ""
     return rf"\ddot{{{letter}}}{tail}"
 
@@ -140,8 +140,8 @@ def _accelerated(letter: str, index: Sequence[int]) -> str:
 def _inertia(bodies: FreeBodies, part: FreeBody) -> str:
     """What turns a link: I of a body, ⅓ m (l/2)² of a rod as paper 000 writes it, or m l²/12."""
     if part.kind == "body":
-        return written(part.inertia)
-    m, l = written(part.mass), written(part.length, bodies.letters)
+        return in_latex(part.inertia)
+    m, l = in_latex(part.mass), in_latex(part.length, bodies.letters)
     if bodies.letters == "paper":
         return rf"\frac{{1}}{{3}}{m}\left(\frac{{{l}}}{{2}}\right)^2"
     return rf"\frac{{1}}{{12}}{m}\,{l}^2"
@@ -150,8 +150,8 @@ def _inertia(bodies: FreeBodies, part: FreeBody) -> str:
 # -------------------------------------------------------------------------------------------------------- strokes
 
 
-def _line(start: Any, end: Any, look: str, width: float, dashed: bool = False) -> Stroke:
-    return Stroke("line", (point(start), point(end)), look, width, dashed)
+def _line(start: Any, end: Any, look: str, width: float, is_dashed: bool = False) -> Stroke:
+    return Stroke("line", (point(start), point(end)), look, width, is_dashed)
 
 
 def point(place: Any) -> tuple[float, float]:
@@ -164,9 +164,11 @@ def _force(place: Any, shaft: Any, positive: bool, text: str, look: str) -> Iter
 
     `shaft` is the unit vector from the place to the far end; the arrow points outwards where `positive`.
     """
-    near, far = place + GAP * shaft, place + (GAP + ARROW) * shaft
-    yield Stroke("arrow", (point(near), point(far)) if positive else (point(far), point(near)), look)
-    x, y = far + shaft * (0.06 if abs(shaft[0]) > 0.5 else 0.13)
+    inner_end, outer_end = place + GAP * shaft, place + (GAP + ARROW) * shaft
+    yield Stroke(
+        "arrow", (point(inner_end), point(outer_end)) if positive else (point(outer_end), point(inner_end)), look
+    )
+    x, y = outer_end + shaft * (0.06 if abs(shaft[0]) > 0.5 else 0.13)
     side = "center" if abs(shaft[0]) <= 0.5 else "right" if shaft[0] > 0 else "left"
     yield Lettering(f"${text}$", float(x), float(y), look, side)
 
@@ -191,8 +193,8 @@ def _diagram(title: str, pieces: Sequence[Stroke | Lettering], columns: int = 1)
 def _bar(part: FreeBody, joint: Any, end: Any, look: str = "body") -> Iterator[Stroke]:
     """A link from its upper to its lower end, a bob at that of a wire, and the open circle of its joint."""
     faint = look == "faint"
-    wide = SIZES["faint" if faint else "body"] if part.kind != "bob" else SIZES["wire"]
-    yield _line(joint, end, look, wide)
+    width = SIZES["faint" if faint else "body"] if part.kind != "bob" else SIZES["wire"]
+    yield _line(joint, end, look, width)
     if part.kind == "bob":
         yield Stroke("disc", (point(end), point(end + np.array([BOB, 0]))), look)
     if not faint:
@@ -206,71 +208,73 @@ def _link(bodies: FreeBodies, part: FreeBody) -> Diagram:
     """One link: what acts on it, and to the right what that causes."""
     link: Any = part.link
     way = np.array([sin(TILT), -cos(TILT)])
-    end, across = TOP + LONG * way, np.array([cos(TILT), sin(TILT)])
+    end, normal_direction = TOP + LONG * way, np.array([cos(TILT), sin(TILT)])
     centre = TOP + LONG * min(link.centre / link.length, 1.25) * way
     pieces: list[Stroke | Lettering] = [*_bar(part, TOP, end), *_leaning(bodies, part)]
     if bodies.of(part):
         pieces.append(Stroke("ring", (point(end), point(end + np.array([0.045, 0]))), "ink", 1.0))
     if part.kind != "bob":
         pieces.append(Stroke("disc", (point(centre), point(centre + np.array([0.035, 0]))), "ink"))
-    at = TOP + (0.48 if part.kind == "bob" else 0.74) * LONG * way + 0.13 * across
-    pieces.append(Lettering(f"${written(part.length, bodies.letters)}$", *point(at), "ink", "right"))
+    at = TOP + (0.48 if part.kind == "bob" else 0.74) * LONG * way + 0.13 * normal_direction
+    pieces.append(Lettering(f"${in_latex(part.length, bodies.letters)}$", *point(at), "ink", "right"))
     for effort in part.efforts:
-        pieces += _effort(part, effort, centre, end, across)
-    pieces += _caused(bodies, part, way, min(link.centre / link.length, 1.25))
+        pieces += _effort(part, effort, centre, end, normal_direction)
+    pieces += _caused_motion(bodies, part, way, min(link.centre / link.length, 1.25))
     return _diagram(part.words, pieces)
 
 
 def _leaning(bodies: FreeBodies, part: FreeBody) -> Iterator[Stroke | Lettering]:
     """The vertical below the upper joint and the angle of the link."""
-    yield _line(TOP, TOP - np.array([0, 0.52]), "guide", SIZES["guide"], dashed=True)
+    yield _line(TOP, TOP - np.array([0, 0.52]), "guide", SIZES["guide"], is_dashed=True)
     angles = np.linspace(-pi / 2, TILT - pi / 2, 15)
     points = tuple(point(TOP + 0.3 * np.array([cos(a), sin(a)])) for a in angles)
     yield Stroke("line", points, "guide", SIZES["guide"])
-    name = written("_".join(("theta", *map(str, part.index))))
+    name = in_latex("_".join(("theta", *map(str, part.index))))
     yield Lettering(f"${name}$", TOP[0] - 0.06, TOP[1] - 0.34, "ink", "left")
 
 
-def _effort(part: FreeBody, effort: Effort, centre: Any, end: Any, across: Any) -> Iterator[Stroke | Lettering]:
+def _effort(
+    part: FreeBody, effort: Effort, centre: Any, end: Any, normal_direction: Any
+) -> Iterator[Stroke | Lettering]:
     """The arrows of what acts on a link, shafts above and left of its upper joint, below and right of the lower one."""
     bob = part.kind == "bob"
     if effort.kind == "weight":
         low = centre + (np.array([-0.07, -BOB + GAP]) if bob else np.array([0, 0]))
         yield Stroke("arrow", (point(low), point(low - np.array([0, 0.4]))), "force")
-        yield Lettering(f"${written(effort.down)}$", float(low[0] - 0.09), float(low[1] - 0.3), "force", "left")
+        yield Lettering(f"${in_latex(effort.down)}$", float(low[0] - 0.09), float(low[1] - 0.3), "force", "left")
     elif effort.kind == "drag":
-        yield from _oblique(part, centre, across, 0.62)
+        yield from _oblique(part, centre, normal_direction, 0.62)
     elif effort.kind == "applied":
-        yield from _applied(part, effort, centre, end)
+        yield from _applied_force(part, effort, centre, end)
     elif effort.turning:
         begin, stop = (-42.0, 75.0) if effort.at == "upper" else (135.0, 215.0) if bob else (145.0, 250.0)
         place = TOP if effort.at == "upper" else end
-        yield from _turn(place, begin, stop, effort.sign > 0, written(effort.turning), "joint")
+        yield from _turn(place, begin, stop, effort.sign > 0, in_latex(effort.turning), "joint")
     elif effort.at == "upper":
         up, left = np.array([0.0, 1.0]), np.array([-1.0, 0.0])
-        yield from _force(TOP, up, effort.sign < 0, written(effort.down), "joint")
-        yield from _force(TOP, left, effort.sign < 0, written(effort.along), "joint")
+        yield from _force(TOP, up, effort.sign < 0, in_latex(effort.down), "joint")
+        yield from _force(TOP, left, effort.sign < 0, in_latex(effort.along), "joint")
     else:
         down, right = np.array([0.0, -1.0]), np.array([1.0, 0.0])
-        beside = np.array([0.07, -BOB + GAP]) if bob else np.zeros(2)
-        yield from _force(end + beside, down, effort.sign > 0, written(effort.down), "joint")
+        offset = np.array([0.07, -BOB + GAP]) if bob else np.zeros(2)
+        yield from _force(end + offset, down, effort.sign > 0, in_latex(effort.down), "joint")
         out = np.array([BOB - GAP, 0.0]) if bob else np.zeros(2)
-        yield from _force(end + out, right, effort.sign > 0, written(effort.along), "joint")
+        yield from _force(end + out, right, effort.sign > 0, in_latex(effort.along), "joint")
 
 
-def _oblique(part: FreeBody, centre: Any, across: Any, length: float) -> Iterator[Stroke | Lettering]:
+def _oblique(part: FreeBody, centre: Any, direction: Any, length: float) -> Iterator[Stroke | Lettering]:
     """The drag on a link as one arrow."""
-    tip = centre + length * across
-    yield Stroke("arrow", (point(centre + 0.1 * across if part.kind == "bob" else centre), point(tip)), "force")
+    tip = centre + length * direction
+    yield Stroke("arrow", (point(centre + 0.1 * direction if part.kind == "bob" else centre), point(tip)), "force")
     yield Lettering(
-        f"${written('_'.join(('D', *map(str, part.index))))}$", *point(tip + 0.05 * across), "force", "right"
+        f"${in_latex('_'.join(('D', *map(str, part.index))))}$", *point(tip + 0.05 * direction), "force", "right"
     )
 
 
-def _applied(part: FreeBody, effort: Effort, centre: Any, end: Any) -> Iterator[Stroke | Lettering]:
+def _applied_force(part: FreeBody, effort: Effort, centre: Any, end: Any) -> Iterator[Stroke | Lettering]:
     """A force of the scene, to the right or up from its point, or a torque around a joint or the centre."""
     link: Any = part.link
-    text = written(effort.along or effort.down or effort.turning)
+    text = in_latex(effort.along or effort.down or effort.turning)
     if effort.turning:
         place = {"upper": TOP, "lower": end}.get(effort.at, centre)
         first, last = (-38.0, 60.0) if effort.at != "lower" else (150.0, 240.0)
@@ -286,7 +290,7 @@ def _applied(part: FreeBody, effort: Effort, centre: Any, end: Any) -> Iterator[
     yield Lettering(f"${text}$", float(x), float(y), "force", "right")
 
 
-def _caused(bodies: FreeBodies, part: FreeBody, way: Any, share: float) -> Iterator[Stroke | Lettering]:
+def _caused_motion(bodies: FreeBodies, part: FreeBody, way: Any, share: float) -> Iterator[Stroke | Lettering]:
     """The same link with mass times acceleration at its centre, and inertia times angular acceleration."""
     top = TOP + np.array([BESIDE, 0])
     centre = top + share * LONG * way
@@ -294,12 +298,14 @@ def _caused(bodies: FreeBodies, part: FreeBody, way: Any, share: float) -> Itera
     yield from _bar(part, top, top + LONG * way, "faint")
     yield from _accelerating(bodies, part, centre)
     if part.kind == "body":
-        across = np.array([cos(TILT), sin(TILT)])
-        near, far = top - 0.09 * across, centre - 0.09 * across
-        yield Stroke("measure", (point(near), point(far)), "guide", SIZES["guide"])
-        yield Lettering(f"${written(part.centre)}$", *point((near + far) / 2 - 0.06 * across), "ink", "left")
+        normal_direction = np.array([cos(TILT), sin(TILT)])
+        start, end = top - 0.09 * normal_direction, centre - 0.09 * normal_direction
+        yield Stroke("measure", (point(start), point(end)), "guide", SIZES["guide"])
+        yield Lettering(
+            f"${in_latex(part.centre)}$", *point((start + end) / 2 - 0.06 * normal_direction), "ink", "left"
+        )
     if part.kind != "bob":
-        text = _inertia(bodies, part) + r"\," + _accelerated(r"\theta", part.index)
+        text = _inertia(bodies, part) + r"\," + _second_derivative(r"\theta", part.index)
         angles = np.radians(np.linspace(18, 108, 20))
         points = tuple(point(centre + 0.3 * np.array([cos(a), sin(a)])) for a in angles)
         yield Stroke("arrow", points, "inertia")
@@ -307,43 +313,43 @@ def _caused(bodies: FreeBodies, part: FreeBody, way: Any, share: float) -> Itera
 
 
 def _accelerating(bodies: FreeBodies, part: FreeBody, centre: Any) -> Iterator[Stroke | Lettering]:
-    m = written(part.mass)
-    right, below = centre + np.array([ARROW, 0]), centre - np.array([0, ARROW])
+    m = in_latex(part.mass)
+    right, tip = centre + np.array([ARROW, 0]), centre - np.array([0, ARROW])
     yield Stroke("arrow", (point(centre), point(right)), "inertia")
-    text = rf"{m}\,{_accelerated('x', part.index)}"
+    text = rf"{m}\,{_second_derivative('x', part.index)}"
     yield Lettering(f"${text}$", float(right[0] + 0.05), float(right[1]), "inertia", "right")
-    yield Stroke("arrow", (point(centre), point(below)), "inertia")
-    text = rf"{m}\,{_accelerated(bodies.downward, part.index)}"
-    yield Lettering(f"${text}$", float(below[0]), float(below[1] - 0.15), "inertia")
+    yield Stroke("arrow", (point(centre), point(tip)), "inertia")
+    text = rf"{m}\,{_second_derivative(bodies.downward, part.index)}"
+    yield Lettering(f"${text}$", float(tip[0]), float(tip[1] - 0.15), "inertia")
 
 
 def _pins(bodies: FreeBodies) -> tuple[list[int], list[float]]:
     """The pendula whose joints are drawn on the support, at most three, and their places along it."""
     total = len(bodies.pendula)
-    shown = list(range(total)) if total <= MOST_PENDULA else [0, 1, total - 1]
-    apart = PINS + 0.65 * any(effort.turning for effort in bodies.support.efforts)
-    return shown, [apart * (k - (len(shown) - 1) / 2) for k in range(len(shown))]
+    numbers = list(range(total)) if total <= MOST_PENDULA else [0, 1, total - 1]
+    spacing = PINS + 0.65 * any(effort.turning for effort in bodies.support.efforts)
+    return numbers, [spacing * (k - (len(numbers) - 1) / 2) for k in range(len(numbers))]
 
 
 def _on_pins(bodies: FreeBodies, height: float) -> Iterator[Stroke | Lettering]:
     """What the first links exert on their pins: forces above and to the left, moments to the right."""
-    shown, places = _pins(bodies)
-    for p, x in zip(shown, places, strict=True):
+    numbers, places = _pins(bodies)
+    for p, x in zip(numbers, places, strict=True):
         pin = np.array([x, height])
         for effort in (acting for acting in bodies.support.efforts if acting.at == "support" and acting.pendulum == p):
             if effort.kind == "applied":
-                yield from _turn(pin, -38.0, 60.0, effort.sign > 0, written(effort.turning), "force", radius=0.38)
+                yield from _turn(pin, -38.0, 60.0, effort.sign > 0, in_latex(effort.turning), "force", radius=0.38)
                 continue
             if effort.kind != "joint":
                 continue
             if effort.turning:
-                yield from _turn(pin, -42.0, 75.0, effort.sign > 0, written(effort.turning), "joint")
+                yield from _turn(pin, -42.0, 75.0, effort.sign > 0, in_latex(effort.turning), "joint")
                 continue
             up, left = np.array([0.0, 1.0]), np.array([-1.0, 0.0])
-            yield from _force(pin, up, effort.sign < 0, written(effort.down), "joint")
-            yield from _force(pin, left, effort.sign < 0, written(effort.along), "joint")
+            yield from _force(pin, up, effort.sign < 0, in_latex(effort.down), "joint")
+            yield from _force(pin, left, effort.sign < 0, in_latex(effort.along), "joint")
         yield Stroke("ring", (point(pin), point(pin + np.array([0.045, 0]))), "ink", 1.0)
-    if len(shown) < len(bodies.pendula):
+    if len(numbers) < len(bodies.pendula):
         yield Lettering(r"$\ldots$", (places[1] + places[2]) / 2, height)
 
 
@@ -358,14 +364,14 @@ def _cart(bodies: FreeBodies) -> Diagram:
         pieces += _force(wheel - np.array([0, WHEEL]), np.array([0.0, -1.0]), False, R, "force")
     pieces.append(Stroke("arrow", ((0.0, 0.0), (0.0, -0.55)), "force"))
     pieces.append(Stroke("disc", ((0.0, 0.0), (0.035, 0.0)), "ink"))
-    pieces.append(Lettering(f"${written('m_c g')}$", 0.0, -0.7, "force"))
+    pieces.append(Lettering(f"${in_latex('m_c g')}$", 0.0, -0.7, "force"))
     pieces += _on_cart(bodies, half, 0.0)
-    beside = half + 1.55
+    ghost_place = half + 1.55
     pieces.append(Lettering("$=$", half + 0.85, 0.4))
-    ghost = [_faded(piece, beside) for piece in _box(0.45)]
-    pieces += [*ghost, *_accelerating(bodies, bodies.support, np.array([beside, 0.0]))]
-    middle = (LEFT + RIGHT) / 2 - (beside + 0.9 - half) / 2
-    return _diagram("cart", [_moved(piece, middle) for piece in pieces], 2)
+    ghost = [_faint_copy(piece, ghost_place) for piece in _box(0.45)]
+    pieces += [*ghost, *_accelerating(bodies, bodies.support, np.array([ghost_place, 0.0]))]
+    middle = (LEFT + RIGHT) / 2 - (ghost_place + 0.9 - half) / 2
+    return _diagram("cart", [_shift(piece, middle) for piece in pieces], 2)
 
 
 def _on_cart(bodies: FreeBodies, right: float, height: float) -> Iterator[Stroke | Lettering]:
@@ -373,7 +379,7 @@ def _on_cart(bodies: FreeBodies, right: float, height: float) -> Iterator[Stroke
     names = [effort.along for effort in bodies.support.efforts if effort.kind in {"held", "applied"} and effort.along]
     for k, name in enumerate(names):
         place = np.array([right, height + 0.2 * (k - (len(names) - 1) / 2)])
-        yield from _force(place, np.array([1.0, 0.0]), True, written(name), "force")
+        yield from _force(place, np.array([1.0, 0.0]), True, in_latex(name), "force")
 
 
 def _box(half: float, middle: float = 0.0) -> list[Stroke | Lettering]:
@@ -384,15 +390,15 @@ def _box(half: float, middle: float = 0.0) -> list[Stroke | Lettering]:
     return [box, *(Stroke("wheel", (place, (place[0] + WHEEL, place[1])), "ink", 1.3) for place in centres)]
 
 
-def _faded(piece: Stroke | Lettering, shift: float) -> Stroke | Lettering:
+def _faint_copy(piece: Stroke | Lettering, shift: float) -> Stroke | Lettering:
     """The same faint, so far to the right."""
-    return _moved(piece._replace(look="faint"), shift)
+    return _shift(piece._replace(look="faint"), shift)
 
 
-def _moved(piece: Stroke | Lettering, along: float, up: float = 0.0) -> Stroke | Lettering:
+def _shift(piece: Stroke | Lettering, across_shift: float, up: float = 0.0) -> Stroke | Lettering:
     if isinstance(piece, Lettering):
-        return piece._replace(x=piece.x + along, y=piece.y + up)
-    return piece._replace(points=tuple((x + along, y + up) for x, y in piece.points))
+        return piece._replace(x=piece.x + across_shift, y=piece.y + up)
+    return piece._replace(points=tuple((x + across_shift, y + up) for x, y in piece.points))
 
 
 def _standing(bodies: FreeBodies) -> Diagram:
@@ -404,12 +410,12 @@ def _standing(bodies: FreeBodies) -> Diagram:
         pieces.append(_line((foot, 0.0), (foot - 0.08, -0.08), "guide", 0.8))
     pieces += _brackets(places, 0.0)
     pieces += _on_pins(bodies, PIN)
-    still = bodies.support.kind == "fixed"
-    words = "stands still: the ground holds it" if still else "moves as prescribed"
+    is_fixed = bodies.support.kind == "fixed"
+    words = "stands still: the ground holds it" if is_fixed else "moves as prescribed"
     pieces.append(Lettering(words, (left + right) / 2, -0.3))
     middle = (LEFT + RIGHT) / 2
-    wide = len(places) > 1
-    return _diagram(bodies.support.words, [_moved(piece, middle) for piece in pieces], 2 if wide else 1)
+    has_several = len(places) > 1
+    return _diagram(bodies.support.words, [_shift(piece, middle) for piece in pieces], 2 if has_several else 1)
 
 
 def _brackets(places: Sequence[float], low: float) -> Iterator[Stroke]:
@@ -440,7 +446,7 @@ def _weights(chain: Sequence[FreeBody], centres: Sequence[Any], lean: float = TI
         low = centre - np.array([0, 0.38])
         yield Stroke("disc", (point(centre), point(centre + np.array([0.03, 0]))), "ink")
         yield Stroke("arrow", (point(centre), point(low)), "force")
-        yield Lettering(f"${written(f'{part.mass} g')}$", float(low[0] - 0.08), float(low[1] + 0.08), "force", "left")
+        yield Lettering(f"${in_latex(f'{part.mass} g')}$", float(low[0] - 0.08), float(low[1] + 0.08), "force", "left")
         for effort in part.efforts:
             if effort.kind == "drag":
                 yield from _oblique(part, centre, np.array([cos(lean), sin(lean)]), 0.32 if lean == TILT else 0.5)
@@ -448,7 +454,7 @@ def _weights(chain: Sequence[FreeBody], centres: Sequence[Any], lean: float = TI
                 tip = centre + (np.array([ARROW, 0.0]) if effort.along else np.array([0.0, 0.36]))
                 x, y = tip + np.array([0.06, 0.0 if effort.along else -0.1])
                 yield Stroke("arrow", (point(centre), point(tip)), "force")
-                yield Lettering(f"${written(effort.along or effort.down)}$", float(x), float(y), "force", "right")
+                yield Lettering(f"${in_latex(effort.along or effort.down)}$", float(x), float(y), "force", "right")
 
 
 def _pendulum(bodies: FreeBodies, chain: Sequence[FreeBody]) -> Diagram:
@@ -459,26 +465,26 @@ def _pendulum(bodies: FreeBodies, chain: Sequence[FreeBody]) -> Diagram:
     first = chain[0]
     for effort in (acting for acting in first.efforts if acting.at == "upper"):
         if effort.turning:
-            pieces += _turn(top, -42.0, 75.0, effort.sign > 0, written(effort.turning), "joint")
+            pieces += _turn(top, -42.0, 75.0, effort.sign > 0, in_latex(effort.turning), "joint")
             continue
-        pieces += _force(top, np.array([0.0, 1.0]), effort.sign < 0, written(effort.down), "joint")
-        pieces += _force(top, np.array([-1.0, 0.0]), effort.sign < 0, written(effort.along), "joint")
-    along = any(acting.kind == "applied" and acting.along for part in chain for acting in part.efforts)
-    pieces += _weights(chain, centres, TILT if along else radians(5.0))
+        pieces += _force(top, np.array([0.0, 1.0]), effort.sign < 0, in_latex(effort.down), "joint")
+        pieces += _force(top, np.array([-1.0, 0.0]), effort.sign < 0, in_latex(effort.along), "joint")
+    has_push = any(acting.kind == "applied" and acting.along for part in chain for acting in part.efforts)
+    pieces += _weights(chain, centres, TILT if has_push else radians(5.0))
     return _diagram(f"pendulum {first.place[0] + 1}", pieces)
 
 
-def _whole(bodies: FreeBodies) -> Diagram:
+def _whole_scene(bodies: FreeBodies) -> Diagram:
     """The cart with its pendula: the forces from outside alone."""
     pendula = bodies.pendula
     longest = max(map(len, pendula))
     scale = min(0.62, 1.3 / sum(cos(tilt) for tilt in TILTS[:longest]))
     reach = scale * sum(sin(tilt) for tilt in TILTS[:longest])
-    pushed = any(effort.kind in {"drag", "applied"} for part in bodies.parts[1:] for effort in part.efforts)
-    places = [(reach + (1.0 if pushed else 0.5)) * k for k in range(len(pendula))]
-    left, right, high = -1.3, places[-1] + reach + (1.0 if pushed else 0.6), 0.85
+    has_forces = any(effort.kind in {"drag", "applied"} for part in bodies.parts[1:] for effort in part.efforts)
+    places = [(reach + (1.0 if has_forces else 0.5)) * k for k in range(len(pendula))]
+    left, right, high = -1.3, places[-1] + reach + (1.0 if has_forces else 0.6), 0.85
     pieces: list[Stroke | Lettering] = [
-        _moved(piece, 0.0, high) for piece in _box((right - left) / 2, (left + right) / 2)
+        _shift(piece, 0.0, high) for piece in _box((right - left) / 2, (left + right) / 2)
     ]
     for chain, x in zip(pendula, places, strict=True):
         links, centres, _ = _chain(chain, (x, high), scale)
@@ -488,10 +494,10 @@ def _whole(bodies: FreeBodies) -> Diagram:
         R = rf"{normal(bodies.letters)}_{{{k + 1}}}"
         pieces += _force(wheel, np.array([0.0, -1.0]), False, R, "force")
     pieces.append(Stroke("arrow", ((-0.76, high), (-0.76, high - 0.5)), "force"))
-    pieces.append(Lettering(f"${written('m_c g')}$", -0.76, high - 0.63, "force"))
-    held = bool(beside := list(_on_cart(bodies, right, high)))
-    pieces += beside
-    middle = (LEFT + RIGHT) / 2 - (left + right) / 2 - 0.3 * held
+    pieces.append(Lettering(f"${in_latex('m_c g')}$", -0.76, high - 0.63, "force"))
+    has_carriage = bool(cart_strokes := list(_on_cart(bodies, right, high)))
+    pieces += cart_strokes
+    middle = (LEFT + RIGHT) / 2 - (left + right) / 2 - 0.3 * has_carriage
     return _diagram(
-        "whole scene", [_moved(piece, middle) for piece in pieces], 1 if right - left + 0.6 * held < 4.3 else 2
+        "whole scene", [_shift(piece, middle) for piece in pieces], 1 if right - left + 0.6 * has_carriage < 4.3 else 2
     )

@@ -9,8 +9,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from modal.plotting.layout import SMALL, evenly, headline, legend
-from modal.plotting.style import MARKED, WIDTH, colour, ink, muted, paper, rest, save, sheet
+from modal.plotting.layout import SMALL, even_choice, headline, legend
+from modal.plotting.style import MARKED, WIDTH, colour, ink, paper, rest, save, secondary_colour, sheet
 from modal.scene import title_of
 from modal.types import Floats
 
@@ -22,35 +22,35 @@ MOST_WRITTEN = 12  # modes of a matrix whose entries are written, and numbers al
 MOST_TICKS = 8  # fitted modes that are named
 
 
-def draw_poles(identified: Identified, stream: IO[bytes], kind: str = "png", title: str = "") -> None:
+def draw_poles(identification: Identified, stream: IO[bytes], kind: str = "png", title: str = "") -> None:
     """Write the picture of `poles_figure` as png, svg or pdf."""
-    save(poles_figure(identified, title), stream, kind)
+    save(poles_figure(identification, title), stream, kind)
 
 
-def poles_figure(identified: Identified, title: str = "") -> Figure:
+def poles_figure(identification: Identified, title: str = "") -> Figure:
     """Poles over the order of the model, the stable ones filled, above the damping ratios with error bars."""
     figure = sheet(WIDTH, 6.0)
     top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
     for stable, face, words in ((False, "none", "new at this order"), (True, colour(0), "stable")):
-        poles = [pole for pole in identified.stabilization if pole.stable == stable]
+        poles = [pole for pole in identification.stabilization if pole.stable == stable]
         top.plot(
             [pole.frequency for pole in poles],
             [pole.order for pole in poles],
             "o",
             ms=4.5,
             mfc=face,
-            mec=colour(0) if stable else muted(),
+            mec=colour(0) if stable else secondary_colour(),
             label=words,
         )
-    for mode in identified.modes:
+    for mode in identification.modes:
         for axis in (top, bottom):
             axis.axvline(mode.frequency, color=colour(1), lw=1.0, zorder=0)
-    frequency = [mode.frequency for mode in identified.modes]
+    frequency = [mode.frequency for mode in identification.modes]
     bottom.errorbar(
         frequency,
-        [mode.damping_ratio for mode in identified.modes],
-        BARS * np.array([mode.damping_ratio_std for mode in identified.modes]),
-        BARS * np.array([mode.frequency_std for mode in identified.modes]),
+        [mode.damping_ratio for mode in identification.modes],
+        BARS * np.array([mode.damping_ratio_std for mode in identification.modes]),
+        BARS * np.array([mode.frequency_std for mode in identification.modes]),
         fmt="o",
         color=colour(1),
         capsize=3,
@@ -62,8 +62,8 @@ def poles_figure(identified: Identified, title: str = "") -> Figure:
     bottom.set(xlabel="frequency (Hz)", ylabel="damping ratio (–)")
     legend(top, 2)
     bottom.set_ylim(min(0.0, low), high)
-    legend(bottom, least=1)
-    headline(figure, title, f"poles of {'free decays' if identified.excitation == 'free' else 'random responses'}")
+    legend(bottom, least_count=1)
+    headline(figure, title, f"poles of {'free decays' if identification.excitation == 'free' else 'random responses'}")
     return figure
 
 
@@ -74,35 +74,37 @@ def draw_assurance(assurance: Assurance, stream: IO[bytes], kind: str = "png") -
 
 def assurance_figure(assurance: Assurance) -> Figure:
     """The MAC matrix in shades, where there are shapes, beside measured over computed frequencies."""
-    shaped = bool(np.isfinite(assurance.mac).any())
-    figure = sheet(WIDTH + 1.5 * shaped, 4.4)
-    panels = figure.subplots(1, 1 + shaped, squeeze=False)[0]
-    if shaped:
+    has_shapes = bool(np.isfinite(assurance.mac).any())
+    figure = sheet(WIDTH + 1.5 * has_shapes, 4.4)
+    panels = figure.subplots(1, 1 + has_shapes, squeeze=False)[0]
+    if has_shapes:
         _matrix(figure, panels[0], assurance)
     axis = panels[-1]
-    computed = np.array([pair.frequency for pair in assurance.pairs])
-    measured = np.array([pair.measured.frequency for pair in assurance.pairs])
+    computed_hertz = np.array([pair.frequency for pair in assurance.pairs])
+    measured_hertz = np.array([pair.measured.frequency for pair in assurance.pairs])
     std = np.array([pair.measured.std for pair in assurance.pairs])
-    most = 1.1 * float(max(computed.max(), measured.max()))
-    axis.plot([0, most], [0, most], color=muted(), ls=MARKED, label="equal")
-    axis.errorbar(computed, measured, BARS * std, fmt="o", color=colour(0), capsize=3, label="pair ± 2 std")
+    limit = 1.1 * float(max(computed_hertz.max(), measured_hertz.max()))
+    axis.plot([0, limit], [0, limit], color=secondary_colour(), ls=MARKED, label="equal")
+    axis.errorbar(computed_hertz, measured_hertz, BARS * std, fmt="o", color=colour(0), capsize=3, label="pair ± 2 std")
     for pair in assurance.pairs:
         words = f"{100 * pair.error:+.2g} %"
         at = (pair.frequency, pair.measured.frequency)
-        beside = {"ha": "right", "xytext": (-8, 4)} if pair.frequency > most / 2 else {"ha": "left", "xytext": (8, -11)}
-        axis.annotate(words, at, textcoords="offset points", fontsize=SMALL, color=ink(), **beside)
-    axis.set(xlabel="computed frequency (Hz)", ylabel="measured frequency (Hz)", xlim=(0, most), ylim=(0, most))
+        label_place = (
+            {"ha": "right", "xytext": (-8, 4)} if pair.frequency > limit / 2 else {"ha": "left", "xytext": (8, -11)}
+        )
+        axis.annotate(words, at, textcoords="offset points", fontsize=SMALL, color=ink(), **label_place)
+    axis.set(xlabel="computed frequency (Hz)", ylabel="measured frequency (Hz)", xlim=(0, limit), ylim=(0, limit))
     axis.legend(loc="upper left")
     headline(figure, title_of(assurance.modes.scene), "measured beside computed modes")
     return figure
 
 
 def _matrix(figure: Figure, axis: Axes, assurance: Assurance) -> None:
-    shown: Floats = np.ma.masked_invalid(assurance.mac)
-    mesh = axis.imshow(shown, cmap="cividis", vmin=0, vmax=1, aspect="auto")
+    known_values: Floats = np.ma.masked_invalid(assurance.mac)
+    mesh = axis.imshow(known_values, cmap="cividis", vmin=0, vmax=1, aspect="auto")
     columns, rows = ([str(mode.number) for mode in modes] for modes in (assurance.rows, assurance.measured.modes))
-    axis.set_xticks(*_thinned(columns))
-    axis.set_yticks(*_thinned(rows))
+    axis.set_xticks(*_thin_ticks(columns))
+    axis.set_yticks(*_thin_ticks(rows))
     axis.set(xlabel="computed mode (–)", ylabel="measured mode (–)")
     axis.grid(visible=False)
     if max(assurance.mac.shape) <= MOST_WRITTEN:
@@ -116,9 +118,9 @@ def _matrix(figure: Figure, axis: Axes, assurance: Assurance) -> None:
     bar.outline.set_visible(False)
 
 
-def _thinned(words: list[str], most: int = MOST_WRITTEN) -> tuple[list[int], list[str]]:
+def _thin_ticks(words: list[str], limit: int = MOST_WRITTEN) -> tuple[list[int], list[str]]:
     """Places and words of at most so many ticks."""
-    places = evenly(len(words), most).tolist()
+    places = even_choice(len(words), limit).tolist()
     return places, [words[k] for k in places]
 
 
@@ -133,19 +135,21 @@ def mode_fit_figure(fit: ModeFit) -> Figure:
     axis = figure.subplots()
     at = np.arange(len(fit.modes))
     axis.axhspan(-BARS, BARS, color=rest(), alpha=0.4, lw=0)
-    axis.axhline(0.0, color=muted(), lw=0.8)
+    axis.axhline(0.0, color=secondary_colour(), lw=0.8)
     axis.plot(at, [mode.deviation for mode in fit.modes], "o", ms=8, color=colour(0), label="frequency")
-    damped = [(k, mode) for k, mode in enumerate(fit.modes) if mode.damping_ratio_std]
-    if damped:
+    damped_modes = [(k, mode) for k, mode in enumerate(fit.modes) if mode.damping_ratio_std]
+    if damped_modes:
         ratios = [
             (mode.damping_ratio - (mode.measured.damping_ratio or 0.0)) / (mode.damping_ratio_std or 1)
-            for _, mode in damped
+            for _, mode in damped_modes
         ]
-        axis.plot([k for k, _ in damped], ratios, "s", ms=6, mfc=paper(), mec=colour(1), mew=2, label="damping ratio")
-    most = max(3.0, 1.2 * max(abs(mode.deviation) for mode in fit.modes))
+        axis.plot(
+            [k for k, _ in damped_modes], ratios, "s", ms=6, mfc=paper(), mec=colour(1), mew=2, label="damping ratio"
+        )
+    limit = max(3.0, 1.2 * max(abs(mode.deviation) for mode in fit.modes))
     names = [f"mode {mode.measured.number}\n{mode.measured.frequency:.4g} Hz" for mode in fit.modes]
-    axis.set_xticks(*_thinned(names, MOST_TICKS))
-    axis.set(ylabel="fitted − measured (standard deviations)", ylim=(-most, most), xlim=(-0.5, len(at) - 0.5))
+    axis.set_xticks(*_thin_ticks(names, MOST_TICKS))
+    axis.set(ylabel="fitted − measured (standard deviations)", ylim=(-limit, limit), xlim=(-0.5, len(at) - 0.5))
     axis.legend(loc="upper right", ncols=2)
     words = f"fit to measured modes, chi-square {fit.chi_square:.3g} with {fit.freedom} degrees of freedom"
     headline(figure, title_of(fit.given), words)

@@ -18,7 +18,7 @@ from matplotlib.legend import Legend
 from matplotlib.text import Text
 from matplotlib.ticker import LogLocator, NullFormatter
 
-from modal.plotting.style import MARKED, Picture, any_letters, muted
+from modal.plotting.style import MARKED, Picture, any_letters, secondary_colour
 from modal.report import visible
 from modal.types import Floats, Ints
 
@@ -52,20 +52,22 @@ def headline(figure: Figure, title: str, words: str) -> None:
 
     A title of more than LINES lines is shortened.
     """
-    shown = visible(title)
-    whole = f"{shown}: {words}" if title else words[:1].upper() + words[1:]
-    text = figure.suptitle(whole, parse_math=False)
+    readable_title = visible(title)
+    heading = f"{readable_title}: {words}" if title else words[:1].upper() + words[1:]
+    text = figure.suptitle(heading, parse_math=False)
     _fold(figure, text)
-    while text.get_text().count("\n") >= LINES and len(shown) > 1:
+    while text.get_text().count("\n") >= LINES and len(readable_title) > 1:
         lines = text.get_text().count("\n") + 1
-        shown = shown[: min(len(shown) - 1, int(1.02 * len(shown) * LINES / lines))].rstrip("… ")
-        text.set_text(f"{shown}…: {words}")
+        readable_title = readable_title[
+            : min(len(readable_title) - 1, int(1.02 * len(readable_title) * LINES / lines))
+        ].rstrip("… ")
+        text.set_text(f"{readable_title}…: {words}")
         _fold(figure, text)
 
 
 def caption(figure: Figure, words: str) -> str:
     """Notes about a figure, below it; the words as they are folded."""
-    text = figure.supxlabel(words, fontsize=SMALL, fontweight="normal", color=muted(), parse_math=False)
+    text = figure.supxlabel(words, fontsize=SMALL, fontweight="normal", color=secondary_colour(), parse_math=False)
     _fold(figure, text)
     return text.get_text()
 
@@ -92,65 +94,65 @@ def key(
     `notes` stand above it, in place of a caption.
     """
     labels = list(names or [str(handle.get_label()) for handle in handles])
-    above = caption(figure, notes) if notes else ""
+    heading = caption(figure, notes) if notes else ""
     figure.supxlabel("")
 
     def make(words: list[str], count: int) -> Legend:
-        made = figure.legend(handles, words, loc="outside lower center", ncols=count, title=above)
-        made.get_title().set(fontsize=SMALL, color=muted(), parse_math=False, multialignment="center")
-        return made
+        new_legend = figure.legend(handles, words, loc="outside lower center", ncols=count, title=heading)
+        new_legend.get_title().set(fontsize=SMALL, color=secondary_colour(), parse_math=False, multialignment="center")
+        return new_legend
 
-    _fitted(labels, columns, KEY * figure.bbox.width, make)
+    _fit_legend(labels, columns, KEY * figure.bbox.width, make)
 
 
-def _fitted(labels: list[str], columns: int, room: float, make: Callable[[list[str], int], Legend]) -> Legend:
+def _fit_legend(labels: list[str], columns: int, room: float, make: Callable[[list[str], int], Legend]) -> Legend:
     """The legend in as few rows as fit into `room` (pixels); nothing in it is read as mathematics."""
-    words = [shortened(label) for label in labels]
+    words = [shorten(label) for label in labels]
     rows, letters = -(-len(words) // columns), LONGEST
     while True:
         count = -(-len(words) // rows)
-        made = make(words, count)
-        for text in made.get_texts():
+        new_legend = make(words, count)
+        for text in new_legend.get_texts():
             text.set_parse_math(bool(OWN.search(text.get_text())))
         with any_letters():
-            fits = made.get_window_extent().width <= room
+            fits = new_legend.get_window_extent().width <= room
         if fits or (count == 1 and letters < 6):
-            return made
-        made.remove()
+            return new_legend
+        new_legend.remove()
         if count > 1:
             rows += 1
         else:
             letters -= 4
-            words = [shortened(label, letters) for label in labels]
+            words = [shorten(label, letters) for label in labels]
 
 
-def shortened(name: str, letters: int = LONGEST) -> str:
+def shorten(name: str, letters: int = LONGEST) -> str:
     """A name of at most this many letters, its middle left out where it has more."""
-    shown = visible(name)
-    if len(shown) <= letters:
-        return shown
+    readable_name = visible(name)
+    if len(readable_name) <= letters:
+        return readable_name
     half = (letters - 1) // 2
-    return f"{shown[: letters - 1 - half]}…{shown[len(shown) - half :]}"
+    return f"{readable_name[: letters - 1 - half]}…{readable_name[len(readable_name) - half :]}"
 
 
-def framed(axis: Axes, across: str, up: str, title: str = "") -> None:
+def set_frame(axis: Axes, x_label: str, y_label: str, title: str = "") -> None:
     """Axis labels and title of one of several axes."""
-    axis.set(xlabel=across, ylabel=up)
+    axis.set(xlabel=x_label, ylabel=y_label)
     axis.set_title(title, loc="left")
 
 
-def legend(axis: Axes, columns: int = 6, title: str | None = None, least: int = 2) -> None:
-    """A legend in room made above the curves of an axis, as wide as it; none for fewer curves than `least`.
+def legend(axis: Axes, columns: int = 6, title: str | None = None, least_count: int = 2) -> None:
+    """A legend in room made above the curves of an axis, as wide as it; none for fewer curves than `least_count`.
 
     A single one that stands for several, whose name says that they coincide, has a legend.  Columns and room are found
     when the figure is first drawn and the size of the axis is known; a legend never takes room from other axes.
     """
     handles, labels = axis.get_legend_handles_labels()
-    if len(labels) < least and not any(label.endswith("coincide") for label in labels):
+    if len(labels) < least_count and not any(label.endswith("coincide") for label in labels):
         return
 
     def make(words: list[str], count: int) -> Legend:
-        made = axis.legend(
+        new_legend = axis.legend(
             handles,
             words,
             ncols=count,
@@ -162,16 +164,16 @@ def legend(axis: Axes, columns: int = 6, title: str | None = None, least: int = 
             borderpad=0.2,
             borderaxespad=0.2,
         )
-        made.set_in_layout(False)
-        return made
+        new_legend.set_in_layout(False)
+        return new_legend
 
     def fit() -> None:
-        _fitted(labels, columns, axis.get_window_extent().width, make)
+        _fit_legend(labels, columns, axis.get_window_extent().width, make)
         _raise(axis)
 
     figure = axis.get_figure()
     if isinstance(figure, Picture):
-        make([shortened(label) for label in labels], columns)
+        make([shorten(label) for label in labels], columns)
         figure.waiting.append(fit)
     else:
         fit()
@@ -179,9 +181,9 @@ def legend(axis: Axes, columns: int = 6, title: str | None = None, least: int = 
 
 def _raise(axis: Axes) -> None:
     """Make room above the curves for the legend of an axis."""
-    made, scale = axis.get_legend(), axis.yaxis.get_transform()
-    assert made is not None
-    high = made.get_window_extent().height + APART / 72 * axis.figure.dpi
+    its_legend, scale = axis.get_legend(), axis.yaxis.get_transform()
+    assert its_legend is not None
+    high = its_legend.get_window_extent().height + APART / 72 * axis.figure.dpi
     part = min(high / axis.get_window_extent().height, SHARE)
     ends = scale.transform(np.array(axis.get_ylim()))
     top = ends[0] + (ends[1] - ends[0]) / (1 - part)
@@ -195,7 +197,7 @@ def log_ticks(line: Axis, ratio: float = 1.0) -> None:
     line.set_minor_formatter(NullFormatter())
 
 
-def mark_modes(axis: Axes, omega: Sequence[tuple[int, float]], *, numbered: bool = True) -> None:
+def mark_modes(axis: Axes, omega: Sequence[tuple[int, float]], *, has_numbers: bool = True) -> None:
     """Dotted lines at modes (number, ω ascending); the numbers of neighbours too close to print apart are joined."""
     groups: list[list[tuple[int, float]]] = []
     share = axis.transData + axis.transAxes.inverted()
@@ -203,11 +205,11 @@ def mark_modes(axis: Axes, omega: Sequence[tuple[int, float]], *, numbered: bool
     last = -1.0
     for (number, value), place in zip(omega, places, strict=True):
         if place - last > INDISTINCT:
-            axis.axvline(value, color=muted(), ls=MARKED, lw=0.9, zorder=0)
+            axis.axvline(value, color=secondary_colour(), ls=MARKED, lw=0.9, zorder=0)
             last = place
-        near = groups and place - groups[-1][-1][1] < CLOSEST
-        groups = [*groups[:-1], [*groups[-1], (number, place)]] if near else [*groups, [(number, place)]]
-    for group in groups if numbered else ():
+        is_near = groups and place - groups[-1][-1][1] < CLOSEST
+        groups = [*groups[:-1], [*groups[-1], (number, place)]] if is_near else [*groups, [(number, place)]]
+    for group in groups if has_numbers else ():
         words = f"{group[0][0]}" if len(group) == 1 else f"{group[0][0]}–{group[-1][0]}"
         middle = float(np.mean([group[0][1], group[-1][1]]))
         axis.annotate(
@@ -215,9 +217,9 @@ def mark_modes(axis: Axes, omega: Sequence[tuple[int, float]], *, numbered: bool
         ).set_annotation_clip(False)
 
 
-def evenly(count: int, most: int) -> Ints:
-    """The indices, from 0, of the pendula drawn: all, or `most` of them evenly spaced."""
-    return np.unique(np.linspace(0, count - 1, min(count, most)).astype(np.int64))
+def even_choice(count: int, limit: int) -> Ints:
+    """The indices, from 0, of the pendula drawn: all, or `limit` of them evenly spaced."""
+    return np.unique(np.linspace(0, count - 1, min(count, limit)).astype(np.int64))
 
 
 def side_by_side(count: int, depth: float) -> Floats:

@@ -35,12 +35,12 @@ def loci_figure(loci: Loci) -> Figure:
     A rigid translation, ω = 0 throughout, is omitted.  Raises ComputationError for more loci than one picture holds and
     where none oscillates.
     """
-    shown = np.flatnonzero(loci.omega.any(axis=0)).tolist()
-    if not 1 <= len(shown) <= MOST_CURVES:
-        raise ComputationError(f"{len(shown)} loci do not fit in a figure: from 1 to {MOST_CURVES}")
+    columns = np.flatnonzero(loci.omega.any(axis=0)).tolist()
+    if not 1 <= len(columns) <= MOST_CURVES:
+        raise ComputationError(f"{len(columns)} loci do not fit in a figure: from 1 to {MOST_CURVES}")
     figure = sheet(WIDTH, 6.0)
     axis = figure.subplots()
-    lines = [_locus(axis, loci, k) for k in shown]
+    lines = [_locus(axis, loci, k) for k in columns]
     for meeting in loci.encounters:
         _mark(axis, meeting)
     values = loci.variation.values
@@ -48,7 +48,7 @@ def loci_figure(loci: Loci) -> Figure:
     axis.set_xlim(values[0], values[-1])
     scale(axis, "x", loci.variation)
     headline(figure, title_of(loci.scene), "frequency loci")
-    key(figure, [*lines, *_named(loci)], columns=2 if len(shown) <= MOST_NAMED else 4)
+    key(figure, [*lines, *_encounter_lines(loci)], columns=2 if len(columns) <= MOST_NAMED else 4)
     return figure
 
 
@@ -71,7 +71,7 @@ def _sign(kind: str, x: Sequence[float], y: Sequence[float], label: str = "") ->
     return Line2D(x, y, ls="", marker=MARKS[kind], mfc=face, mec=edge, ms=size, mew=1.1, zorder=5, label=label)
 
 
-def _named(loci: Loci) -> list[Line2D]:
+def _encounter_lines(loci: Loci) -> list[Line2D]:
     """Encounters individually where they are few, else the number of each kind."""
     meetings = loci.encounters
     if len(meetings) <= MOST_NAMED:

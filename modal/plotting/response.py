@@ -19,7 +19,7 @@ from modal.errors import ComputationError
 from modal.modes import UNCERTAIN
 from modal.plotting.curves import RANGE, draw_curves
 from modal.plotting.layout import LONGEST, headline, key, log_ticks, mark_modes
-from modal.plotting.style import MARKED, MOST_CURVES, WIDTH, colour, muted, save, sheet, spots, thickness
+from modal.plotting.style import MARKED, MOST_CURVES, WIDTH, colour, save, secondary_colour, sheet, spots, thickness
 from modal.scene import title_of
 from modal.statespace import ModalForm, Signal, frequency_response, impulse_response, impulse_times
 from modal.types import Complexes, Floats
@@ -84,36 +84,36 @@ def bode_figure(
     (p, m, W) of |G| at ω (W,): two of them to either side are shaded.  Raises ComputationError for more curves than a
     picture holds.
     """
-    shown = _shown(form, outputs)
+    numbers = _choose_outputs(form, outputs)
     low, high = band or _band(form)
-    omega, G = _sampled(form, shown, source, low, high)
+    omega, G = _sample(form, numbers, source, low, high)
     size = np.abs(G)
     bottom, top, infinite = _limits(form, omega, size)
-    figure = sheet(WIDTH, 6.0 + ROW * max(0, len(shown) - 6))
+    figure = sheet(WIDTH, 6.0 + ROW * max(0, len(numbers) - 6))
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
-    each = [_whole(omega, response, bottom - BEYOND, top + BEYOND) for response in G]
-    heights, hertz = [(w / TURN, y) for w, y in each], omega / TURN
-    cut = any(bool(np.any(y < bottom)) for _, y in heights)
+    curves = [_whole_curve(omega, response, bottom - BEYOND, top + BEYOND) for response in G]
+    heights, hertz = [(w / TURN, y) for w, y in curves], omega / TURN
+    has_zeros = any(bool(np.any(y < bottom)) for _, y in heights)
     draw_curves(upper, heights, first=FIRST, log="x")
     draw_curves(lower, [(hertz, _phase(response)) for response in G], first=FIRST, log="x")
-    pushed = form.model.inputs[source]
-    upper.set(xscale="log", ylabel=_magnitude(_units(form, shown, source)), ylim=(bottom, top))
+    source_signal = form.model.inputs[source]
+    upper.set(xscale="log", ylabel=_magnitude(_units(form, numbers, source)), ylim=(bottom, top))
     if std is not None:
-        _shade(upper, hertz, size, std(omega)[shown, source])
+        _shade(upper, hertz, size, std(omega)[numbers, source])
     upper.yaxis.set_major_locator(MaxNLocator(8, steps=[1, 2, 4, 5, 10]))
     lower.set(ylabel="phase (°)", xlabel="frequency (Hz)", xlim=(low / TURN, high / TURN), ylim=(-195, 195))
     lower.yaxis.set_major_locator(MultipleLocator(90))
     log_ticks(lower.xaxis, high / low)
     inside = [(k, rate / TURN) for k, rate in enumerate(form.modes.omega.tolist(), 1) if low <= rate <= high]
     mark_modes(upper, inside)
-    mark_modes(lower, inside, numbered=False)
-    held = ", with the fixed-base modes" if form.is_held else ""
-    words = f"response to {_named(pushed)}{held}"
+    mark_modes(lower, inside, has_numbers=False)
+    held_note = ", with the fixed-base modes" if form.is_held else ""
+    words = f"response to {_signal_words(source_signal)}{held_note}"
     notes = [f"peaks of undamped modes are infinite and cut at {top:g} dB".replace("-", "−")] if infinite else []
-    notes += [f"zeros cut at {bottom:g} dB".replace("-", "−")] if cut else []
-    names = [f"{_named(form.model.outputs[output])} / {_named(pushed)}" for output in shown]
+    notes += [f"zeros cut at {bottom:g} dB".replace("-", "−")] if has_zeros else []
+    names = [f"{_signal_words(form.model.outputs[output])} / {_signal_words(source_signal)}" for output in numbers]
     if max(map(len, names)) > LONGEST:  # the title names the input, too
-        names = [_named(form.model.outputs[output]) for output in shown]
+        names = [_signal_words(form.model.outputs[output]) for output in numbers]
     _finish(figure, form, names, words + (", ± 2 standard deviations" if std else ""), "; ".join(notes))
     return figure
 
@@ -121,10 +121,12 @@ def bode_figure(
 def _shade(axis: Axes, hertz: Floats, size: Floats, spread: Floats) -> None:
     """Two standard deviations to either side of every curve."""
     low, high = axis.get_ylim()
-    least = 10 ** (low / 20)
+    smallest = 10 ** (low / 20)
     for k, (magnitude, std) in enumerate(zip(size, spread, strict=True)):
         with np.errstate(all="ignore"):
-            below, above = (np.clip(_decibel(np.maximum(magnitude + sign * std, least)), low, high) for sign in (-2, 2))
+            below, above = (
+                np.clip(_decibel(np.maximum(magnitude + sign * std, smallest)), low, high) for sign in (-2, 2)
+            )
         axis.fill_between(hertz, below, above, color=colour(k), alpha=0.22, lw=0)
 
 
@@ -149,38 +151,38 @@ def impulse_figure(
     `duration` in s; by default four periods of the slowest oscillating mode.  Raises ComputationError for more curves
     than one picture holds.
     """
-    shown = _shown(form, outputs)
+    numbers = _choose_outputs(form, outputs)
     t = impulse_times(form, duration)
-    h = impulse_response(form, t)[shown, source]
-    units = list(dict.fromkeys(form.model.outputs[output].unit for output in shown))
+    h = impulse_response(form, t)[numbers, source]
+    units = list(dict.fromkeys(form.model.outputs[output].unit for output in numbers))
     figure = sheet(WIDTH, 1.4 + 2.2 * len(units))
     panels = figure.subplots(len(units), 1, sharex=True, squeeze=False)[:, 0]
     bands = False
     for panel, unit in zip(panels, units, strict=True):
-        outputs_of_unit = [k for k, output in enumerate(shown) if form.model.outputs[output].unit == unit]
+        outputs_of_unit = [k for k, output in enumerate(numbers) if form.model.outputs[output].unit == unit]
         bands |= draw_curves(
             panel, [(t, h[k]) for k in outputs_of_unit], numbers=outputs_of_unit, first=FIRST, bands=True
         )
     for panel, unit in zip(panels, units, strict=True):
         panel.set_ylabel(f"response ({unit} per {form.model.inputs[source].unit} s)")
-        panel.axhline(0.0, color=muted(), lw=0.8, zorder=0)
+        panel.axhline(0.0, color=secondary_colour(), lw=0.8, zorder=0)
     panels[-1].set(xlabel="time t (s)", xlim=(0.0, t[-1]))
-    names = [_named(form.model.outputs[output]) for output in shown]
+    names = [_signal_words(form.model.outputs[output]) for output in numbers]
     notes = f"bands: {RANGE} of what swings faster than lines can show" if bands else ""
-    _finish(figure, form, names, f"impulse response to {_named(form.model.inputs[source])}", notes)
+    _finish(figure, form, names, f"impulse response to {_signal_words(form.model.inputs[source])}", notes)
     return figure
 
 
 # ------------------------------------------------------------------------------------------------------- numbers
 
 
-def _shown(form: ModalForm, outputs: Sequence[int]) -> list[int]:
-    shown = list(outputs) or list(range(len(form.model.outputs)))
-    if len(shown) > MOST_CURVES:
+def _choose_outputs(form: ModalForm, outputs: Sequence[int]) -> list[int]:
+    numbers = list(outputs) or list(range(len(form.model.outputs)))
+    if len(numbers) > MOST_CURVES:
         raise ComputationError(
-            f"{len(shown)} outputs do not fit in a figure: choose at most {MOST_CURVES} outputs with `outputs`"
+            f"{len(numbers)} outputs do not fit in a figure: choose at most {MOST_CURVES} outputs with `outputs`"
         )
-    return shown
+    return numbers
 
 
 def _moving(form: ModalForm) -> Floats:
@@ -195,10 +197,10 @@ def _band(form: ModalForm) -> tuple[float, float]:
     return float(omega.min() / 3), float(omega.max() * 3)
 
 
-def _sampled(form: ModalForm, shown: list[int], source: int, low: float, high: float) -> tuple[Floats, Complexes]:
+def _sample(form: ModalForm, numbers: list[int], source: int, low: float, high: float) -> tuple[Floats, Complexes]:
     """Angular frequencies (W,) and G (k, W), with points in between added about every peak and trough."""
     omega = _grid(form, low, high)
-    G = frequency_response(form, omega, outputs=shown, inputs=[source], tolerance=DRAWN)[:, 0]
+    G = frequency_response(form, omega, outputs=numbers, inputs=[source], tolerance=DRAWN)[:, 0]
     for _ in range(ROUNDS):
         size = np.abs(G)
         with np.errstate(invalid="ignore"):
@@ -209,11 +211,11 @@ def _sampled(form: ModalForm, shown: list[int], source: int, low: float, high: f
             break
         part = np.linspace(0, 1, BETWEEN + 2)[1:-1]
         inner = [omega[places + k, None] + part * (omega[places + k + 1] - omega[places + k])[:, None] for k in (0, 1)]
-        more = np.setdiff1d(np.concatenate(inner).ravel(), omega)
-        order = np.argsort(whole := np.concatenate((omega, more)), kind="stable")
-        omega = whole[order]
-        added = frequency_response(form, more, outputs=shown, inputs=[source], tolerance=DRAWN)[:, 0]
-        G = np.concatenate((G, added), axis=1)[:, order]
+        inner_points = np.setdiff1d(np.concatenate(inner).ravel(), omega)
+        order = np.argsort(all_points := np.concatenate((omega, inner_points)), kind="stable")
+        omega = all_points[order]
+        inner_response = frequency_response(form, inner_points, outputs=numbers, inputs=[source], tolerance=DRAWN)[:, 0]
+        G = np.concatenate((G, inner_response), axis=1)[:, order]
     return omega, G
 
 
@@ -221,12 +223,16 @@ def _grid(form: ModalForm, low: float, high: float) -> Floats:
     """Points evenly spaced in log ω and closer near every mode, which is a point itself, within its width too."""
     moving = _moving(form)
     aside = np.geomspace(1e-5, 0.03, max(6, min(60, NEAR // len(moving))))
-    near = np.outer(moving, np.concatenate([1 - aside, [1.0], 1 + aside])).ravel()
-    damped = form.modes.eigenvalue[(form.modes.eigenvalue.real != 0) & (form.modes.eigenvalue.imag > 0)]
+    close_points = np.outer(moving, np.concatenate([1 - aside, [1.0], 1 + aside])).ravel()
+    damped_eigenvalues = form.modes.eigenvalue[(form.modes.eigenvalue.real != 0) & (form.modes.eigenvalue.imag > 0)]
     widths = np.concatenate(([0.0], np.geomspace(0.05, 30, 24)))
-    within = np.outer(np.abs(damped.real), np.concatenate((-widths, widths))) + damped.imag[:, None]
-    near = np.concatenate((near, within.ravel()))
-    return np.unique(np.concatenate([np.geomspace(low, high, POINTS), near[(near > low) & (near < high)]]))
+    within = (
+        np.outer(np.abs(damped_eigenvalues.real), np.concatenate((-widths, widths))) + damped_eigenvalues.imag[:, None]
+    )
+    close_points = np.concatenate((close_points, within.ravel()))
+    return np.unique(
+        np.concatenate([np.geomspace(low, high, POINTS), close_points[(close_points > low) & (close_points < high)]])
+    )
 
 
 def _phase(G: Complexes) -> Floats:
@@ -242,17 +248,17 @@ def _decibel(size: Floats) -> Floats:
     return np.asarray(20 * np.log10(np.where((size > 0) & np.isfinite(size), size, np.nan)))
 
 
-def _whole(omega: Floats, G: Complexes, least: float, most: float) -> tuple[Floats, Floats]:
-    """ω and decibels of one curve from `least` to `most`, which infinite peaks and zeros reach; NaN where all are 0."""
+def _whole_curve(omega: Floats, G: Complexes, floor: float, ceiling: float) -> tuple[Floats, Floats]:
+    """ω and decibels of one curve from `floor` to `ceiling`, which peaks and zeros may reach; NaN where all are 0."""
     if not G.any():
         return omega, np.full(len(omega), np.nan)
     size = np.abs(G)
     with np.errstate(divide="ignore", invalid="ignore"):
-        decibel = np.clip(20 * np.log10(size), least, most)
+        decibel = np.clip(20 * np.log10(size), floor, ceiling)
         real = np.abs(G.imag) <= ROUNDING * np.abs(G.real)
         turns = (np.sign(G.real[1:]) != np.sign(G.real[:-1])) & real[1:] & real[:-1] & np.isfinite(size[1:] + size[:-1])
     at = np.flatnonzero(turns)
-    return np.insert(omega, at + 1, (omega[at] + omega[at + 1]) / 2), np.insert(decibel, at + 1, least)
+    return np.insert(omega, at + 1, (omega[at] + omega[at + 1]) / 2), np.insert(decibel, at + 1, floor)
 
 
 def _limits(form: ModalForm, omega: Floats, size: Floats) -> tuple[float, float, bool]:
@@ -261,20 +267,20 @@ def _limits(form: ModalForm, omega: Floats, size: Floats) -> tuple[float, float,
     Above all heights but those within ASIDE of an undamped mode, above which there are 20 dB more; at most DEEP below
     the largest, and 20 dB below the lowest end of a curve.
     """
-    undamped = form.modes.omega[form.modes.eigenvalue.real == 0]
+    undamped_omega = form.modes.omega[form.modes.eigenvalue.real == 0]
     infinite = bool(np.isinf(size).any())
-    away = np.ones(len(omega), dtype=bool)
-    for value in undamped if infinite else ():
-        away &= np.abs(omega - value) > ASIDE * value
+    is_away = np.ones(len(omega), dtype=bool)
+    for value in undamped_omega if infinite else ():
+        is_away &= np.abs(omega - value) > ASIDE * value
     decibel = _decibel(size)
-    seen = decibel[:, away] if away.any() else decibel
-    if not np.isfinite(seen).any():
+    heights = decibel[:, is_away] if is_away.any() else decibel
+    if not np.isfinite(heights).any():
         return -20.0, 20.0, infinite
-    top = 20 * ceil(float(np.nanmax(seen)) / 20) + 20 * infinite
-    known = decibel[np.isfinite(decibel).any(axis=1)]
-    ends = np.concatenate((known[:, 0], known[:, -1], np.nanmedian(known, axis=1)))
+    top = 20 * ceil(float(np.nanmax(heights)) / 20) + 20 * infinite
+    finite_curves = decibel[np.isfinite(decibel).any(axis=1)]
+    ends = np.concatenate((finite_curves[:, 0], finite_curves[:, -1], np.nanmedian(finite_curves, axis=1)))
     lowest = max(float(np.nanmin(ends)), top - DEEP)
-    troughs = float(np.nanmin(seen))
+    troughs = float(np.nanmin(heights))
     return max(20 * floor(lowest / 20) - 20, min(20 * floor(troughs / 20), top - 40)), top, infinite
 
 
@@ -287,7 +293,7 @@ def _finish(figure: Figure, form: ModalForm, names: Sequence[str], title: str, n
     key(figure, handles, names, notes=notes)
 
 
-def _named(signal: Signal) -> str:
+def _signal_words(signal: Signal) -> str:
     return f"{signal.name} ({signal.unit})"
 
 
@@ -297,8 +303,8 @@ def _magnitude(units: str) -> str:
     return words if len(words) <= LONGEST_LABEL else words.replace(" (", "\n(", 1)
 
 
-def _units(form: ModalForm, shown: list[int], source: int) -> str:
-    units = list(dict.fromkeys(form.model.outputs[output].unit for output in shown))
+def _units(form: ModalForm, numbers: list[int], source: int) -> str:
+    units = list(dict.fromkeys(form.model.outputs[output].unit for output in numbers))
     several = " or ".join(units) if len(units) <= MOST_UNITS else "each unit"
     return f"{several} per {form.model.inputs[source].unit}"
 
@@ -312,29 +318,29 @@ MOST_TUNED = 5
 LONGEST_NAMES = 30
 
 
-def draw_tuning(tuned: Tuned, stream: IO[bytes], kind: str = "png") -> None:
+def draw_tuning(tuning: Tuned, stream: IO[bytes], kind: str = "png") -> None:
     """Write the picture of `tuning_figure` as png, svg or pdf."""
-    save(tuning_figure(tuned), stream, kind)
+    save(tuning_figure(tuning), stream, kind)
 
 
-def tuning_figure(tuned: Tuned) -> Figure:
+def tuning_figure(tuning: Tuned) -> Figure:
     """|H| of every tuned peak before and after, with the equal peaks marked.
 
     Raises ComputationError where no peak is tuned, or more than a picture holds.
     """
-    every = tuned.curves()
-    if not every:
+    curves = tuning.curves()
+    if not curves:
         raise ComputationError("no peak was tuned: there are no curves to draw")
-    if len(every) > MOST_TUNED:
-        raise ComputationError(f"{len(every)} responses do not fit in a figure: choose at most {MOST_TUNED}")
-    figure = sheet(WIDTH, 1.7 + 2.9 * len(every))
-    panels = figure.subplots(len(every), 1, squeeze=False)[:, 0]
-    for axis, response in zip(panels, every, strict=True):
+    if len(curves) > MOST_TUNED:
+        raise ComputationError(f"{len(curves)} responses do not fit in a figure: choose at most {MOST_TUNED}")
+    figure = sheet(WIDTH, 1.7 + 2.9 * len(curves))
+    panels = figure.subplots(len(curves), 1, squeeze=False)[:, 0]
+    for axis, response in zip(panels, curves, strict=True):
         _draw(axis, response)
     panels[-1].set_xlabel("frequency (Hz)")
     handles = [Line2D([], [], color=colour(k), lw=thickness(k, FIRST)) for k in range(2)]
-    handles.append(Line2D([], [], color=muted(), ls=MARKED, lw=1.0))
-    headline(figure, title_of(tuned.given), "before and after tuning")
+    handles.append(Line2D([], [], color=secondary_colour(), ls=MARKED, lw=1.0))
+    headline(figure, title_of(tuning.given), "before and after tuning")
     key(figure, handles, ["before", "after", "highest peak after"])
     return figure
 
@@ -349,7 +355,7 @@ def _draw(axis: Axes, response: Curves) -> None:
         (response.frequency_hz, np.clip(decibels, low - ABOVE, highest + 2 * ABOVE)) for decibels in (before, after)
     ]
     draw_curves(axis, curves, first=FIRST, log="x")
-    axis.axhline(top, color=muted(), ls=MARKED, lw=1.0, zorder=0)
+    axis.axhline(top, color=secondary_colour(), ls=MARKED, lw=1.0, zorder=0)
     words = (
         f"{response.name}\n(dB re 1 {response.unit})"
         if len(response.name) + len(response.unit) > LONGEST_NAMES

@@ -20,8 +20,21 @@ from modal.errors import ComputationError
 from modal.modes import Mode, Modes, Shape
 from modal.plotting.carriers import draw_pieces
 from modal.plotting.curves import draw_curves
-from modal.plotting.layout import NUMBER, caption, evenly, headline, key
-from modal.plotting.style import HUES, MARKED, QUIET, WIDE, WIDTH, colour, mixed, muted, paper, rest, save, sheet
+from modal.plotting.layout import NUMBER, caption, even_choice, headline, key
+from modal.plotting.style import (
+    HUES,
+    MARKED,
+    QUIET,
+    WIDE,
+    WIDTH,
+    colour,
+    mixture,
+    paper,
+    rest,
+    save,
+    secondary_colour,
+    sheet,
+)
 from modal.scene import AnyLink, Bob, Rod, Scene, title_of
 from modal.scene.doors import require_type
 from modal.structure import STILL, Piece, Scaffold
@@ -46,9 +59,9 @@ def profiles_figure(modes: Modes, rows: Sequence[Mode], amplitude_deg: float, fi
     figure = sheet(WIDE if columns > 1 else WIDTH, 1.2 + 2.9 * lines)
     axes = figure.subplots(lines, columns, squeeze=False, sharey=True)
     levels = levels_of(modes.scene)
-    drawn = evenly(levels.shape[1], HUES)
+    numbers = even_choice(levels.shape[1], HUES)
     for place, (axis, row) in enumerate(zip(axes.flat, rows, strict=False)):
-        cart = _profile(axis, modes, row, levels[:, drawn], amplitude_deg)
+        cart = _profile(axis, modes, row, levels[:, numbers], amplitude_deg)
         axis.set_title(panel_words(row, LETTERS) + cart, linespacing=1.3)
         if place % columns:
             axis.set_ylabel("")
@@ -56,10 +69,10 @@ def profiles_figure(modes: Modes, rows: Sequence[Mode], amplitude_deg: float, fi
         axis.remove()
     local = any(np.ptp(axis.get_xlim()) < len(levels) - 1 for axis in axes.flat[: len(rows)])
     headline(figure, title_of(modes.scene), "mode shapes")
-    notes = first + _notes(rows, levels, drawn, amplitude_deg, local=local)
-    if len(drawn) > 1:
-        marks = [Line2D([], [], color=colour(k), marker="o", ms=3) for k in range(len(drawn))]
-        key(figure, marks, [f"link {level + 1}" for level in drawn], columns=HUES, notes=notes)
+    notes = first + _notes(rows, levels, numbers, amplitude_deg, local=local)
+    if len(numbers) > 1:
+        marks = [Line2D([], [], color=colour(k), marker="o", ms=3) for k in range(len(numbers))]
+        key(figure, marks, [f"link {level + 1}" for level in numbers], columns=HUES, notes=notes)
     else:
         caption(figure, notes)
     return figure
@@ -95,7 +108,7 @@ def number_pendula(axis: Axes, first: int, last: int, amplitude_deg: float) -> N
     axis.set(xlim=(first - side, last + side), ylim=(-ROOM * amplitude_deg, ROOM * amplitude_deg))
     axis.set(xlabel=f"number of the pendulum ({NUMBER})", ylabel="angle (°)")
     axis.xaxis.set_major_locator(MaxNLocator(6, integer=True))
-    axis.axhline(0.0, color=muted(), lw=0.8, zorder=0)
+    axis.axhline(0.0, color=secondary_colour(), lw=0.8, zorder=0)
 
 
 def _part(angles: Floats) -> tuple[int, int]:
@@ -109,14 +122,14 @@ def _part(angles: Floats) -> tuple[int, int]:
     return max(1, first - room), min(count, last + room)
 
 
-def _notes(rows: Sequence[Mode], levels: Ints, drawn: Ints, amplitude_deg: float, *, local: bool) -> str:
+def _notes(rows: Sequence[Mode], levels: Ints, numbers: Ints, amplitude_deg: float, *, local: bool) -> str:
     words = [f"angles at one end of the motion, the largest {amplitude_deg:g}°", f"{len(levels)} pendula"]
     if local:
         words += ["of local modes those about the moving ones drawn"]
     if any(row.multiplicity > 1 for row in rows):
         words += ["one shape of each repeated mode"]
-    if len(drawn) < levels.shape[1]:
-        words += [f"{len(drawn)} of {levels.shape[1]} links of each drawn"]
+    if len(numbers) < levels.shape[1]:
+        words += [f"{len(numbers)} of {levels.shape[1]} links of each drawn"]
     return "; ".join(words)
 
 
@@ -183,7 +196,9 @@ class ShapeLayout:
         """The joints of the pendula in a real shape times an amplitude, (n + 1, 2) each."""
         pivots = self.scaffold.pivots(self.moved(shape, amplitude))[0]
         return [
-            _hung(links, rest, pivot, amplitude * shape.angles.real[at : at + len(links)], linear=self.is_linear)
+            _joint_places(
+                links, rest, pivot, amplitude * shape.angles.real[at : at + len(links)], linear=self.is_linear
+            )
             for links, rest, at, pivot in zip(self.links, self.rests, self.offsets, pivots, strict=True)
         ]
 
@@ -231,7 +246,7 @@ def shapes_figure(
         return profiles_figure(modes, rows, amplitude_deg, first)
     layout = layout_of(modes)
     panel = 2 * layout.half_width / (0.955 * (layout.top - layout.bottom))
-    columns, lines = arranged(len(rows), panel)
+    columns, lines = grid_of_panels(len(rows), panel)
     width = float(np.clip(2.6 * panel, 2.6, WIDE / columns))
     layout = layout.within(width)
     words = [panel_words(row, int(max(width, LEAST / columns) / LETTER)) for row in rows]
@@ -262,7 +277,7 @@ def is_crowded(scene: Scene) -> bool:
     return (len(scene.pendulum) if scene.is_structured else scene.n_pendula) > MOST_PENDULA
 
 
-def arranged(count: int, ratio: float) -> tuple[int, int]:
+def grid_of_panels(count: int, ratio: float) -> tuple[int, int]:
     """Columns and lines of so many panels, of this width over height."""
     lines = -(-count // min(count, 4 if ratio < WIDEST else 3))
     return -(-count // lines), lines
@@ -274,25 +289,27 @@ def layout_of(modes: Modes) -> ShapeLayout:
     assert structure is not None
     copies = [pendulum for pendulum in scene.pendulum for _ in range(pendulum.count)]
     first = np.cumsum([0, *(pendulum.n_links for pendulum in copies)])
-    most = MOST_PENDULA if len(copies) <= MOST_PENDULA else max(1, MOST_PENDULA // len(scene.pendulum))
+    limit = MOST_PENDULA if len(copies) <= MOST_PENDULA else max(1, MOST_PENDULA // len(scene.pendulum))
     counts = [pendulum.count for pendulum in scene.pendulum]
     begins = np.cumsum([0, *counts[:-1]]).tolist()
-    some = np.concatenate([begin + np.arange(min(count, most)) for begin, count in zip(begins, counts, strict=True)])
-    drawn = some[evenly(len(some), MOST_PENDULA)]
-    chains = tuple(tuple(link for link in copies[k].links for _ in range(link.count)) for k in drawn)
-    rests = tuple(modes.rig.rest_angles[first[k] : first[k + 1]] for k in drawn)
+    indices = np.concatenate(
+        [begin + np.arange(min(count, limit)) for begin, count in zip(begins, counts, strict=True)]
+    )
+    numbers = indices[even_choice(len(indices), MOST_PENDULA)]
+    chains = tuple(tuple(link for link in copies[k].links for _ in range(link.count)) for k in numbers)
+    rests = tuple(modes.rig.rest_angles[first[k] : first[k + 1]] for k in numbers)
     depth = max(_extent(chain) for chain in chains)
-    scaffold = Scaffold(structure, drawn, first, depth)
-    layout = ShapeLayout(chains, rests, tuple(first[drawn].tolist()), scaffold, depth)
-    still = np.zeros((1, structure.size))
-    pivots = scaffold.pivots(still)[0]
-    hung = [_hung(chain, rest, pivot) for chain, rest, pivot in zip(chains, rests, pivots, strict=True)]
-    pieces = layout.pieces(still, hung)
-    every = [(joints, SWUNG) for joints in (*hung, *map(_centres, chains, hung))]
-    every += [(piece.points.reshape(-1, 2), 0.0 if piece.role in STILL else FARTHEST) for piece in pieces]
-    left = min(float(points[:, 0].min()) - room * depth for points, room in every)
-    right = max(float(points[:, 0].max()) + room * depth for points, room in every)
-    low, high = (end(float(end(points[:, 1])) for points, _ in every) for end in (min, max))
+    scaffold = Scaffold(structure, numbers, first, depth)
+    layout = ShapeLayout(chains, rests, tuple(first[numbers].tolist()), scaffold, depth)
+    at_rest = np.zeros((1, structure.size))
+    pivots = scaffold.pivots(at_rest)[0]
+    joint_places = [_joint_places(chain, rest, pivot) for chain, rest, pivot in zip(chains, rests, pivots, strict=True)]
+    pieces = layout.pieces(at_rest, joint_places)
+    point_sets = [(joints, SWUNG) for joints in (*joint_places, *map(_centres, chains, joint_places))]
+    point_sets += [(piece.points.reshape(-1, 2), 0.0 if piece.role in STILL else FARTHEST) for piece in pieces]
+    left = min(float(points[:, 0].min()) - room * depth for points, room in point_sets)
+    right = max(float(points[:, 0].max()) + room * depth for points, room in point_sets)
+    low, high = (end(float(end(points[:, 1])) for points, _ in point_sets) for end in (min, max))
     rises = 0.3 * any(carrier.kind in {"tilt", "heave", "platform", "modal"} for carrier in structure.carriers)
     return replace(
         layout,
@@ -309,7 +326,7 @@ def _extent(links: tuple[AnyLink, ...]) -> float:
     return float(max(joints[-1], *(joints[:-1] + [link.centre for link in links])))
 
 
-def _hung(
+def _joint_places(
     links: tuple[AnyLink, ...], rest: Floats, pivot: Floats, angles: Floats | float = 0.0, *, linear: bool = False
 ) -> Floats:
     """The joints of a chain turned by angles from rest, or displaced as by small ones, (n + 1, 2) right and up."""
@@ -329,9 +346,9 @@ def _panel(axis: Axes, modes: Modes, row: Mode, layout: ShapeLayout, amplitude: 
     amplitude = fitting_amplitude(layout, shape, amplitude)
     if row.is_overdamped:
         for constants in (2, 1, 0):
-            left = float(np.exp(-constants))
-            look = {"color": mixed(colour(0), max(left, FAINTEST)), **({"gid": QUIET} if constants else {})}
-            draw_swing(axis, layout, shape, left * amplitude, look)
+            remaining_part = float(np.exp(-constants))
+            look = {"color": mixture(colour(0), max(remaining_part, FAINTEST)), **({"gid": QUIET} if constants else {})}
+            draw_swing(axis, layout, shape, remaining_part * amplitude, look)
     else:
         draw_swing(axis, layout, shape, -amplitude, {"color": colour(1)})
         draw_swing(axis, layout, shape, amplitude, {"color": colour(0)})
@@ -377,15 +394,16 @@ def fitting_amplitude(layout: ShapeLayout, shape: Shape, amplitude: float) -> fl
 
 def draw_swing(axis: Axes, layout: ShapeLayout, shape: Shape, amplitude: float, look: dict[str, Any]) -> None:
     """A real shape times an amplitude (rad): at rest all of it, else what is not where it rests."""
-    swung, still = (layout.chains(shape, factor) for factor in (amplitude, 0.0))
+    swung_chains, resting_chains = (layout.chains(shape, factor) for factor in (amplitude, 0.0))
     rests = amplitude == 0
-    for links, joints, before in zip(layout.links, swung, still, strict=True):
+    for links, joints, before in zip(layout.links, swung_chains, resting_chains, strict=True):
         if rests or not np.array_equal(joints, before):
             axis.plot(*joints.T, **look, lw=THIN if layout.is_linear else THICK, zorder=2)
             if len(links) <= MOST_MARKS:
                 _marks(axis, links, joints, look, layout)
     pieces, resting = (
-        layout.pieces(layout.moved(shape, factor), chains) for factor, chains in ((amplitude, swung), (0.0, still))
+        layout.pieces(layout.moved(shape, factor), chains)
+        for factor, chains in ((amplitude, swung_chains), (0.0, resting_chains))
     )
     moving = (
         piece
@@ -402,20 +420,22 @@ def _centres(links: Sequence[AnyLink], joints: Floats) -> Floats:
 
 
 def _marks(axis: Axes, links: Sequence[AnyLink], joints: Floats, look: dict[str, Any], layout: ShapeLayout) -> None:
-    heaviest, most = max(link.mass for link in links), layout.mark
+    heaviest, largest_mark = max(link.mass for link in links), layout.mark
     for i, (link, centre) in enumerate(zip(links, _centres(links, joints), strict=True)):
         if link.centre > link.length:
             axis.plot(*np.transpose([joints[i + 1], centre]), ls=MARKED, **look, lw=1.2, zorder=2)
         if isinstance(link, Rod):
-            axis.plot(*joints[i : i + 2].T, **look, lw=min(4.0, 0.6 * most), zorder=3)
+            axis.plot(*joints[i : i + 2].T, **look, lw=min(4.0, 0.6 * largest_mark), zorder=3)
         else:
-            size = most * (link.mass / heaviest) ** (1 / 3)
+            size = largest_mark * (link.mass / heaviest) ** (1 / 3)
             marker = "o" if isinstance(link, Bob) else "D"
-            axis.plot(*centre, marker, ms=max(size, min(SMALLEST, most)), **look, mec=paper(), mew=0.7, zorder=4)
+            axis.plot(
+                *centre, marker, ms=max(size, min(SMALLEST, largest_mark)), **look, mec=paper(), mew=0.7, zorder=4
+            )
     if layout.is_linear:
         return
     look = look | {"color": paper(), "mec": look["color"]}
-    axis.plot(*joints[:-1].T, "o", ms=min(2.6, 0.4 * most), **look, mew=0.9, zorder=5)
+    axis.plot(*joints[:-1].T, "o", ms=min(2.6, 0.4 * largest_mark), **look, mew=0.9, zorder=5)
 
 
 def _caption(modes: Modes, rows: Sequence[Mode], layout: ShapeLayout, amplitude_deg: float) -> str:
@@ -435,6 +455,6 @@ def _caption(modes: Modes, rows: Sequence[Mode], layout: ShapeLayout, amplitude_
 
 def set_apart(scaffold: Scaffold, count: int) -> list[str]:
     """What is not drawn of `count` pendula on a structure, and what is not in its place."""
-    drawn = len(scaffold.pendula)
-    words = [f"{drawn} of {count} pendula drawn"] if drawn < count else []
+    n_drawn = len(scaffold.pendula)
+    words = [f"{n_drawn} of {count} pendula drawn"] if n_drawn < count else []
     return [*words, *["what would overlap is set apart"] * bool(scaffold.shifts.any() or scaffold.aside.any())]

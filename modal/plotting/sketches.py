@@ -19,7 +19,7 @@ from matplotlib.patches import Arc, FancyArrowPatch
 
 from modal.errors import ComputationError
 from modal.plotting.carriers import draw_pieces
-from modal.plotting.style import MARKED, colour, ink, muted, paper, shade, sheet
+from modal.plotting.style import MARKED, colour, ink, paper, secondary_colour, shade, sheet
 from modal.scene import AnyLink, Bob, Rod, Scene, validate_scene
 from modal.structure import (
     CarrierEnd,
@@ -98,21 +98,23 @@ def sketch_figure(scene: Scene, angles_deg: Sequence[float] | None = None, *, pu
     longest = max(link.length for chain in chains for link in chain)
     lengths = [np.maximum([link.length / longest for link in chain], SHORTEST) for chain in chains]
     tilts = _tilts(chains, angles_deg)
-    hung = [
+    joint_places = [
         np.vstack(([0, 0], np.cumsum(length[:, None] * np.stack((np.sin(tilt), -np.cos(tilt)), axis=1), axis=0)))
         for length, tilt in zip(lengths, tilts, strict=True)
     ]
-    scaffold = _schematic(scene, chains, lengths, hung)
-    still = np.zeros((1, scaffold.structure.size))
-    joints = [pivot + chain for pivot, chain in zip(scaffold.pivots(still)[0], hung, strict=True)]
-    pendula = [_sketched(scene, p, *pendulum) for p, pendulum in enumerate(zip(chains, tilts, joints, strict=True), 1)]
-    pieces = scaffold.pieces(still, {p: places[None] for p, places in enumerate(joints)})
+    scaffold = _schematic(scene, chains, lengths, joint_places)
+    at_rest = np.zeros((1, scaffold.structure.size))
+    joints = [pivot + chain for pivot, chain in zip(scaffold.pivots(at_rest)[0], joint_places, strict=True)]
+    pendula = [
+        _sketch_links(scene, p, *pendulum) for p, pendulum in enumerate(zip(chains, tilts, joints, strict=True), 1)
+    ]
+    pieces = scaffold.pieces(at_rest, {p: places[None] for p, places in enumerate(joints)})
     labels = list(_labels(scaffold, pieces, push))
     weights = np.array([link.centre - (0, WEIGHT) for chain in pendula for link in chain])
     points = np.concatenate(
         [piece.points.reshape(-1, 2) for piece in pieces]
         + joints
-        + [np.array([*weights, *(told.place for told in labels)])]
+        + [np.array([*weights, *(label.place for label in labels)])]
     )
     (left, bottom), (right, top) = points.min(axis=0), points.max(axis=0)
     figure, axis = _sheet(left - MARGIN, right + 0.8, bottom - 0.2, max(top, ABOVE) + 0.2)
@@ -126,12 +128,14 @@ def sketch_figure(scene: Scene, angles_deg: Sequence[float] | None = None, *, pu
             x, y = label.arrow[0] + 0.14, label.arrow[1] + 0.04
         _say(axis, label.symbol, x, y, zorder=7, color=hue)
     for chain in pendula:
-        for drawn, below in zip(chain, [*chain[1:], None], strict=True):
-            _link(axis, drawn, below, _symbols(scene))
+        for link, lower_link in zip(chain, [*chain[1:], None], strict=True):
+            _link(axis, link, lower_link, _symbols(scene))
     return figure
 
 
-def _sketched(scene: Scene, pendulum: int, chain: list[AnyLink], tilts: Floats, joints: Floats) -> list[_SketchedLink]:
+def _sketch_links(
+    scene: Scene, pendulum: int, chain: list[AnyLink], tilts: Floats, joints: Floats
+) -> list[_SketchedLink]:
     """The links of a pendulum by its number."""
     links = []
     for i, (link, tilt) in enumerate(zip(chain, tilts.tolist(), strict=True)):
@@ -140,7 +144,7 @@ def _sketched(scene: Scene, pendulum: int, chain: list[AnyLink], tilts: Floats, 
     return links
 
 
-def _drawn(scene: Scene) -> list[int]:
+def _pendulum_numbers(scene: Scene) -> list[int]:
     """The numbers of the pendula that are drawn, from 0: of equal ones on a structure the first."""
     counts = [pendulum.count for pendulum in scene.pendulum]
     return np.cumsum([0, *counts[:-1]]).tolist() if scene.is_structured else list(range(sum(counts)))
@@ -149,7 +153,7 @@ def _drawn(scene: Scene) -> list[int]:
 def _chains(scene: Scene) -> list[list[AnyLink]]:
     """The links of every pendulum that is drawn."""
     copies = [pendulum for pendulum in scene.pendulum for _ in range(pendulum.count)]
-    return [[link for link in copies[k].links for _ in range(link.count)] for k in _drawn(scene)]
+    return [[link for link in copies[k].links for _ in range(link.count)] for k in _pendulum_numbers(scene)]
 
 
 def _refuse(scene: Scene, chains: list[list[AnyLink]], push: str) -> None:
@@ -214,11 +218,13 @@ def _arrow(
     axis.add_patch(FancyArrowPatch((start[0], start[1]), (end[0], end[1]), **look, zorder=6))
 
 
-def _schematic(scene: Scene, chains: list[list[AnyLink]], lengths: list[Floats], hung: list[Floats]) -> Scaffold:
+def _schematic(
+    scene: Scene, chains: list[list[AnyLink]], lengths: list[Floats], joint_places: list[Floats]
+) -> Scaffold:
     """What the pendula hang from, not to scale, with those that are drawn, of these lengths and places of joints."""
-    structure, drawn = structure_of(scene), _drawn(scene)
+    structure, numbers = structure_of(scene), _pendulum_numbers(scene)
     longest = max(link.length for chain in chains for link in chain)
-    pivots = [structure.pivots[k] for k in drawn]
+    pivots = [structure.pivots[k] for k in numbers]
     factors = [_factor(structure, k, pivots, longest) for k in range(len(structure.carriers))]
     carriers = tuple(
         replace(
@@ -230,31 +236,33 @@ def _schematic(scene: Scene, chains: list[list[AnyLink]], lengths: list[Floats],
         )
         for carrier, by in zip(structure.carriers, factors, strict=True)
     )
-    placed = [CarrierEnd(pivot.carrier, _scaled(pivot.where, factors[pivot.carrier])) for pivot in pivots]
+    ends = [CarrierEnd(pivot.carrier, _scale(pivot.where, factors[pivot.carrier])) for pivot in pivots]
     starts = np.cumsum([0, *(pendulum.n_links for pendulum in scene.pendulum for _ in range(pendulum.count))])
     links: dict[int, tuple[int, float]] = {}
-    for k, chain, length in zip(drawn, chains, lengths, strict=True):
+    for k, chain, length in zip(numbers, chains, lengths, strict=True):
         for at, link in enumerate(chain):
             links[int(starts[k]) + at] = len(links), float(length[at]) / link.length
-    springs = (_kept(spring, factors, links) for spring in structure.springs if spring.stiffness)
-    joined = tuple(spring for spring in springs if spring is not None)
+    springs = (_drawn_spring(spring, factors, links) for spring in structure.springs if spring.stiffness)
+    connections = tuple(spring for spring in springs if spring is not None)
     first = np.cumsum([0, *map(len, chains)])
-    return Scaffold(Structure(carriers, tuple(_spread(placed, hung)), joined), np.arange(len(placed)), first, 1.0, GAP)
+    return Scaffold(
+        Structure(carriers, tuple(_spread(ends, joint_places)), connections), np.arange(len(ends)), first, 1.0, GAP
+    )
 
 
-def _spread(pivots: list[CarrierEnd], hung: list[Floats]) -> list[CarrierEnd]:
+def _spread(pivots: list[CarrierEnd], joint_places: list[Floats]) -> list[CarrierEnd]:
     """Pivots side by side, at least as far apart as the extents of their pendula ask for."""
     rows: dict[tuple[int, float], list[int]] = {}
     for p, (carrier, where) in enumerate(pivots):
         if not isinstance(where, int):
             rows.setdefault((carrier, where[1]), []).append(p)
     for members in rows.values():
-        before = [pivots[p].where[0] for p in members]  # type: ignore[index]
-        along = list(before)
+        places_before = [pivots[p].where[0] for p in members]  # type: ignore[index]
+        places = list(places_before)
         for k in range(1, len(members)):
-            along[k] = max(along[k], along[k - 1] + float(np.ptp(hung[members[k - 1]][:, 0])) + ROOM)
-        shift = float(np.mean(along) - np.mean(before))
-        for p, place in zip(members, along, strict=True):
+            places[k] = max(places[k], places[k - 1] + float(np.ptp(joint_places[members[k - 1]][:, 0])) + ROOM)
+        shift = float(np.mean(places) - np.mean(places_before))
+        for p, place in zip(members, places, strict=True):
             pivots[p] = CarrierEnd(pivots[p].carrier, (place - shift, pivots[p].where[1]))  # type: ignore[index]
     return pivots
 
@@ -264,17 +272,19 @@ def _factor(structure: Structure, k: int, pivots: list[CarrierEnd], longest: flo
     points: list[Where] = [pivot.where for pivot in pivots if pivot.carrier == k]
     ends = (end for spring in structure.springs for end in spring.ends)
     points += [end.where for end in ends if isinstance(end, CarrierEnd) and end.carrier == k]
-    far = max((abs(float(part)) for where in points if not isinstance(where, int) for part in where), default=0.0)
-    if far and not structure.carriers[k].size:
-        return FIXED / far
-    return min(1 / longest, FARTHEST / far) if far else 1 / longest
+    distance = max((abs(float(part)) for where in points if not isinstance(where, int) for part in where), default=0.0)
+    if distance and not structure.carriers[k].size:
+        return FIXED / distance
+    return min(1 / longest, FARTHEST / distance) if distance else 1 / longest
 
 
-def _scaled(where: Where, by: float) -> Where:
+def _scale(where: Where, by: float) -> Where:
     return where if isinstance(where, int) else (where[0] * by, where[1] * by)
 
 
-def _kept(spring: SpringNumbers, factors: list[float], links: dict[int, tuple[int, float]]) -> SpringNumbers | None:
+def _drawn_spring(
+    spring: SpringNumbers, factors: list[float], links: dict[int, tuple[int, float]]
+) -> SpringNumbers | None:
     """A spring between what is drawn, None for one of another copy.
 
     `links` are the drawn ones by their numbers in the file, each with its number here and by how much it is longer.
@@ -282,7 +292,7 @@ def _kept(spring: SpringNumbers, factors: list[float], links: dict[int, tuple[in
     ends: list[End] = []
     for end in spring.ends:
         if isinstance(end, CarrierEnd):
-            ends.append(CarrierEnd(end.carrier, _scaled(end.where, factors[end.carrier])))
+            ends.append(CarrierEnd(end.carrier, _scale(end.where, factors[end.carrier])))
         elif not isinstance(end, LinkEnd):
             ends.append(end._replace(place=None))
         elif end.link in links:
@@ -295,18 +305,18 @@ def _kept(spring: SpringNumbers, factors: list[float], links: dict[int, tuple[in
 
 def _labels(scaffold: Scaffold, pieces: list[Piece], push: str) -> Iterator[Label]:
     """The symbols of carriers with their coordinates, of a push on a cart, and of springs."""
-    still = np.zeros((1, scaffold.structure.size))
-    named = sum(carrier.size > 0 for carrier in scaffold.structure.carriers) > 1
+    at_rest = np.zeros((1, scaffold.structure.size))
+    has_names = sum(carrier.size > 0 for carrier in scaffold.structure.carriers) > 1
     for k, carrier in enumerate(scaffold.structure.carriers):
         if carrier.kind not in COORDINATES:
             continue
-        index = rf"_\mathrm{{{carrier.name.replace('_', chr(92) + '_')}}}" if named else ""
+        index = rf"_\mathrm{{{carrier.name.replace('_', chr(92) + '_')}}}" if has_names else ""
         left, right, level = scaffold.body(k)
         platform = carrier.kind == "platform"
-        (x, y), (end, _) = (scaffold.place(k, (s, level), still)[0].tolist() for s in (left, right))
+        (x, y), (end, _) = (scaffold.place(k, (s, level), at_rest)[0].tolist() for s in (left, right))
         if carrier.size:
-            alone = "_c" if carrier.kind == "cart" else "_s"
-            yield Label("m" + (index or alone), _beside(carrier.kind, x, y))
+            letter = "_c" if carrier.kind == "cart" else "_s"
+            yield Label("m" + (index or letter), _mass_place(carrier.kind, x, y))
         start = x + 0.2 if platform else (x + end) / 2 + 0.06
         for number, symbol in enumerate(COORDINATES[carrier.kind]):
             place = (start, y + 0.2 if not platform else y + 0.16)
@@ -319,55 +329,61 @@ def _labels(scaffold: Scaffold, pieces: list[Piece], push: str) -> Iterator[Labe
     springs = [piece for piece in pieces if piece.role == "spring"]
     for number, piece in enumerate(springs, 1):
         x, y = piece.points[0].mean(0)
-        across, down = np.ptp(piece.points[0], axis=0)
-        tall = down > 0.8 * across
+        width, height = np.ptp(piece.points[0], axis=0)
+        tall = height > 0.8 * width
         place = (float(x) + 0.17, float(y)) if tall else (float(x), float(y) + 0.16)
         yield Label(f"k_{{{number}}}" if len(springs) > 1 else "k", place)
 
 
-def _beside(kind: str, x: float, y: float) -> tuple[float, float]:
+def _mass_place(kind: str, x: float, y: float) -> tuple[float, float]:
     """Where the mass of a carrier is written, by the left end of its body."""
     return {"platform": (x + 0.1, y), "swing": (x, y - 0.2)}.get(kind, (x + 0.02, y + 0.2))
 
 
-def _link(axis: Axes, drawn: _SketchedLink, below: _SketchedLink | None, differ: dict[str, bool]) -> None:
+def _link(axis: Axes, sketched_link: _SketchedLink, lower_link: _SketchedLink | None, differ: dict[str, bool]) -> None:
     """One link with its angle, length and centre, and the weight at its centre of mass."""
-    side = 1.0 if drawn.tilt >= 0 else -1.0
-    across, hue = side * np.array([np.cos(drawn.tilt), np.sin(drawn.tilt)]), colour(0)
-    thick = isinstance(drawn.link, Rod) or not isinstance(drawn.link, Bob)
+    side = 1.0 if sketched_link.tilt >= 0 else -1.0
+    normal, hue = side * np.array([np.cos(sketched_link.tilt), np.sin(sketched_link.tilt)]), colour(0)
+    thick = isinstance(sketched_link.link, Rod) or not isinstance(sketched_link.link, Bob)
     axis.plot(
-        *np.transpose([drawn.joint, drawn.end]), color=hue, lw=5.5 if thick else 1.8, solid_capstyle="round", zorder=3
+        *np.transpose([sketched_link.joint, sketched_link.end]),
+        color=hue,
+        lw=5.5 if thick else 1.8,
+        solid_capstyle="round",
+        zorder=3,
     )
-    axis.plot(*drawn.joint, "o", ms=4, color=paper(), mec=ink(), mew=1.1, zorder=7)
-    _angle(axis, drawn)
-    along, middle = drawn.end - drawn.joint, drawn.link.centre / drawn.link.length
+    axis.plot(*sketched_link.joint, "o", ms=4, color=paper(), mec=ink(), mew=1.1, zorder=7)
+    _angle(axis, sketched_link)
+    direction, middle = sketched_link.end - sketched_link.joint, sketched_link.link.centre / sketched_link.link.length
     at = 0.5 if not thick else 0.8 if middle < 0.65 else 0.32
-    _say(axis, _symbol("l", drawn, differ["length"]), *(drawn.joint + at * along + 0.17 * across))
+    _say(axis, _symbol("l", sketched_link, differ["length"]), *(sketched_link.joint + at * direction + 0.17 * normal))
     if thick:
-        axis.plot(*drawn.centre, "o", ms=5, color=ink(), zorder=6)
-        _arrow(axis, drawn.joint + 0.08 * across, drawn.centre + 0.08 * across, muted(), "<->")
-        place = drawn.joint + 0.85 * (drawn.centre - drawn.joint) + 0.19 * across
-        _say(axis, _symbol("c", drawn, differ["centre"]), *place)
+        axis.plot(*sketched_link.centre, "o", ms=5, color=ink(), zorder=6)
+        _arrow(
+            axis, sketched_link.joint + 0.08 * normal, sketched_link.centre + 0.08 * normal, secondary_colour(), "<->"
+        )
+        place = sketched_link.joint + 0.85 * (sketched_link.centre - sketched_link.joint) + 0.19 * normal
+        _say(axis, _symbol("c", sketched_link, differ["centre"]), *place)
     else:
-        axis.plot(*drawn.end, "o", ms=13, color=hue, mec=paper(), mew=0.8, zorder=4)
-    _arrow(axis, drawn.centre, drawn.centre - (0, WEIGHT), colour(4))
-    away = -side if thick or (below is not None and below.tilt * side >= 0) else side
-    x, y = drawn.centre - (-0.2 * away, WEIGHT - (0.0 if thick else 0.06))
-    _say(axis, f"{_symbol('m', drawn, differ['mass'])} g", x, y, color=colour(4))
+        axis.plot(*sketched_link.end, "o", ms=13, color=hue, mec=paper(), mew=0.8, zorder=4)
+    _arrow(axis, sketched_link.centre, sketched_link.centre - (0, WEIGHT), colour(4))
+    side_of_weight = -side if thick or (lower_link is not None and lower_link.tilt * side >= 0) else side
+    x, y = sketched_link.centre - (-0.2 * side_of_weight, WEIGHT - (0.0 if thick else 0.06))
+    _say(axis, f"{_symbol('m', sketched_link, differ['mass'])} g", x, y, color=colour(4))
 
 
-def _symbol(letter: str, drawn: _SketchedLink, numbered: bool) -> str:
-    return f"{letter}_{{{drawn.number}}}" if numbered and drawn.number else letter
+def _symbol(letter: str, sketched_link: _SketchedLink, has_number: bool) -> str:
+    return f"{letter}_{{{sketched_link.number}}}" if has_number and sketched_link.number else letter
 
 
-def _angle(axis: Axes, drawn: _SketchedLink) -> None:
+def _angle(axis: Axes, sketched_link: _SketchedLink) -> None:
     """The vertical through the upper joint, and the arc of θ."""
-    x, y = drawn.joint
-    axis.plot([x, x], [y, y - 0.54], ls=MARKED, color=muted(), lw=1.0, zorder=1)
-    degrees = np.sort([270.0, 270.0 + np.degrees(drawn.tilt)])
+    x, y = sketched_link.joint
+    axis.plot([x, x], [y, y - 0.54], ls=MARKED, color=secondary_colour(), lw=1.0, zorder=1)
+    degrees = np.sort([270.0, 270.0 + np.degrees(sketched_link.tilt)])
     axis.add_patch(Arc((x, y), 2 * ARC, 2 * ARC, theta1=degrees[0], theta2=degrees[1], color=ink(), lw=1.2, zorder=2))
-    half = drawn.tilt / 2
-    symbol = rf"\theta_{{{drawn.number}}}" if drawn.number else r"\theta"
+    half = sketched_link.tilt / 2
+    symbol = rf"\theta_{{{sketched_link.number}}}" if sketched_link.number else r"\theta"
     _say(axis, symbol, x + (ARC + 0.14) * np.sin(half), y - (ARC + 0.14) * np.cos(half))
 
 
@@ -375,28 +391,28 @@ def _in_space() -> Figure:
     """One link from a pivot, with the polar angle θ from the vertical and the azimuth φ around it."""
     figure, axis = _sheet(-0.9, 1.4, -1.85, 0.75)
 
-    def seen(radius: Any, theta: Any, phi: Any) -> Floats:
-        across, depth = np.sin(theta) * np.sin(phi), np.cos(theta)
+    def projection(radius: Any, theta: Any, phi: Any) -> Floats:
+        depth_part, depth = np.sin(theta) * np.sin(phi), np.cos(theta)
         return np.asarray(
-            radius * np.array([np.sin(theta) * np.cos(phi) + OBLIQUE[0] * across, OBLIQUE[1] * across - depth])
+            radius * np.array([np.sin(theta) * np.cos(phi) + OBLIQUE[0] * depth_part, OBLIQUE[1] * depth_part - depth])
         )
 
-    ends = {"x": seen(1.1, np.pi / 2, 0), "y": seen(1.1, np.pi / 2, np.pi / 2), "z": seen(1.55, 0, 0)}
+    ends = {"x": projection(1.1, np.pi / 2, 0), "y": projection(1.1, np.pi / 2, np.pi / 2), "z": projection(1.55, 0, 0)}
     for symbol, tip in ends.items():
-        _arrow(axis, (0.0, 0.0), tip, muted())
+        _arrow(axis, (0.0, 0.0), tip, secondary_colour())
         _say(axis, symbol, *(tip * (1 + 0.12 / np.hypot(*tip))))
     theta, phi = np.radians(48), np.radians(42)
-    tip, foot = seen(1.0, theta, phi), np.array([0, -np.cos(theta)])
+    tip, foot = projection(1.0, theta, phi), np.array([0, -np.cos(theta)])
     axis.plot(*np.transpose([(0, 0), tip]), color=colour(0), lw=1.8, zorder=3)
     axis.plot(*tip, "o", ms=13, color=colour(0), mec=paper(), mew=0.8, zorder=4)
     _say(axis, "l", *(0.55 * tip + (0.1, 0.1)))
     _arrow(axis, tip, tip - (0, WEIGHT), colour(4))
     _say(axis, "m g", tip[0] + 0.2, tip[1] - WEIGHT + 0.06, color=colour(4))
-    axis.plot(*np.transpose([foot, tip]), ls=MARKED, color=muted(), lw=1.0)
-    axis.plot(*np.transpose([foot, foot + np.array([0.75, 0])]), ls=MARKED, color=muted(), lw=1.0)
+    axis.plot(*np.transpose([foot, tip]), ls=MARKED, color=secondary_colour(), lw=1.0)
+    axis.plot(*np.transpose([foot, foot + np.array([0.75, 0])]), ls=MARKED, color=secondary_colour(), lw=1.0)
     lean, turn = np.linspace(0, theta, 30), np.linspace(0, phi, 30)
-    axis.plot(*seen(ARC, lean, phi), color=ink(), lw=1.2)
-    _say(axis, r"\theta", *seen(ARC + 0.14, theta / 2, phi))
-    axis.plot(*(foot[:, None] + seen(0.5, np.pi / 2, turn)), color=ink(), lw=1.2)
+    axis.plot(*projection(ARC, lean, phi), color=ink(), lw=1.2)
+    _say(axis, r"\theta", *projection(ARC + 0.14, theta / 2, phi))
+    axis.plot(*(foot[:, None] + projection(0.5, np.pi / 2, turn)), color=ink(), lw=1.2)
     _say(axis, r"\varphi", *(foot + np.array([0.62, -0.12])))
     return figure

@@ -97,9 +97,9 @@ def figure_at(place: str, *arguments: Any, theme: str = "", **options: Any) -> F
 
 def save(figure: Figure, stream: IO[bytes], form: str) -> None:
     """Write a figure as png, svg or pdf: the same bytes for the same figure."""
-    undated = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}
+    metadata = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}
     with any_letters(), rc_context({"svg.hashsalt": "multipendula"}):
-        figure.savefig(stream, format=form, metadata=undated.get(form))
+        figure.savefig(stream, format=form, metadata=metadata.get(form))
 
 
 def in_both_themes(draw: Callable[[], Figure], path: Path) -> None:
@@ -128,13 +128,13 @@ def spots(k: int, values: Floats | None = None) -> dict[str, Any]:
 
     None either where none of the `values` is finite: matplotlib cannot space marks along nothing.
     """
-    seen = values is None or np.isfinite(values).any()
-    marker = SPOTS[k // HUES % len(SPOTS)] if seen else ""
-    every = (0.02 * (k % HUES), 0.14)
-    return {"marker": marker, "ms": 4.5, "mfc": paper(), "mew": 1.1, "markevery": every} if marker else {}
+    is_drawn = values is None or np.isfinite(values).any()
+    marker = SPOTS[k // HUES % len(SPOTS)] if is_drawn else ""
+    spacing = (0.02 * (k % HUES), 0.14)
+    return {"marker": marker, "ms": 4.5, "mfc": paper(), "mew": 1.1, "markevery": spacing} if marker else {}
 
 
-def predicted(k: int) -> tuple[float, tuple[float, float]]:
+def dashes_of_prediction(k: int) -> tuple[float, tuple[float, float]]:
     """The dashes of prediction k: of two on one place each shows in the gaps of the other."""
     return (DASH * (k % 2), (DASH, DASH))
 
@@ -151,14 +151,14 @@ def narrowing(k: int) -> float:
 
 def shade(part: float) -> str:
     """A mixture of ink and paper: 1 is ink, 0 is paper."""
-    inked, plain = (np.array(to_rgb(rcParams[name])) for name in ("text.color", "axes.facecolor"))
-    return to_hex(tuple((part * inked + (1 - part) * plain).tolist()))
+    ink_colour, plain = (np.array(to_rgb(rcParams[name])) for name in ("text.color", "axes.facecolor"))
+    return to_hex(tuple((part * ink_colour + (1 - part) * plain).tolist()))
 
 
-def mixed(hue: str, part: float) -> str:
+def mixture(hue: str, part: float) -> str:
     """A mixture of a colour and paper: 1 is the colour, 0 is paper."""
-    inked, plain = (np.array(to_rgb(end)) for end in (hue, paper()))
-    return to_hex(tuple((part * inked + (1 - part) * plain).tolist()))
+    hue_colour, plain = (np.array(to_rgb(end)) for end in (hue, paper()))
+    return to_hex(tuple((part * hue_colour + (1 - part) * plain).tolist()))
 
 
 def ink() -> str:
@@ -171,7 +171,7 @@ def paper() -> str:
     return shade(0.0)
 
 
-def muted() -> str:
+def secondary_colour() -> str:
     """The colour of secondary marks and captions, still easy to read."""
     return shade(0.68)
 

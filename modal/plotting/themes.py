@@ -46,14 +46,14 @@ def dark_twin(colour: Any) -> tuple[float, float, float, float]:
     ('#2f8fd6', '#12181d', '#ff0000')
     """
     red, green, blue, alpha = to_rgba(colour)
-    named = _twins().get(to_hex((red, green, blue)))
-    if named is not None:
-        return (*named, alpha)
+    twin = _twins().get(to_hex((red, green, blue)))
+    if twin is not None:
+        return (*twin, alpha)
     if np.ptp((red, green, blue)) > GREY:
         return red, green, blue, alpha
     (light_paper, light_ink), (dark_paper, dark_ink) = map(_ends, ("light", "dark"))
-    inked = (LUMA @ light_paper - LUMA @ (red, green, blue)) / (LUMA @ light_paper - LUMA @ light_ink)
-    red, green, blue = (dark_paper + np.clip(inked, 0, 1) * (dark_ink - dark_paper)).tolist()
+    share_of_ink = (LUMA @ light_paper - LUMA @ (red, green, blue)) / (LUMA @ light_paper - LUMA @ light_ink)
+    red, green, blue = (dark_paper + np.clip(share_of_ink, 0, 1) * (dark_ink - dark_paper)).tolist()
     return red, green, blue, alpha
 
 
@@ -70,7 +70,7 @@ def _twins() -> dict[str, tuple[float, float, float]]:
     pairs = list(zip(*(twin["axes.prop_cycle"].by_key()["color"] for twin in (light, dark)), strict=True))
     names = ("figure.facecolor", "text.color", "axes.edgecolor", "grid.color", "hatch.color")
     pairs += [(light[name], dark[name]) for name in names]
-    return {to_hex(twin): to_rgb(other) for twin, other in pairs}
+    return {to_hex(twin): to_rgb(dark_colour) for twin, dark_colour in pairs}
 
 
 @cache
@@ -110,8 +110,8 @@ class DarkRenderer(RendererAgg):
         def draw_markers(gc: Any, path: Any, place: Any, line: Any, at: Any, rgbFace: Any = None) -> None:
             markers(gc, path, place, line, at, _twin(rgbFace))
 
-        def draw_path_collection(gc: Any, *given: Any, **options: Any) -> None:
-            five, (faces, edges), rest = given[:5], given[5:7], given[7:]
+        def draw_path_collection(gc: Any, *arguments: Any, **options: Any) -> None:
+            five, (faces, edges), rest = arguments[:5], arguments[5:7], arguments[7:]
             twins = {name: _twins_of(colours) for name, colours in options.items()}  # hatching, since matplotlib 3.11
             collection(gc, *five, _twins_of(faces), _twins_of(edges), *rest, **twins)
 
@@ -179,10 +179,10 @@ class ThemedPicture:
 
     def images(self) -> str:
         """The two images, for a page that has CHOICE."""
-        shown = (("in-light", self.light), ("in-dark", self.dark))
+        images = (("in-light", self.light), ("in-dark", self.dark))
         return "\n".join(
             SHOWN.format(where=where, form=self.form, data=b64encode(data).decode(), words=html(self.words))
-            for where, data in shown
+            for where, data in images
         )
 
     def _repr_mimebundle_(self, **_: object) -> dict[str, object]:
@@ -210,34 +210,34 @@ def pair_of(figure: Figure, words: str = "") -> ThemedPicture:
         figure.draw_without_rendering()
     layout = figure.get_layout_engine()
     figure.set_layout_engine("none")  # both pictures have the layout of this drawing
-    made = []
+    pictures = []
     for backend in ("agg", "module://modal.plotting.themes"):
         buffer = BytesIO()
         with any_letters():
             figure.savefig(buffer, format="png", dpi=figure.dpi, backend=backend)
-        made.append(_reduced(buffer))
+        pictures.append(_reduce_palette(buffer))
     figure.set_layout_engine(layout)
-    return ThemedPicture(made[0], made[1], words or _described(figure))
+    return ThemedPicture(pictures[0], pictures[1], words or _describe(figure))
 
 
-def _reduced(picture: BytesIO) -> bytes:
+def _reduce_palette(picture: BytesIO) -> bytes:
     """A PNG of 256 colours, a third as long; of its background not a bit is changed."""
     image = Image.open(picture).convert("RGB")
     small = BytesIO()
-    reduced = image.quantize(256, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
-    palette = np.array(reduced.getpalette(), dtype=np.uint8).reshape(-1, 3)
-    palette[np.asarray(reduced)[0, 0]] = np.asarray(image)[0, 0]
-    reduced.putpalette(palette.tobytes())
-    reduced.save(small, "PNG")
+    small_image = image.quantize(256, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
+    palette = np.array(small_image.getpalette(), dtype=np.uint8).reshape(-1, 3)
+    palette[np.asarray(small_image)[0, 0]] = np.asarray(image)[0, 0]
+    small_image.putpalette(palette.tobytes())
+    small_image.save(small, "PNG")
     return small.getvalue()
 
 
-def _described(figure: Figure) -> str:
+def _describe(figure: Figure) -> str:
     """The title of a figure and what its axes show."""
     phrases = [figure.get_suptitle()]
     for axis in figure.axes:
-        up, across = (" ".join(words.split()) for words in (axis.get_ylabel(), axis.get_xlabel()))
-        phrases += [axis.get_title(), f"{up} over {across}" if up and across else up or across]
+        y_label, x_label = (" ".join(words.split()) for words in (axis.get_ylabel(), axis.get_xlabel()))
+        phrases += [axis.get_title(), f"{y_label} over {x_label}" if y_label and x_label else y_label or x_label]
     return "; ".join(dict.fromkeys(words for words in phrases if words)) or "a figure"
 
 
@@ -321,11 +321,11 @@ def slide(draw: Callable[[float], Figure], values: Sequence[float], label: str, 
         raise ValueError("a slider needs at least one value")
     first = len(values) // 2 if at is None else range(len(values))[at]
     names = tuple(f"{value:.4g}" for value in values)
-    made = tuple(_pictured(draw(value), f"{label} {name}") for value, name in zip(values, names, strict=True))
-    return Slider(label, names, made, first)
+    pictures = tuple(_picture(draw(value), f"{label} {name}") for value, name in zip(values, names, strict=True))
+    return Slider(label, names, pictures, first)
 
 
-def _pictured(figure: Figure, words: str) -> ThemedPicture:
+def _picture(figure: Figure, words: str) -> ThemedPicture:
     from matplotlib import pyplot
 
     pair = pair_of(figure, words)

@@ -10,8 +10,8 @@ from matplotlib.figure import Figure
 
 from modal.errors import ComputationError
 from modal.plotting.curves import draw_curves, pick
-from modal.plotting.layout import SMALL, framed, headline, legend
-from modal.plotting.style import MARKED, MOST_CURVES, WIDTH, colour, ink, muted, paper, save, sheet, spots
+from modal.plotting.layout import SMALL, headline, legend, set_frame
+from modal.plotting.style import MARKED, MOST_CURVES, WIDTH, colour, ink, paper, save, secondary_colour, sheet, spots
 from modal.scene import title_of
 
 if TYPE_CHECKING:
@@ -19,33 +19,36 @@ if TYPE_CHECKING:
     from modal.statespace.travels import ShapedTravel
 
 
-def draw_hoist(along: Along, stream: IO[bytes], form: str = "png") -> None:
+def draw_hoist(hoisting: Along, stream: IO[bytes], form: str = "png") -> None:
     """Write the picture as png, svg or pdf."""
-    save(hoist_figure(along), stream, form)
+    save(hoist_figure(hoisting), stream, form)
 
 
-def hoist_figure(along: Along) -> Figure:
+def hoist_figure(hoisting: Along) -> Figure:
     """The changing lengths (m), the angular frequencies (rad/s) and the adiabatic swing of every mode against time (s).
 
     Only lengths where no mode oscillates.  Raises ComputationError for more modes or lengths than one picture holds.
     """
-    most = max(along.omega.shape[1], along.lengths.shape[1])
-    if most > MOST_CURVES:
-        raise ComputationError(f"{most} curves do not fit in a figure: at most {MOST_CURVES}")
+    n_curves = max(hoisting.omega.shape[1], hoisting.lengths.shape[1])
+    if n_curves > MOST_CURVES:
+        raise ComputationError(f"{n_curves} curves do not fit in a figure: at most {MOST_CURVES}")
     figure = sheet(WIDTH, 8.0)
-    ropes = [f"pendulum {p + 1}, link {i + 1}" for p, i in along.links]
-    modes = [f"mode {name}" for name in along.names]
-    panels = [(along.lengths, ropes, "length (m)")]
+    ropes = [f"pendulum {p + 1}, link {i + 1}" for p, i in hoisting.links]
+    modes = [f"mode {name}" for name in hoisting.names]
+    panels = [(hoisting.lengths, ropes, "length (m)")]
     if modes:
-        panels += [(along.omega, modes, "angular frequency ω (rad/s)"), (along.swing, modes, "relative swing (–)")]
+        panels += [
+            (hoisting.omega, modes, "angular frequency ω (rad/s)"),
+            (hoisting.swing, modes, "relative swing (–)"),
+        ]
     axes = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
     for axis, (values, names, words) in zip(axes, panels, strict=True):
         for k, name in enumerate(names):
-            axis.plot(along.times, values[:, k], color=colour(k), label=name, **spots(k, values[:, k]))
-        framed(axis, "time (s)" if axis is axes[-1] else "", words)
-        axis.set_xlim(along.times[0], along.times[-1])
+            axis.plot(hoisting.times, values[:, k], color=colour(k), label=name, **spots(k, values[:, k]))
+        set_frame(axis, "time (s)" if axis is axes[-1] else "", words)
+        axis.set_xlim(hoisting.times[0], hoisting.times[-1])
         legend(axis)
-    headline(figure, title_of(along.scene), "along the hoist")
+    headline(figure, title_of(hoisting.scene), "along the hoist")
     return figure
 
 
@@ -75,22 +78,22 @@ def travel_figure(travel: ShapedTravel) -> Figure:
     titles = ("Force", "Moved coordinate") if is_forced else ("Cart, as prescribed",)
     force = f"torque ({travel.unit})" if travel.unit == "N m" else f"force ({travel.unit})"
     place = "angle (°)" if travel.unit == "N m" else "position (m)"
-    shown = np.degrees(travel.moved) if travel.unit == "N m" else travel.moved
-    values = ((travel.command, force), (shown, place)) if is_forced else ((travel.command, place),)
+    motion = np.degrees(travel.moved) if travel.unit == "N m" else travel.moved
+    values = ((travel.command, force), (motion, place)) if is_forced else ((travel.command, place),)
     for axis, (rows, label), title in zip(axes, values, titles, strict=False):
         _command(axis, travel, rows)
-        framed(axis, "", label, title)
+        set_frame(axis, "", label, title)
         legend(axis)
     degrees = np.degrees(travel.angles)
     numbers, names, _ = pick(np.concatenate(list(degrees)).T, _names(travel), MOST_LINKS)
-    most = ROOM * max(float(np.abs(degrees).max()), float(np.degrees(travel.residual).max()), 1e-9)
+    limit = ROOM * max(float(np.abs(degrees).max()), float(np.degrees(travel.residual).max()), 1e-9)
     for row, axis in enumerate(axes[-2:]):
         curves = [(travel.times, degrees[row, :, link]) for link in numbers]
         draw_curves(axis, curves, names=names, first=FIRST, bands=True)
-        axis.set(xlim=(travel.times[0], travel.times[-1]), ylim=(-most, most))
-        framed(axis, "", "angle (°)", f"Swing, {ROWS[row]}")
+        axis.set(xlim=(travel.times[0], travel.times[-1]), ylim=(-limit, limit))
+        set_frame(axis, "", "angle (°)", f"Swing, {ROWS[row]}")
         _residual(axis, travel, row)
-    legend(axes[-2], least=1)
+    legend(axes[-2], least_count=1)
     axes[-1].set_xlabel("time (s)")
     headline(figure, title_of(travel.scene), f"a travel of {travel.distance:g} m, as it is and shaped")
     return figure
@@ -107,8 +110,8 @@ def _residual(axis: Axes, travel: ShapedTravel, row: int) -> None:
     """Two dotted lines that bound the swing after the command, and how large it is."""
     angle, over = float(np.degrees(travel.residual[row])), float(travel.over[row])
     for sign in (-1, 1):
-        axis.plot([over, travel.times[-1]], [sign * angle] * 2, color=muted(), ls=MARKED, lw=1.4)
-    axis.axvline(over, color=muted(), ls=MARKED, lw=1.0, zorder=0)
+        axis.plot([over, travel.times[-1]], [sign * angle] * 2, color=secondary_colour(), ls=MARKED, lw=1.4)
+    axis.axvline(over, color=secondary_colour(), ls=MARKED, lw=1.0, zorder=0)
     words = f"residual swing {angle:.3g}°" if angle >= 5e-4 else "no residual swing"
     look: dict[str, Any] = {
         "fontsize": SMALL,

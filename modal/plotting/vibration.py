@@ -12,8 +12,19 @@ from matplotlib.figure import Figure
 
 from modal.errors import ComputationError, SceneError
 from modal.plotting.curves import RANGE, draw_curves
-from modal.plotting.layout import framed, headline, legend, log_ticks, mark_modes
-from modal.plotting.style import MARKED, MOST_CURVES, WIDTH, colour, ink, muted, save, sheet, spots, thickness
+from modal.plotting.layout import headline, legend, log_ticks, mark_modes, set_frame
+from modal.plotting.style import (
+    MARKED,
+    MOST_CURVES,
+    WIDTH,
+    colour,
+    ink,
+    save,
+    secondary_colour,
+    sheet,
+    spots,
+    thickness,
+)
 from modal.scene import Scene, number_words, title_of
 from modal.statespace import Signal
 from modal.types import Floats
@@ -60,26 +71,26 @@ def random_figure(response: RandomResponse) -> Figure:
     panels[0].plot(f, np.where(response.input_psd(f) > 0, response.input_psd(f), np.nan), color=ink())
     source = response.source
     words = "acceleration of the support" if source.name == "support_acceleration" else source.name
-    framed(panels[0], "", f"PSD ({_per_hertz(source.unit)})", words)
+    set_frame(panels[0], "", f"PSD ({_per_hertz(source.unit)})", words)
     for axis, unit in zip(panels[1:], units, strict=True):
-        shown = [k for k, signal in enumerate(response.outputs) if signal.unit == unit]
-        for place, k in enumerate(shown):
+        numbers = [k for k, signal in enumerate(response.outputs) if signal.unit == unit]
+        for place, k in enumerate(numbers):
             words = f"{response.outputs[k].name}, RMS {_size(response.rms[k])} {unit}"
-            drawn = np.where((psd[k] > 0) & np.isfinite(psd[k]), psd[k], np.nan)
-            axis.plot(f, drawn, color=colour(place), lw=thickness(place, 1.8), label=words, **spots(place, drawn))
-        sizes = psd[shown][np.isfinite(psd[shown])]
+            curve = np.where((psd[k] > 0) & np.isfinite(psd[k]), psd[k], np.nan)
+            axis.plot(f, curve, color=colour(place), lw=thickness(place, 1.8), label=words, **spots(place, curve))
+        sizes = psd[numbers][np.isfinite(psd[numbers])]
         if sizes.size and sizes.max() > 0:
             axis.set_ylim(bottom=max(sizes[sizes > 0].min() / 2, DEEPEST * sizes.max()))
-        framed(axis, "", f"PSD ({_per_hertz(unit)})", "response")
+        set_frame(axis, "", f"PSD ({_per_hertz(unit)})", "response")
         _logarithmic(axis)
-        legend(axis, 2, least=1)
+        legend(axis, 2, least_count=1)
     panels[-1].set_xlabel("frequency (Hz)")
     _logarithmic(panels[0])
     panels[0].set(xscale="log", xlim=(f[0], f[-1]))
     log_ticks(panels[-1].xaxis, f[-1] / f[0])
     inside = [(number, rate) for number, rate in named_modes(response.modes) if f[0] <= rate <= f[-1]]
     for axis in panels[1:]:
-        mark_modes(axis, inside, numbered=False)
+        mark_modes(axis, inside, has_numbers=False)
     headline(figure, title_of(response.modes.scene), "random vibration")
     return figure
 
@@ -109,25 +120,27 @@ def thermal_figure(noise: ThermalNoise, beside: RandomResponse | None = None, at
     panels = figure.subplots(len(noise.outputs), 1, sharex=True, squeeze=False)[:, 0]
     driven = None if beside is None else np.sqrt(beside.psd(f))
     for k, (axis, signal) in enumerate(zip(panels, noise.outputs, strict=True)):
-        whole = np.sqrt((parts[:, k] ** 2).sum(0))
-        axis.plot(f, _drawn(whole), color=ink(), lw=2.0, label="thermal noise")
-        most = np.argsort(-np.nan_to_num((parts[:, k] / np.where(whole > 0, whole, 1.0)).max(-1)))[:MOST_PLACES]
-        for place, j in enumerate(sorted(most.tolist())):
+        total = np.sqrt((parts[:, k] ** 2).sum(0))
+        axis.plot(f, _positive_values(total), color=ink(), lw=2.0, label="thermal noise")
+        loudest_places = np.argsort(-np.nan_to_num((parts[:, k] / np.where(total > 0, total, 1.0)).max(-1)))[
+            :MOST_PLACES
+        ]
+        for place, j in enumerate(sorted(loudest_places.tolist())):
             line = {"color": colour(place), "lw": 1.3}
-            axis.plot(f, _drawn(parts[j, k]), label=_place_words(noise.scene, noise.places[j]), **line)
+            axis.plot(f, _positive_values(parts[j, k]), label=_place_words(noise.scene, noise.places[j]), **line)
         if driven is not None and beside is not None:
             words = f"from the PSD of {beside.source.name.replace('_', ' ')}"
-            axis.plot(f, _drawn(driven[k]), color=muted(), lw=1.6, label=words)
-        axis.set_ylim(bottom=np.nanmin(_drawn(whole)) / 3)
-        framed(axis, "", f"{QUANTITIES.get(signal.unit, '')} ({_pretty(signal.unit)}/√Hz)".strip(), signal.name)
+            axis.plot(f, _positive_values(driven[k]), color=secondary_colour(), lw=1.6, label=words)
+        axis.set_ylim(bottom=np.nanmin(_positive_values(total)) / 3)
+        set_frame(axis, "", f"{QUANTITIES.get(signal.unit, '')} ({_pretty(signal.unit)}/√Hz)".strip(), signal.name)
         _logarithmic(axis)
-        legend(axis, 2, least=1)
+        legend(axis, 2, least_count=1)
     panels[-1].set_xlabel("frequency (Hz)")
     panels[0].set(xscale="log", xlim=(f[0], f[-1]))
     log_ticks(panels[-1].xaxis, f[-1] / f[0])
     inside = [(number, rate) for number, rate in named_modes(noise.modes) if f[0] <= rate <= f[-1]]
     for axis in panels:
-        mark_modes(axis, inside, numbered=False)
+        mark_modes(axis, inside, has_numbers=False)
     headline(figure, title_of(noise.scene), f"thermal noise at {noise.temperature:g}\N{NO-BREAK SPACE}K")
     return figure
 
@@ -139,7 +152,7 @@ def _place_words(scene: Scene, place: str) -> str:
     return place
 
 
-def _drawn(values: Floats) -> Floats:
+def _positive_values(values: Floats) -> Floats:
     """The finite ones above 0."""
     return np.where((values > 0) & np.isfinite(values), values, np.nan)
 
@@ -155,46 +168,46 @@ def shock_figure(response: ShockResponse) -> Figure:
     Raises ComputationError for more outputs than a picture holds.
     """
     units = _units(response.outputs)
-    combined = np.flatnonzero(~response.follows_support & (response.peaks[:, 0] > 0)).tolist()
+    combined_outputs = np.flatnonzero(~response.follows_support & (response.peaks[:, 0] > 0)).tolist()
     rows = slice(None, None, -(-len(response.times) // POINTS))
     times = response.times[rows]
-    figure = sheet(WIDTH, 1.6 + 2.0 * len(units) + 2.0 * bool(combined))
-    panels = figure.subplots(1 + len(units) + bool(combined), 1, squeeze=False)[:, 0]
+    figure = sheet(WIDTH, 1.6 + 2.0 * len(units) + 2.0 * bool(combined_outputs))
+    panels = figure.subplots(1 + len(units) + bool(combined_outputs), 1, squeeze=False)[:, 0]
     histories = panels[: 1 + len(units)]
     shaken = [(times, response.record.acceleration(times))]
     has_band = draw_curves(histories[0], shaken, bands=True, color=ink(), lw=1.0)
-    framed(histories[0], "", "acceleration (m/s²)", "support" + f", {RANGE}" * has_band)
+    set_frame(histories[0], "", "acceleration (m/s²)", "support" + f", {RANGE}" * has_band)
     for axis, unit in zip(histories[1:], units, strict=True):
-        shown = [k for k, signal in enumerate(response.outputs) if signal.unit == unit]
-        names = [response.outputs[k].name for k in shown]
-        draw_curves(axis, [(times, response.history[k, rows]) for k in shown], names=names, first=1.5, bands=True)
-        framed(axis, "", f"{QUANTITIES.get(unit, '')} ({_pretty(unit)})".strip(), "response")
+        numbers = [k for k, signal in enumerate(response.outputs) if signal.unit == unit]
+        names = [response.outputs[k].name for k in numbers]
+        draw_curves(axis, [(times, response.history[k, rows]) for k in numbers], names=names, first=1.5, bands=True)
+        set_frame(axis, "", f"{QUANTITIES.get(unit, '')} ({_pretty(unit)})".strip(), "response")
         legend(axis)
     for axis in histories:
         axis.set_xlim(times[0], times[-1])
-        axis.axvline(response.record.last, color=muted(), ls=MARKED, lw=0.9)
+        axis.axvline(response.record.last, color=secondary_colour(), ls=MARKED, lw=0.9)
     for axis in histories[:-1]:
         axis.tick_params(labelbottom=False)
     histories[-1].set_xlabel("time, with the end of the record dotted (s)")
-    if combined:
-        _combinations(panels[-1], response, combined)
+    if combined_outputs:
+        _combinations(panels[-1], response, combined_outputs)
     headline(figure, title_of(response.modes.scene), "response to a record")
     return figure
 
 
-def _combinations(axis: Axes, response: ShockResponse, shown: list[int]) -> None:
+def _combinations(axis: Axes, response: ShockResponse, numbers: list[int]) -> None:
     """SRSS and CQC of the peaks of the modes over the peak of their exact sum."""
-    places = np.arange(len(shown))
+    places = np.arange(len(numbers))
     for k, (name, values) in enumerate((("SRSS", response.srss), ("CQC", response.cqc))):
-        ratios = values[shown] / response.peaks[shown, 0]
+        ratios = values[numbers] / response.peaks[numbers, 0]
         hatch = ("", "//")[k]
         axis.bar(places + (k - 0.5) * BAR, ratios, BAR, color=colour(k), hatch=hatch, label=name)
     axis.axhline(1.0, color=ink(), lw=1.0)
-    turned: dict[str, Any] = (
-        {"rotation": 30, "ha": "right", "rotation_mode": "anchor"} if len(shown) > MOST_LEVEL else {}
+    label_style: dict[str, Any] = (
+        {"rotation": 30, "ha": "right", "rotation_mode": "anchor"} if len(numbers) > MOST_LEVEL else {}
     )
-    axis.set_xticks(places, [response.outputs[k].name for k in shown], **turned)
-    framed(axis, "", "over exact peak (–)", "peaks of modes, combined")
+    axis.set_xticks(places, [response.outputs[k].name for k in numbers], **label_style)
+    set_frame(axis, "", "over exact peak (–)", "peaks of modes, combined")
     legend(axis)
 
 
@@ -217,8 +230,8 @@ def _pretty(unit: str) -> str:
 
 def _per_hertz(unit: str) -> str:
     above, _, below = unit.partition("/")
-    raised = {"s": "s²", "s^2": "s⁴", "": ""}.get(below, f"({below})²")
-    return f"{above}²/{raised}/Hz" if raised else f"{above}²/Hz"
+    squared_unit = {"s": "s²", "s^2": "s⁴", "": ""}.get(below, f"({below})²")
+    return f"{above}²/{squared_unit}/Hz" if squared_unit else f"{above}²/Hz"
 
 
 def _size(value: float) -> str:

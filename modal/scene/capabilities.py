@@ -9,7 +9,7 @@ An entry is of one of these kinds; no feature is without one, which a test reads
     unless     it is taken, except where this message says why not
     beside     it cannot meet this capability
 
-`apart` are pairs of features that are taken alone and refused together; of each set in `needs` a scene must have one.
+`conflicts` are pairs of features that are taken alone and refused together; of each set in `needs` a scene must have one.
 `instead` is another capability, whose words are added to a refusal of what it takes.
 The manual prints the table (docs/reference/combinations.md).
 """
@@ -39,18 +39,18 @@ class Capability(NamedTuple):
     singly: Sentences = NONE
     unless: Sentences = NONE
     beside: Sentences = NONE
-    apart: Mapping[tuple[str, str], str] = {}
+    conflicts: Mapping[tuple[str, str], str] = {}
     needs: Mapping[frozenset[str], str] = {}
     instead: tuple[str, str] = ("", "")
 
     def entries(self, feature: str) -> list[tuple[str, str]]:
         """The kind of every entry for a feature, with its sentence: exactly one."""
         kinds = ("leaves", "refuses", "singly", "unless", "beside")
-        told = [(kind, getattr(self, kind)[feature]) for kind in kinds if feature in getattr(self, kind)]
-        return [("takes", "")] * (feature in self.takes) + told
+        sentences = [(kind, getattr(self, kind)[feature]) for kind in kinds if feature in getattr(self, kind)]
+        return [("takes", "")] * (feature in self.takes) + sentences
 
 
-def _each(names: Names, why: str) -> Sentences:
+def _sentences(names: Names, why: str) -> Sentences:
     """One sentence for several features, each of which stands for {it} in it."""
     return {name: why.replace("{it}", FEATURES[name].words) for name in sorted(names)}
 
@@ -78,11 +78,11 @@ GRIPPED = (
     "cart, below which the load swings on as from a fixed support."
 )
 ABOUT: Sentences = {
-    **_each(DRIVES, UNDRIVEN),
+    **_sentences(DRIVES, UNDRIVEN),
     "moved_support": "The support's motion is left out: the modes are those about a support at rest.",
     "force": "Forces that change in time are left out: the modes are those about the equilibrium without them.",
     "joint_friction": RUBBING,
-    **_each(FRICTION - {"joint_friction"}, GRIPPED),
+    **_sentences(FRICTION - {"joint_friction"}, GRIPPED),
     "quadratic_drag": "Quadratic drag is left out: it dies out with the square of the speed.",
 }
 HOISTED = "Lengths change with the hoist: these are the modes at the lengths before it; hoist lists them along it."
@@ -95,13 +95,13 @@ LEANING: Sentences = {"constant_force": "there is no equilibrium"}
 """Constant forces move the equilibrium, and a scene is linearized about it; or they leave none."""
 STILL: Sentences = {
     "moved_support": "needs a support at rest; simulate follows a moved one",
-    **_each(FORCED, "needs a scene without forces; simulate takes them"),
+    **_sentences(FORCED, "needs a scene without forces; simulate takes them"),
 }
 PLANE: Sentences = {"space": "is computed in the plane"}
 NO_RATIO: Sentences = {"damping_ratio": "does not support damping ratios of modes"}
-STICKS = _each(FRICTION, "does not follow what sticks and slips")
+STICKS = _sentences(FRICTION, "does not follow what sticks and slips")
 SWITCHES: Sentences = {**STICKS, "escapement": "does not end its steps at kicks"}
-LOSSES = _each(LOSS, "needs a scene without losses")
+LOSSES = _sentences(LOSS, "needs a scene without losses")
 LOSSLESS: Sentences = {
     "loss": "Loss angles are left out: they are a complex stiffness at each frequency, which response, vibration and "
     "table take."
@@ -118,7 +118,7 @@ NO_INERTIA: Sentences = {"massless_cart": "has no equation of motion where all t
 NO_SMOOTH: Sentences = {"escapement": "needs smooth motion, without kicks"}
 NO_SERIES = "has a series of a sine or of polynomials only"
 KINK: Sentences = {"quadratic_drag": "has no series across the kink of |v| v at rest"}
-ALONE = _each(FRICTION | _of("space escapement"), "does not support {it}; engine simulate does")
+ALONE = _sentences(FRICTION | _of("space escapement"), "does not support {it}; engine simulate does")
 TOGETHER = {"escapement", "joint_friction", "rail_friction", "rail_coefficient"}
 BESIDE_NONE = {name: words for name, words in ALONE.items() if name not in TOGETHER}
 HOISTING = {
@@ -162,7 +162,7 @@ AVERAGED = Capability(
         **NO_INERTIA,
         "inverted": "needs hanging links",
         "quadratic_drag": "has no exact average of quadratic drag",
-        **_each(FRICTION - {"joint_friction"}, "cannot tell when a cart sticks"),
+        **_sentences(FRICTION - {"joint_friction"}, "cannot tell when a cart sticks"),
     },
 )
 
@@ -176,7 +176,7 @@ PERIODIC = Capability(
 FORCED_ORBIT = Capability(
     "a forced periodic orbit",
     SHAPE | {"dampers", "damping_ratio", "moved_support"} | DRAG | FORCED | STRUCTURED,
-    refuses={**CONSTANT, **PLANE, **STICKS, **_each(DRIVES, "does not follow clocks and drives at joints")},
+    refuses={**CONSTANT, **PLANE, **STICKS, **_sentences(DRIVES, "does not follow clocks and drives at joints")},
     unless=ENDS,
     needs={DRIVEN_IN_TIME: 'nothing drives this scene: give it a [[force]], or a support of kind = "moved"'},
 )
@@ -186,10 +186,10 @@ SECTIONED = Capability(
     SHAPE | STRUCTURED,
     refuses={
         **STILL,
-        **_each(_of("moved_support force"), "needs a motion that keeps its energy: find_strobes takes it"),
+        **_sentences(_of("moved_support force"), "needs a motion that keeps its energy: find_strobes takes it"),
         **CONSTANT,
         **PLANE,
-        **_each(LOSS | DRAG | FRICTION | DRIVES, "needs a motion that keeps its energy"),
+        **_sentences(LOSS | DRAG | FRICTION | DRIVES, "needs a motion that keeps its energy"),
     },
     unless=ENDS,
 )
@@ -228,20 +228,20 @@ UNTOLD: Sentences = {**STRUCTURES, **IN_TIME}
 """What a capability refuses that says nothing else of structures and loss angles."""
 
 
-def _told(capability: Capability) -> Capability:
+def _complete(capability: Capability) -> Capability:
     """A capability with what all say that have no entry of their own: of structures, losses, loads and friction."""
-    more = {name: words for name, words in UNTOLD.items() if not capability.entries(name)}
-    beside = {} if capability.entries("load") else UNLOADED
-    apart = UNRUBBED if capability.takes & FRICTION and capability.takes >= STRUCTURED else {}
+    refusals_of_silent = {name: words for name, words in UNTOLD.items() if not capability.entries(name)}
+    load_sentences = {} if capability.entries("load") else UNLOADED
+    friction_conflicts = UNRUBBED if capability.takes & FRICTION and capability.takes >= STRUCTURED else {}
     return capability._replace(
-        refuses={**capability.refuses, **more},
-        beside={**capability.beside, **beside},
-        apart={**apart, **capability.apart},
+        refuses={**capability.refuses, **refusals_of_silent},
+        beside={**capability.beside, **load_sentences},
+        conflicts={**friction_conflicts, **capability.conflicts},
     )
 
 
 CAPABILITIES: dict[str, Capability] = {
-    capability.name: _told(capability)
+    capability.name: _complete(capability)
     for capability in (
         TABLE,
         TABLE._replace(name="mode shapes", takes=TABLE.takes - {"loss"}, leaves={**OMITTED, **LOSSLESS}),
@@ -297,8 +297,13 @@ CAPABILITIES: dict[str, Capability] = {
         Capability(
             "a derivation",
             SHAPE | {"dampers", "massless_cart", "space", "structure", "springs"},
-            leaves=_each(DRIVES, UNDRIVEN),
-            refuses={**STILL, **CONSTANT, **NO_RATIO, **_each(FRICTION | DRAG | {"loss"}, "has no symbols for {it}")},
+            leaves=_sentences(DRIVES, UNDRIVEN),
+            refuses={
+                **STILL,
+                **CONSTANT,
+                **NO_RATIO,
+                **_sentences(FRICTION | DRAG | {"loss"}, "has no symbols for {it}"),
+            },
         ),
         Capability(
             "a free-body diagram",
@@ -333,14 +338,14 @@ CAPABILITIES: dict[str, Capability] = {
         Capability(
             "the live page",
             SHAPE | {"dampers", "moved_support", "force"} | DRAG | DRIVES | FRICTION | STRUCTURED,
-            refuses=_each(_of("constant_force hoist space damping_ratio massless_cart loss"), "cannot show {it}"),
+            refuses=_sentences(_of("constant_force hoist space damping_ratio massless_cart loss"), "cannot show {it}"),
         ),
         Capability(
             "form minimal",
             ACTING | FRICTION | DRIVES | STRUCTURED | {"hoist"},
             refuses=PLANE,
             unless=ENDS,
-            apart={
+            conflicts={
                 **HOISTING,
                 ("hoist", "escapement"): "kicks act on constant lengths",
             },
@@ -351,10 +356,10 @@ CAPABILITIES: dict[str, Capability] = {
             refuses={
                 **NO_RATIO,
                 "hoist": "changes lengths in the plane only",
-                **_each(FRICTION | DRIVES, "acts on angles in the plane"),
+                **_sentences(FRICTION | DRIVES, "acts on angles in the plane"),
             },
             unless=ENDS,
-            beside=_each(STRUCTURED, "a structure moves in the plane"),
+            beside=_sentences(STRUCTURED, "a structure moves in the plane"),
             needs={_of("space"): 'form spatial: works in space only: set space = "space"'},
         ),
         Capability(
@@ -362,7 +367,7 @@ CAPABILITIES: dict[str, Capability] = {
             ACTING | {"hoist", "van_der_pol"},
             refuses={**PLANE, **STICKS, **NO_SMOOTH, **BODILESS},
             unless=ENDS,
-            apart=HOISTING,
+            conflicts=HOISTING,
             instead=MINIMAL,
         ),
         Capability(
@@ -370,7 +375,7 @@ CAPABILITIES: dict[str, Capability] = {
             ACTING | STRUCTURED | {"van_der_pol", "space"},
             refuses={**STICKS, **NO_SMOOTH, **CONSTANT},
             unless=ENDS,
-            apart={("space", "damping_ratio"): "motion in space has no damping ratios"},
+            conflicts={("space", "damping_ratio"): "motion in space has no damping ratios"},
             instead=MINIMAL,
         ),
         Capability(
@@ -382,13 +387,13 @@ CAPABILITIES: dict[str, Capability] = {
                 **KINK,
                 "load": "has no series of forces from Python",
             },
-            unless={**ENDS, **_each(_of("moved_support force hoist"), NO_SERIES)},
+            unless={**ENDS, **_sentences(_of("moved_support force hoist"), NO_SERIES)},
             instead=("form minimal", "method DOP853 takes it"),
         ),
         Capability(
             "compiled equations",
             SHAPE | {"van_der_pol"} | STRUCTURED | {"dampers"},
-            refuses=_each(
+            refuses=_sentences(
                 FRICTION | DRAG | FORCED | _of("escapement space hoist moved_support damping_ratio load"),
                 "do not cover {it}",
             ),
@@ -405,7 +410,7 @@ CAPABILITIES: dict[str, Capability] = {
         SIDE_BY_SIDE._replace(
             name="engine numba",
             takes=SIDE_BY_SIDE.takes - {"moved_support", "force"},
-            unless={**STOPS, **_each(_of("moved_support force"), "takes no sweep, and no sine beside a record")},
+            unless={**STOPS, **_sentences(_of("moved_support force"), "takes no sweep, and no sine beside a record")},
         ),
         SIDE_BY_SIDE._replace(name="an ensemble", refuses=NONE, singly=BESIDE_NONE),
         Capability(
@@ -413,20 +418,22 @@ CAPABILITIES: dict[str, Capability] = {
             SHAPE | LOSS | STRUCTURED | {"quadratic_drag"},
             refuses={
                 **STILL,
-                **_each(DRIVEN_IN_TIME, "has no error estimate where what acts in time moves modes that are left out"),
+                **_sentences(
+                    DRIVEN_IN_TIME, "has no error estimate where what acts in time moves modes that are left out"
+                ),
                 **CONSTANT,
                 **PLANE,
                 **STICKS,
-                **_each(DRIVES, "has no drives"),
+                **_sentences(DRIVES, "has no drives"),
                 **NO_INERTIA,
             },
         ),
         Capability(
             "motion in closed form",
             LINEAR | STRUCTURED,
-            leaves=_each(DRIVES, UNDRIVEN),
+            leaves=_sentences(DRIVES, UNDRIVEN),
             refuses={**STILL, **CONSTANT, **STICKS, "quadratic_drag": "has no term for quadratic drag"},
-            apart={("space", "damping_ratio"): "motion in space has no damping ratios"},
+            conflicts={("space", "damping_ratio"): "motion in space has no damping ratios"},
         ),
         Capability(
             "a comparison of methods",
@@ -439,7 +446,7 @@ CAPABILITIES: dict[str, Capability] = {
             leaves={name: words for name, words in ABOUT.items() if name not in STILL},
             refuses={name: words for name, words in {**STILL, **CONSTANT}.items() if name not in LEANING},
             unless=LEANING,
-            apart={("space", "damping_ratio"): "motion in space has no damping ratios"},
+            conflicts={("space", "damping_ratio"): "motion in space has no damping ratios"},
         ),
         Capability(
             "a comparison with modes",
@@ -454,9 +461,9 @@ CAPABILITIES: dict[str, Capability] = {
                 "dampers": "Dampers are left out: the orbits of a mode conserve energy.",
                 "loss": "Loss angles are left out: the orbits of a mode conserve energy.",
                 "damping_ratio": "Damping ratios are left out: the orbits of a mode conserve energy.",
-                **_each(DRAG, "Drag is left out: the orbits of a mode conserve energy."),
-                **_each(FRICTION, "Dry friction is left out: the orbits of a mode conserve energy."),
-                **_each(DRIVES, "Drives are left out: the orbits of a mode conserve energy."),
+                **_sentences(DRAG, "Drag is left out: the orbits of a mode conserve energy."),
+                **_sentences(FRICTION, "Dry friction is left out: the orbits of a mode conserve energy."),
+                **_sentences(DRIVES, "Drives are left out: the orbits of a mode conserve energy."),
             },
             refuses={**STILL, **CONSTANT, **PLANE},
             unless={"inverted": "the equilibrium is unstable", "massless_cart": HANGS_STRAIGHT},
@@ -480,7 +487,7 @@ CAPABILITIES: dict[str, Capability] = {
             name="a start by its energy",
             refuses={
                 **SECTIONED.refuses,
-                **_each(_of("moved_support force"), "needs a motion that keeps its energy"),
+                **_sentences(_of("moved_support force"), "needs a motion that keeps its energy"),
             },
         ),
         STROBED,
@@ -495,13 +502,13 @@ CAPABILITIES: dict[str, Capability] = {
             "a Floquet multiplier",
             SHAPE - {"cart"} | LOSS | STRUCTURED | {"quadratic_drag", "moved_support", "space"},
             refuses={
-                **_each(FORCED, "needs a scene without forces"),
-                **_each(FRICTION, "does not follow what sticks and slips"),
-                **_each(DRIVES, "is computed without drives"),
+                **_sentences(FORCED, "needs a scene without forces"),
+                **_sentences(FRICTION, "does not follow what sticks and slips"),
+                **_sentences(DRIVES, "is computed without drives"),
                 "hoist": "needs constant lengths",
             },
-            apart=AIRLESS,
-            beside=_each(_of("cart massless_cart"), "a cart is not a support that moves as prescribed"),
+            conflicts=AIRLESS,
+            beside=_sentences(_of("cart massless_cart"), "a cart is not a support that moves as prescribed"),
             needs={_of("moved_support"): 'support.kind: a Floquet multiplier needs kind = "moved"'},
         ),
         AVERAGED,
@@ -523,32 +530,32 @@ CAPABILITIES: dict[str, Capability] = {
 }
 
 
-def refusals(scene: Scene, capability: str, *more: str) -> list[str]:
-    """A sentence for everything that a scene, with `more` features of a call, has and the capability refuses."""
+def refusals(scene: Scene, capability: str, *further_features: str) -> list[str]:
+    """A sentence for everything that a scene, with the `further_features` of a call, has and the capability refuses."""
     require_type("scene", scene, "Scene")
-    held, has = CAPABILITIES[capability], scene.features | set(more)
-    reasons = [f"{_place(scene, name)}: {held.name} {_why(held, name)}" for name in held.refuses if name in has]
-    reasons += [f"{_place(scene, a)}: {why}: remove {b}" for (a, b), why in held.apart.items() if {a, b} <= has]
-    return reasons + [why for wanted, why in held.needs.items() if not wanted & has]
+    rules, has = CAPABILITIES[capability], scene.features | set(further_features)
+    reasons = [f"{_place(scene, name)}: {rules.name} {_why(rules, name)}" for name in rules.refuses if name in has]
+    reasons += [f"{_place(scene, a)}: {why}: remove {b}" for (a, b), why in rules.conflicts.items() if {a, b} <= has]
+    return reasons + [why for names, why in rules.needs.items() if not names & has]
 
 
-def _met(sentences: Sentences, has: Names) -> Iterator[tuple[str, str]]:
+def _matches(sentences: Sentences, has: Names) -> Iterator[tuple[str, str]]:
     return ((name, why) for name, why in sentences.items() if name in has)
 
 
 def _why(capability: Capability, name: str) -> str:
     """Why a capability refuses a feature, and the way out."""
-    why, (other, words) = capability.refuses[name], capability.instead
-    more = f"; {words}" if other and name in CAPABILITIES[other].takes else ""
-    return why if ": " in why else f"{why}: {FEATURES[name].mend}{more}"
+    why, (substitute, words) = capability.refuses[name], capability.instead
+    advice = f"; {words}" if substitute and name in CAPABILITIES[substitute].takes else ""
+    return why if ": " in why else f"{why}: {FEATURES[name].mend}{advice}"
 
 
 def _place(scene: Scene, name: str) -> str:
     return next(FEATURES[name].places(scene), name)
 
 
-def require(scene: Scene, capability: str, *more: str) -> None:
-    """SceneError with every reason unless the capability takes the scene, with `more` features of the call.
+def require(scene: Scene, capability: str, *further_features: str) -> None:
+    """SceneError with every reason unless the capability takes the scene, with the `further_features` of the call.
 
     >>> from modal import load
     >>> require(load("huygens"), "a Poincaré section")
@@ -556,7 +563,7 @@ def require(scene: Scene, capability: str, *more: str) -> None:
     ...
     modal.errors.SceneError: ...
     """
-    if reasons := refusals(scene, capability, *more):
+    if reasons := refusals(scene, capability, *further_features):
         raise SceneError(reasons)
 
 
@@ -564,11 +571,13 @@ def left_out(scene: Scene, capability: str = "the table of modes") -> tuple[str,
     """What a capability leaves out of a scene, a sentence each."""
     require_type("scene", scene, "Scene")
     idle = [f"spring[{k}] does nothing: its stiffness and damping are 0." for k in scene.idle_springs]
-    return tuple(dict.fromkeys([*(words for _, words in _met(CAPABILITIES[capability].leaves, scene.features)), *idle]))
+    return tuple(
+        dict.fromkeys([*(words for _, words in _matches(CAPABILITIES[capability].leaves, scene.features)), *idle])
+    )
 
 
-def one_by_one(scene: Scene, *more: str) -> str:
-    """Why members of a scene, with `more` features that some of them have, go one by one; "" for side by side."""
+def one_by_one(scene: Scene, *further_features: str) -> str:
+    """Why members of a scene, with `further_features` that some of them have, go one by one; "" for side by side."""
     require_type("scene", scene, "Scene")
-    met = _met(CAPABILITIES["an ensemble"].singly, scene.features | set(more))
-    return next((f"no engine takes {FEATURES[name].words} side by side" for name, _ in met), "")
+    matches = _matches(CAPABILITIES["an ensemble"].singly, scene.features | set(further_features))
+    return next((f"no engine takes {FEATURES[name].words} side by side" for name, _ in matches), "")

@@ -101,11 +101,11 @@ class FileKind(NamedTuple):
     words: str
     is_text: bool = False
 
-    def problem(self, expected: str) -> str:
+    def problem(self, purpose: str) -> str:
         """Why it is not what was expected, a key of `EXPECTED` or words, and what to give instead."""
-        instead = INSTEAD.get((expected, self.kind), "")
-        asked = EXPECTED[expected].words if expected in EXPECTED else expected
-        return f"is {self.words}, not {asked}{': ' if instead else ''}{instead}"
+        instead = INSTEAD.get((purpose, self.kind), "")
+        wanted_kind = EXPECTED[purpose].words if purpose in EXPECTED else purpose
+        return f"is {self.words}, not {wanted_kind}{': ' if instead else ''}{instead}"
 
 
 def recognize(content: bytes) -> FileKind | None:
@@ -122,8 +122,8 @@ def recognize(content: bytes) -> FileKind | None:
     if content.startswith(b"PK\x03\x04"):
         return _archive(content)
     text = as_text(content[:BEGINNING], errors="replace")
-    known = next(((kind, words) for pattern, kind, words in TEXTS if re.search(pattern, text)), None)
-    return FileKind(known[0], known[1], is_text=True) if known else None
+    match = next(((kind, words) for pattern, kind, words in TEXTS if re.search(pattern, text)), None)
+    return FileKind(match[0], match[1], is_text=True) if match else None
 
 
 def as_text(content: bytes, errors: str = "strict") -> str:
@@ -141,13 +141,13 @@ def _archive(content: bytes) -> FileKind | None:
     from zipfile import BadZipFile, ZipFile
 
     try:
-        with ZipFile(BytesIO(content)) as zipped:
-            names = set(zipped.namelist())
+        with ZipFile(BytesIO(content)) as zip_file:
+            names = set(zip_file.namelist())
             if "header.npy" in names:
-                with zipped.open("header.npy") as header:
-                    told = header.read(BEGINNING).replace(b"\0", b"")
-                if b"multipendula_" in told:
-                    is_run = b"multipendula_trajectory" in told
+                with zip_file.open("header.npy") as header:
+                    header_text = header.read(BEGINNING).replace(b"\0", b"")
+                if b"multipendula_" in header_text:
+                    is_run = b"multipendula_trajectory" in header_text
                     return FileKind("run", "a run") if is_run else FileKind("sweep", "a result saved by multipendula")
     except (BadZipFile, zlib.error, NotImplementedError, RuntimeError, EOFError, OSError, ValueError):
         return FileKind("damaged", "a damaged archive")
@@ -175,37 +175,37 @@ LONGEST_HEAD = 1_000_000
 
 def content_of(path: str | PathLike[str], largest: int = LARGEST_FILE) -> bytes:
     """The bytes of a regular file of at most `largest`; SceneError, without its name, for any other."""
-    return _beginning(path, largest, whole=True)
+    return _beginning(path, largest, is_complete=True)
 
 
-def text_of(path: str | PathLike[str], expected: str = "") -> str:
-    """The text of a file; SceneError as of `content_of` and `decoded`."""
-    return decoded(content_of(path), expected)
+def text_of(path: str | PathLike[str], purpose: str = "") -> str:
+    """The text of a file; SceneError as of `content_of` and `decode_text`."""
+    return decode_text(content_of(path), purpose)
 
 
-def decoded(content: bytes, expected: str = "") -> str:
-    """The text in bytes (`as_text`); SceneError where they are none, or a file of another kind than `expected`."""
+def decode_text(content: bytes, purpose: str = "") -> str:
+    """The text in bytes (`as_text`); SceneError where they are none, or a file of another kind than `purpose`."""
     kind = recognize(content)
-    if kind and (kind.kind not in EXPECTED[expected].kinds if expected else not kind.is_text):
-        raise SceneError([kind.problem(expected)])
+    if kind and (kind.kind not in EXPECTED[purpose].kinds if purpose else not kind.is_text):
+        raise SceneError([kind.problem(purpose)])
     try:
         return as_text(content)
     except UnicodeDecodeError as error:
-        if expected == "scene":
+        if purpose == "scene":
             raise SceneError([f"byte {error.start} is not UTF-8 text: save the file as UTF-8"]) from None
-        raise SceneError([f"is not a {NAMES[expected]} file: byte {error.start} is not UTF-8"]) from None
+        raise SceneError([f"is not a {NAMES[purpose]} file: byte {error.start} is not UTF-8"]) from None
 
 
 def first_line(path: str | PathLike[str]) -> str:
     """The first line of a file of data that is no comment, "" where the file cannot be read or has none so early."""
     try:
-        text = as_text(_beginning(path, LONGEST_HEAD, whole=False), errors="replace")
+        text = as_text(_beginning(path, LONGEST_HEAD, is_complete=False), errors="replace")
     except SceneError:
         return ""
     return next((line for line in text.splitlines() if not line.startswith("#")), "")
 
 
-def limited(stream: IO[bytes], largest: int = LARGEST_FILE) -> bytes:
+def read_within_limit(stream: IO[bytes], largest: int = LARGEST_FILE) -> bytes:
     """What a stream holds; SceneError where that is more than `largest` bytes."""
     pieces, room = [], largest + 1
     while piece := stream.read(min(PIECE, room)):
@@ -216,7 +216,7 @@ def limited(stream: IO[bytes], largest: int = LARGEST_FILE) -> bytes:
     return b"".join(pieces)
 
 
-def _beginning(path: str | PathLike[str], largest: int, whole: bool) -> bytes:
+def _beginning(path: str | PathLike[str], largest: int, is_complete: bool) -> bytes:
     try:
         if not S_ISREG(os.stat(path).st_mode):
             raise SceneError(["not a file"])
@@ -224,11 +224,11 @@ def _beginning(path: str | PathLike[str], largest: int, whole: bool) -> bytes:
             status = os.fstat(stream.fileno())
             if not S_ISREG(status.st_mode):
                 raise SceneError(["not a file"])
-            if whole and status.st_size > largest:
+            if is_complete and status.st_size > largest:
                 raise SceneError([f"is larger than {largest} bytes"])
-            return limited(stream, largest) if whole else stream.read(largest)
+            return read_within_limit(stream, largest) if is_complete else stream.read(largest)
     except OSError as error:
-        if isinstance(error, FileNotFoundError) and _is_shipped(os.fspath(path)):
+        if isinstance(error, FileNotFoundError) and _is_example(os.fspath(path)):
             raise SceneError(["is a shipped scene, and a file of data is needed in its place"]) from None
         raise SceneError([f"cannot be read: {error.strerror or error}"]) from None
     except ValueError as error:
@@ -237,7 +237,7 @@ def _beginning(path: str | PathLike[str], largest: int, whole: bool) -> bytes:
         raise SceneError([f"cannot be read: {error}"]) from None
 
 
-def _is_shipped(name: str) -> bool:
+def _is_example(name: str) -> bool:
     return os.path.basename(name) == name and os.path.isfile(os.path.join(SHIPPED, f"{name}.toml"))
 
 

@@ -53,10 +53,10 @@ def checked(function: Function) -> Function:
     door = _Door(function)
 
     @wraps(function)
-    def checking(*arguments: Any, **named: Any) -> Any:
-        if problems := list(door.problems(arguments, named)):
+    def checking(*arguments: Any, **keywords: Any) -> Any:
+        if problems := list(door.problems(arguments, keywords)):
             raise SceneError(problems)
-        return function(*arguments, **named)
+        return function(*arguments, **keywords)
 
     return checking  # type: ignore[return-value]
 
@@ -74,16 +74,16 @@ def formerly(**names: str) -> Callable[[Function], Function]:
     orbits: is now members
     """
 
-    def renamed(function: Function) -> Function:
+    def decorator(function: Function) -> Function:
         @wraps(function)
-        def renaming(*arguments: Any, **named: Any) -> Any:
-            if problems := [f"{name}: is now {names[name]}" for name in named if name in names]:
+        def renaming(*arguments: Any, **keywords: Any) -> Any:
+            if problems := [f"{name}: is now {names[name]}" for name in keywords if name in names]:
                 raise SceneError(problems)
-            return function(*arguments, **named)
+            return function(*arguments, **keywords)
 
         return renaming  # type: ignore[return-value]
 
-    return renamed
+    return decorator
 
 
 def problem_of(kind: str, value: object) -> str:
@@ -114,31 +114,31 @@ def require_type(name: str, value: object, *kinds: str) -> None:
         raise SceneError([f"{name}: {problems[0]}"])
 
 
-def checked_number(name: str, value: object, least: float = -float("inf"), most: float = float("inf")) -> float:
+def checked_number(name: str, value: object, lowest: float = -float("inf"), highest: float = float("inf")) -> float:
     """A finite number within bounds; SceneError that names any other value.
 
     >>> checked_number("energy", 2)
     2.0
     """
     number = float(value) if _is_finite(value) else float("nan")  # type: ignore[arg-type]
-    if not isfinite(number) or not least <= number <= most:
-        bounds = [f" from {least:g}"] * isfinite(least) + [f" to {most:g}"] * isfinite(most)
-        raise SceneError([f"{name} {_shown(value)}: must be a finite number{''.join(bounds)}"])
+    if not isfinite(number) or not lowest <= number <= highest:
+        bounds = [f" from {lowest:g}"] * isfinite(lowest) + [f" to {highest:g}"] * isfinite(highest)
+        raise SceneError([f"{name} {_value_text(value)}: must be a finite number{''.join(bounds)}"])
     return number
 
 
-def checked_index(name: str, value: object, least: int, most: int) -> int:
-    """A whole number from `least` to `most`; SceneError that names any other value.
+def checked_index(name: str, value: object, lowest: int, highest: int) -> int:
+    """A whole number from `lowest` to `highest`; SceneError that names any other value.
 
     >>> checked_index("copy", 1, 0, 2)
     1
     """
-    if isinstance(value, bool) or not isinstance(value, Integral) or not least <= int(value) <= most:
-        raise SceneError([f"{name} {_shown(value)}: must be a whole number from {least} to {most}"])
+    if isinstance(value, bool) or not isinstance(value, Integral) or not lowest <= int(value) <= highest:
+        raise SceneError([f"{name} {_value_text(value)}: must be a whole number from {lowest} to {highest}"])
     return int(value)
 
 
-def _shown(value: object) -> str:
+def _value_text(value: object) -> str:
     try:
         text = repr(value)
     except ValueError:  # of a whole number of thousands of digits
@@ -165,47 +165,47 @@ class _Door:
         """What is checked, by parameter."""
         checks = {}
         for name, parameter in inspect.signature(self.function).parameters.items():
-            unbounded = isinstance(parameter.default, float) and not isfinite(parameter.default)
-            check = _check(str(parameter.annotation), self.function.__globals__, unbounded)
+            has_no_bound = isinstance(parameter.default, float) and not isfinite(parameter.default)
+            check = _check(str(parameter.annotation), self.function.__globals__, has_no_bound)
             if check is not None and parameter.kind not in (parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD):
                 checks[name] = check
         return checks
 
-    def problems(self, arguments: Sequence[object], named: Mapping[str, object]) -> Iterator[str]:
+    def problems(self, arguments: Sequence[object], keywords: Mapping[str, object]) -> Iterator[str]:
         """What is wrong with the arguments of a call."""
-        for name, value in [*zip(self.names, arguments, strict=False), *named.items()]:
+        for name, value in [*zip(self.names, arguments, strict=False), *keywords.items()]:
             if name in self.checks and (words := self.checks[name](value)):
                 yield f"{name}: {words}" if words.startswith(("a ", "has ")) else f"{name} {words}"
 
 
-def _check(annotation: str, names: Mapping[str, Any], unbounded: bool) -> Check | None:
+def _check(annotation: str, names: Mapping[str, Any], has_no_bound: bool) -> Check | None:
     """The check of an annotation, None where it says more than can be checked."""
     atoms = [atom.strip() for atom in annotation.split(" | ")]
-    checks = [_of_atom(atom, names, unbounded) for atom in atoms if atom != "None"]
-    known = [check for check in checks if check is not None]
-    if len(known) < len(checks):
+    checks = [_of_atom(atom, names, has_no_bound) for atom in atoms if atom != "None"]
+    known_checks = [check for check in checks if check is not None]
+    if len(known_checks) < len(checks):
         return None
-    if len(known) == len(atoms) == 1:  # most calls are right, and cost little
-        return known[0]
+    if len(known_checks) == len(atoms) == 1:  # most calls are right, and cost little
+        return known_checks[0]
 
     def problem(value: object) -> str:
         if value is None and "None" in atoms:
             return ""
-        problems = [check(value) for check in known]
+        problems = [check(value) for check in known_checks]
         return "" if "" in problems else problems[0]
 
     return problem
 
 
-def _of_atom(atom: str, names: Mapping[str, Any], unbounded: bool) -> Check | None:
+def _of_atom(atom: str, names: Mapping[str, Any], has_no_bound: bool) -> Check | None:
     base, _, inner = atom.partition("[")
     if base.split(".")[-1] in LISTS and inner:
-        each = _of_atom(inner.removesuffix("]").removesuffix(", ..."), names, unbounded)
-        return _list_of(each) if each else None
+        item_check = _of_atom(inner.removesuffix("]").removesuffix(", ..."), names, has_no_bound)
+        return _list_of(item_check) if item_check else None
     if atom in PLAIN:
-        return _unbounded if unbounded and atom == "float" else PLAIN[atom]
+        return _number_problem if has_no_bound and atom == "float" else PLAIN[atom]
     if atom.removeprefix("os.").startswith("PathLike"):
-        return lambda value: "" if isinstance(value, PathLike) else f"{_shown(value)}: must be the path of a file"
+        return lambda value: "" if isinstance(value, PathLike) else f"{_value_text(value)}: must be the path of a file"
     meaning = names.get(atom)
     if base.split(".")[-1] == "Callable" or get_origin(meaning) is Callable:
         return _callable
@@ -225,51 +225,51 @@ def _is_finite(value: object) -> bool:
 
 def _number(value: object) -> str:
     right = _is_finite(value)
-    return "" if right else f"{_shown(value)}: must be a finite number"
+    return "" if right else f"{_value_text(value)}: must be a finite number"
 
 
-def _unbounded(value: object) -> str:
+def _number_problem(value: object) -> str:
     right = not isinstance(value, bool) and isinstance(value, Real) and not isnan(value)
-    return "" if right else f"{_shown(value)}: must be a number"
+    return "" if right else f"{_value_text(value)}: must be a number"
 
 
-def _whole(value: object) -> str:
+def _integer_problem(value: object) -> str:
     right = not isinstance(value, bool) and isinstance(value, Integral)
-    return "" if right else f"{_shown(value)}: must be a whole number"
+    return "" if right else f"{_value_text(value)}: must be a whole number"
 
 
 def _text(value: object) -> str:
-    return "" if isinstance(value, str) else f"{_shown(value)}: must be text"
+    return "" if isinstance(value, str) else f"{_value_text(value)}: must be text"
 
 
 def _truth(value: object) -> str:
     right = isinstance(value, bool) or type(value).__name__ in {"bool", "bool_"}
-    return "" if right else f"{_shown(value)}: must be True or False"
+    return "" if right else f"{_value_text(value)}: must be True or False"
 
 
 def _callable(value: object) -> str:
-    return "" if callable(value) else f"{_shown(value)}: must be a function"
+    return "" if callable(value) else f"{_value_text(value)}: must be a function"
 
 
-def _list_of(each: Check) -> Check:
+def _list_of(item_check: Check) -> Check:
     def problem(value: object) -> str:
         if isinstance(value, str):
-            return f"{_shown(value)}: must be a list: [{_shown(value)}]"
+            return f"{_value_text(value)}: must be a list: [{_value_text(value)}]"
         if not isinstance(value, Sequence | np.ndarray):
-            return f"{_shown(value)}: must be a list"
-        return next((f"has {words}" for item in value if (words := each(item))), "")
+            return f"{_value_text(value)}: must be a list"
+        return next((f"has {words}" for item in value if (words := item_check(item))), "")
 
     return problem
 
 
-PLAIN: dict[str, Check] = {"float": _number, "int": _whole, "str": _text, "bool": _truth}
+PLAIN: dict[str, Check] = {"float": _number, "int": _integer_problem, "str": _text, "bool": _truth}
 
 
 def _one_of(words: Sequence[str]) -> Check:
     def problem(value: object) -> str:
         if isinstance(value, str) and value in words:
             return ""
-        near = spelling_hint(value, words) if isinstance(value, str) else ""
-        return f"{_shown(value)}: must be one of {', '.join(words)}{near}"
+        hint = spelling_hint(value, words) if isinstance(value, str) else ""
+        return f"{_value_text(value)}: must be one of {', '.join(words)}{hint}"
 
     return problem

@@ -60,7 +60,7 @@ class Feature(NamedTuple):
     """A trait of scenes: its name in a sentence, the way out of it, and the keys of a scene whose values tell it.
 
     A scene has it where `has` is true of the value of that key in the scene, a support (one of several keys), a spring,
-    a pendulum or a link, and `only` of the scene.
+    a pendulum or a link, and `condition` of the scene.
     """
 
     words: str
@@ -71,14 +71,14 @@ class Feature(NamedTuple):
     spring: str = ""
     pendulum: str = ""
     link: tuple[str, ...] = ()
-    only: Callable[[Described], bool] = lambda scene: True
+    condition: Callable[[Described], bool] = lambda scene: True
 
     def places(self, scene: Described) -> Iterator[str]:
         """Where a scene has it, as `pendulum[0].links[1].friction = 0.1`."""
         for where, part, key in self._parts(scene):
             value = getattr(part, key, None)
             if value is not None and self.has(value):
-                yield f"{where}{key}{_written(value)}"
+                yield f"{where}{key}{_value_text(value)}"
 
     def _parts(self, scene: Described) -> Iterator[tuple[str, Any, str]]:
         if self.scene:
@@ -103,7 +103,7 @@ class Feature(NamedTuple):
     def is_in(self, scene: Described, values: Callable[[str], set[Any]]) -> bool:
         """Whether a scene has it; `values` are those of a key of all links."""
         has = self.has
-        return self.only(scene) and bool(
+        return self.condition(scene) and bool(
             (self.scene and has(getattr(scene, self.scene)))
             or (self.support and any(map(self._is_of, scene.supports)))
             or (self.spring and any(has(getattr(part, self.spring)) for part in scene.spring))
@@ -112,7 +112,7 @@ class Feature(NamedTuple):
         )
 
 
-def _written(value: Any) -> str:
+def _value_text(value: Any) -> str:
     if isinstance(value, str):
         return f' = "{value}"'
     return f" = {value!r}" if isinstance(value, float | int) else ""
@@ -172,21 +172,21 @@ def _is_constant(forces: Sequence[Any]) -> bool:
 
 FEATURES: dict[str, Feature] = {
     "cart": Feature(
-        "a cart", 'give the support a kind other than "cart"', "cart".__eq__, support=("kind",), only=_is_one_cart
+        "a cart", 'give the support a kind other than "cart"', "cart".__eq__, support=("kind",), condition=_is_one_cart
     ),
     "massless_cart": Feature(
         "a massless cart above bobs",
         "give the cart a mass",
         (0.0).__eq__,
         support=("mass",),
-        only=lambda scene: _is_one_cart(scene) and _stays_behind(scene),
+        condition=lambda scene: _is_one_cart(scene) and _stays_behind(scene),
     ),
     "structure": Feature(
         "a structure",
         "hang the pendula from one cart or a fixed support",
         lambda support: True,
         scene="support",
-        only=_is_structure,
+        condition=_is_structure,
     ),
     "springs": Feature("springs between points", "remove the springs", scene="spring"),
     "moved_support": Feature(
@@ -257,8 +257,8 @@ def varied_features(path: str) -> frozenset[str]:
     """
     first, key = path.partition(".")[0].partition("[")[0], path.rpartition(".")[2]
     if first == "support":
-        whole = path.partition(".")[2] if ".damping." in path else key  # damping.sway of a platform
-        return frozenset(name for name, feature in FEATURES.items() if whole.partition(".")[0] in feature.support)
+        parameter = path.partition(".")[2] if ".damping." in path else key  # damping.sway of a platform
+        return frozenset(name for name, feature in FEATURES.items() if parameter.partition(".")[0] in feature.support)
     if {"loss", "wire_loss"} & set(path.replace("[", ".").split(".")):  # also a number of a table
         return frozenset({"loss"})
     if ".links[" in path:

@@ -15,7 +15,7 @@ from time import time
 from typing import IO, Any
 
 from modal.errors import SceneError, spelling_hint
-from modal.scene.contents import SHIPPED, content_of, decoded, limited
+from modal.scene.contents import SHIPPED, content_of, decode_text, read_within_limit
 from modal.scene.doors import checked, require_type
 from modal.scene.model import Scene, describe, scene_from
 
@@ -66,7 +66,7 @@ def load(source: str | os.PathLike[str] | Scene) -> Scene:
         return source
     name = os.fspath(source)
     try:
-        return parse(_read(name), Path(name).parent)
+        return parse(_read_content(name), Path(name).parent)
     except SceneError as error:
         raise SceneError([f"{name}: {problem}" for problem in error.problems]) from None
 
@@ -74,15 +74,15 @@ def load(source: str | os.PathLike[str] | Scene) -> Scene:
 def parse(text: bytes, folder: Path = Path()) -> Scene:
     """The scene in a TOML document; files that it names are relative to `folder`."""
     try:
-        document = decoded(text, "scene").replace("\r\n", "\n")
+        document = decode_text(text, "scene").replace("\r\n", "\n")
         for key in _DEEP.finditer(document):
             if key["deep"]:
                 raise SceneError([f"line {_line(key)}: a key of over {DEEPEST} parts"])
         data = tomllib.loads(document)
     except tomllib.TOMLDecodeError as error:
-        from modal.scene.toml_mistakes import told
+        from modal.scene.toml_mistakes import mistakes_in
 
-        raise SceneError(told(document, error)) from None
+        raise SceneError(mistakes_in(document, error)) from None
     except SceneError:
         raise
     except ValueError as error:
@@ -190,25 +190,25 @@ def example_names() -> list[str]:
 def example_text(name: str) -> str:
     """The file of a shipped scene; SceneError for an unknown name."""
     if name not in example_names():
-        raise SceneError([f"{name}: no such shipped scene{_near(name)}"])
+        raise SceneError([f"{name}: no such shipped scene{_similar_examples(name)}"])
     return Path(SHIPPED, f"{name}.toml").read_text(encoding="utf-8")
 
 
-def _near(name: str) -> str:
+def _similar_examples(name: str) -> str:
     return spelling_hint(name, example_names(), limit=3, cutoff=0.5)
 
 
-def kind_of(path: str | os.PathLike[str], kinds: Sequence[str], before: str = "") -> str:
+def kind_of(path: str | os.PathLike[str], kinds: Sequence[str], prefix: str = "") -> str:
     """The suffix of a file's name, one of `kinds`, the first of them for standard output.
 
-    Raises SceneError for any other, with the words `before` preceding the name.
+    Raises SceneError for any other, with the words `prefix` preceding the name.
     """
     name = os.fspath(path)
     kind = kinds[0] if name == STANDARD else os.path.splitext(name)[1].removeprefix(".").lower()
     if kind not in kinds:
         endings = [f".{ending}" for ending in kinds]
         words = f"the name must end in {' or '.join(filter(None, [', '.join(endings[:-1]), endings[-1]]))}"
-        raise SceneError([f"{before}{name}: {words}"])
+        raise SceneError([f"{prefix}{name}: {words}"])
     return kind
 
 
@@ -222,9 +222,9 @@ def whole_file(path: str | os.PathLike[str], *, opener: Callable[[str, int], int
     content would go to a terminal.
     """
     if os.fspath(path) == STANDARD:
-        held = BytesIO()
-        yield held
-        _print(held.getvalue())
+        buffer = BytesIO()
+        yield buffer
+        _print(buffer.getvalue())
         return
     target = Path(path)
     if "\0" in os.fspath(path):
@@ -278,25 +278,25 @@ def _temporary(target: Path, opener: Callable[[str, int], int] | None) -> Iterat
         raise
 
 
-def _read(name: str) -> bytes:
+def _read_content(name: str) -> bytes:
     try:
         if name == STANDARD:
             if sys.stdin is None:
                 raise SceneError(["standard input is closed"])
-            with _awaited("standard input"):
-                return limited(sys.stdin.buffer)
-        there = Path(name).is_file() or Path(name).is_fifo()
-        looks_like_path = there or any(mark in name for mark in (os.sep, "/", "."))
+            with _wait_message("standard input"):
+                return read_within_limit(sys.stdin.buffer)
+        exists = Path(name).is_file() or Path(name).is_fifo()
+        looks_like_path = exists or any(mark in name for mark in (os.sep, "/", "."))
         if not looks_like_path:
             if name not in example_names():
-                raise SceneError([f"no such file and no such shipped scene{_near(name)}"])
+                raise SceneError([f"no such file and no such shipped scene{_similar_examples(name)}"])
             return example_text(name).encode()
-        if not there and (shipped := Path(name).name.removesuffix(".toml")) in example_names():
-            raise SceneError([f"cannot be read: there is no such file (did you mean {shipped}, a shipped scene?)"])
+        if not exists and (example := Path(name).name.removesuffix(".toml")) in example_names():
+            raise SceneError([f"cannot be read: there is no such file (did you mean {example}, a shipped scene?)"])
         if not Path(name).is_fifo():
             return content_of(name)
-        with _awaited(name), open(name, "rb") as stream:
-            return limited(stream)
+        with _wait_message(name), open(name, "rb") as stream:
+            return read_within_limit(stream)
     except SceneError:
         raise
     except (OSError, ValueError) as error:
@@ -304,7 +304,7 @@ def _read(name: str) -> bytes:
 
 
 @contextmanager
-def _awaited(name: str) -> Iterator[None]:
+def _wait_message(name: str) -> Iterator[None]:
     """Say on a terminal that a scene is expected if nothing has arrived for PATIENCE."""
     if not sys.stderr or not sys.stderr.isatty():
         yield

@@ -70,11 +70,11 @@ class FreeBody(Displayed):
     """Whether it hangs from another link."""
 
     def _summary(self) -> Summary:
-        rows = ((effort.kind, effort.at, _told(effort)) for effort in self.efforts)
+        rows = ((effort.kind, effort.at, _effort_words(effort)) for effort in self.efforts)
         title = f"{self.words[:1].upper()}{self.words[1:]}, taken apart"
         return Summary(title, [("kind", self.kind)], ("what acts", "where", "letters"), rows, len(self.efforts))
 
-    def named(self, letter: str) -> str:
+    def with_index(self, letter: str) -> str:
         """A letter with its index."""
         return "_".join((letter, *map(str, self.index)))
 
@@ -116,13 +116,13 @@ class FreeBodies(Displayed):
         return chain[part.place[1] + 1] if part.place[1] + 1 < len(chain) else None
 
     def _summary(self) -> Summary:
-        rows = ((part.words, ", ".join(_told(effort) for effort in part.efforts)) for part in self.parts)
+        rows = ((part.words, ", ".join(_effort_words(effort) for effort in part.efforts)) for part in self.parts)
         return Summary(f"{title_of(self.scene)}, taken apart", [], ("part", "acts on it"), rows, len(self.parts))
 
 
-def _told(effort: Effort) -> str:
-    signed = [name for name in (effort.along, effort.down, effort.turning) if name]
-    return ", ".join(f"{'-' if effort.sign < 0 else ''}{name}" for name in signed)
+def _effort_words(effort: Effort) -> str:
+    names = [name for name in (effort.along, effort.down, effort.turning) if name]
+    return ", ".join(f"{'-' if effort.sign < 0 else ''}{name}" for name in names)
 
 
 @checked
@@ -147,21 +147,21 @@ def free_bodies(scene: Scene, letters: str = "own") -> FreeBodies:
         for pendulum in scene.pendulum
         for _ in range(pendulum.count)
     ]
-    numbered = len(chains) > 1 or letters == "paper"
+    has_pendulum_index = len(chains) > 1 or letters == "paper"
     parts = [
-        _link(scene, chain, p, i, (p + 1, i + 1) if numbered else (i + 1,), letters, len(chains) > 1)
+        _link(scene, chain, p, i, (p + 1, i + 1) if has_pendulum_index else (i + 1,), letters, len(chains) > 1)
         for p, chain in enumerate(chains)
         for i in range(len(chain))
     ]
-    support = _support(scene, chains, letters, numbered)
-    acting = _applied(scene, [part.place for part in parts])
+    support = _support(scene, chains, letters, has_pendulum_index)
+    acting = _applied_efforts(scene, [part.place for part in parts])
     with_forces = (
         replace(part, efforts=(*part.efforts, *acting.get(k, ()))) for k, part in enumerate((support, *parts), -1)
     )
     return FreeBodies(scene, letters, tuple(with_forces))
 
 
-def _applied(scene: Scene, places: list[tuple[int, int]]) -> dict[int, list[Effort]]:
+def _applied_efforts(scene: Scene, places: list[tuple[int, int]]) -> dict[int, list[Effort]]:
     """The forces and torques of a scene by the link that they act on, −1 for the support: F_1, F_2 and so on.
 
     A torque on a joint acts reversed on what the link hangs from.
@@ -171,17 +171,19 @@ def _applied(scene: Scene, places: list[tuple[int, int]]) -> dict[int, list[Effo
         name, spots = f"F_{number}", places_of(scene, force.on)
         if not spots:
             efforts.setdefault(-1, []).append(Effort("applied", "centre", 1, along=name))
-        for link, above, below in spots:
+        for link, upper_link, distance in spots:
             acting = efforts.setdefault(link, [])
             if force.direction == "torque":
-                acting.append(Effort("applied", "upper" if below is None else "centre", 1, turning=name))
-                if below is None:
-                    at: Where = "lower" if above >= 0 else "support"
+                acting.append(Effort("applied", "upper" if distance is None else "centre", 1, turning=name))
+                if distance is None:
+                    at: Where = "lower" if upper_link >= 0 else "support"
                     pendulum = places[link][0]
-                    efforts.setdefault(above, []).append(Effort("applied", at, -1, turning=name, pendulum=pendulum))
+                    efforts.setdefault(upper_link, []).append(
+                        Effort("applied", at, -1, turning=name, pendulum=pendulum)
+                    )
                 continue
-            reach = {} if below is None else {"reach": f"s_{number}", "below": below}
-            at = "centre" if below is None else "point"
+            reach = {} if distance is None else {"reach": f"s_{number}", "below": distance}
+            at = "centre" if distance is None else "point"
             if force.direction == "horizontal":
                 acting.append(Effort("applied", at, 1, along=name, **reach))  # type: ignore[arg-type]
             else:
@@ -247,7 +249,7 @@ def _down(letters: str) -> str:
     return "y" if letters == "paper" else "z"
 
 
-def _support(scene: Scene, chains: list[list[AnyLink]], letters: str, numbered: bool) -> FreeBody:
+def _support(scene: Scene, chains: list[list[AnyLink]], letters: str, has_pendulum_index: bool) -> FreeBody:
     efforts: list[Effort] = []
     cart = scene.cart
     if cart is not None:
@@ -255,7 +257,7 @@ def _support(scene: Scene, chains: list[list[AnyLink]], letters: str, numbered: 
         if cart.stiffness or cart.damping or cart.has_friction:
             efforts.append(Effort("held", "centre", 1, along="H"))
     for p, chain in enumerate(chains):
-        efforts += _joint(letters, (p + 1, 1) if numbered else (1,), chain[0], False, "support", p)
+        efforts += _joint(letters, (p + 1, 1) if has_pendulum_index else (1,), chain[0], False, "support", p)
     kind = "cart" if cart is not None else "moved" if scene.is_moved else "fixed"
     words = {"cart": "cart", "moved": "moved support", "fixed": "fixed support"}[kind]
     return FreeBody(words, kind, (), (-1, -1), tuple(efforts), "" if cart is None else "m_c")
@@ -292,11 +294,11 @@ def joint_law(bodies: FreeBodies, part: FreeBody) -> JointLaw | None:
     i = part.place[1]
     drives = isinstance(link.drive, VanDerPol)
     return JointLaw(
-        part.named("k") if link.stiffness else "",
-        part.named("d") if link.damping else "",
-        part.named("e") if drives else "",
-        part.named("gamma") if drives else "",
-        part.named("f") if link.friction else "",
-        part.named("K") if link.drive and not drives else "",
+        part.with_index("k") if link.stiffness else "",
+        part.with_index("d") if link.damping else "",
+        part.with_index("e") if drives else "",
+        part.with_index("gamma") if drives else "",
+        part.with_index("f") if link.friction else "",
+        part.with_index("K") if link.drive and not drives else "",
         ways[i] - (ways[i - 1] if i else 0),
     )

@@ -60,8 +60,8 @@ class Hoist(Part):
         """Neither a length nor a record, both, a file that is not read, and a ramp of another profile."""
         keys = [name for name in ("to", "duration") if getattr(self, name) is not None]
         if self.is_recorded:
-            other = [*keys, *["begin"] * (self.begin != 0), *["profile"] * (self.profile != "smooth")]
-            yield from (f".{name}: does not belong to a record" for name in other)
+            profile_keys = [*keys, *["begin"] * (self.begin != 0), *["profile"] * (self.profile != "smooth")]
+            yield from (f".{name}: does not belong to a record" for name in profile_keys)
             yield from [f".file: {UNREAD}"] if self.file is not None else self._record_problems()
         else:
             yield from (f".{name}: is required" for name in ("to", "duration") if name not in keys)
@@ -90,8 +90,8 @@ class Hoist(Part):
         assert last is not None
         with np.errstate(all="ignore"):
             law = self.law(length)
-            told = law.greatest <= LARGEST and abs(law.end - last) <= SAME * max(length, last)
-        if not told:
+            has_law = law.greatest <= LARGEST and abs(law.end - last) <= SAME * max(length, last)
+        if not has_law:
             yield f".{key}: {words} changes too fast or too slowly for double precision"
         elif self.length_m and (shortest := law.extremes[0]) <= 0:
             yield f".length_m: the spline through it reaches a length of {shortest:g} m: must be positive"

@@ -81,8 +81,8 @@ class LengthLaw(Displayed):
         """The shortest and the longest length (m)."""
         lengths, spans, pieces = [*self(self.knots)[0].tolist()], np.diff(self.knots), self.coefficients
         reach = np.sum(np.abs(pieces[:, 1:]) * spans[:, None] ** np.arange(1, pieces.shape[1]), axis=1)
-        beyond = (pieces[:, 0] - reach < min(lengths)) | (pieces[:, 0] + reach > max(lengths))
-        for span, piece in zip(spans[beyond], pieces[beyond], strict=True):
+        may_exceed = (pieces[:, 0] - reach < min(lengths)) | (pieces[:, 0] + reach > max(lengths))
+        for span, piece in zip(spans[may_exceed], pieces[may_exceed], strict=True):
             slope = np.polynomial.Polynomial(piece).deriv()
             roots = slope.roots() if np.any(slope.coef[1:]) else np.empty(0)
             inside = roots.real[(abs(roots.imag) < ALMOST_REAL) & (roots.real > 0) & (roots.real < span)]
@@ -101,10 +101,10 @@ def profile_law(length: float, to: float, begin: float, span: float, share: floa
     ramp = span * share
     speed = change / (span - ramp)
     knots = begin + np.array([0.0, ramp, span - ramp, span])
-    rising, even = [length, 0.0, speed / (2 * ramp)], [length + speed * ramp / 2, speed, 0.0]
+    rising, cruising = [length, 0.0, speed / (2 * ramp)], [length + speed * ramp / 2, speed, 0.0]
     falling = [to - speed * ramp / 2, speed, -speed / (2 * ramp)]
-    kept = [0, 1, 2] if span > 2 * ramp else [0, 2]
-    return LengthLaw(knots[[*kept, 3]], np.array([rising, even, falling])[kept])
+    segments = [0, 1, 2] if span > 2 * ramp else [0, 2]
+    return LengthLaw(knots[[*segments, 3]], np.array([rising, cruising, falling])[segments])
 
 
 @lru_cache(maxsize=64)
@@ -122,11 +122,11 @@ def spline(times: Floats, lengths: Floats) -> LengthLaw:
         part = slice(first, last + 1)
         return _cubics(times[part], lengths[part], _speeds(times[part], lengths[part], resting[[first, last]]))
 
-    unsplined = unsplined_intervals(times, lengths, lambda first, last: lambda at: between(first, last)(at)[0])
+    is_straight = unsplined_intervals(times, lengths, lambda first, last: lambda at: between(first, last)(at)[0])
     speed = resting.copy()
-    for first, last in splined_stretches(unsplined):
+    for first, last in splined_stretches(is_straight):
         speed[first : last + 1] = _speeds(times[first : last + 1], lengths[first : last + 1], resting[[first, last]])
-    words = unsplined_words(times, unsplined, "cubics")
+    words = unsplined_words(times, is_straight, "cubics")
     return replace(_cubics(times, lengths, speed), words=words)
 
 
@@ -176,24 +176,28 @@ Spline = Callable[[int, int], Callable[[Floats], Floats]]
 
 def unsplined_intervals(times: Floats, values: Floats, spline: Spline) -> Booleans:
     """The intervals (T - 1,) between samples at `times`, both (T,), that are joined without a spline."""
-    before, after = (
+    previous_index, next_index = (
         np.maximum(np.arange(-1, len(times) - 2), 0),
         np.minimum(np.arange(2, len(times) + 1), len(times) - 1),
     )
-    around = np.array([values[before], values[:-1], values[1:], values[after]])
-    low, high = around.min(0), around.max(0)
+    neighbours = np.array([values[previous_index], values[:-1], values[1:], values[next_index]])
+    low, high = neighbours.min(0), neighbours.max(0)
     room = LEAVING * np.ptp(values) + PEAK * (high - low)
-    straight, seen = np.zeros(len(times) - 1, dtype=bool), set[tuple[int, int]]()
-    while new := [ends for ends in splined_stretches(straight) if ends not in seen]:
+    straight, tried_stretches = np.zeros(len(times) - 1, dtype=bool), set[tuple[int, int]]()
+    while new := [ends for ends in splined_stretches(straight) if ends not in tried_stretches]:
         for first, last in new:
-            seen.add((first, last))
+            tried_stretches.add((first, last))
             if straight.any() and last - first + 1 < LEAST_SAMPLES:
                 straight[first:last] = True
                 continue
             inner = times[first:last, None] + np.diff(times)[first:last, None] * INNER
-            joined, here = spline(first, last)(inner), slice(first, last)
-            outside = (joined < (low - room)[here, None]) | (joined > (high + room)[here, None]) | np.isnan(joined)
-            straight[here] = outside.any(axis=1)
+            interpolated_values, stretch = spline(first, last)(inner), slice(first, last)
+            outside = (
+                (interpolated_values < (low - room)[stretch, None])
+                | (interpolated_values > (high + room)[stretch, None])
+                | np.isnan(interpolated_values)
+            )
+            straight[stretch] = outside.any(axis=1)
     return straight
 
 
@@ -203,12 +207,12 @@ def splined_stretches(straight: Booleans) -> list[tuple[int, int]]:
     return [(int(first), int(last)) for first, last in edges.reshape(-1, 2)]
 
 
-def unsplined_words(times: Floats, unsplined: Booleans, joined_by: str) -> str:
+def unsplined_words(times: Floats, is_straight: Booleans, joined_by: str) -> str:
     """One line of where a record is joined without a spline; "" for nowhere."""
-    at = np.flatnonzero(unsplined)
+    at = np.flatnonzero(is_straight)
     if not at.size:
         return ""
-    where = "all intervals" if unsplined.all() else f"{at.size} of {unsplined.size} intervals"
+    where = "all intervals" if is_straight.all() else f"{at.size} of {is_straight.size} intervals"
     ends = f"from {times[at[0]]:.5g} to {times[at[-1] + 1]:.5g} s"
     return f"{joined_by} join the samples of {where}, {ends}, where a spline would leave their range"
 

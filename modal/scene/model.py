@@ -48,9 +48,9 @@ from modal.scene.validation import (
     REALS_OR_NONE,
     TRUTH,
     Part,
-    after,
     any_kind,
     field,
+    function_after,
     list_of,
     number,
     one_of,
@@ -136,8 +136,8 @@ class Pendulum(Part):
         for place, (way, loss) in enumerate(zip(self.ways, wires, strict=False)):
             if way == "up" and is_lossy(loss):
                 yield f'.equilibrium[{place}] = "up": this link has a wire_loss, and a wire hangs'
-        started = [(f"start.{name}", values) for name, values in self.start or () if name != "spread"]
-        lists = [("equilibrium", self.equilibrium), *started]
+        start_lists = [(f"start.{name}", values) for name, values in self.start or () if name != "spread"]
+        lists = [("equilibrium", self.equilibrium), *start_lists]
         for name, values in lists:
             if values is not None and len(values) != self.n_links:
                 yield f".{name}: has {len(values)} values for {self.n_links} links"
@@ -158,7 +158,7 @@ Support = Fixed | Cart | Swing | Tilt | Heave | Platform | ModalSupport
 SUPPORTS = (Fixed, Cart, Swing, Tilt, Heave, Platform, ModalSupport)
 
 
-def _alone(supports: Any) -> Any:
+def _unwrap_single(supports: Any) -> Any:
     """One support of a list that has no other."""
     return supports[0] if isinstance(supports, tuple) and len(supports) == 1 else supports
 
@@ -180,11 +180,13 @@ class Scene(Displayed, Part):
     __slots__ = ("_features",)
     __signature__ = PartSignature()
 
-    title: str = field(after(_one_line, text(200)), "one line, printed above tables and figures", default="")
+    title: str = field(function_after(_one_line, text(200)), "one line, printed above tables and figures", default="")
     gravity: float = field(POSITIVE, "positive", "m/s²")
     space: Literal["plane", "space"] = field(one_of("plane", "space"), "where it moves", default="plane")
     support: OneOrSeveralKinds[Support | Moved, Placed | Moved] = field(
-        after(_alone, one_or_list(any_kind(*SUPPORTS, Moved))), "one, or several of a structure", default=Fixed()
+        function_after(_unwrap_single, one_or_list(any_kind(*SUPPORTS, Moved))),
+        "one, or several of a structure",
+        default=Fixed(),
     )
     damping_ratio: OneOrSeveral[float] = field(one_or_list(RATIO), "ζ of all modes, or a list by mode", default=0.0)
     pendulum: Several[Pendulum] = field(parts(Pendulum.schema()), "one or more")
@@ -224,7 +226,7 @@ class Scene(Displayed, Part):
     def motions(self) -> tuple[SupportMotion, ...]:
         """How the support or the ground moves as prescribed; none where both are at rest."""
         return next(
-            (prescribed.motions for prescribed in (self.ground, self.support) if isinstance(prescribed, Ground)), ()
+            (moving_part.motions for moving_part in (self.ground, self.support) if isinstance(moving_part, Ground)), ()
         )
 
     @property
@@ -232,18 +234,18 @@ class Scene(Displayed, Part):
         """Where each of `motions` stands, as ("ground", "motion", 1)."""
         if not self.motions:
             return ()
-        prescribed = self.ground or self.support
+        moving_part = self.ground or self.support
         at = ("ground" if self.ground else "support", "motion")
-        several = isinstance(prescribed, Ground) and isinstance(prescribed.motion, tuple)
+        several = isinstance(moving_part, Ground) and isinstance(moving_part.motion, tuple)
         return tuple((*at, k) if several else at for k in range(len(self.motions)))
 
     @property
     def features(self) -> frozenset[str]:
         """The names of what it has (`modal.scene.features`), found once."""
-        known: frozenset[str] | None = getattr(self, "_features", None)
-        if known is None:
-            object.__setattr__(self, "_features", known := features(self))
-        return known
+        stored_features: frozenset[str] | None = getattr(self, "_features", None)
+        if stored_features is None:
+            object.__setattr__(self, "_features", stored_features := features(self))
+        return stored_features
 
     @property
     def n_pendula(self) -> int:
@@ -362,7 +364,7 @@ class Scene(Displayed, Part):
         """The same scene without drives, dampers, dry friction and drag."""
         loose = self.lossless._with(drive=None, damping=0.0, friction=0.0, drag=0.0, quadratic_drag=0.0)
         springs = tuple(spring.replace(damping=0.0) for spring in loose.spring)
-        return loose.replace(damping_ratio=0.0, spring=springs)._with_supports(_undamped)
+        return loose.replace(damping_ratio=0.0, spring=springs)._with_supports(_without_damping)
 
     @property
     def in_plane(self) -> Scene:
@@ -381,8 +383,8 @@ class Scene(Displayed, Part):
 
     def _with_supports(self, change: Callable[[Support | Moved], Support | Moved]) -> Scene:
         """The same scene with every support changed."""
-        changed = tuple(map(change, self.supports))
-        return self.replace(support=_alone(changed)) if changed != self.supports else self
+        new_supports = tuple(map(change, self.supports))
+        return self.replace(support=_unwrap_single(new_supports)) if new_supports != self.supports else self
 
     @property
     def stands(self) -> bool:
@@ -402,8 +404,8 @@ class Scene(Displayed, Part):
         problems = list(self._own_problems())
         yield from problems
         if self.is_structured and not problems:
-            unbalanced: Iterator[str] = deferred("modal.structure:find_imbalance")(self)
-            yield from (f".{words}" for words in unbalanced)
+            unbalanced_words: Iterator[str] = deferred("modal.structure:find_imbalance")(self)
+            yield from (f".{words}" for words in unbalanced_words)
 
     def _own_problems(self) -> Iterator[str]:
         if self.n_links > MAX_LINKS:
@@ -446,7 +448,7 @@ def _slippery(support: Support | Moved) -> Support | Moved:
     return support.replace(friction=0.0, friction_coefficient=0.0) if isinstance(support, Cart) else support
 
 
-def _undamped(support: Support | Moved) -> Support | Moved:
+def _without_damping(support: Support | Moved) -> Support | Moved:
     """A support without damper and dry friction."""
     if isinstance(support, ModalSupport):
         return support.replace(D=None)
@@ -459,8 +461,8 @@ def validate_scene(scene: object) -> Scene:
     """The scene itself; SceneError for anything else, with a hint."""
     if isinstance(scene, Scene):
         return scene
-    meant = f': load("{fspath(scene)}") gives one' if isinstance(scene, str | PathLike) else ""
-    raise SceneError([f"a Scene is required, not {type(scene).__name__}{meant}"])
+    advice = f': load("{fspath(scene)}") gives one' if isinstance(scene, str | PathLike) else ""
+    raise SceneError([f"a Scene is required, not {type(scene).__name__}{advice}"])
 
 
 def validate_scenes(scenes: object) -> Sequence[Scene]:
@@ -480,12 +482,12 @@ def scene_from(data: object) -> Scene:
 
 def describe(part: Part) -> dict[str, Any]:
     """The mapping that `scene_from` reads back as an equal object: kinds first, without defaults."""
-    described: dict[str, Any] = {"kind": part.kind} if hasattr(part, "kind") else {}
+    data: dict[str, Any] = {"kind": part.kind} if hasattr(part, "kind") else {}
     for name, entry in part.fields.items():
         value = getattr(part, name)
         if name != "kind" and value is not None and (entry.is_required or value != entry.default):
-            described[name] = plain_data(value)
-    return described
+            data[name] = plain_data(value)
+    return data
 
 
 def plain_data(value: Any) -> Any:

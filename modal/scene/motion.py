@@ -22,10 +22,10 @@ from modal.scene.validation import (
     REALS_OR_NONE,
     UNREAD,
     Part,
-    after,
     any_kind,
-    before,
     field,
+    function_after,
+    function_before,
     list_of,
     number,
     one_of,
@@ -91,13 +91,13 @@ class RecordSignal(Part):
         if self.file is not None:
             yield f".file: {UNREAD}"
             return
-        recorded = [name for name in keys if getattr(self, name) is not None]
-        if len(recorded) != 1 or self.time_s is None:
+        present_keys = [name for name in keys if getattr(self, name) is not None]
+        if len(present_keys) != 1 or self.time_s is None:
             yield f": needs a file, or time_s and {'one of ' if len(keys) > 1 else ''}{', '.join(keys)}"
             return
-        times, values = self.time_s, getattr(self, recorded[0])
+        times, values = self.time_s, getattr(self, present_keys[0])
         if len(times) != len(values):
-            yield f".{recorded[0]}: has {len(values)} values for {len(times)} times"
+            yield f".{present_keys[0]}: has {len(values)} values for {len(times)} times"
         elif len(times) < FEWEST:
             yield f".time_s: has {len(times)} samples: at least {FEWEST} are needed"
         if any(later <= earlier for earlier, later in pairwise(times)):
@@ -115,7 +115,7 @@ class RandomSignal(Part):
 
     kind: Literal["random"] = field(one_of("random"), default="random")
     psd: Several[float] = field(
-        before(_numbers, list_of(NON_NEGATIVE)), "one-sided power spectral density", "square of the unit/Hz"
+        function_before(_numbers, list_of(NON_NEGATIVE)), "one-sided power spectral density", "square of the unit/Hz"
     )
     frequency_hz: SeveralOrNone[float] = field(
         optional(list_of(number(ge=0, le=1e100))), "frequencies of the PSD", "Hz", default=None
@@ -258,7 +258,7 @@ class AppliedForce(Part):
     (`…@0.5`) acts on the link alone.
     """
 
-    on: str = field(after(_point, text(200)), "point, such as pendulum[0].links[1]@0.6")
+    on: str = field(function_after(_point, text(200)), "point, such as pendulum[0].links[1]@0.6")
     direction: Acting = field(one_of("horizontal", "vertical", "torque"), "vertical: upwards", default="horizontal")
 
     def problems(self) -> Iterator[str]:
@@ -294,10 +294,10 @@ class RecordForce(RecordSignal, AppliedForce):
     def problems(self) -> Iterator[str]:
         """Those of records, and a force recorded for a torque."""
         yield from super().problems()
-        wanted, other = FORCES[:: -1 if self.direction == "torque" else 1]
-        if getattr(self, other) is not None:
-            yield f'.{other}: with direction = "{self.direction}" a record holds {wanted}'
-        yield from self.recorded_problems((wanted,)) if getattr(self, other) is None else ()
+        right_key, wrong_key = FORCES[:: -1 if self.direction == "torque" else 1]
+        if getattr(self, wrong_key) is not None:
+            yield f'.{wrong_key}: with direction = "{self.direction}" a record holds {right_key}'
+        yield from self.recorded_problems((right_key,)) if getattr(self, wrong_key) is None else ()
 
 
 class RandomForce(RandomSignal, AppliedForce):

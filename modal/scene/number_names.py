@@ -162,13 +162,13 @@ def _parts(scene: Scene, place: Place, places: Sequence[Place]) -> list[str]:
     """What a number is, and what it belongs to, from the inside out."""
     match place:
         case ("pendulum", entry, *inner):
-            pendula = _run(_pendula(scene, {at[1] for at in places}), "pendulum", "pendula")
+            pendula = _ranges(_pendula(scene, {at[1] for at in places}), "pendulum", "pendula")
             return [*_of_pendulum(scene, int(entry), inner, places), pendula]
         case ("support", *inner):
             return _of_support(scene, inner)
         case ("spring" | "force" as kind, _, *inner):
             word = "torque" if kind == "force" and scene.force[int(place[1])].direction == "torque" else str(kind)
-            return [_quantity(inner), _run(sorted({int(at[1]) + 1 for at in places}), word, f"{word}s")]
+            return [_quantity(inner), _ranges(sorted({int(at[1]) + 1 for at in places}), word, f"{word}s")]
         case ("ground", "motion", *inner):
             return [*_of_motion(inner), "the ground"]
         case (name, int(row)):
@@ -179,13 +179,13 @@ def _parts(scene: Scene, place: Place, places: Sequence[Place]) -> list[str]:
 def _of_pendulum(scene: Scene, entry: int, inner: Sequence[Step], places: Sequence[Place]) -> list[str]:
     match inner:
         case ("links", _, *rest):
-            shown = {int(at[3]) for at in places if at[1] == entry}
-            link = _run(_links(scene, entry, shown), "link", "links")
+            links = {int(at[3]) for at in places if at[1] == entry}
+            link = _ranges(_links(scene, entry, links), "link", "links")
             owners = {"hoist": "the hoist", "drive": "the drive"}
             return [_quantity(rest), *(owners[str(step)] for step in rest[:1] if step in owners), link]
         case ("start", name, int(_)):
-            shown = {int(at[4]) + 1 for at in places if at[1] == entry}
-            return [_quantity([name]), _run(sorted(shown), "link", "links")]
+            links = {int(at[4]) + 1 for at in places if at[1] == entry}
+            return [_quantity([name]), _ranges(sorted(links), "link", "links")]
     return [_quantity(inner)]
 
 
@@ -218,8 +218,8 @@ def _quantity(steps: Sequence[Step]) -> str:
     words = QUANTITIES.get(names[-1], names[-1].replace("_", " "))
     if names[-1].endswith("_rate"):
         words = f"rate of {names[-1].removesuffix('_rate')}"
-    counted = number is not None and names[-1] not in {"angles_deg", "rates_deg", "azimuths_deg"}
-    return f"{words} {number + 1}" if counted and number is not None else words
+    has_number = number is not None and names[-1] not in {"angles_deg", "rates_deg", "azimuths_deg"}
+    return f"{words} {number + 1}" if has_number and number is not None else words
 
 
 def _pendula(scene: Scene, entries: set[Step]) -> list[int]:
@@ -234,7 +234,7 @@ def _links(scene: Scene, entry: int, links: set[int]) -> list[int]:
     return [number for link in sorted(links) for number in range(ends[link] + 1, ends[link + 1] + 1)]
 
 
-def _run(numbers: Sequence[int], single: str, several: str) -> str:
+def _ranges(numbers: Sequence[int], single: str, several: str) -> str:
     """What ascending numbers count, those in a row as a range: links 1–3, 7."""
     runs: list[list[int]] = []
     for number in numbers:
@@ -242,5 +242,8 @@ def _run(numbers: Sequence[int], single: str, several: str) -> str:
             runs[-1].append(number)
         else:
             runs.append([number])
-    joined = ", ".join(f"{run[0]}" if len(run) == 1 else f"{run[0]}–{run[-1]}" for run in runs)
-    return f"{single if len(numbers) == 1 else several} {joined}"
+    text = ", ".join(
+        f"{numbers_in_row[0]}" if len(numbers_in_row) == 1 else f"{numbers_in_row[0]}–{numbers_in_row[-1]}"
+        for numbers_in_row in runs
+    )
+    return f"{single if len(numbers) == 1 else several} {text}"

@@ -166,14 +166,14 @@ class Variable:
         for path, places in self.places.items():
             value = float(values[path])
             for place in places:
-                self._put(place, int(value) if place[-1] == "count" and value.is_integer() else value)
+                self._set_value(place, int(value) if place[-1] == "count" and value.is_integer() else value)
         return scene_from(self._data)
 
-    def _put(self, place: Place, value: float) -> None:
+    def _set_value(self, place: Place, value: float) -> None:
         """The value at a place of the data, from which parts that are left at their defaults are missing."""
         data, part = self._data, self.scene
         for step in place[:-1]:
-            part = _stepped(part, step)
+            part = _step_into(part, step)
             data = data.setdefault(step, plain_data(part)) if isinstance(data, dict) else data[step]
         data[place[-1]] = value
 
@@ -183,22 +183,22 @@ def _steps(at: Any, word: str) -> list[tuple[Step, Any]]:
     if word == "*":
         return list(enumerate(at)) if isinstance(at, tuple) else []
     step: Step = int(word) if word.isdigit() else word
-    return [(step, _stepped(at, step))]
+    return [(step, _step_into(at, step))]
 
 
 def _at(scene: Scene, place: Place) -> Any:
     """The value at a place, None where there is none."""
     at: Any = scene
     for step in place:
-        at = _stepped(at, step)
+        at = _step_into(at, step)
     return at
 
 
-def _stepped(at: Any, step: Step) -> Any:
+def _step_into(at: Any, step: Step) -> Any:
     if isinstance(step, int):
         return at[step] if isinstance(at, tuple) and step < len(at) else None
-    varied = isinstance(at, Part) and step in at.fields and step not in MATRICES
-    return getattr(at, str(step)) if varied else None
+    is_field = isinstance(at, Part) and step in at.fields and step not in MATRICES
+    return getattr(at, str(step)) if is_field else None
 
 
 def _is_number(value: object) -> bool:
@@ -219,10 +219,10 @@ def _of_that_key(name: str, numbers: Sequence[str]) -> str:
     word = name.rpartition(".")[2].partition("[")[0]
     key = word if word in keys.values() else ABBREVIATED.get(word, word.rpartition("_")[2])
     places = [place for place in numbers if keys[place] == key]
-    near = places or [place for place in numbers if spelling_hint(word, [keys[place]], cutoff=NEAR)]
-    more = f", … {len(near) - MOST_NAMED} more" if len(near) > MOST_NAMED + 1 else ""
-    named = ", ".join(near[:MOST_NAMED] if more else near)
-    return f": there is {named}{more}" if near else ": `scene_numbers(scene)` lists them"
+    candidates = places or [place for place in numbers if spelling_hint(word, [keys[place]], cutoff=NEAR)]
+    remainder = f", … {len(candidates) - MOST_NAMED} more" if len(candidates) > MOST_NAMED + 1 else ""
+    names = ", ".join(candidates[:MOST_NAMED] if remainder else candidates)
+    return f": there is {names}{remainder}" if candidates else ": `scene_numbers(scene)` lists them"
 
 
 def number_paths(scene: Scene) -> list[str]:
@@ -260,14 +260,14 @@ class Variation(Displayed):
 
     def __post_init__(self) -> None:
         if not WRITTEN.fullmatch(self.path):
-            raise SceneError([f"{_quoted(self.path)}: is not a place such as pendulum[0].links[1].length"])
+            raise SceneError([f"{_shorten(self.path)}: is not a place such as pendulum[0].links[1].length"])
         if problem := _problem(self.values, self.log):
             raise SceneError([f"{self.path}: {problem}"])
 
     def _summary(self) -> Summary:
-        few = len(self.values) <= MOST_SHOWN
-        values = ", ".join(f"{value:g}" for value in (self.values if few else (self.values[0], self.values[-1])))
-        words = values if few else f"{len(self.values)} values from {values.replace(', ', ' to ')}"
+        is_short = len(self.values) <= MOST_SHOWN
+        values = ", ".join(f"{value:g}" for value in (self.values if is_short else (self.values[0], self.values[-1])))
+        words = values if is_short else f"{len(self.values)} values from {values.replace(', ', ' to ')}"
         return Summary(f"{self.path}: {words} {self.unit}".rstrip() + ", logarithmic" * self.log)
 
     @property
@@ -287,19 +287,19 @@ class Variation(Displayed):
     def column(self) -> str:
         """Its name in a file: the place and the unit, `support.mass_kg`, unless the place already includes it."""
         unit = SPELT.get(self.unit) or self.unit.replace("/", "_per_").replace(" ", "_")
-        told = "_deg" in self.path or self.path.endswith("_hz")
-        return f"{self.path}_{unit}" if unit and not told else self.path
+        has_unit = "_deg" in self.path or self.path.endswith("_hz")
+        return f"{self.path}_{unit}" if unit and not has_unit else self.path
 
 
-def texts_of(given: str | Sequence[str], *, separated: bool = False) -> tuple[str, ...]:
-    """Texts in a list, or the one that stands for a list, as an option has it; of some commas `separated` several.
+def texts_of(texts: str | Sequence[str], *, splits_commas: bool = False) -> tuple[str, ...]:
+    """Texts in a list, or the one that stands for a list, as an option has it; of some commas `splits_commas` several.
 
     >>> texts_of("gravity=1,2,3"), texts_of("gravity, support.mass", separated=True)
     (('gravity=1,2,3',), ('gravity', 'support.mass'))
     """
-    if isinstance(given, str):
-        return tuple(text.strip() for text in given.split(",")) if separated else (given,)
-    return tuple(given)
+    if isinstance(texts, str):
+        return tuple(text.strip() for text in texts.split(",")) if splits_commas else (texts,)
+    return tuple(texts)
 
 
 def variation_of(vary: str | Variation) -> Variation:
@@ -317,7 +317,7 @@ def parse_variations(texts: str | Sequence[str]) -> tuple[Variation, ...]:
     problems: list[str] = []
     for text in texts_of(texts):
         try:
-            variations.append(_parsed(text))
+            variations.append(_parse(text))
         except SceneError as error:
             problems += error.problems
     if problems:
@@ -325,14 +325,14 @@ def parse_variations(texts: str | Sequence[str]) -> tuple[Variation, ...]:
     return tuple(variations)
 
 
-def _parsed(text: str) -> Variation:
+def _parse(text: str) -> Variation:
     path, sign, words = text.partition("=")
     if not sign:
-        raise SceneError([f"{_quoted(text)}: must be PLACE=VALUES, such as support.mass=1:1000:50log"])
+        raise SceneError([f"{_shorten(text)}: must be PLACE=VALUES, such as support.mass=1:1000:50log"])
     try:
         values, log = _values(words)
     except ValueError as error:
-        raise SceneError([f"{_quoted(text)}: {error}"]) from None
+        raise SceneError([f"{_shorten(text)}: {error}"]) from None
     return Variation(path.strip(), values, log)
 
 
@@ -354,7 +354,7 @@ def _values(words: str) -> tuple[tuple[float, ...], bool]:
 
 def _number(word: str) -> float:
     if not NUMBER.fullmatch(word):
-        raise ValueError(f'"{_quoted(word)}" is not a number')
+        raise ValueError(f'"{_shorten(word)}" is not a number')
     return float(word)
 
 
@@ -368,7 +368,7 @@ def _problem(values: Sequence[float], log: bool) -> str:
     return "logarithmically spaced values must be positive" if log and values[0] <= 0 else ""
 
 
-def _quoted(text: str) -> str:
+def _shorten(text: str) -> str:
     return text if len(text) <= LONGEST else text[: LONGEST - 1] + "…"
 
 
@@ -379,24 +379,26 @@ def validate_variations(scene: Scene, variations: Sequence[Variation]) -> None:
     then knows the unit that its number has in this scene.
     """
     problems: dict[str, None] = {}
-    taken: set[Place] = set()
+    occupied_places: set[Place] = set()
     for variation in variations:
         try:
             places = find_places(scene, variation.path)
         except SceneError as error:
             problems |= dict.fromkeys(error.problems)
             continue
-        problems |= dict.fromkeys(f"{with_numbers(place)}: is varied twice" for place in places if place in taken)
+        problems |= dict.fromkeys(
+            f"{with_numbers(place)}: is varied twice" for place in places if place in occupied_places
+        )
         values = variation.values
         telling = values if places[0][-1] == "count" else (values[0], values[-1])
-        problems |= dict.fromkeys(_refused(scene, variation.path, telling, places))
-        taken |= set(places)
+        problems |= dict.fromkeys(_refusals(scene, variation.path, telling, places))
+        occupied_places |= set(places)
         object.__setattr__(variation, "scene_unit", unit_at(scene, places[0]))
     if problems:
         raise SceneError(tuple(problems))
 
 
-def _refused(scene: Scene, path: str, values: Iterable[float], places: Sequence[Place]) -> Iterator[str]:
+def _refusals(scene: Scene, path: str, values: Iterable[float], places: Sequence[Place]) -> Iterator[str]:
     """The scene's objections to these values themselves."""
     starts = tuple(with_numbers(place) + sign for place in places for sign in (" =", ":"))
     for value in dict.fromkeys(values):
@@ -423,7 +425,7 @@ def parse_arrays(scene: Scene, numbers: Mapping[str, ArrayLike]) -> tuple[Variab
     """Arrays of finite numbers by their places, and the scene that they vary; SceneError names every mistake."""
     variable, arrays = Variable(scene, ()), dict[str, Floats]()
     problems: list[str] = []
-    taken: set[Place] = set()
+    occupied_places: set[Place] = set()
     for path, values in numbers.items():
         try:
             places = find_places(scene, path)
@@ -435,8 +437,8 @@ def parse_arrays(scene: Scene, numbers: Mapping[str, ArrayLike]) -> tuple[Variab
         else:
             variable.places[path] = places
             problems += [f"{path}: must be finite"] * (not np.isfinite(arrays[path]).all())
-            problems += [f"{with_numbers(place)}: is varied twice" for place in places if place in taken]
-            taken.update(places)
+            problems += [f"{with_numbers(place)}: is varied twice" for place in places if place in occupied_places]
+            occupied_places.update(places)
     if problems:
         raise SceneError(problems)
     return variable, arrays
@@ -448,7 +450,7 @@ def validate_arrays(variable: Variable, arrays: Mapping[str, Floats]) -> None:
     for path, values in arrays.items():
         places = variable.places[path]
         if values.size and not (places[0][-1] in ANY_POSITIVE and values.min() >= SMALLEST and values.max() <= LARGEST):
-            problems |= dict.fromkeys(_refused(variable.scene, path, _telling(places[0][-1], values), places))
+            problems |= dict.fromkeys(_refusals(variable.scene, path, _telling(places[0][-1], values), places))
     if problems:
         raise SceneError(tuple(problems))
 
@@ -457,5 +459,5 @@ def _telling(name: Step, values: Floats) -> list[float]:
     """Values of which one is refused if any is: all that must be whole, else both ends and the least above 0."""
     if name == "count":
         return list(np.unique(values).tolist())
-    least = values[values > 0].min(initial=np.inf)
-    return [float(values.min()), *([float(least)] if np.isfinite(least) else []), float(values.max())]
+    smallest = values[values > 0].min(initial=np.inf)
+    return [float(values.min()), *([float(smallest)] if np.isfinite(smallest) else []), float(values.max())]

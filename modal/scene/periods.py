@@ -39,13 +39,13 @@ def sines_of(scene: Scene) -> dict[str, SineMotion | SineForce]:
     {}
     """
     require_type("scene", scene, "Scene")
-    moved = zip(scene.motion_places, scene.motions, strict=True)
-    drives: dict[str, SupportMotion | Force] = {with_numbers(place): motion for place, motion in moved}
+    motions = zip(scene.motion_places, scene.motions, strict=True)
+    drives: dict[str, SupportMotion | Force] = {with_numbers(place): motion for place, motion in motions}
     drives |= {f"force[{k}]": force for k, force in enumerate(scene.force) if force.kind != "constant"}
     sines = {at: drive for at, drive in drives.items() if isinstance(drive, SINES)}
     if len(sines) < len(drives):
-        other = (at for at, drive in drives.items() if not isinstance(drive, SINES))
-        raise SceneError([f'{at}.kind = "{drives[at].kind}": is not periodic: a sine is' for at in other])
+        nonperiodic_places = (at for at, drive in drives.items() if not isinstance(drive, SINES))
+        raise SceneError([f'{at}.kind = "{drives[at].kind}": is not periodic: a sine is' for at in nonperiodic_places])
     return sines
 
 
@@ -77,11 +77,18 @@ def drive_period(scene: Scene) -> DrivePeriod:
         raise SceneError(['nothing drives this scene: give it a [[force]], or a support of kind = "moved"'])
     first, *_ = frequencies.values()
     ratios = {place: Fraction(hz / first).limit_denominator(MOST) for place, hz in frequencies.items()}
-    apart = [place for place, hz in frequencies.items() if abs(float(ratios[place]) * first - hz) > SAME * hz]
-    if apart:
+    incommensurate_places = [
+        place for place, hz in frequencies.items() if abs(float(ratios[place]) * first - hz) > SAME * hz
+    ]
+    if incommensurate_places:
         words = f"is not a ratio p/q of {next(iter(frequencies))} = {first!r} with q of at most {MOST}"
         raise SceneError(
-            [f"{place} = {frequencies[place]!r}: {words}: these drives have no common period" for place in apart]
+            [
+                f"{place} = {frequencies[place]!r}: {words}: these drives have no common period"
+                for place in incommensurate_places
+            ]
         )
-    whole = lcm(*(ratio.denominator for ratio in ratios.values()))
-    return DrivePeriod(whole / first, tuple(ratios), tuple(int(ratio * whole) for ratio in ratios.values()))
+    common_denominator = lcm(*(ratio.denominator for ratio in ratios.values()))
+    return DrivePeriod(
+        common_denominator / first, tuple(ratios), tuple(int(ratio * common_denominator) for ratio in ratios.values())
+    )

@@ -107,31 +107,31 @@ def parse_point(text: str) -> PendulumPoint | CarrierPoint | GroundPoint | None:
     """
     if text == CART:
         return None
-    written = WRITTEN.fullmatch(text)
-    if written is None:
-        return _parse_placed(text)
-    copy, below = written["copy"], written["below"]
-    where = int(written["pendulum"]), int(written["link"])
-    return PendulumPoint(*where, None if copy is None else int(copy), None if below is None else float(below))
+    match = WRITTEN.fullmatch(text)
+    if match is None:
+        return _parse_carrier_point(text)
+    copy, distance = match["copy"], match["below"]
+    where = int(match["pendulum"]), int(match["link"])
+    return PendulumPoint(*where, None if copy is None else int(copy), None if distance is None else float(distance))
 
 
-def _parse_placed(text: str) -> CarrierPoint | GroundPoint:
+def _parse_carrier_point(text: str) -> CarrierPoint | GroundPoint:
     """A point of a support or of the ground."""
-    placed = PLACED.fullmatch(text)
-    if placed is None or placed["name"] == "pendulum":
+    match = PLACED.fullmatch(text)
+    if match is None or match["name"] == "pendulum":
         raise ValueError(f"is not a point such as {EXAMPLE}")
-    place = None if placed["along"] is None else (float(placed["along"]), float(placed["below"]))
+    place = None if match["along"] is None else (float(match["along"]), float(match["below"]))
     if place and max(map(abs, place)) > LARGEST:
         raise ValueError(f"a place is at most {LARGEST:g} m away")
-    if placed["name"] == GROUND:
-        if placed["point"] is not None:
+    if match["name"] == GROUND:
+        if match["point"] is not None:
             raise ValueError("the ground has no numbered points: write ground@x,z")
         return GroundPoint(place)
-    if placed["point"] is not None:
+    if match["point"] is not None:
         if place is not None:
             raise ValueError("a numbered point of a support has no place beside its number")
-        return CarrierPoint(placed["name"], point=int(placed["point"]))
-    return CarrierPoint(placed["name"], place or (0.0, 0.0))
+        return CarrierPoint(match["name"], point=int(match["point"]))
+    return CarrierPoint(match["name"], place or (0.0, 0.0))
 
 
 def point_problems(scene: Described, text: str) -> Iterator[str]:
@@ -194,13 +194,13 @@ def places_of(scene: Described, text: str) -> list[Place]:
     point = parse_point(text)
     if not isinstance(point, PendulumPoint):
         return []
-    before = sum(earlier.n_links * earlier.count for earlier in scene.pendulum[: point.pendulum])
+    n_before = sum(earlier.n_links * earlier.count for earlier in scene.pendulum[: point.pendulum])
     pendulum = scene.pendulum[point.pendulum]
     first = sum(link.count for link in pendulum.links[: point.link])
     copies = range(pendulum.count) if point.copy is None else [point.copy]
     return [
         Place(top + first + k, top + first + k - 1 if first + k else -1, point.below)
-        for top in (before + copy * pendulum.n_links for copy in copies)
+        for top in (n_before + copy * pendulum.n_links for copy in copies)
         for k in range(pendulum.links[point.link].count)
     ]
 
@@ -223,7 +223,7 @@ def joined_points(scene: Described) -> Iterator[tuple[int, tuple[End, End]]]:
     for entry, spring in enumerate(scene.spring):
         ends = [_ends(scene, text, numbers) for text in spring.between]
         count = max(map(len, ends))
-        for a, b in zip(*(each * (count if len(each) == 1 else 1) for each in ends), strict=True):
+        for a, b in zip(*(end * (count if len(end) == 1 else 1) for end in ends), strict=True):
             yield entry, (a, b)
 
 

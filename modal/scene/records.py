@@ -47,20 +47,20 @@ class Table(NamedTuple):
 
     name: str
     columns: Mapping[str, tuple[float, ...]]
-    quoted: bool
+    has_quotes: bool
 
-    def lacks(self, asked: str, hint: str = "") -> SceneError:
+    def lacks(self, column_words: str, hint: str = "") -> SceneError:
         """The error of a file without the columns asked for."""
-        listed = f"; it has {', '.join(list(self.columns)[:8]) or 'none'}{hint}" if self.quoted else ""
-        return SceneError([f"{self.name}: needs the columns {asked}{listed}"])
+        listing = f"; it has {', '.join(list(self.columns)[:8]) or 'none'}{hint}" if self.has_quotes else ""
+        return SceneError([f"{self.name}: needs the columns {column_words}{listing}"])
 
 
-def read_record(path: str | PathLike[str], acts: bool = False, *, quoted: bool = True) -> dict[str, Any]:
+def read_record(path: str | PathLike[str], acts: bool = False, *, has_quotes: bool = True) -> dict[str, Any]:
     """The fields `time_s` and one quantity of a `RecordMotion`, of a `RecordForce` where it `acts`.
 
-    SceneError, with its name, for any other file; what stands there is `quoted` in it, or not.
+    SceneError, with its name, for any other file; what stands there is quoted in it where it `has_quotes`.
     """
-    table = _table(path, quoted)
+    table = _table(path, has_quotes)
     columns = table.columns
     time = next((name for name in TIMES if name in columns), None)
     words = {key: (key,) for key in FORCES} if acts else {key: (key, word) for key, word in RECORDED.items()}
@@ -71,23 +71,23 @@ def read_record(path: str | PathLike[str], acts: bool = False, *, quoted: bool =
     return {"time_s": columns[time], key: columns[name]}
 
 
-def read_lengths(path: str | PathLike[str], *, quoted: bool = True) -> dict[str, Any]:
+def read_lengths(path: str | PathLike[str], *, has_quotes: bool = True) -> dict[str, Any]:
     """The fields `time_s` and `length_m` of a recorded `Hoist`; SceneError as of `read_record`."""
-    table = _table(path, quoted)
+    table = _table(path, has_quotes)
     if not set(RECORD) <= set(table.columns):
         raise table.lacks(" and ".join(RECORD))
     return {name: table.columns[name] for name in RECORD}
 
 
-def read_spectrum(path: str | PathLike[str], acts: bool = False, *, quoted: bool = True) -> Spectrum:
+def read_spectrum(path: str | PathLike[str], acts: bool = False, *, has_quotes: bool = True) -> Spectrum:
     """The PSD in a file, of a force where it `acts`; SceneError, with the file's name, where it has no possible one."""
-    table = _table(path, quoted)
+    table = _table(path, has_quotes)
     columns = table.columns
     densities = [(name, of) for name in columns if (of := _of_force(name) if acts else _quantity(name))]
     if "frequency_hz" not in columns or len(densities) != 1:
-        asked = f"frequency_hz and one of {', '.join(FORCE_PSDS if acts else (*MOTION_PSDS,))}"
+        column_words = f"frequency_hz and one of {', '.join(FORCE_PSDS if acts else (*MOTION_PSDS,))}"
         hint = "" if "frequency_hz" in columns else spelling_hint("frequency_hz", columns)
-        raise table.lacks(asked, hint)
+        raise table.lacks(column_words, hint)
     name, of = densities[0]
     frequencies, psd = columns["frequency_hz"], columns[name]
     problems = list(spectrum_problems(frequencies, psd))
@@ -109,7 +109,7 @@ def _quantity(name: str) -> Quantity | None:
     return next((of for of in QUANTITIES if name == f"{of}_psd" or name.startswith(f"{of}_psd_")), None)
 
 
-def _table(path: str | PathLike[str], quoted: bool) -> Table:
+def _table(path: str | PathLike[str], has_quotes: bool) -> Table:
     name = fspath(path)
     try:
         text = text_of(path, "table")
@@ -126,31 +126,33 @@ def _table(path: str | PathLike[str], quoted: bool) -> Table:
     if not rows:
         raise SceneError([f"{name}: is empty"])
     heads = [head.strip() for head in rows[0][1]]
-    known = {*TIMES, *RECORDED, *QUANTITIES, *FORCES, *RECORD, "frequency_hz"}
-    wanted = [at for at, head in enumerate(heads) if head in known]
-    wanted += [at for at, head in enumerate(heads) if (_quantity(head) or _of_force(head)) and at not in wanted]
-    if len({heads[at] for at in wanted}) < len(wanted):
+    known_heads = {*TIMES, *RECORDED, *QUANTITIES, *FORCES, *RECORD, "frequency_hz"}
+    positions = [at for at, head in enumerate(heads) if head in known_heads]
+    positions += [at for at, head in enumerate(heads) if (_quantity(head) or _of_force(head)) and at not in positions]
+    if len({heads[at] for at in positions}) < len(positions):
         raise SceneError([f"{name}: has a column twice"])
-    if not wanted:
-        return Table(name, dict.fromkeys(heads, ()), quoted)
-    values = [_row(row, f"{name}: line {at}: ", heads, wanted, quoted) for at, row in rows[1:]]
-    columns = zip(*values, strict=True) if values else [()] * len(wanted)
-    numbers = {heads[at]: tuple(column) for at, column in zip(wanted, columns, strict=True)}
-    return Table(name, dict.fromkeys(heads, ()) | numbers, quoted)
+    if not positions:
+        return Table(name, dict.fromkeys(heads, ()), has_quotes)
+    values = [_row(row, f"{name}: line {at}: ", heads, positions, has_quotes) for at, row in rows[1:]]
+    columns = zip(*values, strict=True) if values else [()] * len(positions)
+    numbers = {heads[at]: tuple(column) for at, column in zip(positions, columns, strict=True)}
+    return Table(name, dict.fromkeys(heads, ()) | numbers, has_quotes)
 
 
-def _row(row: Sequence[str], place: str, heads: Sequence[str], wanted: Sequence[int], quoted: bool) -> list[float]:
+def _row(
+    row: Sequence[str], place: str, heads: Sequence[str], positions: Sequence[int], has_quotes: bool
+) -> list[float]:
     values = []
-    for at in wanted:
+    for at in positions:
         text = row[at].strip() if at < len(row) else ""
         try:
             value = float(text)
         except ValueError:
             value = float("nan")
         if not isfinite(value) or abs(value) > LARGEST_READ:
-            shown = f' = "{text[:40]}"' if quoted else ""
-            most = f" of at most {LARGEST_READ:g}" * isfinite(value)
-            raise SceneError([f"{place}{heads[at]}{shown}: must be a finite number{most}"])
+            quotation = f' = "{text[:40]}"' if has_quotes else ""
+            limit_words = f" of at most {LARGEST_READ:g}" * isfinite(value)
+            raise SceneError([f"{place}{heads[at]}{quotation}: must be a finite number{limit_words}"])
         values.append(value)
     return values
 
@@ -162,32 +164,32 @@ def with_files_read(data: object, folder: Path) -> object:
     """
     if not isinstance(data, dict):
         return data
-    files, read = _Files(folder, []), dict(data)
-    for name, change in (("support", files.support), ("ground", files.moved), ("force", files.force)):
+    files, new_data = _Files(folder, []), dict(data)
+    for name, change in (("support", files.support), ("ground", files.with_motion), ("force", files.force)):
         if name in data:
-            read[name] = _each(change, data[name], name)
+            new_data[name] = _change_tables(change, data[name], name)
     if "pendulum" in data:
         hoists = partial(_within, "links", partial(_within, "hoist", files.hoist))
-        read["pendulum"] = _each(hoists, data["pendulum"], "pendulum")
+        new_data["pendulum"] = _change_tables(hoists, data["pendulum"], "pendulum")
     if files.problems:
         raise SceneError(files.problems)
-    return read
+    return new_data
 
 
 Change = Callable[[dict[str, Any], str], Any]
 """What becomes of a table at a place of the scene."""
 
 
-def _each(change: Change, part: Any, place: str) -> Any:
+def _change_tables(change: Change, part: Any, place: str) -> Any:
     """A table changed, or every table of a list, and anything else as it is."""
     if isinstance(part, list):
-        return [_each(change, item, f"{place}[{k}]") for k, item in enumerate(part)]
+        return [_change_tables(change, item, f"{place}[{k}]") for k, item in enumerate(part)]
     return change(part, place) if isinstance(part, dict) else part
 
 
 def _within(key: str, change: Change, part: dict[str, Any], place: str) -> dict[str, Any]:
     """A table with what it has under a key changed."""
-    return part | {key: _each(change, part[key], f"{place}.{key}")} if key in part else part
+    return part | {key: _change_tables(change, part[key], f"{place}.{key}")} if key in part else part
 
 
 class _Files(NamedTuple):
@@ -199,31 +201,31 @@ class _Files(NamedTuple):
     def support(self, part: dict[str, Any], place: str) -> dict[str, Any]:
         """A support with the arrays of its file, or with the numbers of those of its motions."""
         if part.get("kind") != "modal":
-            return self.moved(part, place)
-        read = self._read(part, place, "file", ARRAYS, _matrices)
-        return read if read is not part else self.moved(part, place)
+            return self.with_motion(part, place)
+        new_part = self._read_file(part, place, "file", ARRAYS, _matrices)
+        return new_part if new_part is not part else self.with_motion(part, place)
 
-    def moved(self, part: dict[str, Any], place: str) -> dict[str, Any]:
+    def with_motion(self, part: dict[str, Any], place: str) -> dict[str, Any]:
         """A support or the ground with the numbers of the files of its motions."""
         return _within("motion", self.motion, part, place)
 
     def motion(self, part: dict[str, Any], place: str) -> dict[str, Any]:
         """A motion of a support with the numbers of its file."""
         if part.get("kind") == "random":
-            return self._read(part, place, "psd", ("frequency_hz", "of"), _motion_psd)
-        return self._read(part, place, "file", ("time_s", *RECORDED), read_record) if _is_record(part) else part
+            return self._read_file(part, place, "psd", ("frequency_hz", "of"), _motion_psd)
+        return self._read_file(part, place, "file", ("time_s", *RECORDED), read_record) if _is_record(part) else part
 
     def force(self, part: dict[str, Any], place: str) -> dict[str, Any]:
         """A force with the numbers of its file."""
         if part.get("kind") == "random":
-            return self._read(part, place, "psd", ("frequency_hz",), _force_psd)
-        return self._read(part, place, "file", ("time_s", *FORCES), _force_record) if _is_record(part) else part
+            return self._read_file(part, place, "psd", ("frequency_hz",), _force_psd)
+        return self._read_file(part, place, "file", ("time_s", *FORCES), _force_record) if _is_record(part) else part
 
     def hoist(self, part: dict[str, Any], place: str) -> dict[str, Any]:
         """A hoist with the numbers of its file."""
-        return self._read(part, place, "file", RECORD, read_lengths)
+        return self._read_file(part, place, "file", RECORD, read_lengths)
 
-    def _read(
+    def _read_file(
         self, part: dict[str, Any], place: str, name: str, keys: Sequence[str], reader: Callable[..., dict[str, Any]]
     ) -> dict[str, Any]:
         path = part.get(name)
@@ -234,15 +236,15 @@ class _Files(NamedTuple):
             self.problems.append(f"{place}: cannot be combined with {', '.join(others)}")
             return part
         try:
-            numbers = reader(self.folder / path, quoted=False)
+            numbers = reader(self.folder / path, has_quotes=False)
         except SceneError as error:
-            shown = f"{self.folder / path}: "
-            self.problems.extend(f"{place}: {problem.removeprefix(shown)}" for problem in error.problems)
+            prefix = f"{self.folder / path}: "
+            self.problems.extend(f"{place}: {problem.removeprefix(prefix)}" for problem in error.problems)
             return part
         return {key: value for key, value in part.items() if key != name} | numbers
 
 
-def _matrices(path: Path, *, quoted: bool) -> dict[str, Any]:
+def _matrices(path: Path, *, has_quotes: bool) -> dict[str, Any]:
     return read_matrices(path)
 
 
@@ -250,14 +252,14 @@ def _is_record(part: Mapping[str, Any]) -> bool:
     return part.get("kind") == "record"
 
 
-def _force_record(path: Path, *, quoted: bool) -> dict[str, Any]:
-    return read_record(path, True, quoted=quoted)
+def _force_record(path: Path, *, has_quotes: bool) -> dict[str, Any]:
+    return read_record(path, True, has_quotes=has_quotes)
 
 
-def _motion_psd(path: Path, *, quoted: bool) -> dict[str, Any]:
-    return read_spectrum(path, quoted=quoted)._asdict()
+def _motion_psd(path: Path, *, has_quotes: bool) -> dict[str, Any]:
+    return read_spectrum(path, has_quotes=has_quotes)._asdict()
 
 
-def _force_psd(path: Path, *, quoted: bool) -> dict[str, Any]:
-    spectrum = read_spectrum(path, True, quoted=quoted)
+def _force_psd(path: Path, *, has_quotes: bool) -> dict[str, Any]:
+    spectrum = read_spectrum(path, True, has_quotes=has_quotes)
     return {"frequency_hz": spectrum.frequency_hz, "psd": spectrum.psd}

@@ -76,20 +76,20 @@ def _limit_size(size: int) -> None:
         raise SceneError([f"is larger than {LARGEST} bytes"])
 
 
-def sealed(before: bytes, after: bytes = b"") -> bytes:
+def seal(head: bytes, tail: bytes = b"") -> bytes:
     """Both with their checksum between them."""
-    checksum = sha256(before)
-    checksum.update(after)
-    return b"".join((before, checksum.hexdigest().encode(), after))
+    checksum = sha256(head)
+    checksum.update(tail)
+    return b"".join((head, checksum.hexdigest().encode(), tail))
 
 
-def verify_whole(content: bytes, before: int) -> None:
+def verify_whole(content: bytes, head_length: int) -> None:
     """ValueError where no checksum follows these bytes, SceneError where it does not match."""
-    checksum_there, others = content[before : before + DIGITS], memoryview(content)
+    checksum_there, others = content[head_length : head_length + DIGITS], memoryview(content)
     if not re.fullmatch(rb"[0-9a-f]{%d}" % DIGITS, checksum_there):
         raise ValueError
-    checksum = sha256(others[:before])
-    checksum.update(others[before + DIGITS :])
+    checksum = sha256(others[:head_length])
+    checksum.update(others[head_length + DIGITS :])
     if checksum.hexdigest().encode() != checksum_there:
         raise SceneError(["is damaged: its checksum does not match"])
 
@@ -97,14 +97,14 @@ def verify_whole(content: bytes, before: int) -> None:
 # ----------------------------------------------------------------------------------------------------------- text
 
 
-def sealed_text(before: str, after: str) -> bytes:
-    """A text in which JSON begins with `before` and continues with `after`, which is another key."""
-    return sealed(before.encode() + KEY, b'",' + after.encode())
+def sealed_text(head: str, tail: str) -> bytes:
+    """A text in which JSON begins with `head` and continues with `tail`, which is another key."""
+    return seal(head.encode() + KEY, b'",' + tail.encode())
 
 
-def verify_sealed_text(content: bytes, before: str) -> None:
-    """ValueError or SceneError where a text is not what `sealed_text` made with the same `before`."""
-    head = before.encode() + KEY
+def verify_sealed_text(content: bytes, head_text: str) -> None:
+    """ValueError or SceneError where a text is not what `sealed_text` made with the same `head_text`."""
+    head = head_text.encode() + KEY
     if not content.startswith(head):
         raise ValueError
     verify_whole(content, len(head))
@@ -118,36 +118,36 @@ def archive(arrays: Mapping[str, Any]) -> bytes:
     _limit_size(sum(np.asarray(values).nbytes for values in arrays.values()))
     stream = BytesIO()
     np.savez_compressed(stream, **arrays)
-    with ZipFile(stream, "a") as zipped:
-        zipped.comment = b"0" * DIGITS
-    return sealed(stream.getvalue()[:-DIGITS])
+    with ZipFile(stream, "a") as zip_file:
+        zip_file.comment = b"0" * DIGITS
+    return seal(stream.getvalue()[:-DIGITS])
 
 
-def unpacked(content: bytes, names: Collection[str] | None = None) -> dict[str, Any]:
+def unpack(content: bytes, names: Collection[str] | None = None) -> dict[str, Any]:
     """The arrays of an .npz file that `archive` made, these and no others where `names` are given.
 
     Nothing is unpacked before the checksum, all sizes and all names have been checked.
     """
     verify_whole(content, len(content) - DIGITS)
-    with ZipFile(BytesIO(content)) as zipped:
-        members = {member.filename.removesuffix(".npy"): member for member in zipped.infolist()}
+    with ZipFile(BytesIO(content)) as zip_file:
+        members = {member.filename.removesuffix(".npy"): member for member in zip_file.infolist()}
         _limit_size(sum(member.file_size for member in members.values()))
-        if len(members) != len(zipped.infolist()) or (names is not None and members.keys() != set(names)):
+        if len(members) != len(zip_file.infolist()) or (names is not None and members.keys() != set(names)):
             raise ValueError
-        return {name: _array(zipped, member) for name, member in members.items()}
+        return {name: _array(zip_file, member) for name, member in members.items()}
 
 
-def members_of(zipped: ZipFile, names: Collection[str], largest: int) -> dict[str, Any]:
+def members_of(zip_file: ZipFile, names: Collection[str], largest: int) -> dict[str, Any]:
     """Those of these arrays that are in an .npz file, at most so many bytes in all; none is unpickled."""
-    members = {member.filename.removesuffix(".npy"): member for member in zipped.infolist()}
-    wanted = {name: members[name] for name in names if name in members}
-    if sum(member.file_size for member in wanted.values()) > largest:
+    members = {member.filename.removesuffix(".npy"): member for member in zip_file.infolist()}
+    wanted_members = {name: members[name] for name in names if name in members}
+    if sum(member.file_size for member in wanted_members.values()) > largest:
         raise SceneError([f"has arrays of more than {largest} bytes"])
-    return {name: _array(zipped, member) for name, member in wanted.items()}
+    return {name: _array(zip_file, member) for name, member in wanted_members.items()}
 
 
-def _array(zipped: ZipFile, member: ZipInfo) -> Any:
-    with zipped.open(member) as stream:
+def _array(zip_file: ZipFile, member: ZipInfo) -> Any:
+    with zip_file.open(member) as stream:
         head = _head(stream)
         match = NPY.fullmatch(head)
         if not match:
@@ -167,9 +167,9 @@ def _head(stream: IO[bytes]) -> bytes:
 # ------------------------------------------------------------------------------------------------------- contents
 
 
-def require_keys(mapping: dict[str, Any], *known: str) -> None:
+def require_keys(mapping: dict[str, Any], *names: str) -> None:
     """ValueError for a mapping with other keys than these."""
-    if mapping.keys() != set(known):
+    if mapping.keys() != set(names):
         raise ValueError
 
 

@@ -65,14 +65,16 @@ class PartSignature:
     def __get__(self, part: object, cls: type[Any]) -> Signature:
         if part is not None:
             raise AttributeError("__signature__")
-        types = {name: told for base in reversed(cls.__mro__) for name, told in get_annotations(base).items()}
+        types = {
+            name: annotation for base in reversed(cls.__mro__) for name, annotation in get_annotations(base).items()
+        }
         return Signature(
             [
                 Parameter(
                     name,
                     Parameter.KEYWORD_ONLY,
                     default=Parameter.empty if field.is_required else field.default,
-                    annotation=accepted(types[name]),
+                    annotation=accepted_type(types[name]),
                 )
                 for name, field in cls.fields.items()
             ]
@@ -86,13 +88,13 @@ class PartDocumentation:
         self.words = words
 
     def __get__(self, part: object, cls: type[Any]) -> str | None:
-        told, sign, examples = cleandoc(self.words or "").partition(">>>")
+        text, sign, examples = cleandoc(self.words or "").partition(">>>")
         fields = (f"{name}\n    {field.words}" for name, field in cls.fields.items())
-        listed = "\n".join([told.rstrip(), "\nParameters\n----------", *fields]) if cls.fields else told
-        return f"{listed}\n\nExamples\n--------\n>>>{examples}" if sign else listed
+        documentation = "\n".join([text.rstrip(), "\nParameters\n----------", *fields]) if cls.fields else text
+        return f"{documentation}\n\nExamples\n--------\n>>>{examples}" if sign else documentation
 
 
-def accepted(annotation: str) -> str:
+def accepted_type(annotation: str) -> str:
     """The type that a field of this annotation accepts.
 
     >>> accepted("SeveralKinds[AnyLink, Link]"), accepted("float")

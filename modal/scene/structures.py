@@ -84,13 +84,13 @@ def _name_problems(scene: Described) -> Iterator[str]:
 
 def _clashes(scene: Described) -> Iterator[str]:
     """Names of different supports whose coordinates, or the forces on them, would have one name."""
-    taken: dict[str, int] = {}
+    first_indices: dict[str, int] = {}
     for index, support in enumerate(scene.supports):
         name = getattr(support, "name", "")
         numbers = range(1, len(support.M or ()) + 1) if isinstance(support, ModalSupport) else ()
         suffixes = [*SUFFIXES.get(support.kind, ()), *map(str, numbers), *(f"{k}_force" for k in numbers)]
         for suffix in suffixes if name else ():
-            first = taken.setdefault(f"{name}_{suffix}", index)
+            first = first_indices.setdefault(f"{name}_{suffix}", index)
             if scene.supports[first].name != name:
                 yield f'.support[{index}].name = "{name}": gives {name}_{suffix} to support[{first}] too'
 
@@ -120,7 +120,7 @@ def _hanging_problems(scene: Described, pendulum: Any, at: str) -> Iterator[str]
     if pendulum.on is None:
         if isinstance(scene.support, tuple):
             known = [support.name for support in scene.supports if getattr(support, "name", "")]
-            yield f"{at}.on: is required among several supports" + (f": {_listed(known)}" if known else "")
+            yield f"{at}.on: is required among several supports" + (f": {_list_of_names(known)}" if known else "")
         elif isinstance(scene.support, ModalSupport):
             yield f'{at}.on: is required on a modal support: write on = "{names[0]}[0]"'
         return
@@ -147,7 +147,7 @@ def _hanging_problems(scene: Described, pendulum: Any, at: str) -> Iterator[str]
         yield f"{at}.position: cannot be combined with a numbered point: leave it out"
 
 
-def _listed(names: Sequence[str]) -> str:
+def _list_of_names(names: Sequence[str]) -> str:
     return ", ".join(f'"{name}"' for name in names)
 
 
@@ -171,7 +171,7 @@ def _spring_problems(scene: Described, spring: Any, at: str) -> Iterator[str]:
         return
     bodies = [_bodies(scene, text, spring.kind) for text in spring.between]
     pairs = zip(*(body * (max(first, second) // len(body)) for body in bodies), strict=True)
-    if any(first_body == other for first_body, other in pairs):
+    if any(first_body == second_body for first_body, second_body in pairs):
         at_rest = bodies[0][0] == ("ground", 0)
         yield f"{at}.between: both ends are " + ("at rest" if at_rest else "on one body") + ": it would do nothing"
 

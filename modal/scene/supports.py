@@ -34,8 +34,8 @@ from modal.scene.validation import (
     REALS_OR_NONE,
     UNREAD,
     Part,
-    after,
     field,
+    function_after,
     list_of,
     one_of,
     optional,
@@ -111,8 +111,8 @@ def read_matrices(path: str | PathLike[str]) -> dict[str, Any]:
 
     from modal.scene.sealed import content, members_of, reading
 
-    with reading(path, "NPZ file of M, K and points"), ZipFile(BytesIO(content(path))) as zipped:
-        arrays = members_of(zipped, ARRAYS, LARGEST_FILE)
+    with reading(path, "NPZ file of M, K and points"), ZipFile(BytesIO(content(path))) as zip_file:
+        arrays = members_of(zip_file, ARRAYS, LARGEST_FILE)
         if missing := [name for name in ("M", "K", "points") if name not in arrays]:
             raise SceneError([f"has no array {', '.join(missing)}"])
         for name, matrix in arrays.items():
@@ -135,7 +135,7 @@ def _name(text: str) -> str:
 class Placed(Part):
     """What has a `name`, by which its points are called, and a `position` (along, below) of its origin (m)."""
 
-    name: str = field(after(_name, text(60)), "by which it is called, required among several", default="")
+    name: str = field(function_after(_name, text(60)), "by which it is called, required among several", default="")
     position: Pair[float] = field(PAIR, "of its origin as drawn: along the rail and down", "m", default=(0.0, 0.0))
 
 
@@ -346,7 +346,7 @@ def _end(text: str) -> str:
     return text
 
 
-END = after(_end, text(200))
+END = function_after(_end, text(200))
 
 
 class Spring(Part):

@@ -82,12 +82,15 @@ def _pendula(scene: Scene) -> str:
     """All pendula, equal sorts together."""
     counts: dict[str, tuple[str, int]] = {}
     for pendulum in scene.pendulum:
-        singular, many = _sort(pendulum)
-        counts[singular] = many, counts.get(singular, (many, 0))[1] + pendulum.count
+        singular, plural_words = _sort(pendulum)
+        counts[singular] = plural_words, counts.get(singular, (plural_words, 0))[1] + pendulum.count
     if len(counts) > MOST_SORTS:
         return f"{_number(scene.n_pendula)} pendula of {_number(scene.n_links)} links in all"
-    every = [singular if count == 1 else f"{_number(count)} {many}" for singular, (many, count) in counts.items()]
-    return listed(every, len(every))
+    phrases = [
+        singular if count == 1 else f"{_number(count)} {plural_words}"
+        for singular, (plural_words, count) in counts.items()
+    ]
+    return listed(phrases, len(phrases))
 
 
 def _sort(pendulum: Pendulum) -> tuple[str, str]:
@@ -112,13 +115,13 @@ def _links(pendulum: Pendulum) -> str:
         return plural(kind, count) if n in NAMES and n > 1 else f"{_number(count)} {plural(kind, count)}"
     if len(runs) > MOST_SORTS:
         return f"{_number(pendulum.n_links)} links"
-    every = [f"{_number(count)} {plural(kind, count)}" for kind, count in runs]
-    return listed(every, len(every))
+    phrases = [f"{_number(count)} {plural(kind, count)}" for kind, count in runs]
+    return listed(phrases, len(phrases))
 
 
 def runs_of(links: Iterable[AnyLink]) -> list[tuple[str, int]]:
     """Links of one kind below each other as one: the kind in words, and their number."""
-    return [(kind, sum(link.count for link in run)) for kind, run in groupby(links, _kind_of)]
+    return [(kind, sum(link.count for link in links_in_row)) for kind, links_in_row in groupby(links, _kind_of)]
 
 
 def _kind_of(link: AnyLink) -> str:
@@ -187,9 +190,9 @@ def _rows(pendula: Sequence[Pendulum]) -> Iterator[tuple[str, ...]]:
         also = [name.replace("_", " ") for name in ALSO if any(getattr(link, name) for link in pendulum.links)]
         yield (
             str(first) if first == end else f"{first}–{end}",
-            _cut(f"{count} {plural(kind, count)}" for kind, count in runs_of(pendulum.links)),
-            _cut(_times(link.count, link.mass) for link in pendulum.links),
-            _cut(_times(link.count, link.length) for link in pendulum.links),
+            _first_words(f"{count} {plural(kind, count)}" for kind, count in runs_of(pendulum.links)),
+            _first_words(_times(link.count, link.mass) for link in pendulum.links),
+            _first_words(_times(link.count, link.length) for link in pendulum.links),
             ", ".join([*also, *["start"] * (pendulum.start is not None)]),
         )
 
@@ -198,6 +201,6 @@ def _times(count: int, value: float) -> str:
     return f"{count} × {value:g}" if count > 1 else f"{value:g}"
 
 
-def _cut(words: Iterable[str]) -> str:
-    shown = list(islice(words, MOST_RUNS + 1))
-    return ", ".join(shown if len(shown) <= MOST_RUNS else [*shown[:MOST_RUNS], "…"])
+def _first_words(words: Iterable[str]) -> str:
+    beginning = list(islice(words, MOST_RUNS + 1))
+    return ", ".join(beginning if len(beginning) <= MOST_RUNS else [*beginning[:MOST_RUNS], "…"])

@@ -55,7 +55,7 @@ ENDS = r"(?=[ \t]*(?:$|[,}\]#]))"
 """Before what ends a value."""
 
 
-def told(document: str, error: Exception) -> list[str]:
+def mistakes_in(document: str, error: Exception) -> list[str]:
     """What is wrong with a document that the parser refused with this error."""
     broken: Broken | None = Broken.of(document, error)
     lines: list[str] = []
@@ -63,7 +63,7 @@ def told(document: str, error: Exception) -> list[str]:
         if broken is None:
             break
         guess = broken.guess()
-        lines += broken.shown(guess)
+        lines += broken.description(guess)
         broken = guess.broken if guess else None
     return lines
 
@@ -104,7 +104,7 @@ class Broken:
         return len(self.document) - self.at
 
     @cached_property
-    def opened(self) -> list[int]:
+    def open_brackets(self) -> list[int]:
         """Where the brackets stand that are open where the parser stopped."""
         stack: list[int] = []
         for token in TOKEN.finditer(self.document, 0, self.at):
@@ -128,7 +128,7 @@ class Broken:
                     return guess
         return None
 
-    def shown(self, guess: Guess | None) -> list[str]:
+    def description(self, guess: Guess | None) -> list[str]:
         """The number of the line and what is wrong with it, the line with a caret below, the line as perhaps meant."""
         at = guess.at if guess else self.at
         start = self.document.rfind("\n", 0, at) + 1
@@ -136,10 +136,14 @@ class Broken:
         number = self.document.count("\n", 0, start) + 1
         words = guess.words if guess else f"broken TOML: {self.why[:1].lower()}{self.why[1:]}"
         first = max(0, min(at - start - WIDEST // 2, len(line) - WIDEST))
-        seen, caret = visible(line[first : first + WIDEST]), breadth(visible(line[first : at - start]))
-        lines = [f"line {number}: {words}", f"{SPACE}{seen}", f"{SPACE}{' ' * caret}^"]
-        meant = guess.line(number) if guess and guess.is_meant else ""
-        return [*lines, f"{SPACE}perhaps: {visible(meant)}"] if meant and len(meant) <= WIDEST else lines
+        visible_line, caret = visible(line[first : first + WIDEST]), breadth(visible(line[first : at - start]))
+        lines = [f"line {number}: {words}", f"{SPACE}{visible_line}", f"{SPACE}{' ' * caret}^"]
+        corrected_line = guess.line(number) if guess and guess.is_meant else ""
+        return (
+            [*lines, f"{SPACE}perhaps: {visible(corrected_line)}"]
+            if corrected_line and len(corrected_line) <= WIDEST
+            else lines
+        )
 
 
 @dataclass(frozen=True)
@@ -162,10 +166,10 @@ class Guess:
 
     def helps(self, before: Broken) -> bool:
         """Whether the parser comes further than before."""
-        after = self.broken
-        if after is None:
+        result = self.broken
+        if result is None:
             return True
-        return after.left < before.left or (before.left == 0 < after.left and after.at > self.at)
+        return result.left < before.left or (before.left == 0 < result.left and result.at > self.at)
 
     def line(self, number: int) -> str:
         """A line of the corrected document, by its number from 1."""
@@ -179,7 +183,7 @@ def _starts(document: str) -> list[int]:
 # ---------------------------------------------------------------------------------------------- the usual mistakes
 
 
-def _replaced(pattern: str, by: str | Callable[[re.Match[str]], str], words: str, mark: int = 0) -> Mistake:
+def _replacement(pattern: str, by: str | Callable[[re.Match[str]], str], words: str, mark: int = 0) -> Mistake:
     """The mistake of what a pattern finds in the line: the caret stands below the group `mark`.
 
     All that is found is replaced at first, then each of the first ones alone.
@@ -192,8 +196,8 @@ def _replaced(pattern: str, by: str | Callable[[re.Match[str]], str], words: str
             if number:
                 replacement = match.expand(by) if isinstance(by, str) else by(match)
                 line = broken.line[: match.start()] + replacement + broken.line[match.end() :]
-            said = words.format(match[0], *match.groups(""))
-            yield Guess(broken.start + match.start(mark), said, broken.with_line(line))
+            sentence = words.format(match[0], *match.groups(""))
+            yield Guess(broken.start + match.start(mark), sentence, broken.with_line(line))
 
     return mistake
 
@@ -205,9 +209,9 @@ def _letters(table: dict[str, str], words: str) -> Mistake:
         at = next((k for k, letter in enumerate(broken.line) if letter in table), None)
         if at is not None:
             letter = broken.line[at]
-            said = words.format(letter.strip() or "a special space", table[letter].strip() or "a plain one")
+            sentence = words.format(letter.strip() or "a special space", table[letter].strip() or "a plain one")
             line = broken.line.translate({ord(old): new for old, new in table.items()})
-            yield Guess(broken.start + at, said, broken.with_line(line))
+            yield Guess(broken.start + at, sentence, broken.with_line(line))
 
     return mistake
 
@@ -247,8 +251,10 @@ def _repeated_table(broken: Broken) -> Iterator[Guess]:
 def _two_keys(broken: Broken) -> Iterator[Guess]:
     """Two keys in one line outside of braces."""
     if broken.why.startswith("Expected newline") and re.match(r"[\w.-]+[ \t]*=", broken.document[broken.at :]):
-        skipped = broken.document[: broken.at] + "#" + broken.document[broken.at :]
-        yield Guess(broken.at, "each key has a line of its own, but for those in braces { … }", skipped, is_meant=False)
+        document = broken.document[: broken.at] + "#" + broken.document[broken.at :]
+        yield Guess(
+            broken.at, "each key has a line of its own, but for those in braces { … }", document, is_meant=False
+        )
 
 
 def _open_header(broken: Broken) -> Iterator[Guess]:
@@ -262,20 +268,20 @@ def _open_header(broken: Broken) -> Iterator[Guess]:
 
 def _lines_in_table(broken: Broken) -> Iterator[Guess]:
     """An inline table over several lines: joined, with the lines that it no longer takes behind it."""
-    if not broken.opened or broken.document[broken.opened[-1]] != "{":
+    if not broken.open_brackets or broken.document[broken.open_brackets[-1]] != "{":
         return
-    first = broken.opened[0] if broken.document[broken.opened[0]] == "{" else broken.opened[-1]
+    first = broken.open_brackets[0] if broken.document[broken.open_brackets[0]] == "{" else broken.open_brackets[-1]
     end = _closing(broken.document, first)
     inner = broken.document[first:end]
     if not end or "\n" not in inner:
         return
     tokens = (token[0] for token in TOKEN.finditer(inner))
     bare = "".join({"\n": " ", "#": ""}.get(token[:1], token) for token in tokens)
-    joined = re.sub(r",?[ \t]*\}$", " }", re.sub(r"[ \t]{2,}", " ", bare))
-    rest, newline, more = broken.document[end:].partition("\n")
-    fixed = broken.document[:first] + joined + rest + newline * (1 + inner.count("\n")) + more
+    one_line = re.sub(r",?[ \t]*\}$", " }", re.sub(r"[ \t]{2,}", " ", bare))
+    rest, newline, following = broken.document[end:].partition("\n")
+    new_document = broken.document[:first] + one_line + rest + newline * (1 + inner.count("\n")) + following
     at = broken.document.find("\n", first)
-    yield Guess(at, "a table in braces { … } stands on one line", fixed)
+    yield Guess(at, "a table in braces { … } stands on one line", new_document)
 
 
 def _closing(document: str, start: int) -> int:
@@ -290,27 +296,27 @@ def _closing(document: str, start: int) -> int:
 
 def _missing_comma(broken: Broken) -> Iterator[Guess]:
     """No comma between two values."""
-    if broken.why.startswith("Unclosed") and broken.opened:
-        before = len(broken.document[: broken.at].rstrip())
-        if "\n" in broken.document[before : broken.at] and not re.match(r"[{\"'\d+-]", broken.document[broken.at :]):
+    if broken.why.startswith("Unclosed") and broken.open_brackets:
+        position = len(broken.document[: broken.at].rstrip())
+        if "\n" in broken.document[position : broken.at] and not re.match(r"[{\"'\d+-]", broken.document[broken.at :]):
             return
-        fixed = broken.document[:before] + "," + broken.document[before:]
-        yield Guess(broken.at, "a comma is missing before this", fixed)
+        new_document = broken.document[:position] + "," + broken.document[position:]
+        yield Guess(broken.at, "a comma is missing before this", new_document)
 
 
 def _open_bracket(broken: Broken) -> Iterator[Guess]:
     """A bracket that is not closed, at the end of whose line it should be."""
-    for at in reversed(broken.opened):
+    for at in reversed(broken.open_brackets):
         bracket = broken.document[at]
         end = broken.document.find("\n", at) % (len(broken.document) + 1)
         text = re.sub(r"[ \t,]*(#.*)?$", "", broken.document[at:end])
         closing = {"[": "]", "{": " }"}[bracket]
-        before = len(broken.document[: broken.at].rstrip())
-        for fixed in (
+        end_of_text = len(broken.document[: broken.at].rstrip())
+        for new_document in (
             broken.document[:at] + text + closing + broken.document[end:],
-            broken.document[:before] + closing + broken.document[before:],
+            broken.document[:end_of_text] + closing + broken.document[end_of_text:],
         ):
-            yield Guess(at, f"this {bracket} is not closed", fixed)
+            yield Guess(at, f"this {bracket} is not closed", new_document)
 
 
 def _closing_nothing(broken: Broken) -> Iterator[Guess]:
@@ -366,40 +372,42 @@ IN_SI = "a number stands without its unit: all are in SI units, angles in degree
 SIGNS: tuple[Mistake, ...] = (
     _letters(QUOTES, "{0} is a curly quotation mark: write {1}"),
     _letters(LETTERS, "{0} is not plain text: write {1}"),
-    _replaced(rf"(=[ \t]*[-+]?\d+)(,)(\d+){ENDS}", r"\1.\3", "a number has a decimal point, not a comma", 2),
-    _replaced(KEY + r'"?([\w-]+)"?[ \t]*(:)(?!=)[ \t]*', r"\1\2 = ", "a key has an equals sign, not a colon", 3),
-    _replaced(r"[ \t]*(:=|==)[ \t]*", " = ", "a key has one equals sign", 1),
+    _replacement(rf"(=[ \t]*[-+]?\d+)(,)(\d+){ENDS}", r"\1.\3", "a number has a decimal point, not a comma", 2),
+    _replacement(KEY + r'"?([\w-]+)"?[ \t]*(:)(?!=)[ \t]*', r"\1\2 = ", "a key has an equals sign, not a colon", 3),
+    _replacement(r"[ \t]*(:=|==)[ \t]*", " = ", "a key has one equals sign", 1),
 )
 VALUES: tuple[Mistake, ...] = (
-    _replaced(rf"{VALUE}({'|'.join(TRUTHS)}){ENDS}", _truth, "truth values are true and false, in small letters", 2),
-    _replaced(rf"([\w-]+[ \t]*=[ \t]*)(None|none|null|NULL|nil){ENDS}", "", "TOML has no {2}: leave the key out", 2),
-    _replaced(rf"{VALUE}({NUMBER})[ \t]*/[ \t]*({NUMBER}){ENDS}", _fraction, "a value is a number, not a formula", 2),
-    _replaced(r"(?<![\w.])(\.)(\d)", r"0.\2", "a number has a digit before its point", 1),
-    _replaced(r"(?<![\w.])(\d+)(\.)(?![\d.\w])", r"\1.0", "a number has a digit after its point", 2),
-    _replaced(r"(?<![\w.])(0+)(\d+)", r"\2", "a number begins with no zero", 1),
-    _replaced(rf"(=[ \t]*{NUMBER})[ \t]*{UNIT}{ENDS}", r"\1", IN_SI, 2),
+    _replacement(rf"{VALUE}({'|'.join(TRUTHS)}){ENDS}", _truth, "truth values are true and false, in small letters", 2),
+    _replacement(rf"([\w-]+[ \t]*=[ \t]*)(None|none|null|NULL|nil){ENDS}", "", "TOML has no {2}: leave the key out", 2),
+    _replacement(
+        rf"{VALUE}({NUMBER})[ \t]*/[ \t]*({NUMBER}){ENDS}", _fraction, "a value is a number, not a formula", 2
+    ),
+    _replacement(r"(?<![\w.])(\.)(\d)", r"0.\2", "a number has a digit before its point", 1),
+    _replacement(r"(?<![\w.])(\d+)(\.)(?![\d.\w])", r"\1.0", "a number has a digit after its point", 2),
+    _replacement(r"(?<![\w.])(0+)(\d+)", r"\2", "a number begins with no zero", 1),
+    _replacement(rf"(=[ \t]*{NUMBER})[ \t]*{UNIT}{ENDS}", r"\1", IN_SI, 2),
 )
 ENDINGS: tuple[Mistake, ...] = (
-    _replaced(r"(;)(?=[ \t]*(?:#|$))", "", "a line ends without a semicolon", 1),
-    _replaced(r"(,)(?=[ \t]*(?:#|$))", "", "a line ends without a comma", 1),
-    _replaced(r"(?:^|(?<=[ \t]))(//+|--+|/\*|%|;)(?=[^\n]*$)", "#", "a comment begins with #", 1),
+    _replacement(r"(;)(?=[ \t]*(?:#|$))", "", "a line ends without a semicolon", 1),
+    _replacement(r"(,)(?=[ \t]*(?:#|$))", "", "a line ends without a comma", 1),
+    _replacement(r"(?:^|(?<=[ \t]))(//+|--+|/\*|%|;)(?=[^\n]*$)", "#", "a comment begins with #", 1),
 )
 TEXTS: tuple[Mistake, ...] = (
-    _replaced(rf"{VALUE}({PATH})[\"']?{ENDS}", _bare_word, 'text stands in quotation marks: "{2}"', 2),
+    _replacement(rf"{VALUE}({PATH})[\"']?{ENDS}", _bare_word, 'text stands in quotation marks: "{2}"', 2),
     _open_string,
-    _replaced(r'"((?:[^"\\]|\\.)*\\[^"]*)"', _between_single, "a backslash stands between single quotation marks"),
+    _replacement(r'"((?:[^"\\]|\\.)*\\[^"]*)"', _between_single, "a backslash stands between single quotation marks"),
 )
 BRACKETS: tuple[Mistake, ...] = (
     _lines_in_table,
-    _replaced(r"(,)([ \t]*\})", r"\2", "a table in braces ends without a comma", 1),
-    _replaced(r"\((.*)\)", r"[\1]", "a list stands in square brackets"),
+    _replacement(r"(,)([ \t]*\})", r"\2", "a table in braces ends without a comma", 1),
+    _replacement(r"\((.*)\)", r"[\1]", "a list stands in square brackets"),
     _missing_comma,
     _open_bracket,
     _closing_nothing,
 )
 EQUALS: tuple[Mistake, ...] = (
-    _replaced(KEY + r"([\w-]+)[ \t]+(?!=)(\S)", r"\1\2 = \3", "an equals sign is missing", 3),
-    _replaced(r"^([ \t]*[\w.-]+[ \t]*=[ \t]*)()(?=#|$)", "", "a value is missing here", 2),
+    _replacement(KEY + r"([\w-]+)[ \t]+(?!=)(\S)", r"\1\2 = \3", "an equals sign is missing", 3),
+    _replacement(r"^([ \t]*[\w.-]+[ \t]*=[ \t]*)()(?=#|$)", "", "a value is missing here", 2),
 )
 TABLES: tuple[Mistake, ...] = (_two_keys, _repeated_table, _repeated_key, _open_header)
 MISTAKES = (*SIGNS, *VALUES, *ENDINGS, *TABLES, *TEXTS, *BRACKETS, *EQUALS)

@@ -66,7 +66,7 @@ def _zero_or_sizeable(value: float) -> float:
     return value
 
 
-def _whole(value: object) -> object:
+def _to_integer(value: object) -> object:
     """NumPy's whole numbers as Python's; True and False are rejected."""
     try:
         return value if isinstance(value, bool) else index(value)  # type: ignore[arg-type]
@@ -81,12 +81,12 @@ def _several(value: object) -> object:
     return value
 
 
-def before(function: Callable[[Any], Any], schema: Schema) -> Schema:
+def function_before(function: Callable[[Any], Any], schema: Schema) -> Schema:
     """The schema applied to the function's result for a value."""
     return {"type": "function-before", "function": {"type": "no-info", "function": function}, "schema": schema}
 
 
-def after(function: Callable[[Any], Any], schema: Schema) -> Schema:
+def function_after(function: Callable[[Any], Any], schema: Schema) -> Schema:
     """The function applied to a value that the schema has checked."""
     return {"type": "function-after", "function": {"type": "no-info", "function": function}, "schema": schema}
 
@@ -97,10 +97,10 @@ def number(**bounds: float) -> Schema:
 
 
 POSITIVE = number(ge=SMALLEST, le=LARGEST)
-NON_NEGATIVE = after(_zero_or_sizeable, number(ge=0, le=LARGEST))
+NON_NEGATIVE = function_after(_zero_or_sizeable, number(ge=0, le=LARGEST))
 REAL = number(ge=-LARGEST, le=LARGEST)
 TRUTH: Schema = {"type": "bool", "strict": True}
-COUNT = before(_whole, {"type": "int", "strict": True, "ge": 1, "le": MAX_COPIES})
+COUNT = function_before(_to_integer, {"type": "int", "strict": True, "ge": 1, "le": MAX_COPIES})
 
 
 def one_of(*words: str) -> Schema:
@@ -142,12 +142,12 @@ def one_or_list(schema: Schema) -> Schema:
 
 def parts(schema: Schema) -> Schema:
     """At least one part in a list."""
-    return before(_several, list_of(schema) | {"min_length": 1})
+    return function_before(_several, list_of(schema) | {"min_length": 1})
 
 
 def parts_or_none(schema: Schema) -> Schema:
     """Any number of parts in a list."""
-    return before(_several, list_of(schema))
+    return function_before(_several, list_of(schema))
 
 
 def any_kind(*kinds: type[Part]) -> Schema:
@@ -207,21 +207,27 @@ class Part:
         }
     )
     """What `dir` and completion leave out, with all names that begin with an underscore."""
-    _made: ClassVar[SchemaValidator]
+    _compiled: ClassVar[SchemaValidator]
     model_config: ClassVar[dict[str, Any]] = {"extra": "forbid"}
 
     def __init_subclass__(cls) -> None:
         """Take the fields out of the class; register the keys and kinds of a new part."""
-        declared = {name: value for name, value in vars(cls).items() if isinstance(value, Field)}
-        for name in declared:
+        own_fields = {name: value for name, value in vars(cls).items() if isinstance(value, Field)}
+        for name in own_fields:
             delattr(cls, name)
-        inherited = (vars(base).get("fields", {}) for base in reversed(cls.__mro__[1:]))
-        cls.fields = {name: field for fields in inherited for name, field in fields.items()} | declared
+        base_fields = (vars(base).get("fields", {}) for base in reversed(cls.__mro__[1:]))
+        cls.fields = {name: field for fields in base_fields for name, field in fields.items()} | own_fields
         cls.__doc__ = PartDocumentation(vars(cls).get("__doc__"))  # type: ignore[assignment]
         KEYS.update(cls.fields)
         TAGS.update(_kinds_of(cls))
         kinds = {key: list(_kinds(field.schema)) for key, field in cls.fields.items() if key != "kind"}
-        KINDS.update({key: ", ".join(f'"{kind}"' for kind in listed) for key, listed in kinds.items() if listed})
+        KINDS.update(
+            {
+                key: ", ".join(f'"{kind}"' for kind in kinds_of_key)
+                for key, kinds_of_key in kinds.items()
+                if kinds_of_key
+            }
+        )
 
     def __init__(self, /, **data: Any) -> None:
         """Raises SceneError."""
@@ -247,32 +253,32 @@ class Part:
         """The schema by which it is checked."""
         fields = {name: field.full_schema for name, field in cls.fields.items()}
         inner = {"type": "model-fields", "fields": fields, "extra_behavior": "forbid"}
-        return after(_consistent, {"type": "model", "cls": cls, "schema": inner})
+        return function_after(_consistent, {"type": "model", "cls": cls, "schema": inner})
 
     @classmethod
     def _validator(cls) -> SchemaValidator:
-        if "_made" not in vars(cls):
-            cls._made = SchemaValidator(cls.schema(), {"title": cls.__name__})
-        return cls._made
+        if "_compiled" not in vars(cls):
+            cls._compiled = SchemaValidator(cls.schema(), {"title": cls.__name__})
+        return cls._compiled
 
     @classmethod
     def model_json_schema(cls) -> dict[str, Any]:
         """The JSON Schema of the mappings that `model_validate` accepts; descriptions leave out examples in Python."""
         from pydantic.json_schema import GenerateJsonSchema
 
-        schema = _named(cls.schema())
+        schema = _with_references(cls.schema())
         document = GenerateJsonSchema().generate(schema)
-        known = {part.__name__: part for part in _parts(schema)}
+        parts = {part.__name__: part for part in _parts(schema)}
         for part in (document, *document.get("$defs", {}).values()):
-            if part.get("title") in known:
+            if part.get("title") in parts:
                 part["description"] = part["description"].partition("\n\nParameters\n")[0]
-                for name, told in known[part["title"]].fields.items():
-                    part["properties"][name]["description"] = told.words
+                for name, field in parts[part["title"]].fields.items():
+                    part["properties"][name]["description"] = field.words
         return document
 
     def model_dump(self) -> dict[str, Any]:
         """All fields as nested mappings, which `model_validate` reads back."""
-        return {name: _dumped(value) for name, value in self}
+        return {name: _dump(value) for name, value in self}
 
     def replace(self, **changes: Any) -> Self:
         """A copy with other values under these keys, checked again; SceneError names every mistake and its place.
@@ -303,7 +309,7 @@ class Part:
         return self
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _restored, (type(self), self.__dict__)
+        return _restore, (type(self), self.__dict__)
 
     def __setattr__(self, name: str, value: object) -> None:
         raise SceneError([f"{name}: is frozen: replace({name}=…) gives a changed copy"])
@@ -321,24 +327,24 @@ class Part:
 
     def __repr__(self) -> str:
         """As it is written in Python, without defaults; of long lists the beginning."""
-        written = ((name, value) for name, value in self if value != self.fields[name].default)
-        return f"{type(self).__name__}({', '.join(f'{name}={_written(value)}' for name, value in written)})"
+        items = ((name, value) for name, value in self if value != self.fields[name].default)
+        return f"{type(self).__name__}({', '.join(f'{name}={_value_text(value)}' for name, value in items)})"
 
 
-def _written(value: Any) -> str:
+def _value_text(value: Any) -> str:
     """As in Python, of a long list the first items and the number of the others."""
     if not isinstance(value, tuple) or len(value) <= MOST_WRITTEN:
         return repr(value)
     return f"({', '.join(map(repr, value[:MOST_WRITTEN]))}, … {len(value) - MOST_WRITTEN} more)"
 
 
-def _dumped(value: Any) -> Any:
+def _dump(value: Any) -> Any:
     if isinstance(value, Part):
         return value.model_dump()
-    return tuple(map(_dumped, value)) if isinstance(value, tuple) else value
+    return tuple(map(_dump, value)) if isinstance(value, tuple) else value
 
 
-def _restored(cls: type[Part], values: dict[str, Any]) -> Part:
+def _restore(cls: type[Part], values: dict[str, Any]) -> Part:
     """A part that has already been checked."""
     part = cls.__new__(cls)
     part.__dict__.update(values)
@@ -352,14 +358,14 @@ def _consistent(part: Part) -> Part:
     return part
 
 
-def _named(schema: Any) -> Any:
+def _with_references(schema: Any) -> Any:
     """A schema whose parts have names to refer to, and defaults that JSON can write."""
     if isinstance(schema, list):
-        return [_named(inner) for inner in schema]
+        return [_with_references(inner) for inner in schema]
     if not isinstance(schema, dict):
         return schema.__dict__ if isinstance(schema, Part) else schema
-    named = {key: _named(value) for key, value in schema.items()}
-    return named | {"ref": f"scene.{schema['cls'].__name__}:0"} if schema.get("type") == "model" else named
+    references = {key: _with_references(value) for key, value in schema.items()}
+    return references | {"ref": f"scene.{schema['cls'].__name__}:0"} if schema.get("type") == "model" else references
 
 
 def _parts(schema: Any) -> Iterator[type[Part]]:
@@ -402,13 +408,13 @@ def _size(finding: Mapping[str, Any]) -> int:
 def _problem(finding: Mapping[str, Any], words: str) -> str:
     place = _place(finding["loc"], is_key=finding["type"] == "extra_forbidden")
     if finding["type"] == "union_tag_invalid":
-        return f"{place}.kind = {_shown(finding['ctx']['tag'])}: {words}"
+        return f"{place}.kind = {_file_text(finding['ctx']['tag'])}: {words}"
     if words.startswith("."):
         return (place + words).removeprefix(".")
     silent = finding["type"] in {"missing", "extra_forbidden", "value_error"}
     if silent or isinstance(finding["input"], Mapping | list | tuple):
         return f"{place}: {words}".removeprefix(": ")
-    return f"{place} = {_shown(finding['input'])}: {words}".removeprefix(" = ")
+    return f"{place} = {_file_text(finding['input'])}: {words}".removeprefix(" = ")
 
 
 def _in_file(location: tuple[int | str, ...]) -> tuple[int | str, ...]:
@@ -420,19 +426,19 @@ def _place(location: tuple[int | str, ...], is_key: bool) -> str:
     """The location as written in the file, without the kinds that the validator adds after a support or a link."""
     parts, location = [], _in_file(location)
     for position, part in enumerate(location):
-        before = location[max(0, position - 2) : position]
-        behind = before[-1:] in {("support",), ("drive",), ("motion",)} or (
-            before[:1] in {("support",), ("links",), ("force",), ("motion",)} and isinstance(before[-1], int)
+        preceding = location[max(0, position - 2) : position]
+        follows_key = preceding[-1:] in {("support",), ("drive",), ("motion",)} or (
+            preceding[:1] in {("support",), ("links",), ("force",), ("motion",)} and isinstance(preceding[-1], int)
         )
-        added = part in TAGS and behind and not (is_key and position == len(location) - 1)
-        if not added:
+        is_tag = part in TAGS and follows_key and not (is_key and position == len(location) - 1)
+        if not is_tag:
             parts.append(f"[{part}]" if isinstance(part, int) else f".{_key(part)}")
     return "".join(parts).removeprefix(".")
 
 
 def _key(name: str) -> str:
     """A key as a scene file writes it."""
-    return name if re.fullmatch("[A-Za-z0-9_-]+", name) else _shown(name)
+    return name if re.fullmatch("[A-Za-z0-9_-]+", name) else _file_text(name)
 
 
 def _words(finding: Mapping[str, Any]) -> str:
@@ -442,9 +448,9 @@ def _words(finding: Mapping[str, Any]) -> str:
     if kind == "greater_than_equal":
         return _lower_bound(finding["input"], context["ge"])
     if kind == "less_than":
-        return f"must be below {_bound(context['lt'])}"
+        return f"must be below {_limit_text(context['lt'])}"
     if kind == "less_than_equal":
-        return f"must be at most {_bound(context['le'])}"
+        return f"must be at most {_limit_text(context['le'])}"
     if kind in {"float_type", "int_type"} and isinstance(finding["input"], str | float):
         return WORDS[kind] + _as_number(finding["input"], is_whole=kind == "int_type")
     if kind == "float_type" and isinstance(finding["input"], int) and not isinstance(finding["input"], bool):
@@ -452,18 +458,18 @@ def _words(finding: Mapping[str, Any]) -> str:
     if kind == "tuple_type" and isinstance(finding["input"], Mapping):
         return f"must be a list: write {LISTS_OF_TABLES.get(str(finding['loc'][-1]), '[…]')}"
     if kind == "tuple_type" and isinstance(finding["input"], str | int | float):
-        return f"must be a list: write {in_brackets(finding['input'], _shown(finding['input']))}"
+        return f"must be a list: write {in_brackets(finding['input'], _file_text(finding['input']))}"
     if kind.startswith("model_"):
         return WORDS[kind] + _as_part(str(next(reversed(_in_file(finding["loc"])), "")), finding["input"])
     if kind == "union_tag_not_found":
         key = next(part for part in reversed(_in_file(finding["loc"])) if isinstance(part, str))
-        other = next((word for word in ("type", "shape", "Kind") if word in dict(_items(finding["input"]))), "")
-        return f"needs a kind, one of {KINDS[key]}" + f": write kind in place of {other}" * bool(other)
+        wrong_key = next((word for word in ("type", "shape", "Kind") if word in dict(_items(finding["input"]))), "")
+        return f"needs a kind, one of {KINDS[key]}" + f": write kind in place of {wrong_key}" * bool(wrong_key)
     if kind in {"literal_error", "union_tag_invalid"}:
-        listed = str(context.get("expected") or context["expected_tags"])
+        choices = str(context.get("expected") or context["expected_tags"])
         word = context.get("tag", finding["input"])
-        near = suggestion(word, re.findall("'([^']*)'", listed)) if isinstance(word, str) else ""
-        return f"must be one of {listed}".replace("'", '"') + near
+        hint = suggestion(word, re.findall("'([^']*)'", choices)) if isinstance(word, str) else ""
+        return f"must be one of {choices}".replace("'", '"') + hint
     if kind == "value_error":
         return str(context["error"])
     return WORDS.get(kind, str(finding["msg"]))
@@ -498,7 +504,7 @@ def _as_part(key: str, value: object) -> str:
     """How a part is written of which the kind alone was given, or the angles of a start."""
     if key == "start" and isinstance(value, int | float | list):
         angles = value if isinstance(value, list) else [value]
-        return f": write start = {{ angles_deg = {_shown(angles)} }}"
+        return f": write start = {{ angles_deg = {_file_text(angles)} }}"
     return _as_kind(key, value) if isinstance(value, str) else ""
 
 
@@ -509,19 +515,19 @@ def _as_kind(key: str, word: str) -> str:
     return f": write {as_table(kind, {key: KINDS[key]})}" if kind in kinds and key in KINDS else ""
 
 
-def _lower_bound(value: float, bound: float) -> str:
-    if bound == 0:
+def _lower_bound(value: float, limit: float) -> str:
+    if limit == 0:
         return "must not be negative"
     if value <= 0:
         return "must be positive"
-    return f"must be at least {_bound(bound)}"
+    return f"must be at least {_limit_text(limit)}"
 
 
-def _bound(value: float) -> str:
+def _limit_text(value: float) -> str:
     return f"{value:g}" if isinstance(value, float) else str(value)
 
 
-def _shown(value: object, width: int = 40) -> str:
+def _file_text(value: object, width: int = 40) -> str:
     """As a scene file writes it."""
     if isinstance(value, int) and value.bit_length() > 1024:
         return "(an enormous integer)"

@@ -58,20 +58,20 @@ TABLES = {
 NUMBER = re.compile(r"\s*([-+−]?\d+)(?:([.,])(\d+))?([eE][-+]?\d+)?\s*(?:[^\d.,].*)?")
 
 
-def suggestion(word: str, known: Iterable[str], near: float = 0.6) -> str:
+def suggestion(word: str, known_words: Iterable[str], cutoff: float = 0.6) -> str:
     """What a word stands for, ` (did you mean …?)`, or nothing where no known word is another name of it or near.
 
     >>> suggestion("trolley", ["fixed", "cart"]), suggestion("Rod", ["bob", "rod"])
     (' (did you mean cart?)', ' (did you mean rod?)')
     """
-    words = list(known)
+    words = list(known_words)
     small = word.lower().strip()
     if small in OUTSIDE and "bob" in words:
         return OUTSIDE[small]
     for candidate in (OTHER_NAMES.get(small, ""), small):
         if candidate in words and candidate != word:
             return f" (did you mean {candidate}?)"
-    return spelling_hint(word, words, cutoff=near)
+    return spelling_hint(word, words, cutoff=cutoff)
 
 
 def as_table(kind: str, homes: dict[str, str]) -> str:
@@ -92,11 +92,11 @@ def number_in(text: str) -> str:
     match = NUMBER.fullmatch(text)
     if match is None:
         return ""
-    whole, _, decimals, power = match.groups()
-    return whole.replace("−", "-") + (f".{decimals}" if decimals else "") + (power or "")
+    integer_part, _, decimals, power = match.groups()
+    return integer_part.replace("−", "-") + (f".{decimals}" if decimals else "") + (power or "")
 
 
-def in_brackets(value: object, shown: str) -> str:
+def in_brackets(value: object, text: str) -> str:
     """How one value is written where a list is required."""
-    other = OTHER_NAMES.get(value.lower(), "") if isinstance(value, str) else ""
-    return f"[{json.dumps(other)}]" if other in {"up", "down"} else f"[{shown}]"
+    direction = OTHER_NAMES.get(value.lower(), "") if isinstance(value, str) else ""
+    return f"[{json.dumps(direction)}]" if direction in {"up", "down"} else f"[{text}]"

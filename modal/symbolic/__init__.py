@@ -16,7 +16,7 @@ from modal.symbolic.lagrangian import derive_lagrangian, vanishes
 from modal.symbolic.newton_euler import NewtonEuler, part_sections
 from modal.symbolic.roots import polynomial_roots, symbolic
 from modal.symbolic.structures import SymbolicStructure
-from modal.symbolic.system import chain, of_structured
+from modal.symbolic.system import chain, symbolic_structure
 from modal.symbolic.typesetting import Line, Section, plain, typeset
 
 __all__ = [
@@ -30,11 +30,11 @@ __all__ = [
     "derive",
     "derive_lagrangian",
     "lagrange_equations",
-    "of_structured",
     "part_sections",
     "plain",
     "polynomial_roots",
     "symbolic",
+    "symbolic_structure",
     "time_derivative",
     "typeset",
     "vanishes",

@@ -123,18 +123,18 @@ class SymbolicCarrier:
     def place(self, where: Where) -> tuple[Any, Any]:
         """(along, down) of a point in m."""
         x, z = self.position
-        dx, dz = self._displaced()
+        dx, dz = self._displacement()
         if isinstance(where, int):
             eta = [c.q for c in self.coordinates]
-            along, down = ([a * q for a, q in zip(row, eta, strict=True)] for row in self.points[where])
-            return x + sp.Add(*along), z + sp.Add(*down)
+            x_parts, z_parts = ([a * q for a, q in zip(row, eta, strict=True)] for row in self.points[where])
+            return x + sp.Add(*x_parts), z + sp.Add(*z_parts)
         s, h = where
         if self.angle is None:
             return x + dx + s, z + dz + h
         S, C = sp.sin(self.angle.q), sp.cos(self.angle.q)
         return x + dx + s * C + h * S, z + dz + h * C - s * S
 
-    def _displaced(self) -> tuple[Any, Any]:
+    def _displacement(self) -> tuple[Any, Any]:
         """How far its origin is from where it is drawn."""
         q = [c.q for c in self.coordinates]
         if self.kind == "cart":
@@ -147,19 +147,19 @@ class SymbolicCarrier:
             return q[0], -q[1]
         return sp.S.Zero, sp.S.Zero
 
-    def speed_squared(self, where: Where) -> Any:
+    def speed_square(self, where: Where) -> Any:
         """|v|² of a point, in the rates of the coordinates."""
         v = [c.v for c in self.coordinates]
         if isinstance(where, int):
-            along, down = ([a * rate for a, rate in zip(row, v, strict=True)] for row in self.points[where])
-            return sp.expand(sp.Add(*along) ** 2 + sp.Add(*down) ** 2)
+            x_rates, z_rates = ([a * rate for a, rate in zip(row, v, strict=True)] for row in self.points[where])
+            return sp.expand(sp.Add(*x_rates) ** 2 + sp.Add(*z_rates) ** 2)
         s, h = where
         if self.kind == "tilt":
             return (s**2 + h**2) * v[0] ** 2
         if self.angle is not None:
             S, C = sp.sin(self.angle.q), sp.cos(self.angle.q)
-            turned = v[0] * (h * C - s * S) + v[1] * (h * S + s * C)
-            return v[0] ** 2 + v[1] ** 2 + (s**2 + h**2) * v[2] ** 2 + 2 * v[2] * turned
+            cross_rate = v[0] * (h * C - s * S) + v[1] * (h * S + s * C)
+            return v[0] ** 2 + v[1] ** 2 + (s**2 + h**2) * v[2] ** 2 + 2 * v[2] * cross_rate
         return v[0] ** 2 if v else sp.S.Zero
 
     def speed_across(self, where: Where, theta: Any) -> Any:
@@ -167,14 +167,14 @@ class SymbolicCarrier:
         S, C = sp.sin(theta), sp.cos(theta)
         v = [c.v for c in self.coordinates]
         if isinstance(where, int):
-            along, down = ([a * rate for a, rate in zip(row, v, strict=True)] for row in self.points[where])
-            return sp.Add(*along) * C - sp.Add(*down) * S
+            x_rates, z_rates = ([a * rate for a, rate in zip(row, v, strict=True)] for row in self.points[where])
+            return sp.Add(*x_rates) * C - sp.Add(*z_rates) * S
         parts = {"cart": [C], "heave": [S], "platform": [C, S]}.get(self.kind, [])
         if self.kind == "swing":
             parts = [sp.cos(theta - self.coordinates[0].q / self.length)]
         if self.angle is not None:
-            turned = theta - self.angle.q
-            parts = [*parts, where[1] * sp.cos(turned) + where[0] * sp.sin(turned)]
+            difference = theta - self.angle.q
+            parts = [*parts, where[1] * sp.cos(difference) + where[0] * sp.sin(difference)]
         return sp.Add(*(part * rate for part, rate in zip(parts, v, strict=True)))
 
     @property
@@ -184,7 +184,7 @@ class SymbolicCarrier:
         if self.masses is not None:
             return sp.expand((v.T * self.masses * v)[0]) / 2
         turning = self.angle.v if self.angle is not None else 0
-        return sp.expand(self.mass * self.speed_squared(self.centre) + self.inertia * turning**2) / 2
+        return sp.expand(self.mass * self.speed_square(self.centre) + self.inertia * turning**2) / 2
 
     def symbols(self) -> Iterator[Any]:
         """All numbers of it."""

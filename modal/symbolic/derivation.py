@@ -25,7 +25,7 @@ from modal.symbolic.lagrangian import (
     NOT_IN_SPACE,
     derive_lagrangian,
     equations,
-    gathered,
+    gather_cosines,
     in_angles,
     in_plane,
     in_vectors,
@@ -90,22 +90,22 @@ def _of_pair(system: SymbolicStructure) -> tuple[Any, list[Line]]:
     lines = [Line("kinetic energy in $θ$ and $φ$" if system.spatial else "kinetic energy", equal(sp.Symbol("T"), T))]
     if system.spatial:
         lines.insert(0, Line("kinetic energy with unit vectors u_i", equal(sp.Symbol("T"), in_vectors(system))))
-    lines.append(Line("potential energy", equal(sp.Symbol("V"), gathered(system.potential))))
-    return T, [*lines, *_lost(system), Line("Lagrangian", LAGRANGIAN)]
+    lines.append(Line("potential energy", equal(sp.Symbol("V"), gather_cosines(system.potential))))
+    return T, [*lines, *_dissipation_lines(system), Line("Lagrangian", LAGRANGIAN)]
 
 
 def _of_parts(system: SymbolicStructure) -> tuple[Any, list[Line]]:
     lines = list(_pivots(system))
-    for part in (*system.parts, *system.stored):
+    for part in (*system.parts, *system.spring_energies):
         if part.T != 0:
             lines.append(Line(f"kinetic energy of {part.words}", equal(sp.Symbol("T"), part.T)))
         if part.V != 0:
             lines.append(Line(f"potential energy of {part.words}", equal(sp.Symbol("V"), part.V)))
-    lines += [*_lengths(system), *_lost(system), Line("Lagrangian, of the sums of these", LAGRANGIAN)]
+    lines += [*_lengths(system), *_dissipation_lines(system), Line("Lagrangian, of the sums of these", LAGRANGIAN)]
     return sp.Add(*(part.T for part in system.parts)), lines
 
 
-def _lost(system: SymbolicStructure) -> list[Line]:
+def _dissipation_lines(system: SymbolicStructure) -> list[Line]:
     R = system.dissipation
     return [Line("dissipation function", equal(sp.Symbol("R"), R))] if R != 0 else []
 
@@ -115,8 +115,8 @@ def _pivots(system: SymbolicStructure) -> Iterator[Line]:
     places: dict[tuple[Any, Any], list[int]] = {}
     for p, place in enumerate(system.pivots):
         places.setdefault(place, []).append(p + 1)
-    for place, (first, *more) in places.items():
-        which = f"pendulum {first}" if not more else f"pendula {', '.join(map(str, (first, *more)))}"
+    for place, (first, *others) in places.items():
+        which = f"pendulum {first}" if not others else f"pendula {', '.join(map(str, (first, *others)))}"
         yield Line(f"first joint of {which}, along the rail and down", sp.Tuple(*place))
 
 
@@ -134,8 +134,8 @@ def _equations(system: SymbolicStructure) -> Section:
     forms = equations(system) if system.is_of_pair else system.equations()
     lines = [Line(f"of {c.q}", equal(form, 0)) for c, form in zip(system.coordinates, forms, strict=True)]
     if system.is_of_pair and len(system.links) <= CHECKED_UP_TO:
-        derived = derive_lagrangian(system).equations
-        _require(all(vanishes(a - b) for a, b in zip(derived, forms, strict=True)))
+        lagrange_forms = derive_lagrangian(system).equations
+        _require(all(vanishes(a - b) for a, b in zip(lagrange_forms, forms, strict=True)))
         lines.append(Line("these are Lagrange's equations of the Cartesian $L$: checked term by term"))
     return Section(title, [*lines, *_lengths(system), *_pulls(system)])
 
@@ -230,8 +230,8 @@ def target(
     if unknown:
         raise SceneError([f"symbolic {word}: must be one of {', '.join(symbolic.SYMBOLIC)}" for word in unknown])
     if (template := _template(name, ways)) is None:
-        scene = _loaded(name, kind, ways)
-        return symbolic.of_structured(scene, chosen), scene
+        scene = _load_scene(name, kind, ways)
+        return symbolic.symbolic_structure(scene, chosen), scene
     support, count, links = template
     sigma = tuple(-1 if way == "up" else 1 for way in ways)
     if support == "chain":
@@ -246,14 +246,14 @@ def scene_of(name: str, kind: str = "bob", ways: tuple[str, ...] = ()) -> Scene:
     6
     """
     if (template := _template(name, ways)) is None:
-        return _loaded(name, kind, ways)
+        return _load_scene(name, kind, ways)
     support, count, links = template
     link = (Rod if kind == "rod" else Bob)(mass=1.0, length=1.0, count=links)
     pendulum = Pendulum(links=(link,), count=count, equilibrium=cast("tuple[Way, ...]", ways) or None)
     return Scene(gravity=GRAVITY, support=Cart(mass=1.0) if support == "cart" else Fixed(), pendulum=(pendulum,))
 
 
-def _loaded(name: str, kind: str, ways: tuple[str, ...]) -> Scene:
+def _load_scene(name: str, kind: str, ways: tuple[str, ...]) -> Scene:
     if ways or kind != KINDS[0]:
         raise SceneError([f"{name}: `links` and `equilibrium` are for chain: and cart: only"])
     if name in TEMPLATES:

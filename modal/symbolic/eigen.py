@@ -67,9 +67,9 @@ def eigen_polynomials(system: SymbolicStructure, scene: Scene | None) -> list[Ei
     if links > (MOST_LINKS if len(_own_symbols(system)) <= 2 else MOST_SYMBOLIC_LINKS):
         return f"{links} links: too long to write out (modal.exact has no such limit for numbers)"
     if scene is not None and not system.symbols and not scene.has_damping:
-        alone = not on_cart and len(system.chains) == 1 and not system.spatial
+        is_single = not on_cart and len(system.chains) == 1 and not system.spatial
         return [
-            EigenPolynomial("" if alone else factor.label, factor.multiplicity, factor.polynomial)
+            EigenPolynomial("" if is_single else factor.label, factor.multiplicity, factor.polynomial)
             for factor in of_scene(scene)
         ]
     if not _is_plain(system):
@@ -89,10 +89,10 @@ def _equal_bobs(system: SymbolicStructure) -> int:
     """The number of equal bobs in the only chain of a system in symbols m, l and g; 0 for any other system."""
     if system.carriers[0].coordinates or len(system.chains) != 1 or not _is_plain(system) or len(system.symbols) != 3:
         return 0
-    only: Chain = system.chains[0]
-    same = len({*zip(only.mass, only.length, strict=True)}) == 1
-    bobs = only.centre == only.length and not any(only.inertia) and min(only.sigma) > 0
-    return len(only.mass) if same and bobs else 0
+    chain: Chain = system.chains[0]
+    is_uniform = len({*zip(chain.mass, chain.length, strict=True)}) == 1
+    bobs = chain.centre == chain.length and not any(chain.inertia) and min(chain.sigma) > 0
+    return len(chain.mass) if is_uniform and bobs else 0
 
 
 def _is_plain(system: SymbolicStructure) -> bool:
@@ -143,11 +143,17 @@ def _determinant(system: SymbolicStructure) -> list[EigenPolynomial] | str:
         of = "with springs or dampers" if system.is_of_pair else "of a structure"
         return f"{size} coordinates {of}: too long to write out"
     if not system.spatial:
-        return _factors(_expanded(system)) if not system.is_of_pair else [EigenPolynomial("", 1, _expanded(system))]
-    polynomials = [EigenPolynomial("along the rail", 1, _expanded(system))]
+        return (
+            _factors(_factored_determinant(system))
+            if not system.is_of_pair
+            else [EigenPolynomial("", 1, _factored_determinant(system))]
+        )
+    polynomials = [EigenPolynomial("along the rail", 1, _factored_determinant(system))]
     for chain in dict.fromkeys(system.chains):
-        alone = SymbolicStructure("", system.gravity, (STILL,), (chain,), (CarrierEnd(0, ORIGIN),))
-        polynomials.append(EigenPolynomial("across the rail", system.chains.count(chain), _expanded(alone)))
+        single_chain = SymbolicStructure("", system.gravity, (STILL,), (chain,), (CarrierEnd(0, ORIGIN),))
+        polynomials.append(
+            EigenPolynomial("across the rail", system.chains.count(chain), _factored_determinant(single_chain))
+        )
     return polynomials
 
 
@@ -162,7 +168,7 @@ def _factors(polynomial: Any) -> list[EigenPolynomial]:
     return sorted(eigen, key=lambda factor_in_x: factor_in_x.polynomial.intervals()[0].low)
 
 
-def _expanded(system: SymbolicStructure) -> Any:
+def _factored_determinant(system: SymbolicStructure) -> Any:
     M, K, D = system.matrices()
     s, x = sp.symbols("s x")
     matrix = M * s**2 + D * s + K if any(D) else K - x * M
@@ -180,13 +186,13 @@ def polynomial_section(system: SymbolicStructure, scene: Scene | None) -> Sectio
 
 
 def _polynomial_lines(eigen: EigenPolynomial) -> Iterator[Line]:
-    name = _named(eigen)
+    name = _heading_words(eigen)
     if not isinstance(eigen.polynomial, Polynomial):
-        damped = eigen.polynomial.has(sp.Symbol("s"))
-        words = f"{name}$det(s² M + s D + K)$" if damped else f"{name}in $x = ω²$"
+        has_dampers = eigen.polynomial.has(sp.Symbol("s"))
+        words = f"{name}$det(s² M + s D + K)$" if has_dampers else f"{name}in $x = ω²$"
         yield Line(words, equal(_without_content(eigen.polynomial), 0))
-        if not damped:
-            yield Line(f"{name}in $λ = −1/ω²$", equal(_turned(eigen.polynomial), 0))
+        if not has_dampers:
+            yield Line(f"{name}in $λ = −1/ω²$", equal(_reciprocal_form(eigen.polynomial), 0))
         return
     unit = "l/g" if eigen.polynomial.unit == "g/l" else "(rad²/s²)"
     yield Line(f"{name}in $x = ω² {unit}$", equal(expression(eigen.polynomial), 0))
@@ -202,15 +208,15 @@ def _without_content(polynomial: Any) -> Any:
     return sp.Mul(*(factor**count for factor, count in sp.factor_list(polynomial)[1]))
 
 
-def _turned(polynomial: Any) -> Any:
+def _reciprocal_form(polynomial: Any) -> Any:
     """λ^n p(−1/λ) with a positive highest coefficient, every coefficient factored."""
     coefficients = sp.Poly(polynomial, sp.Symbol("x")).all_coeffs()
     n = len(coefficients) - 1
-    turned = ((-1) ** k * sp.factor(c) * sp.Symbol("lambda") ** (n - k) for k, c in enumerate(reversed(coefficients)))
-    return sp.Add(*((-1) ** n * term for term in turned))
+    terms = ((-1) ** k * sp.factor(c) * sp.Symbol("lambda") ** (n - k) for k, c in enumerate(reversed(coefficients)))
+    return sp.Add(*((-1) ** n * term for term in terms))
 
 
-def _named(eigen: EigenPolynomial) -> str:
+def _heading_words(eigen: EigenPolynomial) -> str:
     times = f"{eigen.multiplicity} times" if eigen.multiplicity > 1 else ""
     words = ", ".join(word for word in (eigen.label, times) if word)
     return f"{words}; " if words else ""
@@ -221,9 +227,9 @@ def modes_section(system: SymbolicStructure, scene: Scene | None) -> Section:
     polynomials = eigen_polynomials(system, scene)
     if isinstance(polynomials, str):
         return Section("Modes", [Line(f"{polynomials}; see the table, or prove digits with enclose")])
-    described = [mode for eigen in polynomials for mode in _modes_of(eigen)]
-    computed = [mode for mode in described if isinstance(mode, ComputedMode)]
-    lines = _numbered(computed) if len(computed) == len(described) else map(_unnumbered, described)
+    all_modes = [mode for eigen in polynomials for mode in _modes_of(eigen)]
+    computed_modes = [mode for mode in all_modes if isinstance(mode, ComputedMode)]
+    lines = _number_modes(computed_modes) if len(computed_modes) == len(all_modes) else map(_mode_line, all_modes)
     return Section("Modes", [*lines, *_remarks(system, polynomials)])
 
 
@@ -236,28 +242,30 @@ class ComputedMode(NamedTuple):
     formula: Any
 
 
-def _numbered(modes: list[ComputedMode]) -> Iterator[Line]:
+def _number_modes(modes: list[ComputedMode]) -> Iterator[Line]:
     """The modes in the order of the table with its numbers: those of one frequency share one."""
-    number, before = 0, None
+    number, previous_size = 0, None
     for mode in sorted(modes, key=lambda mode: mode.size):
-        if before is None or mode.size - before > SAME * mode.size:
+        if previous_size is None or mode.size - previous_size > SAME * mode.size:
             number += 1
-        before = mode.size
+        previous_size = mode.size
         yield Line(f"mode {number}; {mode.label}{mode.words}", mode.formula)
 
 
-def _unnumbered(mode: ComputedMode | Line) -> Line:
+def _mode_line(mode: ComputedMode | Line) -> Line:
     return mode if isinstance(mode, Line) else Line(mode.label + mode.words, mode.formula)
 
 
 def _modes_of(eigen: EigenPolynomial) -> Iterator[ComputedMode | Line]:
     if isinstance(eigen.polynomial, Polynomial):
         if eigen.polynomial.degree > MOST_ISOLATED:
-            yield Line(f"{_named(eigen)}degree {eigen.polynomial.degree}: see the table, or prove digits with enclose")
+            yield Line(
+                f"{_heading_words(eigen)}degree {eigen.polynomial.degree}: see the table, or prove digits with enclose"
+            )
         else:
             yield from (_root(root, eigen) for root in polynomial_roots(eigen.polynomial, WIDTH))
     elif eigen.is_damped:
-        yield from _damped(eigen)
+        yield from _damped_roots(eigen)
     else:
         yield from _in_symbols(eigen)
 
@@ -268,7 +276,7 @@ def _root(root: Root, eigen: EigenPolynomial) -> ComputedMode:
     unit = "√(g/l)" if eigen.polynomial.unit == "g/l" else "1/s" if grows else "rad/s"
     size = sp.sqrt(sp.Abs(square)).evalf(20)
     rate = f"{'growth rate $=' if grows else '$ω ='} {sp.N(size, 15)} {unit}$"
-    return ComputedMode(size, _named(eigen), rate, equal(sp.Symbol("x"), square))
+    return ComputedMode(size, _heading_words(eigen), rate, equal(sp.Symbol("x"), square))
 
 
 def _in_symbols(eigen: EigenPolynomial) -> Iterator[Line]:
@@ -278,14 +286,14 @@ def _in_symbols(eigen: EigenPolynomial) -> Iterator[Line]:
         polynomial = sp.Poly(factor, x)
         times = f"{count} times; " if count > 1 else ""
         if polynomial.degree() >= CLOSED:
-            yield Line(f"{_named(eigen)}degree {polynomial.degree()}: no useful closed form; use numbers")
+            yield Line(f"{_heading_words(eigen)}degree {polynomial.degree()}: no useful closed form; use numbers")
             continue
         for square in _roots(polynomial):
             simple = min(sp.simplify(square), sp.factor_terms(square), key=sp.count_ops)
             if simple.is_negative:
-                yield Line(f"{_named(eigen)}{times}growth rate $σ$", equal(sp.Symbol("sigma") ** 2, -simple))
+                yield Line(f"{_heading_words(eigen)}{times}growth rate $σ$", equal(sp.Symbol("sigma") ** 2, -simple))
             else:
-                yield Line(f"{_named(eigen)}{times}natural frequency", equal(omega**2, simple))
+                yield Line(f"{_heading_words(eigen)}{times}natural frequency", equal(omega**2, simple))
 
 
 def _roots(polynomial: Any) -> list[Any]:
@@ -293,23 +301,27 @@ def _roots(polynomial: Any) -> list[Any]:
     if polynomial.degree() < 2:
         return list(sp.roots(polynomial))
     a, b, c = map(sp.factor, polynomial.all_coeffs())
-    shared = sp.gcd(b**2, a * c)
-    short = sp.factor(sp.cancel(b**2 / shared)) - 4 * sp.factor(sp.cancel(a * c / shared))
-    root = min(sp.sqrt(sp.factor(b**2 - 4 * a * c)), sp.sqrt(sp.factor(shared)) * sp.sqrt(short), key=sp.count_ops)
+    common_factor = sp.gcd(b**2, a * c)
+    discriminant = sp.factor(sp.cancel(b**2 / common_factor)) - 4 * sp.factor(sp.cancel(a * c / common_factor))
+    root = min(
+        sp.sqrt(sp.factor(b**2 - 4 * a * c)),
+        sp.sqrt(sp.factor(common_factor)) * sp.sqrt(discriminant),
+        key=sp.count_ops,
+    )
     return [(-b - root) / (2 * a), (-b + root) / (2 * a)]
 
 
-def _damped(eigen: EigenPolynomial) -> Iterator[ComputedMode | Line]:
+def _damped_roots(eigen: EigenPolynomial) -> Iterator[ComputedMode | Line]:
     """Roots s of a polynomial in numbers, one of each conjugate pair, from its simple factors."""
     s = sp.Symbol("s")
     if sp.sympify(eigen.polynomial).free_symbols != {s} or sp.degree(eigen.polynomial, s) > MOST_SOLVED:
-        yield Line(f"{_named(eigen)}damped, in symbols: no useful closed form; use numbers")
+        yield Line(f"{_heading_words(eigen)}damped, in symbols: no useful closed form; use numbers")
         return
     for factor, count in sp.factor_list(eigen.polynomial, s)[1]:
         for root in sp.Poly(factor, s).nroots(n=20, maxsteps=500):
             if sp.im(root) >= 0:
                 words = _damped_words(root) + (f", {count} times" if count > 1 else "")
-                yield ComputedMode(sp.Abs(root), _named(eigen), words, equal(s, _in_digits(root)))
+                yield ComputedMode(sp.Abs(root), _heading_words(eigen), words, equal(s, _in_digits(root)))
 
 
 def _in_digits(root: Any) -> Any:
@@ -340,8 +352,8 @@ def _remarks(system: SymbolicStructure, polynomials: list[EigenPolynomial]) -> l
         lines.append(Line(words, equal(sp.Symbol("y_j"), shape)))
         lines.append(Line("modal effective mass", equal(sp.Symbol("m_eff"), sp.Symbol("m") / sp.Symbol("x_r"))))
     degree = sum(sp.degree(*_with_symbol(eigen)) * eigen.multiplicity for eigen in polynomials)
-    damped = any(eigen.is_damped for eigen in polynomials)
-    if not damped and degree < len(system.coordinates) + len(system.azimuths):
+    has_dampers = any(eigen.is_damped for eigen in polynomials)
+    if not has_dampers and degree < len(system.coordinates) + len(system.azimuths):
         lines.append(Line("$M$ is singular (a massless cart over bobs): one mode has no finite frequency"))
     return lines
 

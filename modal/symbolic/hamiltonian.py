@@ -31,9 +31,9 @@ from modal.errors import SceneError
 from modal.symbolic.carriers import Chain, Coordinate, coordinate, time_derivative
 from modal.symbolic.lagrangian import (
     NOT_IN_SPACE,
+    cart_forces,
     derive_lagrangian,
-    gathered,
-    held,
+    gather_cosines,
     in_angles,
     joint_moments,
     rail,
@@ -74,10 +74,10 @@ def hamiltonian(system: SymbolicStructure) -> Section:
 
 def numbers(system: SymbolicStructure) -> Any:
     """N = [[M, bᵀ], [b, A]], the cart first if there is one."""
-    return _bordered(system, system.b, system.A)
+    return _border(system, system.b, system.A)
 
 
-def _bordered(system: SymbolicStructure, b: Any, A: Any) -> Any:
+def _border(system: SymbolicStructure, b: Any, A: Any) -> Any:
     """[[M, bᵀ], [b, A]] on a cart, A on a fixed support."""
     if not rail(system):
         return A
@@ -131,7 +131,7 @@ def _in_plane(system: SymbolicStructure) -> Iterator[Line]:
     yield Line("momenta p = M q'", sp.Matrix([c.q for c in p]))
     yield Line("H, the energy in q and p", whole_energy())
     yield Line("with the mass matrix", equal(sp.Symbol("M"), M))
-    yield Line("and the potential energy", equal(sp.Symbol("V"), gathered(V)))
+    yield Line("and the potential energy", equal(sp.Symbol("V"), gather_cosines(V)))
     if len(p) <= INVERTED_UP_TO:
         yield from _written_out(M, p)
     W = inverse(system)
@@ -139,7 +139,7 @@ def _in_plane(system: SymbolicStructure) -> Iterator[Line]:
         yield Line(_no_inverse(system))
         return
     yield from _constants(system, W)
-    s = along(system)
+    s = lengthwise_symbols(system)
     yield from _closing(system, W, p, s)
     yield from _rates(system, W, p, s)
     yield from _forces(system, p, s)
@@ -161,7 +161,7 @@ def mass_matrix(system: SymbolicStructure) -> Any:
     angles = [angle.q for angle in system.angles]
     n = len(angles)
     M = sp.Matrix(n, n, lambda i, j: system.A[i, j] * sp.cos(angles[min(i, j)] - angles[max(i, j)]))
-    return _bordered(system, [b * sp.cos(angle) for b, angle in zip(system.b, angles, strict=True)], M)
+    return _border(system, [b * sp.cos(angle) for b, angle in zip(system.b, angles, strict=True)], M)
 
 
 def _written_out(M: Any, p: list[Coordinate]) -> Iterator[Line]:
@@ -191,14 +191,14 @@ def _pattern(W: Any) -> str:
     """What the zeros of W say."""
     if not any(entry == 0 for entry in W):
         return ""
-    apart = [W[i, j] for i in range(W.rows) for j in range(W.rows) if abs(i - j) > 1]
-    return "; it joins neighbours alone" if not any(apart) else "; it is 0 for links that are not joined"
+    distant_entries = [W[i, j] for i in range(W.rows) for j in range(W.rows) if abs(i - j) > 1]
+    return "; it joins neighbours alone" if not any(distant_entries) else "; it is 0 for links that are not joined"
 
 
-def along(system: SymbolicStructure) -> list[Any]:
+def lengthwise_symbols(system: SymbolicStructure) -> list[Any]:
     """The symbols s of momenta along the links, s_z of the cart's down."""
-    named = [sp.Symbol("_".join(("s", *indices(angle)))) for angle in system.angles]
-    return [*(sp.Symbol("s_z") for _ in rail(system)), *named]
+    link_symbols = [sp.Symbol("_".join(("s", *indices(angle)))) for angle in system.angles]
+    return [*(sp.Symbol("s_z") for _ in rail(system)), *link_symbols]
 
 
 def _angles(system: SymbolicStructure) -> list[Any]:
@@ -243,8 +243,8 @@ def velocities(system: SymbolicStructure, W: Any, p: list[Coordinate], s: list[A
 
 
 def _forces(system: SymbolicStructure, p: list[Coordinate], s: list[Any]) -> Iterator[Line]:
-    damped = " less the dampers" if derive_lagrangian(system).R != 0 else ""
-    yield Line(f"rates of the momenta, minus the derivatives of H by the coordinates{damped}")
+    damper_words = " less the dampers" if derive_lagrangian(system).R != 0 else ""
+    yield Line(f"rates of the momenta, minus the derivatives of H by the coordinates{damper_words}")
     for rate, form in zip(p, momentum_rates(system, s), strict=True):
         yield Line(f"of {rate.q}", equal(rate.v, form))
 
@@ -256,27 +256,30 @@ def momentum_rates(system: SymbolicStructure, s: list[Any]) -> list[Any]:
         -s[first + i] * angle.v - system.gravity * b * sp.sin(angle.q) - joints[i]
         for i, (angle, b) in enumerate(zip(system.angles, system.b, strict=True))
     ]
-    return [*(-force for force in held(system)), *rates]
+    return [*(-force for force in cart_forces(system)), *rates]
 
 
 def _require(system: SymbolicStructure, W: Any, p: list[Coordinate], s: list[Any]) -> None:
     """Put p = M q' and s = u·P into all of it: rates come back, and p' is Lagrange's."""
-    derived, v = derive_lagrangian(system), [c.v for c in system.coordinates]
+    lagrangian, v = derive_lagrangian(system), [c.v for c in system.coordinates]
     angle, N = _angles(system), numbers(system)
     momenta = mass_matrix(system) * sp.Matrix(v)
-    put = {c.q: value for c, value in zip(p, momenta, strict=True)}
+    substitutions = {c.q: value for c, value in zip(p, momenta, strict=True)}
     lengthwise = [sp.Add(*(N[i, j] * sp.sin(angle[i] - angle[j]) * v[j] for j in range(N.rows))) for i in range(N.rows)]
-    put |= dict(zip(s, lengthwise, strict=True))
+    substitutions |= dict(zip(s, lengthwise, strict=True))
     common = sp.lcm_list([sp.fraction(sp.together(entry))[1] for entry in W])
-    whole = (common * W).applyfunc(sp.cancel)
-    forms = [form.subs(put) for form in along_equations(system, whole, p, s)]
-    forms += [form.subs(put) - common * rate for form, rate in zip(velocities(system, whole, p, s), v, strict=True)]
+    cleared_inverse = (common * W).applyfunc(sp.cancel)
+    forms = [form.subs(substitutions) for form in along_equations(system, cleared_inverse, p, s)]
+    forms += [
+        form.subs(substitutions) - common * rate
+        for form, rate in zip(velocities(system, cleared_inverse, p, s), v, strict=True)
+    ]
     lagranges = [
-        time_derivative(value, system.coordinates) - form.subs(put)
+        time_derivative(value, system.coordinates) - form.subs(substitutions)
         for value, form in zip(momenta, momentum_rates(system, s), strict=True)
     ]
-    forms += [mine - theirs for mine, theirs in zip(lagranges, derived.equations, strict=True)]
-    forms.append((momenta.T * sp.Matrix(v))[0] / 2 - derived.T)
+    forms += [mine - theirs for mine, theirs in zip(lagranges, lagrangian.equations, strict=True)]
+    forms.append((momenta.T * sp.Matrix(v))[0] / 2 - lagrangian.T)
     if not all(map(vanishes, forms)):
         raise SceneError(["Hamilton's equations and Lagrange's disagree: please report this scene"])
 
@@ -299,29 +302,29 @@ def _in_space(system: SymbolicStructure) -> Iterator[Line]:
     if cart:
         rows.insert(0, sp.Symbol("P_x"))
         e_x, e_y, e_z = sp.symbols("e_x e_y e_z")
-        whole = sp.Symbol("p_x") * e_x + sp.Symbol("s_y") * e_y + sp.Symbol("s_z") * e_z
-        yield Line("momentum of the cart", equal(rows[0], whole))
-    for total, across, along, direction in zip(P, pi, s, u, strict=True):
+        momentum = sp.Symbol("p_x") * e_x + sp.Symbol("s_y") * e_y + sp.Symbol("s_z") * e_z
+        yield Line("momentum of the cart", equal(rows[0], momentum))
+    for total, transverse, lengthwise, direction in zip(P, pi, s, u, strict=True):
         yield Line(
-            f"momentum {across.q} across and {along.q} along {direction.q}",
-            equal(total.q, across.q + along.q * direction.q),
+            f"momentum {transverse.q} across and {lengthwise.q} along {direction.q}",
+            equal(total.q, transverse.q + lengthwise.q * direction.q),
         )
     yield from _constants(system, W)
     potential = [-system.gravity * b * direction.q * sp.Symbol("e_z") for b, direction in zip(system.b, u, strict=True)]
-    potential += system.held
+    potential += system.carrier_energies
     kinetic = [w * rows[i] * rows[j] / (2 if i == j else 1) for i, row in _rows(W) for j, w in row if j <= i]
     yield Line("H", equal(sp.Symbol("H"), sp.Add(*kinetic, *potential)))
     forms = [sp.Add(*(w * rows[j] for j, w in row)) for _, row in _rows(W)]
-    for x, force in zip(cart, held(system), strict=True):
+    for x, force in zip(cart, cart_forces(system), strict=True):
         yield Line("of x, along e_x", equal(x.v * sp.Symbol("e_x"), forms[0]))
         yield Line("of p_x", equal(sp.Symbol("pdot_x"), -force))
     on_rail = ", and x' e_x has no part along e_y and e_z" if cart else ""
     yield Line(f"u_i u_i' = 0{on_rail}: linear equations of the s")
     for direction, form in zip(u, forms[len(cart) :], strict=True):
         yield Line(f"of {direction.q}", equal(direction.v, form))
-    for direction, across, along, b in zip(u, pi, s, system.b, strict=True):
-        rate = f"its rate is F - (u F) u - s u' - (u' {across.q}) u with u = {direction.q}, s = {along.q} and"
-        yield Line(f"of {across.q}: {rate}", equal(sp.Symbol("F"), system.gravity * b * sp.Symbol("e_z")))
+    for direction, transverse, lengthwise, b in zip(u, pi, s, system.b, strict=True):
+        rate = f"its rate is F - (u F) u - s u' - (u' {transverse.q}) u with u = {direction.q}, s = {lengthwise.q} and"
+        yield Line(f"of {transverse.q}: {rate}", equal(sp.Symbol("F"), system.gravity * b * sp.Symbol("e_z")))
     if len(system.links) == 1 and not cart:
         yield from _of_one_link(system)
 
@@ -332,10 +335,10 @@ def _of_one_link(system: SymbolicStructure) -> Iterator[Line]:
     J, b = system.A[0, 0], system.b[0]
     T = in_angles(system)
     p_theta, p_phi = (sp.Symbol(f"p_{c.q.name}") for c in (theta, phi))
-    put = {p_theta: sp.diff(T, theta.v), p_phi: sp.diff(T, phi.v)}
+    substitutions = {p_theta: sp.diff(T, theta.v), p_phi: sp.diff(T, phi.v)}
     V = -system.gravity * b * sp.cos(theta.q)
     H = (p_theta**2 + p_phi**2 / sp.sin(theta.q) ** 2) / (2 * J) + V
-    if not vanishes(sp.expand((H - V).subs(put) - T)):
+    if not vanishes(sp.expand((H - V).subs(substitutions) - T)):
         raise SceneError(["H in θ and φ and the kinetic energy disagree: please report this scene"])
     yield Line("for comparison in θ and φ", equal(sp.Symbol("H"), H))
     yield Line("the momentum of φ is constant: the azimuth turns by", equal(phi.v, sp.diff(H, p_phi)))

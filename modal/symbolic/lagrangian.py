@@ -73,25 +73,25 @@ def rail(system: SymbolicStructure) -> list[Coordinate]:
 def in_plane(system: SymbolicStructure) -> Any:
     """T in the angles of a plane system."""
     angles = system.angles
-    along = [sp.cos(chain.q) * chain.v for chain in angles]
-    return _summed(system, along, lambda i, j: sp.cos(angles[j].q - angles[i].q) * angles[i].v * angles[j].v)
+    rail_rates = [sp.cos(chain.q) * chain.v for chain in angles]
+    return _sum_energy(system, rail_rates, lambda i, j: sp.cos(angles[j].q - angles[i].q) * angles[i].v * angles[j].v)
 
 
 def in_vectors(system: SymbolicStructure) -> Any:
     """T in unit vectors; a product of two is their dot product."""
     u = [coordinate("u", *indices(angle)).v for angle in system.angles]
-    along = [chain * sp.Symbol("e_x") for chain in u]
-    return _summed(system, along, lambda i, j: u[i] * u[j])
+    rail_rates = [chain * sp.Symbol("e_x") for chain in u]
+    return _sum_energy(system, rail_rates, lambda i, j: u[i] * u[j])
 
 
 def in_angles(system: SymbolicStructure) -> Any:
     """T in the zenith angles θ and azimuths φ of a system in space."""
     pairs = list(zip(system.angles, system.azimuths, strict=True))
-    along = [t.v * sp.cos(t.q) * sp.cos(f.q) - f.v * sp.sin(t.q) * sp.sin(f.q) for t, f in pairs]
-    return _summed(system, along, lambda i, j: _product(*pairs[j], *pairs[i]))
+    rail_rates = [t.v * sp.cos(t.q) * sp.cos(f.q) - f.v * sp.sin(t.q) * sp.sin(f.q) for t, f in pairs]
+    return _sum_energy(system, rail_rates, lambda i, j: _product(*pairs[j], *pairs[i]))
 
 
-def held(system: SymbolicStructure) -> list[Any]:
+def cart_forces(system: SymbolicStructure) -> list[Any]:
     """c_c x' + k_c x of a cart."""
     support = system.carriers[0]
     return [support.damping[0] * x.v + support.stiffness[0] * x.q for x in rail(system)]
@@ -110,8 +110,8 @@ def equations(system: SymbolicStructure) -> list[Any]:
     angles, joints = system.angles, joint_moments(system)
     forms = [
         sum(
-            A * (sp.cos(theta.q - other.q) * other.a + sp.sin(theta.q - other.q) * other.v**2)
-            for A, other in zip(system.A.row(i), angles, strict=True)
+            A * (sp.cos(theta.q - other_angle.q) * other_angle.a + sp.sin(theta.q - other_angle.q) * other_angle.v**2)
+            for A, other_angle in zip(system.A.row(i), angles, strict=True)
         )
         + sum(b * sp.cos(theta.q) * x.a for x in rail(system))
         + system.gravity * b * sp.sin(theta.q)
@@ -120,8 +120,10 @@ def equations(system: SymbolicStructure) -> list[Any]:
     ]
     pulls = zip(system.b, angles, strict=True)
     inertial = sum(b * (sp.cos(theta.q) * theta.a - sp.sin(theta.q) * theta.v**2) for b, theta in pulls)
-    moved = [system.total_mass * x.a + inertial + force for x, force in zip(rail(system), held(system), strict=True)]
-    return [*moved, *forms]
+    cart_equations = [
+        system.total_mass * x.a + inertial + force for x, force in zip(rail(system), cart_forces(system), strict=True)
+    ]
+    return [*cart_equations, *forms]
 
 
 def vector_equations(system: SymbolicStructure) -> list[tuple[Any, Any]]:
@@ -133,23 +135,26 @@ def vector_equations(system: SymbolicStructure) -> list[tuple[Any, Any]]:
         raise SceneError(["joint springs and dampers in space: not implemented in unit vectors"])
     e_x, e_z = sp.symbols("e_x e_z")
     u = [coordinate("u", *indices(angle)) for angle in system.angles]
-    moved = sum(b * direction.a for b, direction in zip(system.b, u, strict=True))
+    inertial_force = sum(b * direction.a for b, direction in zip(system.b, u, strict=True))
     forms = [
-        (e_x, e_x * (system.total_mass * x.a + force) + moved)
-        for x, force in zip(rail(system), held(system), strict=True)
+        (e_x, e_x * (system.total_mass * x.a + force) + inertial_force)
+        for x, force in zip(rail(system), cart_forces(system), strict=True)
     ]
     for i, (direction, b) in enumerate(zip(u, system.b, strict=True)):
-        F = sum(A * other.a for A, other in zip(system.A.row(i), u, strict=True)) - system.gravity * b * e_z
+        F = (
+            sum(A * other_direction.a for A, other_direction in zip(system.A.row(i), u, strict=True))
+            - system.gravity * b * e_z
+        )
         forms.append((direction.q, F + sum(b * x.a * e_x for x in rail(system))))
     return forms
 
 
-def _summed(system: SymbolicStructure, along: list[Any], product: Callable[[int, int], Any]) -> Any:
-    n, A = len(along), system.A
+def _sum_energy(system: SymbolicStructure, rail_rates: list[Any], product: Callable[[int, int], Any]) -> Any:
+    n, A = len(rail_rates), system.A
     T = sum((A[i, i] * product(i, i) / 2 for i in range(n)), start=sp.S.Zero)
     T += sum(A[i, j] * product(i, j) for i in range(n) for j in range(i))
     for x in rail(system):
-        T += system.total_mass * x.v**2 / 2 + x.v * sum(b * rate for b, rate in zip(system.b, along, strict=True))
+        T += system.total_mass * x.v**2 / 2 + x.v * sum(b * rate for b, rate in zip(system.b, rail_rates, strict=True))
     return T
 
 
@@ -171,7 +176,7 @@ def vanishes(expression: Any) -> bool:
     return bool(sp.expand(spread.subs(squares)) == 0)
 
 
-def gathered(V: Any) -> Any:
+def gather_cosines(V: Any) -> Any:
     """A potential energy with one term for each cosine, its coefficient factored."""
-    expanded = sp.expand(V)
-    return sp.collect(expanded, sorted(expanded.atoms(sp.cos), key=str), sp.factor)
+    expansion = sp.expand(V)
+    return sp.collect(expansion, sorted(expansion.atoms(sp.cos), key=str), sp.factor)

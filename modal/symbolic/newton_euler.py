@@ -92,9 +92,9 @@ class NewtonEuler(Displayed):
             return
         x, z, theta = self.motion(part)
         m = sp.Symbol(part.mass)
-        along = [effort.sign * sp.Symbol(effort.along) for effort in part.efforts if effort.along]
+        rail_forces = [effort.sign * sp.Symbol(effort.along) for effort in part.efforts if effort.along]
         down = [effort.sign * _product(effort.down) for effort in part.efforts if effort.down]
-        yield "momentum along the rail", equal(sp.Add(*along), m * x.a)
+        yield "momentum along the rail", equal(sp.Add(*rail_forces), m * x.a)
         yield "momentum down", equal(sp.Add(*down), m * z.a)
         if part.kind != "cart":
             moments = sp.Add(*(self._moment(part, effort) for effort in part.efforts))
@@ -109,63 +109,63 @@ class NewtonEuler(Displayed):
         centre, theta = self.proportions(part)[0], self.motion(part)[2].q
         reach = {"upper": sp.S.Zero, "lower": sp.Symbol(part.length)}.get(effort.at, sp.Symbol(effort.reach))
         arm = reach - centre
-        along, down = (_product(name) if name else sp.S.Zero for name in (effort.along, effort.down))
-        return sp.expand(effort.sign * arm * (along * sp.cos(theta) - down * sp.sin(theta)))
+        x_force, z_force = (_product(name) if name else sp.S.Zero for name in (effort.along, effort.down))
+        return sp.expand(effort.sign * arm * (x_force * sp.cos(theta) - z_force * sp.sin(theta)))
 
     def constraints(self) -> Iterator[tuple[str, Any]]:
         """The rail below the cart, and of every link the acceleration of its centre along the rail and down."""
         support = self.bodies.support
-        hung, sinking = self.prescribed()
+        pivot_x, pivot_z = self.support_accelerations()
         if support.kind == "cart":
             x, z, _ = self.motion(support)
-            hung = x.a
+            pivot_x = x.a
             yield "the cart stays on the rail", equal(z.a, 0)
         for chain in self.bodies.pendula:
-            along, down = hung, sinking
+            joint_x, joint_z = pivot_x, pivot_z
             for part in chain:
                 x, z, theta = self.motion(part)
-                swing, sink = _turned(theta)
+                swing, sink = _unit_acceleration(theta)
                 centre, length = self.proportions(part)[0], sp.Symbol(part.length)
-                yield f"{part.words} along the rail", equal(x.a, along + centre * swing)
-                yield f"{part.words} down", equal(z.a, down + centre * sink)
-                along, down = along + length * swing, down + length * sink
+                yield f"{part.words} along the rail", equal(x.a, joint_x + centre * swing)
+                yield f"{part.words} down", equal(z.a, joint_z + centre * sink)
+                joint_x, joint_z = joint_x + length * swing, joint_z + length * sink
 
-    def prescribed(self) -> tuple[Any, Any]:
+    def support_accelerations(self) -> tuple[Any, Any]:
         """The accelerations of a support that moves along the rail and down, a_x and a_z; 0 where it does not."""
         ways = {motion.direction for motion in self.bodies.scene.motions}
         names = (("horizontal", "a_x"), ("vertical", f"a_{self.bodies.downward}"))
-        along, down = (sp.Symbol(name) if way in ways else sp.S.Zero for way, name in names)
-        return along, down
+        x_acceleration, z_acceleration = (sp.Symbol(name) if way in ways else sp.S.Zero for way, name in names)
+        return x_acceleration, z_acceleration
 
     def laws(self) -> Iterator[tuple[str, Any]]:
         """What moments of joints, drag, springs and dampers are, as functions of the motion."""
         cart = self.bodies.scene.cart
         if any(effort.kind == "held" for effort in self.bodies.support.efforts) and cart is not None:
             x = self.motion(self.bodies.support)[0]
-            held = [-sp.Symbol("k_c") * x.q] if cart.stiffness else []
-            held += [-sp.Symbol("d_c") * x.v] if cart.damping else []
-            held += [sp.Symbol("f_c")] if cart.has_friction else []
-            yield "force between cart and rail", equal(sp.Symbol("H"), sp.Add(*held))
+            forces = [-sp.Symbol("k_c") * x.q] if cart.stiffness else []
+            forces += [-sp.Symbol("d_c") * x.v] if cart.damping else []
+            forces += [sp.Symbol("f_c")] if cart.has_friction else []
+            yield "force between cart and rail", equal(sp.Symbol("H"), sp.Add(*forces))
         for chain in self.bodies.pendula:
-            above: FreeBody | None = None
+            upper_part: FreeBody | None = None
             for part in chain:
-                yield from self._joint(part, above)
+                yield from self._joint(part, upper_part)
                 yield from self._drag(part)
-                above = part
+                upper_part = part
 
-    def _joint(self, part: FreeBody, above: FreeBody | None) -> Iterator[tuple[str, Any]]:
+    def _joint(self, part: FreeBody, upper_part: FreeBody | None) -> Iterator[tuple[str, Any]]:
         law = joint_law(self.bodies, part)
         if law is None:
             return
         theta = self.motion(part)[2]
-        upper = self.motion(above)[2] if above else Coordinate(sp.S.Zero, sp.S.Zero, sp.S.Zero)
+        upper = self.motion(upper_part)[2] if upper_part else Coordinate(sp.S.Zero, sp.S.Zero, sp.S.Zero)
         bend, rate = theta.q - upper.q - law.upright * sp.pi, theta.v - upper.v
         terms = [-sp.Symbol(law.spring) * bend] if law.spring else []
         terms += [-sp.Symbol(law.damper) * rate] if law.damper else []
         if law.drive:
             terms.append(sp.Symbol(law.drive) * (1 - bend**2 / sp.Symbol(law.width) ** 2) * rate)
         terms += [sp.Symbol(name) for name in (law.friction, law.kicks) if name]
-        yield f"moment of the joint above {part.words}", equal(sp.Symbol(part.named("M")), sp.Add(*terms))
+        yield f"moment of the joint above {part.words}", equal(sp.Symbol(part.with_index("M")), sp.Add(*terms))
         if law.friction:
             yield f"{law.friction}: dry friction, against the sliding, as large as needed while the joint sticks", None
         if law.kicks:
@@ -174,9 +174,9 @@ class NewtonEuler(Displayed):
     def _drag(self, part: FreeBody) -> Iterator[tuple[str, Any]]:
         link: Any = part.link
         x, z, _ = self.motion(part)
-        strength = sp.Symbol(part.named("a")) if link.drag else sp.S.Zero
+        strength = sp.Symbol(part.with_index("a")) if link.drag else sp.S.Zero
         if link.quadratic_drag:
-            strength += sp.Symbol(part.named("b")) * sp.sqrt(x.v**2 + z.v**2)
+            strength += sp.Symbol(part.with_index("b")) * sp.sqrt(x.v**2 + z.v**2)
         for effort in part.efforts:
             if effort.kind == "drag":
                 yield f"drag of {part.words} along the rail", equal(sp.Symbol(effort.along), -strength * x.v)
@@ -187,7 +187,7 @@ def _product(names: str) -> Any:
     return sp.Mul(*map(sp.Symbol, names.split()))
 
 
-def _turned(theta: Coordinate) -> tuple[Any, Any]:
+def _unit_acceleration(theta: Coordinate) -> tuple[Any, Any]:
     """The acceleration along the rail and down of a point at the distance 1 on a link from its upper joint."""
     sin, cos = sp.sin(theta.q), sp.cos(theta.q)
     return theta.a * cos - theta.v**2 * sin, -theta.a * sin - theta.v**2 * cos
@@ -204,25 +204,25 @@ def part_sections(bodies: FreeBodies) -> list[Section]:
     ['Link 1', 'Constraints', 'Count']
     """
     if (links := len(bodies.parts) - 1) > MOST_WRITTEN:
-        told = f"{links} links: balances are written for at most {MOST_WRITTEN}; a picture draws those of some parts"
-        raise SceneError([told])
+        message = f"{links} links: balances are written for at most {MOST_WRITTEN}; a picture draws those of some parts"
+        raise SceneError([message])
     system = NewtonEuler(bodies)
     sections = [
-        Section(_titled(part), [Line(words, form) for words, form in system.balances(part)])
+        Section(_title(part), [Line(words, form) for words, form in system.balances(part)])
         for part in bodies.parts
         if part.kind not in STILL
     ]
     sections.append(Section("Constraints", [Line(words, form) for words, form in system.constraints()]))
     if laws := [Line(words, form) for words, form in system.laws()]:
         sections.append(Section("Forces that the motion makes", laws))
-    return [*sections, Section("Count", [Line(_counted(system))])]
+    return [*sections, Section("Count", [Line(_count_words(system))])]
 
 
-def _titled(part: FreeBody) -> str:
+def _title(part: FreeBody) -> str:
     return part.words[:1].upper() + part.words[1:]
 
 
-def _counted(system: NewtonEuler) -> str:
+def _count_words(system: NewtonEuler) -> str:
     equations, unknowns = len(system.equations), len(system.unknowns)
     accelerations = unknowns - 2 * len(system.bodies.parts[1:]) - (system.bodies.support.kind == "cart")
     return (

@@ -95,36 +95,36 @@ def of_kinds(kinds: Sequence[Kind], gravity: Any, *, cart: Any = None, variable:
     field = FracField(sorted(names, key=str) or [sp.Symbol("x")], sp.ZZ)
     chains = [(_recursion(kind, field, field.from_expr(g)), field.from_expr(sp.sympify(kind.count))) for kind in kinds]
     if cart is None:
-        return _collected(chains[0][0][0], g, variable)
+        return _collect(chains[0][0][0], g, variable)
     d, N = [field.one], [field.zero]
-    for (below, force), count in chains:
-        d, N = product(d, below), total(product(N, below), multiple(count, product(d, force)))
+    for (denominator, force), count in chains:
+        d, N = product(d, denominator), total(product(N, denominator), multiple(count, product(d, force)))
     moving = total(multiple(field.from_expr(m_c), d), N)
-    return _collected(moving, g, variable)
+    return _collect(moving, g, variable)
 
 
 def _recursion(kind: Kind, field: FracField, gravity: Any) -> tuple[list[Any], list[Any]]:
     mass, length, centre, inertia = ([field.from_expr(sp.sympify(v)) for v in row] for row in kind.geometry)
     hanging = pair.constants(mass, length, centre, inertia, gravity)
-    d, N = eliminate_links(pair.standing(hanging, kind.sigma), _cleared)
+    d, N = eliminate_links(pair.standing(hanging, kind.sigma), _clear)
     return [field(c) for c in d], [field(c) for c in N]
 
 
-def _cleared(values: list[Any]) -> list[Any]:
+def _clear(values: list[Any]) -> list[Any]:
     """Rational functions times their least common denominator, divided by their common content."""
     unit = reduce(lambda a, b: a.lcm(b), (value.denom for value in values))
     return _without_content([value.numer * unit.exquo(value.denom) for value in values])
 
 
 def _without_content(values: list[Any]) -> list[Any]:
-    shared = reduce(lambda a, b: a.gcd(b), values)
-    return [value.exquo(shared) for value in values]
+    common_factor = reduce(lambda a, b: a.gcd(b), values)
+    return [value.exquo(common_factor) for value in values]
 
 
-def _collected(ascending: list[Any], g: sp.Expr, variable: Variable) -> sp.Expr:
+def _collect(ascending: list[Any], g: sp.Expr, variable: Variable) -> sp.Expr:
     """Σ c_k x^k with every c_k factored, or with x = −g/λ, times λ^n/g^n: Σ (−1)^k g^{k−n} c_k λ^{n−k}."""
     n = len(ascending) - 1
-    coefficients = [c.as_expr() for c in _cleared(ascending)]
+    coefficients = [c.as_expr() for c in _clear(ascending)]
     if variable == "x":
         return sp.Add(*((-1) ** n * sp.factor(c) * sp.Symbol("x") ** k for k, c in enumerate(coefficients)))
     return sp.Add(

@@ -56,7 +56,7 @@ class SymbolicSpring(NamedTuple):
         return sp.Add(*(part**2 for part in self.between))
 
     @property
-    def stretched(self) -> Any:
+    def elongation_square(self) -> Any:
         """(ℓ − ℓ₀)², or the square itself where it is 0 as drawn."""
         return self.square if self.rest is None else (self.ell.q - self.rest) ** 2
 
@@ -80,14 +80,14 @@ class SymbolicStructure(Displayed):
     gravity: Any
     carriers: tuple[SymbolicCarrier, ...]
     chains: tuple[Chain, ...]
-    hung: tuple[CarrierEnd, ...]
-    joined: tuple[JoinedSpring, ...] = ()
+    pivot_ends: tuple[CarrierEnd, ...]
+    spring_entries: tuple[JoinedSpring, ...] = ()
     spatial: bool = False
 
     def _summary(self) -> Summary:
         count = counted(len(self.coordinates), "coordinate", "coordinates")
         supports = ", ".join(f"{carrier.name} ({carrier.kind})" for carrier in self.carriers)
-        facts = [("supports", supports), ("pendula", str(len(self.chains))), ("springs", str(len(self.joined)))]
+        facts = [("supports", supports), ("pendula", str(len(self.chains))), ("springs", str(len(self.spring_entries)))]
         return Summary(f"{self.title}, {count} in symbols", facts)
 
     # -------------------------------------------------------------------------------------------------- coordinates
@@ -140,7 +140,7 @@ class SymbolicStructure(Displayed):
     @property
     def is_of_pair(self) -> bool:
         """Whether the pair (A, b) tells everything: a support fixed or on a rail, and joints alone."""
-        return not self.joined and [carrier.kind for carrier in self.carriers] in (["fixed"], ["cart"])
+        return not self.spring_entries and [carrier.kind for carrier in self.carriers] in (["fixed"], ["cart"])
 
     @property
     def has_joint_forces(self) -> bool:
@@ -169,7 +169,7 @@ class SymbolicStructure(Displayed):
     @cached_property
     def pivots(self) -> list[tuple[Any, Any]]:
         """(along, down) of every first joint."""
-        return [self.carriers[hung.carrier].place(hung.where) for hung in self.hung]
+        return [self.carriers[end.carrier].place(end.where) for end in self.pivot_ends]
 
     @cached_property
     def directions(self) -> list[Place]:
@@ -177,16 +177,16 @@ class SymbolicStructure(Displayed):
         sines = [(sp.sin(angle.q), sp.cos(angle.q)) for angle in self.angles]
         if not self.spatial:
             return list(sines)
-        turned = [(sp.cos(azimuth.q), sp.sin(azimuth.q)) for azimuth in self.azimuths]
-        return [(s * along, c, s * across) for (s, c), (along, across) in zip(sines, turned, strict=True)]
+        azimuth_parts = [(sp.cos(azimuth.q), sp.sin(azimuth.q)) for azimuth in self.azimuths]
+        return [(s * x_part, c, s * y_part) for (s, c), (x_part, y_part) in zip(sines, azimuth_parts, strict=True)]
 
-    def on_link(self, number: int, below: Any) -> Place:
-        """A point `below` the upper joint of a link by its number in the file; None is its centre of mass."""
+    def on_link(self, number: int, distance: Any) -> Place:
+        """A point `distance` the upper joint of a link by its number in the file; None is its centre of mass."""
         p, i = self.links[number]
         place = (*self.pivots[p], *([sp.S.Zero] * self.spatial))
-        reach = [*self.chains[p].length[:i], self.chains[p].centre[i] if below is None else below]
+        reach = [*self.chains[p].length[:i], self.chains[p].centre[i] if distance is None else distance]
         for arm, direction in zip(reach, self.directions[number - i : number + 1], strict=True):
-            place = tuple(part + arm * along for part, along in zip(place, direction, strict=True))
+            place = tuple(part + arm * component for part, component in zip(place, direction, strict=True))
         return place
 
     def masses(self) -> Iterator[tuple[Any, Place]]:
@@ -195,67 +195,67 @@ class SymbolicStructure(Displayed):
         for number, (p, i) in enumerate(self.links):
             yield self.chains[p].mass[i], self.on_link(number, None)
 
-    def _end(self, end: End, other: End) -> Place:
+    def _end(self, end: End, other_end: End) -> Place:
         if isinstance(end, LinkEnd):
             return self.on_link(*end)
         if isinstance(end, CarrierEnd):
             return self.carriers[end.carrier].place(end.where)
-        return self._drawn(self._end(other, end)) if end.place is None else end.place
+        return self._at_rest(self._end(other_end, end)) if end.place is None else end.place
 
-    def _turned(self, end: End) -> Any:
+    def _angle_at(self, end: End) -> Any:
         """The angle at one end of a torsion spring; the ground, and what does not turn, has 0."""
         if isinstance(end, LinkEnd):
             return self.angles[end.link].q
         angle = self.carriers[end.carrier].angle if isinstance(end, CarrierEnd) else None
         return sp.S.Zero if angle is None else angle.q
 
-    def _drawn(self, place: Place) -> Place:
+    def _at_rest(self, place: Place) -> Place:
         return tuple(sp.sympify(part).subs(self.rest) for part in place)
 
     @cached_property
     def springs(self) -> list[SymbolicSpring]:
         """All springs in the order of the file, those of copies one after another."""
-        return [self._spring(number, joined) for number, joined in enumerate(self.joined)]
+        return [self._spring(number, entry) for number, entry in enumerate(self.spring_entries)]
 
-    def _spring(self, number: int, joined: JoinedSpring) -> SymbolicSpring:
-        a, b = joined.ends
-        ell, strength = coordinate("ell", number + 1), (joined.stiffness, joined.damping)
-        if joined.torsion:
-            return SymbolicSpring(number, (self._turned(b) - self._turned(a),), None, *strength, ell)
-        between = tuple(far - near for near, far in zip(self._end(a, b), self._end(b, a), strict=True))
-        drawn = sp.sqrt(sp.Add(*(sp.sympify(part).subs(self.rest) ** 2 for part in between)))
-        return SymbolicSpring(number, between, None if drawn == 0 else sp.simplify(drawn), *strength, ell)
+    def _spring(self, number: int, entry: JoinedSpring) -> SymbolicSpring:
+        a, b = entry.ends
+        ell, strength = coordinate("ell", number + 1), (entry.stiffness, entry.damping)
+        if entry.torsion:
+            return SymbolicSpring(number, (self._angle_at(b) - self._angle_at(a),), None, *strength, ell)
+        between = tuple(second - first for first, second in zip(self._end(a, b), self._end(b, a), strict=True))
+        rest_length = sp.sqrt(sp.Add(*(sp.sympify(part).subs(self.rest) ** 2 for part in between)))
+        return SymbolicSpring(number, between, None if rest_length == 0 else sp.simplify(rest_length), *strength, ell)
 
     # ----------------------------------------------------------------------------------------------------- energies
 
     @cached_property
-    def carried(self) -> list[Any]:
+    def carried_weights(self) -> list[Any]:
         """W (N or N m) of every carrier's coordinates that a spring holds as drawn, and 0 of the others."""
-        held = [holds for carrier in self.carriers for holds in carrier.carries]
+        is_carried = [holds for carrier in self.carriers for holds in carrier.carries]
         weights = [(m * self.gravity, place[1]) for m, place in self.masses()]
         return [
             sp.Add(*(w * sp.diff(z, c.q).subs(self.rest) for w, z in weights)) if holds else sp.S.Zero
-            for c, holds in zip(self.coordinates, held, strict=False)
+            for c, holds in zip(self.coordinates, is_carried, strict=False)
         ]
 
     @cached_property
-    def held(self) -> list[Any]:
+    def carrier_energies(self) -> list[Any]:
         """½ k η² + W η of every carrier."""
-        carried, energies = iter(self.carried), []
+        weights, energies = iter(self.carried_weights), []
         for carrier in self.carriers:
             q = sp.Matrix([c.q for c in carrier.coordinates])
-            curved = (q.T * carrier.stiffness * q)[0] / 2 if q else sp.S.Zero
-            energies.append(curved + sp.Add(*(next(carried) * value for value in q)))
+            elastic_energy = (q.T * carrier.stiffness * q)[0] / 2 if q else sp.S.Zero
+            energies.append(elastic_energy + sp.Add(*(next(weights) * value for value in q)))
         return energies
 
     @cached_property
     def parts(self) -> list[Energy]:
         """The energies of every carrier and chain; weights count from the drawn origin of the carrier."""
         parts = []
-        for carrier, held in zip(self.carriers, self.held, strict=True):
+        for carrier, energy in zip(self.carriers, self.carrier_energies, strict=True):
             if carrier.coordinates:
-                fallen = carrier.place(carrier.centre)[1] - carrier.position[1]
-                V = sp.expand(held - carrier.mass * self.gravity * fallen)
+                descent = carrier.place(carrier.centre)[1] - carrier.position[1]
+                V = sp.expand(energy - carrier.mass * self.gravity * descent)
                 parts.append(Energy(carrier.name, carrier.kinetic, V))
         return parts + [self._of_pendulum(p) for p in range(len(self.chains))]
 
@@ -264,29 +264,29 @@ class SymbolicStructure(Displayed):
         """V of all masses and springs; weights count from the first joints as drawn."""
         places = [(c.mass, c.place(c.centre)[1] - c.position[1]) for c in self.carriers if c.mass != 0]
         for number, (p, i) in enumerate(self.links):
-            places.append((self.chains[p].mass[i], self.on_link(number, None)[1] - self._drawn(self.pivots[p])[1]))
+            places.append((self.chains[p].mass[i], self.on_link(number, None)[1] - self._at_rest(self.pivots[p])[1]))
         joints = (self.at_joints(p, chain.stiffness) for p, chain in enumerate(self.chains))
         weights = (-m * self.gravity * z for m, z in places)
-        return sp.Add(*weights, *self.held, *joints, *(spring.V for spring in self.stored))
+        return sp.Add(*weights, *self.carrier_energies, *joints, *(spring.V for spring in self.spring_energies))
 
     @cached_property
-    def stored(self) -> list[Energy]:
+    def spring_energies(self) -> list[Energy]:
         """The energies of the springs between points, the length of a stretched one by its symbol ℓ."""
         return [
-            Energy(f"spring {spring.number + 1}", sp.S.Zero, spring.stiffness * spring.stretched / 2)
+            Energy(f"spring {spring.number + 1}", sp.S.Zero, spring.stiffness * spring.elongation_square / 2)
             for spring in self.springs
         ]
 
     def _of_pendulum(self, p: int) -> Energy:
         """T = ½ m v_p² + Σ b_i v_p·n_i θ_i' + ½ Σ A_ij cos(θ_i − θ_j) θ_i'θ_j' of the pair (A, b), and V."""
-        chain, hung, angles = self.chains[p], self.hung[p], self._of_chain(p)
-        carrier, total = self.carriers[hung.carrier], sp.Add(*chain.mass)
+        chain, pivot_end, angles = self.chains[p], self.pivot_ends[p], self._of_chain(p)
+        carrier, total = self.carriers[pivot_end.carrier], sp.Add(*chain.mass)
         first = self.links.index((p, 0))
         b, A = self.b[first : first + len(angles)], self.A[first : first + len(angles), first : first + len(angles)]
-        T = total * carrier.speed_squared(hung.where) / 2
+        T = total * carrier.speed_square(pivot_end.where) / 2
         V = -total * self.gravity * (self.pivots[p][1] - carrier.position[1])
         for i, angle in enumerate(angles):
-            T += b[i] * carrier.speed_across(hung.where, angle.q) * angle.v + A[i, i] * angle.v**2 / 2
+            T += b[i] * carrier.speed_across(pivot_end.where, angle.q) * angle.v + A[i, i] * angle.v**2 / 2
             T += sp.Add(*(A[i, j] * sp.cos(angle.q - angles[j].q) * angle.v * angles[j].v for j in range(i)))
             V -= self.gravity * b[i] * sp.cos(angle.q)
         V += self.at_joints(p, chain.stiffness)
@@ -295,8 +295,8 @@ class SymbolicStructure(Displayed):
 
     def joints(self, p: int, part: str = "q") -> list[Any]:
         """The angles at the joints of a chain from rest, or their rates (`part` v): the first from its carrier."""
-        above = self.carriers[self.hung[p].carrier].angle
-        upper, relative = getattr(above, part) if above is not None else sp.S.Zero, []
+        carrier_angle = self.carriers[self.pivot_ends[p].carrier].angle
+        upper, relative = getattr(carrier_angle, part) if carrier_angle is not None else sp.S.Zero, []
         for angle, sign in zip(self._of_chain(p), self.chains[p].sigma, strict=True):
             value = getattr(angle, part)
             straight = value - (sp.pi if sign < 0 and part == "q" else 0)
@@ -311,9 +311,9 @@ class SymbolicStructure(Displayed):
     @cached_property
     def dissipation(self) -> Any:
         """R = ½ η'ᵀ D η' of all carriers + Σ ½ d (rate)² of joints and springs; of a stretched one by the symbol ℓ'."""
-        return sp.Add(*self._lost())
+        return sp.Add(*self._dissipations())
 
-    def _lost(self) -> Iterator[Any]:
+    def _dissipations(self) -> Iterator[Any]:
         for carrier in self.carriers:
             v = sp.Matrix([c.v for c in carrier.coordinates])
             yield sp.expand((v.T * carrier.damping * v)[0]) / 2 if v else sp.S.Zero
@@ -349,19 +349,19 @@ class SymbolicStructure(Displayed):
         A stretched spring pulls with its force F, the symbol that `force_of` explains: F ∂ℓ/∂q, ∂ℓ/∂q = Δr·∂Δr/∂q/ℓ.
         """
         rows = dict.fromkeys((c.q for c in self.coordinates), sp.S.Zero)
-        for part in (*self.parts, *self.stored):
-            here = self._among(part.T + part.V)
-            for c in here:
-                inertial = time_derivative(sp.diff(part.T, c.v), here) - sp.diff(part.T, c.q)
+        for part in (*self.parts, *self.spring_energies):
+            coordinates = self._among(part.T + part.V)
+            for c in coordinates:
+                inertial = time_derivative(sp.diff(part.T, c.v), coordinates) - sp.diff(part.T, c.q)
                 rows[c.q] += sp.expand(inertial) + sp.diff(part.V, c.q)
-        for lost in self._lost():
-            for c in self._among(lost):
-                rows[c.q] += sp.diff(lost, c.v)
+        for dissipation in self._dissipations():
+            for c in self._among(dissipation):
+                rows[c.q] += sp.diff(dissipation, c.v)
         for spring in self.springs:
             if spring.rest is not None:
                 for c in self._among(spring.square):
-                    along = sp.Add(*(part * sp.diff(part, c.q) for part in spring.between))
-                    rows[c.q] += force_symbol(spring) * along / spring.ell.q
+                    projection = sp.Add(*(part * sp.diff(part, c.q) for part in spring.between))
+                    rows[c.q] += force_symbol(spring) * projection / spring.ell.q
         return [rows[c.q] for c in self.coordinates]
 
     def written_out(self, form: Any) -> Any:
@@ -380,22 +380,22 @@ class SymbolicStructure(Displayed):
         n = len(self.coordinates)
         M, K, D = (sp.zeros(n, n) for _ in range(3))
         self._inertial(M)
-        for part in (*self.parts, *self.stored):
-            self._curved(K, part.V)
+        for part in (*self.parts, *self.spring_energies):
+            self._add_curvature(K, part.V)
         for spring in self.springs:
             if spring.rest is not None:
                 ell = self._slopes(sp.sqrt(spring.square))
-                self._added(K, spring.stiffness, ell)
-                self._added(D, spring.damping, ell)
-        for lost in self._lost():
-            self._curved(D, lost, "v")
+                self._add_product(K, spring.stiffness, ell)
+                self._add_product(D, spring.damping, ell)
+        for dissipation in self._dissipations():
+            self._add_curvature(D, dissipation, "v")
         simpler = _shortest if self.is_of_pair else sp.factor
         return (M, K, D) if not self.symbols else tuple(_symmetric(A, simpler) for A in (M, K, D))
 
     def _inertial(self, M: Any) -> None:
         for m, place in self.masses():
             for part in place:
-                self._added(M, m, self._slopes(part))
+                self._add_product(M, m, self._slopes(part))
         at = 0
         for carrier in self.carriers:
             d = len(carrier.coordinates)
@@ -412,7 +412,7 @@ class SymbolicStructure(Displayed):
         """The number of every coordinate and of its rate."""
         return {name: k for k, c in enumerate(self.coordinates) for name in (c.q, c.v)}
 
-    def _numbered(self, value: Any) -> list[tuple[int, Coordinate]]:
+    def _coordinates_in(self, value: Any) -> list[tuple[int, Coordinate]]:
         places = sorted({self._places[name] for name in sp.sympify(value).free_symbols if name in self._places})
         return [(k, self.coordinates[k]) for k in places]
 
@@ -420,23 +420,23 @@ class SymbolicStructure(Displayed):
         """∂/∂q at rest, term by term."""
         slopes: dict[int, Any] = {}
         for term in sp.Add.make_args(sp.sympify(value)):
-            for i, c in self._numbered(term):
+            for i, c in self._coordinates_in(term):
                 slopes[i] = slopes.get(i, sp.S.Zero) + sp.diff(term, c.q).xreplace(self.rest)
         return slopes
 
-    def _added(self, A: Any, weight: Any, slopes: dict[int, Any]) -> None:
+    def _add_product(self, A: Any, weight: Any, slopes: dict[int, Any]) -> None:
         for i, a in slopes.items():
             for j, b in slopes.items():
                 A[i, j] += weight * a * b
 
-    def _curved(self, A: Any, f: Any, by: str = "q") -> None:
+    def _add_curvature(self, A: Any, f: Any, by: str = "q") -> None:
         """Second derivatives of a function at rest, by the coordinates or by their rates, term by term."""
         for term in sp.Add.make_args(sp.sympify(f)):
-            numbered = self._numbered(term)
-            for i, c in numbered:
+            coordinates = self._coordinates_in(term)
+            for i, c in coordinates:
                 slope = sp.diff(term, getattr(c, by))
-                for j, other in numbered:
-                    A[i, j] += sp.diff(slope, getattr(other, by)).xreplace(self.rest)
+                for j, other_coordinate in coordinates:
+                    A[i, j] += sp.diff(slope, getattr(other_coordinate, by)).xreplace(self.rest)
 
     @cached_property
     def conditions(self) -> dict[Any, Any]:

@@ -48,7 +48,7 @@ def _links(n: int, kind: str, symbolic: tuple[str, ...], sigma: tuple[int, ...])
     return Chain(mass, length, centre, inertia, none, none, sigma or (1,) * n)
 
 
-def of_structured(scene: Scene, symbolic: tuple[str, ...] = ()) -> SymbolicStructure:
+def symbolic_structure(scene: Scene, symbolic: tuple[str, ...] = ()) -> SymbolicStructure:
     """A scene with its decimals as exact fractions, or as symbols for the quantities in `symbolic` (of SYMBOLIC).
 
     Copies of a pendulum share their symbols; those of several pendula begin with the number of the first copy.  Raises
@@ -58,13 +58,13 @@ def of_structured(scene: Scene, symbolic: tuple[str, ...] = ()) -> SymbolicStruc
     if scene.n_links > MOST_LINKS:
         raise SceneError([f"the scene has {scene.n_links} links: at most {MOST_LINKS} are written in exact numbers"])
     gravity = symbol("g") if "gravity" in symbolic else rational(scene.gravity)
-    alone = [support.kind for support in scene.supports] == ["cart"]
-    named = zip(scene.supports, scene.support_names, strict=True)
-    carriers = tuple(_carrier(support, name, () if alone else (name,), symbolic) for support, name in named)
-    hung = tuple(map(_exact, hanging_points(scene)))
-    joined = tuple(_joined(scene, entry, ends, symbolic) for entry, ends in joined_points(scene))
+    is_single_cart = [support.kind for support in scene.supports] == ["cart"]
+    entries = zip(scene.supports, scene.support_names, strict=True)
+    carriers = tuple(_carrier(support, name, () if is_single_cart else (name,), symbolic) for support, name in entries)
+    pivot_ends = tuple(map(_exact, hanging_points(scene)))
+    spring_entries = tuple(_joining_spring(scene, entry, ends, symbolic) for entry, ends in joined_points(scene))
     chains, in_space = chains_of(scene, symbolic), scene.space == "space"
-    return SymbolicStructure(title_of(scene), gravity, carriers, chains, hung, joined, in_space)
+    return SymbolicStructure(title_of(scene), gravity, carriers, chains, pivot_ends, spring_entries, in_space)
 
 
 def _carrier(support: Any, name: str, index: tuple[str, ...], symbolic: tuple[str, ...]) -> SymbolicCarrier:
@@ -77,10 +77,12 @@ def _carrier(support: Any, name: str, index: tuple[str, ...], symbolic: tuple[st
         return SymbolicCarrier("modal", name, index, position, K, D, (True,) * M.rows, masses=M, points=points)
 
     def number(letter: str, value: float, *way: str) -> Any:
-        named = "cart" in symbolic and (support.kind, letter) == ("cart", "m")
-        called = name if index or support.kind != "cart" else "c"
+        is_cart_mass = "cart" in symbolic and (support.kind, letter) == ("cart", "m")
+        index_name = name if index or support.kind != "cart" else "c"
         return (
-            symbol("_".join((letter, called, *way))) if named or (value and "supports" in symbolic) else rational(value)
+            symbol("_".join((letter, index_name, *way)))
+            if is_cart_mass or (value and "supports" in symbolic)
+            else rational(value)
         )
 
     def diagonal(letter: str, values: float | Planar) -> Any:
@@ -117,7 +119,7 @@ def _exact_part(part: Any) -> Any:
     return _rationals(part) if isinstance(part, tuple) else rational(part) if isinstance(part, float) else part
 
 
-def _joined(scene: Scene, entry: int, ends: tuple[End, End], symbolic: tuple[str, ...]) -> JoinedSpring:
+def _joining_spring(scene: Scene, entry: int, ends: tuple[End, End], symbolic: tuple[str, ...]) -> JoinedSpring:
     """A spring of an entry, whose symbols those of copies share."""
     spring = scene.spring[entry]
     numbers = [
@@ -137,15 +139,15 @@ def chains_of(scene: Scene, symbolic: tuple[str, ...]) -> tuple[Chain, ...]:
 
 
 def _chain_of(pendulum: Pendulum, prefix: str, symbolic: tuple[str, ...]) -> Chain:
-    written = [link for link in pendulum.links for _ in range(link.count)]
+    links = [link for link in pendulum.links for _ in range(link.count)]
     mass, length, centre, inertia, stiffness, sigma = map(list, zip(*exact_links(pendulum), strict=True))
-    for i, link in enumerate(written):
+    for i, link in enumerate(links):
         if "masses" in symbolic:
             mass[i] = symbol(f"m_{prefix}{i + 1}")
         if "lengths" in symbolic:
             length[i] = symbol(f"l_{prefix}{i + 1}")
         centre[i], inertia[i] = link.proportions(mass[i], length[i], exact)
-    damping = [exact(link.damping) for link in written]
+    damping = [exact(link.damping) for link in links]
     columns = (mass, length, centre, inertia, damping, stiffness, map(int, sigma))
     return Chain(*(tuple(map(sp.sympify, values)) for values in columns))
 
@@ -161,5 +163,5 @@ def symbol(name: str) -> Any:
 
 
 def _rationals(values: Sequence[Any]) -> tuple[Any, Any]:
-    along, below = map(rational, values)
-    return along, below
+    first, second = map(rational, values)
+    return first, second

@@ -42,12 +42,12 @@ def is_short(latex: str) -> bool:
 
 def broken_lines(latex: str, room: float = LINE) -> list[str]:
     """The formula over several lines, each of which fits `room` letters as far as it can be broken."""
-    written, start, pieces = [], 0, list(_pieces(latex))
+    lines, start, pieces = [], 0, list(_pieces(latex))
     while start < len(pieces):
         end = _end(pieces, start, room)
-        written.append("".join(piece.text for piece in pieces[start:end]).strip())
+        lines.append("".join(piece.text for piece in pieces[start:end]).strip())
         start = end
-    return written
+    return lines
 
 
 def letters(latex: str) -> float:
@@ -70,13 +70,13 @@ class _Unbroken:
 
 def _end(pieces: list[_Unbroken], start: int, room: float) -> int:
     """Where the line that begins at a piece ends: at the cheapest break in its last part, the last of these."""
-    filled, choices, last = 0.0, [], start + 1
+    width, choices, last = 0.0, [], start + 1
     for place in range(start, len(pieces)):
-        if filled + pieces[place].width > room and place > start:
+        if width + pieces[place].width > room and place > start:
             break
-        filled += pieces[place].width
+        width += pieces[place].width
         last = place + 1
-        if last < len(pieces) and filled > SHORTEST * room:
+        if last < len(pieces) and width > SHORTEST * room:
             choices.append((pieces[last].cost, -last))
     else:
         return len(pieces)
@@ -199,15 +199,15 @@ def plain(formula: Any) -> str:
         return f"{plain(formula.lhs)} = {plain(formula.rhs)}"
     if isinstance(formula, sp.MatrixBase):
         return _grid(formula)
-    written = _NAME.sub(_symbol, sp.sstr(formula))
-    return written.replace("**", "^").replace("*", " ")
+    text = _NAME.sub(_symbol, sp.sstr(formula))
+    return text.replace("**", "^").replace("*", " ")
 
 
-def _symbol(matched: re.Match[str]) -> str:
-    name, dots, index = matched.groups()
+def _symbol(match: re.Match[str]) -> str:
+    name, dots, index = match.groups()
     marks = {"dot": "'", "ddot": "''", None: ""}[dots]
-    numbered = index.removeprefix("_").replace("_", ",")
-    return GREEK.get(name, name) + (numbered if numbered.replace(",", "").isdigit() else index) + marks
+    commas = index.removeprefix("_").replace("_", ",")
+    return GREEK.get(name, name) + (commas if commas.replace(",", "").isdigit() else index) + marks
 
 
 def _grid(matrix: Any) -> str:
@@ -246,18 +246,18 @@ def in_latex(words: str) -> str:
     unit = _UNIT.search(words)
     if unit:
         words = words[: unit.start()].rstrip()
-    written = _NUMBER.sub(lambda number: f"{float(number[0]):.{SHOWN}g}", words)
-    written = re.sub(r"([a-z])('{1,2})", lambda m: _DOTTED["dot" if len(m[2]) == 1 else "ddot"] % m[1], written)
-    written = re.sub(r"√\(([^()]*)\)", r"\\sqrt{\1}", written)
-    written = re.sub("[⁰¹²³⁴⁵⁶⁷⁸⁹]+", lambda m: f"^{{{''.join(map(_SUPERSCRIPTS.__getitem__, m[0]))}}}", written)
-    written = re.sub("|".join(_LETTERS), lambda m: _LETTERS[m[0]] + " ", written)
-    written = re.sub(r"(\\[a-z]+) (?=[\^_/),])|- ", lambda m: m[1] or "-", re.sub(" +", " ", written))
-    written = written.replace("det(", r"\det(").strip()
+    text = _NUMBER.sub(lambda number: f"{float(number[0]):.{SHOWN}g}", words)
+    text = re.sub(r"([a-z])('{1,2})", lambda m: _DOTTED["dot" if len(m[2]) == 1 else "ddot"] % m[1], text)
+    text = re.sub(r"√\(([^()]*)\)", r"\\sqrt{\1}", text)
+    text = re.sub("[⁰¹²³⁴⁵⁶⁷⁸⁹]+", lambda m: f"^{{{''.join(map(_SUPERSCRIPTS.__getitem__, m[0]))}}}", text)
+    text = re.sub("|".join(_LETTERS), lambda m: _LETTERS[m[0]] + " ", text)
+    text = re.sub(r"(\\[a-z]+) (?=[\^_/),])|- ", lambda m: m[1] or "-", re.sub(" +", " ", text))
+    text = text.replace("det(", r"\det(").strip()
     if not unit:
-        return written
+        return text
     name = unit[1] or unit[2]
     upright = UNITS.get(name, r"\mathrm{s^2}")
-    return rf"{written}\,{upright}" if unit[1] else rf"{written}\;({upright})"
+    return rf"{text}\,{upright}" if unit[1] else rf"{text}\;({upright})"
 
 
 def _text(title: str, sections: list[Section]) -> str:
@@ -278,9 +278,9 @@ def _readable(words: str) -> str:
 def _latex(title: str, sections: list[Section]) -> str:
     lines = [rf"\section*{{{latex(title)}}}"]
     for section in sections:
-        lines += [rf"\subsection*{{{_escaped(section.title)}}}"]
+        lines += [rf"\subsection*{{{_escape(section.title)}}}"]
         for words, formula in section.lines:
-            lines.append(_sentence(_escaped(words)) + ("." if formula is None else ":"))
+            lines.append(_sentence(_escape(words)) + ("." if formula is None else ":"))
             lines += [] if formula is None else [_display(formula)]
     return "\n".join(lines) + "\n"
 
@@ -299,18 +299,18 @@ def _markdown(title: str, sections: list[Section]) -> str:
 
 def _display(formula: Any) -> str:
     """A displayed formula, broken into lines if it is too long for one."""
-    whole = _tex(formula)
-    if is_short(whole):
-        return f"\\begin{{equation*}}\n{whole}\n\\end{{equation*}}"
-    left, right = "", formula
+    text = _tex(formula)
+    if is_short(text):
+        return f"\\begin{{equation*}}\n{text}\n\\end{{equation*}}"
+    head, right = "", formula
     if isinstance(formula, sp.Equality):
         sides = formula.args if formula.rhs != 0 else (formula.rhs, formula.lhs)
-        left, right = f"{_tex(sides[0])} ={{}}", sides[1]
-    if letters(left) > LINE / 3:
-        left, right = "", formula
-    room = LINE - letters(left)
+        head, right = f"{_tex(sides[0])} ={{}}", sides[1]
+    if letters(head) > LINE / 3:
+        head, right = "", formula
+    room = LINE - letters(head)
     body = " \\\\\n& ".join(broken_lines(_tex(right, long_frac_ratio=2), room))
-    return f"\\begin{{align*}}\n{left}& {body}\n\\end{{align*}}"
+    return f"\\begin{{align*}}\n{head}& {body}\n\\end{{align*}}"
 
 
 def _sentence(words: str) -> str:
@@ -321,40 +321,38 @@ def _sentence(words: str) -> str:
 def _inline(words: str) -> str:
     """Words with what is mathematics in them between dollars."""
     pieces = _MATHEMATICS.split(words)
-    return "".join(f"${in_latex(piece)}$" if at % 2 else _named(piece) for at, piece in enumerate(pieces))
+    return "".join(f"${in_latex(piece)}$" if at % 2 else _with_mathematics(piece) for at, piece in enumerate(pieces))
 
 
-def _named(words: str) -> str:
+def _with_mathematics(words: str) -> str:
     """Coordinates, other named symbols and letters with an index in words, as mathematics."""
-    words = _NAME.sub(
-        lambda matched: f"${_tex(sp.Symbol(matched[0]))}$" if matched[0] not in "psxyzu" else matched[0], words
-    )
+    words = _NAME.sub(lambda match: f"${_tex(sp.Symbol(match[0]))}$" if match[0] not in "psxyzu" else match[0], words)
     words = re.sub(r"\bof ([psxyzu])$", r"of $\1$", words)
-    words = _INDEXED.sub(lambda matched: f"${LETTERS.get(matched[1], matched[1])}_{{{matched[2]}}}$", words)
+    words = _INDEXED.sub(lambda match: f"${LETTERS.get(match[1], match[1])}_{{{match[2]}}}$", words)
     return words.replace("q''", r"$\ddot{q}$").replace("q'", r"$\dot{q}$")
 
 
 def _tex(formula: Any, **settings: Any) -> str:
-    called = {name: written for name in formula.free_symbols if (written := _by_name(name.name))}
-    computed = {number: sp.Float(number, SHOWN) for number in formula.atoms(sp.Float) if number._prec <= DOUBLE}
-    settings = {"symbol_names": called, "mat_str": "bmatrix", "mat_delim": "", "inv_trig_style": "full", **settings}
-    return _with_commas(str(sp.latex(formula.xreplace(computed), **settings)))
+    names = {name: name_in_latex for name in formula.free_symbols if (name_in_latex := _by_name(name.name))}
+    rounded_numbers = {number: sp.Float(number, SHOWN) for number in formula.atoms(sp.Float) if number._prec <= DOUBLE}
+    settings = {"symbol_names": names, "mat_str": "bmatrix", "mat_delim": "", "inv_trig_style": "full", **settings}
+    return _with_commas(str(sp.latex(formula.xreplace(rounded_numbers), **settings)))
 
 
 def _by_name(name: str) -> str:
     r"""The LaTeX of a symbol that a word follows, such as \dot{\phi}_{\mathrm{board}}; "" for any other symbol."""
-    called = _CALLED.fullmatch(name)
-    if called is None or all(part in GREEK or part.isdigit() for part in called[3].split("_")):
+    match = _CALLED.fullmatch(name)
+    if match is None or all(part in GREEK or part.isdigit() for part in match[3].split("_")):
         return ""
-    letter, dots, word = called.groups()
+    letter, dots, word = match.groups()
     letter = rf"\{letter}" if letter in GREEK else letter
     parts = word.split("_")
     count = next((k for k, part in enumerate(reversed(parts)) if not part.isdigit()), 0)
-    named, numbers = (
+    index_word, numbers = (
         r"\_".join(parts[: len(parts) - count]),
         "".join(f",{part}" for part in parts[len(parts) - count :]),
     )
-    return _DOTTED[dots] % letter + rf"_{{\mathrm{{{named}}}{numbers}}}"
+    return _DOTTED[dots] % letter + rf"_{{\mathrm{{{index_word}}}{numbers}}}"
 
 
 def _with_commas(formula: str) -> str:
@@ -362,7 +360,7 @@ def _with_commas(formula: str) -> str:
     return re.sub(r"_\{(\d+) (\d+)\}", r"_{\1,\2}", formula)
 
 
-def _escaped(words: str) -> str:
+def _escape(words: str) -> str:
     """For LaTeX text: named symbols as mathematics, everything else letter by letter."""
     parts = re.split(r"(\$[^$]*\$)", _inline(words))
     return "".join(part if part.startswith("$") else latex(part) for part in parts)

@@ -90,7 +90,7 @@ def tune(
             problems += error.problems
     numbers: tuple[FreeNumber, ...] = ()
     try:
-        numbers = find_free(scene, texts_of(free, separated=True), lambda place: _begin(scene, place))
+        numbers = find_free(scene, texts_of(free, splits_commas=True), lambda place: _begin(scene, place))
     except SceneError as error:
         problems += error.problems
     every = [*(item.quantity for item in aims), *(item.quantity for item in found_limits)]

@@ -255,7 +255,7 @@ def find_strobes(
 
 def links_named(names: str | Sequence[str], system: System) -> tuple[int, ...]:
     """The links, from 0, of names such as "theta_1_2", by default the first; SceneError names every mistake."""
-    names, known = texts_of(names, separated=True), [f"theta_{place}" for place in places(system)]
+    names, known = texts_of(names, splits_commas=True), [f"theta_{place}" for place in places(system)]
     if problems := [f"of {name}: must be one of {', '.join(known)}" for name in names if name not in known]:
         raise SceneError(problems)
     return tuple(dict.fromkeys(map(known.index, names))) or (0,)

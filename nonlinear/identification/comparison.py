@@ -62,7 +62,7 @@ def compare(
 
     A `crew` fits several laws at once; `report` is called with the part that is done.
     """
-    laws, free = (texts_of(texts, separated=True) for texts in (laws, free))
+    laws, free = (texts_of(texts, splits_commas=True) for texts in (laws, free))
     problems = [
         f"compare {name}: must be laws such as {', '.join(LAWS)} or viscous+coulomb{spelling_hint(name, LAWS)}"
         for name in laws

@@ -97,7 +97,7 @@ def fit(
     require_fittable(scene)
     if loss not in LOSSES:
         raise SceneError([f"loss {loss}: must be one of {', '.join(LOSSES)}"])
-    parameters = find_parameters(scene, texts_of(free, separated=True), texts_of(priors))
+    parameters = find_parameters(scene, texts_of(free, splits_commas=True), texts_of(priors))
     require_fittable(scene, parameters)
     require_seconds(scene, recording)
     whole, recording = recording, recording if window is None else recording.windows(window)

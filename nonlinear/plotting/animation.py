@@ -21,8 +21,8 @@ from modal.plotting import (
     any_letters,
     form_problems,
     frame_rate,
-    muted,
     require_writer,
+    secondary_colour,
     sheet,
     write_film,
 )
@@ -86,7 +86,7 @@ class Film(MovingFigure):
     def _words(self, caption: str) -> None:
         title = self.figure.text(0.02, 0.975, self.title, fontsize="large", weight="bold", va="top", parse_math=False)
         self.clock = self.figure.text(0.98, 0.975, "", ha="right", va="top")
-        low = self.figure.text(0.02, 0.02, caption, fontsize=SMALL, color=muted(), va="bottom")
+        low = self.figure.text(0.02, 0.02, caption, fontsize=SMALL, color=secondary_colour(), va="bottom")
         self.clock.set_text(f"t = {self.times[-1]:.2f} s")
         taken = self.clock.get_window_extent().width / self.figure.bbox.width
         _fit(title, 0.92 - taken)

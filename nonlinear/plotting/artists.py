@@ -19,7 +19,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, FancyBboxPatch, Polygon, Rectangle
 from matplotlib.ticker import MaxNLocator
 
-from modal.plotting import MARKED, QUIET, SMALL, colour, ink, muted, paper, shade
+from modal.plotting import MARKED, QUIET, SMALL, colour, ink, paper, secondary_colour, shade
 from modal.plotting.carriers import ORDER, WIDTHS
 from modal.scene import Bob, Rod
 from modal.structure import Piece
@@ -138,13 +138,13 @@ class _Cart:
 def _rail(axis: Axes, height: float) -> None:
     """A rail with ticks, with metres along it at the lower edge."""
     axis.spines[["left", "right", "bottom"]].set_visible(False)
-    axis.spines["top"].set(position=("data", height), color=muted(), lw=1.6, visible=True)
+    axis.spines["top"].set(position=("data", height), color=secondary_colour(), lw=1.6, visible=True)
     axis.set_yticks([])
     axis.set_xlabel("along the rail (m)", fontsize=SMALL, labelpad=1)
     axis.xaxis.set_major_locator(MaxNLocator(5, steps=[1, 2, 5, 10]))
     axis.xaxis.set_major_formatter("{x:.3g}")
     axis.grid(visible=False)
-    axis.tick_params(axis="x", top=True, bottom=False, colors=muted(), labelsize=SMALL, length=3.5, pad=1)
+    axis.tick_params(axis="x", top=True, bottom=False, colors=secondary_colour(), labelsize=SMALL, length=3.5, pad=1)
 
 
 class _Ceiling:
@@ -156,7 +156,7 @@ class _Ceiling:
         lean = feet[1] - feet[0]
         self.strokes, self.ends = np.array([[(x, 0.0), (x + lean, height)] for x in feet]), [-stage.half, stage.half]
         self.moves = bool(np.any(stage.support))
-        self.hatching = LineCollection(list(self.strokes), colors=muted(), linewidths=0.9, zorder=1)
+        self.hatching = LineCollection(list(self.strokes), colors=secondary_colour(), linewidths=0.9, zorder=1)
         axis.add_collection(self.hatching, autolim=False)
         self.beam = axis.plot(self.ends, [0, 0], color=ink(), lw=2.6, zorder=2)[0]
 
@@ -201,7 +201,7 @@ def _piece(axis: Axes, piece: Piece) -> Polygon | Line2D:
         body = Polygon(points, closed=True, facecolor=face, edgecolor=ink(), lw=width, joinstyle="round", zorder=order)
         axis.add_patch(body)
         return body
-    look: dict[str, Any] = {"color": ink() if piece.role in {"ground", "line"} else muted(), "lw": width}
+    look: dict[str, Any] = {"color": ink() if piece.role in {"ground", "line"} else secondary_colour(), "lw": width}
     if piece.role == "dot":
         look = {"marker": "o", "ms": 4.0, "color": paper(), "mec": ink(), "mew": 1.2, "ls": ""}
     look |= {"ls": MARKED} if piece.role == "guide" else {}

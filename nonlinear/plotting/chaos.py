@@ -10,7 +10,19 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from modal.plotting import MARKED, PREDICTED, QUIET, WIDE, WIDTH, colour, headline, legend, muted, save, sheet
+from modal.plotting import (
+    MARKED,
+    PREDICTED,
+    QUIET,
+    WIDE,
+    WIDTH,
+    colour,
+    headline,
+    legend,
+    save,
+    secondary_colour,
+    sheet,
+)
 from modal.scene import Scene, title_of
 
 if TYPE_CHECKING:
@@ -42,7 +54,9 @@ def exponent_figure(exponent: Exponent) -> Figure:
     half, words = exponent.half_width, "95 % interval of the mean"
     axis.axhspan(exponent.value - half, exponent.value + half, color=colour(1), alpha=0.25, lw=0, label=words)
     axis.plot(since, mean, color=colour(1), lw=2.2, label=f"mean of {exponent.ensemble}: {exponent.equation}")
-    axis.plot(since, exponent.regular(since), ls=PREDICTED, color=muted(), lw=1.4, label="limit for regular motion")
+    axis.plot(
+        since, exponent.regular(since), ls=PREDICTED, color=secondary_colour(), lw=1.4, label="limit for regular motion"
+    )
     late = running[since > since[-1] / 10]
     low, high = float(min(late.min(), 0.0)), float(max(late.max(), 2 * exponent.floor))
     axis.set(xlim=(0, since[-1]), ylim=(low - 0.05 * (high - low), high * 1.08))
@@ -96,7 +110,7 @@ def _carts(finding: Finding) -> Figure:
         carts = [(case, exponent) for case, exponent in rows if case.at is not None]
         masses = [(case.at or 0.0) * NUDGE ** (k - 1) for case, _ in carts]
         _points(axis, masses, carts, [1.0] * len(carts), k, name)
-    axis.plot([], [], ls=MARKED, color=muted(), lw=1.4, label="the same on a fixed support")
+    axis.plot([], [], ls=MARKED, color=secondary_colour(), lw=1.4, label="the same on a fixed support")
     axis.set(xscale="log", xlabel="cart mass (kg)", ylabel="exponent λ (1/s)", ylim=(0, None))
     axis.xaxis.set_major_formatter("{x:g}")
     axis.legend(loc="lower right")

@@ -13,7 +13,7 @@ from matplotlib.lines import Line2D
 
 from modal.errors import ComputationError, SceneError
 from modal.modes import Mode, natural_modes
-from modal.plotting import HUES, MARKED, PREDICTED, WIDTH, headline, key, muted, save, scale, sheet
+from modal.plotting import HUES, MARKED, PREDICTED, WIDTH, headline, key, save, scale, secondary_colour, sheet
 from modal.scene import Scene, number_label, title_of
 from modal.scene.parameters import Variation, vary
 from modal.types import Floats
@@ -61,8 +61,10 @@ def _backbones(branches: Sequence[Branch], mode: Mode) -> Figure:
     slow, fast = axis.get_xlim()
     fast = max(fast, mode.omega + 0.1 * (mode.omega - slow), slow + NARROW * mode.omega)
     slow = min(slow, mode.omega - 0.1 * (fast - mode.omega))
-    axis.axvline(mode.omega, color=muted(), lw=1.1, ls=MARKED, zorder=1)
-    axis.plot(mode.omega * (1 + mode.kappa * a**2), np.rad2deg(a), color=muted(), lw=1.3, ls=PREDICTED, zorder=2)
+    axis.axvline(mode.omega, color=secondary_colour(), lw=1.1, ls=MARKED, zorder=1)
+    axis.plot(
+        mode.omega * (1 + mode.kappa * a**2), np.rad2deg(a), color=secondary_colour(), lw=1.3, ls=PREDICTED, zorder=2
+    )
     axis.set(xlim=(slow, fast), ylim=(0, 1.05 * np.rad2deg(widest)))
     axis.set(xlabel="angular frequency ω (rad/s)", ylabel="largest angle of any link (°)")
     return figure
@@ -104,9 +106,9 @@ def _resonance(scene: Scene, branches: Sequence[Branch]) -> Figure:
     clock = getattr(branches[0].problem, "clock", None)
     is_frequency = clock is not None and clock.value is not None
     values, linear = _linear(scene, variation)
-    upper.plot(values, linear, color=muted(), lw=1.3, ls=PREDICTED, zorder=1, label="linear response")
+    upper.plot(values, linear, color=secondary_colour(), lw=1.3, ls=PREDICTED, zorder=1, label="linear response")
     for k, (hertz, angles) in enumerate(_backbones_of(scene, variation, widest) if is_frequency else ()):
-        upper.plot(hertz, angles, color=muted(), lw=1.0, zorder=2, label="_" if k else "backbone")
+        upper.plot(hertz, angles, color=secondary_colour(), lw=1.0, zorder=2, label="_" if k else "backbone")
     upper.set(
         ylabel="largest angle (°)", xlim=(variation.values[0], variation.values[-1]), ylim=(0, 1.08 * widest or 1)
     )
@@ -161,7 +163,9 @@ def _read(special: Special, branch: Branch, values: Floats) -> float:
 def _drawn(branches: Sequence[Branch], mode: Mode | None) -> list[Line2D]:
     styles = stability_keys({fate for branch in branches for fate in branch.is_stable})
     if mode:
-        styles.append(Line2D([], [], color=muted(), ls=MARKED, label=f"linear, {mode.omega:.5g} rad/s"))
-        styles.append(Line2D([], [], color=muted(), ls=PREDICTED, label=f"κ = {mode.kappa:.4g}".replace("-", "−")))
+        styles.append(Line2D([], [], color=secondary_colour(), ls=MARKED, label=f"linear, {mode.omega:.5g} rad/s"))
+        styles.append(
+            Line2D([], [], color=secondary_colour(), ls=PREDICTED, label=f"κ = {mode.kappa:.4g}".replace("-", "−"))
+        )
     kinds = dict.fromkeys(special.kind for branch in branches for special in branch.special)
     return [*styles, *(Line2D([], [], label=kind, **mark(MARKS[kind])) for kind in kinds)]

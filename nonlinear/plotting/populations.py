@@ -14,14 +14,14 @@ from modal.plotting import (
     PREDICTED,
     WIDTH,
     colour,
-    framed,
     headline,
     ink,
     key,
-    muted,
     narrowing,
     save,
     scale,
+    secondary_colour,
+    set_frame,
     sheet,
 )
 from modal.scene import number_label, title_of
@@ -62,9 +62,9 @@ def populations_figure(diagram: PopulationDiagram) -> Figure:
 
 
 def _panel(axis: Axes, diagram: PopulationDiagram, branch: MotionBranch, names: list[str]) -> None:
-    axis.axhline(0.0, color=muted(), lw=0.8, zorder=1)
+    axis.axhline(0.0, color=secondary_colour(), lw=0.8, zorder=1)
     for low, high in diagram.intervals(branch):
-        axis.plot([low, high], [0.0, 0.0], color=muted(), lw=BAR, solid_capstyle="butt", zorder=2)
+        axis.plot([low, high], [0.0, 0.0], color=secondary_colour(), lw=BAR, solid_capstyle="butt", zorder=2)
     windows = [(branch.values >= low) & (branch.values <= high) for low, high in diagram.windows(branch)]
     for number, name in enumerate(names):
         look: dict[str, Any] = {"color": colour(number), "zorder": 4}
@@ -80,7 +80,7 @@ def _panel(axis: Axes, diagram: PopulationDiagram, branch: MotionBranch, names: 
             if threshold.pattern == branch.name and begins == (not threshold.sector)
         ]
         axis.plot(at, np.zeros(len(at)), **mark(shape))
-    framed(axis, "", "growth rate (1/s)", branch.name.capitalize())
+    set_frame(axis, "", "growth rate (1/s)", branch.name.capitalize())
 
 
 def _handles(names: list[str], ends: bool) -> list[Line2D]:
@@ -88,7 +88,7 @@ def _handles(names: list[str], ends: bool) -> list[Line2D]:
     return [
         *lines,
         Line2D([], [], color=ink(), lw=1.0, ls=PREDICTED, label="averaged equations"),
-        Line2D([], [], color=muted(), lw=BAR, label="stable"),
+        Line2D([], [], color=secondary_colour(), lw=BAR, label="stable"),
         Line2D([], [], label="threshold", **mark()),
         *[Line2D([], [], label="the motion itself begins or ends", **mark("s"))] * ends,
     ]

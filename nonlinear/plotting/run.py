@@ -17,16 +17,16 @@ from modal.plotting import (
     caption,
     colour,
     draw_curves,
-    evenly,
-    framed,
+    even_choice,
     headline,
     ink,
     is_blob,
     legend,
-    muted,
     pick,
     rest,
     save,
+    secondary_colour,
+    set_frame,
     sheet,
 )
 from modal.scene import Scene, title_of
@@ -141,8 +141,8 @@ def _angles(axis: Axes, trajectory: Trajectory, drawn: _DrawnLinks) -> None:
     if drawn.stand_for < values.shape[1]:
         _range(axis, times, values, "pendula" if single and trajectory.system.n_pendula > 1 else "links")
     from_what = "from the vertical" if trajectory.system.spatial else "from the downward vertical"
-    framed(axis, "time (s)", "angle (°)", f"Angles {from_what}" + ("" if single else ", by pendulum.link"))
-    legend(axis, least=1 if has_band else 2)
+    set_frame(axis, "time (s)", "angle (°)", f"Angles {from_what}" + ("" if single else ", by pendulum.link"))
+    legend(axis, least_count=1 if has_band else 2)
 
 
 def _carried(trajectory: Trajectory) -> list[tuple[str, str, dict[str, Floats]]]:
@@ -179,17 +179,17 @@ def _prescribed(trajectory: Trajectory) -> list[tuple[str, str, dict[str, Floats
 def _moved(axis: Axes, trajectory: Trajectory, title: str, label: str, curves: dict[str, Floats]) -> None:
     if title == "Cart":
         has_band = _carrier(axis, trajectory.times, curves["x"], "x")
-        framed(axis, "time (s)", label, title)
+        set_frame(axis, "time (s)", label, title)
         if np.ptp(curves["x"]) < STILL:
             axis.set_ylim(curves["x"][0] - ROOM, curves["x"][0] + ROOM)
-        legend(axis, least=1 if has_band else 2)
+        legend(axis, least_count=1 if has_band else 2)
         return
     numbers, names, stand_for = pick(np.array(list(curves.values())), list(curves), MOST_LINES)
     values = list(curves.values())
     draw_curves(axis, [(trajectory.times, values[k]) for k in numbers], names=names, bands=True)
     part = f": {stand_for} of {len(curves)}" if stand_for < len(curves) else ""
-    framed(axis, "time (s)", label, title + part)
-    legend(axis, least=2 if "prescribed" in title else 1)
+    set_frame(axis, "time (s)", label, title + part)
+    legend(axis, least_count=2 if "prescribed" in title else 1)
 
 
 def _carrier(axis: Axes, times: Floats, values: Floats, name: str) -> bool:
@@ -215,7 +215,7 @@ def _energies(axis: Axes, trajectory: Trajectory) -> None:
         _carrier(axis, times, mechanics.cart_kinetic + mechanics.cart_potential, carried)
     if left_out:
         _range(axis, times, kinetic + potential, "pendula")
-    framed(axis, "time (s)", "energy (J)", "Energy above equilibrium")
+    set_frame(axis, "time (s)", "energy (J)", "Energy above equilibrium")
     axis.set_ylim(min(0.0, axis.get_ylim()[0]), None)
     legend(axis)
 
@@ -234,7 +234,7 @@ def _portrait(axis: Axes, trajectory: Trajectory, drawn: _DrawnLinks) -> None:
     else:
         draw_curves(axis, curves, names=drawn.names, first=1.4)
         words = "Phase portraits of the links drawn above"
-    framed(axis, "angle (°)", "rate (°/s)", words)
+    set_frame(axis, "angle (°)", "rate (°/s)", words)
     legend(axis, 3)
 
 
@@ -247,22 +247,24 @@ def _around(angles: Floats, rates: Floats, rest: float) -> tuple[Floats, Floats]
 
 def _top_view(axis: Axes, trajectory: Trajectory) -> None:
     tips = sorted(int(group.index[-1, k]) for group in trajectory.system.groups for k in range(group.index.shape[1]))
-    some = evenly(len(tips), MOST_LINES)
+    some = even_choice(len(tips), MOST_LINES)
     curves = [tuple(trajectory.mechanics.joints[:, tips[k], :2].T) for k in some]
     draw_curves(axis, curves, names=[f"pendulum {k + 1}" for k in some], first=1.4)
     axis.set_aspect("equal", adjustable="datalim")
     part = f" of {len(some)} of {len(tips)} pendula" if len(some) < len(tips) else ""
-    framed(axis, "along the rail (m)", "across (m)", f"Tips{part} from above")
+    set_frame(axis, "along the rail (m)", "across (m)", f"Tips{part} from above")
     legend(axis, 3)
 
 
 def _spectrum(axis: Axes, trajectory: Trajectory, drawn: _DrawnLinks) -> None:
-    framed(axis, "angular frequency ω (rad/s)", "power (°² s)")
+    set_frame(axis, "angular frequency ω (rad/s)", "power (°² s)")
     times = trajectory.times
     even = len(times) >= FEWEST and np.ptp(np.diff(times)) < 1e-6 * (times[1] - times[0])
     if not even:
         axis.set_title("Spectrum", loc="left")
-        axis.text(0.5, 0.5, "too few or uneven samples", ha="center", color=muted(), transform=axis.transAxes)
+        axis.text(
+            0.5, 0.5, "too few or uneven samples", ha="center", color=secondary_colour(), transform=axis.transAxes
+        )
         return
     spectra = [_power(trajectory, link) for link in drawn.links]
     omega, highest = spectra[0][0], max(float(power.max()) for _, power in spectra)

@@ -11,7 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
-from modal.plotting import evenly, side_by_side
+from modal.plotting import even_choice, side_by_side
 from modal.scene import AnyLink
 from modal.structure import STILL, Piece, Scaffold
 from modal.types import Floats, Ints
@@ -111,7 +111,7 @@ class Stage:
 
 def chosen(system: System) -> Ints:
     """The pendula, from 0, that are drawn: all, or MOST_PENDULA evenly spaced."""
-    return evenly(system.n_pendula, MOST_PENDULA)
+    return even_choice(system.n_pendula, MOST_PENDULA)
 
 
 def stage_of(trajectory: Trajectory, at: Floats) -> Stage:

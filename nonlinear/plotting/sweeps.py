@@ -24,7 +24,7 @@ from modal.plotting import (
     ink,
     legend,
     log_ticks,
-    mixed,
+    mixture,
     paper,
     rest,
     save,
@@ -216,7 +216,7 @@ def _kinds(figure: Figure, axis: Axes, sweep: Sweep, values: Floats) -> None:
     """What small motion does, a colour for each kind, named in the colour bar."""
     y, x = sweep.study.variations
     numbers = sorted(KINDS)
-    colours = ListedColormap([shade(0.04), shade(0.16), *(mixed(colour(k), 0.75) for k in KIND_COLOURS)])
+    colours = ListedColormap([shade(0.04), shade(0.16), *(mixture(colour(k), 0.75) for k in KIND_COLOURS)])
     norm = BoundaryNorm([number - 0.5 for number in (*numbers, numbers[-1] + 1)], len(numbers))
     axis.patch.set(edgecolor=rest(), hatch="////", lw=0)
     mesh = axis.pcolormesh(

@@ -21,15 +21,15 @@ from modal.plotting import (
     WIDE,
     colour,
     draw_curves,
-    framed,
     headline,
     ink,
     key,
     legend,
-    muted,
     paper,
     rest,
     save,
+    secondary_colour,
+    set_frame,
     sheet,
     thickness,
 )
@@ -99,7 +99,7 @@ def _swings(begin: Axes, end: Axes, trajectory: Trajectory, period: float, shown
         x, angles = _close(trajectory, tops, float(start), width)
         draw_curves(axis, [(x, np.rad2deg(angle)) for angle in angles.T], first=FIRST)
         axis.set_xlim(x[0], x[-1])
-        framed(axis, "time (s)", "angle (°)", f"Top links {words}")
+        set_frame(axis, "time (s)", "angle (°)", f"Top links {words}")
     end.set_ylabel("")
     end.tick_params(labelleft=False)
 
@@ -135,16 +135,16 @@ def _order(axis: Axes, phases: Phases) -> None:
         legend(axis, 3)
     axis.set(xlim=(phases.times[0], phases.times[-1]), ylim=(-0.03, 1.03))
     which = f" (fixed-base mode {phases.leading + 1})" if phases.omega.shape[1] > 1 else ""
-    framed(axis, "time (s)", "order parameter R (–)", f"Agreement of phases{which}: 1 in phase, 0 balanced")
+    set_frame(axis, "time (s)", "order parameter R (–)", f"Agreement of phases{which}: 1 in phase, 0 balanced")
 
 
 def _shares(axis: Axes, trajectory: Trajectory) -> None:
-    framed(axis, "time (s)", "share of the energy (–)", "Modes that hold the energy")
+    set_frame(axis, "time (s)", "share of the energy (–)", "Modes that hold the energy")
     axis.set(xlim=(trajectory.times[0], trajectory.times[-1]), ylim=(-0.03, 1.03))
     try:
         survival = find_survival(trajectory)
     except ComputationError as error:
-        style: dict[str, Any] = {"ha": "center", "fontsize": SMALL, "color": muted(), "wrap": True}
+        style: dict[str, Any] = {"ha": "center", "fontsize": SMALL, "color": secondary_colour(), "wrap": True}
         axis.text(0.5, 0.5, str(error), transform=axis.transAxes, **style)
         return
     rows, rest = _largest(survival)
@@ -152,7 +152,7 @@ def _shares(axis: Axes, trajectory: Trajectory) -> None:
     draw_curves(axis, curves, names=_names(survival, rows), first=FIRST)
     if rest.size:
         words = counted(rest.size, "other", "others")
-        axis.plot(survival.times, survival.share[:, rest].sum(1), color=muted(), lw=1.2, label=words)
+        axis.plot(survival.times, survival.share[:, rest].sum(1), color=secondary_colour(), lw=1.2, label=words)
     axis.set_yticks(np.linspace(0, 1, 6))
     legend(axis, 2)
 
@@ -199,7 +199,7 @@ def _energies(axis: Axes, phases: Phases, shown: Ints) -> None:
         axis.plot(times, np.median(energy, axis=1), color=ink(), lw=1.4, label="median")
         legend(axis, 2)
     axis.set_ylim(min(0.0, axis.get_ylim()[0]), None)
-    framed(axis, "time (s)", "energy (J)", "Energy of each pendulum, mean over a period")
+    set_frame(axis, "time (s)", "energy (J)", "Energy of each pendulum, mean over a period")
 
 
 def _circle(axis: Axes, phases: Phases, shown: Ints) -> None:
@@ -209,7 +209,7 @@ def _circle(axis: Axes, phases: Phases, shown: Ints) -> None:
     """
     z = phases.z[-1, :, phases.leading]
     angle, size = np.angle(z) - np.angle(z[0]), np.rad2deg(np.abs(z))
-    axis.scatter(angle, size, s=14, color=muted(), alpha=0.5, lw=0, gid=QUIET)
+    axis.scatter(angle, size, s=14, color=secondary_colour(), alpha=0.5, lw=0, gid=QUIET)
     for k, pendulum in enumerate(shown):
         wide, narrow = LARGEST - RING * k, max(HAND * 0.65**k, 0.8)
         look: dict[str, Any] = {"color": colour(k), "label": f"_pendulum {pendulum + 1}"}

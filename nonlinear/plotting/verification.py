@@ -20,14 +20,14 @@ from modal.plotting import (
     SMALL,
     WIDTH,
     colour,
+    dashes_of_prediction,
     headline,
     key,
     log_ticks,
     mark_modes,
-    muted,
     paper,
-    predicted,
     save,
+    secondary_colour,
     sheet,
 )
 from modal.scene import title_of
@@ -67,7 +67,7 @@ def check_figure(check: Check) -> Figure:
         _shifts(axis, row, low, high, k)
     sizes = [abs(run.shift) for row in rows for run in row.measurements if not run.irregular]
     bottom, top = min(min(sizes) / BEYOND**2, ONE_PERCENT / 20), min(2 * max(*sizes, 2 * ONE_PERCENT), 1.0)
-    axis.axhline(ONE_PERCENT, color=muted(), lw=0.9, ls=MARKED, zorder=0)
+    axis.axhline(ONE_PERCENT, color=secondary_colour(), lw=0.9, ls=MARKED, zorder=0)
     behind = {"facecolor": paper(), "edgecolor": "none", "pad": 1.0, "alpha": 0.85}
     style: dict[str, Any] = {"fontsize": SMALL, "bbox": behind, "zorder": 5}
     axis.annotate("1 %", (0.004, ONE_PERCENT), (0, 4), axis.get_yaxis_transform(), "offset points", **style)
@@ -96,7 +96,9 @@ def _notes(rows: Sequence[ModeCheck]) -> str:
 def _shifts(axis: Axes, row: ModeCheck, low: float, high: float, k: int) -> None:
     """One mode: κa² dashed, periodic orbits as a wide one, runs as marks, the measured 1 % as a tick."""
     a = np.geomspace(low, high, POINTS)
-    axis.plot(a, np.abs(row.mode.kappa) * np.radians(a) ** 2, color=colour(k), ls=predicted(k), lw=1.3, zorder=2)
+    axis.plot(
+        a, np.abs(row.mode.kappa) * np.radians(a) ** 2, color=colour(k), ls=dashes_of_prediction(k), lw=1.3, zorder=2
+    )
     if row.backbone and row.backbone.linear:
         size, shift = np.rad2deg(row.backbone.amplitude), np.abs(row.backbone.omega / row.backbone.linear - 1)
         axis.plot(size, shift, color=colour(k), lw=2.4, alpha=0.35, gid=QUIET, zorder=1.5)

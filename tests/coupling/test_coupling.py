@@ -156,7 +156,7 @@ def test_limits_are_other_scenes(example: Scene) -> None:
     assert np.repeat([f.omega for f in explanation.families], [f.fold for f in explanation.families]) == pytest.approx(
         fixed, rel=1e-12
     )
-    assert explanation.swept(np.array([example.support.mass]))[0] == pytest.approx(
+    assert explanation.omega_of_carts(np.array([example.support.mass]))[0] == pytest.approx(
         [m.omega for m in explanation.cart_modes], rel=1e-15
     )
 
@@ -451,7 +451,7 @@ def test_rates_are_the_slope_of_the_damped_eigenvalues() -> None:
     for size in (1e-1, 1e-2):
         example = damped_scene(size)
         written = matrices(example)
-        damped = explain(example).damped
+        damped = explain(example).damped_modes
         values = state_eigenvalues(written.M, written.D, written.K)
         rates = np.sort(np.repeat([mode.rate for mode in damped], [mode.fold for mode in damped]))
         exact = np.sort(np.repeat([mode.decay for mode in damped], [mode.fold for mode in damped]))
@@ -463,7 +463,7 @@ def test_rates_are_the_slope_of_the_damped_eigenvalues() -> None:
 
 def test_a_cart_damper_spares_antiphase() -> None:
     example = scene(Cart(mass=10.0, damping=2.0), double(3))
-    damped = explain(example).damped
+    damped = explain(example).damped_modes
     assert [mode.still for mode in damped] == [True, False, True, False]
     assert all((mode.rate == 0) is mode.still and (mode.decay == 0) is mode.still for mode in damped)
     assert all(mode.fold == (2 if mode.still else 1) for mode in damped)
@@ -473,7 +473,7 @@ def test_a_cart_damper_spares_antiphase() -> None:
 @pytest.mark.parametrize("cart", [0.0, 5.0])
 def test_a_drive_starts_the_mode_with_the_least_threshold(cart: float) -> None:
     example = scene(Cart(mass=3.0, damping=0.01 * cart), double(2, damping=1e-4), bob(1, 0.9, damping=1e-4))
-    least = min(mode.threshold for mode in explain(example).damped)
+    least = min(mode.threshold for mode in explain(example).damped_modes)
     written = matrices(example)
     tops = np.diag([1.0 if label.endswith(",1]") else 0.0 for label in written.labels])
     for share, grows in ((0.99, False), (1.01, True)):
@@ -483,7 +483,7 @@ def test_a_drive_starts_the_mode_with_the_least_threshold(cart: float) -> None:
 
 def test_what_has_no_damped_eigenvalues_keeps_first_order() -> None:
     explanation = explain(scene(Cart(mass=0.0, damping=1.0), bob(1, 1, damping=0.1), bob(1, 0.8)))
-    assert all(mode.exact is None and mode.rate > 0 for mode in explanation.damped)
+    assert all(mode.exact is None and mode.rate > 0 for mode in explanation.damped_modes)
     assert "cannot be computed" in coupling_report(explanation, words=True)
     overdamped = coupling_report(explain(scene(Cart(mass=1.0), bob(1, 1, 2, damping=50.0))), words=True)
     assert "overdamped" in overdamped
@@ -494,7 +494,7 @@ def test_what_has_no_damped_eigenvalues_keeps_first_order() -> None:
 def test_an_overdamped_mode_ends_as_its_slow_root(d: float) -> None:
     slow = 2 * 9.81 / (d + np.sqrt(d * d - 4 * 9.81))
     explanation = explain(scene(Fixed(), bob(1, 1, damping=d), bob(1, 1.1, damping=0.8)))
-    assert [mode.decay for mode in explanation.damped] == pytest.approx([0.8 / 1.21 / 2, slow], rel=1e-9)
+    assert [mode.decay for mode in explanation.damped_modes] == pytest.approx([0.8 / 1.21 / 2, slow], rel=1e-9)
     told = " ".join(page(explanation)["Damping by family"])
     assert "The slowest to decay is mode 1 at 3.13209195 rad/s (cart still, pendulum 1)" in told
     assert "A drive" not in told
@@ -502,7 +502,7 @@ def test_an_overdamped_mode_ends_as_its_slow_root(d: float) -> None:
     written = matrices(both.scene)
     state = np.block([[0 * written.M, np.eye(3)], [-np.linalg.solve(written.M, m) for m in (written.K, written.D)]])
     creeping = np.sort(np.linalg.eigvals(state).real)[-4:-2] if d < 1e4 else [-slow, -slow]
-    assert sorted(-mode.decay for mode in both.damped) == pytest.approx(creeping, rel=1e-6)
+    assert sorted(-mode.decay for mode in both.damped_modes) == pytest.approx(creeping, rel=1e-6)
 
 
 # -------------------------------------------------------------------------------------------- page and picture
@@ -630,7 +630,7 @@ DRIVE = VanDerPol(strength=0.05, angle_deg=5.0)
 
 def test_the_scenes_own_drives_feed_what_their_torques_give_noted() -> None:
     driven = scene(Cart(mass=50.0, damping=1.0), bob(1, 1, 2, drive=DRIVE), bob(1, 1))
-    still, moves = explain(driven).damped
+    still, moves = explain(driven).damped_modes
     model = matrices(driven)
     phi = scipy.linalg.eigh(model.K, model.M)[1][:, -1]
     assert moves.from_drives == pytest.approx(0.05 * (phi[1] ** 2 + phi[2] ** 2) / 2, rel=1e-12)
@@ -649,13 +649,13 @@ def test_a_damping_ratio_is_explained_beside_dampers(ratio: float | tuple[float,
     """ζω to first order, and the eigenvalues of the table."""
     rigged = load("paper-cart-2").replace(damping_ratio=ratio)
     table = {abs(value): value for value in natural_modes(rigged).eigenvalue.tolist() if value}
-    for mode in explain(rigged).damped:
+    for mode in explain(rigged).damped_modes:
         assert mode.exact is not None
         nearest = table[min(table, key=lambda size: abs(size - abs(mode.exact or 0)))]
         assert abs(mode.exact - nearest) < 1e-12 * abs(nearest)
         assert mode.from_ratio == mode.rate == pytest.approx(-nearest.real, rel=1e-12)
     damped = rigged.replace(support=Cart(mass=100.0, damping=3.0))
-    for mode in explain(damped).damped:
+    for mode in explain(damped).damped_modes:
         assert mode.exact is not None
         assert mode.rate == pytest.approx(-mode.exact.real, rel=1e-3)
         assert (mode.from_cart > 0) == (not mode.still)

@@ -129,7 +129,7 @@ def test_dampers_of_everything_are_in_the_exact_rates() -> None:
     )
     values = np.linalg.eigvals(whole)
     values = values[values.imag > 0]
-    mine = np.array([mode.exact for mode in explanation.damped for _ in range(mode.fold)])
+    mine = np.array([mode.exact for mode in explanation.damped_modes for _ in range(mode.fold)])
     for value in values:
         near = np.abs(mine - value).argmin()
         assert abs(mine[near] - value) <= 1e-9 * abs(value)
@@ -138,7 +138,7 @@ def test_dampers_of_everything_are_in_the_exact_rates() -> None:
 
 
 def test_first_order_rates_are_those_of_weak_dampers() -> None:
-    for mode in explained(MIXED).damped:
+    for mode in explained(MIXED).damped_modes:
         assert mode.exact is not None
         assert mode.decay == pytest.approx(mode.rate, rel=0.1)
 
@@ -176,8 +176,8 @@ def test_a_cart_on_a_spring_is_the_cart_that_has_it(stiffness: float) -> None:
         assert abs(pair.coupling) == pytest.approx(theirs.coupling, rel=1e-12)
         assert pair.detuning == pytest.approx(theirs.detuning, rel=1e-9)
         assert pair.exchange.most == pytest.approx(theirs.exchange.most, rel=1e-3)
-    for mine, theirs in zip(other.damped, explanation.damped, strict=True):
-        names = ("omega", "fold", "from_cart", "from_joints", "from_drag", "from_drives", "fed", "exact")
+    for mine, theirs in zip(other.damped_modes, explanation.damped_modes, strict=True):
+        names = ("omega", "fold", "from_cart", "from_joints", "from_drag", "from_drives", "excitation", "exact")
         assert [getattr(mine, name) for name in names] == pytest.approx(
             [getattr(theirs, name) for name in names], rel=1e-8, abs=1e-12
         )
@@ -193,7 +193,7 @@ def test_a_swing_is_a_cart_on_a_spring() -> None:
 
 def test_a_damping_ratio_damps_every_mode() -> None:
     explanation = explained(CARTS.replace(damping_ratio=0.01))
-    for mode in explanation.damped:
+    for mode in explanation.damped_modes:
         assert mode.exact is not None
         assert -mode.exact.real / abs(mode.exact) == pytest.approx(0.01, rel=1e-9)
         assert mode.rate == pytest.approx(0.01 * mode.omega, rel=1e-12)
@@ -251,7 +251,7 @@ def test_splittings_keep_their_digits_however_heavy_the_carts(mass: float) -> No
 def test_a_push_feels_nothing_where_the_scene_swings() -> None:
     explanation = explained(CARTS)
     omegas = np.array([branch.omega for branch in explanation.families[0].branches])
-    low, high = explanation.felt(omegas * (1 - 1e-6)), explanation.felt(omegas * (1 + 1e-6))
+    low, high = explanation.felt_masses(omegas * (1 - 1e-6)), explanation.felt_masses(omegas * (1 + 1e-6))
     assert (np.sign(low) != np.sign(high)).any(axis=1).all()
 
 

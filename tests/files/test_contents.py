@@ -14,7 +14,7 @@ from modal.errors import SceneError
 from modal.exports.data import read_json, read_npz
 from modal.identification.estimate import read_estimate
 from modal.identification.measured import has_modes, read_modes
-from modal.scene.contents import LARGEST_FILE, LONGEST_HEAD, content_of, first_line, limited, text_of
+from modal.scene.contents import LARGEST_FILE, LONGEST_HEAD, content_of, first_line, read_within_limit, text_of
 from modal.scene.records import read_lengths, read_record, read_spectrum
 from nonlinear import load as load_run
 from nonlinear.identification import read_recording
@@ -107,7 +107,7 @@ def test_a_file_of_the_largest_size_is_read_and_a_larger_one_is_not(tmp_path: Pa
     with pytest.raises(SceneError, match=r"^is larger than 4 bytes$"):
         content_of(path, 4)
     with path.open("rb") as stream, pytest.raises(SceneError, match=r"^is larger than 4 bytes$"):
-        limited(stream, 4)
+        read_within_limit(stream, 4)
     with path.open("r+b") as stream:
         stream.truncate(LARGEST_FILE + 1)
     with pytest.raises(SceneError, match=f"is larger than {LARGEST_FILE} bytes"):

@@ -240,7 +240,7 @@ def test_what_nobody_wrote_is_refused(
 def test_alien_arrays_and_other_axes_are_refused(files: Files, tmp_path: Path) -> None:
     for kind, name in (("sweep.npz", "gravity_m_per_s2"), ("run.npz", "links"), ("model.npz", "A")):
         good, read = files[kind]
-        arrays = sealed.unpacked(good.read_bytes())
+        arrays = sealed.unpack(good.read_bytes())
         for other in (arrays | {"alien": np.zeros(3)}, arrays | {name: arrays[name] * np.nan}):
             (tmp_path / kind).write_bytes(sealed.archive(other))
             with pytest.raises(SceneError, match="this version"):

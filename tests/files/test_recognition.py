@@ -11,7 +11,7 @@ import pytest
 
 from modal import SceneError, dumps, load
 from modal.identification import read_modes
-from modal.scene.contents import as_text, decoded, first_line, recognize, text_of
+from modal.scene.contents import as_text, decode_text, first_line, recognize, text_of
 from modal.scene.records import read_record
 from nonlinear import load as load_run
 from nonlinear import save, simulate
@@ -120,8 +120,8 @@ def load_of(text: str, folder: Path) -> object:
 
 def test_bytes_that_are_no_text_are_told() -> None:
     with pytest.raises(SceneError, match=r"^byte 11 is not UTF-8 text: save the file as UTF-8$"):
-        decoded("# Pendel: für mich".encode("latin-1"), "scene")
+        decode_text("# Pendel: für mich".encode("latin-1"), "scene")
     with pytest.raises(SceneError, match=r"^is not a CSV text file: byte 2 is not UTF-8$"):
-        decoded(b"a,\xe9\n1,2\n", "table")
+        decode_text(b"a,\xe9\n1,2\n", "table")
     with pytest.raises(SceneError, match=r"^is a PNG picture, not a text file$"):
-        decoded(b"\x89PNG")
+        decode_text(b"\x89PNG")

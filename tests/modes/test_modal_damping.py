@@ -14,7 +14,7 @@ from modal.scene.parameters import vary
 from modal.statespace import shaper_for, state_space, swings_of, to_modal_form
 from modal.statespace.reduction import minimal as smaller
 from modal.statespace.reduction import truncate
-from modal.symbolic import of_structured
+from modal.symbolic import symbolic_structure
 from nonlinear.averaging import predict
 from nonlinear.ensembles import ensemble
 from nonlinear.reduction import superpose
@@ -237,7 +237,7 @@ def test_what_knows_no_modal_damping_says_so() -> None:
     with pytest.raises(SceneError, match="damping_ratio"):
         predict(scene)
     with pytest.raises(SceneError, match="damping_ratio"):
-        of_structured(scene)
+        symbolic_structure(scene)
     for refused in (check, lambda scene: simulate(scene, 1.0)):
         with pytest.raises(SceneError, match="damping_ratio"):
             refused(load("chain-spatial").replace(damping_ratio=0.01))

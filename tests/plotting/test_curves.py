@@ -27,8 +27,8 @@ from modal.plotting import (
     shapes_figure,
     sheet,
 )
-from modal.plotting.curves import CLOSE, coinciding, together
-from modal.plotting.layout import LINES, shortened
+from modal.plotting.curves import CLOSE, coinciding, common_name
+from modal.plotting.layout import LINES, shorten
 from modal.plotting.style import theme
 from modal.statespace import state_space, to_modal_form
 from nonlinear.plotting import check_figure
@@ -77,7 +77,7 @@ def test_gaps_coincide_with_gaps_only() -> None:
     ],
 )
 def test_coinciding_curves_are_named_together(names: list[str], expected: str) -> None:
-    assert together(names) == expected
+    assert common_name(names) == expected
 
 
 def test_of_many_curves_some_are_picked_evenly_and_of_equal_ones_one() -> None:
@@ -131,8 +131,8 @@ def test_long_and_hostile_names_fit_their_legends() -> None:
         legend(axis)
         key(figure, axis.lines[:3], names[:3])
     assert flaws(figure) == []
-    assert shortened("abcdefghij", 7) == "abc…hij"
-    assert shortened("short") == "short"
+    assert shorten("abcdefghij", 7) == "abc…hij"
+    assert shorten("short") == "short"
 
 
 def test_a_legend_on_a_logarithmic_axis_has_room_above_the_curves() -> None:

@@ -11,7 +11,7 @@ from seen import flaws
 
 from modal import Bob, Body, Cart, Pendulum, Rod, Scene, SceneError, load
 from modal.plotting import free_body_tikz, plot_free_body
-from modal.plotting.free_body_diagrams import MOST_PARTS, diagrams, written
+from modal.plotting.free_body_diagrams import MOST_PARTS, diagrams, in_latex
 from modal.plotting.style import theme
 from modal.scene import VanDerPol, free_bodies, scene_from
 
@@ -71,7 +71,7 @@ def test_every_effort_is_drawn_with_its_letter_on_every_part() -> None:
         for effort in part.efforts:
             for name in filter(None, (effort.along, effort.down, effort.turning)):
                 if effort.kind not in {"drag", "normal"}:
-                    assert f"${written(name)}$" in texts
+                    assert f"${in_latex(name)}$" in texts
         assert any("ddot" in text for text in texts)
         drags = [text for text in texts if text.startswith("$D")]
         assert len(drags) == any(effort.kind == "drag" for effort in part.efforts)

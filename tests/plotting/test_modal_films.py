@@ -34,7 +34,7 @@ def film_of(modes: Modes, numbers: list[int], rate: float = 10.0, amplitude_deg:
 def lines(film: ModalFilm, panel: int = 0) -> list[np.ndarray]:
     """The points of the chains that a panel draws now."""
     drawn = [
-        artist for artist in film.panels[panel].drawn if hasattr(artist, "get_xydata") and artist.get_zorder() >= 2
+        artist for artist in film.panels[panel].artists if hasattr(artist, "get_xydata") and artist.get_zorder() >= 2
     ]
     return [line.get_xydata() for line in drawn if line.get_linestyle() == "-" and line.get_marker() == "None"]
 
@@ -109,8 +109,8 @@ def test_an_overdamped_mode_decays_and_a_growing_one_grows() -> None:
 def test_a_rigid_translation_stands_with_an_arrow() -> None:
     film = film_of(modes_of("paper-cart-2"), [0, 1])
     film.show(3)
-    assert film.panels[0].drawn == []
-    assert len(film.panels[1].drawn) > 0
+    assert film.panels[0].artists == []
+    assert len(film.panels[1].artists) > 0
     assert len(film.panels[0].axis.texts) == 1
 
 

@@ -36,9 +36,9 @@ from modal.plotting import (
     in_both_themes,
     ink,
     key,
-    muted,
     paper,
     save,
+    secondary_colour,
     shade,
     shapes_figure,
     sheet,
@@ -554,7 +554,7 @@ def test_colours_stand_out_and_are_told_apart_by_everybody(name: str) -> None:
     with theme(name):
         colours = [colour(k) for k in range(HUES)]
         assert all(contrast(colour, paper()) >= LEAST for colour in colours)
-        assert min(contrast(ink(), paper()), contrast(muted(), paper())) >= 4.5
+        assert min(contrast(ink(), paper()), contrast(secondary_colour(), paper())) >= 4.5
         assert paper() == mpl.colors.to_hex(mpl.rcParams["figure.facecolor"])
     for matrix in (np.eye(3), *map(np.array, DICHROMATS.values())):
         seen = [lab(matrix @ linear(colour)) for colour in colours]

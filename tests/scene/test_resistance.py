@@ -11,7 +11,7 @@ from modal.errors import SceneError
 from modal.modes import natural_modes
 from modal.scene import Scene, left_out, scene_from
 from modal.scene.parameters import Variation, vary
-from modal.symbolic import of_structured
+from modal.symbolic import symbolic_structure
 from nonlinear import simulate
 from nonlinear.averaging import average
 from nonlinear.orbits.shooting import shooting
@@ -93,7 +93,7 @@ def test_who_has_no_place_for_them_says_so(scene: Scene) -> None:
     name = "friction" if scene is RUBBING else "drag"
     for action in (
         *[lambda: shooting(scene)] * (scene is AIRY),
-        lambda: of_structured(scene),
+        lambda: symbolic_structure(scene),
     ):
         with pytest.raises(SceneError, match=name):
             action()

@@ -10,7 +10,7 @@ import pytest
 
 from modal import SceneError, example_names, load
 from modal.scene.files import example_text, parse
-from modal.scene.toml_mistakes import LARGEST, told
+from modal.scene.toml_mistakes import LARGEST, mistakes_in
 
 GOOD = """gravity = 9.81
 
@@ -75,7 +75,7 @@ CASES = [(words, GOOD.replace(old, new, 1)) for words, changes in MISTAKES.items
 def lines_of(document: str) -> list[str]:
     with pytest.raises(tomllib.TOMLDecodeError) as caught:
         tomllib.loads(document)
-    return told(document, caught.value)
+    return mistakes_in(document, caught.value)
 
 
 @pytest.mark.parametrize(("words", "document"), CASES)

@@ -17,7 +17,7 @@ import modal
 from modal import Bob, Cart, InitialCondition, Pendulum, Rod, Scene, SceneError
 from modal.assembly import matrices
 from modal.scene import scene_from
-from modal.symbolic import of_structured
+from modal.symbolic import symbolic_structure
 from nonlinear import ensemble
 from nonlinear.dynamics import Banded, Maximal, Recursion
 from nonlinear.integration import Choice, SimulationError, choose, equations_of, estimate_timescales
@@ -51,7 +51,7 @@ def test_accelerations_solve_lagranges_equations_from_cartesian_positions(seed: 
     scene = motion_scene(seed, longest=2)
     state, equations = random_state(system_of(scene), seed), minimal(scene)
     rate = equations.derivative(0.0, equations.begin(state))
-    slope, exact = equations.read(rate[None])[0], Positions(of_structured(scene))
+    slope, exact = equations.read(rate[None])[0], Positions(symbolic_structure(scene))
     on_cart = scene.support.kind == "cart"
     values: dict[Any, float] = {}
     for coordinate, q, v, a in zip(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from modal.scene.sealed import sealed
+from modal.scene.sealed import seal
 
 
 def with_record(path: Path) -> bytes:
@@ -16,6 +16,6 @@ def with_record(path: Path) -> bytes:
 def forged(content: bytes) -> bytes:
     """The same with the checksum that it ought to have; a content without one as it is."""
     if content.startswith(b"PK"):
-        return sealed(content[:-64])
+        return seal(content[:-64])
     match = re.match(rb'(# )?\{\s*"sha256": "', content)
-    return sealed(content[: match.end()], content[match.end() + 64 :]) if match else content
+    return seal(content[: match.end()], content[match.end() + 64 :]) if match else content

@@ -9,8 +9,16 @@ from scenes import decimal_scene, spatial_scene
 from test_cli import printed, refused
 
 from modal import Bob, Cart, Pendulum, Scene, load
-from modal.symbolic import derive, of_structured, plain
-from modal.symbolic.hamiltonian import along, along_equations, inverse, momentum, momentum_rates, numbers, velocities
+from modal.symbolic import derive, plain, symbolic_structure
+from modal.symbolic.hamiltonian import (
+    along_equations,
+    inverse,
+    lengthwise_symbols,
+    momentum,
+    momentum_rates,
+    numbers,
+    velocities,
+)
 from modal.symbolic.system import chain
 from nonlinear.dynamics import Hamiltonian, SpatialHamiltonian
 from nonlinear.system import system_of
@@ -20,11 +28,11 @@ from nonlinear.system import system_of
 def test_in_the_plane_they_are_the_recursions(seed: int) -> None:
     """Rods, bodies, springs, dampers, standing links: s from its linear equations, then q' and p'."""
     scene = decimal_scene(seed)
-    system, equations, rng = of_structured(scene), Hamiltonian(system_of(scene)), np.random.default_rng(seed)
+    system, equations, rng = symbolic_structure(scene), Hamiltonian(system_of(scene)), np.random.default_rng(seed)
     half = equations.layout.half
     y = np.concatenate((rng.uniform(-2, 2, half), rng.normal(size=half)))
     theirs = equations.derivative(0.0, np.append(y, [0.0] * (equations.layout.size - 2 * half)))[: 2 * half]
-    W, s, p = inverse(system), along(system), [momentum(c) for c in system.coordinates]
+    W, s, p = inverse(system), lengthwise_symbols(system), [momentum(c) for c in system.coordinates]
     assert W is not None
     put = dict(zip((c.q for c in (*system.coordinates, *p)), y.tolist(), strict=True))
     A, right = sp.linear_eq_to_matrix([form.subs(put) for form in along_equations(system, W, p, s)], s)
@@ -52,7 +60,7 @@ def test_in_space_they_are_the_recursions(seed: int) -> None:
     x, p_x = rng.normal(size=2)
     y = np.concatenate(([x] * first, u.ravel(), [p_x] * first, pi.ravel(), [0.0] * (equations.layout.size - 2 * half)))
     theirs = equations.derivative(0.0, y)
-    W = np.array(np.linalg.inv(np.array(numbers(of_structured(scene)), dtype=float)))
+    W = np.array(np.linalg.inv(np.array(numbers(symbolic_structure(scene)), dtype=float)))
     moved = [np.array([p_x, 0, 0])] * first
     across = [np.eye(3)[1:]] * first + [direction[None] for direction in u]  # directions in which nothing moves
     free = np.array([*moved, *pi])
@@ -63,7 +71,7 @@ def test_in_space_they_are_the_recursions(seed: int) -> None:
         free[k] = free[k] + part * axis
     v = W @ free
     multipliers, w = s[len(s) - count :, None], v[first:]
-    b = np.array([float(value) for value in of_structured(scene).b])
+    b = np.array([float(value) for value in symbolic_structure(scene).b])
     F = np.outer(scene.gravity * b, [0, 0, 1])
     slopes = F - np.sum(u * F, axis=1, keepdims=True) * u - multipliers * w - np.sum(w * pi, axis=1, keepdims=True) * u
     held = [-scene.support.stiffness * x - scene.support.damping * v[0, 0]] if isinstance(scene.support, Cart) else []
@@ -92,14 +100,14 @@ def test_one_and_two_bobs_are_those_of_textbooks() -> None:
 
 
 def test_a_structure_has_momenta_too() -> None:
-    (section,) = derive(of_structured(load("two-bobs")), ("hamiltonian",))
+    (section,) = derive(symbolic_structure(load("two-bobs")), ("hamiltonian",))
     text = "\n".join(plain(line.formula) for line in section.lines if line.formula is not None)
     assert "p2,1' =" in text
 
 
 def test_what_has_no_inverse_is_said(capsys: pytest.CaptureFixture[str]) -> None:
     scene = Scene(gravity=9.81, support=Cart(mass=0.0), pendulum=[Pendulum(links=[Bob(mass=1.0, length=1.0)])])
-    (section,) = derive(of_structured(scene), ("hamiltonian",))
+    (section,) = derive(symbolic_structure(scene), ("hamiltonian",))
     assert "no inverse" in section.lines[-1].words
     latex = printed(capsys, "derive", "cart:2", "--show", "hamiltonian", "--format", "latex")
     assert latex.isascii()

@@ -63,7 +63,7 @@ def values_of(scene: Scene, system: NewtonEuler) -> dict[sp.Symbol, float]:
         numbers |= {"d": link.damping, "a": link.drag, "b": link.quadratic_drag}
         if link.drive:
             numbers |= {"e": link.drive.strength, "gamma": np.radians(link.drive.angle_deg)}
-        put |= {sp.Symbol(part.named(letter)): value for letter, value in numbers.items()}
+        put |= {sp.Symbol(part.with_index(letter)): value for letter, value in numbers.items()}
     return put
 
 

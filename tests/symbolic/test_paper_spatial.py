@@ -304,7 +304,7 @@ def test_azimuth_accelerations(n: int) -> None:
         true, corrected = state[paper.phi(i).a], azimuth.azimuth_acceleration(i, n).corrected.rhs
         assert float(corrected.subs(state) / true) == pytest.approx(1, rel=1e-9)
         for read in (False, True):
-            off = abs(azimuth.azimuth_acceleration(i, n, read=read).printed.rhs.subs(state) / true - 1)
+            off = abs(azimuth.azimuth_acceleration(i, n, has_dots=read).printed.rhs.subs(state) / true - 1)
             assert off < 1e-3 if n == 1 and read else off > 0.2
 
 
@@ -318,7 +318,7 @@ def test_what_the_printed_accelerations_mean(i: int) -> None:
     spin = D * A.inv() * D * l * sp.Matrix([sp.Symbol(f"c_{j}") for j in paper.upto(n)])
     rate = time_derivative(spin[i - 1], paper.coordinates(n))
     same = {sp.Symbol("l_1"): l, sp.Symbol("m_1"): m}
-    assert sp.expand(azimuth.azimuth_acceleration(i, n, read=True).printed.rhs.subs(same) - rate) == 0
+    assert sp.expand(azimuth.azimuth_acceleration(i, n, has_dots=True).printed.rhs.subs(same) - rate) == 0
     assert sp.expand(azimuth.azimuth_acceleration(i, n).printed.rhs.subs(same) - rate) != 0
 
 
@@ -342,11 +342,11 @@ def test_the_printed_accelerations_letter_by_letter() -> None:
 def test_what_the_printed_accelerations_are_for_one_link(i: int, factor: int) -> None:
     """With dots, (12) is φ'' = −2 c θ'/(l m θ³) of a single link; (14) and (15) are twice that, and say so."""
     theta, c = paper.theta(i), sp.Symbol(f"c_{i}")
-    true = azimuth.azimuth_acceleration(1, 1, read=True).corrected.rhs
+    true = azimuth.azimuth_acceleration(1, 1, has_dots=True).corrected.rhs
     spin = c / (paper.mass(1) * paper.length(1) * paper.theta(1).q ** 2)
     alone = at_small_angles(true).subs(paper.phi(1).v, spin)
     same = dict(zip((*paper.theta(1), paper.mass(1), paper.length(1)), (*theta, *sp.symbols("m l")), strict=True))
-    equation = azimuth.azimuth_acceleration(i, 3, read=True)
+    equation = azimuth.azimuth_acceleration(i, 3, has_dots=True)
     printed = equation.printed.rhs.subs({f"c_{j}": 0 for j in azimuth.others(i, 3)}).subs({"l_1": "l", "m_1": "m"})
     assert sp.cancel(printed / alone.subs(same)) == factor
     assert ("not for one link" in equation.condition) == (factor == 2)
@@ -362,7 +362,7 @@ def at_small_angles(form: Any) -> Any:
 def test_when_the_printed_accelerations_hold(i: int) -> None:
     """Equal links in one turning plane, all θ' = r θ: φ'' = −2 r φ' in both forms; for one different θ' in neither."""
     n, r, spin = 3, sp.Symbol("r"), sp.Symbol("w")
-    (l, m), links, equation = sp.symbols("l m"), paper.upto(3), azimuth.azimuth_acceleration(i, 3, read=True)
+    (l, m), links, equation = sp.symbols("l m"), paper.upto(3), azimuth.azimuth_acceleration(i, 3, has_dots=True)
     together = {paper.phi(j).q: 0 for j in links} | {paper.phi(j).v: spin for j in links}
     together |= {symbol(j): same for j in links for symbol, same in ((paper.length, l), (paper.mass, m))}
     momenta = {f"c_{j}": at_small_angles(azimuth.momentum(j, n).corrected.rhs).subs(together) / l for j in links}
@@ -387,7 +387,7 @@ def test_dimensions_of_the_printed_accelerations(read: bool, power: int) -> None
         sp.Symbol(f"c_{i}"): 2 * sp.Symbol(f"c_{i}") for i in (1, 2, 3)
     }
     for i in (1, 2, 3):
-        form = azimuth.azimuth_acceleration(i, 3, read=read).printed.rhs
+        form = azimuth.azimuth_acceleration(i, 3, has_dots=read).printed.rhs
         assert sp.expand(form.subs(rates, simultaneous=True) - 2**power * form) == 0
 
 
@@ -395,7 +395,10 @@ def test_one_link() -> None:
     """φ'' = −2 θ'φ' cot θ = −2 p θ' cos θ/(m l² sin³ θ), from T alone; the printed one only as θ → 0."""
     theta, phi = paper.theta(1), paper.phi(1)
     T, V = true_energies(1)
-    row, equation = lagrange_equations(T - V, paper.coordinates(1))[1], azimuth.azimuth_acceleration(1, 1, read=True)
+    row, equation = (
+        lagrange_equations(T - V, paper.coordinates(1))[1],
+        azimuth.azimuth_acceleration(1, 1, has_dots=True),
+    )
     assert value(row.subs(phi.a, equation.corrected.rhs), state_of(1, 0)) == 0 != value(row, state_of(1, 0))
     m, l, c = paper.mass(1), paper.length(1), sp.Symbol("c_1")
     spin = {phi.v: c * l / (m * l**2 * sp.sin(theta.q) ** 2)}
@@ -409,7 +412,7 @@ def test_one_link() -> None:
 def test_angles_are_singular_at_rest_and_unit_vectors_are_not() -> None:
     theta, state = paper.theta(1), {paper.theta(1).q: 0, paper.phi(1).q: 0}
     for form in ("printed", "corrected"):
-        equation = getattr(azimuth.azimuth_acceleration(1, 1, read=True), form)
+        equation = getattr(azimuth.azimuth_acceleration(1, 1, has_dots=True), form)
         assert equation.rhs.subs(state).has(sp.zoo)
     assert list(azimuth.vector_equation(1, 1).subs(state)) == [
         -2 * paper.length(1) ** 2 * paper.mass(1) * theta.v * paper.phi(1).v,

@@ -13,7 +13,7 @@ from modal import Bob, Cart, Pendulum, Scene, SceneError, natural_modes
 from modal.assembly import matrices
 from modal.scene import Spring
 from modal.scene.supports import Swing, Tilt
-from modal.symbolic import derive, of_structured, plain, vanishes
+from modal.symbolic import derive, plain, symbolic_structure, vanishes
 from modal.types import Floats
 
 SCENES = pytest.mark.parametrize("name", STRUCTURED)
@@ -42,7 +42,7 @@ def test_two_bobs_joined_by_a_spring() -> None:
 
 def polynomials(scene: Scene) -> list[tuple[str, str]]:
     """Those in x and in λ of a scene in numbers."""
-    (section,) = derive(of_structured(scene), ("polynomial",), scene)
+    (section,) = derive(symbolic_structure(scene), ("polynomial",), scene)
     written = [plain(line.formula) for line in section.lines]
     return list(zip(written[::2], written[1::2], strict=True))
 
@@ -144,7 +144,7 @@ def states(size: int, seed: int) -> tuple[Floats, Floats]:
 @SCENES
 def test_symbols_and_places_give_one_M_K_and_D(name: str) -> None:
     scene = undriven(STRUCTURED[name])
-    for derived, exact in zip(of_structured(scene).matrices(), Oracle(scene).matrices(), strict=True):
+    for derived, exact in zip(symbolic_structure(scene).matrices(), Oracle(scene).matrices(), strict=True):
         assert derived.is_symmetric()
         assert all(entry.is_Rational for entry in derived)
         np.testing.assert_allclose(as_floats(derived), as_floats(exact), rtol=1e-14, atol=1e-14)
@@ -157,7 +157,7 @@ def as_floats(matrix: object) -> Floats:
 @SCENES
 def test_lagranges_equations_vanish_in_the_motion_of_all_masses(name: str) -> None:
     scene = undriven(STRUCTURED[name])
-    oracle, system = Oracle(scene), of_structured(scene)
+    oracle, system = Oracle(scene), symbolic_structure(scene)
     q, v = states(oracle.size, 2)
     a = oracle.accelerations(q, v)
     names = [part for c in system.coordinates for part in c]
@@ -170,7 +170,7 @@ def test_lagranges_equations_vanish_in_the_motion_of_all_masses(name: str) -> No
 
 @SCENES
 def test_the_printed_kinetic_energy_is_that_of_all_velocities(name: str) -> None:
-    system = of_structured(undriven(STRUCTURED[name]))
+    system = symbolic_structure(undriven(STRUCTURED[name]))
     T = sp.Add(*(part.T for part in system.parts))
     assert vanishes(system.cartesian() - T)
     assert not vanishes(system.cartesian() - 2 * T)
@@ -181,7 +181,7 @@ def test_symbols_for_masses_springs_and_supports() -> None:
     bob = Pendulum(links=[Bob(mass=1.0, length=1.0)], count=2)
     spring = Spring(between=("pendulum[0].copies[0].links[0]@0.5", "pendulum[0].copies[1].links[0]@0.5"), stiffness=5.0)
     scene = Scene(gravity=9.81, pendulum=[bob], spring=[spring])
-    system = of_structured(scene, ("masses", "lengths", "gravity", "springs"))
+    system = symbolic_structure(scene, ("masses", "lengths", "gravity", "springs"))
     (section,) = derive(system, ("modes",), scene)
     g, k, l, m = (sp.Symbol(name, positive=True) for name in ("g", "k_1", "l_1", "m_1"))
     squares = {sp.expand(line.formula.rhs) for line in section.lines}
@@ -192,7 +192,7 @@ def test_symbols_of_a_board_tell_when_it_is_in_balance() -> None:
     board = Tilt(name="board", mass=2.0, inertia=0.1)
     pendula = [Pendulum(links=[Bob(mass=1.0, length=0.5)], position=(s, 0.2)) for s in (-0.3, 0.3)]
     scene = Scene(gravity=9.81, support=board, pendulum=pendula)
-    (section,) = derive(of_structured(scene, ("masses", "supports")), ("matrices",))
+    (section,) = derive(symbolic_structure(scene, ("masses", "supports")), ("matrices",))
     (line,) = (line for line in section.lines if "where" in line.words)
     first, second = (sp.Symbol(f"m_{p}_1", positive=True) for p in (1, 2))
     assert sp.solve(line.formula.lhs, first) == [second]
@@ -202,11 +202,11 @@ def test_symbols_of_a_board_tell_when_it_is_in_balance() -> None:
 def test_long_polynomials_are_left_out() -> None:
     scene = two_carts()
     long = scene.replace(pendulum=[pendulum.replace(count=9) for pendulum in scene.pendulum])
-    (section,) = derive(of_structured(long), ("polynomial",), long)
+    (section,) = derive(symbolic_structure(long), ("polynomial",), long)
     assert [line.words for line in section.lines] == ["20 coordinates of a structure: too long to write out"]
     longest = scene.replace(pendulum=[pendulum.replace(count=21) for pendulum in scene.pendulum])
     with pytest.raises(SceneError, match="at most 40"):
-        derive(of_structured(longest))
+        derive(symbolic_structure(longest))
 
 
 def test_a_cart_alone_keeps_its_x() -> None:
@@ -216,7 +216,7 @@ def test_a_cart_alone_keeps_its_x() -> None:
         pendulum=[Pendulum(links=[Bob(mass=1.0, length=1.0)])],
         spring=[Spring(between=("cart", "ground"), stiffness=2.0)],
     )
-    assert [str(c.q) for c in of_structured(scene).coordinates] == ["x", "theta_1"]
+    assert [str(c.q) for c in symbolic_structure(scene).coordinates] == ["x", "theta_1"]
     held = scene.replace(support=Cart(mass=1.0, stiffness=2.0), spring=())
     assert frequencies(scene) == pytest.approx(frequencies(held), rel=1e-15)
 

@@ -14,7 +14,7 @@ from scenes import decimal_scene
 
 from modal import Bob, Body, Cart, Fixed, Pendulum, Rod, Scene, matrices, natural_modes
 from modal.exact import of_scene
-from modal.symbolic import SymbolicStructure, chain, coordinate, derive, derive_lagrangian, of_structured, vanishes
+from modal.symbolic import SymbolicStructure, chain, coordinate, derive, derive_lagrangian, symbolic_structure, vanishes
 from modal.symbolic import symbolic as symbolic_polynomial
 from modal.symbolic.lagrangian import equations, vector_equations
 from modal.symbolic.system import cart
@@ -24,7 +24,7 @@ from modal.symbolic.system import cart
 def test_symbolic_matrices_are_the_numeric_ones(seed: int) -> None:
     scene = decimal_scene(seed)
     expected = matrices(scene)
-    for matrix, exact in zip(of_structured(scene).matrices(), (expected.M, expected.K, expected.D), strict=True):
+    for matrix, exact in zip(symbolic_structure(scene).matrices(), (expected.M, expected.K, expected.D), strict=True):
         np.testing.assert_allclose(np.array(matrix.tolist(), dtype=float), exact, rtol=1e-14, atol=1e-14)
 
 
@@ -32,7 +32,7 @@ SYSTEMS = [
     *(chain(n, kind, ("masses", "lengths")) for n in (1, 2, 3) for kind in ("bob", "rod")),
     cart(2, 2, "rod", ("masses",)),
     cart(3, 1, "bob", ("masses", "lengths"), (-1, 1, -1)),
-    *(of_structured(decimal_scene(seed)) for seed in (3, 5, 8, 13)),
+    *(symbolic_structure(decimal_scene(seed)) for seed in (3, 5, 8, 13)),
 ]
 
 
@@ -56,7 +56,7 @@ def test_unit_vectors_and_spherical_angles_are_one_motion(seed: int) -> None:
     links = (Bob(mass=1.5, length=0.7), Body(mass=0.4, length=1.2, centre=0.5, inertia=0.3), Rod(mass=2.0, length=0.9))
     links = links[: usually(2, 3)]
     support = Cart(mass=3.0, stiffness=2.0) if seed % 2 else Fixed()
-    system = of_structured(Scene(gravity=9.81, space="space", support=support, pendulum=[Pendulum(links=links)]))
+    system = symbolic_structure(Scene(gravity=9.81, space="space", support=support, pendulum=[Pendulum(links=links)]))
     spherical = derive_lagrangian(system)
     rng = random.Random(seed)
     state = {part: sp.Rational(rng.randint(-900, 900), 700) for c in spherical.coordinates for part in c}

@@ -52,11 +52,11 @@ def correct(
     form: Any,
     condition: str = "",
     *,
-    beyond: bool = False,
+    is_continuation: bool = False,
     holds_when: Any = sp.true,
 ) -> Equation:
-    """An equation that the paper prints correctly, or one `beyond` its last that continues the pattern."""
-    return Equation(paper, number, title, None if beyond else form, form, condition, holds_when)
+    """An equation that the paper prints correctly, or one `is_continuation` its last that continues the pattern."""
+    return Equation(paper, number, title, None if is_continuation else form, form, condition, holds_when)
 
 
 def equal(left: Any, right: Any) -> Any:

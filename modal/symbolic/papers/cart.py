@@ -125,19 +125,19 @@ def kinetic_energy(n: int) -> Equation:
 
 def potential_energy(n: int) -> Equation:
     """E_p: as printed hanging is the highest point, since î points down, and m_{n,1} is printed for m_{n,2}."""
-    printed, corrected = sp.Integer(0), sp.Integer(0)
+    printed_form, corrected_form = sp.Integer(0), sp.Integer(0)
     for p in range(1, n + 1):
         (a, b), (r1, r2) = double_pendulum(p), (equation.printed.rhs for equation in positions(p))
-        printed += a.m * g * r1[0] + a.m * g * r2[0]
-        corrected -= a.m * g * r1[0] + b.m * g * r2[0]
+        printed_form += a.m * g * r1[0] + a.m * g * r2[0]
+        corrected_form -= a.m * g * r1[0] + b.m * g * r2[0]
     return Equation(
         PAPER,
         "III.C",
         "potential energy",
-        equal(sp.Symbol("E_p"), printed),
-        equal(sp.Symbol("E_p"), corrected),
+        equal(sp.Symbol("E_p"), printed_form),
+        equal(sp.Symbol("E_p"), corrected_form),
         "without gravity, and where 2 m_1 y_1 + (m_1 + m_2) y_2 = 0, as with both links level",
-        sp.Eq(printed - corrected, 0),
+        sp.Eq(printed_form - corrected_form, 0),
         "the index alone is harmless for the paper's equal masses; the sign is not",
     )
 

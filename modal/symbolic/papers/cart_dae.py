@@ -49,19 +49,19 @@ def solution(n: int) -> Equation:
     r"""The paper writes u = F\A, which for a column F is a least-squares row; A u = F is solved by u = A\F."""
     size = state_counts(n)[1]
     u, A, F = (sp.MatrixSymbol(name, size, columns) for name, columns in (("u", 1), ("A", size), ("F", 1)))
-    printed, corrected = equal(u, (F.T * F).inverse() * F.T * A), equal(u, A.inverse() * F)
+    printed_form, corrected_form = equal(u, (F.T * F).inverse() * F.T * A), equal(u, A.inverse() * F)
     return Equation(
-        PAPER, "IV.B", "solving A u = F", printed, corrected, "never", sp.false, "the paper's L code has A\\F"
+        PAPER, "IV.B", "solving A u = F", printed_form, corrected_form, "never", sp.false, "the paper's L code has A\\F"
     )
 
 
 def cart_balances(n: int) -> list[Equation]:
     """Linear momentum of the cart along î and ĵ."""
     tops = links(n)[::2]
-    down = equal(m_c * g - R - sum(link.Ry for link in tops), m_c * Y.a)
-    across = equal(-sum(link.Rx for link in tops), m_c * X.a)
-    named = (("î", down), ("ĵ", across))
-    return [correct(PAPER, "IV.A", f"momentum of the cart along {axis}", form) for axis, form in named]
+    vertical = equal(m_c * g - R - sum(link.Ry for link in tops), m_c * Y.a)
+    horizontal = equal(-sum(link.Rx for link in tops), m_c * X.a)
+    forms = (("î", vertical), ("ĵ", horizontal))
+    return [correct(PAPER, "IV.A", f"momentum of the cart along {axis}", form) for axis, form in forms]
 
 
 def link_balances(p: int) -> list[Equation]:
@@ -94,13 +94,13 @@ def constraints(n: int) -> list[Equation]:
     """The 4n + 1 accelerations that ground and pivots allow: the paper swaps x and y, and omits the cart."""
     equations = [correct(PAPER, "IV.B", "cart constraint", equal(Y.a, 0))]
     for p in range(1, n + 1):
-        down, across = sp.Integer(0), sp.Integer(0)
+        joint_z, joint_x = sp.Integer(0), sp.Integer(0)
         for j, link in enumerate(double_pendulum(p), 1):
             sink, swing = _accelerations_along(link.theta, link.l)
             title = f"constraint of link {j} of pendulum {p}"
-            equations.append(_constraint(f"{title} along ĵ", (link.y, link.x), across + swing / 2, X.a))
-            equations.append(_constraint(f"{title} along î", (link.x, link.y), down + sink / 2, sp.Integer(0)))
-            down, across = down + sink, across + swing
+            equations.append(_constraint(f"{title} along ĵ", (link.y, link.x), joint_x + swing / 2, X.a))
+            equations.append(_constraint(f"{title} along î", (link.x, link.y), joint_z + sink / 2, sp.Integer(0)))
+            joint_z, joint_x = joint_z + sink, joint_x + swing
     return equations
 
 
@@ -114,20 +114,20 @@ def momentum(n: int) -> Equation:
     """Momentum along the rail, which the motion of the cart balances: its rate is the sum of the balances along ĵ."""
     total = m_c * X.v + sum(link.m * link.x.v for link in links(n))
     words = "from rest; the paper has the cart balance the energy, which needs no balance"
-    return correct(PAPER, "V", "momentum along the rail", equal(total, 0), words, beyond=True)
+    return correct(PAPER, "V", "momentum along the rail", equal(total, 0), words, is_continuation=True)
 
 
 def _constraint(title: str, names: tuple[Coordinate, Coordinate], relative: Any, cart: Any) -> Equation:
-    printed, corrected = names
+    printed_name, corrected_name = names
     index = "; the length before the squared rate is printed without the pendulum's index" if "link 2" in title else ""
     return Equation(
         PAPER,
         "IV.B",
         title,
-        equal(printed.a, relative),
-        equal(corrected.a, cart + relative),
+        equal(printed_name.a, relative),
+        equal(corrected_name.a, cart + relative),
         "on a fixed support, and with x and y read the other way round than in the balances",
-        sp.Eq(printed.a, corrected.a - cart),
+        sp.Eq(printed_name.a, corrected_name.a - cart),
         "ĵ carries x in the balances; without the cart's acceleration the pivots stay at rest and nothing is coupled"
         f"{index}",
     )

@@ -21,12 +21,14 @@ def paper(number: str, show: tuple[str, ...] = ()) -> tuple[str, list[Section]]:
     (`III.B`).  SceneError for any other.
     """
     if number not in _PAPERS:
-        raise SceneError([f"paper:{number}: must be one of {', '.join(f'paper:{known}' for known in _PAPERS)}"])
-    placed = [(places(equation), equation) for equation in _equations(number)]
-    known = list(dict.fromkeys(place for within, _ in placed for place in within))
-    if unknown := [place for place in show if place not in known]:
-        raise SceneError([f"show {place}: paper:{number} has {', '.join(known)}" for place in unknown])
-    sections = [_section(equation) for within, equation in placed if not show or within.keys() & set(show)]
+        raise SceneError(
+            [f"paper:{number}: must be one of {', '.join(f'paper:{paper_number}' for paper_number in _PAPERS)}"]
+        )
+    equations = [(places(equation), equation) for equation in _equations(number)]
+    known_places = list(dict.fromkeys(place for within, _ in equations for place in within))
+    if unknown := [place for place in show if place not in known_places]:
+        raise SceneError([f"show {place}: paper:{number} has {', '.join(known_places)}" for place in unknown])
+    sections = [_section(equation) for within, equation in equations if not show or within.keys() & set(show)]
     return _PAPERS[number][0], sections
 
 
@@ -42,10 +44,10 @@ def places(equation: Equation) -> dict[str, None]:
     >>> list(places(spatial_azimuth.azimuth_acceleration(1, 2)))
     ['12-13', '12', '13']
     """
-    whole = equation.number.partition(",")[0].removeprefix("words below ")
-    ends = re.fullmatch(r"(\d+)-(\d+)", whole)
+    first_number = equation.number.partition(",")[0].removeprefix("words below ")
+    ends = re.fullmatch(r"(\d+)-(\d+)", first_number)
     between = range(int(ends[1]), int(ends[2]) + 1) if ends and equation.printed is not None else ()
-    return dict.fromkeys([whole, *map(str, between)])
+    return dict.fromkeys([first_number, *map(str, between)])
 
 
 def _section(equation: Equation) -> Section:

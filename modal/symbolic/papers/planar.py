@@ -39,7 +39,7 @@ def kinetic_energy(n: int = 3) -> Equation:
     """(3) T with every square and product of the Cartesian velocities, expanded as in the paper."""
     m, _ = masses_and_lengths(n)
     T = sp.Add(*(m[k] * (_square(k + 1, sp.sin) + _square(k + 1, sp.cos)) / 2 for k in range(n)))
-    return correct(PAPER, "3", "kinetic energy", equal(sp.Symbol("T"), T), beyond=n != 3)
+    return correct(PAPER, "3", "kinetic energy", equal(sp.Symbol("T"), T), is_continuation=n != 3)
 
 
 def _square(k: int, f: Any) -> Any:
@@ -53,7 +53,7 @@ def potential_energy(n: int = 3) -> Equation:
     m, lengths = masses_and_lengths(n)
     fall = [length * sp.cos(theta.q) for length, theta in zip(lengths, angles(n), strict=True)]
     V = sp.Add(*(m[k] * g * (sum(lengths) - sum(fall[: k + 1])) for k in range(n)))
-    return correct(PAPER, "4", "potential energy", equal(sp.Symbol("V"), V), beyond=n != 3)
+    return correct(PAPER, "4", "potential energy", equal(sp.Symbol("V"), V), is_continuation=n != 3)
 
 
 def lagrangian(n: int = 3) -> Equation:
@@ -66,7 +66,7 @@ def lagrangian(n: int = 3) -> Equation:
         cross = sum(2 * speeds[i] * speeds[j] * sp.cos(theta[i].q - theta[j].q) for i, j in pairs)
         T += m[k] * (sum(speed**2 for speed in speeds[: k + 1]) + cross) / 2
     L = equal(sp.Symbol("L"), T - potential_energy(n).corrected.rhs)
-    return correct(PAPER, "5", "Lagrangian", L, beyond=n != 3)
+    return correct(PAPER, "5", "Lagrangian", L, is_continuation=n != 3)
 
 
 def forced_equation(i: int, n: int = 3) -> Equation:
@@ -94,10 +94,12 @@ def momentum(i: int, n: int = 3) -> Equation:
 
 def accelerations(n: int = 3) -> list[Equation]:
     """(6)-(8) of three unequal links, and the same for any n: each bob is coupled only to its neighbours."""
-    rows, theta, printed = (_three() if n == 3 else [_acceleration(i, n) for i in range(n)]), angles(n), n == 3
-    numbers = ["6", "7", "8"] if printed else [f"6-8, n = {n}"] * n
+    rows, theta, is_in_paper = (_three() if n == 3 else [_acceleration(i, n) for i in range(n)]), angles(n), n == 3
+    numbers = ["6", "7", "8"] if is_in_paper else [f"6-8, n = {n}"] * n
     return [
-        correct(PAPER, number, f"acceleration of theta_{i}", equal(angle.a, row), SMALL, beyond=not printed)
+        correct(
+            PAPER, number, f"acceleration of theta_{i}", equal(angle.a, row), SMALL, is_continuation=not is_in_paper
+        )
         for i, (number, angle, row) in enumerate(zip(numbers, theta, rows, strict=True), 1)
     ]
 
@@ -118,9 +120,9 @@ def _acceleration(i: int, n: int) -> Any:
     """θ_i'' (i from 0): the pull along the link above through 1/m_{i−1}, along its own and the next through 1/m_i."""
     (m, lengths), theta = masses_and_lengths(n), [angle.q for angle in angles(n)]
     pull = [sum(m[k:]) * theta[k] for k in range(n)]
-    above = (pull[i - 1] - pull[i]) / m[i - 1] if i else 0
+    upper_pull = (pull[i - 1] - pull[i]) / m[i - 1] if i else 0
     beneath = (pull[i + 1] - pull[i] if i + 1 < n else -pull[i]) / m[i]
-    return g / lengths[i] * (above + beneath)
+    return g / lengths[i] * (upper_pull + beneath)
 
 
 def equal_accelerations() -> list[Equation]:
@@ -144,9 +146,11 @@ def equal_motion(n: int) -> list[Equation]:
     A, K = equal_matrices(n)
     theta = angles(n)
     number = {4: "15", 5: "16"}.get(n, f"15-16, n = {n}")
-    left, right = A * sp.Matrix([angle.a for angle in theta]), K * sp.Matrix([angle.q for angle in theta])
-    rows = [equal(a, -b * g / l) for a, b in zip(left, right, strict=True)]
-    return [correct(PAPER, number, f"row {i}", row, SMALL, beyond=n not in (4, 5)) for i, row in enumerate(rows, 1)]
+    inertial, elastic = A * sp.Matrix([angle.a for angle in theta]), K * sp.Matrix([angle.q for angle in theta])
+    rows = [equal(a, -b * g / l) for a, b in zip(inertial, elastic, strict=True)]
+    return [
+        correct(PAPER, number, f"row {i}", row, SMALL, is_continuation=n not in (4, 5)) for i, row in enumerate(rows, 1)
+    ]
 
 
 def polynomial(n: int) -> Any:
@@ -160,10 +164,10 @@ def polynomial(n: int) -> Any:
 
 def eigen_equation(n: int) -> Equation:
     """(12)-(14) for n = 1, 2, 3, and p_n = 0 beyond: right for λ = −g/(l ω²), which the paper does not specify."""
-    printed = {1: lamda + 1, 2: 2 * lamda**2 + 4 * lamda + 1, 3: 6 * lamda**3 + 18 * lamda**2 + 9 * lamda + 1}
+    printed_forms = {1: lamda + 1, 2: 2 * lamda**2 + 4 * lamda + 1, 3: 6 * lamda**3 + 18 * lamda**2 + 9 * lamda + 1}
     number, words = {1: "12", 2: "13", 3: "14"}.get(n, f"12-14, n = {n}"), "for λ = −g/(l ω²), not for λ = −ω² l/g"
-    form, title = equal(printed.get(n, polynomial(n)), 0), f"eigenvalues of {n} equal links"
-    return correct(PAPER, number, title, form, words, beyond=n not in printed, holds_when=LAMBDA)
+    form, title = equal(printed_forms.get(n, polynomial(n)), 0), f"eigenvalues of {n} equal links"
+    return correct(PAPER, number, title, form, words, is_continuation=n not in printed_forms, holds_when=LAMBDA)
 
 
 def pull_matrix(n: int, kind: str = "bob") -> Any:

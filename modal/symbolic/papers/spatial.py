@@ -83,10 +83,10 @@ def velocity(k: int) -> list[Equation]:
         parts[0].append(length(i) * (turn * c * sp.cos(at) - spin * s * sp.sin(at)))
         parts[1].append(length(i) * (turn * c * sp.sin(at) + spin * s * sp.cos(at)))
         parts[2].append(-length(i) * turn * s)
-    named = zip("123", "xyz", parts, strict=True)
+    axes = zip("123", "xyz", parts, strict=True)
     return [
         correct(PAPER, number, f"{axis} velocity of bob {k}", equal(coordinate(axis, k).v, sp.Add(*part)))
-        for number, axis, part in named
+        for number, axis, part in axes
     ]
 
 
@@ -101,8 +101,8 @@ def product(i: int, j: int) -> Any:
     (si, ci), (sj, cj) = waves(i), waves(j)
     delta = phi(i).q - phi(j).q
     a, b, spin_a, spin_b = theta(i).v, theta(j).v, phi(i).v, phi(j).v
-    along = a * b * (ci * cj * sp.cos(delta) + si * sj) + spin_a * spin_b * si * sj * sp.cos(delta)
-    return along + (a * spin_b * ci * sj - spin_a * b * si * cj) * sp.sin(delta)
+    aligned_part = a * b * (ci * cj * sp.cos(delta) + si * sj) + spin_a * spin_b * si * sj * sp.cos(delta)
+    return aligned_part + (a * spin_b * ci * sj - spin_a * b * si * cj) * sp.sin(delta)
 
 
 def cross_error(i: int, j: int) -> Any:
@@ -112,8 +112,8 @@ def cross_error(i: int, j: int) -> Any:
     """
     half = (phi(i).q - phi(j).q) / 2
     (ai, bi), (aj, bj) = ((theta(k).v * waves(k)[1], phi(k).v * waves(k)[0]) for k in (i, j))
-    turned = sp.cos(half) * (ai * bj - bi * aj) - sp.sin(half) * (ai * aj + bi * bj)
-    return 2 * sp.sin(half) * turned
+    bracket = sp.cos(half) * (ai * bj - bi * aj) - sp.sin(half) * (ai * aj + bi * bj)
+    return 2 * sp.sin(half) * bracket
 
 
 def cross_term(i: int, j: int) -> Equation:
@@ -133,10 +133,12 @@ def cross_term(i: int, j: int) -> Equation:
 def square_term(i: int) -> Equation:
     """(4) The square of one direction's rate: a dot is missing."""
     s, name = waves(i)[0], sp.Symbol(f"c_{i}_{i}")
-    printed, corrected = (first**2 + phi(i).v ** 2 * s**2 for first in (theta(i).q, theta(i).v))
+    printed_form, corrected_form = (first**2 + phi(i).v ** 2 * s**2 for first in (theta(i).q, theta(i).v))
     words = "where θ'² = θ² in the units used"
     holds = sp.Eq(theta(i).q ** 2, theta(i).v ** 2)
-    return Equation(PAPER, "4", f"square term of link {i}", equal(name, printed), equal(name, corrected), words, holds)
+    return Equation(
+        PAPER, "4", f"square term of link {i}", equal(name, printed_form), equal(name, corrected_form), words, holds
+    )
 
 
 def pairs(k: int) -> list[tuple[int, int]]:
@@ -150,42 +152,46 @@ def squared_speed(k: int) -> Equation:
     terms = [square_term(i) for i in upto(k)]
     squares = sp.Add(*(length(i) ** 2 * term.printed.rhs for i, term in enumerate(terms, 1)))
     exact = sp.Add(*(length(i) ** 2 * term.corrected.rhs for i, term in enumerate(terms, 1)))
-    printed = squares + 2 * sp.Add(*(length(i) * length(j) * printed_product(i, j) for i, j in pairs(k)))
-    corrected = exact + sp.Add(*(length(i) * length(j) * product(i, j) for i, j in pairs(k)))
+    printed_form = squares + 2 * sp.Add(*(length(i) * length(j) * printed_product(i, j) for i, j in pairs(k)))
+    corrected_form = exact + sp.Add(*(length(i) * length(j) * product(i, j) for i, j in pairs(k)))
     note = f"the cross terms, a missing dot, a sum to e for k, and a double sum without ½; {DOTS}"
-    return Equation(PAPER, "4", f"squared speed of bob {k}", equal(name, printed), equal(name, corrected), *NEVER, note)
+    return Equation(
+        PAPER, "4", f"squared speed of bob {k}", equal(name, printed_form), equal(name, corrected_form), *NEVER, note
+    )
 
 
 def kinetic_energy(n: int) -> Equation:
     """(5) T; the printed one moves every bob with every link, turns with φ'² alone and counts products twice."""
     square = sp.Add(*(length(i) ** 2 * (theta(i).v ** 2 + phi(i).v ** 2) / 2 for i in upto(n)))
     cross = sp.Add(*(length(i) * length(j) * printed_product(i, j) for i, j in pairs(n)))
-    printed = sp.Add(*(mass(k) * (square + cross) for k in upto(n)))
-    corrected = sp.Add(*(mass(k) * squared_speed(k).corrected.rhs / 2 for k in upto(n)))
+    printed_form = sp.Add(*(mass(k) * (square + cross) for k in upto(n)))
+    corrected_form = sp.Add(*(mass(k) * squared_speed(k).corrected.rhs / 2 for k in upto(n)))
     name, note = sp.Symbol("T"), "inner sums end at k; φ'² lacks sin² θ; a sum over i ≠ j needs ½"
-    return Equation(PAPER, "5", "kinetic energy", equal(name, printed), equal(name, corrected), *NEVER, note)
+    return Equation(PAPER, "5", "kinetic energy", equal(name, printed_form), equal(name, corrected_form), *NEVER, note)
 
 
 def potential_energy(n: int) -> Equation:
     """(6) V; the printed one lacks g and hangs every bob from every link."""
     rise = [length(i) * (1 - sp.cos(theta(i).q)) for i in upto(n)]
-    printed = sp.Add(*(mass(k) * sum(rise) for k in upto(n)))
-    corrected = sp.Add(*(mass(k) * g * sum(rise[:k]) for k in upto(n)))
+    printed_form = sp.Add(*(mass(k) * sum(rise) for k in upto(n)))
+    corrected_form = sp.Add(*(mass(k) * g * sum(rise[:k]) for k in upto(n)))
     name, words, holds = sp.Symbol("V"), "for one link, in units where g = 1", sp.And(sp.Eq(n, 1), sp.Eq(g, 1))
-    return Equation(PAPER, "6", "potential energy", equal(name, printed), equal(name, corrected), words, holds)
+    return Equation(
+        PAPER, "6", "potential energy", equal(name, printed_form), equal(name, corrected_form), words, holds
+    )
 
 
 def lagrangian(n: int) -> Equation:
     """(7) L, where k runs from f(i, j) = max(i, j), g is back and sin² θ is back: the cross terms remain wrong."""
     squares = sp.Add(*(inertia(i, i, n) * product(i, i) / 2 for i in upto(n)))
-    printed = squares + sp.Add(*(inertia(i, j, n) * printed_product(i, j) for i, j in pairs(n)))
-    corrected = kinetic_energy(n).corrected.rhs - potential_energy(n).corrected.rhs
+    printed_form = squares + sp.Add(*(inertia(i, j, n) * printed_product(i, j) for i, j in pairs(n)))
+    corrected_form = kinetic_energy(n).corrected.rhs - potential_energy(n).corrected.rhs
     return Equation(
         PAPER,
         "7",
         "Lagrangian",
-        equal(sp.Symbol("L"), printed - g * potential_energy(n).printed.rhs),
-        equal(sp.Symbol("L"), corrected),
+        equal(sp.Symbol("L"), printed_form - g * potential_energy(n).printed.rhs),
+        equal(sp.Symbol("L"), corrected_form),
         "for one link",
         sp.Eq(n, 1),
         "l_i²/2 is illegible in the copy; the double sum needs ½ and the last sum ends at k",

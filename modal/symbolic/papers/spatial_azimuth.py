@@ -45,13 +45,15 @@ def difference(i: int, j: int) -> Any:
 def momentum(i: int, n: int) -> Equation:
     """(8) p_i = ∂L/∂φ_i'."""
     si = waves(i)[0]
-    printed = sp.Add(*(inertia(i, j, n) * phi(j).v * si * waves(j)[0] for j in upto(n)))
-    corrected = sp.Integer(0)
+    printed_form = sp.Add(*(inertia(i, j, n) * phi(j).v * si * waves(j)[0] for j in upto(n)))
+    corrected_form = sp.Integer(0)
     for j in upto(n):
         (sj, cj), delta = waves(j), difference(i, j)
-        corrected += inertia(i, j, n) * si * (phi(j).v * sj * sp.cos(delta) - theta(j).v * cj * sp.sin(delta))
+        corrected_form += inertia(i, j, n) * si * (phi(j).v * sj * sp.cos(delta) - theta(j).v * cj * sp.sin(delta))
     name, words, holds = sp.Symbol(f"p_{i}"), "where all azimuths are equal", _one_plane(n)
-    return Equation(PAPER, "8", "azimuth momentum", equal(name, printed), equal(name, corrected), words, holds)
+    return Equation(
+        PAPER, "8", "azimuth momentum", equal(name, printed_form), equal(name, corrected_form), words, holds
+    )
 
 
 def _one_plane(n: int, *, staying: bool = False) -> Any:
@@ -65,12 +67,12 @@ def momentum_rate(i: int, n: int) -> Equation:
     """(9) dp_i/dt; the printed sums run from k = 1, those of (8) and (10) from k = i and k = max(i, j)."""
     moving = coordinates(n)
     total = sp.Add(*(mass(k) for k in upto(n)))
-    alone = length(i) ** 2 * time_derivative(phi(i).v * waves(i)[0] ** 2, moving)
+    single_term = length(i) ** 2 * time_derivative(phi(i).v * waves(i)[0] ** 2, moving)
     cross = [length(j) * time_derivative(phi(j).v * waves(i)[0] * waves(j)[0], moving) for j in others(i, n)]
-    printed = total * (alone + length(i) * sp.Add(*cross))
-    corrected = time_derivative(momentum(i, n).corrected.rhs, moving)
+    printed_form = total * (single_term + length(i) * sp.Add(*cross))
+    corrected_form = time_derivative(momentum(i, n).corrected.rhs, moving)
     name, words = sp.Symbol(f"pdot_{i}"), "for one link"
-    form = equal(name, printed), equal(name, corrected)
+    form = equal(name, printed_form), equal(name, corrected_form)
     return Equation(
         PAPER, "9", "rate of the azimuth momentum", *form, words, sp.Eq(n, 1), "reads φ'' where φ is printed"
     )
@@ -79,13 +81,13 @@ def momentum_rate(i: int, n: int) -> Equation:
 def small_momentum_rate(i: int, n: int) -> Equation:
     """(10) dp_i/dt at small zenith angles."""
     moving = coordinates(n)
-    printed, corrected = sp.Integer(0), sp.Integer(0)
+    printed_form, corrected_form = sp.Integer(0), sp.Integer(0)
     for j in upto(n):
         (ti, tj), delta = (theta(i).q, theta(j).q), difference(i, j)
-        printed += inertia(i, j, n) * phi(j).v * ti * tj
-        corrected += inertia(i, j, n) * ti * (phi(j).v * tj * sp.cos(delta) - theta(j).v * sp.sin(delta))
+        printed_form += inertia(i, j, n) * phi(j).v * ti * tj
+        corrected_form += inertia(i, j, n) * ti * (phi(j).v * tj * sp.cos(delta) - theta(j).v * sp.sin(delta))
     name = sp.Symbol(f"pdot_{i}")
-    rates = equal(name, time_derivative(printed, moving)), equal(name, time_derivative(corrected, moving))
+    rates = equal(name, time_derivative(printed_form, moving)), equal(name, time_derivative(corrected_form, moving))
     words, holds = "while all azimuths are and stay equal, at small zenith angles", _one_plane(n, staying=True)
     return Equation(PAPER, "10", "rate at small angles", *rates, words, holds)
 
@@ -96,8 +98,8 @@ def conservation(i: int, n: int) -> Equation:
     for j in others(i, n):
         (si, ci), (sj, cj), delta = waves(i), waves(j), difference(i, j)
         a, b, spin_a, spin_b = theta(i).v, theta(j).v, phi(i).v, phi(j).v
-        turned = sp.cos(delta) * (a * spin_b * ci * sj - spin_a * b * si * cj)
-        torque += inertia(i, j, n) * (turned - sp.sin(delta) * (a * b * ci * cj + spin_a * spin_b * si * sj))
+        cross_rate = sp.cos(delta) * (a * spin_b * ci * sj - spin_a * b * si * cj)
+        torque += inertia(i, j, n) * (cross_rate - sp.sin(delta) * (a * b * ci * cj + spin_a * spin_b * si * sj))
     name = sp.Derivative(sp.Symbol("L"), phi(i).q)
     words = "for one link; for links in one vertical plane while it does not turn, or sin θ_i/sin θ_j is constant"
     return Equation(
@@ -127,23 +129,23 @@ def vector_equation(i: int, n: int) -> Any:
     return direction(i).cross(pull)
 
 
-def azimuth_acceleration(i: int, n: int, *, read: bool = False) -> Equation:
+def azimuth_acceleration(i: int, n: int, *, has_dots: bool = False) -> Equation:
     """(12)-(15) φ_i'': the first, an inner and the last link.
 
-    The copy drops dots and blurs exponents; `read` restores them as they make sense.  With c_j = p_j/l_j for equal
+    The copy drops dots and blurs exponents; `has_dots` restores them as they make sense.  With c_j = p_j/l_j for equal
     links it is then the rate of the φ' that (8) gives at small angles and constant p_j.
     """
     s, c = waves(i)
     push = sp.Add(*(inertia(i, j, n) * _swing(i, j) for j in others(i, n)))
-    corrected = -2 * theta(i).v * phi(i).v * c / s - push / (inertia(i, i, n) * s)
+    corrected_form = -2 * theta(i).v * phi(i).v * c / s - push / (inertia(i, i, n) * s)
     number, single, copy = _PRINTED["first" if i == 1 else "last" if i == n else "inner"]
     ends = sp.Symbol("l_1") * sp.Symbol("m_1") if i == 1 else sp.Symbol("l") * sp.Symbol("m")
     return Equation(
         PAPER,
         number,
         f"azimuth of link {i} of {n}",
-        equal(phi(i).a, _constant_momenta(i, n, read=read) / ends),
-        equal(phi(i).a, corrected),
+        equal(phi(i).a, _constant_momenta(i, n, has_dots=has_dots) / ends),
+        equal(phi(i).a, corrected_form),
         f"never with the letters as they are; with θ' read into the numerators, {single} for equal links while all "
         "azimuths are equal, their rates are equal, and so are all θ_i'/θ_i, in the limit of small angles",
         sp.false,
@@ -168,17 +170,17 @@ _PRINTED = {
 def _swing(i: int, j: int) -> Any:
     """u_j''·e_φi, the acceleration of one direction along another's azimuth."""
     (s, c), delta, turn, spin = waves(j), difference(i, j), theta(j), phi(j)
-    across, outward = s * spin.a + 2 * c * turn.v * spin.v, c * turn.a - s * (turn.v**2 + spin.v**2)
-    return across * sp.cos(delta) - outward * sp.sin(delta)
+    transverse, outward = s * spin.a + 2 * c * turn.v * spin.v, c * turn.a - s * (turn.v**2 + spin.v**2)
+    return transverse * sp.cos(delta) - outward * sp.sin(delta)
 
 
-def _constant_momenta(i: int, n: int, *, read: bool) -> Any:
+def _constant_momenta(i: int, n: int, *, has_dots: bool) -> Any:
     """The braces of (12)-(15), with the exponents s, N and 5 of the copy as 3, 2 and 3."""
     ti, c = theta(i).q, [sp.Symbol(f"c_{j}") for j in range(n + 1)]
-    alone = -(2 if i == 1 else 4) * c[i] * (theta(i).v if read else 1) / ti**3
-    power = 2 if i == n and not read else 1  # (15) has θ_n² where (14) has θ_n
+    single_term = -(2 if i == 1 else 4) * c[i] * (theta(i).v if has_dots else 1) / ti**3
+    power = 2 if i == n and not has_dots else 1  # (15) has θ_n² where (14) has θ_n
     pairs = []
     for j in {i - 1, i + 1} & set(upto(n)):
-        tj, (rate_i, rate_j) = theta(j).q, ((theta(k).v if read else theta(k).q) for k in (i, j))
+        tj, (rate_i, rate_j) = theta(j).q, ((theta(k).v if has_dots else theta(k).q) for k in (i, j))
         pairs.append(c[j] * (rate_j / (tj**2 * ti**power) + rate_i / (tj * ti**2)))
-    return sp.Add(alone, *pairs)
+    return sp.Add(single_term, *pairs)
