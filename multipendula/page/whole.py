@@ -38,7 +38,7 @@ def whole_module(scene: Scene) -> str:
     if not is_whole(scene):
         return NONE
     from nonlinear.integration import method, switches_of
-    from nonlinear.system import prescribed_of, prescribed_places, system_of
+    from nonlinear.system import constants_of, prescribed_places, system_of
     from nonlinear.system.numbers import BEFORE, FIELDS
 
     system = system_of(scene)
@@ -52,7 +52,7 @@ def whole_module(scene: Scene) -> str:
     data = {
         "first": switches.form.first,
         "kept": [k for k, has in enumerate(present) if has],
-        "prescribed": prescribed_of(system),
+        "prescribed": constants_of(system),
         "places": [[list(place), unit] for place, unit in prescribed_places(scene, system)],
         "leading": leading(system),
         "told": at.told,

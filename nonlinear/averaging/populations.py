@@ -237,7 +237,7 @@ def averaged_pattern(pattern: Pattern, near_by: AveragedPattern | None = None) -
     require(pattern.few, "averaging")
     whole = [_averaged(pattern, sector) for sector in pattern.sectors]
     first = whole[0]
-    if not pattern.system.kicked and rest_growth(pattern) <= 0:
+    if not pattern.system.has_escapements and rest_growth(pattern) <= 0:
         raise ComputationError(f"the motion {pattern.name} dies out: its losses exceed what the drives feed")
     for z in _starts(pattern, first, near_by):
         state = relative_equilibrium(first, z)

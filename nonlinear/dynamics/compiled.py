@@ -143,7 +143,7 @@ class Compiled(Minimal):
             np.append(np.flatnonzero(np.diff(self.system.pendulum, prepend=-1)), self.system.n_links),
             np.array(cart or (), dtype=float),
             self.system.gravity,
-            any(group.hinged for group in self.system.groups),
+            any(group.has_joint_torques for group in self.system.groups),
             self.layout.works,
             None if self.system.structure is None else flat_of(self.system),
         )
@@ -167,8 +167,8 @@ def _rows(system: System) -> Floats:
     """The constants of every link in the order of the file, (L, 12)."""
     rows = np.empty((system.n_links, CONSTANTS))
     for group in system.groups:
-        none = np.zeros_like(group.bent)
+        none = np.zeros_like(group.joint_rest)
         drive = (group.excitation.strength, group.excitation.curb) if group.excitation else (none, none)
-        joints = group.block.stiffness, group.block.damping, group.bent, *drive
+        joints = group.block.stiffness, group.block.damping, group.joint_rest, *drive
         rows[group.index] = np.stack((*np.swapaxes(links_of(group), 0, 1), *joints), axis=-1)
     return rows

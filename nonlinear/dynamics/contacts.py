@@ -148,10 +148,10 @@ def escaping(system: System) -> Escaping:
     """The joints with escapements, in the order of the groups."""
     parts: list[Floats] = []
     for group in system.groups:
-        if group.kicked and group.excitation:
+        if group.has_escapements and group.excitation:
             above = np.vstack((np.full_like(group.index[:1], -1), group.index[:-1]))
             drive = group.excitation
-            columns = (group.index, above, group.bent, drive.impulse, drive.angle)
+            columns = (group.index, above, group.joint_rest, drive.impulse, drive.angle)
             parts.append(np.stack([part[drive.impulse > 0] for part in columns]))
     below, above, *rest = np.hstack(parts) if parts else np.empty((5, 0))
     return Escaping(system, below.astype(np.int64), above.astype(np.int64), *rest)

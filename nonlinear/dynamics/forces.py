@@ -121,7 +121,7 @@ def forces_of(system: System, speeds: Floats) -> Floats:
     """The drag (N) on every link at T times, (T, L, d) like the velocities of the centres."""
     forces = np.zeros_like(speeds)
     for group in system.groups:
-        if group.dragged:
+        if group.has_drag:
             velocities = np.moveaxis(speeds[:, group.index], (0, -1), (-1, 0))
             forces[:, group.index] = np.moveaxis(drag_forces(group, velocities), (0, -1), (-1, 0))
     return forces
@@ -252,7 +252,7 @@ def _bending(group: Group, angles: Any, rates: Any, base: Base | None = None) ->
     """Both parts of the torque of every joint, (n, P, ...), and the rate (rad/s) at which it bends."""
     turned, turning = base or (None, None)
     block, drive, speed = group.block, group.excitation, relative(rates, turning)
-    curbed = (drive.strength, drive.curb) if group.excited and drive else ()
+    curbed = (drive.strength, drive.curb) if group.has_van_der_pol and drive else ()
     constants = (spread(constant, angles) for constant in (block.stiffness, block.damping, *curbed))
     return *joint_law(bend(group, angles, turned), speed, *constants), speed
 
@@ -294,7 +294,7 @@ def relative(values: Any, base: Any = None) -> Any:
 
 def bend(group: Group, angles: Any, base: Any = None) -> Any:
     """The angle (rad) of every link relative to the one above, less its equilibrium value, (n, P, ...)."""
-    return relative(angles, base) - spread(group.bent, angles)
+    return relative(angles, base) - spread(group.joint_rest, angles)
 
 
 def spread(constant: Any, like: Any) -> Any:

@@ -26,10 +26,10 @@ from nonlinear.system import (
     AppliedForces,
     Group,
     System,
+    constants_of,
     entries_of,
-    prescribed_of,
     system_with,
-    with_prescribed,
+    system_with_constants,
 )
 from nonlinear.system.numbers import BEFORE, FIELDS
 
@@ -98,7 +98,7 @@ def form_of(
     matrices lose digits.
     """
     numbers = entries_of(system) if entries is None else entries
-    beside = prescribed_of(system) if prescribed is None else prescribed
+    beside = constants_of(system) if prescribed is None else prescribed
     weak = [loses_digits(group, system) for group in system.groups] if frail is None else frail
     links, hoisting, support = system.n_links, system.hoisting, system.support
     at = {name: BEFORE + links * FIELDS.index(name) for name in ("length", "centre")}
@@ -196,7 +196,7 @@ class Symbolic:
                 entries[at["centre"] + k] = entries[at["length"] + k]
         ratios = [next(p) if has else 0.0 for has in form.ratios]
         self.entries = tuple(entries)
-        return with_prescribed(system_with(form.system, entries), [*ratios, *p])
+        return system_with_constants(system_with(form.system, entries), [*ratios, *p])
 
 
 class TapedEquations(Symbolic):

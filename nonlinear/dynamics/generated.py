@@ -19,7 +19,7 @@ from nonlinear.dynamics.forms import Form, form_of, module_of
 from nonlinear.dynamics.inputs import Inputs
 from nonlinear.dynamics.minimal import Arranged, Minimal, Recursion
 from nonlinear.dynamics.text import Module
-from nonlinear.system import Group, Layout, Load, Numbers, System, entries_of, prescribed_of
+from nonlinear.system import Group, Layout, Load, Numbers, System, constants_of, entries_of
 
 UNDEFINED = (ZeroDivisionError, OverflowError, ValueError)
 """Raised by Python's floats where NumPy's give inf or nan."""
@@ -89,7 +89,7 @@ class Generated(Written, Arranged):
     @cached_property
     def constants(self) -> list[float]:
         """What stands in the text for this scene."""
-        numbers = entries_of(self.system), prescribed_of(self.system)
+        numbers = entries_of(self.system), constants_of(self.system)
         return module_of(self.form).constants(self.form.numbers(*numbers))
 
     @cached_property
@@ -160,7 +160,7 @@ class Lanes:
     @cached_property
     def inputs(self) -> Inputs:
         """What time brings."""
-        return Inputs(self.system, drags=self.numbers.dragged)
+        return Inputs(self.system, drags=self.numbers.has_drag)
 
     @cached_property
     def is_written(self) -> bool:
@@ -170,7 +170,7 @@ class Lanes:
     @cached_property
     def form(self) -> Form:
         """What the text depends on."""
-        numbers = self.numbers.entries, self.numbers.prescribed
+        numbers = self.numbers.entries, self.numbers.constants
         frail = [_frail(self.numbers, group) for group in self.system.groups]
         return form_of(self.system, *numbers, works=self.layout.works, frail=frail)
 
@@ -181,7 +181,7 @@ class Lanes:
 
     def constants(self, numbers: Numbers) -> list[Any]:
         """What stands in the text for these members: numbers and arrays (S,)."""
-        return self.module.constants(self.form.numbers(numbers.entries, numbers.prescribed))
+        return self.module.constants(self.form.numbers(numbers.entries, numbers.constants))
 
     def rates(self, numbers: Numbers) -> Rates:
         """The rates of so many members as these numbers are of."""

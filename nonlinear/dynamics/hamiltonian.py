@@ -56,7 +56,7 @@ from nonlinear.dynamics.spatial import Spatial, SpatialRecursion, dot
 from nonlinear.dynamics.structure import carriers_of, displacement
 from nonlinear.dynamics.tape import gradient
 from nonlinear.dynamics.text import Module
-from nonlinear.system import Group, Load, Motion, State, System, entries_of, prescribed_of
+from nonlinear.system import Group, Load, Motion, State, System, constants_of, entries_of
 
 
 class Hamiltonian(Generated):
@@ -65,7 +65,7 @@ class Hamiltonian(Generated):
     @cached_property
     def constants(self) -> list[float]:
         """What stands in the text for this scene."""
-        numbers = entries_of(self.system), prescribed_of(self.system)
+        numbers = entries_of(self.system), constants_of(self.system)
         return hamilton_of(self.form).constants(self.form.numbers(*numbers))
 
     def function(self, name: str, target: str = "floats") -> Callable[..., Any]:

@@ -207,9 +207,9 @@ class Inputs:
         sizes = [course.of(time) if self.is_analytic else next(values) for course in self.courses]
         if moving := self.system.support:
             count = len(moving.motions)
-            support = moving.combined(sizes[:count])
-            if self.drags or self.system.dragged:
-                velocity = moving.combined(sizes[count : 2 * count])
+            support = moving.components(sizes[:count])
+            if self.drags or self.system.has_drag:
+                velocity = moving.components(sizes[count : 2 * count])
         forces = tuple(sizes[len(sizes) - len(self.system.forces) :])
         lengths = self._lengths([(next(values), next(values), next(values)) for _ in self.laws]) if self.laws else None
         first = self.system.first
@@ -253,7 +253,9 @@ class Inputs:
 
     def at(self, time: Any, y: Any, layout: Layout) -> Instant:
         """The instant at one time (s) and state, or at many times side by side."""
-        instant = self._of_time_alone.instant(self.of_time(time)) if self.system.prescribed or self.laws else QUIET
+        instant = (
+            self._of_time_alone.instant(self.of_time(time)) if self.system.prescribed_motions or self.laws else QUIET
+        )
         return instant._replace(push=self.load(time, layout.state(y))) if self.load else instant
 
 

@@ -130,7 +130,7 @@ class Maximal:
         """Inertial forces and drag (N) on centres with these velocities (L, 2) in the frame of the support."""
         (acceleration, velocity), system = frame_of(self.system, time), self.system
         felt = -system.mass[:, None] * acceleration
-        return felt + forces_of(system, (velocities + velocity)[None])[0] if system.dragged else felt
+        return felt + forces_of(system, (velocities + velocity)[None])[0] if system.has_drag else felt
 
     def _state(self, y: Floats) -> State:
         return self.read(y[None])[0]
@@ -482,7 +482,7 @@ def acting(system: System, state: State, push: AppliedForces) -> tuple[float, Fl
     """
     torques, power = state.links * 0.0, 0.0
     for group in system.groups:
-        if group.hinged:
+        if group.has_joint_torques:
             angles, rates = state.links[group.index], state.link_rates[group.index]
             torques[group.index], lost = joint_torques(group, angles, rates)
             power += float(lost)

@@ -251,7 +251,7 @@ class Mechanics(Displayed):
             bodily += support[0][:, None]
         bodily[..., -1] -= self.system.gravity
         needed = self.system.mass[:, None] * bodily
-        if self.system.dragged:
+        if self.system.has_drag:
             needed -= forces_of(self.system, self.speeds if support is None else self.speeds + support[1][:, None])
         if self.system.forces:
             assert self.times is not None

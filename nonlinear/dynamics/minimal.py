@@ -254,7 +254,7 @@ class Suspended(Arranged):
                 resisting = drag[first:][place]
                 forces, work = forces + resisting, work + np.sum(resisting * speed, axis=(0, 1))
             external = None
-            if group.dragged or instant.forces:
+            if group.has_drag or instant.forces:
                 external = self.external(group, directions, speed, bearing.velocity(k), instant)
             if external is not None:
                 forces, work = forces + external.generalized, work + external.power
@@ -291,7 +291,7 @@ class Suspended(Arranged):
         """Drag and applied forces on a group; None without any."""
         winding = None if instant.lengths is None else instant.lengths.speed[group.index]
         drag = None
-        if group.dragged:
+        if group.has_drag:
             velocity = instant.velocity if self.system.support else None
             drag = self.dragged(group, links, rates, pivot, velocity, winding)
         if not instant.forces:
@@ -428,7 +428,7 @@ class Minimal(Suspended):
             power = np.sum(moments * rates)
         if support is not None:
             power = power + (inertial_torques(group, links, support) * rates).sum((0, 1))
-        if group.hinged:
+        if group.has_joint_torques:
             hinges, drained = bending_torques(group, links, rates, base)
             if base is not None:
                 reaction = hinges[0].copy()
@@ -452,7 +452,7 @@ def drained(system: System, q: Floats, v: Floats, support: tuple[Any, Any] = (0.
     _, power = equations.forces(y, instant)
     bearing = equations.bearing(q, v, instant)
     for k, group in enumerate(system.groups):
-        if group.dragged:
+        if group.has_drag:
             links, rates = q[first:][group.index], v[first:][group.index]
             external = equations.external(group, links, rates, bearing.velocity(k), instant)
             assert external is not None

@@ -180,7 +180,7 @@ def joint_moments(group: Group, u: Any, w: Any) -> Any:
     if group.sprung:
         above, below, z, rest = _bend(group, u)
         hinge -= _spread(group.block.stiffness, u) * _per_sine(z, rest) * cross(above, below)
-    if group.damped:
+    if group.has_dampers:
         hinge -= _spread(group.block.damping, u) * _relative(cross(u, w))
     hinge[:, :-1] -= hinge[:, 1:].copy()
     return hinge
@@ -277,10 +277,10 @@ class Spatial(Suspended):
             along, down = support
             b = group.block.b.reshape(*group.block.b.shape, *[1] * (links.ndim - 3))
             power = power - (b * (along * rates[0] + down * rates[2])).sum((0, 1))
-        if group.sprung or group.damped:
+        if group.sprung or group.has_dampers:
             hinges = joint_moments(group, links, rates)
             moments = hinges if moments is None else moments + hinges
-        if group.damped:
+        if group.has_dampers:
             power = power + damper_power(group, links, rates)
         return np.zeros_like(links) if moments is None else generalized(moments, links), power, 0.0
 

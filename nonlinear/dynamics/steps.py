@@ -51,7 +51,7 @@ from nonlinear.dynamics.minimal import Minimal
 from nonlinear.dynamics.recursion import Answer, RecursiveLink, Turn, hung, passed
 from nonlinear.dynamics.tape import Tape, along
 from nonlinear.dynamics.text import Module
-from nonlinear.system import System, entries_of, prescribed_of, system_with
+from nonlinear.system import System, constants_of, entries_of, system_with
 from nonlinear.system.numbers import BEFORE, FIELDS, dampers_of
 
 LINK = (
@@ -215,7 +215,7 @@ class StructureSteps:
     @property
     def numbers(self) -> list[Any]:
         """The numbers p of the system: those entries, then the constants of what is prescribed."""
-        return self.form.numbers(entries_of(self.system), prescribed_of(self.system))
+        return self.form.numbers(entries_of(self.system), constants_of(self.system))
 
     @cached_property
     def module(self) -> Module:
@@ -241,7 +241,7 @@ class StructureSteps:
             "stored": [T, V],
             "paired": [mass, _second(tape, V, q, x, z), -0.5 * drained],
         }
-        if self.system.kicked:
+        if self.system.has_escapements:
             solvers = list(zip(equations.system.groups, equations.bodies, strict=True))
             impulses = np.empty(half, dtype=object)
             impulses[:] = x

@@ -164,7 +164,7 @@ def _mirrored(system: System, start: State) -> bool:
     cart = system.cart
     if cart is None or start.cart * cart.stiffness or start.cart_rate * cart.damping:
         return False
-    if start.cart_rate and (system.dragged or system.rail):
+    if start.cart_rate and (system.has_drag or system.rail):
         return False
     if system.spatial:
         image = [part * [-1, 1, 1] + 0.0 for part in (start.links, start.link_rates)]

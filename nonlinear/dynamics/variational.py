@@ -25,7 +25,7 @@ from nonlinear.dynamics.mechanics import energies
 from nonlinear.dynamics.switching import switched, switching_of
 from nonlinear.dynamics.tape import gradient, partials
 from nonlinear.dynamics.text import Module
-from nonlinear.system import entries_of, prescribed_of
+from nonlinear.system import constants_of, entries_of
 
 Force = Callable[[float], Floats]
 TINY = 1e-20  # imaginary part of a number: its square vanishes beside any
@@ -120,7 +120,7 @@ class Variational(Generated):
     @property
     def numbers(self) -> list[float]:
         """The numbers p of the form, (P,)."""
-        return self.form.numbers(entries_of(self.system), prescribed_of(self.system))
+        return self.form.numbers(entries_of(self.system), constants_of(self.system))
 
     def moved_by(self, change: Floats, y: Floats, u: Any = (), moved: Any = ()) -> Floats:
         """The derivative (d, S) of y' at many y side by side (d, S) along a change δp (P,) of the numbers.
@@ -153,7 +153,7 @@ class Variational(Generated):
     @cached_property
     def _momenta(self) -> Any:
         module = _gradients(self._still)
-        constants = module.constants(self._still.numbers(entries_of(self.system), prescribed_of(self.system)))
+        constants = module.constants(self._still.numbers(entries_of(self.system), constants_of(self.system)))
         return module.function("momenta", constants, "arrays")
 
     def momentum_slope(self, y: Floats) -> Floats:
@@ -166,7 +166,7 @@ class Variational(Generated):
 
     def _conserved(self, name: str, y: Floats) -> Floats:
         module = _gradients(self._still)
-        constants = module.constants(self._still.numbers(entries_of(self.system), prescribed_of(self.system)))
+        constants = module.constants(self._still.numbers(entries_of(self.system), constants_of(self.system)))
         return np.array(module.function(name, constants)(y.tolist()))
 
     @cached_property
@@ -191,7 +191,7 @@ def _gradients(form: Form) -> Module:
         if system.modal_damping is not None:
             outside = outside + modal_drag(system, y[half:])[0]
         for group in system.groups:
-            if group.dragged:
+            if group.has_drag:
                 external = plane_drag(group, links[group.index], rates[group.index], (speed, 0.0))
                 outside = outside + external.along_rail
         kept, lost = partials(tape, [p[0], outside], list(y))

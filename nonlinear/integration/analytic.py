@@ -53,7 +53,7 @@ class _MemberColumns(Some):
         )
         if derivatives and kicks:
             columns = self.columns
-            numbers = member.form.numbers(columns.entries, columns.prescribed), columns.switching
+            numbers = member.form.numbers(columns.entries, columns.constants), columns.switching
             moved = kicked(member, numbers, j, y, slope, impulses_since(member, seen), [*u, *before], told, u).T
         state[:] = told
         return np.array(after)[:, None] + (1j * np.reshape(moved, y.T.shape).T if derivatives else 0.0)

@@ -225,6 +225,6 @@ def extent(state: State, system: System) -> float:
         parts += np.abs(state.supports / units).tolist() + np.abs(state.support_rates / (units * system.rate)).tolist()
     if cart and cart.stiffness:
         parts.append(abs(state.cart) / system.length)
-    if cart and (cart.stiffness or cart.damping or system.rail or system.dragged):
+    if cart and (cart.stiffness or cart.damping or system.rail or system.has_drag):
         parts.append(abs(state.cart_rate) / system.length / system.rate)
     return min(max(parts), 1.0) or 1.0

@@ -45,7 +45,7 @@ class Crowd:
         """Those of all members."""
         form, numbers = switched(self.lanes.form), self.lanes.numbers
         pairs, _ = kicks_of(self.system)
-        constants = switching_of(form, pairs).constants(form.numbers(numbers.entries, numbers.prescribed))
+        constants = switching_of(form, pairs).constants(form.numbers(numbers.entries, numbers.constants))
         return Switches(form, pairs, constants, numbers.switching)
 
     @cached_property
@@ -78,7 +78,7 @@ class Crowd:
     def rates(self, numbers: Numbers) -> Rates:
         """The rates of so many members as these numbers are of, with the inputs of contacts as a third argument."""
         module, name = self.equations
-        constants = module.constants(self.switches.form.numbers(numbers.entries, numbers.prescribed))
+        constants = module.constants(self.switches.form.numbers(numbers.entries, numbers.constants))
         rates = module.function(name, constants, self.lanes.target)
         return lambda y, times=0.0, held=(): rates(y, (*self.inputs.beside(times), *held))
 
@@ -93,7 +93,7 @@ class Crowd:
     def constants(self) -> list[Any]:
         """What stands in the text of the rates for these members: numbers and arrays (S,)."""
         numbers = self.lanes.numbers
-        return self.equations[0].constants(self.switches.form.numbers(numbers.entries, numbers.prescribed))
+        return self.equations[0].constants(self.switches.form.numbers(numbers.entries, numbers.constants))
 
     @property
     def presses(self) -> bool:

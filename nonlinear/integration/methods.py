@@ -202,9 +202,9 @@ def offers(scene: Scene, system: System, duration: float, tolerance: float, size
     periods = duration * estimate_timescales(scene).swing / (2 * pi)
     kicks = periods * PER_KICK * system.kicks_a_period
     steps = periods * PER_PERIOD * (1e-6 / tolerance) ** (1 / 8) + kicks
-    written = links <= FLOATS or system.rubs or system.kicked
+    written = links <= FLOATS or system.rubs or system.has_escapements
     each = 1.5e-5 + links * (1e-5 + 6e-7 * min(longest, LONGEST)) if written else 2e-3 + 6e-6 * links
-    if system.rubs or system.kicked:
+    if system.rubs or system.has_escapements:
         return {"DOP853": Offer(steps * each)}
     compiled = integrator(structured=system.structure is not None)
     ways = {"DOP853": Offer(steps * each), "compiled": Offer(steps * (5e-6 + 8e-7 * links), compiled)}
@@ -251,7 +251,7 @@ def equations_of(
         return Reduced(system, equations_of(symmetries[-1].system, choice), symmetries)
     if system.hoisting is not None and choice.form == "maximal":
         return HoistedMaximal(system, load)
-    if system.rubs or system.kicked:
+    if system.rubs or system.has_escapements:
         return Switched(Generated(system, load=load))
     if choice.form == "spatial":
         return _in_space(system, load)

@@ -176,7 +176,14 @@ class Request:
         """The symmetry reductions that apply."""
         flat = self.form not in {"spatial", "maximal", "hamiltonian"}
         system = self.system
-        acted_on = self.load or system.kicked or system.prescribed or system.rubs or system.dragged or self.watching
+        acted_on = (
+            self.load
+            or system.has_escapements
+            or system.prescribed_motions
+            or system.rubs
+            or system.has_drag
+            or self.watching
+        )
         return () if acted_on else find_symmetries(self.system, self.start, planar=flat)
 
     @property
@@ -187,7 +194,7 @@ class Request:
     @cached_property
     def size(self) -> float:
         """The size of the motion, at most 1; 1 where a load drives it, on a moved support at least its push over g."""
-        if self.system.prescribed and not self.load:
+        if self.system.prescribed_motions and not self.load:
             return shaken(self.start, self.system, self.times)
         return 1.0 if self.load else extent(self.start, self.system)
 
@@ -217,7 +224,7 @@ class Request:
         accuracy = 0.0 if choice.method == "taylor" else choice.tolerance
         breaks = tuple(sorted({*pace.breaks, *inputs.breaks(accuracy)}))
         pace = replace(pace, longest=min(pace.longest, inputs.longest_step(accuracy)), breaks=breaks)
-        if (self.load or self.system.prescribed) and self.system.rubs:
+        if (self.load or self.system.prescribed_motions) and self.system.rubs:
             pace = replace(pace, longest=min(pace.longest, LOOKED / estimate_timescales(self.scene).swing))
         structured = self.integrated.structure is not None
         with readied(integrator(structured=structured)) if choice.compiled else nullcontext():

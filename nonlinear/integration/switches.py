@@ -17,7 +17,7 @@ from nonlinear.dynamics.forms import Form, form_of
 from nonlinear.dynamics.switching import Pairs, joint_value, switched, switching_of
 from nonlinear.dynamics.text import Function, Module, function_in
 from nonlinear.integration.changes import TEXTS, Places, changing, compiled_source
-from nonlinear.system import NO_KICKS, Friction, Kicks, System, entries_of, prescribed_of
+from nonlinear.system import NO_KICKS, Friction, Kicks, System, constants_of, entries_of
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(6)
 Happening = tuple[float, float, float, float]
@@ -169,7 +169,7 @@ class Switches:
     def rests(self, state: Sequence[float]) -> bool:
         """Whether every coordinate is held for good, as nothing from outside changes."""
         at, system = self.places, self.form.system
-        acted_on = self.form.pushed or system.prescribed or system.hoisting
+        acted_on = self.form.pushed or system.prescribed_motions or system.hoisting
         return not acted_on and at.half == at.J and not any(state[at.K : at.e])
 
     def kicked(self) -> Kicks:
@@ -268,5 +268,5 @@ def numbers_of(system: System) -> tuple[float, ...]:
 def switches_of(system: System, *, pushed: bool = False, works: bool | None = None) -> Switches:
     """The switches of a system, `pushed` by a load, with the work counted or not."""
     form, (kicks, _) = switched(form_of(system, pushed=pushed, works=works)), kicks_of(system)
-    constants = switching_of(form, kicks).constants(form.numbers(entries_of(system), prescribed_of(system)))
+    constants = switching_of(form, kicks).constants(form.numbers(entries_of(system), constants_of(system)))
     return Switches(form, kicks, constants, numbers_of(system))

@@ -114,7 +114,7 @@ class Flow(Displayed):
     def switched(self) -> Switched | None:
         """The equations with their switches."""
         rubs = bool(self.equations.form.contacts)
-        return Switched(self.equations) if self.system.kicked or rubs else None
+        return Switched(self.equations) if self.system.has_escapements or rubs else None
 
     def __call__(
         self, y: Floats, V: Floats, whole: float, state: list[float] | None = None, start: float = 0.0

@@ -78,7 +78,7 @@ def _accelerations(trajectory: Trajectory, motion: Motion) -> tuple[list[Any], F
         accelerations = layout.read(slopes)
     else:
         accelerations = _one_by_one(trajectory, motion)
-    carrier_accelerations = Layout.of(system, works=False).carried(accelerations)[1]
+    carrier_accelerations = Layout.of(system, works=False).carrier_coordinates(accelerations)[1]
     pivots = trajectory.mechanics.pivot_accelerations(carrier_accelerations)
     if system.spatial:
         return pivots, accelerations.link_rates

@@ -61,7 +61,7 @@ def _lines(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
     elif run.form == TRUNCATED:
         yield "accuracy", "unknown: nothing has judged what the other shapes would change"
     yield from _ranges(trajectory)
-    if trajectory.system.kicked:
+    if trajectory.system.has_escapements:
         yield "drives", f"{len(trajectory.kicks.time)} kicks fed {trajectory.kicks.energy.sum():.6g} J"
     yield from _friction(trajectory)
     if run.method == CLOSED and trajectory.system.works:
@@ -125,7 +125,7 @@ def _ranges(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
         ways = zip(displacements, support.ways, strict=True)
         words = " and ".join(f"{places.min():.6g} to {places.max():.6g} m {way}" for places, way in ways)
         yield "support", f"{words}; angles and energies are in its frame"
-    for source in trajectory.system.prescribed:
+    for source in trajectory.system.prescribed_motions:
         if source.words:
             yield "", source.words
     for _, law in trajectory.system.hoisting.laws if trajectory.system.hoisting else ():

@@ -57,7 +57,7 @@ def residual_forces(system: System, planes: list[Floats]) -> list[Floats]:
         pull += group.block.b.ravel() @ second[0].reshape(group.block.b.size, -1)
         for plane_residual, first, force in zip(residual, starts, forces, strict=True):
             plane_residual[first:][group.index] = force
-        if group.dragged and on:
+        if group.has_drag and on:
             residual[0][0] -= braking
     if system.cart:
         x, speed, acceleration = planes[0][:, 0]
@@ -92,10 +92,10 @@ def _planar(group: Group, deflections: list[Floats], start: Floats, cart_rate: F
     second[1] -= inward * tangent[0]
     sideways, up = tangent * _inertial(group, second, start)
     forces = sideways + up
-    if group.hinged:
+    if group.has_joint_torques:
         forces -= link_torques(group, theta, rate)
     braking: Any = 0.0
-    if group.dragged:
+    if group.has_drag:
         external = plane_drag(group, theta, rate, (cart_rate, 0.0))
         braking = external.along_rail
         forces -= external.generalized
@@ -114,9 +114,9 @@ def _spatial(group: Group, deflections: list[Floats], start: Floats, cart_rate: 
     forces = _inertial(group, second, start)
     u, w = (sigma * np.array(part) for part in ([*(s * p), np.cos(theta)], [*(s * rate + r * h * p), -s * h]))
     braking: Any = 0.0
-    if group.sprung or group.damped:
+    if group.sprung or group.has_dampers:
         forces -= generalized(joint_moments(group, u, w), u)
-    if group.dragged:
+    if group.has_drag:
         external = drag(group, w, (cart_rate, 0.0))
         braking = external.along_rail
         forces -= external.generalized

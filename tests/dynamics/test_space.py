@@ -37,9 +37,9 @@ from nonlinear.system import (
     Event,
     Load,
     State,
+    constants_of,
     entries_of,
     of_plane,
-    prescribed_of,
     system_of,
     unit_vectors,
     velocities,
@@ -125,7 +125,7 @@ def unwound(equations: Spatial, angles: np.ndarray) -> np.ndarray:
     continued = angles.copy()
     for group in equations.system.groups:
         above = 0.0
-        for index, bent in zip(group.index, group.bent, strict=True):
+        for index, bent in zip(group.index, group.joint_rest, strict=True):
             bend = continued[index] - above - bent
             continued[index] = above + bent + (bend + np.pi) % (2 * np.pi) - np.pi
             above = continued[index]
@@ -281,7 +281,7 @@ def test_the_work_counted_is_what_the_energy_gains(seed: int) -> None:
     gained = energy(equations, y + 1j * h * rates).imag / h
     scale = np.abs(rates).max()
     assert gained == pytest.approx(rates[-1], abs=1e-12 * scale * np.sqrt(y.size))
-    if any(group.damped for group in equations.system.groups):
+    if any(group.has_dampers for group in equations.system.groups):
         undamped = push.cart * parts_of_cart(equations, y) + np.sum(push.moments * spins(equations, y))
         assert rates[-1] < undamped
 
@@ -421,7 +421,7 @@ def test_derivatives_of_what_is_written_are_complex_steps(seed: int) -> None:
     exact = np.stack(steps, axis=1)
     written = Generated(equations.system)
     module, rows, columns = jacobian_of(written.form)
-    numbers = written.form.numbers(entries_of(equations.system), prescribed_of(equations.system))
+    numbers = written.form.numbers(entries_of(equations.system), constants_of(equations.system))
     u = written.listed(0.3, y.tolist()) if written.listed else ()
     values = module.function("jacobian", module.constants(numbers))(y.tolist(), u)
     J = np.zeros_like(exact)
@@ -443,7 +443,7 @@ def test_what_is_written_has_derivatives_where_a_joint_is_straight(side: float) 
     assert written.rate(y) == pytest.approx([0.0] * 6)
     module, rows, columns = jacobian_of(written.form)
     values = module.function(
-        "jacobian", module.constants(written.form.numbers(entries_of(written.system), prescribed_of(written.system)))
+        "jacobian", module.constants(written.form.numbers(entries_of(written.system), constants_of(written.system)))
     )(y)
     J = np.zeros((6, 6))
     J[rows, columns] = values[6:]
