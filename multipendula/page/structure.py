@@ -44,7 +44,7 @@ def structure_module(scene: Scene) -> str:
     data = {
         "links": system.n_links,
         "entries": entries_of(system),
-        "kept": steps.kept,
+        "kept": steps.entry_numbers,
         "prescribed": constants_of(system),
         "places": [[k, list(place)] for k, place in structure_places(scene)],
         "constants": [[list(place), unit] for place, unit in prescribed_places(scene, system)],

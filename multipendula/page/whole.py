@@ -42,7 +42,7 @@ def whole_module(scene: Scene) -> str:
     from nonlinear.system.numbers import BEFORE, FIELDS
 
     system = system_of(scene)
-    switches = switches_of(system, pushed=True, works=True)
+    switches = switches_of(system, has_load=True, works=True)
     firsts = [BEFORE + system.n_links * FIELDS.index(name) for name in CHANGED]
     changed = {k for first in firsts for k in range(first, first + system.n_links)}
     present = tuple(has or k in changed for k, has in enumerate(switches.form.present))

@@ -11,7 +11,7 @@ import numpy as np
 from modal.errors import ComputationError, MissingExtraError
 from modal.types import Floats, Ints
 from nonlinear.chaos import TRANSIENT
-from nonlinear.dynamics import Lanes, undisturbed
+from nonlinear.dynamics import Lanes, without_interrupts
 from nonlinear.dynamics.compiling import available
 from nonlinear.dynamics.contacts import JAMMED as STUCK
 from nonlinear.dynamics.generated import Rates
@@ -113,7 +113,7 @@ def integrate(
     rates = crowd.rates if crowd else task.lanes.rates
     filled = 0
     while filled >= 0:
-        with readied(code), undisturbed():
+        with readied(code), without_interrupts():
             filled = module.run(*arguments)
         kept = filled if filled >= 0 else -1 - filled
         if watches and kept:

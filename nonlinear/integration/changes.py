@@ -26,7 +26,7 @@ from typing import Any
 
 from nonlinear.dynamics import complementarity
 from nonlinear.dynamics.compiling import inner
-from nonlinear.dynamics.complementarity import EXCESS, UNBOUNDED, consistent, on_rail, solved
+from nonlinear.dynamics.complementarity import EXCESS, UNBOUNDED, consistent, on_rail, solve_definite
 
 TOGETHER = 1e-12  # rad by which a kick, or natural velocity by which a stop, may come early to coincide with another
 BRIEF, OFTEN = 1e-7, 4.0  # phases shorter than this, over √(l/g), of which so many in a row are chatter
@@ -141,7 +141,7 @@ def changing(at: Places, texts: dict[str, Callable[..., Any]]) -> tuple[Callable
     def halted(y: Any, still: Any, columns: Any, G: Any) -> None:
         """Take all velocity from these contacts by an impulse of friction."""
         speed = [relative(y, half, contacts[i]) for i in still]
-        push = solved([G[i * J + k] for i in still for k in still], speed, len(still))
+        push = solve_definite([G[i * J + k] for i in still for k in still], speed, len(still))
         for i in range(half):
             for k in range(len(still)):
                 y[half + i] -= columns[i * J + still[k]] * push[k]

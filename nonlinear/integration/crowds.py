@@ -12,7 +12,7 @@ from modal.types import Floats
 from nonlinear.dynamics.forms import module_of
 from nonlinear.dynamics.generated import Lanes, Rates
 from nonlinear.dynamics.inputs import Inputs
-from nonlinear.dynamics.switching import switched, switching_of
+from nonlinear.dynamics.switching import switching_of, with_contacts
 from nonlinear.dynamics.text import Module
 from nonlinear.integration.lanes import LaneTask
 from nonlinear.integration.switches import NODES as GAUSS
@@ -43,7 +43,7 @@ class Crowd:
     @cached_property
     def switches(self) -> Switches:
         """Those of all members."""
-        form, numbers = switched(self.lanes.form), self.lanes.numbers
+        form, numbers = with_contacts(self.lanes.form), self.lanes.numbers
         pairs, _ = kicks_of(self.system)
         constants = switching_of(form, pairs).constants(form.numbers(numbers.entries, numbers.constants))
         return Switches(form, pairs, constants, numbers.switching)

@@ -13,7 +13,7 @@ from modal.errors import ComputationError
 from modal.report import silent
 from modal.types import Floats
 from nonlinear.dynamics import Arranged, Recursion
-from nonlinear.dynamics.bearing import inverted
+from nonlinear.dynamics.bearing import apply_inverse_mass
 from nonlinear.integration.floats import FloatStepper
 from nonlinear.integration.happenings import Events, Happening
 from nonlinear.integration.steppers import AT_ONCE, DOP853Stepper, Stepper, Sweeper
@@ -113,7 +113,7 @@ class Drive:
         pushes = np.eye(1, system.first + system.n_links)[0]
         with np.errstate(all="ignore"):
             solvers = [(group, Recursion(group)) for group in system.groups]
-            answers = inverted(system, solvers, np.append(0.0, state.links), pushes)
+            answers = apply_inverse_mass(system, solvers, np.append(0.0, state.links), pushes)
         share = 1 / (float(answers[0]) * system.total_mass)
         if not share > SINGULAR:
             words = f"the cart moves as if {share:.0e} of all masses hung from it"

@@ -19,7 +19,7 @@ from modal.errors import ComputationError, SceneError
 from modal.types import Floats, Ints
 from nonlinear.dynamics import Written
 from nonlinear.dynamics.contacts import JAMMED
-from nonlinear.dynamics.generated import UNDEFINED, Listed, Rate
+from nonlinear.dynamics.generated import UNDEFINED, InputFunction, Rate
 from nonlinear.dynamics.text import function_in
 from nonlinear.integration.meeting import AGAIN, NEAR, STANDS, meet
 from nonlinear.integration.method import (
@@ -75,7 +75,7 @@ class FloatDOP853(DOP853Solver):
     def __init__(
         self,
         rate: Rate,
-        inputs: Listed | None,
+        inputs: InputFunction | None,
         clocked: bool,
         derivative: Derivative,
         t: float,
@@ -260,9 +260,9 @@ class FloatStepper(DOP853Stepper[Written]):
     _seen: Step | None = None
 
     def _solver_of(self, f: Derivative, time: float, y: Floats, end: float, **options: Any) -> FloatDOP853:
-        listed = self.equations.listed
+        listed = self.equations.inputs_at
         inputs = self._off_breaks(listed) if listed and self.pace.breaks else listed
-        clocked = self.equations.is_clocked and not self.pace.breaks
+        clocked = self.equations.is_time_only and not self.pace.breaks
         return FloatDOP853(self.equations.rate, inputs, clocked, f, time, y, end, **options)
 
     def _beyond(self, time: float) -> tuple[float, float] | None:
@@ -273,7 +273,7 @@ class FloatStepper(DOP853Stepper[Written]):
         until = min(self._high, self.end)
         return until, self.pace.most(max(self._low, self.start), until)
 
-    def _off_breaks(self, listed: Listed) -> Listed:
+    def _off_breaks(self, listed: InputFunction) -> InputFunction:
         """The inputs, seen strictly between the surrounding breaks."""
 
         def inside(time: float, y: Numbers) -> Any:

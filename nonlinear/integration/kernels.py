@@ -20,7 +20,7 @@ from typing import Any
 from modal.errors import SceneError
 from modal.scene import whole_file
 from modal.scene.contents import content_of, private
-from nonlinear.dynamics import Lanes, sincos, undisturbed
+from nonlinear.dynamics import Lanes, sincos, without_interrupts
 from nonlinear.dynamics.compiling import inner
 from nonlinear.integration import loops, meeting
 from nonlinear.integration.crowds import Crowd
@@ -75,8 +75,8 @@ def source(lanes: Lanes, crowd: Crowd | None = None) -> str:
         }
         functions = filter(inspect.isfunction, vars(meeting).values())
         texts += [*(f"@part\n{_source_of(function)}" for function in functions), switches.source()]
-        texts += [_vectorized(switches.module.looped("values"))]
-    texts += [_vectorized(module.looped(name, "rates")), _attempt(sizes["DRIVEN"] > 0, switches is not None)]
+        texts += [_vectorized(switches.module.loop_source("values"))]
+    texts += [_vectorized(module.loop_source(name, "rates")), _attempt(sizes["DRIVEN"] > 0, switches is not None)]
     texts += [
         ERRORS.format(
             **{name: weighted(shares, "K[{}, i, k]") for name, shares in (("fifth", FIFTH), ("third", THIRD))}
@@ -158,7 +158,7 @@ def _module_of(text: str) -> ModuleType:
     module = sys.modules[path.stem] = ModuleType(path.stem)
     module.__file__ = _written(path.name, text)
     code = compile(text, module.__file__, "exec")  # here, so that no bytecode is run that lies beside the file
-    with undisturbed():
+    with without_interrupts():
         exec(code, module.__dict__)
     return module
 

@@ -30,7 +30,7 @@ from nonlinear.dynamics import (
     Symmetry,
     form_of,
     loses_digits,
-    undisturbed,
+    without_interrupts,
 )
 from nonlinear.dynamics.inputs import Inputs
 from nonlinear.integration import taylor
@@ -260,7 +260,7 @@ def equations_of(
     if choice.form == "hamiltonian":
         return SpatialHamiltonian(system, load) if system.spatial else Hamiltonian(system, load)
     if choice.compiled:
-        with undisturbed():
+        with without_interrupts():
             from nonlinear.dynamics.compiled import Compiled
 
             return Compiled(system)

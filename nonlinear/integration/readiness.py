@@ -31,7 +31,7 @@ from typing import Any
 
 from modal.scene import whole_file
 from modal.scene.contents import private
-from nonlinear.dynamics import undisturbed
+from nonlinear.dynamics import without_interrupts
 from nonlinear.dynamics.compiling import watching
 
 LOADING = {"numba": 0.15, "heyoka": 0.4}
@@ -273,7 +273,7 @@ def readied(code: Code) -> Iterator[Callable[[], AbstractContextManager[object]]
     compiles = partial(_compiles, code)
     token = watching.set(compiles)
     try:
-        with undisturbed():
+        with without_interrupts():
             yield compiles
     finally:
         watching.reset(token)

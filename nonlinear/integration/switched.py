@@ -13,7 +13,7 @@ import numpy as np
 
 from modal.errors import ComputationError
 from modal.types import Floats
-from nonlinear.dynamics.generated import Generated, Listed, Rate, Written
+from nonlinear.dynamics.generated import Generated, InputFunction, Rate, Written
 from nonlinear.integration.switches import Switches, switches_of
 from nonlinear.system import NO_KICKS, Friction, Kicks, Layout, Load, Motion, State, System
 
@@ -43,13 +43,13 @@ class Switched(Written):
     @cached_property
     def switches(self) -> Switches:
         """The switches."""
-        return switches_of(self.system, pushed=self.free.form.pushed, works=self.free.form.works)
+        return switches_of(self.system, has_load=self.free.form.has_load, works=self.free.form.works)
 
     def release(self, time: float, y: Floats, before: Kicks = NO_KICKS) -> None:
         """Begin at this y, after the kicks `before`."""
         row = y.tolist()
         self.resume(self.switches.begin(time, row, self._timed(time, row), before))
-        rates = self.rate(row, self.listed(time, row)) if self.listed else self.rate(row)
+        rates = self.rate(row, self.inputs_at(time, row)) if self.inputs_at else self.rate(row)
         self.met = self.switches.due(row, rates, self.state)
 
     def resume(self, state: list[float]) -> None:
@@ -89,7 +89,7 @@ class Switched(Written):
         y: Sequence[float],
         f: Sequence[float],
         V: list[list[float]] | None = None,
-        inputs: Listed | None = None,
+        inputs: InputFunction | None = None,
     ) -> list[float]:
         """The y after the switch that was met at y, where y' = f; columns V (k, size) are changed in place.
 
@@ -113,7 +113,7 @@ class Switched(Written):
             self.met = self.switches.count
 
     def values(
-        self, time: float, y: Sequence[float], f: Sequence[float], inputs: Listed | None, length: float
+        self, time: float, y: Sequence[float], f: Sequence[float], inputs: InputFunction | None, length: float
     ) -> tuple[Any, Any]:
         """The values of all switches and their rates at y, where y' = f, within a step of this length (s)."""
         u: Any = () if inputs is None else inputs(time, y)
@@ -139,7 +139,7 @@ class Switched(Written):
         return self.switches.rubbed(time, y, self.state)
 
     def _timed(self, time: float, y: Sequence[float]) -> Sequence[float]:
-        return self.free.listed(time, y) if self.free.listed else ()
+        return self.free.inputs_at(time, y) if self.free.inputs_at else ()
 
     # ------------------------------------------------------------------------------------------------- the equations
 
@@ -166,9 +166,9 @@ class Switched(Written):
         return self.switches.function("sticking", "arrays") if contacts else self.free.rate_of_arrays
 
     @cached_property
-    def listed(self) -> Listed | None:
+    def inputs_at(self) -> InputFunction | None:
         """The inputs u at a time (s) and a state y; None where there are none."""
-        timed = self.free.listed
+        timed = self.free.inputs_at
         if not self.switches.places.J:
             return timed
         return (lambda time, y: [*timed(time, y), *self.held]) if timed else (lambda time, y: self.held)
@@ -186,14 +186,14 @@ class Switched(Written):
         return derivative if len(columns) else free.derivative
 
     @property
-    def is_clocked(self) -> bool:
+    def is_time_only(self) -> bool:
         """Whether the only input is the time."""
-        return self.free.is_clocked and not self.switches.places.J
+        return self.free.is_time_only and not self.switches.places.J
 
     @cached_property
     def _sampled(self) -> bool:
         """Whether inputs change with time in a way that texts do not know."""
-        return self.free.listed is not None and not self.free.is_clocked
+        return self.free.inputs_at is not None and not self.free.is_time_only
 
     def project(self, y: Floats) -> tuple[Floats, float]:
         """The same y: nothing moves where contacts stick."""

@@ -14,7 +14,7 @@ from modal.errors import ComputationError
 from modal.types import Floats
 from nonlinear.dynamics.contacts import JAMMED, contacts_of, escaping, jams
 from nonlinear.dynamics.forms import Form, form_of
-from nonlinear.dynamics.switching import Pairs, joint_value, switched, switching_of
+from nonlinear.dynamics.switching import Pairs, joint_value, switching_of, with_contacts
 from nonlinear.dynamics.text import Function, Module, function_in
 from nonlinear.integration.changes import TEXTS, Places, changing, compiled_source
 from nonlinear.system import NO_KICKS, Friction, Kicks, System, constants_of, entries_of
@@ -169,7 +169,7 @@ class Switches:
     def rests(self, state: Sequence[float]) -> bool:
         """Whether every coordinate is held for good, as nothing from outside changes."""
         at, system = self.places, self.form.system
-        acted_on = self.form.pushed or system.prescribed_motions or system.hoisting
+        acted_on = self.form.has_load or system.prescribed_motions or system.hoisting
         return not acted_on and at.half == at.J and not any(state[at.K : at.e])
 
     def kicked(self) -> Kicks:
@@ -252,7 +252,7 @@ def _changing_of(module: Module, places: Places) -> Any:
 def kicks_of(system: System) -> tuple[Pairs, list[float]]:
     """The joints with escapements as pairs of coordinates, and their bent, angle and impulse (3 K)."""
     joints = escaping(system)
-    return joints.pairs, np.concatenate((joints.bent, joints.angle, joints.impulse)).tolist()
+    return joints.pairs, np.concatenate((joints.joint_rest, joints.angle, joints.impulse)).tolist()
 
 
 def numbers_of(system: System) -> tuple[float, ...]:
@@ -265,8 +265,8 @@ def numbers_of(system: System) -> tuple[float, ...]:
     return (*every, float(system.rate)) if every else ()
 
 
-def switches_of(system: System, *, pushed: bool = False, works: bool | None = None) -> Switches:
-    """The switches of a system, `pushed` by a load, with the work counted or not."""
-    form, (kicks, _) = switched(form_of(system, pushed=pushed, works=works)), kicks_of(system)
+def switches_of(system: System, *, has_load: bool = False, works: bool | None = None) -> Switches:
+    """The switches of a system, under a load if `has_load`, with the work counted or not."""
+    form, (kicks, _) = with_contacts(form_of(system, has_load=has_load, works=works)), kicks_of(system)
     constants = switching_of(form, kicks).constants(form.numbers(entries_of(system), constants_of(system)))
     return Switches(form, kicks, constants, numbers_of(system))

@@ -23,7 +23,7 @@ import numpy as np
 from modal.errors import ComputationError, MissingExtraError
 from modal.types import Floats
 from modal.vibration.courses import Polynomials
-from nonlinear.dynamics import Arranged, Generated, Module, module_of, undisturbed
+from nonlinear.dynamics import Arranged, Generated, Module, module_of, without_interrupts
 from nonlinear.dynamics.forms import Form
 from nonlinear.dynamics.inputs import at_time
 from nonlinear.integration.readiness import Code, installed, look_up, readied
@@ -186,7 +186,7 @@ class Originals(dict[Any, Any]):
         """
         with self._lock:
             if key not in self:
-                with undisturbed():
+                with without_interrupts():
                     made = compiled()
                 while len(self) >= MOST_KEPT:
                     del self[next(iter(self))]
@@ -258,7 +258,7 @@ def expressions(module: Module, size: int, pieces: Sequence[Polynomials] = ()) -
     heyoka = _heyoka()
     y = [heyoka.expression(f"y{i:03d}") for i in range(size)]
     functions = {"sin": heyoka.sin, "cos": heyoka.cos, "sqrt": heyoka.sqrt}
-    rates = module.recorded("rates", [heyoka.par[k] for k in range(len(module.names))], functions)
+    rates = module.generic_function("rates", [heyoka.par[k] for k in range(len(module.names))], functions)
     u, at = [] if pieces else [heyoka.time] * module.sizes.get("u", 0), len(module.names)
     for piece in pieces:
         since, last = heyoka.time - heyoka.par[at], at + piece.coefficients.shape[1]

@@ -22,7 +22,7 @@ from modal.errors import ComputationError
 from modal.report import Displayed
 from modal.types import Floats
 from nonlinear.dynamics.elimination import SINGULAR
-from nonlinear.dynamics.generated import UNDEFINED, Listed, Rate
+from nonlinear.dynamics.generated import UNDEFINED, InputFunction, Rate
 from nonlinear.dynamics.variational import TINY, Force, Variational
 from nonlinear.integration.analytic import impulses_since, kicked
 from nonlinear.integration.floats import FloatDOP853, FloatStep, Numbers, attempt_of
@@ -155,7 +155,7 @@ class Flow(Displayed):
 
     def _timed(self, time: float) -> list[float]:
         """The inputs before those of contacts."""
-        return [*self.equations.listed(time, ())] if self.equations.listed else []
+        return [*self.equations.inputs_at(time, ())] if self.equations.inputs_at else []
 
     def _solver(self, y: Floats, whole: float, state: list[float] | None, start: float) -> FloatDOP853:
         """What takes steps from y."""
@@ -167,7 +167,7 @@ class Flow(Displayed):
             else:
                 self.switched.release(start, y)
         options: Any = {"first_step": whole * FIRST, "rtol": self.tolerance, "atol": self.tolerance * self.scale}
-        rates = (equations.rate, equations.listed, equations.is_clocked, equations.derivative)
+        rates = (equations.rate, equations.inputs_at, equations.is_time_only, equations.derivative)
         try:
             solver = FloatDOP853(*rates, start, y, start + whole, **options)
         except UNDEFINED:
@@ -190,9 +190,9 @@ class Flow(Displayed):
             return partial(self.switched.switches.function("sticking"), v=())
         return self.equations.rate
 
-    def _listed_with(self, held: Numbers) -> Listed:
+    def _listed_with(self, held: Numbers) -> InputFunction:
         """All inputs at a time (s) of a step with those of contacts."""
-        listed = self.equations.listed
+        listed = self.equations.inputs_at
         return lambda time, y: [*(listed(time, y) if listed else ()), *held]
 
     def _carried(self, V: Floats, parts: Sequence[FloatStep | Floats]) -> Floats:
@@ -248,11 +248,11 @@ class Flow(Displayed):
         many, size = len(steps), len(begun)
         inner = lengths[:, None] * np.tensordot(SHARES[:STAGES], stages[:, :STAGES], (1, 1)).transpose(2, 1, 0)
         y, u = (begun[..., None] + inner).reshape(size, -1), np.empty((0, many * STAGES))
-        if self.equations.form.contacts or self.equations.listed:
+        if self.equations.form.contacts or self.equations.inputs_at:
             at = times[:, None] + lengths[:, None] * np.array(NODES[:STAGES])
             inputs = [self._listed_with(step.held) for step in steps]
             u = np.array([listed(time, ()) for listed, row in zip(inputs, at.tolist(), strict=True) for time in row]).T
-        J = self.equations.linearized(y, u)[1]
+        J = self.equations.linearize(y, u)[1]
         if self.change is not None:
             size += 1
             J = np.pad(J, ((0, 0), (0, 1), (0, 1)))

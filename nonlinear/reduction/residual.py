@@ -26,7 +26,7 @@ import numpy as np
 from modal.scene.doors import require_type
 from modal.types import Floats
 from nonlinear.dynamics.forces import cart_force, drag, link_torques, modal_drag, plane_drag
-from nonlinear.dynamics.spatial import generalized, joint_moments
+from nonlinear.dynamics.spatial import generalized_forces, joint_moments
 from nonlinear.dynamics.variational import Variational
 from nonlinear.reduction.two_planes import factors
 from nonlinear.system import Group, System
@@ -98,7 +98,7 @@ def _planar(group: Group, deflections: list[Floats], start: Floats, cart_rate: F
     if group.has_drag:
         external = plane_drag(group, theta, rate, (cart_rate, 0.0))
         braking = external.along_rail
-        forces -= external.generalized
+        forces -= external.generalized_forces
     return second, forces[None], braking
 
 
@@ -115,11 +115,11 @@ def _spatial(group: Group, deflections: list[Floats], start: Floats, cart_rate: 
     u, w = (sigma * np.array(part) for part in ([*(s * p), np.cos(theta)], [*(s * rate + r * h * p), -s * h]))
     braking: Any = 0.0
     if group.sprung or group.has_dampers:
-        forces -= generalized(joint_moments(group, u, w), u)
+        forces -= generalized_forces(joint_moments(group, u, w), u)
     if group.has_drag:
         external = drag(group, w, (cart_rate, 0.0))
         braking = external.along_rail
-        forces -= external.generalized
+        forces -= external.generalized_forces
     return second, sigma * (s * forces[:2] + (r * _dot(p, forces[:2]) - s * forces[2]) * p), braking
 
 

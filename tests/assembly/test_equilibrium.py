@@ -146,7 +146,7 @@ def test_the_nonlinear_equations_rest_there_and_have_these_slopes(name: str) -> 
     written = Generated(system)
     module, rows, columns = jacobian_of(written.form)
     numbers = written.form.numbers(entries_of(system), constants_of(system))
-    u = written.listed(0.0, y.tolist()) if written.listed else ()
+    u = written.inputs_at(0.0, y.tolist()) if written.inputs_at else ()
     J = np.zeros((len(y), len(y)))
     J[rows, columns] = module.function("jacobian", module.constants(numbers))(y.tolist(), u)[len(y) :]
     assert (back @ J @ order)[half:] == pytest.approx(exact, abs=1e-10 * np.abs(exact).max())
