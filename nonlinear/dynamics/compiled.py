@@ -68,8 +68,8 @@ def rate(  # type: ignore[no-untyped-def]
     """The whole of `Minimal.derivative`, into `derivative`.
 
     `first` are the first links of the pendula, `cart` holds mass, damper and spring, or is empty; where not
-    `has_joint_torques`, no joint has a spring, damper or drive.  `turns` (5, L) is room for sin, cos, and hx, hz, e over
-    D, whose divisions overlap on the way up.
+    `has_joint_torques`, no joint has a spring, damper or drive.  `turns` (5, L) is room for sin, cos, and hx, hz, e
+    over D, whose divisions overlap on the way up.
     """
     if structure is not None:
         d, half = len(structure.kind), len(structure.kind) + len(links)

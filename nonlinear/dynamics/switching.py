@@ -50,9 +50,9 @@ def switching_of(form: Form, kicks: Pairs = ()) -> Module:
 
     v is a direction (size,) of y, then numbers of the state (`state_count`) and of the member, then the rates of the
     inputs before those of contacts.  y' where all contacts slide ("rates"), and where some stick ("sticking"); τ (J,),
-    with N after it where the rail has a coefficient ("friction"); y' without friction and M⁻¹Jᵀ (half, J) row by row, with N
-    and ∂N/∂τ ("responses"); values and their rates (2 count,), all contacts sliding ("clear") or not ("values"), the
-    direction being y'; y after impulses, which stand in place of the sides ("kick"), and the change of it along the
+    with N after it where the rail has a coefficient ("friction"); y' without friction and M⁻¹Jᵀ (half, J) row by row,
+    with N and ∂N/∂τ ("responses"); values and their rates (2 count,), all contacts sliding ("clear") or not ("values"),
+    the direction being y'; y after impulses, which stand in place of the sides ("kick"), and the change of it along the
     direction ("kicked", 2 size).
     """
     equations = TapedEquations(form)

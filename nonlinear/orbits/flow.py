@@ -24,9 +24,9 @@ from modal.types import Floats
 from nonlinear.dynamics.elimination import SINGULAR
 from nonlinear.dynamics.generated import UNDEFINED, InputFunction, Rate
 from nonlinear.dynamics.variational import TINY, Force, Variational
-from nonlinear.integration.analytic import impulses_since, kicked
+from nonlinear.integration.analytic import imaginary_after_kick, impulses_since
 from nonlinear.integration.floats import FloatDOP853, FloatStep, Numbers, attempt_of
-from nonlinear.integration.method import FIFTH, NODES, POWER, ROWS, SAFETY, STAGES, THIRD, Shares, steered
+from nonlinear.integration.method import FIFTH, NODES, POWER, ROWS, SAFETY, STAGES, THIRD, Shares, control_steps
 from nonlinear.integration.switched import Switched
 from nonlinear.system import System
 
@@ -123,7 +123,7 @@ class Flow(Displayed):
         solver, switched = self._solver(y, whole, state, start), self.switched
         kept, carried = [(0.0, y, solver.f)], list[FloatStep | Floats]()
         while True:
-            if switched and switched.met is not None:
+            if switched and switched.met_switch is not None:
                 carried.append(self._through(solver, switched))
                 kept.append((solver.t - start, solver.y, solver.f))
             if solver.t >= solver.t_bound or (switched and switched.rests):
@@ -139,8 +139,13 @@ class Flow(Displayed):
 
     def _through(self, solver: FloatDOP853, switched: Switched) -> Floats:
         """What the switch that was met does to V, by whose state and numbers it goes on."""
-        switches, S, j, u = switched.switches, np.eye(len(solver.y)).tolist(), switched.met or 0, self._timed(solver.t)
-        y, f, before, seen = solver.y, solver.f.tolist(), [*u, *switched.held], len(switches.happened)
+        switches, S, j, u = (
+            switched.switches,
+            np.eye(len(solver.y)).tolist(),
+            switched.met_switch or 0,
+            self._timed(solver.t),
+        )
+        y, f, before, seen = solver.y, solver.f.tolist(), [*u, *switched.contact_inputs], len(switches.events)
         solver.switch(S)
         if self.change is None:
             return np.array(S).T
@@ -149,7 +154,9 @@ class Flow(Displayed):
             parts = zip((self.equations.numbers, switches.numbers), self.change, strict=True)
             form, kicks = ([np.array([a + 1j * TINY * b]) for a, b in zip(*pair, strict=True)] for pair in parts)
             impulses = impulses_since(switches, seen)
-            moved = kicked(switches, (form, kicks), j, y[:, None] + 0j, f, impulses, before, switched.state, u)
+            moved = imaginary_after_kick(
+                switches, (form, kicks), j, y[:, None] + 0j, f, impulses, before, switched.state, u
+            )
             saltation[:-1, -1] = moved[:, 0] / TINY
         return saltation
 
@@ -161,7 +168,7 @@ class Flow(Displayed):
         """What takes steps from y."""
         equations = self.switched or self.equations
         if self.switched:
-            self.switched.switches.happened.clear()
+            self.switched.switches.events.clear()
             if state:
                 self.switched.resume([*state])
             else:
@@ -172,7 +179,7 @@ class Flow(Displayed):
             solver = FloatDOP853(*rates, start, y, start + whole, **options)
         except UNDEFINED:
             raise ComputationError(SINGULAR) from None
-        solver.switched = self.switched
+        solver.switching = self.switched
         if not np.all(np.isfinite(solver.f)):
             raise ComputationError(SINGULAR)
         return solver
@@ -230,11 +237,11 @@ class Flow(Displayed):
         pieces, y, length = list[FloatStep](), step.before, (step.end - step.start) / parts
         if step.start + length == step.start:
             raise ComputationError(UNFOLLOWED)
-        listed = self._listed_with(step.held)
+        listed = self._listed_with(step.contact_inputs)
         for k in range(parts):
             time = step.start + k * length
-            end, stages = self._attempt(time, y, self._rate(y, listed(time, y)), length, step.held)
-            pieces.append(FloatStep(time, time + length, y, end, stages, step.held))
+            end, stages = self._attempt(time, y, self._rate(y, listed(time, y)), length, step.contact_inputs)
+            pieces.append(FloatStep(time, time + length, y, end, stages, step.contact_inputs))
             y = end
         return pieces
 
@@ -250,7 +257,7 @@ class Flow(Displayed):
         y, u = (begun[..., None] + inner).reshape(size, -1), np.empty((0, many * STAGES))
         if self.equations.form.contacts or self.equations.inputs_at:
             at = times[:, None] + lengths[:, None] * np.array(NODES[:STAGES])
-            inputs = [self._listed_with(step.held) for step in steps]
+            inputs = [self._listed_with(step.contact_inputs) for step in steps]
             u = np.array([listed(time, ()) for listed, row in zip(inputs, at.tolist(), strict=True) for time in row]).T
         J = self.equations.linearize(y, u)[1]
         if self.change is not None:
@@ -285,4 +292,4 @@ class Flow(Displayed):
         stages, many = K.shape[:2]
         errors = (ERRORS @ K.reshape(stages, -1)).reshape(2, many, size, size) * (self.scale / self.scale[:, None])
         fifth, third = (errors**2).sum((2, 3)) / (size * self.tolerance**2)
-        return steered(fifth, third, np.ones(many), size, False)[0]
+        return control_steps(fifth, third, np.ones(many), size, False)[0]

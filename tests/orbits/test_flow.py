@@ -228,7 +228,7 @@ def test_derivatives_by_a_number_go_through_kicks_and_contacts(path: str) -> Non
     assert flow.change is not None
     flown = flow(y, np.eye(6), 2.5)
     assert flow.switched is not None
-    kinds = {int(happening[1]) for happening in flow.switched.switches.happened}
+    kinds = {int(happening[1]) for happening in flow.switched.switches.events}
     assert kinds & {0, 1}
     assert kinds - {0, 1}
     step = 1e-5 * value
