@@ -170,10 +170,10 @@ def derivative(scene: Scene, loaded: bool) -> Callable[[], object]:
     y = equations.begin(initial_state(scene)).tolist()
     if equations.system.rubs:
         return rubbing(equations, y)
-    rate, listed = equations.rate, equations.listed
+    rate, listed = equations.rate, equations.inputs_at
     if listed is None:
         return lambda: rate(y)
-    if equations.is_clocked:
+    if equations.is_time_only:
         return lambda: rate(y, (0.7,))
     return lambda: rate(y, listed(0.7, y))
 
@@ -184,7 +184,7 @@ def rubbing(free: Generated, y: list[float]) -> Callable[[], object]:
     at, state = equations.switches.places, [1.0] * equations.switches.places.length
     state[at.e - 1] = 0.0 if at.J > 1 else 1.0
     equations.resume(state)
-    rate, listed = equations.rate, equations.listed
+    rate, listed = equations.rate, equations.inputs_at
     assert listed is not None
     return lambda: rate(y, listed(0.7, y))
 

@@ -49,7 +49,7 @@ def by_scipy(followed: Branch) -> float:
     equations, size = orbit.flow.equations, len(orbit.y)
 
     def rate(_: float, both: Floats) -> Floats:
-        f, J = equations.linearized(both[:size])
+        f, J = equations.linearize(both[:size])
         return np.concatenate((f, (J @ both[size:].reshape(size, size)).ravel()))
 
     begun = process_time()

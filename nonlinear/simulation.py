@@ -17,7 +17,7 @@ from nonlinear.integration import (
     Request,
     SimulationError,
     Trajectory,
-    paced,
+    pace_of,
     sample_times,
     validate,
     validate_accuracy,
@@ -181,7 +181,7 @@ def request_of(
         lambda: validate_numbers(duration, tolerance, start_time),
         lambda: validate_accuracy(accuracy),
         lambda: validate_observable(load, accuracy, *told.values()),
-        lambda: paced(**told),
+        lambda: pace_of(**told),
     )
     words = {name: more[name] for name in ("method", "form") if name in more}
     state, _, times = validate(

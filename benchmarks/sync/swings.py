@@ -35,7 +35,7 @@ from modal.scene import InitialCondition, Pendulum, Spring, VanDerPol
 from modal.scene.parameters import Variation
 from modal.scene.supports import Cart, Swing
 from modal.types import Floats
-from nonlinear.integration.readiness import installed
+from nonlinear.integration.readiness import has_package
 from nonlinear.orbits import PatternOrbit
 from nonlinear.simulation import simulate
 from nonlinear.synchronization import PopulationDiagram, follow_populations, phases_of, population_phases
@@ -217,7 +217,7 @@ def main() -> None:
         )
     if not quick:
         print()
-        for method in ("DOP853", *["taylor"] * installed("heyoka")):
+        for method in ("DOP853", *["taylor"] * has_package("heyoka")):
             ratio = cost(two_swings(0.22), method) / cost(one_cart(), method)
             print(f"100 s of two swings by {method}: {ratio:.2f} times one cart with 30 metronomes")
 

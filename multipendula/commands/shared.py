@@ -241,7 +241,7 @@ class Progress:
 
     def __init__(self, shown: Any = None) -> None:
         self.shown, self.usual = shown, getattr(shown, "bar_format", "")
-        self.expected, self.first = 0.0, 0.0
+        self.expected_seconds, self.first = 0.0, 0.0
 
     def __call__(self, now: float) -> None:
         """So much is done."""
@@ -251,12 +251,12 @@ class Progress:
 
     def expect(self, seconds: float, done: float = 0.0) -> None:
         """What is left takes about so long, which is said first if it is over an hour; so much is done already."""
-        self.expected, self.first = seconds, done
+        self.expected_seconds, self.first = seconds, done
         _forewarn(seconds, HOUR)
 
     def look(self, now: float) -> None:
         """Tell the time left as expected while nothing more is done."""
-        left = self.expected - self.shown.format_dict["elapsed"]
+        left = self.expected_seconds - self.shown.format_dict["elapsed"]
         about = f"about {self.shown.format_interval(left)}"
         self.shown.bar_format = (
             self.usual.replace("{remaining}", about) if now <= self.first and left > 0 else self.usual

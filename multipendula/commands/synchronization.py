@@ -122,9 +122,9 @@ def _branches(scene: Scene, options: argparse.Namespace) -> Branches | Populatio
 
 def _has_populations(scene: Scene) -> bool:
     """Whether its populations have symmetric motions."""
-    from nonlinear.system import populations_of, unrepresented
+    from nonlinear.system import populations_of, representation_obstacles
 
-    return scene.is_structured and len(populations_of(scene)) <= 2 and not any(unrepresented(scene))
+    return scene.is_structured and len(populations_of(scene)) <= 2 and not any(representation_obstacles(scene))
 
 
 def _diagram(scene: Scene, variation: Variation, options: argparse.Namespace) -> PopulationDiagram:

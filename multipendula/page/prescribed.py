@@ -31,15 +31,15 @@ def prescribed_module(scene: Scene) -> str:
     from nonlinear.system import system_of
 
     system = system_of(scene)
-    if not system.prescribed or system.is_analytic:
+    if not system.prescribed_motions or system.is_analytic:
         return NONE
     from modal.vibration import SweptSine
 
     data = {
-        "sources": [_source(motion) for motion in system.prescribed],
-        "courses": [[system.prescribed.index(course.motion), course.order] for course in system.courses()],
+        "sources": [_source(motion) for motion in system.prescribed_motions],
+        "courses": [[system.prescribed_motions.index(course.motion), course.order] for course in system.courses()],
         "forces": len(system.forces),
-        "breaks": sorted({float(time) for motion in system.prescribed for time in motion.breaks}),
+        "breaks": sorted({float(time) for motion in system.prescribed_motions for time in motion.breaks}),
         "shortest": system.shortest,
     }
     return "\n".join(
@@ -56,7 +56,7 @@ def prescribed_module(scene: Scene) -> str:
 
 def leading(system: System) -> int:
     """How many inputs u of the equations come first: the time, or the values of what is prescribed."""
-    if not system.prescribed:
+    if not system.prescribed_motions:
         return 0
     return 1 if system.is_analytic else len(system.courses())
 

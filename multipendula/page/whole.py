@@ -38,11 +38,11 @@ def whole_module(scene: Scene) -> str:
     if not is_whole(scene):
         return NONE
     from nonlinear.integration import method, switches_of
-    from nonlinear.system import prescribed_of, prescribed_places, system_of
+    from nonlinear.system import constants_of, prescribed_places, system_of
     from nonlinear.system.numbers import BEFORE, FIELDS
 
     system = system_of(scene)
-    switches = switches_of(system, pushed=True, works=True)
+    switches = switches_of(system, has_load=True, works=True)
     firsts = [BEFORE + system.n_links * FIELDS.index(name) for name in CHANGED]
     changed = {k for first in firsts for k in range(first, first + system.n_links)}
     present = tuple(has or k in changed for k, has in enumerate(switches.form.present))
@@ -52,10 +52,10 @@ def whole_module(scene: Scene) -> str:
     data = {
         "first": switches.form.first,
         "kept": [k for k, has in enumerate(present) if has],
-        "prescribed": prescribed_of(system),
+        "prescribed": constants_of(system),
         "places": [[list(place), unit] for place, unit in prescribed_places(scene, system)],
         "leading": leading(system),
-        "told": at.told,
+        "told": at.state_count,
         "length": at.length,
         "presses": at.presses,
         "contacts": at.contacts,
@@ -74,7 +74,7 @@ def whole_module(scene: Scene) -> str:
         f"const data = {json.dumps(data, allow_nan=False)};",
         "const constants = (p) => Float64Array.from(steps.constants(p));",
         f"const called = {{ {', '.join(names)} }};",
-        "const switching = { inputs, begin, due, change, seen, meet, NEAR, STANDS, AGAIN };",
+        "const switching = { inputs, begin, due, change, may_pass, meet, NEAR, STANDS, AGAIN };",
         "export const whole = { ...data, ...called, ...switching, constants };",
     )
     return "\n".join(lines)

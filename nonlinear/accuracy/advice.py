@@ -38,7 +38,7 @@ from modal.scene import Scene
 from modal.scene.doors import checked
 from modal.types import Floats
 from nonlinear.accuracy.attempts import AIM, Attempt, Goal, TriedRun, in_closed_form, in_few_modes
-from nonlinear.integration import LOOSEST, SMALLEST, Choice, Request, SimulationError, Trajectory, rounded
+from nonlinear.integration import LOOSEST, SMALLEST, Choice, Request, SimulationError, Trajectory, perturb_last_digits
 from nonlinear.system import apart
 
 RATIO, CLIMB = 10.0, 16.0  # ratio of the first two tolerances, and least ratio of later ones
@@ -165,7 +165,7 @@ def seek_accuracy(goal: Goal) -> Advice:
     if tried.gave_up:
         raise tried.gave_up
     alone = tried
-    if not tried.trajectory.run.interrupted and (beside := rounded(goal.looked_at)):
+    if not tried.trajectory.run.interrupted and (beside := perturb_last_digits(goal.looked_at)):
         tried = _with_twin(tried, beside)
         attempts[-1] = tried.attempt
     run = replace(tried.trajectory.run, error=tried.attempt.error)

@@ -114,8 +114,8 @@ class Goal(Displayed):
         """Whether the whole scene need not be integrated."""
         asked = self.request
         system = asked.system
-        acted_on = asked.load or asked.events or system.excites or system.rubs or system.dragged
-        prescribed = system.hoisting or system.prescribed
+        acted_on = asked.load or asked.events or system.excites or system.rubs or system.has_drag
+        prescribed = system.hoisting or system.prescribed_motions
         return asked.method == asked.form == "auto" and not (acted_on or prescribed)
 
 

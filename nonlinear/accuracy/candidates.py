@@ -116,7 +116,7 @@ class Candidate:
             require(question.scene, "compiled equations")
         request = replace(request, form=self.kind)
         choice = Choice(self.kind, self.method, self.compiled, "one level of fidelity of several", self.tolerance)
-        ready = request.prepared(choice)
+        ready = request.prepare_run(choice)
 
         def task() -> Trajectory:
             try:

@@ -278,7 +278,7 @@ class AveragedEquations(Displayed):
 
     @cached_property
     def _joints(self) -> Escaping | None:
-        return escaping(self.system) if self.system.kicked else None
+        return escaping(self.system) if self.system.has_escapements else None
 
     @cached_property
     def _turns(self) -> Floats:

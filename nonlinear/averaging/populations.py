@@ -180,7 +180,7 @@ def _is_invariant(pattern: Pattern) -> bool:
     rest = np.concatenate((np.zeros(pattern.system.first), pattern.system.rest, np.zeros(len(scale) // 2)))
     for _ in range(TRIALS):
         inside = spaces[0] @ random.uniform(-WIDE, WIDE, spaces[0].shape[1])
-        rate, J = equations.linearized(rest + scale * inside)
+        rate, J = equations.linearize(rest + scale * inside)
         J = J * scale / scale[:, None]
         for space, other in (spaces, spaces[::-1]):
             if np.abs(other.T @ J @ space).max() > MIXED * np.abs(J).max():
@@ -237,7 +237,7 @@ def averaged_pattern(pattern: Pattern, near_by: AveragedPattern | None = None) -
     require(pattern.few, "averaging")
     whole = [_averaged(pattern, sector) for sector in pattern.sectors]
     first = whole[0]
-    if not pattern.system.kicked and rest_growth(pattern) <= 0:
+    if not pattern.system.has_escapements and rest_growth(pattern) <= 0:
         raise ComputationError(f"the motion {pattern.name} dies out: its losses exceed what the drives feed")
     for z in _starts(pattern, first, near_by):
         state = relative_equilibrium(first, z)
@@ -262,7 +262,7 @@ def rest_growth(pattern: Pattern) -> float:
     """The growth rate (1/s) of small motions of the pattern about rest: no oscillation lasts where all decay."""
     E, none = pattern.sectors[0].states, np.zeros(pattern.system.first)
     rest = np.concatenate((none, pattern.system.rest, np.zeros(len(E) // 2)))
-    J = Variational(pattern.system).linearized(rest)[1]
+    J = Variational(pattern.system).linearize(rest)[1]
     return float(np.linalg.eigvals(E.T @ J @ E).real.max())
 
 

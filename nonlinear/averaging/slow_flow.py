@@ -245,7 +245,7 @@ def _advance(averaged: AveragedEquations, stretches: Sequence[_Stretch], kept: B
 
 def _least_reach(averaged: AveragedEquations, z: Complexes, turns: Complexes) -> Floats:
     """The least reach (S,) while amplitudes (C, S) rotate freely through these angles (as iφ), as in a beat."""
-    if not averaged.system.kicked:
+    if not averaged.system.has_escapements:
         return np.asarray(np.inf)
     places = z[..., None] * np.exp(turns[..., None] * np.arange(BEAT) / BEAT)
     return np.asarray(averaged.reach(places.reshape(len(z), -1)).reshape(-1, BEAT).min(axis=-1))

@@ -9,7 +9,7 @@ for long chains, or compiled (`compiled`, extra `fast`).  Start with `minimal`;
 `symmetries` replaces a scene by a smaller one that moves alike.
 """
 
-from nonlinear.dynamics.compiling import children_without_interrupts, undisturbed
+from nonlinear.dynamics.compiling import children_without_interrupts, without_interrupts
 from nonlinear.dynamics.contacts import Contacts, Escaping, contacts_of, escaping, links_of_contacts
 from nonlinear.dynamics.elimination import Banded, Elimination, loses_digits
 from nonlinear.dynamics.forms import Form, form_of, jacobian_of, module_of
@@ -79,7 +79,7 @@ __all__ = [
     "support_steps",
     "symmetrize",
     "synchronous",
-    "undisturbed",
     "vectors",
+    "without_interrupts",
 ]
 __dir__ = __all__.copy

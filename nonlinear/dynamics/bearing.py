@@ -23,9 +23,9 @@ from nonlinear.dynamics.structure import (
     Vector,
     carriers_of,
     displacement,
-    eliminated,
-    held,
     inertia,
+    mounting_forces,
+    solve_block,
     thrown,
 )
 from nonlinear.system import Group, System
@@ -55,7 +55,7 @@ class Bearing:
         size = self.structure.size
         self.instant, self.bare, self.massless, self.system = instant, bare, massless, system
         self.eta, self.rates = list(q[:size]), list(v[:size])
-        self.moves = carriers._moved(self.eta, self.rates)
+        self.moves = carriers._pivot_motions(self.eta, self.rates)
         self.right: list[Any] = [0.0] * size
         self.working: list[Any] = [0.0] * size
         self.blocks: list[list[list[Any]]] = []
@@ -84,7 +84,7 @@ class Bearing:
         self.blocks.append(inertia(carrier, centre))
         if self.bare:
             return
-        self.right[first:end], self.working[first:end] = held(carrier, eta, rates)
+        self.right[first:end], self.working[first:end] = mounting_forces(carrier, eta, rates)
         if not self.massless:
             for k, force in enumerate(thrown(carrier, centre, self.felt), first):
                 self.right[k] = plus(self.right[k], 1.0, force - self.carriers.weights[k])
@@ -114,8 +114,8 @@ class Bearing:
         energy: Any = 0.0
         for number, carrier in enumerate(self.structure.carriers):
             eta = self.structure.part(number, self.eta)
-            kept, _ = held(carrier, eta, eta)
-            for k, (value, force) in enumerate(zip(eta, kept, strict=True)):
+            spring_forces, _ = mounting_forces(carrier, eta, eta)
+            for k, (value, force) in enumerate(zip(eta, spring_forces, strict=True)):
                 weight = self.carriers.weights[self.structure.offsets[number] + k]
                 energy = energy + (weight * value - value * force / 2)
             if carrier.M is None:
@@ -138,7 +138,7 @@ class Bearing:
         springs = self.carriers.springs
         return springs.tensions(q, v, self) if springs else []
 
-    def pulled(self, q: Any, v: Any) -> Any:
+    def forces_on_links(self, q: Any, v: Any) -> Any:
         """The force (2, L, ...) of springs between points on every link; None without any."""
         springs = self.carriers.springs
         return springs.forces(q, v, Bearing(self.carriers, q, v, bare=True)).on_links if springs else None
@@ -167,7 +167,7 @@ class Bearing:
             places.append(
                 displacement(structure.carriers[bundle.carrier], where, structure.part(bundle.carrier, self.eta))
             )
-        return tuple(self._joined(group, [each[k] for each in places]) for k in (0, 1)), self.velocity(group)
+        return tuple(self._join(group, [place[k] for place in places]) for k in (0, 1)), self.velocity(group)
 
     def point(self, end: CarrierEnd) -> tuple[Vector, Moving, Vector]:
         """The displacement of a point of a carrier, how it moves, and its velocity."""
@@ -181,7 +181,7 @@ class Bearing:
         if all(self.structure.carriers[bundle.carrier].turning is None for bundle in bundles):
             return None
         angles, rates = ([self.angle(bundle.carrier, values) for bundle in bundles] for values in (None, self.rates))
-        return self._joined(group, angles), self._joined(group, rates)
+        return self._join(group, angles), self._join(group, rates)
 
     def velocity(self, group: int) -> Vector:
         """That of the first joints of a group (m/s), along the rail and down."""
@@ -189,43 +189,43 @@ class Bearing:
             moving.velocity(self.structure.part(bundle.carrier, self.rates))
             for bundle, moving in zip(self.carriers.bundles[group], self.moves[group], strict=True)
         ]
-        return tuple(self._joined(group, [each[k] for each in velocities]) for k in (0, 1))
+        return tuple(self._join(group, [velocity[k] for velocity in velocities]) for k in (0, 1))
 
-    def _joined(self, group: int, values: Sequence[Any]) -> Any:
+    def _join(self, group: int, values: Sequence[Any]) -> Any:
         """Values of the bundles of a group, (P, ...), or the one of all that move alike."""
-        if len(values) == 1 and self.carriers.bundles[group][0].together:
+        if len(values) == 1 and self.carriers.bundles[group][0].move_alike:
             return values[0]
         step = 3 if self.system.spatial else 1
-        joined = np.zeros_like(self.links[step * self.system.groups[group].index[0]])
+        values_by_pendulum = np.zeros_like(self.links[step * self.system.groups[group].index[0]])
         for bundle, value in zip(self.carriers.bundles[group], values, strict=True):
-            joined[bundle.columns] = value
-        return joined
+            values_by_pendulum[bundle.columns] = value
+        return values_by_pendulum
 
     def take(
         self, group: int, body: Any, links: Any, rates: Any, forces: Any, external: External | None, reaction: Any
     ) -> None:
         """What a group answers, projected on the coordinates of its carriers."""
         response = body.response(links, rates, forces)
-        pulled = [external.at_joints] if external is not None else []
+        pulls = [external.at_joints] if external is not None else []
         if external is not None:
             reaction = reaction + external.at_base
         if self.strained is not None and self.strained.at_joints[group] is not None:
-            pulled.append(self.strained.at_joints[group])
-        is_dragged = self.system.support and self.structure.size and not self.bare
-        mass = self.system.groups[group].block.mass if is_dragged else None
+            pulls.append(self.strained.at_joints[group])
+        has_frame_power = self.system.support and self.structure.size and not self.bare
+        mass = self.system.groups[group].block.mass if has_frame_power else None
         for bundle, moving in zip(self.carriers.bundles[group], self.moves[group], strict=True):
-            felt = moving.bias[0] + self.felt[0], moving.bias[1] + self.felt[1]
-            block, force = response.projected(bundle.columns, moving.slopes, felt, bundle.together)
-            self._add(bundle, moving, block, force, pulled)
+            bias = moving.bias[0] + self.felt[0], moving.bias[1] + self.felt[1]
+            block, force = response.project_on_carrier(bundle.columns, moving.slopes, bias, bundle.move_alike)
+            self._add(bundle, moving, block, force, pulls)
             self._react(bundle, reaction, external)
             if mass is not None:
                 vx, vz = moving.velocity(self.structure.part(bundle.carrier, self.rates))
                 along, down = self.instant.support
-                dragged = mass[:, bundle.columns].sum(0) * (along * vx + down * vz)
-                self.power = self.power - dragged.sum(0)
+                frame_power = mass[:, bundle.columns].sum(0) * (along * vx + down * vz)
+                self.power = self.power - frame_power.sum(0)
         self.taken.append(response)
 
-    def _add(self, bundle: Bundle, moving: Moving, block: Any, force: Any, pulled: Sequence[Any]) -> None:
+    def _add(self, bundle: Bundle, moving: Moving, block: Any, force: Any, pulls: Sequence[Any]) -> None:
         """The inertia and the force of a bundle, and forces on its first joints."""
         lower, first = self.blocks[bundle.carrier], self.structure.offsets[bundle.carrier]
         self.blocks[bundle.carrier] = [
@@ -233,10 +233,10 @@ class Bearing:
         ]
         for k, (x, z) in enumerate(moving.slopes):
             self.right[first + k] = self.right[first + k] - force[k]
-            for each in pulled:
-                fx, fz = each[0][bundle.columns], each[-1][bundle.columns]
-                pushed = x * fx.sum(0) + z * fz.sum(0) if bundle.together else (x * fx + z * fz).sum(0)
-                self.right[first + k] = self.right[first + k] + pushed
+            for pull in pulls:
+                fx, fz = pull[0][bundle.columns], pull[-1][bundle.columns]
+                push = x * fx.sum(0) + z * fz.sum(0) if bundle.move_alike else (x * fx + z * fz).sum(0)
+                self.right[first + k] = self.right[first + k] + push
 
     def _react(self, bundle: Bundle, reaction: Any, external: External | None) -> None:
         """The torques of first joints on a carrier that turns."""
@@ -247,12 +247,12 @@ class Bearing:
         if external is not None and np.ndim(external.at_base):
             self.power = self.power - external.at_base[bundle.columns].sum(0) * self.rates[angle]
 
-    def pushed(self, drag: Any) -> tuple[Any, Any]:
+    def add_outside_forces(self, drag: Any) -> tuple[Any, Any]:
         """The generalized forces (first, ...) and the power (W) of what acts here; `drag` is that of damping ratios."""
         push, size = self.instant.push, self.structure.size
         outside = push.supports if self.system.is_structured else [push.cart] * size
-        for each in (drag, outside):
-            for k, value in enumerate([] if each is None else each[:size]):
+        for forces in (drag, outside):
+            for k, value in enumerate([] if forces is None else forces[:size]):
                 self.working[k] = plus(self.working[k], 1.0, value)
         for force, strength in zip(self.system.forces, self.instant.forces, strict=False):
             if isinstance(force.carrier, CarrierEnd):
@@ -261,10 +261,10 @@ class Bearing:
             self.right[k], self.power = plus(self.right[k], 1.0, value), plus(self.power, value, rate)
         return self.right, self.power
 
-    def solved(self, drag: Any) -> tuple[Any, Any]:
+    def solve(self, drag: Any) -> tuple[Any, Any]:
         """η'' (first, ...) of all carriers, and the power."""
-        self.pushed(drag)
-        self.solution = self.answered()
+        self.add_outside_forces(drag)
+        self.solution = self.solve_blocks()
         return self.solution, self.power
 
     def _act(self, end: CarrierEnd, direction: Any, size: Any) -> None:
@@ -278,11 +278,11 @@ class Bearing:
         for k, (x, z) in enumerate(moving.slopes, first):
             self.working[k] = self.working[k] + (x * direction[0] + z * direction[1]) * size
 
-    def answered(self) -> list[Any]:
+    def solve_blocks(self) -> list[Any]:
         """The solution of the carriers' equations, block by block."""
         solution: list[Any] = []
         for number, block in enumerate(self.blocks):
-            solution += eliminated(block, list(self.structure.part(number, self.right)))
+            solution += solve_block(block, list(self.structure.part(number, self.right)))
         return solution
 
     def fall(self, group: int) -> Any:
@@ -294,17 +294,17 @@ class Bearing:
         """The acceleration (m/s²) of a group's first joints along the rail and down in their frame, less gravity."""
         return self._accelerations(group, (0.0, -gravity))
 
-    def _accelerations(self, group: int, felt: Vector) -> tuple[Any, Any]:
+    def _accelerations(self, group: int, bias: Vector) -> tuple[Any, Any]:
         accelerations = []
         for bundle, moving in zip(self.carriers.bundles[group], self.moves[group], strict=True):
             ax, az = moving.velocity(self.structure.part(bundle.carrier, self.solution))
-            accelerations.append((ax + (moving.bias[0] + felt[0]), az + (moving.bias[1] + felt[1])))
-        return self._joined(group, [each[0] for each in accelerations]), self._joined(
-            group, [each[1] for each in accelerations]
+            accelerations.append((ax + (moving.bias[0] + bias[0]), az + (moving.bias[1] + bias[1])))
+        return self._join(group, [pair[0] for pair in accelerations]), self._join(
+            group, [pair[1] for pair in accelerations]
         )
 
 
-def inverted(
+def apply_inverse_mass(
     system: System, solvers: Sequence[tuple[Group, Any]], q: Any, p: Any, places: Sequence[Ints] | None = None
 ) -> Any:
     """M⁻¹ p (half, ...), the accelerations by generalized forces p alone, at the coordinates q (half, ...).
@@ -318,7 +318,7 @@ def inverted(
     for k, (place, (_, body)) in enumerate(zip(where, solvers, strict=True)):
         links = q[size:][place]
         bearing.take(k, body, links, 0 * links, p[size:][place], None, 0.0)
-    bearing.solution = bearing.answered()
+    bearing.solution = bearing.solve_blocks()
     for k, acceleration in enumerate(bearing.solution):
         rates[k] = acceleration
     for k, place in enumerate(where):

@@ -19,7 +19,7 @@ from nonlinear.dynamics.compiled_structure import FlatStructure, flat_of, link_a
 from nonlinear.dynamics.compiling import available, compiled, in_place
 from nonlinear.dynamics.forces import joint_law
 from nonlinear.dynamics.minimal import Minimal
-from nonlinear.dynamics.recursion import Answer, Turn, ended, hung, links_of, passed
+from nonlinear.dynamics.recursion import Answer, Turn, link_acceleration, link_response, links_of, tip_response
 from nonlinear.dynamics.text import sincos
 from nonlinear.system import System
 
@@ -29,7 +29,11 @@ NEAR = 1e6  # rad, up to which `sincos` reduces angles exactly
 
 
 _joint_law, _sincos = in_place(joint_law), in_place(sincos)
-_ended, _passed, _hung = in_place(ended), in_place(passed), in_place(hung)
+_tip_response, _link_response, _link_acceleration = (
+    in_place(tip_response),
+    in_place(link_response),
+    in_place(link_acceleration),
+)
 
 
 @in_place
@@ -49,32 +53,32 @@ def _sines(angles, sin, cos):  # type: ignore[no-untyped-def]
 @in_place
 def _joint(links, angles, rates, i, top):  # type: ignore[no-untyped-def]
     """Moment (N m) on link i of the spring, damper and drive above it, and the power (W) of the latter two."""
-    stiffness, damping, bent, strength, curb = links[i, 7], links[i, 8], links[i, 9], links[i, 10], links[i, 11]
-    turned, speed = angles[i], rates[i]
+    stiffness, damping, rest, strength, curb = links[i, 7], links[i, 8], links[i, 9], links[i, 10], links[i, 11]
+    angle, speed = angles[i], rates[i]
     if not top:
-        turned, speed = turned - angles[i - 1], speed - rates[i - 1]
-    kept, working = _joint_law(turned - bent, speed, stiffness, damping, strength, curb)
-    return kept + working, working * speed
+        angle, speed = angle - angles[i - 1], speed - rates[i - 1]
+    elastic, working = _joint_law(angle - rest, speed, stiffness, damping, strength, curb)
+    return elastic + working, working * speed
 
 
 @partial(in_place, forceinline=True)
 def rate(  # type: ignore[no-untyped-def]
-    y, links, first, cart, gravity, hinged, works, structure, turns, derivative
+    y, links, first, cart, gravity, has_joint_torques, works, structure, turns, derivative
 ):
     """The whole of `Minimal.derivative`, into `derivative`.
 
-    `first` are the first links of the pendula, `cart` holds mass, damper and spring, or is empty; where no joint is
-    `hinged`, none has a spring, a damper or a drive.  `turns` (5, L) is room for sin, cos, and hx, hz, e over D, whose
-    divisions overlap on the way up.
+    `first` are the first links of the pendula, `cart` holds mass, damper and spring, or is empty; where not
+    `has_joint_torques`, no joint has a spring, damper or drive.  `turns` (5, L) is room for sin, cos, and hx, hz, e
+    over D, whose divisions overlap on the way up.
     """
     if structure is not None:
         d, half = len(structure.kind), len(structure.kind) + len(links)
         _sines(y[d:half], turns[0], turns[1])
-        rate_on_carriers(y, links, first, gravity, hinged, works, structure, turns, derivative)
+        rate_on_carriers(y, links, first, gravity, has_joint_torques, works, structure, turns, derivative)
         return
     on_cart = int(cart.size > 0)
     half = on_cart + len(links)
-    angles, rates, turned = y[on_cart:half], y[half + on_cart : 2 * half], derivative[half + on_cart : 2 * half]
+    angles, rates, accelerations = y[on_cart:half], y[half + on_cart : 2 * half], derivative[half + on_cart : 2 * half]
     sin, cos, hx, hz, e = turns[0], turns[1], turns[2], turns[3], turns[4]
     _sines(angles, sin, cos)
     slopes = y[half : 2 * half]
@@ -82,29 +86,29 @@ def rate(  # type: ignore[no-untyped-def]
         derivative[i] = slopes[i]
     mass, force, power, x2 = 0.0, 0.0, 0.0, 0.0
     for p in range(len(first) - 1):
-        below, hinge_below = Answer(0.0, 0.0, 0.0, 0.0, 0.0), 0.0
+        answer, hinge_below = Answer(0.0, 0.0, 0.0, 0.0, 0.0), 0.0
         for i in range(first[p + 1] - 1, first[p] - 1, -1):
             Q = 0.0
-            if hinged:
-                hinge, lost = _joint(links, angles, rates, i, i == first[p])
-                Q, hinge_below, power = hinge - hinge_below, hinge, power + lost
+            if has_joint_torques:
+                hinge, joint_power = _joint(links, angles, rates, i, i == first[p])
+                Q, hinge_below, power = hinge - hinge_below, hinge, power + joint_power
             if i == first[p + 1] - 1:
-                below, turn = _ended(link_at(links, i), sin[i], cos[i], rates[i], Q)
+                answer, turn = _tip_response(link_at(links, i), sin[i], cos[i], rates[i], Q)
             else:
-                below, turn = _passed(link_at(links, i), below, sin[i], cos[i], rates[i], Q)
+                answer, turn = _link_response(link_at(links, i), answer, sin[i], cos[i], rates[i], Q)
             share = 1.0 / turn.D
             hx[i], hz[i], e[i] = share * turn.hx, share * turn.hz, share * turn.e
-        mass, force = mass + below.xx, force + (below.px - gravity * below.xz)
+        mass, force = mass + answer.xx, force + (answer.px - gravity * answer.xz)
     if on_cart:
-        kept, working = _joint_law(y[0], y[half], cart[2], cart[1])
-        x2 = (working + kept - force) / (cart[0] + mass)
+        elastic, working = _joint_law(y[0], y[half], cart[2], cart[1])
+        x2 = (working + elastic - force) / (cart[0] + mass)
         derivative[half] = x2
         power += y[half] * working
     for p in range(len(first) - 1):
         ax, az = x2, -gravity
         for i in range(first[p], first[p + 1]):
             turn = Turn(hx[i], hz[i], e[i], 1.0, sin[i], cos[i], rates[i])
-            turned[i], ax, az = _hung(link_at(links, i), turn, ax, az)
+            accelerations[i], ax, az = _link_acceleration(link_at(links, i), turn, ax, az)
     if works:
         derivative[2 * half] = power
 
@@ -143,7 +147,7 @@ class Compiled(Minimal):
             np.append(np.flatnonzero(np.diff(self.system.pendulum, prepend=-1)), self.system.n_links),
             np.array(cart or (), dtype=float),
             self.system.gravity,
-            any(group.hinged for group in self.system.groups),
+            any(group.has_joint_torques for group in self.system.groups),
             self.layout.works,
             None if self.system.structure is None else flat_of(self.system),
         )
@@ -167,8 +171,8 @@ def _rows(system: System) -> Floats:
     """The constants of every link in the order of the file, (L, 12)."""
     rows = np.empty((system.n_links, CONSTANTS))
     for group in system.groups:
-        none = np.zeros_like(group.bent)
+        none = np.zeros_like(group.joint_rest)
         drive = (group.excitation.strength, group.excitation.curb) if group.excitation else (none, none)
-        joints = group.block.stiffness, group.block.damping, group.bent, *drive
+        joints = group.block.stiffness, group.block.damping, group.joint_rest, *drive
         rows[group.index] = np.stack((*np.swapaxes(links_of(group), 0, 1), *joints), axis=-1)
     return rows

@@ -15,9 +15,17 @@ from modal.structure.carriers import swing_path, turn_point
 from modal.types import Booleans, Floats, Ints
 from nonlinear.dynamics.compiling import in_place
 from nonlinear.dynamics.forces import joint_law
-from nonlinear.dynamics.recursion import Answer, RecursiveLink, Turn, driven, ended, hung, passed
-from nonlinear.dynamics.springs import slack, stretched, versed
-from nonlinear.dynamics.structure import Carriers, along_arc, eliminate, swayed
+from nonlinear.dynamics.recursion import (
+    Answer,
+    RecursiveLink,
+    Turn,
+    driven,
+    link_acceleration,
+    link_response,
+    tip_response,
+)
+from nonlinear.dynamics.springs import slack, stretch_law, versine
+from nonlinear.dynamics.structure import Carriers, along_arc, eliminate, turn_displacement
 from nonlinear.dynamics.text import sincos
 from nonlinear.system import System
 
@@ -27,10 +35,20 @@ TIGHT, LOOSE, TORSION = 0, 1, 2
 GROUND, ON_LINK, ON_CARRIER = 0, 1, 2
 WAYS = {"cart": ((1.0, 0.0),), "heave": ((0.0, -1.0),), "platform": ((1.0, 0.0), (0.0, -1.0), (0.0, 0.0))}
 
-_sincos, _joint_law, _versed = in_place(sincos), in_place(joint_law), in_place(versed)
-_ended, _passed, _hung, _driven = in_place(ended), in_place(passed), in_place(hung), in_place(driven)
-_swung, _turned, _along_arc, _swayed = in_place(swing_path), in_place(turn_point), in_place(along_arc), in_place(swayed)
-_stretched, _slack, _eliminate = in_place(stretched), in_place(slack), in_place(eliminate)
+_sincos, _joint_law, _versine = in_place(sincos), in_place(joint_law), in_place(versine)
+_tip_response, _link_response, _link_acceleration, _driven = (
+    in_place(tip_response),
+    in_place(link_response),
+    in_place(link_acceleration),
+    in_place(driven),
+)
+_swung, _turn_motion, _along_arc, _turn_displacement = (
+    in_place(swing_path),
+    in_place(turn_point),
+    in_place(along_arc),
+    in_place(turn_displacement),
+)
+_stretch_law, _slack, _eliminate = in_place(stretch_law), in_place(slack), in_place(eliminate)
 
 
 class FlatStructure(NamedTuple):
@@ -63,13 +81,13 @@ class FlatStructure(NamedTuple):
     slopes: Floats
     turns: Floats
     bias: Floats
-    moved: Floats
+    joint_motion: Floats
     loads: Floats
 
 
 def with_own_room(flat: FlatStructure) -> FlatStructure:
     """The same with room that nobody else writes into."""
-    names = ("A", "right", "slopes", "turns", "bias", "moved", "loads")
+    names = ("A", "right", "slopes", "turns", "bias", "joint_motion", "loads")
     return flat._replace(**{name: getattr(flat, name).copy() for name in names})
 
 
@@ -95,21 +113,24 @@ def flat_of(system: System) -> FlatStructure:
     ends, points = np.zeros((len(springs), 2, 2), dtype=np.int64), np.zeros((len(springs), 2, 2))
     if carriers.springs:
         numbers[:, :2] = np.transpose(carriers.springs.numbers)
-        for number, each in enumerate(carriers.springs.kinds):
-            kinds[each] = number
+        for number, entry in enumerate(carriers.springs.kinds):
+            kinds[entry] = number
         if len(tight := carriers.springs.kinds[0]):
-            apart, rest = carriers.springs.drawn
-            numbers[tight, 2:4], numbers[tight, 4] = apart.T, rest
+            offsets, rest = carriers.springs.drawn_vectors
+            numbers[tight, 2:4], numbers[tight, 4] = offsets.T, rest
         for k, spring in enumerate(springs):
             for side, end in enumerate(spring.ends):
                 ends[k, side], points[k, side] = _end(carriers, end, spring.torsion)
     room = np.zeros((d, d)), np.zeros(d), slopes, np.zeros((3, d)), np.zeros((2, len(angle))), *np.zeros((2, 4, links))
     pivots, pulls = structure.pivots, bool(np.any(ends[..., 0] == ON_LINK))
     alike = [
-        each.carrier == other.carrier and (each.where == other.where or angle[each.carrier] < 0)
-        for each, other in zip(pivots[1:], pivots[:-1], strict=True)
+        entry.carrier == previous.carrier and (entry.where == previous.where or angle[entry.carrier] < 0)
+        for entry, previous in zip(pivots[1:], pivots[:-1], strict=True)
     ]
-    held = np.array([pivot.carrier for pivot in pivots]), np.array([pivot.where for pivot in pivots], dtype=float)
+    pivot_arrays = (
+        np.array([pivot.carrier for pivot in pivots]),
+        np.array([pivot.where for pivot in pivots], dtype=float),
+    )
     first = np.array(structure.offsets)
     return FlatStructure(
         kind,
@@ -118,7 +139,7 @@ def flat_of(system: System) -> FlatStructure:
         first,
         angle,
         body,
-        *held,
+        *pivot_arrays,
         np.array([False, *alike]),
         kinds,
         numbers,
@@ -150,14 +171,14 @@ def _slope(F, y, half, carrier, s, h):  # type: ignore[no-untyped-def]
     """Slopes of a point of a carrier, in F.slopes, and its bias; only what an angle does depends on the point."""
     bx, bz, k = F.bias[0, carrier], F.bias[1, carrier], F.angle[carrier]
     if k >= 0:
-        _, slope, bias = _turned(s, h, F.turns[0, k], F.turns[1, k], y[half + k])
+        _, slope, bias = _turn_motion(s, h, F.turns[0, k], F.turns[1, k], y[half + k])
         F.slopes[0, k], F.slopes[1, k] = slope
         bx, bz = bx + bias[0], bz + bias[1]
     return bx, bz
 
 
 @in_place
-def _along(F, values, start, carrier):  # type: ignore[no-untyped-def]
+def _times_slopes(F, values, start, carrier):  # type: ignore[no-untyped-def]
     """J times the numbers of a carrier among `values`, with the slopes that are in F."""
     x = z = 0.0
     for k in range(F.first[carrier], F.first[carrier + 1]):
@@ -166,7 +187,7 @@ def _along(F, values, start, carrier):  # type: ignore[no-untyped-def]
 
 
 @in_place
-def _displaced(F, y, carrier, s, h):  # type: ignore[no-untyped-def]
+def _displacement(F, y, carrier, s, h):  # type: ignore[no-untyped-def]
     """How far a point of a carrier is from where it is drawn."""
     x = z = 0.0
     for k in range(F.first[carrier], F.first[carrier + 1]):
@@ -175,7 +196,7 @@ def _displaced(F, y, carrier, s, h):  # type: ignore[no-untyped-def]
         elif F.kind[k] == ARC:
             dx, dz = _along_arc(F.length[k], F.turns[0, k], F.turns[2, k])
         else:
-            dx, dz = _swayed(s, h, F.turns[0, k], F.turns[2, k])
+            dx, dz = _turn_displacement(s, h, F.turns[0, k], F.turns[2, k])
         x, z = x + dx, z + dz
     return x, z
 
@@ -188,18 +209,18 @@ def _push(F, carrier, x, z):  # type: ignore[no-untyped-def]
 
 
 @in_place
-def _chained(F, y, links, first, half, sin, cos):  # type: ignore[no-untyped-def]
-    """Displacements and velocities of the upper joints of all links, into F.moved."""
-    d, moved = len(F.kind), F.moved
+def _chain_motion(F, y, links, first, half, sin, cos):  # type: ignore[no-untyped-def]
+    """Displacements and velocities of the upper joints of all links, into F.joint_motion."""
+    d, motion = len(F.kind), F.joint_motion
     for p in range(len(first) - 1):
         c, s, h = F.carrier[p], F.where[p, 0], F.where[p, 1]
         _slope(F, y, half, c, s, h)
-        x, z = _displaced(F, y, c, s, h)
-        vx, vz = _along(F, y, half, c)
+        x, z = _displacement(F, y, c, s, h)
+        vx, vz = _times_slopes(F, y, half, c)
         for i in range(first[p], first[p + 1]):
-            moved[0, i], moved[1, i], moved[2, i], moved[3, i] = x, z, vx, vz
+            motion[0, i], motion[1, i], motion[2, i], motion[3, i] = x, z, vx, vz
             l, w = links[i, 1], y[half + d + i]
-            x, z = x + l * sin[i], z - l * _versed(y[d + i])
+            x, z = x + l * sin[i], z - l * _versine(y[d + i])
             vx, vz = vx + l * (cos[i] * w), vz - l * (sin[i] * w)
 
 
@@ -209,18 +230,18 @@ def _ending(F, y, half, sin, cos, k, side):  # type: ignore[no-untyped-def]
     d, at, a, b = len(F.kind), F.ends[k, side, 1], F.points[k, side, 0], F.points[k, side, 1]
     if F.ends[k, side, 0] == ON_LINK:
         w = y[half + d + at]
-        x, z = F.moved[0, at] + a * sin[at], F.moved[1, at] - a * _versed(y[d + at])
-        return x, z, F.moved[2, at] + a * (cos[at] * w), F.moved[3, at] - a * (sin[at] * w)
+        x, z = F.joint_motion[0, at] + a * sin[at], F.joint_motion[1, at] - a * _versine(y[d + at])
+        return x, z, F.joint_motion[2, at] + a * (cos[at] * w), F.joint_motion[3, at] - a * (sin[at] * w)
     if F.ends[k, side, 0] == ON_CARRIER:
         _slope(F, y, half, at, a, b)
-        x, z = _displaced(F, y, at, a, b)
-        vx, vz = _along(F, y, half, at)
+        x, z = _displacement(F, y, at, a, b)
+        vx, vz = _times_slopes(F, y, half, at)
         return x, z, vx, vz
     return 0.0, 0.0, 0.0, 0.0
 
 
 @in_place
-def _pulled(F, y, half, k, side, x, z):  # type: ignore[no-untyped-def]
+def _pull_end(F, y, half, k, side, x, z):  # type: ignore[no-untyped-def]
     """The force (x, z) on one end of a spring."""
     at, a, b = F.ends[k, side, 1], F.points[k, side, 0], F.points[k, side, 1]
     if F.ends[k, side, 0] == ON_LINK:
@@ -234,18 +255,18 @@ def _pulled(F, y, half, k, side, x, z):  # type: ignore[no-untyped-def]
 
 
 @in_place
-def _strained(F, y, half, sin, cos, torque):  # type: ignore[no-untyped-def]
+def _spring_forces(F, y, half, sin, cos, torque):  # type: ignore[no-untyped-def]
     """Forces of all springs between points, into F.loads, F.right and `torque`; the power of their dampers."""
     d, power = len(F.kind), 0.0
     for k in range(len(F.spring)):
         n = F.numbers[k]
         if F.spring[k] == TORSION:
-            turned, turning = 0.0, 0.0
+            angle, turning = 0.0, 0.0
             for side in range(2):
                 at, sign = F.ends[k, side, 1], 2.0 * side - 1.0
                 if at >= 0:
-                    turned, turning = turned + sign * y[at], turning + sign * y[half + at]
-            speed = n[0] * turned + n[1] * turning
+                    angle, turning = angle + sign * y[at], turning + sign * y[half + at]
+            speed = n[0] * angle + n[1] * turning
             power -= n[1] * (turning * turning)
             for side in range(2):
                 at, sign = F.ends[k, side, 1], 1.0 - 2.0 * side
@@ -258,24 +279,24 @@ def _strained(F, y, half, sin, cos, torque):  # type: ignore[no-untyped-def]
         bx, bz, bvx, bvz = _ending(F, y, half, sin, cos, k, 1)
         x, z, vx, vz = bx - ax, bz - az, bvx - avx, bvz - avz
         if F.spring[k] == TIGHT:
-            _, _, fx, fz, lost = _stretched(n[0], n[1], n[2], n[3], n[4], x, z, vx, vz)
+            _, _, fx, fz, spring_power = _stretch_law(n[0], n[1], n[2], n[3], n[4], x, z, vx, vz)
         else:
-            _, _, fx, fz, lost = _slack(n[0], n[1], x, z, vx, vz)
-        power += lost
-        _pulled(F, y, half, k, 0, fx, fz)
-        _pulled(F, y, half, k, 1, -fx, -fz)
+            _, _, fx, fz, spring_power = _slack(n[0], n[1], x, z, vx, vz)
+        power += spring_power
+        _pull_end(F, y, half, k, 0, fx, fz)
+        _pull_end(F, y, half, k, 1, -fx, -fz)
     return power
 
 
 @in_place
-def _begun(F, y, half, gravity):  # type: ignore[no-untyped-def]
+def _carrier_terms(F, y, half, gravity):  # type: ignore[no-untyped-def]
     """The carriers' own inertia, springs, dampers and weights, into F.A and F.right; the power of their dampers."""
     power = 0.0
     for k in range(len(F.kind)):
         if F.kind[k] != STRAIGHT:
             angle = y[k] / F.length[k]
             F.turns[0, k], F.turns[1, k] = _sincos(angle)
-            F.turns[2, k] = _versed(angle) if len(F.spring) else 0.0
+            F.turns[2, k] = _versine(angle) if len(F.spring) else 0.0
     for c in range(len(F.angle)):
         m, about, s, h = F.body[c, 0], F.body[c, 1], F.body[c, 2], F.body[c, 3]
         for k in range(F.first[c], F.first[c + 1]):
@@ -285,11 +306,11 @@ def _begun(F, y, half, gravity):  # type: ignore[no-untyped-def]
                 F.bias[0, c], F.bias[1, c] = bias
         bx, bz = _slope(F, y, half, c, s, h)
         for k in range(F.first[c], F.first[c + 1]):
-            kept, working = _joint_law(y[k], y[half + k], F.law[k, 0], F.law[k, 1], 0.0, 0.0)
+            elastic, working = _joint_law(y[k], y[half + k], F.law[k, 0], F.law[k, 1], 0.0, 0.0)
             ax, az = bx, bz - gravity
             if F.kind[k] != STRAIGHT:
                 ax, az = 0.0, -gravity
-            F.right[k] = kept + working - m * (F.slopes[0, k] * ax + F.slopes[1, k] * az) - F.law[k, 2]
+            F.right[k] = elastic + working - m * (F.slopes[0, k] * ax + F.slopes[1, k] * az) - F.law[k, 2]
             power += working * y[half + k]
             for j in range(F.first[c], k + 1):
                 F.A[k, j] = m * (F.slopes[0, k] * F.slopes[0, j] + F.slopes[1, k] * F.slopes[1, j])
@@ -315,8 +336,8 @@ def _hinge(F, links, y, half, i, top, c):  # type: ignore[no-untyped-def]
         bend, speed = bend - y[at - 1], speed - y[half + at - 1]
     elif F.angle[c] >= 0:
         bend, speed = bend - y[F.angle[c]], speed - y[half + F.angle[c]]
-    kept, working = _joint_law(bend - law[9], speed, law[7], law[8], law[10], law[11])
-    return kept + working, working * speed
+    elastic, working = _joint_law(bend - law[9], speed, law[7], law[8], law[10], law[11])
+    return elastic + working, working * speed
 
 
 @in_place
@@ -333,32 +354,32 @@ def _project(F, y, half, gravity, p, part):  # type: ignore[no-untyped-def]
 
 
 @in_place
-def _climb(y, links, first, half, gravity, hinged, F, turns, torque):  # type: ignore[no-untyped-def]
+def _climb(y, links, first, half, gravity, has_joint_torques, F, turns, torque):  # type: ignore[no-untyped-def]
     """The upward pass of all pendula; `torque` is that of springs between angles.  The power (W) of joints."""
     d, power = len(F.kind), 0.0
     rates, sin, cos, hx, hz, e = y[half + d : 2 * half], turns[0], turns[1], turns[2], turns[3], turns[4]
     xx = xz = zz = px = pz = 0.0
     for p in range(len(first) - 1):
-        below, hinge_below, tx, tz = Answer(0.0, 0.0, 0.0, 0.0, 0.0), 0.0, 0.0, 0.0
+        answer, hinge_below, tx, tz = Answer(0.0, 0.0, 0.0, 0.0, 0.0), 0.0, 0.0, 0.0
         c, hinge = F.carrier[p], 0.0
         for i in range(first[p + 1] - 1, first[p] - 1, -1):
             Q = 0.0
-            if hinged:
-                hinge, lost = _hinge(F, links, y, half, i, first[p], c)
-                Q, hinge_below, power = hinge - hinge_below, hinge, power + lost
+            if has_joint_torques:
+                hinge, joint_power = _hinge(F, links, y, half, i, first[p], c)
+                Q, hinge_below, power = hinge - hinge_below, hinge, power + joint_power
             if F.pulls:
                 ax, az = links[i, 1] * tx + F.loads[2, i], links[i, 1] * tz + F.loads[3, i]
                 Q += torque[i] + (cos[i] * ax - sin[i] * az)
                 tx, tz = tx + F.loads[0, i], tz + F.loads[1, i]
             if i == first[p + 1] - 1:
-                below, turn = _ended(link_at(links, i), sin[i], cos[i], rates[i], Q)
+                answer, turn = _tip_response(link_at(links, i), sin[i], cos[i], rates[i], Q)
             else:
-                below, turn = _passed(link_at(links, i), below, sin[i], cos[i], rates[i], Q)
+                answer, turn = _link_response(link_at(links, i), answer, sin[i], cos[i], rates[i], Q)
             share = 1.0 / turn.D
             hx[i], hz[i], e[i] = share * turn.hx, share * turn.hz, share * turn.e
         if F.angle[c] >= 0:
             F.right[F.angle[c]] -= hinge
-        xx, xz, zz, px, pz = xx + below.xx, xz + below.xz, zz + below.zz, px + below.px - tx, pz + below.pz - tz
+        xx, xz, zz, px, pz = xx + answer.xx, xz + answer.xz, zz + answer.zz, px + answer.px - tx, pz + answer.pz - tz
         if p == len(first) - 2 or not F.alike[p + 1]:
             _project(F, y, half, gravity, p, Answer(xx, xz, zz, px, pz))
             xx = xz = zz = px = pz = 0.0
@@ -375,30 +396,30 @@ def _descend(y, links, first, half, gravity, F, turns, slopes):  # type: ignore[
         c = F.carrier[p]
         if not F.alike[p]:
             bx, bz = _slope(F, y, half, c, F.where[p, 0], F.where[p, 1])
-            x, z = _along(F, F.right, 0, c)
+            x, z = _times_slopes(F, F.right, 0, c)
             startx, startz = x + bx, z + (bz - gravity)
         ax, az = startx, startz
         for i in range(first[p], first[p + 1]):
             turn = Turn(hx[i], hz[i], e[i], 1.0, sin[i], cos[i], rates[i])
-            slopes[i], ax, az = _hung(link_at(links, i), turn, ax, az)
+            slopes[i], ax, az = _link_acceleration(link_at(links, i), turn, ax, az)
 
 
 @in_place
-def rate_on_carriers(y, links, first, gravity, hinged, works, F, turns, slopes):  # type: ignore[no-untyped-def]
+def rate_on_carriers(y, links, first, gravity, has_joint_torques, works, F, turns, slopes):  # type: ignore[no-untyped-def]
     """The whole of `Minimal.derivative` on a structure, into `slopes`; `turns` as in `nonlinear.dynamics.compiled`."""
     d = len(F.kind)
     half = d + len(links)
     torque = slopes[half + d : 2 * half]
     for i in range(half):
         slopes[i] = y[half + i]
-    power = _begun(F, y, half, gravity)
+    power = _carrier_terms(F, y, half, gravity)
     if len(F.spring):
         if F.pulls:
             for i in range(len(links)):
                 torque[i] = F.loads[0, i] = F.loads[1, i] = F.loads[2, i] = F.loads[3, i] = 0.0
-            _chained(F, y, links, first, half, turns[0], turns[1])
-        power += _strained(F, y, half, turns[0], turns[1], torque)
-    power += _climb(y, links, first, half, gravity, hinged, F, turns, torque)
+            _chain_motion(F, y, links, first, half, turns[0], turns[1])
+        power += _spring_forces(F, y, half, turns[0], turns[1], torque)
+    power += _climb(y, links, first, half, gravity, has_joint_torques, F, turns, torque)
     for c in range(len(F.angle)):
         _eliminate(F.A, F.right, F.first[c], F.first[c + 1])
     for k in range(d):

@@ -54,11 +54,11 @@ def compiled(function: Any) -> Any:
     options: dict[str, Any] = {"error_model": "numpy"}
     if _has_place(function):
         with suppress(RuntimeError):
-            return _kept(_watched(njit(cache=True, **options)(function)))
-    return _watched(njit(**options)(function))
+            return _keep_on_disk(_watch_compiler(njit(cache=True, **options)(function)))
+    return _watch_compiler(njit(**options)(function))
 
 
-def _watched(dispatcher: Any) -> Any:
+def _watch_compiler(dispatcher: Any) -> Any:
     """A compiled function, watched while numba compiles it."""
     compiler = dispatcher._compiler
     compiler.compile = partial(_watch, compiler.compile)
@@ -74,12 +74,12 @@ def _has_place(function: Any) -> bool:
     """Whether numba would keep it beside its source or under an absolute path, not in the folder of the moment."""
     if os.environ.get("NUMBA_CACHE_DIR"):
         return True
-    beside = Path(inspect.getfile(function)).parent
+    folder = Path(inspect.getfile(function)).parent
     home = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~")
-    return os.path.isabs(home) or os.access(beside, os.W_OK)
+    return os.path.isabs(home) or os.access(folder, os.W_OK)
 
 
-def _kept(dispatcher: Any) -> Any:
+def _keep_on_disk(dispatcher: Any) -> Any:
     """A compiled function whose files heal, are private, and are read only if no one else can have written them."""
     file = getattr(getattr(dispatcher, "_cache", None), "_cache_file", None)
     if file is not None:
@@ -212,8 +212,8 @@ class KeptFile:
         need of this file.
         """
         path = Path(os.path.realpath(self._cache_path))
-        trusted = set(Path(os.path.realpath(inspect.getfile(self.function.py_func))).parents)
-        for place in [path, *(set(path.parents) - trusted)]:
+        trusted_folders = set(Path(os.path.realpath(inspect.getfile(self.function.py_func))).parents)
+        for place in [path, *(set(path.parents) - trusted_folders)]:
             status = os.stat(place)
             if place == path or not status.st_mode & S_ISVTX:
                 _refuse_foreign(status, str(place))
@@ -272,12 +272,12 @@ class KeptFile:
 
 def code_of(function: Any) -> Iterable[str]:
     """The code of a compiled function and of all that it calls, with their options and the numbers that they read."""
-    seen: dict[int, Any] = {}
+    visits: dict[int, Any] = {}
 
     def parts(value: Any) -> Iterator[str]:
-        if id(value) in seen:
+        if id(value) in visits:
             return
-        seen[id(value)] = value
+        visits[id(value)] = value
         if hasattr(value, "py_func"):
             yield repr(sorted((name, _words(option)) for name, option in value.targetoptions.items()))
             yield from parts(value.py_func)
@@ -340,7 +340,7 @@ def inner(function: Callable[..., Any], decorator: str) -> str:
 
 
 @contextmanager
-def undisturbed() -> Iterator[None]:
+def without_interrupts() -> Iterator[None]:
     """A block that Ctrl-C, or another signal that asks the process to end, interrupts only after it completes."""
     if threading.current_thread() is not threading.main_thread():
         yield
@@ -364,8 +364,8 @@ def children_without_interrupts() -> Iterator[None]:
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
     finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        signal.pthread_sigmask(signal.SIG_SETMASK, mask)

@@ -18,7 +18,7 @@ EXCESS = 1e-12  # rounding of a torque relative to its limit, and of an accelera
 UNBOUNDED = 1e301  # a limit that nothing exceeds
 
 
-def solved(G: Any, b: Any, n: int) -> Any:
+def solve_definite(G: Any, b: Any, n: int) -> Any:
     """The solution (n,) of a symmetric positive definite system."""
     A, x = [*G], [*b]
     for k in range(n):
@@ -41,7 +41,7 @@ def friction_of(a: Any, G: Any, limit: Any, sign: Any, n: int) -> Any:
     right = []
     for i in stuck:
         right.append(-a[i] - sum([G[i * n + k] * tau[k] for k in range(n)]))
-    holding = solved([G[i * n + k] for i in stuck for k in stuck], right, len(stuck))
+    holding = solve_definite([G[i * n + k] for i in stuck for k in stuck], right, len(stuck))
     for k in range(len(stuck)):
         tau[stuck[k]] = holding[k]
     return tau
@@ -49,41 +49,41 @@ def friction_of(a: Any, G: Any, limit: Any, sign: Any, n: int) -> Any:
 
 def consistent(a: Any, G: Any, limit: Any, sign: Any, n: int) -> Any:
     """The friction τ (n,) and the signs (n,) that contacts of sign 0 begin with; τ is empty where there are none."""
-    rest, begun = [s == 0 for s in sign], [*sign]
+    rest, signs = [s == 0 for s in sign], [*sign]
     scale = []
     for i in range(n):
-        free, bound = a[i], 0.0
+        free, limit_sum = a[i], 0.0
         for k in range(n):
             if not rest[k]:
                 free -= G[i * n + k] * sign[k] * limit[k]
             elif limit[k] < UNBOUNDED:
-                bound += abs(G[i * n + k]) * limit[k]
-        scale.append(abs(free) + bound)
+                limit_sum += abs(G[i * n + k]) * limit[k]
+        scale.append(abs(free) + limit_sum)
     for _ in range(64 * (1 + n) + 3 ** min(n, 12)):
-        tau, wrong = friction_of(a, G, limit, begun, n), -1
+        tau, wrong = friction_of(a, G, limit, signs, n), -1
         for i in range(n):
             if wrong < 0 and rest[i]:
-                if begun[i] == 0:
+                if signs[i] == 0:
                     if abs(tau[i]) > limit[i] * (1 + EXCESS):
                         wrong = i
                 else:
-                    turned = a[i] + sum([G[i * n + k] * tau[k] for k in range(n)])
-                    if turned * begun[i] < -EXCESS * scale[i]:
+                    acceleration = a[i] + sum([G[i * n + k] * tau[k] for k in range(n)])
+                    if acceleration * signs[i] < -EXCESS * scale[i]:
                         wrong = i
         if wrong < 0:
-            return tau, begun
-        begun[wrong] = 0.0 if begun[wrong] != 0 else -1.0 if tau[wrong] > 0 else 1.0
-    return [0.0] * 0, begun
+            return tau, signs
+        signs[wrong] = 0.0 if signs[wrong] != 0 else -1.0 if tau[wrong] > 0 else 1.0
+    return [0.0] * 0, signs
 
 
 def on_rail(a: Any, G: Any, limit: Any, sign: Any, normal: Any, J: int) -> Any:
     """The friction τ (J,), signs (J,) and e where contact 0 has the coefficient limit₀; τ is empty without any."""
     mu, n = limit[0], normal[1:]
     if sign[0] == 0:
-        tau, begun = consistent(a, G, [UNBOUNDED, *limit[1:]], sign, J)
+        tau, signs = consistent(a, G, [UNBOUNDED, *limit[1:]], sign, J)
         N = normal[0] + sum([n[k] * tau[k] for k in range(len(tau))])
         if len(tau) > 0 and abs(tau[0]) <= mu * abs(N) * (1 + EXCESS):
-            return tau, begun, 1.0 if N >= 0 else -1.0
+            return tau, signs, 1.0 if N >= 0 else -1.0
     for s in [sign[0]] if sign[0] != 0 else [1.0, -1.0]:
         for e in [1.0, -1.0]:
             share = -s * e * mu / (1 + s * e * mu * n[0])
@@ -91,13 +91,13 @@ def on_rail(a: Any, G: Any, limit: Any, sign: Any, normal: Any, J: int) -> Any:
             for i in range(1, J):
                 for k in range(1, J):
                     G1.append(G[i * J + k] + G[i * J] * share * n[k])
-            tau, begun = consistent(rest, G1, limit[1:], sign[1:], J - 1)
+            tau, signs = consistent(rest, G1, limit[1:], sign[1:], J - 1)
             if len(tau) < J - 1:
                 continue
             rail = share * (normal[0] + sum([n[k + 1] * tau[k] for k in range(J - 1)]))
-            every = [rail, *tau]
-            N = normal[0] + sum([n[k] * every[k] for k in range(J)])
-            starts = a[0] + sum([G[k] * every[k] for k in range(J)])
+            frictions = [rail, *tau]
+            N = normal[0] + sum([n[k] * frictions[k] for k in range(J)])
+            starts = a[0] + sum([G[k] * frictions[k] for k in range(J)])
             if N * e >= 0 and (sign[0] != 0 or starts * s >= 0):
-                return every, [s, *begun], e
+                return frictions, [s, *signs], e
     return [0.0] * 0, [*sign], 0.0

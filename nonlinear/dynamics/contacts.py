@@ -72,8 +72,8 @@ class Contacts:
 
     def relative(self, values: Floats) -> Floats:
         """The value at every contact (..., J) from those of the coordinates (..., half)."""
-        padded = np.concatenate((values, np.zeros_like(values[..., :1])), axis=-1)
-        return np.asarray(padded[..., self.below] - padded[..., self.above])
+        with_zero = np.concatenate((values, np.zeros_like(values[..., :1])), axis=-1)
+        return np.asarray(with_zero[..., self.below] - with_zero[..., self.above])
 
 
 def contacts_of(system: System) -> Contacts:
@@ -116,21 +116,21 @@ def jams(system: System, rates: Sequence[float], normal: float) -> bool:
 class Escaping:
     """The J joints with escapements of a system, all arrays (J,): the links below and above (−1: support).
 
-    `bent` is the equilibrium angle (rad); `impulse` (N m s) and `angle` (rad) are those of the kicks.
+    `joint_rest` is the equilibrium angle (rad); `impulse` (N m s) and `angle` (rad) are those of the kicks.
     """
 
     system: System
     below: Ints
     above: Ints
-    bent: Floats
+    joint_rest: Floats
     impulse: Floats
     angle: Floats
 
     def gamma(self, values: Floats, rest: Floats | float = 0.0) -> Floats:
         """The value at every joint (..., J) from the values of all coordinates (..., half)."""
-        padded = np.concatenate((values, np.zeros_like(values[..., :1])), axis=-1)
+        with_zero = np.concatenate((values, np.zeros_like(values[..., :1])), axis=-1)
         below, above = np.array(self.pairs, dtype=np.int64).reshape(-1, 2).T
-        return np.asarray(padded[..., below] - padded[..., above] - rest)
+        return np.asarray(with_zero[..., below] - with_zero[..., above] - rest)
 
     @cached_property
     def pairs(self) -> tuple[tuple[int, int], ...]:
@@ -148,10 +148,10 @@ def escaping(system: System) -> Escaping:
     """The joints with escapements, in the order of the groups."""
     parts: list[Floats] = []
     for group in system.groups:
-        if group.kicked and group.excitation:
+        if group.has_escapements and group.excitation:
             above = np.vstack((np.full_like(group.index[:1], -1), group.index[:-1]))
             drive = group.excitation
-            columns = (group.index, above, group.bent, drive.impulse, drive.angle)
+            columns = (group.index, above, group.joint_rest, drive.impulse, drive.angle)
             parts.append(np.stack([part[drive.impulse > 0] for part in columns]))
     below, above, *rest = np.hstack(parts) if parts else np.empty((5, 0))
     return Escaping(system, below.astype(np.int64), above.astype(np.int64), *rest)
@@ -176,15 +176,15 @@ class Gripping(NamedTuple):
 
     pairs: Sequence[tuple[int, int]]
     sticks: Sequence[Any]
-    pressed: Any = None
+    rail_coefficient: Any = None
 
     def on_rail(self, accelerations: Any, response: Any, reaction: Callable[[Any, bool], Any]) -> tuple[Any, Any]:
         """τ₀ and N of a rail with a coefficient, from accelerations without it and the response to a unit of it.
 
         `reaction` is N at accelerations, or, if False comes with them, its part that is linear in them.
         """
-        normal = reaction(accelerations, True) / (1.0 - self.pressed * reaction(response, False))
-        return self.pressed * normal, normal
+        normal = reaction(accelerations, True) / (1.0 - self.rail_coefficient * reaction(response, False))
+        return self.rail_coefficient * normal, normal
 
     def forces(self, half: int) -> Any:
         """Jᵀ, the generalized forces (half, J) of a unit of friction at every contact."""
@@ -223,7 +223,9 @@ class Joint(NamedTuple):
     w: Any
 
 
-def passed(link: RecursiveLink, below: Articulated, s: Any, c: Any, sticks: Any, r: Any) -> tuple[Articulated, Joint]:
+def sticking_response(
+    link: RecursiveLink, below: Articulated, s: Any, c: Any, sticks: Any, r: Any
+) -> tuple[Articulated, Joint]:
     """The response at the upper joint of a link whose sine and cosine are s and c."""
     l, M = link.l, below
     mx, mz = c * M.xx - s * M.xz, c * M.xz - s * M.zz
@@ -246,15 +248,15 @@ def passed(link: RecursiveLink, below: Articulated, s: Any, c: Any, sticks: Any,
     return answer, Joint(l * c, -l * s, hx, hz, D, g, sticks, w)
 
 
-def turned(joints: Sequence[Joint], a: Any, push: Any) -> tuple[list[Any], list[Any]]:
+def chain_accelerations(joints: Sequence[Joint], a: Any, push: Any) -> tuple[list[Any], list[Any]]:
     """The accelerations a + α of links, top first, whose first joints have `push` (m/s²) added, and τ."""
     accelerations, torques = list[Any](), list[Any]()
     ax, az, above = push, 0.0, 0.0
     for (x, z, hx, hz, D, g, s, w), free in zip(joints, a, strict=True):
-        felt = hx * ax + hz * az + g
-        alpha = s * (above - free) - w * felt
-        torques.append(s * (felt + D * alpha))
-        above = s * above + ((1.0 - s) * free - w * felt)
+        load = hx * ax + hz * az + g
+        alpha = s * (above - free) - w * load
+        torques.append(s * (load + D * alpha))
+        above = s * above + ((1.0 - s) * free - w * load)
         accelerations.append(above)
         ax, az = ax + x * alpha, az + z * alpha
     return accelerations, torques
@@ -277,21 +279,21 @@ class Sticking:
             r = -free
             r[1:] = free[:-1] - free[1:]
             for link, *rest in reversed([*zip(links_of(group), sin, cos, self.sticks[index], r, strict=True)]):
-                answer, joint = passed(link, answer, *rest)
+                answer, joint = sticking_response(link, answer, *rest)
                 joints.append(joint)
             self.mass, self.force = self.mass + answer.xx.sum(0), self.force + answer.px.sum(0)
             self.hung.append((index, joints[::-1]))
 
-    def rubbed(self, reaction: Callable[[Any, bool], Any]) -> Rubbed:
+    def apply_friction(self, reaction: Callable[[Any, bool], Any]) -> Rubbed:
         """What friction makes of accelerations a (half,) without it; `reaction` is that of `Gripping.on_rail`."""
         slides, push = 1.0 - self.sticks[0], 0.0
         if self.has_cart:
             push = self.sticks[0] * -self.a[0] - slides * (self.force / self.mass)
         accelerations, tau = self._under(push, self.a, self.hung)
-        if self.gripping.pressed is None:
+        if self.gripping.rail_coefficient is None:
             return Rubbed(accelerations, tau)
-        alone = [(index, [joint._replace(g=0.0) for joint in joints]) for index, joints in self.hung]
-        response, others = self._under(slides / self.mass, np.zeros_like(self.a), alone)
+        free_joints = [(index, [joint._replace(g=0.0) for joint in joints]) for index, joints in self.hung]
+        response, others = self._under(slides / self.mass, np.zeros_like(self.a), free_joints)
         rail, normal = self.gripping.on_rail(accelerations, response, reaction)
         others[0] = 1.0
         return Rubbed(
@@ -300,12 +302,12 @@ class Sticking:
             normal,
         )
 
-    def _under(self, push: Any, a: Any, hung: Sequence[tuple[Any, list[Joint]]]) -> tuple[Any, list[Any]]:
+    def _under(self, push: Any, a: Any, chains: Sequence[tuple[Any, list[Joint]]]) -> tuple[Any, list[Any]]:
         """The accelerations under friction as the cart has `push` added to that in a, and τ (J,)."""
         accelerations, torques = np.zeros_like(a), np.zeros_like(a)
         if self.has_cart:
             accelerations[0] = a[0] + push
             torques[0] = self.sticks[0] * (self.mass * push + self.force)
-        for index, joints in hung:
-            accelerations[index], torques[index] = turned(joints, a[index], push)
+        for index, joints in chains:
+            accelerations[index], torques[index] = chain_accelerations(joints, a[index], push)
         return accelerations, [torques[below] for below, _ in self.gripping.pairs]

@@ -67,7 +67,7 @@ class Elimination:
         self.masses = block.mass.sum(0).reshape(*block.b.shape[1:], *[1] * tail)
         self.length = block.length
 
-    def squared(self, rates: Any, columns: Any = slice(None)) -> Any:
+    def square_rates(self, rates: Any, columns: Any = slice(None)) -> Any:
         """θ'², less l''/l where lengths change."""
         squares = rates * rates
         return squares if self.winding is None else squares - self.winding[1][:, columns] / self.length[:, columns]
@@ -88,13 +88,13 @@ class Elimination:
                 side[i], side[j] = side[i] - thrown * ww[j], side[j] + thrown * ww[i]
         return M, side
 
-    def _substituted(self, M: list[list[Any]], right: Iterable[Any]) -> list[Any]:
+    def _substitute(self, M: list[list[Any]], right: Iterable[Any]) -> list[Any]:
         """θ'' from the eliminated equations and what is left on their right-hand sides."""
         solution: list[Any] = []
-        for row, left in zip(M, right, strict=True):
-            value = left
-            for entry, above in zip(row, solution, strict=False):
-                value = value - entry * above
+        for row, side in zip(M, right, strict=True):
+            value = side
+            for entry, value_above in zip(row, solution, strict=False):
+                value = value - entry * value_above
             solution.append(value / row[-1])
         return solution
 
@@ -113,49 +113,49 @@ class Eliminated:
         self.body, self.parts = body, (angles, rates, torques)
         self.solutions: list[tuple[Any, Any]] = []
 
-    def projected(self, columns: Any, slopes: Sequence[Any], felt: tuple[Any, Any], together: bool) -> Any:
+    def project_on_carrier(self, columns: Any, slopes: Sequence[Any], bias: tuple[Any, Any], move_alike: bool) -> Any:
         """The lower half of M_kl and force_k of the pendula in these columns, summed."""
         body, (angles, rates, torques) = self.body, (part[:, columns] for part in self.parts)
         A, b, mass = body.A[:, :, columns], body.b[:, columns], body.masses[columns]
-        s, c, ww = body.sine(angles), body.cosine(angles), body.squared(rates, columns)
-        M, side = body.equations(A, s, c, ww, list(torques - (b * felt[0]) * c + (b * felt[1]) * s))
-        across = [list(b * (c * x - s * z)) for x, z in slopes]
+        s, c, ww = body.sine(angles), body.cosine(angles), body.square_rates(rates, columns)
+        M, side = body.equations(A, s, c, ww, list(torques - (b * bias[0]) * c + (b * bias[1]) * s))
+        couplings = [list(b * (c * x - s * z)) for x, z in slopes]
         thrown, counts = b * ww, range(len(slopes))
         force = [-(thrown * (s * x + c * z)).sum(0) for x, z in slopes]
-        lost: list[list[Any]] = [[0.0] * (k + 1) for k in counts]
+        reductions: list[list[Any]] = [[0.0] * (k + 1) for k in counts]
         for k in reversed(range(len(M))):
             for j in range(k):
                 share = M[k][j] / M[k][k]
                 for i in range(j + 1):
                     M[j][i] = M[j][i] - share * M[k][i]
                 side[j] = side[j] - share * side[k]
-                for column in across:
+                for column in couplings:
                     column[j] = column[j] - share * column[k]
-            for i, column in enumerate(across):
+            for i, column in enumerate(couplings):
                 share = column[k] / M[k][k]
                 for j in range(i + 1):
-                    lost[i][j] = lost[i][j] + share * across[j][k]
+                    reductions[i][j] = reductions[i][j] + share * couplings[j][k]
                 force[i] = force[i] + share * side[k]
-        self.solutions.append((columns, (M, side, across)))
-        if together:
+        self.solutions.append((columns, (M, side, couplings)))
+        if move_alike:
             mass = mass.sum(0, keepdims=True)
         block = [
-            [(mass * (x * v + z * w)).sum(0) - lost[k][j].sum(0) for j, (v, w) in enumerate(slopes[: k + 1])]
+            [(mass * (x * v + z * w)).sum(0) - reductions[k][j].sum(0) for j, (v, w) in enumerate(slopes[: k + 1])]
             for k, (x, z) in enumerate(slopes)
         ]
         return block, [
-            (mass * (x * felt[0] + z * felt[1])).sum(0) + each.sum(0)
-            for (x, z), each in zip(slopes, force, strict=True)
+            (mass * (x * bias[0] + z * bias[1])).sum(0) + parts.sum(0)
+            for (x, z), parts in zip(slopes, force, strict=True)
         ]
 
     def fall(self, pushes: Sequence[Sequence[Any]], accelerations: Any) -> Any:
         """θ'' (n, P, ...) under second derivatives of each bundle's coordinates."""
         turns = np.empty_like(self.parts[0])
-        for (columns, (M, side, across)), push in zip(self.solutions, pushes, strict=True):
-            left = list(side)
-            for column, acceleration in zip(across, push, strict=True):
-                left = [each - part * acceleration for each, part in zip(left, column, strict=True)]
-            turns[:, columns] = np.array(self.body._substituted(M, left))
+        for (columns, (M, side, couplings)), push in zip(self.solutions, pushes, strict=True):
+            sides = list(side)
+            for column, acceleration in zip(couplings, push, strict=True):
+                sides = [entry - part * acceleration for entry, part in zip(sides, column, strict=True)]
+            turns[:, columns] = np.array(self.body._substitute(M, sides))
         return self.body.unwound(self.parts[1], turns)
 
 
@@ -171,10 +171,10 @@ class Banded:
 
     def __init__(self, group: Group) -> None:
         block = group.block
-        below = np.concatenate((block.mass[1:], block.mass[-1:]))
+        mass_below = np.concatenate((block.mass[1:], block.mass[-1:]))
         lever, spin = group.static / block.length, group.moment / block.length**2
         self.m, self.l, self.mc, self.lever, self.spin, self.below = (
-            np.ascontiguousarray(array.T) for array in (block.mass, block.length, group.static, lever, spin, below)
+            np.ascontiguousarray(array.T) for array in (block.mass, block.length, group.static, lever, spin, mass_below)
         )
         self.straight = self._without_bends()
 
@@ -207,22 +207,22 @@ class Banded:
             band[:, :-1, column, MIDDLE + down] = sign * sine
         return band
 
-    def sides(self, columns: Any, squared: Floats, Q: Floats, tops: Floats) -> Floats:
+    def sides(self, columns: Any, squares: Floats, Q: Floats, tops: Floats) -> Floats:
         """The right-hand sides (1 + d, P, n, 5) where first joints have accelerations `tops` (1 + d, 2, P) alone.
 
-        They are along their links' n and u; the first also has rates, `squared`, and torques Q.
+        They are along their links' n and u; the first also has rates, `squares`, and torques Q.
         """
         mass, lever, ratio = self.m[columns], self.lever[columns], (self.mc / self.m)[columns]
         sides = np.zeros((len(tops), *mass.shape, 5))
         sides[0, :, :, 0] = Q / (self.l[columns] * mass)
-        sides[0, :, :, 2] = self.l[columns] * squared
-        sides[0, :, :-1, 4] = (ratio * squared)[:, 1:]
+        sides[0, :, :, 2] = self.l[columns] * squares
+        sides[0, :, :-1, 4] = (ratio * squares)[:, 1:]
         sides[:, :, 0, 0] -= (lever / mass)[:, 0] * tops[:, 0]
         sides[:, :, 0, 1:3] -= np.moveaxis(tops, 1, 2)
         return sides
 
     @staticmethod
-    def solved(band: Floats, sides: Floats) -> Floats:
+    def solve_band(band: Floats, sides: Floats) -> Floats:
         """The unknowns, (1 + d, P, n, 5)."""
         columns, rows = band.reshape(-1, band.shape[-1]).T, sides.reshape(len(sides), -1).T
         *_, solution, info = scipy.linalg.lapack.dgbsv(REACH, REACH, columns, rows, overwrite_ab=1, overwrite_b=1)
@@ -234,30 +234,30 @@ class Banded:
 class Linked:
     """A group at angles (P, n), squared rates and torques, by the forces at its first joints."""
 
-    def __init__(self, body: Banded, angles: Floats, squared: Floats, torques: Floats) -> None:
-        self.body, self.angles, self.squared, self.torques = body, angles, squared, torques
+    def __init__(self, body: Banded, angles: Floats, squares: Floats, torques: Floats) -> None:
+        self.body, self.angles, self.squared, self.torques = body, angles, squares, torques
         self.solutions: list[tuple[Any, Floats]] = []
 
-    def projected(self, columns: Any, slopes: Sequence[Any], felt: tuple[Any, Any], together: bool) -> Any:
+    def project_on_carrier(self, columns: Any, slopes: Sequence[Any], bias: tuple[Any, Any], move_alike: bool) -> Any:
         """The inertia (lower half) and the force on each coordinate of what carries the pendula in these columns."""
-        body, theta, squared = self.body, self.angles[columns], self.squared[columns]
+        body, theta, squares = self.body, self.angles[columns], self.squared[columns]
         sin, cos = np.sin(theta[:, 0]), np.cos(theta[:, 0])
-        tops = np.array([(cos * x - sin * z, sin * x + cos * z) for x, z in (felt, *slopes)])
-        sides = body.sides(columns, squared, self.torques[columns], tops)
-        solution = body.solved(body.band(columns, theta[:, :-1] - theta[:, 1:]), sides)
+        tops = np.array([(cos * x - sin * z, sin * x + cos * z) for x, z in (bias, *slopes)])
+        sides = body.sides(columns, squares, self.torques[columns], tops)
+        solution = body.solve_band(body.band(columns, theta[:, :-1] - theta[:, 1:]), sides)
         self.solutions.append((columns, solution[..., TURN] / body.l[columns]))
         turn, force_n, force_u = np.moveaxis(solution[:, :, 0, : FORCE_U + 1], -1, 0)
-        mass, lever, below = body.m[columns, 0], body.lever[columns, 0], body.below[columns, 0]
-        across = mass * tops[:, 0] + lever * turn + below * force_n
-        along = mass * tops[:, 1] + below * force_u
-        along[0] -= body.mc[columns, 0] * squared[:, 0]
-        forces = list(zip(cos * across + sin * along, cos * along - sin * across, strict=True))
+        mass, lever, mass_below = body.m[columns, 0], body.lever[columns, 0], body.below[columns, 0]
+        normal_force = mass * tops[:, 0] + lever * turn + mass_below * force_n
+        axial_force = mass * tops[:, 1] + mass_below * force_u
+        axial_force[0] -= body.mc[columns, 0] * squares[:, 0]
+        forces = list(zip(cos * normal_force + sin * axial_force, cos * axial_force - sin * normal_force, strict=True))
         block = [[(v * fx + w * fz).sum(0) for v, w in slopes[: k + 1]] for k, (fx, fz) in enumerate(forces[1:])]
         return block, [(x * forces[0][0] + z * forces[0][1]).sum(0) for x, z in slopes]
 
     def fall(self, pushes: Sequence[Sequence[Any]], accelerations: Any) -> Any:
         """θ'' (n, P)."""
         turns = np.empty_like(self.angles)
-        for (columns, (free, *pushed)), push in zip(self.solutions, pushes, strict=True):
-            turns[columns] = free + sum(each * size for each, size in zip(pushed, push, strict=True))
+        for (columns, (free, *responses)), push in zip(self.solutions, pushes, strict=True):
+            turns[columns] = free + sum(response * size for response, size in zip(responses, push, strict=True))
         return turns.T

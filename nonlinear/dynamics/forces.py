@@ -47,7 +47,7 @@ class External(NamedTuple):
     first joint (d, P, ...), as are torques (N m) that act reversed on what carries it.
     """
 
-    generalized: Any
+    generalized_forces: Any
     power: Any
     forces: Any
     at_joints: Any
@@ -73,7 +73,7 @@ def _root(squares: Any) -> Any:
     """The root of an array, in a text also of what no number of a scene moves."""
     if squares.dtype != object:
         return np.sqrt(squares)
-    roots = [each.sqrt() if hasattr(each, "sqrt") else sqrt(each) for each in squares.flat]
+    roots = [square.sqrt() if hasattr(square, "sqrt") else sqrt(square) for square in squares.flat]
     return np.array(roots, dtype=object).reshape(squares.shape)
 
 
@@ -83,17 +83,17 @@ def drag_forces(group: Group, velocities: Any) -> Any:
     return drag_law(velocities, spread(group.block.drag, velocities[0]), quadratic)
 
 
-def drag(group: Group, along: Any, pivot: tuple[Any, Any], support: Any = None, winding: Any = None) -> External:
+def drag(group: Group, rates: Any, pivot: tuple[Any, Any], support: Any = None, winding: Any = None) -> External:
     """The drag of a group of links.
 
-    `along` (d, n, P, ...) are the rates u'; the first component is along the rail.  The first joints move at a `pivot`
+    `rates` (d, n, P, ...) are the rates u'; the first component is along the rail.  The first joints move at a `pivot`
     velocity (m/s) along it and down, (P, ...) each or one of all.  The air stands still
     while a `support` moves, with the velocity (m/s) along the rail and down; the power is that in its frame.  `winding`
     (d, n, P, ...) are the velocities l' u of bobs at the end of ropes that change their length.
     """
-    length, centre = (spread(part, along[0]) for part in (group.block.length, group.block.centre))
-    steps = length * along
-    velocities = np.cumsum(steps, axis=1) - steps + centre * along
+    length, centre = (spread(part, rates[0]) for part in (group.block.length, group.block.centre))
+    steps = length * rates
+    velocities = np.cumsum(steps, axis=1) - steps + centre * rates
     if winding is not None:
         velocities = velocities + np.cumsum(winding, axis=1)
     velocities[0], velocities[-1] = velocities[0] + pivot[0], velocities[-1] + pivot[1]
@@ -103,8 +103,8 @@ def drag(group: Group, along: Any, pivot: tuple[Any, Any], support: Any = None, 
         wind[0], wind[-1] = wind[0] + support[0], wind[-1] + support[1]
     forces = drag_forces(group, wind)
     through = np.cumsum(forces[:, ::-1], axis=1)[:, ::-1]
-    pushed = length * (through - forces) + centre * forces
-    return External(pushed, (forces * velocities).sum((0, 1, 2)), forces, through[:, 0])
+    on_links = length * (through - forces) + centre * forces
+    return External(on_links, (forces * velocities).sum((0, 1, 2)), forces, through[:, 0])
 
 
 def plane_drag(
@@ -114,20 +114,22 @@ def plane_drag(
     sin, cos = np.sin(angles), np.cos(angles)
     winding = None if speed is None else np.stack((speed * sin, speed * cos))
     external = drag(group, np.stack((rates * cos, -(rates * sin))), pivot, support, winding)
-    return external._replace(generalized=external.generalized[0] * cos - external.generalized[1] * sin)
+    return external._replace(
+        generalized_forces=external.generalized_forces[0] * cos - external.generalized_forces[1] * sin
+    )
 
 
 def forces_of(system: System, speeds: Floats) -> Floats:
     """The drag (N) on every link at T times, (T, L, d) like the velocities of the centres."""
     forces = np.zeros_like(speeds)
     for group in system.groups:
-        if group.dragged:
+        if group.has_drag:
             velocities = np.moveaxis(speeds[:, group.index], (0, -1), (-1, 0))
             forces[:, group.index] = np.moveaxis(drag_forces(group, velocities), (0, -1), (-1, 0))
     return forces
 
 
-def applied(
+def external_of_forces(
     group: Group,
     forces: Sequence[ActingForce],
     sizes: Sequence[Any],
@@ -155,8 +157,8 @@ def applied(
             for k in range(row + 1):
                 reach = length[k, columns] if k < row else centre[k, columns] if below is None else below
                 theta = angles[k, columns]
-                across = along * np.cos(theta) if along else -down * np.sin(theta)
-                torques[k, columns] = torques[k, columns] + _beside(reach, theta) * (size * across)
+                component = along * np.cos(theta) if along else -down * np.sin(theta)
+                torques[k, columns] = torques[k, columns] + _broadcast(reach, theta) * (size * component)
                 if speed is not None:
                     axial = along * np.sin(theta) if along else down * np.cos(theta)
                     power = power + (speed[k, columns] * (size * axial)).sum(0)
@@ -184,7 +186,7 @@ def resultants(system: System, angles: Floats, time: float) -> tuple[Floats, Flo
     Written for links that are free of each other, as maximal coordinates have them.
     """
     forces, moments = np.zeros((system.n_links, 2)), np.zeros(system.n_links)
-    centre, across = system.by_link("centre"), np.column_stack((np.cos(angles), -np.sin(angles)))
+    centre, normals = system.by_link("centre"), np.column_stack((np.cos(angles), -np.sin(angles)))
     sizes = sizes_at(system, time)
     for force, size in zip(system.forces, sizes, strict=True):
         for link, above, below in force.places:
@@ -196,11 +198,11 @@ def resultants(system: System, angles: Floats, time: float) -> tuple[Floats, Flo
             push = size * np.array(force.direction)
             forces[link] += push
             if below is not None:
-                moments[link] += (below - centre[link]) * float(across[link] @ push)
+                moments[link] += (below - centre[link]) * float(normals[link] @ push)
     return forces, moments, float(on_cart(system, sizes))
 
 
-def _beside(constant: Any, like: Any) -> Any:
+def _broadcast(constant: Any, like: Any) -> Any:
     return constant if np.ndim(constant) == 0 else constant.reshape(-1, *[1] * (like.ndim - 1))
 
 
@@ -231,8 +233,8 @@ def joint_torques(group: Group, angles: Any, rates: Any, base: Base | None = Non
 
 def link_torques(group: Group, angles: Any, rates: Any) -> Any:
     """The generalized forces (N m) of `joint_torques` alone, where only the support carries first joints."""
-    kept, working, _ = _bending(group, angles, rates)
-    return _on_links(kept + working)
+    elastic, working, _ = _bending(group, angles, rates)
+    return _on_links(elastic + working)
 
 
 def _on_links(torques: Any) -> Any:
@@ -244,17 +246,17 @@ def _on_links(torques: Any) -> Any:
 
 def bending_torques(group: Group, angles: Any, rates: Any, base: Base | None = None) -> tuple[Any, Any]:
     """The torque (N m) of every joint on the link below it, (n, P, ...), and the power as in `joint_torques`."""
-    kept, working, speed = _bending(group, angles, rates, base)
-    return kept + working, np.sum(working * speed, axis=(0, 1))
+    elastic, working, speed = _bending(group, angles, rates, base)
+    return elastic + working, np.sum(working * speed, axis=(0, 1))
 
 
 def _bending(group: Group, angles: Any, rates: Any, base: Base | None = None) -> tuple[Any, Any, Any]:
     """Both parts of the torque of every joint, (n, P, ...), and the rate (rad/s) at which it bends."""
-    turned, turning = base or (None, None)
+    base_angle, turning = base or (None, None)
     block, drive, speed = group.block, group.excitation, relative(rates, turning)
-    curbed = (drive.strength, drive.curb) if group.excited and drive else ()
-    constants = (spread(constant, angles) for constant in (block.stiffness, block.damping, *curbed))
-    return *joint_law(bend(group, angles, turned), speed, *constants), speed
+    drive_constants = (drive.strength, drive.curb) if group.has_van_der_pol and drive else ()
+    constants = (spread(constant, angles) for constant in (block.stiffness, block.damping, *drive_constants))
+    return *joint_law(bend(group, angles, base_angle), speed, *constants), speed
 
 
 def modal_drag(system: System, rates: Any) -> Any:
@@ -294,7 +296,7 @@ def relative(values: Any, base: Any = None) -> Any:
 
 def bend(group: Group, angles: Any, base: Any = None) -> Any:
     """The angle (rad) of every link relative to the one above, less its equilibrium value, (n, P, ...)."""
-    return relative(angles, base) - spread(group.bent, angles)
+    return relative(angles, base) - spread(group.joint_rest, angles)
 
 
 def spread(constant: Any, like: Any) -> Any:

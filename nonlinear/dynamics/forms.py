@@ -20,16 +20,16 @@ from nonlinear.dynamics.elimination import Elimination, loses_digits
 from nonlinear.dynamics.inputs import Inputs
 from nonlinear.dynamics.minimal import GroupBody, Minimal, Recursion
 from nonlinear.dynamics.spatial import Spatial, SpatialRecursion
-from nonlinear.dynamics.tape import Tape, along, partials
+from nonlinear.dynamics.tape import Tape, directional_derivatives, partials
 from nonlinear.dynamics.text import Module
 from nonlinear.system import (
     AppliedForces,
     Group,
     System,
+    constants_of,
     entries_of,
-    prescribed_of,
     system_with,
-    with_prescribed,
+    system_with_constants,
 )
 from nonlinear.system.numbers import BEFORE, FIELDS
 
@@ -45,10 +45,10 @@ class Form:
     solved by elimination; `present` tells which numbers (`nonlinear.system.numbers`) are not 0, `ends` which links have
     their centre at their end, `ratios` which entries of the modal damping are not 0, `laws` the links that follow each
     law of a hoist; `directions` are those in which a support moves, `forces` where forces act and in which direction,
-    `timed` how many constants of what is prescribed are numbers, None where it is no arithmetic of the time; `pushed`
-    equations have a load, `works` ones the work; `contacts` are the coordinates below and above each contact with dry
-    friction, none where that is left out, and on a rail that `presses` it has a coefficient; `spatial` ones have three
-    numbers a link.  `structure` is the shape of what carries the pendula (`shape_of`).
+    `constant_count` how many constants of what is prescribed are numbers, None where it is no arithmetic of the time;
+    equations have a load where `has_load`, `works` ones the work; `contacts` are the coordinates below and above each
+    contact with dry friction, none where that is left out, and on a rail that `presses` it has a coefficient; `spatial`
+    ones have three numbers a link.  `structure` is the shape of what carries the pendula (`shape_of`).
     """
 
     chains: tuple[tuple[Table, Table, bool], ...]
@@ -58,8 +58,8 @@ class Form:
     laws: Table
     directions: Table
     forces: Table
-    timed: int | None
-    pushed: bool
+    constant_count: int | None
+    has_load: bool
     works: bool
     contacts: tuple[tuple[int, int], ...]
     presses: bool
@@ -75,20 +75,20 @@ class Form:
     @property
     def count(self) -> int:
         """How many numbers p there are."""
-        return sum(self.present) + sum(self.ratios) + (self.timed or 0)
+        return sum(self.present) + sum(self.ratios) + (self.constant_count or 0)
 
-    def numbers(self, entries: Sequence[Any], prescribed: Sequence[Any]) -> list[Any]:
+    def numbers(self, entries: Sequence[Any], constants: Sequence[Any]) -> list[Any]:
         """The numbers p of a scene of this form, or of many (`nonlinear.system.Numbers`)."""
-        every, has = (*entries, *prescribed), (*self.present, *self.ratios, *[True] * (self.timed or 0))
-        return [number for number, there in zip(every, has, strict=True) if there]
+        numbers, has = (*entries, *constants), (*self.present, *self.ratios, *[True] * (self.constant_count or 0))
+        return [number for number, is_present in zip(numbers, has, strict=True) if is_present]
 
 
 def form_of(
     system: System,
     entries: Sequence[Any] | None = None,
-    prescribed: Sequence[Any] | None = None,
+    constants: Sequence[Any] | None = None,
     *,
-    pushed: bool = False,
+    has_load: bool = False,
     works: bool | None = None,
     frail: Sequence[bool] | None = None,
 ) -> Form:
@@ -98,16 +98,16 @@ def form_of(
     matrices lose digits.
     """
     numbers = entries_of(system) if entries is None else entries
-    beside = prescribed_of(system) if prescribed is None else prescribed
+    motion_constants = constants_of(system) if constants is None else constants
     weak = [loses_digits(group, system) for group in system.groups] if frail is None else frail
     links, hoisting, support = system.n_links, system.hoisting, system.support
     at = {name: BEFORE + links * FIELDS.index(name) for name in ("length", "centre")}
     length, centre = (numbers[place : place + links] for place in at.values())
     chains = tuple(
-        (_table(group.index), _table(group.block.sigma), _eliminated(group, lost) and _pays(group, system))
-        for group, lost in zip(system.groups, weak, strict=True)
+        (_table(group.index), _table(group.block.sigma), _can_eliminate(group, is_frail) and _pays(group, system))
+        for group, is_frail in zip(system.groups, weak, strict=True)
     )
-    D = beside[: 0 if system.modal_damping is None else np.size(system.modal_damping)]
+    D = motion_constants[: 0 if system.modal_damping is None else np.size(system.modal_damping)]
     return Form(
         chains,
         _present(numbers),
@@ -116,9 +116,9 @@ def form_of(
         tuple(tuple(places.tolist()) for places, _ in hoisting.laws) if hoisting else (),
         support.directions if support else (),
         tuple((force.places, force.direction, _carrier(force.carrier)) for force in system.forces),
-        len(beside) - len(D) if system.is_analytic else None,
-        pushed,
-        system.works or pushed if works is None else works,
+        len(motion_constants) - len(D) if system.is_analytic else None,
+        has_load,
+        system.works or has_load if works is None else works,
         (),
         False,
         system.spatial,
@@ -134,16 +134,16 @@ def _present(entries: Sequence[Any]) -> tuple[bool, ...]:
 def shape_of(system: System) -> tuple[Any, ...]:
     """What of a structure is not a number: kinds, where pendula hang, where springs end, which have no length."""
     structure = system.suspension
-    each = {pivot: k for k, pivot in enumerate(dict.fromkeys(map(id, structure.pivots)))}
+    pivot_numbers = {pivot: k for k, pivot in enumerate(dict.fromkeys(map(id, structure.pivots)))}
     carriers = tuple(
         (part.kind, part.size, None if part.points is None else len(part.points)) for part in structure.carriers
     )
-    pivots = tuple((each[id(pivot)], pivot.carrier, _numbered(pivot.where)) for pivot in structure.pivots)
+    pivots = tuple((pivot_numbers[id(pivot)], pivot.carrier, _point_number(pivot.where)) for pivot in structure.pivots)
     springs = tuple((*map(_end, part.ends), part.torsion) for part in structure.springs)
     return carriers, pivots, springs, system.slack
 
 
-def _numbered(where: Any) -> int | None:
+def _point_number(where: Any) -> int | None:
     return where if isinstance(where, int) else None
 
 
@@ -156,7 +156,7 @@ def _end(end: End) -> tuple[Any, ...]:
         return "link", end.link, end.below is None
     if isinstance(end, GroundEnd):
         return "ground", end.place is None
-    return "carrier", end.carrier, _numbered(end.where)
+    return "carrier", end.carrier, _point_number(end.where)
 
 
 def _table(values: Any) -> Table:
@@ -166,11 +166,11 @@ def _table(values: Any) -> Table:
 def _pays(group: Group, system: System) -> bool:
     """Whether matrices take fewer operations than the recursion: those of fewer links under several coordinates."""
     structure = system.suspension
-    most = max(structure.carriers[structure.pivots[pendulum].carrier].size for pendulum in group.pendula.tolist())
-    return group.n <= (SHORT if most <= 1 else 2)
+    size = max(structure.carriers[structure.pivots[pendulum].carrier].size for pendulum in group.pendula.tolist())
+    return group.n <= (SHORT if size <= 1 else 2)
 
 
-def _eliminated(group: Group, frail: bool) -> bool:
+def _can_eliminate(group: Group, frail: bool) -> bool:
     return group.n <= SHORT and not frail
 
 
@@ -191,12 +191,12 @@ class Symbolic:
         entries = [next(p) if has else 0.0 for has in form.present]
         links = form.system.n_links
         at = {name: BEFORE + links * FIELDS.index(name) for name in ("length", "centre")}
-        for k, same in enumerate(form.ends):
-            if same:
+        for k, is_at_end in enumerate(form.ends):
+            if is_at_end:
                 entries[at["centre"] + k] = entries[at["length"] + k]
         ratios = [next(p) if has else 0.0 for has in form.ratios]
         self.entries = tuple(entries)
-        return with_prescribed(system_with(form.system, entries), [*ratios, *p])
+        return system_with_constants(system_with(form.system, entries), [*ratios, *p])
 
 
 class TapedEquations(Symbolic):
@@ -209,7 +209,7 @@ class TapedEquations(Symbolic):
             type(body) if np.isin(group.index, moving).any() else body
             for group, body in zip(self.system.groups, self.bodies, strict=True)
         )
-        load = _unknown if form.pushed else None
+        load = _unknown if form.has_load else None
         kind = Spatial if form.spatial else Minimal
         self.minimal = kind(self.system, tuple(bodies), load, counts_work=form.works)
         inputs = Inputs(self.system, load, form.contacts)
@@ -221,18 +221,20 @@ class TapedEquations(Symbolic):
     def rates(self) -> list[Any]:
         """The rates y', with contacts that all slide, and N of a rail with a coefficient."""
         sliding, minimal = self.instant._replace(gripping=None), self.minimal
-        if self.instant.gripping is None or self.instant.gripping.pressed is None:
+        if self.instant.gripping is None or self.instant.gripping.rail_coefficient is None:
             return minimal.rates(self.y, sliding).tolist()  # type: ignore[no-any-return]
         force, accelerations = self.tape.symbol("in", "rail", 0), slice(minimal.layout.half, 2 * minimal.layout.half)
-        pushed = sliding._replace(push=sliding.push._replace(cart=sliding.push.cart + force))
-        response = along(self.tape, minimal.rates(self.y, pushed)[accelerations], [force], [1.0])
-        rates, rubbed = minimal.rubbed(self.y, self.instant, np.array(response))
-        return [*rates.tolist(), rubbed.normal]
+        with_force = sliding._replace(push=sliding.push._replace(cart=sliding.push.cart + force))
+        response = directional_derivatives(self.tape, minimal.rates(self.y, with_force)[accelerations], [force], [1.0])
+        rates, friction = minimal.rates_and_friction(self.y, self.instant, np.array(response))
+        return [*rates.tolist(), friction.normal]
 
     @cached_property
-    def held(self) -> list[Any]:
+    def sticking_rates(self) -> list[Any]:
         """The rates y' where contacts may stick, as their inputs say."""
-        return self.minimal.rubbed(self.y, self.instant)[0].tolist() if self.instant.gripping else self.rates
+        return (
+            self.minimal.rates_and_friction(self.y, self.instant)[0].tolist() if self.instant.gripping else self.rates
+        )
 
 
 def _unknown(time: float, state: Any) -> AppliedForces:
@@ -246,17 +248,25 @@ def module_of(form: Form, *, tangent: bool = False) -> Module:
     if not tangent:
         return Module(equations.tape, {"rates": equations.rates})
     v = equations.tape.inputs("y", len(equations.y))
-    return Module(equations.tape, {"rates": [*equations.held, *along(equations.tape, equations.held, equations.y, v)]})
+    return Module(
+        equations.tape,
+        {
+            "rates": [
+                *equations.sticking_rates,
+                *directional_derivatives(equations.tape, equations.sticking_rates, equations.y, v),
+            ]
+        },
+    )
 
 
 @lru_cache(maxsize=64)
 def jacobian_of(form: Form) -> tuple[Module, Ints, Ints]:
     """The function "jacobian" of a form: y', then the entries of ∂y'/∂y that are not always 0, at these places."""
     equations = TapedEquations(form)
-    slopes = partials(equations.tape, equations.held, equations.y)
-    places = np.array([(row, column) for row, each in enumerate(slopes) for column in each]).reshape(-1, 2)
-    entries = [slope for each in slopes for slope in each.values()]
-    return Module(equations.tape, {"jacobian": [*equations.held, *entries]}), places[:, 0], places[:, 1]
+    slopes = partials(equations.tape, equations.sticking_rates, equations.y)
+    places = np.array([(row, column) for row, row_slopes in enumerate(slopes) for column in row_slopes]).reshape(-1, 2)
+    entries = [slope for row_slopes in slopes for slope in row_slopes.values()]
+    return Module(equations.tape, {"jacobian": [*equations.sticking_rates, *entries]}), places[:, 0], places[:, 1]
 
 
 def responding(equations: TapedEquations, form: Form) -> list[Any]:

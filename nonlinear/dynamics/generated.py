@@ -19,13 +19,13 @@ from nonlinear.dynamics.forms import Form, form_of, module_of
 from nonlinear.dynamics.inputs import Inputs
 from nonlinear.dynamics.minimal import Arranged, Minimal, Recursion
 from nonlinear.dynamics.text import Module
-from nonlinear.system import Group, Layout, Load, Numbers, System, entries_of, prescribed_of
+from nonlinear.system import Group, Layout, Load, Numbers, System, constants_of, entries_of
 
 UNDEFINED = (ZeroDivisionError, OverflowError, ValueError)
 """Raised by Python's floats where NumPy's give inf or nan."""
 
 Rate = Callable[..., list[float]]
-Listed = Callable[[float, Sequence[float]], Sequence[float]]
+InputFunction = Callable[[float, Sequence[float]], Sequence[float]]
 
 
 class Written(ABC):
@@ -43,11 +43,11 @@ class Written(ABC):
 
     @property
     @abstractmethod
-    def listed(self) -> Listed | None:
+    def inputs_at(self) -> InputFunction | None:
         """The inputs u at a time (s) and a state y; None where there are none."""
 
     @property
-    def is_clocked(self) -> bool:
+    def is_time_only(self) -> bool:
         """Whether the only input is the time."""
         return False
 
@@ -60,17 +60,17 @@ class Written(ABC):
             return slopes
         state = y.tolist()
         try:
-            slopes[...] = self.rate(state, self.listed(time, state) if self.listed else ())
+            slopes[...] = self.rate(state, self.inputs_at(time, state) if self.inputs_at else ())
         except UNDEFINED:
             slopes[...] = np.nan
         return slopes
 
     def inputs_beside(self, times: Any, y: Any) -> Any:
         """The inputs (K, S) of states side by side at one time or a time each."""
-        if self.listed is None:
+        if self.inputs_at is None:
             return ()
-        each = np.broadcast_to(times, y.shape[1:]).tolist()
-        return np.array([self.listed(time, state) for time, state in zip(each, y.T.real, strict=True)]).T
+        times_of_states = np.broadcast_to(times, y.shape[1:]).tolist()
+        return np.array([self.inputs_at(time, state) for time, state in zip(times_of_states, y.T.real, strict=True)]).T
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,12 +84,12 @@ class Generated(Written, Arranged):
     @cached_property
     def form(self) -> Form:
         """What the text depends on."""
-        return form_of(self.system, pushed=self.load is not None, works=self.layout.works)
+        return form_of(self.system, has_load=self.load is not None, works=self.layout.works)
 
     @cached_property
     def constants(self) -> list[float]:
         """What stands in the text for this scene."""
-        numbers = entries_of(self.system), prescribed_of(self.system)
+        numbers = entries_of(self.system), constants_of(self.system)
         return module_of(self.form).constants(self.form.numbers(*numbers))
 
     @cached_property
@@ -103,18 +103,18 @@ class Generated(Written, Arranged):
         return module_of(self.form).function("rates", self.constants, "arrays")
 
     @property
-    def is_clocked(self) -> bool:
+    def is_time_only(self) -> bool:
         """Whether the only input is the time."""
         return self.inputs.is_analytic and self.inputs.count == 1
 
     @cached_property
-    def listed(self) -> Listed | None:
+    def inputs_at(self) -> InputFunction | None:
         """The inputs u at a time (s) and a state y; None where there are none."""
         if not self.inputs.count:
             return None
         if self.load is None:
             return self.inputs.of_time
-        return lambda time, y: self.inputs.listed(time, y, self.layout)
+        return lambda time, y: self.inputs.inputs_at(time, y, self.layout)
 
     def inputs_beside(self, times: Any, y: Any) -> Any:
         """The inputs (K, S) of states side by side."""
@@ -160,7 +160,7 @@ class Lanes:
     @cached_property
     def inputs(self) -> Inputs:
         """What time brings."""
-        return Inputs(self.system, drags=self.numbers.dragged)
+        return Inputs(self.system, drags=self.numbers.has_drag)
 
     @cached_property
     def is_written(self) -> bool:
@@ -170,7 +170,7 @@ class Lanes:
     @cached_property
     def form(self) -> Form:
         """What the text depends on."""
-        numbers = self.numbers.entries, self.numbers.prescribed
+        numbers = self.numbers.entries, self.numbers.constants
         frail = [_frail(self.numbers, group) for group in self.system.groups]
         return form_of(self.system, *numbers, works=self.layout.works, frail=frail)
 
@@ -181,7 +181,7 @@ class Lanes:
 
     def constants(self, numbers: Numbers) -> list[Any]:
         """What stands in the text for these members: numbers and arrays (S,)."""
-        return self.module.constants(self.form.numbers(numbers.entries, numbers.prescribed))
+        return self.module.constants(self.form.numbers(numbers.entries, numbers.constants))
 
     def rates(self, numbers: Numbers) -> Rates:
         """The rates of so many members as these numbers are of."""
@@ -209,8 +209,8 @@ class Lanes:
 def _frail(numbers: Numbers, group: Group) -> bool:
     """Whether any member has so light a cart, or a link so light beside one below it, that matrices lose digits."""
     system = numbers.arrays
-    mass = next(each for each in system.groups if each.index is group.index).block.mass
+    mass = next(candidate for candidate in system.groups if candidate.index is group.index).block.mass
     heaviest = np.maximum.accumulate(mass[::-1])[::-1]
-    total = sum(each.block.mass.sum((0, 1)) for each in system.groups)
+    total = sum(candidate.block.mass.sum((0, 1)) for candidate in system.groups)
     light = system.cart is not None and np.any(np.asarray(system.cart.mass) < LIGHT * total)
     return bool(light or np.any(mass < FRAIL * heaviest))

@@ -46,17 +46,17 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from modal.types import Floats
-from nonlinear.dynamics.bearing import Bearing, inverted
+from nonlinear.dynamics.bearing import Bearing, apply_inverse_mass
 from nonlinear.dynamics.forces import cart_force
 from nonlinear.dynamics.forms import Form, TapedEquations
-from nonlinear.dynamics.generated import Generated, Listed, Rate
+from nonlinear.dynamics.generated import Generated, InputFunction, Rate
 from nonlinear.dynamics.mechanics import energies
 from nonlinear.dynamics.minimal import Arranged, Minimal
 from nonlinear.dynamics.spatial import Spatial, SpatialRecursion, dot
 from nonlinear.dynamics.structure import carriers_of, displacement
 from nonlinear.dynamics.tape import gradient
 from nonlinear.dynamics.text import Module
-from nonlinear.system import Group, Load, Motion, State, System, entries_of, prescribed_of
+from nonlinear.system import Group, Load, Motion, State, System, constants_of, entries_of
 
 
 class Hamiltonian(Generated):
@@ -65,7 +65,7 @@ class Hamiltonian(Generated):
     @cached_property
     def constants(self) -> list[float]:
         """What stands in the text for this scene."""
-        numbers = entries_of(self.system), prescribed_of(self.system)
+        numbers = entries_of(self.system), constants_of(self.system)
         return hamilton_of(self.form).constants(self.form.numbers(*numbers))
 
     def function(self, name: str, target: str = "floats") -> Callable[..., Any]:
@@ -96,28 +96,28 @@ class Hamiltonian(Generated):
         return rate
 
     @cached_property
-    def listed(self) -> Listed | None:
+    def inputs_at(self) -> InputFunction | None:
         """The inputs u at a time (s) and a y, whose velocities a load sees; None where there are none."""
-        given, half = super().listed, self.layout.half
-        if given is None or self.load is None:
-            return given
+        inputs, half = super().inputs_at, self.layout.half
+        if inputs is None or self.load is None:
+            return inputs
         velocities = self.function("velocities")
-        return lambda time, y: given(time, [*y[:half], *velocities(y), *y[2 * half :]])
+        return lambda time, y: inputs(time, [*y[:half], *velocities(y), *y[2 * half :]])
 
     def momenta(self, q: Any, v: Any) -> Any:
         """The momenta p = ∂T/∂q' (half, S) at coordinates q and rates v (half, S)."""
-        return self._turned("momenta", q, v)
+        return self._evaluate("momenta", q, v)
 
     def velocities(self, q: Any, p: Any) -> Any:
         """The rates q' = M⁻¹ p (half, S) that belong to momenta p (half, S)."""
-        return self._turned("velocities", q, p)
+        return self._evaluate("velocities", q, p)
 
     def hamiltonian(self, q: Any, p: Any) -> Any:
         """H = T + V (J), (S,), V from the scene's rest."""
-        return self._turned("energy", q, self.velocities(q, p))[0]
+        return self._evaluate("energy", q, self.velocities(q, p))[0]
 
-    def _turned(self, name: str, q: Any, other: Any) -> Any:
-        y = [*q, *other, *[0.0] * self.layout.works]
+    def _evaluate(self, name: str, q: Any, rates: Any) -> Any:
+        y = [*q, *rates, *[0.0] * self.layout.works]
         return np.array([value + 0 * q[0] for value in self.function(name, "arrays")(y)])
 
     def begin(self, state: State) -> Floats:
@@ -149,18 +149,18 @@ def hamilton_of(form: Form) -> Module:
     half = minimal.layout.half
     y, q, v = equations.y, equations.y[:half], equations.y[half : 2 * half]
     parts = energies(system, q, v)
-    stored = parts.stored
+    potential = parts.potential_energy
     if system.support:
-        stored = stored + inertial_energy(system, q, v, equations.instant.support)
+        potential = potential + inertial_energy(system, q, v, equations.instant.support)
     acting = Minimal(without_springs(system), equations.bodies, minimal.load, counts_work=form.works)
     Q, power = acting.forces(y, equations.instant)
-    thrown, kept = gradient(tape, parts.moving, q), gradient(tape, stored, q)
-    slopes = [a - b + each for a, b, each in zip(thrown, kept, Q, strict=True)]
+    thrown, restoring = gradient(tape, parts.moving, q), gradient(tape, potential, q)
+    slopes = [a - b + force for a, b, force in zip(thrown, restoring, Q, strict=True)]
     solvers = list(zip(system.groups, equations.bodies, strict=True))
     return Module(
         tape,
         {
-            "velocities": inverted(system, solvers, q, v).tolist(),
+            "velocities": apply_inverse_mass(system, solvers, q, v).tolist(),
             "momenta": gradient(tape, parts.moving, v),
             "slopes": [*slopes, power] if form.works else slopes,
             "energy": [parts.total],
@@ -174,8 +174,8 @@ def without_springs(system: System) -> System:
     for group in system.groups:
         groups.append(replace(group, block=replace(group.block, stiffness=0.0 * group.block.stiffness)))
     carriers = [
-        replace(each, stiffness=(0.0,) * len(each.stiffness), K=None if each.K is None else 0.0 * each.K)
-        for each in structure.carriers
+        replace(carrier, stiffness=(0.0,) * len(carrier.stiffness), K=None if carrier.K is None else 0.0 * carrier.K)
+        for carrier in structure.carriers
     ]
     springs = [spring._replace(stiffness=0.0) for spring in structure.springs]
     suspension = replace(structure, carriers=tuple(carriers), springs=tuple(springs))
@@ -256,12 +256,12 @@ class SpatialHamiltonian(Arranged):
     def velocities(self, q: Any, p: Any) -> Any:
         """The rates (x', u'), (half, ...), that belong to the momenta (p_x, π)."""
         solvers = [(group, SpatialRecursion(group, p.ndim - 1)) for group in self.system.groups]
-        return inverted(self.system, solvers, q, p, self.lagrangian.places)
+        return apply_inverse_mass(self.system, solvers, q, p, self.lagrangian.places)
 
     def hamiltonian(self, q: Any, p: Any) -> Any:
         """H = ½ (p_x x' + Σ π·u') + V (J), V from the scene's rest."""
         v = self.velocities(q, p)
-        return (p * v).sum(0) / 2 + energies(self.system, q, v).stored
+        return (p * v).sum(0) / 2 + energies(self.system, q, v).potential_energy
 
     def derivative(self, time: Any, y: Any) -> Any:
         """The derivative y' (size, ...): (x', u'), then (p_x', π'), then the power."""
@@ -272,21 +272,21 @@ class SpatialHamiltonian(Arranged):
         instant = self.inputs.at(time, np.concatenate((y[:half], v, y[2 * half :])), layout)
         frame = instant.support if system.support else None
         moments = None if instant.push.moments is None else np.ravel(instant.push.moments)
-        cart_rate, pulled, power = (v[0] if first else 0.0), 0.0, 0.0
+        cart_rate, rail_force, power = (v[0] if first else 0.0), 0.0, 0.0
         for place, group in self._groups:
             u, w = upon_sphere(y[first:half][place]), v[first:][place]
             force, work, _ = lagrangian.acting(group, u, w, None if moments is None else moments[place], frame)
             power = power + work
             external = lagrangian.external(group, u, w, (cart_rate, 0.0), instant)
             if external is not None:
-                force, power = force + external.generalized, power + external.power
-                pulled = pulled + external.along_rail
+                force, power = force + external.generalized_forces, power + external.power
+                rail_force = rail_force + external.along_rail
             force = force + self._weight(group, u, instant.support)
             pi, P = tangent(u, y[half + first : 2 * half][place]), free_momentum(group, w, cart_rate).links
             rates[half + first : 2 * half][place] = tangent(u, force) - dot(w, pi) * u - dot(u, P) * w
         if first:
-            kept, working = cart_force(system, y[0], v[0])
-            rates[half] = instant.push.cart + working + kept + pulled
+            elastic, working = cart_force(system, y[0], v[0])
+            rates[half] = instant.push.cart + working + elastic + rail_force
             power = power + v[0] * (instant.push.cart + working)
         if layout.works:
             rates[-1] = power

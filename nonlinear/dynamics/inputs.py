@@ -95,14 +95,14 @@ class Inputs:
     def count(self) -> int:
         """How many inputs u there are."""
         acting = 0 if self.load is None else self._moments + self.system.first
-        return self._moved + 3 * len(self.laws) + acting + 2 * len(self.contacts)
+        return self._course_count + 3 * len(self.laws) + acting + 2 * len(self.contacts)
 
     @property
     def _moments(self) -> int:
         return self.system.n_links * (3 if self.system.spatial else 1)
 
     @property
-    def _moved(self) -> int:
+    def _course_count(self) -> int:
         return 1 if self.is_analytic else len(self.courses)
 
     @property
@@ -110,7 +110,7 @@ class Inputs:
         """Whether all that is prescribed is written out, of its constants and the time."""
         return self.system.is_analytic
 
-    def listed(self, time: float, y: Sequence[float], layout: Layout) -> list[Any]:
+    def inputs_at(self, time: float, y: Sequence[float], layout: Layout) -> list[Any]:
         """The inputs u at one time (s), where the load sees the state y."""
         values = [*self.of_time(time)]
         if self.load is not None:
@@ -141,11 +141,11 @@ class Inputs:
         """Every input of time alone piece by piece; none where the time is the only one; None where any has none."""
         if self.is_analytic and not self.laws:
             return []
-        moved = [pieces for course in self.courses if (pieces := course.polynomials)]
-        moved = [CLOCK] if self.is_analytic else moved
-        if len(moved) < self._moved or not all(isinstance(law, LengthLaw) for _, law in self.laws):
+        courses = [pieces for course in self.courses if (pieces := course.polynomials)]
+        courses = [CLOCK] if self.is_analytic else courses
+        if len(courses) < self._course_count or not all(isinstance(law, LengthLaw) for _, law in self.laws):
             return None
-        return [*moved, *(pieces for _, law in self.laws for pieces in _derivatives(law))]
+        return [*courses, *(pieces for _, law in self.laws for pieces in _derivatives(law))]
 
     @cached_property
     def pieces(self) -> list[Polynomials] | None:
@@ -178,8 +178,8 @@ class Inputs:
     def _bending(self, gravity: float) -> Iterator[tuple[Course, float]]:
         """Accelerations of the support (m/s²) and forces (N, N m), with the unit of each."""
         system = self.system
-        forces, moved = len(system.forces), len(system.support.motions) if system.support else 0
-        yield from ((course, gravity) for course in self.courses[:moved])
+        forces, count = len(system.forces), len(system.support.motions) if system.support else 0
+        yield from ((course, gravity) for course in self.courses[:count])
         weight = gravity * float(np.min(system.by_link("mass"))) if forces else 0.0
         for force, course in zip(system.forces, self.courses[len(self.courses) - forces :], strict=True):
             yield course, weight if force.direction else weight * float(np.min(system.by_link("length")))
@@ -207,9 +207,9 @@ class Inputs:
         sizes = [course.of(time) if self.is_analytic else next(values) for course in self.courses]
         if moving := self.system.support:
             count = len(moving.motions)
-            support = moving.combined(sizes[:count])
-            if self.drags or self.system.dragged:
-                velocity = moving.combined(sizes[count : 2 * count])
+            support = moving.components(sizes[:count])
+            if self.drags or self.system.has_drag:
+                velocity = moving.components(sizes[count : 2 * count])
         forces = tuple(sizes[len(sizes) - len(self.system.forces) :])
         lengths = self._lengths([(next(values), next(values), next(values)) for _ in self.laws]) if self.laws else None
         first = self.system.first
@@ -217,13 +217,13 @@ class Inputs:
         if not self.contacts:
             return Instant(support, velocity, lengths, self._push(acting), None, forces)
         acting = acting or [0.0] * (first + self.system.n_links)
-        pressed = next(values) if self.system.rail and self.system.rail.coefficient else None
-        for below, above in self.contacts[pressed is not None :]:
+        rail_coefficient = next(values) if self.system.rail and self.system.rail.coefficient else None
+        for below, above in self.contacts[rail_coefficient is not None :]:
             tau = next(values)
             acting[below] = acting[below] + tau
             if above >= 0:
                 acting[above] = acting[above] - tau
-        gripping = Gripping(self.contacts, [*values], pressed)
+        gripping = Gripping(self.contacts, [*values], rail_coefficient)
         return Instant(support, velocity, lengths, self._push(acting), gripping, forces)
 
     def _push(self, acting: Sequence[Any]) -> AppliedForces:
@@ -231,8 +231,8 @@ class Inputs:
         if not acting:
             return NOTHING
         if self.system.structure is not None:
-            return AppliedForces(0.0, _filled(acting[first:]), _filled(acting[:first]))
-        return AppliedForces(acting[0] if first else 0.0, _filled(acting[first:]))
+            return AppliedForces(0.0, _array_of(acting[first:]), _array_of(acting[:first]))
+        return AppliedForces(acting[0] if first else 0.0, _array_of(acting[first:]))
 
     def _lengths(self, laws: Sequence[tuple[Any, Any, Any]]) -> Lengths:
         links = self.system.n_links
@@ -245,7 +245,7 @@ class Inputs:
             for part, number in zip(parts, numbers, strict=True):
                 for place in places.tolist():
                     part[place] = number
-        return Lengths(*(_filled(part) for part in parts))
+        return Lengths(*(_array_of(part) for part in parts))
 
     @cached_property
     def _of_time_alone(self) -> Inputs:
@@ -253,17 +253,19 @@ class Inputs:
 
     def at(self, time: Any, y: Any, layout: Layout) -> Instant:
         """The instant at one time (s) and state, or at many times side by side."""
-        instant = self._of_time_alone.instant(self.of_time(time)) if self.system.prescribed or self.laws else QUIET
+        instant = (
+            self._of_time_alone.instant(self.of_time(time)) if self.system.prescribed_motions or self.laws else QUIET
+        )
         return instant._replace(push=self.load(time, layout.state(y))) if self.load else instant
 
 
-def lengthened(group: Group, moving: Any, length: Any) -> Group:
+def with_lengths(group: Group, moving: Any, length: Any) -> Group:
     """A group with other lengths (n, P, ...) of its links, of which those that are `moving` (L,) are bobs on ropes."""
-    roped, centre = (
+    is_on_rope, centre = (
         part.reshape(*part.shape, *[1] * (np.ndim(length) - part.ndim))
         for part in (moving[group.index], group.block.centre)
     )
-    return replace(group, block=replace(group.block, length=length, centre=np.where(roped, length, centre)))
+    return replace(group, block=replace(group.block, length=length, centre=np.where(is_on_rope, length, centre)))
 
 
 def _on_first(push: AppliedForces, system: System) -> list[float]:
@@ -300,9 +302,9 @@ def _derivatives(law: LengthLaw) -> Iterator[Polynomials]:
         )
 
 
-def _bends(polynomials: Polynomials, least: float) -> set[float]:
+def _bends(polynomials: Polynomials, threshold: float) -> set[float]:
     """The knots (s) at which a function bends by more than so much."""
-    return {*polynomials.knots[polynomials.kinks > least].tolist()}
+    return {*polynomials.knots[polynomials.kinks > threshold].tolist()}
 
 
 def smooth_window(pieces: Polynomials, breaks: Sequence[float], error: float) -> float:
@@ -334,15 +336,15 @@ def _is_smooth(values: Floats, looks: int, error: float) -> bool:
     basis, _ = np.linalg.qr(np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, looks), min(DEGREE, looks - 1)))
     windows = np.lib.stride_tricks.sliding_window_view(values, looks)
     chosen = np.concatenate((windows[:: max(looks // 2, 1)], windows[-1:]))
-    fitted = np.einsum("lk,wk->wl", basis, np.einsum("wl,lk->wk", chosen, basis))
-    return bool(np.abs(chosen - fitted).max() <= error)
+    fit = np.einsum("lk,wk->wl", basis, np.einsum("wl,lk->wk", chosen, basis))
+    return bool(np.abs(chosen - fit).max() <= error)
 
 
-def _filled(values: Sequence[Any]) -> Any:
+def _array_of(values: Sequence[Any]) -> Any:
     """An array (L, ...) of numbers, arrays or symbols."""
     plain = all(isinstance(value, (float, int)) for value in values)
     if plain or any(isinstance(value, np.ndarray) for value in values):
         return np.array(np.broadcast_arrays(*values), dtype=float)
-    filled = np.empty(len(values), dtype=object)
-    filled[:] = values
-    return filled
+    array = np.empty(len(values), dtype=object)
+    array[:] = values
+    return array

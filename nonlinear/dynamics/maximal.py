@@ -68,7 +68,7 @@ class Maximal:
 
     system: System
     load: Load | None = None
-    controlled: bool = True
+    corrects_drift: bool = True
 
     @cached_property
     def pivots(self) -> Pivots:
@@ -87,15 +87,15 @@ class Maximal:
 
     def unknowns(self, time: float, y: Floats) -> Floats:
         """The paper's u: q'' (m/s², rad/s²), then `normal` on a cart, then the force from above on every link (N)."""
-        return self._solved(time, self._state(y))[0]
+        return self._solve(time, self._state(y))[0]
 
     def derivative(self, time: float, y: Floats) -> Floats:
         """The derivative y', (size,)."""
         size = self.pivots.size
-        unknowns, power = self._solved(time, self._state(y))
+        unknowns, power = self._solve(time, self._state(y))
         return np.concatenate((y[size : 2 * size], unknowns[:size], [power] * self.works))
 
-    def _solved(self, time: float, state: State) -> tuple[Floats, float]:
+    def _solve(self, time: float, state: State) -> tuple[Floats, float]:
         """The unknowns, and the power (W) of dampers, drives, the load and inertial forces."""
         system, forces, push = self.system, np.zeros(self.pivots.size), self._push(time, state)
         support, links = self.pivots.parts(forces)
@@ -103,7 +103,7 @@ class Maximal:
         support += on_cart, system.gravity * system.cart.mass if system.cart else 0.0
         links[:, 1] = system.gravity * system.mass
         links[:, 2] = on_links
-        cart, moving = self.pivots.parts(self.pivots.placed(state)[1])
+        cart, moving = self.pivots.parts(self.pivots.place(state)[1])
         power += self._outside(time, state, moving, cart, support, links)
         unknowns = self.saddle.solve(state.links, forces, self.pivots.gamma(state.links, state.link_rates))
         return unknowns, power
@@ -112,32 +112,32 @@ class Maximal:
         self, time: float, state: State, moving: Floats, cart: Floats, on_cart: Floats, on_links: Floats
     ) -> float:
         """Add inertial forces, drag and the scene's forces; their power (W) at the velocities of links and cart."""
-        felt = self._felt(time, moving[:, :2])
-        on_links[:, :2] += felt
-        power = float(np.sum(felt * moving[:, :2]))
+        frame_forces = self._frame_forces(time, moving[:, :2])
+        on_links[:, :2] += frame_forces
+        power = float(np.sum(frame_forces * moving[:, :2]))
         if self.system.forces:
-            forces, moments, pushed = resultants(self.system, state.links, time)
+            forces, moments, cart_push = resultants(self.system, state.links, time)
             on_links[:, :2] += forces
             on_links[:, 2] += moments
-            on_cart[0] += pushed
-            power += float(np.sum(forces * moving[:, :2]) + moments @ moving[:, 2] + pushed * cart[0])
+            on_cart[0] += cart_push
+            power += float(np.sum(forces * moving[:, :2]) + moments @ moving[:, 2] + cart_push * cart[0])
         return power
 
     def _push(self, time: float, state: State) -> AppliedForces:
         return self.load(time, state) if self.load else AppliedForces()
 
-    def _felt(self, time: float, velocities: Floats) -> Floats:
+    def _frame_forces(self, time: float, velocities: Floats) -> Floats:
         """Inertial forces and drag (N) on centres with these velocities (L, 2) in the frame of the support."""
         (acceleration, velocity), system = frame_of(self.system, time), self.system
-        felt = -system.mass[:, None] * acceleration
-        return felt + forces_of(system, (velocities + velocity)[None])[0] if system.dragged else felt
+        forces = -system.mass[:, None] * acceleration
+        return forces + forces_of(system, (velocities + velocity)[None])[0] if system.has_drag else forces
 
     def _state(self, y: Floats) -> State:
         return self.read(y[None])[0]
 
     def begin(self, state: State) -> Floats:
         """The vector y of a state given by its angles, with closed pivots and zero work."""
-        return np.concatenate((*self.pivots.placed(state), np.zeros(int(self.works))))
+        return np.concatenate((*self.pivots.place(state), np.zeros(int(self.works))))
 
     def read(self, rows: Floats) -> Motion:
         """The motion in vectors (T, size)."""
@@ -169,24 +169,24 @@ class Maximal:
         ComputationError where Newton's method does not close the pivots.
         """
         violation = max(self.drift(y))
-        return (self._closed(y) if self.controlled else y), violation
+        return (self._close_pivots(y) if self.corrects_drift else y), violation
 
-    def _closed(self, y: Floats) -> Floats:
+    def _close_pivots(self, y: Floats) -> Floats:
         q, v = self._halves(y)
-        q = self._joined(q)
+        q = self._close_gaps(q)
         v = v + self._step(q, self.pivots.opening(q, v))
         return np.concatenate((q, v, y[2 * self.pivots.size :]))
 
-    def _joined(self, q: Floats) -> Floats:
+    def _close_gaps(self, q: Floats) -> Floats:
         extent = self.pivots.reach + abs(q[0])
         for _ in range(NEWTON):
             gaps = self.pivots.gaps(q)
             if _widest(gaps) <= CLOSED * extent:
                 return q
             q = q + self._step(q, gaps)
-        left = _widest(self.pivots.gaps(q))
-        if not left <= OPEN * extent:
-            raise ComputationError(f"pivots still {left:.2g} m open after {NEWTON} steps: torn too far apart")
+        gap = _widest(self.pivots.gaps(q))
+        if not gap <= OPEN * extent:
+            raise ComputationError(f"pivots still {gap:.2g} m open after {NEWTON} steps: torn too far apart")
         return q
 
     def _step(self, q: Floats, gaps: Floats) -> Floats:
@@ -201,8 +201,8 @@ class Maximal:
         size, first = self.pivots.size, self.pivots.first
         at = np.zeros(len(motion.cart)) if times is None else times
         states = [motion[place] for place in range(len(at))]
-        solved = [self._solved(time, state)[0] for time, state in zip(at, states, strict=True)]
-        forces = np.array(solved)[:, size:]
+        unknowns = [self._solve(time, state)[0] for time, state in zip(at, states, strict=True)]
+        forces = np.array(unknowns)[:, size:]
         pivots, tops = forces[:, first // 2 :].reshape(len(forces), -1, 2), self.pivots.above < 0
         return Reactions(forces[:, 0] if first else -pivots[:, tops, 1].sum(1), pivots, tops)
 
@@ -255,13 +255,13 @@ class Pivots:
         support = q[:2] if self.first else np.zeros(2)
         return support, q[self.first :].reshape(-1, 3)
 
-    def placed(self, state: State) -> tuple[Floats, Floats]:
+    def place(self, state: State) -> tuple[Floats, Floats]:
         """The q and q' of a state, with every constraint satisfied."""
         u, n = _directions(state.links)
-        q = self._hung(u, state.links, state.cart)
-        return q, self._hung(state.link_rates[:, None] * n, state.link_rates, state.cart_rate)
+        q = self._hang(u, state.links, state.cart)
+        return q, self._hang(state.link_rates[:, None] * n, state.link_rates, state.cart_rate)
 
-    def _hung(self, arms: Floats, turns: Floats, cart: float) -> Floats:
+    def _hang(self, arms: Floats, turns: Floats, cart: float) -> Floats:
         support = np.array([cart, 0.0])
         links = np.column_stack((arms, turns))
         for group in self.system.groups:
@@ -273,20 +273,20 @@ class Pivots:
     def gaps(self, q: Floats) -> Floats:
         """The gaps of the pivots (m)."""
         support, links = self.parts(q)
-        return self._apart(links[:, :2], _directions(links[:, 2])[0], support)
+        return self._gaps(links[:, :2], _directions(links[:, 2])[0], support)
 
     def opening(self, q: Floats, v: Floats) -> Floats:
         """The rate G q' at which the pivots open (m/s)."""
         support, rates = self.parts(v)
         n = _directions(self.parts(q)[1][:, 2])[1]
-        return self._apart(rates[:, :2], rates[:, 2:] * n, support)
+        return self._gaps(rates[:, :2], rates[:, 2:] * n, support)
 
     def gamma(self, angles: Floats, rates: Floats) -> Floats:
         """The value γ (m/s²) of G q'' that keeps the pivots closed."""
         arms = rates[:, None] ** 2 * _directions(angles)[0]
-        return self._apart(np.zeros_like(arms), arms, np.zeros(2))
+        return self._gaps(np.zeros_like(arms), arms, np.zeros(2))
 
-    def _apart(self, middle: Floats, arms: Floats, support: Floats) -> Floats:
+    def _gaps(self, middle: Floats, arms: Floats, support: Floats) -> Floats:
         ends = np.vstack((middle + self.rest[:, None] * arms, support))
         gaps = ends[self.above] - (middle - self.centre[:, None] * arms)
         return np.concatenate((support[self.first // 2 : self.first], gaps.ravel()))
@@ -305,8 +305,8 @@ class Saddle:
         self.coordinates = pivots.size
         masses, roots = _masses(pivots)
         rows, columns, self.still, self.arm, self.turner = _entries(pivots)
-        bound = np.concatenate((self.still, self.arm)) / roots[columns]
-        self.scale = np.concatenate((1 / roots, 1 / np.sqrt(np.bincount(rows, bound**2))))
+        entries = np.concatenate((self.still, self.arm)) / roots[columns]
+        self.scale = np.concatenate((1 / roots, 1 / np.sqrt(np.bincount(rows, entries**2))))
         diagonal, self.size = np.arange(pivots.size), len(self.scale)
         self.rows = np.concatenate((diagonal, pivots.size + rows, columns))
         self.columns = np.concatenate((diagonal, columns, pivots.size + rows))
@@ -328,7 +328,7 @@ class Saddle:
         right = np.empty(self.size)
         right[: self.coordinates], right[self.coordinates :] = upper, lower
         try:
-            return np.asarray(self.scale * self._solved(self._values(angles), self.scale * right))
+            return np.asarray(self.scale * self._solve(self._values(angles), self.scale * right))
         except (np.linalg.LinAlgError, RuntimeError):
             raise ComputationError(SINGULAR) from None
 
@@ -337,7 +337,7 @@ class Saddle:
         G = np.concatenate((self.still, self.arm * trig[self.turner]))
         return np.asarray(self.weight * np.concatenate((self.masses, G, G)))
 
-    def _solved(self, values: Floats, right: Floats) -> Floats:
+    def _solve(self, values: Floats, right: Floats) -> Floats:
         if not self.is_dense:
             pattern = self.pattern
             matrix = scipy.sparse.csc_array(
@@ -355,8 +355,8 @@ def _masses(pivots: Pivots) -> tuple[Floats, Floats]:
     cart = [system.cart.mass] * 2 if system.cart else []
     links = np.column_stack((mass, mass, inertia))
     turning = np.column_stack((mass, mass, inertia + mass * pivots.centre**2))
-    loaded = [mass_of_cart + float(mass.sum()) for mass_of_cart in cart]
-    return np.concatenate((cart, links.ravel())), np.sqrt(np.concatenate((loaded, turning.ravel())))
+    cart_loads = [mass_of_cart + float(mass.sum()) for mass_of_cart in cart]
+    return np.concatenate((cart, links.ravel())), np.sqrt(np.concatenate((cart_loads, turning.ravel())))
 
 
 def _entries(pivots: Pivots) -> tuple[Ints, Ints, Floats, Floats, Ints]:
@@ -370,13 +370,13 @@ def _entries(pivots: Pivots) -> tuple[Ints, Ints, Floats, Floats, Ints]:
     upper = pivots.above[inner]
     on_cart = r[~inner] if first else r[:0]
     cart = np.zeros_like(on_cart)
-    still = [(r, x, -1.0), (r + 1, x + 1, -1.0), (r[inner], x[upper], 1.0), (r[inner] + 1, x[upper] + 1, 1.0)]
-    still += [(on_cart, cart, 1.0), (on_cart + 1, cart + 1, 1.0), (cart[:1], cart[:1] + 1, 1.0)]
+    constants = [(r, x, -1.0), (r + 1, x + 1, -1.0), (r[inner], x[upper], 1.0), (r[inner] + 1, x[upper] + 1, 1.0)]
+    constants += [(on_cart, cart, 1.0), (on_cart + 1, cart + 1, 1.0), (cart[:1], cart[:1] + 1, 1.0)]
     c, e, count = pivots.centre, pivots.rest[upper], len(links)
     turning = [(r, x + 2, c, links), (r + 1, x + 2, c, links + count)]
     turning += [(r[inner], x[upper] + 2, e, upper), (r[inner] + 1, x[upper] + 2, e, upper + count)]
-    rows, columns = (np.concatenate([entry[part] for entry in (*still, *turning)]) for part in (0, 1))
-    values = np.concatenate([np.full(len(where), value) for where, _, value in still])
+    rows, columns = (np.concatenate([entry[part] for entry in (*constants, *turning)]) for part in (0, 1))
+    values = np.concatenate([np.full(len(where), value) for where, _, value in constants])
     arms, turners = (np.concatenate([entry[part] for entry in turning]) for part in (2, 3))
     return rows, columns, values, arms, turners
 
@@ -402,10 +402,10 @@ class HoistedMaximal(Maximal):
         """The derivative y', (size,)."""
         size, state = self.pivots.size, self._state(y)
         push = self._push(time, state)
-        unknowns, power = self._found(time, state, push)
+        unknowns, power = self._solve_at(time, state, push)
         return np.concatenate((y[size : 2 * size], unknowns[:size], [1.0, power]))
 
-    def _found(self, time: float, state: State, push: AppliedForces) -> tuple[Floats, float]:
+    def _solve_at(self, time: float, state: State, push: AppliedForces) -> tuple[Floats, float]:
         """The unknowns, and the power (W) of dampers, drives, the load and the winches."""
         system, speed, acceleration = frozen(self.system, time)
         pivots, forces = Pivots(system), np.zeros(self.pivots.size)
@@ -414,14 +414,14 @@ class HoistedMaximal(Maximal):
         support += on_cart, system.gravity * system.cart.mass if system.cart else 0.0
         links[:, 1] = system.gravity * system.mass
         links[:, 2] = on_links
-        cart, moving = pivots.parts(pivots.placed(state)[1] + self._winding(state.links, speed))
+        cart, moving = pivots.parts(pivots.place(state)[1] + self._winding(state.links, speed))
         power += replace(self, system=system)._outside(time, state, moving, cart, support, links)
         u, n = directions(state.links)
         gamma = pivots.gamma(state.links, state.link_rates)
         gamma[-2 * system.n_links :] -= (acceleration * u + 2 * speed * state.link_rates * n).T.ravel()
         unknowns = Saddle(pivots).solve(state.links, forces, gamma)
-        held = unknowns[-2 * system.n_links :].reshape(-1, 2)
-        return unknowns, power + float(np.sum(speed * np.sum(u.T * held, axis=1)))
+        pivot_forces = unknowns[-2 * system.n_links :].reshape(-1, 2)
+        return unknowns, power + float(np.sum(speed * np.sum(u.T * pivot_forces, axis=1)))
 
     def begin(self, state: State) -> Floats:
         """The vector y of a state at time 0."""
@@ -430,7 +430,7 @@ class HoistedMaximal(Maximal):
     def begin_at(self, state: State, time: float) -> Floats:
         """The vector y of a state at a time (s), with closed pivots and zero work."""
         system, speed, _ = frozen(self.system, time)
-        q, v = Pivots(system).placed(state)
+        q, v = Pivots(system).place(state)
         return np.concatenate((q, v + self._winding(state.links, speed), [time, 0.0]))
 
     @property
@@ -443,22 +443,22 @@ class HoistedMaximal(Maximal):
         """The nearest y that satisfies every constraint, and the largest violation removed."""
         size = self.pivots.size
         system, speed, _ = frozen(self.system, float(y[2 * size]))
-        still = Maximal(system, controlled=self.controlled)
-        moved = y.copy()
-        moved[size : 2 * size] -= self._winding(self._state(y).links, speed)
-        projected, drift = still.project(moved)
-        if not self.controlled:
+        momentary = Maximal(system, corrects_drift=self.corrects_drift)
+        closed_y = y.copy()
+        closed_y[size : 2 * size] -= self._winding(self._state(y).links, speed)
+        result, drift = momentary.project(closed_y)
+        if not self.corrects_drift:
             return y, drift
-        projected[size : 2 * size] += self._winding(self._state(projected).links, speed)
-        return projected, drift
+        result[size : 2 * size] += self._winding(self._state(result).links, speed)
+        return result, drift
 
     def _winding(self, angles: Floats, speed: Floats) -> Floats:
         """Velocities that the ropes' speeds (L,) alone give to everything below them."""
         forces = np.zeros(self.pivots.size)
         links = self.pivots.parts(forces)[1]
-        along = speed * directions(angles)[0]
+        steps = speed * directions(angles)[0]
         for group in self.system.groups:
-            links[group.index, :2] = np.moveaxis(np.cumsum(along[:, group.index], axis=1), 0, -1)
+            links[group.index, :2] = np.moveaxis(np.cumsum(steps[:, group.index], axis=1), 0, -1)
         return forces
 
 
@@ -482,17 +482,17 @@ def acting(system: System, state: State, push: AppliedForces) -> tuple[float, Fl
     """
     torques, power = state.links * 0.0, 0.0
     for group in system.groups:
-        if group.hinged:
+        if group.has_joint_torques:
             angles, rates = state.links[group.index], state.link_rates[group.index]
-            torques[group.index], lost = joint_torques(group, angles, rates)
-            power += float(lost)
+            torques[group.index], joint_power = joint_torques(group, angles, rates)
+            power += float(joint_power)
     if push.moments is not None:
         torques, power = torques + push.moments, power + float(push.moments @ state.link_rates)
-    kept, working = cart_force(system, state.cart, state.cart_rate)
+    elastic, working = cart_force(system, state.cart, state.cart_rate)
     outside = push.cart + working if system.cart else 0.0
     if system.modal_damping is not None:
         rates = np.append(state.cart_rate, state.link_rates) if system.cart else state.link_rates
         drag = modal_drag(system, rates)
         torques, power = torques + drag[-len(torques) :], power + float(drag[-len(torques) :] @ state.link_rates)
         outside += drag[0] if system.cart else 0.0
-    return outside + kept, torques, power + float(state.cart_rate * outside)
+    return outside + elastic, torques, power + float(state.cart_rate * outside)

@@ -23,7 +23,7 @@ from modal.report import Displayed
 from modal.types import Booleans, Floats
 from nonlinear.dynamics.bearing import Bearing
 from nonlinear.dynamics.forces import forces_of, resultants, spread, spring_energy
-from nonlinear.dynamics.inputs import lengthened
+from nonlinear.dynamics.inputs import with_lengths
 from nonlinear.dynamics.spatial import joint_energy
 from nonlinear.dynamics.structure import carriers_of
 from nonlinear.system import Group, Layout, Motion, System
@@ -42,19 +42,23 @@ def vectors(motion: Motion) -> tuple[Floats, Floats]:
     return np.stack((sin, cos), axis=-1), rates * np.stack((cos, -sin), axis=-1)
 
 
-def chained(
-    system: System, pivots: Sequence[Along], along: Floats, length: Floats | None = None, extra: Floats | None = None
+def chain_sums(
+    system: System,
+    pivots: Sequence[Along],
+    per_metre: Floats,
+    length: Floats | None = None,
+    extra: Floats | None = None,
 ) -> tuple[Floats, Floats]:
-    """Sums along chains at lower joints and centres, each (T, L, d); a metre of link contributes `along` (T, L, d).
+    """Sums along chains at lower joints and centres, each (T, L, d); a metre of link contributes `per_metre` (T, L, d).
 
     Gives positions from unit vectors, velocities from their first and accelerations from their second derivatives;
     `pivots` are the same quantity of first joints, group by group along the rail and down, (T, 1, P) each.  Where
     lengths change, `length` (T, L) are those and `extra` (T, L, d) is what their change contributes, by which the bobs
     at their ends move as well.
     """
-    ends, centres = np.empty_like(along), np.empty_like(along)
+    ends, centres = np.empty_like(per_metre), np.empty_like(per_metre)
     for group, pivot in zip(system.groups, pivots, strict=True):
-        directions = along[:, group.index]
+        directions = per_metre[:, group.index]
         reach, rest = group.block.length, group.block.centre - group.block.length
         if length is not None and system.hoisting is not None:
             reach, rest = length[:, group.index], np.where(system.hoisting.moving[group.index], 0.0, rest)
@@ -67,7 +71,7 @@ def chained(
     return ends, centres
 
 
-def _aligned(values: Any) -> Any:
+def _as_columns(values: Any) -> Any:
     """Values of first joints, (P, T) or of all alike (T,), beside those of links (T, n, P)."""
     values = np.asarray(values)
     return values.T.reshape(values.shape[-1], 1, -1) if values.ndim else values
@@ -98,11 +102,15 @@ class Mechanics(Displayed):
             raise ComputationError("the lengths of this scene change: its positions and energies need times")
         return self.system.hoisting.at(self.times)
 
-    def _chained(self, pivots: Sequence[Along], along: Floats, extra: Callable[..., Floats]) -> tuple[Floats, Floats]:
-        """`chained` with the contribution of changing lengths, `extra` of length, speed, acceleration (T, L, 1)."""
+    def _chain_sums(
+        self, pivots: Sequence[Along], per_metre: Floats, extra: Callable[..., Floats]
+    ) -> tuple[Floats, Floats]:
+        """`chain_sums` with the contribution of changing lengths, `extra` of length, speed, acceleration (T, L, 1)."""
         if self.lengths is None:
-            return chained(self.system, pivots, along)
-        return chained(self.system, pivots, along, self.lengths[0], extra(*(part[..., None] for part in self.lengths)))
+            return chain_sums(self.system, pivots, per_metre)
+        return chain_sums(
+            self.system, pivots, per_metre, self.lengths[0], extra(*(part[..., None] for part in self.lengths))
+        )
 
     @cached_property
     def bearing(self) -> Bearing:
@@ -120,26 +128,26 @@ class Mechanics(Displayed):
     def _pivots(self) -> tuple[list[Along], list[Along]]:
         """Places (m) and velocities (m/s) of first joints group by group."""
         places, speeds = [], []
-        for number, rest in enumerate(carriers_of(self.system).drawn):
-            moved, speed = self.bearing.pivots(number)
-            places.append((rest[0] + _aligned(moved[0]), rest[1] + _aligned(moved[1])))
-            speeds.append((_aligned(speed[0]), _aligned(speed[1])))
+        for number, rest in enumerate(carriers_of(self.system).drawn_places):
+            displacement, speed = self.bearing.pivots(number)
+            places.append((rest[0] + _as_columns(displacement[0]), rest[1] + _as_columns(displacement[1])))
+            speeds.append((_as_columns(speed[0]), _as_columns(speed[1])))
         return places, speeds
 
-    def pivot_accelerations(self, carried: Floats) -> list[Along]:
+    def pivot_accelerations(self, carrier_accelerations: Floats) -> list[Along]:
         """Those (m/s²) of first joints group by group, from η'' (T, d)."""
-        self.bearing.solution = list(carried.T)
+        self.bearing.solution = list(carrier_accelerations.T)
         starts = [self.bearing.start(number, 0.0) for number in range(len(self.system.groups))]
-        return [(_aligned(along), _aligned(down)) for along, down in starts]
+        return [(_as_columns(along), _as_columns(down)) for along, down in starts]
 
     @cached_property
     def springs(self) -> tuple[Floats, Floats, Floats]:
         """Of every spring between points extension (m or rad), pull (N or N m) and energy (J), (T, E) each."""
-        pulled = np.zeros((3, len(self.motion.work), len(self.system.suspension.springs)))
+        tensions = np.zeros((3, len(self.motion.work), len(self.system.suspension.springs)))
         for numbers, tension in self.bearing.tensions(*self._coordinates):
-            for part, values in zip(pulled, (tension.extension, tension.pull, tension.energy), strict=True):
+            for part, values in zip(tensions, (tension.extension, tension.pull, tension.energy), strict=True):
                 part[:, numbers] = values.T
-        return pulled[0], pulled[1], pulled[2]
+        return tensions[0], tensions[1], tensions[2]
 
     @cached_property
     def vectors(self) -> tuple[Floats, Floats]:
@@ -159,7 +167,7 @@ class Mechanics(Displayed):
     @cached_property
     def _positions(self) -> tuple[Floats, Floats]:
         u = self.vectors[0]
-        ends, centres = self._chained(self._pivots[0], u, lambda l, v, a: 0.0 * u)
+        ends, centres = self._chain_sums(self._pivots[0], u, lambda l, v, a: 0.0 * u)
         if self.support is not None:
             ends, centres = (values + self.support[:, None] for values in (ends, centres))
         return ends, centres
@@ -168,7 +176,7 @@ class Mechanics(Displayed):
     def speeds(self) -> Floats:
         """Velocity (m/s) of every centre of mass, (T, L, d)."""
         u, w = self.vectors
-        return self._chained(self._pivots[1], w, lambda l, v, a: v * u)[1]
+        return self._chain_sums(self._pivots[1], w, lambda l, v, a: v * u)[1]
 
     @cached_property
     def _parts(self) -> Energies:
@@ -206,7 +214,7 @@ class Mechanics(Displayed):
         rows, times = max(1, AT_ONCE // self.system.n_links), len(self.motion.cart)
         none = 0.0 * self.motion.cart
         if times <= rows:
-            return np.asarray(self._parts.moving + none), np.asarray(self._parts.stored + none)
+            return np.asarray(self._parts.moving + none), np.asarray(self._parts.potential_energy + none)
         clauses = [slice(at, at + rows) for at in range(0, times, rows)]
         whens = [None if self.times is None else self.times[clause] for clause in clauses]
         parts = [
@@ -246,25 +254,25 @@ class Mechanics(Displayed):
         for the link and all below it, on which their drag and springs act as well.
         """
         u, w = self.vectors
-        bodily = self._chained(*accelerations, lambda l, v, a: a * u + 2 * v * w)[1]
+        bodily = self._chain_sums(*accelerations, lambda l, v, a: a * u + 2 * v * w)[1]
         if support is not None:
             bodily += support[0][:, None]
         bodily[..., -1] -= self.system.gravity
-        needed = self.system.mass[:, None] * bodily
-        if self.system.dragged:
-            needed -= forces_of(self.system, self.speeds if support is None else self.speeds + support[1][:, None])
+        forces = self.system.mass[:, None] * bodily
+        if self.system.has_drag:
+            forces -= forces_of(self.system, self.speeds if support is None else self.speeds + support[1][:, None])
         if self.system.forces:
             assert self.times is not None
-            needed -= [
+            forces -= [
                 resultants(self.system, angles, t)[0] for angles, t in zip(self.motion.links, self.times, strict=True)
             ]
-        pulled = self.bearing.pulled(*self._coordinates)
-        if pulled is not None:
-            needed -= pulled.transpose(2, 1, 0)
+        spring_forces = self.bearing.forces_on_links(*self._coordinates)
+        if spring_forces is not None:
+            forces -= spring_forces.transpose(2, 1, 0)
         for group in self.system.groups:
-            shares = needed[:, group.index]
-            needed[:, group.index] = np.cumsum(shares[:, ::-1], axis=1)[:, ::-1]
-        return needed
+            shares = forces[:, group.index]
+            forces[:, group.index] = np.cumsum(shares[:, ::-1], axis=1)[:, ::-1]
+        return forces
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -311,21 +319,21 @@ class Energies(NamedTuple):
         return self.kinetic.sum(0) + self.cart_kinetic
 
     @property
-    def stored(self) -> Any:
+    def potential_energy(self) -> Any:
         """Potential energy of everything, (...)."""
         return self.potential.sum(0) + self.cart_potential
 
     @property
     def total(self) -> Any:
         """Of everything, (...)."""
-        return self.moving + self.stored
+        return self.moving + self.potential_energy
 
     def by_pendulum(self, system: System) -> Energies:
         """The same of every pendulum, (N, ...), in place of every link."""
         sums = np.zeros((2, system.n_pendula, *self.kinetic.shape[1:]))
-        for whole, part in zip(sums, self[:2], strict=True):
+        for total, part in zip(sums, self[:2], strict=True):
             for group in system.groups:
-                whole[group.pendula] = part[group.index].sum(0)
+                total[group.pendula] = part[group.index].sum(0)
         return self._replace(kinetic=sums[0], potential=sums[1])
 
 
@@ -333,14 +341,14 @@ class LinkMotion(NamedTuple):
     """How the links of a group move, (n, P, ...), as if the first joints were at rest.
 
     Along each axis `rates` are those of their directions and `ropes` these themselves; `spin` are the squares of all
-    rates, `lifts` how far a metre of link is above its rest, `bent` the energies (J) of joint springs.
+    rates, `lifts` how far a metre of link is above its rest, `spring_energies` those of joints (J).
     """
 
     rates: Sequence[Any]
     ropes: Sequence[Any]
     spin: Any
     lifts: Any
-    bent: Any
+    spring_energies: Any
 
 
 def energies(system: System, q: Any, v: Any, times: Any = 0.0) -> Energies:
@@ -353,14 +361,16 @@ def energies(system: System, q: Any, v: Any, times: Any = 0.0) -> Energies:
         (_, down), speed = bearing.pivots(number)
         base = bearing.base(number)
         place = 3 * group.index + np.arange(3)[:, None, None] if system.spatial else group.index
-        hung, winding = _hung(system, group, times, links[place])
-        swing = (_in_space if system.spatial else _in_plane)(hung, links[place], rates[place], base)
-        kinetic[group.index] = kinetic_energy(hung, swing, speed, winding)
-        heights = along_chain(hung, swing.lifts) - down
-        if hung is not group:
+        current, winding = _group_at(system, group, times, links[place])
+        swing = (_in_space if system.spatial else _in_plane)(current, links[place], rates[place], base)
+        kinetic[group.index] = kinetic_energy(current, swing, speed, winding)
+        heights = along_chain(current, swing.lifts) - down
+        if current is not group:
             sigma, longer = spread(group.block.sigma, swing.spin), spread(group.block.length, swing.spin)
-            heights = heights + np.cumsum(sigma * (longer - hung.block.length), axis=0)
-        potential[group.index] = spread(hung.block.mass, swing.spin) * system.gravity * heights + swing.bent
+            heights = heights + np.cumsum(sigma * (longer - current.block.length), axis=0)
+        potential[group.index] = (
+            spread(current.block.mass, swing.spin) * system.gravity * heights + swing.spring_energies
+        )
     springs = sum((spring.energy.sum(0) for _, spring in bearing.tensions(q, v)), 0.0)
     return Energies(kinetic, potential, bearing.kinetic, bearing.potential + springs)
 
@@ -371,24 +381,24 @@ def kinetic_energy(group: Group, swing: LinkMotion, speed: tuple[Any, Any], wind
     Their lengths change at speeds `winding`.
     """
     energy, mass = spread(group.block.inertia, swing.spin) * swing.spin, spread(group.block.mass, swing.spin)
-    across = [0.0] * (len(swing.rates) - 2)
-    for rates, ropes, pivot in zip(swing.rates, swing.ropes, (speed[0], *across, speed[1]), strict=True):
+    sideways = [0.0] * (len(swing.rates) - 2)
+    for rates, ropes, pivot in zip(swing.rates, swing.ropes, (speed[0], *sideways, speed[1]), strict=True):
         energy = energy + mass * (along_chain(group, rates, winding * ropes) + pivot) ** 2
     return energy / 2
 
 
-def along_chain(group: Group, values: Any, more: Any = 0.0) -> Any:
-    """What `values` (n, P, ...) of a metre of link add up to at centres, and `more` of each rope that is wound."""
+def along_chain(group: Group, values: Any, extra: Any = 0.0) -> Any:
+    """What `values` (n, P, ...) of a metre of link add up to at centres, and `extra` of each rope that is wound."""
     length, centre = (spread(part, values) for part in (group.block.length, group.block.centre))
-    return (length * values + more).cumsum(0) + (centre - length) * values
+    return (length * values + extra).cumsum(0) + (centre - length) * values
 
 
 def _in_plane(group: Group, angles: Any, rates: Any, base: Any) -> LinkMotion:
     s, c = np.sin(angles), np.cos(angles)
     half = np.sin((angles - spread(group.rest, angles)) / 2)
-    bent = spring_energy(group, angles, base and base[0]) if group.sprung else 0.0
+    spring_energies = spring_energy(group, angles, base and base[0]) if group.sprung else 0.0
     lifts = 2 * spread(group.block.sigma, angles) * (half * half)
-    return LinkMotion((c * rates, -(s * rates)), (s, c), rates * rates, lifts, bent)
+    return LinkMotion((c * rates, -(s * rates)), (s, c), rates * rates, lifts, spring_energies)
 
 
 def _in_space(group: Group, u: Any, w: Any, base: Any) -> LinkMotion:
@@ -397,10 +407,10 @@ def _in_space(group: Group, u: Any, w: Any, base: Any) -> LinkMotion:
     return LinkMotion(w, u, (w * w).sum(0), lifts, joint_energy(group, u) if group.sprung else 0.0)
 
 
-def _hung(system: System, group: Group, times: Any, like: Any) -> tuple[Group, Any]:
+def _group_at(system: System, group: Group, times: Any, like: Any) -> tuple[Group, Any]:
     """A group with the lengths of these times, and their speeds (n, P, ...)."""
     if (hoisting := system.hoisting) is None:
         return group, 0.0
     length, speed, _ = (spread(np.moveaxis(part, -1, 0)[group.index], like) for part in hoisting.at(times))
     moving = spread(hoisting.moving[group.index], like)
-    return lengthened(group, hoisting.moving, np.where(moving, length, spread(group.block.length, like))), speed
+    return with_lengths(group, hoisting.moving, np.where(moving, length, spread(group.block.length, like))), speed

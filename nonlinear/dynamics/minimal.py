@@ -21,11 +21,19 @@ import numpy as np
 
 from modal.structure.carriers import inner
 from modal.types import Floats, Ints
-from nonlinear.dynamics.bearing import Bearing, inverted
+from nonlinear.dynamics.bearing import Bearing, apply_inverse_mass
 from nonlinear.dynamics.contacts import Rubbed, Sticking
-from nonlinear.dynamics.forces import Base, External, applied, bending_torques, inertial_torques, modal_drag, plane_drag
-from nonlinear.dynamics.inputs import Inputs, Instant, Lengths, lengthened
-from nonlinear.dynamics.recursion import Answer, Bias, downward, lifted, links_of, tensions, upward
+from nonlinear.dynamics.forces import (
+    Base,
+    External,
+    bending_torques,
+    external_of_forces,
+    inertial_torques,
+    modal_drag,
+    plane_drag,
+)
+from nonlinear.dynamics.inputs import Inputs, Instant, Lengths, with_lengths
+from nonlinear.dynamics.recursion import Answer, Bias, downward, lift_force, links_of, tensions, upward
 from nonlinear.dynamics.structure import carriers_of
 from nonlinear.system import Group, Layout, Load, Motion, State, System
 
@@ -41,11 +49,11 @@ class GroupBody(Protocol):
 class Projection(Protocol):
     """What a group of pendula answers to what carries it, bundle by bundle in their order."""
 
-    def projected(self, columns: Any, slopes: Sequence[Any], felt: tuple[Any, Any], together: bool) -> Any:
+    def project_on_carrier(self, columns: Any, slopes: Sequence[Any], bias: tuple[Any, Any], move_alike: bool) -> Any:
         """The inertia (lower half) and the force on each coordinate of the carrier of the pendula in these columns.
 
-        First joints move by these slopes (m, or m/rad, along the rail and down), all by the same where they are
-        `together`, and `felt` is their acceleration, less gravity, without that of the coordinates.
+        First joints move by these slopes (m, or m/rad, along the rail and down), all by the same where they
+        `move_alike`, and `bias` is their acceleration, less gravity, without that of the coordinates.
         """
 
     def fall(self, pushes: Sequence[Sequence[Any]], accelerations: Any) -> Any:
@@ -108,16 +116,16 @@ class Arranged(ABC):
         """
         if self.width == 1:
             return y, 0.0
-        first, half, kept = self.layout.first, self.layout.half, y.copy()
+        first, half, result = self.layout.first, self.layout.half, y.copy()
         places = slice(first, half), slice(half + first, 2 * half)
         u, w = (y[..., place].reshape(*y.shape[:-1], -1, 3) for place in places)
         length = np.sqrt((u * u).sum(-1))
         u = u / length[..., None]
-        along = (u * w).sum(-1)
+        radial = (u * w).sum(-1)
         size = np.sqrt((w * w).sum(-1)) + self.tangent_units
-        for place, part in zip(places, (u, w - along[..., None] * u), strict=True):
-            kept[..., place] = part.reshape(*y.shape[:-1], -1)
-        return kept, float(max(np.max(abs(length - 1)), np.max(abs(along) / size)))
+        for place, part in zip(places, (u, w - radial[..., None] * u), strict=True):
+            result[..., place] = part.reshape(*y.shape[:-1], -1)
+        return result, float(max(np.max(abs(length - 1)), np.max(abs(radial) / size)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,10 +156,10 @@ class Suspended(Arranged):
         """
 
     @abstractmethod
-    def dragged(self, group: Group, links: Any, rates: Any, pivot: Any, support: Any, speed: Any) -> External:
+    def drag_of(self, group: Group, links: Any, rates: Any, pivot: Any, support: Any, speed: Any) -> External:
         """The drag of a group's links."""
 
-    def hung(self, instant: Instant) -> list[tuple[Group, GroupBody]]:
+    def solvers(self, instant: Instant) -> list[tuple[Group, GroupBody]]:
         """Every group and its solver at an instant."""
         return [(group, body) for group, body in zip(self.system.groups, self.bodies, strict=True) if body]
 
@@ -159,24 +167,24 @@ class Suspended(Arranged):
         """The time derivative of y, (size, ...): further axes of y are independent trajectories side by side."""
         return self.rates(y, self.inputs.at(time, y, self.layout))
 
-    def lengthened(self, instant: Instant) -> list[Group]:
+    def groups_at(self, instant: Instant) -> list[Group]:
         """The groups with the lengths of an instant."""
         groups = self.system.groups
-        return [self._lengthened(group, instant.lengths) if instant.lengths else group for group in groups]
+        return [self._group_with(group, instant.lengths) if instant.lengths else group for group in groups]
 
-    def _lengthened(self, group: Group, lengths: Lengths) -> Group:
+    def _group_with(self, group: Group, lengths: Lengths) -> Group:
         assert self.system.hoisting is not None
-        return lengthened(group, self.system.hoisting.moving, lengths.length[group.index])
+        return with_lengths(group, self.system.hoisting.moving, lengths.length[group.index])
 
     def rates(self, y: Any, instant: Instant) -> Any:
         """The time derivative of y, (size, ...), from what time brings at this instant."""
-        return self.rubbed(y, instant)[0]
+        return self.rates_and_friction(y, instant)[0]
 
     def bearing(self, q: Any, v: Any, instant: Instant, *, massless: bool = False) -> Bearing:
         """What carries the first joints, at this instant."""
         return Bearing(carriers_of(self.system), q, v, instant, massless=massless)
 
-    def rubbed(self, y: Any, instant: Instant, response: Any = None) -> tuple[Any, Rubbed]:
+    def rates_and_friction(self, y: Any, instant: Instant, response: Any = None) -> tuple[Any, Rubbed]:
         """The same, and what dry friction does.
 
         Where all contacts slide on a rail with a coefficient, the `response` (half,) to a unit of friction on it may
@@ -189,52 +197,52 @@ class Suspended(Arranged):
         slopes[:half] = v
         links, rates, bearing = q[first:], v[first:], self.bearing(q, v, instant)
         drag = self.modal_drag(v)
-        _, externals, power = self.loaded(y, instant, bearing, self.hung(instant))
-        carried, working = bearing.solved(drag)
-        for k, each in enumerate(carried):
-            slopes[half + k] = each
+        _, externals, power = self.load_bearing(y, instant, bearing, self.solvers(instant))
+        carrier_accelerations, working = bearing.solve(drag)
+        for k, acceleration in enumerate(carrier_accelerations):
+            slopes[half + k] = acceleration
         power = power + working
         accelerations = slopes[half : 2 * half]
-        turned = accelerations[first:]
+        link_accelerations = accelerations[first:]
         for k, place in enumerate(self.places):
-            turned[place] = bearing.fall(k)
-        rubbed = Rubbed(accelerations, ())
+            link_accelerations[place] = bearing.fall(k)
+        friction = Rubbed(accelerations, ())
         if instant.gripping is not None:
             gripping, normal = instant.gripping, partial(self.reaction, y, instant)
             if response is None:
-                rubbed = Sticking(system, self.lengthened(instant), gripping, q, accelerations).rubbed(normal)
+                friction = Sticking(system, self.groups_at(instant), gripping, q, accelerations).apply_friction(normal)
             else:
-                rail, pushed = gripping.on_rail(accelerations, response, normal)
-                rubbed = Rubbed(accelerations + response * rail, (rail,), pushed)
-            accelerations[:] = rubbed.accelerations
+                rail, reaction = gripping.on_rail(accelerations, response, normal)
+                friction = Rubbed(accelerations + response * rail, (rail,), reaction)
+            accelerations[:] = friction.accelerations
             bearing.solution = list(accelerations[:first])
-            if rubbed.normal is not None:
-                power = power + v[0] * (gripping.pressed * rubbed.normal)
+            if friction.normal is not None:
+                power = power + v[0] * (gripping.rail_coefficient * friction.normal)
         if instant.lengths is not None:
-            power = self._wound(power, links, rates, turned, instant, bearing, externals)
+            power = self._power_with_winding(power, links, rates, link_accelerations, instant, bearing, externals)
         if layout.works:
             slopes[-1] = power
-        return slopes, rubbed
+        return slopes, friction
 
     def forces(self, y: Any, instant: Instant) -> tuple[Any, Any]:
         """The generalized forces Q (half, ...) of all that acts, weights left out, and the power (W)."""
         half, first = self.layout.half, self.layout.first
         v, groups = y[half : 2 * half], self.system.groups
         bearing, Q = self.bearing(y[:half], v, instant, massless=True), np.zeros_like(v)
-        forces, _, power = self.loaded(y, instant, bearing, [(group, Unanswering()) for group in groups])
-        pushed, working = bearing.pushed(self.modal_drag(v))
+        forces, _, power = self.load_bearing(y, instant, bearing, [(group, Unanswering()) for group in groups])
+        carrier_forces, working = bearing.add_outside_forces(self.modal_drag(v))
         for place, force in zip(self.places, forces, strict=True):
             Q[first:][place] = force
-        for k, each in enumerate(pushed):
-            Q[k] = each
+        for k, value in enumerate(carrier_forces):
+            Q[k] = value
         return Q, power + working
 
     def modal_drag(self, v: Any) -> Any:
         """The generalized forces of damping ratios; None without any."""
         return None if self.system.modal_damping is None else modal_drag(self.system, v)
 
-    def loaded(
-        self, y: Any, instant: Instant, bearing: Bearing, hung: Sequence[tuple[Group, Any]]
+    def load_bearing(
+        self, y: Any, instant: Instant, bearing: Bearing, solvers: Sequence[tuple[Group, Any]]
     ) -> tuple[list[Any], list[External | None], Any]:
         """The generalized forces on the links of every group, those from outside, and the power (W).
 
@@ -243,8 +251,8 @@ class Suspended(Arranged):
         system, first, half, push = self.system, self.layout.first, self.layout.half, instant.push
         links, rates, drag = y[first:half], y[half + first : 2 * half], self.modal_drag(y[half : 2 * half])
         moments = push.moments if push.moments is None or links.ndim > 1 else np.ravel(push.moments)
-        power, every, externals = 0.0, [], []
-        for k, (place, (group, body)) in enumerate(zip(self.places, hung, strict=True)):
+        power, forces_of_groups, externals = 0.0, [], []
+        for k, (place, (group, body)) in enumerate(zip(self.places, solvers, strict=True)):
             directions, speed, moment = links[place], rates[place], None if moments is None else moments[place]
             frame = instant.support if system.support else None
             forces, work, reaction = self.acting(group, directions, speed, moment, frame, bearing.base(k))
@@ -254,22 +262,22 @@ class Suspended(Arranged):
                 resisting = drag[first:][place]
                 forces, work = forces + resisting, work + np.sum(resisting * speed, axis=(0, 1))
             external = None
-            if group.dragged or instant.forces:
+            if group.has_drag or instant.forces:
                 external = self.external(group, directions, speed, bearing.velocity(k), instant)
             if external is not None:
-                forces, work = forces + external.generalized, work + external.power
+                forces, work = forces + external.generalized_forces, work + external.power
             bearing.take(k, body, directions, speed, forces, external, reaction)
             power = power + work
             externals.append(external)
-            every.append(forces)
-        return every, externals, power
+            forces_of_groups.append(forces)
+        return forces_of_groups, externals, power
 
-    def _wound(
+    def _power_with_winding(
         self,
         power: Any,
         links: Any,
         rates: Any,
-        turned: Any,
+        accelerations: Any,
         instant: Instant,
         bearing: Bearing,
         externals: Sequence[Any],
@@ -277,13 +285,11 @@ class Suspended(Arranged):
         """The `power` (W) with that of what winds the ropes."""
         lengths, gravity = instant.lengths, self.system.gravity
         assert lengths is not None
-        for k, (place, group, external) in enumerate(
-            zip(self.places, self.lengthened(instant), externals, strict=True)
-        ):
+        for k, (place, group, external) in enumerate(zip(self.places, self.groups_at(instant), externals, strict=True)):
             winding = [part[group.index] for part in lengths[1:]]
-            moved = links[place], rates[place], turned[place]
+            motion = links[place], rates[place], accelerations[place]
             # without the support's acceleration: with the work of its inertial forces on what the ropes move
-            pulls = tensions(group, winding, *moved, bearing.start(k, gravity), external)
+            pulls = tensions(group, winding, *motion, bearing.start(k, gravity), external)
             power = power + (winding[0] * pulls).sum((0, 1))
         return power
 
@@ -291,12 +297,12 @@ class Suspended(Arranged):
         """Drag and applied forces on a group; None without any."""
         winding = None if instant.lengths is None else instant.lengths.speed[group.index]
         drag = None
-        if group.dragged:
+        if group.has_drag:
             velocity = instant.velocity if self.system.support else None
-            drag = self.dragged(group, links, rates, pivot, velocity, winding)
+            drag = self.drag_of(group, links, rates, pivot, velocity, winding)
         if not instant.forces:
             return drag
-        push = applied(group, self.system.forces, instant.forces, links, rates, pivot, winding)
+        push = external_of_forces(group, self.system.forces, instant.forces, links, rates, pivot, winding)
         return push if drag is None else drag.plus(push)
 
     def responses(self, q: Any, instant: Instant) -> Any:
@@ -304,29 +310,29 @@ class Suspended(Arranged):
         gripping = instant.gripping
         assert gripping is not None
         if instant.lengths is not None:
-            still = np.zeros_like(instant.lengths.speed)
-            instant = instant._replace(lengths=instant.lengths._replace(speed=still, acceleration=still))
-        solvers = self.hung(instant)
+            zeros = np.zeros_like(instant.lengths.speed)
+            instant = instant._replace(lengths=instant.lengths._replace(speed=zeros, acceleration=zeros))
+        solvers = self.solvers(instant)
         forces = gripping.forces(self.layout.half).T
-        return np.stack([inverted(self.system, solvers, q, force) for force in forces], axis=1)
+        return np.stack([apply_inverse_mass(self.system, solvers, q, force) for force in forces], axis=1)
 
-    def reaction(self, y: Any, instant: Instant, accelerations: Any, whole: bool = True) -> Any:
-        """The rail's push N up on the cart (N), or if not `whole` its part that is linear in the accelerations."""
+    def reaction(self, y: Any, instant: Instant, accelerations: Any, is_full: bool = True) -> Any:
+        """The rail's push N up on the cart (N), or if not `is_full` its part that is linear in the accelerations."""
         system, first, half = self.system, self.layout.first, self.layout.half
-        links, rates, turned = y[first:half], y[half + first : 2 * half], accelerations[first:]
+        links, rates, link_accelerations = y[first:half], y[half + first : 2 * half], accelerations[first:]
         push, gravity = 0.0, 0.0
-        if whole and system.cart:
+        if is_full and system.cart:
             gravity = system.gravity - instant.support[1]
             push = system.cart.mass * gravity
-        for place, group in zip(self.places, self.lengthened(instant), strict=True):
-            if not whole:
-                push = push + lifted(group, links[place], 0.0, turned[place])
+        for place, group in zip(self.places, self.groups_at(instant), strict=True):
+            if not is_full:
+                push = push + lift_force(group, links[place], 0.0, link_accelerations[place])
                 continue
             speed, winding = rates[place], None
             if instant.lengths is not None:
                 winding = [part[group.index] for part in instant.lengths[1:]]
             push = push + gravity * group.block.mass.sum((0, 1))
-            push = push + lifted(group, links[place], speed, turned[place], winding)
+            push = push + lift_force(group, links[place], speed, link_accelerations[place], winding)
             external = self.external(group, links[place], speed, (y[half], 0.0), instant)
             if external is not None:
                 push = push + external.forces[1].sum((0, 1))
@@ -340,7 +346,7 @@ class Unanswering:
         """None."""
         return self
 
-    def projected(self, columns: Any, slopes: Sequence[Any], felt: tuple[Any, Any], together: bool) -> Any:
+    def project_on_carrier(self, columns: Any, slopes: Sequence[Any], bias: tuple[Any, Any], move_alike: bool) -> Any:
         """Nothing on any coordinate."""
         return [[0.0] * (k + 1) for k in range(len(slopes))], [0.0] * len(slopes)
 
@@ -376,19 +382,19 @@ class Recursed:
     def __init__(self, body: Recursion, answer: Answer, turns: Any, bias: Any) -> None:
         self.body, self.answer, self.turns, self.bias = body, answer, turns, bias
 
-    def projected(self, columns: Any, slopes: Sequence[Any], felt: tuple[Any, Any], together: bool) -> Any:
+    def project_on_carrier(self, columns: Any, slopes: Sequence[Any], bias: tuple[Any, Any], move_alike: bool) -> Any:
         """J^T M J, its lower half, and J^T (M ã + p) of the pendula in these columns, summed."""
         if not slopes:
             return [], []
         parts = np.array(self.answer)[:, columns]
-        answer = Answer(*(np.add.reduce(parts, 1) if together else parts))
-        fx, fz = answer.to(*felt)
+        answer = Answer(*(np.add.reduce(parts, 1) if move_alike else parts))
+        fx, fz = answer.to(*bias)
         block, force = [], []
         for k, slope in enumerate(slopes):
             mx, mz = inner(slope, answer.xx, answer.xz), inner(slope, answer.xz, answer.zz)
-            block.append([inner(other, mx, mz) for other in slopes[: k + 1]])
+            block.append([inner(earlier, mx, mz) for earlier in slopes[: k + 1]])
             force.append(inner(slope, fx, fz))
-        if not together:
+        if not move_alike:
             block, force = [[part.sum(0) for part in row] for row in block], [part.sum(0) for part in force]
         return block, force
 
@@ -406,7 +412,7 @@ class Minimal(Suspended):
         """Positions of every group's angles (n, P) among those of all links."""
         return tuple(group.index for group in self.system.groups)
 
-    def hung(self, instant: Instant) -> list[tuple[Group, GroupBody]]:
+    def solvers(self, instant: Instant) -> list[tuple[Group, GroupBody]]:
         """Every group and its solver, those whose ropes change their length with the lengths of this instant."""
         groups = zip(self.system.groups, self.bodies or [None] * len(self.system.groups), strict=True)
         return [
@@ -416,8 +422,8 @@ class Minimal(Suspended):
 
     def _strung(self, group: Group, kind: Callable[..., GroupBody], instant: Instant) -> tuple[Group, GroupBody]:
         assert instant.lengths is not None
-        lengthened = self._lengthened(group, instant.lengths)
-        return lengthened, kind(lengthened, winding=[part[group.index] for part in instant.lengths[1:]])
+        current = self._group_with(group, instant.lengths)
+        return current, kind(current, winding=[part[group.index] for part in instant.lengths[1:]])
 
     def acting(
         self, group: Group, links: Any, rates: Any, moments: Any | None, support: Any, base: Base | None = None
@@ -428,21 +434,21 @@ class Minimal(Suspended):
             power = np.sum(moments * rates)
         if support is not None:
             power = power + (inertial_torques(group, links, support) * rates).sum((0, 1))
-        if group.hinged:
-            hinges, drained = bending_torques(group, links, rates, base)
+        if group.has_joint_torques:
+            hinges, joint_power = bending_torques(group, links, rates, base)
             if base is not None:
                 reaction = hinges[0].copy()
             hinges[:-1] -= hinges[1:].copy()
             torques = hinges if torques is None else torques + hinges
-            power = power + drained
+            power = power + joint_power
         return np.zeros_like(links) if torques is None else torques, power, reaction
 
-    def dragged(self, group: Group, links: Any, rates: Any, pivot: Any, support: Any, speed: Any) -> External:
+    def drag_of(self, group: Group, links: Any, rates: Any, pivot: Any, support: Any, speed: Any) -> External:
         """Torques (n, P, ...) on the absolute angles, the force on the cart, and the power."""
         return plane_drag(group, links, rates, pivot, support, speed)
 
 
-def drained(system: System, q: Floats, v: Floats, support: tuple[Any, Any] = (0.0, 0.0)) -> Floats:
+def drained_power(system: System, q: Floats, v: Floats, support: tuple[Any, Any] = (0.0, 0.0)) -> Floats:
     """The power (W), (S,), that dampers, drives of joints and drag bring to states side by side, q and v (half, S).
 
     Drag is that in the laboratory, where the `support` moves at these velocities (m/s) along the rail and down.
@@ -452,7 +458,7 @@ def drained(system: System, q: Floats, v: Floats, support: tuple[Any, Any] = (0.
     _, power = equations.forces(y, instant)
     bearing = equations.bearing(q, v, instant)
     for k, group in enumerate(system.groups):
-        if group.dragged:
+        if group.has_drag:
             links, rates = q[first:][group.index], v[first:][group.index]
             external = equations.external(group, links, rates, bearing.velocity(k), instant)
             assert external is not None

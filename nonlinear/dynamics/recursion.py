@@ -105,16 +105,16 @@ def upward(
     """
     extra = [None] * len(links) if bias is None else bias
     *above, last = zip(links, sin, cos, rate, torque, extra, strict=True)
-    below, turn = ended(*last)
+    answer, turn = tip_response(*last)
     turns = [turn]
-    for link, s, c, w, Q, biased in reversed(above):
-        below, turn = passed(link, below, s, c, w, Q, biased)
+    for link, s, c, w, Q, link_bias in reversed(above):
+        answer, turn = link_response(link, answer, s, c, w, Q, link_bias)
         turns.append(turn)
-    return below, turns[::-1]
+    return answer, turns[::-1]
 
 
-def ended(link: RecursiveLink, s: Any, c: Any, w: Any, Q: Any, bias: Bias | None = None) -> tuple[Answer, Turn]:
-    """The same as `passed` of the last link, below which there is nothing."""
+def tip_response(link: RecursiveLink, s: Any, c: Any, w: Any, Q: Any, bias: Bias | None = None) -> tuple[Answer, Turn]:
+    """The same as `link_response` of the last link, below which there is nothing."""
     if bias is not None:
         Q = Q - link.mc * bias.across
     pn, pu = link.mc / link.J * Q, -link.mc * (w * w)
@@ -131,15 +131,15 @@ def ended(link: RecursiveLink, s: Any, c: Any, w: Any, Q: Any, bias: Bias | None
     return answer, Turn(c * link.mc, -s * link.mc, -Q, link.J, s, c, w)
 
 
-def passed(
+def link_response(
     link: RecursiveLink, below: Answer, s: Any, c: Any, w: Any, Q: Any, bias: Bias | None = None
 ) -> tuple[Answer, Turn]:
     """The response at the upper joint of one link from that at its lower one, and its `Turn`."""
     l, mc, cc, ss, sc = link.l, link.mc, c * c, s * s, s * c
     double, twice = cc - ss, 2 * sc
-    shared = twice * below.xz
-    nn = cc * below.xx - shared + ss * below.zz
-    uu = ss * below.xx + shared + cc * below.zz
+    cross_term = twice * below.xz
+    nn = cc * below.xx - cross_term + ss * below.zz
+    uu = ss * below.xx + cross_term + cc * below.zz
     nu = sc * (below.xx - below.zz) + double * below.xz
     pn, pu, ww = c * below.px - s * below.pz, s * below.px + c * below.pz, w * w
     if bias is not None:
@@ -155,11 +155,11 @@ def passed(
     pn, pu = pn - hn * pull, pu - ww * (mc + l * uu) - hu * pull
     if bias is not None:
         pn, pu = pn + link.m * bias.across, pu + link.m * bias.along
-    shared = twice * nu_
+    cross_term = twice * nu_
     answer = Answer(
-        xx=cc * nn_ + shared + ss * uu_,
+        xx=cc * nn_ + cross_term + ss * uu_,
         xz=sc * (uu_ - nn_) + double * nu_,
-        zz=ss * nn_ - shared + cc * uu_,
+        zz=ss * nn_ - cross_term + cc * uu_,
         px=c * pn + s * pu,
         pz=c * pu - s * pn,
     )
@@ -170,16 +170,18 @@ def downward(
     links: Sequence[RecursiveLink], turns: Sequence[Turn], ax: Any, az: Any, bias: Sequence[Bias] | None = None
 ) -> list[Any]:
     """θ'' (rad/s²) of every link, top first, under the acceleration ã = (ax, az) of the first joint."""
-    turned = []
+    accelerations = []
     extra = [None] * len(links) if bias is None else bias
     *above, (_, last, _) = zip(links, turns, extra, strict=True)
-    for link, turn, biased in above:
-        alpha, ax, az = hung(link, turn, ax, az, biased)
-        turned.append(alpha)
-    return [*turned, -(last.hx * ax + last.hz * az + last.e) / last.D]
+    for link, turn, link_bias in above:
+        alpha, ax, az = link_acceleration(link, turn, ax, az, link_bias)
+        accelerations.append(alpha)
+    return [*accelerations, -(last.hx * ax + last.hz * az + last.e) / last.D]
 
 
-def hung(link: RecursiveLink, turn: Turn, ax: Any, az: Any, bias: Bias | None = None) -> tuple[Any, Any, Any]:
+def link_acceleration(
+    link: RecursiveLink, turn: Turn, ax: Any, az: Any, bias: Bias | None = None
+) -> tuple[Any, Any, Any]:
     """θ'' of one link under the acceleration ã of its upper joint, and that of its lower one."""
     alpha = -(turn.hx * ax + turn.hz * az + turn.e) / turn.D
     ww = turn.rate * turn.rate
@@ -191,7 +193,7 @@ def hung(link: RecursiveLink, turn: Turn, ax: Any, az: Any, bias: Bias | None = 
     return alpha, ax, az
 
 
-def lifted(group: Group, angles: Any, rates: Any, turns: Any, winding: Any = None) -> Any:
+def lift_force(group: Group, angles: Any, rates: Any, turns: Any, winding: Any = None) -> Any:
     """Σ b (sin θ α + cos θ w), the push up (N) that the turning of links takes, with α and w as in `tensions`."""
     w = rates * rates
     if winding is not None:
@@ -222,7 +224,7 @@ def tensions(group: Group, winding: Any, angles: Any, rates: Any, turns: Any, st
         for j in range(i + 1, len(pulls)):
             pull = pull - b[j] * ((c[j] * c[i] + s[j] * s[i]) * w[j] + (s[j] * c[i] - c[j] * s[i]) * alpha[j])
         if external is not None:
-            along, below = external.forces[:, i:].sum(1)
-            pull = pull - (s[i] * along + c[i] * below)
+            force_x, force_z = external.forces[:, i:].sum(1)
+            pull = pull - (s[i] * force_x + c[i] * force_z)
         pulls[i] = pull
     return pulls

@@ -97,51 +97,53 @@ def upward(
 
     u, w and `torque` (N m; the generalized force on u, across it, gravity excepted) are (3, n, ...), `sign` (n, ...).
     """
-    below = SpatialAnswer(0 * u[:, None, -1] * u[None, :, -1], 0 * u[:, -1])
+    answer = SpatialAnswer(0 * u[:, None, -1] * u[None, :, -1], 0 * u[:, -1])
     turns: list[SpatialTurn] = []
     for i in reversed(range(len(links))):
-        below, turn = _passed(links[i], below, u[:, i], w[:, i], torque[:, i], sign[i])
+        answer, turn = _link_response(links[i], answer, u[:, i], w[:, i], torque[:, i], sign[i])
         turns.append(turn)
-    return below, turns[::-1]
+    return answer, turns[::-1]
 
 
-def _passed(
+def _link_response(
     link: RecursiveLink, below: SpatialAnswer, u: Any, w: Any, Q: Any, sign: Any
 ) -> tuple[SpatialAnswer, SpatialTurn]:
     l, ll, mc, J = link.l, link.l * link.l, link.mc, link.J
     v = u + sign * _like(DOWN, u)
     beta = sign / v[2]
-    M, p, Q = _mirrored_form(v, beta, below.M), _mirrored(v, beta, below.p), _mirrored(v, beta, Q)[:2]
+    M, p, Q = _mirrored_form(v, beta, below.M), _reflect(v, beta, below.p), _reflect(v, beta, Q)[:2]
     N, r, mu, inward = M[:2, :2], M[:2, 2], M[2, 2], sign * dot(w, w)
     tau, delta = N[0, 0] + N[1, 1], N[0, 0] * N[1, 1] - N[0, 1] * N[1, 0]
-    wide = J + ll * tau
-    det = J * wide + ll * ll * delta
+    inertia_sum = J + ll * tau
+    det = J * inertia_sum + ll * ll * delta
     unit = _like(ONE, N)
     inverse = (J * unit + ll * _like(ADJOINT, N) * N[::-1, ::-1]) / det
     y, rho = p[:2] + l * inward * r, _pair(inverse, r)
     e = l * y - Q
-    answered, force = np.empty_like(M), np.empty_like(p)
-    answered[:2, :2] = ((link.m * link.I * wide + link.far * ll * delta) * unit + link.cross * link.cross * N) / det
-    answered[:2, 2] = answered[2, :2] = link.cross * rho
-    answered[2, 2] = link.m + (mu - ll * (r[0] * rho[0] + r[1] * rho[1]))
+    matrix, force = np.empty_like(M), np.empty_like(p)
+    matrix[:2, :2] = (
+        (link.m * link.I * inertia_sum + link.far * ll * delta) * unit + link.cross * link.cross * N
+    ) / det
+    matrix[:2, 2] = matrix[2, :2] = link.cross * rho
+    matrix[2, 2] = link.m + (mu - ll * (r[0] * rho[0] + r[1] * rho[1]))
     force[:2] = _pair(inverse, link.cross * y + mc * Q + l * _pair(N, Q))
     force[2] = p[2] + inward * (mc + l * mu) - l * (rho[0] * e[0] + rho[1] * e[1])
-    answer = SpatialAnswer(_mirrored_form(v, beta, answered), _mirrored(v, beta, force))
+    answer = SpatialAnswer(_mirrored_form(v, beta, matrix), _reflect(v, beta, force))
     return answer, SpatialTurn(v, beta, inverse, M[:, :2], e, inward)
 
 
 def downward(links: Sequence[RecursiveLink], turns: Sequence[SpatialTurn], a: Any) -> list[Any]:
     """The acceleration u'' (3, ...) of every link, top first, under the acceleration ã = a of the first joint."""
-    turned = []
+    accelerations = []
     for link, turn in zip(links, turns, strict=True):
-        seen = _mirrored(turn.v, turn.beta, a)
-        felt = link.mc * seen[:2] + link.l * _times(turn.rows, seen) + turn.e
-        bent = np.empty_like(seen)
-        bent[:2] = -_pair(turn.inverse, felt)
-        bent[2] = turn.inward
-        turned.append(_mirrored(turn.v, turn.beta, bent))
-        a = a + link.l * turned[-1]
-    return turned
+        base = _reflect(turn.v, turn.beta, a)
+        moment = link.mc * base[:2] + link.l * _times(turn.rows, base) + turn.e
+        image = np.empty_like(base)
+        image[:2] = -_pair(turn.inverse, moment)
+        image[2] = turn.inward
+        accelerations.append(_reflect(turn.v, turn.beta, image))
+        a = a + link.l * accelerations[-1]
+    return accelerations
 
 
 def _like(constant: Any, array: Any) -> Any:
@@ -156,7 +158,7 @@ def _pair(M: Any, x: Any) -> Any:
     return M[0] * x[0] + M[1] * x[1]
 
 
-def _mirrored(v: Any, beta: Any, x: Any) -> Any:
+def _reflect(v: Any, beta: Any, x: Any) -> Any:
     return x - (beta * dot(v, x)) * v
 
 
@@ -169,7 +171,7 @@ def _mirrored_form(v: Any, beta: Any, M: Any) -> Any:
 STRAIGHT = 1e-300  # z of a joint without a bend, or bent right back
 
 
-def generalized(moments: Any, u: Any) -> Any:
+def generalized_forces(moments: Any, u: Any) -> Any:
     """The generalized forces (N m) of moments on links."""
     return cross(moments, u)
 
@@ -180,7 +182,7 @@ def joint_moments(group: Group, u: Any, w: Any) -> Any:
     if group.sprung:
         above, below, z, rest = _bend(group, u)
         hinge -= _spread(group.block.stiffness, u) * _per_sine(z, rest) * cross(above, below)
-    if group.damped:
+    if group.has_dampers:
         hinge -= _spread(group.block.damping, u) * _relative(cross(u, w))
     hinge[:, :-1] -= hinge[:, 1:].copy()
     return hinge
@@ -188,8 +190,8 @@ def joint_moments(group: Group, u: Any, w: Any) -> Any:
 
 def damper_power(group: Group, u: Any, w: Any) -> Any:
     """Power (W) of the joint dampers, never positive, (...)."""
-    apart = _relative(cross(u, w))
-    return -np.sum(_spread(group.block.damping, u) * dot(apart, apart), axis=(0, 1))
+    bend_rates = _relative(cross(u, w))
+    return -np.sum(_spread(group.block.damping, u) * dot(bend_rates, bend_rates), axis=(0, 1))
 
 
 def joint_energy(group: Group, u: Floats) -> Floats:
@@ -203,14 +205,14 @@ def _bend(group: Group, u: Any) -> tuple[Any, Any, Any, Any]:
     above = np.empty_like(below)
     above[:, 0] = DOWN.reshape(3, *[1] * (u.ndim - 2))
     above[:, 1:] = below[:, :-1]
-    apart, along = above - below, above + below
-    return above, below, dot(apart, apart) / 4, dot(along, along) / 4
+    difference, total = above - below, above + below
+    return above, below, dot(difference, difference) / 4, dot(total, total) / 4
 
 
 def _per_sine(z: Any, rest: Any) -> Any:
-    bent = z * rest
-    root, other = np.sqrt(where(bent, z, STRAIGHT)), np.sqrt(where(bent, rest, 1.0))
-    return np.arctan(root / other) / (root * other)
+    product = z * rest
+    root, rest_root = np.sqrt(where(product, z, STRAIGHT)), np.sqrt(where(product, rest, 1.0))
+    return np.arctan(root / rest_root) / (root * rest_root)
 
 
 def _relative(values: Any) -> Any:
@@ -243,19 +245,19 @@ class SpatialRecursed:
     def __init__(self, body: SpatialRecursion, answer: SpatialAnswer, turns: Any) -> None:
         self.body, self.answer, self.turns = body, answer, turns
 
-    def projected(self, columns: Any, slopes: Sequence[Any], felt: tuple[Any, Any], together: bool) -> Any:
+    def project_on_carrier(self, columns: Any, slopes: Sequence[Any], bias: tuple[Any, Any], move_alike: bool) -> Any:
         """The inertia (lower half) and the force on each coordinate of what carries the pendula in these columns."""
         M, p = self.answer.M[:, :, columns], self.answer.p[:, columns]
         answer = Answer(*(part.sum(0) for part in (M[0, 0], M[0, 2], M[2, 2], p[0], p[2])))
-        (fx, fz), pulls = answer.to(*felt), [driven(*answer[:3], *slope) for slope in slopes]
+        (fx, fz), pulls = answer.to(*bias), [driven(*answer[:3], *slope) for slope in slopes]
         block = [[v * mx + w * mz for v, w in slopes[: k + 1]] for k, (mx, mz) in enumerate(pulls)]
         return block, [x * fx + z * fz for x, z in slopes]
 
     def fall(self, pushes: Sequence[Sequence[Any]], accelerations: Any) -> Any:
         """Second derivatives u'' (3, n, P, ...)."""
-        felt = np.zeros_like(self.answer.p)
-        felt[0], felt[2] = accelerations
-        return np.stack(downward(self.body.links, self.turns, felt), axis=1)
+        base_acceleration = np.zeros_like(self.answer.p)
+        base_acceleration[0], base_acceleration[2] = accelerations
+        return np.stack(downward(self.body.links, self.turns, base_acceleration), axis=1)
 
 
 class Spatial(Suspended):
@@ -277,14 +279,16 @@ class Spatial(Suspended):
             along, down = support
             b = group.block.b.reshape(*group.block.b.shape, *[1] * (links.ndim - 3))
             power = power - (b * (along * rates[0] + down * rates[2])).sum((0, 1))
-        if group.sprung or group.damped:
+        if group.sprung or group.has_dampers:
             hinges = joint_moments(group, links, rates)
             moments = hinges if moments is None else moments + hinges
-        if group.damped:
+        if group.has_dampers:
             power = power + damper_power(group, links, rates)
-        return np.zeros_like(links) if moments is None else generalized(moments, links), power, 0.0
+        return np.zeros_like(links) if moments is None else generalized_forces(moments, links), power, 0.0
 
-    def dragged(self, group: Group, links: Any, rates: Any, pivot: Any, support: Any, speed: Any) -> External:
+    def drag_of(self, group: Group, links: Any, rates: Any, pivot: Any, support: Any, speed: Any) -> External:
         """The drag of a group, with generalized forces (3, n, P, ...) on u."""
         external = drag(group, rates, pivot, support)
-        return external._replace(generalized=generalized(cross(links, external.generalized), links))
+        return external._replace(
+            generalized_forces=generalized_forces(cross(links, external.generalized_forces), links)
+        )

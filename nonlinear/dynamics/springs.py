@@ -73,7 +73,7 @@ class Strained(NamedTuple):
     on_links: Any
 
 
-def stretched(k: Any, d: Any, ax: Any, az: Any, rest: Any, x: Any, z: Any, vx: Any, vz: Any) -> tuple[Any, ...]:
+def stretch_law(k: Any, d: Any, ax: Any, az: Any, rest: Any, x: Any, z: Any, vx: Any, vz: Any) -> tuple[Any, ...]:
     """Extension, pull, force on the first end along the rail and down, power of one with Δ₀ = (ax, az), |Δ₀| = rest.
 
     δ = (x, z) and Δ' = (vx, vz).
@@ -93,10 +93,10 @@ def slack(k: Any, d: Any, x: Any, z: Any, vx: Any, vz: Any) -> tuple[Any, ...]:
     return length, k * length, k * x + d * vx, k * z + d * vz, -(d * (vx * vx + vz * vz))
 
 
-def twisted(stiffness: Any, damping: Any, turned: Any, turning: Any) -> Tension:
+def twist_law(stiffness: Any, damping: Any, angle: Any, turning: Any) -> Tension:
     """Springs between angles."""
-    torque, power = stiffness * turned + damping * turning, -(damping * (turning * turning)).sum(0)
-    return Tension(turned, torque, stiffness * (turned * turned) / 2, torque, power)
+    torque, power = stiffness * angle + damping * turning, -(damping * (turning * turning)).sum(0)
+    return Tension(angle, torque, stiffness * (angle * angle) / 2, torque, power)
 
 
 def _tension(stiffness: Any, stretch: tuple[Any, ...]) -> Tension:
@@ -145,7 +145,7 @@ class Springs:
         for number, (side, k, _) in enumerate([*links, *carriers]):
             pairs[side, k] = number
         link = np.array([end.link for *_, end in links], dtype=np.int64)
-        below = filled([self.below(end) for *_, end in links])
+        below = array_of([self.below(end) for *_, end in links])
         return Nodes(link, below, tuple(end for *_, end in carriers)), pairs
 
     def below(self, end: LinkEnd) -> Any:
@@ -159,17 +159,17 @@ class Springs:
     def numbers(self) -> tuple[Any, Any]:
         """Stiffness and damping, (E, ...) each."""
         springs = self.structure.springs
-        return filled([spring.stiffness for spring in springs]), filled([spring.damping for spring in springs])
+        return array_of([spring.stiffness for spring in springs]), array_of([spring.damping for spring in springs])
 
     @cached_property
-    def drawn(self) -> tuple[Any, Any]:
+    def drawn_vectors(self) -> tuple[Any, Any]:
         """Δ₀ (2, E, ...) and |Δ₀| (E, ...) of those with a length as drawn."""
         pairs = [self.structure.springs[k].ends for k in self.kinds[0]]
         places = [tuple(drawn_place(self.system, end) for end in ends) for ends in pairs]
-        apart = [tuple(b[k] - a[k] if a and b else 0.0 for k in (0, 1)) for a, b in places]
-        rest = [np.sqrt(x * x + z * z) for x, z in apart]
-        both = filled([each[k] for k in (0, 1) for each in apart])
-        return both.reshape(2, len(apart), *both.shape[1:]), filled(rest)
+        vectors = [tuple(b[k] - a[k] if a and b else 0.0 for k in (0, 1)) for a, b in places]
+        rest = [np.sqrt(x * x + z * z) for x, z in vectors]
+        components = array_of([vector[k] for k in (0, 1) for vector in vectors])
+        return components.reshape(2, len(vectors), *components.shape[1:]), array_of(rest)
 
     def tensions(self, q: Any, v: Any, carrying: Carrying) -> list[tuple[Ints, Tension]]:
         """What springs of each kind do, with their numbers, at coordinates q and rates v (half, ...)."""
@@ -177,14 +177,14 @@ class Springs:
         stiffness, damping = (_spread(part, q) for part in self.numbers)
         tensions = []
         if len(tight) or len(loose):
-            places, speeds = self._moved(q, v, carrying)
-            _, (near, far) = self.nodes
-            stretch, speed = (part[:, far] - part[:, near] for part in (places, speeds))
+            places, speeds = self._node_motion(q, v, carrying)
+            _, (first_nodes, second_nodes) = self.nodes
+            stretch, speed = (part[:, second_nodes] - part[:, first_nodes] for part in (places, speeds))
             if len(tight):
-                apart, rest = _spread(self.drawn[0], stretch), _spread(self.drawn[1], q)
+                vector, rest = _spread(self.drawn_vectors[0], stretch), _spread(self.drawn_vectors[1], q)
                 part = stretch[:, tight], speed[:, tight]
-                law = stiffness[tight], damping[tight], *apart, rest
-                tensions.append((tight, _tension(stiffness[tight], stretched(*law, *part[0], *part[1]))))
+                law = stiffness[tight], damping[tight], *vector, rest
+                tensions.append((tight, _tension(stiffness[tight], stretch_law(*law, *part[0], *part[1]))))
             if len(loose):
                 law = stiffness[loose], damping[loose]
                 tension = _tension(law[0], slack(*law, *stretch[:, loose], *speed[:, loose]))
@@ -192,22 +192,22 @@ class Springs:
                 tensions.append((loose, tension._replace(energy=law[0] * (x * x + z * z) / 2)))
         if len(torsion):
             angles = [
-                np.stack([self._bent(self.structure.springs[k], values, carrying) for k in torsion])
+                np.stack([self._angle_between(self.structure.springs[k], values, carrying) for k in torsion])
                 for values in (q, v)
             ]
-            tensions.append((torsion, twisted(stiffness[torsion], damping[torsion], *angles)))
+            tensions.append((torsion, twist_law(stiffness[torsion], damping[torsion], *angles)))
         return tensions
 
-    def _bent(self, spring: SpringNumbers, values: Any, carrying: Carrying) -> Any:
-        near, far = (self._angle(end, values, carrying) for end in spring.ends)
-        return far - near
+    def _angle_between(self, spring: SpringNumbers, values: Any, carrying: Carrying) -> Any:
+        first, second = (self._angle(end, values, carrying) for end in spring.ends)
+        return second - first
 
     def _angle(self, end: End, values: Any, carrying: Carrying) -> Any:
         if isinstance(end, LinkEnd):
             return values[self.structure.size + end.link]
         return carrying.angle(end.carrier, values) if isinstance(end, CarrierEnd) else 0.0
 
-    def _moved(self, q: Any, v: Any, carrying: Carrying) -> tuple[Any, Any]:
+    def _node_motion(self, q: Any, v: Any, carrying: Carrying) -> tuple[Any, Any]:
         """Displacements and velocities (2, N + 1, ...) of all points, the ground last."""
         size, (nodes, _) = self.structure.size, self.nodes
         count = len(nodes.link)
@@ -223,10 +223,10 @@ class Springs:
                         upper_part[k][group.index] = steps[k] + pivot[k]
             theta, omega, below = links[nodes.link], v[size:][nodes.link], _spread(nodes.below, links)
             S, C = np.sin(theta), np.cos(theta)
-            along = below * S, -(below * versed(theta))
+            offset = below * S, -(below * versine(theta))
             turning = below * (C * omega), -(below * (S * omega))
             for k in (0, 1):
-                places[k, :count] = upper[0][k][nodes.link] + along[k]
+                places[k, :count] = upper[0][k][nodes.link] + offset[k]
                 speeds[k, :count] = upper[1][k][nodes.link] + turning[k]
         for number, end in enumerate(nodes.carriers, count):
             place, _, speed = carrying.point(end)
@@ -274,18 +274,18 @@ class Springs:
 def _upper(group: Group, angles: Any, rates: Any) -> tuple[Any, Any]:
     """Displacements and velocities (2, n, P, ...) of upper joints, as if the first were at rest."""
     length = _spread(group.block.length, angles)
-    steps = np.stack((length * np.sin(angles), -(length * versed(angles))))
+    steps = np.stack((length * np.sin(angles), -(length * versine(angles))))
     moves = np.stack((length * (np.cos(angles) * rates), -(length * (np.sin(angles) * rates))))
     return np.cumsum(steps, axis=1) - steps, np.cumsum(moves, axis=1) - moves
 
 
-def versed(angle: Any) -> Any:
+def versine(angle: Any) -> Any:
     """1 − cos, with all digits."""
     half = np.sin(angle / 2)
     return 2 * (half * half)
 
 
-def filled(values: Sequence[Any]) -> Any:
+def array_of(values: Sequence[Any]) -> Any:
     """An array (N, ...) of numbers, arrays or symbols."""
     if any(isinstance(value, np.ndarray) and value.ndim for value in values):
         return np.stack(np.broadcast_arrays(*values))

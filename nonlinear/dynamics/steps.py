@@ -14,8 +14,9 @@ From the sums of `answered` over all chains, `railed` on a cart and `held` on a 
 the power; their y = (x, x', force on the cart, support's acceleration along the rail and down).
 
 The linear equations are the same steps followed by their derivatives: every argument and result has its changes behind
-it (`along`).  Drives and quadratic drag are left out of them.  `paired` are the bilinear forms of small motions x and z
-from equilibrium, y = (x, z, both of the link above): u = (speeds x, z, x'Mz, x'Kz, x'Dz) with its link's share.
+it (`directional_derivatives`).  Drives and quadratic drag are left out of them.  `paired` are the bilinear forms of
+small motions x and z from equilibrium, y = (x, z, both of the link above): u = (speeds x, z, x'Mz, x'Kz, x'Dz) with its
+link's share.
 
 The equations of one structure are recorded whole.  The functions of `structure_steps` take the numbers p of the scene,
 y = (η, θ, η', θ', work), and u and v as follows:
@@ -42,16 +43,16 @@ import numpy as np
 
 from modal.scene import SineMotion
 from modal.vibration import prescribed_motion
-from nonlinear.dynamics.bearing import inverted
+from nonlinear.dynamics.bearing import apply_inverse_mass
 from nonlinear.dynamics.forces import drag_law, inertial_law, joint_law
 from nonlinear.dynamics.forms import Form, TapedEquations, form_of
 from nonlinear.dynamics.inputs import QUIET
 from nonlinear.dynamics.mechanics import energies
 from nonlinear.dynamics.minimal import Minimal
-from nonlinear.dynamics.recursion import Answer, RecursiveLink, Turn, hung, passed
-from nonlinear.dynamics.tape import Tape, along
+from nonlinear.dynamics.recursion import Answer, RecursiveLink, Turn, link_acceleration, link_response
+from nonlinear.dynamics.tape import Tape, directional_derivatives
 from nonlinear.dynamics.text import Module
-from nonlinear.system import System, entries_of, prescribed_of, system_with
+from nonlinear.system import System, constants_of, entries_of, system_with
 from nonlinear.system.numbers import BEFORE, FIELDS, dampers_of
 
 LINK = (
@@ -64,84 +65,84 @@ SINE = ("amplitude", "omega", "phase", "along", "down")
 Step = Callable[[Any, Any, Any, Any], list[Any]]
 
 
-def _swung(link: Any, y: Any, u: Any, v: Any) -> list[Any]:
-    return list(_below(link.length, y, u))
+def _swing_step(link: Any, y: Any, u: Any, v: Any) -> list[Any]:
+    return list(_lower_velocity(link.length, y, u))
 
 
-def _below(distance: Any, y: Any, upper: Any) -> tuple[Any, Any]:
+def _lower_velocity(distance: Any, y: Any, upper: Any) -> tuple[Any, Any]:
     return upper[0] + distance * (y[0].cos() * y[1]), upper[1] - distance * (y[0].sin() * y[1])
 
 
-def _answered(link: Any, y: Any, u: Any, v: Any) -> list[Any]:
+def _answer_step(link: Any, y: Any, u: Any, v: Any) -> list[Any]:
     theta, rate, _, _, moment, *frame = y[:9]
     s, c, support, wind = theta.sin(), theta.cos(), frame[:2], frame[2:]
-    kept, working = joint_law(*_bent(link, y), link.stiffness, link.damping, link.strength, link.curb)
-    torque, (tx, tz) = kept + working, u[6:8]
-    velocity = np.array(_below(link.centre, y, v), dtype=object)
+    elastic, working = joint_law(*_joint_bend(link, y), link.stiffness, link.damping, link.strength, link.curb)
+    torque, (tx, tz) = elastic + working, u[6:8]
+    velocity = np.array(_lower_velocity(link.centre, y, v), dtype=object)
     fx, fz = drag_law(velocity + wind, link.drag, link.quadratic)
-    dragged = c * (link.length * tx + link.centre * fx) - s * (link.length * tz + link.centre * fz)
+    drag_torque = c * (link.length * tx + link.centre * fx) - s * (link.length * tz + link.centre * fz)
     rest = link.length - link.centre
-    static, moved = link.mass * link.centre, link.mass * rest * rest
+    static, tip_term = link.mass * link.centre, link.mass * rest * rest
     constants = RecursiveLink(
         link.mass,
         link.length,
         static,
         link.inertia + static * link.centre,
         link.inertia,
-        link.inertia + moved,
+        link.inertia + tip_term,
         link.inertia - static * rest,
     )
-    answer, turn = passed(constants, Answer(*u[:5]), s, c, rate, moment + torque - u[5] + dragged)
+    answer, turn = link_response(constants, Answer(*u[:5]), s, c, rate, moment + torque - u[5] + drag_torque)
     outside = moment + inertial_law(link.static, s, c, support)
     power = u[8] + working * (rate - y[3]) + outside * rate + fx * velocity[0] + fz * velocity[1]
     return [*answer, torque, tx + fx, tz + fz, power, turn.hx, turn.hz, turn.e, turn.D]
 
 
-def _bent(link: Any, y: Any) -> tuple[Any, Any]:
+def _joint_bend(link: Any, y: Any) -> tuple[Any, Any]:
     return y[0] - y[2] - link.bent, y[1] - y[3]
 
 
-def _fallen(link: Any, y: Any, u: Any, v: Any) -> list[Any]:
+def _fall_step(link: Any, y: Any, u: Any, v: Any) -> list[Any]:
     turn = Turn(v[9], v[10], v[11], v[12], y[0].sin(), y[0].cos(), y[1])
-    theta2, ax, az = hung(SimpleNamespace(l=link.length), turn, u[0], u[1])  # type: ignore[arg-type]
+    theta2, ax, az = link_acceleration(SimpleNamespace(l=link.length), turn, u[0], u[1])  # type: ignore[arg-type]
     return [ax, az, theta2]
 
 
-def _stored(link: Any, y: Any, u: Any, v: Any) -> list[Any]:
-    vx, vz = _below(link.centre, y, u)
+def _energy_step(link: Any, y: Any, u: Any, v: Any) -> list[Any]:
+    vx, vz = _lower_velocity(link.centre, y, u)
     kinetic = (link.mass * (vx * vx + vz * vz) + link.inertia * y[1] ** 2) / 2
     lift, gamma = ((y[0] - link.rest) / 2).sin(), y[0] - y[2] - link.bent
     potential = 2 * link.gravity * link.static * link.sigma * lift**2 + link.stiffness * gamma**2 / 2
-    return [*_below(link.length, y, u), u[2] + kinetic, u[3] + potential]
+    return [*_lower_velocity(link.length, y, u), u[2] + kinetic, u[3] + potential]
 
 
-def _paired(link: Any, y: Any, u: Any, v: Any) -> list[Any]:
+def _pair_step(link: Any, y: Any, u: Any, v: Any) -> list[Any]:
     x, z, above_x, above_z = y
     turns = link.sigma * x, link.sigma * z
-    upper, other = (speed + link.centre * turn for speed, turn in zip(u[:2], turns, strict=True))
+    upper, upper_z = (speed + link.centre * turn for speed, turn in zip(u[:2], turns, strict=True))
     bends = x - above_x, z - above_z
-    held, slowed = joint_law(bends[0], bends[0], link.stiffness, link.damping)
-    (resisted,) = drag_law(np.array([upper], dtype=object), link.drag)
-    M = u[2] + link.mass * upper * other + link.inertia * turns[0] * turns[1]
-    K = u[3] + link.gravity * link.static * link.sigma * x * z - held * bends[1]
-    D = u[4] - slowed * bends[1] - resisted * other
+    spring, damper = joint_law(bends[0], bends[0], link.stiffness, link.damping)
+    (drag_force,) = drag_law(np.array([upper], dtype=object), link.drag)
+    M = u[2] + link.mass * upper * upper_z + link.inertia * turns[0] * turns[1]
+    K = u[3] + link.gravity * link.static * link.sigma * x * z - spring * bends[1]
+    D = u[4] - damper * bends[1] - drag_force * upper_z
     return [*(speed + link.length * turn for speed, turn in zip(u[:2], turns, strict=True)), M, K, D]
 
 
-def _railed(cart: Any, y: Any, u: Any, v: Any) -> list[Any]:
+def _rail_step(cart: Any, y: Any, u: Any, v: Any) -> list[Any]:
     x, rate, push, _, down = y
     gravity = cart.gravity - down
-    kept, working = joint_law(x, rate, cart.stiffness, cart.damping)
+    elastic, working = joint_law(x, rate, cart.stiffness, cart.damping)
     outside = push + working
     pull = u[3] - gravity * u[1] - u[6]
-    return [(outside + kept - pull) / (cart.mass + u[0]), -gravity, u[8] + rate * outside]
+    return [(outside + elastic - pull) / (cart.mass + u[0]), -gravity, u[8] + rate * outside]
 
 
-def _held(cart: Any, y: Any, u: Any, v: Any) -> list[Any]:
+def _support_step(cart: Any, y: Any, u: Any, v: Any) -> list[Any]:
     return [y[3], y[4] - cart.gravity, u[8]]
 
 
-def _recorded(names: tuple[str, ...], steps: Mapping[str, tuple[Step, tuple[int, int, int]]], linear: bool) -> Module:
+def _record(names: tuple[str, ...], steps: Mapping[str, tuple[Step, tuple[int, int, int]]], linear: bool) -> Module:
     tape = Tape()
     p = dict(zip(names, tape.inputs("p", len(names)), strict=True))
     if linear:
@@ -153,7 +154,9 @@ def _recorded(names: tuple[str, ...], steps: Mapping[str, tuple[Step, tuple[int,
         outputs = step(SimpleNamespace(**p), *inputs)
         if linear:
             changes = [tape.symbol("in", kind, len(places) + k) for kind, places in kinds for k in places]
-            outputs += along(tape, outputs, [symbol for places in inputs for symbol in places], changes)
+            outputs += directional_derivatives(
+                tape, outputs, [symbol for places in inputs for symbol in places], changes
+            )
         functions[name] = outputs
     return Module(tape, functions)
 
@@ -162,28 +165,28 @@ def _recorded(names: tuple[str, ...], steps: Mapping[str, tuple[Step, tuple[int,
 def link_steps(*, linear: bool = False) -> Module:
     """The steps along a chain, of the numbers LINK; `paired` among those that are not linear."""
     steps = {
-        "swung": (_swung, (9, 2, 0)),
-        "answered": (_answered, (9, 13, 2)),
-        "fallen": (_fallen, (9, 3, 13)),
+        "swung": (_swing_step, (9, 2, 0)),
+        "answered": (_answer_step, (9, 13, 2)),
+        "fallen": (_fall_step, (9, 3, 13)),
     }
-    others = {} if linear else {"stored": (_stored, (9, 4, 0)), "paired": (_paired, (4, 5, 0))}
-    return _recorded(LINK, {**steps, **others}, linear)
+    others = {} if linear else {"stored": (_energy_step, (9, 4, 0)), "paired": (_pair_step, (4, 5, 0))}
+    return _record(LINK, {**steps, **others}, linear)
 
 
 @cache
 def support_steps(*, linear: bool = False) -> Module:
     """What the first joints do, of the numbers CART."""
-    return _recorded(CART, {"railed": (_railed, (5, 13, 0)), "held": (_held, (5, 13, 0))}, linear)
+    return _record(CART, {"railed": (_rail_step, (5, 13, 0)), "held": (_support_step, (5, 13, 0))}, linear)
 
 
 @cache
 def sine_steps() -> Module:
     """`moved`: displacement, velocity and acceleration of a support, two numbers each, of u = (time,) and SINE."""
     tape = Tape()
-    *constants, ahead, down = tape.inputs("p", len(SINE))
+    *constants, sideways, down = tape.inputs("p", len(SINE))
     (time,) = tape.inputs("u", 1)
     motion = prescribed_motion(SineMotion(amplitude=1.0, frequency_hz=1.0)).with_constants(constants)
-    outputs = [part * motion.derivative(time, order) for order in range(3) for part in (ahead, down)]
+    outputs = [part * motion.derivative(time, order) for order in range(3) for part in (sideways, down)]
     return Module(tape, {"moved": outputs})
 
 
@@ -200,22 +203,22 @@ class StructureSteps:
     @cached_property
     def form(self) -> Form:
         """What the text depends on: every damper has a number there."""
-        form = form_of(self.system, pushed=True, works=True)
+        form = form_of(self.system, has_load=True, works=True)
         links = self.system.n_links
         at = BEFORE + links * FIELDS.index("damping")
         first = BEFORE + links * len(FIELDS)
-        every = {*range(at, at + links), *(first + k for k in dampers_of(self.system.suspension))}
-        return replace(form, present=tuple(has or k in every for k, has in enumerate(form.present)))
+        dampers = {*range(at, at + links), *(first + k for k in dampers_of(self.system.suspension))}
+        return replace(form, present=tuple(has or k in dampers for k, has in enumerate(form.present)))
 
     @property
-    def kept(self) -> list[int]:
+    def entry_numbers(self) -> list[int]:
         """Which entries of a scene (`nonlinear.system.entries_of`) are the first numbers p."""
         return [k for k, has in enumerate(self.form.present) if has]
 
     @property
     def numbers(self) -> list[Any]:
         """The numbers p of the system: those entries, then the constants of what is prescribed."""
-        return self.form.numbers(entries_of(self.system), prescribed_of(self.system))
+        return self.form.numbers(entries_of(self.system), constants_of(self.system))
 
     @cached_property
     def module(self) -> Module:
@@ -229,23 +232,23 @@ class StructureSteps:
             Minimal(slow, equations.bodies, equations.minimal.load).rates(y, equations.instant)[: 2 * half].tolist()
         )
         change = [tape.symbol("in", "v", k) for k in range(2 * half)]
-        moved = along(tape, smooth, y[: 2 * half], change)
+        changes = directional_derivatives(tape, smooth, y[: 2 * half], change)
         parts = energies(equations.system, q, v)
-        T, V = parts.moving, parts.stored
-        still = replace(slow, support=None, forces=())
-        power = Minimal(still, equations.bodies, equations.minimal.load).rates(y, QUIET)[-1]
-        mass, drained = (_second(tape, energy, v, x, z) for energy in (T, power))
+        T, V = parts.moving, parts.potential_energy
+        at_rest = replace(slow, support=None, forces=())
+        power = Minimal(at_rest, equations.bodies, equations.minimal.load).rates(y, QUIET)[-1]
+        mass, damping = (_second(tape, energy, v, x, z) for energy in (T, power))
         functions = {
             "rates": equations.rates,
-            "linear": [rate + more for rate, more in zip(smooth, moved, strict=True)],
+            "linear": [rate + change_of_rate for rate, change_of_rate in zip(smooth, changes, strict=True)],
             "stored": [T, V],
-            "paired": [mass, _second(tape, V, q, x, z), -0.5 * drained],
+            "paired": [mass, _second(tape, V, q, x, z), -0.5 * damping],
         }
-        if self.system.kicked:
+        if self.system.has_escapements:
             solvers = list(zip(equations.system.groups, equations.bodies, strict=True))
             impulses = np.empty(half, dtype=object)
             impulses[:] = x
-            functions["impelled"] = inverted(equations.system, solvers, q, impulses).tolist()
+            functions["impelled"] = apply_inverse_mass(equations.system, solvers, q, impulses).tolist()
         return Module(tape, functions)
 
 
@@ -265,5 +268,5 @@ def _without(equations: TapedEquations, names: Sequence[str]) -> System:
 
 def _second(tape: Any, value: Any, by: Any, x: Sequence[Any], z: Sequence[Any]) -> Any:
     """The second derivative of a value along x and z."""
-    (first,) = along(tape, [value], by, x)
-    return along(tape, [first], by, z)[0]
+    (first,) = directional_derivatives(tape, [value], by, x)
+    return directional_derivatives(tape, [first], by, z)[0]

@@ -25,7 +25,7 @@ import numpy as np
 from modal.structure import CarrierNumbers, Moving, Structure, carried_weights
 from modal.structure.carriers import plus
 from modal.types import Ints
-from nonlinear.dynamics.springs import Springs, filled, versed
+from nonlinear.dynamics.springs import Springs, array_of, versine
 from nonlinear.system import Group, System, drawn_place
 
 Vector = tuple[Any, Any]
@@ -34,13 +34,13 @@ Vector = tuple[Any, Any]
 class Bundle(NamedTuple):
     """Pendula of one group that hang from one carrier: their `columns`, and the points `where` they hang.
 
-    They are `together` where all hang from one point, or the carrier does not turn: then they move alike.
+    They `move_alike` where all hang from one point, or the carrier does not turn.
     """
 
     carrier: int
     columns: slice | Ints
     where: Any
-    together: bool
+    move_alike: bool
 
 
 def bundles_of(structure: Structure, group: Group) -> list[Bundle]:
@@ -50,19 +50,19 @@ def bundles_of(structure: Structure, group: Group) -> list[Bundle]:
         pivot = structure.pivots[number]
         key = pivot if isinstance(pivot.where, int) else (pivot.carrier,)
         members.setdefault(key, []).append((column, pivot))
-    return [_bundle(structure, key[0], each) for key, each in members.items()]
+    return [_bundle(structure, key[0], pendula) for key, pendula in members.items()]
 
 
 def _bundle(structure: Structure, carrier: int, members: Sequence[tuple[int, Any]]) -> Bundle:
     columns, pivots = zip(*members, strict=True)
     first = pivots[0]
-    together = structure.carriers[carrier].turning is None or all(pivot is first for pivot in pivots)
+    move_alike = structure.carriers[carrier].turning is None or all(pivot is first for pivot in pivots)
     where = first.where
-    if not together:
-        where = tuple(filled([pivot.where[k] for pivot in pivots]) for k in (0, 1))
+    if not move_alike:
+        where = tuple(array_of([pivot.where[k] for pivot in pivots]) for k in (0, 1))
     low, high = columns[0], columns[-1] + 1
     contiguous = columns == tuple(range(low, high))
-    return Bundle(carrier, slice(low, high) if contiguous else np.array(columns), where, together)
+    return Bundle(carrier, slice(low, high) if contiguous else np.array(columns), where, move_alike)
 
 
 # ---------------------------------------------------------------------------------------------------- one carrier
@@ -82,11 +82,11 @@ def displacement(carrier: CarrierNumbers, where: Any, eta: Sequence[Any]) -> Vec
     elif carrier.kind == "platform":
         x, z = eta[0], -eta[1]
     elif carrier.kind == "swing":
-        x, z = along_arc(carrier.length, np.sin(eta[0] / carrier.length), versed(eta[0] / carrier.length))
+        x, z = along_arc(carrier.length, np.sin(eta[0] / carrier.length), versine(eta[0] / carrier.length))
     if carrier.turning is None:
         return x, z
     phi, (s, h) = eta[carrier.turning], where
-    right, down = swayed(s, h, np.sin(phi), versed(phi))
+    right, down = turn_displacement(s, h, np.sin(phi), versine(phi))
     return x + right, z + down
 
 
@@ -95,7 +95,7 @@ def along_arc(length: Any, sine: Any, versine: Any) -> Vector:
     return length * sine, -(length * versine)
 
 
-def swayed(s: Any, h: Any, sine: Any, versine: Any) -> Vector:
+def turn_displacement(s: Any, h: Any, sine: Any, versine: Any) -> Vector:
     """How far (m) a point (s, h) of what turns is from where it is drawn."""
     return h * sine - s * versine, -(s * sine + h * versine)
 
@@ -114,29 +114,29 @@ def inertia(carrier: CarrierNumbers, centre: Moving) -> list[list[Any]]:
     return [[carrier.mass], [0.0, carrier.mass], [carrier.mass * x, -(carrier.mass * z), about]]
 
 
-def thrown(carrier: CarrierNumbers, centre: Moving, felt: Vector) -> Iterator[Any]:
-    """The generalized forces of the carrier's own mass under −`felt`, the frame's acceleration less gravity, and η'."""
+def thrown(carrier: CarrierNumbers, centre: Moving, bias: Vector) -> Iterator[Any]:
+    """The generalized forces of the carrier's own mass under −`bias`, the frame's acceleration less gravity, and η'."""
     if carrier.M is not None:
         yield from [0.0] * carrier.size
         return
     for k, (x, z) in enumerate(centre.slopes):
         straight = carrier.kind == "swing" or k == carrier.turning  # η' throws it across these
-        ax, az = felt if straight else (centre.bias[0] + felt[0], centre.bias[1] + felt[1])
+        ax, az = bias if straight else (centre.bias[0] + bias[0], centre.bias[1] + bias[1])
         yield -(carrier.mass * (x * ax + z * az))
 
 
-def held(carrier: CarrierNumbers, eta: Sequence[Any], rates: Sequence[Any]) -> tuple[list[Any], list[Any]]:
+def mounting_forces(carrier: CarrierNumbers, eta: Sequence[Any], rates: Sequence[Any]) -> tuple[list[Any], list[Any]]:
     """The forces of the carrier's own springs, and those of its dampers."""
     if carrier.K is not None and carrier.D is not None:
         return tuple(
             [-_product(row, value) for row in A.tolist()] for A, value in ((carrier.K, eta), (carrier.D, rates))
         )  # type: ignore[return-value]
-    kept = [-plus(0.0, k, value) for k, value in zip(carrier.stiffness, eta, strict=True)]
-    return kept, [-plus(0.0, c, value) for c, value in zip(carrier.damping, rates, strict=True)]
+    elastic = [-plus(0.0, k, value) for k, value in zip(carrier.stiffness, eta, strict=True)]
+    return elastic, [-plus(0.0, c, value) for c, value in zip(carrier.damping, rates, strict=True)]
 
 
 def _product(row: Sequence[Any], values: Sequence[Any]) -> Any:
-    return sum((each * value for each, value in zip(row, values, strict=True)), 0.0)
+    return sum((entry * value for entry, value in zip(row, values, strict=True)), 0.0)
 
 
 # ------------------------------------------------------------------------------------------------ all carriers
@@ -172,19 +172,19 @@ class Carriers:
     @cached_property
     def weights(self) -> list[Any]:
         """W (first,), N or N m: the weights at the drawn rest where carriers' own springs carry them, else 0."""
-        hung: list[Any] = [0.0] * len(self.structure.pivots)
+        hanging_masses: list[Any] = [0.0] * len(self.structure.pivots)
         for group in self.system.groups:
             for column, pendulum in enumerate(group.pendula.tolist()):
-                hung[pendulum] = group.block.mass[:, column].sum(0)
-        return carried_weights(self.structure, hung, self.system.gravity)
+                hanging_masses[pendulum] = group.block.mass[:, column].sum(0)
+        return carried_weights(self.structure, hanging_masses, self.system.gravity)
 
     @cached_property
-    def drawn(self) -> list[Any]:
+    def drawn_places(self) -> list[Any]:
         """Where the first joints of every group are drawn (m), (2, P)."""
         places = [drawn_place(self.system, pivot) for pivot in self.structure.pivots]
         return [np.array([places[pendulum] for pendulum in group.pendula.tolist()]).T for group in self.system.groups]
 
-    def _moved(self, eta: Sequence[Any], rates: Sequence[Any]) -> list[list[Moving]]:
+    def _pivot_motions(self, eta: Sequence[Any], rates: Sequence[Any]) -> list[list[Moving]]:
         """How the pivots of all bundles move."""
         return [
             [self.moving(bundle.carrier, self.where(bundle, eta), eta, rates) for bundle in bundles]
@@ -194,9 +194,9 @@ class Carriers:
     @cached_property
     def _alike(self) -> list[Moving | None]:
         """How every point of a carrier moves where all move alike at all times; their place is of no use."""
-        still = [0.0] * self.structure.size
+        zeros = [0.0] * self.structure.size
         return [
-            None if part.bends or part.M is not None else part.moving(part.centre, still, still)
+            None if part.bends or part.M is not None else part.moving(part.centre, zeros, zeros)
             for part in self.structure.carriers
         ]
 
@@ -210,7 +210,7 @@ class Carriers:
 
     def where(self, bundle: Bundle, eta: Sequence[Any]) -> Any:
         """Where the pendula of a bundle hang: points (P,) as (P, 1) where coordinates are arrays."""
-        if bundle.together or bundle.where[0].ndim > 1 or not np.ndim(eta[0]):
+        if bundle.move_alike or bundle.where[0].ndim > 1 or not np.ndim(eta[0]):
             return bundle.where
         return tuple(part[:, None] for part in bundle.where)
 
@@ -219,7 +219,7 @@ class Carriers:
         return self.moving(number, self.structure.carriers[number].centre, eta, rates)
 
 
-def eliminated(block: Sequence[Sequence[Any]], right: list[Any]) -> list[Any]:
+def solve_block(block: Sequence[Sequence[Any]], right: list[Any]) -> list[Any]:
     """The x of A x = right, A positive definite, given by its lower half."""
     eliminate([list(row) for row in block], right, 0, len(right))
     return right

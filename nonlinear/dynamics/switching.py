@@ -20,7 +20,7 @@ from typing import Any
 
 from nonlinear.dynamics.contacts import Gripping, contacts_of
 from nonlinear.dynamics.forms import Form, TapedEquations, responding
-from nonlinear.dynamics.tape import along
+from nonlinear.dynamics.tape import directional_derivatives
 from nonlinear.dynamics.text import Module
 
 FAR = 1000.0
@@ -28,13 +28,13 @@ FAR = 1000.0
 Pairs = tuple[tuple[int, int], ...]
 
 
-def switched(form: Form) -> Form:
+def with_contacts(form: Form) -> Form:
     """The same form with the contacts of its system."""
     contacts = contacts_of(form.system)
     return replace(form, contacts=contacts.pairs, presses=contacts.coefficient > 0)
 
 
-def told(form: Form, kicks: Pairs) -> int:
+def state_count(form: Form, kicks: Pairs) -> int:
     """How many numbers of a segment's state the texts take: sides K, signs J, e of such a rail, firmness J."""
     return len(kicks) + 2 * len(form.contacts) + form.presses
 
@@ -48,20 +48,20 @@ def member_numbers(form: Form, kicks: Pairs) -> int:
 def switching_of(form: Form, kicks: Pairs = ()) -> Module:
     """The functions (y, u, v) of a form whose joints `kicks`, pairs of coordinates of v, have escapements.
 
-    v is a direction (size,) of y, then numbers of the state (`told`) and of the member, then the rates of the inputs
-    before those of contacts.  y' where all contacts slide ("rates"), and where some stick ("sticking"); τ (J,), with N
-    after it where the rail has a coefficient ("friction"); y' without friction and M⁻¹Jᵀ (half, J) row by row, with N
-    and ∂N/∂τ ("responses"); values and their rates (2 count,), all contacts sliding ("clear") or not ("values"), the
-    direction being y'; y after impulses, which stand in place of the sides ("kick"), and the change of it along the
+    v is a direction (size,) of y, then numbers of the state (`state_count`) and of the member, then the rates of the
+    inputs before those of contacts.  y' where all contacts slide ("rates"), and where some stick ("sticking"); τ (J,),
+    with N after it where the rail has a coefficient ("friction"); y' without friction and M⁻¹Jᵀ (half, J) row by row,
+    with N and ∂N/∂τ ("responses"); values and their rates (2 count,), all contacts sliding ("clear") or not ("values"),
+    the direction being y'; y after impulses, which stand in place of the sides ("kick"), and the change of it along the
     direction ("kicked", 2 size).
     """
     equations = TapedEquations(form)
     tape, minimal, y, u = equations.tape, equations.minimal, equations.y, equations.u
     size, half, contacts = len(y), minimal.layout.half, len(form.contacts)
-    timed = len(u) - 2 * contacts
-    v = tape.inputs("v", size + told(form, kicks) + member_numbers(form, kicks) + timed)
-    direction, told_at = v[:size], size + told(form, kicks)
-    moved = [*y, *u[:timed]], [*direction, *v[len(v) - timed :]]
+    input_count = len(u) - 2 * contacts
+    v = tape.inputs("v", size + state_count(form, kicks) + member_numbers(form, kicks) + input_count)
+    direction, told_at = v[:size], size + state_count(form, kicks)
+    change = [*y, *u[:input_count]], [*direction, *v[len(v) - input_count :]]
     sides, impulses = v[size : size + len(kicks)], v[size : size + len(kicks)]
     texts: dict[str, list[Any]] = {"rates": equations.rates[:size]}
     V, R = _of_kicks(kicks, (y, direction), sides, v[told_at : told_at + 2 * len(kicks)])
@@ -73,10 +73,10 @@ def switching_of(form: Form, kicks: Pairs = ()) -> Module:
         slowing = [
             -s * joint_value(direction[half : 2 * half], pair) for s, pair in zip(signs, form.contacts, strict=True)
         ]
-        rates, rubbed = minimal.rubbed(y, equations.instant)
-        force = [*rubbed.tau, *([] if rubbed.normal is None else [rubbed.normal])]
+        rates, friction = minimal.rates_and_friction(y, equations.instant)
+        force = [*friction.tau, *([] if friction.normal is None else [friction.normal])]
         texts |= {"sticking": rates.tolist(), "friction": force, "responses": responding(equations, form)}
-        slope = along(tape, force, *moved)
+        slope = directional_derivatives(tape, force, *change)
         texts["clear"] = [*V, *sliding, *R, *slowing]
         for j, s in enumerate(signs):
             firmly, M, dM = 1.0 + firm[j], limits[j], 0.0
@@ -91,8 +91,8 @@ def switching_of(form: Form, kicks: Pairs = ()) -> Module:
     texts["values"] = [*V, *R]
     texts.setdefault("clear", texts["values"])
     if kicks:
-        texts["kick"] = _after(equations, kicks, impulses)
-        texts["kicked"] = [*texts["kick"], *along(tape, texts["kick"], y, direction)]
+        texts["kick"] = _state_after(equations, kicks, impulses)
+        texts["kicked"] = [*texts["kick"], *directional_derivatives(tape, texts["kick"], y, direction)]
     return Module(tape, texts)
 
 
@@ -108,8 +108,8 @@ def joint_value(values: Any, pair: tuple[int, int]) -> Any:
 
 def _of_kicks(kicks: Pairs, rows: tuple[Any, Any], sides: Any, numbers: Any) -> tuple[list[Any], list[Any]]:
     """The values of kicks to the right, then to the left, and their rates."""
-    bent, angle = numbers[: len(kicks)], numbers[len(kicks) :]
-    gamma = [joint_value(rows[0], pair) - rest for pair, rest in zip(kicks, bent, strict=True)]
+    rests, angle = numbers[: len(kicks)], numbers[len(kicks) :]
+    gamma = [joint_value(rows[0], pair) - rest for pair, rest in zip(kicks, rests, strict=True)]
     speed = [joint_value(rows[1], pair) for pair in kicks]
     right = [(-s).where(-FAR, g - a) for s, g, a in zip(sides, gamma, angle, strict=True)]
     left = [s.where(-FAR, -g - a) for s, g, a in zip(sides, gamma, angle, strict=True)]
@@ -117,7 +117,7 @@ def _of_kicks(kicks: Pairs, rows: tuple[Any, Any], sides: Any, numbers: Any) -> 
     return right + left, rates + [s.where(0.0, -r) for s, r in zip(sides, speed, strict=True)]
 
 
-def _after(equations: TapedEquations, kicks: Pairs, impulses: Sequence[Any]) -> list[Any]:
+def _state_after(equations: TapedEquations, kicks: Pairs, impulses: Sequence[Any]) -> list[Any]:
     """The y after impulses, the work of which is Σ P (γ'₋ + γ'₊)/2."""
     layout, y = equations.minimal.layout, equations.y
     half, v = layout.half, y[layout.half : 2 * layout.half]
@@ -126,7 +126,7 @@ def _after(equations: TapedEquations, kicks: Pairs, impulses: Sequence[Any]) -> 
     after = v.copy()
     for column, impulse in zip(columns.T, impulses, strict=True):
         after = after + column * impulse
-    fed = y[2 * half :].copy()
+    work = y[2 * half :].copy()
     for pair, impulse in zip(kicks, impulses, strict=True):
-        fed = fed + impulse * (0.5 * (joint_value(v, pair) + joint_value(after, pair)))
-    return [*y[:half], *after, *fed]
+        work = work + impulse * (0.5 * (joint_value(v, pair) + joint_value(after, pair)))
+    return [*y[:half], *after, *work]

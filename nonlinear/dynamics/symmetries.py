@@ -61,7 +61,7 @@ def find_symmetries(system: System, start: State, *, planar: bool = True) -> tup
     if system.modal_damping is not None or system.hoisting is not None or system.structure is not None:
         return ()
     symmetries: list[Symmetry] = []
-    for find in (*([in_one_plane] if planar else []), near, synchronous, natural):
+    for find in (*([in_one_plane] if planar else []), near_origin, synchronous, natural):
         if symmetry := find(system, start):
             symmetries.append(symmetry)
             system, start = symmetry.system, symmetry.restrict(start)
@@ -98,20 +98,22 @@ def synchronous(system: System, start: State) -> Symmetry | None:
     if system.n_pendula == len(system.groups):
         return None
     groups: list[Group] = []
-    kept, whole = np.zeros(0, dtype=np.int64), np.empty(system.n_links, dtype=np.int64)
+    link_numbers, sources = np.zeros(0, dtype=np.int64), np.empty(system.n_links, dtype=np.int64)
     for group in system.groups:
         first, place, count = _kinds(group, start)
-        index = len(kept) + np.arange(group.n * len(first)).reshape(len(first), group.n).T
-        pendula = sum(other.index.shape[1] for other in groups) + np.arange(len(first))
+        index = len(link_numbers) + np.arange(group.n * len(first)).reshape(len(first), group.n).T
+        pendula = sum(earlier.index.shape[1] for earlier in groups) + np.arange(len(first))
         excitation = group.excitation and group.excitation.take(first).times(count)
         groups.append(Group(group.block.take(first).heavier(count), index, pendula, excitation))
-        whole[group.index] = index[:, place]
-        kept = np.concatenate((kept, group.index[:, first].T.ravel()))
-    if len(kept) == system.n_links:
+        sources[group.index] = index[:, place]
+        link_numbers = np.concatenate((link_numbers, group.index[:, first].T.ravel()))
+    if len(link_numbers) == system.n_links:
         return None
     small = replace(system, groups=tuple(groups), labels=())
     words = f"{small.n_pendula} of {system.n_pendula} pendula, the others moving with them"
-    return Symmetry(small, lambda state: _picked(state, kept), lambda motion: _spread(motion, whole), words, ties=True)
+    return Symmetry(
+        small, lambda state: _restrict(state, link_numbers), lambda motion: _spread(motion, sources), words, ties=True
+    )
 
 
 def _kinds(group: Group, start: State) -> tuple[Ints, Ints, Ints]:
@@ -132,12 +134,12 @@ def _table(group: Group, start: State) -> Floats:
     return np.hstack([np.moveaxis(column, 1, 0).reshape(group.index.shape[1], -1) for column in columns])
 
 
-def _picked(state: State, kept: Ints) -> State:
-    return replace(state, links=state.links[kept], link_rates=state.link_rates[kept])
+def _restrict(state: State, link_numbers: Ints) -> State:
+    return replace(state, links=state.links[link_numbers], link_rates=state.link_rates[link_numbers])
 
 
-def _spread(motion: Motion, whole: Ints) -> Motion:
-    return replace(motion, links=motion.links[:, whole], link_rates=motion.link_rates[:, whole])
+def _spread(motion: Motion, sources: Ints) -> Motion:
+    return replace(motion, links=motion.links[:, sources], link_rates=motion.link_rates[:, sources])
 
 
 def exactly_symmetric(system: System, start: State) -> bool:
@@ -148,53 +150,55 @@ def exactly_symmetric(system: System, start: State) -> bool:
     """
     if system.spatial and _flat(system, start):
         return True
-    return synchronous(system, start) is not None or _mirrored(system, start)
+    return synchronous(system, start) is not None or _is_mirror_symmetric(system, start)
 
 
 def _flat(system: System, start: State) -> bool:
     """Whether any pendulum has no component along the rail, or none across it."""
-    most = np.zeros((system.n_pendula, 2))
+    largest = np.zeros((system.n_pendula, 2))
     for part in (start.links, start.link_rates):
-        np.maximum.at(most, system.pendulum, np.abs(part[:, :2]))
-    return bool(np.any(most == 0))
+        np.maximum.at(largest, system.pendulum, np.abs(part[:, :2]))
+    return bool(np.any(largest == 0))
 
 
-def _mirrored(system: System, start: State) -> bool:
+def _is_mirror_symmetric(system: System, start: State) -> bool:
     """Whether the scene and its start equal their mirror image, modulo whole turns."""
     cart = system.cart
     if cart is None or start.cart * cart.stiffness or start.cart_rate * cart.damping:
         return False
-    if start.cart_rate and (system.dragged or system.rail):
+    if start.cart_rate and (system.has_drag or system.rail):
         return False
     if system.spatial:
         image = [part * [-1, 1, 1] + 0.0 for part in (start.links, start.link_rates)]
     else:
-        turned = start.links - 2 * np.pi * np.round(start.links / (2 * np.pi))
-        start = replace(start, links=np.where(turned == -np.pi, np.pi, turned))
+        angles = start.links - 2 * np.pi * np.round(start.links / (2 * np.pi))
+        start = replace(start, links=np.where(angles == -np.pi, np.pi, angles))
         image = [np.where(start.links == np.pi, np.pi, 0.0 - start.links), 0.0 - start.link_rates]
-    behind = replace(start, links=image[0], link_rates=image[1])
+    mirror_image = replace(start, links=image[0], link_rates=image[1])
     for group in system.groups:
-        rows, mirrored = (np.unique(_table(group, state), axis=0, return_counts=True) for state in (start, behind))
-        if not (np.array_equal(rows[0], mirrored[0]) and np.array_equal(rows[1], mirrored[1])):
+        rows, mirror_rows = (
+            np.unique(_table(group, state), axis=0, return_counts=True) for state in (start, mirror_image)
+        )
+        if not (np.array_equal(rows[0], mirror_rows[0]) and np.array_equal(rows[1], mirror_rows[1])):
             return False
     return True
 
 
-def near(system: System, start: State) -> Symmetry | None:
+def near_origin(system: System, start: State) -> Symmetry | None:
     """The system without whole turns and with its cart at the origin; None where neither is far away."""
-    turned = np.zeros_like(start.links) if system.spatial else start.links - _unwound(system, start.links)
-    away = start.cart if system.cart and not system.cart.stiffness else 0.0
-    if np.abs(turned).max() < FAR and abs(away) < FAR * system.length:
+    turns = np.zeros_like(start.links) if system.spatial else start.links - _unwind(system, start.links)
+    travel = start.cart if system.cart and not system.cart.stiffness else 0.0
+    if np.abs(turns).max() < FAR and abs(travel) < FAR * system.length:
         return None
     return Symmetry(
         system,
-        lambda state: replace(state, links=state.links - turned, cart=state.cart - away),
-        lambda motion: replace(motion, links=motion.links + turned, cart=motion.cart + away),
+        lambda state: replace(state, links=state.links - turns, cart=state.cart - travel),
+        lambda motion: replace(motion, links=motion.links + turns, cart=motion.cart + travel),
         "whole turns and the cart's travel so far removed",
     )
 
 
-def _unwound(system: System, links: Floats) -> Floats:
+def _unwind(system: System, links: Floats) -> Floats:
     """Angles within half a turn of the downward vertical; joints with a spring or a drive keep their bend."""
     unwound = links.copy()
     for group in system.groups:
@@ -202,11 +206,11 @@ def _unwound(system: System, links: Floats) -> Floats:
         within = np.where(np.abs(angles) > np.pi, np.arctan2(np.sin(angles), np.cos(angles)), angles)
         bend = np.diff(angles, axis=0, prepend=0.0)
         above = np.zeros_like(within[0])
-        held = group.block.stiffness > 0
+        keeps_bend = group.block.stiffness > 0
         if group.excitation:
-            held = held | (group.excitation.curb > 0)
-        for links_within, bent, kept in zip(within, bend, held, strict=True):
-            links_within[kept] = (above + bent)[kept]
+            keeps_bend = keeps_bend | (group.excitation.curb > 0)
+        for links_within, link_bend, is_kept in zip(within, bend, keeps_bend, strict=True):
+            links_within[is_kept] = (above + link_bend)[is_kept]
             above = links_within
         unwound[group.index] = within
     return unwound
@@ -220,7 +224,7 @@ def natural(system: System, start: State) -> Symmetry | None:
     mass, length, moment = 2.0**m, 2.0**l, 2.0 ** (m + 2 * l)
     units = {"mass": mass, "length": length, "centre": length, "sigma": 1.0}
     numbers = {name: units.get(name, moment) for name in ARRAYS}
-    groups = tuple(_counted(group, numbers, moment) for group in system.groups)
+    groups = tuple(_in_units(group, numbers, moment) for group in system.groups)
     suspension = scale_structure(system.suspension, mass, length, length)
     small = replace(system, gravity=system.gravity / length, suspension=suspension, groups=groups)
     return Symmetry(
@@ -233,7 +237,7 @@ def natural(system: System, start: State) -> Symmetry | None:
     )
 
 
-def _counted(group: Group, units: dict[str, float], moment: float) -> Group:
+def _in_units(group: Group, units: dict[str, float], moment: float) -> Group:
     numbers = {name: getattr(group.block, name) / unit for name, unit in units.items()}
     excitation = group.excitation and group.excitation.times(1 / moment)
     return replace(group, block=replace(group.block, **numbers), excitation=excitation)
@@ -301,18 +305,20 @@ def is_unstable_equilibrium(system: System, start: State) -> bool:
     if system.rubs and len(contacts_of(system).below) == system.n_links + system.first:
         return False
     angles = np.arctan2(np.hypot(*start.links.T[:2]), start.links[:, 2]) if system.spatial else start.links
-    still = ~np.any(start.link_rates.reshape(system.n_links, -1), axis=1)
-    judged = []
+    is_still = ~np.any(start.link_rates.reshape(system.n_links, -1), axis=1)
+    verdicts = []
     for group in system.groups:
-        weight, bent = system.gravity * group.block.b, angles[group.index]
-        left = np.abs(link_torques(group, bent, 0.0 * bent) - weight * np.sin(bent))
-        balanced = left <= ROUNDING * (weight + group.block.stiffness) * (1 + np.abs(bent))
-        judged.append((np.all(balanced & still[group.index], axis=0), _falls(group, weight * np.cos(bent))))
-    resting, falling = (np.concatenate(part) for part in zip(*judged, strict=True))
+        weight, group_angles = system.gravity * group.block.b, angles[group.index]
+        remainder = np.abs(link_torques(group, group_angles, 0.0 * group_angles) - weight * np.sin(group_angles))
+        in_balance = remainder <= ROUNDING * (weight + group.block.stiffness) * (1 + np.abs(group_angles))
+        verdicts.append(
+            (np.all(in_balance & is_still[group.index], axis=0), _falls(group, weight * np.cos(group_angles)))
+        )
+    resting, falling = (np.concatenate(part) for part in zip(*verdicts, strict=True))
     if system.cart is None:
         return bool(np.any(resting & falling))
-    pulled = start.cart * system.cart.stiffness or start.cart_rate * system.cart.damping
-    return bool(np.all(resting) and np.any(falling) and not pulled)
+    has_pull = start.cart * system.cart.stiffness or start.cart_rate * system.cart.damping
+    return bool(np.all(resting) and np.any(falling) and not has_pull)
 
 
 def _on_structure(system: System, start: State) -> bool:
@@ -325,8 +331,8 @@ def _on_structure(system: System, start: State) -> bool:
     units = equations.scale[half:] * system.rate
     if np.any(np.abs(equations.derivative(0.0, y[:, None])[half:, 0]) > AT_REST * units * (1 + np.abs(y).max())):
         return False
-    pushed = np.repeat(y[:, None], half, axis=1) + 1j * STEP * np.eye(len(y))[:, :half]
-    growing = np.linalg.eigvals(equations.derivative(0.0, pushed)[half:].imag / STEP)
+    perturbations = np.repeat(y[:, None], half, axis=1) + 1j * STEP * np.eye(len(y))[:, :half]
+    growing = np.linalg.eigvals(equations.derivative(0.0, perturbations)[half:].imag / STEP)
     return bool(growing.real.max() > GROWS * np.abs(growing).max())
 
 

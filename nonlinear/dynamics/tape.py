@@ -5,7 +5,8 @@ tape, each once, without those that involve only a 0.  The inputs have a kind: "
 time brings), "y" (the state), "v" (a direction).  `nonlinear.dynamics.text` writes what is on the tape.
 
 Derivatives are found on the same tape by the chain rule, forwards: `partials` are the entries of a Jacobian that are
-not zero, `along` is its product with a vector; `gradient` goes backwards [Griewank2008, §§3.1 and 3.2].
+not zero, `directional_derivatives` is its product with a vector; `gradient` goes backwards
+[Griewank2008, §§3.1 and 3.2].
 """
 
 from __future__ import annotations
@@ -26,8 +27,8 @@ class Tape:
 
     def symbol(self, *operation: Any) -> Symbol:
         """The result of an operation on symbols and floats; a + b is b + a, and a b is b a."""
-        if operation[0] in {"+", "*"} and (turned := (operation[0], operation[2], operation[1])) in self.known:
-            return self.known[turned]
+        if operation[0] in {"+", "*"} and (swap := (operation[0], operation[2], operation[1])) in self.known:
+            return self.known[swap]
         if operation not in self.known:
             self.known[operation] = Symbol(self, operation)
         return self.known[operation]
@@ -45,10 +46,10 @@ def _scalar(operation: Any) -> Any:
     """An operator that leaves arrays to apply it to their elements."""
 
     @wraps(operation)
-    def done(self: Symbol, other: Any) -> Any:
+    def apply(self: Symbol, other: Any) -> Any:
         return NotImplemented if isinstance(other, np.ndarray) else operation(self, other)
 
-    return done
+    return apply
 
 
 class Symbol:
@@ -127,8 +128,8 @@ def _is(value: Any, number: float) -> bool:
 
 def where(x: Any, a: Any, b: Any) -> Any:
     """The a where the real part of x is positive, elsewhere b: arrays of numbers or of symbols, or one number."""
-    recorded = isinstance(x, np.ndarray) and x.dtype.hasobject
-    return _of_each(x, a, b) if recorded else np.where(np.real(x) > 0, a, b)
+    is_symbolic = isinstance(x, np.ndarray) and x.dtype.hasobject
+    return _of_each(x, a, b) if is_symbolic else np.where(np.real(x) > 0, a, b)
 
 
 _of_each = np.frompyfunc(Symbol.where, 3, 1)
@@ -137,13 +138,13 @@ _of_each = np.frompyfunc(Symbol.where, 3, 1)
 def uses(outputs: Sequence[Any]) -> dict[int, int]:
     """How often each symbol is used, by its identity; the symbols of these are `order`."""
     counts: dict[int, int] = {}
-    wanted = list(outputs)
-    while wanted:
-        value = wanted.pop()
+    pending = list(outputs)
+    while pending:
+        value = pending.pop()
         if isinstance(value, Symbol):
             counts[id(value)] = counts.get(id(value), 0) + 1
             if counts[id(value)] == 1:
-                wanted += value.operation[1:]
+                pending += value.operation[1:]
     return counts
 
 
@@ -160,16 +161,16 @@ def partials(tape: Tape, outputs: Sequence[Any], by: Sequence[Symbol]) -> list[d
     slopes: dict[int, dict[int, Any]] = {id(symbol): {k: 1.0} for k, symbol in enumerate(by)}
     for symbol in order(tape, uses(outputs)):
         if id(symbol) not in slopes:
-            slopes[id(symbol)] = _chained(symbol, slopes)
+            slopes[id(symbol)] = _chain_rule(symbol, slopes)
     return [slopes[id(output)] if isinstance(output, Symbol) else {} for output in outputs]
 
 
-def along(tape: Tape, outputs: Sequence[Any], by: Sequence[Symbol], v: Sequence[Any]) -> list[Any]:
+def directional_derivatives(tape: Tape, outputs: Sequence[Any], by: Sequence[Symbol], v: Sequence[Any]) -> list[Any]:
     """J v, the derivatives of the outputs as these inputs change by v."""
     slopes: dict[int, dict[int, Any]] = {id(symbol): {0: change} for symbol, change in zip(by, v, strict=True)}
     for symbol in order(tape, uses(outputs)):
         if id(symbol) not in slopes:
-            slopes[id(symbol)] = _chained(symbol, slopes)
+            slopes[id(symbol)] = _chain_rule(symbol, slopes)
     return [slopes[id(output)].get(0, 0.0) if isinstance(output, Symbol) else 0.0 for output in outputs]
 
 
@@ -180,8 +181,8 @@ def gradient(tape: Tape, output: Any, by: Sequence[Any]) -> list[Any]:
         operator, *operands = symbol.operation
         for k, operand in enumerate(operands if operator != "in" else ()):
             if isinstance(operand, Symbol):
-                alone = [float(k == other) for other in range(len(operands))]
-                share = RULES[operator](symbol, *operands, *alone) * slopes[id(symbol)]
+                unit = [float(k == j) for j in range(len(operands))]
+                share = RULES[operator](symbol, *operands, *unit) * slopes[id(symbol)]
                 slopes[id(operand)] = slopes.get(id(operand), 0.0) + share
     return [slopes.get(id(symbol), 0.0) for symbol in by]
 
@@ -204,14 +205,14 @@ RULES: dict[str, Callable[..., Any]] = {
 """The derivative of f = operator(a, b) from the changes da and db of a and b."""
 
 
-def _chained(symbol: Symbol, slopes: dict[int, dict[int, Any]]) -> dict[int, Any]:
+def _chain_rule(symbol: Symbol, slopes: dict[int, dict[int, Any]]) -> dict[int, Any]:
     operator, *operands = symbol.operation
     if operator == "in":
         return {}
-    each = [slopes[id(operand)] if isinstance(operand, Symbol) else {} for operand in operands]
+    operand_slopes = [slopes[id(operand)] if isinstance(operand, Symbol) else {} for operand in operands]
     changes = {}
-    for k in sorted(set().union(*each)):
-        change = RULES[operator](symbol, *operands, *(slope.get(k, 0.0) for slope in each))
+    for k in sorted(set().union(*operand_slopes)):
+        change = RULES[operator](symbol, *operands, *(slope.get(k, 0.0) for slope in operand_slopes))
         if isinstance(change, Symbol) or change:
             changes[k] = change
     return changes

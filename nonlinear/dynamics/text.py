@@ -56,7 +56,7 @@ def _first_order(function: Callable[[Any], Any], slope: Callable[[Any, Any], Any
     `slope` is its derivative, from x and the function there; of few the function itself is as fast.
     """
 
-    def applied(z: Any) -> Any:
+    def apply(z: Any) -> Any:
         if not _is_wide(z):
             return function(z)
         x = z.real[..., :1]
@@ -65,7 +65,7 @@ def _first_order(function: Callable[[Any], Any], slope: Callable[[Any, Any], Any
         np.multiply(slope(x, value), z.imag, out=result.imag)
         return result
 
-    return applied
+    return apply
 
 
 def _root(x: Any) -> Any:
@@ -114,17 +114,21 @@ class Module:
     def __init__(self, tape: Tape, functions: Mapping[str, Sequence[Any]]) -> None:
         self.sizes, self.functions = dict(tape.sizes), {name: list(outputs) for name, outputs in functions.items()}
         used = {name: uses(outputs) for name, outputs in self.functions.items()}
-        every = uses([each for outputs in self.functions.values() for each in outputs])
-        symbols = order(tape, every)
-        still = _still(symbols)
-        ends = _ends(symbols, self.functions.values(), still)
+        counts = uses([entry for outputs in self.functions.values() for entry in outputs])
+        symbols = order(tape, counts)
+        fixed_symbols = _fixed_symbols(symbols)
+        ends = _ends(symbols, self.functions.values(), fixed_symbols)
         self._before = _Lines("t")
-        self._before.add([symbol for symbol in symbols if id(symbol) in still], every, ends)
+        self._before.add([symbol for symbol in symbols if id(symbol) in fixed_symbols], counts, ends)
         self.kept = [self._before.names[id(symbol)] for symbol in symbols if id(symbol) in ends]
-        constants = {id(symbol): f"c{k}" for k, symbol in enumerate(each for each in symbols if id(each) in ends)}
+        constants = {id(symbol): f"c{k}" for k, symbol in enumerate(entry for entry in symbols if id(entry) in ends)}
         self._lines = {name: _Lines("x", constants) for name in functions}
         for name, lines in self._lines.items():
-            lines.add([each for each in symbols if id(each) in used[name] and id(each) not in still], used[name], set())
+            lines.add(
+                [entry for entry in symbols if id(entry) in used[name] and id(entry) not in fixed_symbols],
+                used[name],
+                set(),
+            )
 
     def constants(self, p: Sequence[Any]) -> list[Any]:
         """The constants of all functions, from the numbers of one scene, or of many in arrays."""
@@ -151,18 +155,21 @@ class Module:
         """
         rows = (f"{''.join(f'{kind}{k}, ' for k in range(self.sizes[kind]))}= {kind}" for kind in self._kinds(name))
         lines = [*self._lines[name].lines, f"return [{', '.join(self.components(name))}]"]
-        before: list[str] = []
+        header: list[str] = []
         if columns:
             pairs, inverses = dict[str, tuple[str, str]](), set[str]()
             lines = [
-                part for line in lines for written in _paired(line, pairs) for part in _inverted(written, inverses)
+                part
+                for line in lines
+                for piece in _pair_sines(line, pairs)
+                for part in _invert_divisors(piece, inverses)
             ]
-            before = [line for line in lines if re.match(r"ic\d+ =", line)]
-            lines = [line for line in lines if line not in before]
+            header = [line for line in lines if re.match(r"ic\d+ =", line)]
+            lines = [line for line in lines if line not in header]
         return "\n".join(
             (
                 f"def made({', '.join(self.names)}):",
-                *(f" {line}" for line in before),
+                *(f" {line}" for line in header),
                 " def made(y, u=(), v=()):",
                 *(f"  {line}" for line in (*rows, *lines)),
                 " return made",
@@ -172,37 +179,40 @@ class Module:
     def function(self, name: str, constants: Sequence[Any], target: str = "floats") -> Function:
         """A function with these constants, for floats, arrays, complex numbers, columns (FUNCTIONS)."""
         text = self.python(name, target == "columns")
-        text = branched(text) if target == "floats" else text
+        text = with_branches(text) if target == "floats" else text
         return function_in(text, "made", target)(*constants)  # type: ignore[no-any-return]
 
-    def recorded(self, name: str, constants: Sequence[Any], functions: Mapping[str, Any]) -> Function:
+    def generic_function(self, name: str, constants: Sequence[Any], functions: Mapping[str, Any]) -> Function:
         """A function with these constants, for anything with plain arithmetic and these functions of it."""
         space = dict(functions)
         exec(compile(self.python(name), f"<{name}>", "exec"), space)
         return space["made"](*constants)  # type: ignore[no-any-return]
 
-    def looped(self, name: str, called: str = "") -> str:
-        """The source of a loop over lanes (y, u, v, c, o), by default `called` as it is here, for numba.
+    def loop_source(self, name: str, alias: str = "") -> str:
+        """The source of a loop over lanes (y, u, v, c, o), called `alias`, by default as here, for numba.
 
         It has WIDTH, `sincos` and `where`, the constants c (C, WIDTH) and the results o; sine and cosine of one angle
         are computed together.
         """
         pairs: dict[str, tuple[str, str]] = {}
-        reads = [("c", k) for k in range(len(self.kept))] + [read.operation[1:] for read in self._lines[name].given]
+        reads = [("c", k) for k in range(len(self.kept))] + [symbol.operation[1:] for symbol in self._lines[name].given]
         lines = [f"  {kind}{k} = {kind}[{k}, k]" for kind, k in reads]
-        written = [*self._lines[name].lines, *(f"o[{k}, k] = {word}" for k, word in enumerate(self.components(name)))]
-        for line in written:
-            lines += [f"  {each}" for each in _paired(line, pairs)]
-        return "\n".join((f"def {called or name}(y, u, v, c, o):", " for k in range(WIDTH):", *lines)) + "\n"
+        statements = [
+            *self._lines[name].lines,
+            *(f"o[{k}, k] = {word}" for k, word in enumerate(self.components(name))),
+        ]
+        for line in statements:
+            lines += [f"  {statement}" for statement in _pair_sines(line, pairs)]
+        return "\n".join((f"def {alias or name}(y, u, v, c, o):", " for k in range(WIDTH):", *lines)) + "\n"
 
-    def scalar(self, name: str, called: str = "") -> str:
-        """The source of a function (c, y, u, v) of lists, by default `called` as it is here, for Python and numba."""
+    def scalar(self, name: str, alias: str = "") -> str:
+        """The source of a function (c, y, u, v) of lists, called `alias`, by default as here, for Python and numba."""
         components = self.components(name)
-        reads = self._read((*self._lines[name].lines, *components))
+        reads = self._constants_in((*self._lines[name].lines, *components))
         reads += [f"{kind}{k}" for kind, k in (symbol.operation[1:] for symbol in self._lines[name].given)]
-        lines = [*(f"{read} = {read[0]}[{read[1:]}]" for read in reads), *self._lines[name].lines]
-        returned = f"return [{', '.join(components)}]"
-        return "\n".join((f"def {called or name}(c, y, u, v):", *(f" {line}" for line in [*lines, returned]))) + "\n"
+        lines = [*(f"{word} = {word[0]}[{word[1:]}]" for word in reads), *self._lines[name].lines]
+        ending = f"return [{', '.join(components)}]"
+        return "\n".join((f"def {alias or name}(c, y, u, v):", *(f" {line}" for line in [*lines, ending]))) + "\n"
 
     def javascript(self, *names: str) -> str:
         """The source of an object of functions, or of those with these names, for JavaScript.
@@ -210,24 +220,24 @@ class Module:
         Sin, cos and sqrt are those of Math.  `constants(p)` returns c; the others are functions (c, y, u, v, o), which
         write into o.
         """
-        made = [_braced("constants(p)", self._before, (), f"return [{', '.join(self.kept)}];")]
+        methods = [_javascript_method("constants(p)", self._before, (), f"return [{', '.join(self.kept)}];")]
         for name, lines in self._lines.items():
             if names and name not in names:
                 continue
             components = self.components(name)
-            constants = self._read((*lines.lines, *components))
+            constants = self._constants_in((*lines.lines, *components))
             ends = (f"o[{k}] = {word};" for k, word in enumerate(components))
-            made.append(_braced(f"{name}(c, y, u, v, o)", lines, constants, *ends))
-        return "\n".join(("{", *made, "}"))
+            methods.append(_javascript_method(f"{name}(c, y, u, v, o)", lines, constants, *ends))
+        return "\n".join(("{", *methods, "}"))
 
-    def _read(self, lines: Sequence[str]) -> list[str]:
+    def _constants_in(self, lines: Sequence[str]) -> list[str]:
         """The constants that are read in these lines."""
-        read = set(re.findall(r"\bc\d+\b", "\n".join(lines)))
-        return [constant for constant in self.names if constant in read]
+        words = set(re.findall(r"\bc\d+\b", "\n".join(lines)))
+        return [constant for constant in self.names if constant in words]
 
     def _kinds(self, name: str) -> list[str]:
-        wanted = {symbol.operation[1] for symbol in self._lines[name].given}
-        return [kind for kind in KINDS if kind in wanted]
+        kinds = {symbol.operation[1] for symbol in self._lines[name].given}
+        return [kind for kind in KINDS if kind in kinds]
 
 
 class _Lines:
@@ -237,18 +247,18 @@ class _Lines:
         self.letter, self.names, self.lines = letter, dict(names or {}), list[str]()
         self.given: list[Symbol] = []
 
-    def add(self, symbols: Sequence[Symbol], used: Mapping[int, int], kept: set[int]) -> None:
-        """Write these symbols, those that are `kept` in a line of their own."""
+    def add(self, symbols: Sequence[Symbol], used: Mapping[int, int], line_ids: set[int]) -> None:
+        """Write these symbols, those of `line_ids` in a line of their own."""
         deep: dict[int, int] = {}
         angles = {id(symbol.operation[1]) for symbol in symbols if symbol.operation[0] in {"sin", "cos"}}
         for symbol in symbols:
             operator, *operands = symbol.operation
             is_input = operator == "in"
             words = operands if is_input else [self.word(operand) for operand in operands]
-            text = f"{words[0]}{words[1]}" if is_input else joined(operator, words)
+            text = f"{words[0]}{words[1]}" if is_input else operation_text(operator, words)
             deep[id(symbol)] = 0 if is_input else 1 + max(deep.get(id(operand), 0) for operand in operands)
             often = used[id(symbol)] > 1 or id(symbol) in angles
-            if id(symbol) in kept or (not is_input and (often or deep[id(symbol)] >= DEEPEST)):
+            if id(symbol) in line_ids or (not is_input and (often or deep[id(symbol)] >= DEEPEST)):
                 name = f"{self.letter}{len(self.lines)}"
                 self.lines.append(f"{name} = {text}")
                 text, deep[id(symbol)] = name, 0
@@ -261,7 +271,7 @@ class _Lines:
 
 
 @lru_cache(maxsize=256)
-def branched(text: str) -> str:
+def with_branches(text: str) -> str:
     """The same text with Python's conditional expressions for `where`, of which only one branch is computed."""
     while (start := text.rfind("where(")) >= 0:
         parts, depth, end = [start + len("where(") - 1], 0, start + len("where(")
@@ -275,14 +285,14 @@ def branched(text: str) -> str:
     return text
 
 
-def joined(operator: str, parts: Sequence[str]) -> str:
+def operation_text(operator: str, parts: Sequence[str]) -> str:
     """The text of an operation on what these words name."""
     if operator in FUNCTIONS["floats"]:
         return f"{operator}({', '.join(parts)})"
     return f"(-{parts[0]})" if operator == "neg" else f"({parts[0]} {operator} {parts[1]})"
 
 
-def _braced(head: str, lines: _Lines, constants: Sequence[str], *ends: str) -> str:
+def _javascript_method(head: str, lines: _Lines, constants: Sequence[str], *ends: str) -> str:
     """A method of an object in JavaScript: what it reads from arrays, its lines, its ends."""
     reads = [(constant[0], int(constant[1:])) for constant in constants] + [
         symbol.operation[1:] for symbol in lines.given
@@ -291,50 +301,50 @@ def _braced(head: str, lines: _Lines, constants: Sequence[str], *ends: str) -> s
     return "\n".join((f"{head} {{", *(f"const {line};" for line in body), *ends, "},"))
 
 
-def _paired(line: str, pairs: dict[str, tuple[str, str]]) -> list[str]:
+def _pair_sines(line: str, pairs: dict[str, tuple[str, str]]) -> list[str]:
     """A line in which sines and cosines are names, after the lines that compute those not computed before."""
-    before = []
+    definitions = []
     for at, call in enumerate(("sin(", "cos(")):
         while (start := line.find(call)) >= 0:
             end = line.index(")", start)
             angle = line[start + len(call) : end]
             if angle not in pairs:
                 pairs[angle] = f"s{len(pairs)}", f"q{len(pairs)}"
-                before.append(f"{', '.join(pairs[angle])} = sincos({angle})")
+                definitions.append(f"{', '.join(pairs[angle])} = sincos({angle})")
             line = line[:start] + pairs[angle][at] + line[end + 1 :]
-    return [*before, line]
+    return [*definitions, line]
 
 
-def _inverted(line: str, inverses: set[str]) -> list[str]:
+def _invert_divisors(line: str, inverses: set[str]) -> list[str]:
     """A line with products in place of quotients, after the lines that compute inverses not computed before."""
-    before = []
+    definitions = []
     for name in re.findall(r" / ([a-z]\w*)\)", line):
         if name not in inverses:
             inverses.add(name)
-            before.append(f"i{name} = inverse({name})")
+            definitions.append(f"i{name} = inverse({name})")
     line = re.sub(r" / ([a-z]\w*)\)", r" * i\1)", line).replace(" / (", " * inverse(")
-    return [*before, line]
+    return [*definitions, line]
 
 
-def _still(symbols: Sequence[Symbol]) -> set[int]:
+def _fixed_symbols(symbols: Sequence[Symbol]) -> set[int]:
     """What depends on the numbers of a scene alone."""
     fixed_symbols: set[int] = set()
     for symbol in symbols:
         operator, *operands = symbol.operation
         if operator == "in":
-            fixed = operands[0] == "p"
+            is_constant = operands[0] == "p"
         else:
-            fixed = all(id(operand) in fixed_symbols for operand in operands if isinstance(operand, Symbol))
-        if fixed:
+            is_constant = all(id(operand) in fixed_symbols for operand in operands if isinstance(operand, Symbol))
+        if is_constant:
             fixed_symbols.add(id(symbol))
     return fixed_symbols
 
 
-def _ends(symbols: Sequence[Symbol], functions: Any, still: set[int]) -> set[int]:
+def _ends(symbols: Sequence[Symbol], functions: Any, fixed_symbols: set[int]) -> set[int]:
     """What is still and wanted by what is not, or returned."""
-    wanted = [operand for symbol in symbols if id(symbol) not in still for operand in symbol.operation[1:]]
-    wanted += [output for outputs in functions for output in outputs]
-    return {id(operand) for operand in wanted if isinstance(operand, Symbol) and id(operand) in still}
+    values = [operand for symbol in symbols if id(symbol) not in fixed_symbols for operand in symbol.operation[1:]]
+    values += [output for outputs in functions for output in outputs]
+    return {id(operand) for operand in values if isinstance(operand, Symbol) and id(operand) in fixed_symbols}
 
 
 def sincos(x: Any) -> Any:

@@ -20,12 +20,12 @@ from modal.types import Floats
 from nonlinear.dynamics.elimination import SINGULAR
 from nonlinear.dynamics.forces import cart_force, modal_drag, plane_drag
 from nonlinear.dynamics.forms import Form, Symbolic, form_of, jacobian_of, module_of
-from nonlinear.dynamics.generated import UNDEFINED, Generated, Listed
+from nonlinear.dynamics.generated import UNDEFINED, Generated, InputFunction
 from nonlinear.dynamics.mechanics import energies
-from nonlinear.dynamics.switching import switched, switching_of
+from nonlinear.dynamics.switching import switching_of, with_contacts
 from nonlinear.dynamics.tape import gradient, partials
 from nonlinear.dynamics.text import Module
-from nonlinear.system import entries_of, prescribed_of
+from nonlinear.system import constants_of, entries_of
 
 Force = Callable[[float], Floats]
 TINY = 1e-20  # imaginary part of a number: its square vanishes beside any
@@ -51,27 +51,27 @@ class Variational(Generated):
     @cached_property
     def form(self) -> Form:
         """What the text depends on."""
-        return switched(form_of(self.system, pushed=self.force is not None, works=False))
+        return with_contacts(form_of(self.system, has_load=self.force is not None, works=False))
 
     @cached_property
-    def listed(self) -> Listed | None:
+    def inputs_at(self) -> InputFunction | None:
         """The inputs u at a time (s) before those of contacts; None where there are none."""
-        force, moved = self.force, super().listed
+        force, inputs = self.force, super().inputs_at
         if force is None:
-            return moved
-        return lambda time, y: [*(moved(time, y) if moved else ()), *np.asarray(force(time), dtype=float).tolist()]
+            return inputs
+        return lambda time, y: [*(inputs(time, y) if inputs else ()), *np.asarray(force(time), dtype=float).tolist()]
 
     @property
-    def is_clocked(self) -> bool:
+    def is_time_only(self) -> bool:
         """Whether the only input is the time."""
-        return self.force is None and super().is_clocked
+        return self.force is None and super().is_time_only
 
     @property
     def size(self) -> int:
         """Length of y."""
         return self.layout.size
 
-    def linearized(self, y: Any, u: Any = ()) -> tuple[Floats, Floats]:
+    def linearize(self, y: Any, u: Any = ()) -> tuple[Floats, Floats]:
         """The derivative y' (d, ...) and its Jacobian by y, (..., d, d), of one y (d,) or many side by side, (d, S).
 
         `u` are the inputs (`nonlinear.dynamics.inputs`), (K,) or (K, S).  ComputationError where the mass matrix of one
@@ -120,40 +120,40 @@ class Variational(Generated):
     @property
     def numbers(self) -> list[float]:
         """The numbers p of the form, (P,)."""
-        return self.form.numbers(entries_of(self.system), prescribed_of(self.system))
+        return self.form.numbers(entries_of(self.system), constants_of(self.system))
 
-    def moved_by(self, change: Floats, y: Floats, u: Any = (), moved: Any = ()) -> Floats:
+    def moved_by(self, change: Floats, y: Floats, u: Any = (), input_change: Any = ()) -> Floats:
         """The derivative (d, S) of y' at many y side by side (d, S) along a change δp (P,) of the numbers.
 
-        The inputs u (K, S) change by `moved` (K, S), by default not at all.
+        The inputs u (K, S) change by `input_change` (K, S), by default not at all.
         """
         name = "sticking" if self.form.contacts else "rates"
         module = switching_of(self.form) if self.form.contacts else module_of(self.form)
         p = [np.array([value + 1j * TINY * step]) for value, step in zip(self.numbers, change.tolist(), strict=True)]
-        inputs = np.asarray(u) + 1j * TINY * np.asarray(moved) if len(moved) else u
+        inputs = np.asarray(u) + 1j * TINY * np.asarray(input_change) if len(input_change) else u
         with np.errstate(all="ignore"):
             values = module.function(name, module.constants(p), "arrays")([*y.astype(complex)], inputs)
         return np.array([np.broadcast_to(np.imag(value), y.shape[1:]) for value in values[: self.size]]) / TINY
 
     def energy_slope(self, y: Floats) -> Floats:
         """The derivative of the energy (J) by y, (d,)."""
-        return self._conserved("energy", y)
+        return self._slope_of("energy", y)
 
     def momenta(self, q: Floats, v: Floats) -> Floats:
         """The momenta ∂T/∂q' = M(q) v (half, S) at many coordinates q and rates v (half, S)."""
         return np.array([np.broadcast_to(value, q.shape[1:]) for value in self._momenta([*q, *v])])
 
-    def impulse_slope(self, y: Floats, along: Floats) -> Floats:
+    def impulse_slope(self, y: Floats, displacement: Floats) -> Floats:
         """The derivative by y (d,) of the momentum of a structure along a displacement (half,) of its coordinates."""
         half = self.layout.half
         q, v = y[:half, None], y[half:, None]
-        moved = self.momenta(q + 1j * TINY * np.eye(half), np.broadcast_to(v, (half, half)))
-        return np.concatenate((along @ moved.imag / TINY, self.momenta(q, along[:, None])[:, 0]))
+        changes = self.momenta(q + 1j * TINY * np.eye(half), np.broadcast_to(v, (half, half)))
+        return np.concatenate((displacement @ changes.imag / TINY, self.momenta(q, displacement[:, None])[:, 0]))
 
     @cached_property
     def _momenta(self) -> Any:
-        module = _gradients(self._still)
-        constants = module.constants(self._still.numbers(entries_of(self.system), prescribed_of(self.system)))
+        module = _gradients(self._free_form)
+        constants = module.constants(self._free_form.numbers(entries_of(self.system), constants_of(self.system)))
         return module.function("momenta", constants, "arrays")
 
     def momentum_slope(self, y: Floats) -> Floats:
@@ -162,15 +162,15 @@ class Variational(Generated):
         That is p_x + c x + Σ c_k x_k + D_x·q with the dampings c of the cart and c_k of the centres of links, at x_k,
         and the row D_x of damping ratios.
         """
-        return self._conserved("momentum", y)
+        return self._slope_of("momentum", y)
 
-    def _conserved(self, name: str, y: Floats) -> Floats:
-        module = _gradients(self._still)
-        constants = module.constants(self._still.numbers(entries_of(self.system), prescribed_of(self.system)))
+    def _slope_of(self, name: str, y: Floats) -> Floats:
+        module = _gradients(self._free_form)
+        constants = module.constants(self._free_form.numbers(entries_of(self.system), constants_of(self.system)))
         return np.array(module.function(name, constants)(y.tolist()))
 
     @cached_property
-    def _still(self) -> Form:
+    def _free_form(self) -> Form:
         """The form of the same system, without applied forces."""
         return form_of(self.system, works=False)
 
@@ -191,11 +191,12 @@ def _gradients(form: Form) -> Module:
         if system.modal_damping is not None:
             outside = outside + modal_drag(system, y[half:])[0]
         for group in system.groups:
-            if group.dragged:
+            if group.has_drag:
                 external = plane_drag(group, links[group.index], rates[group.index], (speed, 0.0))
                 outside = outside + external.along_rail
-        kept, lost = partials(tape, [p[0], outside], list(y))
+        momentum_slopes, resistance_slopes = partials(tape, [p[0], outside], list(y))
         functions["momentum"] = [
-            kept.get(k, 0.0) - (lost.get(half + k, 0.0) if k < half else 0.0) for k in range(2 * half)
+            momentum_slopes.get(k, 0.0) - (resistance_slopes.get(half + k, 0.0) if k < half else 0.0)
+            for k in range(2 * half)
         ]
     return Module(tape, functions)

@@ -11,7 +11,7 @@ import numpy as np
 from modal.errors import ComputationError, MissingExtraError
 from modal.types import Floats, Ints
 from nonlinear.chaos import TRANSIENT
-from nonlinear.dynamics import Lanes, undisturbed
+from nonlinear.dynamics import Lanes, without_interrupts
 from nonlinear.dynamics.compiling import available
 from nonlinear.dynamics.contacts import JAMMED as STUCK
 from nonlinear.dynamics.generated import Rates
@@ -23,7 +23,7 @@ from nonlinear.integration.kernels import code_of_text, module_of, source
 from nonlinear.integration.lanes import NOT_FINITE, TOO_SHORT, LaneTask
 from nonlinear.integration.loops import BESIDE_LINKS, INFINITE, JAMMED, SHORT, WIDTH
 from nonlinear.integration.method import LOOKS, STAGES
-from nonlinear.integration.readiness import readied
+from nonlinear.integration.readiness import make_ready
 from nonlinear.integration.switches import Switches
 from nonlinear.integration.within import Step, Watch
 from nonlinear.system import Numbers
@@ -78,7 +78,7 @@ def integrate(
     crowd = Crowd(task.lanes) if task.numbers.switching else None
     switches = crowd.switches if crowd else None
     text = source(task.lanes, crowd)
-    module, code = module_of(text), code_of_text(task.lanes, text, switched=crowd is not None)
+    module, code = module_of(text), code_of_text(task.lanes, text, has_switches=crowd is not None)
     size, count = task.begun.shape
     constants = crowd.constants() if crowd else task.lanes.constants(task.numbers)
     numbers, members = _given(constants, count), np.full(WIDTH, -1)
@@ -113,7 +113,7 @@ def integrate(
     rates = crowd.rates if crowd else task.lanes.rates
     filled = 0
     while filled >= 0:
-        with readied(code), undisturbed():
+        with make_ready(code), without_interrupts():
             filled = module.run(*arguments)
         kept = filled if filled >= 0 else -1 - filled
         if watches and kept:
@@ -180,6 +180,6 @@ def _see(
 
     taken = np.ones(len(which), dtype=bool)
     step = Step(which, taken, marks[0], marks[1], before, after, stages, rates_of(slice(None)), rates_of)
-    step.breaks, step.held = bool(len(task.breaks)), acting
+    step.breaks, step.contact_inputs = bool(len(task.breaks)), acting
     for watch in watches:
         watch.see(step)

@@ -61,6 +61,13 @@ class Accounts:
         first, two = self.energies(before, coasting), self.energies(after, coasting, end)
         work = (after[-1] if self.layout.works else 0.0 * first.total) + rubbed
         above = first.total - self.lowest
-        ranges = [above, first.moving, two.moving, abs(two.stored - first.stored), abs(work), NOISE * abs(first.stored)]
+        ranges = [
+            above,
+            first.moving,
+            two.moving,
+            abs(two.potential_energy - first.potential_energy),
+            abs(work),
+            NOISE * abs(first.potential_energy),
+        ]
         scale = np.max(np.broadcast_arrays(*ranges), axis=0)
         return np.asarray(np.abs(two.total - first.total - work) / np.where(scale > 0, scale, 1.0))

@@ -40,7 +40,7 @@ def task_of(lanes: Lanes, numbers: Numbers, y: Floats, wanted: Wanted) -> tuple[
     units, layout = pacing.units_of(numbers), lanes.layout
     scale, slope = units.scale(layout), slope_of(lanes, numbers, y)
     size = pacing.extents(numbers, layout, y, units)
-    if numbers.system.prescribed:
+    if numbers.system.prescribed_motions:
         size = pacing.shaken(numbers, layout, y, size, wanted.duration)
     relative, absolute, first = pacing.tolerances(y, slope, scale, size, units.rate, wanted.tolerance)
     absolute = np.ascontiguousarray(np.broadcast_to(absolute, y.shape))

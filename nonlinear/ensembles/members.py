@@ -116,7 +116,7 @@ class MemberPart:
         """The numbers of the members at these places; SceneError where switches cannot be."""
         others = self._others(good)
         numbers = numbers_of(self.scene, others, modal=self._dampers(others, good))
-        if (system := numbers.system).kicked or system.rubs:
+        if (system := numbers.system).has_escapements or system.rubs:
             every = [self.scene_of(int(place)) for place in good] if others else [self.scene]
             values = np.array([switching_of(system_of(scene)) for scene in every]).T
             numbers = replace(numbers, switching=tuple(values if others else values[:, 0]))

@@ -158,7 +158,7 @@ def _codes(scene: Scene, tolerance: float, measures: Sequence[str]) -> Iterator[
     problems = refusals(scene, "compiled equations")
     carriers = system.structure.carriers if system.structure else ()
     problems += [f"support.{each.name}: modal supports are not compiled" for each in carriers if each.M is not None]
-    kernel = partial(integrator, structured=system.structure is not None)
+    kernel = partial(integrator, on_structure=system.structure is not None)
     yield _ready(ONE, COMPILED, problems, kernel, compiled)
     yield _ready(ONE, "heyoka", refusals(scene, "method taylor"), series, expanded)
     starts = [[TILT] * scene.n_links] * 2
@@ -189,7 +189,7 @@ def _ready(
         assert before
     except MultipendulaError as error:
         return CompiledCode(runs, engine, why_not="; ".join(str(error).splitlines()))
-    action = "was ready" if before.loaded else "compiled" if compiled_in(before) else "loaded from disk"
+    action = "was ready" if before.is_ready else "compiled" if compiled_in(before) else "loaded from disk"
     return CompiledCode(runs, engine, action, seconds, kept_in(before))
 
 

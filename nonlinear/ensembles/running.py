@@ -42,7 +42,7 @@ from nonlinear.ensembles.question import (
 )
 from nonlinear.ensembles.store import Parts, engine_of_folder, validate_folder, validate_share
 from nonlinear.integration import sample_times, validate, validate_numbers, validate_whole
-from nonlinear.integration.readiness import Forgone, lose, rented
+from nonlinear.integration.readiness import Forgone, lose, rent
 from nonlinear.system import Motion, System, system_of
 
 USUAL = 1e-9  # tolerance
@@ -450,7 +450,7 @@ def _chunks(
     few = workers is None and seconds_of(question, len(left)) < AT_ONCE
     if crew is None and (count == 1 or few):
         for number in left:
-            with rented(forgone):
+            with rent(forgone):
                 chunk = compute(question, question.part(number))
             yield number, chunk
         return

@@ -97,7 +97,7 @@ def together(scene: Scene) -> bool:
 def _switches(scene: Scene) -> bool:
     """Whether its motion has kicks or dry friction."""
     system = system_of(scene)
-    return system.kicked or system.rubs
+    return system.has_escapements or system.rubs
 
 
 def measured_together(scenes: Sequence[Scene], seconds: float, name: str) -> dict[Scene, dict[str, float]]:

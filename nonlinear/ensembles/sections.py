@@ -178,7 +178,7 @@ def starts_at(
         if section and section.direction:
             y[half + section.row] = section.direction * np.abs(y[half + section.row])
         energies = accounts.energies(y)
-        left = energy - energies.stored
+        left = energy - energies.potential_energy
         good = np.flatnonzero(left >= 0)
         y = y[:, good]
         y[half : 2 * half] *= np.sqrt(left[good] / energies.moving[good])

@@ -61,7 +61,7 @@ class Readings:
         times = np.array([channel.times for channel in self.channels])
         self.values = np.full((*times.shape, y.shape[2]), np.nan, dtype=y.dtype)
         self.rates, due = np.full(times.shape, np.nan), times <= starts[:, None]
-        self.next, self.ahead = np.count_nonzero(due, axis=2), 1
+        self.next, self.next_breaks = np.count_nonzero(due, axis=2), 1
         self.times = np.pad(times, ((0, 0), (0, 0), (0, 1)), constant_values=np.inf)
         for c, channel in enumerate(self.channels):
             s, k = np.nonzero(due[c])
@@ -84,7 +84,7 @@ class Readings:
         member, start, length = step.member[lanes], step.start[lanes, None], step.length[lanes, None]
         due, begin = due[:, lanes, :most], begin[:, lanes]
         shares = length[..., None] * within_shares(np.where(due, (times[:, lanes, :most] - start) / length, 0.0))
-        stages, before = step.extended(lanes).view(float), step.before[:, lanes].view(float)
+        stages, before = step.extend_stages(lanes).view(float), step.before[:, lanes].view(float)
         values = self.values.view(float)
         for c, channel in enumerate(self.channels):
             lane, k = np.nonzero(due[c])
@@ -101,12 +101,12 @@ class Readings:
         until = np.where(step.taken & (step.length > 0), until, -np.inf)
         channel = np.arange(len(self.channels))[:, None, None]
         while True:
-            index = np.minimum(begin[..., None] + np.arange(self.ahead), self.times.shape[2] - 1)
+            index = np.minimum(begin[..., None] + np.arange(self.next_breaks), self.times.shape[2] - 1)
             times = self.times[channel, step.member[:, None], index]
             due = times <= until[:, None]
             if not due[..., -1].any():
                 return times, due
-            self.ahead *= 2
+            self.next_breaks *= 2
 
 
 def _read(parts: Parts, shares: Floats, before: Floats, stages: Floats) -> Any:

@@ -10,7 +10,7 @@ measure how fast a small difference grows.  Start with `run`.
 from nonlinear.integration.arguments import (
     LOOSEST,
     extent,
-    paced,
+    pace_of,
     sample_times,
     validate,
     validate_accuracy,
@@ -30,7 +30,7 @@ from nonlinear.integration.steppers import EXPLICIT, SCIPY, SMALLEST, Pace, SciP
 from nonlinear.integration.switches import switches_of
 from nonlinear.integration.timescales import estimate_timescales, modes_of, sample_count
 from nonlinear.integration.trajectory import CLOSED, TRUNCATED, SolverInfo, Trajectory
-from nonlinear.integration.twins import aside, departure, rounded, slightly
+from nonlinear.integration.twins import aside, departure, perturb_last_digits, slightly
 
 __all__ = [
     "ASKED",
@@ -60,9 +60,9 @@ __all__ = [
     "meeting_source",
     "modes_of",
     "names_in",
-    "paced",
+    "pace_of",
+    "perturb_last_digits",
     "prepare",
-    "rounded",
     "sample_count",
     "sample_times",
     "slightly",

@@ -39,46 +39,48 @@ class _MemberColumns(Some):
 
     def inputs(self, state: Floats) -> list[Any]:
         """The inputs of contacts, arrays (S, 1 + k)."""
-        switches = Switches(self._own.form, self._own.kicks, (), self.columns.switching)
+        switches = Switches(self._member_switches.form, self._member_switches.kicks, (), self.columns.switching)
         return switches.inputs(np.asarray(state)[..., None])
 
     def change(self, t: float, j: int, y: Any, f: Any, state: Floats) -> Any:
         """The y (size, 1 + k) of one member after switch j, with its state changed in place."""
-        member, told, derivatives = self.crowd.of(int(self.members)), state.tolist(), np.iscomplexobj(y)
-        u, seen = self.crowd.inputs.of_time(t), len(member.happened)
-        begun, slope = y[:, 0].real.tolist(), f[:, 0].real.tolist()
-        kicks, before = j < 2 * member.places.K, member.inputs(state.tolist())
-        after, moved = member.change(
-            t, j, begun, slope, told, y.imag.T.tolist() if derivatives and not kicks else [], u
+        member, state_values, derivatives = self.crowd.of(int(self.members)), state.tolist(), np.iscomplexobj(y)
+        u, count = self.crowd.inputs.of_time(t), len(member.events)
+        start, slope = y[:, 0].real.tolist(), f[:, 0].real.tolist()
+        kicks, inputs_before = j < 2 * member.places.K, member.inputs(state.tolist())
+        after, imaginary = member.change(
+            t, j, start, slope, state_values, y.imag.T.tolist() if derivatives and not kicks else [], u
         )
         if derivatives and kicks:
             columns = self.columns
-            numbers = member.form.numbers(columns.entries, columns.prescribed), columns.switching
-            moved = kicked(member, numbers, j, y, slope, impulses_since(member, seen), [*u, *before], told, u).T
-        state[:] = told
-        return np.array(after)[:, None] + (1j * np.reshape(moved, y.T.shape).T if derivatives else 0.0)
+            numbers = member.form.numbers(columns.entries, columns.constants), columns.switching
+            imaginary = imaginary_after_kick(
+                member, numbers, j, y, slope, impulses_since(member, count), [*u, *inputs_before], state_values, u
+            ).T
+        state[:] = state_values
+        return np.array(after)[:, None] + (1j * np.reshape(imaginary, y.T.shape).T if derivatives else 0.0)
 
 
 def impulses_since(switches: Switches, count: int) -> dict[int, float]:
     """The impulses of every joint that was kicked after so many happenings."""
-    return {int(kick[1]): kick[2] for kick in switches.happened[count:] if kick[1] < switches.places.K}
+    return {int(kick[1]): kick[2] for kick in switches.events[count:] if kick[1] < switches.places.K}
 
 
-def kicked(
+def imaginary_after_kick(
     switches: Switches,
     numbers: tuple[Sequence[Any], Sequence[Any]],
     j: int,
     y: Any,
     slope: Sequence[float],
     impulses: dict[int, float],
-    before: Sequence[float],
+    inputs_before: Sequence[float],
     state: Sequence[float],
     u: Sequence[float],
 ) -> Floats:
     """The imaginary parts (size, 1 + k) of y after these impulses, of which that of switch j is the first.
 
-    `numbers` are those of the form and of the switches, with imaginary parts; `slope` is y' before, `before` are all
-    inputs then, `state` is that after, u are the inputs without those of contacts.
+    `numbers` are those of the form and of the switches, with imaginary parts; `slope` is y' before, `inputs_before` are
+    all inputs then, `state` is that after, u are the inputs without those of contacts.
     """
     at, form, (constants, switching) = switches.places, switches.form, numbers
     kick = switches.module.function("kick", switches.module.constants(constants), "arrays")
@@ -90,9 +92,9 @@ def kicked(
         rise = g[below] - (g[above] if above >= 0 else 0.0)
         late = -np.imag(side * gamma - switching[at.K + i]) / (side * rise)
         pushes = [side * switching[2 * at.K + i] if k == i else 0.0 for k in range(at.K)]
-        v = [*[0.0] * at.size, *pushes, *state[at.K : at.told], *switching[:-1], *[0.0] * at.timed]
+        v = [*[0.0] * at.size, *pushes, *state[at.K : at.state_count], *switching[:-1], *[0.0] * at.input_count]
         z = z + 1j * g[:, None] * late
-        z = np.array(np.broadcast_arrays(*kick(z, before, v), z[0])[:-1])
+        z = np.array(np.broadcast_arrays(*kick(z, inputs_before, v), z[0])[:-1])
         g = np.array(rate(z[:, 0].real.tolist(), [*u, *switches.inputs(state)], ()))
         z = z - 1j * g[:, None] * late
     return np.asarray(z.imag)

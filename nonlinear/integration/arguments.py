@@ -49,13 +49,13 @@ def validate_numbers(duration: float, tolerance: float, start_time: float) -> No
         raise SceneError(problems)
 
 
-def validate_whole(least: int, *, optional: bool = False, **values: object) -> None:
-    """SceneError that names every value that is no whole number from `least` on; None is allowed where `optional`."""
+def validate_whole(minimum: int, *, optional: bool = False, **values: object) -> None:
+    """SceneError that names every value that is no whole number from `minimum` on; None is allowed where `optional`."""
     wrong = [
-        f"{name} {value!r}: must be a whole number from {least}"
+        f"{name} {value!r}: must be a whole number from {minimum}"
         for name, value in values.items()
         if not (optional and value is None)
-        and (not isinstance(value, Integral) or isinstance(value, bool) or value < least)
+        and (not isinstance(value, Integral) or isinstance(value, bool) or value < minimum)
     ]
     if wrong:
         raise SceneError(wrong)
@@ -84,17 +84,15 @@ def sample_times(
     validate_numbers(duration, LOOSEST, start_time)
     size = 2 * (scene.n_links * (3 if scene.space == "space" else 1) + 1)
     if output is None:
-        wished = sample_count(
-            duration, max(estimate_timescales(scene).swing, _shaking(scene)), PER_PERIOD, FEWEST, MOST
-        )
-        output = max(2, min(wished, USUAL_NUMBERS // size)) + 1
+        usual = sample_count(duration, max(estimate_timescales(scene).swing, _shaking(scene)), PER_PERIOD, FEWEST, MOST)
+        output = max(2, min(usual, USUAL_NUMBERS // size)) + 1
     if isinstance(output, Integral) and not isinstance(output, bool):
-        count, most = int(output), MOST_NUMBERS // size
-        if not 2 <= count <= most:
-            raise SceneError([f"output {count}: must be from 2 to {most} samples for this scene"])
+        count, limit = int(output), MOST_NUMBERS // size
+        if not 2 <= count <= limit:
+            raise SceneError([f"output {count}: must be from 2 to {limit} samples for this scene"])
         times = start_time + np.linspace(0.0, duration, count)
     else:
-        times = start_time + _listed(output, duration)
+        times = start_time + _times_of(output, duration)
     if np.any(np.diff(times) <= 0):
         raise SceneError([f"duration {duration:g}: too short beside the start at {start_time:g} s"])
     return np.asarray(times)
@@ -105,7 +103,7 @@ def _shaking(scene: Scene) -> float:
     return pi / system_of(scene).shortest if scene.is_forced else 0.0
 
 
-def paced(breaks: Sequence[float] | Floats | None, max_step: float | None) -> Pace:
+def pace_of(breaks: Sequence[float] | Floats | None, max_step: float | None) -> Pace:
     """The pace of a run whose steps end at the times `breaks` (s), in any order, and are no longer than `max_step` (s).
 
     SceneError for invalid arguments.
@@ -140,15 +138,15 @@ def validate_events(events: object) -> None:
         raise SceneError([f"events {events!r:.60}: must be a list of Events"])
 
 
-def validate_observable(load: Load | None, accuracy: float | None, *told: object) -> None:
-    """SceneError for an accuracy under a load where none of `told` tells how soon the load changes."""
-    if load is not None and accuracy is not None and all(each is None for each in told):
+def validate_observable(load: Load | None, accuracy: float | None, *hints: object) -> None:
+    """SceneError for an accuracy under a load where none of `hints` tells how soon the load changes."""
+    if load is not None and accuracy is not None and all(hint is None for hint in hints):
         what = "a short one can fall between the steps of every run, so that all agree and are wrong"
         times = "the times at which it jumps as breaks, [] where it never does"
         raise SceneError([f"load: {what}: for an accuracy give {times}, or the shortest time that it acts as max_step"])
 
 
-def _listed(output: Any, duration: float) -> Floats:
+def _times_of(output: Any, duration: float) -> Floats:
     try:
         times = np.array(output, dtype=float)
     except (TypeError, ValueError):
@@ -184,9 +182,9 @@ def validate_forces(load: Load | None, system: System, start: State, time: float
 def shaken(state: State, system: System, times: Floats) -> float:
     """The size of a motion that time drives: of its start, or of its `drive_of`, at most 1."""
     push = float(drive_of(system, np.linspace(times[0], times[-1], LOOKS)))
-    started = extent(state, system)
-    at_rest = started == 1.0 and push < 1 and _rests(state, system)
-    return min(1.0, push if at_rest else max(push, started)) or 1.0
+    start_size = extent(state, system)
+    at_rest = start_size == 1.0 and push < 1 and _rests(state, system)
+    return min(1.0, push if at_rest else max(push, start_size)) or 1.0
 
 
 def drive_of(system: System, times: Floats) -> Any:
@@ -225,6 +223,6 @@ def extent(state: State, system: System) -> float:
         parts += np.abs(state.supports / units).tolist() + np.abs(state.support_rates / (units * system.rate)).tolist()
     if cart and cart.stiffness:
         parts.append(abs(state.cart) / system.length)
-    if cart and (cart.stiffness or cart.damping or system.rail or system.dragged):
+    if cart and (cart.stiffness or cart.damping or system.rail or system.has_drag):
         parts.append(abs(state.cart_rate) / system.length / system.rate)
     return min(max(parts), 1.0) or 1.0

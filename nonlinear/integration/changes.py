@@ -26,7 +26,7 @@ from typing import Any
 
 from nonlinear.dynamics import complementarity
 from nonlinear.dynamics.compiling import inner
-from nonlinear.dynamics.complementarity import EXCESS, UNBOUNDED, consistent, on_rail, solved
+from nonlinear.dynamics.complementarity import EXCESS, UNBOUNDED, consistent, on_rail, solve_definite
 
 TOGETHER = 1e-12  # rad by which a kick, or natural velocity by which a stop, may come early to coincide with another
 BRIEF, OFTEN = 1e-7, 4.0  # phases shorter than this, over √(l/g), of which so many in a row are chatter
@@ -50,7 +50,7 @@ class Places:
     kicks: tuple[tuple[int, int], ...]
     contacts: tuple[tuple[int, int], ...]
     presses: bool
-    timed: int
+    input_count: int
 
     @cached_property
     def e(self) -> int:
@@ -63,19 +63,19 @@ class Places:
         return self.e + self.presses
 
     @cached_property
-    def told(self) -> int:
+    def state_count(self) -> int:
         """How many numbers of the state enter texts."""
         return self.firm + self.J
 
     @property
     def work(self) -> int:
         """The place of the work (J) of the first contact."""
-        return self.told + 3 * self.J
+        return self.state_count + 3 * self.J
 
     @property
     def length(self) -> int:
         """How many numbers a state has."""
-        return self.told + 4 * self.J
+        return self.state_count + 4 * self.J
 
 
 def changing(at: Places, texts: dict[str, Callable[..., Any]]) -> tuple[Callable[..., Any], ...]:  # noqa: PLR0915
@@ -88,11 +88,11 @@ def changing(at: Places, texts: dict[str, Callable[..., Any]]) -> tuple[Callable
     c are the constants of the texts.  What happens is appended as (time, switch, a, b):
     impulse and energy of a kick; 1 where a contact begins to stick, 0 where it ends.
     """
-    size, half, K, J, presses, timed = at.size, at.half, at.K, at.J, at.presses, at.timed
-    kicks, contacts, E, F, B = at.kicks, at.contacts, at.e, at.firm, at.told
+    size, half, K, J, presses, input_count = at.size, at.half, at.K, at.J, at.presses, at.input_count
+    kicks, contacts, E, F, B = at.kicks, at.contacts, at.e, at.firm, at.state_count
     T, P, W, LIMIT, RATE = B + J, B + 2 * J, B + 3 * J, 3 * K, 3 * K + J
-    called: list[Callable[..., Any]] = [texts.get(name, _none) for name in TEXTS]
-    sticking, friction, responses, kick, kicked = called
+    functions: list[Callable[..., Any]] = [texts.get(name, _none) for name in TEXTS]
+    sticking, friction, responses, kick, kicked = functions
 
     def relative(x: Any, first: int, pair: Any) -> Any:
         return x[first + pair[0]] - x[first + pair[1]] if pair[1] >= 0 else x[first + pair[0]]
@@ -115,38 +115,38 @@ def changing(at: Places, texts: dict[str, Callable[..., Any]]) -> tuple[Callable
         return a, G, columns, answer[size + half * J :]
 
     def settle(
-        t: Any, y: Any, signs: Any, was: Any, state: Any, numbers: Any, c: Any, u: Any, held: Any, happened: Any
+        t: Any, y: Any, signs: Any, was: Any, state: Any, numbers: Any, c: Any, u: Any, is_firm: Any, events: Any
     ) -> Any:
         a, G, _, normal = answers(y, c, u)
         limit = [*numbers[LIMIT : LIMIT + J]]
         if presses:
-            tau, begun, state[E] = on_rail(a, G, limit, signs, normal, J)
+            tau, new_signs, state[E] = on_rail(a, G, limit, signs, normal, J)
         else:
-            tau, begun = consistent(a, G, limit, signs, J)
+            tau, new_signs = consistent(a, G, limit, signs, J)
         if len(tau) < J:
             state[K] = NAN
             return
         for i in range(J):
-            sign, place = 0.0 if held[i] else begun[i], relative(y, 0, contacts[i])
+            sign, place = 0.0 if is_firm[i] else new_signs[i], relative(y, 0, contacts[i])
             if was[i] != 0:
                 if not (presses and i == 0):
                     state[W + i] -= limit[i] * abs(place - state[P + i])
                 state[P + i] = place
             if (was[i] == 0) != (sign == 0):
-                happened.append((t, float(2 * K + i), 1.0 if sign == 0 else 0.0, 0.0))
+                events.append((t, float(2 * K + i), 1.0 if sign == 0 else 0.0, 0.0))
             if sign != was[i]:
                 state[T + i] = t
             state[K + i] = sign
 
-    def halted(y: Any, still: Any, columns: Any, G: Any) -> None:
+    def halt(y: Any, resting: Any, columns: Any, G: Any) -> None:
         """Take all velocity from these contacts by an impulse of friction."""
-        speed = [relative(y, half, contacts[i]) for i in still]
-        push = solved([G[i * J + k] for i in still for k in still], speed, len(still))
+        speed = [relative(y, half, contacts[i]) for i in resting]
+        push = solve_definite([G[i * J + k] for i in resting for k in resting], speed, len(resting))
         for i in range(half):
-            for k in range(len(still)):
-                y[half + i] -= columns[i * J + still[k]] * push[k]
+            for k in range(len(resting)):
+                y[half + i] -= columns[i * J + resting[k]] * push[k]
 
-    def leveled(y: Any, state: Any) -> None:
+    def level(y: Any, state: Any) -> None:
         """No relative velocity at contacts that stick, each where it came to rest."""
         for i in range(J):
             if state[K + i] == 0:
@@ -159,38 +159,40 @@ def changing(at: Places, texts: dict[str, Callable[..., Any]]) -> tuple[Callable
         limit = numbers[LIMIT + i] * (abs(tau[J]) if presses and i == 0 else 1.0)
         return abs(tau[i]) >= limit * (1.0 + state[F + i]) * (1.0 - EXCESS)
 
-    def slid(t: Any, j: Any, y: Any, f: Any, state: Any, numbers: Any, c: Any, u: Any, V: Any, happened: Any) -> Any:
+    def slide(t: Any, j: Any, y: Any, f: Any, state: Any, numbers: Any, c: Any, u: Any, V: Any, events: Any) -> Any:
         after, was = [*y], [*state[K : K + J]]
         stopping = [False] * J
         for i in range(J):
             speed, slope = relative(y, half, contacts[i]) * was[i], relative(f, half, contacts[i]) * was[i]
             stopping[i] = was[i] != 0 and (i == j or (speed <= numbers[RATE] * TOGETHER and slope < 0))
         stops = was[j] != 0
-        still = [i for i in range(J) if stopping[i] or was[i] == 0]
+        resting = [i for i in range(J) if stopping[i] or was[i] == 0]
         _, G, columns, _ = answers(y, c, u)
-        halted(after, still, columns, G)
-        begun, loose = [0.0 if stopping[i] else was[i] for i in range(J)], [False] * J
+        halt(after, resting, columns, G)
+        new_signs, loose = [0.0 if stopping[i] else was[i] for i in range(J)], [False] * J
         if not stops:
             tau = friction(c, after, u + inputs(state, numbers), NOTHING)
             loose = [i == j or (was[i] == 0 and at_limit(i, tau, state, numbers)) for i in range(J)]
-            begun = [(-1.0 if tau[i] > 0 else 1.0) if loose[i] else begun[i] for i in range(J)]
+            new_signs = [(-1.0 if tau[i] > 0 else 1.0) if loose[i] else new_signs[i] for i in range(J)]
         for i in range(J):
             if stopping[i] or loose[i]:
                 brief = (t - state[T + i]) * numbers[RATE] < BRIEF
                 state[B + i] = state[B + i] + 1 if brief else 0.0
                 state[F + i] = FIRM * 10.0 ** (state[B + i] - OFTEN) if state[B + i] >= OFTEN else 0.0
                 state[T + i] = t
-        held = [(stopping[i] or loose[i]) and state[F + i] > 0 for i in range(J)]
-        settle(t, after, begun, was, state, numbers, c, u, held, happened)
-        leveled(after, state)
+        is_firm = [(stopping[i] or loose[i]) and state[F + i] > 0 for i in range(J)]
+        settle(t, after, new_signs, was, state, numbers, c, u, is_firm, events)
+        level(after, state)
         if len(V) > 0 and stops:
-            g, passed = [*f], [*state]
+            g, mid_state = [*f], [*state]
             for i in range(J):
-                passed[K + i] = was[i]
+                mid_state[K + i] = was[i]
             order = [j] + [i for i in range(J) if stopping[i] and i != j]
             for i in order:
-                passed[K + i] = state[K + i]
-                g2 = sticking(c, after, u + inputs(state if i == order[len(order) - 1] else passed, numbers), NOTHING)
+                mid_state[K + i] = state[K + i]
+                g2 = sticking(
+                    c, after, u + inputs(state if i == order[len(order) - 1] else mid_state, numbers), NOTHING
+                )
                 for n in range(len(V)):
                     dt = -relative(V[n], half, contacts[i]) / relative(g, half, contacts[i])
                     for m in range(size):
@@ -203,56 +205,56 @@ def changing(at: Places, texts: dict[str, Callable[..., Any]]) -> tuple[Callable
                         V[n][half + below] = V[n][half + above] if above >= 0 else 0.0
         return after
 
-    def struck(t: Any, j: Any, y: Any, f: Any, state: Any, numbers: Any, c: Any, u: Any, V: Any, happened: Any) -> Any:
+    def strike(t: Any, j: Any, y: Any, f: Any, state: Any, numbers: Any, c: Any, u: Any, V: Any, events: Any) -> Any:
         pushes, first = [0.0] * K, j
         for i in range(K):
             gamma, speed = relative(y, 0, kicks[i]) - numbers[i], relative(f, 0, kicks[i])
             for side in [1.0, -1.0]:
-                far = side * gamma - numbers[K + i] > -TOGETHER and side * speed > 0 and state[i] * side >= 0
-                if far or j == i + (0 if side > 0 else K):
+                is_due = side * gamma - numbers[K + i] > -TOGETHER and side * speed > 0 and state[i] * side >= 0
+                if is_due or j == i + (0 if side > 0 else K):
                     pushes[i] += side * numbers[2 * K + i]
-        acting = pushes + [*state[K:B]] + [*numbers[:RATE]] + [0.0] * timed
-        every = u + inputs(state, numbers)
-        after = kick(c, y, every, [0.0] * size + acting)
+        acting = pushes + [*state[K:B]] + [*numbers[:RATE]] + [0.0] * input_count
+        all_inputs = u + inputs(state, numbers)
+        after = kick(c, y, all_inputs, [0.0] * size + acting)
         for i in range(K):
             if pushes[i] != 0:
                 state[i] = -1.0 if pushes[i] > 0 else 1.0
-                fed = pushes[i] * (relative(y, half, kicks[i]) + relative(after, half, kicks[i])) / 2
-                happened.append((t, float(i), pushes[i], fed))
+                energy = pushes[i] * (relative(y, half, kicks[i]) + relative(after, half, kicks[i])) / 2
+                events.append((t, float(i), pushes[i], energy))
         if J > 0:
-            was, begun = [*state[K : K + J]], [0.0] * J
+            was, signs = [*state[K : K + J]], [0.0] * J
             for i in range(J):
                 moving = relative(after, half, contacts[i])
-                begun[i] = 1.0 if moving > 0 else -1.0 if moving < 0 else 0.0
+                signs[i] = 1.0 if moving > 0 else -1.0 if moving < 0 else 0.0
                 state[B + i], state[F + i] = 0.0, 0.0
-            settle(t, after, begun, was, state, numbers, c, u, [False] * J, happened)
+            settle(t, after, signs, was, state, numbers, c, u, [False] * J, events)
         if len(V) > 0:
             now, z, g = u + inputs(state, numbers), [*y], [*f]
             for i in [first % K] + [i for i in range(K) if pushes[i] != 0 and i != first % K]:
-                alone = [pushes[k] if k == i else 0.0 for k in range(K)] + acting[K:]
-                z2 = kick(c, z, every, [0.0] * size + alone)
+                single_push = [pushes[k] if k == i else 0.0 for k in range(K)] + acting[K:]
+                z2 = kick(c, z, all_inputs, [0.0] * size + single_push)
                 g2 = sticking(c, z2, now, NOTHING)
                 for n in range(len(V)):
                     dt = -relative(V[n], 0, kicks[i]) / relative(g, 0, kicks[i])
-                    moved = kicked(c, z, every, [V[n][m] + g[m] * dt for m in range(size)] + alone)
+                    columns = kicked(c, z, all_inputs, [V[n][m] + g[m] * dt for m in range(size)] + single_push)
                     for m in range(size):
-                        V[n][m] = moved[size + m] - g2[m] * dt
+                        V[n][m] = columns[size + m] - g2[m] * dt
                 z, g = z2, g2
         return after
 
-    def change(t: Any, j: Any, y: Any, f: Any, state: Any, numbers: Any, c: Any, u: Any, V: Any, happened: Any) -> Any:
+    def change(t: Any, j: Any, y: Any, f: Any, state: Any, numbers: Any, c: Any, u: Any, V: Any, events: Any) -> Any:
         if K > 0 and j < 2 * K:
-            return struck(t, j, y, f, state, numbers, c, u, V, happened)
+            return strike(t, j, y, f, state, numbers, c, u, V, events)
         if J > 0 and j < 2 * K + J:
-            return slid(t, j - 2 * K, y, f, state, numbers, c, u, V, happened)
+            return slide(t, j - 2 * K, y, f, state, numbers, c, u, V, events)
         if presses and j == 2 * K + J:
             state[E] = -state[E]
         elif J > 0:
             was = [*state[K : K + J]]
-            settle(t, y, was, was, state, numbers, c, u, [False] * J, happened)
+            settle(t, y, was, was, state, numbers, c, u, [False] * J, events)
         return [*y]
 
-    def begin(t: Any, y: Any, last: Any, state: Any, numbers: Any, c: Any, u: Any, happened: Any) -> Any:
+    def begin(t: Any, y: Any, last: Any, state: Any, numbers: Any, c: Any, u: Any, events: Any) -> Any:
         for i in range(K):
             gamma = relative(y, 0, kicks[i]) - numbers[i]
             aside = gamma if abs(gamma) > numbers[K + i] + TOGETHER else last[i]
@@ -265,7 +267,7 @@ def changing(at: Places, texts: dict[str, Callable[..., Any]]) -> tuple[Callable
                 speed = relative(y, half, contacts[i])
                 signs[i] = 1.0 if speed > 0 else -1.0 if speed < 0 else 0.0
                 state[T + i], state[P + i] = -INF, relative(y, 0, contacts[i])
-            settle(t, y, signs, slides, state, numbers, c, u, [False] * J, happened)
+            settle(t, y, signs, slides, state, numbers, c, u, [False] * J, events)
 
     def due(y: Any, f: Any, state: Any, numbers: Any) -> Any:
         for i in range(K):
@@ -285,10 +287,10 @@ def _none(c: Any, y: Any, u: Any, v: Any) -> Any:
 
 def names_in(at: Places) -> dict[str, Any]:
     """What the functions of `changing` have from outside: constants, and where numbers stand."""
-    J, K, B = at.J, at.K, at.told
+    J, K, B = at.J, at.K, at.state_count
     numbers: dict[str, Any] = {"TOGETHER": TOGETHER, "BRIEF": BRIEF, "OFTEN": OFTEN, "FIRM": FIRM}
     numbers |= {"EXCESS": EXCESS, "UNBOUNDED": UNBOUNDED}
-    numbers |= {"size": at.size, "half": at.half, "K": K, "J": J, "presses": at.presses, "timed": at.timed}
+    numbers |= {"size": at.size, "half": at.half, "K": K, "J": J, "presses": at.presses, "input_count": at.input_count}
     numbers |= {"kicks": at.kicks or ((0, -1),), "contacts": at.contacts or ((0, -1),), "E": at.e, "F": at.firm}
     numbers |= {"B": B, "T": B + J, "P": B + 2 * J, "W": B + 3 * J, "LIMIT": 3 * K, "RATE": 3 * K + J}
     return numbers
@@ -316,6 +318,6 @@ def compiled_source(at: Places, texts: dict[str, str]) -> str:
     head += [*(f"{name} = {value!r}" for name, value in names_in(at).items())]
     where = "@part\ndef where(x, a, b):\n return a if x > 0 else b\n"
     none = "def {}(c, y, u, v):\n return [0.0]\n"
-    written = [f"@part\n{texts.get(name, none.format(name))}" for name in TEXTS]
-    written += [f"@part\n{source}" for source in _complementarity()]
-    return "\n".join((*head, where, *written, inner(changing, "part"))) + "\n"
+    sources = [f"@part\n{texts.get(name, none.format(name))}" for name in TEXTS]
+    sources += [f"@part\n{source}" for source in _complementarity()]
+    return "\n".join((*head, where, *sources, inner(changing, "part"))) + "\n"

@@ -27,14 +27,14 @@ from nonlinear.integration.method import (
     STAGES,
     THIRD,
     advance,
-    begun,
-    controlled,
-    gained,
+    control_step,
+    cubic_terms,
+    gain_at,
     terms_of,
-    weighted,
+    weighted_sum,
 )
 from nonlinear.integration.methods import Choice, equations_of
-from nonlinear.integration.readiness import readied
+from nonlinear.integration.readiness import make_ready
 from nonlinear.integration.steppers import SMALL_STEP, Derivative, DOP853Solver, DOP853Stepper
 from nonlinear.integration.within import Step
 
@@ -52,29 +52,29 @@ def _texts() -> str:
         lines += [
             f" if number == {number}:",
             "  for i in range(y.size):",
-            f"   z[i] = y[i] + h * ({weighted(row, stage)})",
+            f"   z[i] = y[i] + h * ({weighted_sum(row, stage)})",
         ]
     lines += ["def errors(y, K, z, relative, absolute):", " fifth = third = 0.0", " for i in range(y.size):"]
     lines += ["  scale = 1.0 / (absolute[i] + relative * max(abs(y[i]), abs(z[i])))"]
-    lines += [f"  a, b = ({weighted(FIFTH, stage)}) * scale, ({weighted(THIRD, stage)}) * scale"]
+    lines += [f"  a, b = ({weighted_sum(FIFTH, stage)}) * scale, ({weighted_sum(THIRD, stage)}) * scale"]
     lines += ["  fifth, third = fifth + a * a, third + b * b", " return fifth, third"]
     lines += ["def terms(y, h, K, z, F):", " for i in range(y.size):"]
-    lines += [f"  F[0, i], F[1, i], F[2, i] = begun(z[i] - y[i], h * K[0, i], h * K[{STAGES}, i])"]
-    lines += [f"  F[{number}, i] = h * ({weighted(row, stage)})" for number, row in enumerate(POWERS, 3)]
-    every = ", ".join(f"F[{number}, i]" for number in range(TERMS))
+    lines += [f"  F[0, i], F[1, i], F[2, i] = cubic_terms(z[i] - y[i], h * K[0, i], h * K[{STAGES}, i])"]
+    lines += [f"  F[{number}, i] = h * ({weighted_sum(row, stage)})" for number, row in enumerate(POWERS, 3)]
+    all_terms = ", ".join(f"F[{number}, i]" for number in range(TERMS))
     lines += ["def inside(part, y, F, rows, row):", " for i in range(y.size):"]
-    lines += [f"  rows[row, i] = y[i] + gained(part, ({every}))"]
+    lines += [f"  rows[row, i] = y[i] + gain_at(part, ({all_terms}))"]
     return "\n".join(lines)
 
 
-def _written(text: str, *names: str) -> list[Any]:
-    space: dict[str, Any] = {"begun": in_place(begun), "gained": in_place(gained)}
+def _functions_in(text: str, *names: str) -> list[Any]:
+    space: dict[str, Any] = {"cubic_terms": in_place(cubic_terms), "gain_at": in_place(gain_at)}
     exec(compile(text, "<method>", "exec"), space)
     return [in_place(space[name]) for name in names]
 
 
-_controlled = part(controlled)
-_stage, _errors, _terms, _inside = _written(_texts(), "stage", "errors", "terms", "inside")
+_control_step = part(control_step)
+_stage, _errors, _terms, _inside = _functions_in(_texts(), "stage", "errors", "terms", "inside")
 
 
 @in_place
@@ -86,54 +86,54 @@ def _stages(first, last, y, h, K, z, scene, turns):  # type: ignore[no-untyped-d
 
 
 @compiled
-def steps(scene, clock, relative, absolute, y, stages, due, rows, ends, states, kept):  # type: ignore[no-untyped-def]
+def steps(scene, clock, relative, absolute, y, stages, due, rows, ends, states, kept_stages):  # type: ignore[no-untyped-def]
     """Up to len(ends) steps to the end of `clock` (time, length to try, longest, end, length of the last step).
 
     `y` and the first of the `stages` are those of the beginning, then of the end.  Fills `rows` at the times `due`, and
-    `ends` and `states` for every step, and its stages (len(ends), 13, size) in `kept` unless it is empty; returns how
-    many of each and the number of derivatives.  The stages of the last step stay.
+    `ends` and `states` for every step, and its stages (len(ends), 13, size) in `kept_stages` unless it is empty;
+    returns how many of each and the number of derivatives.  The stages of the last step stay.
     """
-    time, tried, longest, end, _ = clock
+    time, next_length, longest, end, _ = clock
     z, work, terms = np.empty_like(y), np.empty_like(y), np.empty((TERMS, y.size))
     turns = np.empty((TURNS, len(scene[0])))
-    passed = filled = calls = 0
-    while passed < len(ends) and time < end and (filled < len(due) or not len(due)):
-        least, refused, accepted = 10 * abs(np.nextafter(time, end) - time), False, False
-        length = min(max(tried, least), longest)
-        for i in range(y.size if passed else 0):
+    step_count = row_count = calls = 0
+    while step_count < len(ends) and time < end and (row_count < len(due) or not len(due)):
+        shortest, is_retry, is_good = 10 * abs(np.nextafter(time, end) - time), False, False
+        length = min(max(next_length, shortest), longest)
+        for i in range(y.size if step_count else 0):
             stages[0, i] = stages[STAGES, i]
-        while length >= least:
+        while length >= shortest:
             until = min(time + length, end)
             length = until - time
             _stages(1, STAGES + 1, y, length, stages, z, scene, turns)
             fifth, third = _errors(y, stages, z, relative, absolute)
             calls += STAGES
-            error, factor = _controlled(fifth, third, length, y.size, refused)
+            error, factor = _control_step(fifth, third, length, y.size, is_retry)
             if error < 1:
-                tried, accepted = length * factor, True
+                next_length, is_good = length * factor, True
                 break
-            length, refused = length * factor, True
-        if not accepted:
+            length, is_retry = length * factor, True
+        if not is_good:
             break
-        if filled < len(due) and due[filled] <= until:
+        if row_count < len(due) and due[row_count] <= until:
             _stages(STAGES + 1, STAGES + EXTRA + 1, y, length, stages, work, scene, turns)
             _terms(y, length, stages, z, terms)
             calls += EXTRA
-            while filled < len(due) and due[filled] <= until:
-                if due[filled] == until:
-                    rows[filled] = z
+            while row_count < len(due) and due[row_count] <= until:
+                if due[row_count] == until:
+                    rows[row_count] = z
                 else:
-                    _inside((due[filled] - time) / length, y, terms, rows, filled)
-                filled += 1
-        for stage in range(STAGES + 1 if kept.size else 0):
+                    _inside((due[row_count] - time) / length, y, terms, rows, row_count)
+                row_count += 1
+        for stage in range(STAGES + 1 if kept_stages.size else 0):
             for i in range(y.size):
-                kept[passed, stage, i] = stages[stage, i]
+                kept_stages[step_count, stage, i] = stages[stage, i]
         for i in range(y.size):
-            y[i] = states[passed, i] = z[i]
-        ends[passed] = until
-        clock[0], clock[1], clock[4] = until, tried, length
-        time, passed = until, passed + 1
-    return passed, filled, calls
+            y[i] = states[step_count, i] = z[i]
+        ends[step_count] = until
+        clock[0], clock[1], clock[4] = until, next_length, length
+        time, step_count = until, step_count + 1
+    return step_count, row_count, calls
 
 
 class CompiledDOP853(DOP853Solver):
@@ -143,22 +143,24 @@ class CompiledDOP853(DOP853Solver):
         super().__init__(*arguments, **limits)
         self.scene, self.length, self.stages = scene, 0.0, np.empty((STAGES + EXTRA + 1, self.n))
 
-    def advance(self, due: Floats, most: int, kept: Floats = NOT_KEPT) -> tuple[Floats, Floats, Floats]:
+    def advance(self, due: Floats, limit: int, kept_stages: Floats = NOT_KEPT) -> tuple[Floats, Floats, Floats]:
         """Up to this many steps, none if the first fails: y at the times `due`, the ends of steps, y there.
 
-        The stages of all are `kept` (most, 13, size) where there is room.
+        The stages of all are `kept_stages` (most, 13, size) where there is room.
         """
         clock = np.array([self.t, self.h_abs, self.max_step, self.t_bound, 0.0])
-        rows, ends, states = np.empty((len(due), self.n)), np.empty(most), np.empty((most, self.n))
+        rows, ends, states = np.empty((len(due), self.n)), np.empty(limit), np.empty((limit, self.n))
         y, self.stages[0] = self.y.copy(), self.f
-        arguments = (self.rtol, self.atol, y, self.stages, due, rows, ends, states, kept)
-        passed, filled, calls = steps(self.scene, clock, *arguments)
+        arguments = (self.rtol, self.atol, y, self.stages, due, rows, ends, states, kept_stages)
+        step_count, row_count, calls = steps(self.scene, clock, *arguments)
         self.nfev += calls
-        if passed:
-            self.t_old, self.y_old = (self.t, self.y) if passed == 1 else (float(ends[passed - 2]), states[passed - 2])
+        if step_count:
+            self.t_old, self.y_old = (
+                (self.t, self.y) if step_count == 1 else (float(ends[step_count - 2]), states[step_count - 2])
+            )
             self.t, self.h_abs, *_, self.length = clock.tolist()
             self.y, self.f = y, self.stages[STAGES].copy()
-        return rows[:filled], ends[:passed], states[:passed]
+        return rows[:row_count], ends[:step_count], states[:step_count]
 
     def take_step(self) -> bool:
         """Take one step; whether one was short enough."""
@@ -172,17 +174,17 @@ class CompiledDOP853(DOP853Solver):
             advance(number, y, np.array(self.length), stages, z, work)
             stages[number] = self.fun(start + self.length * NODES[number], z)
         terms = terms_of(self.length, self.y - y, stages)
-        return lambda times: y[:, None] + gained((times - start) / length, [term[:, None] for term in terms])
+        return lambda times: y[:, None] + gain_at((times - start) / length, [term[:, None] for term in terms])
 
 
 class CompiledStepper(DOP853Stepper[Compiled]):
     """DOP853 compiled, for compiled equations, with the arguments of `DOP853Stepper`; ready once it is made."""
 
     at_once = MOST
-    _seen: tuple[Floats, Floats, Floats]
+    _last_steps: tuple[Floats, Floats, Floats]
 
     def __init__(self, equations: Compiled, *arguments: Any, **options: Any) -> None:
-        with readied(integrator(structured=equations.system.structure is not None)):
+        with make_ready(integrator(on_structure=equations.system.structure is not None)):
             super().__init__(equations, *arguments, **options)
             cast("CompiledDOP853", self._solver).advance(NOTHING_DUE, 0)
 
@@ -190,27 +192,31 @@ class CompiledStepper(DOP853Stepper[Compiled]):
         return CompiledDOP853(self.equations.scene, self.f, time, y, end, **options)
 
     def sweep(
-        self, times: Floats, every: bool = True, most: int = MOST
+        self, times: Floats, all_ends: bool = True, limit: int = MOST
     ) -> tuple[Floats, list[tuple[float, Floats]], int]:
         """Many steps at once, as defined in `Sweeper`."""
         solver = cast("CompiledDOP853", self._on_its_way())
-        begun, most = (solver.t, solver.y), max(1, min(most, NUMBERS // solver.n))
-        kept = self._room[:most] if self.watched else NOT_KEPT
-        rows, ends, states = solver.advance(times, len(kept) or most, kept)
+        start, limit = (solver.t, solver.y), max(1, min(limit, NUMBERS // solver.n))
+        kept_stages = self._room[:limit] if self.keeps_steps else NOT_KEPT
+        rows, ends, states = solver.advance(times, len(kept_stages) or limit, kept_stages)
         good = len(ends) if np.all(np.isfinite(states)) else int(np.argmin(np.isfinite(states).all(axis=1)))
         if not good:
-            raise self._stopped("not finite" if len(ends) else SMALL_STEP)
+            raise self._stop_error("not finite" if len(ends) else SMALL_STEP)
         self.before, self.y_before, self._within = solver.t_old, solver.y_old, None
         solver.status = "finished" if solver.t >= solver.t_bound else "running"
-        if self.watched:
-            self._seen = np.append(begun[0], ends[:good]), np.vstack((begun[1], states[:good])), kept[:good]
-        reached = int(np.searchsorted(times[: len(rows)], ends[good - 1], side="right"))
-        shown = slice(0 if every else good - 1, good)
-        return rows[:reached], list(zip(ends[shown].tolist(), states[shown], strict=True)), good
+        if self.keeps_steps:
+            self._last_steps = (
+                np.append(start[0], ends[:good]),
+                np.vstack((start[1], states[:good])),
+                kept_stages[:good],
+            )
+        row_count = int(np.searchsorted(times[: len(rows)], ends[good - 1], side="right"))
+        selection = slice(0 if all_ends else good - 1, good)
+        return rows[:row_count], list(zip(ends[selection].tolist(), states[selection], strict=True)), good
 
-    def traced(self) -> Step:
+    def steps_of_sweep(self) -> Step:
         """The steps of the last sweep side by side."""
-        return Step.of_run(*self._seen, self._rates_beside, bool(self.pace.breaks))
+        return Step.of_run(*self._last_steps, self._rates_beside, bool(self.pace.breaks))
 
     def _rates_beside(self, y: Floats, times: Any = 0.0) -> Floats:
         """The rates of many y at once, counted: by the equations written out where that is faster than one by one."""

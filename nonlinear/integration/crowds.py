@@ -12,12 +12,12 @@ from modal.types import Floats
 from nonlinear.dynamics.forms import module_of
 from nonlinear.dynamics.generated import Lanes, Rates
 from nonlinear.dynamics.inputs import Inputs
-from nonlinear.dynamics.switching import switched, switching_of
+from nonlinear.dynamics.switching import switching_of, with_contacts
 from nonlinear.dynamics.text import Module
 from nonlinear.integration.lanes import LaneTask
 from nonlinear.integration.switches import NODES as GAUSS
 from nonlinear.integration.switches import WEIGHTS, Switches, kicks_of
-from nonlinear.integration.within import Step, beside, fill
+from nonlinear.integration.within import Step, align_lanes, fill
 from nonlinear.system import Numbers, System
 
 
@@ -43,9 +43,9 @@ class Crowd:
     @cached_property
     def switches(self) -> Switches:
         """Those of all members."""
-        form, numbers = switched(self.lanes.form), self.lanes.numbers
+        form, numbers = with_contacts(self.lanes.form), self.lanes.numbers
         pairs, _ = kicks_of(self.system)
-        constants = switching_of(form, pairs).constants(form.numbers(numbers.entries, numbers.prescribed))
+        constants = switching_of(form, pairs).constants(form.numbers(numbers.entries, numbers.constants))
         return Switches(form, pairs, constants, numbers.switching)
 
     @cached_property
@@ -63,14 +63,16 @@ class Crowd:
         """The same task with the state of its members, after the kicks that are due at once."""
         y, size, starts = task.begun.copy(), self.lanes.layout.size, task.starts
         motion = y if y.ndim < 3 else y[..., 0].real
-        each = zip(starts.tolist(), motion[:size].T.tolist(), strict=True)
-        state = np.array([self.of(k).begin(t, column, self.inputs.of_time(t)) for k, (t, column) in enumerate(each)]).T
-        slope, held = np.empty_like(y), self.at(slice(None)).inputs(state)
-        held = [values if np.ndim(values) > 1 else beside(values, y) for values in held]
-        fill(self.rates(task.numbers)(y, beside(starts, y), held), slope)
-        along = slope if y.ndim < 3 else slope[..., 0].real
+        members = zip(starts.tolist(), motion[:size].T.tolist(), strict=True)
+        state = np.array(
+            [self.of(k).begin(t, column, self.inputs.of_time(t)) for k, (t, column) in enumerate(members)]
+        ).T
+        slope, contact_inputs = np.empty_like(y), self.at(slice(None)).inputs(state)
+        contact_inputs = [values if np.ndim(values) > 1 else align_lanes(values, y) for values in contact_inputs]
+        fill(self.rates(task.numbers)(y, align_lanes(starts, y), contact_inputs), slope)
+        motion_slope = slope if y.ndim < 3 else slope[..., 0].real
         for k, t in enumerate(starts.tolist()):
-            due = self.of(k).due(motion[:size, k].tolist(), along[:size, k].tolist(), state[:, k].tolist())
+            due = self.of(k).due(motion[:size, k].tolist(), motion_slope[:size, k].tolist(), state[:, k].tolist())
             if due is not None:
                 y[:, k] = self.at(k).change(t, due, y[:, k], slope[:, k], state[:, k])
         return replace(task, lanes=self, begun=y, switches=self, state=state)
@@ -78,9 +80,9 @@ class Crowd:
     def rates(self, numbers: Numbers) -> Rates:
         """The rates of so many members as these numbers are of, with the inputs of contacts as a third argument."""
         module, name = self.equations
-        constants = module.constants(self.switches.form.numbers(numbers.entries, numbers.prescribed))
+        constants = module.constants(self.switches.form.numbers(numbers.entries, numbers.constants))
         rates = module.function(name, constants, self.lanes.target)
-        return lambda y, times=0.0, held=(): rates(y, (*self.inputs.beside(times), *held))
+        return lambda y, times=0.0, contact_inputs=(): rates(y, (*self.inputs.beside(times), *contact_inputs))
 
     @cached_property
     def equations(self) -> tuple[Module, str]:
@@ -93,7 +95,7 @@ class Crowd:
     def constants(self) -> list[Any]:
         """What stands in the text of the rates for these members: numbers and arrays (S,)."""
         numbers = self.lanes.numbers
-        return self.equations[0].constants(self.switches.form.numbers(numbers.entries, numbers.prescribed))
+        return self.equations[0].constants(self.switches.form.numbers(numbers.entries, numbers.constants))
 
     @property
     def presses(self) -> bool:
@@ -129,43 +131,50 @@ class Some:
     members: Any
 
     @cached_property
-    def _own(self) -> Switches:
-        whole, members = self.crowd.switches, self.members
+    def _member_switches(self) -> Switches:
+        all_switches, members = self.crowd.switches, self.members
 
-        def taken(values: Any) -> list[Any]:
+        def values_of_members(values: Any) -> list[Any]:
             return [value[members] if np.ndim(value) else value for value in values]
 
-        return Switches(whole.form, whole.kicks, taken(whole.constants), taken(whole.numbers))
+        return Switches(
+            all_switches.form,
+            all_switches.kicks,
+            values_of_members(all_switches.constants),
+            values_of_members(all_switches.numbers),
+        )
 
     def inputs(self, state: Floats) -> list[Any]:
         """The inputs of contacts, arrays (S,)."""
-        return self._own.inputs(state)
+        return self._member_switches.inputs(state)
 
     @cached_property
     def friction(self) -> Rates:
         """The friction τ at every contact, as inputs say."""
-        return partial(self._own.function("friction", "arrays"), v=())
+        return partial(self._member_switches.function("friction", "arrays"), v=())
 
-    def values(self, t: Any, around: tuple[Any, Any], y: Floats, f: Floats, state: Floats) -> tuple[Floats, Floats]:
-        """The values (count, S) of all switches and their rates, for which inputs are seen at the times `around`."""
-        switches, inputs = self._own, self.crowd.inputs
-        both = np.empty((2, switches.count, y.shape[1]))
+    def values(self, t: Any, side_times: tuple[Any, Any], y: Floats, f: Floats, state: Floats) -> tuple[Floats, Floats]:
+        """The values (count, S) of all switches and their rates, for which inputs are seen at `side_times`."""
+        switches, inputs = self._member_switches, self.crowd.inputs
+        values_and_rates = np.empty((2, switches.count, y.shape[1]))
         u, w = (*inputs.beside(t), *switches.inputs(state)), list[Any]()
         if inputs.count > 1 or not inputs.is_analytic:
-            early, late = map(inputs.beside, around)
-            w = [(b - a) / (around[1] - around[0]) for a, b in zip(early, late, strict=True)]
-        for rows, values in zip(both, switches.values(y[: self.crowd.lanes.layout.size], f, u, state, w), strict=True):
+            early, late = map(inputs.beside, side_times)
+            w = [(b - a) / (side_times[1] - side_times[0]) for a, b in zip(early, late, strict=True)]
+        for rows, values in zip(
+            values_and_rates, switches.values(y[: self.crowd.lanes.layout.size], f, u, state, w), strict=True
+        ):
             for row, value in zip(rows, values, strict=True):
                 row[...] = value
-        return both[0], both[1]
+        return values_and_rates[0], values_and_rates[1]
 
     def change(self, t: float, j: int, y: Floats, f: Floats, state: Floats) -> Any:
         """The y of one member after switch j, with its state changed in place."""
-        told, switches, u = state.tolist(), self.crowd.of(int(self.members)), self.crowd.inputs.of_time(t)
+        state_values, switches, u = state.tolist(), self.crowd.of(int(self.members)), self.crowd.inputs.of_time(t)
         size = self.crowd.lanes.layout.size
         columns = [y[size:].tolist()] if len(y) > size else []
-        after, columns = switches.change(t, j, y[:size].tolist(), f[:size].tolist(), told, columns, u)
-        state[:] = told
+        after, columns = switches.change(t, j, y[:size].tolist(), f[:size].tolist(), state_values, columns, u)
+        state[:] = state_values
         return [*after, *(value for column in columns for value in column)]
 
 
@@ -178,14 +187,14 @@ class RailWork:
     def see(self, step: Step) -> None:
         """A step of all lanes."""
         at = self.crowd.switches.places
-        sliding = np.flatnonzero(step.taken & (step.length > 0) & (np.asarray(step.held[at.J]) == 0))
+        sliding = np.flatnonzero(step.taken & (step.length > 0) & (np.asarray(step.contact_inputs[at.J]) == 0))
         if not len(sliding):
             return
         inside, members, length = step.within(sliding), step.member[sliding], step.length[sliding]
         friction = self.crowd.at(members).friction
-        held = [np.broadcast_to(values, step.length.shape)[sliding] for values in step.held]
+        contact_inputs = [np.broadcast_to(values, step.length.shape)[sliding] for values in step.contact_inputs]
         for node, weight in zip(GAUSS, WEIGHTS, strict=True):
             part = np.full(len(sliding), (1 + node) / 2)
             y = inside.motion.at(part)
-            force = friction(y, (*self.crowd.inputs.beside(step.start[sliding] + part * length), *held))[0]
+            force = friction(y, (*self.crowd.inputs.beside(step.start[sliding] + part * length), *contact_inputs))[0]
             np.add.at(self.work, members, length / 2 * weight * force * y[at.half])

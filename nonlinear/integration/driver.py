@@ -13,7 +13,7 @@ from modal.errors import ComputationError
 from modal.report import silent
 from modal.types import Floats
 from nonlinear.dynamics import Arranged, Recursion
-from nonlinear.dynamics.bearing import inverted
+from nonlinear.dynamics.bearing import apply_inverse_mass
 from nonlinear.integration.floats import FloatStepper
 from nonlinear.integration.happenings import Events, Happening
 from nonlinear.integration.steppers import AT_ONCE, DOP853Stepper, Stepper, Sweeper
@@ -35,7 +35,7 @@ class RunRecord:
 
     times: Floats
     rows: Floats
-    filled: int = 0
+    row_count: int = 0
     last: tuple[float, Sequence[float] | Floats] | None = None  # time and y of a stop between samples
     happenings: list[EventRecord] = field(default_factory=list)
     drift: float = 0.0
@@ -47,21 +47,21 @@ class RunRecord:
     failed: bool = False
 
     @property
-    def reached(self) -> float:
+    def last_time(self) -> float:
         """The time reached (s)."""
         return float(self.last[0] if self.last else self.times[0])
 
     def close(self) -> None:
         """Remove samples that were not reached; the last sample is the state where the run stopped."""
-        self.times, self.rows = self.times[: self.filled], self.rows[: self.filled]
+        self.times, self.rows = self.times[: self.row_count], self.rows[: self.row_count]
         if self.stopped and self.last and self.last[0] > self.times[-1]:
             time, row = self.last
             self.times, self.rows = np.append(self.times, time), np.vstack((self.rows, row))
 
     def keep(self, rows: Floats) -> None:
         """Append the next samples."""
-        self.rows[self.filled : self.filled + len(rows)] = rows
-        self.filled += len(rows)
+        self.rows[self.row_count : self.row_count + len(rows)] = rows
+        self.row_count += len(rows)
 
 
 @dataclass
@@ -80,31 +80,31 @@ class Drive:
 
     def __post_init__(self) -> None:
         self._sought = Events(self.equations, self.events, float(self.times[0])) if self.events else None
-        ends, switched = any(event.stop for event in self.events), isinstance(self.equations, Switched)
+        ends, has_switches = any(event.stop for event in self.events), isinstance(self.equations, Switched)
         usual = AT_ONCE
         if isinstance(self.stepper, DOP853Stepper):
-            self.stepper.watched, usual = self._watched, self.stepper.at_once
-        usual = SHOWN if switched and self.report is not silent else usual
+            self.stepper.keeps_steps, usual = self._has_watches, self.stepper.at_once
+        usual = SHOWN if has_switches and self.report is not silent else usual
         self._longest, self._most = (min(usual, MOST), FIRST) if ends else (usual, usual)
 
     def run(self) -> RunRecord:
         """Advance to the last sampled time, or as far as possible."""
         record = RunRecord(self.times, np.empty((len(self.times), len(self.stepper.y))))
         record.keep(self.stepper.y[None])
-        advance = self._far if self._sweeps else self._on
+        advance = self._sweep if self._sweeps else self._on
         try:
-            while record.filled < len(self.times) and not record.stopped:
+            while record.row_count < len(self.times) and not record.stopped:
                 advance(record)
                 if self.equations.system.may_turn_singular:
                     self._refuse_singular(record)
         except KeyboardInterrupt:
-            record.stopped, record.interrupted = f"interrupted at {record.reached:.9g} s", True
+            record.stopped, record.interrupted = f"interrupted at {record.last_time:.9g} s", True
         except ComputationError as error:
             record.stopped, record.failed = str(error), True
-        record.friction = self._rubbed(record)
+        record.friction = self._friction(record)
         record.close()
         if isinstance(self.equations, Switched):
-            record.kicks = self.equations.switches.kicked()
+            record.kicks = self.equations.switches.kicks_so_far()
         return record
 
     def _refuse_singular(self, record: RunRecord) -> None:
@@ -113,89 +113,93 @@ class Drive:
         pushes = np.eye(1, system.first + system.n_links)[0]
         with np.errstate(all="ignore"):
             solvers = [(group, Recursion(group)) for group in system.groups]
-            answers = inverted(system, solvers, np.append(0.0, state.links), pushes)
+            answers = apply_inverse_mass(system, solvers, np.append(0.0, state.links), pushes)
         share = 1 / (float(answers[0]) * system.total_mass)
         if not share > SINGULAR:
             words = f"the cart moves as if {share:.0e} of all masses hung from it"
-            raise ComputationError(f"the run stopped at {record.reached:.9g} s: {words}")
+            raise ComputationError(f"the run stopped at {record.last_time:.9g} s: {words}")
 
     @property
-    def _watched(self) -> bool:
+    def _has_watches(self) -> bool:
         return bool(self.events or self.watches)
 
     @property
     def _sweeps(self) -> bool:
         """Whether many steps are taken at once: series are seen step by step."""
-        return isinstance(self.stepper, DOP853Stepper if self._watched else Sweeper)
+        return isinstance(self.stepper, DOP853Stepper if self._has_watches else Sweeper)
 
-    def _rubbed(self, record: RunRecord) -> Friction:
+    def _friction(self, record: RunRecord) -> Friction:
         """What friction did as far as the run came."""
         time, row = record.last or (float(self.times[0]), self.stepper.y)
         if isinstance(self.equations, Switched):
             return self.equations.record(time, np.asarray(row).tolist())
         return NO_FRICTION
 
-    def _far(self, record: RunRecord) -> None:
+    def _sweep(self, record: RunRecord) -> None:
         """Many steps, and what happens within them, up to an event that ends the run."""
-        whole = self.equations.whole() if isinstance(self.equations, Switched) else nullcontext()
-        stepper, every = cast("Sweeper", self.stepper), self.report is not silent or self._watched
-        with np.errstate(all="ignore"), whole:
-            rows, ends, steps = stepper.sweep(self.times[record.filled :], every, self._most)
+        guard = self.equations.undo_on_interrupt() if isinstance(self.equations, Switched) else nullcontext()
+        stepper, all_ends = cast("Sweeper", self.stepper), self.report is not silent or self._has_watches
+        with np.errstate(all="ignore"), guard:
+            rows, ends, steps = stepper.sweep(self.times[record.row_count :], all_ends, self._most)
             record.drift = stepper.drift
-            stop = self._seen(record, cast("DOP853Stepper[Any]", stepper).traced()) if steps and self._watched else None
+            stop = (
+                self._find_stop(record, cast("DOP853Stepper[Any]", stepper).steps_of_sweep())
+                if steps and self._has_watches
+                else None
+            )
         if stop is not None:
             if isinstance(stepper, FloatStepper):
                 stepper.take_back(stop.time, stop.y)
-            rows = rows[: np.searchsorted(self.times, stop.time, side="right") - record.filled]
+            rows = rows[: np.searchsorted(self.times, stop.time, side="right") - record.row_count]
             ends = [end for end in ends if end[0] < stop.time]
             ends, steps = [*ends, (stop.time, self.equations.project(stop.y)[0])], len(ends) + 1
         else:
             self._most = min(2 * self._most, self._longest)
         self._keep(record, rows, ends, steps)
-        if self._watched and isinstance(self.equations, Switched) and not self._ends(record):
+        if self._has_watches and isinstance(self.equations, Switched) and not self._ends(record):
             self._switch(record)
 
     def _keep(self, record: RunRecord, rows: Floats, ends: Sequence[Any], steps: int) -> None:
-        first = record.filled
+        first = record.row_count
         if self.report is silent:
             record.keep(rows)
             record.steps, record.last = record.steps + steps, ends[-1]
             return
-        switched = isinstance(self.equations, Switched)
-        passed = np.searchsorted(self.times, [time for time, _ in ends], side="right") - first
-        for end, count in zip(ends, passed.tolist(), strict=True):
-            record.keep(rows[record.filled - first : count])
+        has_switches = isinstance(self.equations, Switched)
+        counts = np.searchsorted(self.times, [time for time, _ in ends], side="right") - first
+        for end, count in zip(ends, counts.tolist(), strict=True):
+            record.keep(rows[record.row_count - first : count])
             record.steps, record.last = record.steps + 1, end
-            if not switched:
+            if not has_switches:
                 self.report(end[0] - self.times[0])
-        if switched:
-            self.report(record.reached - self.times[0])
+        if has_switches:
+            self.report(record.last_time - self.times[0])
 
     def _on(self, record: RunRecord) -> None:
         """One step and everything that happens within it."""
-        before = self.stepper.time
+        start = self.stepper.time
         with np.errstate(all="ignore"):
             self.stepper.step()
-        self._within(record, before)
+        self._within(record, start)
 
-    def _within(self, record: RunRecord, before: float) -> None:
+    def _within(self, record: RunRecord, start: float) -> None:
         """Everything that happens within the last step."""
         record.steps += 1
         now, y = self.stepper.time, self.stepper.y
         stop = None
-        if self._watched:
-            stop = self._seen(record, KnownStep.of(before, now, self.stepper.inside, self.stepper.exact))
+        if self._has_watches:
+            stop = self._find_stop(record, KnownStep.of(start, now, self.stepper.inside, self.stepper.exact))
         if stop is not None:
             now, y = stop.time, stop.y
         self._sample(record, now)
         record.last = now, self.equations.project(y)[0]
-        mended, drift = self.equations.project(self.stepper.y)
+        result, drift = self.equations.project(self.stepper.y)
         record.drift = max(record.drift, drift)
         if drift:
-            self.stepper.restart(mended)
+            self.stepper.restart(result)
         self.report(now - self.times[0])
 
-    def _seen(self, record: RunRecord, step: Step) -> Happening | None:
+    def _find_stop(self, record: RunRecord, step: Step) -> Happening | None:
         """Keep the events within a step, up to the first one that ends the run."""
         for watch in self.watches:
             watch.see(step)
@@ -204,9 +208,9 @@ class Drive:
         self._sought.see(step)
         for jump in self.stepper.jumps() if isinstance(self.stepper, FloatStepper) else ():
             self._sought.jump(*jump)
-        return self._happened(record, self._sought.taken())
+        return self._record_events(record, self._sought.take())
 
-    def _happened(self, record: RunRecord, happenings: Sequence[Happening]) -> Happening | None:
+    def _record_events(self, record: RunRecord, happenings: Sequence[Happening]) -> Happening | None:
         """Keep these events; the last where it ends the run."""
         for time, event, _, state, failure in happenings:
             if failure:
@@ -220,23 +224,23 @@ class Drive:
     def _switch(self, record: RunRecord) -> None:
         """What happens where the last step ended at a switch of its own."""
         stepper = cast("FloatStepper", self.stepper)
-        begun, now, y = stepper.before, stepper.time, stepper.y
-        switched = stepper.switch()
-        if switched is not None:
+        start, now, y = stepper.before, stepper.time, stepper.y
+        y_after = stepper.switch()
+        if y_after is not None:
             if self._sought:
-                self._sought.jump(begun, now, y, switched)
-                self._happened(record, self._sought.taken())
-            record.last = now, switched
+                self._sought.jump(start, now, y, y_after)
+                self._record_events(record, self._sought.take())
+            record.last = now, y_after
 
     def _ends(self, record: RunRecord) -> bool:
         """Whether the run ends here: what is due belongs to a run that goes on."""
-        return bool(record.stopped) or record.reached >= self.times[-1] - LAST * abs(self.times[-1])
+        return bool(record.stopped) or record.last_time >= self.times[-1] - LAST * abs(self.times[-1])
 
     def _sample(self, record: RunRecord, now: float) -> None:
         """The sampled times up to now; where the step ends on one, the step's own result is used."""
-        count = int(np.searchsorted(self.times, now, side="right")) - record.filled
+        count = int(np.searchsorted(self.times, now, side="right")) - record.row_count
         if count > 0:
-            times = self.times[record.filled : record.filled + count]
+            times = self.times[record.row_count : record.row_count + count]
             rows = self.stepper.inside(times)
             rows[times == self.stepper.time] = self.stepper.y
             project, at_once = self.equations.project, isinstance(self.equations, Arranged)

@@ -19,7 +19,7 @@ from modal.errors import ComputationError, SceneError
 from modal.types import Floats, Ints
 from nonlinear.dynamics import Written
 from nonlinear.dynamics.contacts import JAMMED
-from nonlinear.dynamics.generated import UNDEFINED, Listed, Rate
+from nonlinear.dynamics.generated import UNDEFINED, InputFunction, Rate
 from nonlinear.dynamics.text import function_in
 from nonlinear.integration.meeting import AGAIN, NEAR, STANDS, meet
 from nonlinear.integration.method import (
@@ -34,8 +34,8 @@ from nonlinear.integration.method import (
     STAGES,
     THIRD,
     WEIGHTS,
-    controlled,
-    weighted,
+    control_step,
+    weighted_sum,
 )
 from nonlinear.integration.steppers import AT_ONCE, BESIDE, SMALL_STEP, Derivative, DOP853Solver, DOP853Stepper
 from nonlinear.integration.switched import Phase, Switched
@@ -50,7 +50,7 @@ Numbers = Sequence[float]
 class FloatStep(NamedTuple):
     """A step: its beginning and end (s), y there, the derivative at every stage, the last at the end, and inputs.
 
-    The inputs are those that dry friction `held` throughout, `phase` is that of the switches.
+    The inputs are those that dry friction has throughout, `phase` is that of the switches.
     """
 
     start: float
@@ -58,25 +58,26 @@ class FloatStep(NamedTuple):
     before: Numbers
     after: Numbers
     stages: Sequence[Numbers]
-    held: Numbers = ()
+    contact_inputs: Numbers = ()
     phase: Phase | None = None
 
 
 class FloatDOP853(DOP853Solver):
     """The method for a `rate` of y and the `inputs` at a time and y, all lists of floats.
 
-    Inputs are None where there are none, and the time itself where `clocked`.  Steps end at the switches of `switched`.
+    Inputs are None where there are none, and the time itself where `is_time_only`.  Steps end at the switches of
+    `switching`.
     """
 
-    switched: Switched | None = None
-    beyond: Callable[[float], tuple[float, float] | None] = staticmethod(lambda time: None)
+    switching: Switched | None = None
+    next_stretch: Callable[[float], tuple[float, float] | None] = staticmethod(lambda time: None)
     """The next end (s) and the longest step (s) after a break at this time; None at the end of the run."""
 
     def __init__(
         self,
         rate: Rate,
-        inputs: Listed | None,
-        clocked: bool,
+        inputs: InputFunction | None,
+        is_time_only: bool,
         derivative: Derivative,
         t: float,
         y: Floats,
@@ -84,8 +85,8 @@ class FloatDOP853(DOP853Solver):
         **limits: Any,
     ) -> None:
         super().__init__(derivative, t, y, t_bound, **limits)
-        beside = "" if inputs is None else ", (t + {} * h,)" if clocked else ", inputs(t + {} * h, z)"
-        attempt = attempt_of(len(y), beside) if len(y) < WIDE else partial(wide_attempt, clocked=clocked)
+        input_text = "" if inputs is None else ", (t + {} * h,)" if is_time_only else ", inputs(t + {} * h, z)"
+        attempt = attempt_of(len(y), input_text) if len(y) < WIDE else partial(wide_attempt, is_time_only=is_time_only)
         self.rate, self.inputs, self.attempt = rate, inputs, attempt
         self.smallest = self.atol.tolist()
         self.passed = FloatStep(t, t, y.tolist(), y.tolist(), [self.f.tolist()])
@@ -106,7 +107,7 @@ class FloatDOP853(DOP853Solver):
         inside = side_by_side([self.passed], lambda columns: derivative).within_all()
         return lambda times: inside.take(np.zeros(np.size(times), dtype=np.int64)).at((times - start) / (end - start))
 
-    def advance(self, due: Numbers, most: int) -> tuple[list[FloatStep], list[FloatStep], int]:
+    def advance(self, due: Numbers, limit: int) -> tuple[list[FloatStep], list[FloatStep], int]:
         """Up to this many steps, none if the first fails, until the last time that is `due` (all that, if none is).
 
         Returns the steps, those in which times are due, and how many of these times have been reached.
@@ -114,132 +115,132 @@ class FloatDOP853(DOP853Solver):
         self.switch()
         y, f, at = self.y.tolist(), self.f.tolist(), 0
         steps: list[FloatStep] = []
-        wanted: list[FloatStep] = []
-        switched = self.switched
-        while len(steps) < most and (at < len(due) or not due):
+        due_steps: list[FloatStep] = []
+        switching = self.switching
+        while len(steps) < limit and (at < len(due) or not due):
             if self.t >= self.t_bound:
                 if (slope := self.carried_on(y)) is None:
                     break
                 f = slope
-            if switched and switched.met is not None:
+            if switching and switching.met_switch is not None:
                 try:
-                    y, f = self._changed(y, f)
+                    y, f = self._change(y, f)
                 except ComputationError:
                     if not steps:
                         raise
                     break
-            step = None if switched and switched.rests else self._passed(y, f)
+            step = None if switching and switching.rests else self._next_step(y, f)
             if step is None:
                 break
-            if switched and switched.switches.jams(step.after, self._last[0], switched.state):
+            if switching and switching.switches.jams(step.after, self._last[0], switching.state):
                 if not steps:
                     raise ComputationError(JAMMED)
-                switched.met = None
+                switching.met_switch = None
                 break
             steps.append(step)
             self.passed = step
             y, f, self.t = step.after, step.stages[-1], step.end
             if at < len(due) and due[at] <= self.t:
-                wanted.append(step)
+                due_steps.append(step)
                 at = bisect_right(due, self.t)
         if steps:
             self.t_old, self.y_old = self.passed.start, np.array(self.passed.before)
         self.y, self.f = np.array(y), np.array(f)
-        return steps, wanted, at
+        return steps, due_steps, at
 
     def carried_on(self, y: Numbers) -> Numbers | None:
         """The derivative after a break, from which steps go on as long as before; None at the end of the run."""
-        if (stretch := self.beyond(self.t)) is None:
+        if (stretch := self.next_stretch(self.t)) is None:
             return None
         (self.t_bound, self.max_step), self.status = stretch, "running"
-        if self.switched:
-            self.switched.land()
+        if self.switching:
+            self.switching.land()
         return self._slope(y)
 
     def switch(self, V: list[list[float]] | None = None) -> None:
         """Go on as things are after the switch at which the last step ended, if it did; so do columns V (k, size)."""
-        if self.switched and self.switched.met is not None:
-            self.y, self.f = map(np.array, self._changed(self.y.tolist(), self.f.tolist(), V))
+        if self.switching and self.switching.met_switch is not None:
+            self.y, self.f = map(np.array, self._change(self.y.tolist(), self.f.tolist(), V))
 
-    def _changed(self, y: Numbers, f: Numbers, V: list[list[float]] | None = None) -> tuple[Numbers, Numbers]:
+    def _change(self, y: Numbers, f: Numbers, V: list[list[float]] | None = None) -> tuple[Numbers, Numbers]:
         """The y after the switch that was met, and its derivative."""
-        switched = cast("Switched", self.switched)
-        after = switched.change(self.t, y, f, V, self.inputs)
-        self.rate = switched.rate
+        switching = cast("Switched", self.switching)
+        after = switching.change(self.t, y, f, V, self.inputs)
+        self.rate = switching.rate
         return after, self._slope(after)
 
     def _slope(self, y: Numbers) -> Numbers:
         """The derivative at the present time."""
         return self.rate(y, self.inputs(self.t, y)) if self.inputs else self.rate(y)
 
-    def _passed(self, y: Numbers, f: Numbers) -> FloatStep | None:
+    def _next_step(self, y: Numbers, f: Numbers) -> FloatStep | None:
         """The next step, None where it would be too short."""
-        t, switched = self.t, self.switched
-        least = 10 * abs(nextafter(t, self.t_bound) - t)
-        length, refused = min(max(float(self.h_abs), least), self.max_step), False
-        while length >= least or self._which[0] >= 0:
+        t, switching = self.t, self.switching
+        shortest = 10 * abs(nextafter(t, self.t_bound) - t)
+        length, is_retry = min(max(float(self.h_abs), shortest), self.max_step), False
+        while length >= shortest or self._which[0] >= 0:
             end = min(t + length, self.t_bound)
             if self.t_bound - end <= BESIDE * ulp(self.t_bound):
                 end = self.t_bound
             if self._which[0] < 0:  # a switch is sought on a scale finer than the floats of the time
                 length = end - t
-            error, factor, after, stages, looks = self._attempted(length, y, f, refused)
+            error, factor, after, stages, looks = self._attempt(length, y, f, is_retry)
             if not error < 1:
-                length, refused = length * factor, True
+                length, is_retry = length * factor, True
                 self._seek_none()
                 continue
-            answer = self._met(length, y, after, stages, looks, length * factor) if switched else STANDS
+            answer = self._judge(length, y, after, stages, looks, length * factor) if switching else STANDS
             if answer == AGAIN:
-                length, refused = self._tried[0], False
+                length, is_retry = self._tried[0], False
                 continue
-            if switched is None:
-                tried = 0.0 if refused or end < self.t_bound else self.h_abs
-                self.h_abs = max(length * factor, tried)
+            if switching is None:
+                minimum = 0.0 if is_retry or end < self.t_bound else self.h_abs
+                self.h_abs = max(length * factor, minimum)
                 return FloatStep(t, end, y, after, stages)
             if answer == STANDS:
                 self.h_abs = self._tried[0]
             else:
-                after, end = self._ended(switched, after, stages[-1], end)
-            switched.level(after)
-            return FloatStep(t, end, y, after, stages, switched.held, switched.phase)
+                after, end = self._end_at_switch(switching, after, stages[-1], end)
+            switching.level(after)
+            return FloatStep(t, end, y, after, stages, switching.contact_inputs, switching.phase)
         return None
 
-    def _met(
+    def _judge(
         self, length: float, y: Numbers, after: Numbers, stages: Sequence[Numbers], looks: Any, following: float
     ) -> int:
         """What becomes of this good step, as `meet` says."""
-        t, switched = self.t, cast("Switched", self.switched)
-        values, inputs = switched.values, self.inputs
-        looked = [switched.look or values(t, y, stages[0], inputs, length)]
+        t, switching = self.t, cast("Switched", self.switching)
+        values, inputs = switching.values, self.inputs
+        readings = [switching.look or values(t, y, stages[0], inputs, length)]
         for stage, z in zip(SEEN, looks, strict=True):
-            looked.append(values(t + NODES[stage] * length, z, stages[stage], inputs, length))
-        looked.append(values(t + length, after, stages[-1], inputs, length))
-        V, R = zip(*looked, strict=True)
+            readings.append(values(t + NODES[stage] * length, z, stages[stage], inputs, length))
+        readings.append(values(t + length, after, stages[-1], inputs, length))
+        V, R = zip(*readings, strict=True)
         self._tried[0], aim = following, self._which[0]
-        some = lively(V, R, aim)
-        which = [some.index(aim) if aim >= 0 else -1]
-        v, r = ([[row[j] for j in some] for row in rows] for rows in (V, R))
+        candidates = lively(V, R, aim)
+        which = [candidates.index(aim) if aim >= 0 else -1]
+        v, r = ([[row[j] for j in candidates] for row in rows] for rows in (V, R))
         answer = meet(0, (length,), v, r, LOOKS, which, self._low, self._high, self._tried, self._usual)
-        self._which[0] = some[which[0]] if which[0] >= 0 else -1
-        switched.look, self._last = looked[-1 if answer == STANDS else 0], looked[-1]
+        self._which[0] = candidates[which[0]] if which[0] >= 0 else -1
+        switching.look, self._last = readings[-1 if answer == STANDS else 0], readings[-1]
         return answer
 
-    def _ended(self, switched: Switched, after: Numbers, f: Numbers, end: float) -> tuple[list[float], float]:
+    def _end_at_switch(self, switching: Switched, after: Numbers, f: Numbers, end: float) -> tuple[list[float], float]:
         """The y and the time (s) of the switch that was met, near the end of this step."""
         j, (V, R) = self._which[0], self._last
-        left = -V[j] / R[j] if R[j] > 0 else 0.0
-        if abs(left) > 2 * NEAR * (self._usual[0] + end - self.t):
-            left = 0.0
-        left = max(left, (self.t - end) / 2)  # no switch is before its step, where inputs may be others
-        self.h_abs, switched.met = self._usual[0], j
+        remaining = -V[j] / R[j] if R[j] > 0 else 0.0
+        if abs(remaining) > 2 * NEAR * (self._usual[0] + end - self.t):
+            remaining = 0.0
+        remaining = max(remaining, (self.t - end) / 2)  # no switch is before its step, where inputs may be others
+        self.h_abs, switching.met_switch = self._usual[0], j
         self._seek_none()
-        return [value + left * rate for value, rate in zip(after, f, strict=True)], end + left
+        return [value + remaining * rate for value, rate in zip(after, f, strict=True)], end + remaining
 
     def _seek_none(self) -> None:
         self._which[0], self._low[0], self._high[0] = -1, 0.0, np.inf
 
-    def _attempted(
-        self, length: float, y: Numbers, f: Numbers, refused: bool
+    def _attempt(
+        self, length: float, y: Numbers, f: Numbers, is_retry: bool
     ) -> tuple[float, float, list[float], Sequence[Numbers], Any]:
         """The error over the tolerance, the next length over this, y at the end, all stages, and y at `SEEN`."""
         self.nfev += STAGES
@@ -250,42 +251,42 @@ class FloatDOP853(DOP853Solver):
             raise
         except UNDEFINED:
             return nan, SHRINKS, [*y], [f], ()
-        return *controlled(fifth, third, length, self.n, refused), after, stages, looks
+        return *control_step(fifth, third, length, self.n, is_retry), after, stages, looks
 
 
 class FloatStepper(DOP853Stepper[Written]):
     """DOP853 in floats for generated equations, with the arguments of `DOP853Stepper`."""
 
-    _taken: Sequence[FloatStep] = ()
-    _seen: Step | None = None
+    _sweep_steps: Sequence[FloatStep] = ()
+    _last_steps: Step | None = None
 
     def _solver_of(self, f: Derivative, time: float, y: Floats, end: float, **options: Any) -> FloatDOP853:
-        listed = self.equations.listed
-        inputs = self._off_breaks(listed) if listed and self.pace.breaks else listed
-        clocked = self.equations.is_clocked and not self.pace.breaks
-        return FloatDOP853(self.equations.rate, inputs, clocked, f, time, y, end, **options)
+        inputs_at = self.equations.inputs_at
+        inputs = self._off_breaks(inputs_at) if inputs_at and self.pace.breaks else inputs_at
+        is_time_only = self.equations.is_time_only and not self.pace.breaks
+        return FloatDOP853(self.equations.rate, inputs, is_time_only, f, time, y, end, **options)
 
-    def _beyond(self, time: float) -> tuple[float, float] | None:
+    def _next_stretch(self, time: float) -> tuple[float, float] | None:
         """Go on after a break: to the next one or the end of the run (s), in steps that are no longer than so (s)."""
         if time >= self.end:
             return None
         self._low, self._high = self.pace.stretch(time)
         until = min(self._high, self.end)
-        return until, self.pace.most(max(self._low, self.start), until)
+        return until, self.pace.longest_between(max(self._low, self.start), until)
 
-    def _off_breaks(self, listed: Listed) -> Listed:
+    def _off_breaks(self, inputs_at: InputFunction) -> InputFunction:
         """The inputs, seen strictly between the surrounding breaks."""
 
         def inside(time: float, y: Numbers) -> Any:
-            return listed(time if self._low < time < self._high else self.clear_of_breaks(time), y)
+            return inputs_at(time if self._low < time < self._high else self.clear_of_breaks(time), y)
 
         return inside
 
-    def _begun(self, time: float, y: Floats, first: float | None) -> FloatDOP853:
-        solver = cast("FloatDOP853", super()._begun(time, y, first))
-        solver.beyond = self._beyond
+    def _start_solver(self, time: float, y: Floats, first: float | None) -> FloatDOP853:
+        solver = cast("FloatDOP853", super()._start_solver(time, y, first))
+        solver.next_stretch = self._next_stretch
         if isinstance(self.equations, Switched):
-            solver.switched, self.equations.look = self.equations, None
+            solver.switching, self.equations.look = self.equations, None
         return solver
 
     def _on_its_way(self) -> FloatDOP853:
@@ -296,7 +297,7 @@ class FloatStepper(DOP853Stepper[Written]):
         return solver
 
     @property
-    def _arranged(self) -> Equations:
+    def _as_equations(self) -> Equations:
         return cast("Equations", self.equations)
 
     @property
@@ -307,102 +308,108 @@ class FloatStepper(DOP853Stepper[Written]):
     def switch(self) -> Floats | None:
         """The y after the switch at which the last step ended, from which it goes on; None where it did not."""
         solver = cast("FloatDOP853", self._solver)
-        if solver.switched is None or solver.switched.met is None:
+        if solver.switching is None or solver.switching.met_switch is None:
             return None
         solver.switch()
         return np.asarray(solver.y)
 
     def take_back(self, time: float, y: Floats) -> None:
         """Undo what friction and kicks did after a time (s) and y within the last sweep."""
-        late = [step for step in self._taken if step.end > time]
+        late = [step for step in self._sweep_steps if step.end > time]
         self._work(late, [(step.end, max(step.start, time)) for step in late])
         if isinstance(self.equations, Switched):
-            at = len(self._taken) - len(late)
-            before = self._taken[max(at - 1, 0)]
-            if before.end == time and (not late or y.tolist() != late[0].before or before.after == late[0].before):
-                late = [before]
+            at = len(self._sweep_steps) - len(late)
+            previous = self._sweep_steps[max(at - 1, 0)]
+            if previous.end == time and (not late or y.tolist() != late[0].before or previous.after == late[0].before):
+                late = [previous]
             self.equations.go_back(cast("Phase", late[0].phase))
 
     def _work(self, steps: Sequence[FloatStep], spans: Sequence[tuple[float, float]]) -> None:
         """Count the work of friction in these steps between these times (s)."""
         if steps and isinstance(self.equations, Switched) and self.equations.presses:
             inside = partial(samples, self._abreast(steps))
-            self.equations.passed(inside, np.array(spans), [step.held for step in steps])
+            self.equations.add_rail_work(inside, np.array(spans), [step.contact_inputs for step in steps])
 
     def sweep(
-        self, times: Floats, every: bool = True, most: int = AT_ONCE
+        self, times: Floats, all_ends: bool = True, limit: int = AT_ONCE
     ) -> tuple[Floats, list[tuple[float, Numbers | Floats]], int]:
         """Many steps at once, as defined in `Sweeper`."""
-        due, reached, mends = times.tolist(), 0, self._arranged.system.spatial
+        due, row_count, mends = times.tolist(), 0, self._as_equations.system.spatial
         solver = self._on_its_way()
         ends: list[tuple[float, Numbers | Floats]] = []
-        wanted: list[FloatStep] = []
-        self._taken, self._seen = [], None
-        portion = 1 if mends else most
+        due_steps: list[FloatStep] = []
+        self._sweep_steps, self._last_steps = [], None
+        portion = 1 if mends else limit
         while True:
-            steps, some, more = solver.advance(due[reached:], portion)
-            wanted, reached, self._taken = wanted + some, reached + more, [*self._taken, *steps]
+            steps, new_due_steps, new_rows = solver.advance(due[row_count:], portion)
+            due_steps, row_count, self._sweep_steps = (
+                due_steps + new_due_steps,
+                row_count + new_rows,
+                [*self._sweep_steps, *steps],
+            )
             self._work(steps, [(step.start, step.end) for step in steps])
-            ends += [(step.end, self._mended() if mends else step.after) for step in steps]
-            if not (mends and steps and reached < len(due) and len(ends) < most and solver.t < solver.t_bound):
+            ends += [(step.end, self._project() if mends else step.after) for step in steps]
+            if not (mends and steps and row_count < len(due) and len(ends) < limit and solver.t < solver.t_bound):
                 break
         if not ends and not self.rests:
-            raise self._stopped(SMALL_STEP)
+            raise self._stop_error(SMALL_STEP)
         self.before, self.y_before, self._within = solver.t_old, solver.y_old, None
         solver.status = "finished" if solver.t >= solver.t_bound else "running"
-        rows = samples(self._lanes(wanted), times[:reached]) if wanted else np.empty((0, solver.n))
-        rows, taken = self._arranged.project(rows)[0] if mends and reached else rows, len(ends)
-        if self.rests and reached < len(due):
-            rows, ends = np.vstack((rows, np.tile(solver.y, (len(due) - reached, 1)))), [*ends, (due[-1], solver.y)]
-        return rows, ends, taken
+        rows = samples(self._lanes(due_steps), times[:row_count]) if due_steps else np.empty((0, solver.n))
+        rows, step_count = self._as_equations.project(rows)[0] if mends and row_count else rows, len(ends)
+        if self.rests and row_count < len(due):
+            rows, ends = np.vstack((rows, np.tile(solver.y, (len(due) - row_count, 1)))), [*ends, (due[-1], solver.y)]
+        return rows, ends, step_count
 
     def jumps(self) -> list[tuple[float, float, Floats, Floats]]:
         """Sudden changes of y between steps of the last sweep: beginning and end (s) of one, y before and after."""
-        pairs = pairwise(self._taken) if isinstance(self.equations, Switched) else ()
-        changed = ((step, later) for step, later in pairs if step.after != later.before)
-        return [(step.start, step.end, np.array(step.after), np.array(later.before)) for step, later in changed]
+        pairs = pairwise(self._sweep_steps) if isinstance(self.equations, Switched) else ()
+        discontinuities = ((step, later) for step, later in pairs if step.after != later.before)
+        return [(step.start, step.end, np.array(step.after), np.array(later.before)) for step, later in discontinuities]
 
-    def traced(self) -> Step:
+    def steps_of_sweep(self) -> Step:
         """The steps of the last sweep side by side."""
-        return self._lanes(self._taken)
+        return self._lanes(self._sweep_steps)
 
     def _lanes(self, steps: Sequence[FloatStep]) -> Step:
         """Some or all steps of the last sweep side by side."""
-        if (seen := self._seen) is None or len(seen.start) != len(steps):
-            self._seen = seen = self._abreast(steps)
-        return seen
+        if (lanes := self._last_steps) is None or len(lanes.start) != len(steps):
+            self._last_steps = lanes = self._abreast(steps)
+        return lanes
 
     def _abreast(self, steps: Sequence[FloatStep]) -> Step:
-        rates_of = lambda columns: self._counted([steps[column] for column in columns])  # noqa: E731
+        rates_of = lambda columns: self._derivative_in([steps[column] for column in columns])  # noqa: E731
         return side_by_side(steps, rates_of, breaks=bool(self.pace.breaks))
 
-    def _counted(self, steps: Sequence[FloatStep]) -> Derivative:
+    def _derivative_in(self, steps: Sequence[FloatStep]) -> Derivative:
         """The derivative in these steps side by side, counted."""
-        switched = self.equations if isinstance(self.equations, Switched) else None
-        derivative = switched.rates_in([step.held for step in steps]) if switched else self.equations.derivative
+        switching = self.equations if isinstance(self.equations, Switched) else None
+        derivative = (
+            switching.rates_in([step.contact_inputs for step in steps]) if switching else self.equations.derivative
+        )
 
-        def counted(times: Any, y: Any) -> Any:
+        def count_calls(times: Any, y: Any) -> Any:
             self._done += y.shape[1]
             return derivative(times, y)
 
-        return counted
+        return count_calls
 
-    def _mended(self) -> Floats:
+    def _project(self) -> Floats:
         """Continue from the nearest y that satisfies every constraint."""
-        mended, drift = self._arranged.project(self.y)
+        result, drift = self._as_equations.project(self.y)
         if drift:
             self.drift = max(self.drift, drift)
-            self.restart(mended)
-        return mended
+            self.restart(result)
+        return result
 
 
 def lively(V: Sequence[Numbers], R: Sequence[Numbers], aim: int) -> list[int]:
     """Which values may pass within a step, from what they and their rates are at its looks, and the one aimed at."""
-    some = {j for j, a in enumerate(V[0]) if a > 0 and R[0][j] > 0} | {aim} - {-1}
+    candidates = {j for j, a in enumerate(V[0]) if a > 0 and R[0][j] > 0} | {aim} - {-1}
     for b, rates, later in zip(V[1:], R, R[1:], strict=False):
-        some.update([j for j, v in enumerate(b) if not v < 0])
-        some.update([j for j, rate in enumerate(rates) if rate > 0 and later[j] < 0])
-    return sorted(some)
+        candidates.update([j for j, v in enumerate(b) if not v < 0])
+        candidates.update([j for j, rate in enumerate(rates) if rate > 0 and later[j] < 0])
+    return sorted(candidates)
 
 
 def side_by_side(
@@ -416,11 +423,13 @@ def side_by_side(
 
     start, end = np.array([(step.start, step.end) for step in steps]).T
     before, after = (np.array([getattr(step, name) for step in steps]).T for name in ("before", "after"))
-    each = chain.from_iterable(chain.from_iterable(step.stages for step in steps))
-    stages = np.fromiter(each, float, (STAGES + 1) * before.size).reshape(len(steps), STAGES + 1, -1)
-    every = np.arange(len(steps))
-    lanes = np.zeros_like(every), np.ones(len(steps), dtype=bool), start, end - start
-    step = Step(*lanes, before, after, np.moveaxis(stages, 0, 2), rates_of(every), rates_of, breaks, alone=True)
+    stage_numbers = chain.from_iterable(chain.from_iterable(step.stages for step in steps))
+    stages = np.fromiter(stage_numbers, float, (STAGES + 1) * before.size).reshape(len(steps), STAGES + 1, -1)
+    lane_numbers = np.arange(len(steps))
+    lanes = np.zeros_like(lane_numbers), np.ones(len(steps), dtype=bool), start, end - start
+    step = Step(
+        *lanes, before, after, np.moveaxis(stages, 0, 2), rates_of(lane_numbers), rates_of, breaks, is_single_run=True
+    )
     step.ends = end
     return step
 
@@ -436,25 +445,25 @@ def samples(step: Step, times: Floats) -> Floats:
 
 
 @lru_cache(maxsize=32)
-def attempt_of(size: int, beside: str = "") -> Callable[..., Any]:
+def attempt_of(size: int, input_text: str = "") -> Callable[..., Any]:
     """One attempted step for y of this size.
 
     It is a function of rate, length, y, y', relative and absolute tolerances, and of time and inputs for what stands
-    `beside` y at a part {} of the step.  It returns the sums of squares of the fifth- and third-order errors over their
-    tolerances, y at the end, all stages, and y at those of `SEEN`.
+    `input_text` y at a part {} of the step.  It returns the sums of squares of the fifth- and third-order errors over
+    their tolerances, y at the end, all stages, and y at those of `SEEN`.
     """
     lines = ["def attempt(rate, h, y, k0, relative, absolute, t, inputs):", f"  {_all('y{i}', size)}, = y"]
     for stage, shares in enumerate(ROWS[1:], 1):
         lines += [f"  {_all(f'k{stage - 1}_{{i}}', size)}, = k{stage - 1}"]
-        sums = ", ".join(f"y{i} + h * ({weighted(shares, f'k{{}}_{i}')})" for i in range(size))
-        lines += [f"  z = [{sums}]", f"  k{stage} = rate(z{beside.format(NODES[stage])})"]
+        sums = ", ".join(f"y{i} + h * ({weighted_sum(shares, f'k{{}}_{i}')})" for i in range(size))
+        lines += [f"  z = [{sums}]", f"  k{stage} = rate(z{input_text.format(NODES[stage])})"]
         lines += [f"  z{stage}_ = z"] if stage in SEEN else []
     lines += [f"  {_all(f'k{STAGES}_{{i}}', size)}, = k{STAGES}"]
     lines += [f"  {_all('z{i}', size)}, = z", f"  {_all('a{i}', size)}, = absolute", "  fifth = third = 0.0"]
     for i in range(size):
         lines += [f"  allowed = a{i} + relative * max(abs(y{i}), abs(z{i}))"]
-        lines += [f"  share = ({weighted(FIFTH, f'k{{}}_{i}')}) / allowed", "  fifth += share * share"]
-        lines += [f"  share = ({weighted(THIRD, f'k{{}}_{i}')}) / allowed", "  third += share * share"]
+        lines += [f"  share = ({weighted_sum(FIFTH, f'k{{}}_{i}')}) / allowed", "  fifth += share * share"]
+        lines += [f"  share = ({weighted_sum(THIRD, f'k{{}}_{i}')}) / allowed", "  third += share * share"]
     stages, looks = (", ".join(names) for names in ([f"k{s}" for s in range(STAGES + 1)], [f"z{s}_" for s in SEEN]))
     lines += [f"  return fifth, third, z, [{stages}], ({looks})"]
     return function_in("\n".join(lines), "attempt")
@@ -470,21 +479,21 @@ def wide_attempt(
     t: float,
     inputs: Any,
     *,
-    clocked: bool,
+    is_time_only: bool,
 ) -> tuple[float, float, list[float], Sequence[Numbers], Sequence[Numbers]]:
     """The same step for long y, to rounding, with sums over stages by products of matrices."""
-    rates, begun, after = np.empty((STAGES + 1, len(y))), np.array(y), np.empty(len(y))
+    rates, start, after = np.empty((STAGES + 1, len(y))), np.array(y), np.empty(len(y))
     stages, looks, z = [first], list[Numbers](), list[float]()
     rates[0] = first
     for stage in range(1, STAGES + 1):
         np.dot(WEIGHTS[stage], rates[: len(WEIGHTS[stage])], out=after)
         after *= h
-        after += begun
+        after += start
         z, time = after.tolist(), t + NODES[stage] * h
-        stages.append(rate(z) if inputs is None else rate(z, (time,) if clocked else inputs(time, z)))
+        stages.append(rate(z) if inputs is None else rate(z, (time,) if is_time_only else inputs(time, z)))
         rates[stage] = stages[-1]
         looks += [z] * (stage in SEEN)
-    errors = ERRORS @ rates / (absolute + relative * np.maximum(abs(begun), abs(after)))
+    errors = ERRORS @ rates / (absolute + relative * np.maximum(abs(start), abs(after)))
     fifth, third = (errors * errors).sum(axis=1).tolist()
     return fifth, third, z, stages, looks
 

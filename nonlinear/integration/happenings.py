@@ -85,36 +85,39 @@ class Events:
     def see(self, step: Step) -> None:
         """All events within the step."""
         for event, component in zip(self.events, self.components, strict=True):
-            self.happenings += self._passed(event, *component, step) if component else self._looked_for(event, step)
+            self.happenings += self._passages(event, *component, step) if component else self._looked_for(event, step)
 
-    def jump(self, begun: float, time: float, y: Floats, after: Floats) -> None:
+    def jump(self, start: float, time: float, y: Floats, after: Floats) -> None:
         """All events by which y changes suddenly at the end of a step that began at this time (s)."""
-        known = time - SAME_EVENT * (time - begun)
+        window_start = time - SAME_EVENT * (time - start)
         states = self.equations.read(np.array([y, after]))
         for event in self.events:
-            seen = any(each.event is event and known < each.time <= time for each in (*self.past, *self.happenings))
-            if not seen and passes(event, event.value(states[0]), event.value(states[1])):
+            is_known = any(
+                happening.event is event and window_start < happening.time <= time
+                for happening in (*self.past, *self.happenings)
+            )
+            if not is_known and passes(event, event.value(states[0]), event.value(states[1])):
                 self.happenings.append(Happening(time, event, after, states[1]))
 
-    def taken(self) -> list[Happening]:
+    def take(self) -> list[Happening]:
         """Those since they were last taken, in the order of time, up to the first that ends the run."""
         self.past, self.happenings = sorted(self.happenings, key=lambda happening: happening.time), []
-        last = next((k for k, each in enumerate(self.past, 1) if each.event.stop or each.failure), None)
+        last = next((k for k, happening in enumerate(self.past, 1) if happening.event.stop or happening.failure), None)
         return self.past[:last]
 
-    def _passed(self, event: Event, level: Level, sign: float, step: Step) -> Iterator[Happening]:
+    def _passages(self, event: Event, level: Level, sign: float, step: Step) -> Iterator[Happening]:
         """Where a component passes its level; what is seen of a start on it is no crossing."""
-        if (passed := passages(step, level)) is None:
+        if (crossings := passages(step, level)) is None:
             return
-        counts = passed.way * sign * event.direction >= 0
+        counts = crossings.way * sign * event.direction >= 0
         if step.start[0] == self.start:
-            most = max(abs(float(end[0]) - level.value) for end in step.reach(level.row))
-            silent = abs(step.before[level.row, 0] - level.value) < SILENT * most
-            counts &= ~silent | (passed.time > self.start + AFTER / 4 * step.length[0])
-        passed = passed.take(counts)
-        motion = self.equations.read(passed.rows)
-        for k, time in enumerate(passed.time.tolist()):
-            yield Happening(time, event, passed.rows[k], motion[k])
+            largest = max(abs(float(end[0]) - level.value) for end in step.reach(level.row))
+            silent = abs(step.before[level.row, 0] - level.value) < SILENT * largest
+            counts &= ~silent | (crossings.time > self.start + AFTER / 4 * step.length[0])
+        crossings = crossings.take(counts)
+        motion = self.equations.read(crossings.rows)
+        for k, time in enumerate(crossings.time.tolist()):
+            yield Happening(time, event, crossings.rows[k], motion[k])
 
     def _looked_for(self, event: Event, step: Step) -> list[Happening]:
         """Where a function of the state that is looked at passes zero."""
@@ -126,22 +129,22 @@ class Events:
         roots: list[tuple[int, float, float, float, float]] = []
         failures: list[Happening] = []
         for lane in np.flatnonzero(sought).tolist():
-            start, looks, seen = float(step.start[lane]), parts.tolist(), values[:, lane].tolist()
+            start, looks, samples = float(step.start[lane]), parts.tolist(), values[:, lane].tolist()
             look = Look(event, self.equations, step, inside.take([lane]), lane)
             try:
-                if not all(map(isfinite, seen)):
-                    look.refuse(looks, seen)
-                if start == self.start and abs(seen[0]) < SILENT * max(map(abs, seen)):
+                if not all(map(isfinite, samples)):
+                    look.refuse(looks, samples)
+                if start == self.start and abs(samples[0]) < SILENT * max(map(abs, samples)):
                     looks[0] = AFTER * looks[1]
-                    seen[0] = look.value(looks[0])
-                roots += [(lane, low, high, *look.found(low, high)) for low, high in look.passing(looks, seen)]
+                    samples[0] = look.value(looks[0])
+                roots += [(lane, low, high, *look.locate(low, high)) for low, high in look.passing(looks, samples)]
             except ComputationError as error:
                 y = step.before[:, lane]
                 failures = [Happening(start, event, y, self.equations.read(y[None])[0], str(error))]
                 break
-        return [*self._refined(event, step, np.array(roots).reshape(-1, 5).T), *failures]
+        return [*self._refine(event, step, np.array(roots).reshape(-1, 5).T), *failures]
 
-    def _refined(self, event: Event, step: Step, roots: Floats) -> Iterator[Happening]:
+    def _refine(self, event: Event, step: Step, roots: Floats) -> Iterator[Happening]:
         """Roots on the interpolant, after one secant step with the integrator's own values there.
 
         Of each: the lane, between which parts and at which it was found, and by how much the value grows a part.
@@ -151,10 +154,10 @@ class Events:
             y, rates = step.ending(lanes, part)
             motion = self.equations.read(y.T)
             values = np.array([float(event.value(motion[k])) for k in range(len(part))])
-            moved = part - values / np.where(slope == 0, np.inf, slope)
-            moved = np.where((low <= moved) & (moved <= high), moved, part)
-            rows = (y + (moved - part) * step.length[lanes] * rates).T
-            motion, times = self.equations.read(rows), step.start[lanes] + moved * step.length[lanes]
+            new_part = part - values / np.where(slope == 0, np.inf, slope)
+            new_part = np.where((low <= new_part) & (new_part <= high), new_part, part)
+            rows = (y + (new_part - part) * step.length[lanes] * rates).T
+            motion, times = self.equations.read(rows), step.start[lanes] + new_part * step.length[lanes]
             for k, time in enumerate(times.tolist()):
                 yield Happening(time, event, rows[k], motion[k])
 
@@ -171,8 +174,8 @@ class Events:
         look, lane = np.nonzero(~crosses & (np.minimum(np.abs(low), np.abs(high)) < widest))
         aside = ASIDE * parts[1]
         if len(lane):
-            side, near = np.sign(low[look, lane]), [(low, parts[look] + aside), (high, parts[look + 1] - aside)]
-            nearer = [side * self._values(event, inside, lane, at) < abs(v[look, lane]) for v, at in near]
+            side, sides = np.sign(low[look, lane]), [(low, parts[look] + aside), (high, parts[look + 1] - aside)]
+            nearer = [side * self._values(event, inside, lane, at) < abs(v[look, lane]) for v, at in sides]
             crosses[look, lane] = nearer[0] & nearer[1]
         return np.asarray(crosses.any(0))
 
@@ -201,7 +204,7 @@ class Look:
 
     def refuse(self, parts: Sequence[float], values: Sequence[float]) -> None:
         """ComputationError that names the first of these values that is not finite."""
-        part, value = next(each for each in zip(parts, values, strict=True) if not isfinite(each[1]))
+        part, value = next(pair for pair in zip(parts, values, strict=True) if not isfinite(pair[1]))
         raise ComputationError(f"event {self.event.name} is {value} at {self.time(part):.9g} s")
 
     def passing(self, parts: Sequence[float], values: Sequence[float]) -> Iterator[tuple[float, float]]:
@@ -211,9 +214,9 @@ class Look:
             between = []
             if low * high > 0 and min(abs(low), abs(high)) < widest:
                 between = [*self._turn((start, end), (low, high))]
-            for one, other in pairwise([(start, low), *between, (end, high)]):
-                if passes(self.event, one[1], other[1]):
-                    yield one[0], other[0]
+            for one, following in pairwise([(start, low), *between, (end, high)]):
+                if passes(self.event, one[1], following[1]):
+                    yield one[0], following[0]
 
     def _turn(self, ends: tuple[float, float], values: tuple[float, float]) -> Iterator[tuple[float, float]]:
         """Where between two parts a value turns beyond zero, if it approaches zero from either."""
@@ -224,11 +227,11 @@ class Look:
             return float(side * self.value(part))
 
         if height(start + aside) < abs(values[0]) and height(end - aside) < abs(values[1]):
-            part, least = lowest(height, start, end)
-            if least < 0:
-                yield part, float(side * least)
+            part, minimum = lowest(height, start, end)
+            if minimum < 0:
+                yield part, float(side * minimum)
 
-    def found(self, low: float, high: float) -> tuple[float, float]:
+    def locate(self, low: float, high: float) -> tuple[float, float]:
         """The part of the root on the interpolant between two, and by how much the value grows a part there."""
         part, width = root(self.value, low, high), (high - low) / 1000
         return part, (self.value(part + width) - self.value(part - width)) / (2 * width)
@@ -236,8 +239,8 @@ class Look:
 
 def root(value: Callable[[float], float], start: float, end: float) -> float:
     """Where a value between two times of either sign is zero, to the last digits of the interval or of the time."""
-    close = max(SHARP * (end - start), ulp(max(abs(start), abs(end))))
-    return float(scipy.optimize.brentq(value, start, end, xtol=close, rtol=4 * EPSILON))
+    accuracy = max(SHARP * (end - start), ulp(max(abs(start), abs(end))))
+    return float(scipy.optimize.brentq(value, start, end, xtol=accuracy, rtol=4 * EPSILON))
 
 
 def lowest(value: Callable[[float], float], start: float, end: float) -> tuple[float, float]:
@@ -249,8 +252,8 @@ def lowest(value: Callable[[float], float], start: float, end: float) -> tuple[f
     def inside(part: float) -> float:
         return value(start + part * (end - start))
 
-    least = scipy.optimize.minimize_scalar(inside, bounds=(0.0, 1.0), method="bounded", options={"xatol": TURNS})
-    return float(start + least.x * (end - start)), float(least.fun)
+    minimum = scipy.optimize.minimize_scalar(inside, bounds=(0.0, 1.0), method="bounded", options={"xatol": TURNS})
+    return float(start + minimum.x * (end - start)), float(minimum.fun)
 
 
 def passes(event: Event, low: float, high: float) -> bool:

@@ -20,12 +20,12 @@ from typing import Any
 from modal.errors import SceneError
 from modal.scene import whole_file
 from modal.scene.contents import content_of, private
-from nonlinear.dynamics import Lanes, sincos, undisturbed
+from nonlinear.dynamics import Lanes, sincos, without_interrupts
 from nonlinear.dynamics.compiling import inner
 from nonlinear.integration import loops, meeting
 from nonlinear.integration.crowds import Crowd
 from nonlinear.integration.loops import CLOCK, SIZES, TABLES, looping
-from nonlinear.integration.method import FIFTH, NODES, ROWS, SEEN, STAGES, THIRD, weighted
+from nonlinear.integration.method import FIFTH, NODES, ROWS, SEEN, STAGES, THIRD, weighted_sum
 from nonlinear.integration.readiness import Code, folder, look_up, made_private, temporary
 
 COMPILING = 6.0
@@ -62,28 +62,28 @@ def source(lanes: Lanes, crowd: Crowd | None = None) -> str:
     sizes |= {"CONSTANTS": len(module.names), "TIMED": lanes.inputs.count}
     if lanes.inputs.count:
         sizes["DRIVEN"] = CLOCK if lanes.inputs.polynomials == [] else TABLES
-    texts = [_vectorized(_source_of(sincos))]
+    texts = [_vectorize(_source_of(sincos))]
     if switches:
         at = switches.places
         sizes |= {
             "N": switches.count,
             "M": at.length,
-            "TOLD": at.told,
+            "TOLD": at.state_count,
             "HELD": 2 * at.J,
             "KICKS": at.K,
             "PRESSES": int(at.presses),
         }
         functions = filter(inspect.isfunction, vars(meeting).values())
         texts += [*(f"@part\n{_source_of(function)}" for function in functions), switches.source()]
-        texts += [_vectorized(switches.module.looped("values"))]
-    texts += [_vectorized(module.looped(name, "rates")), _attempt(sizes["DRIVEN"] > 0, switches is not None)]
+        texts += [_vectorize(switches.module.loop_source("values"))]
+    texts += [_vectorize(module.loop_source(name, "rates")), _attempt(sizes["DRIVEN"] > 0, switches is not None)]
     texts += [
         ERRORS.format(
-            **{name: weighted(shares, "K[{}, i, k]") for name, shares in (("fifth", FIFTH), ("third", THIRD))}
+            **{name: weighted_sum(shares, "K[{}, i, k]") for name, shares in (("fifth", FIFTH), ("third", THIRD))}
         )
     ]
-    named = {name: value for name, value in (vars(meeting) | vars(loops) | sizes).items() if name.isupper()}
-    numbers = [f"{name} = {value!r}" for name, value in named.items() if isinstance(value, int | float | tuple)]
+    constants = {name: value for name, value in (vars(meeting) | vars(loops) | sizes).items() if name.isupper()}
+    numbers = [f"{name} = {value!r}" for name, value in constants.items() if isinstance(value, int | float | tuple)]
     return "\n".join((HEAD, IMPORTED, *numbers, *texts, _loop())) + "\n"
 
 
@@ -98,15 +98,15 @@ def _loop() -> str:
     return inner(looping, "part").replace("@part\ndef run(", "@compiled\ndef run(")
 
 
-def _vectorized(text: str) -> str:
+def _vectorize(text: str) -> str:
     return f"@vectorized_part\n{text}"
 
 
 def _attempt(driven: bool, switches: bool) -> str:
     lines, looks = ["", "@vectorized_part", "def attempt(y, h, c, K, z, front, tables, u, s, d, V, rel, ab, err):"], 0
     for stage in range(1, STAGES + 1):
-        summed = weighted(ROWS[stage], "K[{}, i, k]")
-        lines += [" for i in range(D):", "  for k in range(WIDTH):", f"   z[i, k] = y[i, k] + h[k] * ({summed})"]
+        terms = weighted_sum(ROWS[stage], "K[{}, i, k]")
+        lines += [" for i in range(D):", "  for k in range(WIDTH):", f"   z[i, k] = y[i, k] + h[k] * ({terms})"]
         lines += [f" driven({NODES[stage]!r}, h, front, tables, u, s)"] * driven + [f" rates(z, u, s, c, K[{stage}])"]
         if switches and stage in (*SEEN, STAGES):
             looks += 1
@@ -125,25 +125,25 @@ def path_of(text: str) -> Path:
 
 def code_of(lanes: Lanes, crowd: Crowd | None = None) -> Code:
     """The module for this form of scene and its switches, and how far it is."""
-    return code_of_text(lanes, source(lanes, crowd), switched=crowd is not None)
+    return code_of_text(lanes, source(lanes, crowd), has_switches=crowd is not None)
 
 
-def code_of_text(lanes: Lanes, text: str, *, switched: bool) -> Code:
+def code_of_text(lanes: Lanes, text: str, *, has_switches: bool) -> Code:
     """The same where its text is known."""
     name = path_of(text).stem
-    expected = COMPILING_ANY + COMPILING_LINK * lanes.system.n_links + COMPILING_SWITCHES * switched
+    seconds = COMPILING_ANY + COMPILING_LINK * lanes.system.n_links + COMPILING_SWITCHES * has_switches
     return look_up(
-        "numba", name, expected, "the equations of this form", lambda: getattr(sys.modules.get(name), "run", None)
+        "numba", name, seconds, "the equations of this form", lambda: getattr(sys.modules.get(name), "run", None)
     )
 
 
-def integrator(*, structured: bool = False) -> Code:
+def integrator(*, on_structure: bool = False) -> Code:
     """The compiled integrator, or that of structures, and how far it is."""
 
     def steps() -> Any:
         return getattr(sys.modules.get("nonlinear.integration.compiled"), "steps", None)
 
-    return look_up("numba", "DOP853 on structures" if structured else "DOP853", COMPILING, "the integrator", steps)
+    return look_up("numba", "DOP853 on structures" if on_structure else "DOP853", COMPILING, "the integrator", steps)
 
 
 def module_of(text: str) -> ModuleType:
@@ -156,14 +156,14 @@ def module_of(text: str) -> ModuleType:
 def _module_of(text: str) -> ModuleType:
     path = path_of(text)
     module = sys.modules[path.stem] = ModuleType(path.stem)
-    module.__file__ = _written(path.name, text)
+    module.__file__ = _write_module(path.name, text)
     code = compile(text, module.__file__, "exec")  # here, so that no bytecode is run that lies beside the file
-    with undisturbed():
+    with without_interrupts():
         exec(code, module.__dict__)
     return module
 
 
-def _written(name: str, text: str) -> str:
+def _write_module(name: str, text: str) -> str:
     """The path of a file with this text, in the folder of kernels or a temporary one; a mere name where none can be."""
     for place in (folder, temporary):
         try:

@@ -37,11 +37,11 @@ from nonlinear.integration.method import (
     STAGES,
     THIRD,
     advance,
-    steered,
-    summed,
+    control_steps,
+    sum_stages,
 )
 from nonlinear.integration.steppers import BESIDE
-from nonlinear.integration.within import Step, Watch, beside, fill, spread, squared
+from nonlinear.integration.within import Step, Watch, align_lanes, fill, spread, sums_of_squares
 
 NUMBERS, NARROWEST, WIDEST = 20_480, 128, 2048  # numbers of y in work at once; lanes
 LEAVING = 8  # the part of all lanes that are through when they leave
@@ -63,10 +63,10 @@ class LaneSwitches(Protocol):
         """What a state adds to the inputs of the rates, arrays (S,)."""
         ...
 
-    def values(self, t: Any, around: tuple[Any, Any], y: Any, f: Any, state: Any) -> tuple[Any, Any]:
+    def values(self, t: Any, side_times: tuple[Any, Any], y: Any, f: Any, state: Any) -> tuple[Any, Any]:
         """The values (count, S) and their rates at times t (S,), of y and y' (size, S) of the motion.
 
-        The rates of inputs are those between times `around` it, on the same side of breaks.
+        The rates of inputs are those between `side_times` around it, on the same side of breaks.
         """
         ...
 
@@ -120,7 +120,7 @@ class LaneTask:
         times = np.array(self.lanes.inputs.breaks(float(self.relative.min())))
         return np.asarray(times[(times > self.starts.min()) & (times < self.ends.max())])
 
-    def ahead(self, times: Floats) -> Floats:
+    def next_breaks(self, times: Floats) -> Floats:
         """The next break after each of some times (s), infinite after the last."""
         return np.append(self.breaks, inf)[np.searchsorted(self.breaks, times, side="right")]
 
@@ -166,37 +166,37 @@ class Front:
     def _first(self, members: Any) -> Any:
         task = self.task
         start = task.starts[members]
-        most = np.minimum(np.minimum(task.ends[members], task.ahead(start)) - start, task.longest)
-        return np.minimum(task.first[members], most)
+        limit = np.minimum(np.minimum(task.ends[members], task.next_breaks(start)) - start, task.longest)
+        return np.minimum(task.first[members], limit)
 
     def _prepare(self) -> None:
         """Numbers and room for the lanes that are there now."""
         task, members = self.task, self.member
         self.numbers, self.until = task.numbers.at(members), task.ends[members]
-        self.rates = self._held(task.lanes.rates(self.numbers), ALL)
+        self.rates = self._with_contact_inputs(task.lanes.rates(self.numbers), ALL)
         self.relative, self.absolute = task.relative[members], task.absolute[:, members]
         self.room = np.empty((STAGES + 1 + EXTRA, *self.y.shape), self.y.dtype)
         self.stages = self.room[: STAGES + 1]
         self.next, self.work = np.empty_like(self.y), np.empty_like(self.y)
-        self.sums = np.empty((3, *self._judged(self.y).shape))
+        self.sums = np.empty((3, *self._error_part(self.y).shape))
         if task.switches:
             self.switches: LaneSwitches = task.switches.at(members)
             self.value, self.rise = np.empty((2, task.switches.count, len(members)))
 
     def rates_of(self, columns: Ints) -> Rates:
         """The rates of the lanes in some columns."""
-        return self._held(self.task.lanes.rates(self.numbers.at(columns)), columns)
+        return self._with_contact_inputs(self.task.lanes.rates(self.numbers.at(columns)), columns)
 
-    def _held(self, rates: Rates, columns: Any) -> Rates:
+    def _with_contact_inputs(self, rates: Rates, columns: Any) -> Rates:
         """The rates with what the state of switches adds to their inputs."""
         if self.task.switches is None:
             return rates
         switches = self.task.switches.at(self.member[columns])
-        held = [
-            values if np.ndim(values) > 1 else beside(values, self.y)
+        contact_inputs = [
+            values if np.ndim(values) > 1 else align_lanes(values, self.y)
             for values in switches.inputs(self.state[:, columns])
         ]
-        return lambda y, times=0.0: rates(y, times, held)
+        return lambda y, times=0.0: rates(y, times, contact_inputs)
 
     def _now(self, columns: Any = ALL) -> Floats:
         """The times (s) of lanes that begin a step, after a break."""
@@ -206,18 +206,18 @@ class Front:
         """The rates, and the values of switches, where lanes are now."""
         y = self.y[:, columns]
         rows = np.empty_like(y)
-        fill(self.rates_of(columns)(y, beside(self._now(columns), y)), rows)
+        fill(self.rates_of(columns)(y, align_lanes(self._now(columns), y)), rows)
         self.stages[0][:, columns] = rows
         if self.task.switches and len(columns):
             switches = self.task.switches.at(self.member[columns])
             motion, now = (self._motion(y), self._motion(rows), self.state[:, columns]), self._now(columns)
-            around = now, now + np.maximum(ASIDE * self.usual[columns], BESIDE * np.spacing(now))
-            self.value[:, columns], self.rise[:, columns] = switches.values(now, around, *motion)
+            side_times = now, now + np.maximum(ASIDE * self.usual[columns], BESIDE * np.spacing(now))
+            self.value[:, columns], self.rise[:, columns] = switches.values(now, side_times, *motion)
 
     def _motion(self, y: Floats) -> Floats:
         return y if self.y.ndim < 3 else y[..., 0].real
 
-    def _judged(self, y: Floats) -> Floats:
+    def _error_part(self, y: Floats) -> Floats:
         """What tells the error."""
         return y if self.y.ndim < 3 else (y if self.task.whole else y[..., :1]).real
 
@@ -225,17 +225,19 @@ class Front:
         """A step of every lane."""
         y, z, work, stages = self.y, self.next, self.work, self.stages
         step = Step(self.member, self.refused, self.t, self.h, y, z, stages, self.rates, self.rates_of)
-        step.held = self.switches.inputs(self.state) if self.task.switches else ()
-        step.room, step.breaks, timed = self.room, bool(len(self.task.breaks)), self.task.lanes.inputs.count > 0
-        begun, *others = (array.view(float) for array in (y, stages, z, work))
-        length, looks = spread(self.h, begun), []
+        step.contact_inputs = self.switches.inputs(self.state) if self.task.switches else ()
+        step.room, step.breaks, has_inputs = self.room, bool(len(self.task.breaks)), self.task.lanes.inputs.count > 0
+        start, *others = (array.view(float) for array in (y, stages, z, work))
+        length, looks = spread(self.h, start), []
         for stage in range(1, STAGES + 1):
-            advance(stage, begun, length, *others)
-            fill(self.rates(z, beside(step.times(NODES[stage]), y)) if timed else self.rates(z), stages[stage])
+            advance(stage, start, length, *others)
+            fill(
+                self.rates(z, align_lanes(step.times(NODES[stage]), y)) if has_inputs else self.rates(z), stages[stage]
+            )
             if self.task.switches and stage in (*SEEN, STAGES):
                 motion, part = (self._motion(z), self._motion(stages[stage]), self.state), NODES[stage]
-                around = step.times(part - ASIDE), step.times(part + ASIDE)
-                looks.append(self.switches.values(step.times(part), around, *motion))
+                side_times = step.times(part - ASIDE), step.times(part + ASIDE)
+                looks.append(self.switches.values(step.times(part), side_times, *motion))
         error, factor = self._error()
         self.tried = self.h * factor
         step.taken = (error < 1) & (self.h > 0)
@@ -246,57 +248,59 @@ class Front:
 
     def _error(self) -> tuple[Floats, Floats]:
         work, sums, scale = self.sums
-        y, z, stages = (self._judged(rows) for rows in (self.y, self.next, self.stages))
+        y, z, stages = (self._error_part(rows) for rows in (self.y, self.next, self.stages))
         np.maximum(np.abs(y), np.abs(z), out=scale)
-        scale *= beside(self.relative, y)
-        scale += beside(self.absolute, y)
+        scale *= align_lanes(self.relative, y)
+        scale += align_lanes(self.absolute, y)
         squares = []
         for shares in (FIFTH, THIRD):
-            summed(shares, stages, sums, work)
+            sum_stages(shares, stages, sums, work)
             sums /= scale
-            squared_sums = squared(sums)
+            squared_sums = sums_of_squares(sums)
             squares.append(squared_sums if squared_sums.ndim < 2 else squared_sums.max(1))
-        return steered(squares[0], squares[1], self.h, len(sums), self.refused)
+        return control_steps(squares[0], squares[1], self.h, len(sums), self.refused)
 
     def _meet(self, step: Step, looks: Sequence[Any]) -> None:
         """Which steps end at a switch, and which are tried again; the former end there to rounding."""
         V, R = (np.array(rows) for rows in zip((self.value, self.rise), *looks, strict=True))
         width = (np.diff(LOOKS)[:, None] * self.h)[:, None]
         # Of all lanes at once, those of which `seen` says that a value may pass.
-        some = ((V[:-1] < 0) | ((V[:-1] == 0) & ((R[:-1] < 0) | (V[1:] > 0)))) & (V[1:] >= 0)
-        some |= (R[:-1] > 0) & (R[1:] < 0) & (np.maximum(V[:-1], V[1:]) + 0.25 * width * (R[:-1] - R[1:]) > 0)
-        some |= (V[0] > 0) & (R[0] > 0)
+        may_pass = ((V[:-1] < 0) | ((V[:-1] == 0) & ((R[:-1] < 0) | (V[1:] > 0)))) & (V[1:] >= 0)
+        may_pass |= (R[:-1] > 0) & (R[1:] < 0) & (np.maximum(V[:-1], V[1:]) + 0.25 * width * (R[:-1] - R[1:]) > 0)
+        may_pass |= (V[0] > 0) & (R[0] > 0)
         self._seek_none(np.flatnonzero(~step.taken))
-        suspect, seeking = some.any((0, 1)), self.which >= 0
+        suspect, seeking = may_pass.any((0, 1)), self.which >= 0
         np.copyto(self.usual, self.tried, where=step.taken & ~suspect & ~seeking)
         self.met = np.zeros(len(self.t), dtype=bool)
         for i in np.flatnonzero((suspect | seeking) & step.taken):
-            seen = V[:, :, i].tolist(), R[:, :, i].tolist(), LOOKS
-            answer = meet(int(i), self.h, *seen, self.which, self.low, self.high, self.tried, self.usual)
+            samples = V[:, :, i].tolist(), R[:, :, i].tolist(), LOOKS
+            answer = meet(int(i), self.h, *samples, self.which, self.low, self.high, self.tried, self.usual)
             step.taken[i], self.met[i] = answer != AGAIN, answer == MET
         self.value, self.rise = (np.where(step.taken, rows[-1], rows[0]) for rows in (V, R))
-        met = np.flatnonzero(self.met)
-        if len(met):
-            at = self.which[met], met
-            left = -self.value[at] / self.rise[at]
-            left = np.where(np.abs(left) <= ROUNDED * (self.usual[met] + self.h[met]), left, 0.0)
-            left = np.maximum(left, -self.h[met] / 2)
-            self.h[met] += left
-            step.after[:, met] += beside(left, self.y) * step.stages[-1][:, met]
-            self.tried[met] = self.usual[met]
+        met_columns = np.flatnonzero(self.met)
+        if len(met_columns):
+            at = self.which[met_columns], met_columns
+            remaining = -self.value[at] / self.rise[at]
+            remaining = np.where(
+                np.abs(remaining) <= ROUNDED * (self.usual[met_columns] + self.h[met_columns]), remaining, 0.0
+            )
+            remaining = np.maximum(remaining, -self.h[met_columns] / 2)
+            self.h[met_columns] += remaining
+            step.after[:, met_columns] += align_lanes(remaining, self.y) * step.stages[-1][:, met_columns]
+            self.tried[met_columns] = self.usual[met_columns]
 
     def go_on(self, step: Step) -> None:
         """Make the step the present; refused ones are tried again."""
-        taken = step.taken
-        self.y = np.where(beside(taken, step.after), step.after, step.before)
-        np.copyto(self.stages[0], self.stages[STAGES], where=beside(taken, step.after))
-        before, self.t = self.t, np.where(taken, self.t + self.h, self.t)
+        is_taken = step.taken
+        self.y = np.where(align_lanes(is_taken, step.after), step.after, step.before)
+        np.copyto(self.stages[0], self.stages[STAGES], where=align_lanes(is_taken, step.after))
+        previous, self.t = self.t, np.where(is_taken, self.t + self.h, self.t)
         if step.breaks:
-            self._land(before)
-        ahead = self.until
+            self._land(previous)
+        next_break = self.until
         if step.breaks:
-            ahead = np.minimum(self.task.ahead(self.t), ahead)
-        self.h = np.minimum(np.minimum(self.tried, self.task.longest), ahead - self.t)
+            next_break = np.minimum(self.task.next_breaks(self.t), next_break)
+        self.h = np.minimum(np.minimum(self.tried, self.task.longest), next_break - self.t)
 
     def switch(self, outcome: Outcome) -> None:
         """Change y and the state of lanes that met a switch or a break, and of what passed within rounding of it.
@@ -328,7 +332,7 @@ class Front:
             due = (value > 0) & (rise > 0)
             which = np.argmax(np.where(due, value, -inf), axis=0)
             columns, which = columns[due.any(0)], which[due.any(0)]
-        self.rates = self._held(self.task.lanes.rates(self.numbers), ALL)
+        self.rates = self._with_contact_inputs(self.task.lanes.rates(self.numbers), ALL)
 
     @property
     def through(self) -> Booleans:
@@ -338,12 +342,12 @@ class Front:
     def _seek_none(self, columns: Any) -> None:
         self.which[columns], self.low[columns], self.high[columns] = -1, 0.0, inf
 
-    def _land(self, before: Floats) -> None:
+    def _land(self, previous: Floats) -> None:
         """Begin anew the lanes that have come to a break."""
-        ahead = self.task.ahead(before)
-        self.came = np.flatnonzero(self.t >= ahead - BESIDE * np.spacing(np.abs(ahead)))
+        next_break = self.task.next_breaks(previous)
+        self.came = np.flatnonzero(self.t >= next_break - BESIDE * np.spacing(np.abs(next_break)))
         if len(self.came):
-            self.t[self.came] = ahead[self.came]
+            self.t[self.came] = next_break[self.came]
             self._renew(self.came)
 
     def change(self, out: Booleans, size: int) -> None:
@@ -362,7 +366,7 @@ class Front:
                 self.state[:, came] = task.state[:, fresh]
         stay = ~out
         stay[came] = True
-        first, met = self.stages[0][:, stay], (self.value, self.rise) if task.switches else ()
+        first, switch_rows = self.stages[0][:, stay], (self.value, self.rise) if task.switches else ()
         if not stay.all():
             self.y, self.state = np.ascontiguousarray(self.y[:, stay]), self.state[:, stay]
             for name in self.LANES:
@@ -370,7 +374,7 @@ class Front:
         self._prepare()
         self.stages[0] = first
         if task.switches:
-            self.value, self.rise = (rows[:, stay] for rows in met)
+            self.value, self.rise = (rows[:, stay] for rows in switch_rows)
         if len(came):
             self._renew(np.flatnonzero(self.member >= self.waiting - len(came)))
 
@@ -394,8 +398,8 @@ def integrate(task: LaneTask, watches: Sequence[Watch] = (), width: int | None =
             if task.switches and (len(front.came) or front.met.any()):
                 front.switch(outcome)
             out = _through(front, step, outcome)
-            gone = int(np.count_nonzero(out))
-            if gone and (gone * LEAVING >= len(out) or gone == len(out)):
+            count = int(np.count_nonzero(out))
+            if count and (count * LEAVING >= len(out) or count == len(out)):
                 outcome.y[:, front.member[out]] = front.y[:, out]
                 outcome.state[:, front.member[out]] = front.state[:, out]
                 front.change(out, size)
@@ -404,17 +408,17 @@ def integrate(task: LaneTask, watches: Sequence[Watch] = (), width: int | None =
 
 def _through(front: Front, step: Step, outcome: Outcome) -> Booleans:
     """Which lanes are at the end, or can go no further; these are told why."""
-    done = front.through
-    least = np.where(front.which >= 0, 0.0, TINY * np.spacing(np.abs(front.t)))
-    broken = ~step.taken & ~done & ~(front.h >= least)
+    is_done = front.through
+    shortest = np.where(front.which >= 0, 0.0, TINY * np.spacing(np.abs(front.t)))
+    broken = ~step.taken & ~is_done & ~(front.h >= shortest)
     for column in np.flatnonzero(broken):
         member = int(front.member[column])
         if member not in outcome.reasons:
             finite = bool(np.all(np.isfinite(front.stages[0][:, column])))
             outcome.reasons[member] = f"stopped at {front.t[column]:.9g} s: {TOO_SHORT if finite else NOT_FINITE}"
     if outcome.reasons:
-        failed = np.isin(front.member, [*outcome.reasons])
-        front.h[failed] = 0.0
-        done = done | failed
-    front.h[done] = 0.0
-    return np.asarray(done)
+        failures = np.isin(front.member, [*outcome.reasons])
+        front.h[failures] = 0.0
+        is_done = is_done | failures
+    front.h[is_done] = 0.0
+    return np.asarray(is_done)

@@ -50,7 +50,7 @@ def looping(
     due: Any,
     change: Any,
     inputs: Any,
-    seen: Any,
+    may_pass: Any,
     meet: Any,
     **of: int,
 ) -> Any:
@@ -92,9 +92,9 @@ def looping(
     def load(
         k: Any, member: Any, task: Any, front: Any, y: Any, c: Any, rel: Any, ab: Any, sc: Any, loc: Any, v: Any
     ) -> None:
-        begun, constants_of, relative, absolute, first, ends, longest, scale, local, _ = task
+        starts, constants_of, relative, absolute, first, ends, longest, scale, local, _ = task
         for i in range(D):
-            y[i, k] = begun[i, member]
+            y[i, k] = starts[i, member]
             ab[i, k] = absolute[i, member]
             sc[i, k] = scale[i, member % scale.shape[1]]
         for i in range(CONSTANTS):
@@ -114,8 +114,8 @@ def looping(
         for j in range(1, STAGES + 1):
             slow, fast = min(slow, K[j, i, k]), max(fast, K[j, i, k])
         if slow < 0.0 and fast > 0.0:
-            beyond = 0.5 * h * max(-slow, fast)
-            return low - beyond, high + beyond
+            excess = 0.5 * h * max(-slow, fast)
+            return low - excess, high + excess
         return low, high
 
     def happens(k: Any, y: Any, z: Any, K: Any, h: Any, front: Any, times: Any, wants: Any, level: Any) -> Any:
@@ -149,7 +149,7 @@ def looping(
                 total += w[i, k] * w[i, k]
             g[0, k] = sqrt(total)
 
-    def switched(k: Any, member: Any, front: Any, y: Any, f: Any, u: Any, switching: Any) -> Any:
+    def apply_switch(k: Any, member: Any, front: Any, y: Any, f: Any, u: Any, switching: Any) -> Any:
         constants_of, numbers, d, a, state, s, _, aim, following, low, high, _, usual, _ = switching
         begins = front[FRESH, k] == BEGINS
         if begins:
@@ -162,47 +162,60 @@ def looping(
             if DRIVEN == CLOCK:
                 s[len(s) - 1, k] = 1.0
             aim[k], following[k], low[k], high[k], usual[k] = -1, -1, 0.0, inf, front[STEP, k]
-        parameters, constants, held = (
+        parameters, constants, time_inputs = (
             [a[i, k] for i in range(len(a))],
             [d[i, k] for i in range(len(d))],
             [u[i, k] for i in range(TIMED)],
         )
         now, slope = [y[i, k] for i in range(SIZE)], [f[i, k] for i in range(SIZE)]
-        told, happened = [0.0 if begins else state[i, k] for i in range(M)], [(0.0, 0.0, 0.0, 0.0)]
+        state_values, events = [0.0 if begins else state[i, k] for i in range(M)], [(0.0, 0.0, 0.0, 0.0)]
         if begins:
-            begin(front[TIME, k], now, [0.0] * len(parameters), told, parameters, constants, held, happened)
+            begin(
+                front[TIME, k], now, [0.0] * len(parameters), state_values, parameters, constants, time_inputs, events
+            )
         else:
             columns = zeros((D // SIZE - 1, SIZE))
             for n in range(len(columns)):
                 for i in range(SIZE):
                     columns[n, i] = y[(n + 1) * SIZE + i, k]
-            now = change(front[TIME, k], following[k], now, slope, told, parameters, constants, held, columns, happened)
+            now = change(
+                front[TIME, k],
+                following[k],
+                now,
+                slope,
+                state_values,
+                parameters,
+                constants,
+                time_inputs,
+                columns,
+                events,
+            )
             for i in range(SIZE):
                 y[i, k] = now[i]
             for n in range(len(columns)):
                 for i in range(SIZE):
                     y[(n + 1) * SIZE + i, k] = columns[n, i]
         for i in range(M):
-            state[i, k] = told[i]
+            state[i, k] = state_values[i]
         for i in range(TOLD):
-            s[SIZE + i, k] = told[i]
-        acting = inputs(told, parameters)
+            s[SIZE + i, k] = state_values[i]
+        acting = inputs(state_values, parameters)
         for i in range(HELD):
             u[TIMED + i, k] = acting[i]
-        return HELD == 0 or told[KICKS] == told[KICKS]
+        return HELD == 0 or state_values[KICKS] == state_values[KICKS]
 
     def passes(k: Any, front: Any, y: Any, f: Any, switching: Any) -> Any:
         _, _, _, a, state, _, V, _, _, _, _, _, _, _ = switching
         if front[FRESH, k] == BEGINS:
             now, slope = [y[i, k] for i in range(SIZE)], [f[i, k] for i in range(SIZE)]
             return due(now, slope, [state[i, k] for i in range(M)], [a[i, k] for i in range(len(a))])
-        reached, most = -1, 0.0
+        switch, largest = -1, 0.0
         for j in range(N):
             if V[0, j, k] > 0 and front[FRESH, k] == LANDS:
                 return N
-            if V[0, j, k] > most and V[0, N + j, k] > 0:
-                reached, most = j, V[0, j, k]
-        return reached
+            if V[0, j, k] > largest and V[0, N + j, k] > 0:
+                switch, largest = j, V[0, j, k]
+        return switch
 
     def renew(
         members: Any,
@@ -230,7 +243,7 @@ def looping(
             if N > 0:
                 for k in range(WIDTH):
                     changes = front[FRESH, k] == BEGINS or following[k] >= 0
-                    if changes and not switched(k, members[k], front, y, K[0], u, switching):
+                    if changes and not apply_switch(k, members[k], front, y, K[0], u, switching):
                         fail(k, JAMMED, members, front, y, out, horizon, status)
             rates(y, u, s, c, g)
             for k in range(WIDTH):
@@ -289,15 +302,15 @@ def looping(
         before: Any,
         after: Any,
         stages: Any,
-        held: Any,
+        contact_inputs: Any,
         u: Any,
         switching: Any,
     ) -> Any:
         ends, longest, tables, size = task[5], task[6], task[9], task[0].shape[1]
-        _, _, d, _, state, s, V, aim, following, low, high, tried, usual, final = switching
+        _, _, d, _, state, s, V, aim, following, low, high, next_length, usual, final = switching
         end = ends[len(ends) - 1]
-        filled, room = 0, len(which) - WIDTH
-        while filled <= room:
+        step_count, room = 0, len(which) - WIDTH
+        while step_count <= room:
             renew(members, front, h, tables, y, u, c, K, g, out, horizon, status, switching)
             came, busy = False, False
             for k in range(WIDTH):
@@ -318,7 +331,7 @@ def looping(
             if came:
                 continue
             if not busy:
-                return -1 - filled
+                return -1 - step_count
             attempt(y, h, c, K, z, front, tables, u, s, d, V, rel, ab, err)
             if wants[5]:
                 for i in range(D):
@@ -335,25 +348,25 @@ def looping(
                 if members[k] < 0:
                     continue
                 member, e, answer = members[k], err[k], STANDS
-                taken = e < 1.0
+                is_good = e < 1.0
                 factor = SAFETY * sqrt(sqrt(sqrt(1.0 / e))) if e > 0.0 else GROWS
                 factor = min(GROWS, max(SHRINKS, factor)) if isfinite(e) else SHRINKS
-                if not taken or front[REFUSED, k] == 1.0:
+                if not is_good or front[REFUSED, k] == 1.0:
                     factor = min(factor, 1.0)
-                front[REFUSED, k] = 0.0 if taken else 1.0
-                tried[k], least = h[k] * factor, TINY * spacing(front[TIME, k])
+                front[REFUSED, k] = 0.0 if is_good else 1.0
+                next_length[k], shortest = h[k] * factor, TINY * spacing(front[TIME, k])
                 if N > 0:
-                    if not taken:
+                    if not is_good:
                         aim[k], low[k], high[k] = -1, 0.0, inf
-                    elif aim[k] >= 0 or seen(h[k], V[:, :N, k], V[:, N:, k], LOOKS):
-                        answer = meet(k, h, V[:, :N, k], V[:, N:, k], LOOKS, aim, low, high, tried, usual)
+                    elif aim[k] >= 0 or may_pass(h[k], V[:, :N, k], V[:, N:, k], LOOKS):
+                        answer = meet(k, h, V[:, :N, k], V[:, N:, k], LOOKS, aim, low, high, next_length, usual)
                     else:
-                        usual[k] = tried[k]
+                        usual[k] = next_length[k]
                     if aim[k] >= 0:
-                        least = 0.0
-                if not taken or answer == AGAIN:
-                    front[STEP, k] = tried[k]
-                    if not front[STEP, k] >= least:
+                        shortest = 0.0
+                if not is_good or answer == AGAIN:
+                    front[STEP, k] = next_length[k]
+                    if not front[STEP, k] >= shortest:
                         finite = True
                         for i in range(D):
                             finite = finite and isfinite(K[0, i, k])
@@ -363,25 +376,25 @@ def looping(
                 ok[k] = 1.0
                 if N > 0 and answer == MET:
                     j = aim[k]
-                    left = -V[len(V) - 1, j, k] / V[len(V) - 1, N + j, k]
-                    if not abs(left) <= ROUNDED * (usual[k] + h[k]):
-                        left = 0.0
-                    left = max(left, -h[k] / 2)
-                    h[k] += left
+                    remaining = -V[len(V) - 1, j, k] / V[len(V) - 1, N + j, k]
+                    if not abs(remaining) <= ROUNDED * (usual[k] + h[k]):
+                        remaining = 0.0
+                    remaining = max(remaining, -h[k] / 2)
+                    h[k] += remaining
                     for i in range(D):
-                        z[i, k] += left * K[STAGES, i, k]
-                    following[k], front[FRESH, k], tried[k] = j, 1.0, usual[k]
+                        z[i, k] += remaining * K[STAGES, i, k]
+                    following[k], front[FRESH, k], next_length[k] = j, 1.0, usual[k]
                     aim[k], low[k], high[k] = -1, 0.0, inf
                 rubs = PRESSES > 0 and u[TIMED + HELD // 2, k] == 0.0
                 if rubs or happens(k, y, z, K, h[k], front, times, wants, level):
-                    which[filled], marks[0, filled], marks[1, filled] = member, front[TIME, k], h[k]
+                    which[step_count], marks[0, step_count], marks[1, step_count] = member, front[TIME, k], h[k]
                     for i in range(D):
-                        before[i, filled], after[i, filled] = y[i, k], z[i, k]
+                        before[i, step_count], after[i, step_count] = y[i, k], z[i, k]
                         for j in range(STAGES + 1):
-                            stages[j, i, filled] = K[j, i, k]
+                            stages[j, i, step_count] = K[j, i, k]
                     for i in range(HELD):
-                        held[i, filled] = u[TIMED + i, k]
-                    filled += 1
+                        contact_inputs[i, step_count] = u[TIMED + i, k]
+                    step_count += 1
                     waiting = int(front[DUE, k])
                     while wants[0] and waiting < len(times) and times[waiting] <= front[TIME, k] + h[k]:
                         waiting += 1
@@ -393,27 +406,27 @@ def looping(
                     for i in range(FIRST, HALF):
                         front[LARGEST, k] = max(front[LARGEST, k], abs(z[i, k]))
                     largest[member] = front[LARGEST, k]
-                ahead, last = 0, len(ends) - 1
-                while ahead < last:
-                    middle = (ahead + last) // 2
+                next_end, last = 0, len(ends) - 1
+                while next_end < last:
+                    middle = (next_end + last) // 2
                     if ends[middle] <= front[TIME, k]:
-                        ahead = middle + 1
+                        next_end = middle + 1
                     else:
                         last = middle
                 front[TIME, k] += h[k]
-                if ahead < len(ends) - 1 and front[TIME, k] >= ends[ahead] - CLEAR * spacing(ends[ahead]):
-                    front[TIME, k], front[FRESH, k] = ends[ahead], LANDS
-                    ahead += 1
+                if next_end < len(ends) - 1 and front[TIME, k] >= ends[next_end] - CLEAR * spacing(ends[next_end]):
+                    front[TIME, k], front[FRESH, k] = ends[next_end], LANDS
+                    next_end += 1
                 if front[TIME, k] >= end * (1.0 - 4e-16):
                     front[FRESH, k] = 0.0  # what is due at the end belongs to whoever goes on from there
                     if N > 0:
                         following[k] = -1
-                front[STEP, k] = min(tried[k], longest, ends[ahead] - front[TIME, k])
+                front[STEP, k] = min(next_length[k], longest, ends[next_end] - front[TIME, k])
                 if wants[5] and isfinite(g[0, k]) and g[0, k] > 0.0:
-                    far = 0.0
+                    largest_angle = 0.0
                     for i in range(FIRST, HALF):
-                        far = max(far, abs(z[i, k]))
-                    front[ERROR, k] = front[ERROR, k] * g[0, k] + max(loc[k], ROUNDING * far)
+                        largest_angle = max(largest_angle, abs(z[i, k]))
+                    front[ERROR, k] = front[ERROR, k] * g[0, k] + max(loc[k], ROUNDING * largest_angle)
                     for i in range(2 * HALF):
                         v[i, k] = w[i, k] / g[0, k]
                     if front[ERROR, k] > UNKNOWN and front[HORIZON, k] == inf:
@@ -434,6 +447,6 @@ def looping(
             for j in range(2 * N):
                 for k in range(WIDTH):
                     V[0, j, k] = V[len(V) - 1, j, k] if ok[k] > 0.0 else V[0, j, k]
-        return filled
+        return step_count
 
     return run

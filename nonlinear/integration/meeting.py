@@ -33,7 +33,7 @@ def swells(a: float, da: float, b: float, db: float, width: float) -> bool:
     return a < 0 and b < 0 and da > 0 and db < 0 and max(a, b) + 0.25 * width * (da - db) > 0
 
 
-def seen(h: float, V: Any, R: Any, looks: Any) -> bool:
+def may_pass(h: float, V: Any, R: Any, looks: Any) -> bool:
     """Whether any value may pass within a step of length h."""
     for j in range(len(V[0])):
         if V[0][j] > 0 and R[0][j] > 0:
@@ -45,7 +45,7 @@ def seen(h: float, V: Any, R: Any, looks: Any) -> bool:
     return False
 
 
-def bent(x: float, a: float, b: float, da: float, db: float) -> float:
+def cubic_at(x: float, a: float, b: float, da: float, db: float) -> float:
     """At a part x of an interval the cubic through two values and slopes."""
     return a + x * (da + x * ((3 * (b - a) - 2 * da - db) + x * (da + db - 2 * (b - a))))
 
@@ -61,7 +61,7 @@ def cubic(a: float, b: float, da: float, db: float) -> float:
     x = a / (a - b) if a < 0 and a != b else 0.5
     low, high = 0.0, 1.0
     for _ in range(30):
-        value = bent(x, a, b, da, db)
+        value = cubic_at(x, a, b, da, db)
         if value < 0:
             low = x
         else:
@@ -87,7 +87,7 @@ def passing(j: int, h: float, V: Any, R: Any, looks: Any) -> float:
             return float(looks[k] + width * cubic(a, b, da, db))
         if swells(a, da, b, db, 1.0):
             at = highest(a, b, da, db)
-            top = bent(at, a, b, da, db)
+            top = cubic_at(at, a, b, da, db)
             if top > 0:
                 return float(looks[k] + width * at * cubic(a, top, da * at, 0.0))
             if top > -0.02 * max(-a, -b) and SURE < at < 1 - SURE:
@@ -95,8 +95,10 @@ def passing(j: int, h: float, V: Any, R: Any, looks: Any) -> float:
     return NONE
 
 
-def meet(i: int, h: Any, V: Any, R: Any, looks: Any, which: Any, low: Any, high: Any, tried: Any, usual: Any) -> int:
-    """What becomes of a good step of segment i, of length h (s), whose next length would be `tried`.
+def meet(
+    i: int, h: Any, V: Any, R: Any, looks: Any, which: Any, low: Any, high: Any, next_length: Any, usual: Any
+) -> int:
+    """What becomes of a good step of segment i, of length h (s), whose next length would be `next_length`.
 
     `which` value it seeks to meet, -1 for none, lies between `low` and `high` (s); `usual` is the length to go on with
     afterwards.  All of these are lists or arrays by segment, and changed in place.
@@ -108,39 +110,39 @@ def meet(i: int, h: Any, V: Any, R: Any, looks: Any, which: Any, low: Any, high:
             first, j = x, n
     aim = which[i]
     if aim < 0:
-        usual[i] = tried[i]
+        usual[i] = next_length[i]
         if j < 0:
             return STANDS
         which[i], low[i], high[i] = j, 0.0, h[i]
-        tried[i] = max(first, NEAR) * h[i]
+        next_length[i] = max(first, NEAR) * h[i]
         return AGAIN
     value, rate = V[len(V) - 1][aim], R[len(R) - 1][aim]
-    left = -value / rate if rate > 0 else 1e300
+    remaining = -value / rate if rate > 0 else 1e300
     earlier = j >= 0 and j != aim and first < 1 - 1e-6
-    if not earlier and abs(left) <= NEAR * max(h[i], 1e-3 * usual[i]):
+    if not earlier and abs(remaining) <= NEAR * max(h[i], 1e-3 * usual[i]):
         return MET
     if j >= 0:
         high[i] = h[i]
-        new = h[i] + left if j == aim and low[i] < h[i] + left < h[i] else first * h[i]
+        new = h[i] + remaining if j == aim and low[i] < h[i] + remaining < h[i] else first * h[i]
         if not low[i] < new < h[i]:
             new = (low[i] + h[i]) / 2
         if min(h[i] - low[i], new) <= DIGIT * (h[i] + usual[i]):
             return MET
-        which[i], tried[i] = j, new
+        which[i], next_length[i] = j, new
         return AGAIN
-    if value < 0 and h[i] + left < high[i]:
-        low[i], tried[i] = h[i], h[i] + left
+    if value < 0 and h[i] + remaining < high[i]:
+        low[i], next_length[i] = h[i], h[i] + remaining
         return AGAIN
     if value >= 0:
         return MET
-    which[i], low[i], high[i], tried[i] = -1, 0.0, 1e300, usual[i]
+    which[i], low[i], high[i], next_length[i] = -1, 0.0, 1e300, usual[i]
     return STANDS
 
 
 def meeting_source() -> str:
     """The functions of this module, but this one, as a text of Python; what they have from outside is in `MEETING`."""
-    every: list[Callable[..., Any]] = [rises, swells, seen, bent, highest, cubic, passing, meet]
-    return "\n".join(inspect.getsource(function) for function in every)
+    functions: list[Callable[..., Any]] = [rises, swells, may_pass, cubic_at, highest, cubic, passing, meet]
+    return "\n".join(inspect.getsource(function) for function in functions)
 
 
 MEETING = {"STANDS": STANDS, "AGAIN": AGAIN, "MET": MET, "NEAR": NEAR, "DIGIT": DIGIT, "SURE": SURE, "NONE": NONE}

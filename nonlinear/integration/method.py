@@ -123,12 +123,12 @@ LOOKS = (0.0, *(NODES[stage] for stage in SEEN), 1.0)
 """The parts of a step at which switches are looked at."""
 
 
-def weighted(shares: Shares, name: str) -> str:
+def weighted_sum(shares: Shares, name: str) -> str:
     """The text of a sum over stages, whose rates have this name with the number of the stage in place of {}."""
     return " + ".join(f"{share!r} * {name.format(stage)}" for stage, share in shares)
 
 
-def summed(shares: Shares, stages: Floats, total: Floats, work: Floats) -> None:
+def sum_stages(shares: Shares, stages: Floats, total: Floats, work: Floats) -> None:
     """A sum over stages into `total`; `work` is an array like it."""
     (stage, share), *others = shares
     np.multiply(stages[stage], share, out=total)
@@ -137,21 +137,21 @@ def summed(shares: Shares, stages: Floats, total: Floats, work: Floats) -> None:
         total += work
 
 
-def advance(stage: int, begun: Floats, length: Floats, stages: Floats, y: Floats, work: Floats) -> None:
-    """The y at a stage, also a further one, from that `begun` and the rates at stages before, in place.
+def advance(stage: int, start: Floats, length: Floats, stages: Floats, y: Floats, work: Floats) -> None:
+    """The y at a stage, also a further one, from that `start` and the rates at stages before, in place.
 
     Sums over columns beside motions, arrays (size, S, 1 + k), are products of BLAS: rounded otherwise, and faster.
     """
     if y.ndim < 3:
-        summed(SUMS[stage], stages, y, work)
+        sum_stages(SUMS[stage], stages, y, work)
     else:
         weights = WEIGHTS[stage]
         np.dot(weights, stages.reshape(len(stages), -1)[: len(weights)], out=y.reshape(-1))
     y *= length
-    y += begun
+    y += start
 
 
-def gained(part: Any, terms: Sequence[Any]) -> Any:
+def gain_at(part: Any, terms: Sequence[Any]) -> Any:
     """What y has gained at a part of the step, from the `terms` of the interpolant."""
     gain = 0.0 * terms[0]
     for number in range(len(terms)):
@@ -159,15 +159,18 @@ def gained(part: Any, terms: Sequence[Any]) -> Any:
     return gain
 
 
-def terms_of(length: Any, moved: Any, stages: Any) -> list[Any]:
-    """The terms of the interpolant of a step in which y has `moved`, from the rates at all stages and further ones."""
+def terms_of(length: Any, displacement: Any, stages: Any) -> list[Any]:
+    """The terms of the interpolant, from the `displacement` of y and the rates at all stages and further ones."""
     powers = (sum(share * stages[stage] for stage, share in shares) for shares in POWERS)
-    return [*begun(moved, length * stages[0], length * stages[STAGES]), *(length * power for power in powers)]
+    return [
+        *cubic_terms(displacement, length * stages[0], length * stages[STAGES]),
+        *(length * power for power in powers),
+    ]
 
 
-def begun(moved: Any, first: Any, last: Any) -> tuple[Any, Any, Any]:
+def cubic_terms(displacement: Any, first: Any, last: Any) -> tuple[Any, Any, Any]:
     """The first three terms, of a cubic: from what y has moved, and its rates at both ends times the step."""
-    return moved, first - moved, 2 * moved - last - first
+    return displacement, first - displacement, 2 * displacement - last - first
 
 
 _EACH = np.eye(STAGES + 1 + EXTRA)
@@ -178,31 +181,32 @@ TERMS = np.array(terms_of(1.0, sum(share * _EACH[stage] for stage, share in END)
 def within_shares(part: Floats) -> Floats:
     """Of the rates at all stages in what y has gained at parts (...) of a step of length 1, (..., 16)."""
     factors = np.empty((len(TERMS), part.size))
-    factors[0] = ahead = part.ravel()
+    factors[0] = row = part.ravel()
     for number in range(1, len(TERMS)):
-        np.multiply(factors[number - 1], 1 - ahead if number % 2 else ahead, out=factors[number])
+        np.multiply(factors[number - 1], 1 - row if number % 2 else row, out=factors[number])
     return np.asarray((factors.T @ TERMS).reshape(*part.shape, -1))
 
 
-def controlled(fifth: float, third: float, length: float, size: float, refused: bool) -> tuple[float, float]:
+def control_step(fifth: float, third: float, length: float, size: float, is_retry: bool) -> tuple[float, float]:
     """The error over the tolerance, and the length of the next step over this one.
 
     `fifth` and `third` are sums over `size` components of the squares of errors over their tolerances; after a step
-    that was `refused` none is longer.  `nonlinear.integration.loops` has the same with three roots for the power.
+    that was refused, an `is_retry`, none is longer.  `nonlinear.integration.loops` has the same with three roots for
+    the power.
     """
-    both = fifth + 0.01 * third
-    error = length * fifth / sqrt(both * size) if both else 0.0
+    total = fifth + 0.01 * third
+    error = length * fifth / sqrt(total * size) if total else 0.0
     if error < 1.0:
         grown = min(GROWS, SAFETY * error**POWER) if error else GROWS
-        return error, min(1.0, grown) if refused else grown
+        return error, min(1.0, grown) if is_retry else grown
     return error, max(SHRINKS, SAFETY * error**POWER) if error < np.inf else SHRINKS
 
 
-def steered(fifth: Floats, third: Floats, length: Floats, size: int, refused: Any) -> tuple[Floats, Floats]:
-    """The same as `controlled` of many steps at once."""
-    both = fifth + 0.01 * third
+def control_steps(fifth: Floats, third: Floats, length: Floats, size: int, is_retry: Any) -> tuple[Floats, Floats]:
+    """The same as `control_step` of many steps at once."""
+    total = fifth + 0.01 * third
     with np.errstate(invalid="ignore", divide="ignore"):
-        error = np.where(both == 0, 0.0, length * fifth / np.sqrt(both * size))
+        error = np.where(total == 0, 0.0, length * fifth / np.sqrt(total * size))
         factor = np.clip(SAFETY * error**POWER, SHRINKS, GROWS)
-    most = np.where((error < 1) & ~refused, GROWS, 1.0)
-    return error, np.where(np.isfinite(factor), np.minimum(factor, most), SHRINKS)
+    limit = np.where((error < 1) & ~is_retry, GROWS, 1.0)
+    return error, np.where(np.isfinite(factor), np.minimum(factor, limit), SHRINKS)

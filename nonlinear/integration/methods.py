@@ -30,7 +30,7 @@ from nonlinear.dynamics import (
     Symmetry,
     form_of,
     loses_digits,
-    undisturbed,
+    without_interrupts,
 )
 from nonlinear.dynamics.inputs import Inputs
 from nonlinear.integration import taylor
@@ -101,14 +101,16 @@ def validate_method(
         problems.append(f"form {form}: must be one of {', '.join(FORMS)}{spelling_hint(form, FORMS)}")
         form = "auto"
     scene = scene if system.spatial or scene.space == "plane" else scene.in_plane
-    more = _added(system, driven)
-    whole = form if form != "auto" else "spatial" if system.spatial else "minimal"
-    problems += refusals(scene, f"form {whole}", *more)
-    if form == "maximal" and (least := float(np.min(system.by_link("length"))) / system.length) < SHORTEST:
-        problems.append(f"form maximal: cannot tell the ends of a link {least:.1g} times as long as the longest apart")
-    form = whole
+    additions = _additions(system, driven)
+    full_form = form if form != "auto" else "spatial" if system.spatial else "minimal"
+    problems += refusals(scene, f"form {full_form}", *additions)
+    if form == "maximal" and (shortest := float(np.min(system.by_link("length"))) / system.length) < SHORTEST:
+        problems.append(
+            f"form maximal: cannot tell the ends of a link {shortest:.1g} times as long as the longest apart"
+        )
+    form = full_form
     if method == "taylor":
-        problems += refusals(scene, "method taylor", *more)
+        problems += refusals(scene, "method taylor", *additions)
         problems += [] if form == "minimal" else [f"method taylor: has no series in form {form}: choose minimal"]
         where = "support.motion" if system.support else "force" if system.forces else "hoist"
         if Inputs(system).pieces is None:
@@ -116,7 +118,7 @@ def validate_method(
             problems.append(f"{where}: method taylor {words}: method DOP853 takes it")
     if method in SCIPY and method != "DOP853":
         stepping = "a method other than DOP853" if method in EXPLICIT else "an implicit method"
-        problems += refusals(scene, stepping, *more)
+        problems += refusals(scene, stepping, *additions)
     if form == "maximal" and method in SCIPY and method not in EXPLICIT:
         problems.append(f"method {method}: cannot keep the constraints of the {form} form; {', '.join(EXPLICIT)} can")
     if problems:
@@ -124,7 +126,7 @@ def validate_method(
     return form
 
 
-def _added(system: System, driven: bool) -> list[str]:
+def _additions(system: System, driven: bool) -> list[str]:
     """What a run has beside its scene."""
     return [name for name, has in (("load", driven), ("hoist", system.hoisting)) if has]
 
@@ -139,37 +141,41 @@ def choose(
     driven: bool = False,
     size: float = 1.0,
     system: System | None = None,
-    watched: bool = False,
+    has_watches: bool = False,
 ) -> Choice:
     """Choose whatever is "auto" for a motion of this size; SceneError lists every unknown or unsuitable value.
 
-    `system` is what is integrated, where that is less than the whole scene; `watched` tells whether something is looked
-    for in every step, which many steps of DOP853 together show, those of series one by one.
+    `system` is what is integrated, where that is less than the whole scene; `has_watches` tells whether something is
+    looked for in every step, which many steps of DOP853 together show, those of series one by one.
     """
     validate_scene(scene)
     system = system or system_of(scene)
     form = validate_method(scene, method, form, driven=driven, system=system)
     scene = scene if system.spatial or scene.space == "plane" else scene.in_plane
-    more = _added(system, driven)
-    plain = form == "minimal" and method != "taylor" and not refusals(scene, "compiled equations", *more)
+    additions = _additions(system, driven)
+    plain = form == "minimal" and method != "taylor" and not refusals(scene, "compiled equations", *additions)
     plain = plain and "massless_cart" not in scene.features  # only floats pass close by the rest, where M is singular
-    carried = system.structure is not None and any(carrier.M is not None for carrier in system.structure.carriers)
+    has_modal_carriers = system.structure is not None and any(
+        carrier.M is not None for carrier in system.structure.carriers
+    )
     ways = offers(scene, system, duration, tolerance, size) if plain else {}
-    if carried:
+    if has_modal_carriers:
         ways.pop("compiled", None)
-    written = system.n_links <= WRITTEN
-    stepwise = watched and tolerance >= FINEST
+    is_small = system.n_links <= WRITTEN
+    stepwise = has_watches and tolerance >= FINEST
     if method != "auto" or stepwise or tolerance * size < taylor.TIGHTEST or ends_may_meet(system):
         ways.pop("taylor", None)
     method, why = _automatic(scene, duration, tolerance, form, ways) if method == "auto" else (method, ASKED)
-    if written and method != "DOP853":
+    if is_small and method != "DOP853":
         ways.pop("compiled", None)
     stepping = {name: way for name, way in ways.items() if name != "taylor"} if method in SCIPY else {}
-    compiled = bool(stepping) and best_of(stepping) == "compiled"
+    takes_kernel = bool(stepping) and best_of(stepping) == "compiled"
     finest = SMALLEST if method in SCIPY else taylor.TIGHTEST / size
     rivals = ways if method == "DOP853" else stepping
-    forgone = forgone_by(rivals, "compiled" if compiled else "DOP853") if stepping else ()
-    return Choice(form, method, compiled, why + (", compiled" if compiled else ""), max(tolerance, finest), forgone)
+    forgone = forgone_by(rivals, "compiled" if takes_kernel else "DOP853") if stepping else ()
+    return Choice(
+        form, method, takes_kernel, why + (", compiled" if takes_kernel else ""), max(tolerance, finest), forgone
+    )
 
 
 def _automatic(
@@ -192,10 +198,10 @@ def _automatic(
 
 
 def _why_series(way: Offer) -> str:
-    if way.code and way.code.loaded:
+    if way.code and way.code.is_ready:
         return "its series are compiled already, and faster"
-    paid = way.code and way.code.saved > 0.0
-    return f"a run long enough{', after others,' if paid else ''} to pay for compiling its series"
+    is_joint = way.code and way.code.saved_seconds > 0.0
+    return f"a run long enough{', after others,' if is_joint else ''} to pay for compiling its series"
 
 
 def offers(scene: Scene, system: System, duration: float, tolerance: float, size: float = 1.0) -> dict[str, Offer]:
@@ -204,16 +210,16 @@ def offers(scene: Scene, system: System, duration: float, tolerance: float, size
     periods = duration * estimate_timescales(scene).swing / (2 * pi)
     kicks = periods * PER_KICK * system.kicks_a_period
     steps = periods * PER_PERIOD * (1e-6 / tolerance) ** (1 / 8) + kicks
-    written = links <= FLOATS or system.rubs or system.kicked
-    each = 1.5e-5 + links * (1e-5 + 6e-7 * min(longest, LONGEST)) if written else 2e-3 + 6e-6 * links
-    if system.rubs or system.kicked:
-        return {"DOP853": Offer(steps * each)}
-    compiled = integrator(structured=system.structure is not None)
-    ways = {"DOP853": Offer(steps * each), "compiled": Offer(steps * (5e-6 + 8e-7 * links), compiled)}
+    in_floats = links <= FLOATS or system.rubs or system.has_escapements
+    step_seconds = 1.5e-5 + links * (1e-5 + 6e-7 * min(longest, LONGEST)) if in_floats else 2e-3 + 6e-6 * links
+    if system.rubs or system.has_escapements:
+        return {"DOP853": Offer(steps * step_seconds)}
+    kernel = integrator(on_structure=system.structure is not None)
+    ways = {"DOP853": Offer(steps * step_seconds), "compiled": Offer(steps * (5e-6 + 8e-7 * links), kernel)}
     if taylor.takes(system):
-        each = 3e-6 + links * (1e-6 if links <= taylor.UNROLLED else 1.5e-6 + 2e-7 * longest)
+        step_seconds = 3e-6 + links * (1e-6 if links <= taylor.UNROLLED else 1.5e-6 + 2e-7 * longest)
         code = taylor.code_of(form_of(system), Inputs(system).pieces or (), taylor.uneven(tolerance * size))
-        ways["taylor"] = Offer(periods * SERIES_PER_PERIOD * each, code)
+        ways["taylor"] = Offer(periods * SERIES_PER_PERIOD * step_seconds, code)
     return ways
 
 
@@ -253,7 +259,7 @@ def equations_of(
         return Reduced(system, equations_of(symmetries[-1].system, choice), symmetries)
     if system.hoisting is not None and choice.form == "maximal":
         return HoistedMaximal(system, load)
-    if system.rubs or system.kicked:
+    if system.rubs or system.has_escapements:
         return Switched(Generated(system, load=load))
     if choice.form == "spatial":
         return _in_space(system, load)
@@ -262,7 +268,7 @@ def equations_of(
     if choice.form == "hamiltonian":
         return SpatialHamiltonian(system, load) if system.spatial else Hamiltonian(system, load)
     if choice.compiled:
-        with undisturbed():
+        with without_interrupts():
             from nonlinear.dynamics.compiled import Compiled
 
             return Compiled(system)

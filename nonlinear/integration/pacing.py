@@ -16,7 +16,7 @@ from nonlinear.integration.run import FIRST, NEAR_ZERO
 from nonlinear.integration.steppers import FEW
 from nonlinear.system import Layout, Numbers
 
-MOVED, RESTING = 4, 1e-300  # how many times what moves counts, as in `sharpened`; instead of zero
+MOVED, RESTING = 4, 1e-300  # how many times what moves counts, as in `tolerance_factors`; instead of zero
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,19 +61,19 @@ def extents(numbers: Numbers, layout: Layout, y: Floats, units: MemberUnits) -> 
         scale = units.scale(layout)
         parts += [np.abs(row / unit) for k in (0, half) for row, unit in zip(y[k : k + first], scale[k:], strict=False)]
     if cart is not None:
-        held, braked = (np.asarray(number) > 0 for number in (system.cart.stiffness, system.cart.damping))  # type: ignore[union-attr]
-        parts.append(np.abs(y[0]) / units.length * held)
-        parts.append(np.abs(y[half]) / units.length / units.rate * (held | braked))
+        has_spring, has_damper = (np.asarray(number) > 0 for number in (system.cart.stiffness, system.cart.damping))  # type: ignore[union-attr]
+        parts.append(np.abs(y[0]) / units.length * has_spring)
+        parts.append(np.abs(y[half]) / units.length / units.rate * (has_spring | has_damper))
     largest = np.minimum(np.max(np.broadcast_arrays(*parts), axis=0), 1.0)
     return np.asarray(np.where(largest == 0, 1.0, largest))
 
 
-def shaken(numbers: Numbers, layout: Layout, y: Floats, started: Floats, end: float) -> Floats:
+def shaken(numbers: Numbers, layout: Layout, y: Floats, start_size: Floats, end: float) -> Floats:
     """The sizes of motions that time drives, (S,), as in `nonlinear.integration.arguments.shaken`."""
     system, first, half = numbers.arrays, layout.first, layout.half
     push = drive_of(system, np.linspace(0.0, end, LOOKS)[:, None])
     rests = (y[first:half] == numbers.system.rest[:, None]).all(0) & ~y[half + first : 2 * half].any(0)
-    sizes = np.minimum(1.0, np.where(rests & (push < 1), push, np.maximum(push, started)))
+    sizes = np.minimum(1.0, np.where(rests & (push < 1), push, np.maximum(push, start_size)))
     return np.asarray(np.where(sizes == 0, 1.0, sizes))
 
 
@@ -82,24 +82,24 @@ def longest_first(rate: Floats, members: int) -> Floats:
     return np.asarray(np.broadcast_to(FIRST / rate, members))
 
 
-def sharpened(slope: Floats, scale: Floats) -> Floats:
+def tolerance_factors(slope: Floats, scale: Floats) -> Floats:
     """What to take a tolerance times where much of y rests at the start, (S,), as for a run by itself."""
     speed = np.abs(slope / scale)
-    most = speed.max(0)
-    moved = (speed / np.maximum(most, RESTING)) ** 2
-    alive = moved.sum(0) ** 2 / np.maximum((moved**2).sum(0), RESTING)
-    return np.where(most > 0, np.minimum(1.0, np.sqrt(np.maximum(MOVED * alive, FEW) / len(slope))), 1.0)
+    largest = speed.max(0)
+    shares = (speed / np.maximum(largest, RESTING)) ** 2
+    alive = shares.sum(0) ** 2 / np.maximum((shares**2).sum(0), RESTING)
+    return np.where(largest > 0, np.minimum(1.0, np.sqrt(np.maximum(MOVED * alive, FEW) / len(slope))), 1.0)
 
 
 def tolerances(
     y: Floats, slope: Floats, scale: Floats, size: Floats, rate: Floats, tolerance: float
 ) -> tuple[Floats, Floats, Floats]:
     """Relative (S,) and absolute (size, S) tolerances and the first steps (S,) in s."""
-    relative = tolerance * sharpened(slope, scale)
+    relative = tolerance * tolerance_factors(slope, scale)
     absolute = NEAR_ZERO * relative * size * scale
-    allowed = absolute + relative * np.abs(y)
-    far, speed = (np.max(np.abs(values / allowed), axis=0) for values in (y, slope))
-    longest = longest_first(rate, len(far))
-    known = (far > 0) & (speed > 0)
-    first = np.where(known, np.minimum(far / np.where(known, speed, 1.0), longest), longest)
+    limit = absolute + relative * np.abs(y)
+    distance, speed = (np.max(np.abs(values / limit), axis=0) for values in (y, slope))
+    longest = longest_first(rate, len(distance))
+    is_known = (distance > 0) & (speed > 0)
+    first = np.where(is_known, np.minimum(distance / np.where(is_known, speed, 1.0), longest), longest)
     return relative, absolute, first

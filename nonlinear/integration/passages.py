@@ -32,20 +32,20 @@ class Level:
     value: float
     turns: bool
 
-    def below(self, values: Any) -> Floats:
+    def number_below(self, values: Any) -> Floats:
         """The k of the last level that is not above a value; −1 below a level that does not turn."""
-        beyond = np.asarray(values) - self.value
-        return np.floor(beyond / TURN) if self.turns else np.where(beyond >= 0, 0.0, -1.0)
+        excess = np.asarray(values) - self.value
+        return np.floor(excess / TURN) if self.turns else np.where(excess >= 0, 0.0, -1.0)
 
-    def above(self, values: Any) -> Floats:
+    def number_above(self, values: Any) -> Floats:
         """The k of the first level that is not below a value; 1 above a level that does not turn."""
-        beyond = np.asarray(values) - self.value
-        return np.ceil(beyond / TURN) if self.turns else np.where(beyond > 0, 1.0, 0.0)
+        excess = np.asarray(values) - self.value
+        return np.ceil(excess / TURN) if self.turns else np.where(excess > 0, 1.0, 0.0)
 
     def number(self, values: Any) -> Floats:
         """The k of the nearest level."""
-        beyond = np.asarray(values) - self.value
-        return np.rint(beyond / TURN) if self.turns else 0.0 * beyond
+        excess = np.asarray(values) - self.value
+        return np.rint(excess / TURN) if self.turns else 0.0 * excess
 
     def at(self, number: Any) -> Floats:
         """The level of this k."""
@@ -75,8 +75,8 @@ def starts_of(level: Level, layout: Layout, y: Floats, slope: Floats) -> Starts:
     place = level.at(number)
     on = np.abs(values - place) <= ON * np.spacing(np.maximum(np.abs(values), np.abs(place)))
     rate, faster = y[layout.half + level.row], slope[layout.half + level.row]
-    moved = np.abs(faster) > NOISE * np.abs(slope[layout.half : 2 * layout.half]).max(0)
-    way = np.where(rate != 0, np.sign(rate), np.sign(faster) * moved)
+    accelerates = np.abs(faster) > NOISE * np.abs(slope[layout.half : 2 * layout.half]).max(0)
+    way = np.where(rate != 0, np.sign(rate), np.sign(faster) * accelerates)
     return Starts(on, number, way, on & (rate != 0))
 
 
@@ -94,30 +94,30 @@ class Passages(NamedTuple):
         return Passages(*(values[which] for values in self))
 
 
-def joined(parts: list[Passages], size: int) -> Passages:
+def join_passages(parts: list[Passages], size: int) -> Passages:
     """All of these, of y of this size."""
     none = np.zeros(0)
     empty = Passages(np.zeros(0, dtype=np.int64), none, np.zeros((0, size)), none, none)
     return Passages(*(np.concatenate(values) for values in zip(empty, *parts, strict=True)))
 
 
-def counted(passages: Passages, starts: Starts, begun: Floats, direction: int = 0) -> Passages:
+def passages_that_count(passages: Passages, starts: Starts, start: Floats, direction: int = 0) -> Passages:
     """Those that count, member by member in the order of time, with those at the starts of y (size, S).
 
     Two in a row through one level the same way are one: what an engine sees of a start, or at the end of a step.
     """
     on = np.flatnonzero(starts.on)
-    first = Passages(on, np.zeros(len(on)), begun[:, on].T, starts.number[on], starts.way[on])
+    first = Passages(on, np.zeros(len(on)), start[:, on].T, starts.number[on], starts.way[on])
     passages = passages.take(~(starts.on[passages.member] & (passages.time <= 0)))
-    both = joined([first, passages], len(begun))
-    order = np.lexsort((both.time, both.member))
-    both = both.take(order)
+    candidates = join_passages([first, passages], len(start))
+    order = np.lexsort((candidates.time, candidates.member))
+    candidates = candidates.take(order)
     counts = np.concatenate((starts.passes[on], np.ones(len(passages.member), dtype=bool)))[order]
-    again = (np.diff(both.member) == 0) & (np.diff(both.number) == 0) & (np.diff(both.way) == 0)
-    counts[1:] &= ~again
+    is_repeat = (np.diff(candidates.member) == 0) & (np.diff(candidates.number) == 0) & (np.diff(candidates.way) == 0)
+    counts[1:] &= ~is_repeat
     if direction:
-        counts &= both.way == direction
-    return both.take(counts)
+        counts &= candidates.way == direction
+    return candidates.take(counts)
 
 
 def leaving(passages: Passages, starts: Starts) -> Booleans:
@@ -129,13 +129,15 @@ def leaving(passages: Passages, starts: Starts) -> Booleans:
 def passages(step: Step, level: Level, among: Booleans | None = None) -> Passages | None:
     """What passes a level within a step that was taken, also there and back; None where nothing does."""
     low, high = step.reach(level.row)
-    possible = ((level.below(low) != level.below(high)) | (level.above(low) != level.above(high))) & step.taken
+    possible = (
+        (level.number_below(low) != level.number_below(high)) | (level.number_above(low) != level.number_above(high))
+    ) & step.taken
     columns = np.flatnonzero(possible if among is None else possible & among)
     if not len(columns):
         return None
     inside = step.within(columns)
     parts, values = inside.pieces(level.row, step.motion(step.after[level.row])[columns])
-    below, above = level.below(values), level.above(values)
+    below, above = level.number_below(values), level.number_above(values)
     change = np.where(np.diff(values, axis=0) > 0, np.diff(below, axis=0), np.diff(above, axis=0)).astype(np.int64)
     piece, lane = np.nonzero(change)
     if not len(piece):
@@ -145,16 +147,16 @@ def passages(step: Step, level: Level, among: Booleans | None = None) -> Passage
     piece, lane = np.repeat(piece, times), np.repeat(lane, times)
     way = np.sign(change[piece, lane])
     number = np.where(way > 0, below[piece, lane] + 1 + nth, above[piece, lane] - 1 - nth)
-    some, place = inside.take(lane), level.at(number)
-    part = some.root(level.row, place, parts[piece, lane], parts[piece + 1, lane])
-    y, time = _found(step, columns[lane], part, some, level.row, place)
+    lanes_inside, place = inside.take(lane), level.at(number)
+    part = lanes_inside.root(level.row, place, parts[piece, lane], parts[piece + 1, lane])
+    y, time = _refine(step, columns[lane], part, lanes_inside, level.row, place)
     return Passages(step.member[columns[lane]], time, np.moveaxis(y, 1, 0), number, way.astype(float))
 
 
-def _found(step: Step, columns: Ints, part: Floats, inside: Inside, row: int, place: Floats) -> tuple[Floats, Floats]:
+def _refine(step: Step, columns: Ints, part: Floats, inside: Inside, row: int, place: Floats) -> tuple[Floats, Floats]:
     """The y and the times (s) of passages found on the interpolant; of one run alone as accurate as its steps."""
     time = step.start[columns] + part * step.length[columns]
-    if not step.alone:
+    if not step.is_single_run:
         return inside.at(part), time
     y, slope = step.ending(columns, part)
     late = (place - y[row]) / slope[row]

@@ -31,7 +31,7 @@ from typing import Any
 
 from modal.scene import whole_file
 from modal.scene.contents import private
-from nonlinear.dynamics import undisturbed
+from nonlinear.dynamics import without_interrupts
 from nonlinear.dynamics.compiling import watching
 
 LOADING = {"numba": 0.15, "heyoka": 0.4}
@@ -44,10 +44,10 @@ LATE = 0.5
 """Seconds until progress is shown, and between two looks at it."""
 Forgone = tuple[tuple[str, float], ...]
 """Names of codes, and the share of a run's time that each would have saved."""
-_same = ContextVar("_same", default=0.0)
+_reproducible_share = ContextVar("_same", default=0.0)
 _ready: set[str] = set()
-_spent: defaultdict[str, float] = defaultdict(float)
-_saved: defaultdict[str, float] = defaultdict(float)
+_compile_seconds: defaultdict[str, float] = defaultdict(float)
+_saved_seconds: defaultdict[str, float] = defaultdict(float)
 
 
 @contextmanager
@@ -56,15 +56,15 @@ def reproducible(runs: int = 0) -> Iterator[None]:
 
     Single runs take nothing compiled, or pay one part of so many `runs` of what it costs where nothing is ready.
     """
-    token = _same.set(max(_same.get(), 1 / runs if runs else inf))
+    token = _reproducible_share.set(max(_reproducible_share.get(), 1 / runs if runs else inf))
     try:
         yield
     finally:
-        _same.reset(token)
+        _reproducible_share.reset(token)
 
 
 @cache
-def installed(package: str) -> bool:
+def has_package(package: str) -> bool:
     """Whether a package is installed."""
     return find_spec(package) is not None
 
@@ -80,36 +80,36 @@ class Code:
     package: str
     name: str
     compiling: float
-    loaded: bool = False
+    is_ready: bool = False
     kept: bool = False
     function: Callable[[], Any] = field(default=lambda: None, compare=False, repr=False)
-    expected: float = 0.0
+    expected_seconds: float = 0.0
     words: str = "code"
 
     @property
     def owed(self) -> float:
         """Seconds until it runs in this process; inf where its package is not installed, or runs are reproducible."""
-        if share := _same.get():
+        if share := _reproducible_share.get():
             return self.anew * share
-        if not (self.loaded or installed(self.package)):
+        if not (self.is_ready or has_package(self.package)):
             return inf
-        if self.loaded:
+        if self.is_ready:
             return 0.0
-        return LOADING[self.package] * (self.package not in sys.modules) + self._made
+        return LOADING[self.package] * (self.package not in sys.modules) + self._seconds_to_make
 
     @property
     def anew(self) -> float:
         """The same in a process that has loaded nothing, on a machine that keeps nothing and has measured nothing."""
-        return LOADING[self.package] + self.expected if installed(self.package) else inf
+        return LOADING[self.package] + self.expected_seconds if has_package(self.package) else inf
 
     @property
-    def _made(self) -> float:
+    def _seconds_to_make(self) -> float:
         return LINKING[self.package] + (0.0 if self.kept else self.compiling)
 
     @property
-    def saved(self) -> float:
+    def saved_seconds(self) -> float:
         """Seconds that this process would have saved so far, had this been there from the beginning."""
-        return _saved[self.name]
+        return _saved_seconds[self.name]
 
 
 @dataclass(frozen=True)
@@ -128,7 +128,7 @@ class Offer:
         """What it costs to take it: what is owed and not yet paid by what it would have saved; `anew` as in `Code`."""
         if self.code is None:
             return self.running
-        return self.running + (self.code.anew if anew else max(self.code.owed - self.code.saved, 0.0))
+        return self.running + (self.code.anew if anew else max(self.code.owed - self.code.saved_seconds, 0.0))
 
 
 def best_of(offers: Mapping[str, Offer], *, anew: bool = False) -> str:
@@ -136,27 +136,27 @@ def best_of(offers: Mapping[str, Offer], *, anew: bool = False) -> str:
     return min(offers, key=lambda name: offers[name].price(anew=anew))
 
 
-def forgone_by(offers: Mapping[str, Offer], taken: str) -> Forgone:
+def forgone_by(offers: Mapping[str, Offer], way: str) -> Forgone:
     """What a run by one way forgoes, by the code of each that would have been faster."""
-    least = inf if _same.get() else offers[taken].running
-    faster = {each.code: each.running for each in offers.values() if each.running < least and isfinite(least)}
-    return tuple((code.name, 1 - running / least) for code, running in faster.items() if code and not code.loaded)
+    shortest = inf if _reproducible_share.get() else offers[way].running
+    faster = {offer.code: offer.running for offer in offers.values() if offer.running < shortest and isfinite(shortest)}
+    return tuple((code.name, 1 - running / shortest) for code, running in faster.items() if code and not code.is_ready)
 
 
 @contextmanager
-def rented(forgone: Forgone) -> Iterator[None]:
+def rent(forgone: Forgone) -> Iterator[None]:
     """A block that runs without these codes: what it takes is added to what they would have saved."""
-    begun = thread_time()
+    start = thread_time()
     try:
         yield
     finally:
-        lose(forgone, thread_time() - begun)
+        lose(forgone, thread_time() - start)
 
 
 def lose(forgone: Forgone, seconds: float) -> None:
     """Add what so long a run without these codes has forgone."""
     for name, share in forgone:
-        _saved[name] += share * seconds
+        _saved_seconds[name] += share * seconds
 
 
 # ----------------------------------------------------------------------------------------------------- kept on disk
@@ -230,14 +230,14 @@ def _path_of(name: str) -> Path:
     return folder() / f"note_{sha256(name.encode()).hexdigest()[:20]}.json"
 
 
-def _named(package: str, name: str) -> str:
+def _note_name(package: str, name: str) -> str:
     """The name of a note on what this version of a package compiles."""
     return f"{package} {_version(package)} {name}"
 
 
 @cache
 def _version(package: str) -> str:
-    if not installed(package):
+    if not has_package(package):
         return ""
     from importlib import metadata
 
@@ -247,22 +247,24 @@ def _version(package: str) -> str:
         return ""
 
 
-def look_up(package: str, name: str, expected: float, words: str, function: Callable[[], Any] = lambda: None) -> Code:
+def look_up(
+    package: str, name: str, expected_seconds: float, words: str, function: Callable[[], Any] = lambda: None
+) -> Code:
     """Code of this name, as far as this process knows it, or the notes beside the kernels.
 
-    Compiling takes as long as it took here last; where it never did, as much longer than `expected` (s) as what the
-    package compiled last.
+    Compiling takes as long as it took here last; where it never did, as much longer than `expected_seconds` (s) as what
+    the package compiled last.
     """
     if name in _ready:
-        return Code(package, name, expected, True, False, function, expected, words)
-    note, last = Note.of(_named(package, name)), Note.of(package)
-    seconds = note.seconds if note and note.seconds else expected * (last.share if last else 1.0)
-    kept = bool(note and note.kept and os.path.exists(note.kept))
-    return Code(package, name, seconds, False, kept, function, expected, words)
+        return Code(package, name, expected_seconds, True, False, function, expected_seconds, words)
+    note, last = Note.of(_note_name(package, name)), Note.of(package)
+    seconds = note.seconds if note and note.seconds else expected_seconds * (last.share if last else 1.0)
+    is_kept = bool(note and note.kept and os.path.exists(note.kept))
+    return Code(package, name, seconds, False, is_kept, function, expected_seconds, words)
 
 
 @contextmanager
-def readied(code: Code) -> Iterator[Callable[[], AbstractContextManager[object]]]:
+def make_ready(code: Code) -> Iterator[Callable[[], AbstractContextManager[object]]]:
     """A block in which code is loaded or compiled, which Ctrl-C ends only afterwards, and what is noted of it.
 
     It gets a block to compile in, which a terminal sees; numba takes that itself.
@@ -273,58 +275,58 @@ def readied(code: Code) -> Iterator[Callable[[], AbstractContextManager[object]]
     compiles = partial(_compiles, code)
     token = watching.set(compiles)
     try:
-        with undisturbed():
+        with without_interrupts():
             yield compiles
     finally:
         watching.reset(token)
     if code.name in _ready:
         return
     _ready.add(code.name)
-    took, kept = compiled_in(code), _kept_at(code)
-    if took or (kept and not code.kept):
-        Note(took, took / code.expected if took else 1.0, kept).write(_named(code.package, code.name))
+    took, path = compiled_in(code), _kept_at(code)
+    if took or (path and not code.kept):
+        Note(took, took / code.expected_seconds if took else 1.0, path).write(_note_name(code.package, code.name))
     if took:
-        Note(took, took / code.expected).write(code.package)
+        Note(took, took / code.expected_seconds).write(code.package)
 
 
 def compiled_in(code: Code) -> float:
     """The seconds in which this process has compiled it, 0 where it was loaded or not needed."""
-    return _spent[code.name]
+    return _compile_seconds[code.name]
 
 
 @contextmanager
 def _compiles(code: Code) -> Iterator[None]:
     """A block that compiles a part of it."""
-    begun = perf_counter()
-    with progress(f"compiling {code.words}", code.compiling, _spent[code.name]):
+    start = perf_counter()
+    with progress(f"compiling {code.words}", code.compiling, _compile_seconds[code.name]):
         yield
-    _spent[code.name] += perf_counter() - begun
+    _compile_seconds[code.name] += perf_counter() - start
 
 
 @contextmanager
-def progress(title: str, expected: float, passed: float = 0.0) -> Iterator[None]:
+def progress(title: str, seconds: float, seconds_before: float = 0.0) -> Iterator[None]:
     """A block that takes about so many seconds, as a terminal sees."""
     if not sys.stderr.isatty():
         yield
         return
     from tqdm import tqdm
 
-    begun, ended = perf_counter() - passed, Event()
-    form = f"{title}, about {expected:.0f} s |{{bar:24}}| {{elapsed}} passed"
-    with tqdm(total=expected, delay=LATE, leave=False, bar_format=form) as shown:
-        shown.start_t -= passed
+    start, end = perf_counter() - seconds_before, Event()
+    form = f"{title}, about {seconds:.0f} s |{{bar:24}}| {{elapsed}} passed"
+    with tqdm(total=seconds, delay=LATE, leave=False, bar_format=form) as bar:
+        bar.start_t -= seconds_before
 
         def tick() -> None:
-            while not ended.wait(LATE):
-                shown.n = min(perf_counter() - begun, expected)
-                shown.refresh()
+            while not end.wait(LATE):
+                bar.n = min(perf_counter() - start, seconds)
+                bar.refresh()
 
         clock = Thread(target=tick, daemon=True)
         clock.start()
         try:
             yield
         finally:
-            ended.set()
+            end.set()
             clock.join()
 
 

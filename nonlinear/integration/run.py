@@ -28,8 +28,8 @@ from nonlinear.integration.driver import Drive, RunRecord
 from nonlinear.integration.floats import FloatStepper
 from nonlinear.integration.kernels import integrator
 from nonlinear.integration.methods import Choice, choose, equations_of, validate_room
-from nonlinear.integration.readiness import readied, rented
-from nonlinear.integration.steppers import AT_EASE, Pace, SciPyStepper, Stepper, first_step_of, sharpened
+from nonlinear.integration.readiness import make_ready, rent
+from nonlinear.integration.steppers import AT_EASE, Pace, SciPyStepper, Stepper, first_step_of, tolerance_factor
 from nonlinear.integration.switched import Switched
 from nonlinear.integration.timescales import estimate_timescales
 from nonlinear.integration.trajectory import SolverInfo, Trajectory
@@ -139,8 +139,8 @@ def prepare(
     ComputationError where the motion cannot begin.
     """
     validate_scene(scene)
-    hoisted = isinstance(equations, HoistedMaximal)
-    y = cast("HoistedMaximal", equations).begin_at(start, float(times[0])) if hoisted else equations.begin(start)
+    has_hoists = isinstance(equations, HoistedMaximal)
+    y = cast("HoistedMaximal", equations).begin_at(start, float(times[0])) if has_hoists else equations.begin(start)
     if isinstance(equations, Switched):
         equations.release(float(times[0]), y, before)
     slope = _slope(equations, float(times[0]), y)
@@ -176,18 +176,25 @@ class Request:
         """The symmetry reductions that apply."""
         flat = self.form not in {"spatial", "maximal", "hamiltonian"}
         system = self.system
-        acted_on = self.load or system.kicked or system.prescribed or system.rubs or system.dragged or self.watching
+        acted_on = (
+            self.load
+            or system.has_escapements
+            or system.prescribed_motions
+            or system.rubs
+            or system.has_drag
+            or self.watching
+        )
         return () if acted_on else find_symmetries(self.system, self.start, planar=flat)
 
     @property
-    def integrated(self) -> System:
+    def reduced_system(self) -> System:
         """The system that remains after symmetry reductions."""
         return self.smaller[-1].system if self.smaller else self.system
 
     @cached_property
     def size(self) -> float:
         """The size of the motion, at most 1; 1 where a load drives it, on a moved support at least its push over g."""
-        if self.system.prescribed and not self.load:
+        if self.system.prescribed_motions and not self.load:
             return shaken(self.start, self.system, self.times)
         return 1.0 if self.load else extent(self.start, self.system)
 
@@ -206,28 +213,28 @@ class Request:
             self.form,
             driven=self.load is not None,
             size=self.size,
-            system=self.integrated,
-            watched=bool(self.events or self.watching),
+            system=self.reduced_system,
+            has_watches=bool(self.events or self.watching),
         )
 
-    def prepared(self, choice: Choice) -> Prepared:
+    def prepare_run(self, choice: Choice) -> Prepared:
         """The run prepared with this choice."""
-        validate_room(self.scene, self.integrated)
+        validate_room(self.scene, self.reduced_system)
         inputs, pace = Inputs(self.system), self.pace
         accuracy = 0.0 if choice.method == "taylor" else choice.tolerance
         breaks = tuple(sorted({*pace.breaks, *inputs.breaks(accuracy)}))
         pace = replace(pace, longest=min(pace.longest, inputs.longest_step(accuracy)), breaks=breaks)
-        if (self.load or self.system.prescribed) and self.system.rubs:
+        if (self.load or self.system.prescribed_motions) and self.system.rubs:
             pace = replace(pace, longest=min(pace.longest, LOOKED / estimate_timescales(self.scene).swing))
-        structured = self.integrated.structure is not None
-        with readied(integrator(structured=structured)) if choice.compiled else nullcontext():
+        on_structure = self.reduced_system.structure is not None
+        with make_ready(integrator(on_structure=on_structure)) if choice.compiled else nullcontext():
             equations = equations_of(self.system, choice, self.load, self.smaller)
             return prepare(self.scene, equations, choice, self.start, self.times, self.size, self.before, pace)
 
     def run(self, choice: Choice) -> Trajectory:
         """The motion computed with this choice; SimulationError where the integrator fails."""
-        with rented(choice.forgone):
-            return self.prepared(choice).go(self.events, self.report, self.watching)
+        with rent(choice.forgone):
+            return self.prepare_run(choice).go(self.events, self.report, self.watching)
 
 
 def _stepper(
@@ -241,7 +248,7 @@ def _stepper(
 
         pace = replace(pace, first=taylor.first_step(estimate_timescales(scene).swing))
         return taylor.TaylorStepper(cast("Arranged", inner), y, first, last, choice.tolerance * size, pace)
-    relative = choice.tolerance * sharpened(slope, equations.scale)
+    relative = choice.tolerance * tolerance_factor(slope, equations.scale)
     absolute = NEAR_ZERO * relative * size * equations.scale
     pace = replace(pace, first=first_step_of(y, slope, absolute + relative * np.abs(y), FIRST / equations.system.rate))
     if choice.method == "DOP853" and isinstance(inner, Written):

@@ -46,7 +46,7 @@ class Pace:
         at = bisect_right(self.breaks, time)
         return (self.breaks[at - 1] if at else -inf), (self.breaks[at] if at < len(self.breaks) else inf)
 
-    def most(self, start: float, end: float) -> float:
+    def longest_between(self, start: float, end: float) -> float:
         """The longest step (s) between these two times, breaks or the ends of the run."""
         return self.longest if self.share == 1 else self.share * min(self.longest, end - start)
 
@@ -64,7 +64,7 @@ def first_step_of(y: Floats, slope: Floats, scale: Floats, longest: float) -> fl
     return min(size / speed, longest) if size and speed else longest
 
 
-def sharpened(slope: Floats, units: Floats) -> float:
+def tolerance_factor(slope: Floats, units: Floats) -> float:
     """A factor, at most 1, for the tolerance of a run in which most of y is at rest at the start.
 
     SciPy's methods except LSODA bound the root mean square of all errors by the tolerance, so that of k moving
@@ -73,11 +73,11 @@ def sharpened(slope: Floats, units: Floats) -> float:
     components are never sharpened.
     """
     speed = np.abs(slope / units)
-    if not (most := float(speed.max())):
+    if not (largest := float(speed.max())):
         return 1.0
-    moved = (speed / most) ** 2
-    alive = float(moved.sum() ** 2 / (moved**2).sum())
-    return min(1.0, sqrt(max(4 * alive, FEW) / moved.size))
+    shares = (speed / largest) ** 2
+    alive = float(shares.sum() ** 2 / (shares**2).sum())
+    return min(1.0, sqrt(max(4 * alive, FEW) / shares.size))
 
 
 class DOP853Solver(ABC):
@@ -165,11 +165,11 @@ class Sweeper(Stepper, Protocol):
     drift: float
 
     def sweep(
-        self, times: Floats, every: bool = True, most: int = ...
+        self, times: Floats, all_ends: bool = True, limit: int = ...
     ) -> tuple[Floats, Sequence[tuple[float, Sequence[float] | Floats]], int]:
-        """Take some steps, at least one and so many at `most`, towards the last of these times (ascending).
+        """Take some steps, at least one and at most `limit`, towards the last of these times (ascending).
 
-        Returns the y (T, size) at those times that are reached, (s, y) at the end of `every` step or of the last, and
+        Returns the y (T, size) at those times that are reached, (s, y) at `all_ends` of steps or at the last, and
         the number of steps.  ComputationError where not even the first step succeeds.
         """
         ...
@@ -198,24 +198,24 @@ class SciPyStepper:
         self.before, self.y_before = start, y
         self._within: Callable[[Floats], Floats] | None = None
         with np.errstate(all="ignore"):
-            self._solver = self._begun(start, y, pace.first)
+            self._solver = self._start_solver(start, y, pace.first)
 
-    def _begun(self, time: float, y: Floats, first: float | None) -> Any:
+    def _start_solver(self, time: float, y: Floats, first: float | None) -> Any:
         """An integrator from here to the next break or the end."""
         self._low, self._high = self.pace.stretch(time)
-        return self._made(time, y, min(self._high, self.end), first)
+        return self._make_solver(time, y, min(self._high, self.end), first)
 
-    def _made(self, time: float, y: Floats, end: float, first: float | None) -> Any:
-        tried = None if first is None or self.method == "LSODA" else min(first, end - time) or None
-        longest = self.pace.most(max(self._low, self.start), min(self._high, self.end))
-        options = {"rtol": max(self.tolerance, SMALLEST), "atol": self.absolute, "first_step": tried}
-        f = self._beside if self.pace.breaks else self.f
+    def _make_solver(self, time: float, y: Floats, end: float, first: float | None) -> Any:
+        first_length = None if first is None or self.method == "LSODA" else min(first, end - time) or None
+        longest = self.pace.longest_between(max(self._low, self.start), min(self._high, self.end))
+        options = {"rtol": max(self.tolerance, SMALLEST), "atol": self.absolute, "first_step": first_length}
+        f = self._between_breaks if self.pace.breaks else self.f
         return self._solver_of(f, time, y, end, max_step=longest, **options)
 
     def _solver_of(self, f: Derivative, time: float, y: Floats, end: float, **options: Any) -> Any:
         return getattr(scipy.integrate, self.method)(f, time, y, end, **options)
 
-    def _beside(self, time: float, y: Floats) -> Floats:
+    def _between_breaks(self, time: float, y: Floats) -> Floats:
         """The derivative, evaluated strictly between the surrounding breaks."""
         return self.f(self.clear_of_breaks(time), y)
 
@@ -255,16 +255,16 @@ class SciPyStepper:
                 raise
             message = "its Jacobian overflows"
         if message or self._solver.status == "failed" or not np.all(np.isfinite(self.y)):
-            raise self._stopped(message or "not finite")
+            raise self._stop_error(message or "not finite")
 
     def _on_its_way(self) -> Any:
         """The integrator, a new one where a break has been reached."""
         if self.lands:
             self._done += self._solver.nfev
-            self._solver = self._begun(self.time, self.y, self.pace.first)
+            self._solver = self._start_solver(self.time, self.y, self.pace.first)
         return self._solver
 
-    def _stopped(self, message: str) -> ComputationError:
+    def _stop_error(self, message: str) -> ComputationError:
         return ComputationError(f"{self.method} stopped at {self.before:.9g} s: {message}")
 
     def inside(self, times: Floats) -> Floats:
@@ -277,7 +277,7 @@ class SciPyStepper:
         """The y at one time within the last step, integrated anew from the beginning of the step."""
         if time <= self.before:
             return self.y_before
-        solver = self._made(self.before, self.y_before, time, time - self.before)
+        solver = self._make_solver(self.before, self.y_before, time, time - self.before)
         while solver.status == "running":
             solver.step()
         self._done += solver.nfev
@@ -289,7 +289,7 @@ class SciPyStepper:
             self._solver.y, self._solver.f = y, self._solver.fun(self.time, y)
             return
         self._done += self._solver.nfev
-        self._solver = self._begun(self.time if time is None else time, y, self.time - self.before)
+        self._solver = self._start_solver(self.time if time is None else time, y, self.time - self.before)
 
 
 class HasDerivative(Protocol):
@@ -307,10 +307,10 @@ E = TypeVar("E", bound=HasDerivative)
 class DOP853Stepper(SciPyStepper, Generic[E]):
     """DOP853 in another implementation, given the `equations` themselves; otherwise as `SciPyStepper`.
 
-    Where it is `watched`, the steps of each sweep are kept, `at_once` at most.
+    Where it `keeps_steps`, it has those of each sweep, `at_once` at most.
     """
 
-    drift, watched, at_once = 0.0, False, AT_ONCE
+    drift, keeps_steps, at_once = 0.0, False, AT_ONCE
 
     def __init__(
         self,
@@ -325,6 +325,6 @@ class DOP853Stepper(SciPyStepper, Generic[E]):
         self.equations = equations
         super().__init__("DOP853", equations.derivative, start, y, end, tolerance, absolute, pace)
 
-    def traced(self) -> Any:
+    def steps_of_sweep(self) -> Any:
         """The steps of the last sweep side by side, a `nonlinear.integration.within.Step`."""
         raise NotImplementedError

@@ -13,7 +13,7 @@ import numpy as np
 
 from modal.errors import ComputationError
 from modal.types import Floats
-from nonlinear.dynamics.generated import Generated, Listed, Rate, Written
+from nonlinear.dynamics.generated import Generated, InputFunction, Rate, Written
 from nonlinear.integration.switches import Switches, switches_of
 from nonlinear.system import NO_KICKS, Friction, Kicks, Layout, Load, Motion, State, System
 
@@ -27,15 +27,16 @@ Phase = tuple[list[float], int]
 
 @dataclass(eq=False)
 class Switched(Written):
-    """The equations `free` with switches: a phase lasts until `change`, `held` being the inputs of contacts in it.
+    """The equations `free` with switches: a phase lasts until `change`, `contact_inputs` being those in it.
 
-    `met` is the switch at which the last step ended, until its change; `look` are the values of all at the present y.
+    `met_switch` is the one at which the last step ended, until its change; `look` are the values of all at the present
+    y.
     """
 
     free: Generated
     state: list[float] = field(init=False, default_factory=list)
-    held: list[float] = field(init=False, default_factory=list)
-    met: int | None = field(init=False, default=None)
+    contact_inputs: list[float] = field(init=False, default_factory=list)
+    met_switch: int | None = field(init=False, default=None)
     look: Any = field(init=False, default=None)
     rests: bool = field(init=False, default=False)
     phase: Phase = field(init=False, default=([], 0))
@@ -43,14 +44,14 @@ class Switched(Written):
     @cached_property
     def switches(self) -> Switches:
         """The switches."""
-        return switches_of(self.system, pushed=self.free.form.pushed, works=self.free.form.works)
+        return switches_of(self.system, has_load=self.free.form.has_load, works=self.free.form.works)
 
     def release(self, time: float, y: Floats, before: Kicks = NO_KICKS) -> None:
         """Begin at this y, after the kicks `before`."""
         row = y.tolist()
-        self.resume(self.switches.begin(time, row, self._timed(time, row), before))
-        rates = self.rate(row, self.listed(time, row)) if self.listed else self.rate(row)
-        self.met = self.switches.due(row, rates, self.state)
+        self.resume(self.switches.begin(time, row, self._time_inputs(time, row), before))
+        rates = self.rate(row, self.inputs_at(time, row)) if self.inputs_at else self.rate(row)
+        self.met_switch = self.switches.due(row, rates, self.state)
 
     def resume(self, state: list[float]) -> None:
         """Go on in this state, of a motion that has come to no switch."""
@@ -58,10 +59,10 @@ class Switched(Written):
         self._hold()
 
     def _hold(self) -> None:
-        self.held = self.switches.inputs(self.state)
+        self.contact_inputs = self.switches.inputs(self.state)
         self.rests = self.switches.rests(self.state)
-        self.met = self.look = None
-        self.phase = [*self.state], len(self.switches.happened)
+        self.met_switch = self.look = None
+        self.phase = [*self.state], len(self.switches.events)
 
     def go_back(self, phase: Phase) -> None:
         """Things are as they were in this phase, but for the work of friction on a rail with a coefficient."""
@@ -69,18 +70,18 @@ class Switched(Written):
         self.state = [*phase[0]]
         if at.presses:
             self.state[at.work] = now[at.work]
-        del self.switches.happened[phase[1] :]
+        del self.switches.events[phase[1] :]
         self._hold()
 
     @contextmanager
-    def whole(self) -> Iterator[None]:
+    def undo_on_interrupt(self) -> Iterator[None]:
         """Go back to where things are now if what is done within is interrupted."""
-        state, count = [*self.state], len(self.switches.happened)
+        state, count = [*self.state], len(self.switches.events)
         try:
             yield
         except KeyboardInterrupt:
             self.state = state
-            del self.switches.happened[count:]
+            del self.switches.events[count:]
             raise
 
     def change(
@@ -89,45 +90,47 @@ class Switched(Written):
         y: Sequence[float],
         f: Sequence[float],
         V: list[list[float]] | None = None,
-        inputs: Listed | None = None,
+        inputs: InputFunction | None = None,
     ) -> list[float]:
         """The y after the switch that was met at y, where y' = f; columns V (k, size) are changed in place.
 
         ComputationError where friction has none: nothing has changed then.
         """
         columns = [] if V is None else V
-        u = inputs(time, y)[: self.switches.places.timed] if inputs else ()
-        met = self.met
+        u = inputs(time, y)[: self.switches.places.input_count] if inputs else ()
+        met_switch = self.met_switch
         try:
-            after, _ = self.switches.change(time, met or 0, y, f, self.state, columns, u)
+            after, _ = self.switches.change(time, met_switch or 0, y, f, self.state, columns, u)
         except ComputationError:
             self.go_back(self.phase)
-            self.met = met
+            self.met_switch = met_switch
             raise
         self._hold()
         return after  # type: ignore[no-any-return]
 
     def land(self) -> None:
         """Inputs have jumped: which contacts stick is decided anew."""
-        if self.met is None and self.switches.places.J:
-            self.met = self.switches.count
+        if self.met_switch is None and self.switches.places.J:
+            self.met_switch = self.switches.count
 
     def values(
-        self, time: float, y: Sequence[float], f: Sequence[float], inputs: Listed | None, length: float
+        self, time: float, y: Sequence[float], f: Sequence[float], inputs: InputFunction | None, length: float
     ) -> tuple[Any, Any]:
         """The values of all switches and their rates at y, where y' = f, within a step of this length (s)."""
         u: Any = () if inputs is None else inputs(time, y)
         w: list[float] = []
-        if inputs and self._sampled:
-            aside, count = max(ASIDE * length, APART * ulp(time)), self.switches.places.timed
+        if inputs and self._has_sampled_inputs:
+            aside, count = max(ASIDE * length, APART * ulp(time)), self.switches.places.input_count
             times = time - aside, time + aside
             ends = [inputs(at, y)[:count] for at in times]
             w = [(late - early) / (times[1] - times[0]) for early, late in zip(*ends, strict=True)]
         return self.switches.values(y, f, u, self.state, w)
 
-    def passed(self, inside: Callable[[Floats], Floats], spans: Floats, held: Sequence[Sequence[float]]) -> None:
-        """Count the work of friction on a rail with a coefficient, as `Switches.passed` does."""
-        self.switches.passed(inside, spans, held, self.state, self.free.inputs_beside)
+    def add_rail_work(
+        self, inside: Callable[[Floats], Floats], spans: Floats, contact_inputs: Sequence[Sequence[float]]
+    ) -> None:
+        """Count the work of friction on a rail with a coefficient, as `Switches.add_rail_work` does."""
+        self.switches.add_rail_work(inside, spans, contact_inputs, self.state, self.free.inputs_beside)
 
     @property
     def presses(self) -> bool:
@@ -136,10 +139,10 @@ class Switched(Written):
 
     def record(self, time: float, y: Sequence[float]) -> Friction:
         """What friction did until this time."""
-        return self.switches.rubbed(time, y, self.state)
+        return self.switches.friction_record(time, y, self.state)
 
-    def _timed(self, time: float, y: Sequence[float]) -> Sequence[float]:
-        return self.free.listed(time, y) if self.free.listed else ()
+    def _time_inputs(self, time: float, y: Sequence[float]) -> Sequence[float]:
+        return self.free.inputs_at(time, y) if self.free.inputs_at else ()
 
     # ------------------------------------------------------------------------------------------------- the equations
 
@@ -166,16 +169,20 @@ class Switched(Written):
         return self.switches.function("sticking", "arrays") if contacts else self.free.rate_of_arrays
 
     @cached_property
-    def listed(self) -> Listed | None:
+    def inputs_at(self) -> InputFunction | None:
         """The inputs u at a time (s) and a state y; None where there are none."""
-        timed = self.free.listed
+        time_inputs = self.free.inputs_at
         if not self.switches.places.J:
-            return timed
-        return (lambda time, y: [*timed(time, y), *self.held]) if timed else (lambda time, y: self.held)
+            return time_inputs
+        return (
+            (lambda time, y: [*time_inputs(time, y), *self.contact_inputs])
+            if time_inputs
+            else (lambda time, y: self.contact_inputs)
+        )
 
-    def rates_in(self, held: Sequence[Sequence[float]]) -> Callable[[Any, Any], Any]:
+    def rates_in(self, contact_inputs: Sequence[Sequence[float]]) -> Callable[[Any, Any], Any]:
         """The derivative (size, S) of states side by side in phases with these inputs of contacts, (S, 2 J)."""
-        free, columns = self.free, np.array(held).T
+        free, columns = self.free, np.array(contact_inputs).T
 
         def derivative(times: Any, y: Any) -> Any:
             rates = np.empty_like(y)
@@ -186,14 +193,14 @@ class Switched(Written):
         return derivative if len(columns) else free.derivative
 
     @property
-    def is_clocked(self) -> bool:
+    def is_time_only(self) -> bool:
         """Whether the only input is the time."""
-        return self.free.is_clocked and not self.switches.places.J
+        return self.free.is_time_only and not self.switches.places.J
 
     @cached_property
-    def _sampled(self) -> bool:
+    def _has_sampled_inputs(self) -> bool:
         """Whether inputs change with time in a way that texts do not know."""
-        return self.free.listed is not None and not self.free.is_clocked
+        return self.free.inputs_at is not None and not self.free.is_time_only
 
     def project(self, y: Floats) -> tuple[Floats, float]:
         """The same y: nothing moves where contacts stick."""

@@ -14,10 +14,10 @@ from modal.errors import ComputationError
 from modal.types import Floats
 from nonlinear.dynamics.contacts import JAMMED, contacts_of, escaping, jams
 from nonlinear.dynamics.forms import Form, form_of
-from nonlinear.dynamics.switching import Pairs, joint_value, switched, switching_of
+from nonlinear.dynamics.switching import Pairs, joint_value, switching_of, with_contacts
 from nonlinear.dynamics.text import Function, Module, function_in
 from nonlinear.integration.changes import TEXTS, Places, changing, compiled_source
-from nonlinear.system import NO_KICKS, Friction, Kicks, System, entries_of, prescribed_of
+from nonlinear.system import NO_KICKS, Friction, Kicks, System, constants_of, entries_of
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(6)
 Happening = tuple[float, float, float, float]
@@ -35,7 +35,7 @@ class Switches:
     kicks: Pairs
     constants: Sequence[Any]
     numbers: Sequence[Any]
-    happened: list[Happening] = field(default_factory=list)
+    events: list[Happening] = field(default_factory=list)
 
     @cached_property
     def places(self) -> Places:
@@ -43,9 +43,9 @@ class Switches:
         form, width = self.form, 3 if self.form.spatial else 1
         half = form.first + width * form.system.n_links
         contacts = 2 * len(form.contacts)
-        timed = self.module.sizes.get("u", 0) - contacts
+        input_count = self.module.sizes.get("u", 0) - contacts
         size = 2 * half + form.works
-        return Places(size, half, len(self.kicks), contacts // 2, self.kicks, form.contacts, form.presses, timed)
+        return Places(size, half, len(self.kicks), contacts // 2, self.kicks, form.contacts, form.presses, input_count)
 
     @cached_property
     def module(self) -> Module:
@@ -58,7 +58,7 @@ class Switches:
         def of(values: Sequence[Any]) -> list[float]:
             return [float(value[k]) if np.ndim(value) else float(value) for value in values]
 
-        return replace(self, constants=of(self.constants), numbers=of(self.numbers), happened=[])
+        return replace(self, constants=of(self.constants), numbers=of(self.numbers), events=[])
 
     def function(self, name: str, target: str = "floats") -> Function:
         """A function (y, u, v) of `switching_of`."""
@@ -74,7 +74,7 @@ class Switches:
         at, first = self.places, self.form.first
         state, impulses = [0.0] * at.length, dict(zip(before.link.tolist(), before.impulse.tolist(), strict=True))
         last = [float(impulses.get(pair[0] - first, 0.0)) for pair in self.kicks]
-        self._changing[0](t, [*map(float, y)], last, state, [*self.numbers], self.constants, [*u], self.happened)
+        self._changing[0](t, [*map(float, y)], last, state, [*self.numbers], self.constants, [*u], self.events)
         self._refuse(state)
         return state
 
@@ -103,10 +103,10 @@ class Switches:
             w = self._rates_of_inputs
         signs = state[at.K : at.e]
         slides = not at.presses and (bool(np.all(signs)) if arrays else all(signs))
-        v = [*f[: at.size], *state[: at.told], *self._given, *w]
+        v = [*f[: at.size], *state[: at.state_count], *self._text_numbers, *w]
         functions, count = self._of_arrays if arrays else self._of_floats, self.count
-        both = functions[slides](y, u, v)
-        return both[:count], both[count:]
+        values_and_rates = functions[slides](y, u, v)
+        return values_and_rates[:count], values_and_rates[count:]
 
     def change(
         self,
@@ -123,7 +123,7 @@ class Switches:
         V are k lists (size,).  `u` are the inputs before those of contacts.  ComputationError where friction has none.
         """
         columns = [] if V is None else V
-        after = self._changing[2](t, j, y, f, state, self.numbers, self.constants, [*u], columns, self.happened)
+        after = self._changing[2](t, j, y, f, state, self.numbers, self.constants, [*u], columns, self.events)
         self._refuse(state)
         return after if V is None else (after, columns)
 
@@ -132,33 +132,33 @@ class Switches:
         at = self.places
         for i, (below, above) in enumerate(at.contacts):
             if state[at.K + i] == 0:
-                y[below] = state[at.told + 2 * at.J + i] + (y[above] if above >= 0 else 0.0)
+                y[below] = state[at.state_count + 2 * at.J + i] + (y[above] if above >= 0 else 0.0)
                 y[at.half + below] = y[at.half + above] if above >= 0 else 0.0
 
-    def passed(
+    def add_rail_work(
         self,
         inside: Callable[[Floats], Floats],
         spans: Floats,
-        held: Sequence[Sequence[float]],
+        contact_inputs: Sequence[Sequence[float]],
         state: list[float],
         inputs: Callable[[Floats, Floats], Sequence[Any]],
     ) -> None:
         """The work of friction on a rail with a coefficient between times (s), (S, 2), in steps, added to the state.
 
         By Gauss's quadrature, and taken back where a span ends before it begins.  `inside` gives y (T, size) at times,
-        `held` are the inputs of contacts in each step, `inputs` those before them at times (T,) and y (size, T).
+        `contact_inputs` are those of contacts in each step, `inputs` those before them at times (T,) and y (size, T).
         """
         at = self.places
         if not at.presses:
             return
-        slides = np.array([not step[at.J] for step in held]) & (spans[:, 1] != spans[:, 0])
+        slides = np.array([not step[at.J] for step in contact_inputs]) & (spans[:, 1] != spans[:, 0])
         if not slides.any():
             return
-        before, now = spans[slides].T
-        times = ((before + now)[:, None] / 2 + (now - before)[:, None] / 2 * NODES).ravel()
-        y, contacts = inside(times).T, np.repeat(np.array(held)[slides].T, len(NODES), axis=1)
+        since, now = spans[slides].T
+        times = ((since + now)[:, None] / 2 + (now - since)[:, None] / 2 * NODES).ravel()
+        y, contacts = inside(times).T, np.repeat(np.array(contact_inputs)[slides].T, len(NODES), axis=1)
         power = self.function("friction", "arrays")(y, (*inputs(times, y), *contacts), ())[0] * y[at.half]
-        state[at.work] += float((now - before) / 2 @ (power.reshape(-1, len(NODES)) @ WEIGHTS))
+        state[at.work] += float((now - since) / 2 @ (power.reshape(-1, len(NODES)) @ WEIGHTS))
 
     def jams(self, y: Sequence[float], values: Sequence[float], state: Sequence[float]) -> bool:
         """Whether the rail's friction, which slides, has no bound at y with these values of the switches."""
@@ -169,25 +169,25 @@ class Switches:
     def rests(self, state: Sequence[float]) -> bool:
         """Whether every coordinate is held for good, as nothing from outside changes."""
         at, system = self.places, self.form.system
-        acted_on = self.form.pushed or system.prescribed or system.hoisting
+        acted_on = self.form.has_load or system.prescribed_motions or system.hoisting
         return not acted_on and at.half == at.J and not any(state[at.K : at.e])
 
-    def kicked(self) -> Kicks:
+    def kicks_so_far(self) -> Kicks:
         """The kicks so far."""
-        kicks = [each for each in self.happened if each[1] < len(self.kicks)]
-        which = np.array([self.kicks[int(each[1])][0] for each in kicks], dtype=np.int64) - self.form.first
-        time, _, impulse, fed = np.array(kicks).reshape(-1, 4).T
-        return Kicks(time, which, impulse, fed)
+        kicks = [event for event in self.events if event[1] < len(self.kicks)]
+        which = np.array([self.kicks[int(event[1])][0] for event in kicks], dtype=np.int64) - self.form.first
+        time, _, impulse, energy = np.array(kicks).reshape(-1, 4).T
+        return Kicks(time, which, impulse, energy)
 
-    def rubbed(self, t: float, y: Sequence[float], state: Sequence[float]) -> Friction:
+    def friction_record(self, t: float, y: Sequence[float], state: Sequence[float]) -> Friction:
         """What friction did until this time."""
         at, contacts = self.places, range(2 * self.places.K, 2 * self.places.K + self.places.J)
         phases, rest = [], nan
         for j in contacts:
-            times = [each[0] for each in self.happened if each[1] == j] + [t]
+            times = [event[0] for event in self.events if event[1] == j] + [t]
             phases += [(begin, end, j - contacts[0]) for begin, end in zip(times[::2], times[1::2], strict=False)]
         if self.rests(state):
-            rest = max(each[0] for each in self.happened if each[1] in contacts)
+            rest = max(event[0] for event in self.events if event[1] in contacts)
         links = np.array([below for below, _ in at.contacts], dtype=np.int64) - self.form.first
         phases.sort()
         begin, end = (np.array([phase[k] for phase in phases], dtype=float) for k in (0, 1))
@@ -198,17 +198,17 @@ class Switches:
         at, work = self.places, [*state[self.places.work :]]
         for i, pair in enumerate(at.contacts):
             if not (at.presses and i == 0):
-                way = abs(joint_value(y, pair) - state[at.told + 2 * at.J + i]) * abs(state[at.K + i])
+                way = abs(joint_value(y, pair) - state[at.state_count + 2 * at.J + i]) * abs(state[at.K + i])
                 work[i] = work[i] - self.numbers[3 * at.K + i] * way
         return work
 
     @cached_property
     def _rates_of_inputs(self) -> list[float]:
-        timed = self.places.timed
-        return [float(self.form.system.is_analytic and timed == 1)] * timed
+        input_count = self.places.input_count
+        return [float(self.form.system.is_analytic and input_count == 1)] * input_count
 
     @cached_property
-    def _given(self) -> list[Any]:
+    def _text_numbers(self) -> list[Any]:
         return [*self.numbers[:-1]]
 
     @cached_property
@@ -252,7 +252,7 @@ def _changing_of(module: Module, places: Places) -> Any:
 def kicks_of(system: System) -> tuple[Pairs, list[float]]:
     """The joints with escapements as pairs of coordinates, and their bent, angle and impulse (3 K)."""
     joints = escaping(system)
-    return joints.pairs, np.concatenate((joints.bent, joints.angle, joints.impulse)).tolist()
+    return joints.pairs, np.concatenate((joints.joint_rest, joints.angle, joints.impulse)).tolist()
 
 
 def numbers_of(system: System) -> tuple[float, ...]:
@@ -261,12 +261,12 @@ def numbers_of(system: System) -> tuple[float, ...]:
     limits = contacts.limit.tolist()
     if contacts.coefficient:
         limits[0] = contacts.coefficient
-    every = (*numbers, *limits)
-    return (*every, float(system.rate)) if every else ()
+    all_numbers = (*numbers, *limits)
+    return (*all_numbers, float(system.rate)) if all_numbers else ()
 
 
-def switches_of(system: System, *, pushed: bool = False, works: bool | None = None) -> Switches:
-    """The switches of a system, `pushed` by a load, with the work counted or not."""
-    form, (kicks, _) = switched(form_of(system, pushed=pushed, works=works)), kicks_of(system)
-    constants = switching_of(form, kicks).constants(form.numbers(entries_of(system), prescribed_of(system)))
+def switches_of(system: System, *, has_load: bool = False, works: bool | None = None) -> Switches:
+    """The switches of a system, under a load if `has_load`, with the work counted or not."""
+    form, (kicks, _) = with_contacts(form_of(system, has_load=has_load, works=works)), kicks_of(system)
+    constants = switching_of(form, kicks).constants(form.numbers(entries_of(system), constants_of(system)))
     return Switches(form, kicks, constants, numbers_of(system))

@@ -23,10 +23,10 @@ import numpy as np
 from modal.errors import ComputationError, MissingExtraError
 from modal.types import Floats
 from modal.vibration.courses import Polynomials
-from nonlinear.dynamics import Arranged, Generated, Module, module_of, undisturbed
+from nonlinear.dynamics import Arranged, Generated, Module, module_of, without_interrupts
 from nonlinear.dynamics.forms import Form
 from nonlinear.dynamics.inputs import at_time
-from nonlinear.integration.readiness import Code, installed, look_up, readied
+from nonlinear.integration.readiness import Code, has_package, look_up, make_ready
 from nonlinear.integration.steppers import Pace
 from nonlinear.system import System
 
@@ -41,7 +41,7 @@ GIVES_UP = {"err_nf_state": "its series overflow; choose another method"}
 
 def available() -> bool:
     """Whether heyoka is installed."""
-    return installed("heyoka")
+    return has_package("heyoka")
 
 
 def takes(system: System) -> bool:
@@ -66,12 +66,12 @@ class TaylorStepper:
     drift = 0.0
 
     def __init__(self, equations: Arranged, y: Floats, start: float, end: float, tolerance: float, pace: Pace) -> None:
-        begun = np.array(y, dtype=float)
+        y_start = np.array(y, dtype=float)
         self.start, self.end, self.pace, self.calls = start, end, pace, 0
-        self.integrator = integrator_of(_admitted(equations), uneven(tolerance), self)
+        self.integrator = integrator_of(_written_equations(equations), uneven(tolerance), self)
         self.pieces = pieces_of(equations)
-        self.integrator.state[:], self.integrator.time = begun, start
-        self._coefficients, self._from = begun[None], start
+        self.integrator.state[:], self.integrator.time = y_start, start
+        self._coefficients, self._from = y_start[None], start
         self._failure: ComputationError | None = None
 
     @property
@@ -89,7 +89,7 @@ class TaylorStepper:
         start = self.time
         since, until = self._stretch()
         first = self.pace.first or inf if start == since else inf
-        longest = min(first, self.pace.most(since, until), until - start)
+        longest = min(first, self.pace.longest_between(since, until), until - start)
         outcome, _ = self.integrator.step(max_delta_t=longest, write_tc=True)
         self._judge(outcome, start)
         if outcome.name == "time_limit" and longest == until - start:
@@ -97,7 +97,7 @@ class TaylorStepper:
         self._coefficients, self._from, self.calls = np.array(self.integrator.tc).T, start, self.calls + 1
 
     def sweep(
-        self, times: Floats, every: bool = True, most: int = AT_ONCE
+        self, times: Floats, all_ends: bool = True, limit: int = AT_ONCE
     ) -> tuple[Floats, list[tuple[float, Floats]], int]:
         """Many steps at once, as defined in `Sweeper`: heyoka visits the times itself, except just after a break."""
         if self._failure:
@@ -108,17 +108,20 @@ class TaylorStepper:
             return self.inside(times[times <= self.time]), [(self.time, self.y)], 1
         ends: list[tuple[float, Floats]] = []
 
-        def passed(integrator: Any) -> bool:
+        def record_step(integrator: Any) -> bool:
             ends.append((integrator.time, integrator.state.copy()))
             return True
 
         within = times[times <= until]
         grid = np.unique(np.concatenate(([start], within, [until])))
         outcome, _, _, steps, _, rows = self.integrator.propagate_grid(
-            grid, max_steps=most, max_delta_t=self.pace.most(since, until), callback=passed if every else None
+            grid,
+            max_steps=limit,
+            max_delta_t=self.pace.longest_between(since, until),
+            callback=record_step if all_ends else None,
         )
         now = self.time
-        reached = int(np.searchsorted(within, now, side="right"))
+        row_count = int(np.searchsorted(within, now, side="right"))
         try:
             self._judge(outcome, now)
             last = now, self.y
@@ -126,10 +129,10 @@ class TaylorStepper:
             self._failure = error
             if not steps:
                 raise
-            last = float(grid[reached]), rows[reached]
+            last = float(grid[row_count]), rows[row_count]
         self.calls += steps
         self._coefficients, self._from = np.array(self.integrator.tc).T, now - self.integrator.last_h
-        return rows[1 : 1 + reached], ends[:steps] or [last], steps
+        return rows[1 : 1 + row_count], ends[:steps] or [last], steps
 
     def _stretch(self) -> tuple[float, float]:
         """The breaks on either side, or the ends of the run."""
@@ -162,9 +165,9 @@ class TaylorStepper:
 
 def uneven(tolerance: float) -> float:
     """The nearest tolerance from TIGHTEST on whose order, ⌈1 − ½ log(tolerance)⌉ in heyoka, is no multiple of four."""
-    wanted = max(tolerance, TIGHTEST)
-    order = ceil(1 - log(wanted) / 2)
-    return wanted if order % 4 else 0.99 * exp(2 - 2 * order)
+    target = max(tolerance, TIGHTEST)
+    order = ceil(1 - log(target) / 2)
+    return target if order % 4 else 0.99 * exp(2 - 2 * order)
 
 
 class Originals(dict[Any, Any]):
@@ -179,18 +182,18 @@ class Originals(dict[Any, Any]):
         super().__init__()
         self._lock = Lock()
 
-    def copy_of(self, key: Any, compiled: Callable[[], Any], user: object = None) -> Any:
+    def copy_of(self, key: Any, compile_original: Callable[[], Any], user: object = None) -> Any:
         """A copy of what is kept under this key, which is compiled first where there is nothing.
 
         Nobody else gets it while its `user` lives, nor ever if none is told.
         """
         with self._lock:
             if key not in self:
-                with undisturbed():
-                    made = compiled()
+                with without_interrupts():
+                    fresh = compile_original()
                 while len(self) >= MOST_KEPT:
                     del self[next(iter(self))]
-                self[key] = made, []
+                self[key] = fresh, []
             original, idle = self[key]
             integrator = idle.pop() if idle else deepcopy(original)
         if user is not None:
@@ -238,14 +241,14 @@ def integrator_of(equations: Generated, tolerance: float, user: object = None) -
     pars = [*equations.constants, *at_time(pieces, 0.0)]
 
     options = {"tol": tolerance, "compact_mode": equations.system.n_links > UNROLLED}
-    with readied(code) as compiles:
+    with make_ready(code) as compiles:
 
-        def compiled() -> Any:
+        def compile_series() -> Any:
             heyoka = _heyoka()
             with nullcontext() if code.kept else compiles():
                 return heyoka.taylor_adaptive(expressions(module, size, pieces), np.zeros(size), pars=pars, **options)
 
-        integrator = _COMPILED.copy_of((_text(module, pieces), tolerance), compiled, user)
+        integrator = _COMPILED.copy_of((_text(module, pieces), tolerance), compile_series, user)
     integrator.pars[:] = pars
     return integrator
 
@@ -258,7 +261,7 @@ def expressions(module: Module, size: int, pieces: Sequence[Polynomials] = ()) -
     heyoka = _heyoka()
     y = [heyoka.expression(f"y{i:03d}") for i in range(size)]
     functions = {"sin": heyoka.sin, "cos": heyoka.cos, "sqrt": heyoka.sqrt}
-    rates = module.recorded("rates", [heyoka.par[k] for k in range(len(module.names))], functions)
+    rates = module.generic_function("rates", [heyoka.par[k] for k in range(len(module.names))], functions)
     u, at = [] if pieces else [heyoka.time] * module.sizes.get("u", 0), len(module.names)
     for piece in pieces:
         since, last = heyoka.time - heyoka.par[at], at + piece.coefficients.shape[1]
@@ -269,7 +272,7 @@ def expressions(module: Module, size: int, pieces: Sequence[Polynomials] = ()) -
     return [(component, heyoka.expression(0.0) + rate) for component, rate in zip(y, rates(y, u), strict=True)]
 
 
-def _admitted(equations: Arranged) -> Generated:
+def _written_equations(equations: Arranged) -> Generated:
     """The same equations written out, if heyoka can integrate them."""
     longest, links = max(group.n for group in equations.system.groups), equations.system.n_links
     if equations.load is not None:

@@ -40,22 +40,22 @@ def estimate_timescales(scene: Scene) -> Timescales:
     """The time scales of a scene's modes where these are cheap, else estimates."""
     if scene.is_structured and scene.n_links <= DENSE:
         try:
-            return _surveyed(_of_matrices(scene), scene)
+            return _timescales_of(_of_matrices(scene), scene)
         except np.linalg.LinAlgError:  # masses so far apart that rounding leaves M singular
-            return _guessed(scene)
+            return _estimate(scene)
     if scene.n_links <= MOST_SURVEYED and not scene.is_structured:
         try:
             eigenvalue = _modes_of_scales(scene).eigenvalue
         except ComputationError:
-            return _guessed(scene)
-        return _surveyed(eigenvalue, scene)
-    return _guessed(scene)
+            return _estimate(scene)
+        return _timescales_of(eigenvalue, scene)
+    return _estimate(scene)
 
 
-def _surveyed(eigenvalues: Complexes, scene: Scene) -> Timescales:
+def _timescales_of(eigenvalues: Complexes, scene: Scene) -> Timescales:
     """The time scales of these eigenvalues (1/s)."""
     swings = np.abs(eigenvalues[(np.abs(eigenvalues.imag) > np.abs(eigenvalues.real)) | (eigenvalues.real > 0)])
-    swing = float(swings.max(initial=0.0)) or _guessed(scene).swing
+    swing = float(swings.max(initial=0.0)) or _estimate(scene).swing
     return Timescales(swing, float(np.max(-eigenvalues.real, initial=0.0)), True)
 
 
@@ -76,12 +76,12 @@ def _modes_of_scales(scene: Scene) -> Modes:
         return modes_of(scene.replace(force=()))
 
 
-def sample_count(duration: float, swing: float, per_period: float, fewest: int, most: int) -> int:
+def sample_count(duration: float, swing: float, per_period: float, fewest: int, limit: int) -> int:
     """Number of samples at `per_period` per period of `swing` (rad/s) over `duration` (s), within bounds."""
-    return min(max(ceil(min(duration * swing / (2 * pi) * per_period, most)), fewest), most)
+    return min(max(ceil(min(duration * swing / (2 * pi) * per_period, limit)), fewest), limit)
 
 
-def _guessed(scene: Scene) -> Timescales:
+def _estimate(scene: Scene) -> Timescales:
     system = system_of(scene)
     decay = max(float(np.max(group.block.damping / group.moment)) for group in system.groups)
     if system.cart and system.cart.mass:

@@ -99,8 +99,8 @@ class Trajectory(TextResult):
     def mechanics(self) -> Mechanics:
         """Positions, energies and momenta."""
         support = self.system.support
-        moved = support.displacements(self.times, 3 if self.system.spatial else 2) if support else None
-        return Mechanics(self.system, self.motion, self.times, moved)
+        displacements = support.displacements(self.times, 3 if self.system.spatial else 2) if support else None
+        return Mechanics(self.system, self.motion, self.times, displacements)
 
     def at(self, rows: Any) -> Trajectory:
         """The trajectory at some of its times: a slice, indices or a mask."""
@@ -159,13 +159,13 @@ class Trajectory(TextResult):
         mechanics, mass = self.mechanics, self.system.mass
         speed = np.linalg.norm(mechanics.speeds, axis=-1)
         if self.keeps_momentum:
-            along = mechanics.speeds[..., 0] - mechanics.momentum[:, None] / self.system.total_mass
-            kept, scale = mechanics.momentum, (np.hypot(along, mechanics.speeds[..., -1]) @ mass).max()
+            rail_rate = mechanics.speeds[..., 0] - mechanics.momentum[:, None] / self.system.total_mass
+            invariant, scale = mechanics.momentum, (np.hypot(rail_rate, mechanics.speeds[..., -1]) @ mass).max()
         elif self.keeps_spin:
-            kept, scale = mechanics.spin, ((speed * np.linalg.norm(mechanics.centres, axis=-1)) @ mass).max()
+            invariant, scale = mechanics.spin, ((speed * np.linalg.norm(mechanics.centres, axis=-1)) @ mass).max()
         else:
             return float("nan")
-        return float(np.max(np.abs(kept - kept[0])) / (scale or 1.0))
+        return float(np.max(np.abs(invariant - invariant[0])) / (scale or 1.0))
 
     def constraint_drift(self) -> float:
         """The largest constraint violation before projection; 0 in minimal coordinates."""

@@ -46,9 +46,9 @@ def aside(system: System, start: State, by: Any) -> State:
     In space every component of the unit vectors is perturbed.  `by` is a number or fits `start.links`.
     """
     shift = by * np.random.default_rng(SEED).uniform(0.5, 1.0, start.links.shape)
-    if reduced := synchronous(system, start):
+    if symmetry := synchronous(system, start):
         number = np.arange(float(system.n_links))
-        shift[~np.isin(number, reduced.restrict(State(number, number)).links)] = 0.0
+        shift[~np.isin(number, symmetry.restrict(State(number, number)).links)] = 0.0
     links = start.links + shift
     if links.ndim == 2:
         links /= np.linalg.norm(links, axis=1, keepdims=True)
@@ -60,7 +60,7 @@ def slightly(system: System, start: State) -> float:
     return max(ASIDE * extent(start, system), LEAST)
 
 
-def rounded(request: Request) -> Request | None:
+def perturb_last_digits(request: Request) -> Request | None:
     """The request with a start perturbed in its last digits; None where the start has no exact symmetry to break.
 
     Without a symmetry or an unstable equilibrium that rounding preserves, runs at two tolerances are as informative.
@@ -79,24 +79,26 @@ def departure(trajectory: Trajectory) -> Departure | None:
     """
     require_type("trajectory", trajectory, "Trajectory")
     start, times = trajectory.motion[0], trajectory.times
-    asked = Request(trajectory.scene, trajectory.system, start, np.linspace(0.0, float(times[-1] - times[0]), SAMPLES))
-    if not (trajectory.run.reduced and asked.duration and any(smaller.ties for smaller in asked.smaller)):
+    request = Request(
+        trajectory.scene, trajectory.system, start, np.linspace(0.0, float(times[-1] - times[0]), SAMPLES)
+    )
+    if not (trajectory.run.reduced and request.duration and any(smaller.ties for smaller in request.smaller)):
         return None
     steps = count(1)
 
     def distance(state: State) -> float:
-        return float(apart(*symmetrize(asked.smaller, state))[0])
+        return float(apart(*symmetrize(request.smaller, state))[0])
 
-    def patient(elapsed: float) -> None:
+    def patient(time: float) -> None:
         if next(steps) > STEPS:
             raise ComputationError("the twin is followed no further")
 
-    begun = aside(asked.system, start, slightly(asked.system, start))
-    left = Event("a twin has left", lambda state: distance(state) - GONE, stop=True)
-    twin = replace(asked, start=begun, events=(left,), report=patient)
+    perturbed_start = aside(request.system, start, slightly(request.system, start))
+    leaving = Event("a twin has left", lambda state: distance(state) - GONE, stop=True)
+    twin = replace(request, start=perturbed_start, events=(leaving,), report=patient)
     try:
-        followed = twin.run(twin.choice(TOLERANCE))
+        path = twin.run(twin.choice(TOLERANCE))
     except SimulationError as error:
-        followed = error.trajectory
-    gone = max(distance(followed.motion[at]) for at in range(len(followed.times)))
-    return Departure(gone / distance(begun), float(followed.times[-1]))
+        path = error.trajectory
+    largest = max(distance(path.motion[at]) for at in range(len(path.times)))
+    return Departure(largest / distance(perturbed_start), float(path.times[-1]))

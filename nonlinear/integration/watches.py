@@ -16,14 +16,14 @@ from modal.types import Floats, Ints
 from nonlinear.integration.passages import (
     Level,
     Passages,
-    counted,
-    joined,
+    join_passages,
     leaving,
     level_of,
     passages,
+    passages_that_count,
     starts_of,
 )
-from nonlinear.integration.within import Inside, Step, beside, squared
+from nonlinear.integration.within import Inside, Step, align_lanes, sums_of_squares
 from nonlinear.system import Layout
 
 ASIDE = 1e-7  # of natural units, by which a neighbour is put aside to see how a difference grows
@@ -40,11 +40,11 @@ def _instants(step: Step, due: Ints, until: Ints) -> Iterator[tuple[Ints, Ints, 
     if not len(columns):
         return
     inside, due, until = step.within(columns), due[columns], until[columns]
-    left = np.arange(len(columns))
-    while len(left):
-        yield columns[left], due[left], inside.take(left)
-        due[left] += 1
-        left = left[due[left] < until[left]]
+    remaining = np.arange(len(columns))
+    while len(remaining):
+        yield columns[remaining], due[remaining], inside.take(remaining)
+        due[remaining] += 1
+        remaining = remaining[due[remaining] < until[remaining]]
 
 
 @dataclass(eq=False)
@@ -59,23 +59,23 @@ class Samples:
     rows: Floats = field(init=False)
 
     def __post_init__(self) -> None:
-        begun = np.moveaxis(self.begun, 1, 0)
-        self.rows = np.full((len(begun), self.times.shape[-1], *begun.shape[1:]), np.nan, begun.dtype)
-        at_start = np.broadcast_to(self.times[..., 0] == 0, len(begun))
-        self.rows[at_start, 0] = begun[at_start]
+        start = np.moveaxis(self.begun, 1, 0)
+        self.rows = np.full((len(start), self.times.shape[-1], *start.shape[1:]), np.nan, start.dtype)
+        at_start = np.broadcast_to(self.times[..., 0] == 0, len(start))
+        self.rows[at_start, 0] = start[at_start]
 
     def see(self, step: Step) -> None:
         """Samples that fall into the step."""
         end = step.start + step.length
-        due, until = self._passed(step.member, step.start), self._passed(step.member, end)
+        due, until = self._sample_count(step.member, step.start), self._sample_count(step.member, end)
         for columns, sample, inside in _instants(step, due, until):
             members = step.member[columns]
             time = self.times[members, sample] if self.times.ndim > 1 else self.times[sample]
             part = (time - step.start[columns]) / step.length[columns]
-            y = np.where(beside(time == end[columns], step.after), step.after[:, columns], inside.at(part))
+            y = np.where(align_lanes(time == end[columns], step.after), step.after[:, columns], inside.at(part))
             self.rows[members, sample] = np.moveaxis(y, 1, 0)
 
-    def _passed(self, members: Ints, time: Floats) -> Ints:
+    def _sample_count(self, members: Ints, time: Floats) -> Ints:
         """How many samples of each member come until a time."""
         if self.times.ndim > 1:
             return np.asarray((self.times[members] <= time[:, None]).sum(1))
@@ -103,9 +103,9 @@ class FirstTurns:
     def see(self, step: Step) -> None:
         """Links that go over the top in the step."""
         for level, starts, times in zip(self._levels, self._starts, self.times, strict=True):
-            if (passed := passages(step, level, times[step.member] > step.start)) is not None:
-                passed = passed.take(~leaving(passed, starts))
-                np.minimum.at(times, passed.member, passed.time)
+            if (crossings := passages(step, level, times[step.member] > step.start)) is not None:
+                crossings = crossings.take(~leaving(crossings, starts))
+                np.minimum.at(times, crossings.member, crossings.time)
 
 
 @dataclass(eq=False)
@@ -121,21 +121,23 @@ class Crossings:
     row: int
     level: float
     direction: int = 0
-    _crossed: list[Passages] = field(default_factory=list)
+    _passages: list[Passages] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         self._level = level_of(self.layout, self.row, self.level)
 
     def see(self, step: Step) -> None:
         """Passages within the step."""
-        if (passed := passages(step, self._level)) is not None:
-            self._crossed.append(passed)
+        if (crossings := passages(step, self._level)) is not None:
+            self._passages.append(crossings)
 
     @property
     def crossings(self) -> tuple[Ints, Floats, Floats]:
         """Members (C,), times (C,) and y (C, size), member by member in the order of time."""
         starts = starts_of(self._level, self.layout, self.begun, self.slope)
-        return counted(joined(self._crossed, len(self.begun)), starts, self.begun, self.direction)[:3]
+        return passages_that_count(join_passages(self._passages, len(self.begun)), starts, self.begun, self.direction)[
+            :3
+        ]
 
 
 @dataclass(eq=False)
@@ -195,19 +197,19 @@ class Growth:
         if scale.shape[1] > 1:
             scale = scale[:, members]
         v = self._v[:, members] * scale
-        shifted = step.after.copy()
-        shifted[: 2 * half] += ASIDE * v
-        rates = step.rates(shifted, step.times(1.0))
+        neighbour = step.after.copy()
+        neighbour[: 2 * half] += ASIDE * v
+        rates = step.rates(neighbour, step.times(1.0))
         for row in range(half):
             v[half + row] += step.length * ((rates[half + row] - step.stages[-1, half + row]) / ASIDE)
         v[:half] += step.length * v[half:]
         v /= scale
-        grown = np.sqrt(squared(v))
+        grown = np.sqrt(sums_of_squares(v))
         v /= grown
-        taken = step.taken & np.isfinite(grown) & (grown > 0)
-        far = np.abs(step.after[self.layout.first : half]).max(0)
-        error = self.error[members] * grown + np.maximum(self.local[members], ROUNDING * far)
-        columns = np.flatnonzero(taken)
+        is_valid = step.taken & np.isfinite(grown) & (grown > 0)
+        largest_angle = np.abs(step.after[self.layout.first : half]).max(0)
+        error = self.error[members] * grown + np.maximum(self.local[members], ROUNDING * largest_angle)
+        columns = np.flatnonzero(is_valid)
         members_in = members[columns]
         self._v[:, members_in] = v[:, columns]
         self.error[members_in] = error[columns]
@@ -256,8 +258,8 @@ class GrowthSamples:
 
 def tangent_direction(size: int) -> Floats:
     """The direction of length 1, (size, 1), in which tangent vectors begin, in natural units: drawn once for all."""
-    drawn = np.random.default_rng(0).standard_normal((size, 1))
-    return np.asarray(drawn / np.linalg.norm(drawn))
+    vector = np.random.default_rng(0).standard_normal((size, 1))
+    return np.asarray(vector / np.linalg.norm(vector))
 
 
 @dataclass(eq=False)

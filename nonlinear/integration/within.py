@@ -11,7 +11,7 @@ import numpy as np
 
 from modal.types import Booleans, Floats, Ints
 from nonlinear.dynamics.generated import Rates
-from nonlinear.integration.method import EXTRA, NODES, STAGES, advance, gained, terms_of
+from nonlinear.integration.method import EXTRA, NODES, STAGES, advance, gain_at, terms_of
 from nonlinear.integration.steppers import BESIDE
 
 PIECES = 16  # parts of a step, within each of which a component turns back once at most
@@ -24,8 +24,8 @@ class Step:
     """One step of W lanes: `member` in each, whether it was `taken`, from when (s), how long, y before and after.
 
     `stages` (13, size, W) are the rates on the way; the first and the last those at the ends.  All of these have the
-    columns of segments as a last axis where they have any.  `held` (2 J, W) are the inputs of contacts.  Where the
-    stages are the first of a longer array, further ones have `room` there.  Steps of one run are `alone`.
+    columns of segments as a last axis where they have any.  `contact_inputs` (2 J, W) are those of contacts.  Where the
+    stages are the first of a longer array, further ones have `room` there.  Those of one run have `is_single_run`.
     """
 
     member: Ints
@@ -38,10 +38,10 @@ class Step:
     rates: Rates
     rates_of: Callable[[Ints], Rates]
     breaks: bool = False
-    held: Any = ()
+    contact_inputs: Any = ()
     room: Floats | None = None
     inside: Inside | None = None
-    alone: bool = False
+    is_single_run: bool = False
 
     @cached_property
     def ends(self) -> Floats:
@@ -67,16 +67,16 @@ class Step:
         rates = np.ascontiguousarray(rates)
         slowest, fastest = rates.min(0), rates.max(0)
         turns = (slowest < 0) & (fastest > 0)
-        beyond = np.where(turns, self.length * np.maximum(-slowest, fastest) / 2, 0.0)
-        return np.minimum(start, end) - beyond, np.maximum(start, end) + beyond
+        excess = np.where(turns, self.length * np.maximum(-slowest, fastest) / 2, 0.0)
+        return np.minimum(start, end) - excess, np.maximum(start, end) + excess
 
     @classmethod
     def of_run(cls, times: Floats, y: Floats, stages: Floats, rates: Any, breaks: bool = False) -> Step:
         """The W steps of one run between these times (W + 1,), with y (W + 1, size) there and stages (W, 13, size)."""
         count = len(times) - 1
         lanes = np.zeros(count, dtype=np.int64), np.ones(count, dtype=bool), times[:-1], np.diff(times)
-        along = np.moveaxis(stages, 0, 2)
-        return cls(*lanes, y[:-1].T, y[1:].T, along, rates, lambda columns: rates, breaks, alone=True)
+        stage_columns = np.moveaxis(stages, 0, 2)
+        return cls(*lanes, y[:-1].T, y[1:].T, stage_columns, rates, lambda columns: rates, breaks, is_single_run=True)
 
     def trace(self) -> Floats:
         """The y at the end by one step of the method, whose stages are filled."""
@@ -89,19 +89,19 @@ class Step:
 
     def ending(self, columns: Ints, part: Floats) -> tuple[Floats, Floats]:
         """The y and y' (size, A) where steps of these lanes would end at parts of them: as accurate as steps are."""
-        before = np.ascontiguousarray(self.before[:, columns])
+        starts = np.ascontiguousarray(self.before[:, columns])
         lanes = self.member[columns], self.taken[columns], self.start[columns], self.length[columns] * part
-        stages = np.empty((STAGES + 1, *before.shape))
-        step = Step(*lanes, before, before, stages, self.rates_of(columns), self.rates_of, self.breaks)
+        stages = np.empty((STAGES + 1, *starts.shape))
+        step = Step(*lanes, starts, starts, stages, self.rates_of(columns), self.rates_of, self.breaks)
         return step.trace(), stages[STAGES]
 
     def within(self, columns: Ints) -> Inside:
         """The motion inside the step of the lanes in these columns."""
         if self.inside is not None:
             return self.inside.take(columns)
-        before, along = self.before[:, columns], beside(self.length[columns], self.before)
-        moved = self.after[:, columns] - before
-        return Inside(before, np.array(terms_of(along, moved, self.extended(columns))))
+        start, length = self.before[:, columns], align_lanes(self.length[columns], self.before)
+        change = self.after[:, columns] - start
+        return Inside(start, np.array(terms_of(length, change, self.extend_stages(columns))))
 
     def within_all(self) -> Inside:
         """The motion inside the step of all lanes, kept for whoever asks next."""
@@ -109,20 +109,20 @@ class Step:
             self.inside = self.within(np.arange(len(self.member)))
         return self.inside
 
-    def extended(self, columns: Ints) -> Floats:
+    def extend_stages(self, columns: Ints) -> Floats:
         """The rates (16, size, A) at all stages of the lanes in these columns, and at further ones."""
         if self.room is not None and len(columns) == len(self.member):
-            stages, before, rates = self.room, self.before, self.rates
+            stages, start, rates = self.room, self.before, self.rates
         else:
-            before, rates = np.ascontiguousarray(self.before[:, columns]), self.rates_of(columns)
-            stages = np.empty((STAGES + 1 + EXTRA, *before.shape), before.dtype)
+            start, rates = np.ascontiguousarray(self.before[:, columns]), self.rates_of(columns)
+            stages = np.empty((STAGES + 1 + EXTRA, *start.shape), start.dtype)
             np.take(self.stages, columns, axis=2, out=stages[: STAGES + 1])
-        y = np.empty_like(before)
-        begun, *others = (array.view(float) for array in (before, stages, y, np.empty_like(y)))
-        length = spread(self.length[columns], begun)
+        y = np.empty_like(start)
+        start_view, *others = (array.view(float) for array in (start, stages, y, np.empty_like(y)))
+        length = spread(self.length[columns], start_view)
         for stage in range(STAGES + 1, len(stages)):
-            advance(stage, begun, length, *others)
-            fill(rates(y, beside(self.times(NODES[stage], columns), before)), stages[stage])
+            advance(stage, start_view, length, *others)
+            fill(rates(y, align_lanes(self.times(NODES[stage], columns), start)), stages[stage])
         return stages
 
 
@@ -148,7 +148,7 @@ class Inside:
 
     def at(self, part: Floats, rows: Any = ALL) -> Floats:
         """The y (size, A), or of one component (A,), at these parts of the step, from 0 to 1."""
-        return np.asarray(self.before[rows] + gained(beside(part, self.before), [*self.terms[:, rows]]))
+        return np.asarray(self.before[rows] + gain_at(align_lanes(part, self.before), [*self.terms[:, rows]]))
 
     def take(self, lanes: Any, rows: Any = ALL) -> Inside:
         """Of some of these lanes, and of some components."""
@@ -173,8 +173,10 @@ class Inside:
         piece, lane = np.nonzero(np.signbit(slope[:-1]) != np.signbit(slope[1:]))
         turning = low.copy()
         if len(piece):
-            some = self.take(lane)
-            turning[piece, lane] = crossing(lambda part: some.slope(part, row), low[piece, lane], high[piece, lane])
+            turning_lanes = self.take(lane)
+            turning[piece, lane] = crossing(
+                lambda part: turning_lanes.slope(part, row), low[piece, lane], high[piece, lane]
+            )
         parts = np.empty((2 * PIECES + 1, after.size))
         parts[::2], parts[1::2] = grid, turning
         values = self.motion.at(parts, row)
@@ -190,7 +192,7 @@ class Inside:
 NODES_INSIDE = (1 - np.cos(np.pi * np.arange(10) / 9)) / 2
 """Parts of a step at which its interpolant, a polynomial by any method, is known by its values to the last digits."""
 BETWEEN = 0.1  # of the range of these values, by which what lies between them may be beyond
-_OF_TERMS = np.array([gained(NODES_INSIDE[1:], [*np.eye(9)[:, [k]]]) for k in range(9)]).T
+_OF_TERMS = np.array([gain_at(NODES_INSIDE[1:], [*np.eye(9)[:, [k]]]) for k in range(9)]).T
 
 
 @dataclass(eq=False)
@@ -206,24 +208,26 @@ class KnownStep(Step):
         values = inside(start + NODES_INSIDE * (end - start))
         lane = np.zeros(1, dtype=np.int64), np.ones(1, dtype=bool), np.array([start]), np.array([end - start])
         ends, unknown = (values[0][:, None], values[-1][:, None]), values[:0]
-        return cls(*lane, *ends, unknown, _unknown, lambda columns: _unknown, alone=True, values=values, exact=exact)
+        return cls(
+            *lane, *ends, unknown, _unknown, lambda columns: _unknown, is_single_run=True, values=values, exact=exact
+        )
 
     def reach(self, row: int) -> tuple[Floats, Floats]:
         """The lowest and the highest that a component of y can be within the step, (1,)."""
         values = self.values[:, row].tolist()
         low, high = min(values), max(values)
-        beyond = BETWEEN * (high - low)
-        return np.array([low - beyond]), np.array([high + beyond])
+        excess = BETWEEN * (high - low)
+        return np.array([low - excess]), np.array([high + excess])
 
     @cached_property
-    def known(self) -> Inside:
+    def interpolant(self) -> Inside:
         """The motion inside the step."""
-        moved = self.values[1:] - self.values[0]
-        return Inside(self.before, np.linalg.solve(_OF_TERMS, moved)[..., None])
+        change = self.values[1:] - self.values[0]
+        return Inside(self.before, np.linalg.solve(_OF_TERMS, change)[..., None])
 
     def within(self, columns: Ints) -> Inside:
         """The motion inside the step."""
-        return self.known.take(columns)
+        return self.interpolant.take(columns)
 
     def ending(self, columns: Ints, part: Floats) -> tuple[Floats, Floats]:
         """The y (size, A) at parts of the step, integrated anew from its beginning, and y'."""
@@ -240,8 +244,8 @@ def crossing(function: Callable[[Floats], Floats], low: Floats, high: Floats) ->
     at_low, at_high = function(low), function(high)
     side, middle = np.zeros(low.shape), low
     for _ in range(ROUNDS):
-        across = at_high - at_low
-        middle = np.where(across != 0, (low * at_high - high * at_low) / np.where(across != 0, across, 1.0), low)
+        rise = at_high - at_low
+        middle = np.where(rise != 0, (low * at_high - high * at_low) / np.where(rise != 0, rise, 1.0), low)
         value = function(middle)
         upper = np.signbit(value) == np.signbit(at_high)
         low, high = np.where(upper, low, middle), np.where(upper, middle, high)
@@ -251,7 +255,7 @@ def crossing(function: Callable[[Floats], Floats], low: Floats, high: Floats) ->
     return np.asarray(middle)
 
 
-def beside(values: Any, y: Floats) -> Any:
+def align_lanes(values: Any, y: Floats) -> Any:
     """Values of lanes (..., S), ready to be combined with y (size, S) or (size, S, 1 + k)."""
     return values if y.ndim < 3 else np.asarray(values)[..., None]
 
@@ -261,7 +265,7 @@ def spread(values: Floats, y: Floats) -> Floats:
     return values if y.ndim < 3 else np.repeat(values, y.shape[2]).reshape(y.shape[1:])
 
 
-def squared(rows: Floats) -> Floats:
+def sums_of_squares(rows: Floats) -> Floats:
     """The sum of the squares of each column, row by row: the same for a column whatever stands beside it."""
     sums = rows[0] * rows[0]
     for row in rows[1:]:

@@ -22,11 +22,11 @@ from modal.errors import ComputationError
 from modal.report import Displayed
 from modal.types import Floats
 from nonlinear.dynamics.elimination import SINGULAR
-from nonlinear.dynamics.generated import UNDEFINED, Listed, Rate
+from nonlinear.dynamics.generated import UNDEFINED, InputFunction, Rate
 from nonlinear.dynamics.variational import TINY, Force, Variational
-from nonlinear.integration.analytic import impulses_since, kicked
+from nonlinear.integration.analytic import imaginary_after_kick, impulses_since
 from nonlinear.integration.floats import FloatDOP853, FloatStep, Numbers, attempt_of
-from nonlinear.integration.method import FIFTH, NODES, POWER, ROWS, SAFETY, STAGES, THIRD, Shares, steered
+from nonlinear.integration.method import FIFTH, NODES, POWER, ROWS, SAFETY, STAGES, THIRD, Shares, control_steps
 from nonlinear.integration.switched import Switched
 from nonlinear.system import System
 
@@ -114,7 +114,7 @@ class Flow(Displayed):
     def switched(self) -> Switched | None:
         """The equations with their switches."""
         rubs = bool(self.equations.form.contacts)
-        return Switched(self.equations) if self.system.kicked or rubs else None
+        return Switched(self.equations) if self.system.has_escapements or rubs else None
 
     def __call__(
         self, y: Floats, V: Floats, whole: float, state: list[float] | None = None, start: float = 0.0
@@ -123,7 +123,7 @@ class Flow(Displayed):
         solver, switched = self._solver(y, whole, state, start), self.switched
         kept, carried = [(0.0, y, solver.f)], list[FloatStep | Floats]()
         while True:
-            if switched and switched.met is not None:
+            if switched and switched.met_switch is not None:
                 carried.append(self._through(solver, switched))
                 kept.append((solver.t - start, solver.y, solver.f))
             if solver.t >= solver.t_bound or (switched and switched.rests):
@@ -139,8 +139,13 @@ class Flow(Displayed):
 
     def _through(self, solver: FloatDOP853, switched: Switched) -> Floats:
         """What the switch that was met does to V, by whose state and numbers it goes on."""
-        switches, S, j, u = switched.switches, np.eye(len(solver.y)).tolist(), switched.met or 0, self._timed(solver.t)
-        y, f, before, seen = solver.y, solver.f.tolist(), [*u, *switched.held], len(switches.happened)
+        switches, S, j, u = (
+            switched.switches,
+            np.eye(len(solver.y)).tolist(),
+            switched.met_switch or 0,
+            self._timed(solver.t),
+        )
+        y, f, before, seen = solver.y, solver.f.tolist(), [*u, *switched.contact_inputs], len(switches.events)
         solver.switch(S)
         if self.change is None:
             return np.array(S).T
@@ -149,30 +154,32 @@ class Flow(Displayed):
             parts = zip((self.equations.numbers, switches.numbers), self.change, strict=True)
             form, kicks = ([np.array([a + 1j * TINY * b]) for a, b in zip(*pair, strict=True)] for pair in parts)
             impulses = impulses_since(switches, seen)
-            moved = kicked(switches, (form, kicks), j, y[:, None] + 0j, f, impulses, before, switched.state, u)
+            moved = imaginary_after_kick(
+                switches, (form, kicks), j, y[:, None] + 0j, f, impulses, before, switched.state, u
+            )
             saltation[:-1, -1] = moved[:, 0] / TINY
         return saltation
 
     def _timed(self, time: float) -> list[float]:
         """The inputs before those of contacts."""
-        return [*self.equations.listed(time, ())] if self.equations.listed else []
+        return [*self.equations.inputs_at(time, ())] if self.equations.inputs_at else []
 
     def _solver(self, y: Floats, whole: float, state: list[float] | None, start: float) -> FloatDOP853:
         """What takes steps from y."""
         equations = self.switched or self.equations
         if self.switched:
-            self.switched.switches.happened.clear()
+            self.switched.switches.events.clear()
             if state:
                 self.switched.resume([*state])
             else:
                 self.switched.release(start, y)
         options: Any = {"first_step": whole * FIRST, "rtol": self.tolerance, "atol": self.tolerance * self.scale}
-        rates = (equations.rate, equations.listed, equations.is_clocked, equations.derivative)
+        rates = (equations.rate, equations.inputs_at, equations.is_time_only, equations.derivative)
         try:
             solver = FloatDOP853(*rates, start, y, start + whole, **options)
         except UNDEFINED:
             raise ComputationError(SINGULAR) from None
-        solver.switched = self.switched
+        solver.switching = self.switched
         if not np.all(np.isfinite(solver.f)):
             raise ComputationError(SINGULAR)
         return solver
@@ -190,9 +197,9 @@ class Flow(Displayed):
             return partial(self.switched.switches.function("sticking"), v=())
         return self.equations.rate
 
-    def _listed_with(self, held: Numbers) -> Listed:
+    def _listed_with(self, held: Numbers) -> InputFunction:
         """All inputs at a time (s) of a step with those of contacts."""
-        listed = self.equations.listed
+        listed = self.equations.inputs_at
         return lambda time, y: [*(listed(time, y) if listed else ()), *held]
 
     def _carried(self, V: Floats, parts: Sequence[FloatStep | Floats]) -> Floats:
@@ -230,11 +237,11 @@ class Flow(Displayed):
         pieces, y, length = list[FloatStep](), step.before, (step.end - step.start) / parts
         if step.start + length == step.start:
             raise ComputationError(UNFOLLOWED)
-        listed = self._listed_with(step.held)
+        listed = self._listed_with(step.contact_inputs)
         for k in range(parts):
             time = step.start + k * length
-            end, stages = self._attempt(time, y, self._rate(y, listed(time, y)), length, step.held)
-            pieces.append(FloatStep(time, time + length, y, end, stages, step.held))
+            end, stages = self._attempt(time, y, self._rate(y, listed(time, y)), length, step.contact_inputs)
+            pieces.append(FloatStep(time, time + length, y, end, stages, step.contact_inputs))
             y = end
         return pieces
 
@@ -248,11 +255,11 @@ class Flow(Displayed):
         many, size = len(steps), len(begun)
         inner = lengths[:, None] * np.tensordot(SHARES[:STAGES], stages[:, :STAGES], (1, 1)).transpose(2, 1, 0)
         y, u = (begun[..., None] + inner).reshape(size, -1), np.empty((0, many * STAGES))
-        if self.equations.form.contacts or self.equations.listed:
+        if self.equations.form.contacts or self.equations.inputs_at:
             at = times[:, None] + lengths[:, None] * np.array(NODES[:STAGES])
-            inputs = [self._listed_with(step.held) for step in steps]
+            inputs = [self._listed_with(step.contact_inputs) for step in steps]
             u = np.array([listed(time, ()) for listed, row in zip(inputs, at.tolist(), strict=True) for time in row]).T
-        J = self.equations.linearized(y, u)[1]
+        J = self.equations.linearize(y, u)[1]
         if self.change is not None:
             size += 1
             J = np.pad(J, ((0, 0), (0, 1), (0, 1)))
@@ -285,4 +292,4 @@ class Flow(Displayed):
         stages, many = K.shape[:2]
         errors = (ERRORS @ K.reshape(stages, -1)).reshape(2, many, size, size) * (self.scale / self.scale[:, None])
         fifth, third = (errors**2).sum((2, 3)) / (size * self.tolerance**2)
-        return steered(fifth, third, np.ones(many), size, False)[0]
+        return control_steps(fifth, third, np.ones(many), size, False)[0]

@@ -80,7 +80,7 @@ def linear_response(scene: Scene) -> LinearResponse:
     u = equations.inputs_beside(np.arange(many) * (drives.seconds / many), np.zeros((size, many)))
     y = np.concatenate((flow.rest, np.zeros(size // 2)))
     for _ in range(ROUNDS):
-        b, J = equations.linearized(np.repeat(y[:, None], many, axis=1), np.array(u))
+        b, J = equations.linearize(np.repeat(y[:, None], many, axis=1), np.array(u))
         A, acting = J.mean(axis=0), np.fft.rfft(b, axis=1).T
         shift = np.linalg.lstsq(-A, acting[0].real / many, rcond=None)[0]
         if not np.all(np.isfinite(shift)):

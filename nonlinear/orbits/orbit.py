@@ -11,7 +11,7 @@ from modal.report import Displayed, Summary
 from modal.scene import Scene, name_of, sines_of
 from modal.types import Floats
 from nonlinear.dynamics import Mechanics
-from nonlinear.dynamics.minimal import drained
+from nonlinear.dynamics.minimal import drained_power
 from nonlinear.orbits.floquet import Floquet
 from nonlinear.orbits.flow import Flow, Path
 from nonlinear.system import Motion, State
@@ -108,7 +108,7 @@ class Orbit(Displayed):
         times, q, v = self._sampled
         moving = self.flow.system.support
         support = (0.0, 0.0) if moving is None else tuple(moving.velocities(times, 2).T)
-        return 0.0 - float(drained(self.flow.system, q.T, v.T, (support[0], support[1])).mean()) * self.period
+        return 0.0 - float(drained_power(self.flow.system, q.T, v.T, (support[0], support[1])).mean()) * self.period
 
     @cached_property
     def is_symmetric(self) -> bool:

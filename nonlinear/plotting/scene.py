@@ -17,7 +17,7 @@ from modal.structure import STILL, Piece, Scaffold
 from modal.types import Floats, Ints
 from nonlinear.dynamics import Mechanics, vectors
 from nonlinear.integration import Trajectory
-from nonlinear.postprocessing import picked, resample
+from nonlinear.postprocessing import pick_links, resample
 from nonlinear.system import Motion, System
 
 MOST_PENDULA, DETAIL, CLAUSE = 12, 3, 4_000_000
@@ -122,7 +122,7 @@ def stage_of(trajectory: Trajectory, at: Floats) -> Stage:
     shaken = np.zeros((len(fine), 3 if system.spatial else 2))
     if system.support:
         shaken = system.support.displacements(fine, shaken.shape[1])
-    moved = [resample(trajectory.times, picked(trajectory.motion, place), fine) for place in places]
+    moved = [resample(trajectory.times, pick_links(trajectory.motion, place), fine) for place in places]
     length, centre = system.by_link("length"), system.by_link("centre")
     if system.hoisting is not None:
         length = system.hoisting.at(fine)[0]

@@ -38,7 +38,7 @@ from modal.scene import title_of
 from modal.scene.doors import require_type
 from modal.types import Floats, Ints
 from nonlinear.integration import Trajectory
-from nonlinear.postprocessing import picked, resample, smooth
+from nonlinear.postprocessing import pick_links, resample, smooth
 from nonlinear.synchronization import Phases, Survival, find_survival, population_phases
 
 MOST_LINES = HUES
@@ -114,7 +114,7 @@ def _tops(trajectory: Trajectory) -> Ints:
 
 def _close(trajectory: Trajectory, links: Ints, start: float, width: float) -> tuple[Floats, Floats]:
     """Times and angles (rad) of these links over a window, interpolated between the samples where possible."""
-    motion, fine = picked(trajectory.motion, links), np.linspace(start, start + width, POINTS)
+    motion, fine = pick_links(trajectory.motion, links), np.linspace(start, start + width, POINTS)
     try:
         return fine, resample(trajectory.times, motion, fine).links
     except ComputationError:

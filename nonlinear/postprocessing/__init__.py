@@ -7,7 +7,7 @@ Start with `summary`.
 from nonlinear.postprocessing.extents import Extent, angles_of, extent_of, largest_angle, places_of
 from nonlinear.postprocessing.frequencies import LEAST_PERIODS, ORDER, SpectralLine, attention, line, lines
 from nonlinear.postprocessing.reaction_forces import reaction_forces_of
-from nonlinear.postprocessing.resampling import extremes, picked, resample
+from nonlinear.postprocessing.resampling import extremes, pick_links, resample
 from nonlinear.postprocessing.ropes import PushingLink, pushing_links, slack_words, words_of
 from nonlinear.postprocessing.series import WINDOW_NAME, last, power_spectrum, resolution, smooth
 from nonlinear.postprocessing.summary import run_inventory
@@ -27,7 +27,7 @@ __all__ = [
     "last",
     "line",
     "lines",
-    "picked",
+    "pick_links",
     "places_of",
     "power_spectrum",
     "pushing_links",

@@ -66,8 +66,8 @@ def dataset_of(trajectory: Trajectory) -> Any:
         **({"axis": list(AXES)} if spatial else {}),
     }
     title = title_of(scene)
-    told = {"title": title, "form": run.form, "method": run.method, "tolerance": run.tolerance}
-    return xarray.Dataset(variables, coordinates, told)
+    attributes = {"title": title, "form": run.form, "method": run.method, "tolerance": run.tolerance}
+    return xarray.Dataset(variables, coordinates, attributes)
 
 
 def dataset_of_rows(
@@ -75,7 +75,7 @@ def dataset_of_rows(
     coordinates: Mapping[str, Floats],
     columns: Mapping[str, tuple[int, ...]],
     rows: Callable[[str, Ints, tuple[int, ...]], Floats],
-    told: Mapping[str, Any],
+    attributes: Mapping[str, Any],
 ) -> Any:
     """The `xarray.Dataset` over so many members of columns (size, …), each given by the shape of what one member has.
 
@@ -105,8 +105,8 @@ def dataset_of_rows(
         name: (("member", *(f"{name}_{k}" for k in range(len(tail)))), indexing.LazilyIndexedArray(ColumnOnDisk(name)))
         for name, tail in columns.items()
     }
-    varied = {name: ("member", values) for name, values in coordinates.items()}
-    return xarray.Dataset(variables, {"member": np.arange(size), **varied}, told)
+    member_coordinates = {name: ("member", values) for name, values in coordinates.items()}
+    return xarray.Dataset(variables, {"member": np.arange(size), **member_coordinates}, attributes)
 
 
 def _xarray() -> Any:

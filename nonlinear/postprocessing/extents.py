@@ -24,7 +24,7 @@ PLACES, LOOKS, CLOSE = 8, 64, 1e-9  # on each cubic; in a stretch integrated ane
 CLOSER = 8  # times that the stretch between the looks beside the extreme is integrated in its turn
 STRETCHES, MOST = 24, 2_000_000  # integrated anew for each extreme; places on cubics
 TURNED = 1.5  # rad from one sample to the next, from which on cubics do not tell where extremes are
-Measured = Callable[[Motion], Floats]
+Quantity = Callable[[Motion], Floats]
 WAY = Choice("minimal", "DOP853", compiled=False, reason="", tolerance=CLOSE)
 
 
@@ -48,21 +48,21 @@ def places_of(motion: Motion) -> Floats:
 
 
 @checked
-def extent_of(trajectory: Trajectory, measured: Measured | None = None) -> Extent:
+def extent_of(trajectory: Trajectory, quantity: Quantity | None = None) -> Extent:
     """The extremes of a quantity, by default of the angles (rad), over the whole run.
 
     Between the samples they are known of motion without jumps of the rates, by an explicit method, whose samples are
     near enough to each other.
     """
-    measured = measured or angles_of
-    values = measured(trajectory.motion)
+    quantity = quantity or angles_of
+    values = quantity(trajectory.motion)
     samples = Extent(float(values.min()), float(values.max()), between=False)
-    if not _known(trajectory):
+    if not _can_interpolate(trajectory):
         return samples
-    between = _on_cubics(trajectory, measured)
+    between = _on_cubics(trajectory, quantity)
     equations = _equations(trajectory)
-    low = _furthest(trajectory, measured, equations, between, -1.0)
-    high = _furthest(trajectory, measured, equations, between, 1.0)
+    low = _furthest(trajectory, quantity, equations, between, -1.0)
+    high = _furthest(trajectory, quantity, equations, between, 1.0)
     return Extent(min(samples.low, low), max(samples.high, high), between=True)
 
 
@@ -78,12 +78,12 @@ def largest_angle(trajectory: Trajectory) -> float:
     return float(np.arccos(np.clip(height, -1.0, 1.0)).max())
 
 
-def _known(trajectory: Trajectory) -> bool:
+def _can_interpolate(trajectory: Trajectory) -> bool:
     """Whether the motion between samples can be found."""
     run, system, times, motion = trajectory.run, trajectory.system, trajectory.times, trajectory.motion
-    jumps = system.kicked or system.rubs or system.hoisting is not None
-    lost = trajectory.driven and trajectory.equations is None
-    if jumps or lost or run.form not in FORMS or run.method not in {*EXPLICIT, "taylor"} or len(times) < 2:
+    jumps = system.has_escapements or system.rubs or system.hoisting is not None
+    has_lost_load = trajectory.driven and trajectory.equations is None
+    if jumps or has_lost_load or run.form not in FORMS or run.method not in {*EXPLICIT, "taylor"} or len(times) < 2:
         return False
     if len(times) * motion.links[0].size * PLACES > MOST:
         return False
@@ -97,24 +97,24 @@ def _equations(trajectory: Trajectory) -> Equations:
     return equations_of(trajectory.system, replace(WAY, form=form), load)
 
 
-def _on_cubics(trajectory: Trajectory, measured: Measured) -> Floats:
+def _on_cubics(trajectory: Trajectory, quantity: Quantity) -> Floats:
     """The quantity at places of the cubics between samples, (T − 1, PLACES, …)."""
     motion, gaps = trajectory.motion, np.diff(trajectory.times)
     part = np.linspace(0.0, 1.0, PLACES)
 
     def cubic(values: Floats, rates: Floats) -> Floats:
-        s, h = (each.reshape(*each.shape, *[1] * (values.ndim - 1)) for each in (part[None], gaps[:, None]))
-        start, end, rise, fall = (each[:, None] for each in (values[:-1], values[1:], rates[:-1], rates[1:]))
+        s, h = (array.reshape(*array.shape, *[1] * (values.ndim - 1)) for array in (part[None], gaps[:, None]))
+        start, end, rise, fall = (array[:, None] for array in (values[:-1], values[1:], rates[:-1], rates[1:]))
         places = start + s * s * (3 - 2 * s) * (end - start) + h * s * (1 - s) * (rise * (1 - s) - fall * s)
         return places.reshape(len(gaps) * PLACES, *values.shape[1:])
 
     links, cart = cubic(motion.links, motion.link_rates), cubic(motion.cart, motion.cart_rate)
     supports = cubic(motion.supports, motion.support_rates)
-    rows = measured(Motion(links, links, cart, cart, cart, supports, supports))
+    rows = quantity(Motion(links, links, cart, cart, cart, supports, supports))
     return rows.reshape(len(gaps), PLACES, -1)
 
 
-def _furthest(trajectory: Trajectory, measured: Measured, equations: Equations, between: Floats, side: float) -> float:
+def _furthest(trajectory: Trajectory, quantity: Quantity, equations: Equations, between: Floats, side: float) -> float:
     """The largest of side · quantity, as the quantity, in the stretches that come nearest to it."""
     values = side * between
     bend = np.abs(np.diff(values, 2, axis=1)).max(1)
@@ -123,12 +123,12 @@ def _furthest(trajectory: Trajectory, measured: Measured, equations: Equations, 
     order = np.argsort(hopeful, axis=None)[::-1][:STRETCHES]
     for row, column in zip(*np.unravel_index(order, hopeful.shape), strict=True):
         if hopeful[row, column] > furthest:
-            furthest = max(furthest, _turning(trajectory, measured, equations, int(row), int(column), side))
+            furthest = max(furthest, _turning(trajectory, quantity, equations, int(row), int(column), side))
     return side * furthest
 
 
 def _turning(
-    trajectory: Trajectory, measured: Measured, equations: Equations, row: int, column: int, side: float
+    trajectory: Trajectory, quantity: Quantity, equations: Equations, row: int, column: int, side: float
 ) -> float:
     """The largest of side · quantity from one sample to the next."""
     start, end = trajectory.times[row : row + 2].tolist()
@@ -138,10 +138,10 @@ def _turning(
         anew = prepare(trajectory.scene, equations, WAY, state, looks, 1.0).go()
         if anew.run.interrupted:
             raise KeyboardInterrupt
-        seen = side * measured(anew.motion)[:, column]
-        best = int(np.argmax(seen))
-        furthest, low, high = max(furthest, float(seen[best])), max(best - 1, 0), min(best + 1, LOOKS - 1)
-        if furthest - min(seen[low], seen[high]) < CLOSE:
+        values = side * quantity(anew.motion)[:, column]
+        best = int(np.argmax(values))
+        furthest, low, high = max(furthest, float(values[best])), max(best - 1, 0), min(best + 1, LOOKS - 1)
+        if furthest - min(values[low], values[high]) < CLOSE:
             break
         start, end, state = looks[low], looks[high], anew.motion[low]
     return furthest

@@ -90,24 +90,24 @@ class _Signal:
         size = np.abs(np.fft.rfft((self.window * self.residual(waves))[:-1], PADDING * (len(self.f) - 1)))
         return np.asarray(pi / PADDING * np.arange(len(size)), dtype=np.float64), np.asarray(2 * size / len(self.f))
 
-    def solved(self, *columns: Floats) -> list[Floats]:
+    def coefficients(self, *columns: Floats) -> list[Floats]:
         """Least-squares coefficients (1,) and (K,) ... of 1 and these columns (N, K) ... in f."""
         root, sizes = np.sqrt(self.window)[:, None], np.cumsum([1, *(part.shape[1] for part in columns)])
-        whole = np.hstack((np.ones((len(self.s), 1)), *columns)) * root
-        return np.split(np.linalg.lstsq(whole, self.f * root[:, 0], rcond=None)[0], sizes[:-1])
+        matrix = np.hstack((np.ones((len(self.s), 1)), *columns)) * root
+        return np.split(np.linalg.lstsq(matrix, self.f * root[:, 0], rcond=None)[0], sizes[:-1])
 
-    def phased(self, x: Floats) -> _Waves:
+    def waves_at(self, x: Floats) -> _Waves:
         """Lines at x (K,) with the best-fitting amplitudes and phases."""
         angle = np.outer(self.s, x)
-        mean, a, b = self.solved(np.cos(angle), np.sin(angle))
+        mean, a, b = self.coefficients(np.cos(angle), np.sin(angle))
         return _Waves(float(mean[0]), x, a, b)
 
-    def fitted(self, x: Floats) -> _Waves:
+    def fit(self, x: Floats) -> _Waves:
         """Lines from x (K,) moved until the residual is orthogonal to their variations (Gauss–Newton)."""
-        waves = self.phased(x)
+        waves = self.waves_at(x)
         for _ in range(MOST_STEPS):
-            waves, settled = self._step(waves)
-            if settled:
+            waves, is_rounding = self._step(waves)
+            if is_rounding:
                 return waves
         raise ComputationError("the signal has no steady line: its frequency does not converge")
 
@@ -115,16 +115,16 @@ class _Signal:
         """One Gauss–Newton step, and whether the remainder is rounding."""
         angle, size = np.outer(self.s, waves.x), np.maximum(waves.amplitude, TINY)
         c, d = np.cos(angle), np.sin(angle)
-        mean, a, b, along = self.solved(c, d, self.s[:, None] * (c * waves.b - d * waves.a) / size)
-        move = np.clip(along / size, -pi / 4, pi / 4)
+        mean, a, b, shift = self.coefficients(c, d, self.s[:, None] * (c * waves.b - d * waves.a) / size)
+        move = np.clip(shift / size, -pi / 4, pi / 4)
         unclear = SETTLED * waves.x + ROUNDING * np.abs(self.f).max() / size
         return _Waves(float(mean[0]), waves.x + move, a, b), bool(np.all(np.abs(move) <= unclear))
 
     def noise(self, waves: _Waves) -> Floats:
         """How far (K,) in x the residual, at its strength next to each line, may have moved it."""
-        left = self.window * self.residual(waves) * self.s
-        beside = pi * np.concatenate((-(aside := np.arange(ORDER + 1, ORDER + 9)), aside))
-        level = [np.sqrt(np.mean(np.abs(np.exp(-1j * np.outer(x + beside, self.s)) @ left) ** 2)) for x in waves.x]
+        rest = self.window * self.residual(waves) * self.s
+        offsets = pi * np.concatenate((-(aside := np.arange(ORDER + 1, ORDER + 9)), aside))
+        level = [np.sqrt(np.mean(np.abs(np.exp(-1j * np.outer(x + offsets, self.s)) @ rest) ** 2)) for x in waves.x]
         return np.asarray(np.sqrt(2) * np.array(level) / (waves.amplitude * np.sum(self.window * self.s**2)))
 
 
@@ -136,12 +136,12 @@ def line(times: ArrayLike, values: ArrayLike, near: float | None = None) -> Spec
     effect of the residual near the line.  Raises ComputationError where the signal is too short for the line (less than
     4 periods), has none, or its frequency does not converge.
     """
-    return _found(times, values, 1 + COMPANIONS, near)[0]
+    return _strongest_lines(times, values, 1 + COMPANIONS, near)[0]
 
 
 def lines(times: ArrayLike, values: ArrayLike, count: int) -> tuple[SpectralLine, ...]:
     """At most `count` lines, the strongest first, only those that stand out.  Arguments and errors as for `line`."""
-    strongest = _found(times, values, count + COMPANIONS, None)
+    strongest = _strongest_lines(times, values, count + COMPANIONS, None)
     return tuple(sorted(strongest, key=lambda line: -line.amplitude)[:count])
 
 
@@ -156,16 +156,16 @@ def attention(count: int) -> Floats:
     return np.asarray(weight / weight.sum())
 
 
-def _found(times: ArrayLike, values: ArrayLike, most: int, near: float | None) -> list[SpectralLine]:
+def _strongest_lines(times: ArrayLike, values: ArrayLike, count: int, near: float | None) -> list[SpectralLine]:
     t, f = np.asarray(times, dtype=float), np.asarray(values, dtype=float)
     half = _half_length(t, f)
     band = (0.0, np.inf) if near is None else tuple(near * half * side for side in (1 - NEAR, 1 + NEAR))
     signal = _Signal.of(f)
-    waves = _extended(signal, _first(signal, band), most)
+    waves = _add_lines(signal, _first(signal, band), count)
     error = signal.noise(waves) * SIGMAS + _spread(signal, waves) + 8 * np.finfo(float).eps * waves.x
     middle = float(t[0] + half)
     return [
-        SpectralLine(x / half, hypot(a, b), _turned(atan2(-b, a) - x / half * middle), e / half)
+        SpectralLine(x / half, hypot(a, b), _principal_angle(atan2(-b, a) - x / half * middle), e / half)
         for x, a, b, e in zip(*(part.tolist() for part in (*waves[1:], error)), strict=True)
     ]
 
@@ -180,67 +180,67 @@ def _half_length(t: Floats, f: Floats) -> float:
 
 
 def _first(signal: _Signal, band: Sequence[float]) -> _Waves:
-    x, size = signal.spectrum(signal.phased(np.zeros(0)))
+    x, size = signal.spectrum(signal.waves_at(np.zeros(0)))
     size = np.where((x >= band[0]) & (x <= band[1]), size, 0.0)
     at = int(np.argmax(size))
     if size[at] <= np.finfo(float).eps * np.abs(signal.f).max():
         raise ComputationError("the signal has no line")
     if x[at] < LEAST_PERIODS * pi:
         raise ComputationError(f"the signal holds only {x[at] / pi:.3g} periods: at least {LEAST_PERIODS:g} are needed")
-    return signal.fitted(x[at : at + 1])
+    return signal.fit(x[at : at + 1])
 
 
-def _extended(signal: _Signal, waves: _Waves, most: int) -> _Waves:
+def _add_lines(signal: _Signal, waves: _Waves, count: int) -> _Waves:
     """Further lines that stand out of the residual, the strongest one at a time, all fitted together."""
-    while len(waves.x) < most:
+    while len(waves.x) < count:
         x, size = signal.spectrum(waves)
-        apart = np.abs(x[:, None] - waves.x).min(1) >= pi * (ORDER + 1)
-        size = np.where(apart & (x >= LEAST_PERIODS * pi), size, 0.0)
+        is_separate = np.abs(x[:, None] - waves.x).min(1) >= pi * (ORDER + 1)
+        size = np.where(is_separate & (x >= LEAST_PERIODS * pi), size, 0.0)
         at, strongest = int(np.argmax(size)), waves.amplitude.max()
         if size[at] < max(STANDS_OUT * float(np.median(size)), FAINTEST * strongest):
             break
         try:
-            more = signal.fitted(np.append(waves.x, x[at]))
+            extension = signal.fit(np.append(waves.x, x[at]))
         except ComputationError:
             break
-        if _crowded(more) or np.any(np.abs(more.x[:-1] - waves.x) > pi):
+        if _has_close_lines(extension) or np.any(np.abs(extension.x[:-1] - waves.x) > pi):
             break
-        waves = more
+        waves = extension
     return waves
 
 
-def _crowded(waves: _Waves) -> bool:
+def _has_close_lines(waves: _Waves) -> bool:
     return bool(np.any(np.diff(np.sort(waves.x)) < pi * ORDER) or waves.x.min() < pi)
 
 
 def _spread(signal: _Signal, waves: _Waves) -> Floats:
     """The largest differences (K,) in x between windows."""
     length = round(PART * (len(signal.f) - 1)) + 1
-    whole, early, late = slice(None), slice(length), slice(-length, None)
-    windows = [(whole, order) for order in OTHER_ORDERS] + [(early, ORDER), (late, ORDER)]
-    refitted = np.array([_refitted(signal, waves, *window) for window in windows])
-    return np.asarray(np.max(np.abs(refitted - waves.x), axis=0))
+    full, early, late = slice(None), slice(length), slice(-length, None)
+    windows = [(full, order) for order in OTHER_ORDERS] + [(early, ORDER), (late, ORDER)]
+    positions = np.array([_refit(signal, waves, *window) for window in windows])
+    return np.asarray(np.max(np.abs(positions - waves.x), axis=0))
 
 
-def _refitted(signal: _Signal, waves: _Waves, piece: slice, order: int) -> Floats:
+def _refit(signal: _Signal, waves: _Waves, piece: slice, order: int) -> Floats:
     """The x (K,) of the same lines in another window: fitted together, or one by one if that does not converge."""
     part = (len(signal.f[piece]) - 1) / (len(signal.f) - 1)
     try:
-        return _Signal.of(signal.f[piece], order).fitted(waves.x * part).x / part
+        return _Signal.of(signal.f[piece], order).fit(waves.x * part).x / part
     except ComputationError:
-        return np.array([_alone(signal, waves, at, piece, order) / part for at in range(len(waves.x))])
+        return np.array([_fit_single(signal, waves, at, piece, order) / part for at in range(len(waves.x))])
 
 
-def _alone(signal: _Signal, waves: _Waves, at: int, piece: slice, order: int) -> float:
+def _fit_single(signal: _Signal, waves: _Waves, at: int, piece: slice, order: int) -> float:
     """The x of one line in another window, the others subtracted; far off where it does not converge."""
     others = _Waves(waves.mean, *(np.delete(part, at) for part in waves[1:]))
     single = _Signal.of(signal.residual(others)[piece], order)
     try:
-        return float(single.fitted(waves.x[[at]] * (len(single.f) - 1) / (len(signal.f) - 1)).x[0])
+        return float(single.fit(waves.x[[at]] * (len(single.f) - 1) / (len(signal.f) - 1)).x[0])
     except ComputationError:
         return inf
 
 
-def _turned(angle: float) -> float:
+def _principal_angle(angle: float) -> float:
     """The same angle in (−π, π]."""
     return atan2(np.sin(angle), np.cos(angle))

@@ -27,8 +27,8 @@ def reaction_forces_of(trajectory: Trajectory) -> Reactions:
     system, motion = trajectory.system, trajectory.motion
     support = system.support
     size, times = 3 if system.spatial else 2, trajectory.times
-    pushed = (support.accelerations(times, size), support.velocities(times, size)) if support else None
-    pivots = trajectory.mechanics.pivot_forces(_accelerations(trajectory, motion), pushed)
+    support_motion = (support.accelerations(times, size), support.velocities(times, size)) if support else None
+    pivots = trajectory.mechanics.pivot_forces(_accelerations(trajectory, motion), support_motion)
     tops = np.zeros(system.n_links, dtype=bool)
     tops[np.concatenate([group.index[0] for group in system.groups])] = True
     weight = system.cart.mass * system.gravity if system.cart else 0.0
@@ -43,7 +43,7 @@ def side_by_side(trajectory: Trajectory) -> bool:
     return not (system.spatial or system.rubs or system.hoisting or load or trajectory.driven)
 
 
-def accelerated(trajectory: Trajectory) -> tuple[Layout, Floats, Floats]:
+def states_and_slopes(trajectory: Trajectory) -> tuple[Layout, Floats, Floats]:
     """The parts of y, y and y' at all samples, (T, size) each, of a run whose accelerations are computed at once."""
     numbers = numbers_of(trajectory.scene, system=trajectory.system)
     lanes = Lanes(numbers)
@@ -74,14 +74,14 @@ def _accelerations(trajectory: Trajectory, motion: Motion) -> tuple[list[Any], F
     """Those of first joints (`Mechanics.pivot_accelerations`), and unit vectors' second derivatives, (T, L, d)."""
     system = trajectory.system
     if side_by_side(trajectory):
-        layout, _, slopes = accelerated(trajectory)
+        layout, _, slopes = states_and_slopes(trajectory)
         accelerations = layout.read(slopes)
     else:
         accelerations = _one_by_one(trajectory, motion)
-    carried = Layout.of(system, works=False).carried(accelerations)[1]
-    pivots = trajectory.mechanics.pivot_accelerations(carried)
+    carrier_accelerations = Layout.of(system, works=False).carrier_coordinates(accelerations)[1]
+    pivots = trajectory.mechanics.pivot_accelerations(carrier_accelerations)
     if system.spatial:
         return pivots, accelerations.link_rates
     u, _ = vectors(motion)
-    across = np.stack((u[..., 1], -u[..., 0]), axis=-1)
-    return pivots, accelerations.link_rates[..., None] * across - motion.link_rates[..., None] ** 2 * u
+    normals = np.stack((u[..., 1], -u[..., 0]), axis=-1)
+    return pivots, accelerations.link_rates[..., None] * normals - motion.link_rates[..., None] ** 2 * u

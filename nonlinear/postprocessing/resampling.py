@@ -27,14 +27,14 @@ def resample(times: Floats, motion: Motion, at: Floats) -> Motion:
     """
     if len(times) < 2:
         raise ComputationError("the run has a single sample: there is no motion to draw")
-    place = _placed(times, at)
+    place = _place_of(times, at)
     _validate(times, motion, place)
     links, link_rates = _between(place, motion.links, motion.link_rates)
     if links.ndim == 3:
         links, link_rates = _unit(links, link_rates)
     cart, cart_rate = _between(place, motion.cart, motion.cart_rate)
-    carried = _between(place, motion.supports, motion.support_rates)
-    return Motion(links, link_rates, cart, cart_rate, np.interp(at, times, motion.work), *carried)
+    supports = _between(place, motion.supports, motion.support_rates)
+    return Motion(links, link_rates, cart, cart_rate, np.interp(at, times, motion.work), *supports)
 
 
 def extremes(times: Floats, values: Floats, rates: Floats) -> tuple[Floats, Floats]:
@@ -50,7 +50,7 @@ def extremes(times: Floats, values: Floats, rates: Floats) -> tuple[Floats, Floa
     return np.minimum(values.min(0), between.min(0)), np.maximum(values.max(0), between.max(0))
 
 
-def picked(motion: Motion, links: Ints) -> Motion:
+def pick_links(motion: Motion, links: Ints) -> Motion:
     """The same motion with these links only."""
     return replace(motion, links=motion.links[:, links], link_rates=motion.link_rates[:, links])
 
@@ -58,21 +58,21 @@ def picked(motion: Motion, links: Ints) -> Motion:
 class _Place(NamedTuple):
     """The sample before each time (F,), the step (s) to the next, and the fraction of the step elapsed."""
 
-    before: Ints
+    sample: Ints
     step: Floats
     part: Floats
 
 
-def _placed(times: Floats, at: Floats) -> _Place:
-    before = np.clip(np.searchsorted(times, at, side="right") - 1, 0, len(times) - 2)
-    step = times[before + 1] - times[before]
-    return _Place(before, step, (at - times[before]) / step)
+def _place_of(times: Floats, at: Floats) -> _Place:
+    sample = np.clip(np.searchsorted(times, at, side="right") - 1, 0, len(times) - 2)
+    step = times[sample + 1] - times[sample]
+    return _Place(sample, step, (at - times[sample]) / step)
 
 
 def _between(place: _Place, values: Floats, rates: Floats) -> tuple[Floats, Floats]:
     """The cubic and its derivative."""
     h, s = (part.reshape(-1, *[1] * (values.ndim - 1)) for part in (place.step, place.part))
-    y, y1, v, v1 = (array[place.before + k] for array in (values, rates) for k in (0, 1))
+    y, y1, v, v1 = (array[place.sample + k] for array in (values, rates) for k in (0, 1))
     cubic = (1 + 2 * s) * (1 - s) ** 2 * y + s**2 * (3 - 2 * s) * y1 + h * s * (1 - s) * ((1 - s) * v - s * v1)
     slope = 6 * s * (1 - s) * (y1 - y) / h + (1 - s) * (1 - 3 * s) * v + s * (3 * s - 2) * v1
     return cubic, slope
@@ -85,7 +85,7 @@ def _unit(u: Floats, w: Floats) -> tuple[Floats, Floats]:
 
 
 def _validate(times: Floats, motion: Motion, place: _Place) -> None:
-    first, last = int(place.before.min()), int(place.before.max()) + 2
+    first, last = int(place.sample.min()), int(place.sample.max()) + 2
     h = np.diff(times[first:last]).reshape(-1, *[1] * (motion.links.ndim - 1))
     links, rates = motion.links[first:last], motion.link_rates[first:last]
     worst = float(np.max(np.abs(np.diff(links, axis=0) - h * (rates[1:] + rates[:-1]) / 2)))

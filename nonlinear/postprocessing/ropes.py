@@ -24,7 +24,7 @@ from modal.scene.doors import checked
 from modal.types import Floats, Ints
 from nonlinear.dynamics import vectors
 from nonlinear.integration import Trajectory
-from nonlinear.postprocessing.reaction_forces import accelerated, reaction_forces_of, side_by_side
+from nonlinear.postprocessing.reaction_forces import reaction_forces_of, side_by_side, states_and_slopes
 from nonlinear.postprocessing.resampling import resample
 
 MOST_NUMBERS, MOST_ONE_BY_ONE = 500_000, 2_000  # tensions at samples, side by side; states with one derivative each
@@ -57,10 +57,10 @@ class PushingLink(Displayed):
     @property
     def when(self) -> str:
         """The first few intervals, and how many more there are."""
-        shown = ", ".join(f"{since:.6g} to {until:.6g}" for since, until in self.intervals[:SHOWN])
-        more = len(self.intervals) - SHOWN
-        told = f" and in {counted(more, 'more interval', 'more intervals')}" if more > 0 else ""
-        return f"pushes from {shown} s{told}"
+        intervals = ", ".join(f"{since:.6g} to {until:.6g}" for since, until in self.intervals[:SHOWN])
+        remaining = len(self.intervals) - SHOWN
+        suffix = f" and in {counted(remaining, 'more interval', 'more intervals')}" if remaining > 0 else ""
+        return f"pushes from {intervals} s{suffix}"
 
 
 @checked
@@ -99,14 +99,14 @@ def pushing_links(trajectory: Trajectory) -> tuple[PushingLink, ...]:
     times, motion = trajectory.times, trajectory.motion
     if len(times) < 2:
         raise ComputationError("a single sample tells no interval")
-    together = side_by_side(trajectory)
-    if together and len(times) * trajectory.system.n_links > MOST_NUMBERS:
+    is_vectorial = side_by_side(trajectory)
+    if is_vectorial and len(times) * trajectory.system.n_links > MOST_NUMBERS:
         raise ComputationError(f"{len(times)} samples of {trajectory.system.n_links} links are too many")
-    if not together and len(times) > MOST_ONE_BY_ONE:
+    if not is_vectorial and len(times) > MOST_ONE_BY_ONE:
         raise ComputationError(f"{len(times)} samples are too many, where the forces are computed one by one")
     halfway = (times[1:] + times[:-1]) / 2
     resample(times, motion, halfway)  # raises where samples are too far apart
-    between = _quintic(trajectory) if together else _cubic(trajectory)
+    between = _quintic(trajectory) if is_vectorial else _cubic(trajectory)
 
     def tension(at: Floats) -> Floats:
         return _tensions(between(at))[:, ropes] + ZERO * _weights(trajectory.scene)[ropes]
@@ -135,19 +135,19 @@ def words_of(links: Sequence[PushingLink], scene: Scene) -> list[str]:
         f"link {link.link}{f' of pendulum {link.pendulum}' * several} {link.when}: a rope would be slack there"
         for link in links[:MOST_LINKS]
     ]
-    more = len(links) - MOST_LINKS
-    return words + ([f"{counted(more, 'more link pushes', 'more links push')}"] if more > 0 else [])
+    remaining = len(links) - MOST_LINKS
+    return words + ([f"{counted(remaining, 'more link pushes', 'more links push')}"] if remaining > 0 else [])
 
 
 def _ropes(scene: Scene) -> Ints:
     """The links, counted with copies, that may be ropes: those of bobs that hang."""
-    each = [
+    is_rope = [
         isinstance(link, Bob) and way == "down"
         for pendulum in scene.pendulum
         for _ in range(pendulum.count)
         for link, way in zip((link for link in pendulum.links for _ in range(link.count)), pendulum.ways, strict=True)
     ]
-    return np.flatnonzero(each)
+    return np.flatnonzero(is_rope)
 
 
 def _weights(scene: Scene) -> Floats:
@@ -175,22 +175,22 @@ def _cubic(trajectory: Trajectory) -> Callable[[Floats], Trajectory]:
 
 def _quintic(trajectory: Trajectory) -> Callable[[Floats], Trajectory]:
     """The run at other times, by the quintics through neighbouring samples, their rates and their accelerations."""
-    layout, rows, slopes = accelerated(trajectory)
+    layout, rows, slopes = states_and_slopes(trajectory)
     half, times = layout.half, trajectory.times
     q, v, a = rows[:, :half], rows[:, half : 2 * half], slopes[:, half : 2 * half]
 
     def at(moments: Floats) -> Trajectory:
-        before = np.clip(np.searchsorted(times, moments, side="right") - 1, 0, len(times) - 2)
-        h = (times[before + 1] - times[before])[:, None]
-        s = (moments - times[before])[:, None] / h
-        q0, v0, a0 = q[before], v[before], a[before]
-        d0 = q[before + 1] - q0 - h * v0 - h**2 * a0 / 2  # what cubic to quintic terms add until the next sample
-        d1, d2 = h * (v[before + 1] - v0 - h * a0), h**2 * (a[before + 1] - a0)
+        sample = np.clip(np.searchsorted(times, moments, side="right") - 1, 0, len(times) - 2)
+        h = (times[sample + 1] - times[sample])[:, None]
+        s = (moments - times[sample])[:, None] / h
+        q0, v0, a0 = q[sample], v[sample], a[sample]
+        d0 = q[sample + 1] - q0 - h * v0 - h**2 * a0 / 2  # what cubic to quintic terms add until the next sample
+        d1, d2 = h * (v[sample + 1] - v0 - h * a0), h**2 * (a[sample + 1] - a0)
         c3, c4, c5 = 10 * d0 - 4 * d1 + d2 / 2, -15 * d0 + 7 * d1 - d2, 6 * d0 - 3 * d1 + d2 / 2
-        there = np.zeros((len(moments), rows.shape[1]))
-        there[:, :half] = q0 + s * (h * v0 + s * (h**2 * a0 / 2 + s * (c3 + s * (c4 + s * c5))))
-        there[:, half : 2 * half] = v0 + s * (h * a0 + s * (3 * c3 + s * (4 * c4 + s * 5 * c5)) / h)
-        return replace(trajectory, times=moments, motion=layout.read(there))
+        states = np.zeros((len(moments), rows.shape[1]))
+        states[:, :half] = q0 + s * (h * v0 + s * (h**2 * a0 / 2 + s * (c3 + s * (c4 + s * c5))))
+        states[:, half : 2 * half] = v0 + s * (h * a0 + s * (3 * c3 + s * (4 * c4 + s * 5 * c5)) / h)
+        return replace(trajectory, times=moments, motion=layout.read(states))
 
     return at
 
@@ -224,7 +224,7 @@ def _zeros(
 ) -> Floats:
     """Zeros of tensions between times at which their signs differ, all at once, by the Illinois method."""
     low, high, at_low, at_high = (part.copy() for part in (low, high, at_low, at_high))
-    rows, middle, close = np.arange(len(low)), low.copy(), CLOSE * np.maximum(np.abs(low), np.abs(high))
+    rows, middle, closeness = np.arange(len(low)), low.copy(), CLOSE * np.maximum(np.abs(low), np.abs(high))
     if not len(low):
         return middle
     side = np.zeros(len(low))
@@ -234,9 +234,9 @@ def _zeros(
         upper = np.sign(value) == np.sign(at_high)
         at_low = np.where(upper & (side > 0), at_low / 2, np.where(upper, at_low, value))
         at_high = np.where(~upper & (side < 0), at_high / 2, np.where(upper, value, at_high))
-        moved = np.where(upper, high - middle, middle - low)
+        width = np.where(upper, high - middle, middle - low)
         low, high = np.where(upper, low, middle), np.where(upper, middle, high)
         side = np.where(upper, 1.0, -1.0)
-        if np.all((moved <= close) | (value == 0)):
+        if np.all((width <= closeness) | (value == 0)):
             break
     return middle

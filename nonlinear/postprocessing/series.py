@@ -23,40 +23,40 @@ def smooth(times: Floats, values: Floats, span: float) -> Floats:
     if len(times) < 2:
         return values
     low, high = np.maximum(times - span / 2, times[0]), np.minimum(times + span / 2, times[-1])
-    (first, begin), (final, end) = (_placed(times, values, at) for at in (low, high))
-    inner = _sums(_across(times[:-1], times[1:], values[:-1], values[1:]), first + 1, final)
-    left = _across(low, times[first + 1], begin, values[first + 1])
-    right = _across(times[final], high, values[final], end)
-    within = _wide(first == final, values)
-    whole = np.where(within, _across(low, high, begin, end), left + inner + right)
-    return np.asarray(whole / _wide(high - low, values))
+    (first, begin), (final, end) = (_interpolate(times, values, at) for at in (low, high))
+    inner = _sums(_segment_integrals(times[:-1], times[1:], values[:-1], values[1:]), first + 1, final)
+    head = _segment_integrals(low, times[first + 1], begin, values[first + 1])
+    right = _segment_integrals(times[final], high, values[final], end)
+    within = _as_column(first == final, values)
+    integral = np.where(within, _segment_integrals(low, high, begin, end), head + inner + right)
+    return np.asarray(integral / _as_column(high - low, values))
 
 
-def _wide(column: Any, values: Floats) -> Any:
+def _as_column(column: Any, values: Floats) -> Any:
     return column.reshape(-1, *[1] * (values.ndim - 1))
 
 
-def _across(start: Floats, stop: Floats, low: Floats, high: Floats) -> Floats:
+def _segment_integrals(start: Floats, stop: Floats, low: Floats, high: Floats) -> Floats:
     """Integrals of linear segments."""
-    return np.asarray(_wide(stop - start, low) * (low + high) / 2)
+    return np.asarray(_as_column(stop - start, low) * (low + high) / 2)
 
 
-def _placed(times: Floats, values: Floats, at: Floats) -> tuple[Ints, Floats]:
+def _interpolate(times: Floats, values: Floats, at: Floats) -> tuple[Ints, Floats]:
     """The samples before given times, and the values at these times."""
     k = np.clip(np.searchsorted(times, at, side="right") - 1, 0, len(times) - 2)
-    part = _wide((at - times[k]) / (times[k + 1] - times[k]), values)
+    part = _as_column((at - times[k]) / (times[k + 1] - times[k]), values)
     return k, np.asarray((1 - part) * values[k] + part * values[k + 1])
 
 
 def _sums(pieces: Floats, begin: Ints, end: Ints) -> Floats:
     """Σ pieces[begin:end] for each pair, from sums of 1, 2, 4, … neighbours; 0 where end ≤ begin."""
-    sums, at, left = np.zeros((len(begin), *pieces.shape[1:])), begin.copy(), np.maximum(end - begin, 0)
+    sums, at, remaining = np.zeros((len(begin), *pieces.shape[1:])), begin.copy(), np.maximum(end - begin, 0)
     size = 1
-    while left.any():
-        taken = np.flatnonzero(left & size)
-        sums[taken] += pieces[at[taken]]
-        at[taken] += size
-        left[taken] -= size
+    while remaining.any():
+        rows = np.flatnonzero(remaining & size)
+        sums[rows] += pieces[at[rows]]
+        at[rows] += size
+        remaining[rows] -= size
         pieces, size = pieces[:-size] + pieces[size:], 2 * size
     return sums
 

@@ -61,7 +61,7 @@ def _lines(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
     elif run.form == TRUNCATED:
         yield "accuracy", "unknown: nothing has judged what the other shapes would change"
     yield from _ranges(trajectory)
-    if trajectory.system.kicked:
+    if trajectory.system.has_escapements:
         yield "drives", f"{len(trajectory.kicks.time)} kicks fed {trajectory.kicks.energy.sum():.6g} J"
     yield from _friction(trajectory)
     if run.method == CLOSED and trajectory.system.works:
@@ -75,8 +75,8 @@ def _lines(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
         yield "constraints", f"drift {trajectory.constraint_drift():.2g} in a step"
     for happening in trajectory.happenings[:MOST_EVENTS]:
         yield "event", f"{happening.name} at {happening.time:.12g} s"
-    if (more := len(trajectory.happenings) - MOST_EVENTS) > 0:
-        yield "", f"and {more} more"
+    if (remaining := len(trajectory.happenings) - MOST_EVENTS) > 0:
+        yield "", f"and {remaining} more"
 
 
 def _ropes(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
@@ -124,13 +124,13 @@ def _ranges(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
     where = " from the vertical" if trajectory.system.spatial else ""
     yield "angles", f"{degrees(angles.low):.6g} to {degrees(angles.high):.6g} deg{where}{_at(angles)}"
     if support := trajectory.system.support:
-        moved = [motion.displacement(trajectory.times) for _, motion in support.motions]
-        ways = zip(moved, support.ways, strict=True)
-        told = " and ".join(f"{places.min():.6g} to {places.max():.6g} m {way}" for places, way in ways)
-        yield "support", f"{told}; angles and energies are in its frame"
-    for prescribed in trajectory.system.prescribed:
-        if prescribed.words:
-            yield "", prescribed.words
+        displacements = [motion.displacement(trajectory.times) for _, motion in support.motions]
+        ways = zip(displacements, support.ways, strict=True)
+        words = " and ".join(f"{places.min():.6g} to {places.max():.6g} m {way}" for places, way in ways)
+        yield "support", f"{words}; angles and energies are in its frame"
+    for source in trajectory.system.prescribed_motions:
+        if source.words:
+            yield "", source.words
     for _, law in trajectory.system.hoisting.laws if trajectory.system.hoisting else ():
         if isinstance(law, LengthLaw) and law.words:
             yield "hoist", law.words
@@ -142,9 +142,9 @@ def _ranges(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
                 float(extreme[k]) for extreme in extremes(trajectory.times, motion.supports, motion.support_rates)
             )
             stem, _, unit = name.rpartition("_")
-            factor, shown = UNITS.get(unit, (1.0, ""))
+            factor, display_unit = UNITS.get(unit, (1.0, ""))
             low, high = factor * low, factor * high
-            yield stem if shown else name, f"{low:.6g} to {high:.6g} {shown}".rstrip()
+            yield stem if display_unit else name, f"{low:.6g} to {high:.6g} {display_unit}".rstrip()
     if trajectory.system.cart:
         places = extent_of(trajectory, places_of)
         yield "cart", f"{places.low:.6g} to {places.high:.6g} m{_at(places)}"
@@ -185,11 +185,11 @@ class Inventory:
     def text(self) -> str:
         """For a terminal."""
         sizes = ", ".join((f"{number} × " if number > 1 else "") + f"{n}×{n}" for n, number in self.matrices)
-        whole = noun_count(self.coordinates, "coordinate")
+        total = noun_count(self.coordinates, "coordinate")
         return "\n".join(
             [
                 f"Integrated: {noun_count(self.integrated, 'coordinate')}, {self.numbers} numbers, "
-                f"for a scene of {whole}",
+                f"for a scene of {total}",
                 f"  matrices: {sizes or 'none'}",
                 f"  packages: {', '.join(self.modules)}",
                 "Left out:",
@@ -221,11 +221,9 @@ def run_inventory(trajectory: Trajectory) -> Inventory:
     inner: Any = equations.inner if isinstance(equations, Reduced) else equations
     form, numbers = trajectory.run.form, len(inner.scale)
     matrices = tuple(_matrices(inner, trajectory.run))
-    integrated = (
-        numbers // 2 if form == "maximal" else inner.shapes.shape[1] if form == TRUNCATED else _freedom(inner.system)
-    )
-    left_out = (*_coordinates(trajectory, inner), *_dense(integrated, matrices, inner), *packages_not_loaded())
-    return Inventory(_freedom(system), integrated, numbers, matrices, left_out, loaded_packages())
+    size = numbers // 2 if form == "maximal" else inner.shapes.shape[1] if form == TRUNCATED else _freedom(inner.system)
+    left_out = (*_coordinates(trajectory, inner), *_dense(size, matrices, inner), *packages_not_loaded())
+    return Inventory(_freedom(system), size, numbers, matrices, left_out, loaded_packages())
 
 
 def _freedom(system: System) -> int:
@@ -256,10 +254,10 @@ def _coordinates(trajectory: Trajectory, inner: Any) -> Iterator[str]:
         yield "no work: nothing damps or drives"
 
 
-def _dense(integrated: int, matrices: tuple[tuple[int, int], ...], inner: Any) -> Iterator[str]:
+def _dense(size: int, matrices: tuple[tuple[int, int], ...], inner: Any) -> Iterator[str]:
     largest = max((order for order, _ in matrices), default=0)
     if not largest:
         instead = "the equations are written out" if isinstance(inner, Generated) else "O(n) steps along the chains"
-        yield f"no matrix of {integrated} × {integrated}: {instead}"
-    elif largest < integrated:
-        yield f"no matrix of {integrated} × {integrated}: {largest} × {largest} are the largest"
+        yield f"no matrix of {size} × {size}: {instead}"
+    elif largest < size:
+        yield f"no matrix of {size} × {size}: {largest} × {largest} are the largest"

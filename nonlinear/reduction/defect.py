@@ -63,37 +63,37 @@ def defect_error(motion: Superposition, duration: float) -> ErrorEstimate | None
 
     None where it cannot be estimated cheaply: for many coordinates, many oscillations or a singular mass matrix.
     """
-    if any(len(plane.begun[0]) > LARGEST for plane in motion.planes):
+    if any(len(plane.start[0]) > LARGEST for plane in motion.planes):
         return None
-    each = [matrices(plane.scene) for plane in motion.planes]
+    plane_matrices = [matrices(plane.scene) for plane in motion.planes]
     steps = max(FEWEST, ceil(duration * _fastest(motion.planes) / (2 * pi) * PER_PERIOD))
-    if steps > MOST or any(is_singular(linear.M) for linear in each):
+    if steps > MOST or any(is_singular(linear.M) for linear in plane_matrices):
         return None
     times = np.linspace(0.0, duration, steps + 1)
     with np.errstate(all="ignore"):
-        return _estimate(motion, each, times)
+        return _estimate(motion, plane_matrices, times)
 
 
-def _estimate(motion: Superposition, each: list[Matrices], times: Floats) -> ErrorEstimate:
+def _estimate(motion: Superposition, plane_matrices: list[Matrices], times: Floats) -> ErrorEstimate:
     system = system_of(motion.scene)
     on = system.first
-    answers = [StepResponse.of(linear, times[1]) for linear in each]
-    moved = [plane.deflections(times).transpose(0, 2, 1) for plane in motion.planes]
-    missed = [np.array(plane.begun) - q[:2, :, 0] for plane, q in zip(motion.planes, moved, strict=True)]
-    rounding = _rounding(motion, answers, times, _largest(moved, on)[-1])
-    first = _added(system, moved, answers, missed)
-    corrected = [q + e for q, e in zip(moved, first, strict=True)]
-    second = _added(system, corrected, answers, [0.0 * gap for gap in missed])
-    both = [e + more for e, more in zip(first, second, strict=True)]
-    before, after, at = (_largest(parts, on) for parts in (first, second, both))
-    at = np.nan_to_num(np.maximum(at, after) + rounding, nan=np.inf)
-    return ErrorEstimate(times, at, bool(after[-1] <= CONTRACTS * before[-1] + rounding[-1]))
+    answers = [StepResponse.of(linear, times[1]) for linear in plane_matrices]
+    deflections = [plane.deflections(times).transpose(0, 2, 1) for plane in motion.planes]
+    gaps = [np.array(plane.start) - q[:2, :, 0] for plane, q in zip(motion.planes, deflections, strict=True)]
+    rounding = _rounding(motion, answers, times, _largest(deflections, on)[-1])
+    first = _correction(system, deflections, answers, gaps)
+    improvements = [q + e for q, e in zip(deflections, first, strict=True)]
+    second = _correction(system, improvements, answers, [0.0 * gap for gap in gaps])
+    totals = [e + addition for e, addition in zip(first, second, strict=True)]
+    first_angles, second_angles, at = (_largest(parts, on) for parts in (first, second, totals))
+    at = np.nan_to_num(np.maximum(at, second_angles) + rounding, nan=np.inf)
+    return ErrorEstimate(times, at, bool(second_angles[-1] <= CONTRACTS * first_angles[-1] + rounding[-1]))
 
 
-def _added(system: System, moved: list[Floats], answers: list[StepResponse], missed: list[Floats]) -> list[Floats]:
+def _correction(system: System, motions: list[Floats], answers: list[StepResponse], gaps: list[Floats]) -> list[Floats]:
     """The correction of the motion by the linear equations under −ρ: its q, q' and q'' (3, n, T) in each plane."""
-    forces = residual_forces(system, moved)
-    return [answer.to(-force, gap) for answer, force, gap in zip(answers, forces, missed, strict=True)]
+    forces = residual_forces(system, motions)
+    return [answer.to(-force, gap) for answer, force, gap in zip(answers, forces, gaps, strict=True)]
 
 
 def _rounding(motion: Superposition, answers: list[StepResponse], times: Floats, size: float) -> Floats:
@@ -148,13 +148,13 @@ class StepResponse:
         A = step * np.vstack((np.eye(2 * n)[n:], law[:, : 2 * n]))
         halvings = max(0, frexp(float(np.linalg.norm(A, 1)))[1] + 3)
         B = np.vstack((np.zeros((n, n)), step / 2.0**halvings * law[:, 2 * n :]))
-        grown, held, ramped = _series(A / 2.0**halvings)
-        E, hold, ramp = grown, held @ B, ramped @ B
+        grown, hold_series, ramp_series = _series(A / 2.0**halvings)
+        E, hold, ramp = grown, hold_series @ B, ramp_series @ B
         for _ in range(halvings):
             E, hold, ramp = E @ E, E @ hold + hold, (E @ ramp + hold + ramp) / 2
         return StepResponse(E, hold, ramp, law)
 
-    def to(self, force: Floats, begun: Floats) -> Floats:
+    def to(self, force: Floats, start: Floats) -> Floats:
         """The q, q' and q'' (3, n, T) under a force known at every step (n, T), from q and q' (2, n).
 
         The piecewise linear force is raised by a twelfth of its second difference at the samples: correct to the fourth
@@ -163,7 +163,7 @@ class StepResponse:
         n, line = len(force), force.copy()
         line[:, 1:-1] -= np.diff(force, 2) / 12
         y = np.empty((force.shape[1], 2 * n))
-        y[0] = begun.ravel()
+        y[0] = start.ravel()
         y[1:] = line[:, :-1].T @ self.hold.T + np.diff(line).T @ self.ramp.T
         y = running(self.E, y).T
         return np.concatenate((y, self.law @ np.vstack((y, force)))).reshape(3, n, -1)
@@ -183,9 +183,9 @@ def running(E: Floats, g: Floats) -> Floats:
 def _series(A: Floats) -> tuple[Floats, Floats, Floats]:
     """Σ A^k/k!, Σ A^k/(k+1)! and Σ A^k/(k+2)! of a matrix A with norm below 1/8."""
     term = np.eye(len(A))
-    grown, held, ramped = term, term, term / 2
+    grown, hold, ramp = term, term, term / 2
     for k in range(1, TERMS):
         term = term @ A / k
-        grown, held = grown + term, held + term / (k + 1)
-        ramped = ramped + term / ((k + 1) * (k + 2))
-    return grown, held, ramped
+        grown, hold = grown + term, hold + term / (k + 1)
+        ramp = ramp + term / ((k + 1) * (k + 2))
+    return grown, hold, ramp

@@ -45,19 +45,19 @@ class ExcitedShapes:
         """The largest angle (rad) of any link in each shape over the whole time, (S,)."""
         return np.asarray(self.peaks[-1] * np.abs(self.shapes).max(axis=0, initial=0.0))
 
-    def sum(self, elapsed: Floats) -> Floats:
+    def sum(self, times: Floats) -> Floats:
         """The largest angle (rad) to which all can add up so far, (T,); beyond the end it grows as a resonance does."""
-        most = (self.peaks @ np.abs(self.shapes).T).max(axis=1)
-        within = np.minimum(np.searchsorted(self.ends, elapsed), len(self.ends) - 1)
-        return np.asarray(most[within] * np.maximum(1.0, elapsed / self.ends[-1]))
+        totals = (self.peaks @ np.abs(self.shapes).T).max(axis=1)
+        within = np.minimum(np.searchsorted(self.ends, times), len(self.ends) - 1)
+        return np.asarray(totals[within] * np.maximum(1.0, times / self.ends[-1]))
 
 
 def excite(
-    system: System, times: Floats, motion: Motion, shapes: Floats, omega: Floats, begun: Floats
+    system: System, times: Floats, motion: Motion, shapes: Floats, omega: Floats, start: Floats
 ) -> ExcitedShapes:
     """The response of shapes (n, S) of natural frequencies `omega` (S,) in rad/s to a plane motion at even times (T,).
 
-    `begun` (2, S) are their η and η' at the start.  They oscillate: no ω is zero.
+    `start` (2, S) are their η and η' at the start.  They oscillate: no ω is zero.
     """
     on = system.first
     heads = [head[:, None][:, :on] for head in (motion.cart, motion.cart_rate)]
@@ -67,29 +67,29 @@ def excite(
         np.concatenate(pair, axis=1)
         for pair in zip(heads, (motion.links - system.rest, motion.link_rates), strict=True)
     )
-    moved = np.stack((q, v, np.gradient(v, times, axis=0, edge_order=2))).transpose(0, 2, 1)
+    deflections = np.stack((q, v, np.gradient(v, times, axis=0, edge_order=2))).transpose(0, 2, 1)
     step = float(times[1] - times[0])
     turn = 1j * omega
     E = np.exp(turn * step)
     hold = (E - 1) / turn
     ramp = (hold - step) / (turn * step)
-    z = begun[1] + turn * begun[0]
-    largest, peaks, ends, before = np.abs(begun[0]), [], [], None
+    z = start[1] + turn * start[0]
+    largest, peaks, ends, previous = np.abs(start[0]), [], [], None
     for first in range(0, len(times), BLOCK):
         rows = slice(first, first + BLOCK)
-        forces = residual_forces(system, [moved[:, :, rows]])[0].T @ shapes
+        forces = residual_forces(system, [deflections[:, :, rows]])[0].T @ shapes
         for force in forces:
-            if before is not None:
-                z = E * z - hold * before - ramp * (force - before)
-            before = force
+            if previous is not None:
+                z = E * z - hold * previous - ramp * (force - previous)
+            previous = force
             np.maximum(largest, np.abs(z.imag) / omega, out=largest)
         peaks.append(largest.copy())
         ends.append(times[rows][-1] - times[0])
     return ExcitedShapes(np.array(ends), np.array(peaks), shapes[on:])
 
 
-def excited(angles: Floats, share: float) -> Ints:
+def dominant_shapes(angles: Floats, share: float) -> Ints:
     """The fewest whose angles (S,) leave no more than a share of the sum of all."""
     falling = np.argsort(-angles, kind="stable")
-    left = np.cumsum(angles[falling][::-1])[::-1]
-    return np.sort(falling[left > share * angles.sum()])
+    remainders = np.cumsum(angles[falling][::-1])[::-1]
+    return np.sort(falling[remainders > share * angles.sum()])

@@ -95,18 +95,18 @@ def modal_motion(motion: Motion, modes: Modes, numbers: Sequence[int] | None = N
     q, v = deflection(modes.scene, motion)
     linear = modes.matrices
     rows = range(len(modes)) if numbers is None else numbers
-    each = [(number, *along_rail(modes, number)) for number in rows]
+    mode_shapes = [(number, *along_rail(modes, number)) for number in rows]
     D = None if modes.is_classical or not linear.D.any() else linear.D
-    projected = [_projected(linear.M, D, modes.eigenvalue[number], phi, q, v) for number, _, phi in each]
+    coordinates = [_project(linear.M, D, modes.eigenvalue[number], phi, q, v) for number, _, phi in mode_shapes]
     none = np.zeros((len(q), 0))
     return ModalMotion(
         modes,
         linear,
-        number=np.array([number for number, copies, _ in each for _ in copies], dtype=np.int64),
-        copy=np.array([copy for _, copies, _ in each for copy in copies], dtype=np.int64),
-        shapes=np.hstack([np.zeros((q.shape[1], 0)), *(phi for _, _, phi in each)]).astype(complex),
-        coordinate=np.hstack([none, *(eta for eta, _ in projected)]),
-        rate=np.hstack([none, *(rate for _, rate in projected)]),
+        number=np.array([number for number, copies, _ in mode_shapes for _ in copies], dtype=np.int64),
+        copy=np.array([copy for _, copies, _ in mode_shapes for copy in copies], dtype=np.int64),
+        shapes=np.hstack([np.zeros((q.shape[1], 0)), *(phi for _, _, phi in mode_shapes)]).astype(complex),
+        coordinate=np.hstack([none, *(eta for eta, _ in coordinates)]),
+        rate=np.hstack([none, *(rate for _, rate in coordinates)]),
         displacement=q,
         velocity=v,
     )
@@ -145,13 +145,13 @@ def along_rail(modes: Modes, number: int) -> tuple[list[int], Any]:
     """The copies (from 0) of a mode that move along the rail, and their shapes (n, copies)."""
     checked_index("number", number, 0, len(modes) - 1)
     shapes = [modes.shape(number, copy) for copy in range(int(modes.multiplicity[number]))]
-    kept = [copy for copy, shape in enumerate(shapes) if not shape.across]
-    vectors = [modes.column(shapes[copy]) for copy in kept]
+    copies = [copy for copy, shape in enumerate(shapes) if not shape.across]
+    vectors = [modes.column(shapes[copy]) for copy in copies]
     size = modes.scene.n_links + modes.on_cart
-    return kept, np.array(vectors).T if kept else np.zeros((size, 0))
+    return copies, np.array(vectors).T if copies else np.zeros((size, 0))
 
 
-def _projected(M: Floats, D: Floats | None, value: complex, phi: Any, q: Floats, v: Floats) -> tuple[Floats, Floats]:
+def _project(M: Floats, D: Floats | None, value: complex, phi: Any, q: Floats, v: Floats) -> tuple[Floats, Floats]:
     """η and η' (T, copies); D is None where dampers leave the undamped shapes as they are."""
     if D is None or not (value or (D @ phi).any()):
         dual = M @ np.linalg.solve(phi.T @ M @ phi, phi.T).T

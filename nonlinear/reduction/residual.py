@@ -26,7 +26,7 @@ import numpy as np
 from modal.scene.doors import require_type
 from modal.types import Floats
 from nonlinear.dynamics.forces import cart_force, drag, link_torques, modal_drag, plane_drag
-from nonlinear.dynamics.spatial import generalized, joint_moments
+from nonlinear.dynamics.spatial import generalized_forces, joint_moments
 from nonlinear.dynamics.variational import Variational
 from nonlinear.reduction.two_planes import factors
 from nonlinear.system import Group, System
@@ -47,15 +47,17 @@ def residual_forces(system: System, planes: list[Floats]) -> list[Floats]:
     starts = [on, 0][: len(planes)]
     residual = [np.zeros(plane.shape[1:]) for plane in planes]
     pull = np.zeros(planes[0].shape[-1])
-    felt = np.zeros((2 + system.spatial, len(pull)))
-    felt[0], felt[-1] = (planes[0][2, 0] if on else 0.0), -system.gravity
+    start = np.zeros((2 + system.spatial, len(pull)))
+    start[0], start[-1] = (planes[0][2, 0] if on else 0.0), -system.gravity
     for group in system.groups:
-        moved = [plane.take(first + group.index, axis=1) for plane, first in zip(planes, starts, strict=True)]
-        second, forces, braking = (_spatial if system.spatial else _planar)(group, moved, felt, planes[0][1, 0] * on)
+        deflections = [plane.take(first + group.index, axis=1) for plane, first in zip(planes, starts, strict=True)]
+        second, forces, braking = (_spatial if system.spatial else _planar)(
+            group, deflections, start, planes[0][1, 0] * on
+        )
         pull += group.block.b.ravel() @ second[0].reshape(group.block.b.size, -1)
-        for whole, first, force in zip(residual, starts, forces, strict=True):
-            whole[first:][group.index] = force
-        if group.dragged and on:
+        for plane_residual, first, force in zip(residual, starts, forces, strict=True):
+            plane_residual[first:][group.index] = force
+        if group.has_drag and on:
             residual[0][0] -= braking
     if system.cart:
         x, speed, acceleration = planes[0][:, 0]
@@ -67,20 +69,20 @@ def residual_forces(system: System, planes: list[Floats]) -> list[Floats]:
 
 def _on_structure(system: System, plane: Floats) -> Floats:
     """ρ = M(q) (q'' − a) (half, T), a being the accelerations of the equations of motion."""
-    equations, (q, rate, turn) = _written(system), plane
+    equations, (q, rate, turn) = _equations_of(system), plane
     q = q + np.concatenate((np.zeros(system.first), system.rest))[:, None]
     return equations.momenta(q, turn - equations.derivative(0.0, np.concatenate((q, rate)))[len(q) :])
 
 
 @lru_cache(maxsize=16)
-def _written(system: System) -> Variational:
+def _equations_of(system: System) -> Variational:
     """Its equations, written once for all evaluations."""
     return Variational(system)
 
 
-def _planar(group: Group, moved: list[Floats], felt: Floats, cart_rate: Floats) -> tuple[Floats, Any, Any]:
+def _planar(group: Group, deflections: list[Floats], start: Floats, cart_rate: Floats) -> tuple[Floats, Any, Any]:
     """U'' (2, n, P, T), ρ (1, n, P, T), and the force of drag on the cart (T,)."""
-    q, rate, turn = moved[0]
+    q, rate, turn = deflections[0]
     theta = q + group.rest[..., None]
     tangent = np.empty((2, *theta.shape))
     np.cos(theta, out=tangent[0])
@@ -88,54 +90,54 @@ def _planar(group: Group, moved: list[Floats], felt: Floats, cart_rate: Floats) 
     inward, second = rate**2, turn * tangent
     second[0] += inward * tangent[1]
     second[1] -= inward * tangent[0]
-    along, up = tangent * _inertial(group, second, felt)
-    forces = along + up
-    if group.hinged:
+    sideways, up = tangent * _inertial(group, second, start)
+    forces = sideways + up
+    if group.has_joint_torques:
         forces -= link_torques(group, theta, rate)
     braking: Any = 0.0
-    if group.dragged:
+    if group.has_drag:
         external = plane_drag(group, theta, rate, (cart_rate, 0.0))
         braking = external.along_rail
-        forces -= external.generalized
+        forces -= external.generalized_forces
     return second, forces[None], braking
 
 
-def _spatial(group: Group, moved: list[Floats], felt: Floats, cart_rate: Floats) -> tuple[Floats, Any, Any]:
+def _spatial(group: Group, deflections: list[Floats], start: Floats, cart_rate: Floats) -> tuple[Floats, Any, Any]:
     """U'' (3, n, P, T), ρ (2, n, P, T), and the force of drag on the cart (T,)."""
-    p, rate, turn = np.stack(moved, axis=1)
+    p, rate, turn = np.stack(deflections, axis=1)
     theta, sigma = np.hypot(*p), group.block.sigma[..., None]
     s, r = factors(theta)
     k = np.where(theta < TINY, 1 / 15 - theta**2 / 210, -(s + 3 * r) / np.maximum(theta, TINY) ** 2)
-    h, twice = _along(p, rate), _along(rate, rate) + _along(p, turn)
+    h, twice = _dot(p, rate), _dot(rate, rate) + _dot(p, turn)
     flat = s * turn + 2 * r * h * rate + (r * twice + k * h**2) * p
     second = sigma * np.array([*flat, -s * twice - r * h**2])
-    forces = _inertial(group, second, felt)
+    forces = _inertial(group, second, start)
     u, w = (sigma * np.array(part) for part in ([*(s * p), np.cos(theta)], [*(s * rate + r * h * p), -s * h]))
     braking: Any = 0.0
-    if group.sprung or group.damped:
-        forces -= generalized(joint_moments(group, u, w), u)
-    if group.dragged:
+    if group.sprung or group.has_dampers:
+        forces -= generalized_forces(joint_moments(group, u, w), u)
+    if group.has_drag:
         external = drag(group, w, (cart_rate, 0.0))
         braking = external.along_rail
-        forces -= external.generalized
-    return second, sigma * (s * forces[:2] + (r * _along(p, forces[:2]) - s * forces[2]) * p), braking
+        forces -= external.generalized_forces
+    return second, sigma * (s * forces[:2] + (r * _dot(p, forces[:2]) - s * forces[2]) * p), braking
 
 
-def _inertial(group: Group, second: Any, felt: Floats) -> Any:
+def _inertial(group: Group, second: Any, start: Floats) -> Any:
     """A_ii u_i'' + b_i a_i + l_i Σ_{j>i} b_j u_j'', (d, n, P, T), in one pass down and one up unless there are few."""
     l, b, A = (values[..., None] for values in (group.block.length, group.block.b, group.block.diagonal))
     if group.n <= FEW:
         forces = (group.inertia_matrices @ second.swapaxes(1, 2)).swapaxes(1, 2)
-        return forces + b * felt[:, None, None]
-    forces, a, below = A * second, felt[:, None], 0.0
+        return forces + b * start[:, None, None]
+    forces, a, pull = A * second, start[:, None], 0.0
     for i in range(group.n):
         forces[:, i] += b[i] * a
         a = a + l[i] * second[:, i]
     for i in reversed(range(group.n)):
-        forces[:, i] += l[i] * below
-        below = below + b[i] * second[:, i]
+        forces[:, i] += l[i] * pull
+        pull = pull + b[i] * second[:, i]
     return forces
 
 
-def _along(a: Any, b: Any) -> Any:
+def _dot(a: Any, b: Any) -> Any:
     return np.sum(a * b, axis=0)

@@ -25,8 +25,8 @@ def first_that_swings(scene: Scene, *, undamped: bool = False) -> int:
     `undamped` asks for one that swings without the dampers.
     """
     modes = modes_of(scene.conservative if undamped else scene)
-    along = np.array([any(part.along_count for part in parts) for parts in modes.spectrum.groups])
-    swings = (modes.eigenvalue.imag > 0) & (modes.error < UNCERTAIN) & along
+    is_along = np.array([any(part.along_count for part in parts) for parts in modes.spectrum.groups])
+    swings = (modes.eigenvalue.imag > 0) & (modes.error < UNCERTAIN) & is_along
     numbers = table_numbers(scene)[swings] if undamped else 1 + np.flatnonzero(swings)
     if not numbers.size:
         raise SceneError(["no pendulum has a start, and no mode swings"])

@@ -49,11 +49,11 @@ class ModalSwing:
     kappa: float
     eta: float
     rate: float
-    damped: bool
+    decays: bool
 
     def motion(self, times: Floats) -> Floats:
         """The contribution of the mode to q, q' and q'', (3, T, n)."""
-        return together([self], times)
+        return sum_swings([self], times)
 
     @property
     def amplitude(self) -> complex:
@@ -72,12 +72,12 @@ class ModalSwing:
             return self._turning(times)
         if s == 0:
             return self.eta + self.rate * times, np.full(len(times), self.rate), np.zeros(len(times))
-        if self.damped:
+        if self.decays:
             z = self.eta * np.exp(s * times)
             return z, s * z, s * s * z
-        even, odd = np.cosh(s * times), np.sinh(s * times)
-        z = self.eta * even + self.rate / s * odd
-        return z, s * self.eta * odd + self.rate * even, s * s * z
+        cosh, sinh = np.cosh(s * times), np.sinh(s * times)
+        z = self.eta * cosh + self.rate / s * sinh
+        return z, s * self.eta * sinh + self.rate * cosh, s * s * z
 
     def _turning(self, times: Floats) -> tuple[Any, Any, Any]:
         s, omega, bend = self.value.real, self.value.imag, self.bend
@@ -88,7 +88,7 @@ class ModalSwing:
         return z, z * speed, z * (speed**2 + 2j * omega * s * bend * fade)
 
 
-def together(swings: Sequence[ModalSwing], times: Floats) -> Floats:
+def sum_swings(swings: Sequence[ModalSwing], times: Floats) -> Floats:
     """The contribution of these modes to q, q' and q'', (3, T, n)."""
     z = np.moveaxis(np.array([swing.coordinate(times) for swing in swings]), 0, 2)
     phi = np.array([swing.shape for swing in swings])
@@ -101,11 +101,11 @@ class Flat:
 
     scene: Scene
     swings: tuple[ModalSwing, ...]
-    begun: tuple[Floats, Floats]
+    start: tuple[Floats, Floats]
 
     def deflections(self, times: Floats) -> Floats:
         """The closed form of q, q' and q'', (3, T, n)."""
-        return together(self.swings, times)
+        return sum_swings(self.swings, times)
 
     def motion(self, times: Floats) -> Motion:
         """The same as angles (T, L) and a cart or carriers."""
@@ -142,8 +142,8 @@ class Superposition(Displayed):
     @property
     def linear(self) -> Superposition:
         """The same motion without amplitude correction."""
-        uncorrected = (tuple(replace(swing, kappa=0.0) for swing in plane.swings) for plane in self.planes)
-        planes = (replace(plane, swings=swings) for plane, swings in zip(self.planes, uncorrected, strict=True))
+        linear_swings = (tuple(replace(swing, kappa=0.0) for swing in plane.swings) for plane in self.planes)
+        planes = (replace(plane, swings=swings) for plane, swings in zip(self.planes, linear_swings, strict=True))
         return replace(self, planes=tuple(planes))
 
 
@@ -159,8 +159,8 @@ def superpose(scene: Scene, start: State, *, corrected: bool) -> Superposition:
         return Superposition(scene, (_flat(scene, start, corrected),))
     along, across = split(scene, start)
     plane = scene.in_plane
-    held = plane.replace(support=Fixed())
-    return Superposition(scene, (_flat(plane, along, corrected), _flat(held, across, corrected)))
+    fixed_plane = plane.replace(support=Fixed())
+    return Superposition(scene, (_flat(plane, along, corrected), _flat(fixed_plane, across, corrected)))
 
 
 def _flat(scene: Scene, start: State, corrected: bool) -> Flat:
@@ -170,14 +170,14 @@ def _flat(scene: Scene, start: State, corrected: bool) -> Flat:
 
 def swings(scene: Scene, start: State, *, corrected: bool) -> list[ModalSwing]:
     """The modes of a plane scene that this start excites."""
-    modes, here = natural_modes(scene), motion_of([start])
+    modes, motion = natural_modes(scene), motion_of([start])
     drifting = [number for number in range(len(modes)) if _drifts(scene, modes, number)]
     try:
-        projected = modal_motion(here, modes, [number for number in range(len(modes)) if number not in drifting])
+        coordinates = modal_motion(motion, modes, [number for number in range(len(modes)) if number not in drifting])
     except np.linalg.LinAlgError:
         raise ComputationError(INCOMPLETE) from None
     kappa = [mode.kappa if corrected and np.isfinite(mode.kappa) else 0.0 for mode in modes]
-    each = [
+    parts = [
         ModalSwing(
             phi,
             complex(modes.eigenvalue[number]),
@@ -187,12 +187,12 @@ def swings(scene: Scene, start: State, *, corrected: bool) -> list[ModalSwing]:
             scene.has_damping and not modes.is_classical,
         )
         for number, phi, eta, rate in zip(
-            projected.number, projected.shapes.T, projected.coordinate[0], projected.rate[0], strict=True
+            coordinates.number, coordinates.shapes.T, coordinates.coordinate[0], coordinates.rate[0], strict=True
         )
     ]
-    each += [_drift(scene, modes, number, *deflection(scene, here)) for number in drifting]
-    _validate(each, *deflection(scene, here))
-    return each
+    parts += [_drift(scene, modes, number, *deflection(scene, motion)) for number in drifting]
+    _validate(parts, *deflection(scene, motion))
+    return parts
 
 
 def _drifts(scene: Scene, modes: Modes, number: int) -> bool:
@@ -209,11 +209,11 @@ def _drift(scene: Scene, modes: Modes, number: int, q: Floats, v: Floats) -> Mod
     phi = along_rail(modes, number)[1][:, 0].real
     weight = modes.matrices.M @ phi
     eta, rate = (float(part[0] @ weight / (phi @ weight)) for part in (q, v))
-    return ModalSwing(phi, 0j, 0.0, eta, rate, damped=False)
+    return ModalSwing(phi, 0j, 0.0, eta, rate, decays=False)
 
 
-def _validate(each: list[ModalSwing], q: Floats, v: Floats) -> None:
-    linear = [replace(swing, kappa=0.0) for swing in each]
+def _validate(parts: list[ModalSwing], q: Floats, v: Floats) -> None:
+    linear = [replace(swing, kappa=0.0) for swing in parts]
     missing = np.array([q, v]) - sum(swing.motion(np.zeros(1))[:2] for swing in linear)
     if not all(np.abs(gap).max() <= SPANNED * max(np.abs(q).max(), np.abs(v).max()) for gap in missing):
         raise ComputationError(INCOMPLETE)

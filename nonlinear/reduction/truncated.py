@@ -62,17 +62,17 @@ class Turning:
         """
         sin, cos = np.sin(angles), np.cos(angles)
         n, u = np.stack((cos, -sin)), np.stack((sin, cos))
-        across = n * self.F[:, None]
-        p = above(self.length * across)
+        normals = n * self.F[:, None]
+        p = sums_above(self.length * normals)
         p[:, 0] += cart[:, None, None]
-        cross = _rows(self.b * across) @ _rows(p).T
+        cross = _rows(self.b * normals) @ _rows(p).T
         thrown = self.b * rates**2 * u
-        a = above(-self.length * u * rates**2)
-        felt = self.b * ((n * a).sum(0) + gravity * sin)
-        return self.constant + cross + cross.T, _rows(p) @ thrown.ravel() - _rows(self.F) @ felt.ravel()
+        a = sums_above(-self.length * u * rates**2)
+        moments = self.b * ((n * a).sum(0) + gravity * sin)
+        return self.constant + cross + cross.T, _rows(p) @ thrown.ravel() - _rows(self.F) @ moments.ravel()
 
 
-def above(values: Floats) -> Floats:
+def sums_above(values: Floats) -> Floats:
     """The sum over all links above each one, along the last axis."""
     sums = np.empty_like(values)
     sums[..., 0] = 0.0
@@ -139,12 +139,12 @@ class Truncated:
         return self.shapes[: self.system.first]
 
     @cached_property
-    def whole(self) -> tuple[Generated, Variational]:
+    def full_equations(self) -> tuple[Generated, Variational]:
         """The equations of the whole scene on a structure."""
         return Generated(self.system, self.load), Variational(self.system)
 
     def _on_structure(self, time: float, y: Floats) -> Floats:
-        R, (equations, momenta) = self.size, self.whole
+        R, (equations, momenta) = self.size, self.full_equations
         half, rates = equations.layout.half, equations.derivative(time, equations.begin(self.state(y)))
         q = np.concatenate((y[:R] @ self.carriers.T, self.rest + y[:R] @ self.links.T))
         p = momenta.momenta(np.broadcast_to(q[:, None], (half, R)), self.shapes)
@@ -199,8 +199,8 @@ class Truncated:
         """Natural units of y, (size,): those that turn a link by 1 rad, or move the cart by l where none turns."""
         reach = np.maximum(np.abs(self.links).max(axis=0), np.abs(self.cart) / self.system.length)
         if self.system.structure is not None:
-            moved = np.abs(self.carriers) / np.reshape(self.system.first_units, (-1, 1))
-            reach = np.maximum(reach, moved.max(axis=0, initial=0.0))
+            carrier_reach = np.abs(self.carriers) / np.reshape(self.system.first_units, (-1, 1))
+            reach = np.maximum(reach, carrier_reach.max(axis=0, initial=0.0))
         half = 1 / reach
         return np.concatenate((half, half * self.system.rate, [self.system.energy] * self.works))
 

@@ -48,7 +48,7 @@ from nonlinear.integration import (
     validate_numbers,
     validate_whole,
 )
-from nonlinear.reduction.excitation import PER_PERIOD, THIRD, ExcitedShapes, excite, excited
+from nonlinear.reduction.excitation import PER_PERIOD, THIRD, ExcitedShapes, dominant_shapes, excite
 from nonlinear.reduction.truncated import Truncated
 from nonlinear.system import State, System, initial_state, system_of, validate_state
 
@@ -132,8 +132,8 @@ class Survey(Displayed):
     def outside(self) -> Floats:
         """Fraction of the start's energy in the shapes from each one on, (C + 1,)."""
         energy = (self.amplitude * self.swings) ** 2
-        left = np.append(np.cumsum(energy[::-1])[::-1], 0.0)
-        return left / (left[0] or 1.0)
+        remainders = np.append(np.cumsum(energy[::-1])[::-1], 0.0)
+        return remainders / (remainders[0] or 1.0)
 
     def columns(self, modes: int) -> int:
         """Number of shapes of the lowest modes."""
@@ -144,28 +144,28 @@ class Survey(Displayed):
         count = int(np.argmax(self.outside <= NEGLIGIBLE))
         return min(self.kept[max(count, 1) - 1].mode + MARGIN, len(self.modes))
 
-    def excitation(self, run: Trajectory, chosen: Ints, looked: Floats) -> tuple[Ints, ExcitedShapes]:
-        """The other shapes, and how far a run in the chosen ones moves each, seen at `looked` (s), evenly spaced."""
-        left = np.delete(np.arange(len(self.kept)), chosen)
-        left = left[self.value.real[left] <= 0]
-        begun = self.equations(left).begin(self.start)[: 2 * len(left)].reshape(2, -1)
-        motion = run.motion.at(np.isin(run.times, looked))
-        return left, excite(self.system, looked, motion, self.shapes[:, left], self.swings[left], begun)
+    def excitation(self, run: Trajectory, chosen: Ints, look_times: Floats) -> tuple[Ints, ExcitedShapes]:
+        """The other shapes, and how far a run in the chosen ones moves each, seen at even `look_times` (s)."""
+        others = np.delete(np.arange(len(self.kept)), chosen)
+        others = others[self.value.real[others] <= 0]
+        starts = self.equations(others).begin(self.start)[: 2 * len(others)].reshape(2, -1)
+        motion = run.motion.at(np.isin(run.times, look_times))
+        return others, excite(self.system, look_times, motion, self.shapes[:, others], self.swings[others], starts)
 
-    def judging(self, run: Trajectory, count: int, looked: Floats) -> Ints:
+    def judging(self, run: Trajectory, count: int, look_times: Floats) -> Ints:
         """The shapes of the second run for a run in the first `count`: these, and those that it excites."""
-        left, survey = self.excitation(run, np.arange(count), looked)
-        reached = survey.angles > REACHED
-        near = self.swings[left] <= (1 + 2 * NEAR) * self.swings[:count].max()
+        others, survey = self.excitation(run, np.arange(count), look_times)
+        moves = survey.angles > REACHED
+        is_close = self.swings[others] <= (1 + 2 * NEAR) * self.swings[:count].max()
         grows = np.flatnonzero(self.value.real > 0)
-        more = left[reached & near], left[excited(np.where(reached, survey.angles, 0.0), LEFT)]
-        return np.unique(np.concatenate((np.arange(count), grows, *more)))
+        additions = others[moves & is_close], others[dominant_shapes(np.where(moves, survey.angles, 0.0), LEFT)]
+        return np.unique(np.concatenate((np.arange(count), grows, *additions)))
 
     def cheap(self, judging: Ints) -> bool:
         """Whether the whole scene costs no more than DEAR times a run in these shapes."""
         links, fast = self.system.n_links, float(self.swings[judging].max())
-        few = fast * (CALL + PRODUCT * links * len(judging) ** 2)
-        return len(judging) == len(self.kept) or float(self.swings.max()) * (CALL + links) <= DEAR * few
+        reduced_cost = fast * (CALL + PRODUCT * links * len(judging) ** 2)
+        return len(judging) == len(self.kept) or float(self.swings.max()) * (CALL + links) <= DEAR * reduced_cost
 
     def equations(self, chosen: Ints) -> Truncated:
         """The reduced equations in these shapes."""
@@ -220,62 +220,62 @@ def in_modes(
 ) -> Truncation:
     """The motion of a survey's start at these times (T,) in s, in its lowest `modes`."""
     fewer = survey.columns(modes)
-    looked = _looked(survey, np.arange(fewer), times)
-    first = _run(survey, np.arange(fewer), np.union1d(times, looked), method, tolerance, report)
+    look_times = _look_times(survey, np.arange(fewer), times)
+    first = _simulate(survey, np.arange(fewer), np.union1d(times, look_times), method, tolerance, report)
     errors, judge = np.full(len(first.times), np.inf), "not judged, for the run did not reach its end"
     if first.complete:
-        errors, judge = _judged(survey, first, fewer, looked, report)
+        errors, judge = _judge(survey, first, fewer, look_times, report)
     run = replace(first.run, error=float(errors[-1]), reason=f"{first.run.reason}; error {judge}")
-    asked = np.isin(first.times, times)
-    asked[-1] = True
+    is_output = np.isin(first.times, times)
+    is_output[-1] = True
     return Truncation(
-        trajectory=replace(first, run=run).at(asked),
+        trajectory=replace(first, run=run).at(is_output),
         kept=survey.kept[:fewer],
         omega=survey.swings[:fewer],
         outside=float(survey.outside[fewer]),
-        errors=errors[asked],
+        errors=errors[is_output],
     )
 
 
-def _judged(
-    survey: Survey, first: Trajectory, fewer: int, looked: Floats, report: Callable[[float], object]
+def _judge(
+    survey: Survey, first: Trajectory, fewer: int, look_times: Floats, report: Callable[[float], object]
 ) -> tuple[Floats, str]:
     """The largest error (rad) of a run in the first shapes so far, (T,), and what it was judged by."""
-    judging, tolerance = survey.judging(first, fewer, looked), first.run.tolerance / FINER
-    whole = survey.cheap(judging)
-    times = first.times if whole else np.union1d(first.times, finer := _looked(survey, judging, first.times))
+    judging, tolerance = survey.judging(first, fewer, look_times), first.run.tolerance / FINER
+    is_full = survey.cheap(judging)
+    times = first.times if is_full else np.union1d(first.times, finer := _look_times(survey, judging, first.times))
     try:
-        if whole:
+        if is_full:
             request = Request(survey.scene, survey.system, survey.start, times, report=report)
             second = request.run(request.choice(max(tolerance, FINEST)))
         else:
-            second = _run(survey, judging, times, first.run.method, tolerance, report)
+            second = _simulate(survey, judging, times, first.run.method, tolerance, report)
     except SimulationError as error:
         second = error.trajectory
     if not second.complete:
         return np.full(len(first.times), np.inf), f"{UNJUDGED}: {second.run.stopped}"
-    elapsed, swings = first.times - first.times[0], survey.swings[:fewer]
-    gone = np.abs(first.motion.links - second.motion.at(np.isin(times, first.times)).links).max(axis=1)
-    errors = _within(elapsed, gone, 2 * np.pi / float(swings[swings > 0].min(initial=np.inf)))
-    if whole:
+    durations, swings = first.times - first.times[0], survey.swings[:fewer]
+    distances = np.abs(first.motion.links - second.motion.at(np.isin(times, first.times)).links).max(axis=1)
+    errors = _within(durations, distances, 2 * np.pi / float(swings[swings > 0].min(initial=np.inf)))
+    if is_full:
         return SAFETY * errors, "judged by the whole scene"
-    errors = errors + survey.excitation(second, judging, finer)[1].sum(elapsed)
+    errors = errors + survey.excitation(second, judging, finer)[1].sum(durations)
     return SAFETY * errors, f"judged by {len(judging)} shapes, those that they excite"
 
 
-def _looked(survey: Survey, chosen: Ints, times: Floats) -> Floats:
+def _look_times(survey: Survey, chosen: Ints, times: Floats) -> Floats:
     """Even times (s) at which the forces of a motion in the chosen shapes are seen, as far as numbers can be kept."""
     rate = THIRD * PER_PERIOD * float(survey.swings[chosen].max()) / (2 * np.pi)
-    most = min(MOST_LOOKED, MOST_NUMBERS // survey.system.n_links)
+    limit = min(MOST_LOOKED, MOST_NUMBERS // survey.system.n_links)
     count = float(times[-1] - times[0]) * rate
-    if count < most:
+    if count < limit:
         return np.linspace(times[0], times[-1], max(int(np.ceil(count)), FEWEST) + 1)
-    return np.asarray(times[0] + np.arange(most + 1) / rate)
+    return np.asarray(times[0] + np.arange(limit + 1) / rate)
 
 
-def _within(elapsed: Floats, values: Floats, period: float) -> Floats:
+def _within(durations: Floats, values: Floats, period: float) -> Floats:
     """The largest of the values (T,) so far and in the next `period` (s)."""
-    last = np.searchsorted(elapsed, elapsed + period, side="right") - 1
+    last = np.searchsorted(durations, durations + period, side="right") - 1
     return np.asarray(np.maximum.accumulate(values)[last])
 
 
@@ -290,16 +290,16 @@ def _validate(scene: Scene, method: str) -> None:
 @checked
 def survey_modes(scene: Scene, system: System, start: State) -> Survey:
     """The modes of the scene without its dampers, and the start in them; SceneError where they do not span it."""
-    still = scene.conservative
-    modes = modes_of(still)
+    conservative = scene.conservative
+    modes = modes_of(conservative)
     phi = modes.matrix.real
     if len(phi.row) < system.first + scene.n_links:
         raise SceneError(["support.mass = 0.0: the modes of this scene do not span its motion"])
-    kept = tuple(Kept(row + 1, copy + 1) for row, copy in zip(phi.row.tolist(), phi.copy.tolist(), strict=True))
-    return Survey(scene, system, modes, kept, phi.shapes, phi.dual, start)
+    shapes = tuple(Kept(row + 1, copy + 1) for row, copy in zip(phi.row.tolist(), phi.copy.tolist(), strict=True))
+    return Survey(scene, system, modes, shapes, phi.shapes, phi.dual, start)
 
 
-def _run(
+def _simulate(
     survey: Survey, chosen: Ints, times: Floats, method: str, tolerance: float, report: Callable[[float], object]
 ) -> Trajectory:
     equations, size = survey.equations(chosen), extent(survey.start, survey.system)

@@ -19,16 +19,16 @@ from nonlinear.system.events import (
 from nonlinear.system.initial import has_start, initial_state, state_at_rest, validate_state
 from nonlinear.system.numbers import (
     Numbers,
+    constants_of,
     entries_of,
     numbers_of,
     numbers_of_all,
-    prescribed_of,
     prescribed_places,
     structure_places,
     system_with,
-    with_prescribed,
+    system_with_constants,
 )
-from nonlinear.system.populations import Population, burdens, populations_of, representatives, unrepresented
+from nonlinear.system.populations import Population, burdens, populations_of, representation_obstacles, representatives
 from nonlinear.system.prescribed import UP, ActingForce
 from nonlinear.system.springs import drawn_place, ends_may_meet, place_of, slack_of
 from nonlinear.system.state import (
@@ -71,6 +71,7 @@ __all__ = [
     "System",
     "apart",
     "burdens",
+    "constants_of",
     "drawn_place",
     "ends_may_meet",
     "entries_of",
@@ -83,20 +84,19 @@ __all__ = [
     "of_plane",
     "place_of",
     "populations_of",
-    "prescribed_of",
     "prescribed_places",
+    "representation_obstacles",
     "representatives",
     "slack_of",
     "state_at_rest",
     "structure_places",
     "system_of",
     "system_with",
+    "system_with_constants",
     "translations",
     "turning_point",
     "unit_vectors",
-    "unrepresented",
     "validate_state",
     "velocities",
-    "with_prescribed",
 ]
 __dir__ = __all__.copy

@@ -31,9 +31,9 @@ def has_start(scene: Scene) -> bool:
     That is a moved support, the ground's motion, or a force that changes in time.
     """
     validate_scene(scene)
-    started = any(getattr(support, "start", None) for support in scene.supports)
+    has_support_start = any(getattr(support, "start", None) for support in scene.supports)
     driven = scene.is_moved or scene.ground is not None or "force" in scene.features
-    return driven or started or any(pendulum.start for pendulum in scene.pendulum)
+    return driven or has_support_start or any(pendulum.start for pendulum in scene.pendulum)
 
 
 def initial_state(scene: Scene) -> State:
@@ -81,11 +81,11 @@ def _on_supports(scene: Scene, state: State) -> State:
     places, rates = np.zeros((2, size[-1]))
     for first, last, support in zip(size, size[1:], scene.supports, strict=False):
         if (start := getattr(support, "start", None)) is not None:
-            places[first:last], rates[first:last] = _started(start)
+            places[first:last], rates[first:last] = _carrier_start(start)
     return replace(state, supports=places, support_rates=rates)
 
 
-def _started(start: Displaced | Turned | Adrift | Combined) -> tuple[Any, Any]:
+def _carrier_start(start: Displaced | Turned | Adrift | Combined) -> tuple[Any, Any]:
     """The coordinates of a carrier and their rates, in m and rad."""
     if isinstance(start, Displaced):
         return start.displacement, start.rate
@@ -99,14 +99,14 @@ def _started(start: Displaced | Turned | Adrift | Combined) -> tuple[Any, Any]:
 
 def _of_copies(scene: Scene, pendulum: Pendulum) -> Floats:
     """The same of all copies one after another, (count n, 3), spread over the phases of the first mode if asked."""
-    each = _of(pendulum)
+    rows = _of(pendulum)
     if pendulum.start is None or not pendulum.start.spread:
-        return np.tile(each, (pendulum.count, 1))
+        return np.tile(rows, (pendulum.count, 1))
     rest = np.array([(0.0 if way == "down" else 180.0) for way in pendulum.ways])
     psi = 2 * pi * np.arange(pendulum.count)[:, None] / pendulum.count
     starts = np.zeros((pendulum.count, pendulum.n_links, 3))
-    starts[..., 0] = rest + (each[:, 0] - rest) * np.cos(psi)
-    starts[..., 1] = -(each[:, 0] - rest) * _first_frequency(scene.gravity, pendulum) * np.sin(psi)
+    starts[..., 0] = rest + (rows[:, 0] - rest) * np.cos(psi)
+    starts[..., 1] = -(rows[:, 0] - rest) * _first_frequency(scene.gravity, pendulum) * np.sin(psi)
     return starts.reshape(-1, 3)
 
 
@@ -157,13 +157,13 @@ def state_at_rest(scene: Scene, angles_deg: Sequence[float]) -> State:
     >>> [round(degrees(angle), 9) for angle in state.links]
     [30.0, 45.0]
     """
-    asked, total = np.array(angles_deg, dtype=float), scene.n_links
+    values, total = np.array(angles_deg, dtype=float), scene.n_links
     sizes = {pendulum.n_links for pendulum in scene.pendulum}
-    accepted = sorted({total, *(sizes if len(sizes) == 1 else ())})
-    if asked.size not in accepted:
-        size = counted(asked.size, "angle", "angles")
-        raise SceneError([f"start: has {size}: this scene needs {' or '.join(map(str, accepted))}"])
-    angles = np.deg2rad(np.tile(asked, total // asked.size))
+    valid_sizes = sorted({total, *(sizes if len(sizes) == 1 else ())})
+    if values.size not in valid_sizes:
+        size = counted(values.size, "angle", "angles")
+        raise SceneError([f"start: has {size}: this scene needs {' or '.join(map(str, valid_sizes))}"])
+    angles = np.deg2rad(np.tile(values, total // values.size))
     state = State(angles, np.zeros(total))
     if scene.is_structured:
         none = np.zeros(structure_of(scene).size)

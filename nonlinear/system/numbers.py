@@ -1,8 +1,8 @@
 """The numbers of a scene as a list, of which many members may each have their own.
 
 The list is gravity, then of every link in the order of the file its mass, length, centre, inertia, damper, spring, the
-two constants of its drive, and its drag, field by field; then those of what carries the pendula (`structured`): of
-every carrier its place, mass, inertia, rods, centre, springs and dampers (of a modal one M, K, D and its points), of
+two constants of its drive, and its drag, field by field; then those of what carries the pendula: of every
+carrier its place, mass, inertia, rods, centre, springs and dampers (of a modal one M, K, D and its points), of
 every entry of pendula where it hangs, of every spring its two numbers and its ends.  Beside it
 stand the entries of D_modal and the constants of sines that move the support, and of sines and constants that act as
 forces.  Where members differ an entry is an array (S,), elsewhere one number.
@@ -38,7 +38,7 @@ Values = Mapping[Place, Floats]
 class Numbers(Displayed):
     """The numbers of S members with the form of a `system`: `entries` are numbers or arrays (S,).
 
-    So are `prescribed`, the entries of D_modal, row by row, where there is one, and constants of motions and forces;
+    So are `constants`, the entries of D_modal, row by row, where there is one, and constants of motions and forces;
     and `switching`, those of escapements and dry friction (`nonlinear.integration.switches`), empty without them.
     """
 
@@ -47,11 +47,11 @@ class Numbers(Displayed):
 
     system: System
     entries: tuple[Any, ...]
-    prescribed: tuple[Any, ...] = ()
+    constants: tuple[Any, ...] = ()
     switching: tuple[Any, ...] = ()
 
     @cached_property
-    def varied(self) -> tuple[int, ...]:
+    def array_entries(self) -> tuple[int, ...]:
         """Which entries are arrays."""
         return tuple(k for k, entry in enumerate(self.entries) if isinstance(entry, np.ndarray))
 
@@ -62,10 +62,10 @@ class Numbers(Displayed):
         outside = any(part is not None for part in (system.modal_damping, system.hoisting))
         first = BEFORE + len(FIELDS) * system.n_links
         outside = outside or any(self._is_set(first + k) for k in dampers_of(system.suspension))
-        return outside or bool(system.prescribed) or system.kicked or self._any_of(WORKING)
+        return outside or bool(system.prescribed_motions) or system.has_escapements or self._any_of(WORKING)
 
     @cached_property
-    def dragged(self) -> bool:
+    def has_drag(self) -> bool:
         """Whether any member has drag, or could."""
         return self._any_of(DRAG)
 
@@ -78,23 +78,23 @@ class Numbers(Displayed):
 
     def at(self, members: Any) -> Numbers:
         """Those of some members: a slice or indices."""
-        taken = (
+        parts = (
             tuple(entry[members] if isinstance(entry, np.ndarray) else entry for entry in entries)
-            for entries in (self.entries, self.prescribed, self.switching)
+            for entries in (self.entries, self.constants, self.switching)
         )
-        return Numbers(self.system, *taken)
+        return Numbers(self.system, *parts)
 
     @cached_property
     def arrays(self) -> System:
         """The system with these in its arrays: (n, P, 1), or (n, P, S) where members differ."""
-        system = system_with(self.system, [_spread(entry) for entry in self._even], tail=True)
-        return with_prescribed(system, self.prescribed)
+        system = system_with(self.system, [_spread(entry) for entry in self._uniform_entries], tail=True)
+        return system_with_constants(system, self.constants)
 
     @property
-    def _even(self) -> list[Any]:
+    def _uniform_entries(self) -> list[Any]:
         """The entries, of each field either all arrays or none."""
         links, entries = self.system.n_links, list(self.entries)
-        count = max((len(entries[k]) for k in self.varied), default=1)
+        count = max((len(entries[k]) for k in self.array_entries), default=1)
         for at in range(BEFORE, BEFORE + len(FIELDS) * links, links):
             field = entries[at : at + links]
             if any(isinstance(entry, np.ndarray) for entry in field):
@@ -111,14 +111,14 @@ def numbers_of(
 ) -> Numbers:
     """The numbers of a scene, with arrays (S,) of `values` at some of its places and D_modal (S, n, n)."""
     validate_scene(scene)
-    replaced: Values = values or {}
+    replacements: Values = values or {}
     rows = [
         row
         for p, pendulum in enumerate(scene.pendulum)
         for row in [
             _row(
                 link,
-                {place[4:]: value for place, value in replaced.items() if place[:4] == ("pendulum", p, "links", i)},
+                {place[4:]: value for place, value in replacements.items() if place[:4] == ("pendulum", p, "links", i)},
             )
             for i, link in enumerate(pendulum.links)
             for _ in range(link.count)
@@ -129,11 +129,11 @@ def numbers_of(
     base = system or system_of(scene)
     if modal is not None:
         base = replace(base, modal_damping=modal[0])
-    prescribed = _prescribed(base, _places_of_prescribed(scene), replaced, modal)
-    rest = structured(base.suspension)
+    constants = _motion_constants(base, _motion_places(scene), replacements, modal)
+    rest = numbers_of_structure(base.suspension)
     for k, names in enumerate(_places_of_structure(scene, base.suspension)):
-        rest[k] = next((replaced[name] for name in names if name in replaced), rest[k])
-    return Numbers(base, (replaced.get(("gravity",), scene.gravity), *fields, *rest), prescribed)
+        rest[k] = next((replacements[name] for name in names if name in replacements), rest[k])
+    return Numbers(base, (replacements.get(("gravity",), scene.gravity), *fields, *rest), constants)
 
 
 @checked
@@ -143,31 +143,33 @@ def prescribed_places(scene: Scene, system: System) -> list[tuple[Place, float]]
         return []
     return [
         ((*place, name), unit)
-        for place, motion in zip(_places_of_prescribed(scene), system.prescribed, strict=True)
+        for place, motion in zip(_motion_places(scene), system.prescribed_motions, strict=True)
         for name, unit in motion.units.items()
     ]
 
 
-def _places_of_prescribed(scene: Scene) -> list[Place]:
-    """Where a scene has its motions and forces, in the order of `System.prescribed`."""
+def _motion_places(scene: Scene) -> list[Place]:
+    """Where a scene has its motions and forces, in the order of `System.prescribed_motions`."""
     return [*scene.motion_places, *(("force", k) for k in range(len(scene.force)))]
 
 
-def _prescribed(system: System, places: Sequence[Place], replaced: Values, modal: Floats | None) -> tuple[Any, ...]:
+def _motion_constants(
+    system: System, places: Sequence[Place], replacements: Values, modal: Floats | None
+) -> tuple[Any, ...]:
     D = _modal_of(system)
     if modal is not None:
         D = [column if np.any(column != column[0]) else float(column[0]) for column in modal.reshape(len(modal), -1).T]
     if not system.is_analytic:
         return (*D,)
     constants = [
-        replaced[(*place, name)] * unit if (*place, name) in replaced else constant
-        for place, motion in zip(places, system.prescribed, strict=True)
+        replacements[(*place, name)] * unit if (*place, name) in replacements else constant
+        for place, motion in zip(places, system.prescribed_motions, strict=True)
         for (name, unit), constant in zip(motion.units.items(), motion.constants, strict=True)
     ]
     return (*D, *constants)
 
 
-def prescribed_of(system: System) -> list[float]:
+def constants_of(system: System) -> list[float]:
     """The entries of D_modal and the constants of what is prescribed, of a system's own."""
     return [*_modal_of(system), *_constants_of(system)]
 
@@ -177,7 +179,11 @@ def _modal_of(system: System) -> list[Any]:
 
 
 def _constants_of(system: System) -> list[Any]:
-    return [constant for motion in system.prescribed for constant in motion.constants] if system.is_analytic else []
+    return (
+        [constant for motion in system.prescribed_motions for constant in motion.constants]
+        if system.is_analytic
+        else []
+    )
 
 
 def entries_of(system: System) -> list[float]:
@@ -190,20 +196,20 @@ def entries_of(system: System) -> list[float]:
         law |= {} if quadratic is None else {"quadratic_drag": quadratic}
         for name, values in law.items():
             fields[FIELDS.index(name), group.index] = values
-    return [system.gravity, *fields.ravel().tolist(), *structured(system.suspension)]
+    return [system.gravity, *fields.ravel().tolist(), *numbers_of_structure(system.suspension)]
 
 
 def numbers_of_all(scenes: Sequence[Scene]) -> Numbers:
     """Of scenes that differ in numbers alone."""
     validate_scenes(scenes)
     system = system_of(scenes[0])
-    each = [numbers_of(scene) for scene in scenes]
+    members = [numbers_of(scene) for scene in scenes]
     return Numbers(
-        system, _joined([numbers.entries for numbers in each]), _joined([numbers.prescribed for numbers in each])
+        system, _join([numbers.entries for numbers in members]), _join([numbers.constants for numbers in members])
     )
 
 
-def _joined(rows: Sequence[Sequence[Any]]) -> tuple[Any, ...]:
+def _join(rows: Sequence[Sequence[Any]]) -> tuple[Any, ...]:
     """Column by column one number, or an array where they differ."""
     return tuple(
         column[0] if all(entry == column[0] for entry in column) else np.array(column)
@@ -211,58 +217,60 @@ def _joined(rows: Sequence[Sequence[Any]]) -> tuple[Any, ...]:
     )
 
 
-def _row(link: AnyLink, replaced: Mapping[tuple[Any, ...], Floats]) -> list[Any]:
+def _row(link: AnyLink, replacements: Mapping[tuple[Any, ...], Floats]) -> list[Any]:
     """The entries of one link, with other values at some of its places."""
     mass, length, damping, stiffness = (
-        replaced.get((name,), getattr(link, name)) for name in ("mass", "length", "damping", "stiffness")
+        replacements.get((name,), getattr(link, name)) for name in ("mass", "length", "damping", "stiffness")
     )
     if isinstance(link, Body):
-        centre, inertia = (replaced.get((name,), getattr(link, name)) for name in ("centre", "inertia"))
+        centre, inertia = (replacements.get((name,), getattr(link, name)) for name in ("centre", "inertia"))
     else:
         centre, inertia = link.proportions(mass, length)
     strength: Any = 0.0
     curb: Any = 0.0
     if link.drive is not None and not isinstance(link.drive, Escapement):
-        strength = replaced.get(("drive", "strength"), link.drive.strength)
-        curb = strength / (replaced.get(("drive", "angle_deg"), link.drive.angle_deg) * radians(1)) ** 2
-    drag = (replaced.get((name,), getattr(link, name)) for name in DRAG)
+        strength = replacements.get(("drive", "strength"), link.drive.strength)
+        curb = strength / (replacements.get(("drive", "angle_deg"), link.drive.angle_deg) * radians(1)) ** 2
+    drag = (replacements.get((name,), getattr(link, name)) for name in DRAG)
     return [mass, length, centre, inertia, damping, stiffness, strength, curb, *drag]
 
 
 def system_with(system: System, entries: Sequence[Any], tail: bool = False) -> System:
     """The same system with other entries: numbers, symbols, or with a `tail` arrays of one length or 1 a field."""
     links = system.n_links
-    fields = [_stacked(entries[at : at + links], tail) for at in range(BEFORE, BEFORE + len(FIELDS) * links, links)]
+    fields = [_stack(entries[at : at + links], tail) for at in range(BEFORE, BEFORE + len(FIELDS) * links, links)]
     groups = tuple(_group(group, dict(zip(FIELDS, fields, strict=True)), tail) for group in system.groups)
     suspension = structure_with(system.suspension, entries[BEFORE + len(FIELDS) * links :])
     return replace(system, gravity=entries[0], suspension=suspension, groups=groups)
 
 
-def with_prescribed(system: System, prescribed: Sequence[Any]) -> System:
+def system_with_constants(system: System, numbers: Sequence[Any]) -> System:
     """The same system with other entries of D_modal, (n, n) or (n, n, S), and other constants of what is prescribed."""
-    rest, changed = [*prescribed], system
+    rest, result = [*numbers], system
     if system.modal_damping is not None and rest:
         count = np.size(system.modal_damping)
         entries, rest = rest[:count], rest[count:]
-        varied = any(isinstance(entry, np.ndarray) for entry in entries)
-        D = np.array(np.broadcast_arrays(*entries)) if varied else _stacked(entries)
-        changed = replace(changed, modal_damping=D.reshape(*np.shape(system.modal_damping), *D.shape[1:]))
+        has_arrays = any(isinstance(entry, np.ndarray) for entry in entries)
+        D = np.array(np.broadcast_arrays(*entries)) if has_arrays else _stack(entries)
+        result = replace(result, modal_damping=D.reshape(*np.shape(system.modal_damping), *D.shape[1:]))
     if not rest:
-        return changed
+        return result
     constants = iter(rest)
-    motions = [motion.with_constants([next(constants) for _ in motion.constants]) for motion in system.prescribed]
+    motions = [
+        motion.with_constants([next(constants) for _ in motion.constants]) for motion in system.prescribed_motions
+    ]
     support, forces = system.support, system.forces
     if support:
-        moved = zip(support.directions, motions[: len(motions) - len(forces)], strict=True)
-        support = replace(support, motions=tuple(moved))
+        support_motions = zip(support.directions, motions[: len(motions) - len(forces)], strict=True)
+        support = replace(support, motions=tuple(support_motions))
     acting = zip(forces, motions[len(motions) - len(forces) :], strict=True)
-    return replace(changed, support=support, forces=tuple(replace(force, motion=motion) for force, motion in acting))
+    return replace(result, support=support, forces=tuple(replace(force, motion=motion) for force, motion in acting))
 
 
 # ------------------------------------------------------------------------------------------------------ structures
 
 
-def structured(structure: Structure) -> list[Any]:
+def numbers_of_structure(structure: Structure) -> list[Any]:
     """The numbers of a structure, in order."""
     numbers: list[Any] = []
     for carrier in structure.carriers:
@@ -287,9 +295,7 @@ def structure_with(structure: Structure, numbers: Sequence[Any]) -> Structure:
     for carrier in structure.carriers:
         position, (mass, inertia, length), centre = take(2), take(3), take(2)
         stiffness, damping = take(len(carrier.stiffness)), take(len(carrier.damping))
-        arrays = [
-            _stacked([_single(entry) for entry in take(part.size)]).reshape(part.shape) for part in _modal(carrier)
-        ]
+        arrays = [_stack([_single(entry) for entry in take(part.size)]).reshape(part.shape) for part in _modal(carrier)]
         modal = dict(zip(("M", "K", "D", "points"), arrays, strict=False))
         law = {"stiffness": stiffness, "damping": damping, "centre": centre, "position": position, **modal}
         carriers.append(replace(carrier, mass=mass, inertia=inertia, length=length, **law))
@@ -391,7 +397,7 @@ def _places_of_structure(scene: Scene, structure: Structure) -> list[list[Place]
     return places
 
 
-def _stacked(entries: Sequence[Any], tail: bool = False) -> Any:
+def _stack(entries: Sequence[Any], tail: bool = False) -> Any:
     if tail:
         return np.stack(entries)
     plain = all(isinstance(entry, float) for entry in entries)

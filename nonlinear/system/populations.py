@@ -78,13 +78,13 @@ def burdens(scene: Scene) -> tuple[int, ...]:
             for pendulum in {point[0] for point, _ in tie[0] if point[0] >= 0}:
                 borne.setdefault(pendulum, Counter())[tie] += 1
     leaders: list[int] = []
-    same = []
+    numbers_of_leaders = []
     for p in range(len(sizes)):
         ties = borne.get(p, Counter())
-        leader = next((q for q in leaders if _exchanged(ties, p, q) == borne.get(q, Counter())), p)
+        leader = next((q for q in leaders if _exchange(ties, p, q) == borne.get(q, Counter())), p)
         leaders += [p] * (leader == p)
-        same.append(leader)
-    return tuple(same)
+        numbers_of_leaders.append(leader)
+    return tuple(numbers_of_leaders)
 
 
 def _ends(scene: Scene, text: str, first: Ints) -> list[tuple[int, Any, Any]]:
@@ -93,12 +93,12 @@ def _ends(scene: Scene, text: str, first: Ints) -> list[tuple[int, Any, Any]]:
     return [(p, place.link - int(first[p]), place.below) for p, place in owners] or [(-1, text, None)]
 
 
-def _exchanged(ties: Counter[Any], p: int, q: int) -> Counter[Any]:
+def _exchange(ties: Counter[Any], p: int, q: int) -> Counter[Any]:
     """Springs and forces after two pendula have exchanged their places."""
-    turned = {p: q, q: p}
+    swap = {p: q, q: p}
     return Counter(
         {
-            (frozenset(((turned.get(point[0], point[0]), *point[1:]), n) for point, n in points), numbers): count
+            (frozenset(((swap.get(point[0], point[0]), *point[1:]), n) for point, n in points), numbers): count
             for (points, numbers), count in ties.items()
         }
     )
@@ -109,8 +109,8 @@ def populations_of(scene: Scene) -> tuple[Population, ...]:
     require_type("scene", scene, "Scene")
     structure, members = structure_of(scene), dict[tuple[int, Pendulum, int], list[int]]()
     kinds = [pendulum.replace(start=None, count=1, position=(0.0, 0.0), on=None) for pendulum in scene.pendulum]
-    each = [kind for kind, pendulum in zip(kinds, scene.pendulum, strict=True) for _ in range(pendulum.count)]
-    for number, (kind, burden) in enumerate(zip(each, burdens(scene), strict=True)):
+    pendulum_kinds = [kind for kind, pendulum in zip(kinds, scene.pendulum, strict=True) for _ in range(pendulum.count)]
+    for number, (kind, burden) in enumerate(zip(pendulum_kinds, burdens(scene), strict=True)):
         members.setdefault((structure.pivots[number].carrier, kind, burden), []).append(number)
     names = scene.support_names
     return tuple(
@@ -132,7 +132,7 @@ def _move_alike(structure: Structure, pivots: Sequence[CarrierEnd]) -> bool:
     return shifts or all(pivot.where == pivots[0].where for pivot in pivots)
 
 
-def unrepresented(scene: Scene) -> Iterator[str]:
+def representation_obstacles(scene: Scene) -> Iterator[str]:
     """Why no few pendula can stand for the populations of a structured scene; nothing where they can."""
     require_type("scene", scene, "Scene")
     for population in populations_of(scene):
@@ -156,12 +156,12 @@ def representatives(scene: Scene) -> Scene:
     (4, 0.0075)
     """
     require_type("scene", scene, "Scene")
-    if reasons := list(unrepresented(scene)):
+    if reasons := list(representation_obstacles(scene)):
         raise ComputationError(f"no small set of pendula represents the others: {'; '.join(reasons)}")
     first = np.cumsum([0, *(pendulum.count for pendulum in scene.pendulum)])
     pendula = []
     for population in populations_of(scene):
-        drawn = scene.pendulum[int(np.searchsorted(first, population.pendula[0], "right")) - 1]
-        links = tuple(link.heavier(population.size / population.halves) for link in drawn.links)
-        pendula.append(drawn.replace(count=population.halves, links=links, start=None))
+        entry = scene.pendulum[int(np.searchsorted(first, population.pendula[0], "right")) - 1]
+        links = tuple(link.heavier(population.size / population.halves) for link in entry.links)
+        pendula.append(entry.replace(count=population.halves, links=links, start=None))
     return scene.replace(pendulum=tuple(pendula))

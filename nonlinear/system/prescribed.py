@@ -93,7 +93,7 @@ class MovingSupport:
         """Those of all motions."""
         return tuple(direction for direction, _ in self.motions)
 
-    def combined(self, sizes: Any) -> tuple[Any, Any]:
+    def components(self, sizes: Any) -> tuple[Any, Any]:
         """The components along the rail and down of one number for each motion; 0.0 where none has any."""
         along, down = 0.0, 0.0
         for (x, z), size in zip(self.directions, sizes, strict=True):
@@ -103,11 +103,11 @@ class MovingSupport:
 
     def acceleration(self, time: float) -> tuple[float, float]:
         """Its acceleration (m/s²) along the rail and down, at one time (s)."""
-        return self.combined([motion.acceleration_at(time) for _, motion in self.motions])
+        return self.components([motion.acceleration_at(time) for _, motion in self.motions])
 
     def velocity(self, time: float) -> tuple[float, float]:
         """Its velocity (m/s) along the rail and down, at one time (s)."""
-        return self.combined([motion.velocity_at(time) for _, motion in self.motions])
+        return self.components([motion.velocity_at(time) for _, motion in self.motions])
 
     def displacements(self, times: Floats, dimensions: int) -> Floats:
         """Its place in the laboratory (m), (T, d)."""
@@ -124,7 +124,7 @@ class MovingSupport:
     def _vectors(self, times: Floats, order: int, dimensions: int) -> Floats:
         vectors = np.zeros((len(times), dimensions))
         sizes = [np.asarray(motion.derivative(times, order)) for _, motion in self.motions]
-        vectors[:, 0], vectors[:, -1] = self.combined(sizes)
+        vectors[:, 0], vectors[:, -1] = self.components(sizes)
         return vectors
 
     def largest(self, times: Floats) -> Any:

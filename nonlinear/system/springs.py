@@ -40,16 +40,16 @@ def drawn_place(system: Grouped, end: End) -> Vector | None:
     if isinstance(end, GroundEnd):
         return end.place
     if isinstance(end, CarrierEnd):
-        return _drawn(structure, end.carrier, end.where)
+        return _drawn_point(structure, end.carrier, end.where)
     group, row, column = place_of(system, end.link)
     pivot = structure.pivots[int(group.pendula[column])]
-    x, z = _drawn(structure, pivot.carrier, pivot.where)
-    for above in range(row):
-        z = z + group.block.length[above, column]
+    x, z = _drawn_point(structure, pivot.carrier, pivot.where)
+    for upper in range(row):
+        z = z + group.block.length[upper, column]
     return x, z + (group.block.centre[row, column] if end.below is None else end.below)
 
 
-def _drawn(structure: Structure, number: int, where: Any) -> Vector:
+def _drawn_point(structure: Structure, number: int, where: Any) -> Vector:
     carrier = structure.carriers[number]
     if isinstance(where, int):
         return carrier.position
@@ -77,8 +77,8 @@ def _reach(system: Grouped, end: End) -> float:
     if not isinstance(end, LinkEnd):
         return 0.0
     group, row, column = place_of(system, end.link)
-    below = group.block.centre[row, column] if end.below is None else end.below
-    return 2 * float(np.max(np.sum(group.block.length[:row, column], axis=0) + below))
+    distance = group.block.centre[row, column] if end.below is None else end.below
+    return 2 * float(np.max(np.sum(group.block.length[:row, column], axis=0) + distance))
 
 
 def slack_of(system: Grouped) -> tuple[Any, ...]:

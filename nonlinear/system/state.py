@@ -46,8 +46,10 @@ class State(Displayed):
     def _summary(self) -> Summary:
         facts = [("cart (m)", brief(self.cart)), ("cart rate (m/s)", brief(self.cart_rate))]
         if len(self.supports):
-            each = zip(self.supports, self.support_rates, strict=True)
-            facts = [(f"support {k}", f"{brief(place)}, rate {brief(rate)}") for k, (place, rate) in enumerate(each, 1)]
+            pairs = zip(self.supports, self.support_rates, strict=True)
+            facts = [
+                (f"support {k}", f"{brief(place)}, rate {brief(rate)}") for k, (place, rate) in enumerate(pairs, 1)
+            ]
         spatial = self.links.ndim == 2
         names = ("direction", "rate (1/s)") if spatial else ("angle (rad)", "rate (rad/s)")
         rows = (
@@ -105,8 +107,8 @@ def apart(motion: Motion, other: Motion) -> Floats:
     if motion.links.ndim == 3:
         chord = np.linalg.norm(motion.links - other.links, axis=-1)
         return np.asarray(2 * np.arcsin(np.minimum(chord / 2, 1.0)).max(axis=1))
-    turned = motion.links - other.links
-    return np.asarray(np.abs(turned - 2 * np.pi * np.round(turned / (2 * np.pi))).max(axis=1))
+    difference = motion.links - other.links
+    return np.asarray(np.abs(difference - 2 * np.pi * np.round(difference / (2 * np.pi))).max(axis=1))
 
 
 class AppliedForces(NamedTuple):
@@ -212,11 +214,11 @@ class Layout:
 
     def rows(self, motion: Motion) -> Floats:
         """The vectors y (T, size) of a motion."""
-        head, rate = self.carried(motion)
+        head, rate = self.carrier_coordinates(motion)
         links, rates = (np.reshape(entries, (len(entries), -1)) for entries in (motion.links, motion.link_rates))
         return np.hstack([head, links, rate, rates, *[motion.work[:, None]] * self.works])
 
-    def carried(self, motion: Motion) -> tuple[Floats, Floats]:
+    def carrier_coordinates(self, motion: Motion) -> tuple[Floats, Floats]:
         """The coordinates of what carries the pendula, and their rates, (T, first) each."""
         if self.is_structured:
             return motion.supports, motion.support_rates
@@ -264,17 +266,17 @@ def unit_vectors(angles: Any, azimuths: Any) -> Floats:
 def velocities(angles: Any, azimuths: Any, rates: Any) -> Floats:
     """Time derivatives (..., 3) in 1/s of unit vectors whose θ changes at `rates` (rad/s) with φ fixed."""
     theta, phi, rate = np.broadcast_arrays(angles, azimuths, rates)
-    across = np.stack((np.cos(theta) * np.cos(phi), np.cos(theta) * np.sin(phi), -np.sin(theta)), axis=-1)
-    return np.asarray(rate[..., None] * across)
+    tangents = np.stack((np.cos(theta) * np.cos(phi), np.cos(theta) * np.sin(phi), -np.sin(theta)), axis=-1)
+    return np.asarray(rate[..., None] * tangents)
 
 
 def motion_of(states: Sequence[State]) -> Motion:
     """States as rows, without work."""
-    links, rates, cart, speed, *carried = (
+    links, rates, cart, speed, *supports = (
         np.array([getattr(state, part) for state in states])
         for part in ("links", "link_rates", "cart", "cart_rate", "supports", "support_rates")
     )
-    return Motion(links, rates, cart, speed, np.zeros(len(states)), *carried)
+    return Motion(links, rates, cart, speed, np.zeros(len(states)), *supports)
 
 
 def of_plane(state: StateOrMotion) -> StateOrMotion:

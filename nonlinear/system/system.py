@@ -92,7 +92,7 @@ def _numbers(drive: VanDerPol | Escapement | None) -> tuple[float, float, float,
     return drive.strength, drive.strength / angle**2, 0.0, 0.0
 
 
-def _each(pendula: Sequence[Pendulum], name: str) -> Floats | None:
+def _link_numbers(pendula: Sequence[Pendulum], name: str) -> Floats | None:
     """A number of every link, (n, P), of pendula with equally many links; None where all are 0."""
     numbers = np.array(
         [[getattr(link, name) for link in pendulum.links for _ in range(link.count)] for pendulum in pendula]
@@ -143,7 +143,7 @@ class Group:
         return np.where(self.block.sigma > 0, 0.0, np.pi)
 
     @cached_property
-    def bent(self) -> Floats:
+    def joint_rest(self) -> Floats:
         """Angle (rad) of every link relative to the one above at which its joint spring is relaxed, (n, P)."""
         return np.diff(self.rest, axis=0, prepend=0.0)
 
@@ -153,29 +153,29 @@ class Group:
         return bool(self.block.stiffness.any())
 
     @cached_property
-    def damped(self) -> bool:
+    def has_dampers(self) -> bool:
         """Whether any joint has a damper."""
         return bool(self.block.damping.any())
 
     @cached_property
-    def dragged(self) -> bool:
+    def has_drag(self) -> bool:
         """Whether any link has drag."""
         return self.quadratic_drag is not None or bool(self.block.drag.any())
 
     @cached_property
-    def excited(self) -> bool:
+    def has_van_der_pol(self) -> bool:
         """Whether any joint has a van der Pol torque."""
         return self.excitation is not None and self.excitation.steady
 
     @property
-    def kicked(self) -> bool:
+    def has_escapements(self) -> bool:
         """Whether any joint has an escapement."""
         return self.excitation is not None and self.excitation.kicks
 
     @cached_property
-    def hinged(self) -> bool:
+    def has_joint_torques(self) -> bool:
         """Whether the joints exert torques between kicks."""
-        return self.sprung or self.damped or self.excited
+        return self.sprung or self.has_dampers or self.has_van_der_pol
 
 
 class Rail(NamedTuple):
@@ -315,13 +315,13 @@ class System(Displayed):
     @property
     def dissipates(self) -> bool:
         """Whether there is any damper, drag or dry friction."""
-        damped = is_damped(self.suspension) or any(group.damped for group in self.groups)
-        return self.modal_damping is not None or damped or self.dragged or self.rubs
+        has_dampers = is_damped(self.suspension) or any(group.has_dampers for group in self.groups)
+        return self.modal_damping is not None or has_dampers or self.has_drag or self.rubs
 
     @property
-    def dragged(self) -> bool:
+    def has_drag(self) -> bool:
         """Whether any link has drag."""
-        return any(group.dragged for group in self.groups)
+        return any(group.has_drag for group in self.groups)
 
     @property
     def rubs(self) -> bool:
@@ -332,18 +332,18 @@ class System(Displayed):
     def coasts(self) -> bool:
         """Whether nothing outside pushes along the rail: a cart without spring, damper, friction, drag or force."""
         cart = self.cart
-        pushed = self.rail is not None or self.dragged or bool(self.forces)
-        return cart is not None and not (np.any(cart.damping) or np.any(cart.stiffness) or pushed)
+        has_push = self.rail is not None or self.has_drag or bool(self.forces)
+        return cart is not None and not (np.any(cart.damping) or np.any(cart.stiffness) or has_push)
 
     @property
     def excites(self) -> bool:
         """Whether any joint is self-excited."""
-        return self.kicked or any(group.excited for group in self.groups)
+        return self.has_escapements or any(group.has_van_der_pol for group in self.groups)
 
     @property
-    def kicked(self) -> bool:
+    def has_escapements(self) -> bool:
         """Whether any joint has an escapement."""
-        return any(group.kicked for group in self.groups)
+        return any(group.has_escapements for group in self.groups)
 
     @property
     def kicks_a_period(self) -> int:
@@ -353,34 +353,34 @@ class System(Displayed):
     @property
     def works(self) -> bool:
         """Whether energy enters or leaves the system."""
-        return self.dissipates or self.excites or self.hoisting is not None or bool(self.prescribed)
+        return self.dissipates or self.excites or self.hoisting is not None or bool(self.prescribed_motions)
 
     @cached_property
-    def prescribed(self) -> tuple[PrescribedMotion, ...]:
+    def prescribed_motions(self) -> tuple[PrescribedMotion, ...]:
         """The functions of time that move the support and act as forces, in the order of the scene."""
         motions = [motion for _, motion in self.support.motions] if self.support else []
         return (*motions, *(force.motion for force in self.forces))
 
     def courses(self, *, drags: bool = False) -> tuple[Course, ...]:
         """What these bring: the support's accelerations, where links have drag its velocities; sizes of forces."""
-        if not self.prescribed:
+        if not self.prescribed_motions:
             return ()
         from modal.vibration import Course
 
-        moved = self.prescribed[: len(self.prescribed) - len(self.forces)]
-        orders = ((2, 1) if drags or self.dragged else (2,)) if moved else ()
-        accelerations = [Course(motion, order) for order in orders for motion in moved]
+        support_motions = self.prescribed_motions[: len(self.prescribed_motions) - len(self.forces)]
+        orders = ((2, 1) if drags or self.has_drag else (2,)) if support_motions else ()
+        accelerations = [Course(motion, order) for order in orders for motion in support_motions]
         return (*accelerations, *(force.course for force in self.forces))
 
     @cached_property
     def is_analytic(self) -> bool:
         """Whether all that time brings is plain arithmetic of constants and of the time."""
-        return bool(self.prescribed) and all(motion.constants for motion in self.prescribed)
+        return bool(self.prescribed_motions) and all(motion.constants for motion in self.prescribed_motions)
 
     @property
     def shortest(self) -> float:
         """The time (s) in which a support or a force may change substantially."""
-        return min((motion.shortest for motion in self.prescribed), default=inf)
+        return min((motion.shortest for motion in self.prescribed_motions), default=inf)
 
     def by_link(self, name: str) -> Floats:
         """An array of the blocks in the order of the file, (L,)."""
@@ -424,22 +424,22 @@ def system_of(scene: Scene, hoists: Hoists | None = None) -> System:
     rig = rig_of(scene.replace(force=()) if scene.force else scene)
     hanging = [pendulum for pendulum in scene.pendulum for _ in range(pendulum.count)]
     sizes = np.array([rig.blocks[block].n for block, _, copies in rig.members for _ in range(copies)])
-    hung = np.array([(block, column) for block, column, copies in rig.members for _ in range(copies)])
+    columns = np.array([(block, column) for block, column, copies in rig.members for _ in range(copies)])
     first = np.concatenate(([0], np.cumsum(sizes)[:-1]))
     groups = []
     for number, block in enumerate(rig.blocks):
-        pendula = np.flatnonzero(hung[:, 0] == number)
+        pendula = np.flatnonzero(columns[:, 0] == number)
         index = first[pendula] + np.arange(block.n)[:, None]
         alike = [hanging[p] for p in pendula]
         excitation = excitation_of(alike) if scene.is_driven else None
-        friction = _each(alike, "friction") if scene.has_friction else None
-        drag = _each(alike, "quadratic_drag") if scene.has_drag else None
-        groups.append(Group(block.take(hung[pendula, 1]), index, pendula, excitation, friction, drag))
+        friction = _link_numbers(alike, "friction") if scene.has_friction else None
+        drag = _link_numbers(alike, "quadratic_drag") if scene.has_drag else None
+        groups.append(Group(block.take(columns[pendula, 1]), index, pendula, excitation, friction, drag))
     modal = _modal_dampers(scene) if scene.has_modal_damping and not rig.spatial else None
     labels, hoisting = coordinate_labels(rig), hoisting_of(scene, hoists)
-    prescribed = modal, hoisting, _support(scene), _rail(scene), acting_forces(scene)
+    sources = modal, hoisting, _support(scene), _rail(scene), acting_forces(scene)
     system = System(
-        rig.gravity, rig.support, tuple(groups), rig.spatial, labels, *prescribed, is_structured=scene.is_structured
+        rig.gravity, rig.support, tuple(groups), rig.spatial, labels, *sources, is_structured=scene.is_structured
     )
     return replace(system, slack=tuple(map(bool, slack_of(system))))
 

@@ -45,10 +45,10 @@ def _sets(system: System, structure: Structure) -> list[int]:
         if slides is None or carrier.stiffness[slides]:
             join(0, number)
     for spring, is_slack in zip(structure.springs, system.slack, strict=True):
-        left, right = (_carrier(system, structure, end) for end in spring.ends)
-        turns_damper = not is_slack and not (left and right)  # its direction depends on where the free end is
+        first_set, right = (_carrier(system, structure, end) for end in spring.ends)
+        turns_damper = not is_slack and not (first_set and right)  # its direction depends on where the free end is
         if not spring.torsion and (spring.stiffness or (spring.damping and turns_damper)):
-            join(left, right)
+            join(first_set, right)
     return sets
 
 

@@ -21,7 +21,7 @@ from nonlinear import simulate
 from nonlinear.dynamics import Generated, Minimal, jacobian_of
 from nonlinear.dynamics.minimal import Recursion
 from nonlinear.reduction import start_in_mode
-from nonlinear.system import State, entries_of, prescribed_of, system_of
+from nonlinear.system import State, constants_of, entries_of, system_of
 from nonlinear.verification import check
 
 ROD = {"kind": "rod", "mass": 1.0, "length": 1.0}
@@ -145,8 +145,8 @@ def test_the_nonlinear_equations_rest_there_and_have_these_slopes(name: str) -> 
     assert complex_steps[half:] == pytest.approx(exact, abs=1e-10 * np.abs(exact).max())
     written = Generated(system)
     module, rows, columns = jacobian_of(written.form)
-    numbers = written.form.numbers(entries_of(system), prescribed_of(system))
-    u = written.listed(0.0, y.tolist()) if written.listed else ()
+    numbers = written.form.numbers(entries_of(system), constants_of(system))
+    u = written.inputs_at(0.0, y.tolist()) if written.inputs_at else ()
     J = np.zeros((len(y), len(y)))
     J[rows, columns] = module.function("jacobian", module.constants(numbers))(y.tolist(), u)[len(y) :]
     assert (back @ J @ order)[half:] == pytest.approx(exact, abs=1e-10 * np.abs(exact).max())

@@ -80,9 +80,9 @@ def test_a_weak_drive_leaves_the_exponent_half_the_damping() -> None:
 def test_all_exponents_add_up_to_the_loss_of_area_in_chaos_too() -> None:
     """Their sum is the mean of the trace of the tangent equations, which is −2β wherever the motion goes."""
     tangent = Tangent(system_of(DRIVEN)).equations
-    assert tangent.listed is not None
+    assert tangent.inputs_at is not None
     for time, y in enumerate(np.random.default_rng(2).uniform(-9, 9, (5, 2))):
-        _, J = tangent.linearized(y, tangent.listed(0.37 * time, y))
+        _, J = tangent.linearize(y, tangent.inputs_at(0.37 * time, y))
         assert np.trace(J) == pytest.approx(-2 * BETA, rel=1e-13)
 
 

@@ -22,7 +22,7 @@ from modal import SceneError, load
 from modal.scene import whole_file
 from modal.scene.parameters import parse_variations
 from multipendula.cli import main
-from nonlinear.dynamics import undisturbed
+from nonlinear.dynamics import without_interrupts
 from nonlinear.plotting import animate
 from nonlinear.simulation import simulate
 from nonlinear.sweeps import Study, open_checkpoint
@@ -211,7 +211,7 @@ def test_what_is_put_off_comes_in_its_time(number: int) -> None:
     done = False
     before = signal.signal(number, signal.default_int_handler)
     try:
-        with pytest.raises(KeyboardInterrupt), undisturbed():  # noqa: PT012
+        with pytest.raises(KeyboardInterrupt), without_interrupts():  # noqa: PT012
             signal.raise_signal(number)
             done = True
     finally:

@@ -405,7 +405,7 @@ def test_the_time_that_is_expected_is_told_while_nothing_is_done(
     """Of an ensemble's first chunk; over an hour it is said beforehand, also in a pipe."""
     with shared.bar(9) as progress:
         ensemble(load("chain-2"), 0.1, starts=[[0.1, 0.2]] * 9, workers=1, engine="numpy", report=progress)
-        assert 0 < progress.expected < 60
+        assert 0 < progress.expected_seconds < 60
     with shared.bar(9) as progress:
         progress.expect(7000.0)
     assert capsys.readouterr().err == "multipendula: this takes an estimated 117 minutes; Ctrl-C ends it\n"

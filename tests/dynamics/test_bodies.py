@@ -137,7 +137,7 @@ def energy(equations: Minimal, y: Any) -> Any:
         A = np.array(pair.inertia_matrix(block.mass, block.length, block.centre, block.inertia))
         turning = np.sum(A * np.cos(q[:, None] - q) * w[:, None] * w) / 2
         sliding = block.mass.sum() * speed**2 / 2 + speed * np.sum(block.b * np.cos(q) * w)
-        bend = forces.relative(q) - group.bent
+        bend = forces.relative(q) - group.joint_rest
         total += (
             turning + sliding + np.sum(block.stiffness * bend**2) / 2 - system.gravity * np.sum(block.b * np.cos(q))
         )

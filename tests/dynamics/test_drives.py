@@ -223,7 +223,13 @@ def kicked(system: System, q: Floats, v: Floats, impulses: Floats) -> Floats:
     """The change of the velocities at q by impulses at all joints with escapements."""
     switches = switches_of(system)
     at, y = switches.places, [*q, *v, *[0.0] * switches.form.works]
-    told = [0.0] * at.size + [*impulses] + [0.0] * (at.told - at.K) + [*switches.numbers[:-1]] + [0.0] * at.timed
+    told = (
+        [0.0] * at.size
+        + [*impulses]
+        + [0.0] * (at.state_count - at.K)
+        + [*switches.numbers[:-1]]
+        + [0.0] * at.input_count
+    )
     after = switches.function("kick")(y, switches.inputs([0.0] * at.length), told)
     return np.array(after[at.half : 2 * at.half]) - v
 

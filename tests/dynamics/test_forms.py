@@ -13,7 +13,7 @@ from amounts import usually
 from scenes import motion_scene
 
 from modal import Cart, Scene
-from nonlinear.dynamics.text import branched, function_in
+from nonlinear.dynamics.text import function_in, with_branches
 from nonlinear.integration import Trajectory
 from nonlinear.simulation import simulate
 from nonlinear.system import state_at_rest
@@ -67,7 +67,7 @@ def test_minimal_maximal_and_spatial_trajectories_agree(seed: int) -> None:
 
 def test_only_one_branch_of_a_condition_is_computed_in_floats() -> None:
     text = "def f(a, b, c):\n return [where(a, where((b - 1.0), (c / a), sin(c)), where(b, (1.0 / b), 2.0))]"
-    written = branched(text)
+    written = with_branches(text)
     assert "where" not in written
     f = function_in(written, "f")
     eager = function_in(text, "f")

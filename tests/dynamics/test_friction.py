@@ -11,7 +11,7 @@ import pytest
 from modal.scene import scene_from
 from nonlinear.dynamics import Contacts, contacts_of, form_of
 from nonlinear.dynamics.complementarity import consistent, on_rail
-from nonlinear.dynamics.switching import switched, switching_of
+from nonlinear.dynamics.switching import switching_of, with_contacts
 from nonlinear.integration import Choice, equations_of
 from nonlinear.integration.switched import Switched
 from nonlinear.integration.switches import switches_of
@@ -76,7 +76,7 @@ def test_what_holds_joints_solves_the_matrix_of_responses(pendula: int, links: i
 
 
 def test_texts_grow_with_the_number_of_contacts() -> None:
-    few, many = (switching_of(switched(form_of(rubbing(pendula, 2, friction=0.2)))) for pendula in (3, 6))
+    few, many = (switching_of(with_contacts(form_of(rubbing(pendula, 2, friction=0.2)))) for pendula in (3, 6))
     for name in ("sticking", "friction", "values"):
         assert many.python(name).count(" * ") < 2.1 * few.python(name).count(" * ")
 
@@ -161,7 +161,7 @@ def in_phase(equations: Switched, sign: np.ndarray, time: float, y: np.ndarray) 
         if places.presses:
             equations.state[places.e] = side
         equations._hold()
-        if not places.presses or friction(y.tolist(), equations.listed(time, y), ())[-1] * side >= 0:
+        if not places.presses or friction(y.tolist(), equations.inputs_at(time, y), ())[-1] * side >= 0:
             return
 
 

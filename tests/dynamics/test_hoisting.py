@@ -155,7 +155,7 @@ def test_pivot_forces_are_the_multipliers() -> None:
     run = simulate(scene, 0.5, start=swinging(scene), output=5)
     equations = HoistedMaximal(run.system)
     for at, time in enumerate(run.times.tolist()):
-        unknowns, _ = equations._found(time, run.motion[at], AppliedForces())
+        unknowns, _ = equations._solve_at(time, run.motion[at], AppliedForces())
         pivots = unknowns[-2 * run.system.n_links :].reshape(-1, 2)
         assert np.allclose(reaction_forces_of(run).pivots[at], pivots, rtol=1e-9, atol=1e-9)
 

@@ -53,7 +53,7 @@ def chains(system: System) -> list[tuple[list[int], list[dict[str, float]]]]:
                     numbers |= {"strength": float(drive.strength[i, p]), "curb": float(drive.curb[i, p])}
                 if group.quadratic_drag is not None:
                     numbers["quadratic"] = float(group.quadratic_drag[i, p])
-                numbers |= {"rest": float(system.rest[group.index[i, p]]), "bent": float(group.bent[i, p])}
+                numbers |= {"rest": float(system.rest[group.index[i, p]]), "bent": float(group.joint_rest[i, p])}
                 links.append(numbers | {"gravity": system.gravity})
             pairs.append((group.index[:, p].tolist(), links))
     return pairs

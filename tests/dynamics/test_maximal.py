@@ -187,7 +187,7 @@ def test_motion_is_that_of_minimal_coordinates(system: System) -> None:
 
 def test_drift_grows_unless_it_is_controlled(system: System) -> None:
     loose = 1e-7
-    free, held = Maximal(system, controlled=False), Maximal(system)
+    free, held = Maximal(system, corrects_drift=False), Maximal(system)
     drifts = [free.drift(y) for y, _ in run(free, START, loose)]
     reported = [mended for _, mended in run(free, START, loose)]
     early, late = (np.mean([drift.position for drift in part]) for part in (drifts[:15], drifts[-15:]))
@@ -200,7 +200,7 @@ def test_drift_grows_unless_it_is_controlled(system: System) -> None:
 
 
 def test_drift_is_measured_in_lengths_of_the_longest_pendulum(system: System) -> None:
-    equations = Maximal(system, controlled=False)
+    equations = Maximal(system, corrects_drift=False)
     y, size = equations.begin(START), equations.pivots.size
     y[1] += 0.004
     y[size + 1] += 0.003
@@ -236,7 +236,7 @@ def test_projection_is_the_least_change_and_moves_no_centre_of_mass(seed: int) -
     change = equations.project(closed)[0][size : 2 * size] - moved
     state = equations.read(mended[None])[0]
     other = random_state(system, seed + 1)
-    allowed = equations.pivots.placed(State(state.links, other.link_rates, state.cart, other.cart_rate))[1]
+    allowed = equations.pivots.place(State(state.links, other.link_rates, state.cart, other.cart_rate))[1]
     assert change @ (M * allowed) == pytest.approx(0.0, abs=1e-12 * np.abs(change * M * allowed).sum())
     assert np.abs(change).max() > 1e-4
     if system.cart:

@@ -29,7 +29,7 @@ from modal.scene import (
     SweepMotion,
 )
 from nonlinear.dynamics import Generated, Minimal, Spatial, forces, jacobian_of, minimal, module_of, spatial
-from nonlinear.dynamics.spatial import damper_power, facing, generalized, joint_energy, joint_moments
+from nonlinear.dynamics.spatial import damper_power, facing, generalized_forces, joint_energy, joint_moments
 from nonlinear.integration import methods
 from nonlinear.simulation import simulate
 from nonlinear.system import (
@@ -37,9 +37,9 @@ from nonlinear.system import (
     Event,
     Load,
     State,
+    constants_of,
     entries_of,
     of_plane,
-    prescribed_of,
     system_of,
     unit_vectors,
     velocities,
@@ -125,7 +125,7 @@ def unwound(equations: Spatial, angles: np.ndarray) -> np.ndarray:
     continued = angles.copy()
     for group in equations.system.groups:
         above = 0.0
-        for index, bent in zip(group.index, group.bent, strict=True):
+        for index, bent in zip(group.index, group.joint_rest, strict=True):
             bend = continued[index] - above - bent
             continued[index] = above + bent + (bend + np.pi) % (2 * np.pi) - np.pi
             above = continued[index]
@@ -281,7 +281,7 @@ def test_the_work_counted_is_what_the_energy_gains(seed: int) -> None:
     gained = energy(equations, y + 1j * h * rates).imag / h
     scale = np.abs(rates).max()
     assert gained == pytest.approx(rates[-1], abs=1e-12 * scale * np.sqrt(y.size))
-    if any(group.damped for group in equations.system.groups):
+    if any(group.has_dampers for group in equations.system.groups):
         undamped = push.cart * parts_of_cart(equations, y) + np.sum(push.moments * spins(equations, y))
         assert rates[-1] < undamped
 
@@ -421,8 +421,8 @@ def test_derivatives_of_what_is_written_are_complex_steps(seed: int) -> None:
     exact = np.stack(steps, axis=1)
     written = Generated(equations.system)
     module, rows, columns = jacobian_of(written.form)
-    numbers = written.form.numbers(entries_of(equations.system), prescribed_of(equations.system))
-    u = written.listed(0.3, y.tolist()) if written.listed else ()
+    numbers = written.form.numbers(entries_of(equations.system), constants_of(equations.system))
+    u = written.inputs_at(0.3, y.tolist()) if written.inputs_at else ()
     values = module.function("jacobian", module.constants(numbers))(y.tolist(), u)
     J = np.zeros_like(exact)
     J[rows, columns] = values[y.size :]
@@ -443,7 +443,7 @@ def test_what_is_written_has_derivatives_where_a_joint_is_straight(side: float) 
     assert written.rate(y) == pytest.approx([0.0] * 6)
     module, rows, columns = jacobian_of(written.form)
     values = module.function(
-        "jacobian", module.constants(written.form.numbers(entries_of(written.system), prescribed_of(written.system)))
+        "jacobian", module.constants(written.form.numbers(entries_of(written.system), constants_of(written.system)))
     )(y)
     J = np.zeros((6, 6))
     J[rows, columns] = values[6:]
@@ -591,10 +591,10 @@ def test_joint_forces_are_minus_the_gradients(seed: int) -> None:
         u, w = gathered(state.links, group.index), gathered(state.link_rates, group.index)
         still, spin = np.zeros_like(w), rng.normal(size=u.shape)
         along = np.cross(spin, u, axis=0)
-        force = generalized(joint_moments(group, u, still), u)
+        force = generalized_forces(joint_moments(group, u, still), u)
         rise = central(lambda v: joint_energy(group, v / np.linalg.norm(v, axis=0)).sum(), u, along)  # noqa: B023
         assert np.sum(force * along) == pytest.approx(-rise, rel=1e-7, abs=1e-9)
-        drag = generalized(joint_moments(group, u, w) - joint_moments(group, u, still), u)
+        drag = generalized_forces(joint_moments(group, u, w) - joint_moments(group, u, still), u)
         assert np.sum(drag * w) == pytest.approx(damper_power(group, u, w), rel=1e-12, abs=1e-12)
     total = sum(joint_energy(g, gathered(state.links, g.index)).sum() for g in equations.system.groups)
     assert total == pytest.approx(springs(equations, state.links), rel=1e-12)
@@ -635,7 +635,7 @@ def test_complex_steps_pass_a_straight_spring() -> None:
     """The stiffness of a straight joint is its spring's own."""
     group = system_of(single(Bob(mass=1, length=1, stiffness=2.0))).groups[0]
     u = EZ.reshape(3, 1, 1) + 1e-30j * np.array([1.0, 0.0, 0.0]).reshape(3, 1, 1)
-    force = generalized(joint_moments(group, u, 0 * u), u)
+    force = generalized_forces(joint_moments(group, u, 0 * u), u)
     assert force[0, 0, 0].imag / 1e-30 == pytest.approx(-2.0)
 
 

@@ -442,7 +442,7 @@ def test_jacobian_and_slope_of_the_energy_by_complex_steps() -> None:
     y, size = shaken(system, 2), equations.size
     steps = [y + 1j * STEP * unit for unit in np.eye(size)]
     J = np.array([plain(system).derivative(0.0, np.append(step, 0.0))[:size].imag / STEP for step in steps]).T
-    np.testing.assert_allclose(equations.linearized(y)[1], J, rtol=0, atol=1e-12 * np.abs(J).max())
+    np.testing.assert_allclose(equations.linearize(y)[1], J, rtol=0, atol=1e-12 * np.abs(J).max())
     half = size // 2
     slope = np.array([np.imag(energies(system, step[:half], step[half:]).total) / STEP for step in steps])
     np.testing.assert_allclose(equations.energy_slope(y), slope, rtol=0, atol=1e-12 * np.abs(slope).max())

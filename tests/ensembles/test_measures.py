@@ -179,7 +179,7 @@ def test_an_engine_that_has_run_is_ready() -> None:
     ensemble(load("chain-2"), 0.2, starts=ANGLES, engine="numba", workers=1, check=0)
     code = code_of("numba", first_numbers(members_of(load("chain-2"), ANGLES, None)))
     assert code
-    assert code.loaded
+    assert code.is_ready
 
 
 def test_what_is_compiled_is_ready_afterwards() -> None:

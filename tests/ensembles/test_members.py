@@ -225,7 +225,7 @@ def test_every_number_of_every_kind_of_scene_is_that_of_its_member() -> None:
             layout = Lanes(numbers_of(scene, places, system_of(scene))).layout
             block, alone = members.part(0, 2).block(layout), numbers_of(member)
             np.testing.assert_allclose(second_of(block.numbers.entries), alone.entries, rtol=1e-14, err_msg=path)
-            np.testing.assert_allclose(second_of(block.numbers.prescribed), alone.prescribed, rtol=1e-12, err_msg=path)
+            np.testing.assert_allclose(second_of(block.numbers.constants), alone.constants, rtol=1e-12, err_msg=path)
             if block.numbers.switching:
                 switching = switching_of(system_of(member))
                 np.testing.assert_allclose(second_of(block.numbers.switching), switching, rtol=1e-14, err_msg=path)

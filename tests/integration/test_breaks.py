@@ -180,8 +180,8 @@ def test_bad_breaks_and_steps_are_refused_together() -> None:
 def test_the_stretch_between_two_breaks() -> None:
     pace = Pace(breaks=(1.0, 2.0))
     assert [pace.stretch(time) for time in (0.5, 1.0, 1.5, 2.0)] == [(-inf, 1.0), (1.0, 2.0), (1.0, 2.0), (2.0, inf)]
-    assert (pace.most(1.0, 2.0), Pace(share=0.5).most(1.0, 2.0)) == (inf, 0.5)
-    assert Pace(longest=0.1, share=0.5).most(1.0, 2.0) == 0.05
+    assert (pace.longest_between(1.0, 2.0), Pace(share=0.5).longest_between(1.0, 2.0)) == (inf, 0.5)
+    assert Pace(longest=0.1, share=0.5).longest_between(1.0, 2.0) == 0.05
 
 
 @pytest.mark.parametrize("method", ["Radau", "BDF"])

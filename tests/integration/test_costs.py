@@ -26,8 +26,8 @@ from nonlinear.integration.readiness import (
     forgone_by,
     look_up,
     lose,
-    readied,
-    rented,
+    make_ready,
+    rent,
     reproducible,
 )
 from nonlinear.simulation import simulate
@@ -59,10 +59,10 @@ def test_what_is_owed_depends_on_what_is_loaded_and_kept(process: Process) -> No
     assert replace(code, kept=True).owed == loading + linking
     process.load("numba")
     assert code.owed == linking + 7.0
-    assert replace(code, loaded=True).owed == 0.0
-    assert replace(code, loaded=True, kept=True, expected=6.0).anew == loading + 6.0
+    assert replace(code, is_ready=True).owed == 0.0
+    assert replace(code, is_ready=True, kept=True, expected_seconds=6.0).anew == loading + 6.0
     with reproducible():
-        assert replace(code, loaded=True).owed == inf
+        assert replace(code, is_ready=True).owed == inf
     process.install()
     assert code.owed == code.anew == inf
 
@@ -71,8 +71,12 @@ def test_who_rents_buys_once_the_rent_has_paid_the_price(process: Process) -> No
     """Runs of one second that would take a tenth: compiling for nine seconds pays after nine of them."""
     process.load("numba")
     price = 9.0 - LINKING["numba"] - 0.05
-    code = Code("numba", "kernel", price, expected=price)
-    ways = {"plain": Offer(1.0), "fast": Offer(0.1, code), "slow": Offer(2.0, Code("numba", "other", 0.0, loaded=True))}
+    code = Code("numba", "kernel", price, expected_seconds=price)
+    ways = {
+        "plain": Offer(1.0),
+        "fast": Offer(0.1, code),
+        "slow": Offer(2.0, Code("numba", "other", 0.0, is_ready=True)),
+    }
     taken = [best_of(ways)]
     while taken[-1] == "plain" and len(taken) < 20:
         forgone = forgone_by(ways, "plain")
@@ -89,9 +93,9 @@ def test_who_rents_buys_once_the_rent_has_paid_the_price(process: Process) -> No
 def test_rent_is_what_a_run_takes(process: Process, monkeypatch: pytest.MonkeyPatch) -> None:
     clock = iter([3.0, 5.0])
     monkeypatch.setattr(readiness, "thread_time", lambda: next(clock))
-    with rented((("kernel", 0.5),)):
+    with rent((("kernel", 0.5),)):
         pass
-    assert Code("numba", "kernel", 1.0).saved == 1.0
+    assert Code("numba", "kernel", 1.0).saved_seconds == 1.0
 
 
 def test_a_run_takes_what_is_ready_and_compiles_what_pays(process: Process) -> None:
@@ -143,7 +147,7 @@ def test_what_is_noted_is_kept_as_long_as_its_file(process: Process) -> None:
     assert not integrator().kept
     file = process.keep(INTEGRATOR)
     assert integrator().kept
-    assert not integrator(structured=True).kept
+    assert not integrator(on_structure=True).kept
     file.unlink()
     assert not integrator().kept
 
@@ -153,19 +157,19 @@ def series(name: str, expected: float = 2.0) -> Code:
 
 
 def test_what_heyoka_keeps_is_noted_for_other_processes(process: Process) -> None:
-    assert not series("some equations").loaded
+    assert not series("some equations").is_ready
     assert not series("some equations").kept
     states = {"get_diskcache_enabled": lambda: True, "get_diskcache_path": lambda: process.home}
     process.load("heyoka", llvm_state=SimpleNamespace(**states))
-    with readied(series("some equations")):
+    with make_ready(series("some equations")):
         pass
-    assert series("some equations").loaded
+    assert series("some equations").is_ready
     process.ready()
     later = series("some equations")
-    assert (later.loaded, later.kept) == (False, True)
+    assert (later.is_ready, later.kept) == (False, True)
     assert not series("other equations").kept
     process.load("heyoka")
-    with readied(series("third")):
+    with make_ready(series("third")):
         pass
     process.ready()
     assert not series("third").kept
@@ -175,7 +179,7 @@ def test_compiling_takes_as_long_as_it_took_here_last(process: Process, monkeypa
     """What was never compiled here takes as much longer than expected as what was compiled last."""
     clock = iter([10.0, 14.0, 20.0, 22.0])
     monkeypatch.setattr(readiness, "perf_counter", lambda: next(clock))
-    with readied(series("some equations")) as compiles:
+    with make_ready(series("some equations")) as compiles:
         for _ in range(2):
             with compiles():
                 pass
@@ -198,7 +202,7 @@ def test_numba_keeps_the_integrator_where_it_is_looked_for(monkeypatch: pytest.M
     start = equations.begin(state_at_rest(scene, [10.0, 20.0, 30.0]))
     stepper = compiled.CompiledStepper(equations, 0.0, start, 1.0, 1e-6, 1e-6 * equations.scale)
     stepper.step()
-    assert integrator().loaded
+    assert integrator().is_ready
     monkeypatch.setattr(readiness, "_ready", set())
     assert integrator().kept == bool(compiled.steps.stats.cache_path)
 
@@ -215,7 +219,7 @@ def test_compiling_is_shown_on_a_terminal(
     ):
         process.ready(*["some equations"][: int(loaded)])
         monkeypatch.setattr(sys.stderr, "isatty", lambda terminal=terminal: terminal)
-        with readied(series("some equations")) as compiles, nullcontext() if kept else compiles():
+        with make_ready(series("some equations")) as compiles, nullcontext() if kept else compiles():
             pass
         shown = capsys.readouterr().err
         assert ("compiling series, about" in shown) == (not loaded and not kept and terminal)
@@ -235,7 +239,7 @@ def test_a_series_that_is_compiled_is_ready(monkeypatch: pytest.MonkeyPatch, tmp
     after = code()
     assert before
     assert after
-    assert (before.loaded, after.loaded) == (False, True)
+    assert (before.is_ready, after.is_ready) == (False, True)
     assert choose(scene, 1.0, tolerance).method == "taylor"
     monkeypatch.setattr(readiness, "_ready", set())
     later = code()

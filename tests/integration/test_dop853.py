@@ -317,7 +317,7 @@ def test_long_and_short_states_take_the_same_step() -> None:
         return [cos(u[0]) - 3.0 * sin(value) * other for value, other in zip(z, z[1:] + z[:1], strict=True)]
 
     arguments = rate, h, y.tolist(), rate(y.tolist(), (0.2,)), 1e-6, absolute, 0.2, lambda time, z: (time,)
-    long = wide_attempt(*arguments, clocked=False)
+    long = wide_attempt(*arguments, is_time_only=False)
     short = attempt_of(size, ", inputs(t + {} * h, z)")(*arguments)
     assert long[:2] == pytest.approx(short[:2], rel=1e-6)
     for ours, theirs in zip(long[2:], short[2:], strict=True):

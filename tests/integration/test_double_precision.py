@@ -11,7 +11,7 @@ from modal import Bob, Cart, ComputationError, Pendulum, Rod, Scene, SceneError
 from nonlinear.dynamics import Banded, Generated, Recursion
 from nonlinear.integration import Choice, Trajectory, equations_of
 from nonlinear.integration.methods import body_of
-from nonlinear.integration.steppers import sharpened
+from nonlinear.integration.steppers import tolerance_factor
 from nonlinear.simulation import simulate
 from nonlinear.system import AppliedForces, State, system_of
 
@@ -224,8 +224,8 @@ def test_pendula_at_rest_lend_no_tolerance_to_one_that_swings(count: int) -> Non
 
 def test_the_share_of_what_moves() -> None:
     units = np.full(1000, 3.0)
-    assert sharpened(np.zeros(1000), units) == 1.0
-    assert sharpened(units * (np.arange(1000) % 2), units) == 1.0
-    assert sharpened(units * (np.arange(1000) < 40), units) == pytest.approx(0.4)
-    assert sharpened(units * (np.arange(1000) < 2), units) == pytest.approx(np.sqrt(0.032))
-    assert sharpened(units[:32] * (np.arange(32) < 1), units[:32]) == 1.0
+    assert tolerance_factor(np.zeros(1000), units) == 1.0
+    assert tolerance_factor(units * (np.arange(1000) % 2), units) == 1.0
+    assert tolerance_factor(units * (np.arange(1000) < 40), units) == pytest.approx(0.4)
+    assert tolerance_factor(units * (np.arange(1000) < 2), units) == pytest.approx(np.sqrt(0.032))
+    assert tolerance_factor(units[:32] * (np.arange(32) < 1), units[:32]) == 1.0

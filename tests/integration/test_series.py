@@ -60,7 +60,7 @@ def test_samples_of_many_steps_are_those_of_each(name: str, pace: Pace) -> None:
 
 
 def loaded(scene: Scene, tolerance: float) -> bool:
-    return taylor.code_of(form_of(system_of(scene)), (), taylor.uneven(tolerance)).loaded
+    return taylor.code_of(form_of(system_of(scene)), (), taylor.uneven(tolerance)).is_ready
 
 
 def test_scenes_that_differ_in_numbers_alone_share_one_series(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -234,7 +234,7 @@ def test_friction_on_the_rail_is_the_coefficient_times_its_reaction() -> None:
         state, time = run.motion[row], float(run.times[row])
         y = equations.begin(state)
         equations.release(time, y)
-        force, *_, reaction = friction(y.tolist(), equations.listed(time, y.tolist()), ())
+        force, *_, reaction = friction(y.tolist(), equations.inputs_at(time, y.tolist()), ())
         assert reaction == pytest.approx(normal[row], rel=1e-9)
         assert abs(force) <= 0.1 * abs(normal[row]) * (1 + 1e-9)
         if state.cart_rate:

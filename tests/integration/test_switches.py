@@ -20,7 +20,7 @@ from nonlinear.dynamics import Generated
 from nonlinear.dynamics.inputs import Inputs
 from nonlinear.integration import Trajectory
 from nonlinear.integration.happenings import lowest, root
-from nonlinear.integration.meeting import AGAIN, MET, bent, highest, meet
+from nonlinear.integration.meeting import AGAIN, MET, cubic_at, highest, meet
 from nonlinear.integration.method import LOOKS
 from nonlinear.integration.switched import Switched
 from nonlinear.integration.switches import Switches, switches_of
@@ -104,7 +104,7 @@ def moved(
 
         spans = np.stack((solution.t[:-1], solution.t[1:]), axis=1)
         held = [switches.inputs(state)] * len(spans)
-        switches.passed(inside, spans, held, state, lambda times, _: Inputs(switches.form.system).beside(times))
+        switches.add_rail_work(inside, spans, held, state, lambda times, _: Inputs(switches.form.system).beside(times))
         t, y, columns = solution.t[-1], solution.y[:size, -1].tolist(), solution.y[size:, -1]
         passed = [j for j, times in enumerate(solution.t_events) if len(times)]
         if V is not None:
@@ -129,13 +129,13 @@ def test_a_motion_with_switches_is_that_of_simulate(name: str) -> None:
     half, links = switches.places.half, run.final.links.size
     assert y[half - links : half] == pytest.approx(run.final.links, abs=2e-8)
     if switches.places.K:
-        kicks = switches.kicked()
+        kicks = switches.kicks_so_far()
         assert kicks.time == pytest.approx(run.kicks.time, abs=2e-8)
         assert kicks.link.tolist() == run.kicks.link.tolist()
         assert kicks.impulse.tolist() == run.kicks.impulse.tolist()
         assert kicks.energy == pytest.approx(run.kicks.energy, abs=1e-8)
     if switches.places.J:
-        friction = switches.rubbed(4.0, y, state)
+        friction = switches.friction_record(4.0, y, state)
         assert friction.link.tolist() == run.friction.link.tolist()
         assert friction.begin == pytest.approx(run.friction.begin, abs=1e-7)
         assert friction.end == pytest.approx(run.friction.end, abs=1e-7)
@@ -148,7 +148,7 @@ def test_a_rail_with_a_coefficient_takes_few_operations_more() -> None:
     run = Switched(Generated(system_of(scene)))
     y = np.array([0.0, 0.3, -0.2, 0.5, 0.0, 0.0, 0.0])
     run.release(0.0, y)
-    text, u = run.switches.module, run.held
+    text, u = run.switches.module, run.contact_inputs
     assert len(re.findall(r" [-+*/] ", text.python("rates"))) <= 83
     sliding, sticking = (run.switches.function(name)(y.tolist(), u, ()) for name in ("rates", "sticking"))
     assert run.rate(y.tolist(), u) == sliding == pytest.approx(sticking, rel=1e-13)
@@ -166,7 +166,7 @@ def test_two_joints_kicked_at_once_get_the_energy_of_both() -> None:
     v, w = np.array(y[3:6]), np.array(changed[3:6])
     assert M @ (w - v) == pytest.approx([0.0, 0.05, -0.05], abs=1e-15)
     assert changed[6] == pytest.approx((w @ M @ w - v @ M @ v) / 2, rel=1e-13)
-    assert switches.kicked().energy.sum() == pytest.approx(changed[6], rel=1e-13)
+    assert switches.kicks_so_far().energy.sum() == pytest.approx(changed[6], rel=1e-13)
 
 
 def test_a_side_that_was_kicked_waits_for_the_other() -> None:
@@ -238,12 +238,12 @@ def test_columns_through_switches_are_differences_of_motions(name: str) -> None:
     direction = np.append(np.random.default_rng(2).normal(size=2 * at.half), 0.0)
     V = [direction[: at.size].tolist()]
     moved(switches, y, end, V)
-    switched = [happening[1] for happening in switches.happened]
+    switched = [happening[1] for happening in switches.events]
     sides, h = [], 1e-5
     for s in (h, -h):
-        switches.happened.clear()
+        switches.events.clear()
         sides.append(moved(switches, (np.array(y) + s * direction[: at.size]).tolist(), end)[0])
-        assert [happening[1] for happening in switches.happened] == switched
+        assert [happening[1] for happening in switches.events] == switched
     assert V[0] == pytest.approx(np.subtract(*sides) / (2 * h), rel=2e-5, abs=2e-5)
 
 
@@ -260,7 +260,7 @@ def test_columns_through_two_switches_at_once_are_those_of_one_after_the_other(k
     V = [direction.tolist()]
     motions = [np.array(moved(switches, y, end, V)[0])]
     motions += [np.array(moved(switches, (y + k * h * direction).tolist(), end)[0]) for k in (1, 2)]
-    assert len(switches.happened) == (6 if kicked else 0)
+    assert len(switches.events) == (6 if kicked else 0)
     assert V[0] == pytest.approx((4 * motions[1] - 3 * motions[0] - motions[2]) / (2 * h), rel=1e-4, abs=1e-4)
 
 
@@ -278,7 +278,7 @@ def test_the_source_for_numba_does_the_same(name: str) -> None:
         rest = (states[1], [*switches.numbers], switches.constants, [], columns, happened)
         assert space["change"](0.5, j, y, f, *rest) == changed  # type: ignore[operator]
         assert (states[1], columns.tolist()) == (states[0], W)
-        assert happened == switches.happened[len(switches.happened) - len(happened) :]
+        assert happened == switches.events[len(switches.events) - len(happened) :]
 
 
 def test_a_swing_that_turns_back_just_below_the_angle_of_a_kick_costs_no_steps() -> None:
@@ -297,9 +297,9 @@ def test_where_a_cubic_is_highest() -> None:
     ):
         x = highest(a, b, da, db)
         assert 0 < x < 1
-        values = [bent(part, a, b, da, db) for part in np.linspace(0, 1, 2001)]
-        assert bent(x, a, b, da, db) == pytest.approx(max(values), abs=1e-6)
-        assert bent(x, a, b, da, db) >= max(values) - 1e-15
+        values = [cubic_at(part, a, b, da, db) for part in np.linspace(0, 1, 2001)]
+        assert cubic_at(x, a, b, da, db) == pytest.approx(max(values), abs=1e-6)
+        assert cubic_at(x, a, b, da, db) >= max(values) - 1e-15
 
 
 CLOCKS = scene_from(

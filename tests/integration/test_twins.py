@@ -12,7 +12,7 @@ from multipendula.cli import main
 from nonlinear import AppliedForces, SimulationError, State, simulate, state_at_rest, system_of
 from nonlinear.accuracy import advice_table
 from nonlinear.dynamics import exactly_symmetric, is_unstable_equilibrium
-from nonlinear.integration import Request, aside, departure, rounded
+from nonlinear.integration import Request, aside, departure, perturb_last_digits
 from nonlinear.integration.twins import ASIDE, GONE
 from nonlinear.postprocessing.summary import text
 from nonlinear.simulation import advise, certain
@@ -58,13 +58,13 @@ def test_where_nothing_grows_the_twin_costs_one_more_run() -> None:
 def test_loads_do_not_hide_a_symmetry() -> None:
     """Nothing is left out then, and equal pendula still move alike to rounding."""
     asked = Request(PAIR, system_of(PAIR), LEVEL, np.linspace(0.0, 1.0, 11), load=lambda time, state: AppliedForces())
-    twin = rounded(asked)
+    twin = perturb_last_digits(asked)
     assert twin is not None
     whole, beside = (request.run(request.choice(1e-9)).motion.links for request in (asked, twin))
     assert np.abs(whole[:, :2] - whole[:, 2:]).max() < 1e-12
     assert 0 < np.abs(beside - whole).max() < 1e-8
     assert np.abs(beside[0] - whole[0]).max() < 1e-14
-    assert rounded(replace(asked, start=state_at_rest(PAIR, [90.0, 90.0, 80.0, 70.0]))) is None
+    assert perturb_last_digits(replace(asked, start=state_at_rest(PAIR, [90.0, 90.0, 80.0, 70.0]))) is None
 
 
 @pytest.mark.parametrize(

@@ -86,7 +86,7 @@ def divergence(orbit: Orbit) -> float:
         nodes = (begin + end) / 2 + (end - begin) / 2 * x
         rows = orbit.sampled(nodes)
         total += sum(
-            weight * (end - begin) / 2 * np.trace(orbit.flow.equations.linearized(row)[1])
+            weight * (end - begin) / 2 * np.trace(orbit.flow.equations.linearize(row)[1])
             for weight, row in zip(w, rows, strict=True)
         )
     return float(total)

@@ -32,7 +32,7 @@ def test_the_jacobian_agrees_with_complex_steps_through_the_recursion(seed: int)
     system = system_of(plane_scene(seed))
     equations = Variational(system)
     y = equations.begin(random_state(system, seed))
-    rate, slope = equations.linearized(y)
+    rate, slope = equations.linearize(y)
     size = len(y)
     plain, stepped = complex_step(system, np.repeat(y[:, None], size, axis=1), np.eye(size))
     assert rate == pytest.approx(plain[:, 0], rel=1e-11, abs=1e-11 * np.abs(rate).max())
@@ -53,7 +53,7 @@ def test_the_flows_derivative_has_the_determinant_of_the_divergence(seed: int) -
         for node, weight in zip(x, w, strict=True):
             time = (begin + end) / 2 + (end - begin) / 2 * node
             now, at = flow(now, np.zeros((len(y), 0)), time - at).y, time
-            total += weight * (end - begin) / 2 * np.trace(flow.equations.linearized(now)[1])
+            total += weight * (end - begin) / 2 * np.trace(flow.equations.linearize(now)[1])
         here = flow(now, np.zeros((len(y), 0)), end - at).y
     assert np.log(np.linalg.det(passed.V)) == pytest.approx(total, abs=1e-8 * max(1.0, abs(total)))
 
@@ -108,12 +108,12 @@ def test_both_ways_to_the_jacobian_agree_at_one_state_and_at_many() -> None:
     system = system_of(RESISTED)
     sparse, directed = Variational(system), Variational(system)
     y = np.random.default_rng(2).standard_normal((sparse.size, 3))
-    rates, slopes = sparse.linearized(y)
+    rates, slopes = sparse.linearize(y)
     other = directed._by_directions(y, ())
     assert rates == pytest.approx(other[0], rel=1e-12)
     assert slopes == pytest.approx(other[1], rel=1e-11, abs=1e-11)
     for k in range(3):
-        rate, slope = sparse.linearized(y[:, k])
+        rate, slope = sparse.linearize(y[:, k])
         assert rate == pytest.approx(rates[:, k], rel=1e-13)
         assert slope == pytest.approx(slopes[k], rel=1e-12, abs=1e-12)
 
@@ -150,7 +150,7 @@ def test_the_derivative_is_exact_where_the_motion_stands_still(angle: float) -> 
     flow = Flow(system_of(scene), 1e-12)
     y = np.array([angle, angle, 0.0, 0.0])
     passed = flow(y, np.eye(4), 1.5)
-    known = expm(1.5 * flow.equations.linearized(y)[1])
+    known = expm(1.5 * flow.equations.linearize(y)[1])
     assert pytest.approx(passed.V, rel=1e-8, abs=1e-9 * np.abs(known).max()) == known
     assert len(passed.path.times) < 10
 
@@ -228,7 +228,7 @@ def test_derivatives_by_a_number_go_through_kicks_and_contacts(path: str) -> Non
     assert flow.change is not None
     flown = flow(y, np.eye(6), 2.5)
     assert flow.switched is not None
-    kinds = {int(happening[1]) for happening in flow.switched.switches.happened}
+    kinds = {int(happening[1]) for happening in flow.switched.switches.events}
     assert kinds & {0, 1}
     assert kinds - {0, 1}
     step = 1e-5 * value

@@ -23,7 +23,7 @@ from nonlinear.integration import Trajectory
 from nonlinear.plotting import animate
 from nonlinear.plotting.animation import Film, Shown
 from nonlinear.plotting.scene import MOST_PENDULA, energies_of, stage_of
-from nonlinear.postprocessing import picked, resample
+from nonlinear.postprocessing import pick_links, resample
 from nonlinear.simulation import simulate
 from nonlinear.system import State, initial_state
 
@@ -268,6 +268,6 @@ def test_energies_of_the_bars_are_those_of_the_run(name: str) -> None:
 
 def test_picked_links_move_as_they_did() -> None:
     trajectory = run("paper-cart-3", 1.0)
-    some = picked(trajectory.motion, np.array([4, 1]))
+    some = pick_links(trajectory.motion, np.array([4, 1]))
     assert np.array_equal(some.links[:, 1], trajectory.motion.links[:, 1])
     assert np.array_equal(some.link_rates[:, 0], trajectory.motion.link_rates[:, 4])

@@ -15,7 +15,7 @@ from modal.scene import Fixed
 from nonlinear import simulate, state_at_rest
 from nonlinear.integration import Choice, equations_of
 from nonlinear.postprocessing import pushing_links, reaction_forces_of, slack_words
-from nonlinear.postprocessing.reaction_forces import _one_by_one, accelerated
+from nonlinear.postprocessing.reaction_forces import _one_by_one, states_and_slopes
 from nonlinear.postprocessing.summary import text
 from nonlinear.verification import check, check_table, compare, comparison_table
 
@@ -133,7 +133,7 @@ def test_a_check_says_it() -> None:
 def test_accelerations_side_by_side_are_those_one_by_one() -> None:
     for name in ("paper-cart-2", "huygens", "two-swings", "beam"):
         run = simulate(load(name), 0.5, output=6)
-        layout, _, slopes = accelerated(run)
+        layout, _, slopes = states_and_slopes(run)
         together, apart = layout.read(slopes), _one_by_one(run, run.motion)
         for part in ("links", "link_rates", "cart_rate", "support_rates"):
             np.testing.assert_allclose(getattr(together, part), getattr(apart, part), rtol=1e-9, atol=1e-9)

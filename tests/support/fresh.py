@@ -48,5 +48,5 @@ class Process:
         """Have noted that a package keeps code of this name, in a file."""
         file = self.home / "kept"
         file.touch()
-        Note(kept=str(file)).write(readiness._named(package, name))
+        Note(kept=str(file)).write(readiness._note_name(package, name))
         return file

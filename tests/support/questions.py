@@ -98,7 +98,7 @@ def answered(numbers: Iterable[int]) -> dict[int, list[Floats]]:
 if __name__ == "__main__":
     words = sys.argv[2:]
     if "bought" in words:
-        readiness._saved = _Paid(float)
+        readiness._saved_seconds = _Paid(float)
     with nullcontext() if {"bought", "free"} & {*words} else reproducible():
         asked = [int(word) for word in words if word.isdigit()] or [*range(len(QUESTIONS))]
         Path(sys.argv[1]).write_bytes(pickle.dumps(answered(asked)))

@@ -38,7 +38,7 @@ from nonlinear.synchronization import (
     sync_text,
 )
 from nonlinear.synchronization.study import study_synchronization
-from nonlinear.system import State, initial_state, populations_of, representatives, system_of, unrepresented
+from nonlinear.system import State, initial_state, populations_of, representation_obstacles, representatives, system_of
 
 NAMES = ("own", "other", "within a population")
 
@@ -245,7 +245,7 @@ def test_a_pair_on_one_board_is_compared_pendulum_by_pendulum() -> None:
     phases = told(simulate(scene, 8.0, tolerance=1e-7))
     assert [population.size for population in phases.populations] == [2]
     assert (phases.kind, phases.verdict) == ("antiphase", "antiphase")
-    assert list(unrepresented(scene)) == ["the pendula of tilt hang from points that move differently"]
+    assert list(representation_obstacles(scene)) == ["the pendula of tilt hang from points that move differently"]
     with pytest.raises(ComputationError, match="points that move differently"):
         patterns_of(scene)
 
@@ -317,7 +317,7 @@ def test_what_has_no_symmetric_motions_says_why() -> None:
     tied = scene.replace(
         spring=(*scene.spring, Spring(between=("pendulum[0].copies[0].links[0]", "ground"), stiffness=1.0))
     )
-    assert list(unrepresented(tied)) == ["springs end at pendula"]
+    assert list(representation_obstacles(tied)) == ["springs end at pendula"]
     third = Swing(name="third", mass=3.0, length=0.2, position=(4.0, 0.0))
     many = scene.replace(
         support=(*scene.supports, third), pendulum=(*scene.pendulum, scene.pendulum[0].replace(on="third"))

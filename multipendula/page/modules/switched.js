@@ -172,7 +172,7 @@ export class SwitchedIntegrator {
     looked.push(this.last);
     const [V, R] = [0, 1].map((k) => looked.map((own) => own[k]));
     seeking.tried[0] = following;
-    if (seeking.which[0] < 0 && !whole.seen(length, V, R, whole.looks)) {
+    if (seeking.which[0] < 0 && !whole.may_pass(length, V, R, whole.looks)) {
       seeking.usual[0] = following;
       return whole.STANDS;
     }
