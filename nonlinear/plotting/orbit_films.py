@@ -32,7 +32,7 @@ def film_orbit(
 ) -> Shown:
     """Write a film of some periods of an orbit, beside the mode of index `row` at the same largest angle."""
     phase = np.linspace(0, 1, SAMPLES, endpoint=False)
-    rows = np.tile(orbit.sampled(phase * orbit.period), (PERIODS, 1))
+    rows = np.tile(orbit.states_at(phase * orbit.period), (PERIODS, 1))
     times = (np.arange(PERIODS)[:, None] + phase).ravel() * orbit.period
     shown = _trajectory(orbit, times, orbit.motion(rows), "the periodic orbit")
     beside = _linear(orbit, times, modes, row) if modes else None

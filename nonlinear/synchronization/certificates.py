@@ -16,7 +16,7 @@ from modal.scene import Scene, refusals
 from modal.scene.parameters import Variation
 from modal.types import Floats
 from nonlinear.averaging import RelativeEquilibrium, swinging
-from nonlinear.orbits import Orbit, Special, crossed, cycle_of
+from nonlinear.orbits import Orbit, Special, cycle_of, first_special_point
 from nonlinear.synchronization.patterns import own_amplitudes
 
 MOST_LINKS = 24
@@ -68,7 +68,7 @@ def critical(
             continue
         tried.add(k)
         try:
-            if special := crossed(scene, variation, states[k], float(values[k]), at):
+            if special := first_special_point(scene, variation, states[k], float(values[k]), at):
                 return special
         except ComputationError:
             continue
