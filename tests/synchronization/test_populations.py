@@ -363,7 +363,7 @@ def test_populations_lock_only_where_something_joins_them_and_a_phase_is_told_on
     assert joined
     assert apart.locked.all()
     assert apart.is_even
-    assert (apart.joined, apart.kind, apart.is_held) == (False, "neither", False)
+    assert (apart.is_coupled, apart.kind, apart.is_held) == (False, "neither", False)
     assert joined.joined
 
 
