@@ -117,7 +117,7 @@ def _reasons(study: SynchronizationStudy) -> list[str]:
     theory = study.theory
     if theory is None:
         return []
-    return [reason for reason in _doubts(study, theory) if reason != theory.prediction.undecided]
+    return [reason for reason in _doubts(study, theory) if reason != theory.prediction.indecision]
 
 
 def _doubts(study: SynchronizationStudy, theory: Theory) -> list[str]:

@@ -364,7 +364,7 @@ def test_populations_lock_only_where_something_joins_them_and_a_phase_is_told_on
     assert apart.locked.all()
     assert apart.is_even
     assert (apart.is_coupled, apart.kind, apart.is_held) == (False, "neither", False)
-    assert joined.joined
+    assert joined.is_coupled
 
 
 @pytest.mark.parametrize("seed", range(3))
