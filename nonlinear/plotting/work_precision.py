@@ -79,10 +79,10 @@ def _family(axis: Axes, work_precision: WorkPrecision, rows: list[WorkPrecisionR
     marker = MARKERS["compiled" if candidate.compiled else candidate.kind]
     hue = colour(METHODS[candidate.method])
     look: dict[str, Any] = {"color": hue, "mfc": paper() if candidate.compiled else hue, "ms": 6, "lw": 1.4}
-    axis.plot(*points, marker=marker, label=_named(candidate), zorder=4, **look)
+    axis.plot(*points, marker=marker, label=_label(candidate), zorder=4, **look)
 
 
-def _named(candidate: Candidate) -> str:
+def _label(candidate: Candidate) -> str:
     return candidate.family.replace("taylor", "Taylor")
 
 
