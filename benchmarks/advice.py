@@ -156,7 +156,7 @@ def judged(seed: int, costs: bool = True) -> Case:
     fine = FINER * min(accuracy, advice.attempts[-1].error)
     looser = (Candidate(form, "DOP853", max(fine * share, SMALLEST), compiled) for share in (1.0, 10.0))
     known, error = False, inf
-    for candidates in (looser, choose_references(scene)) if advice.met or costs else ():
+    for candidates in (looser, choose_references(scene)) if advice.is_met or costs else ():
         finest, other = (candidate.prepare(question)().motion for candidate in candidates)
         known, error = float(apart(finest, other).max()) < SHARE * accuracy, _error(advice, finest)
         if known:
@@ -174,7 +174,7 @@ def judged(seed: int, costs: bool = True) -> Case:
         kind(scene),
         duration,
         accuracy,
-        advice.met,
+        advice.is_met,
         known,
         error,
         last.error,

@@ -27,7 +27,7 @@ from modal import Bob, Cart, Pendulum, Rod, Scene
 from modal.scene import Moved, SineForce, SineMotion
 from modal.scene.parameters import parse_variations
 from modal.types import Floats
-from nonlinear.orbits import Branch, Flow, follow_forced, nonlinear_mode
+from nonlinear.orbits import Branch, Flow, follow_forced_orbits, nonlinear_mode
 
 LENGTHS = ((1.0, 1.0), (1.05, 0.97), (0.9, 1.1))
 SCENE = Scene(
@@ -40,7 +40,7 @@ ORBITS, FEW, STEP = 100, 10, 0.02
 
 def branch(number: int, orbits: int) -> Branch:
     """The first orbits of a mode, at most a hundredth of a turn apart."""
-    return nonlinear_mode(SCENE, number, 2.5, most=orbits, longest=STEP)
+    return nonlinear_mode(SCENE, number, 2.5, max_orbits=orbits, longest=STEP)
 
 
 def by_scipy(followed: Branch) -> float:
@@ -88,7 +88,7 @@ def resonance(name: str) -> tuple[float, int, int, int]:
     scene, words = RESONANCES[name]
     Flow.__call__ = counted  # type: ignore[method-assign]
     begun = process_time()
-    branches = follow_forced(scene, parse_variations([words])[0])
+    branches = follow_forced_orbits(scene, parse_variations([words])[0])
     spent, Flow.__call__ = process_time() - begun, plain  # type: ignore[method-assign]
     return (
         spent,

@@ -197,7 +197,7 @@ def request_of(
 
 def certain(advice: Advice) -> Trajectory:
     """The trajectory if it meets its accuracy throughout; else SimulationError with the part that does."""
-    if advice.met or advice.trajectory.run.interrupted:
+    if advice.is_met or advice.trajectory.run.interrupted:
         return advice.trajectory
     raise SimulationError(advice.limit, advice.certain)
 

@@ -98,15 +98,15 @@ def _mode(scene: Scene, options: argparse.Namespace) -> tuple[Branch, ...]:
 def _cycles(scene: Scene, options: argparse.Namespace, crew: Crew) -> tuple[Branch, ...]:
     from modal.errors import SceneError
     from modal.scene.parameters import parse_variations
-    from nonlinear.orbits import follow_cycles, follow_forced, require_cycles, require_forced
+    from nonlinear.orbits import follow_cycles, follow_forced_orbits, require_cycles, require_forced_orbits
 
     (variation,) = parse_variations([options.vary])
     if scene.is_forced:
         periods = options.periods or 1
-        require_forced(scene, variation)
+        require_forced_orbits(scene, variation)
         begun = _settled(scene, variation.path, variation.values[0], options)[0] if options.settled else None
         with bar(0, "branches") as report:
-            return follow_forced(scene, variation, start=begun, periods=periods, report=report)
+            return follow_forced_orbits(scene, variation, start=begun, periods=periods, report=report)
     if options.periods:
         raise SceneError(['--periods: needs a [[force]], or a support of kind = "moved"'])
     require_cycles(scene, variation)
@@ -158,10 +158,10 @@ def _entered(branches: tuple[Branch, ...], crew: Crew) -> Iterator[Branch]:
 
 def _entered_at(left: tuple[Branch, Special]) -> Branch | ComputationError:
     from modal.errors import ComputationError
-    from nonlinear.orbits import entered
+    from nonlinear.orbits import leaving_branch
 
     try:
-        return entered(*left)
+        return leaving_branch(*left)
     except ComputationError as error:
         return error
 

@@ -68,7 +68,7 @@ EVIDENCE = (
 class Advice(Result):
     """The trajectory for a requested accuracy (rad), its `errors` (T,) in rad so far, and all attempts, its own last.
 
-    `horizon` is the time (s) up to which the accuracy is met, one of the trajectory's; `parted` tells whether the
+    `horizon` is the time (s) up to which the accuracy is met, one of the trajectory's; `has_parted` tells whether the
     departure of a twin ends it.
     """
 
@@ -77,31 +77,31 @@ class Advice(Result):
     errors: Floats
     attempts: tuple[Attempt, ...]
     horizon: float
-    parted: bool = False
+    has_parted: bool = False
 
     @property
-    def met(self) -> bool:
+    def is_met(self) -> bool:
         """Whether the accuracy is met over the whole trajectory."""
         return bool(self.errors[-1] <= self.accuracy)
 
     @property
     def limit(self) -> str:
         """The message where the accuracy is not met throughout."""
-        told = f"{self.accuracy:g} rad can be shown to be met up to {self.horizon:.4g} s and no further"
-        if self.parted or self.attempts[-1].tolerance <= FARTHEST * SMALLEST:
-            told += ": beyond it double precision cannot determine where the links are"
-        return told + (", since starts that differ in their last digits alone part" if self.parted else "")
+        words = f"{self.accuracy:g} rad can be shown to be met up to {self.horizon:.4g} s and no further"
+        if self.has_parted or self.attempts[-1].tolerance <= FARTHEST * SMALLEST:
+            words += ": beyond it double precision cannot determine where the links are"
+        return words + (", since starts that differ in their last digits alone part" if self.has_parted else "")
 
     @property
     def certain(self) -> Trajectory:
         """The trajectory up to the horizon."""
-        if self.met:
+        if self.is_met:
             return self.trajectory
-        kept = self.trajectory.times <= self.horizon
-        stopped = f"{self.accuracy:g} rad cannot be met beyond {self.horizon:.9g} s"
-        run = replace(self.trajectory.run, error=float(self.errors[kept][-1]), stopped=stopped)
+        within = self.trajectory.times <= self.horizon
+        reason = f"{self.accuracy:g} rad cannot be met beyond {self.horizon:.9g} s"
+        info = replace(self.trajectory.run, error=float(self.errors[within][-1]), stopped=reason)
         happenings = tuple(happening for happening in self.trajectory.happenings if happening.time <= self.horizon)
-        return replace(self.trajectory.at(kept), run=run, happenings=happenings)
+        return replace(self.trajectory.at(within), run=info, happenings=happenings)
 
     key = "attempts"
 
@@ -125,10 +125,10 @@ class Advice(Result):
 
     def footnotes(self) -> Iterator[str]:
         """The verdict, and what it rests on."""
-        last, run, times = self.attempts[-1], self.trajectory.run, self.trajectory.times
-        if run.interrupted:
-            yield f"{run.stopped}: no accuracy is guaranteed."
-        elif self.met:
+        last, info, times = self.attempts[-1], self.trajectory.run, self.trajectory.times
+        if info.interrupted:
+            yield f"{info.stopped}: no accuracy is guaranteed."
+        elif self.is_met:
             yield f"{last.way}: no angle is off by more than {last.error:.2g} rad until {times[-1]:.9g} s."
         else:
             yield f"{self.limit}."
@@ -138,7 +138,7 @@ class Advice(Result):
         """What was asked for, and whether and how long it is met."""
         return {
             "accuracy_rad": self.accuracy,
-            "met": self.met,
+            "met": self.is_met,
             "horizon_s": self.horizon,
             "stopped": self.trajectory.run.stopped,
             "duration_s": float(self.trajectory.times[-1] - self.trajectory.times[0]),
@@ -158,80 +158,82 @@ def seek_accuracy(goal: Goal) -> Advice:
     the integrator fails at the finest tolerance too: a loose run may fail where a tighter one does not.
     """
     attempts: list[Attempt] = []
-    for tried in chain(in_closed_form(goal), in_few_modes(goal), _integrated(goal)):
-        attempts.append(tried.attempt)
-        if tried.errors[-1] <= goal.accuracy or tried.trajectory.run.interrupted:
+    for tried_run in chain(in_closed_form(goal), in_few_modes(goal), _integrate(goal)):
+        attempts.append(tried_run.attempt)
+        if tried_run.errors[-1] <= goal.accuracy or tried_run.trajectory.run.interrupted:
             break
-    if tried.gave_up:
-        raise tried.gave_up
-    alone = tried
-    if not tried.trajectory.run.interrupted and (beside := perturb_last_digits(goal.looked_at)):
-        tried = _with_twin(tried, beside)
-        attempts[-1] = tried.attempt
-    run = replace(tried.trajectory.run, error=tried.attempt.error)
-    times, last = tried.trajectory.times, max(int(np.sum(tried.errors <= goal.accuracy)) - 1, 0)
-    kept = np.isin(times, goal.request.times)
-    kept[[last, -1]] = True
-    trajectory = replace(tried.trajectory, run=run).at(kept)
-    parted = last + 1 < len(times) and bool(alone.errors[last + 1] <= goal.accuracy)
-    return Advice(goal.accuracy, trajectory, tried.errors[kept], tuple(attempts), float(times[last]), parted)
+    if tried_run.gave_up:
+        raise tried_run.gave_up
+    first_run = tried_run
+    if not tried_run.trajectory.run.interrupted and (twin_request := perturb_last_digits(goal.looked_at)):
+        tried_run = _with_twin(tried_run, twin_request)
+        attempts[-1] = tried_run.attempt
+    info = replace(tried_run.trajectory.run, error=tried_run.attempt.error)
+    times, last = tried_run.trajectory.times, max(int(np.sum(tried_run.errors <= goal.accuracy)) - 1, 0)
+    selection = np.isin(times, goal.request.times)
+    selection[[last, -1]] = True
+    trajectory = replace(tried_run.trajectory, run=info).at(selection)
+    has_parted = last + 1 < len(times) and bool(first_run.errors[last + 1] <= goal.accuracy)
+    return Advice(
+        goal.accuracy, trajectory, tried_run.errors[selection], tuple(attempts), float(times[last]), has_parted
+    )
 
 
-def _integrated(goal: Goal) -> Iterator[TriedRun]:
+def _integrate(goal: Goal) -> Iterator[TriedRun]:
     """Runs at tighter and tighter tolerances, each compared with those before."""
-    asked = goal.looked_at
-    choice = asked.choice(min(max(goal.tolerance, SMALLEST), LOOSEST / RATIO))
-    runs = [_run(asked, replace(choice, tolerance=RATIO * choice.tolerance))]
+    request = goal.looked_at
+    choice = request.choice(min(max(goal.tolerance, SMALLEST), LOOSEST / RATIO))
+    runs = [_time_run(request, replace(choice, tolerance=RATIO * choice.tolerance))]
     yield runs[0]
     while True:
-        asked = replace(asked, pace=replace(asked.pace, share=SHORTER * asked.pace.share))
-        runs.append(_beside(_run(asked, choice), runs, ROUNDING * goal.constant))
+        request = replace(request, pace=replace(request.pace, share=SHORTER * request.pace.share))
+        runs.append(_with_errors(_time_run(request, choice), runs, ROUNDING * goal.constant))
         yield runs[-1]
-        tighter = asked.choice(max(_next(goal, runs[-1], runs[-2]), SMALLEST))
+        tighter = request.choice(max(_next(goal, runs[-1], runs[-2]), SMALLEST))
         if tighter.tolerance * NEAREST > 1.01 * choice.tolerance:
             return
         choice = tighter
 
 
-def _run(asked: Request, choice: Choice) -> TriedRun:
-    begun, gave_up = perf_counter(), None
+def _time_run(request: Request, choice: Choice) -> TriedRun:
+    start, gave_up = perf_counter(), None
     try:
-        trajectory = asked.run(choice)
+        trajectory = request.run(choice)
     except SimulationError as error:
         trajectory, gave_up = error.trajectory, error
     words = " ".join(part for part in (choice.form, choice.method, "compiled" * choice.compiled) if part)
-    attempt = Attempt(words, choice.tolerance, perf_counter() - begun, trajectory.run.calls, inf)
+    attempt = Attempt(words, choice.tolerance, perf_counter() - start, trajectory.run.calls, inf)
     errors = np.full(len(trajectory.times), inf)
-    return TriedRun(trajectory, errors, attempt, lambda other: other.run(other.choice(choice.tolerance)), gave_up)
+    return TriedRun(trajectory, errors, attempt, lambda twin: twin.run(twin.choice(choice.tolerance)), gave_up)
 
 
-def _with_twin(tried: TriedRun, beside: Request) -> TriedRun:
+def _with_twin(tried_run: TriedRun, twin_request: Request) -> TriedRun:
     """A run that is compared with its twin as well."""
-    begun = perf_counter()
-    trajectory, twin = tried.trajectory, tried.again(beside)
-    errors = np.maximum(tried.errors, PARTED * _difference(trajectory, twin))
+    start = perf_counter()
+    trajectory, twin = tried_run.trajectory, tried_run.repeat(twin_request)
+    errors = np.maximum(tried_run.errors, PARTED * _difference(trajectory, twin))
     if twin.run.interrupted:
-        run = replace(trajectory.run, interrupted=True, stopped=twin.run.stopped)
-        trajectory = replace(trajectory.at(trajectory.times <= twin.times[-1]), run=run)
-    spent, calls = tried.attempt.seconds + perf_counter() - begun, tried.attempt.calls + twin.run.calls
-    attempt = replace(tried.attempt, seconds=spent, calls=calls, error=float(errors[-1]))
-    return replace(tried, trajectory=trajectory, errors=errors[: len(trajectory.times)], attempt=attempt)
+        info = replace(trajectory.run, interrupted=True, stopped=twin.run.stopped)
+        trajectory = replace(trajectory.at(trajectory.times <= twin.times[-1]), run=info)
+    seconds, calls = tried_run.attempt.seconds + perf_counter() - start, tried_run.attempt.calls + twin.run.calls
+    attempt = replace(tried_run.attempt, seconds=seconds, calls=calls, error=float(errors[-1]))
+    return replace(tried_run, trajectory=trajectory, errors=errors[: len(trajectory.times)], attempt=attempt)
 
 
-def _beside(tried: TriedRun, runs: Sequence[TriedRun], rounding: float) -> TriedRun:
+def _with_errors(tried_run: TriedRun, runs: Sequence[TriedRun], rounding: float) -> TriedRun:
     """A run with its errors, estimated from looser runs, plus what rounding (rad) adds where they differ at all."""
-    before = runs[-1]
-    if tried.gave_up:
-        return tried
-    difference = _difference(tried.trajectory, before.trajectory)
+    previous = runs[-1]
+    if tried_run.gave_up:
+        return tried_run
+    difference = _difference(tried_run.trajectory, previous.trajectory)
     credit = np.full(len(difference), 1 / SAFETY)
     if len(runs) > 1:
-        ratio = min(before.attempt.tolerance / tried.attempt.tolerance, FARTHEST)
-        fallen = _difference(tried.trajectory, runs[-2].trajectory), difference
-        order = _order(*fallen, runs[-2].attempt.tolerance / before.attempt.tolerance)
+        ratio = min(previous.attempt.tolerance / tried_run.attempt.tolerance, FARTHEST)
+        differences = _difference(tried_run.trajectory, runs[-2].trajectory), difference
+        order = _order(*differences, runs[-2].attempt.tolerance / previous.attempt.tolerance)
         credit = np.maximum(ratio**order / SAFETY, 1 / JUDGED)
     errors = np.maximum.accumulate(difference / credit) + rounding * (difference > 0)
-    return replace(tried, errors=errors, attempt=replace(tried.attempt, error=float(errors[-1])))
+    return replace(tried_run, errors=errors, attempt=replace(tried_run.attempt, error=float(errors[-1])))
 
 
 def _order(looser: Floats, tighter: Floats, ratio: float) -> Floats:
@@ -241,33 +243,33 @@ def _order(looser: Floats, tighter: Floats, ratio: float) -> Floats:
     """
     with np.errstate(divide="ignore", invalid="ignore"):
         order = np.log(looser / tighter) / np.log(ratio)
-    known = np.isfinite(order)
-    last = np.maximum.accumulate(np.where(known, np.arange(len(order)), 0))
-    return np.where(known[last], np.clip(order[last], 0.0, 1.0), 0.0)
+    is_known = np.isfinite(order)
+    last = np.maximum.accumulate(np.where(is_known, np.arange(len(order)), 0))
+    return np.where(is_known[last], np.clip(order[last], 0.0, 1.0), 0.0)
 
 
-def _difference(run: Trajectory, other: Trajectory) -> Floats:
+def _difference(first: Trajectory, second: Trajectory) -> Floats:
     """The largest angle (rad) so far between two runs at the times of the first, (T,), as far as both go.
 
     It is inf where it is meaningless: where the runs have parted or are identical, or the other ended long before.
     Where an event ends both at slightly different times, the last samples take the difference before them.
     """
-    both = min(len(run.times), len(other.times))
-    both = int(np.sum(run.times[:both] == other.times[:both]))
-    rows = slice(both)
-    gone = np.maximum.accumulate(apart(run.motion.at(rows), other.motion.at(rows)))
-    gone[gone > LOST] = inf
-    if not gone.any() and np.ptp(run.motion.links, axis=0).any():
-        gone[:] = inf
-    beyond = len(run.times) - both
-    return np.pad(gone, (0, beyond), constant_values=inf if beyond > TOGETHER else gone[-1])
+    count = min(len(first.times), len(second.times))
+    count = int(np.sum(first.times[:count] == second.times[:count]))
+    rows = slice(count)
+    distance = np.maximum.accumulate(apart(first.motion.at(rows), second.motion.at(rows)))
+    distance[distance > LOST] = inf
+    if not distance.any() and np.ptp(first.motion.links, axis=0).any():
+        distance[:] = inf
+    surplus = len(first.times) - count
+    return np.pad(distance, (0, surplus), constant_values=inf if surplus > TOGETHER else distance[-1])
 
 
-def _next(goal: Goal, tried: TriedRun, before: TriedRun) -> float:
+def _next(goal: Goal, current: TriedRun, previous: TriedRun) -> float:
     """The tolerance expected to meet the accuracy; the finest only after one close enough to be compared with it."""
-    tolerance = tried.attempt.tolerance
-    difference = float(_difference(tried.trajectory, before.trajectory)[-1])
+    tolerance = current.attempt.tolerance
+    difference = float(_difference(current.trajectory, previous.trajectory)[-1])
     if difference == inf:
-        near = FARTHEST * SMALLEST
-        return near if LEAP * tolerance < near < tolerance / NEAREST else LEAP * tolerance
-    return min(goal.accuracy * before.attempt.tolerance / (AIM * difference), tolerance / CLIMB)
+        finest = FARTHEST * SMALLEST
+        return finest if LEAP * tolerance < finest < tolerance / NEAREST else LEAP * tolerance
+    return min(goal.accuracy * previous.attempt.tolerance / (AIM * difference), tolerance / CLIMB)

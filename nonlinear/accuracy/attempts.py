@@ -68,7 +68,7 @@ class TriedRun:
     trajectory: Trajectory
     errors: Floats
     attempt: Attempt
-    again: Callable[[Request], Trajectory]
+    repeat: Callable[[Request], Trajectory]
     gave_up: SimulationError | None = None
 
 
@@ -112,11 +112,11 @@ class Goal(Displayed):
     @property
     def free(self) -> bool:
         """Whether the whole scene need not be integrated."""
-        asked = self.request
-        system = asked.system
-        acted_on = asked.load or asked.events or system.excites or system.rubs or system.has_drag
-        prescribed = system.hoisting or system.prescribed_motions
-        return asked.method == asked.form == "auto" and not (acted_on or prescribed)
+        request = self.request
+        system = request.system
+        acted_on = request.load or request.events or system.excites or system.rubs or system.has_drag
+        is_prescribed = system.hoisting or system.prescribed_motions
+        return request.method == request.form == "auto" and not (acted_on or is_prescribed)
 
 
 def in_closed_form(goal: Goal) -> Iterator[TriedRun]:
@@ -125,55 +125,55 @@ def in_closed_form(goal: Goal) -> Iterator[TriedRun]:
         return
     if refusals(goal.request.scene, "motion in closed form"):
         return
-    begun = perf_counter()
+    start = perf_counter()
     try:
         motion = superpose(goal.request.scene, goal.request.start, corrected=True)
     except ComputationError:
         return
-    for kind, each in ((LINEAR, motion.linear), (CORRECTED, motion)):
-        if tried := _superposed(goal, kind, each, begun):
-            yield tried
-        begun = perf_counter()
+    for kind, superposition in ((LINEAR, motion.linear), (CORRECTED, motion)):
+        if tried_run := _superpose(goal, kind, superposition, start):
+            yield tried_run
+        start = perf_counter()
 
 
-def _superposed(goal: Goal, kind: str, motion: Superposition, begun: float) -> TriedRun | None:
-    asked = goal.looked_at
-    estimate = defect_error(motion, asked.duration)
+def _superpose(goal: Goal, kind: str, motion: Superposition, start: float) -> TriedRun | None:
+    request = goal.looked_at
+    estimate = defect_error(motion, request.duration)
     if estimate is None:
         return None
-    elapsed = asked.times - asked.times[0]
-    errors = estimate.bounds[np.minimum(np.searchsorted(estimate.times, elapsed), len(estimate.at) - 1)]
+    times = request.times - request.times[0]
+    errors = estimate.bounds[np.minimum(np.searchsorted(estimate.times, times), len(estimate.at) - 1)]
     trajectory = Trajectory(
-        asked.scene, asked.system, asked.times, motion(elapsed), SolverInfo(kind, CLOSED, MODAL, inf)
+        request.scene, request.system, request.times, motion(times), SolverInfo(kind, CLOSED, MODAL, inf)
     )
 
-    def again(other: Request) -> Trajectory:
-        moved = superpose(other.scene, other.start, corrected=kind == CORRECTED)
-        return replace(trajectory, motion=moved(elapsed))
+    def repeat(twin: Request) -> Trajectory:
+        twin_motion = superpose(twin.scene, twin.start, corrected=kind == CORRECTED)
+        return replace(trajectory, motion=twin_motion(times))
 
-    return TriedRun(trajectory, errors, Attempt(kind, nan, perf_counter() - begun, 0, float(errors[-1])), again)
+    return TriedRun(trajectory, errors, Attempt(kind, nan, perf_counter() - start, 0, float(errors[-1])), repeat)
 
 
 def in_few_modes(goal: Goal) -> Iterator[TriedRun]:
     """The lowest modes of a long scene that starts in them."""
-    asked = goal.looked_at
-    if not goal.free or asked.system.spatial or asked.system.n_links < LONG:
+    request = goal.looked_at
+    if not goal.free or request.system.spatial or request.system.n_links < LONG:
         return
-    begun = perf_counter()
+    start = perf_counter()
     try:
-        survey = survey_modes(asked.scene, asked.system, asked.start)
+        survey = survey_modes(request.scene, request.system, request.start)
     except (ComputationError, SceneError):
         return
     modes = survey.automatic()
-    if survey.columns(modes) > SHARE * asked.system.n_links:
+    if survey.columns(modes) > SHARE * request.system.n_links:
         return
     tolerance = min(goal.tolerance, LOOSEST)
-    reduced = in_modes(survey, modes, asked.times, tolerance=tolerance, report=asked.report)
-    run, way = reduced.trajectory.run, f"{len(reduced.kept)} mode shapes"
+    truncation = in_modes(survey, modes, request.times, tolerance=tolerance, report=request.report)
+    info, way = truncation.trajectory.run, f"{len(truncation.kept)} mode shapes"
 
-    def again(other: Request) -> Trajectory:
-        beside = replace(survey, start=other.start)
-        return in_modes(beside, modes, other.times, tolerance=tolerance, report=other.report).trajectory
+    def repeat(twin: Request) -> Trajectory:
+        twin_survey = replace(survey, start=twin.start)
+        return in_modes(twin_survey, modes, twin.times, tolerance=tolerance, report=twin.report).trajectory
 
-    attempt = Attempt(way, run.tolerance, perf_counter() - begun, run.calls, reduced.error)
-    yield TriedRun(reduced.trajectory, reduced.errors, attempt, again)
+    attempt = Attempt(way, info.tolerance, perf_counter() - start, info.calls, truncation.error)
+    yield TriedRun(truncation.trajectory, truncation.errors, attempt, repeat)

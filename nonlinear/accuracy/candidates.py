@@ -94,22 +94,22 @@ class Candidate:
         The task raises ComputationError where the run fails, GivenUpError where it takes too long, KeyboardInterrupt on
         Ctrl-C.
         """
-        return self._superposed(question) if self.modal else self._integrated(question)
+        return self._superposition_task(question) if self.modal else self._integration_task(question)
 
-    def _superposed(self, question: Question) -> Task:
+    def _superposition_task(self, question: Question) -> Task:
         scene, times, system = question.scene, question.times, system_of(question.scene)
         motion = superpose(scene, question.start, corrected=self.kind == CORRECTED)
-        run = SolverInfo(self.kind, CLOSED, "one level of fidelity of several", inf)
+        info = SolverInfo(self.kind, CLOSED, "one level of fidelity of several", inf)
 
         def task() -> Trajectory:
             states = motion(times)
             if not np.all(np.isfinite(states.links)):
                 raise ComputationError("the modes overflow")
-            return Trajectory(scene, system, times, states, run)
+            return Trajectory(scene, system, times, states, info)
 
         return task
 
-    def _integrated(self, question: Question) -> Task:
+    def _integration_task(self, question: Question) -> Task:
         request = question.request
         validate_method(question.scene, self.method, self.kind)
         if self.compiled:
@@ -120,26 +120,26 @@ class Candidate:
 
         def task() -> Trajectory:
             try:
-                run = ready.go(report=_impatient(question))
+                trajectory = ready.go(report=_impatient(question))
             except TimeoutError as error:
                 raise GivenUpError(str(error)) from None
-            if run.run.interrupted:
+            if trajectory.run.interrupted:
                 raise KeyboardInterrupt
-            return run
+            return trajectory
 
         return task
 
 
 def _impatient(question: Question) -> Callable[[float], None]:
     """A report that ends a run which exceeds its time limit, or clearly will at its present pace."""
-    begun, patience, duration = perf_counter(), question.patience, question.times[-1]
+    start, patience, duration = perf_counter(), question.patience, question.times[-1]
 
-    def report(elapsed: float) -> None:
-        spent = perf_counter() - begun
-        share = min(1.0, elapsed / duration)
+    def report(time: float) -> None:
+        seconds = perf_counter() - start
+        share = min(1.0, time / duration)
         question.report(share)
-        if spent > patience or (spent > SOON * patience and spent > PLAINLY * patience * share):
-            raise TimeoutError(f"given up after {spent:.2g} s, at {elapsed:.3g} s of the motion")
+        if seconds > patience or (seconds > SOON * patience and seconds > PLAINLY * patience * share):
+            raise TimeoutError(f"given up after {seconds:.2g} s, at {time:.3g} s of the motion")
 
     return report
 
@@ -153,7 +153,9 @@ def list_candidates(scene: Scene) -> tuple[Candidate, ...]:
         families = [("minimal", method, False) for method in (*IN_PLANE, *(["taylor"] if taylor.available() else []))]
         families += [("minimal", "DOP853", True)] if find_spec("numba") and not scene.has_modal_damping else []
         families += [("maximal", "DOP853", False)]
-    each = [
-        Candidate(kind, method, tolerance, compiled) for kind, method, compiled in families for tolerance in TOLERANCES
+    integrators = [
+        Candidate(kind, method, tolerance, is_compiled)
+        for kind, method, is_compiled in families
+        for tolerance in TOLERANCES
     ]
-    return Candidate(LINEAR), Candidate(CORRECTED), *each
+    return Candidate(LINEAR), Candidate(CORRECTED), *integrators

@@ -66,7 +66,7 @@ class FrequencyTradeoff(Result):
         return tuple(
             row
             for row in self.rows
-            if not any(other.seconds < row.seconds and other.error <= row.error for other in self.rows)
+            if not any(rival.seconds < row.seconds and rival.error <= row.error for rival in self.rows)
         )
 
     what = "time against accuracy of frequencies"
@@ -112,9 +112,12 @@ def measure_frequencies(scene: Scene, accuracies: tuple[float, ...] = (1e-8,)) -
     squares = _squares(scene)
     planes = [matrices(plane) for plane in ((scene, fixed(scene)) if scene.space == "space" else (scene,))]
     dense = partial(_dense, [(plane.K, plane.M) for plane in planes], len(squares))
-    allowed = {**{f"to {accuracy:g}".replace("e-0", "e-"): accuracy for accuracy in accuracies}, "every digit": None}
-    ours = {way: partial(natural_modes, scene, accuracy=limit) for way, limit in allowed.items()}
-    ways: dict[str, Callable[[], object]] = {"dense": dense, **{way: _told(modes) for way, modes in ours.items()}}
+    limits_by_way = {
+        **{f"to {accuracy:g}".replace("e-0", "e-"): accuracy for accuracy in accuracies},
+        "every digit": None,
+    }
+    ours = {way: partial(natural_modes, scene, accuracy=limit) for way, limit in limits_by_way.items()}
+    ways: dict[str, Callable[[], object]] = {"dense": dense, **{way: _omega_of(modes) for way, modes in ours.items()}}
     seconds = _seconds(ways)
     rows = [FrequencyRow("dense", "eigh of K and M", seconds["dense"], nan, _error(dense(), squares))]
     for way, solve in ours.items():
@@ -124,7 +127,7 @@ def measure_frequencies(scene: Scene, accuracies: tuple[float, ...] = (1e-8,)) -
     return FrequencyTradeoff(scene, tuple(rows))
 
 
-def _told(solve: Callable[[], Any]) -> Callable[[], object]:
+def _omega_of(solve: Callable[[], Any]) -> Callable[[], object]:
     return lambda: solve().omega
 
 
@@ -155,21 +158,23 @@ def _error(omega: Floats, squares: list[Fraction]) -> float:
     if not np.isfinite(omega).all():
         return inf
     pairs = zip(map(Fraction, omega.tolist()), squares, strict=True)
-    return max((float(abs(found**2 / abs(square) - 1) / 2) for found, square in pairs if square), default=0.0)
+    return max(
+        (float(abs(computed_omega**2 / abs(square) - 1) / 2) for computed_omega, square in pairs if square), default=0.0
+    )
 
 
 def _seconds(ways: Mapping[str, Callable[[], object]]) -> dict[str, float]:
     """Median seconds of the processor for a call, in rounds in which each has its turn."""
-    counts = {way: max(1, int(ROUND / max(_taken(solve, 2) / 2, 1e-6))) for way, solve in ways.items()}
-    rounds = [{way: _taken(solve, counts[way]) / counts[way] for way, solve in ways.items()} for _ in range(ROUNDS)]
-    return {way: median(each[way] for each in rounds) for way in ways}
+    counts = {way: max(1, int(ROUND / max(_time(solve, 2) / 2, 1e-6))) for way, solve in ways.items()}
+    rounds = [{way: _time(solve, counts[way]) / counts[way] for way, solve in ways.items()} for _ in range(ROUNDS)]
+    return {way: median(seconds[way] for seconds in rounds) for way in ways}
 
 
-def _taken(solve: Callable[[], object], times: int) -> float:
-    begun = process_time()
+def _time(solve: Callable[[], object], times: int) -> float:
+    start = process_time()
     for _ in range(times):
         solve()
-    return process_time() - begun
+    return process_time() - start
 
 
 @checked

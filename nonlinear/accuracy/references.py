@@ -65,8 +65,8 @@ class Reference(Displayed):
     @cached_property
     def floor(self) -> float:
         """The smallest error (rad) that can be measured up to the horizon."""
-        run = self.trajectory
-        size = Question(run.scene, run.motion[0], run.times).request.size
+        trajectory = self.trajectory
+        size = Question(trajectory.scene, trajectory.motion[0], trajectory.times).request.size
         return float(max(self.difference[-1], self.candidate.tolerance * self.growth[-1] * size) / SHARE)
 
     @property
@@ -82,10 +82,10 @@ def reference_of(question: Question) -> Reference:
     size = question.request.size
     tolerable = SHARE * JUDGED * size
     growth = _growth(question)
-    question = _cut(question, finest.tolerance * growth * size < tolerable)
-    solution, other = (candidate.prepare(question)() for candidate in (finest, check))
-    difference = np.maximum.accumulate(apart(solution.motion, other.motion))
-    shorter = _cut(question, difference < tolerable)
+    question = _shorten(question, finest.tolerance * growth * size < tolerable)
+    solution, check_solution = (candidate.prepare(question)() for candidate in (finest, check))
+    difference = np.maximum.accumulate(apart(solution.motion, check_solution.motion))
+    shorter = _shorten(question, difference < tolerable)
     if len(shorter.times) < len(question.times):
         solution = finest.prepare(shorter)()
     count = len(shorter.times)
@@ -113,14 +113,14 @@ def _growth(question: Question) -> Floats:
     candidate = TWIN if question.scene.space == "plane" else replace(TWIN, kind="spatial")
     system = system_of(question.scene)
     twin = replace(question, start=aside(system, question.start, slightly(system, question.start)))
-    motion, other = (candidate.prepare(each)().motion for each in (question, twin))
-    gone = np.maximum.accumulate(apart(motion, other))
-    return np.asarray(gone / gone[0])
+    motion, twin_motion = (candidate.prepare(task_question)().motion for task_question in (question, twin))
+    distance = np.maximum.accumulate(apart(motion, twin_motion))
+    return np.asarray(distance / distance[0])
 
 
-def _cut(question: Question, trusted: Any) -> Question:
+def _shorten(question: Question, is_trusted: Any) -> Question:
     """The question up to the last time before which everything is trusted."""
-    count = len(trusted) if np.all(trusted) else int(np.argmin(trusted))
+    count = len(is_trusted) if np.all(is_trusted) else int(np.argmin(is_trusted))
     if count < FEWEST:
         raise ComputationError(
             f"two references disagree from {question.times[count]:.3g} s on: there is nothing to judge errors by"

@@ -87,7 +87,7 @@ class WorkPrecision(Result):
         """Whether Ctrl-C ended it before all candidates were done."""
         return any(reason == INTERRUPTED for _, reason in self.skipped)
 
-    def judged(self, row: WorkPrecisionRow) -> float:
+    def measurable_error(self, row: WorkPrecisionRow) -> float:
         """The error (rad) as far as it can be measured: not below the reference's floor."""
         return max(row.error, self.reference.floor)
 
@@ -96,8 +96,8 @@ class WorkPrecision(Result):
         """The candidates, without the reference, that no other beats in both time and error, fastest first."""
         front: list[WorkPrecisionRow] = []
         candidates = [row for row in self.rows if row.candidate != self.reference.candidate]
-        for row in sorted(candidates, key=lambda row: (row.seconds, self.judged(row))):
-            if not front or self.judged(row) < self.judged(front[-1]):
+        for row in sorted(candidates, key=lambda row: (row.seconds, self.measurable_error(row))):
+            if not front or self.measurable_error(row) < self.measurable_error(front[-1]):
                 front.append(row)
         return tuple(front)
 
@@ -202,13 +202,13 @@ def measure_work_precision(
     if scene.n_links > MOST_LINKS:
         raise SceneError([f"the scene has {scene.n_links} links: methods are compared for at most {MOST_LINKS}"])
     state = validate_state(start if start is not None else initial_state(scene), system_of(scene))
-    asked = list_candidates(scene) if candidates is None else tuple(candidates)
+    chosen_candidates = list_candidates(scene) if candidates is None else tuple(candidates)
     reference = _reference(scene, state, duration, report)
     question = Question(scene, state, reference.trajectory.times)
     first = measure(reference.candidate, question, reference)
     report(1)
-    rows, skipped = _climbed(asked, replace(question, patience=patience), reference, report)
-    return WorkPrecision(scene, reference, (first, *rows), tuple(skipped.items()))
+    rows, reasons = _climb(chosen_candidates, replace(question, patience=patience), reference, report)
+    return WorkPrecision(scene, reference, (first, *rows), tuple(reasons.items()))
 
 
 STEP = 0.02
@@ -216,37 +216,37 @@ STEP = 0.02
 
 
 def _part(
-    done: int, report: Callable[[float], object], whole: float = 1.0, begun: float = 0.0
+    count: int, report: Callable[[float], object], fraction: float = 1.0, base: float = 0.0
 ) -> Callable[[float], object]:
-    """A report of the share of a run, the `whole` of which is a part of one candidate after those `done`.
+    """A report of the share of a run, the `fraction` of which is a part of one candidate after those `count`.
 
-    It rises from what was `begun`, by steps that cost nothing beside those of a run whose time is measured.
+    It rises from what was `base`, by steps that cost nothing beside those of a run whose time is measured.
     """
-    most = begun
+    reached_share = base
 
-    def reported(share: float) -> None:
-        nonlocal most
-        if share * whole > most + STEP:
-            most = share * whole
-            report(done + most)
+    def report_share(share: float) -> None:
+        nonlocal reached_share
+        if share * fraction > reached_share + STEP:
+            reached_share = share * fraction
+            report(count + reached_share)
 
-    return reported
+    return report_share
 
 
 def _reference(scene: Scene, state: State, duration: float, report: Callable[[float], object]) -> Reference:
     """A reference of longer and longer duration, so that nothing far beyond its horizon is computed."""
     part = FIRST * 2 * pi / estimate_timescales(scene).swing
-    before = 0.0
+    previous = 0.0
     while True:
-        asked = min(part, duration)
-        shown = _part(0, report, asked / duration, before / duration)
+        length = min(part, duration)
+        progress = _part(0, report, length / duration, previous / duration)
         try:
-            reference = reference_of(Question(scene, state, _samples(scene, asked), PATIENT, shown))
+            reference = reference_of(Question(scene, state, _samples(scene, length), PATIENT, progress))
         except GivenUpError as error:
             raise ComputationError(f"the reference was {error}: use a shorter duration") from None
-        if asked == duration or not reference.whole:
+        if length == duration or not reference.whole:
             return replace(reference, duration=duration)
-        before, part = asked, part * LONGER
+        previous, part = length, part * LONGER
 
 
 def _samples(scene: Scene, duration: float) -> Floats:
@@ -254,44 +254,48 @@ def _samples(scene: Scene, duration: float) -> Floats:
     return np.linspace(0.0, duration, count + 1)
 
 
-def _climbed(
+def _climb(
     candidates: Sequence[Candidate], question: Question, reference: Reference, report: Callable[[float], object]
 ) -> tuple[list[WorkPrecisionRow], dict[str, str]]:
     """Every candidate that can be measured, and why the others were not."""
     rows: list[WorkPrecisionRow] = []
-    skipped: dict[str, str] = {}
-    for done, candidate in enumerate(candidates):
+    reasons: dict[str, str] = {}
+    for count, candidate in enumerate(candidates):
         try:
-            if candidate.family not in skipped:
-                shown = replace(question, report=_part(done + 1, report))
-                rows.append(measure(candidate, shown, reference))
-            report(done + 2)
+            if candidate.family not in reasons:
+                timed_question = replace(question, report=_part(count + 1, report))
+                rows.append(measure(candidate, timed_question, reference))
+            report(count + 2)
         except SceneError as error:
-            skipped[candidate.family] = str(error)
+            reasons[candidate.family] = str(error)
         except ComputationError as error:
-            skipped[candidate.family] = str(error) if candidate.modal else f"from {candidate.tolerance:g} on: {error}"
+            reasons[candidate.family] = str(error) if candidate.modal else f"from {candidate.tolerance:g} on: {error}"
         except KeyboardInterrupt:
-            kept = {row.candidate for row in rows}
-            return rows, skipped | {left.name: INTERRUPTED for left in candidates[done:] if left not in kept}
-    return rows, skipped
+            measured_candidates = {row.candidate for row in rows}
+            return rows, reasons | {
+                candidate_left.name: INTERRUPTED
+                for candidate_left in candidates[count:]
+                if candidate_left not in measured_candidates
+            }
+    return rows, reasons
 
 
 def measure(candidate: Candidate, question: Question, reference: Reference) -> WorkPrecisionRow:
     """One candidate, run several times; ComputationError where it fails or takes too long."""
-    prepared: list[float] = []
+    preparations: list[float] = []
     seconds: list[float] = []
-    while len(seconds) < REPEATS and sum(prepared) + sum(seconds) < LONG:
-        begun = perf_counter()
+    while len(seconds) < REPEATS and sum(preparations) + sum(seconds) < LONG:
+        start = perf_counter()
         task = candidate.prepare(question)
         ready = perf_counter()
         solution = task()
-        prepared.append(ready - begun)
+        preparations.append(ready - start)
         seconds.append(perf_counter() - ready)
     finest = reference.trajectory
     error = float(apart(solution.motion, finest.motion).max())
     return WorkPrecisionRow(
         candidate,
-        prepared=prepared[0],
+        prepared=preparations[0],
         seconds=median(seconds),
         calls=solution.run.calls,
         error=error,

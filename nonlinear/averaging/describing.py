@@ -38,7 +38,7 @@ def pulls(
 ) -> tuple[Complexes, Complexes]:
     """First and third harmonics of the torques (B, J, S), as means over the phases e^{iχ} (B, K) of the other bands."""
     if len(swing) == 1:
-        return _alone(impulse, angle, corner, swing, turning)
+        return _single_band_pulls(impulse, angle, corner, swing, turning)
     first = _leading(swing)
     leading, rate = (np.where(first, values, 0.0).sum(axis=0) for values in (swing, turning[:, None]))
     size = np.maximum(np.abs(leading), NONE)[..., None]
@@ -49,25 +49,25 @@ def pulls(
     cosine = (angle[:, None, None] + within - aside) / size
     sine = np.sqrt(np.maximum(1 - cosine**2, GRAZING**2))
     often = np.where(np.abs(cosine) < 1, np.maximum(rate[..., None] + speeding / (size * sine), 0.0), 0.0)
-    ahead, scale = (cosine + 1j * sine) * leading[..., None] / size, 2 / np.pi * impulse[:, None]
-    lead, third = (np.mean(often * ahead**harmonic, axis=-1) for harmonic in (1, 3))
-    other = np.mean(often * turn.conj(), axis=-1)
-    return np.asarray(scale * np.where(first, lead, other)), np.asarray(scale * np.where(first, third, 0.0))
+    lead_phase, scale = (cosine + 1j * sine) * leading[..., None] / size, 2 / np.pi * impulse[:, None]
+    lead, third = (np.mean(often * lead_phase**harmonic, axis=-1) for harmonic in (1, 3))
+    others = np.mean(often * turn.conj(), axis=-1)
+    return np.asarray(scale * np.where(first, lead, others)), np.asarray(scale * np.where(first, third, 0.0))
 
 
-def _alone(
+def _single_band_pulls(
     impulse: Floats, angle: Floats, corner: Floats, swing: Complexes, turning: Floats
 ) -> tuple[Complexes, Complexes]:
     """The same of one band, where no other shifts the kicks: in a third of the time for few pendula."""
     size, rate = np.maximum(np.abs(swing), NONE), turning[:, None]
     cosine = (angle[:, None] + np.minimum(corner / rate, BLUNT * size)) / size
     sine = np.sqrt(np.maximum(1 - cosine**2, GRAZING**2))
-    ahead = (cosine + 1j * sine) * swing / size
-    lead = 2 / np.pi * impulse[:, None] * np.where(np.abs(cosine) < 1, rate, 0.0) * ahead
-    return lead, lead * ahead**2
+    lead_phase = (cosine + 1j * sine) * swing / size
+    lead = 2 / np.pi * impulse[:, None] * np.where(np.abs(cosine) < 1, rate, 0.0) * lead_phase
+    return lead, lead * lead_phase**2
 
 
-def rubbed(limit: Floats, swing: Complexes, turning: Floats, phases: Complexes) -> tuple[Complexes, Complexes]:
+def rubbing_torques(limit: Floats, swing: Complexes, turning: Floats, phases: Complexes) -> tuple[Complexes, Complexes]:
     """First and third harmonics of dry friction (B, J, S) with the limits M (J,), as means over the other phases."""
     speed = 1j * turning[:, None] * swing
     first = _leading(speed)
@@ -77,15 +77,15 @@ def rubbed(limit: Floats, swing: Complexes, turning: Floats, phases: Complexes) 
     aside = np.sum(np.where(first, 0.0, speed)[..., None] * turn, axis=0).real
     share = np.clip(aside / size[..., None], -1.0, 1.0)
     sine = np.sqrt(1 - share**2)
-    ahead = leading / size
-    lead = 4 / np.pi * np.mean(sine, axis=-1) * ahead
-    third = 4 / (3 * np.pi) * np.mean(3 * sine - 4 * sine**3, axis=-1) * ahead**3
-    other = 4 / np.pi * np.mean(np.arcsin(share) * turn.conj(), axis=-1)
+    lead_phase = leading / size
+    lead = 4 / np.pi * np.mean(sine, axis=-1) * lead_phase
+    third = 4 / (3 * np.pi) * np.mean(3 * sine - 4 * sine**3, axis=-1) * lead_phase**3
+    others = 4 / np.pi * np.mean(np.arcsin(share) * turn.conj(), axis=-1)
     torque = -limit[:, None]
-    return np.asarray(torque * np.where(first, lead, other)), np.asarray(torque * np.where(first, third, 0.0))
+    return np.asarray(torque * np.where(first, lead, others)), np.asarray(torque * np.where(first, third, 0.0))
 
 
-def mixed(angle: Floats, swing: Complexes, turning: Floats) -> float:
+def mixing_ratio(angle: Floats, swing: Complexes, turning: Floats) -> float:
     """The largest speed of the other bands over the leading band's when that kicks.
 
     From 1 on a joint may pass the angle twice on one side, and is kicked only once.
@@ -94,8 +94,8 @@ def mixed(angle: Floats, swing: Complexes, turning: Floats) -> float:
     fast = turning[:, None] * np.abs(swing)
     room = np.maximum(1 - (angle[:, None] / np.maximum(size, NONE)) ** 2, 0.0)
     leading, rest = (np.where(chosen, fast, 0.0).sum(axis=0) for chosen in (first, ~first))
-    kicked = room > 0
-    return float(np.max(rest[kicked] / (leading[kicked] * np.sqrt(room[kicked])), initial=0.0))
+    has_kick = room > 0
+    return float(np.max(rest[has_kick] / (leading[has_kick] * np.sqrt(room[has_kick])), initial=0.0))
 
 
 def _leading(swing: Complexes) -> Booleans:

@@ -44,7 +44,7 @@ from modal.report import Displayed, Summary, brief, counted
 from modal.scene import Scene, name_of, require
 from modal.scene.doors import checked
 from modal.types import Booleans, Complexes, Floats, Ints
-from nonlinear.averaging.describing import mixed, pulls, rubbed
+from nonlinear.averaging.describing import mixing_ratio, pulls, rubbing_torques
 from nonlinear.dynamics import Contacts, Escaping, contacts_of, escaping
 from nonlinear.reduction import residual_forces
 from nonlinear.system import State, System, system_of
@@ -117,17 +117,17 @@ class AveragedEquations(Displayed):
         """The rates Ω_b (B, ...) at which bands with amplitudes (C, ...) rotate freely, weighted by |z|²."""
         rates = self.centre.reshape(-1, *[1] * (z.ndim - 1)) * np.ones((1, *z.shape[1:]))
         for _ in range(TURNS):
-            rates = self.turned(rates, z, self.flow(z, rates))
+            rates = self.rotation_rates(rates, z, self.flow(z, rates))
         return np.asarray(rates)
 
-    def turned(self, turning: Floats, z: Complexes, flow: Complexes) -> Floats:
+    def rotation_rates(self, turning: Floats, z: Complexes, flow: Complexes) -> Floats:
         """An improved Ω_b (B, ...) from the rates z' (C, ...) found with another one."""
         largest = np.maximum(np.abs(z).max(axis=0), TINY)
         unit = z / largest
         spin, sizes = self._by_band(np.imag(flow / largest * unit.conj())), self._by_band(np.abs(unit) ** 2)
         middle = self.centre.reshape(-1, *[1] * (z.ndim - 1))
-        improved = turning + np.divide(spin, sizes, out=0 * spin, where=sizes > 0)
-        return np.clip(improved, middle / FAR, middle * FAR)
+        improved_rates = turning + np.divide(spin, sizes, out=0 * spin, where=sizes > 0)
+        return np.clip(improved_rates, middle / FAR, middle * FAR)
 
     def _by_band(self, values: Floats) -> Floats:
         """Sums (B, ...) over the modes of each band of values (C, ...)."""
@@ -140,57 +140,59 @@ class AveragedEquations(Displayed):
 
     def flow(self, z: Complexes, turning: Floats) -> Complexes:
         """The rates z' (C, ...) of amplitudes (C, ...) in bands that rotate at Ω (B, ...)."""
-        return self.forced(z, turning) + 1j * self.detuning(turning) * z
+        return self.forcing(z, turning) + 1j * self.detuning(turning) * z
 
-    def forced(self, z: Complexes, turning: Floats, kept: Booleans | None = None) -> Complexes:
-        """The same rates without the detuning, as if each motion had `only` the modes kept (C, ...)."""
-        return self._moved(z, turning, kept)
+    def forcing(self, z: Complexes, turning: Floats, active: Booleans | None = None) -> Complexes:
+        """The same rates without the detuning, as if each motion had `restricted_to` the modes kept (C, ...)."""
+        return self._forcing(z, turning, active)
 
     def smooth(self, z: Complexes, turning: Floats) -> Complexes:
         """The rates of `forced` without the kicks of escapements."""
-        return self._moved(z, turning, kicked=False)
+        return self._forcing(z, turning, kicking=False)
 
     def linear(self, z: Complexes, turning: Floats) -> Complexes:
         """Those without dry friction too, which alone stops small oscillations within a swing."""
-        return self._moved(z, turning, kicked=False, sliding=False)
+        return self._forcing(z, turning, kicking=False, sliding=False)
 
-    def only(self, kept: Booleans) -> AveragedEquations:
+    def restricted_to(self, active: Booleans) -> AveragedEquations:
         """The same as if there were no other modes than these (C,)."""
-        return replace(self, shapes=self.shapes * kept, dual=self.dual * kept)
+        return replace(self, shapes=self.shapes * active, dual=self.dual * active)
 
-    def _moved(
+    def _forcing(
         self,
         z: Complexes,
         turning: Floats,
-        kept: Booleans | None = None,
-        kicked: bool = True,
+        active: Booleans | None = None,
+        kicking: bool = True,
         sliding: bool = True,
     ) -> Complexes:
-        wide = z.reshape(len(z), -1)
-        pace = np.broadcast_to(turning.reshape(len(turning), -1), (len(turning), wide.shape[1]))
-        every = np.ones(wide.shape, dtype=bool) if kept is None else kept.reshape(wide.shape)
+        columns = z.reshape(len(z), -1)
+        pace = np.broadcast_to(turning.reshape(len(turning), -1), (len(turning), columns.shape[1]))
+        active_columns = np.ones(columns.shape, dtype=bool) if active is None else active.reshape(columns.shape)
         step = max(1, CHUNK // (self._phases.shape[1] * len(self.shapes)))
-        if step >= wide.shape[1]:
-            return self._rates(wide, pace, every, kicked, sliding).reshape(z.shape)
-        chunks = [slice(start, start + step) for start in range(0, wide.shape[1], step)]
-        parts = [self._rates(wide[:, part], pace[:, part], every[:, part], kicked, sliding) for part in chunks]
+        if step >= columns.shape[1]:
+            return self._rates(columns, pace, active_columns, kicking, sliding).reshape(z.shape)
+        chunks = [slice(start, start + step) for start in range(0, columns.shape[1], step)]
+        parts = [
+            self._rates(columns[:, part], pace[:, part], active_columns[:, part], kicking, sliding) for part in chunks
+        ]
         return np.asarray(np.hstack(parts).reshape(z.shape))
 
-    def _rates(self, z: Complexes, turning: Floats, kept: Booleans, kicked: bool, sliding: bool) -> Complexes:
+    def _rates(self, z: Complexes, turning: Floats, active: Booleans, kicking: bool, sliding: bool) -> Complexes:
         """The effect on z (C, S) of all forces but the detuning."""
         first = self._split(z)
         waves = self._waves(first, turning, 1)
-        pull, third = self._kicks(first, turning, kept) if kicked and self._joints else (0.0, 0.0)
+        pull, third = self._kicks(first, turning, active) if kicking and self._joints else (0.0, 0.0)
         if sliding and self._contacts:
-            rubbing = rubbed(self._contacts.limit, self._slides.T @ first, turning, self._phases)
+            rubbing = rubbing_torques(self._contacts.limit, self._slides.T @ first, turning, self._phases)
             pull, third = (part + self._slides @ torque for part, torque in zip((pull, third), rubbing, strict=True))
         fast = 9 * turning[:, None] ** 2
         gap = (self.omega[:, None] ** 2 - fast) / fast
         soft = gap / (gap**2 + NEAR**2) / fast
-        slaved = kept * soft * (third - self._along(waves, turning, 3))
-        share = np.abs(slaved).max(axis=(0, 1)) / np.maximum(np.abs(z).max(axis=0), TINY)
-        waves = waves + self._waves(slaved / np.hypot(1, share / SMALL), turning, 3)
-        force = kept * (pull - self._along(waves, turning, 1))[self.band, np.arange(len(z))]
+        slaved_waves = active * soft * (third - self._projections(waves, turning, 3))
+        share = np.abs(slaved_waves).max(axis=(0, 1)) / np.maximum(np.abs(z).max(axis=0), TINY)
+        waves = waves + self._waves(slaved_waves / np.hypot(1, share / SMALL), turning, 3)
+        force = active * (pull - self._projections(waves, turning, 1))[self.band, np.arange(len(z))]
         return np.asarray(-0.5j / turning[self.band] * force - 1j * self.detuning(turning) * z)
 
     def _split(self, z: Complexes) -> Complexes:
@@ -207,22 +209,22 @@ class AveragedEquations(Displayed):
         parts = np.array([moving, speed, rate * speed]).view(float)
         return (parts @ self._harmonics[harmonic]).reshape(3, len(moving), -1)
 
-    def _along(self, waves: Floats, turning: Floats, harmonic: int) -> Complexes:
+    def _projections(self, waves: Floats, turning: Floats, harmonic: int) -> Complexes:
         """2⟨φ_rᵀρ e^{−ihχ_b}⟩ (B, C, S) of a motion (3, half, S K)."""
-        left, parts = residual_forces(self.system, [waves])[0], self._harmonics[harmonic]
+        forces, parts = residual_forces(self.system, [waves])[0], self._harmonics[harmonic]
         points = parts.shape[1]
-        means = (left.reshape(len(left), -1, points) @ parts.T).view(complex)
+        means = (forces.reshape(len(forces), -1, points) @ parts.T).view(complex)
         harmonics = 2 / points * means.transpose(2, 0, 1)
         if self._brake:
             harmonics[:, 0] /= 1 + self._brake / (1j * harmonic * turning)
         return _product(self.shapes.T, harmonics)
 
-    def _kicks(self, first: Complexes, turning: Floats, kept: Booleans) -> tuple[Complexes, Complexes]:
+    def _kicks(self, first: Complexes, turning: Floats, active: Booleans) -> tuple[Complexes, Complexes]:
         """The first and third harmonics of the escapements' torques in every band (B, C, S)."""
         joints = self._joints
         assert joints is not None
-        felt = self._turns.T**2 @ kept
-        corner = joints.impulse[:, None] * felt / (2 * np.pi)
+        weights = self._turns.T**2 @ active
+        corner = joints.impulse[:, None] * weights / (2 * np.pi)
         torques = pulls(joints.impulse, joints.angle, corner, self._turns.T @ first, turning, self._phases)
         lead, three = (self._turns @ torque for torque in torques)
         return lead, three
@@ -237,9 +239,9 @@ class AveragedEquations(Displayed):
         assert self._contacts is not None
         return self._contacts.relative(self.shapes.T)
 
-    def mixed(self, z: Complexes, turning: Floats) -> float:
+    def mixing(self, z: Complexes, turning: Floats) -> float:
         """How strongly several bands drive one escapement in z (C, S), as in `describing`; 0 without any."""
-        return mixed(self._joints.angle, self._turns.T @ self._split(z), turning) if self._joints else 0.0
+        return mixing_ratio(self._joints.angle, self._turns.T @ self._split(z), turning) if self._joints else 0.0
 
     def reach(self, z: Complexes) -> Floats:
         """The largest angle of the escapement that swings least in amplitudes z (C, S), over its own: below 1 no kicks.
@@ -266,9 +268,9 @@ class AveragedEquations(Displayed):
     @cached_property
     def _harmonics(self) -> dict[int, Floats]:
         """The parts cos hχ_b and −sin hχ_b (2B, K) there, those of a band one after the other, by h."""
-        turned = {harmonic: self._phases.conj() ** harmonic for harmonic in (1, 3)}
+        turns = {harmonic: self._phases.conj() ** harmonic for harmonic in (1, 3)}
         return {
-            harmonic: np.hstack((turn.real, turn.imag)).reshape(-1, turn.shape[1]) for harmonic, turn in turned.items()
+            harmonic: np.hstack((turn.real, turn.imag)).reshape(-1, turn.shape[1]) for harmonic, turn in turns.items()
         }
 
     @cached_property
@@ -303,8 +305,8 @@ def derivative(rate: Callable[[Complexes, Floats], Complexes], z: Complexes, tur
     ways = width * np.hstack((unit, 1j * unit)).reshape(count, *[1] * (z.ndim - 1), 2 * count)
     places = z[..., None] + np.concatenate((ways, -ways), axis=-1)
     pace = np.broadcast_to(turning[..., None], (*turning.shape, 4 * count))
-    above, below = np.split(rate(places, pace), 2, axis=-1)
-    slope = (above - below) / (2 * width)
+    values_up, values_down = np.split(rate(places, pace), 2, axis=-1)
+    slope = (values_up - values_down) / (2 * width)
     return np.moveaxis(np.concatenate((slope.real, slope.imag)), 0, -2)
 
 
@@ -315,11 +317,11 @@ def lattice(count: int) -> tuple[int, tuple[int, ...]]:
     Products of an odd number of factors have no mean to be found: the forces are odd in the motion.
     """
     words = [word for word in product(range(-ORDER, ORDER + 1), repeat=count) if 0 < sum(map(abs, word)) <= ORDER]
-    even = np.array([word for word in words if sum(word) % 2 == 0])
+    even_words = np.array([word for word in words if sum(word) % 2 == 0])
     for points in whole_numbers(2):
         for base in range(1, points):
             steps = tuple(pow(base, power, points) for power in range(count))
-            if np.all(even @ steps % points):
+            if np.all(even_words @ steps % points):
                 return points, steps
     raise AssertionError("unreachable")
 

@@ -23,7 +23,7 @@ from modal.report import Displayed, silent
 from modal.types import Booleans, Complexes, Floats, Ints
 from nonlinear.averaging.equations import STEP, AveragedEquations
 from nonlinear.averaging.slow_flow import settle_apart
-from nonlinear.averaging.symmetry import count_copies, exchanged, kinds, order_of, overlap, spread_evenly
+from nonlinear.averaging.symmetry import count_copies, exchange, kinds, order_of, overlap, spread_evenly
 
 FAINT = 1e-3  # fraction of the largest amplitude below which a band counts as at rest
 LEAP = 0.1  # largest Newton step over the largest amplitude: nearly neutral families would cause long ones
@@ -119,7 +119,7 @@ class RelativeEquilibrium(Displayed):
 
 
 def relative_equilibria(
-    averaged: AveragedEquations, report: Callable[[float], object] = silent
+    equations: AveragedEquations, report: Callable[[float], object] = silent
 ) -> tuple[RelativeEquilibrium, ...]:
     """The relative equilibria reached from each row of the mode table alone and from patterns of pendula.
 
@@ -131,183 +131,183 @@ def relative_equilibria(
     equilibria: list[RelativeEquilibrium] = []
 
     def add(start: Complexes) -> None:
-        equilibrium = relative_equilibrium(averaged, start)
+        equilibrium = relative_equilibrium(equations, start)
         if (
             equilibrium
             and equilibrium.averaged.largest(equilibrium.z) < HANGING
-            and not any(same(equilibrium, other) for other in equilibria)
+            and not any(same(equilibrium, neighbour) for neighbour in equilibria)
         ):
             equilibria.append(equilibrium)
 
-    starts = list(_starts(averaged))
+    starts = list(_starts(equations))
     copies = (start for equilibrium in equilibria for start in _nearly_copies(equilibrium))
-    for tried, start in enumerate(chain(starts, islice(copies, COPIES)), start=1):
+    for count, start in enumerate(chain(starts, islice(copies, COPIES)), start=1):
         add(start)
-        report(tried / (len(starts) + COPIES))
+        report(count / (len(starts) + COPIES))
     report(1.0)
     return tuple(sorted(equilibria, key=lambda equilibrium: (equilibrium.row, equilibrium.omega)))
 
 
 @np.errstate(all="ignore")
-def relative_equilibrium(averaged: AveragedEquations, z: Complexes) -> RelativeEquilibrium | None:
+def relative_equilibrium(equations: AveragedEquations, z: Complexes) -> RelativeEquilibrium | None:
     """The relative equilibrium closest to these amplitudes, None where Newton's method finds none."""
-    bands = swinging(averaged, z)
+    bands = swinging(equations, z)
     if not len(bands):
         return None
-    active = np.isin(averaged.band, bands)
+    active = np.isin(equations.band, bands)
     z = np.where(active, z, 0.0)
-    turning, least = averaged.turning(z), GONE * np.abs(z).max()
+    turning, threshold = equations.turning(z), GONE * np.abs(z).max()
     for _ in range(NEWTON):
-        flow, slope = _expanded(averaged, z, turning, bands)
-        left = np.where(active, flow, 0.0)
-        if not np.all(np.isfinite(left)):
+        flow, slope = _linearize(equations, z, turning, bands)
+        residual = np.where(active, flow, 0.0)
+        if not np.all(np.isfinite(residual)):
             return None
-        if np.abs(left).max() <= DONE * np.abs(averaged.omega * z).max():
-            return RelativeEquilibrium(averaged, z, turning, *_rates(averaged, z, slope[:, : 2 * len(z)], len(bands)))
-        step, change = _step(averaged, z, left, slope, bands)
+        if np.abs(residual).max() <= DONE * np.abs(equations.omega * z).max():
+            return RelativeEquilibrium(equations, z, turning, *_rates(equations, z, slope[:, : 2 * len(z)], len(bands)))
+        step, change = _step(equations, z, residual, slope, bands)
         part = min(1.0, LEAP * np.abs(z).max() / np.abs(step).max()) if np.any(step) else 1.0
         z, turning = z + part * step, turning + part * change
         if not np.all(np.isfinite(z)) or not np.all(turning > 0):
             return None
-        if len(dead := bands[_sizes(averaged, z)[bands] <= least]):
-            return relative_equilibrium(averaged, np.where(np.isin(averaged.band, dead), 0.0, z))
+        if len(dead := bands[_sizes(equations, z)[bands] <= threshold]):
+            return relative_equilibrium(equations, np.where(np.isin(equations.band, dead), 0.0, z))
     return None
 
 
-def _starts(averaged: AveragedEquations) -> Iterator[Complexes]:
+def _starts(equations: AveragedEquations) -> Iterator[Complexes]:
     """Final amplitudes of the slow flow from each row, restricted to it, and from each pattern of pendula."""
-    every = [*_rows(averaged), *_patterns(averaged)]
-    starts = np.array([FIRST * z / averaged.largest(z) for z, _ in every]).T
-    yield from settle_apart(averaged, starts, np.array([kept for _, kept in every]).T, EFFORT)
+    pairs = [*_rows(equations), *_patterns(equations)]
+    starts = np.array([FIRST * z / equations.largest(z) for z, _ in pairs]).T
+    yield from settle_apart(equations, starts, np.array([members for _, members in pairs]).T, EFFORT)
 
 
 def _nearly_copies(equilibrium: RelativeEquilibrium) -> Iterator[Complexes]:
     """Its phases reversed, or spread evenly, or the parts of two unequal pendula of as many links exchanged."""
     if not equilibrium.is_stable or equilibrium.is_family:
         return
-    averaged = equilibrium.averaged
-    kind, links = kinds(averaged.scene), np.bincount(averaged.system.pendulum)
+    equations = equilibrium.averaged
+    kind, links = kinds(equations.scene), np.bincount(equations.system.pendulum)
     yield equilibrium.z.conj()
     if len(links) > 2:
-        yield spread_evenly(averaged, equilibrium.z)
+        yield spread_evenly(equations, equilibrium.z)
     for p, q in combinations(range(len(links)), 2):
         if kind[p] != kind[q] and links[p] == links[q]:
             order = np.arange(len(links))
             order[[p, q]] = q, p
-            yield exchanged(averaged, equilibrium.z, order)
+            yield exchange(equations, equilibrium.z, order)
 
 
-def _rows(averaged: AveragedEquations) -> Iterator[tuple[Complexes, Booleans]]:
+def _rows(equations: AveragedEquations) -> Iterator[tuple[Complexes, Booleans]]:
     """An arbitrary motion in the modes of one row, and these modes."""
     random = np.random.default_rng(SEED)
-    for row in sorted(set(averaged.row.tolist())):
-        members = averaged.row == row
+    for row in sorted(set(equations.row.tolist())):
+        members = equations.row == row
         yield (
             np.where(members, random.standard_normal(len(members)) + 1j * random.standard_normal(len(members)), 0.0),
             members,
         )
 
 
-def _patterns(averaged: AveragedEquations) -> Iterator[tuple[Complexes, Booleans]]:
+def _patterns(equations: AveragedEquations) -> Iterator[tuple[Complexes, Booleans]]:
     """All pendula nearly in phase, and alternate ones nearly in antiphase, in every band separately, and all modes."""
     random = np.random.default_rng(SEED)
-    pendulum = averaged.system.pendulum
-    first = averaged.system.first
-    for band in range(len(averaged.centre)):
-        members = averaged.band == band
-        busiest = np.abs(averaged.link_shapes[:, members]).max(axis=1)
+    pendulum = equations.system.pendulum
+    first = equations.system.first
+    for band in range(len(equations.centre)):
+        members = equations.band == band
+        busiest = np.abs(equations.link_shapes[:, members]).max(axis=1)
         for sign in (np.ones(len(pendulum)), (-1.0) ** pendulum):
-            z = np.where(members, (sign * busiest) @ averaged.dual[first:], 0.0).astype(complex)
+            z = np.where(members, (sign * busiest) @ equations.dual[first:], 0.0).astype(complex)
             if np.any(z):
-                beside = random.standard_normal(len(members)) + 1j * random.standard_normal(len(members))
-                yield z + ASIDE * np.abs(z).max() * beside, np.ones_like(members)
+                noise = random.standard_normal(len(members)) + 1j * random.standard_normal(len(members))
+                yield z + ASIDE * np.abs(z).max() * noise, np.ones_like(members)
 
 
-def swinging(averaged: AveragedEquations, z: Complexes) -> Ints:
+def swinging(equations: AveragedEquations, z: Complexes) -> Ints:
     """The bands that oscillate."""
-    return np.flatnonzero(_sizes(averaged, z) > FAINT * np.abs(z).max())
+    return np.flatnonzero(_sizes(equations, z) > FAINT * np.abs(z).max())
 
 
-def _sizes(averaged: AveragedEquations, z: Complexes) -> Floats:
+def _sizes(equations: AveragedEquations, z: Complexes) -> Floats:
     """The largest amplitude in every band, (B,)."""
-    sizes = np.zeros(len(averaged.centre))
-    np.maximum.at(sizes, averaged.band, np.abs(z))
+    sizes = np.zeros(len(equations.centre))
+    np.maximum.at(sizes, equations.band, np.abs(z))
     return sizes
 
 
 def _step(
-    averaged: AveragedEquations, z: Complexes, left: Complexes, slope: Floats, bands: Ints
+    averaged_equations: AveragedEquations, z: Complexes, residual: Complexes, slope: Floats, bands: Ints
 ) -> tuple[Complexes, Floats]:
     """Newton's step of z and Ω, the shortest one that keeps the phase of every band."""
-    count, size, scale = len(z), np.abs(z).max(), averaged.omega.max()
-    turns = np.array([np.where(averaged.band == band, 1j * z, 0.0) for band in bands]).T
+    count, size, scale = len(z), np.abs(z).max(), averaged_equations.omega.max()
+    turns = np.array([np.where(averaged_equations.band == band, 1j * z, 0.0) for band in bands]).T
     turns /= np.linalg.norm(turns, axis=0)
     columns = np.vstack((turns.real, turns.imag))
-    scaled = slope / np.repeat((scale, size), (2 * count, len(bands)))
-    equations = np.block([[scaled], [columns.T, np.zeros((len(bands), len(bands)))]])
-    active = np.isin(averaged.band, bands)
-    kept = np.concatenate((active, active, np.ones(len(bands), dtype=bool)))
-    right = -np.concatenate((left.real, left.imag, np.zeros(len(bands)))) / (scale * size)
-    step, change = np.zeros(len(kept)), np.zeros(len(averaged.centre))
-    step[kept] = np.linalg.lstsq(equations[np.ix_(kept, kept)], right[kept], rcond=FREE)[0]
+    slope_matrix = slope / np.repeat((scale, size), (2 * count, len(bands)))
+    equations = np.block([[slope_matrix], [columns.T, np.zeros((len(bands), len(bands)))]])
+    active = np.isin(averaged_equations.band, bands)
+    is_free = np.concatenate((active, active, np.ones(len(bands), dtype=bool)))
+    right = -np.concatenate((residual.real, residual.imag, np.zeros(len(bands)))) / (scale * size)
+    step, change = np.zeros(len(is_free)), np.zeros(len(averaged_equations.centre))
+    step[is_free] = np.linalg.lstsq(equations[np.ix_(is_free, is_free)], right[is_free], rcond=FREE)[0]
     change[bands] = scale * step[2 * count :]
     return np.asarray(size * (step[:count] + 1j * step[count : 2 * count])), change
 
 
-def _expanded(averaged: AveragedEquations, z: Complexes, turning: Floats, bands: Ints) -> tuple[Complexes, Floats]:
+def _linearize(equations: AveragedEquations, z: Complexes, turning: Floats, bands: Ints) -> tuple[Complexes, Floats]:
     """F (C,), and ∂F by the parts of z and the Ω of these bands by central differences, (2C, 2C + len(bands))."""
     unit, none = np.eye(len(z)), np.zeros((len(turning), 2 * len(z)))
     h = STEP * np.concatenate((np.full(2 * len(z), np.abs(z).max()), turning[bands]))
     ways = h * np.hstack((unit, 1j * unit, np.zeros((len(z), len(bands)))))
     faster = h * np.hstack((none, np.arange(len(turning))[:, None] == bands))
     places = (base[:, None] + np.hstack((0 * way[:, :1], way, -way)) for base, way in ((z, ways), (turning, faster)))
-    here, above, below = np.split(averaged.flow(*places), (1, 1 + len(h)), axis=1)
-    slope = (above - below) / (2 * h)
-    return here[:, 0], np.vstack((slope.real, slope.imag))
+    flow, flow_up, flow_down = np.split(equations.flow(*places), (1, 1 + len(h)), axis=1)
+    slope = (flow_up - flow_down) / (2 * h)
+    return flow[:, 0], np.vstack((slope.real, slope.imag))
 
 
 def _rates(
-    averaged: AveragedEquations, z: Complexes, jacobian: Floats, neutral: int
+    equations: AveragedEquations, z: Complexes, jacobian: Floats, neutral: int
 ) -> tuple[Complexes, Floats, float]:
     """All μ but the `neutral` ones closest to 0, the slowest first, how far each leaves the row of z, the recovery."""
     parts = np.concatenate((z.real, z.imag))
     values, vectors = np.linalg.eig(jacobian)
-    energy = np.sum([averaged.energies(np.abs(part) + 0j) for part in np.split(vectors, 2)], axis=0)
-    leaving = 1 - energy[int(averaged.energies(z).argmax())] / energy.sum(axis=0)
-    kept = np.argsort(np.abs(values))[neutral:]
-    kept = kept[np.argsort(-values[kept].real)]
-    return values[kept].astype(complex), leaving[kept], abs(float(parts @ jacobian @ parts / (parts @ parts)))
+    energy = np.sum([equations.energies(np.abs(part) + 0j) for part in np.split(vectors, 2)], axis=0)
+    leaving = 1 - energy[int(equations.energies(z).argmax())] / energy.sum(axis=0)
+    order = np.argsort(np.abs(values))[neutral:]
+    order = order[np.argsort(-values[order].real)]
+    return values[order].astype(complex), leaving[order], abs(float(parts @ jacobian @ parts / (parts @ parts)))
 
 
-def same(equilibrium: RelativeEquilibrium, other: RelativeEquilibrium, within: float = SAME) -> bool:
+def same(equilibrium: RelativeEquilibrium, second: RelativeEquilibrium, within: float = SAME) -> bool:
     """Whether two are the same motion within this relative tolerance, but for phases and equal pendula exchanged.
 
     Of two members of a continuous family the energies by rows and the stability tell.
     """
-    energies = [state.averaged.energies(state.z) for state in (equilibrium, other)]
-    near = np.abs(energies[0] - energies[1]).max() <= within * energies[0].sum()
-    scale = max(np.abs(equilibrium.rates.real).max(initial=0.0), np.abs(other.rates.real).max(initial=0.0))
-    if not near or abs(equilibrium.growth - other.growth) > 10 * within * scale:
+    energies = [state.averaged.energies(state.z) for state in (equilibrium, second)]
+    is_near = np.abs(energies[0] - energies[1]).max() <= within * energies[0].sum()
+    scale = max(np.abs(equilibrium.rates.real).max(initial=0.0), np.abs(second.rates.real).max(initial=0.0))
+    if not is_near or abs(equilibrium.growth - second.growth) > 10 * within * scale:
         return False
-    if equilibrium.is_family and other.is_family:
+    if equilibrium.is_family and second.is_family:
         return True
-    return bool(likeness(equilibrium, other.z[:, None])[0] >= 1 - (10 * within) ** 2 / 2)
+    return bool(likeness(equilibrium, second.z[:, None])[0] >= 1 - (10 * within) ** 2 / 2)
 
 
-def likeness(equilibrium: RelativeEquilibrium, z: Complexes, settled: float = 1 - 1e-9) -> Floats:
+def likeness(equilibrium: RelativeEquilibrium, z: Complexes, threshold: float = 1 - 1e-9) -> Floats:
     """How alike motions z (C, S) are to a state but for size, phases and equal pendula exchanged, from 0 to 1, (S,).
 
-    Of a continuous family the energies by rows tell.  No exchange is looked for from the likeness `settled` on.
+    Of a continuous family the energies by rows tell.  No exchange is looked for from the likeness `threshold` on.
     """
-    averaged = equilibrium.averaged
+    equations = equilibrium.averaged
     if equilibrium.is_family:
-        energy = averaged.energies(z)
-        whole = energy.sum(axis=0)
-        share = np.divide(energy, whole, out=np.zeros_like(energy), where=whole > 0)
+        energy = equations.energies(z)
+        total = energy.sum(axis=0)
+        share = np.divide(energy, total, out=np.zeros_like(energy), where=total > 0)
         return np.asarray(np.sqrt(equilibrium.share[:, None] * share).sum(axis=0))
-    alike = overlap(averaged, equilibrium.z, z)
-    if len(set(kinds(averaged.scene).tolist())) < averaged.system.n_pendula:
-        for k in np.flatnonzero(alike < settled):
-            copy = exchanged(averaged, z[:, k], order_of(averaged, equilibrium.z, z[:, k]))
-            alike[k] = max(alike[k], overlap(averaged, equilibrium.z, copy[:, None])[0])
+    alike = overlap(equations, equilibrium.z, z)
+    if len(set(kinds(equations.scene).tolist())) < equations.system.n_pendula:
+        for k in np.flatnonzero(alike < threshold):
+            copy = exchange(equations, z[:, k], order_of(equations, equilibrium.z, z[:, k]))
+            alike[k] = max(alike[k], overlap(equations, equilibrium.z, copy[:, None])[0])
     return alike

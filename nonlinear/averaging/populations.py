@@ -100,31 +100,35 @@ def patterns_of(scene: Scene) -> tuple[Pattern, ...]:
     populations = populations_of(scene)
     if len(populations) > 2:
         raise ComputationError(f"patterns are those of one or two populations, and this scene has {len(populations)}")
-    few = representatives(scene)
-    system = system_of(few)
+    representative_scene = representatives(scene)
+    system = system_of(representative_scene)
     names = (IN_PHASE, ANTIPHASE)[: len(populations)]
-    return tuple(_pattern(name, scene, few, populations, system) for name in names)
+    return tuple(_pattern(name, scene, representative_scene, populations, system) for name in names)
 
 
-def _pattern(name: str, scene: Scene, few: Scene, populations: tuple[Population, ...], system: System) -> Pattern:
+def _pattern(
+    name: str, scene: Scene, representative_scene: Scene, populations: tuple[Population, ...], system: System
+) -> Pattern:
     means, within = _means(populations, system)
     sign = -1.0 if name == ANTIPHASE else 1.0
     supports = np.eye(system.first + system.n_links)[:, : system.first]
     inside = [Sector(WITHIN, basis) for basis in within if basis.size]
-    both = np.hstack((supports, *means))
+    basis = np.hstack((supports, *means))
     lead = np.sum([sign**k * mean[:, 0] for k, mean in enumerate(means)], axis=0)
-    common = Pattern(name, scene, few, populations, system, lead, (Sector(COMMON, both), *_numbered(inside)))
+    common = Pattern(
+        name, scene, representative_scene, populations, system, lead, (Sector(COMMON, basis), *_number_sectors(inside))
+    )
     if len(populations) == 1:
-        return replace(common, sectors=(Sector(OWN, both), *inside))
+        return replace(common, sectors=(Sector(OWN, basis), *inside))
     G = _exchange(populations, system, means, sign)
     if G is None:
         return common
-    kept, lost = (Sector(word, _eigenspace(G, both, way)) for word, way in ((OWN, 1.0), (OTHER, -1.0)))
-    split = replace(common, sectors=(kept, lost, *inside[:1]))
+    kept_sector, lost_sector = (Sector(word, _eigenspace(G, basis, way)) for word, way in ((OWN, 1.0), (OTHER, -1.0)))
+    split = replace(common, sectors=(kept_sector, lost_sector, *inside[:1]))
     return split if _is_invariant(split) else common
 
 
-def _numbered(inside: Sequence[Sector]) -> Iterator[Sector]:
+def _number_sectors(inside: Sequence[Sector]) -> Iterator[Sector]:
     """Those within several populations, each with its number."""
     for number, sector in enumerate(inside, start=1):
         yield Sector(f"within population {number}" if len(inside) > 1 else sector.name, sector.basis)
@@ -135,9 +139,9 @@ def _means(populations: Sequence[Population], system: System) -> tuple[list[Floa
     unit = np.eye(system.first + system.n_links)[:, system.first :]
     means, differences, p = [], [], 0
     for population in populations:
-        each = [unit[:, system.pendulum == p + k] for k in range(population.halves)]
-        means.append(np.sum(each, axis=0) / np.sqrt(population.halves))
-        differences.append((each[0] - each[1]) / np.sqrt(2) if population.halves > 1 else each[0][:, :0])
+        units = [unit[:, system.pendulum == p + k] for k in range(population.halves)]
+        means.append(np.sum(units, axis=0) / np.sqrt(population.halves))
+        differences.append((units[0] - units[1]) / np.sqrt(2) if population.halves > 1 else units[0][:, :0])
         p += population.halves
     return means, differences
 
@@ -166,9 +170,9 @@ def _exchange(populations: Sequence[Population], system: System, means: Sequence
     return np.asarray(G)
 
 
-def _eigenspace(G: Floats, both: Floats, way: float) -> Floats:
-    """An orthonormal basis (half, k) of the δ in the span of `both` with Gδ = ±δ."""
-    U, sizes, _ = np.linalg.svd((both + way * (G @ both)) / 2)
+def _eigenspace(G: Floats, span: Floats, way: float) -> Floats:
+    """An orthonormal basis (half, k) of the δ in the span of `span` with Gδ = ±δ."""
+    U, sizes, _ = np.linalg.svd((span + way * (G @ span)) / 2)
     return np.asarray(U[:, : int(np.count_nonzero(sizes > 0.5))])
 
 
@@ -182,8 +186,8 @@ def _is_invariant(pattern: Pattern) -> bool:
         inside = spaces[0] @ random.uniform(-WIDE, WIDE, spaces[0].shape[1])
         rate, J = equations.linearize(rest + scale * inside)
         J = J * scale / scale[:, None]
-        for space, other in (spaces, spaces[::-1]):
-            if np.abs(other.T @ J @ space).max() > MIXED * np.abs(J).max():
+        for space, other_space in (spaces, spaces[::-1]):
+            if np.abs(other_space.T @ J @ space).max() > MIXED * np.abs(J).max():
                 return False
         if np.abs(spaces[1].T @ (rate / scale)).max() > MIXED * np.abs(rate / scale).max():
             return False
@@ -235,26 +239,26 @@ def averaged_pattern(pattern: Pattern, near_by: AveragedPattern | None = None) -
     ComputationError where none is found, or the scene is out of their scope.
     """
     require(pattern.few, "averaging")
-    whole = [_averaged(pattern, sector) for sector in pattern.sectors]
-    first = whole[0]
+    sector_equations = [_sector_equations(pattern, sector) for sector in pattern.sectors]
+    first = sector_equations[0]
     if not pattern.system.has_escapements and rest_growth(pattern) <= 0:
         raise ComputationError(f"the motion {pattern.name} dies out: its losses exceed what the drives feed")
     for z in _starts(pattern, first, near_by):
         state = relative_equilibrium(first, z)
         if state is not None and first.largest(state.z) > FAINT:
-            return AveragedPattern(pattern, state, tuple(_block(state, averaged) for averaged in whole))
+            return AveragedPattern(pattern, state, tuple(_block(state, equations) for equations in sector_equations))
     raise ComputationError(f"no steady motion {pattern.name} was found")
 
 
-def _starts(pattern: Pattern, averaged: AveragedEquations, near_by: AveragedPattern | None) -> Iterator[Complexes]:
+def _starts(pattern: Pattern, equations: AveragedEquations, near_by: AveragedPattern | None) -> Iterator[Complexes]:
     """Amplitudes from which Newton's method may find it: those beside, or of slow flow from small swings."""
     if near_by is not None:
-        yield averaged.dual.T @ (near_by.state.averaged.shapes @ near_by.state.z)
-    z: Complexes = np.asarray(averaged.dual.T @ pattern.mean, dtype=complex)
-    z, least = FIRST * z / averaged.largest(z), 0.0
+        yield equations.dual.T @ (near_by.state.averaged.shapes @ near_by.state.z)
+    z: Complexes = np.asarray(equations.dual.T @ pattern.mean, dtype=complex)
+    z, shortest = FIRST * z / equations.largest(z), 0.0
     for _ in range(SETTLINGS):
-        motion = settle(averaged, z[:, None], EFFORT, least)[0]
-        z, least = motion.z[:, -1], MORE * float(motion.times[-1])
+        motion = settle(equations, z[:, None], EFFORT, shortest)[0]
+        z, shortest = motion.z[:, -1], MORE * float(motion.times[-1])
         yield z
 
 
@@ -266,7 +270,7 @@ def rest_growth(pattern: Pattern) -> float:
     return float(np.linalg.eigvals(E.T @ J @ E).real.max())
 
 
-def _averaged(pattern: Pattern, sector: Sector) -> AveragedEquations:
+def _sector_equations(pattern: Pattern, sector: Sector) -> AveragedEquations:
     """The averaged equations of motions in one sector, in its own modes, all of one band."""
     scene = pattern.few.conservative
     M, E = matrices(scene), sector.basis
@@ -280,19 +284,19 @@ def _averaged(pattern: Pattern, sector: Sector) -> AveragedEquations:
 
 def _block(state: RelativeEquilibrium, sector: AveragedEquations) -> Floats:
     """The derivative (2k, 2k) of the flow by the amplitudes of one sector, beside the state."""
-    averaged, k = state.averaged, len(sector.omega)
-    if sector is averaged:
-        return derivative(averaged.flow, state.z, state.turning)
+    equations, k = state.averaged, len(sector.omega)
+    if sector is equations:
+        return derivative(equations.flow, state.z, state.turning)
     joint = replace(
-        averaged,
-        shapes=np.hstack((averaged.shapes, sector.shapes)),
-        dual=np.hstack((averaged.dual, sector.dual)),
-        omega=np.concatenate((averaged.omega, sector.omega)),
-        row=np.concatenate((averaged.row, sector.row)),
-        band=np.concatenate((averaged.band, sector.band)),
+        equations,
+        shapes=np.hstack((equations.shapes, sector.shapes)),
+        dual=np.hstack((equations.dual, sector.dual)),
+        omega=np.concatenate((equations.omega, sector.omega)),
+        row=np.concatenate((equations.row, sector.row)),
+        band=np.concatenate((equations.band, sector.band)),
     )
     z: Complexes = np.concatenate((state.z, np.zeros(k, dtype=complex)))
     slope = derivative(joint.flow, z, state.turning)
     size = len(z)
-    kept = np.r_[size - k : size, 2 * size - k : 2 * size]
-    return np.asarray(slope[np.ix_(kept, kept)])
+    rows = np.r_[size - k : size, 2 * size - k : 2 * size]
+    return np.asarray(slope[np.ix_(rows, rows)])

@@ -71,7 +71,7 @@ class Prediction(Displayed):
         return self.share >= CLEAR
 
     @property
-    def undecided(self) -> str:
+    def indecision(self) -> str:
         """The doubt that no mode wins, by the share of the one that holds most; "" where one does."""
         if self.is_won:
             return ""
@@ -109,7 +109,7 @@ class Prediction(Displayed):
             return
         if locking < SWINGS * 2 * pi / self.averaged.omega.min():
             yield f"it comes within {SWINGS} swings, less than averaging resolves"
-        times = [other.locking_time() for other in self.neighbours]
+        times = [neighbour.locking_time() for neighbour in self.neighbours]
         if any(time is None or abs(time - locking) > TIMED * locking for time in times):
             yield f"neighbouring starts lock more than {100 * TIMED:.0f} % sooner or later"
         if resonant(self.averaged.centre, FORCED):
@@ -125,12 +125,12 @@ class Prediction(Displayed):
         if not self.motion.settled:
             yield f"nothing has settled after {self.motion.times[-1]:.3g} s", True
         elif not self.is_won:
-            yield self.undecided, True
+            yield self.indecision, True
         if self.ending is None or self.ending.hold < MARGIN * self._error:
             yield "the final state attracts its neighbours only weakly", False
         if min(flow.reach for flow in (self.motion, *self.neighbours)) < KICKED:
             yield "a clock starts or passes below the angle of its escapement, or near it, and may miss kicks", True
-        if any(other.survivor != self.row or other.dies for other in self.neighbours):
+        if any(neighbour.survivor != self.row or neighbour.dies for neighbour in self.neighbours):
             yield f"starts {100 * ASIDE:.0f} % away from this one end elsewhere", True
         yield from ((words, False) for words in self._limits())
 
@@ -140,21 +140,21 @@ class Prediction(Displayed):
 
         It is (fastest/ω)², as damping shifts frequencies, plus a²/16, as a pendulum is slower at large angles.
         """
-        averaged, ending = self.averaged, self.ending
+        equations, ending = self.averaged, self.ending
         assert ending is not None
-        fast, lowest = float(np.abs(ending.rates.real).max(initial=0.0)), float(averaged.omega.min())
-        return fast * ((fast / lowest) ** 2 + averaged.largest(ending.z) ** 2 / 16)
+        fast, lowest = float(np.abs(ending.rates.real).max(initial=0.0)), float(equations.omega.min())
+        return fast * ((fast / lowest) ** 2 + equations.largest(ending.z) ** 2 / 16)
 
     def _limits(self) -> Iterator[str]:
         """Reasons to doubt averaging itself."""
-        averaged = self.averaged
-        if (fast := fastest(averaged)) > WEAK:
+        equations = self.averaged
+        if (fast := fastest(equations)) > WEAK:
             yield f"dampers and drives act within {1 / fast:.3g} radians of a swing, too fast to be averaged"
-        if (angle := averaged.largest(self.motion.z)) > WIDE:
+        if (angle := equations.largest(self.motion.z)) > WIDE:
             yield f"links may reach {degrees(angle):.3g} deg, beyond the range of first order"
-        if averaged.mixed(self.motion.z, averaged.turning(self.motion.z)) > MIXED:
+        if equations.mixing(self.motion.z, equations.turning(self.motion.z)) > MIXED:
             yield "an escapement responds to several frequencies at once, and may kick out of turn"
-        if resonant(averaged.centre, NEAR):
+        if resonant(equations.centre, NEAR):
             yield "frequencies of different bands are in resonance"
 
 
@@ -168,34 +168,34 @@ def predict(scene: Scene, start: State | None = None) -> Prediction:
     require(scene, "a prediction of synchronization")
     system = system_of(scene)
     state = validate_state(start if start is not None else initial_state(scene), system)
-    averaged = average(scene, system)
-    z = averaged.amplitudes(state)
+    equations = average(scene, system)
+    z = equations.amplitudes(state)
     if not np.abs(z).max():
         raise ComputationError("the scene starts at rest, where nothing says which mode grows")
-    starts, unstable = np.array([z, *_beside(z)]).T, None
-    motions = settle(averaged, starts)
-    if runs_away(averaged, motions[0].z):
+    starts, unstable = np.array([z, *_neighbours(z)]).T, None
+    motions = settle(equations, starts)
+    if runs_away(equations, motions[0].z):
         raise ComputationError("drives are too strong for averaged equations: their amplitudes exceed half a turn")
     if (ending := _ending(motions[0])) and ending.is_stable is False:
-        motions = settle(averaged, starts, least=PATIENCE * ending.relaxation)
+        motions = settle(equations, starts, shortest=PATIENCE * ending.relaxation)
         if (ending := _ending(motions[0])) and ending.is_stable is False:
-            state, unstable, motions = _aside(averaged, state), ending, motions[1:]
+            state, unstable, motions = _aside(equations, state), ending, motions[1:]
             ending = _ending(motions[0])
-    return Prediction(averaged, state, unstable, motions[0], motions[1:], ending)
+    return Prediction(equations, state, unstable, motions[0], motions[1:], ending)
 
 
 def _ending(motion: SlowFlow) -> RelativeEquilibrium | None:
     return None if motion.dies else relative_equilibrium(motion.averaged, motion.z[:, -1])
 
 
-def _aside(averaged: AveragedEquations, start: State) -> State:
+def _aside(equations: AveragedEquations, start: State) -> State:
     """The first of the neighbouring starts."""
-    z = averaged.amplitudes(start)
-    off = next(_beside(z)) - z
-    q, v = (averaged.shapes @ off).real, (averaged.shapes @ (1j * averaged.omega * off)).real
-    on = averaged.system.first
+    z = equations.amplitudes(start)
+    off = next(_neighbours(z)) - z
+    q, v = (equations.shapes @ off).real, (equations.shapes @ (1j * equations.omega * off)).real
+    on = equations.system.first
     links, turning = start.links + q[on:], start.link_rates + v[on:]
-    if averaged.system.structure is not None:
+    if equations.system.structure is not None:
         return replace(
             start,
             links=links,
@@ -207,7 +207,7 @@ def _aside(averaged: AveragedEquations, start: State) -> State:
     return State(links, turning, start.cart + cart, start.cart_rate + rate)
 
 
-def _beside(z: Complexes) -> Iterator[Complexes]:
+def _neighbours(z: Complexes) -> Iterator[Complexes]:
     """Neighbouring starts: every amplitude slightly perturbed, including zero ones."""
     random = np.random.default_rng(SEED)
     for _ in range(OTHERS):
@@ -215,18 +215,18 @@ def _beside(z: Complexes) -> Iterator[Complexes]:
         yield z + ASIDE * off * (np.abs(z) + ASIDE * np.abs(z).max())
 
 
-def resonant(omega: Floats, near: float) -> bool:
+def resonant(omega: Floats, width: float) -> bool:
     """Whether sums of up to four of these frequencies (B,), with signs, nearly vanish, as for ω and 3ω."""
     for turns in product(range(-3, 4), repeat=len(omega)):
-        if 0 < sum(map(abs, turns)) <= 4 and abs(np.dot(turns, omega)) < near * omega.min():
+        if 0 < sum(map(abs, turns)) <= 4 and abs(np.dot(turns, omega)) < width * omega.min():
             return True
     return False
 
 
-def fastest(averaged: AveragedEquations) -> float:
+def fastest(equations: AveragedEquations) -> float:
     """The largest growth or decay rate of small oscillations over their frequency."""
-    every: Complexes = np.eye(len(averaged.omega), dtype=complex)
-    tiny = 1e-6 / averaged.largest(every)
-    small = (tiny * every).astype(complex)
-    linear = averaged.linear(small, averaged.turning(small)) / tiny
-    return float(np.abs(np.linalg.eigvals(linear).real).max() / averaged.omega.min())
+    unit: Complexes = np.eye(len(equations.omega), dtype=complex)
+    tiny = 1e-6 / equations.largest(unit)
+    small = (tiny * unit).astype(complex)
+    linear = equations.linear(small, equations.turning(small)) / tiny
+    return float(np.abs(np.linalg.eigvals(linear).real).max() / equations.omega.min())

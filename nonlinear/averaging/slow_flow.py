@@ -48,8 +48,8 @@ class SlowFlow(Displayed):
     def share(self) -> Floats:
         """Fraction of the energy in every row of the table, (R, T); all 0 where nothing moves."""
         energy = self.averaged.energies(self.z)
-        whole = energy.sum(axis=0)
-        return np.asarray(np.divide(energy, whole, out=np.zeros_like(energy), where=whole > 0))
+        total = energy.sum(axis=0)
+        return np.asarray(np.divide(energy, total, out=np.zeros_like(energy), where=total > 0))
 
     @property
     def dies(self) -> bool:
@@ -71,10 +71,10 @@ def below_for_good(times: Floats, values: Floats, threshold: float) -> float | N
 
     A NaN counts as above the threshold, up to the next sample.
     """
-    above = np.flatnonzero(~(values <= threshold))
-    if not len(above):
+    exceedances = np.flatnonzero(~(values <= threshold))
+    if not len(exceedances):
         return float(times[0])
-    last = int(above[-1])
+    last = int(exceedances[-1])
     if last == len(times) - 1:
         return None
     high, low = values[last], values[last + 1]
@@ -102,39 +102,42 @@ Settling = Generator[_Stretch, None, tuple[SlowFlow, ...]]  # yields a stretch, 
 
 
 def settle(
-    averaged: AveragedEquations, starts: Complexes, most: int = MOST_STEPS, least: float = 0.0
+    equations: AveragedEquations, starts: Complexes, max_steps: int = MOST_STEPS, shortest: float = 0.0
 ) -> tuple[SlowFlow, ...]:
-    """The slow flow from each of these amplitudes (C, S) until all have settled, or for `most` steps.
+    """The slow flow from each of these amplitudes (C, S) until all have settled, or for `max_steps` steps.
 
-    Each is followed for at least `least` seconds, however little changes, because motions leave an unstable state
+    Each is followed for at least `shortest` seconds, however little changes, because motions leave an unstable state
     slowly. Pendula that drift past each other never settle; motions that grow beyond AWAY are not followed any further.
     """
-    return _followed(averaged, [_settling(averaged, starts, most, least)])[0]
+    return _follow(equations, [_settling(equations, starts, max_steps, shortest)])[0]
 
 
 def settle_apart(
-    averaged: AveragedEquations, starts: Complexes, kept: Booleans, most: int = MOST_STEPS
+    averaged_equations: AveragedEquations, starts: Complexes, active: Booleans, max_steps: int = MOST_STEPS
 ) -> Iterator[Complexes]:
     """The end (C,) of the same from each start, restricted to the modes kept of it (C, S).
 
     Each has its own steps, COARSE times as long, and few of them where the motion is slow.
     """
     for part in (slice(start, start + TOGETHER) for start in range(0, starts.shape[1], TOGETHER)):
-        every = [averaged if modes.all() else averaged.only(modes) for modes in kept[:, part].T]
-        pairs = zip(every, starts[:, part].T, strict=True)
-        motions = [_settling(equations, start[:, None], most, 0.0, coarse=True) for equations, start in pairs]
-        yield from (motion.z[:, -1] for (motion,) in _followed(averaged, motions, kept[:, part]))
+        restrictions = [
+            averaged_equations if modes.all() else averaged_equations.restricted_to(modes)
+            for modes in active[:, part].T
+        ]
+        pairs = zip(restrictions, starts[:, part].T, strict=True)
+        motions = [_settling(equations, start[:, None], max_steps, 0.0, coarse=True) for equations, start in pairs]
+        yield from (motion.z[:, -1] for (motion,) in _follow(averaged_equations, motions, active[:, part]))
 
 
 @np.errstate(all="ignore")
-def _followed(
-    averaged: AveragedEquations, motions: Sequence[Settling], kept: Booleans | None = None
+def _follow(
+    equations: AveragedEquations, motions: Sequence[Settling], active: Booleans | None = None
 ) -> list[tuple[SlowFlow, ...]]:
     """The results of all motions, advanced together: evaluating few pendula costs as much as many."""
     flows: dict[int, tuple[SlowFlow, ...]] = {}
     going = dict(enumerate(map(next, motions)))
     while going:
-        _advance(averaged, list(going.values()), None if kept is None else kept[:, list(going)])
+        _advance(equations, list(going.values()), None if active is None else active[:, list(going)])
         for number in [number for number, stretch in going.items() if not stretch.steps]:
             try:
                 going[number] = next(motions[number])
@@ -145,36 +148,38 @@ def _followed(
 
 
 def _settling(
-    averaged: AveragedEquations, starts: Complexes, most: int, least: float, coarse: bool = False
+    equations: AveragedEquations, starts: Complexes, max_steps: int, shortest: float, coarse: bool = False
 ) -> Settling:
-    state = _begun(averaged, starts, averaged.reach(starts))
-    until = min(PERIODS * 2 * pi / float(averaged.omega.min()), most / state.pace)
-    state, times, z = yield from _part(averaged, state, 0.0, until, coarse)
-    going = _going(averaged, z, starts)
-    while (going.any() or times[-1] < least) and not runs_away(averaged, state.z):
-        state, last = _begun(averaged, state.z, state.reach), float(times[-1])
-        if last * state.pace >= most / 2:
+    state = _begin_stretch(equations, starts, equations.reach(starts))
+    until = min(PERIODS * 2 * pi / float(equations.omega.min()), max_steps / state.pace)
+    state, times, z = yield from _part(equations, state, 0.0, until, coarse)
+    going = _going(equations, z, starts)
+    while (going.any() or times[-1] < shortest) and not runs_away(equations, state.z):
+        state, last = _begin_stretch(equations, state.z, state.reach), float(times[-1])
+        if last * state.pace >= max_steps / 2:
             break
-        state, more, further = yield from _part(averaged, state, last, last, coarse)
-        going = _going(averaged, further, starts)
-        times, z = np.append(times, more[1:]), np.concatenate((z, further[..., 1:]), axis=-1)
-    each = zip(np.moveaxis(z, 1, 0), ~going, state.reach.tolist(), strict=True)
-    return tuple(SlowFlow(averaged, times, moved, bool(settled), reach) for moved, settled, reach in each)
+        state, more_times, further = yield from _part(equations, state, last, last, coarse)
+        going = _going(equations, further, starts)
+        times, z = np.append(times, more_times[1:]), np.concatenate((z, further[..., 1:]), axis=-1)
+    results = zip(np.moveaxis(z, 1, 0), ~going, state.reach.tolist(), strict=True)
+    return tuple(
+        SlowFlow(equations, times, amplitudes, bool(is_settled), reach) for amplitudes, is_settled, reach in results
+    )
 
 
-def _begun(averaged: AveragedEquations, z: Complexes, reach: Floats) -> _Stretch:
+def _begin_stretch(equations: AveragedEquations, z: Complexes, reach: Floats) -> _Stretch:
     """What begins with amplitudes (C, S)."""
-    turning = averaged.turning(z)
-    return _Stretch(z, turning, _pace(averaged, z, turning), reach)
+    turning = equations.turning(z)
+    return _Stretch(z, turning, _pace(equations, z, turning), reach)
 
 
-def runs_away(averaged: AveragedEquations, z: Complexes) -> bool:
+def runs_away(equations: AveragedEquations, z: Complexes) -> bool:
     """Whether any of these amplitudes (C, ...) is beyond the range of averaged equations."""
-    return not averaged.largest(z) <= AWAY
+    return not equations.largest(z) <= AWAY
 
 
 def _part(
-    averaged: AveragedEquations, state: _Stretch, begin: float, duration: float, coarse: bool
+    equations: AveragedEquations, state: _Stretch, begin: float, duration: float, coarse: bool
 ) -> Generator[_Stretch, None, tuple[_Stretch, Floats, Complexes]]:
     """The state at the end, and amplitudes at PER_PART + 1 times, in steps that fit both ends of every interval.
 
@@ -184,29 +189,29 @@ def _part(
     count = min(PER_PART, max(FEWEST, ceil(duration * state.pace / width))) if coarse else PER_PART
     span, amplitudes = duration / count, [state.z]
     while len(amplitudes) <= count:
-        if len(amplitudes) > 1 and runs_away(averaged, state.z):
+        if len(amplitudes) > 1 and runs_away(equations, state.z):
             amplitudes += [state.z] * (count + 1 - len(amplitudes))
             break
         steps = max(1, ceil(span * state.pace / width))
         yield (further := replace(state, h=span / steps, steps=steps))
-        further.z = z = _stopped(averaged, state.z, further.z)
+        further.z = z = _stop_at_rest(equations, state.z, further.z)
         if not _alike(state.z, z):
-            turning = further.turning if coarse else averaged.turning(z)
-            further.pace = _pace(averaged, z, turning) if averaged.largest(z) < FAR else 2 * state.pace
+            turning = further.turning if coarse else equations.turning(z)
+            further.pace = _pace(equations, z, turning) if equations.largest(z) < FAR else 2 * state.pace
         if further.pace <= HASTE * state.pace:
             state, amplitudes = further, [*amplitudes, z]
         elif duration / PER_PART * further.pace <= MOST_STEPS:
             state.pace = further.pace
-        elif runs_away(averaged, z):
+        elif runs_away(equations, z):
             state, amplitudes = further, amplitudes + [z] * (count + 1 - len(amplitudes))
         else:
             raise ComputationError(f"averaged equations need more than {MOST_STEPS} steps for {span:.3g} s")
     return state, begin + np.linspace(0.0, duration, count + 1), np.moveaxis(np.array(amplitudes), 0, -1)
 
 
-def _stopped(averaged: AveragedEquations, before: Complexes, z: Complexes) -> Complexes:
+def _stop_at_rest(equations: AveragedEquations, before: Complexes, z: Complexes) -> Complexes:
     """Amplitudes (C, S) at the end of an interval, 0 where dry friction has brought the motion to rest within it."""
-    if not averaged.system.rubs:
+    if not equations.system.rubs:
         return z
     return np.where(np.abs(z).max(axis=0) <= STOPPED * np.abs(before).max(axis=0), 0.0, z)
 
@@ -216,59 +221,59 @@ def _alike(before: Complexes, after: Complexes) -> bool:
     return bool(np.abs(np.abs(before) - np.abs(after)).max() <= ALIKE * np.abs(before).max())
 
 
-def _advance(averaged: AveragedEquations, stretches: Sequence[_Stretch], kept: Booleans | None) -> None:
+def _advance(equations: AveragedEquations, stretches: Sequence[_Stretch], active: Booleans | None) -> None:
     """Advance to the first end of a stretch, by Lawson's form of the Runge–Kutta method."""
-    each = ((stretch.z, stretch.turning, stretch.reach) for stretch in stretches)
-    z, turning, reach = (np.hstack(parts) for parts in zip(*each, strict=True))
+    states = ((stretch.z, stretch.turning, stretch.reach) for stretch in stretches)
+    z, turning, reach = (np.hstack(parts) for parts in zip(*states, strict=True))
     h = np.concatenate([np.full(stretch.z.shape[1], stretch.h) for stretch in stretches])
     steps = min(stretch.steps for stretch in stretches)
     for _ in range(steps):
-        a, spin = averaged.forced(z, turning, kept), 1j * averaged.detuning(turning)
-        if kept is None:  # otherwise only the end counts
-            reach = np.minimum(reach, _least_reach(averaged, z, h * spin))
+        a, spin = equations.forcing(z, turning, active), 1j * equations.detuning(turning)
+        if active is None:  # otherwise only the end counts
+            reach = np.minimum(reach, _least_reach(equations, z, h * spin))
         turn = np.exp(h / 2 * spin)
         half = turn * z
-        b = averaged.forced(half + h / 2 * turn * a, turning, kept)
-        c = averaged.forced(half + h / 2 * b, turning, kept)
-        d = averaged.forced(turn * half + h * turn * c, turning, kept)
+        b = equations.forcing(half + h / 2 * turn * a, turning, active)
+        c = equations.forcing(half + h / 2 * b, turning, active)
+        d = equations.forcing(turn * half + h * turn * c, turning, active)
         turning, z = (
-            averaged.turned(turning, z, a + spin * z),
+            equations.rotation_rates(turning, z, a + spin * z),
             turn * half + h / 6 * (turn**2 * a + 2 * turn * (b + c) + d),
         )
     ends = np.cumsum([stretch.z.shape[1] for stretch in stretches])[:-1]
-    for stretch, *moved in zip(
+    for stretch, *parts in zip(
         stretches, *(np.split(part, ends, axis=-1) for part in (z, turning, reach)), strict=True
     ):
-        stretch.z, stretch.turning, stretch.reach = moved
+        stretch.z, stretch.turning, stretch.reach = parts
         stretch.steps -= steps
 
 
-def _least_reach(averaged: AveragedEquations, z: Complexes, turns: Complexes) -> Floats:
+def _least_reach(equations: AveragedEquations, z: Complexes, turns: Complexes) -> Floats:
     """The least reach (S,) while amplitudes (C, S) rotate freely through these angles (as iφ), as in a beat."""
-    if not averaged.system.has_escapements:
+    if not equations.system.has_escapements:
         return np.asarray(np.inf)
     places = z[..., None] * np.exp(turns[..., None] * np.arange(BEAT) / BEAT)
-    return np.asarray(averaged.reach(places.reshape(len(z), -1)).reshape(-1, BEAT).min(axis=-1))
+    return np.asarray(equations.reach(places.reshape(len(z), -1)).reshape(-1, BEAT).min(axis=-1))
 
 
-def _pace(averaged: AveragedEquations, z: Complexes, turning: Floats) -> float:
+def _pace(equations: AveragedEquations, z: Complexes, turning: Floats) -> float:
     """Steps per second from these amplitudes (C, S) on; modes that are left out set no pace."""
-    kept, moving = averaged.shapes.any(axis=0), z.any(axis=0)
-    drift = float(np.abs(averaged.detuning(turning)[kept]).max()) / TURN
+    is_active, moving = equations.shapes.any(axis=0), z.any(axis=0)
+    drift = float(np.abs(equations.detuning(turning)[is_active]).max()) / TURN
     if not moving.any():
         return drift
-    both = np.tile(kept, 2)
-    slopes = derivative(averaged.smooth, z[:, moving], turning[:, moving])[:, both][:, :, both]
+    both_parts = np.tile(is_active, 2)
+    slopes = derivative(equations.smooth, z[:, moving], turning[:, moving])[:, both_parts][:, :, both_parts]
     return max(float(np.linalg.norm(slopes, 2, axis=(1, 2)).max()) / GAIN, drift)
 
 
-def _going(averaged: AveragedEquations, z: Complexes, starts: Complexes) -> Booleans:
+def _going(equations: AveragedEquations, z: Complexes, starts: Complexes) -> Booleans:
     """Which of the motions (C, S, T) are still undecided, (S,): neither settled nor dead nor one growing row."""
-    energy = averaged.energies(z[..., z.shape[-1] // 2 :])
-    whole = energy.sum(axis=0)
-    changing = np.ptp(energy, axis=-1).max(axis=0) > CALM * whole.max(axis=-1)
-    others = 1 - energy.max(axis=0) / np.where(whole > 0, whole, 1.0)
-    falling = whole[:, -1] < (1 - CALM) * whole[:, 0]
+    energy = equations.energies(z[..., z.shape[-1] // 2 :])
+    total = energy.sum(axis=0)
+    changing = np.ptp(energy, axis=-1).max(axis=0) > CALM * total.max(axis=-1)
+    others = 1 - energy.max(axis=0) / np.where(total > 0, total, 1.0)
+    falling = total[:, -1] < (1 - CALM) * total[:, 0]
     open_yet = falling | (others.max(axis=-1) > ALONE)
     alive = np.abs(z[..., -1]).max(axis=0) > DEAD * np.abs(starts).max(axis=0)
     return np.asarray(changing & open_yet & alive)

@@ -44,42 +44,42 @@ def kinds(scene: Scene) -> Ints:
     return np.array([first.setdefault(pair, p) for p, pair in enumerate(zip(numbers, burdens(scene), strict=True))])
 
 
-def exchanged(averaged: AveragedEquations, z: Complexes, order: Ints) -> Complexes:
+def exchange(equations: AveragedEquations, z: Complexes, order: Ints) -> Complexes:
     """Amplitudes (C,) of the motion in which pendulum p does what pendulum `order[p]` does in z (C,)."""
-    q = averaged.shapes @ z
-    first, places = averaged.system.first, _places(averaged)
-    moved = q.copy()
+    q = equations.shapes @ z
+    first, places = equations.system.first, _places(equations)
+    new_q = q.copy()
     for p, source in enumerate(order):
-        moved[first + places[p]] = q[first + places[source]]
-    return np.asarray(averaged.dual.T @ moved)
+        new_q[first + places[p]] = q[first + places[source]]
+    return np.asarray(equations.dual.T @ new_q)
 
 
-def spread_evenly(averaged: AveragedEquations, z: Complexes) -> Complexes:
+def spread_evenly(equations: AveragedEquations, z: Complexes) -> Complexes:
     """Amplitudes (C,) of pendula that swing as wide as in z (C,), one after the other in time."""
-    first, places = averaged.system.first, _places(averaged)
-    links = averaged.link_shapes @ z
+    first, places = equations.system.first, _places(equations)
+    links = equations.link_shapes @ z
     for p, place in enumerate(places):
         lead = links[place][np.abs(links[place]).argmax()]
         links[place] *= np.exp(2j * np.pi * p / len(places) - 1j * np.angle(lead))
-    return np.asarray(links @ averaged.dual[first:])
+    return np.asarray(links @ equations.dual[first:])
 
 
-def overlap(averaged: AveragedEquations, reference: Complexes, z: Complexes) -> Floats:
+def overlap(equations: AveragedEquations, reference: Complexes, z: Complexes) -> Floats:
     """How alike amplitudes z (C, S) are to `one` (C,), but for size and the phase of each band: from 0 to 1, (S,)."""
-    weights = averaged.omega**2
-    products = ((weights * reference.conj())[:, None] * z)[None] * averaged.member[..., None]
-    whole = np.sqrt(np.sum(weights * np.abs(reference) ** 2) * (weights @ np.abs(z) ** 2))
+    weights = equations.omega**2
+    products = ((weights * reference.conj())[:, None] * z)[None] * equations.member[..., None]
+    norm = np.sqrt(np.sum(weights * np.abs(reference) ** 2) * (weights @ np.abs(z) ** 2))
     alike = np.abs(products.sum(axis=1)).sum(axis=0)
-    return np.asarray(np.divide(alike, whole, out=np.zeros_like(whole), where=whole > 0))
+    return np.asarray(np.divide(alike, norm, out=np.zeros_like(norm), where=norm > 0))
 
 
-def order_of(averaged: AveragedEquations, reference: Complexes, z: Complexes) -> Ints:
+def order_of(equations: AveragedEquations, reference: Complexes, z: Complexes) -> Ints:
     """The exchange of equal pendula (N,) that makes z (C,) as like `one` (C,) as possible."""
-    links, other = _by_pendulum(averaged, reference), _by_pendulum(averaged, z)
-    kind = kinds(averaged.scene)
+    links, others = _by_pendulum(equations, reference), _by_pendulum(equations, z)
+    kind = kinds(equations.scene)
     best, order = -np.inf, np.arange(len(kind))
-    for turn in _turns(links, other, kind):
-        gain = np.einsum("pnb,qnb->pq", links.conj(), other * turn).real
+    for turn in _turns(links, others, kind):
+        gain = np.einsum("pnb,qnb->pq", links.conj(), others * turn).real
         rows, columns = scipy.optimize.linear_sum_assignment(
             np.where(kind[:, None] == kind, gain, -1e9 * np.abs(gain).max()), True
         )
@@ -88,48 +88,50 @@ def order_of(averaged: AveragedEquations, reference: Complexes, z: Complexes) ->
     return order
 
 
-def count_copies(averaged: AveragedEquations, z: Complexes) -> int:
+def count_copies(equations: AveragedEquations, z: Complexes) -> int:
     """How many different motions the exchanges of equal pendula make of z (C,): N! over those that change nothing."""
-    kind, links = kinds(averaged.scene), _by_pendulum(averaged, z)
+    kind, links = kinds(equations.scene), _by_pendulum(equations, z)
     alike = _alike(links, links, kind)
-    same = map(sum, set(map(tuple, alike.tolist())))
+    set_sizes = map(sum, set(map(tuple, alike.tolist())))
     distinct: list[Complexes] = []
-    for turn in _turns(links, links, kind, most=len(kind)):
-        if all(np.abs(turn - other).max() > EQUAL for other in distinct):
-            matched = _alike(links, links * turn, kind)
-            if np.array_equal(np.sort(matched.sum(axis=0)), np.sort(alike.sum(axis=0))) and matched.any(axis=0).all():
+    for turn in _turns(links, links, kind, max_images=len(kind)):
+        if all(np.abs(turn - neighbour).max() > EQUAL for neighbour in distinct):
+            matches = _alike(links, links * turn, kind)
+            if np.array_equal(np.sort(matches.sum(axis=0)), np.sort(alike.sum(axis=0))) and matches.any(axis=0).all():
                 distinct.append(turn)
-    every = prod(map(factorial, Counter(kind.tolist()).values()))
-    return every // (max(len(distinct), 1) * prod(map(factorial, same)))
+    n_permutations = prod(map(factorial, Counter(kind.tolist()).values()))
+    return n_permutations // (max(len(distinct), 1) * prod(map(factorial, set_sizes)))
 
 
-def _turns(links: Complexes, other: Complexes, kind: Ints, most: int = MOST_IMAGES) -> list[Complexes]:
+def _turns(links: Complexes, others: Complexes, kind: Ints, max_images: int = MOST_IMAGES) -> list[Complexes]:
     """The factors e^{−iφ_b} (B,) that bring the images of the pendulum that swings widest to its phases."""
     size = np.abs(links).max(axis=(1, 2))
     widest = int(size.argmax())
     images = np.flatnonzero(kind == kind[widest])
-    images = images[np.argsort(np.abs(np.abs(other).max(axis=(1, 2))[images] - size[widest]), kind="stable")][:most]
-    shifts = (np.sum(links[widest] * other[image].conj(), axis=0) for image in images)
+    images = images[np.argsort(np.abs(np.abs(others).max(axis=(1, 2))[images] - size[widest]), kind="stable")][
+        :max_images
+    ]
+    shifts = (np.sum(links[widest] * others[image].conj(), axis=0) for image in images)
     return [np.where(np.abs(shift) > 0, shift / np.maximum(np.abs(shift), 1e-300), 1.0) for shift in shifts]
 
 
-def _alike(links: Complexes, other: Complexes, kind: Ints) -> Booleans:
+def _alike(links: Complexes, others: Complexes, kind: Ints) -> Booleans:
     """Which pendula of one kind do the same in two motions, (N, N)."""
-    apart = np.abs(links[:, None] - other[None]).max(axis=(2, 3))
-    return np.asarray((apart <= EQUAL * np.abs(links).max()) & (kind[:, None] == kind))
+    distance = np.abs(links[:, None] - others[None]).max(axis=(2, 3))
+    return np.asarray((distance <= EQUAL * np.abs(links).max()) & (kind[:, None] == kind))
 
 
-def _places(averaged: AveragedEquations) -> list[Ints]:
+def _places(equations: AveragedEquations) -> list[Ints]:
     """The links of every pendulum from top to bottom."""
     places: dict[int, Ints] = {}
-    for group in averaged.system.groups:
+    for group in equations.system.groups:
         places.update(zip(group.pendula.tolist(), group.index.T, strict=True))
     return [places[p] for p in range(len(places))]
 
 
-def _by_pendulum(averaged: AveragedEquations, z: Complexes) -> Complexes:
+def _by_pendulum(equations: AveragedEquations, z: Complexes) -> Complexes:
     """Complex angles (rad) of every link in every band, (N, n, B), 0 beyond the last link of a pendulum."""
-    links, places = averaged.link_shapes @ (z[:, None] * averaged.member.T), _places(averaged)
+    links, places = equations.link_shapes @ (z[:, None] * equations.member.T), _places(equations)
     angles = np.zeros((len(places), max(map(len, places)), links.shape[1]), dtype=complex)
     for p, place in enumerate(places):
         angles[p, : len(place)] = links[place]

@@ -18,7 +18,7 @@ from tabulate import tabulate
 
 from modal.errors import SceneError
 from modal.scene import Bob, Cart, Fixed, Pendulum, Rod, Scene
-from nonlinear.chaos.studies import DECISIVE, Case, ChaosStudy, Finding, compare_starts, scaled
+from nonlinear.chaos.studies import DECISIVE, Case, ChaosStudy, Finding, compare_starts, scale
 
 Kind = type[Bob] | type[Rod]
 Table = tuple[Sequence[str], list[list[str]]]
@@ -28,7 +28,7 @@ GRAVITY, PAPER_CART = 9.81, 100.0
 def study(paper: str, *, quick: bool = False) -> ChaosStudy:
     """The study of paper 000 or 001, or a short version of it; SceneError for any other paper."""
     if paper not in _STUDIES:
-        raise SceneError([f"paper:{paper}: must be one of {', '.join(f'paper:{known}' for known in _STUDIES)}"])
+        raise SceneError([f"paper:{paper}: must be one of {', '.join(f'paper:{name}' for name in _STUDIES)}"])
     return _STUDIES[paper](quick)
 
 
@@ -54,7 +54,7 @@ def text(finding: Finding) -> str:
 def _chains(quick: bool) -> ChaosStudy:
     kinds: dict[str, Kind] = {"bobs": Bob} if quick else {"bobs": Bob, "rods": Rod}
     cases = tuple(
-        Case(name, n, Scene(title=f"chain of {name}: {n}", gravity=GRAVITY, pendulum=(_hung(kind, n),)))
+        Case(name, n, Scene(title=f"chain of {name}: {n}", gravity=GRAVITY, pendulum=(_pendulum(kind, n),)))
         for name, kind in kinds.items()
         for n in range(1, 5 if quick else 6)
     )
@@ -62,7 +62,7 @@ def _chains(quick: bool) -> ChaosStudy:
     return ChaosStudy("001", claim, cases, 15.0 if quick else 60.0, 24 if quick else 48)
 
 
-def _hung(kind: Kind, links: int, copies: int = 1) -> Pendulum:
+def _pendulum(kind: Kind, links: int, copies: int = 1) -> Pendulum:
     return Pendulum(links=(kind(mass=1.0, length=1.0, count=links),), count=copies)
 
 
@@ -81,7 +81,7 @@ def _chain_verdicts(finding: Finding) -> list[str]:
     words = []
     for series, exponents in finding.series().items():
         for name, power in (("links of one length", 0.0), ("one total length", 0.5)):
-            values = [scaled(exponent, exponent.scene.n_links**power) for _, exponent in exponents]
+            values = [scale(exponent, exponent.scene.n_links**power) for _, exponent in exponents]
             words.append(f"{series}, {name}: {_growing(values)}")
     return words
 
@@ -112,25 +112,27 @@ def _on_cart(number: int, mass: float | None) -> Scene:
     support = Fixed() if mass is None else Cart(mass=mass)
     place = "a fixed support" if mass is None else f"a cart of {mass:g} kg"
     title = f"{_double(number)} on {place}"
-    return Scene(title=title, gravity=GRAVITY, support=support, pendulum=(_hung(Rod, 2, number),))
+    return Scene(title=title, gravity=GRAVITY, support=support, pendulum=(_pendulum(Rod, 2, number),))
 
 
-def _against_fixed(finding: Finding) -> dict[str, list[int]]:
+def _signs_against_fixed(finding: Finding) -> dict[str, list[int]]:
     """For every cart of a series −1 where λ is below that on the fixed support, 1 where it is above, else 0."""
     signs = {}
     for name, cases in finding.series().items():
-        fixed = scaled(next(exponent for case, exponent in cases if case.at is None), 1)
-        signs[name] = [compare_starts(fixed, scaled(exponent, 1)) for case, exponent in cases if case.at is not None]
+        fixed_exponent = scale(next(exponent for case, exponent in cases if case.at is None), 1)
+        signs[name] = [
+            compare_starts(fixed_exponent, scale(exponent, 1)) for case, exponent in cases if case.at is not None
+        ]
     return signs
 
 
 def _cart_table(finding: Finding) -> Table:
     rows = []
-    signs = _against_fixed(finding)
+    signs = _signs_against_fixed(finding)
     for name, cases in finding.series().items():
-        told = iter([_TOLD[sign] for sign in signs[name]])
+        words = iter([_TOLD[sign] for sign in signs[name]])
         for case, exponent in cases:
-            place, how = ("fixed", "") if case.at is None else (f"{case.at:g} kg", next(told))
+            place, how = ("fixed", "") if case.at is None else (f"{case.at:g} kg", next(words))
             rows.append([name, place, exponent.words(), f"{exponent.chaotic}/{exponent.ensemble}", how])
     return ("scene", "support", "λ (1/s)", "chaotic", "than on the fixed one"), rows
 
@@ -140,19 +142,19 @@ _TOLD = {-1: "more predictable", 1: "less predictable", 0: "no difference seen"}
 
 def _cart_verdicts(finding: Finding) -> list[str]:
     words = []
-    for name, signs in _against_fixed(finding).items():
+    for name, signs in _signs_against_fixed(finding).items():
         verdict = "supported" if set(signs) == {-1} else "not supported" if 1 in signs else "undecided"
-        counts = ", ".join(f"{told} with {signs.count(sign)}" for sign, told in _TOLD.items())
+        counts = ", ".join(f"{word} with {signs.count(sign)}" for sign, word in _TOLD.items())
         words.append(f"{name}: {verdict} (of {len(signs)} carts {counts})")
     return [*words, _paper_cart(finding)]
 
 
 def _paper_cart(finding: Finding) -> str:
-    told = []
-    for name, signs in _against_fixed(finding).items():
+    words = []
+    for name, signs in _signs_against_fixed(finding).items():
         masses = [case.at for case, _ in finding.series()[name] if case.at is not None]
-        told.append(f"{name} – {_TOLD[signs[masses.index(PAPER_CART)]]}")
-    return f"the paper's cart of {PAPER_CART:g} kg: {'; '.join(told)}"
+        words.append(f"{name} – {_TOLD[signs[masses.index(PAPER_CART)]]}")
+    return f"the paper's cart of {PAPER_CART:g} kg: {'; '.join(words)}"
 
 
 _STUDIES = {"000": _carts, "001": _chains}

@@ -273,20 +273,23 @@ def lyapunov_exponent(
     rng = np.random.default_rng(seed)
     states = starts if starts is not None else nearby(start or initial_state(scene), members, spread, rng)
     y = np.stack([tangent.equations.begin(validate_state(state, tangent.system)) for state in states], axis=1)
-    least = TRANSIENT * duration + SHORTEST / USUAL * usual_duration(scene)
+    shortest = TRANSIENT * duration + SHORTEST / USUAL * usual_duration(scene)
     end = (1 + TRANSIENT) * duration
-    grown = partial(_grown, scene, end, tolerance, least)
+    grow = partial(_grow, scene, end, tolerance, shortest)
     if crew is None or y.shape[1] <= TOGETHER:
-        times, growth, last = grown(y, report)
+        times, growth, last = grow(y, report)
     else:
         portions = np.array_split(y, range(TOGETHER, y.shape[1], TOGETHER), axis=1)
-        found = []
-        for part in map_by_crew(grown, portions, crew):
-            found.append(part)
-            report(end * len(found) / len(portions))
-        known = min((times for times, _, _ in found), key=len)
-        times, growth = known, np.concatenate([growth[: len(known) - 1] for _, growth, _ in found], axis=1)
-        last = np.concatenate([last for _, _, last in found], axis=1)
+        parts = []
+        for part in map_by_crew(grow, portions, crew):
+            parts.append(part)
+            report(end * len(parts) / len(portions))
+        common_times = min((times for times, _, _ in parts), key=len)
+        times, growth = (
+            common_times,
+            np.concatenate([growth[: len(common_times) - 1] for _, growth, _ in parts], axis=1),
+        )
+        last = np.concatenate([last for _, _, last in parts], axis=1)
     return Exponent(scene, times, growth, TRANSIENT * duration, _energy_drift(tangent, y, last))
 
 
@@ -305,9 +308,9 @@ def nearby(state: State, members: int, spread: float, rng: np.random.Generator) 
 
 def validate_duration(scene: Scene, duration: float) -> None:
     """SceneError for a duration (s) that is too short to tell growth from regular motion."""
-    least = SHORTEST / USUAL * usual_duration(scene)
-    if not least <= duration < float("inf"):
-        words = f"must be at least {least:.3g} s for this scene, {SHORTEST:g} sqrt(l/g)"
+    shortest = SHORTEST / USUAL * usual_duration(scene)
+    if not shortest <= duration < float("inf"):
+        words = f"must be at least {shortest:.3g} s for this scene, {SHORTEST:g} sqrt(l/g)"
         raise SceneError([f"duration {duration!r}: {words}"])
 
 
@@ -318,8 +321,8 @@ def _refuse_endless(duration: float, scale: float, members: int) -> None:
         raise SceneError([f"duration {duration:g}: must be at most {longest:.3g} s for {members} starts of this scene"])
 
 
-def _grown(
-    scene: Scene, end: float, tolerance: float, least: float, y: Floats, report: Callable[[float], object] = silent
+def _grow(
+    scene: Scene, end: float, tolerance: float, shortest: float, y: Floats, report: Callable[[float], object] = silent
 ) -> tuple[Floats, Floats, Floats]:
     """Times (K + 1,), the gains of ln |v| between them (K, E), and the last y (size, E).
 
@@ -331,19 +334,19 @@ def _grown(
     count, members = THIRDS * ceil(end * float(tangent.scale[-1, 0]) / THIRDS), y.shape[1]
     times = np.linspace(0.0, end, count + 1)
     units = np.broadcast_to(tangent.scale, y.shape)
-    both = np.concatenate((y, units * tangent_direction(len(y))))
+    lanes_y = np.concatenate((y, units * tangent_direction(len(y))))
     absolute = tolerance * np.concatenate((units, units))
     first = longest_first(units_of(numbers).rate, members)
-    task = LaneTask(Lanes(numbers, tangent=True), numbers, both, end, np.full(members, tolerance), absolute, first)
+    task = LaneTask(Lanes(numbers, tangent=True), numbers, lanes_y, end, np.full(members, tolerance), absolute, first)
     gains = GrowthSamples(tangent.scale, times[1:], y, report)
     try:
         if reasons := integrate(switching(task), [gains]).reasons:
             raise ComputationError(f"a start {next(iter(reasons.values()))}")
     except KeyboardInterrupt:
-        if not np.isfinite(gains.rows[times[1:] >= least]).all(1).any():
+        if not np.isfinite(gains.rows[times[1:] >= shortest]).all(1).any():
             raise
-    known = int(np.isfinite(gains.rows).all(1).sum())
-    return times[: known + 1], np.diff(gains.rows[:known], axis=0, prepend=0.0), gains.last
+    count_known = int(np.isfinite(gains.rows).all(1).sum())
+    return times[: count_known + 1], np.diff(gains.rows[:count_known], axis=0, prepend=0.0), gains.last
 
 
 def _energy_drift(tangent: Tangent, first: Floats, last: Floats) -> float:

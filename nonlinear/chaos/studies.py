@@ -101,7 +101,7 @@ def _level(group: Group, rng: np.random.Generator) -> Floats:
     return np.asarray(rng.choice((-1.0, 1.0), b.shape[1]) * np.concatenate((upper, last[None])))
 
 
-def scaled(exponent: Exponent, factor: float) -> tuple[float, float]:
+def scale(exponent: Exponent, factor: float) -> tuple[float, float]:
     """λ and its standard uncertainty times a factor; where λ is indistinguishable from zero, its possible range."""
     value = exponent.value if exponent.is_positive else 0.0
     error = exponent.error if exponent.is_positive else exponent.bound / exponent.coverage

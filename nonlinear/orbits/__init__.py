@@ -15,8 +15,8 @@ orbits on which every population of equal pendula moves as one.
 
 from nonlinear.orbits.branch import Branch
 from nonlinear.orbits.cycles import (
-    crossed,
     cycle_of,
+    first_special_point,
     follow_cycles,
     growth,
     last_swing,
@@ -24,11 +24,17 @@ from nonlinear.orbits.cycles import (
     periodic_orbit,
     require_cycles,
 )
-from nonlinear.orbits.entering import LEAVES, entered
+from nonlinear.orbits.entering import LEAVES, leaving_branch
 from nonlinear.orbits.finite_swing import FiniteSwing, finite_swing
 from nonlinear.orbits.floquet import Floquet
 from nonlinear.orbits.flow import Flow
-from nonlinear.orbits.forced import LinearResponse, follow_forced, forced_orbit, linear_response, require_forced
+from nonlinear.orbits.forced import (
+    LinearResponse,
+    follow_forced_orbits,
+    forced_orbit,
+    linear_response,
+    require_forced_orbits,
+)
 from nonlinear.orbits.held import mode_along
 from nonlinear.orbits.modes import at_amplitude, mode_orbit, nonlinear_mode, orbit_where_off, oscillating
 from nonlinear.orbits.orbit import Orbit
@@ -47,16 +53,16 @@ __all__ = [
     "PatternOrbit",
     "Special",
     "at_amplitude",
-    "crossed",
     "cycle_of",
-    "entered",
     "finite_swing",
+    "first_special_point",
     "follow_cycles",
-    "follow_forced",
+    "follow_forced_orbits",
     "forced_orbit",
     "free_amplitude",
     "growth",
     "last_swing",
+    "leaving_branch",
     "limit_cycles",
     "linear_response",
     "mode_along",
@@ -70,6 +76,6 @@ __all__ = [
     "pattern_orbit",
     "periodic_orbit",
     "require_cycles",
-    "require_forced",
+    "require_forced_orbits",
 ]
 __dir__ = __all__.copy

@@ -34,11 +34,11 @@ ALIKE = 1e-10  # squared distance below which two pairs are the same: those of e
 
 @dataclass(frozen=True, eq=False)
 class Node:
-    """An orbit at a length along the branch; `kept` where it belongs to it."""
+    """An orbit at a length along the branch; `is_in_branch` where it belongs to it."""
 
     length: float
     point: OrbitPoint
-    kept: bool = True
+    is_in_branch: bool = True
 
     @property
     def map(self) -> Map:
@@ -46,14 +46,14 @@ class Node:
         return self.point.orbit.floquet.map
 
 
-def resolved(problem: OrbitProblem, points: Sequence[OrbitPoint]) -> list[OrbitPoint]:
+def refined_points(problem: OrbitProblem, points: Sequence[OrbitPoint]) -> list[OrbitPoint]:
     """The points of a branch and those between them whose orbits differ in stability from both neighbours."""
     if len(points) < 2:
         return list(points)
     nodes = [Node(length, here) for length, here in zip(_lengths(points), points, strict=True)]
     for start, end in pairwise(tuple(nodes)):
         _search(problem, nodes, start, end)
-    return [node.point for node in nodes if node.kept]
+    return [node.point for node in nodes if node.is_in_branch]
 
 
 def _lengths(points: Sequence[OrbitPoint]) -> Iterator[float]:
@@ -72,23 +72,25 @@ def _arc(start: OrbitPoint, end: OrbitPoint) -> float:
 
 def _search(problem: OrbitProblem, nodes: list[Node], first: Node, last: Node) -> None:
     """Add to the nodes, in order, those between two of them that the search computes."""
-    left = MOST
+    budget = MOST
     waiting = [(first, last)]
-    while waiting and left:
+    while waiting and budget:
         start, end = waiting.pop()
         part = None if _stays(start.map, end.map) else _lowest(nodes, start, end)
         if part is None:
             continue
-        left -= 1
+        budget -= 1
         try:
             inner = between(problem, start.point, end.point, part)
         except ComputationError:
             continue
-        before, after = _arc(start.point, inner), _arc(inner, end.point)
-        here = inner.orbit.floquet.map.is_within
+        first_arc, second_arc = _arc(start.point, inner), _arc(inner, end.point)
+        is_within = inner.orbit.floquet.map.is_within
         agree = start.map.is_within == end.map.is_within
-        kept = bool(np.any(agree & (here != start.map.is_within)))
-        node = Node(start.length + (end.length - start.length) * before / (before + after), inner, kept)
+        is_in_branch = bool(np.any(agree & (is_within != start.map.is_within)))
+        node = Node(
+            start.length + (end.length - start.length) * first_arc / (first_arc + second_arc), inner, is_in_branch
+        )
         nodes.insert(nodes.index(end), node)
         waiting += [(start, node), (node, end)]
 
@@ -102,22 +104,22 @@ def _lowest(nodes: Sequence[Node], start: Node, end: Node) -> float | None:
     def margins(parts: Floats) -> tuple[Floats, Floats]:
         """Those of the polynomials at parts (P,) of the way, by sign, and their doubts, (P, m)."""
         at = start.length + parts * (end.length - start.length)
-        fine, coarse = (_interpolated(chosen[:most], at) for most in (FINE, min(COARSE, max(2, len(chosen) - 1))))
+        fine, coarse = (_margins_between(chosen[:count], at) for count in (FINE, min(COARSE, max(2, len(chosen) - 1))))
         return sign * fine, np.abs(fine - coarse) if start.map.conservative else np.zeros_like(fine)
 
     parts = np.linspace(0.0, 1.0, LOOKS + 1)
     lowest, doubt = margins(parts)
     for which in np.flatnonzero(agree):
         for at in _dips(lowest[:, which], doubt[:, which]):
-            near, low, unsure = parts[at], lowest[at, which], doubt[at, which]
+            part, low, unsure = parts[at], lowest[at, which], doubt[at, which]
             width = 1 / LOOKS
             for _ in range(ZOOMS):
-                closer = np.clip(near + np.linspace(-width, width, LOOKS + 1), 0.0, 1.0)
-                values, doubts = (each[:, which] for each in margins(closer))
-                here = int(values.argmin())
-                near, low, unsure, width = closer[here], values[here], doubts[here], 2 * width / LOOKS
-            if low - unsure < -start.map.doubt[which] and SHORTEST < near < 1 - SHORTEST:
-                return float(near)
+                closer = np.clip(part + np.linspace(-width, width, LOOKS + 1), 0.0, 1.0)
+                values, doubts = (table[:, which] for table in margins(closer))
+                index = int(values.argmin())
+                part, low, unsure, width = closer[index], values[index], doubts[index], 2 * width / LOOKS
+            if low - unsure < -start.map.doubt[which] and SHORTEST < part < 1 - SHORTEST:
+                return float(part)
     return None
 
 
@@ -128,34 +130,34 @@ def _stays(start: Map, end: Map) -> bool:
 
 def _alike(start: Map, end: Map) -> NDArray[np.bool_]:
     """Which margins are those of two pairs that are the same along the branch."""
-    same = np.maximum(np.abs(start.margins), np.abs(end.margins)) < ALIKE
-    same[:2] = False
-    return np.asarray(same)
+    is_same = np.maximum(np.abs(start.margins), np.abs(end.margins)) < ALIKE
+    is_same[:2] = False
+    return np.asarray(is_same)
 
 
 def _dips(values: Floats, doubt: Floats) -> Iterator[int]:
     """Where values (P,) have a minimum that may lie below 0, by the parabola through it and its neighbours."""
-    before, here, after = values[:-2], values[1:-1], values[2:]
-    bend = before - 2 * here + after
-    for at in np.flatnonzero((here <= before) & (here <= after) & (bend > 0)):
-        low = here[at] - (after[at] - before[at]) ** 2 / (8 * bend[at])
-        if low - doubt[at + 1] < NEAR * here[at]:
+    previous, centre, following = values[:-2], values[1:-1], values[2:]
+    bend = previous - 2 * centre + following
+    for at in np.flatnonzero((centre <= previous) & (centre <= following) & (bend > 0)):
+        low = centre[at] - (following[at] - previous[at]) ** 2 / (8 * bend[at])
+        if low - doubt[at + 1] < NEAR * centre[at]:
             yield int(at) + 1
 
 
 def _spread(nodes: Sequence[Node], start: Node, end: Node) -> list[Node]:
     """Both ends and the nodes nearest to them, at most FINE, none too near another."""
-    middle, least = (start.length + end.length) / 2, APART * (end.length - start.length)
+    middle, spacing = (start.length + end.length) / 2, APART * (end.length - start.length)
     chosen = [start, end]
-    for node in sorted(nodes, key=lambda each: abs(each.length - middle)):
+    for node in sorted(nodes, key=lambda neighbour: abs(neighbour.length - middle)):
         if len(chosen) == FINE:
             break
-        if all(abs(node.length - each.length) >= least for each in chosen):
+        if all(abs(node.length - neighbour.length) >= spacing for neighbour in chosen):
             chosen.append(node)
     return chosen
 
 
-def _interpolated(nodes: Sequence[Node], lengths: Floats) -> Floats:
+def _margins_between(nodes: Sequence[Node], lengths: Floats) -> Floats:
     """The margins (P, m) of the map between the nodes at these lengths along the branch (P,)."""
     x = np.array([node.length for node in nodes])
     weights = np.array([np.prod([(lengths - b) / (a - b) for b in x if b != a], axis=0) for a in x])

@@ -100,8 +100,8 @@ class Branch(TextResult):
 
     def text(self) -> str:
         """The branch as `orbits` prints it, with its orbits, special points and what is left out."""
-        written: str = deferred("nonlinear.orbits.report:orbits_text")(self.orbits[0].scene, [self], self.linear)
-        return written
+        words: str = deferred("nonlinear.orbits.report:orbits_text")(self.orbits[0].scene, [self], self.linear)
+        return words
 
     @cached_property
     def is_stable(self) -> tuple[bool, ...]:

@@ -55,15 +55,15 @@ class OrbitPoint(Displayed):
     orbit: Orbit
 
 
-def corrected(
-    problem: OrbitProblem, guess: Floats, row: Floats | None = None, least: float | None = None
+def correct(
+    problem: OrbitProblem, guess: Floats, row: Floats | None = None, rcond: float | None = None
 ) -> tuple[Floats, Floats] | None:
     """The solution near a guess, in the plane through it across `row` where there is one, and ∂r/∂u (k, N) there.
 
-    Directions whose singular values are below `least`, relative, are left as guessed.  None where Newton's method does
+    Directions whose singular values are below `rcond`, relative, are left as guessed.  None where Newton's method does
     not converge.
     """
-    u, before = guess, np.inf
+    u, last_size = guess, np.inf
     for _ in range(NEWTON):
         try:
             r, J = problem.equations(u)
@@ -73,25 +73,25 @@ def corrected(
             r, J = np.append(r, row @ (u - guess)), np.vstack((J, row))
         if not (np.all(np.isfinite(J)) and np.all(np.isfinite(r))):
             return None
-        step = np.linalg.lstsq(J, -r, rcond=least)[0]
+        step = np.linalg.lstsq(J, -r, rcond=rcond)[0]
         size = float(np.linalg.norm(step))
-        if size > FAR or (size > before and size > DONE):
+        if size > FAR or (size > last_size and size > DONE):
             return None
-        u, before = u + step, size
+        u, last_size = u + step, size
         if size < DONE:
             return u, J if row is None else J[:-1]
     return None
 
 
-def tangent_of(J: Floats, along: Floats) -> Floats:
+def tangent_of(J: Floats, direction: Floats) -> Floats:
     """The null vector (N,) of J that points along another vector."""
     tangent = np.linalg.svd(J)[2][-1]
-    return np.asarray(tangent if tangent @ along >= 0 else -tangent)
+    return np.asarray(tangent if tangent @ direction >= 0 else -tangent)
 
 
-def point(problem: OrbitProblem, guess: Floats, row: Floats, least: float | None = None) -> OrbitPoint | None:
+def point(problem: OrbitProblem, guess: Floats, row: Floats, rcond: float | None = None) -> OrbitPoint | None:
     """The point of a branch across `row` from a guess, None where there is none."""
-    if (solution := corrected(problem, guess, row, least)) is None:
+    if (solution := correct(problem, guess, row, rcond)) is None:
         return None
     u, J = solution
     try:
@@ -101,21 +101,21 @@ def point(problem: OrbitProblem, guess: Floats, row: Floats, least: float | None
     return OrbitPoint(u, tangent_of(J, row), orbit) if orbit.residual < CLOSED else None
 
 
-def level(here: OrbitPoint, ahead: OrbitPoint) -> float:
+def level(current: OrbitPoint, following: OrbitPoint) -> float:
     """No limit to how far neighbours are apart."""
     return 0.0
 
 
-def apart(here: OrbitPoint, ahead: OrbitPoint) -> float:
+def relative_distance(current: OrbitPoint, following: OrbitPoint) -> float:
     """How far neighbouring forced motions are apart in amplitude and in phase, over AMPLITUDE and PHASE.
 
     The phase is that of the link with the largest angle of the first, if it has one.
     """
-    first, second = here.orbit, ahead.orbit
+    first, second = current.orbit, following.orbit
     size, link = max(first.amplitude, SMALL), first.amplitudes.argmax()
     grown = abs(second.amplitude - first.amplitude) / size / AMPLITUDE
-    turned = float(np.abs(np.angle(np.exp(1j * (second.phases[link] - first.phases[link]))))) / PHASE
-    return max(grown, min(first.amplitude / SMALL, 1.0) * turned) if isfinite(turned) else grown
+    turn = float(np.abs(np.angle(np.exp(1j * (second.phases[link] - first.phases[link]))))) / PHASE
+    return max(grown, min(first.amplitude / SMALL, 1.0) * turn) if isfinite(turn) else grown
 
 
 def follow(
@@ -124,33 +124,33 @@ def follow(
     *,
     step: float = 0.02,
     longest: float = 0.08,
-    least: float = LEAST,
-    apart: Callable[[OrbitPoint, OrbitPoint], float] = level,
+    shortest: float = LEAST,
+    distance: Callable[[OrbitPoint, OrbitPoint], float] = level,
 ) -> Iterator[OrbitPoint]:
-    """The points of a branch, from the first one on, as long as there are any; `apart` is at most 1 for neighbours."""
-    here = first
-    yield here
-    while step >= least:
-        ahead = point(problem, here.u + step * here.tangent, here.tangent)
-        if ahead is None or ahead.tangent @ here.tangent < np.cos(TURN):
+    """The points of a branch, from the first one on, as long as there are any; `distance` at most 1 for neighbours."""
+    current = first
+    yield current
+    while step >= shortest:
+        following = point(problem, current.u + step * current.tangent, current.tangent)
+        if following is None or following.tangent @ current.tangent < np.cos(TURN):
             step /= 2
             continue
-        if (far := apart(here, ahead)) > 1:
-            step *= max(0.25, AIMED / far)
+        if (gap := distance(current, following)) > 1:
+            step *= max(0.25, AIMED / gap)
             continue
-        turn = float(np.arccos(np.clip(ahead.tangent @ here.tangent, -1, 1)))
-        grown = min(float(np.clip(TURN / 3 / max(turn, 1e-9), 0.5, 1.5)), AIMED / max(far, 1e-9))
-        step = float(np.clip(step * grown, least, longest))
-        here = ahead
-        yield here
+        turn = float(np.arccos(np.clip(following.tangent @ current.tangent, -1, 1)))
+        grown = min(float(np.clip(TURN / 3 / max(turn, 1e-9), 0.5, 1.5)), AIMED / max(gap, 1e-9))
+        step = float(np.clip(step * grown, shortest, longest))
+        current = following
+        yield current
 
 
 def between(
-    problem: OrbitProblem, start_point: OrbitPoint, end_point: OrbitPoint, part: float, least: float | None = None
+    problem: OrbitProblem, start_point: OrbitPoint, end_point: OrbitPoint, part: float, rcond: float | None = None
 ) -> OrbitPoint:
     """The point at a fraction of the way from one point to the next, from the cubic through both and their tangents.
 
-    Directions with singular values below `least`, relative, are those of the cubic, if that is a solution.
+    Directions with singular values below `rcond`, relative, are those of the cubic, if that is a solution.
     """
     way = end_point.u - start_point.u
     length, x = float(np.linalg.norm(way)), part
@@ -159,8 +159,8 @@ def between(
     row = 6 * x * (1 - x) * way + (1 - x) * (1 - 3 * x) * start + x * (3 * x - 2) * end
     row = row / np.linalg.norm(row)
     tries = [(guess, None), (start_point.u + x * way, None)]
-    for tried, left in tries if least is None else [(guess, least), *tries]:
-        if inner := point(problem, tried, row, left):
+    for trial, cutoff in tries if rcond is None else [(guess, rcond), *tries]:
+        if inner := point(problem, trial, row, cutoff):
             return inner
     raise ComputationError("the branch of orbits was lost between two of its points")
 
@@ -174,26 +174,26 @@ def place_in(variation: Variation, value: float) -> float:
 def with_values(problem: OrbitProblem, points: Sequence[OrbitPoint], variation: Variation) -> list[OrbitPoint]:
     """The points of a branch and those at the values of a number between two of them; u ends with its place."""
     places = np.array([place_in(variation, value) for value in variation.values[1:-1]])
-    every = list(points[:1])
-    for ahead in points[1:]:
-        low, high = sorted((float(every[-1].u[-1]), float(ahead.u[-1])))
-        passed = np.sort(places[(places > low + SAME_PLACE) & (places < high - SAME_PLACE)])
-        for place in passed if every[-1].u[-1] < ahead.u[-1] else passed[::-1]:
-            every.append(located(problem, every[-1], ahead, partial(_past, float(place))))
-        every.append(ahead)
-    return every
+    merged_points = list(points[:1])
+    for following in points[1:]:
+        low, high = sorted((float(merged_points[-1].u[-1]), float(following.u[-1])))
+        passed_places = np.sort(places[(places > low + SAME_PLACE) & (places < high - SAME_PLACE)])
+        for place in passed_places if merged_points[-1].u[-1] < following.u[-1] else passed_places[::-1]:
+            merged_points.append(locate(problem, merged_points[-1], following, partial(_past, float(place))))
+        merged_points.append(following)
+    return merged_points
 
 
-def at_edge(problem: OrbitProblem, before: OrbitPoint, here: OrbitPoint) -> OrbitPoint:
+def at_edge(problem: OrbitProblem, inner: OrbitPoint, outer: OrbitPoint) -> OrbitPoint:
     """The point at the end of the range of a number that the second of two neighbours has passed."""
-    return located(problem, before, here, partial(_past, float(here.u[-1] > 0.5)))
+    return locate(problem, inner, outer, partial(_past, float(outer.u[-1] > 0.5)))
 
 
-def _past(place: float, here: OrbitPoint) -> float:
-    return float(here.u[-1]) - place
+def _past(place: float, current: OrbitPoint) -> float:
+    return float(current.u[-1]) - place
 
 
-def located(
+def locate(
     problem: OrbitProblem,
     start: OrbitPoint,
     end: OrbitPoint,
@@ -209,7 +209,7 @@ def located(
     """
     low, high, f_low, f_high = 0.0, 1.0, test(start), test(end)
     best, size = (start, abs(f_low)) if abs(f_low) < abs(f_high) else (end, abs(f_high))
-    kept, enough, misses = 0, accuracy * max(abs(f_low), abs(f_high)), 0
+    kept_end, enough, misses = 0, accuracy * max(abs(f_low), abs(f_high)), 0
     for _ in range(ROUNDS):
         part = (
             (low * f_high - high * f_low) / (f_high - f_low) if not misses else low + ASIDE[misses - 1] * (high - low)
@@ -230,8 +230,8 @@ def located(
             break
         if (value > 0) == (f_high > 0):
             high, f_high = part, value
-            f_low, kept = (f_low / 2, 0) if kept == 1 else (f_low, 1)
+            f_low, kept_end = (f_low / 2, 0) if kept_end == 1 else (f_low, 1)
         else:
             low, f_low = part, value
-            f_high, kept = (f_high / 2, 0) if kept == -1 else (f_high, -1)
+            f_high, kept_end = (f_high / 2, 0) if kept_end == -1 else (f_high, -1)
     return best

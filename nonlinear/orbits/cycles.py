@@ -17,12 +17,12 @@ from modal.scene.parameters import Variation, validate_variations, variation_of,
 from modal.types import Crew, Floats, map_by_crew
 from nonlinear.averaging import RelativeEquilibrium, average, relative_equilibria
 from nonlinear.dynamics.variational import Force
-from nonlinear.orbits.between import resolved
+from nonlinear.orbits.between import refined_points
 from nonlinear.orbits.branch import Branch, Report
 from nonlinear.orbits.continuation import (
     OrbitPoint,
     at_edge,
-    corrected,
+    correct,
     follow,
     level,
     tangent_of,
@@ -67,12 +67,12 @@ def periodic_orbit(
     probe = shooting(scene, tolerance=tolerance, segments=segments, force=force)
     y = probe.first.equations.begin(start)
     if force is not None:
-        return solved(replace(probe, clock=Clock(period)), y, period)
+        return solve_orbit(replace(probe, clock=Clock(period)), y, period)
     y, leader = turning(probe, y, period)
-    return solved(replace(probe, leader=leader), y, period)
+    return solve_orbit(replace(probe, leader=leader), y, period)
 
 
-def solved(problem: Shooting, y: Floats, period: float, value: float | None = None) -> Orbit:
+def solve_orbit(problem: Shooting, y: Floats, period: float, value: float | None = None) -> Orbit:
     """The orbit close to the motion from y; ComputationError where Newton's method finds none."""
     return problem.orbit(solution(problem, y, period, value))
 
@@ -82,7 +82,7 @@ def solution(problem: Shooting, y: Floats, period: float, value: float | None = 
     flow = problem.flow_at(value)
     u = problem.unknown(spread(problem, flow, y, period), period, value)
     row = np.eye(len(u))[-1] if problem.variation else None
-    solved_for = corrected(problem, u, row)
+    solved_for = correct(problem, u, row)
     if solved_for is None:
         raise ComputationError("no periodic orbit was found beside this motion")
     return solved_for[0]
@@ -105,12 +105,12 @@ def turning(problem: Shooting, y: Floats, period: float) -> tuple[Floats, int]:
         at = int(risen[-1]) + int(abs(angles[risen[-1] + 1, leader]) < abs(angles[risen[-1], leader]))
     else:
         at = int(np.abs(angles[:, leader]).argmax())
-    begun = path.states[at].copy()
+    start_state = path.states[at].copy()
     if problem.passes:
-        begun[first + leader] = flow.rest[first + leader]
+        start_state[first + leader] = flow.rest[first + leader]
     else:
-        begun[layout.half + first + leader] = 0.0
-    return problem.placed(begun), leader
+        start_state[layout.half + first + leader] = 0.0
+    return problem.centred_state(start_state), leader
 
 
 def last_swing(times: Floats, motion: Motion) -> float:
@@ -121,14 +121,14 @@ def last_swing(times: Floats, motion: Motion) -> float:
     late = motion.links[len(times) // 2 :]
     widest = int(np.ptp(late, axis=0).argmax())
     x = motion.links[:, widest] - late[:, widest].mean()
-    passed = np.flatnonzero((x[:-1] < 0) & (x[1:] >= 0))[-2:]
-    if len(passed) < 2:
+    passages = np.flatnonzero((x[:-1] < 0) & (x[1:] >= 0))[-2:]
+    if len(passages) < 2:
         raise ComputationError("the run does not oscillate: it shows no period")
-    moments = times[passed] - x[passed] * (times[passed + 1] - times[passed]) / (x[passed + 1] - x[passed])
+    moments = times[passages] - x[passages] * (times[passages + 1] - times[passages]) / (x[passages + 1] - x[passages])
     return float(np.diff(moments)[0])
 
 
-def near(problem: Shooting, equilibrium: RelativeEquilibrium) -> tuple[Floats, float, int]:
+def averaged_start(problem: Shooting, equilibrium: RelativeEquilibrium) -> tuple[Floats, float, int]:
     """The start of an averaged configuration: y, period (s), and the link that is the widest, which turns or passes."""
     system = equilibrium.averaged.system
     place = equilibrium.averaged.shapes @ equilibrium.z
@@ -136,7 +136,7 @@ def near(problem: Shooting, equilibrium: RelativeEquilibrium) -> tuple[Floats, f
     leader = int(np.abs(place[first:]).argmax())
     turn = np.exp(-1j * np.angle(place[first + leader])) * (-1j if problem.passes else 1)
     q, v = (place * turn).real, (1j * equilibrium.omega * place * turn).real
-    q = problem.placed(q)
+    q = problem.centred_state(q)
     q[first:] += system.rest
     if problem.passes:
         q[first + leader] = system.rest[leader]
@@ -149,8 +149,8 @@ def near(problem: Shooting, equilibrium: RelativeEquilibrium) -> tuple[Floats, f
 def cycle_of(scene: Scene, equilibrium: RelativeEquilibrium, *, tolerance: float = TOLERANCE) -> Orbit:
     """The limit cycle close to an averaged configuration; ComputationError where there is none."""
     problem = shooting(scene, tolerance=tolerance)
-    y, period, leader = near(problem, equilibrium)
-    return solved(replace(problem, leader=leader), y, period)
+    y, period, leader = averaged_start(problem, equilibrium)
+    return solve_orbit(replace(problem, leader=leader), y, period)
 
 
 @checked
@@ -163,14 +163,14 @@ def limit_cycles(scene: Scene, *, tolerance: float = TOLERANCE) -> tuple[Orbit, 
             orbit = cycle_of(scene, equilibrium, tolerance=tolerance)
         except ComputationError:
             continue
-        if not any(same(orbit, other) for other in cycles):
+        if not any(is_same_orbit(orbit, cycle) for cycle in cycles):
             cycles.append(orbit)
     return tuple(cycles)
 
 
-def same(cycle: Orbit, other: Orbit) -> bool:
+def is_same_orbit(cycle: Orbit, reference: Orbit) -> bool:
     """Whether two orbits have equal frequencies, amplitudes and largest multipliers."""
-    numbers = [[orbit.omega, orbit.amplitude, *_sizes(orbit)] for orbit in (cycle, other)]
+    numbers = [[orbit.omega, orbit.amplitude, *_sizes(orbit)] for orbit in (cycle, reference)]
     return bool(np.allclose(numbers[0], numbers[1], rtol=SAME, atol=SAME))
 
 
@@ -195,14 +195,14 @@ def growth(orbit: Orbit) -> float:
 def _drifts(orbit: Orbit) -> Iterator[float]:
     """The rates (1/s) at which dampers of carts and carriers that nothing holds bring these to rest."""
     system, equations = orbit.flow.system, orbit.flow.equations
-    for along in translations(system):
+    for translation in translations(system):
         if system.structure is None:
             resisting, mass = float(equations.momentum_slope(orbit.y)[0]), system.total_mass
         else:
             half = equations.layout.half
-            moved = np.pad(along, (0, half - len(along)))
-            resisting = float(along @ _dampings(system) @ along)
-            mass = float(moved @ equations.momenta(orbit.y[:half, None], moved[:, None])[:, 0])
+            displacement = np.pad(translation, (0, half - len(translation)))
+            resisting = float(translation @ _dampings(system) @ translation)
+            mass = float(displacement @ equations.momenta(orbit.y[:half, None], displacement[:, None])[:, 0])
         if resisting:
             yield -resisting / mass
 
@@ -225,7 +225,7 @@ def follow_cycles(
     start: tuple[State, float] | None = None,
     tolerance: float = TOLERANCE,
     longest: float = 0.1,
-    most: int = MOST,
+    max_orbits: int = MOST,
     crew: Crew | None = None,
     report: Report = silent,
 ) -> tuple[Branch, ...]:
@@ -241,10 +241,10 @@ def follow_cycles(
     require_cycles(scene, variation)
     ends = (variation.values[0], variation.values[-1])
     branches: list[Branch] = []
-    walk = BranchWalk(longest, most)
+    walk = BranchWalk(longest, max_orbits)
     for value in ends[: 1 if start else 2]:
-        begun = _beginnings(scene, variation, value, start, tolerance)
-        for branch in map_by_crew(walk, (each for each in begun if each.is_new(branches)), crew):
+        beginnings = _beginnings(scene, variation, value, start, tolerance)
+        for branch in map_by_crew(walk, (beginning for beginning in beginnings if beginning.is_new(branches)), crew):
             if not is_known(branch.orbits[0], branches):
                 branches.append(branch)
                 report(len(branches))
@@ -270,15 +270,15 @@ def _beginnings(
     tolerance: float,
 ) -> Iterator[Beginning]:
     """Limit cycles at one value of the number."""
-    here = vary(scene, {variation.path: value})
-    probe = shooting(here, tolerance=tolerance)
+    varied_scene = vary(scene, {variation.path: value})
+    probe = shooting(varied_scene, tolerance=tolerance)
     guesses: list[tuple[Floats, float, int, str]] = []
     if start:
         y, leader = turning(probe, probe.first.equations.begin(start[0]), start[1])
         guesses.append((y, start[1], leader, "start"))
     else:
-        for equilibrium in relative_equilibria(average(here)):
-            guesses.append((*near(probe, equilibrium), f"mode {equilibrium.number}"))
+        for equilibrium in relative_equilibria(average(varied_scene)):
+            guesses.append((*averaged_start(probe, equilibrium), f"mode {equilibrium.number}"))
     for y, period, leader, words in guesses:
         problem = shooting(scene, leader=leader, tolerance=tolerance, variation=variation)
         try:
@@ -305,36 +305,36 @@ class Beginning(NamedTuple):
 
 @dataclass(frozen=True)
 class BranchWalk:
-    """Follows branches in steps up to the `longest`, to at most so many orbits; `apart` is at most 1 for neighbours."""
+    """Follows branches in steps up to the `longest`, to at most so many orbits; `distance` at most 1 for neighbours."""
 
     longest: float
-    most: int
-    apart: Callable[[OrbitPoint, OrbitPoint], float] = level
+    max_orbits: int
+    distance: Callable[[OrbitPoint, OrbitPoint], float] = level
 
-    def __call__(self, begun: Beginning) -> Branch:
+    def __call__(self, beginning: Beginning) -> Branch:
         """The branch from one end of the range until it leaves that, with its special points and the values."""
-        problem, variation = begun.problem, begun.problem.variation
+        problem, variation = beginning.problem, beginning.problem.variation
         assert variation
-        points, complete = self._followed(begun)
-        points = resolved(problem, points)
+        points, complete = self._follow(beginning)
+        points = refined_points(problem, points)
         special = tuple(along_cycles(problem, points))
         points = with_values(problem, points, variation)
-        return Branch(begun.words, tuple(points), special, problem, variation, complete)
+        return Branch(beginning.words, tuple(points), special, problem, variation, complete)
 
-    def _followed(self, begun: Beginning) -> tuple[list[OrbitPoint], bool]:
+    def _follow(self, beginning: Beginning) -> tuple[list[OrbitPoint], bool]:
         """The points until the branch leaves the range, and whether it does."""
-        problem, u = begun.problem, begun.u
+        problem, u = beginning.problem, beginning.u
         inward = np.zeros(len(u))
         inward[-1] = 1.0 if u[-1] < 0.5 else -1.0
         points: list[OrbitPoint] = []
-        first = OrbitPoint(u, tangent_of(problem.equations(u)[1], inward), begun.orbit)
-        for here in follow(problem, first, step=self.longest / 5, longest=self.longest, apart=self.apart):
-            points.append(here)
-            if len(points) > 1 and not 0 < here.u[-1] < 1:
-                points[-1] = at_edge(problem, points[-2], here)
+        first = OrbitPoint(u, tangent_of(problem.equations(u)[1], inward), beginning.orbit)
+        for current in follow(problem, first, step=self.longest / 5, longest=self.longest, distance=self.distance):
+            points.append(current)
+            if len(points) > 1 and not 0 < current.u[-1] < 1:
+                points[-1] = at_edge(problem, points[-2], current)
                 return points, True
-            dies = not problem.clock and here.orbit.amplitude < DYING * begun.orbit.amplitude
-            if len(points) >= self.most or dies:
+            dies = not problem.clock and current.orbit.amplitude < DYING * beginning.orbit.amplitude
+            if len(points) >= self.max_orbits or dies:
                 break
         return points, False
 
@@ -343,30 +343,30 @@ def is_known(orbit: Orbit, branches: Sequence[Branch]) -> bool:
     """Whether one of these branches begins or ends with this orbit."""
     ends = [end for branch in branches for end in (branch.orbits[0], branch.orbits[-1])]
     return any(
-        orbit.value is not None and np.isclose(end.value or 0.0, orbit.value, rtol=1e-9) and same(end, orbit)
+        orbit.value is not None and np.isclose(end.value or 0.0, orbit.value, rtol=1e-9) and is_same_orbit(end, orbit)
         for end in ends
     )
 
 
 @checked
-def crossed(
+def first_special_point(
     scene: Scene, variation: Variation, equilibrium: RelativeEquilibrium, value: float, at: float
 ) -> Special | None:
     """The first special point on the orbits that begin beside a configuration at a value of a number, towards `at`.
 
     None where there is none until BEYOND times as far; ComputationError where no orbit is found at the beginning.
     """
-    y, period, leader = near(shooting(equilibrium.averaged.scene), equilibrium)
+    y, period, leader = averaged_start(shooting(equilibrium.averaged.scene), equilibrium)
     problem = shooting(scene, leader=leader, tolerance=LOOSE, variation=variation)
     u = solution(problem, y, period, value)
     distance = problem.place(at) - problem.place(value)
     towards = np.append(np.zeros(len(u) - 1), np.sign(distance))
-    before = OrbitPoint(u, tangent_of(problem.equations(u)[1], towards), problem.orbit(u))
-    steps = follow(problem, before, step=abs(distance) / 2, longest=max(2 * abs(distance), 0.05))
-    for here in islice(steps, 1, STEPS):
-        if special := next(along_cycles(problem, [before, here], ROUGH), None):
+    previous = OrbitPoint(u, tangent_of(problem.equations(u)[1], towards), problem.orbit(u))
+    steps = follow(problem, previous, step=abs(distance) / 2, longest=max(2 * abs(distance), 0.05))
+    for current in islice(steps, 1, STEPS):
+        if special := next(along_cycles(problem, [previous, current], ROUGH), None):
             return special
-        if (here.u[-1] - u[-1]) / distance > BEYOND:
+        if (current.u[-1] - u[-1]) / distance > BEYOND:
             break
-        before = here
+        previous = current
     return None

@@ -14,9 +14,9 @@ import numpy as np
 
 from modal.errors import ComputationError
 from modal.types import Floats
-from nonlinear.orbits.between import resolved
+from nonlinear.orbits.between import refined_points
 from nonlinear.orbits.branch import Branch
-from nonlinear.orbits.continuation import OrbitPoint, apart, at_edge, follow, level, point, with_values
+from nonlinear.orbits.continuation import OrbitPoint, at_edge, follow, level, point, relative_distance, with_values
 from nonlinear.orbits.cycles import turning
 from nonlinear.orbits.orbit import Orbit
 from nonlinear.orbits.shooting import Shooting, shooting, spread
@@ -28,8 +28,8 @@ FORCED = 1000  # orbits of a forced motion, which lie closer together
 LEAVES = ("branch point", "period doubling")
 
 
-def entered(branch: Branch, special: Special, *, most: int | None = None, step: float = 0.05) -> Branch:
-    """The branch that leaves at a branch point or a period doubling, up to `most` orbits (MOST, or FORCED).
+def leaving_branch(branch: Branch, special: Special, *, max_orbits: int | None = None, step: float = 0.05) -> Branch:
+    """The branch that leaves at a branch point or a period doubling, up to `max_orbits` orbits (MOST, or FORCED).
 
     Raises ComputationError at other points and where no branch is found.
     """
@@ -45,29 +45,29 @@ def entered(branch: Branch, special: Special, *, most: int | None = None, step: 
     first = next(_firsts(problem, u, new), None)
     if first is None:
         raise ComputationError(f"no branch was found that leaves at this {special.kind}")
-    most = most or (FORCED if problem.clock else MOST)
-    points = list(islice(_inside(problem, first, step), most))
-    points = resolved(problem, points)
-    met = tuple(along_cycles(problem, points))
+    max_orbits = max_orbits or (FORCED if problem.clock else MOST)
+    points = list(islice(_inside(problem, first, step), max_orbits))
+    points = refined_points(problem, points)
+    specials = tuple(along_cycles(problem, points))
     points = with_values(problem, points, problem.variation) if problem.variation else points
-    return Branch(f"{special.kind} of {branch.origin}", tuple(points), met, problem, problem.variation)
+    return Branch(f"{special.kind} of {branch.origin}", tuple(points), specials, problem, problem.variation)
 
 
 def _at(branch: Branch, special: Special, times: int) -> tuple[Shooting, Floats, Floats]:
     """Equations without symmetry, their solution at the special point and the direction of the branch there."""
     orbit = special.orbit
     if isinstance(branch.problem, Shooting):
-        before = branch.problem
-        clock = before.clock and replace(before.clock, seconds=times * before.clock.seconds)
-        turns, cycles = tuple(times * turn for turn in before.turns), times * before.cycles
-        problem = replace(before, segments=times * before.segments, clock=clock, cycles=cycles, turns=turns)
+        source = branch.problem
+        clock = source.clock and replace(source.clock, seconds=times * source.clock.seconds)
+        turns, cycles = tuple(times * turn for turn in source.turns), times * source.cycles
+        problem = replace(source, segments=times * source.segments, clock=clock, cycles=cycles, turns=turns)
     else:
         probe = shooting(orbit.scene, tolerance=orbit.flow.tolerance)
         _, leader = turning(probe, orbit.y, orbit.period)
         problem = replace(probe, leader=leader, segments=times * probe.segments)
 
     def unknowns(orbit: Orbit) -> Floats:
-        states = spread(problem, orbit.flow, problem.placed(orbit.y), times * orbit.period)
+        states = spread(problem, orbit.flow, problem.centred_state(orbit.y), times * orbit.period)
         return problem.unknown(states, times * orbit.period, orbit.value)
 
     start, end = branch.orbits[special.after], branch.orbits[special.after + 1]
@@ -75,24 +75,24 @@ def _at(branch: Branch, special: Special, times: int) -> tuple[Shooting, Floats,
 
 
 def _firsts(problem: Shooting, u: Floats, new: Floats) -> Iterator[OrbitPoint]:
-    for away in AWAY:
+    for offset in AWAY:
         for sign in (1.0, -1.0):
             row = sign * new
-            first = point(problem, u + away * row, row)
-            if first and abs((first.u - u) @ new) > away / 2:
+            first = point(problem, u + offset * row, row)
+            if first and abs((first.u - u) @ new) > offset / 2:
                 yield first
 
 
 def _inside(problem: Shooting, first: OrbitPoint, step: float) -> Iterator[OrbitPoint]:
     """The points of the branch as long as its number is within the range, to its edge, and once around a closed one."""
-    before, left = first, False
-    for here in follow(problem, first, longest=step, apart=apart if problem.clock else level):
-        if problem.variation and not 0 <= here.u[-1] <= 1:
-            if here is not first:
-                yield at_edge(problem, before, here)
+    previous, has_left = first, False
+    for current in follow(problem, first, longest=step, distance=relative_distance if problem.clock else level):
+        if problem.variation and not 0 <= current.u[-1] <= 1:
+            if current is not first:
+                yield at_edge(problem, previous, current)
             return
-        yield here
-        left = left or float(np.linalg.norm(here.u - first.u)) > 2 * step
-        if left and np.linalg.norm(here.u - first.u) < np.linalg.norm(here.u - before.u):
+        yield current
+        has_left = has_left or float(np.linalg.norm(current.u - first.u)) > 2 * step
+        if has_left and np.linalg.norm(current.u - first.u) < np.linalg.norm(current.u - previous.u):
             return
-        before = here
+        previous = current

@@ -2,7 +2,7 @@
 
 A sine of one size pushes the scene at every frequency of a band; the size is that at which the largest angle of any
 link over the band is the one asked for.  Each orbit is the one beside the linear response, or where the motion from
-there settles; where several motions coexist, others are not seen here, and `follow_forced` follows them.
+there settles; where several motions coexist, others are not seen here, and `follow_forced_orbits` follows them.
 """
 
 from __future__ import annotations
@@ -67,14 +67,14 @@ def finite_swing(
     plain = scene.replace(force=())
     grid = np.geomspace(*band, POINTS)
 
-    def pushed(size: float, frequency: float) -> Scene:
+    def forced_scene(size: float, frequency: float) -> Scene:
         return plain.replace(force=(SineForce(on=on, direction=direction, amplitude=size, frequency_hz=frequency),))
 
-    size = angle / max(linear_response(pushed(1.0, f)).amplitude for f in grid.tolist())
+    size = angle / max(linear_response(forced_scene(1.0, f)).amplitude for f in grid.tolist())
     for _ in range(ROUNDS):
-        orbits = {f: forced_orbit(pushed(size, f)) for f in grid.tolist()}
+        orbits = {f: forced_orbit(forced_scene(size, f)) for f in grid.tolist()}
         widest = max(orbits, key=lambda f: orbits[f].amplitude)
-        orbits |= {f: forced_orbit(pushed(size, f)) for f in _between(sorted(orbits), widest)}
+        orbits |= {f: forced_orbit(forced_scene(size, f)) for f in _between(sorted(orbits), widest)}
         largest = max(orbit.amplitude for orbit in orbits.values())
         if abs(largest / angle - 1) < CLOSE:
             break
@@ -82,7 +82,7 @@ def finite_swing(
     else:
         raise ComputationError(f"no force was found at which the largest angle is {np.degrees(angle):g}°")
     highest = max(orbits, key=lambda f: _half(orbits[f], column))
-    orbits |= {f: forced_orbit(pushed(size, f)) for f in _between(sorted(orbits), highest)}
+    orbits |= {f: forced_orbit(forced_scene(size, f)) for f in _between(sorted(orbits), highest)}
     frequencies = sorted(orbits)
     responses = np.array([_half(orbits[f], column) for f in frequencies]) / size
     best = int(responses.argmax())

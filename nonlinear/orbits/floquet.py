@@ -41,7 +41,7 @@ REAL = 1e-6  # imaginary part of c below which two equal ones are taken for real
 
 @dataclass(frozen=True, eq=False)
 class Map:
-    """A map M (d, d) of disturbances with its known eigenvectors, `right` (r, d) and `left` (l, d), of `deflated`.
+    """A map M (d, d) of disturbances with its known eigenvectors, `right` (r, d) and `left` (l, d), of `deflate`.
 
     It is C, above, where `half`, else the monodromy matrix.  All three change smoothly along a branch.
     """
@@ -53,20 +53,20 @@ class Map:
     conservative: bool
 
     @cached_property
-    def reduced(self) -> Floats:
+    def quotient_map(self) -> Floats:
         """The map without the known eigenvectors."""
-        return deflated(self.M, list(self.right), list(self.left))
+        return deflate(self.M, list(self.right), list(self.left))
 
     @cached_property
     def margins(self) -> Floats:
         """The margins above, (k + 1,), or one where energy is lost: all are positive while the orbit is stable."""
-        if not len(self.reduced):
+        if not len(self.quotient_map):
             return np.empty(0)
         if not self.conservative:
-            return np.array([1 - np.abs(np.linalg.eigvals(self.reduced)).max()])
-        t = np.sort_complex(np.linalg.eigvals(self.reduced) if self.half else half_traces(self.reduced))
-        paired = (t.imag[1:] != 0) & (t[1:] == t[:-1].conj())
-        gaps = np.where(paired, -((t.imag[1:] - t.imag[:-1]) ** 2), (t.real[1:] - t.real[:-1]) ** 2)
+            return np.array([1 - np.abs(np.linalg.eigvals(self.quotient_map)).max()])
+        t = np.sort_complex(np.linalg.eigvals(self.quotient_map) if self.half else half_traces(self.quotient_map))
+        is_pair = (t.imag[1:] != 0) & (t[1:] == t[:-1].conj())
+        gaps = np.where(is_pair, -((t.imag[1:] - t.imag[:-1]) ** 2), (t.real[1:] - t.real[:-1]) ** 2)
         return np.array([1 + t.real[0], 1 - t.real[-1], *gaps])
 
     @property
@@ -103,9 +103,9 @@ class Floquet(Displayed):
     map: Map
 
     @property
-    def reduced(self) -> Floats:
+    def quotient_map(self) -> Floats:
         """The map without the neutral multipliers."""
-        return self.map.reduced
+        return self.map.quotient_map
 
     @property
     def half(self) -> bool:
@@ -134,7 +134,7 @@ class Floquet(Displayed):
         if not len(self.others):
             return True
         if self.half:
-            c = np.linalg.eigvals(self.reduced)
+            c = np.linalg.eigvals(self.quotient_map)
             return bool(np.all(np.abs(c.imag) < REAL) and np.all(np.abs(c.real) <= 1 + ON_CIRCLE))
         if self.conservative:
             t = (self.others + 1 / self.others) / 2
@@ -144,14 +144,14 @@ class Floquet(Displayed):
     @property
     def meeting(self) -> tuple[float, float]:
         """Test functions det(R − 1) and det(R + 1) of the reduced map R: each changes sign where one meets 1 or −1."""
-        size = np.eye(len(self.reduced))
-        return float(np.linalg.det(self.reduced - size)), float(np.linalg.det(self.reduced + size))
+        size = np.eye(len(self.quotient_map))
+        return float(np.linalg.det(self.quotient_map - size)), float(np.linalg.det(self.quotient_map + size))
 
     @property
-    def apart(self) -> int:
+    def n_split_pairs(self) -> int:
         """Pairs off the real axis and off the unit circle: of c where `half`; else growing ones."""
         if self.half:
-            return int(np.sum(np.linalg.eigvals(self.reduced).imag > REAL))
+            return int(np.sum(np.linalg.eigvals(self.quotient_map).imag > REAL))
         if self.conservative:
             return int(np.sum(((self.others + 1 / self.others).imag > 2 * REAL) & (np.abs(self.others) > 1)))
         return int(np.sum((self.others.imag > 0) & (np.abs(self.others) > 1)))
@@ -163,31 +163,31 @@ class Floquet(Displayed):
         return float(pairs[np.abs(pairs).argmin()]) if len(pairs) else float("nan")
 
 
-def deflated(M: Floats, right: list[Floats], left: list[Floats]) -> Floats:
+def deflate(M: Floats, right: list[Floats], left: list[Floats]) -> Floats:
     """M on ker w / span v, where M v = v for all v of `right` and wᵀM = wᵀ for all w of `left`; wᵀv = 0."""
     if not right and not left:
         return M
-    known = np.array([*right, *left])
-    known /= np.linalg.norm(known, axis=1, keepdims=True)
-    _, _, rows = np.linalg.svd(known)
-    W = rows[len(known) :].T
+    eigenvectors = np.array([*right, *left])
+    eigenvectors /= np.linalg.norm(eigenvectors, axis=1, keepdims=True)
+    _, _, rows = np.linalg.svd(eigenvectors)
+    W = rows[len(eigenvectors) :].T
     return np.asarray(W.T @ M @ W)
 
 
-def carried(translations: Floats, scale: Floats) -> Floats:
+def scaled_translations(translations: Floats, scale: Floats) -> Floats:
     """What translations (k, first) in m do to coordinates with these units, by at most 1, (k, len(scale))."""
     shifts = np.pad(translations, ((0, 0), (0, len(scale) - translations.shape[1]))) / scale
     return np.asarray(shifts / np.abs(shifts).max(axis=1, keepdims=True)) if len(shifts) else shifts
 
 
-def whole(M: Floats, right: list[Floats], left: list[Floats], *, conservative: bool) -> Floquet:
+def of_monodromy(M: Floats, right: list[Floats], left: list[Floats], *, conservative: bool) -> Floquet:
     """The multipliers of a monodromy matrix (d, d) with its known eigenvectors."""
     size = len(M)
     monodromy = Map(
         M, np.reshape(right, (-1, size)), np.reshape(left, (-1, size)), half=False, conservative=conservative
     )
-    values = np.linalg.eigvals(monodromy.reduced).astype(complex)
-    return Floquet(size - len(monodromy.reduced), _ordered(values), monodromy)
+    values = np.linalg.eigvals(monodromy.quotient_map).astype(complex)
+    return Floquet(size - len(monodromy.quotient_map), _sorted_multipliers(values), monodromy)
 
 
 def of_symmetric(H: Floats, force: Floats, translates: Floats, *, halves: int = 2) -> Floquet:
@@ -198,11 +198,11 @@ def of_symmetric(H: Floats, force: Floats, translates: Floats, *, halves: int = 
     """
     size = len(force)
     monodromy = Map(H[:size, :size], translates, force[None], half=True, conservative=True)
-    c = np.linalg.eigvals(monodromy.reduced).astype(complex)
+    c = np.linalg.eigvals(monodromy.quotient_map).astype(complex)
     root = np.sqrt(c * c - 1)
     sigma = np.concatenate((c + root, 1 / (c + root)))
-    return Floquet(2 + 2 * len(translates), _ordered(sigma**halves), monodromy)
+    return Floquet(2 + 2 * len(translates), _sorted_multipliers(sigma**halves), monodromy)
 
 
-def _ordered(values: Complexes) -> Complexes:
+def _sorted_multipliers(values: Complexes) -> Complexes:
     return np.asarray(values[np.lexsort((-values.imag, -np.round(np.abs(values), 9)))])

@@ -98,7 +98,7 @@ class Flow(Displayed):
 
     def __getstate__(self) -> dict[str, Any]:
         """Without what has been derived: functions that are written cannot be pickled."""
-        return {each.name: getattr(self, each.name) for each in fields(self)}
+        return {attribute.name: getattr(self, attribute.name) for attribute in fields(self)}
 
     @cached_property
     def scale(self) -> Floats:
@@ -111,41 +111,48 @@ class Flow(Displayed):
         return np.concatenate((np.zeros(self.equations.layout.first), self.system.rest))
 
     @cached_property
-    def switched(self) -> Switched | None:
+    def switched_equations(self) -> Switched | None:
         """The equations with their switches."""
         rubs = bool(self.equations.form.contacts)
         return Switched(self.equations) if self.system.has_escapements or rubs else None
 
     def __call__(
-        self, y: Floats, V: Floats, whole: float, state: list[float] | None = None, start: float = 0.0
+        self, y: Floats, V: Floats, duration: float, state: list[float] | None = None, start: float = 0.0
     ) -> Arrival:
         """The end of a motion from y, with V carried along; `state` is that of its switches, if it goes on there."""
-        solver, switched = self._solver(y, whole, state, start), self.switched
-        kept, carried = [(0.0, y, solver.f)], list[FloatStep | Floats]()
+        solver, switched_equations = self._solver(y, duration, state, start), self.switched_equations
+        samples, parts = [(0.0, y, solver.f)], list[FloatStep | Floats]()
         while True:
-            if switched and switched.met_switch is not None:
-                carried.append(self._through(solver, switched))
-                kept.append((solver.t - start, solver.y, solver.f))
-            if solver.t >= solver.t_bound or (switched and switched.rests):
+            if switched_equations and switched_equations.met_switch is not None:
+                parts.append(self._through(solver, switched_equations))
+                samples.append((solver.t - start, solver.y, solver.f))
+            if solver.t >= solver.t_bound or (switched_equations and switched_equations.rests):
                 break
             steps, _, _ = solver.advance((), 1)
-            if not steps or len(kept) > MOST:
+            if not steps or len(samples) > MOST:
                 raise ComputationError("the motion takes too many steps to be followed over a period")
-            carried += steps
-            kept.append((solver.t - start, solver.y, solver.f))
-        times, states, rates = map(np.array, zip(*kept, strict=True))
-        ended = self._carried(V, carried) if V.shape[1] else V
-        return Arrival(states[-1], ended, switched.state if switched else [], Path(times, states, rates))
+            parts += steps
+            samples.append((solver.t - start, solver.y, solver.f))
+        times, states, rates = map(np.array, zip(*samples, strict=True))
+        end_V = self._carry(V, parts) if V.shape[1] else V
+        return Arrival(
+            states[-1], end_V, switched_equations.state if switched_equations else [], Path(times, states, rates)
+        )
 
-    def _through(self, solver: FloatDOP853, switched: Switched) -> Floats:
+    def _through(self, solver: FloatDOP853, switched_equations: Switched) -> Floats:
         """What the switch that was met does to V, by whose state and numbers it goes on."""
         switches, S, j, u = (
-            switched.switches,
+            switched_equations.switches,
             np.eye(len(solver.y)).tolist(),
-            switched.met_switch or 0,
-            self._timed(solver.t),
+            switched_equations.met_switch or 0,
+            self._timed_inputs(solver.t),
         )
-        y, f, before, seen = solver.y, solver.f.tolist(), [*u, *switched.contact_inputs], len(switches.events)
+        y, f, held_inputs, count_before = (
+            solver.y,
+            solver.f.tolist(),
+            [*u, *switched_equations.contact_inputs],
+            len(switches.events),
+        )
         solver.switch(S)
         if self.change is None:
             return np.array(S).T
@@ -153,67 +160,70 @@ class Flow(Displayed):
         if j < 2 * switches.places.K:
             parts = zip((self.equations.numbers, switches.numbers), self.change, strict=True)
             form, kicks = ([np.array([a + 1j * TINY * b]) for a, b in zip(*pair, strict=True)] for pair in parts)
-            impulses = impulses_since(switches, seen)
-            moved = imaginary_after_kick(
-                switches, (form, kicks), j, y[:, None] + 0j, f, impulses, before, switched.state, u
+            impulses = impulses_since(switches, count_before)
+            jump_slope = kicked(
+                switches, (form, kicks), j, y[:, None] + 0j, f, impulses, held_inputs, switched_equations.state, u
             )
-            saltation[:-1, -1] = moved[:, 0] / TINY
+            saltation[:-1, -1] = jump_slope[:, 0] / TINY
         return saltation
 
-    def _timed(self, time: float) -> list[float]:
+    def _timed_inputs(self, time: float) -> list[float]:
         """The inputs before those of contacts."""
         return [*self.equations.inputs_at(time, ())] if self.equations.inputs_at else []
 
-    def _solver(self, y: Floats, whole: float, state: list[float] | None, start: float) -> FloatDOP853:
+    def _solver(self, y: Floats, duration: float, state: list[float] | None, start: float) -> FloatDOP853:
         """What takes steps from y."""
-        equations = self.switched or self.equations
-        if self.switched:
-            self.switched.switches.events.clear()
+        equations = self.switched_equations or self.equations
+        if self.switched_equations:
+            self.switched_equations.switches.events.clear()
             if state:
-                self.switched.resume([*state])
+                self.switched_equations.resume([*state])
             else:
-                self.switched.release(start, y)
-        options: Any = {"first_step": whole * FIRST, "rtol": self.tolerance, "atol": self.tolerance * self.scale}
-        rates = (equations.rate, equations.inputs_at, equations.is_time_only, equations.derivative)
+                self.switched_equations.release(start, y)
+        options: Any = {"first_step": duration * FIRST, "rtol": self.tolerance, "atol": self.tolerance * self.scale}
+        rates = (equations.rate, equations.listed, equations.is_clocked, equations.derivative)
         try:
-            solver = FloatDOP853(*rates, start, y, start + whole, **options)
+            solver = FloatDOP853(*rates, start, y, start + duration, **options)
         except UNDEFINED:
             raise ComputationError(SINGULAR) from None
-        solver.switching = self.switched
+        solver.switched = self.switched_equations
         if not np.all(np.isfinite(solver.f)):
             raise ComputationError(SINGULAR)
         return solver
 
-    def _attempt(self, time: float, y: Numbers, rate: Numbers, length: float, held: Numbers) -> Any:
+    def _attempt(self, time: float, y: Numbers, rate: Numbers, length: float, contact_inputs: Numbers) -> Any:
         """The end of one step and its stages."""
-        listed, attempted = self._listed_with(held), attempt_of(self.equations.size, ", inputs(t + {} * h, z)")
+        inputs_at, attempt = (
+            self._listed_with(contact_inputs),
+            attempt_of(self.equations.size, ", inputs(t + {} * h, z)"),
+        )
         smallest = (self.tolerance * self.scale).tolist()
-        return attempted(self._rate, length, y, rate, self.tolerance, smallest, time, listed)[2:4]
+        return attempt(self._rate, length, y, rate, self.tolerance, smallest, time, inputs_at)[2:4]
 
     @cached_property
     def _rate(self) -> Rate:
         """The y' from y and all inputs, whatever sticks."""
-        if self.switched and self.equations.form.contacts:
-            return partial(self.switched.switches.function("sticking"), v=())
+        if self.switched_equations and self.equations.form.contacts:
+            return partial(self.switched_equations.switches.function("sticking"), v=())
         return self.equations.rate
 
-    def _listed_with(self, held: Numbers) -> InputFunction:
+    def _listed_with(self, contact_inputs: Numbers) -> Listed:
         """All inputs at a time (s) of a step with those of contacts."""
-        listed = self.equations.inputs_at
-        return lambda time, y: [*(listed(time, y) if listed else ()), *held]
+        timed_inputs = self.equations.listed
+        return lambda time, y: [*(timed_inputs(time, y) if timed_inputs else ()), *contact_inputs]
 
-    def _carried(self, V: Floats, parts: Sequence[FloatStep | Floats]) -> Floats:
+    def _carry(self, V: Floats, parts: Sequence[FloatStep | Floats]) -> Floats:
         """V at the end of these steps and of the saltation matrices between them."""
         steps, size = [part for part in parts if isinstance(part, FloatStep)], len(V)
-        few = max(1, AT_ONCE // (STAGES * size**2))
-        maps = (each for k in range(0, len(steps), few) for each in self._mapped(steps[k : k + few]))
+        chunk = max(1, AT_ONCE // (STAGES * size**2))
+        maps = (step_map for k in range(0, len(steps), chunk) for step_map in self._step_maps(steps[k : k + chunk]))
         if self.change is not None:
             V = scipy.linalg.block_diag(V, 1.0)
         for part in parts:
             V = (next(maps) if isinstance(part, FloatStep) else part) @ V
         return V[:size]
 
-    def _mapped(self, steps: Sequence[FloatStep], depth: int = 0) -> Floats:
+    def _step_maps(self, steps: Sequence[FloatStep], depth: int = 0) -> Floats:
         """What each of these steps does to V, (N, d, d).
 
         Where y hardly moves, as at an unstable equilibrium, its error says nothing of V: a step that errs in V is
@@ -226,22 +236,22 @@ class Flow(Displayed):
             if error <= LOOSE:
                 continue
             parts = ceil(min(error / LOOSE, 1e8) ** -POWER / SAFETY) + 1
-            whole = np.eye(maps.shape[-1])
-            for piece in self._mapped(self._divided(steps[k], parts), depth + 1):
-                whole = piece @ whole
-            maps[k] = whole
+            product = np.eye(maps.shape[-1])
+            for piece in self._step_maps(self._divide(steps[k], parts), depth + 1):
+                product = piece @ product
+            maps[k] = product
         return maps
 
-    def _divided(self, step: FloatStep, parts: int) -> list[FloatStep]:
+    def _divide(self, step: FloatStep, parts: int) -> list[FloatStep]:
         """The same step in equal parts."""
         pieces, y, length = list[FloatStep](), step.before, (step.end - step.start) / parts
         if step.start + length == step.start:
             raise ComputationError(UNFOLLOWED)
-        listed = self._listed_with(step.contact_inputs)
+        inputs_at = self._listed_with(step.held)
         for k in range(parts):
             time = step.start + k * length
-            end, stages = self._attempt(time, y, self._rate(y, listed(time, y)), length, step.contact_inputs)
-            pieces.append(FloatStep(time, time + length, y, end, stages, step.contact_inputs))
+            end, stages = self._attempt(time, y, self._rate(y, inputs_at(time, y)), length, step.held)
+            pieces.append(FloatStep(time, time + length, y, end, stages, step.held))
             y = end
         return pieces
 
@@ -251,45 +261,47 @@ class Flow(Displayed):
         With y of every stage known, J of all of them is computed at once.
         """
         times, lengths = np.array([(step.start, step.end - step.start) for step in steps]).T
-        begun, stages = np.array([step.before for step in steps]).T, np.array([step.stages for step in steps])
-        many, size = len(steps), len(begun)
+        starts, stages = np.array([step.before for step in steps]).T, np.array([step.stages for step in steps])
+        n_steps, size = len(steps), len(starts)
         inner = lengths[:, None] * np.tensordot(SHARES[:STAGES], stages[:, :STAGES], (1, 1)).transpose(2, 1, 0)
-        y, u = (begun[..., None] + inner).reshape(size, -1), np.empty((0, many * STAGES))
-        if self.equations.form.contacts or self.equations.inputs_at:
+        y, u = (starts[..., None] + inner).reshape(size, -1), np.empty((0, n_steps * STAGES))
+        if self.equations.form.contacts or self.equations.listed:
             at = times[:, None] + lengths[:, None] * np.array(NODES[:STAGES])
-            inputs = [self._listed_with(step.contact_inputs) for step in steps]
-            u = np.array([listed(time, ()) for listed, row in zip(inputs, at.tolist(), strict=True) for time in row]).T
-        J = self.equations.linearize(y, u)[1]
+            inputs = [self._listed_with(step.held) for step in steps]
+            u = np.array(
+                [inputs_at(time, ()) for inputs_at, row in zip(inputs, at.tolist(), strict=True) for time in row]
+            ).T
+        J = self.equations.linearized(y, u)[1]
         if self.change is not None:
             size += 1
             J = np.pad(J, ((0, 0), (0, 1), (0, 1)))
-            J[:, :-1, -1] = self.equations.moved_by(self.change.numbers, y, u, self._moved(u)).T
-        J = J.reshape(many, STAGES, size, size) * lengths[:, None, None, None]
-        K, unit = np.empty((STAGES, many, size, size)), np.eye(size)
+            J[:, :-1, -1] = self.equations.moved_by(self.change.numbers, y, u, self._input_slopes(u)).T
+        J = J.reshape(n_steps, STAGES, size, size) * lengths[:, None, None, None]
+        K, unit = np.empty((STAGES, n_steps, size, size)), np.eye(size)
         flat = K.reshape(STAGES, -1)
         for stage in range(STAGES):
-            K[stage] = J[:, stage] @ (unit + (SHARES[stage, :stage] @ flat[:stage]).reshape(many, size, size))
-        ends = unit + (SHARES[STAGES] @ flat).reshape(many, size, size)
+            K[stage] = J[:, stage] @ (unit + (SHARES[stage, :stage] @ flat[:stage]).reshape(n_steps, size, size))
+        ends = unit + (SHARES[STAGES] @ flat).reshape(n_steps, size, size)
         ways = lengths * (np.abs(stages).max(1) / self.scale).max(1)
-        still = np.flatnonzero(ways < STILL)
-        return np.asarray(ends), dict(zip(still.tolist(), self._missed(K[:, still]).tolist(), strict=True))
+        still_steps = np.flatnonzero(ways < STILL)
+        return np.asarray(ends), dict(zip(still_steps.tolist(), self._errors(K[:, still_steps]).tolist(), strict=True))
 
-    def _moved(self, u: Floats) -> Floats:
+    def _input_slopes(self, u: Floats) -> Floats:
         """The change of the inputs u (K, S) with the numbers: those of contacts are their limits, but for a sign."""
-        moved, contacts = np.zeros_like(u), len(self.equations.form.contacts)
-        if contacts and self.change is not None and self.switched:
-            switches = self.switched.switches
+        slopes, contacts = np.zeros_like(u), len(self.equations.form.contacts)
+        if contacts and self.change is not None and self.switched_equations:
+            switches = self.switched_equations.switches
             at = switches.places
             limits = slice(3 * at.K, 3 * at.K + contacts)
             part = self.change.switching[limits] / np.array(switches.numbers[limits])
-            moved[-2 * contacts : -contacts] = u[-2 * contacts : -contacts] * part[:, None]
-        return moved
+            slopes[-2 * contacts : -contacts] = u[-2 * contacts : -contacts] * part[:, None]
+        return slopes
 
-    def _missed(self, K: Floats) -> Floats:
+    def _errors(self, K: Floats) -> Floats:
         """The errors (N,) over the tolerance, in natural units, of steps with these changes at the stages."""
         size = len(self.scale)
         K = K[..., :size, :size]
-        stages, many = K.shape[:2]
-        errors = (ERRORS @ K.reshape(stages, -1)).reshape(2, many, size, size) * (self.scale / self.scale[:, None])
+        stages, n_steps = K.shape[:2]
+        errors = (ERRORS @ K.reshape(stages, -1)).reshape(2, n_steps, size, size) * (self.scale / self.scale[:, None])
         fifth, third = (errors**2).sum((2, 3)) / (size * self.tolerance**2)
-        return control_steps(fifth, third, np.ones(many), size, False)[0]
+        return steered(fifth, third, np.ones(n_steps), size, False)[0]

@@ -22,7 +22,7 @@ from modal.scene.doors import checked, formerly
 from modal.scene.parameters import Variation, validate_variations, variation_of, vary
 from modal.types import Floats
 from nonlinear.orbits.branch import Branch, Report
-from nonlinear.orbits.continuation import apart
+from nonlinear.orbits.continuation import relative_distance
 from nonlinear.orbits.cycles import CLOSED, TOLERANCE, Beginning, BranchWalk, solution
 from nonlinear.orbits.flow import Flow
 from nonlinear.orbits.orbit import Orbit
@@ -41,19 +41,19 @@ LONGEST, MOST = 0.1, 4000  # step in natural units and parts of the range; orbit
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LinearResponse(Displayed):
-    """The steady motion of the linear model at N even times of a `period` (s): `y` (N, d) and angles `turned` (N, L).
+    """The steady motion of the linear model at N even times of a `period` (s): `y` (N, d), `deflections` (N, L).
 
     These are the angles (rad) of the links from where they hang or stand without drives.
     """
 
     period: float
     y: Floats = field(repr=False)
-    turned: Floats = field(repr=False)
+    deflections: Floats = field(repr=False)
 
     @property
     def amplitude(self) -> float:
         """The largest angle (rad) of any link."""
-        return float(np.abs(self.turned).max())
+        return float(np.abs(self.deflections).max())
 
     def _summary(self) -> Summary:
         facts = [("period", f"{self.period:.6g} s"), ("largest angle", f"{np.degrees(self.amplitude):.5g}°")]
@@ -76,23 +76,23 @@ def linear_response(scene: Scene) -> LinearResponse:
     """
     require(scene, "a forced periodic orbit")
     drives, flow = drive_period(scene), Flow(system_of(scene))
-    equations, size, many = flow.equations, len(flow.scale), SAMPLES * max(drives.cycles)
-    u = equations.inputs_beside(np.arange(many) * (drives.seconds / many), np.zeros((size, many)))
+    equations, size, n_samples = flow.equations, len(flow.scale), SAMPLES * max(drives.cycles)
+    u = equations.inputs_beside(np.arange(n_samples) * (drives.seconds / n_samples), np.zeros((size, n_samples)))
     y = np.concatenate((flow.rest, np.zeros(size // 2)))
     for _ in range(ROUNDS):
-        b, J = equations.linearize(np.repeat(y[:, None], many, axis=1), np.array(u))
+        b, J = equations.linearize(np.repeat(y[:, None], n_samples, axis=1), np.array(u))
         A, acting = J.mean(axis=0), np.fft.rfft(b, axis=1).T
-        shift = np.linalg.lstsq(-A, acting[0].real / many, rcond=None)[0]
+        shift = np.linalg.lstsq(-A, acting[0].real / n_samples, rcond=None)[0]
         if not np.all(np.isfinite(shift)):
             break
         y = y + shift
         if np.abs(shift / flow.scale).max() < STILL:
             break
-    response, rates = np.zeros_like(acting), 2j * np.pi * np.fft.rfftfreq(many, drives.seconds / many)
+    response, rates = np.zeros_like(acting), 2j * np.pi * np.fft.rfftfreq(n_samples, drives.seconds / n_samples)
     for k in np.flatnonzero(np.abs(acting).max(axis=1) > STILL * np.abs(acting).max()):
         if k:
             response[k] = np.linalg.lstsq(rates[k] * np.eye(size) - A, acting[k], rcond=None)[0]
-    motion = y + np.fft.irfft(response.T, many).T
+    motion = y + np.fft.irfft(response.T, n_samples).T
     if not np.all(np.isfinite(motion)):
         raise ComputationError("the linear model has no steady response here")
     links = slice(equations.layout.first, equations.layout.half)
@@ -120,7 +120,7 @@ def forced_orbit(scene: Scene, *, start: State | None = None, periods: int = 1, 
 
 @formerly(variation="vary", cycles="periods")
 @checked
-def follow_forced(
+def follow_forced_orbits(
     scene: Scene,
     vary: str | Variation,
     *,
@@ -128,7 +128,7 @@ def follow_forced(
     periods: int = 1,
     tolerance: float = TOLERANCE,
     longest: float = LONGEST,
-    most: int = MOST,
+    max_orbits: int = MOST,
     report: Report = silent,
 ) -> tuple[Branch, ...]:
     """The periodic motions of a scene under its drives along a number, followed through their folds, within its range.
@@ -140,28 +140,28 @@ def follow_forced(
     end.
     """
     variation = variation_of(vary)
-    require_forced(scene, variation)
-    branches, failed = list[Branch](), dict[float, ComputationError]()
+    require_forced_orbits(scene, variation)
+    branches, failures = list[Branch](), dict[float, ComputationError]()
     ends = (variation.values[0], variation.values[-1])
-    walk = BranchWalk(longest, most, apart)
+    walk = BranchWalk(longest, max_orbits, relative_distance)
     for value in ends[: 1 if start else 2]:
         try:
-            begun = _beginning(scene, variation, value, start, periods, tolerance)
+            beginning = _beginning(scene, variation, value, start, periods, tolerance)
         except ComputationError as error:
-            failed[value] = error
+            failures[value] = error
             continue
-        if begun.is_new(branches):
-            branches.append(walk(begun))
+        if beginning.is_new(branches):
+            branches.append(walk(beginning))
             report(len(branches))
     if not branches:
-        places = " and ".join(f"{value:g}" for value in failed)
-        raise ComputationError(f"{variation.path} = {places}: {failed[variation.values[0]]}")
+        places = " and ".join(f"{value:g}" for value in failures)
+        raise ComputationError(f"{variation.path} = {places}: {failures[variation.values[0]]}")
     return tuple(branches)
 
 
 @checked
-def require_forced(scene: Scene, variation: Variation) -> None:
-    """Raise, without computing anything, what `follow_forced` raises for this scene and variation."""
+def require_forced_orbits(scene: Scene, variation: Variation) -> None:
+    """Raise, without computing anything, what `follow_forced_orbits` raises for this scene and variation."""
     validate_variations(scene, [variation])
     if len(variation.values) < 2 or variation.path.endswith("count"):
         raise SceneError([f"{variation.path}: orbits need two or more values of a continuous parameter"])
@@ -172,24 +172,24 @@ def _beginning(
     scene: Scene, variation: Variation | None, value: float | None, start: State | None, cycles: int, tolerance: float
 ) -> Beginning:
     """An orbit at a value of the number; ComputationError where none is found."""
-    here = scene if variation is None or value is None else vary(scene, {variation.path: value})
+    varied_scene = scene if variation is None or value is None else vary(scene, {variation.path: value})
     problem = shooting(scene, tolerance=tolerance, variation=variation, cycles=cycles, segments=cycles)
     flow = problem.flow_at(value)
     if start:
-        return _beside(problem, flow.equations.begin(start), value, "start")
-    y = linear_response(here).y[0]
+        return _beginning_near(problem, flow.equations.begin(start), value, "start")
+    y = linear_response(varied_scene).y[0]
     period = problem.clock.period(value) if problem.clock else np.inf
     for settling in (0, *SETTLING):
         try:
             for _k in range(settling):
                 y = flow(y, np.zeros((len(y), 0)), period).y
-            return _beside(problem, y, value, "a settled motion" if settling else "the linear response")
+            return _beginning_near(problem, y, value, "a settled motion" if settling else "the linear response")
         except ComputationError:
             continue
     raise ComputationError(NOWHERE)
 
 
-def _beside(problem: Shooting, y: Floats, value: float | None, words: str) -> Beginning:
+def _beginning_near(problem: Shooting, y: Floats, value: float | None, words: str) -> Beginning:
     """The orbit beside the motion from y, whose links gain the whole turns that they gain there."""
     flow = problem.flow_at(value)
     layout, period = flow.equations.layout, problem.clock.period(value) if problem.clock else np.inf
@@ -198,7 +198,7 @@ def _beside(problem: Shooting, y: Floats, value: float | None, words: str) -> Be
     y, turns = y.copy(), np.round((angles[-1] - angles[0]) / (2 * np.pi)).astype(int)
     middle = (angles.min(axis=0) + angles.max(axis=0)) / 2 - flow.rest[links]
     y[links] -= 2 * np.pi * np.round(middle / (2 * np.pi))
-    y = problem.placed(y)
+    y = problem.centred_state(y)
     problem = replace(problem, turns=tuple(turns.tolist()) if turns.any() else ())
     u = solution(problem, y, period, value)
     orbit = problem.orbit(u)

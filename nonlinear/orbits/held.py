@@ -20,9 +20,9 @@ from modal.scene import Scene
 from modal.scene.doors import checked, formerly
 from modal.scene.parameters import Variable, Variation, validate_variations, variation_of
 from modal.types import Floats
-from nonlinear.orbits.between import resolved
+from nonlinear.orbits.between import refined_points
 from nonlinear.orbits.branch import Branch, Report
-from nonlinear.orbits.continuation import OrbitPoint, at_edge, corrected, follow, located, tangent_of, with_values
+from nonlinear.orbits.continuation import OrbitPoint, at_edge, correct, follow, locate, tangent_of, with_values
 from nonlinear.orbits.modes import TOLERANCE, nonlinear_mode, oscillating
 from nonlinear.orbits.orbit import Orbit
 from nonlinear.orbits.special import Special, collisions, passing
@@ -47,12 +47,14 @@ class Held:
 
     def equations(self, u: Floats) -> tuple[Floats, Floats]:
         """The coordinates a quarter of a period later and the excess of the largest angle, and their derivatives."""
-        here, beside = self.quarter_at(self.value(u[-1])), self.quarter_at(self.value(u[-1] + NUDGE))
-        r, J = here.equations(u[:-1])
-        moved, _ = beside.equations(u[:-1])
-        angle, slope = _largest(here, u[:-1])
-        other, _ = _largest(beside, u[:-1])
-        rows = np.vstack((np.column_stack((J, (moved - r) / NUDGE)), np.append(slope, (other - angle) / NUDGE)))
+        quarter, neighbour = self.quarter_at(self.value(u[-1])), self.quarter_at(self.value(u[-1] + NUDGE))
+        r, J = quarter.equations(u[:-1])
+        neighbour_r, _ = neighbour.equations(u[:-1])
+        angle, slope = _largest(quarter, u[:-1])
+        neighbour_angle, _ = _largest(neighbour, u[:-1])
+        rows = np.vstack(
+            (np.column_stack((J, (neighbour_r - r) / NUDGE)), np.append(slope, (neighbour_angle - angle) / NUDGE))
+        )
         return np.append(r, angle - self.amplitude), rows
 
     def orbit(self, u: Floats) -> Orbit:
@@ -75,10 +77,10 @@ def _largest(problem: Quarter, u: Floats) -> tuple[float, Floats]:
     if time <= 0:
         end_y, V = y, np.eye(2 * n)[:, :n] * scale[:n]
     else:
-        passed = problem.flow(y, np.eye(2 * n)[:, :n] * scale[:n], time)
-        end_y, V = passed.y, passed.V
-    turned = float(end_y[column] - problem.flow.rest[column])
-    return abs(turned), np.append(np.sign(turned) * V[column], 0.0)
+        arrival = problem.flow(y, np.eye(2 * n)[:, :n] * scale[:n], time)
+        end_y, V = arrival.y, arrival.V
+    turn = float(end_y[column] - problem.flow.rest[column])
+    return abs(turn), np.append(np.sign(turn) * V[column], 0.0)
 
 
 @formerly(number="mode", variation="vary", amplitude="largest_angle")
@@ -99,35 +101,35 @@ def mode_along(
     """
     variation = variation_of(vary)
     validate_variations(scene, [variation])
-    varied = Variable(scene, [variation.path])
+    variable = Variable(scene, [variation.path])
 
     @lru_cache(maxsize=8)
     def quarter_at(value: float) -> Quarter:
-        return quarter_of(varied.at({variation.path: value}).conservative, tolerance)
+        return quarter_of(variable.at({variation.path: value}).conservative, tolerance)
 
     problem = Held(quarter_at, variation, largest_angle)
-    begun = varied.at({variation.path: variation.values[0]})
-    begin = nonlinear_mode(begun, mode, largest_angle, longest=0.2, locate=False)
+    first_scene = variable.at({variation.path: variation.values[0]})
+    begin = nonlinear_mode(first_scene, mode, largest_angle, longest=0.2, locate=False)
     if not begin.complete:
         raise ComputationError(f"the orbits of mode {mode} do not reach {degrees(largest_angle):.4g} deg")
     u = np.append(begin.points[-1].u, 0.0)
     up = np.append(np.zeros(len(u) - 1), 1.0)
-    if (solution := corrected(problem, u, up)) is None:
+    if (solution := correct(problem, u, up)) is None:
         raise ComputationError("no periodic orbit was found at the first value")
     first = OrbitPoint(solution[0], tangent_of(solution[1], up), problem.orbit(solution[0]))
     points: list[OrbitPoint] = []
     complete = False
-    for here in follow(problem, first, step=LONGEST / 4, longest=LONGEST):
-        points.append(here)
+    for current in follow(problem, first, step=LONGEST / 4, longest=LONGEST):
+        points.append(current)
         report(len(points))
-        if len(points) > 1 and not 0 < here.u[-1] < 1:
-            points[-1] = at_edge(problem, points[-2], here)
+        if len(points) > 1 and not 0 < current.u[-1] < 1:
+            points[-1] = at_edge(problem, points[-2], current)
             complete = True
             break
         if len(points) >= MOST:
             break
-    modes, row = oscillating(begun, mode)
-    points = resolved(problem, points)
+    modes, row = oscillating(first_scene, mode)
+    points = refined_points(problem, points)
     special = tuple(_specials(problem, points))
     points = with_values(problem, points, variation)
     return Branch(
@@ -138,32 +140,32 @@ def mode_along(
 def _specials(problem: Held, points: Sequence[OrbitPoint]) -> Iterator[Special]:
     """Folds of the number; and of the orbits of one scene, folds of their energy, branch points and collisions."""
 
-    def turning(here: OrbitPoint) -> float:
-        return float(here.tangent[-1])
+    def turning(point: OrbitPoint) -> float:
+        return float(point.tangent[-1])
 
-    for after, (start, end) in enumerate(pairwise(points)):
+    for index, (start, end) in enumerate(pairwise(points)):
         if turning(start) * turning(end) < 0:
-            special = located(problem, start, end, turning)
-            yield Special("fold", special.orbit, after, special, problem.variation.path)
-        mirrored = problem.quarter_at(problem.value(start.u[-1])).parts == 4
+            special = locate(problem, start, end, turning)
+            yield Special("fold", special.orbit, index, special, problem.variation.path)
+        is_mirrored = problem.quarter_at(problem.value(start.u[-1])).parts == 4
         for sign in (1, -1):
             if test := passing(start, end, sign):
-                special = located(problem, start, end, test)
-                turned = sign == (-1 if mirrored else 1) and _energy_turns(problem, start, end)
-                kind, of = ("fold", "energy") if turned else ("branch point", "")
-                if not mirrored and sign < 0:
+                special = locate(problem, start, end, test)
+                is_energy_fold = sign == (-1 if is_mirrored else 1) and _energy_turns(problem, start, end)
+                kind, of = ("fold", "energy") if is_energy_fold else ("branch point", "")
+                if not is_mirrored and sign < 0:
                     kind = "period doubling"
-                yield Special(kind, special.orbit, after, special, of, breaks=mirrored and sign > 0)
-        for met in collisions(problem, start, end):
-            yield Special("collision", met.orbit, after, met)
+                yield Special(kind, special.orbit, index, special, of, breaks=is_mirrored and sign > 0)
+        for collision in collisions(problem, start, end):
+            yield Special("collision", collision.orbit, index, collision)
 
 
 def _energy_turns(problem: Held, start: OrbitPoint, end: OrbitPoint) -> bool:
     """Whether the energy along the orbits of one scene grows at one point and falls at the other."""
-    before = np.zeros(len(start.u) - 1)
+    tangent = np.zeros(len(start.u) - 1)
     slopes = []
-    for here in (start, end):
-        quarter = problem.quarter_at(problem.value(here.u[-1]))
-        before = tangent_of(quarter.equations(here.u[:-1])[1], before)
-        slopes.append(quarter.energy_slope(here.u[:-1], before))
+    for point in (start, end):
+        quarter = problem.quarter_at(problem.value(point.u[-1]))
+        tangent = tangent_of(quarter.equations(point.u[:-1])[1], tangent)
+        slopes.append(quarter.energy_slope(point.u[:-1], tangent))
     return slopes[0] * slopes[1] < 0

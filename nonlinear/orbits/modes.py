@@ -13,9 +13,9 @@ from modal.modes import Modes, natural_modes, table_numbers
 from modal.report import silent
 from modal.scene import Scene, require
 from modal.scene.doors import checked, checked_number, formerly
-from nonlinear.orbits.between import resolved
+from nonlinear.orbits.between import refined_points
 from nonlinear.orbits.branch import Branch, Report
-from nonlinear.orbits.continuation import OrbitPoint, follow, located, point
+from nonlinear.orbits.continuation import OrbitPoint, follow, locate, point
 from nonlinear.orbits.orbit import Orbit
 from nonlinear.orbits.shooting import COARSEST, FINEST
 from nonlinear.orbits.special import along_backbone
@@ -41,7 +41,7 @@ def nonlinear_mode(
     first: float = SMALL,
     longest: float = STEP,
     tolerance: float = TOLERANCE,
-    most: int | None = None,
+    max_orbits: int | None = None,
     locate: bool = True,
     report: Report = silent,
 ) -> Branch:
@@ -49,7 +49,7 @@ def nonlinear_mode(
 
     With an `energy` (J, above that of the equilibrium) the last one has this energy instead, if that comes first.
     Dampers and drives are left out.  To `locate` special points, orbits are added where stability changes twice between
-    two others.  The branch ends before that where it ends by itself or after `most` (MOST) orbits,
+    two others.  The branch ends before that where it ends by itself or after `max_orbits` (MOST) orbits,
     and is then not `complete`.  Raises SceneError for a mode that the scene does not have or that is no oscillation
     along the rail, ComputationError where no orbit is found beside the linear mode.
     """
@@ -63,14 +63,14 @@ def nonlinear_mode(
     first = min(first, largest_angle / 2)
     steps = follow(problem, beginning(problem, modes, row, first), step=first, longest=longest)
     points, complete = _until(
-        problem, steps, lambda here: _beyond(here.orbit, largest_angle, energy), most or MOST, report
+        problem, steps, lambda current: _excess(current.orbit, largest_angle, energy), max_orbits or MOST, report
     )
-    points = resolved(problem, points) if locate else points
+    points = refined_points(problem, points) if locate else points
     special = tuple(along_backbone(problem, points)) if locate else ()
     return Branch(f"mode {mode}", tuple(points), special, problem, complete=complete, linear=float(modes.omega[row]))
 
 
-def _beyond(orbit: Orbit, to: float, energy: float | None) -> float:
+def _excess(orbit: Orbit, to: float, energy: float | None) -> float:
     """How far an orbit is beyond the largest angle or the energy asked for, whichever is nearer."""
     over = orbit.amplitude - to
     return over if energy is None else max(over, orbit.energy / energy - 1)
@@ -79,20 +79,20 @@ def _beyond(orbit: Orbit, to: float, energy: float | None) -> float:
 def _until(
     problem: Quarter,
     steps: Iterable[OrbitPoint],
-    reached: Callable[[OrbitPoint], float],
-    most: int,
+    excess: Callable[[OrbitPoint], float],
+    max_orbits: int,
     report: Report = silent,
 ) -> tuple[list[OrbitPoint], bool]:
     """The points up to the one where a test function reaches 0, and whether it does."""
     points: list[OrbitPoint] = []
-    for here in steps:
-        points.append(here)
-        report(degrees(here.orbit.amplitude))
-        if reached(here) >= 0:
+    for current in steps:
+        points.append(current)
+        report(degrees(current.orbit.amplitude))
+        if excess(current) >= 0:
             if len(points) > 1:
-                points[-1] = located(problem, points[-2], here, reached)
+                points[-1] = locate(problem, points[-2], current, excess)
             return points, True
-        if len(points) >= most:
+        if len(points) >= max_orbits:
             break
     return points, False
 
@@ -118,22 +118,22 @@ def orbit_where_off(scene: Scene, number: int, share: float = 0.01) -> Orbit | N
     modes, row = oscillating(scene, number)
     problem, linear = quarter_of(modes.scene, TOLERANCE), float(modes.omega[row])
 
-    def off(here: OrbitPoint) -> float:
-        return abs(here.orbit.omega / linear - 1) - share
+    def off(current: OrbitPoint) -> float:
+        return abs(current.orbit.omega / linear - 1) - share
 
     steps = follow(problem, beginning(problem, modes, row, SMALL), step=SMALL, longest=COARSE)
-    inside = takewhile(lambda here: here.orbit.amplitude < FARTHEST, steps)
-    points, reached = _until(problem, inside, off, MOST)
-    return points[-1].orbit if reached else None
+    inside = takewhile(lambda current: current.orbit.amplitude < FARTHEST, steps)
+    points, has_reached = _until(problem, inside, off, MOST)
+    return points[-1].orbit if has_reached else None
 
 
 def at_amplitude(branch: Branch, amplitude: float) -> Orbit | None:
     """The first orbit of a branch with this largest angle (rad), None where it has none."""
-    beyond = np.flatnonzero(branch.amplitude >= amplitude)
-    if not beyond.size or beyond[0] == 0:
+    larger = np.flatnonzero(branch.amplitude >= amplitude)
+    if not larger.size or larger[0] == 0:
         return None
-    before, after = branch.points[beyond[0] - 1], branch.points[beyond[0]]
-    return located(branch.problem, before, after, lambda here: here.orbit.amplitude - amplitude).orbit
+    last_below, first_above = branch.points[larger[0] - 1], branch.points[larger[0]]
+    return locate(branch.problem, last_below, first_above, lambda current: current.orbit.amplitude - amplitude).orbit
 
 
 @checked
@@ -143,20 +143,20 @@ def oscillating(scene: Scene, number: int) -> tuple[Modes, int]:
     SceneError where it is no oscillation along the rail.
     """
     require(scene, "a periodic orbit of a mode")
-    modes, still = natural_modes(scene), natural_modes(scene.conservative)
+    modes, conservative_modes = natural_modes(scene), natural_modes(scene.conservative)
     if not 1 <= number <= len(modes):
         raise SceneError([f"mode {number}: the scene has modes 1 to {len(modes)}"])
-    rows = np.flatnonzero(table_numbers(scene, still) == number)
+    rows = np.flatnonzero(table_numbers(scene, conservative_modes) == number)
     if not rows.size:
         raise SceneError([f"mode {number}: is a mode of the dampers alone, which does not oscillate"])
     row = int(rows[0])
-    if np.any(still.eigenvalue.real > 0):
+    if np.any(conservative_modes.eigenvalue.real > 0):
         raise SceneError([f"mode {number}: the equilibrium is unstable"])
-    if still.omega[row] == 0:
+    if conservative_modes.omega[row] == 0:
         raise SceneError([f"mode {number}: a rigid translation does not oscillate"])
-    if _is_carriers_alone(still, row):
+    if _is_carriers_alone(conservative_modes, row):
         raise SceneError([f"mode {number}: moves no link, and orbits are labelled by the largest angle of one"])
-    return still, row
+    return conservative_modes, row
 
 
 def _is_carriers_alone(modes: Modes, row: int) -> bool:
@@ -171,8 +171,8 @@ def beginning(problem: Quarter, modes: Modes, row: int, amplitude: float) -> Orb
     phi = np.real(modes.column(shape)) / problem.flow.scale[: problem.half]
     phi = phi / np.abs(np.real(shape.angles)).max()
     quarter = 2 * np.pi / problem.parts / modes.omega[row] * problem.clock
-    across = np.append(phi, 0.0) / np.linalg.norm(phi)
-    beside = point(problem, np.append(amplitude * phi, quarter), across)
-    if beside is None:
+    direction = np.append(phi, 0.0) / np.linalg.norm(phi)
+    start = point(problem, np.append(amplitude * phi, quarter), direction)
+    if start is None:
         raise ComputationError(f"no periodic orbit of {degrees(amplitude):.3g} deg was found beside the linear mode")
-    return beside
+    return start

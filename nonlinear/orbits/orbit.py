@@ -77,8 +77,8 @@ class Orbit(Displayed):
         times, states, rates = self.path
         at = slice(first, half)
         fast = slice(half + first, 2 * half)
-        turned = states[:, at] - self.flow.system.rest
-        return largest(times, turned, states[:, fast], rates[:, fast])
+        angles = states[:, at] - self.flow.system.rest
+        return largest(times, angles, states[:, fast], rates[:, fast])
 
     @cached_property
     def phases(self) -> Floats:
@@ -89,11 +89,11 @@ class Orbit(Displayed):
         NaN where it is less than FAINT of the largest angle, as in a motion of twice the drive's period.
         """
         drive = next(iter(sines_of(self.scene).values()))
-        times, q, _ = self._sampled
-        turned = q[:, self.flow.equations.layout.first :]
+        times, q, _ = self._samples
+        angles = q[:, self.flow.equations.layout.first :]
         if any(self.turns):
-            turned = turned - 2 * np.pi * np.outer(times / self.period, self.turns)
-        c = np.exp(-2j * np.pi * drive.frequency_hz * times) @ turned
+            angles = angles - 2 * np.pi * np.outer(times / self.period, self.turns)
+        c = np.exp(-2j * np.pi * drive.frequency_hz * times) @ angles
         heard = 2 * np.abs(c) / len(times) > np.maximum(FAINT * self.amplitudes, AT_REST)
         return np.where(heard, np.angle(1j * c * np.exp(-1j * np.radians(drive.phase_deg))), np.nan)
 
@@ -105,7 +105,7 @@ class Orbit(Displayed):
     @cached_property
     def fed(self) -> float:
         """The energy (J) that the drives of a forced motion feed in a period, which dampers and drag take."""
-        times, q, v = self._sampled
+        times, q, v = self._samples
         moving = self.flow.system.support
         support = (0.0, 0.0) if moving is None else tuple(moving.velocities(times, 2).T)
         return 0.0 - float(drained_power(self.flow.system, q.T, v.T, (support[0], support[1])).mean()) * self.period
@@ -113,17 +113,17 @@ class Orbit(Displayed):
     @cached_property
     def is_symmetric(self) -> bool:
         """Whether a forced motion is its own mirror image half a cycle of the drives later."""
-        angles = self._sampled[1][:, self.flow.equations.layout.first :] - self.flow.system.rest
+        angles = self._samples[1][:, self.flow.equations.layout.first :] - self.flow.system.rest
         later = np.roll(angles, SAMPLES // 2, axis=0)
         return not any(self.turns) and bool(np.abs(angles + later).max() < SYMMETRIC * np.abs(angles).max())
 
     @property
     def coordinates(self) -> Floats:
         """The coordinates q (N, n) at even times of a period, SAMPLES a cycle of the drives."""
-        return self._sampled[1]
+        return self._samples[1]
 
     @cached_property
-    def _sampled(self) -> tuple[Floats, Floats, Floats]:
+    def _samples(self) -> tuple[Floats, Floats, Floats]:
         """Times (N,) of a period, SAMPLES a cycle of the drives, with q and v there, (N, n)."""
         half = self.flow.equations.layout.half
         times = np.arange(SAMPLES * max(self.cycles, 1)) * (self.period / (SAMPLES * max(self.cycles, 1)))
@@ -151,7 +151,7 @@ class Orbit(Displayed):
         """The motion in vectors y (T, d)."""
         return self.flow.equations.layout.read(rows)
 
-    def sampled(self, times: Floats) -> Floats:
+    def states_at(self, times: Floats) -> Floats:
         """The vectors y (T, d) at ascending times (s), none of them negative."""
         rows, y, now = [], self.y, 0.0
         state: list[float] | None = None
@@ -173,9 +173,9 @@ def quintic(h: Floats, x0: Floats, x1: Floats, v0: Floats, v1: Floats, a0: Float
 def largest(times: Floats, x: Floats, v: Floats, a: Floats) -> Floats:
     """The largest |x| (L,) of curves through x with slopes v and curvatures a, (K, L), quintic between the times."""
     h = np.diff(times)[:, None]
-    kept = h[:, 0] > 0
-    h = h[kept]
-    powers = quintic(h, *(part[kept] for values in (x, v, a) for part in (values[:-1], values[1:])))
+    has_length = h[:, 0] > 0
+    h = h[has_length]
+    powers = quintic(h, *(part[has_length] for values in (x, v, a) for part in (values[:-1], values[1:])))
     looks = np.linspace(0, 1, LOOKS + 1)[:, None] ** np.arange(6)
     samples = np.abs(np.tensordot(looks, powers, 1))
     angles = samples.max(axis=(0, 1))

@@ -23,8 +23,8 @@ from modal.scene import Fixed, Pendulum, Scene, require
 from modal.scene.doors import require_type
 from modal.types import Complexes, Floats
 from nonlinear.averaging import AveragedPattern, Pattern, averaged_pattern
-from nonlinear.orbits.cycles import limit_cycles, near
-from nonlinear.orbits.floquet import deflated, whole
+from nonlinear.orbits.cycles import averaged_start, limit_cycles
+from nonlinear.orbits.floquet import deflate, of_monodromy
 from nonlinear.orbits.flow import Arrival, Flow
 from nonlinear.orbits.orbit import Orbit
 from nonlinear.orbits.shooting import shooting
@@ -57,8 +57,8 @@ class PatternOrbit(Displayed):
         """The map (2k, 2k) of every sector over a period, of the first without the shift of time."""
         states = [sector.states for sector in self.pattern.sectors]
         inside = states[0].T @ self.V @ states[0]
-        along = states[0].T @ (self.orbit.path.rates[0] / self.orbit.flow.scale)
-        return deflated(inside, [along], []), *(F.T @ self.V @ F for F in states[1:])
+        flow_direction = states[0].T @ (self.orbit.path.rates[0] / self.orbit.flow.scale)
+        return deflate(inside, [flow_direction], []), *(F.T @ self.V @ F for F in states[1:])
 
     @cached_property
     def multipliers(self) -> tuple[Complexes, ...]:
@@ -112,22 +112,22 @@ def pattern_orbit(
     E = pattern.sectors[0].states
     half = len(E) // 2
     turning = half + pattern.system.first + leader
-    c, T, before = E.T @ ((y - _rest(pattern)) / flow.scale), period, np.inf
+    c, T, last_size = E.T @ ((y - _rest(pattern)) / flow.scale), period, np.inf
     for _ in range(NEWTON):
-        here, arrived = _passed(pattern, flow, c, T)
-        missed = E.T @ ((arrived.y - here) / flow.scale)
-        slope = E.T @ arrived.V - np.eye(len(c))
-        by_time = E.T @ (arrived.path.rates[-1] / flow.scale)
+        start, arrival = _ends_of_motion(pattern, flow, c, T)
+        gap = E.T @ ((arrival.y - start) / flow.scale)
+        slope = E.T @ arrival.V - np.eye(len(c))
+        by_time = E.T @ (arrival.path.rates[-1] / flow.scale)
         J = np.block([[slope, by_time[:, None] / pattern.system.rate], [E[turning], np.zeros(1)]])
-        step = np.linalg.solve(J, -np.append(missed, E[turning] @ c))
+        step = np.linalg.solve(J, -np.append(gap, E[turning] @ c))
         size = float(np.abs(step).max())
         if not np.isfinite(size):
             break
         part = min(1.0, LEAP / size) if size else 1.0
         c, T = c + part * step[:-1], T + part * step[-1] / pattern.system.rate
-        if size < CLOSED or (size < ROUNDING and size > before / 2):
-            return _finished(pattern, flow, c, T)
-        before = size
+        if size < CLOSED or (size < ROUNDING and size > last_size / 2):
+            return _orbit_of(pattern, flow, c, T)
+        last_size = size
     raise ComputationError(f"no periodic orbit {pattern.name} was found")
 
 
@@ -136,36 +136,40 @@ def _rest(pattern: Pattern) -> Floats:
     return np.concatenate((np.zeros(system.first), system.rest, np.zeros(system.first + system.n_links)))
 
 
-def _passed(pattern: Pattern, flow: Flow, c: Floats, T: float, V: Floats | None = None) -> tuple[Floats, Arrival]:
+def _ends_of_motion(
+    pattern: Pattern, flow: Flow, c: Floats, T: float, V: Floats | None = None
+) -> tuple[Floats, Arrival]:
     """The start of a motion of the pattern, and its end with V in natural units, by default that of the pattern."""
     E = pattern.sectors[0].states
     y = _rest(pattern) + flow.scale * (E @ c)
-    arrived = flow(y, flow.scale[:, None] * (E if V is None else V), T)
-    return y, arrived._replace(V=arrived.V / flow.scale[:, None])
+    arrival = flow(y, flow.scale[:, None] * (E if V is None else V), T)
+    return y, arrival._replace(V=arrival.V / flow.scale[:, None])
 
 
-def _guess(pattern: Pattern, other: AveragedPattern | PatternOrbit) -> tuple[Floats, float, int]:
+def _guess(pattern: Pattern, neighbour: AveragedPattern | PatternOrbit) -> tuple[Floats, float, int]:
     """A start, a period (s), and the link that turns back at the start, that swings furthest."""
-    if isinstance(other, PatternOrbit):
-        return other.orbit.y, other.orbit.period, int(other.orbit.amplitudes.argmax())
+    if isinstance(neighbour, PatternOrbit):
+        return neighbour.orbit.y, neighbour.orbit.period, int(neighbour.orbit.amplitudes.argmax())
     problem = shooting(pattern.few)
-    return near(problem, other.state)
+    return averaged_start(problem, neighbour.state)
 
 
-def _finished(pattern: Pattern, flow: Flow, c: Floats, T: float) -> PatternOrbit:
-    y, arrived = _passed(pattern, flow, c, T, np.eye(len(flow.scale)))
-    residual = float(np.abs((arrived.y - y) / flow.scale).max())
-    rates = arrived.path.rates[0] / flow.scale
-    floquet = whole(arrived.V, [rates], [], conservative=False)
-    orbit = Orbit(pattern.few, flow, y, T, floquet, residual, arrived.path, symmetric=False)
+def _orbit_of(pattern: Pattern, flow: Flow, c: Floats, T: float) -> PatternOrbit:
+    y, arrival = _ends_of_motion(pattern, flow, c, T, np.eye(len(flow.scale)))
+    residual = float(np.abs((arrival.y - y) / flow.scale).max())
+    rates = arrival.path.rates[0] / flow.scale
+    floquet = of_monodromy(arrival.V, [rates], [], conservative=False)
+    orbit = Orbit(pattern.few, flow, y, T, floquet, residual, arrival.path, symmetric=False)
     if orbit.amplitude < FAINT:
         raise ComputationError(f"the motion {pattern.name} dies out")
-    return PatternOrbit(pattern, orbit, arrived.V)
+    return PatternOrbit(pattern, orbit, arrival.V)
 
 
 def free_amplitude(scene: Scene, pendulum: Pendulum) -> float | None:
     """The largest angle (rad) of one pendulum on a support at rest, whose drive sustains it; None for none."""
     require_type("scene", scene, "Scene")
-    alone = Scene(gravity=scene.gravity, support=Fixed(), pendulum=(pendulum.replace(position=(0.0, 0.0), on=None),))
-    cycles = limit_cycles(alone)
+    lone_scene = Scene(
+        gravity=scene.gravity, support=Fixed(), pendulum=(pendulum.replace(position=(0.0, 0.0), on=None),)
+    )
+    cycles = limit_cycles(lone_scene)
     return max((orbit.amplitude for orbit in cycles), default=None)

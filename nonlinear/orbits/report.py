@@ -33,20 +33,20 @@ WORDS = {"energy": "of the energy", "omega": "of the frequency", "symmetry": "th
 
 def orbits_record(branches: Sequence[Branch]) -> dict[str, Any]:
     """Branches and their special points as numbers for JSON."""
-    special = [(number, met) for number, branch in enumerate(branches) for met in branch.special]
+    special = [(number, point) for number, branch in enumerate(branches) for point in branch.special]
     return {
         "branches": [
             {"from": branch.origin, "points": [_point(branch, orbit) for orbit in branch.orbits]} for branch in branches
         ],
         "special": [
             {
-                "kind": met.kind,
-                "of": met.of or None,
+                "kind": point.kind,
+                "of": point.of or None,
                 "branch": number,
-                "after": met.after,
-                **_point(branches[number], met.orbit),
+                "after": point.after,
+                **_point(branches[number], point.orbit),
             }
-            for number, met in special
+            for number, point in special
         ],
     }
 
@@ -56,8 +56,8 @@ def _driven(orbit: Orbit) -> dict[str, Any]:
     if not orbit.cycles:
         return {}
     turns = [*orbit.turns] or [0] * len(orbit.flow.system.rest)
-    told = {"phase_deg": finite(degrees(orbit.phase)), "fed_J": orbit.fed, "period_s": orbit.period}
-    return {**told, "cycles": orbit.cycles, "whole_turns": turns, "neutral": orbit.floquet.neutral}
+    columns = {"phase_deg": finite(degrees(orbit.phase)), "fed_J": orbit.fed, "period_s": orbit.period}
+    return {**columns, "cycles": orbit.cycles, "whole_turns": turns, "neutral": orbit.floquet.neutral}
 
 
 def _point(branch: Branch, orbit: Orbit) -> dict[str, Any]:
@@ -89,7 +89,7 @@ def orbit_rows(branch: Branch, number: int = 1) -> Iterator[dict[str, Any]]:
     """What CSV has of every orbit of a branch of this number."""
     for orbit in branch.orbits:
         yield {
-            **_followed(branch, orbit),
+            **_shared_columns(branch, orbit),
             "branch": number,
             "from": branch.origin,
             **_columns(_driven(orbit)),
@@ -99,7 +99,7 @@ def orbit_rows(branch: Branch, number: int = 1) -> Iterator[dict[str, Any]]:
         }
 
 
-def _followed(branch: Branch, orbit: Orbit) -> dict[str, Any]:
+def _shared_columns(branch: Branch, orbit: Orbit) -> dict[str, Any]:
     """What is told of whatever is followed; growth rates of orbits that no drives force."""
     return state_columns(
         branch.variation,
@@ -124,18 +124,18 @@ def orbits_text(scene: Scene, branches: Sequence[Branch], linear: float | None =
 
 def _parts(branches: Sequence[Branch], linear: float | None) -> Iterator[str]:
     for number, branch in enumerate(branches):
-        along = f" along {branch.variation.path}" if branch.variation else ""
+        direction = f" along {branch.variation.path}" if branch.variation else ""
         count, worst = counted(len(branch.orbits), "orbit", "orbits"), max(orbit.residual for orbit in branch.orbits)
-        closed = 10.0 ** ceil(log10(max(worst, CLOSED)))
+        closure = 10.0 ** ceil(log10(max(worst, CLOSED)))
         cycles = branch.orbits[0].cycles
         span = f", of {cycles} periods of the drives" if cycles > 1 else ""
-        yield f"branch {number + 1}, from {branch.origin}{along}: {count} that close to {closed:.0e}{span}"
-        kept = np.unique(np.linspace(0, len(branch.orbits) - 1, SHOWN).astype(int))
-        table = ReportTable.of(_quantities(branch, linear), [branch.orbits[at] for at in kept])
+        yield f"branch {number + 1}, from {branch.origin}{direction}: {count} that close to {closure:.0e}{span}"
+        indices = np.unique(np.linspace(0, len(branch.orbits) - 1, SHOWN).astype(int))
+        table = ReportTable.of(_quantities(branch, linear), [branch.orbits[at] for at in indices])
         yield table.written()
         yield "\n".join(_notes(branch))
     if branches[0].is_forced:
-        yield from _unreached(branches)
+        yield from _missing_ends(branches)
         yield fill(PHASES, line_width())
     yield fill(STABLE, line_width())
 
@@ -175,14 +175,14 @@ def _notes(branch: Branch) -> Iterator[str]:
         yield f"the branch was followed no further than {_place(branch, branch.orbits[-1])}."
 
 
-def _unreached(branches: Sequence[Branch]) -> Iterator[str]:
+def _missing_ends(branches: Sequence[Branch]) -> Iterator[str]:
     """The ends of the range at which no branch of forced motions begins or ends, unless a run was the beginning."""
     variation = branches[0].variation
     if variation is None or branches[0].origin == "start":
         return
-    reached = np.concatenate([branch.value[[0, -1]] for branch in branches])
+    reached_values = np.concatenate([branch.value[[0, -1]] for branch in branches])
     for value in (variation.values[0], variation.values[-1]):
-        if not np.any(np.isclose(reached, value, rtol=1e-9)):
+        if not np.any(np.isclose(reached_values, value, rtol=1e-9)):
             place = f"{variation.path} = {value:g} {variation.unit}".rstrip()
             yield fill(f"at {place} no motion was found: begin with a run that settles there.", line_width())
 
@@ -199,8 +199,8 @@ def _forced_notes(branch: Branch) -> Iterator[str]:
 
 def special_words(branch: Branch, special: Special) -> str:
     """A special point in one line."""
-    told = special.of and not (branch.is_forced and special.kind == "fold")
-    turns = f" {WORDS.get(special.of, 'of ' + special.of)}" if told else ""
+    has_turn = special.of and not (branch.is_forced and special.kind == "fold")
+    turns = f" {WORDS.get(special.of, 'of ' + special.of)}" if has_turn else ""
     before, after = (branch.orbits[at].is_stable for at in (special.after, special.after + 1))
     fate = "" if before is after else ", where it becomes stable" if after else ", where it loses its stability"
     return f"{special.kind}{turns} at {_place(branch, special.orbit)}{fate}."

@@ -27,7 +27,7 @@ from modal.types import Floats
 from nonlinear.dynamics.variational import Force
 from nonlinear.integration.switches import numbers_of as switching_of
 from nonlinear.orbits.continuation import place_in
-from nonlinear.orbits.floquet import Floquet, carried, whole
+from nonlinear.orbits.floquet import Floquet, of_monodromy, scaled_translations
 from nonlinear.orbits.flow import Arrival, Flow, NumberChange, Path
 from nonlinear.orbits.orbit import Orbit
 from nonlinear.system import system_of, translations
@@ -70,20 +70,20 @@ class FlowAt:
 
     def __getstate__(self) -> dict[str, Any]:
         """Without the flows that were made."""
-        return {each.name: getattr(self, each.name) for each in fields(self)}
+        return {attribute.name: getattr(self, attribute.name) for attribute in fields(self)}
 
     def __call__(self, value: float | None) -> Flow:
         """The flow, kept for the values that were asked for last."""
-        return self._kept(value)
+        return self._cache(value)
 
     @cached_property
-    def _kept(self) -> Callable[[float | None], Flow]:
-        return lru_cache(maxsize=8)(self._made)
+    def _cache(self) -> Callable[[float | None], Flow]:
+        return lru_cache(maxsize=8)(self._make)
 
-    def _made(self, value: float | None) -> Flow:
-        varied = self.scene if value is None else self._scene_at(value)
-        require(varied, self.capability)
-        flow = Flow(system_of(varied), self.tolerance, force=self.force)
+    def _make(self, value: float | None) -> Flow:
+        scene = self.scene if value is None else self._scene_at(value)
+        require(scene, self.capability)
+        flow = Flow(system_of(scene), self.tolerance, force=self.force)
         if value is None or self.variation is None:
             return flow
         return replace(flow, change=_change(self._scene_at, value, flow))
@@ -129,10 +129,10 @@ class Shooting:
         """Whether energy is conserved but for what drives in time: multipliers come in pairs μ, 1/μ."""
         system = self.first.system
         works = system.dissipates or system.excites or system.hoisting is not None
-        return not (works or self.first.force or self.first.switched)
+        return not (works or self.first.force or self.first.switched_equations)
 
     @cached_property
-    def gained(self) -> Floats:
+    def gain(self) -> Floats:
         """What y gains in a period, in natural units, (d,)."""
         gain, layout = np.zeros(self.size), self.first.equations.layout
         if self.turns:
@@ -157,7 +157,7 @@ class Shooting:
             parts.append(np.array([self.place(value)]))
         return np.concatenate(parts)
 
-    def whole(self, u: Floats) -> float:
+    def period(self, u: Floats) -> float:
         """The period (s)."""
         if self.clock:
             return self.clock.period(self.value(u))
@@ -192,49 +192,51 @@ class Shooting:
 
     def equations(self, u: Floats) -> tuple[Floats, Floats]:
         """How far the segments miss each other, in natural units, and the derivatives."""
-        flow, states, period = self.flow_at(self.value(u)), self.states(u), self.whole(u)
+        flow, states, period = self.flow_at(self.value(u)), self.states(u), self.period(u)
         m, d, scale = self.segments, self.size, self.first.scale
-        ends = self._passed(flow, states, period)
+        ends = self._arrivals(flow, states, period)
         r, J = np.zeros(m * d), np.zeros((m * d, len(u)))
         for k, end in enumerate(ends):
-            rows, after = slice(k * d, (k + 1) * d), (k + 1) % m
-            r[rows] = (end.y - states[after]) / scale
+            rows, following = slice(k * d, (k + 1) * d), (k + 1) % m
+            r[rows] = (end.y - states[following]) / scale
             J[rows, k * d : (k + 1) * d] += end.V[:, :d] / scale[:, None]
-            J[rows, after * d : (after + 1) * d] -= np.eye(d)
+            J[rows, following * d : (following + 1) * d] -= np.eye(d)
             if self.clock is None:
                 J[rows, m * d] = end.path.rates[-1] / scale / m / self.first.system.rate
-        r[-d:] -= self.gained
+        r[-d:] -= self.gain
         if self.variation:
             J[:, -1] = self._by_value(u, flow, ends)
         conditions, offset = self._conditions(len(u))
         return np.concatenate((r, conditions @ u - offset)), np.vstack((J, conditions))
 
-    def _passed(self, flow: Flow, states: Floats, period: float) -> list[Arrival]:
+    def _arrivals(self, flow: Flow, states: Floats, period: float) -> list[Arrival]:
         """The ends of all segments, with derivatives by their beginnings in natural units."""
         part, V = period / self.segments, np.diag(self.first.scale)
         return [flow(y, V, part, start=k * part) for k, y in enumerate(states)]
 
     def _by_value(self, u: Floats, flow: Flow, ends: list[Arrival]) -> Floats:
         """The derivative of the ends by the place of the number, (m d,)."""
-        shifted = np.concatenate([self._shifted(k, end, u) for k, end in enumerate(ends)])
+        shifts = np.concatenate([self._time_shift(k, end, u) for k, end in enumerate(ends)])
         if flow.change is not None:
-            moved = np.concatenate([end.V[:, -1] / self.first.scale for end in ends])
-            return np.asarray(moved + shifted) * self._stretch(u[-1])
+            value_slopes = np.concatenate([end.V[:, -1] / self.first.scale for end in ends])
+            return np.asarray(value_slopes + shifts) * self._stretch(u[-1])
         nudge = NUDGE if u[-1] < 0.5 else -NUDGE
         flow, none = self.flow_at(self.value_at(float(u[-1]) + nudge)), np.zeros((self.size, 0))
-        part = self.whole(u) / self.segments
-        beside = [flow(y, none, part, start=k * part).y for k, y in enumerate(self.states(u))]
-        slopes = [(other - end.y) / self.first.scale / nudge for other, end in zip(beside, ends, strict=True)]
-        return np.concatenate(slopes) + shifted * self._stretch(u[-1])
+        part = self.period(u) / self.segments
+        neighbours = [flow(y, none, part, start=k * part).y for k, y in enumerate(self.states(u))]
+        slopes = [
+            (neighbour - end.y) / self.first.scale / nudge for neighbour, end in zip(neighbours, ends, strict=True)
+        ]
+        return np.concatenate(slopes) + shifts * self._stretch(u[-1])
 
-    def _shifted(self, k: int, end: Arrival, u: Floats) -> Floats:
+    def _time_shift(self, k: int, end: Arrival, u: Floats) -> Floats:
         """What a change of the number does to the end of segment k, in natural units, by its time alone."""
         slope = self.clock.slope(self.value(u)) / self.segments if self.clock else 0.0
         if not slope:
             return np.zeros(self.size)
         scale, rates = self.first.scale, end.path.rates
-        carried = end.V[:, : self.size] @ (rates[0] / scale)
-        return np.asarray(slope * ((k + 1) * rates[-1] - k * carried) / scale)
+        start_slope = end.V[:, : self.size] @ (rates[0] / scale)
+        return np.asarray(slope * ((k + 1) * rates[-1] - k * start_slope) / scale)
 
     @cached_property
     def passes(self) -> bool:
@@ -249,37 +251,39 @@ class Shooting:
             rows.append(place if self.passes else layout.half + place)
             offsets[place] = self.first.rest[place] / self.first.scale[place] if self.passes else 0.0
         conditions, offset = np.eye(length)[rows], offsets[rows]
-        held = np.pad(self._carried, ((0, 0), (0, length - self.size)))
-        return np.vstack((conditions, held)), np.append(offset, np.zeros(len(held)))
+        translation_rows = np.pad(self._scaled_translations, ((0, 0), (0, length - self.size)))
+        return np.vstack((conditions, translation_rows)), np.append(offset, np.zeros(len(translation_rows)))
 
     @cached_property
-    def _carried(self) -> Floats:
+    def _scaled_translations(self) -> Floats:
         """What translations do to y, in natural units, by at most 1, (k, d)."""
-        return carried(self.free, self.first.scale)
+        return scaled_translations(self.free, self.first.scale)
 
-    def placed(self, y: Floats) -> Floats:
+    def centred_state(self, y: Floats) -> Floats:
         """The same y moved along what is free to where it starts, the sum of such displacements being 0."""
-        moved = y.copy()
-        for along in self.free:
-            moved[: len(along)] -= along * (along @ moved[: len(along)] / (along @ along))
-        return moved
+        centred_y = y.copy()
+        for translation in self.free:
+            centred_y[: len(translation)] -= translation * (
+                translation @ centred_y[: len(translation)] / (translation @ translation)
+            )
+        return centred_y
 
     # -------------------------------------------------------------------------------------------------- solutions
 
     def orbit(self, u: Floats) -> Orbit:
         """The orbit of a solution, with its multipliers."""
         value = self.value(u)
-        flow, states, period = self.flow_at(value), self.states(u), self.whole(u)
-        ends = self._passed(flow, states, period)
+        flow, states, period = self.flow_at(value), self.states(u), self.period(u)
+        ends = self._arrivals(flow, states, period)
         scale, M = self.first.scale, np.eye(self.size)
         for end in ends:
             M = (end.V[:, : self.size] / scale[:, None]) @ M
-        missed = (np.array([end.y for end in ends]) - np.roll(states, -1, axis=0)) / scale
-        missed[-1] -= self.gained
+        gaps = (np.array([end.y for end in ends]) - np.roll(states, -1, axis=0)) / scale
+        gaps[-1] -= self.gain
         floquet = self._multipliers(flow, states[0], ends[0].path.rates[0], M)
-        path = _joined([end.path for end in ends], period / self.segments)
+        path = _join([end.path for end in ends], period / self.segments)
         scene = vary(self.scene, {self.variation.path: value}) if self.variation and value is not None else self.scene
-        residual = float(np.abs(missed).max())
+        residual = float(np.abs(gaps).max())
         return Orbit(scene, flow, states[0], period, floquet, residual, path, False, value, self.cycles, self.turns)
 
     def _multipliers(self, flow: Flow, y: Floats, rates: Floats, M: Floats) -> Floquet:
@@ -287,16 +291,16 @@ class Shooting:
         equations, scale, right, left = flow.equations, self.first.scale, [], []
         if self.clock is None:
             right.append(rates / scale)
-        for translation, moved in zip(self.free, self._carried, strict=True):
-            conserved = [slope * scale for slope in self._conserved(flow, y, translation)]
-            left += conserved
-            if not conserved or not conserved[0][0]:
-                right.append(moved)
+        for translation, shift in zip(self.free, self._scaled_translations, strict=True):
+            slopes = [slope * scale for slope in self._conserved_slopes(flow, y, translation)]
+            left += slopes
+            if not slopes or not slopes[0][0]:
+                right.append(shift)
         if self.conservative and self.clock is None:
             left.append(equations.energy_slope(y) * scale)
-        return whole(M, right, left, conservative=self.conservative)
+        return of_monodromy(M, right, left, conservative=self.conservative)
 
-    def _conserved(self, flow: Flow, y: Floats, translation: Floats) -> list[Floats]:
+    def _conserved_slopes(self, flow: Flow, y: Floats, translation: Floats) -> list[Floats]:
         """The derivative by y of what a translation conserves, none where something takes it."""
         system = flow.system
         if system.structure is None:
@@ -317,7 +321,7 @@ class Shooting:
         return float(self.first.equations.energy_slope(self.states(u)[0]) @ (tangent[:d] * self.first.scale))
 
 
-def _joined(paths: list[Path], part: float) -> Path:
+def _join(paths: list[Path], part: float) -> Path:
     times = np.concatenate([path.times + k * part for k, path in enumerate(paths)])
     return Path(times, np.vstack([path.states for path in paths]), np.vstack([path.rates for path in paths]))
 
@@ -349,13 +353,13 @@ def _clock(scene: Scene, variation: Variation | None, cycles: int) -> Clock:
     if variation is None:
         return Clock(cycles * drive_period(scene).seconds)
     value = variation.values[0]
-    varied = {with_numbers(place) for place in find_places(scene, variation.path)}
+    varied_places = {with_numbers(place) for place in find_places(scene, variation.path)}
     drives = drive_period(vary(scene, {variation.path: value}))
-    moved = [place for place in drives.places if place in varied]
-    kept = [f"{place} is not varied with it" for place in drives.places if place not in varied]
-    if moved and kept:
-        raise SceneError([f"{variation.path}: must be the frequency of every drive: {', '.join(kept)}"])
-    return Clock(cycles * drives.seconds, value if moved else None)
+    moved_places = [place for place in drives.places if place in varied_places]
+    fixed_places = [f"{place} is not varied with it" for place in drives.places if place not in varied_places]
+    if moved_places and fixed_places:
+        raise SceneError([f"{variation.path}: must be the frequency of every drive: {', '.join(fixed_places)}"])
+    return Clock(cycles * drives.seconds, value if moved_places else None)
 
 
 def _change(scene_at: Callable[[float], Scene], value: float, flow: Flow) -> NumberChange | None:
@@ -363,20 +367,20 @@ def _change(scene_at: Callable[[float], Scene], value: float, flow: Flow) -> Num
 
     None where a scene beside has another form, as a number is 0 there.
     """
-    beside, aside = [], BESIDE * abs(value)
-    here = switching_of(flow.system)
-    for moved in (value - aside, value + aside):
+    samples, aside = [], BESIDE * abs(value)
+    reference = switching_of(flow.system)
+    for neighbour_value in (value - aside, value + aside):
         try:
-            system = system_of(scene_at(moved))
+            system = system_of(scene_at(neighbour_value))
         except SceneError:
             return None
         equations = replace(flow.equations, system=system)
         switching = switching_of(system)
-        if equations.form != flow.equations.form or len(switching) != len(here):
+        if equations.form != flow.equations.form or len(switching) != len(reference):
             return None
-        beside.append((np.array(equations.numbers), np.array(switching)))
+        samples.append((np.array(equations.numbers), np.array(switching)))
     return (
-        NumberChange(*((after - before) / (2 * aside) for before, after in zip(*beside, strict=True)))
+        NumberChange(*((after - before) / (2 * aside) for before, after in zip(*samples, strict=True)))
         if aside
         else None
     )

@@ -10,7 +10,7 @@ import numpy as np
 
 from modal.errors import ComputationError
 from modal.report import Displayed, Summary
-from nonlinear.orbits.continuation import OrbitPoint, OrbitProblem, between, located
+from nonlinear.orbits.continuation import OrbitPoint, OrbitProblem, between, locate
 from nonlinear.orbits.orbit import Orbit
 from nonlinear.orbits.shooting import Shooting
 from nonlinear.orbits.symmetric import Quarter
@@ -48,58 +48,61 @@ def along_backbone(problem: Quarter, points: Sequence[OrbitPoint]) -> Iterator[S
     and to the right, though they need not come to rest; at c = 1 orbits that are not (`breaks`).  Where left and right
     differ c is that of the whole period: at c = 1 away from folds orbits branch off, at c = −1 of twice the period.
     """
-    mirrored = problem.parts == 4
+    is_mirrored = problem.parts == 4
     kinds = ((-1, "branch point", True), (1, "branch point", False))
-    if not mirrored:
+    if not is_mirrored:
         kinds = ((1, "branch point", True), (-1, "period doubling", False))
 
-    def energy(here: OrbitPoint) -> float:
-        return problem.energy_slope(here.u, here.tangent)
+    def energy(point: OrbitPoint) -> float:
+        return problem.energy_slope(point.u, point.tangent)
 
-    def frequency(here: OrbitPoint) -> float:
-        return float(here.tangent[-1])
+    def frequency(point: OrbitPoint) -> float:
+        return float(point.tangent[-1])
 
-    for after, (start, end) in enumerate(pairwise(points)):
+    for index, (start, end) in enumerate(pairwise(points)):
         specials: list[Special] = []
-        turned = energy(start) * energy(end) < 0
-        if turned:
-            specials.append(_special(problem, start, end, energy, "fold", after, "energy"))
+        is_fold = energy(start) * energy(end) < 0
+        if is_fold:
+            specials.append(_special(problem, start, end, energy, "fold", index, "energy"))
         if frequency(start) * frequency(end) < 0:
-            specials.append(_special(problem, start, end, frequency, "fold", after, "omega"))
+            specials.append(_special(problem, start, end, frequency, "fold", index, "omega"))
         for sign, kind, at_folds in kinds:
-            if not (at_folds and turned) and (test := passing(start, end, sign)):
-                specials.append(_special(problem, start, end, test, kind, after, breaks=mirrored and sign > 0))
-        specials += [Special("collision", met.orbit, after, met) for met in collisions(problem, start, end)]
-        yield from sorted(specials, key=lambda each: float((each.point.u - start.u) @ (end.u - start.u)))
+            if not (at_folds and is_fold) and (test := passing(start, end, sign)):
+                specials.append(_special(problem, start, end, test, kind, index, breaks=is_mirrored and sign > 0))
+        specials += [
+            Special("collision", collision.orbit, index, collision) for collision in collisions(problem, start, end)
+        ]
+        yield from sorted(specials, key=lambda special: float((special.point.u - start.u) @ (end.u - start.u)))
 
 
 def along_cycles(problem: Shooting, points: Sequence[OrbitPoint], accuracy: float = 1e-10) -> Iterator[Special]:
     """The special points of a branch of orbits without symmetry, in order.
 
-    Folds are where the varied number turns, in a conservative scene the energy; `accuracy` is that of `located`.
+    Folds are where the varied number turns, in a conservative scene the energy; `accuracy` is that of `locate`.
     """
 
-    def turning(here: OrbitPoint) -> float:
+    def turning(point: OrbitPoint) -> float:
         if problem.variation is None:
-            return problem.energy_slope(here.u, here.tangent)
-        return float(here.tangent[-1])
+            return problem.energy_slope(point.u, point.tangent)
+        return float(point.tangent[-1])
 
     of = problem.variation.path if problem.variation else "energy"
-    for after, (start, end) in enumerate(pairwise(points)):
+    for index, (start, end) in enumerate(pairwise(points)):
         specials: list[Special] = []
-        turned = turning(start) * turning(end) < 0
-        if turned:
-            specials.append(_special(problem, start, end, turning, "fold", after, of, accuracy=accuracy))
-        for sign, kind, taken in ((1, "branch point", turned), (-1, "period doubling", False)):
-            if not taken and (test := passing(start, end, sign)):
-                specials.append(_special(problem, start, end, test, kind, after, accuracy=accuracy))
+        is_fold = turning(start) * turning(end) < 0
+        if is_fold:
+            specials.append(_special(problem, start, end, turning, "fold", index, of, accuracy=accuracy))
+        for sign, kind, is_excluded in ((1, "branch point", is_fold), (-1, "period doubling", False)):
+            if not is_excluded and (test := passing(start, end, sign)):
+                specials.append(_special(problem, start, end, test, kind, index, accuracy=accuracy))
         if problem.conservative:
             specials += [
-                Special("collision", met.orbit, after, met) for met in collisions(problem, start, end, accuracy)
+                Special("collision", crossing.orbit, index, crossing)
+                for crossing in collisions(problem, start, end, accuracy)
             ]
-        elif met := _circled(problem, start, end, accuracy):
-            specials.append(Special("torus", met.orbit, after, met))
-        yield from sorted(specials, key=lambda each: float((each.point.u - start.u) @ (end.u - start.u)))
+        elif crossing := _torus_point(problem, start, end, accuracy):
+            specials.append(Special("torus", crossing.orbit, index, crossing))
+        yield from sorted(specials, key=lambda special: float((special.point.u - start.u) @ (end.u - start.u)))
 
 
 def passing(start: OrbitPoint, end: OrbitPoint, sign: int) -> Callable[[OrbitPoint], float] | None:
@@ -108,11 +111,11 @@ def passing(start: OrbitPoint, end: OrbitPoint, sign: int) -> Callable[[OrbitPoi
     It is det(R ∓ 1), or the margin of the outermost pair where two pass at once, as those of equal pendula do.
     """
     which, margin = (0, 1) if sign > 0 else (1, 0)
-    maps = [here.orbit.floquet.map for here in (start, end)]
-    if np.prod([here.orbit.floquet.meeting[which] for here in (start, end)]) < 0:
-        return lambda here: here.orbit.floquet.meeting[which]
+    maps = [point.orbit.floquet.map for point in (start, end)]
+    if np.prod([point.orbit.floquet.meeting[which] for point in (start, end)]) < 0:
+        return lambda point: point.orbit.floquet.meeting[which]
     if maps[0].conservative and len(maps[0].margins) and maps[0].is_within[margin] != maps[1].is_within[margin]:
-        return lambda here: float(here.orbit.floquet.map.margins[margin])
+        return lambda point: float(point.orbit.floquet.map.margins[margin])
     return None
 
 
@@ -125,30 +128,30 @@ def collisions(
     """
 
     def factor(which: int) -> Callable[[OrbitPoint], float]:
-        return lambda here: float(here.orbit.floquet.map.margins[which])
+        return lambda point: float(point.orbit.floquet.map.margins[which])
 
-    seen = 0
-    before, after = (here.orbit.floquet.map.is_within[2:] for here in (start, end))
+    count = 0
+    before, after = (point.orbit.floquet.map.is_within[2:] for point in (start, end))
     for which in (2 + np.flatnonzero(before != after)).tolist():
-        ends = [factor(which)(here) for here in (start, end)]
+        ends = [factor(which)(point) for point in (start, end)]
         if ends[0] * ends[1] < 0:
-            met = located(problem, start, end, factor(which), accuracy)
-            if abs(factor(which)(met)) < MEETS * max(map(abs, ends)):
-                seen += 1
-                yield met
-    if not seen and start.orbit.floquet.apart != end.orbit.floquet.apart:
-        yield halved(problem, start, end, lambda here: here.orbit.floquet.apart)
+            meeting = locate(problem, start, end, factor(which), accuracy)
+            if abs(factor(which)(meeting)) < MEETS * max(map(abs, ends)):
+                count += 1
+                yield meeting
+    if not count and start.orbit.floquet.n_split_pairs != end.orbit.floquet.n_split_pairs:
+        yield bisect(problem, start, end, lambda point: point.orbit.floquet.n_split_pairs)
 
 
-def _circled(problem: Shooting, start: OrbitPoint, end: OrbitPoint, accuracy: float) -> OrbitPoint | None:
+def _torus_point(problem: Shooting, start: OrbitPoint, end: OrbitPoint, accuracy: float) -> OrbitPoint | None:
     """Where a complex pair of multipliers passes the unit circle; None where a pair grew apart beyond it instead."""
-    if start.orbit.floquet.apart == end.orbit.floquet.apart:
+    if start.orbit.floquet.n_split_pairs == end.orbit.floquet.n_split_pairs:
         return None
     if start.orbit.floquet.closest_pair * end.orbit.floquet.closest_pair < 0:
-        met = located(problem, start, end, lambda here: here.orbit.floquet.closest_pair, accuracy)
+        meeting = locate(problem, start, end, lambda point: point.orbit.floquet.closest_pair, accuracy)
     else:
-        met = halved(problem, start, end, lambda here: here.orbit.floquet.apart)
-    return met if abs(met.orbit.floquet.closest_pair) < ON_CIRCLE else None
+        meeting = bisect(problem, start, end, lambda point: point.orbit.floquet.n_split_pairs)
+    return meeting if abs(meeting.orbit.floquet.closest_pair) < ON_CIRCLE else None
 
 
 def _special(
@@ -157,30 +160,30 @@ def _special(
     end: OrbitPoint,
     test: Callable[[OrbitPoint], float],
     kind: str,
-    after: int,
+    index: int,
     of: str = "",
     *,
     breaks: bool = False,
     accuracy: float = 1e-10,
 ) -> Special:
-    met = located(problem, start, end, test, accuracy, crossing=kind == "branch point")
-    if kind == "branch point" and met.orbit.cycles and met.orbit.is_symmetric:
+    place = locate(problem, start, end, test, accuracy, crossing=kind == "branch point")
+    if kind == "branch point" and place.orbit.cycles and place.orbit.is_symmetric:
         of, breaks = "symmetry", True
-    return Special(kind, met.orbit, after, met, of, breaks)
+    return Special(kind, place.orbit, index, place, of, breaks)
 
 
-def halved(
+def bisect(
     problem: OrbitProblem, start: OrbitPoint, end: OrbitPoint, test: Callable[[OrbitPoint], object]
 ) -> OrbitPoint:
     """The point from which on a test gives another value than at the first one, by bisection."""
-    low, high, before, changed = 0.0, 1.0, test(start), end
+    low, high, first_value, changed_point = 0.0, 1.0, test(start), end
     for _ in range(HALVINGS):
         try:
             middle = between(problem, start, end, (low + high) / 2)
         except ComputationError:
             break
-        if test(middle) == before:
+        if test(middle) == first_value:
             low = (low + high) / 2
         else:
-            high, changed = (low + high) / 2, middle
-    return changed
+            high, changed_point = (low + high) / 2, middle
+    return changed_point

@@ -26,7 +26,7 @@ from modal.eigen import is_singular
 from modal.errors import ComputationError
 from modal.scene import Scene, require
 from modal.types import Floats
-from nonlinear.orbits.floquet import carried, of_symmetric
+from nonlinear.orbits.floquet import of_symmetric, scaled_translations
 from nonlinear.orbits.flow import Flow
 from nonlinear.orbits.orbit import Orbit
 from nonlinear.system import system_of, translations
@@ -63,30 +63,30 @@ class Quarter:
 
     def equations(self, u: Floats) -> tuple[Floats, Floats]:
         """The coordinates a quarter of a period later, and their derivatives."""
-        return self._reached(u, slice(self.half), self.flow.rest)
+        return self._residuals(u, slice(self.half), self.flow.rest)
 
-    def _reached(self, u: Floats, rows: slice, wanted: Floats | float) -> tuple[Floats, Floats]:
+    def _residuals(self, u: Floats, rows: slice, target: Floats | float) -> tuple[Floats, Floats]:
         """By how much these rows of y miss what is wanted of them at the time τ, and their derivatives by u."""
         n, scale = self.half, self.flow.scale
-        passed = self.flow(self.start(u), np.eye(2 * n)[:, :n] * scale[:n], u[n] / self.clock)
-        rates = passed.path.rates[-1]
-        r = (passed.y[rows] - wanted) / scale[rows]
-        return r, np.column_stack((passed.V[rows], rates[rows] / self.clock)) / scale[rows, None]
+        arrival = self.flow(self.start(u), np.eye(2 * n)[:, :n] * scale[:n], u[n] / self.clock)
+        rates = arrival.path.rates[-1]
+        r = (arrival.y[rows] - target) / scale[rows]
+        return r, np.column_stack((arrival.V[rows], rates[rows] / self.clock)) / scale[rows, None]
 
     def orbit(self, u: Floats) -> Orbit:
         """The orbit with its multipliers."""
         n, scale, y = self.half, self.flow.scale, self.start(u)
         part = float(u[n]) / self.clock
-        passed = self.flow(y, np.diag(scale), part)
-        Q = passed.V / scale[:, None]
+        arrival = self.flow(y, np.diag(scale), part)
+        Q = arrival.V / scale[:, None]
         P = np.concatenate((-np.ones(n), np.ones(n)))
         H = P[:, None] * np.linalg.solve(Q, P[:, None] * Q)
         force = self.flow.equations.energy_slope(y)[:n] * scale[:n]
         floquet = of_symmetric(H, force, self.translates, halves=self.parts // 2)
-        residual, symmetric = self._missed(passed.y), self.parts == 4
-        return Orbit(self.scene, self.flow, y, self.parts * part, floquet, residual, passed.path, symmetric)
+        residual, symmetric = self._residual(arrival.y), self.parts == 4
+        return Orbit(self.scene, self.flow, y, self.parts * part, floquet, residual, arrival.path, symmetric)
 
-    def _missed(self, y: Floats) -> float:
+    def _residual(self, y: Floats) -> float:
         """By how much the end misses rest, in natural units."""
         n = self.half
         return float(np.abs((y[:n] - self.flow.rest) / self.flow.scale[:n]).max())
@@ -94,7 +94,7 @@ class Quarter:
     @cached_property
     def translates(self) -> Floats:
         """What translations of what nothing holds do to the coordinates, (k, n)."""
-        return carried(translations(self.flow.system), self.flow.scale[: self.half])
+        return scaled_translations(translations(self.flow.system), self.flow.scale[: self.half])
 
     def energy_slope(self, u: Floats, tangent: Floats) -> float:
         """The derivative of the energy (J) along the branch."""
@@ -109,11 +109,11 @@ class Half(Quarter):
 
     def equations(self, u: Floats) -> tuple[Floats, Floats]:
         """The velocities half a period later, and where carriers start that nothing holds; and their derivatives."""
-        r, J = self._reached(u, slice(self.half, None), 0.0)
-        held = np.pad(self.translates, ((0, 0), (0, 1)))
-        return np.append(r, held @ u), np.vstack((J, held))
+        r, J = self._residuals(u, slice(self.half, None), 0.0)
+        translation_rows = np.pad(self.translates, ((0, 0), (0, 1)))
+        return np.append(r, translation_rows @ u), np.vstack((J, translation_rows))
 
-    def _missed(self, y: Floats) -> float:
+    def _residual(self, y: Floats) -> float:
         n = self.half
         return float(np.abs(y[n:] / self.flow.scale[n:]).max())
 

@@ -55,22 +55,22 @@ class Film(MovingFigure):
     """The figure of a trajectory at `times` (F,) in s, updated frame by frame."""
 
     def __init__(
-        self, trajectory: Trajectory, times: Floats, rate: float, speed: float, beside: Trajectory | None = None
+        self, trajectory: Trajectory, times: Floats, rate: float, speed: float, second: Trajectory | None = None
     ) -> None:
         self.times = times
         figure = sheet(*SIZE)
         figure.set(dpi=DPI, layout_engine="none")
         super().__init__(figure, visible(title_of(trajectory.scene)), len(times), rate)
-        stage, panel = stage_of(trajectory, times), PANEL if beside is None else HALVES[0]
+        stage, panel = stage_of(trajectory, times), PANEL if second is None else HALVES[0]
         ratio, trail = panel[2] * SIZE[0] / (panel[3] * SIZE[1]), max(1, round(TRAIL * rate))
         self.scenery = Scenery(self.figure.add_axes(panel), stage, ratio, trail)
         self.right: Gauges | Scenery
-        if beside is None:
+        if second is None:
             bars, line = (self.figure.add_axes((0.69, bottom, 0.29, 0.27)) for bottom in (0.58, 0.18))
             self.right = Gauges(bars, line, energies_of(trajectory, times), times)
         else:
-            self.right = Scenery(self.figure.add_axes(HALVES[1]), stage_of(beside, times), ratio, trail)
-        self._words(_caption(trajectory, stage, speed, beside))
+            self.right = Scenery(self.figure.add_axes(HALVES[1]), stage_of(second, times), ratio, trail)
+        self._words(_caption(trajectory, stage, speed, second))
         self._moving = sorted([*self.scenery.moving, *self.right.moving, self.clock], key=Artist.get_zorder)
         self.show(0)
 
@@ -88,8 +88,8 @@ class Film(MovingFigure):
         self.clock = self.figure.text(0.98, 0.975, "", ha="right", va="top")
         low = self.figure.text(0.02, 0.02, caption, fontsize=SMALL, color=secondary_colour(), va="bottom")
         self.clock.set_text(f"t = {self.times[-1]:.2f} s")
-        taken = self.clock.get_window_extent().width / self.figure.bbox.width
-        _fit(title, 0.92 - taken)
+        clock_width = self.clock.get_window_extent().width / self.figure.bbox.width
+        _fit(title, 0.92 - clock_width)
         _fit(low, 0.96)
 
     def show(self, frame: int) -> None:
@@ -110,17 +110,17 @@ def _fit(text: Text, width: float) -> None:
     text.set_fontsize(float(text.get_fontsize()) * min(1.0, room / max(text.get_window_extent().width, 1.0)))
 
 
-def _caption(trajectory: Trajectory, stage: Stage, speed: float, beside: Trajectory | None) -> str:
-    system, drawn = trajectory.system, len(stage.actors)
+def _caption(trajectory: Trajectory, stage: Stage, speed: float, second: Trajectory | None) -> str:
+    system, n_drawn = trajectory.system, len(stage.actors)
     words = ["real time" if speed == 1 else f"{speed:.3g} seconds a second"]
-    words += [f"{drawn} of {system.n_pendula} pendula drawn"] if drawn < system.n_pendula else []
+    words += [f"{n_drawn} of {system.n_pendula} pendula drawn"] if n_drawn < system.n_pendula else []
     if stage.pieces:
-        words += ["what would overlap is set apart"] * stage.apart
+        words += ["what would overlap is set apart"] * stage.is_spread
     else:
-        words += ["pivots set apart"] if drawn > 1 else []
+        words += ["pivots set apart"] if n_drawn > 1 else []
     words += ["oblique view, with the shadow on a floor"] if system.spatial else []
     words += ["the camera follows the cart"] if stage.follows else []
-    last = "energy above equilibrium" if beside is None else f"left: {trajectory.run.form}; right: {beside.run.form}"
+    last = "energy above equilibrium" if second is None else f"left: {trajectory.run.form}; right: {second.run.form}"
     return "; ".join([*words, last])
 
 
@@ -130,9 +130,9 @@ def strobe(phases: Phases, form: str) -> dict[str, Any]:
     Runs that are no longer than the film are shown in real time.
     """
     period = float(2 * pi / np.median(phases.omega[:, phases.leading]))
-    fps, run = FPS[form], float(phases.times[-1] - phases.times[0])
-    swings = ceil(run / (SECONDS * fps * period) - 1 / APART)
-    speed = (swings + 1 / APART) * period * fps if run > SECONDS else 1.0
+    fps, duration = FPS[form], float(phases.times[-1] - phases.times[0])
+    swings = ceil(duration / (SECONDS * fps * period) - 1 / APART)
+    speed = (swings + 1 / APART) * period * fps if duration > SECONDS else 1.0
     return {"fps": fps, "speed": speed, "seconds": SECONDS}
 
 
@@ -159,14 +159,14 @@ def animate(
     fps: float | None = None,
     speed: float = 1.0,
     seconds: float | None = None,
-    beside: Trajectory | None = None,
+    second: Trajectory | None = None,
     report: Report = silent,
 ) -> Shown:
     """Write a film of a trajectory as "gif", "mp4" or "html".
 
     `fps` is the frame rate (25 in a GIF, else 30; a GIF counts hundredths of a second and takes the nearest possible
     rate), `speed` the seconds of motion per second of film, `seconds` the maximum length of the film (20).  Another
-    trajectory of the same duration may be shown `beside` this one, instead of the energies.  `report` is called
+    trajectory of the same duration may be shown `second` this one, instead of the energies.  `report` is called
     with the seconds of film done.  Raises SceneError for invalid arguments, ComputationError where samples are too far
     apart and for an MP4 without ffmpeg.
     """
@@ -176,7 +176,7 @@ def animate(
     frames = max(1, int(min(length, seconds or LONGEST) * rate + 1e-9))
     require_writer(form, frames)
     with any_letters():
-        film = Film(trajectory, trajectory.times[0] + speed / rate * np.arange(frames), rate, speed, beside)
+        film = Film(trajectory, trajectory.times[0] + speed / rate * np.arange(frames), rate, speed, second)
         write_film(film, stream, form, report)
     motion = min(frames * speed / rate, length * speed)
     return Shown(frames, rate, motion, max(0.0, (length * speed) - motion))

@@ -181,16 +181,16 @@ class _Structure:
     @property
     def moving(self) -> list[Artist]:
         """What has more than one place."""
-        return [drawn for drawn, piece in zip(self.drawn, self.pieces, strict=True) if len(piece.points) > 1]
+        return [artist for artist, piece in zip(self.drawn, self.pieces, strict=True) if len(piece.points) > 1]
 
     def show(self, frame: int) -> None:
-        for drawn, piece in zip(self.drawn, self.pieces, strict=True):
+        for artist, piece in zip(self.drawn, self.pieces, strict=True):
             if len(piece.points) == 1:
                 continue
-            if isinstance(drawn, Polygon):
-                drawn.set_xy(piece.points[frame])
+            if isinstance(artist, Polygon):
+                artist.set_xy(piece.points[frame])
             else:
-                drawn.set_data(*piece.points[frame].T)
+                artist.set_data(*piece.points[frame].T)
 
 
 def _piece(axis: Axes, piece: Piece) -> Polygon | Line2D:
@@ -215,10 +215,10 @@ def _floor(axis: Axes, stage: Stage) -> None:
     y = (shadows[..., 1] - level) / OBLIQUE[1]
     x = shadows[..., 0] - y * OBLIQUE[0]
     pad = 0.08 * stage.depth
-    (left, right), (near, far) = ((float(v.min()) - pad, float(v.max()) + pad) for v in (x, y))
+    (left, right), (front, back) = ((float(v.min()) - pad, float(v.max()) + pad) for v in (x, y))
     corners = [
         (a + b * OBLIQUE[0], level + b * OBLIQUE[1])
-        for a, b in ((left, near), (right, near), (right, far), (left, far))
+        for a, b in ((left, front), (right, front), (right, back), (left, back))
     ]
     axis.add_patch(Polygon(corners, facecolor=shade(FLOOR), edgecolor=shade(SHADOW), lw=0.8, zorder=0))
 
@@ -228,22 +228,22 @@ class _Player:
 
     def __init__(self, axis: Axes, actor: Actor, hue: str, points: float, trail: int) -> None:
         self.actor, self.trail = actor, DETAIL * trail
-        marked = len(actor.links) <= MOST_MARKS
-        links = list(enumerate(actor.links)) if marked else []
+        has_marks = len(actor.links) <= MOST_MARKS
+        links = list(enumerate(actor.links)) if has_marks else []
         self.rods, self.bobs = ([i for i, link in links if isinstance(link, kind)] for kind in (Rod, Bob))
         self.bodies = [i for i, _ in links if i not in {*self.rods, *self.bobs}]
         self.pinned = [0, *(i + 1 for i in range(len(actor.links) - 1) if i not in self.bobs)]
         shortest = points * min(link.length for link in actor.links)
         thick = float(np.clip(0.16 * shortest, 2.5, 7.0))
-        round_ended: dict[str, Any] = {"solid_capstyle": "round", "solid_joinstyle": "round", "color": hue}
+        round_style: dict[str, Any] = {"solid_capstyle": "round", "solid_joinstyle": "round", "color": hue}
         self.shadow = axis.plot([], [], color=shade(SHADOW), lw=0.6 * thick, gid=QUIET, zorder=0.5)[0]
         self.wake = _wake(axis, hue, self.trail)
-        self.line = axis.plot([], [], lw=min(2.2, thick), **round_ended, zorder=4)[0]
-        self.bars = axis.plot([], [], lw=thick, **round_ended, zorder=5)[0]
+        self.line = axis.plot([], [], lw=min(2.2, thick), **round_style, zorder=4)[0]
+        self.bars = axis.plot([], [], lw=thick, **round_style, zorder=5)[0]
         self.reach = axis.plot([], [], ls=MARKED, lw=1.2, color=hue, zorder=4)[0]
         self.discs = _dots(axis, "o", self._sizes(self.bobs, shortest), hue, 6)
         self.diamonds = _dots(axis, "D", 0.5 * self._sizes(self.bodies, shortest), hue, 6)
-        size = min(2.8, 0.6 * thick) if marked else 0.0
+        size = min(2.8, 0.6 * thick) if has_marks else 0.0
         self.pins = axis.plot([], [], "o", ms=size, color=paper(), mec=hue, mew=0.8, zorder=7)[0]
 
     @property
@@ -255,8 +255,8 @@ class _Player:
     def _sizes(self, links: list[int], shortest: float) -> Floats:
         """Areas (pt²) of discs, volumes in proportion to masses."""
         mass = np.array([link.mass for link in self.actor.links])
-        across = min(15.0, max(5.0, 0.6 * shortest)) * np.cbrt(mass[links] / mass.max())
-        return np.asarray(np.maximum(across, 3.5) ** 2)
+        diameters = min(15.0, max(5.0, 0.6 * shortest)) * np.cbrt(mass[links] / mass.max())
+        return np.asarray(np.maximum(diameters, 3.5) ** 2)
 
     def show(self, frame: int) -> None:
         joints, centres = self.actor.joints[frame], self.actor.centres[frame]
@@ -312,10 +312,10 @@ class Gauges:
         for lower, upper, t, v in zip(*self.bars, kinetic, potential, strict=True):
             lower.set_height(t)
             upper.set(y=t, height=v)
-        whole = self.energies.whole
-        for drawn, values in zip(self.lines, (*whole, whole[0] + whole[1]), strict=True):
-            drawn.set_data(self.times[: frame + 1], values[: frame + 1])
-        self.dot.set_data(self.times[frame : frame + 1], [whole[0][frame] + whole[1][frame]])
+        totals = self.energies.totals
+        for line, values in zip(self.lines, (*totals, totals[0] + totals[1]), strict=True):
+            line.set_data(self.times[: frame + 1], values[: frame + 1])
+        self.dot.set_data(self.times[frame : frame + 1], [totals[0][frame] + totals[1][frame]])
 
 
 def _decorate(axis: Axes, title: str, pad: float) -> None:
@@ -347,10 +347,10 @@ def _bars(axis: Axes, energies: FilmEnergies) -> tuple[list[Rectangle], list[Rec
 
 
 def _lines(axis: Axes, energies: FilmEnergies, times: Floats) -> tuple[list[Line2D], Line2D]:
-    kinetic, potential = energies.whole
+    kinetic, potential = energies.totals
     _decorate(axis, "energy of all (J)", 17)
     looks = (("kinetic", KINETIC, 1.0), ("potential", POTENTIAL, 1.8), ("total", 1.0, 1.8))
-    drawn = [axis.plot([], [], lw=width, color=shade(part), label=name)[0] for name, part, width in looks]
+    lines = [axis.plot([], [], lw=width, color=shade(part), label=name)[0] for name, part, width in looks]
     dot = axis.plot([], [], "o", ms=4.5, color=ink())[0]
     span = max(float(times[-1] - times[0]), 1e-300)
     axis.set(xlim=(times[0], times[-1] + 0.03 * span), ylim=(0, 1.08 * _top(kinetic + potential)))
@@ -366,4 +366,4 @@ def _lines(axis: Axes, energies: FilmEnergies, times: Floats) -> tuple[list[Line
         handlelength=1.2,
         columnspacing=1.0,
     )
-    return drawn, dot
+    return lines, dot

@@ -103,10 +103,10 @@ def _carts(finding: Finding) -> Figure:
     figure = sheet(WIDTH, 4.8)
     axis = figure.subplots()
     for k, (name, rows) in enumerate(finding.series().items()):
-        fixed = next(exponent for case, exponent in rows if case.at is None)
-        half = fixed.half_width
-        axis.axhspan(fixed.value - half, fixed.value + half, color=colour(k), alpha=0.16, lw=0)
-        axis.axhline(fixed.value, color=colour(k), ls=MARKED, lw=1.4)
+        fixed_exponent = next(exponent for case, exponent in rows if case.at is None)
+        half = fixed_exponent.half_width
+        axis.axhspan(fixed_exponent.value - half, fixed_exponent.value + half, color=colour(k), alpha=0.16, lw=0)
+        axis.axhline(fixed_exponent.value, color=colour(k), ls=MARKED, lw=1.4)
         carts = [(case, exponent) for case, exponent in rows if case.at is not None]
         masses = [(case.at or 0.0) * NUDGE ** (k - 1) for case, _ in carts]
         _points(axis, masses, carts, [1.0] * len(carts), k, name)
@@ -124,9 +124,9 @@ _DRAWN = {"000": _carts, "001": _chains}
 def _points(axis: Axes, at: Sequence[float], rows: Rows, units: Sequence[float], k: int, name: str) -> None:
     hue, marker = colour(k), MARKERS[k]
     triples = list(zip(at, (exponent for _, exponent in rows), units, strict=True))
-    told = np.array([(x, e.value / unit, e.half_width / unit) for x, e, unit in triples if e.is_positive])
+    points = np.array([(x, e.value / unit, e.half_width / unit) for x, e, unit in triples if e.is_positive])
     bounds = np.array([(x, e.bound / unit) for x, e, unit in triples if not e.is_positive])
-    if told.size:
-        axis.errorbar(*told.T, color=hue, marker=marker, ms=5.5, lw=1.4, label=name)
+    if points.size:
+        axis.errorbar(*points.T, color=hue, marker=marker, ms=5.5, lw=1.4, label=name)
     if bounds.size:
         axis.plot(*bounds.T, "v", color="none", mec=hue, mew=1.4, ms=7.0)

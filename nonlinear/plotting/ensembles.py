@@ -58,9 +58,9 @@ def _kinds(figure: Figure, axis: Axes, basins: Basins) -> None:
     kinds = len(basins.names)
     hues = [rest(), *(colour(k) for k in range(kinds - 1))]
     norm = BoundaryNorm(np.arange(kinds + 1) - 0.5, kinds)
-    shown = np.ma.masked_invalid(basins.values)
+    values = np.ma.masked_invalid(basins.values)
     axis.pcolormesh(
-        edges(x), edges(y), shown, cmap=ListedColormap([to_rgb(hue) for hue in hues]), norm=norm, rasterized=True
+        edges(x), edges(y), values, cmap=ListedColormap([to_rgb(hue) for hue in hues]), norm=norm, rasterized=True
     )
     shares = basins.shares()
     handles = [
@@ -73,16 +73,16 @@ def _kinds(figure: Figure, axis: Axes, basins: Basins) -> None:
 
 def _shades(figure: Figure, axis: Axes, basins: Basins) -> None:
     y, x = basins.axes
-    shown = np.ma.masked_invalid(basins.values)
-    known = shown.compressed()
-    if not known.size:
+    values = np.ma.masked_invalid(basins.values)
+    numbers = values.compressed()
+    if not numbers.size:
         return
-    low, high = float(known.min()), float(known.max())
+    low, high = float(numbers.min()), float(numbers.max())
     if basins.column == "first_turn_s":
         low = max(low, high / WIDEST)
     ratio = low > 0 and high > DECADES * low
     norm = (LogNorm if ratio else Normalize)(low, high)
-    mesh = axis.pcolormesh(edges(x), edges(y), shown, norm=norm, rasterized=True, lw=0)
+    mesh = axis.pcolormesh(edges(x), edges(y), values, norm=norm, rasterized=True, lw=0)
     bar = figure.colorbar(mesh, ax=axis, pad=0.02)
     bar.set_label(label(basins.column))
     bar.outline.set_visible(False)
@@ -109,7 +109,7 @@ def section_figure(section: PoincareSection) -> Figure:
     name = _coordinate(section.shown)
     unit = ("m", "m/s") if section.shown == "x" else ("°", "°/s")
     axis.set(xlabel=f"{name} ({unit[0]})", ylabel=f"rate of {name} ({unit[1]})")
-    words = f"Poincaré section at {_passed(section.coordinate)}, energy {section.energy:.4g} J"
+    words = f"Poincaré section at {_crossing(section.coordinate)}, energy {section.energy:.4g} J"
     headline(figure, title_of(section.ensemble.question.scene), words)
     return figure
 
@@ -118,11 +118,11 @@ def _coordinate(text: str) -> str:
     return text if text == "x" else text.replace("theta[", r"θ$_{").replace("]", "}$")
 
 
-def _passed(text: str) -> str:
+def _crossing(text: str) -> str:
     name, sign, value = next(text.partition(mark) for mark in "<>=" if mark in text)
     way = {">": " upwards", "<": " downwards"}.get(sign, "")
-    told = name.strip().replace("theta", "θ")
-    return f"{told} = {value.strip()}{' m' if told == 'x' else '°'}{way}"
+    symbol = name.strip().replace("theta", "θ")
+    return f"{symbol} = {value.strip()}{' m' if symbol == 'x' else '°'}{way}"
 
 
 def draw_spread(spread: Spread, stream: IO[bytes], kind: str = "png") -> None:

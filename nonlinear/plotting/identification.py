@@ -47,9 +47,9 @@ def fit_figure(fit: Fit) -> Figure:
             axes[c].plot(times, factor * segment.values[:, c], ".", ms=2.5, color=rcParams["text.color"], **label)
             label = {"label": "fitted"} if s == c == 0 else {}
             axes[c].plot(times, factor * fit.readings[s][:, c], color=colour(c), lw=1.1, **label)
-            missed = segment.values[:, c] - fit.readings[s][:, c]
+            miss = segment.values[:, c] - fit.readings[s][:, c]
             label = {"label": sensor.name} if s == 0 else {}
-            axes[-1].plot(times, 1e3 * missed, color=colour(c), lw=0.8, **label)
+            axes[-1].plot(times, 1e3 * miss, color=colour(c), lw=0.8, **label)
         if s:
             for axis in axes:
                 axis.axvline(times[0] - GAP * longest / 2, color=rest(), lw=0.6, ls=MARKED)
@@ -59,12 +59,12 @@ def fit_figure(fit: Fit) -> Figure:
     units = {MISSED[sensor.unit] for sensor in sensors}
     axes[-1].set_ylabel(f"residual ({', '.join(sorted(units))})")
     legend(axes[-1], 3)
-    many = len(recording.segments) > len(segments)
+    has_more = len(recording.segments) > len(segments)
     axes[-1].set_xlabel("time since the first sample (s)" + (", segments side by side" if len(segments) > 1 else ""))
     words = f"fit to measured motions, rms residual {fit.rms_all:.3g} rad"
     headline(
         figure,
         title_of(fit.given),
-        words + (f" (first {len(segments)} segments of {len(recording.segments)})" if many else ""),
+        words + (f" (first {len(segments)} segments of {len(recording.segments)})" if has_more else ""),
     )
     return figure

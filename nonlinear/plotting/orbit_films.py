@@ -32,18 +32,18 @@ def film_orbit(
 ) -> Shown:
     """Write a film of some periods of an orbit, beside the mode of index `row` at the same largest angle."""
     phase = np.linspace(0, 1, SAMPLES, endpoint=False)
-    rows = np.tile(orbit.sampled(phase * orbit.period), (PERIODS, 1))
+    rows = np.tile(orbit.states_at(phase * orbit.period), (PERIODS, 1))
     times = (np.arange(PERIODS)[:, None] + phase).ravel() * orbit.period
-    shown = _trajectory(orbit, times, orbit.motion(rows), "the periodic orbit")
-    beside = _linear(orbit, times, modes, row) if modes else None
-    return animate(shown, stream, form, beside=beside, report=report)
+    trajectory = _trajectory(orbit, times, orbit.motion(rows), "the periodic orbit")
+    linear_motion = _linear(orbit, times, modes, row) if modes else None
+    return animate(trajectory, stream, form, second=linear_motion, report=report)
 
 
 def _linear(orbit: Orbit, times: Floats, modes: Modes, row: int) -> Trajectory:
     """The linear mode with the same largest angle, its leading link on the same side."""
     start = start_in_mode(orbit.scene, modes, row, 0, orbit.amplitude)
-    turned, angles = orbit.state.links - orbit.flow.system.rest, start.links - orbit.flow.system.rest
-    if angles @ turned < 0:
+    deflections, angles = orbit.state.links - orbit.flow.system.rest, start.links - orbit.flow.system.rest
+    if angles @ deflections < 0:
         start = start_in_mode(orbit.scene, modes, row, 0, -orbit.amplitude)
     motion = superpose(orbit.scene, start, corrected=False)(times)
     return _trajectory(orbit, times, motion, "the linear mode")

@@ -41,13 +41,19 @@ def orbits_figure(scene: Scene, branches: Sequence[Branch], mode: Mode | None = 
     """
     if not 1 <= len(branches) <= HUES:
         raise ComputationError(f"{len(branches)} branches do not fit in a figure: from 1 to {HUES}")
-    forced = branches[0].is_forced
-    figure = _backbones(branches, mode) if mode else _resonance(scene, branches) if forced else _along(scene, branches)
-    headline(figure, title_of(scene), "periodic motions under drives" if forced else "periodic orbits")
-    beside = [line for line in figure.axes[0].lines if not str(line.get_label()).startswith("_")] if forced else []
-    lines = [Line2D([], [], color=line.get_color(), ls=line.get_linestyle(), label=line.get_label()) for line in beside]
+    is_forced = branches[0].is_forced
+    figure = (
+        _backbones(branches, mode) if mode else _resonance(scene, branches) if is_forced else _curves(scene, branches)
+    )
+    headline(figure, title_of(scene), "periodic motions under drives" if is_forced else "periodic orbits")
+    references = (
+        [line for line in figure.axes[0].lines if not str(line.get_label()).startswith("_")] if is_forced else []
+    )
+    lines = [
+        Line2D([], [], color=line.get_color(), ls=line.get_linestyle(), label=line.get_label()) for line in references
+    ]
     names = branch_keys([f"from {branch.origin}" for branch in branches])
-    key(figure, [*names, *_drawn(branches, mode), *lines], columns=2)
+    key(figure, [*names, *_style_keys(branches, mode), *lines], columns=2)
     return figure
 
 
@@ -70,7 +76,7 @@ def _backbones(branches: Sequence[Branch], mode: Mode) -> Figure:
     return figure
 
 
-def _along(scene: Scene, branches: Sequence[Branch]) -> Figure:
+def _curves(scene: Scene, branches: Sequence[Branch]) -> Figure:
     figure = sheet(WIDTH, 7.0)
     upper, lower = figure.subplots(2, 1, sharex=True)
     variation = branches[0].variation
@@ -99,9 +105,9 @@ def _resonance(scene: Scene, branches: Sequence[Branch]) -> Figure:
         phase -= 2 * np.pi * np.round(np.mean(phase[swings]) / (2 * np.pi)) if swings.any() else 0.0
         draw_branch(lower, branch.value, np.rad2deg(phase), branch.is_stable, number)
         for special in branch.special:
-            near = phase[special.after]
-            there = np.rad2deg(near + np.angle(np.exp(1j * (special.orbit.phase - near))))
-            lower.plot([special.orbit.value], [there], **mark(MARKS[special.kind]))
+            phase_before = phase[special.after]
+            phase_at = np.rad2deg(phase_before + np.angle(np.exp(1j * (special.orbit.phase - phase_before))))
+            lower.plot([special.orbit.value], [phase_at], **mark(MARKS[special.kind]))
     widest = max(float(np.rad2deg(branch.amplitude.max())) for branch in branches)
     clock = getattr(branches[0].problem, "clock", None)
     is_frequency = clock is not None and clock.value is not None
@@ -148,11 +154,11 @@ def _curve(axis: Axes, branch: Branch, x: Floats, y: Floats, number: int) -> Non
     """One branch, with its special points."""
     draw_branch(axis, x, y, branch.is_stable, number)
     for special in branch.special:
-        place = [_read(special, branch, x), _read(special, branch, y)]
+        place = [_coordinate(special, branch, x), _coordinate(special, branch, y)]
         axis.plot(place[:1], place[1:], **mark(MARKS[special.kind]))
 
 
-def _read(special: Special, branch: Branch, values: Floats) -> float:
+def _coordinate(special: Special, branch: Branch, values: Floats) -> float:
     """The coordinate of a special point on the axis of these values."""
     orbit = special.orbit
     if values is branch.omega:
@@ -160,7 +166,7 @@ def _read(special: Special, branch: Branch, values: Floats) -> float:
     return float(np.rad2deg(orbit.amplitude)) if values is not branch.value else float(orbit.value or 0.0)
 
 
-def _drawn(branches: Sequence[Branch], mode: Mode | None) -> list[Line2D]:
+def _style_keys(branches: Sequence[Branch], mode: Mode | None) -> list[Line2D]:
     styles = stability_keys({fate for branch in branches for fate in branch.is_stable})
     if mode:
         styles.append(Line2D([], [], color=secondary_colour(), ls=MARKED, label=f"linear, {mode.omega:.5g} rad/s"))

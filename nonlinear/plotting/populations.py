@@ -68,11 +68,11 @@ def _panel(axis: Axes, diagram: PopulationDiagram, branch: MotionBranch, names: 
     windows = [(branch.values >= low) & (branch.values <= high) for low, high in diagram.windows(branch)]
     for number, name in enumerate(names):
         look: dict[str, Any] = {"color": colour(number), "zorder": 4}
-        exact, averaged = branch.growth(name), branch.averaged_growth(name)
+        exact, averaged_rates = branch.growth(name), branch.averaged_growth(name)
         for window in windows if name in branch.sectors else ():
             x = branch.values[window]
             axis.plot(x, exact[window], lw=narrowing(number), label=f"_{name}", **look)
-            axis.plot(x, averaged[window], ls=PREDICTED, lw=1.0, label=f"_{name} averaged", color=ink(), zorder=5)
+            axis.plot(x, averaged_rates[window], ls=PREDICTED, lw=1.0, label=f"_{name} averaged", color=ink(), zorder=5)
     for begins, shape in ((False, "o"), (True, "s")):
         at = [
             threshold.value

@@ -73,23 +73,25 @@ def run_figure(trajectory: Trajectory) -> Figure:
     """
     if len(trajectory.times) < 2:
         raise ComputationError("a run with a single sample cannot be drawn")
-    carried = _carried(trajectory) + _prescribed(trajectory)
-    figure = sheet(WIDE, 7.2 + 1.4 * len(carried))
-    rows = 6 if len(carried) < 2 else 2 * (2 + len(carried))
+    carrier_panels = _carrier_panels(trajectory) + _prescribed_panels(trajectory)
+    figure = sheet(WIDE, 7.2 + 1.4 * len(carrier_panels))
+    rows = 6 if len(carrier_panels) < 2 else 2 * (2 + len(carrier_panels))
     grid = figure.add_gridspec(rows, 2, width_ratios=(3, 2))
-    tall = 2 if carried else 3
+    tall = 2 if carrier_panels else 3
     angles = figure.add_subplot(grid[:tall, 0])
     energies = figure.add_subplot(grid[-tall:, 0], sharex=angles)
-    drawn = _DrawnLinks.of(trajectory)
+    links = _DrawnLinks.of(trajectory)
     smooth = _smooth(trajectory)
-    _angles(angles, smooth, drawn)
-    for k, (title, unit, curves) in enumerate(carried):
-        _moved(figure.add_subplot(grid[2 + 2 * k : 4 + 2 * k, 0], sharex=angles), trajectory, title, unit, curves)
+    _angles(angles, smooth, links)
+    for k, (title, unit, curves) in enumerate(carrier_panels):
+        _draw_carriers(
+            figure.add_subplot(grid[2 + 2 * k : 4 + 2 * k, 0], sharex=angles), trajectory, title, unit, curves
+        )
     _energies(energies, trajectory)
-    _portrait(figure.add_subplot(grid[: rows // 2, 1]), smooth, drawn)
-    _spectrum(figure.add_subplot(grid[rows // 2 :, 1]), trajectory, drawn)
+    _portrait(figure.add_subplot(grid[: rows // 2, 1]), smooth, links)
+    _spectrum(figure.add_subplot(grid[rows // 2 :, 1]), trajectory, links)
     headline(figure, title_of(trajectory.scene), "motion")
-    caption(figure, _caption(trajectory, drawn))
+    caption(figure, _caption(trajectory, links))
     return figure
 
 
@@ -133,19 +135,19 @@ def _range(axis: Axes, times: Floats, values: Floats, what: str) -> None:
     axis.fill_between(times, values.min(1), values.max(1), label=f"range of all {values.shape[1]} {what}", **style)
 
 
-def _angles(axis: Axes, trajectory: Trajectory, drawn: _DrawnLinks) -> None:
+def _angles(axis: Axes, trajectory: Trajectory, chosen_links: _DrawnLinks) -> None:
     values, times = degrees(trajectory)[0], trajectory.times
-    curves = [(times, values[:, link]) for link in drawn.links]
-    has_band = draw_curves(axis, curves, names=drawn.names, bands=True)
+    curves = [(times, values[:, link]) for link in chosen_links.links]
+    has_band = draw_curves(axis, curves, names=chosen_links.names, bands=True)
     single = trajectory.system.n_pendula in (1, trajectory.system.n_links)
-    if drawn.stand_for < values.shape[1]:
+    if chosen_links.stand_for < values.shape[1]:
         _range(axis, times, values, "pendula" if single and trajectory.system.n_pendula > 1 else "links")
     from_what = "from the vertical" if trajectory.system.spatial else "from the downward vertical"
     set_frame(axis, "time (s)", "angle (°)", f"Angles {from_what}" + ("" if single else ", by pendulum.link"))
     legend(axis, least_count=1 if has_band else 2)
 
 
-def _carried(trajectory: Trajectory) -> list[tuple[str, str, dict[str, Floats]]]:
+def _carrier_panels(trajectory: Trajectory) -> list[tuple[str, str, dict[str, Floats]]]:
     """What carries the pendula: for each unit a title, the label of its axis, and curves (T,) by their names."""
     system, motion = trajectory.system, trajectory.motion
     if system.cart is not None:
@@ -153,21 +155,21 @@ def _carried(trajectory: Trajectory) -> list[tuple[str, str, dict[str, Floats]]]
     carriers: dict[str, dict[str, Floats]] = {}
     for name, values in zip(system.labels, motion.supports.T, strict=False):
         unit = "rad" if name.endswith("_rad") else "m" if name == "x" or name.endswith("_m") else "each unit"
-        shown = np.rad2deg(values) if unit == "rad" else values
-        carriers.setdefault(unit, {})[name.removesuffix(f"_{unit}").replace("_", " ")] = shown
+        column = np.rad2deg(values) if unit == "rad" else values
+        carriers.setdefault(unit, {})[name.removesuffix(f"_{unit}").replace("_", " ")] = column
     words = {"rad": "angle (°)", "m": "displacement (m)", "each unit": "coordinate (each unit)"}
     return [("Structure", words[unit], curves) for unit, curves in carriers.items()]
 
 
-def _prescribed(trajectory: Trajectory) -> list[tuple[str, str, dict[str, Floats]]]:
-    """What moves as prescribed, the support or the ground and hoisted lengths: as in `_carried`."""
+def _prescribed_panels(trajectory: Trajectory) -> list[tuple[str, str, dict[str, Floats]]]:
+    """What moves as prescribed, the support or the ground and hoisted lengths: as in `_carrier_panels`."""
     system, times, panels = trajectory.system, trajectory.times, []
     if system.support:
-        along, *_, down = system.support.displacements(times, 2).T
-        ways = {"to the right": along, "upwards": -down}
+        right, *_, down = system.support.displacements(times, 2).T
+        ways = {"to the right": right, "upwards": -down}
         curves = {name: values for name, values in ways.items() if np.any(values)}
         owner = "Ground" if system.structure is not None else "Support"
-        panels.append((f"{owner}, as prescribed", "displacement (m)", curves or {"to the right": along}))
+        panels.append((f"{owner}, as prescribed", "displacement (m)", curves or {"to the right": right}))
     if system.hoisting is not None:
         lengths, moving = system.hoisting.at(times)[0], system.hoisting.moving
         names = [name if name.startswith(("link", "pendulum")) else f"link {name}" for name in _names(trajectory)]
@@ -176,7 +178,7 @@ def _prescribed(trajectory: Trajectory) -> list[tuple[str, str, dict[str, Floats
     return panels
 
 
-def _moved(axis: Axes, trajectory: Trajectory, title: str, label: str, curves: dict[str, Floats]) -> None:
+def _draw_carriers(axis: Axes, trajectory: Trajectory, title: str, label: str, curves: dict[str, Floats]) -> None:
     if title == "Cart":
         has_band = _carrier(axis, trajectory.times, curves["x"], "x")
         set_frame(axis, "time (s)", label, title)
@@ -202,17 +204,22 @@ def _energies(axis: Axes, trajectory: Trajectory) -> None:
     mechanics, times = trajectory.mechanics, trajectory.times
     kinetic = mechanics.of_pendula(mechanics.kinetic)
     potential = mechanics.of_pendula(mechanics.potential)
-    carried = carrier_name(trajectory.system)
-    if trajectory.system.n_pendula == 1 and not carried:
+    carrier = carrier_name(trajectory.system)
+    if trajectory.system.n_pendula == 1 and not carrier:
         curves = {"kinetic": kinetic[:, 0], "potential": potential[:, 0], "total": (kinetic + potential)[:, 0]}
         left_out = False
     else:
-        each = kinetic + potential
-        numbers, labels, stand_for = pick(each.T, [f"pendulum {k}" for k in range(1, each.shape[1] + 1)], MOST_LINES)
-        curves, left_out = dict(zip(labels, each[:, numbers].T, strict=True)), stand_for < each.shape[1]
+        energy_of_each = kinetic + potential
+        numbers, labels, stand_for = pick(
+            energy_of_each.T, [f"pendulum {k}" for k in range(1, energy_of_each.shape[1] + 1)], MOST_LINES
+        )
+        curves, left_out = (
+            dict(zip(labels, energy_of_each[:, numbers].T, strict=True)),
+            stand_for < energy_of_each.shape[1],
+        )
     draw_curves(axis, [(times, energy) for energy in curves.values()], names=list(curves), bands=True)
-    if carried:
-        _carrier(axis, times, mechanics.cart_kinetic + mechanics.cart_potential, carried)
+    if carrier:
+        _carrier(axis, times, mechanics.cart_kinetic + mechanics.cart_potential, carrier)
     if left_out:
         _range(axis, times, kinetic + potential, "pendula")
     set_frame(axis, "time (s)", "energy (J)", "Energy above equilibrium")
@@ -220,60 +227,62 @@ def _energies(axis: Axes, trajectory: Trajectory) -> None:
     legend(axis)
 
 
-def _portrait(axis: Axes, trajectory: Trajectory, drawn: _DrawnLinks) -> None:
+def _portrait(axis: Axes, trajectory: Trajectory, chosen_links: _DrawnLinks) -> None:
     if trajectory.system.spatial:
         _top_view(axis, trajectory)
         return
     (angles, rates), rests = degrees(trajectory), np.where(trajectory.system.by_link("sigma") > 0, 0.0, 180.0)
-    curves = [_around(angles[:, link], rates[:, link], rests[link]) for link in drawn.links]
-    if any(is_blob(angles[:, link], PORTRAIT, np.ptp(angles[:, link])) for link in drawn.links):
-        for k, (curve, name) in enumerate(zip(curves, drawn.names, strict=True)):
+    curves = [_wrap(angles[:, link], rates[:, link], rests[link]) for link in chosen_links.links]
+    if any(is_blob(angles[:, link], PORTRAIT, np.ptp(angles[:, link])) for link in chosen_links.links):
+        for k, (curve, name) in enumerate(zip(curves, chosen_links.names, strict=True)):
             axis.plot(*curve, ls="", marker=".", ms=1.6, mew=0, color=colour(k), label="_dots", rasterized=True)
             axis.plot([], [], ls="", marker="o", ms=5, color=colour(k), label=name)
         words = "Phase portraits of the links drawn above,\nsamples as dots"
     else:
-        draw_curves(axis, curves, names=drawn.names, first=1.4)
+        draw_curves(axis, curves, names=chosen_links.names, first=1.4)
         words = "Phase portraits of the links drawn above"
     set_frame(axis, "angle (°)", "rate (°/s)", words)
     legend(axis, 3)
 
 
-def _around(angles: Floats, rates: Floats, rest: float) -> tuple[Floats, Floats]:
+def _wrap(angles: Floats, rates: Floats, rest: float) -> tuple[Floats, Floats]:
     """Angles within ±180° of equilibrium, the curve broken where it wraps."""
-    folded = (angles - rest + 180) % 360 - 180 + rest
-    leaps = np.flatnonzero(np.abs(np.diff(folded)) > 180) + 1
-    return np.insert(folded, leaps, np.nan), np.insert(rates, leaps, np.nan)
+    wrapped_angles = (angles - rest + 180) % 360 - 180 + rest
+    leaps = np.flatnonzero(np.abs(np.diff(wrapped_angles)) > 180) + 1
+    return np.insert(wrapped_angles, leaps, np.nan), np.insert(rates, leaps, np.nan)
 
 
 def _top_view(axis: Axes, trajectory: Trajectory) -> None:
     tips = sorted(int(group.index[-1, k]) for group in trajectory.system.groups for k in range(group.index.shape[1]))
-    some = even_choice(len(tips), MOST_LINES)
-    curves = [tuple(trajectory.mechanics.joints[:, tips[k], :2].T) for k in some]
-    draw_curves(axis, curves, names=[f"pendulum {k + 1}" for k in some], first=1.4)
+    choice = even_choice(len(tips), MOST_LINES)
+    curves = [tuple(trajectory.mechanics.joints[:, tips[k], :2].T) for k in choice]
+    draw_curves(axis, curves, names=[f"pendulum {k + 1}" for k in choice], first=1.4)
     axis.set_aspect("equal", adjustable="datalim")
-    part = f" of {len(some)} of {len(tips)} pendula" if len(some) < len(tips) else ""
+    part = f" of {len(choice)} of {len(tips)} pendula" if len(choice) < len(tips) else ""
     set_frame(axis, "along the rail (m)", "across (m)", f"Tips{part} from above")
     legend(axis, 3)
 
 
-def _spectrum(axis: Axes, trajectory: Trajectory, drawn: _DrawnLinks) -> None:
+def _spectrum(axis: Axes, trajectory: Trajectory, chosen_links: _DrawnLinks) -> None:
     set_frame(axis, "angular frequency ω (rad/s)", "power (°² s)")
     times = trajectory.times
-    even = len(times) >= FEWEST and np.ptp(np.diff(times)) < 1e-6 * (times[1] - times[0])
-    if not even:
+    is_even = len(times) >= FEWEST and np.ptp(np.diff(times)) < 1e-6 * (times[1] - times[0])
+    if not is_even:
         axis.set_title("Spectrum", loc="left")
         axis.text(
             0.5, 0.5, "too few or uneven samples", ha="center", color=secondary_colour(), transform=axis.transAxes
         )
         return
-    spectra = [_power(trajectory, link) for link in drawn.links]
+    spectra = [_power(trajectory, link) for link in chosen_links.links]
     omega, highest = spectra[0][0], max(float(power.max()) for _, power in spectra)
     marks = _linear(trajectory, float(omega[-1]))
     last = min(omega[-1], max(3 * max(marks) if marks else _reach(spectra), 2 * resolution(times)))
-    seen = omega <= 1.1 * last
+    is_shown = omega <= 1.1 * last
     lowest = highest * DEEPEST
-    powers = [np.where((power > 0) & seen, np.maximum(power, lowest / 10), np.nan) for _, power in spectra]
-    has_band = draw_curves(axis, [(omega[seen], power[seen]) for power in powers], first=1.7, log="y", bands=True)
+    powers = [np.where((power > 0) & is_shown, np.maximum(power, lowest / 10), np.nan) for _, power in spectra]
+    has_band = draw_curves(
+        axis, [(omega[is_shown], power[is_shown]) for power in powers], first=1.7, log="y", bands=True
+    )
     axis.set_xlim(0, last)
     if highest > 0:
         axis.set_yscale("log")
@@ -308,11 +317,11 @@ def _power(trajectory: Trajectory, link: int) -> tuple[Floats, Floats]:
     if not trajectory.system.spatial:
         return power_spectrum(trajectory.times, degrees(trajectory)[0][:, link])
     leans = np.rad2deg(trajectory.motion.links[:, link, :2]).T
-    (omega, along), (_, across) = (power_spectrum(trajectory.times, lean) for lean in leans)
-    return omega, along + across
+    (omega, along_rail), (_, across_rail) = (power_spectrum(trajectory.times, lean) for lean in leans)
+    return omega, along_rail + across_rail
 
 
-def _linear(trajectory: Trajectory, most: float) -> list[float]:
+def _linear(trajectory: Trajectory, highest: float) -> list[float]:
     """The natural frequencies (rad/s) within the picture, where the scene has few enough modes to mark."""
     if trajectory.system.n_links > MOST_MODES:
         return []
@@ -321,17 +330,17 @@ def _linear(trajectory: Trajectory, most: float) -> list[float]:
     except MultipendulaError:
         return []
     swinging = modes.omega[modes.eigenvalue.imag != 0]
-    return [float(value) for value in swinging if 0 < value < most]
+    return [float(value) for value in swinging if 0 < value < highest]
 
 
-def _caption(trajectory: Trajectory, drawn: _DrawnLinks) -> str:
-    run, momentum = trajectory.run, trajectory.momentum_drift()
-    words = [f"{run.method} at tolerance {run.tolerance:g}, {run.steps} steps"]
+def _caption(trajectory: Trajectory, chosen_links: _DrawnLinks) -> str:
+    info, momentum = trajectory.run, trajectory.momentum_drift()
+    words = [f"{info.method} at tolerance {info.tolerance:g}, {info.steps} steps"]
     words.append(f"energy drift {trajectory.energy_drift():.1e}")
     words += [f"momentum drift {momentum:.1e}"] if np.isfinite(momentum) else []
     links = trajectory.system.n_links
-    if drawn.stand_for < links:
-        words.append(f"{drawn.stand_for} of {links} links drawn, evenly spaced")
-    if run.stopped:
-        words.append(run.stopped)
+    if chosen_links.stand_for < links:
+        words.append(f"{chosen_links.stand_for} of {links} links drawn, evenly spaced")
+    if info.stopped:
+        words.append(info.stopped)
     return "; ".join(words)

@@ -27,8 +27,8 @@ OBLIQUE = 0.5 * np.array([np.cos(np.radians(35)), np.sin(np.radians(35))])
 
 def flat(points: Floats) -> Floats:
     """Points (..., 2) or (..., 3) as in `nonlinear.dynamics.mechanics`, as (..., 2), to the right and up."""
-    seen = np.stack((points[..., 0], -points[..., -1]), axis=-1)
-    return seen + points[..., 1:2] * OBLIQUE if points.shape[-1] == 3 else seen
+    points_seen = np.stack((points[..., 0], -points[..., -1]), axis=-1)
+    return points_seen + points[..., 1:2] * OBLIQUE if points.shape[-1] == 3 else points_seen
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +52,7 @@ class FilmEnergies:
     names: tuple[str, ...]
     kinetic: Floats
     potential: Floats
-    whole: tuple[Floats, Floats]
+    totals: tuple[Floats, Floats]
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +61,7 @@ class Stage:
 
     `floor` is the depth of the floor below the rail (m), None in the plane; `support` (F, 2) the place of a moved
     support to the right and up (m), zero elsewhere.  `pieces` are those of a structure, (F, K, 2) each, with the ground
-    that moves; there is neither a cart nor a beam then.  `apart` tells that some are not drawn in their place.
+    that moves; there is neither a cart nor a beam then.  `is_spread` tells that some are not drawn in their place.
     """
 
     actors: tuple[Actor, ...]
@@ -72,7 +72,7 @@ class Stage:
     floor: float | None
     support: Floats
     pieces: tuple[Piece, ...] = ()
-    apart: bool = False
+    is_spread: bool = False
 
     @property
     def half(self) -> float:
@@ -92,20 +92,20 @@ class Stage:
     @cached_property
     def extent(self) -> tuple[Floats, Floats]:
         """The smallest and largest coordinates (m), relative to the camera, of everything that moves."""
-        across, up = [], []
+        horizontal, up = [], []
         if self.pieces:
-            across += [piece.points[..., 0].ravel() for piece in self.pieces]
+            horizontal += [piece.points[..., 0].ravel() for piece in self.pieces]
             up += [piece.points[..., 1].ravel() for piece in self.pieces]
         else:
             corners = [-self.half, self.half] + (self.cart - self.camera)[:, None]
-            across.append(corners.ravel())
+            horizontal.append(corners.ravel())
             up.append((np.array([-0.2, 0.14]) * self.depth + self.support[:, 1:]).ravel())
         for actor in self.actors:
             shadow = [] if actor.shadow is None else [actor.shadow]
             for points in (actor.joints, actor.centres, *shadow):
-                across.append((points[..., 0] - self.camera[:, None]).ravel())
+                horizontal.append((points[..., 0] - self.camera[:, None]).ravel())
                 up.append(points[..., 1].ravel())
-        ranges = [np.concatenate(values) for values in (across, up)]
+        ranges = [np.concatenate(values) for values in (horizontal, up)]
         return np.array([values.min() for values in ranges]), np.array([values.max() for values in ranges])
 
 
@@ -122,7 +122,7 @@ def stage_of(trajectory: Trajectory, at: Floats) -> Stage:
     shaken = np.zeros((len(fine), 3 if system.spatial else 2))
     if system.support:
         shaken = system.support.displacements(fine, shaken.shape[1])
-    moved = [resample(trajectory.times, pick_links(trajectory.motion, place), fine) for place in places]
+    motions = [resample(trajectory.times, pick_links(trajectory.motion, place), fine) for place in places]
     length, centre = system.by_link("length"), system.by_link("centre")
     if system.hoisting is not None:
         length = system.hoisting.at(fine)[0]
@@ -130,14 +130,14 @@ def stage_of(trajectory: Trajectory, at: Floats) -> Stage:
     depth = max(float(length[..., place].sum(-1).max()) for place in places)
     pivots = side_by_side(len(places), depth)
     scaffold = _scaffold(system, pendula, depth)
-    hung = [
-        np.column_stack((pivot + motion.cart, 0.0 * motion.cart)) for pivot, motion in zip(pivots, moved, strict=True)
+    hangers = [
+        np.column_stack((pivot + motion.cart, 0.0 * motion.cart)) for pivot, motion in zip(pivots, motions, strict=True)
     ]
     if scaffold is not None:
-        hung = list(scaffold.pivots(moved[0].supports).transpose(1, 0, 2) * (1.0, -1.0))
+        hangers = list(scaffold.pivots(motions[0].supports).transpose(1, 0, 2) * (1.0, -1.0))
     shapes = [
         _shape(motion, length[..., place], centre[..., place], pivot, shaken)
-        for motion, place, pivot in zip(moved, places, hung, strict=True)
+        for motion, place, pivot in zip(motions, places, hangers, strict=True)
     ]
     floor = max(float(joints[..., -1].max()) for joints, _ in shapes) + 0.3 * depth if system.spatial else None
     actors = tuple(
@@ -145,17 +145,17 @@ def stage_of(trajectory: Trajectory, at: Floats) -> Stage:
         for pendulum, (joints, centres) in zip(pendula, shapes, strict=True)
     )
     support = np.column_stack((shaken[:, 0], -shaken[:, -1]))[::DETAIL]
-    cart = moved[0].cart[::DETAIL] + support[:, 0]
+    cart = motions[0].cart[::DETAIL] + support[:, 0]
     stage = Stage(actors, cart, pivots, depth, system.cart is not None, floor, support)
     if scaffold is None:
         return stage
     joints = {p: actor.joints - support[:, None] for p, actor in zip(pendula.tolist(), actors, strict=True)}
     pieces = [
         piece._replace(points=piece.points + support[:, None]) if support.any() or piece.role not in STILL else piece
-        for piece in scaffold.pieces(moved[0].supports[::DETAIL], joints)
+        for piece in scaffold.pieces(motions[0].supports[::DETAIL], joints)
     ]
-    apart = bool(scaffold.shifts.any() or scaffold.aside.any())
-    return replace(stage, cart=0.0 * cart, pieces=tuple(pieces), apart=apart)
+    is_spread = bool(scaffold.shifts.any() or scaffold.aside.any())
+    return replace(stage, cart=0.0 * cart, pieces=tuple(pieces), is_spread=is_spread)
 
 
 def _scaffold(system: System, pendula: Ints, depth: float) -> Scaffold | None:
@@ -168,21 +168,21 @@ def _scaffold(system: System, pendula: Ints, depth: float) -> Scaffold | None:
 
 def _shape(motion: Motion, length: Floats, centre: Floats, pivots: Floats, support: Floats) -> tuple[Floats, Floats]:
     """Joints (G, n + 1, d) and centres (G, n, d) from `pivots` (G, 2), along the rail and down."""
-    along = vectors(motion)[0]
-    joints = np.cumsum(length[..., None] * along, axis=1)
+    directions = vectors(motion)[0]
+    joints = np.cumsum(length[..., None] * directions, axis=1)
     joints = np.concatenate((np.zeros_like(joints[:, :1]), joints), axis=1)
     joints[..., 0] += pivots[:, :1]
     joints[..., -1] += pivots[:, 1:]
     joints += support[:, None]
-    return joints, joints[:, :-1] + centre[..., None] * along
+    return joints, joints[:, :-1] + centre[..., None] * directions
 
 
 def _actor(links: tuple[AnyLink, ...], joints: Floats, centres: Floats, floor: float | None) -> Actor:
     shadow = None
     if floor is not None:
-        lowered = joints[::DETAIL].copy()
-        lowered[..., -1] = floor
-        shadow = flat(lowered)
+        floor_points = joints[::DETAIL].copy()
+        floor_points[..., -1] = floor
+        shadow = flat(floor_points)
     return Actor(links, flat(joints[::DETAIL]), flat(centres[::DETAIL]), flat(joints[:, -1]), shadow)
 
 
@@ -197,10 +197,10 @@ def energies_of(trajectory: Trajectory, at: Floats) -> FilmEnergies:
     rows = max(1, CLAUSE // trajectory.system.n_links)
     parts = [_energies(trajectory, at[first : first + rows]) for first in range(0, len(at), rows)]
     kinetic, potential = (np.concatenate([part[k] for part in parts]) for k in (0, 1))
-    shown, carried = chosen(trajectory.system), carrier_name(trajectory.system)
-    bars = np.append(shown, trajectory.system.n_pendula) if carried else shown
-    carried = SHORT.get(carried, carried) if len(shown) > FEW else carried
-    names = (*map(str, shown + 1), *[carried] * bool(carried))
+    numbers, carrier = chosen(trajectory.system), carrier_name(trajectory.system)
+    bars = np.append(numbers, trajectory.system.n_pendula) if carrier else numbers
+    carrier = SHORT.get(carrier, carrier) if len(numbers) > FEW else carrier
+    names = (*map(str, numbers + 1), *[carrier] * bool(carrier))
     return FilmEnergies(names, kinetic[:, bars], potential[:, bars], (kinetic.sum(1), potential.sum(1)))
 
 

@@ -73,6 +73,6 @@ def _size(count: int) -> float:
 
 def _turn(axis: Axes, which: str, angles: np.ndarray) -> None:
     """A whole turn where angles take all of it, marked at quarters."""
-    known = angles[np.isfinite(angles)]
-    if known.size and np.ptp(known) > WHOLE:
+    numbers = angles[np.isfinite(angles)]
+    if numbers.size and np.ptp(numbers) > WHOLE:
         axis.set(**{f"{which}lim": (-180, 180), f"{which}ticks": range(-180, 181, 90)})

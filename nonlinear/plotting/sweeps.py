@@ -79,18 +79,18 @@ def draw_sweep(sweep: Sweep, stream: IO[bytes], form: str = "png") -> None:
 def sweep_figure(sweep: Sweep) -> Figure:
     """The same as a figure."""
     validate_axes(sweep.study.variations)
-    known = [name for name in sweep.columns if np.any(np.isfinite(sweep.values(name)))]
-    if not known:
+    names = [name for name in sweep.columns if np.any(np.isfinite(sweep.values(name)))]
+    if not names:
         raise ComputationError("every point of the sweep failed: there is nothing to draw")
     axes = sweep.study.variations
-    most = MOST_CURVES if len(axes) == 1 else MOST_MAPS
-    if len(known) > most:
-        raise ComputationError(f"{len(known)} quantities do not fit in a figure: measure at most {most}")
-    drawn = [name for name in known if name != "largest_multiplier"]  # its map is that of the growth rate
+    limit = MOST_CURVES if len(axes) == 1 else MOST_MAPS
+    if len(names) > limit:
+        raise ComputationError(f"{len(names)} quantities do not fit in a figure: measure at most {limit}")
+    map_names = [name for name in names if name != "largest_multiplier"]  # its map is that of the growth rate
     if sweep.study.members and len(axes) == 1:
         figure: Figure = deferred("nonlinear.plotting.energies:energies_figure")(sweep)
     else:
-        figure = _curves(sweep, known) if len(axes) == 1 else _maps(sweep, drawn)
+        figure = _curves(sweep, names) if len(axes) == 1 else _maps(sweep, map_names)
     words = f"{sweep.study.members} starts at random on each energy" if sweep.study.members else "sweep"
     headline(figure, title_of(sweep.study.scene), words)
     return figure
@@ -113,17 +113,17 @@ def words(column: str) -> tuple[str, str]:
 def label(column: str) -> str:
     """An axis label for a column."""
     name, unit = words(column)
-    shown = re.sub(r"^omega (\d+[a-z]*)$", r"ω$_{\1}$", name) if name != "omega" else "ω"
-    return f"{shown} ({unit or NUMBER})"
+    symbol = re.sub(r"^omega (\d+[a-z]*)$", r"ω$_{\1}$", name) if name != "omega" else "ω"
+    return f"{symbol} ({unit or NUMBER})"
 
 
 # ------------------------------------------------------------------------------------------------------- curves
 
 
-def _curves(sweep: Sweep, known: list[str]) -> Figure:
+def _curves(sweep: Sweep, columns: list[str]) -> Figure:
     """One panel for each kind of quantity, a kind being a name without its number."""
     panels: dict[str, list[str]] = {}
-    for name in known:
+    for name in columns:
         panels.setdefault(re.sub(r"_\d+[a-z]*(?=_|$)", "", name), []).append(name)
     figure = sheet(WIDTH, 1.6 + 2.9 * len(panels))
     variation = sweep.study.variations[0]
@@ -137,7 +137,7 @@ def _curves(sweep: Sweep, known: list[str]) -> Figure:
             legend(axis, 4)
         axis.set(ylabel=label(kind if len(names) > 1 else names[0]))
         if kind == "kind":
-            axis.set_yticks(list(KINDS), labels=[said.replace(" at ", "\nat ") for said in KINDS.values()])
+            axis.set_yticks(list(KINDS), labels=[words.replace(" at ", "\nat ") for words in KINDS.values()])
             axis.set_ylim(min(KINDS) - 0.3, max(KINDS) + 0.3)
         for boundary in sweep.boundaries:
             over = boundary.frequency_hz if variation.path.endswith("_hz") else boundary.amplitude
@@ -169,20 +169,20 @@ def _range(axis: Axes, values: Floats, kind: str) -> None:
 # --------------------------------------------------------------------------------------------------------- maps
 
 
-def _maps(sweep: Sweep, known: list[str]) -> Figure:
-    columns = min(len(known), 2)
-    rows = -(-len(known) // columns)
+def _maps(sweep: Sweep, names: list[str]) -> Figure:
+    columns = min(len(names), 2)
+    rows = -(-len(names) // columns)
     figure = sheet(WIDTH if columns == 1 else WIDE, 0.8 + 4.0 * rows)
     panels = np.atleast_1d(figure.subplots(rows, columns, sharex=True, sharey=True)).ravel()
     y, x = sweep.study.variations
-    for place, (axis, name) in enumerate(zip(panels, known, strict=False)):
+    for place, (axis, name) in enumerate(zip(panels, names, strict=False)):
         _map(figure, axis, sweep, name)
         axis.set(xlabel=number_label(sweep.study.scene, x.path), ylabel=number_label(sweep.study.scene, y.path))
         axis.label_outer()
-        if place + columns >= len(known):
+        if place + columns >= len(names):
             axis.set_xlabel(number_label(sweep.study.scene, x.path))
             axis.tick_params(which="both", labelbottom=True)
-    for axis in panels[len(known) :]:
+    for axis in panels[len(names) :]:
         axis.remove()
     return figure
 
@@ -190,23 +190,23 @@ def _maps(sweep: Sweep, known: list[str]) -> Figure:
 def _map(figure: Figure, axis: Axes, sweep: Sweep, name: str) -> None:
     y, x = sweep.study.variations
     values = sweep.values(name)
-    known = values[np.isfinite(values)]
+    numbers = values[np.isfinite(values)]
     if name == "kind" and "growth_rate_per_s" in sweep.columns:
         _kinds(figure, axis, sweep, values)
         return
-    by_ratio = known.min() > 0 and known.max() > DECADES * known.min() and name not in FRACTIONS
-    norm = (LogNorm if by_ratio else Normalize)(known.min(), known.max())
+    by_ratio = numbers.min() > 0 and numbers.max() > DECADES * numbers.min() and name not in FRACTIONS
+    norm = (LogNorm if by_ratio else Normalize)(numbers.min(), numbers.max())
     axis.patch.set(edgecolor=rest(), hatch="////", lw=0)
-    shown = np.ma.masked_invalid(values)
-    mesh = axis.pcolormesh(edges(x), edges(y), shown, norm=norm, rasterized=True, lw=0)
+    image = np.ma.masked_invalid(values)
+    mesh = axis.pcolormesh(edges(x), edges(y), image, norm=norm, rasterized=True, lw=0)
     scale(axis, "x", x)
     scale(axis, "y", y)
     axis.grid(visible=False)
     bar = figure.colorbar(mesh, ax=axis, pad=0.02)
     bar.set_label(label(name))
     if by_ratio:
-        log_ticks(bar.ax.yaxis, known.max() / known.min())
-    elif np.all(known == np.round(known)) and len(rows := np.unique(known)) <= MOST_TICKS:
+        log_ticks(bar.ax.yaxis, numbers.max() / numbers.min())
+    elif np.all(numbers == np.round(numbers)) and len(rows := np.unique(numbers)) <= MOST_TICKS:
         bar.set_ticks(rows.tolist(), labels=[f"{row:g}" for row in rows])
     bar.outline.set_visible(False)
     _boundaries(axis, sweep)
@@ -233,11 +233,11 @@ def _kinds(figure: Figure, axis: Axes, sweep: Sweep, values: Floats) -> None:
 
 def _boundaries(axis: Axes, sweep: Sweep) -> None:
     """The boundaries of growth over a map of amplitude and frequency, outlined to be seen on every colour."""
-    around = [Stroke(linewidth=2.4, foreground=paper()), Normal()]
-    turned = sweep.study.variations[0].path.endswith("frequency_hz")
+    outline = [Stroke(linewidth=2.4, foreground=paper()), Normal()]
+    is_frequency_first = sweep.study.variations[0].path.endswith("frequency_hz")
     for boundary in sweep.boundaries:
         places = (boundary.frequency_hz, boundary.amplitude)
-        axis.plot(*(places[::-1] if turned else places), color=ink(), lw=1.0, path_effects=around)
+        axis.plot(*(places[::-1] if is_frequency_first else places), color=ink(), lw=1.0, path_effects=outline)
 
 
 def edges(variation: Variation) -> Floats:

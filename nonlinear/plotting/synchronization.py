@@ -65,19 +65,19 @@ def sync_figure(trajectory: Trajectory, phases: Phases) -> Figure:
         raise ComputationError("a run with a single sample cannot be drawn")
     figure = sheet(WIDE, 9.8)
     grid = figure.add_gridspec(3, 2)
-    shown = _shown(trajectory.system.n_pendula)
+    pendula = _chosen_pendula(trajectory.system.n_pendula)
     begin = figure.add_subplot(grid[0, 0])
-    _swings(begin, figure.add_subplot(grid[0, 1], sharey=begin), trajectory, _period(phases), shown)
+    _swings(begin, figure.add_subplot(grid[0, 1], sharey=begin), trajectory, _period(phases), pendula)
     order = figure.add_subplot(grid[1, 0])
     _order(order, phases)
     _shares(figure.add_subplot(grid[1, 1]), trajectory)
-    _energies(figure.add_subplot(grid[2, 0], sharex=order), phases, shown)
-    _circle(figure.add_subplot(grid[2, 1], projection="polar"), phases, shown)
-    _finish(figure, trajectory, shown)
+    _energies(figure.add_subplot(grid[2, 0], sharex=order), phases, pendula)
+    _circle(figure.add_subplot(grid[2, 1], projection="polar"), phases, pendula)
+    _finish(figure, trajectory, pendula)
     return figure
 
 
-def _shown(pendula: int) -> Ints:
+def _chosen_pendula(pendula: int) -> Ints:
     """The pendula drawn individually, evenly spaced."""
     return np.unique(np.linspace(0, pendula - 1, min(pendula, MOST_LINES)).round().astype(np.int64))
 
@@ -90,13 +90,13 @@ def _period(phases: Phases) -> float:
 # -------------------------------------------------------------------------------------------------- oscillations
 
 
-def _swings(begin: Axes, end: Axes, trajectory: Trajectory, period: float, shown: Ints) -> None:
+def _swings(begin: Axes, end: Axes, trajectory: Trajectory, period: float, pendula: Ints) -> None:
     """Angles of top links in the first and the last few periods, at most half of the run each."""
     times = trajectory.times
     width = min(PERIODS * period, float(times[-1] - times[0]) / 2)
-    tops = _tops(trajectory)[shown]
+    tops = _tops(trajectory)[pendula]
     for axis, start, words in ((begin, times[0], "at first"), (end, times[-1] - width, "at the end")):
-        x, angles = _close(trajectory, tops, float(start), width)
+        x, angles = _window(trajectory, tops, float(start), width)
         draw_curves(axis, [(x, np.rad2deg(angle)) for angle in angles.T], first=FIRST)
         axis.set_xlim(x[0], x[-1])
         set_frame(axis, "time (s)", "angle (°)", f"Top links {words}")
@@ -112,7 +112,7 @@ def _tops(trajectory: Trajectory) -> Ints:
     return tops
 
 
-def _close(trajectory: Trajectory, links: Ints, start: float, width: float) -> tuple[Floats, Floats]:
+def _window(trajectory: Trajectory, links: Ints, start: float, width: float) -> tuple[Floats, Floats]:
     """Times and angles (rad) of these links over a window, interpolated between the samples where possible."""
     motion, fine = pick_links(trajectory.motion, links), np.linspace(start, start + width, POINTS)
     try:
@@ -189,10 +189,10 @@ def _frequency(mode: Mode) -> str:
 # -------------------------------------------------------------------------------------------- energies, phases
 
 
-def _energies(axis: Axes, phases: Phases, shown: Ints) -> None:
+def _energies(axis: Axes, phases: Phases, pendula: Ints) -> None:
     """Means over a period: of each pendulum, or the range with the median."""
     times, energy = phases.times, smooth(phases.times, phases.energy, _period(phases))
-    if len(shown) == energy.shape[1]:
+    if len(pendula) == energy.shape[1]:
         draw_curves(axis, [(times, mean) for mean in energy.T], first=FIRST)
     else:
         axis.fill_between(times, energy.min(1), energy.max(1), color=rest(), lw=0, label="least to most")
@@ -202,7 +202,7 @@ def _energies(axis: Axes, phases: Phases, shown: Ints) -> None:
     set_frame(axis, "time (s)", "energy (J)", "Energy of each pendulum, mean over a period")
 
 
-def _circle(axis: Axes, phases: Phases, shown: Ints) -> None:
+def _circle(axis: Axes, phases: Phases, pendula: Ints) -> None:
     """Every pendulum at the end, with its phase relative to that of the first and its amplitude as the radius.
 
     Marks become smaller from pendulum to pendulum, so that those of one phase and amplitude are rings in each other.
@@ -210,20 +210,24 @@ def _circle(axis: Axes, phases: Phases, shown: Ints) -> None:
     z = phases.z[-1, :, phases.leading]
     angle, size = np.angle(z) - np.angle(z[0]), np.rad2deg(np.abs(z))
     axis.scatter(angle, size, s=14, color=secondary_colour(), alpha=0.5, lw=0, gid=QUIET)
-    for k, pendulum in enumerate(shown):
-        wide, narrow = LARGEST - RING * k, max(HAND * 0.65**k, 0.8)
+    for k, pendulum in enumerate(pendula):
+        size_of_dot, narrow = LARGEST - RING * k, max(HAND * 0.65**k, 0.8)
         look: dict[str, Any] = {"color": colour(k), "label": f"_pendulum {pendulum + 1}"}
         axis.plot([0, angle[pendulum]], [0, size[pendulum]], **look, lw=narrow, zorder=2 + k / 10)
-        axis.plot(angle[pendulum], size[pendulum], "o", **look, ms=wide, mec=paper(), mew=0.6, zorder=4 + k)
+        axis.plot(angle[pendulum], size[pendulum], "o", **look, ms=size_of_dot, mec=paper(), mew=0.6, zorder=4 + k)
     axis.set_ylim(0, 1.15 * float(size.max()) or 1.0)
     axis.yaxis.set_major_locator(MaxNLocator(4))
     axis.set_title("Phases at the end, from pendulum 1's;\nradius: amplitude (°)")
 
 
-def _finish(figure: Figure, trajectory: Trajectory, shown: Ints) -> None:
+def _finish(figure: Figure, trajectory: Trajectory, pendula: Ints) -> None:
     headline(figure, title_of(trajectory.scene), "synchronization")
-    lines = [Line2D([], [], color=colour(k), lw=thickness(k)) for k in range(len(shown))]
-    names = [f"pendulum {number + 1}" for number in shown]
-    few = len(shown) < trajectory.system.n_pendula
-    notes = f"{len(shown)} of {trajectory.system.n_pendula} pendula drawn; grey dots: the phases of all" if few else ""
+    lines = [Line2D([], [], color=colour(k), lw=thickness(k)) for k in range(len(pendula))]
+    names = [f"pendulum {number + 1}" for number in pendula]
+    is_selection = len(pendula) < trajectory.system.n_pendula
+    notes = (
+        f"{len(pendula)} of {trajectory.system.n_pendula} pendula drawn; grey dots: the phases of all"
+        if is_selection
+        else ""
+    )
     key(figure, lines, names, columns=MOST_LINES, notes=notes)

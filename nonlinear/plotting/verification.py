@@ -54,28 +54,32 @@ def check_figure(check: Check) -> Figure:
     The level of 1 % is marked, with the angle measured for it; hollow marks are frequencies that rise with amplitude.
     Irregular runs are omitted.  Raises ComputationError where there is nothing to draw or too much.
     """
-    rows = [row for row in check.rows if any(not run.irregular and run.shift for run in row.measurements)]
+    rows = [
+        row
+        for row in check.rows
+        if any(not measurement.irregular and measurement.shift for measurement in row.measurements)
+    ]
     if not rows:
         raise ComputationError("no mode was measured: there is nothing to draw")
     if len(rows) > MOST_CURVES:
         raise ComputationError(f"{len(rows)} modes do not fit in a figure: choose at most {MOST_CURVES} with `modes`")
     figure = sheet(WIDTH, 5.4)
     axis = figure.subplots()
-    angles = [degrees(run.effective) for row in rows for run in row.measurements]
+    angles = [degrees(measurement.effective) for row in rows for measurement in row.measurements]
     low, high = _decade(min(angles) / BEYOND, min(max(angles) * BEYOND, 180.0))
     for k, row in enumerate(rows):
         _shifts(axis, row, low, high, k)
-    sizes = [abs(run.shift) for row in rows for run in row.measurements if not run.irregular]
+    sizes = [abs(measurement.shift) for row in rows for measurement in row.measurements if not measurement.irregular]
     bottom, top = min(min(sizes) / BEYOND**2, ONE_PERCENT / 20), min(2 * max(*sizes, 2 * ONE_PERCENT), 1.0)
     axis.axhline(ONE_PERCENT, color=secondary_colour(), lw=0.9, ls=MARKED, zorder=0)
-    behind = {"facecolor": paper(), "edgecolor": "none", "pad": 1.0, "alpha": 0.85}
-    style: dict[str, Any] = {"fontsize": SMALL, "bbox": behind, "zorder": 5}
+    box = {"facecolor": paper(), "edgecolor": "none", "pad": 1.0, "alpha": 0.85}
+    style: dict[str, Any] = {"fontsize": SMALL, "bbox": box, "zorder": 5}
     axis.annotate("1 %", (0.004, ONE_PERCENT), (0, 4), axis.get_yaxis_transform(), "offset points", **style)
     axis.set(xscale="log", yscale="log", xlim=(low, high), ylim=(bottom, top))
     axis.set(xlabel="largest angle a (°)", ylabel="shift of frequency |ω(a)/ω − 1| (–)")
     log_ticks(axis.xaxis, high / low)
     headline(figure, title_of(check.scene), "frequency against amplitude")
-    key(figure, [_handle(k) for k in range(len(rows))], [_named(row) for row in rows], columns=2, notes=_notes(rows))
+    key(figure, [_handle(k) for k in range(len(rows))], [_label(row) for row in rows], columns=2, notes=_notes(rows))
     return figure
 
 
@@ -86,7 +90,9 @@ def _decade(low: float, high: float) -> tuple[float, float]:
 
 def _notes(rows: Sequence[ModeCheck]) -> str:
     """What the marks and lines of a check are."""
-    rising = any(run.shift > 0 and not run.irregular for row in rows for run in row.measurements)
+    rising = any(
+        measurement.shift > 0 and not measurement.irregular for row in rows for measurement in row.measurements
+    )
     words = ["marks: measured" + (", hollow where the frequency rises" if rising else ""), "dashed: κa²"]
     words += ["wide lines: periodic orbits"] if any(row.backbone for row in rows) else []
     words += ["ticks: measured 1 %"] if any(np.isfinite(row.one_percent_deg) for row in rows) else []
@@ -102,12 +108,18 @@ def _shifts(axis: Axes, row: ModeCheck, low: float, high: float, k: int) -> None
     if row.backbone and row.backbone.linear:
         size, shift = np.rad2deg(row.backbone.amplitude), np.abs(row.backbone.omega / row.backbone.linear - 1)
         axis.plot(size, shift, color=colour(k), lw=2.4, alpha=0.35, gid=QUIET, zorder=1.5)
-    steady = [run for run in row.measurements if not run.irregular]
+    steady = [measurement for measurement in row.measurements if not measurement.irregular]
     for falls in (True, False):
-        x, y = (np.array(v) for v in ([degrees(run.effective) for run in steady], [run.shift for run in steady]))
-        kept = (y < 0) == falls
+        x, y = (
+            np.array(v)
+            for v in (
+                [degrees(measurement.effective) for measurement in steady],
+                [measurement.shift for measurement in steady],
+            )
+        )
+        is_branch = (y < 0) == falls
         face, edge = (colour(k), paper()) if falls else (paper(), colour(k))
-        axis.plot(x[kept], np.abs(y[kept]), _marker(k), ms=_size(k), mfc=face, mec=edge, mew=1.0, zorder=4)
+        axis.plot(x[is_branch], np.abs(y[is_branch]), _marker(k), ms=_size(k), mfc=face, mec=edge, mew=1.0, zorder=4)
     if np.isfinite(row.one_percent_deg):
         axis.plot(row.one_percent_deg, ONE_PERCENT, "|", ms=15, mew=1.8, color=colour(k), zorder=3)
 
@@ -148,10 +160,10 @@ def _strongest(comparison: Comparison) -> list[ModeInMotion]:
     for row in comparison.rows:
         if row.mode.oscillates and row.largest > best.get(row.mode.number, row).largest * (row.mode.number in best):
             best[row.mode.number] = row
-    kept = sorted(best.values(), key=lambda row: -row.largest)[:HUES]
-    if not kept:
+    strongest = sorted(best.values(), key=lambda row: -row.largest)[:HUES]
+    if not strongest:
         raise ComputationError("no mode oscillates: there is no spectrum to draw")
-    return sorted(kept, key=lambda row: row.mode.number)
+    return sorted(strongest, key=lambda row: row.mode.number)
 
 
 def _spectra(comparison: Comparison, rows: Sequence[ModeInMotion]) -> tuple[Floats, Floats]:
@@ -181,5 +193,5 @@ def _size(k: int) -> float:
     return SIZES[k % 2]
 
 
-def _named(row: ModeCheck) -> str:
+def _label(row: ModeCheck) -> str:
     return f"mode {row.mode.number}: {row.mode.omega:.5g} rad/s, κ = {row.mode.kappa:.4g}".replace("-", "−")

@@ -51,7 +51,7 @@ def tradeoff_figure(work_precision: WorkPrecision) -> Figure:
 
 
 def _bounds(axis: Axes, work_precision: WorkPrecision, rows: list[WorkPrecisionRow]) -> None:
-    times, errors = [row.seconds for row in rows], [work_precision.judged(row) for row in rows]
+    times, errors = [row.seconds for row in rows], [work_precision.measurable_error(row) for row in rows]
     bottom, floor = min(errors) / BEYOND**2, work_precision.reference.floor
     axis.set(xscale="log", yscale="log", xlim=(min(times) / BEYOND, max(times) * BEYOND))
     axis.set(ylim=(bottom, max(errors) * BEYOND))
@@ -63,14 +63,14 @@ def _bounds(axis: Axes, work_precision: WorkPrecision, rows: list[WorkPrecisionR
 
 
 def _front(axis: Axes, work_precision: WorkPrecision) -> None:
-    points = [(row.seconds, work_precision.judged(row)) for row in work_precision.pareto]
+    points = [(row.seconds, work_precision.measurable_error(row)) for row in work_precision.pareto]
     look: dict[str, Any] = {"color": rest(), "lw": 8, "drawstyle": "steps-post", "gid": QUIET}
     axis.plot(*zip(*points, strict=True), zorder=1, label="Pareto front", **look)
 
 
 def _family(axis: Axes, work_precision: WorkPrecision, rows: list[WorkPrecisionRow]) -> None:
     points, candidate = (
-        zip(*((row.seconds, work_precision.judged(row)) for row in rows), strict=True),
+        zip(*((row.seconds, work_precision.measurable_error(row)) for row in rows), strict=True),
         rows[0].candidate,
     )
     if candidate.modal:
@@ -79,10 +79,10 @@ def _family(axis: Axes, work_precision: WorkPrecision, rows: list[WorkPrecisionR
     marker = MARKERS["compiled" if candidate.compiled else candidate.kind]
     hue = colour(METHODS[candidate.method])
     look: dict[str, Any] = {"color": hue, "mfc": paper() if candidate.compiled else hue, "ms": 6, "lw": 1.4}
-    axis.plot(*points, marker=marker, label=_named(candidate), zorder=4, **look)
+    axis.plot(*points, marker=marker, label=_label(candidate), zorder=4, **look)
 
 
-def _named(candidate: Candidate) -> str:
+def _label(candidate: Candidate) -> str:
     return candidate.family.replace("taylor", "Taylor")
 
 

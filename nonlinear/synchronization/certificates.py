@@ -16,7 +16,7 @@ from modal.scene import Scene, refusals
 from modal.scene.parameters import Variation
 from modal.types import Floats
 from nonlinear.averaging import RelativeEquilibrium, swinging
-from nonlinear.orbits import Orbit, Special, crossed, cycle_of
+from nonlinear.orbits import Orbit, Special, cycle_of, first_special_point
 from nonlinear.synchronization.patterns import own_amplitudes
 
 MOST_LINKS = 24
@@ -24,7 +24,7 @@ CLOSE, WIDE = 0.1, 0.3  # largest relative differences of frequency and amplitud
 MARGINS = (0.01, 0.05, 0.2)  # of the range: how far from a critical value orbits begin
 
 
-def certified(scene: Scene, equilibrium: RelativeEquilibrium) -> Orbit | None:
+def certified_orbit(scene: Scene, equilibrium: RelativeEquilibrium) -> Orbit | None:
     """The periodic orbit of a configuration, None where none was found close to it."""
     if not _periodic(scene, equilibrium):
         return None
@@ -32,10 +32,10 @@ def certified(scene: Scene, equilibrium: RelativeEquilibrium) -> Orbit | None:
         orbit = cycle_of(scene, equilibrium)
     except ComputationError:
         return None
-    return orbit if _close(orbit, equilibrium) else None
+    return orbit if _is_close_to(orbit, equilibrium) else None
 
 
-def uncertified(scene: Scene) -> str:
+def reasons_uncertified(scene: Scene) -> str:
     """Why no periodic orbit of a scene in the plane is looked for; "" where they are."""
     if scene.n_links > MOST_LINKS:
         return f"{scene.n_links} links: limit cycles are computed of up to {MOST_LINKS}"
@@ -43,37 +43,41 @@ def uncertified(scene: Scene) -> str:
 
 
 def _periodic(scene: Scene, equilibrium: RelativeEquilibrium) -> bool:
-    return not uncertified(scene) and len(swinging(equilibrium.averaged, equilibrium.z)) == 1
+    return not reasons_uncertified(scene) and len(swinging(equilibrium.averaged, equilibrium.z)) == 1
 
 
-def _close(orbit: Orbit, equilibrium: RelativeEquilibrium) -> bool:
+def _is_close_to(orbit: Orbit, equilibrium: RelativeEquilibrium) -> bool:
     amplitude = float(equilibrium.averaged.largest(equilibrium.z))
-    same = abs(orbit.omega / equilibrium.omega - 1) < CLOSE and abs(orbit.amplitude / amplitude - 1) < WIDE
-    return bool(same and np.abs(own_amplitudes(equilibrium)).max() > 0)
+    is_same = abs(orbit.omega / equilibrium.omega - 1) < CLOSE and abs(orbit.amplitude / amplitude - 1) < WIDE
+    return bool(is_same and np.abs(own_amplitudes(equilibrium)).max() > 0)
 
 
-def critical(
+def critical_point(
     scene: Scene, variation: Variation, states: Sequence[RelativeEquilibrium], values: Floats, at: float
 ) -> Special | None:
     """The fold, branch point, period doubling or torus of the orbits next to a critical value of a branch.
 
     None where none was found: where a branch dies out, or beside several frequencies.
     """
-    span = abs(_scaled(variation, variation.values[-1]) - _scaled(variation, variation.values[0]))
-    off = np.array([abs(_scaled(variation, value) - _scaled(variation, at)) for value in values])
-    tried: set[int] = set()
+    span = abs(_coordinate(variation, variation.values[-1]) - _coordinate(variation, variation.values[0]))
+    off = np.array([abs(_coordinate(variation, value) - _coordinate(variation, at)) for value in values])
+    tried_states: set[int] = set()
     for share in MARGINS:
-        away = np.flatnonzero(off >= share * span)
-        if not away.size or (k := int(away[off[away].argmin()])) in tried or not _periodic(scene, states[k]):
+        candidates = np.flatnonzero(off >= share * span)
+        if (
+            not candidates.size
+            or (k := int(candidates[off[candidates].argmin()])) in tried_states
+            or not _periodic(scene, states[k])
+        ):
             continue
-        tried.add(k)
+        tried_states.add(k)
         try:
-            if special := crossed(scene, variation, states[k], float(values[k]), at):
+            if special := first_special_point(scene, variation, states[k], float(values[k]), at):
                 return special
         except ComputationError:
             continue
     return None
 
 
-def _scaled(variation: Variation, value: float) -> float:
+def _coordinate(variation: Variation, value: float) -> float:
     return float(np.log(value)) if variation.log else value

@@ -37,7 +37,7 @@ from nonlinear.averaging import (
     swinging,
 )
 from nonlinear.orbits import Special
-from nonlinear.synchronization.certificates import critical
+from nonlinear.synchronization.certificates import critical_point
 from nonlinear.synchronization.patterns import agreement
 
 DYING = 0.1  # fraction of a branch's largest amplitude below which a branch that ends has died out
@@ -106,27 +106,27 @@ class EquilibriumBranch(Displayed):
         """The critical values, ascending."""
         ends = (self._end(0, "emerges from rest", "appears"), self._end(-1, "dies out", "disappears"))
         fates = [
-            Change(value, "becomes stable" if self.is_stable[after] else "loses stability", self._beat(after))
-            for value, after in self._flips()
+            Change(value, "becomes stable" if self.is_stable[index] else "loses stability", self._beat(index))
+            for value, index in self._flips()
         ]
         return tuple(change for change in (ends[0], *fates, ends[1]) if change)
 
     def _flips(self) -> Iterator[tuple[float, int]]:
         """The midpoint of two values of different stability, and the index of the second."""
-        for after, (state, other) in enumerate(pairwise(self.is_stable), start=1):
-            if state != other:
-                yield float((self.values[after - 1] + self.values[after]) / 2), after
+        for index, (state, following) in enumerate(pairwise(self.is_stable), start=1):
+            if state != following:
+                yield float((self.values[index - 1] + self.values[index]) / 2), index
 
-    def _beat(self, after: int) -> float:
+    def _beat(self, index: int) -> float:
         """The oscillation rate of the fastest growing perturbation, on the unstable side."""
-        rates = self.states[after - self.is_stable[after]].rates
+        rates = self.states[index - self.is_stable[index]].rates
         return float(abs(rates[0].imag)) if len(rates) else 0.0
 
-    def _end(self, at: int, faint: str, folded: str) -> Change | None:
+    def _end(self, at: int, faint: str, fold: str) -> Change | None:
         """What happens at the first or last value, None where it is an end of the variation."""
         if self.values[at] == self.variation.values[at]:
             return None
-        return Change(float(self.values[at]), faint if self.angle[at] < DYING * self.angle.max() else folded)
+        return Change(float(self.values[at]), faint if self.angle[at] < DYING * self.angle.max() else fold)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -141,16 +141,18 @@ class Branches(TextResult):
     @property
     def changes(self) -> tuple[tuple[Change, int], ...]:
         """Critical values of all branches in ascending order, each with the number of its branch, from 0."""
-        every = ((change, number) for number, branch in enumerate(self.branches) for change in branch.changes)
-        return tuple(sorted(every, key=lambda pair: pair[0].value))
+        numbered_changes = (
+            (change, number) for number, branch in enumerate(self.branches) for change in branch.changes
+        )
+        return tuple(sorted(numbered_changes, key=lambda pair: pair[0].value))
 
     @cached_property
-    def located(self) -> tuple[Special | None, ...]:
+    def special_points(self) -> tuple[Special | None, ...]:
         """For every one of the `changes` where the periodic orbits of the full equations turn or change stability.
 
         None where no such point was found beside it.
         """
-        return tuple(_located(self, at) for at in range(len(self.changes)))
+        return tuple(_locate(self, at) for at in range(len(self.changes)))
 
 
 @formerly(variation="vary")
@@ -175,48 +177,50 @@ def follow_branches(
     walk = Walk(scene, variation)
     branches: list[EquilibriumBranch] = []
     for value in _places(variation, branches):
-        begun = relative_equilibria(walk.at(value))
-        new = (state for state in begun if not _is_known(state, value, branches))
-        for state, branch in map_by_crew(partial(_followed, walk, value), new, crew):
+        equilibria = relative_equilibria(walk.at(value))
+        new = (state for state in equilibria if not _is_known(state, value, branches))
+        for state, branch in map_by_crew(partial(_follow, walk, value), new, crew):
             if not _is_known(state, value, branches):
                 branches.append(branch)
                 report(len(branches))
     branches.sort(key=lambda branch: (branch.values[0], branch.omega[0]))
-    found = Branches(scene, variation, tuple(branches))
+    result = Branches(scene, variation, tuple(branches))
     if crew is not None:
-        found.__dict__["located"] = tuple(map_by_crew(partial(_located, found), range(len(found.changes)), crew))
-    return found
+        result.__dict__["special_points"] = tuple(map_by_crew(partial(_locate, result), range(len(result.changes)), crew))
+    return result
 
 
-def _followed(walk: Walk, value: float, state: RelativeEquilibrium) -> tuple[RelativeEquilibrium, EquilibriumBranch]:
+def _follow(walk: Walk, value: float, state: RelativeEquilibrium) -> tuple[RelativeEquilibrium, EquilibriumBranch]:
     """The configuration at a value with its branch."""
     values, states = zip(*walk.whole(value, state), strict=True)
     return state, EquilibriumBranch(walk.variation, np.array(values), states)
 
 
-def _located(found: Branches, at: int) -> Special | None:
+def _locate(branches: Branches, at: int) -> Special | None:
     """Where the periodic orbits of the full equations do what happens at one of the critical values."""
-    change, number = found.changes[at]
-    branch = found.branches[number]
-    return critical(found.scene, branch.variation, branch.states, branch.values, change.value)
+    change, number = branches.changes[at]
+    branch = branches.branches[number]
+    return critical_point(branches.scene, branch.variation, branch.states, branch.values, change.value)
 
 
 def _is_known(state: RelativeEquilibrium, value: float, branches: Sequence[EquilibriumBranch]) -> bool:
     """Whether one of these branches has this configuration at a value."""
     pairs = (pair for branch in branches for pair in zip(branch.values, branch.states, strict=True))
-    return any(at == value and same(state, other) for at, other in pairs)
+    return any(at == value and same(state, neighbour) for at, neighbour in pairs)
 
 
 def _places(variation: Variation, branches: Sequence[EquilibriumBranch]) -> Iterator[float]:
     """Where to search, updated with what has been found by then."""
-    seen = [variation.values[0], variation.values[-1]]
-    yield from seen
-    while len(seen) < MOST_SEARCHES + 2 and (new := [v for v in _beyond(variation, branches) if v not in seen]):
-        seen.append(new[0])
+    places = [variation.values[0], variation.values[-1]]
+    yield from places
+    while len(places) < MOST_SEARCHES + 2 and (
+        new := [v for v in _next_values(variation, branches) if v not in places]
+    ):
+        places.append(new[0])
         yield new[0]
 
 
-def _beyond(variation: Variation, branches: Sequence[EquilibriumBranch]) -> Iterator[float]:
+def _next_values(variation: Variation, branches: Sequence[EquilibriumBranch]) -> Iterator[float]:
     """The variation's values next to critical ones, on the side where a branch does not exist or is unstable."""
     values = np.array(variation.values)
     for change in (change for branch in branches for change in branch.changes):
@@ -241,10 +245,10 @@ class Walk:
         """Everything reached from a configuration, in both directions, in ascending order."""
         up = [v for v in self.variation.values if v > value]
         down = [v for v in reversed(self.variation.values) if v < value]
-        steps = [*reversed(self._followed(value, state, down)), (value, state), *self._followed(value, state, up)]
-        return [steps[0], *(step for pair in pairwise(steps) for step in self._sharpened(*pair))]
+        steps = [*reversed(self._follow(value, state, down)), (value, state), *self._follow(value, state, up)]
+        return [steps[0], *(step for pair in pairwise(steps) for step in self._sharpen(*pair))]
 
-    def _followed(self, value: float, state: RelativeEquilibrium, further: Sequence[float]) -> list[Step]:
+    def _follow(self, value: float, state: RelativeEquilibrium, further: Sequence[float]) -> list[Step]:
         """Follow to the last of these values, or to the end of the branch."""
         steps: list[Step] = []
         for target in further:
@@ -253,57 +257,61 @@ class Walk:
                 break
         return steps
 
-    def _between(self, here: Step, target: float) -> list[Step]:
+    def _between(self, step: Step, target: float) -> list[Step]:
         """The steps up to a value, including that value if it is reached."""
-        if state := self._next(here, target):
+        if state := self._next(step, target):
             return [(target, state)]
-        if self._close(here[0], target):
+        if self._is_close(step[0], target):
             return []
-        middle = self._middle(here[0], target)
-        half = self._between(here, middle)
-        reached = bool(half) and half[-1][0] == middle
-        return half + (self._between(half[-1], target) if reached else [])
+        middle = self._middle(step[0], target)
+        half = self._between(step, middle)
+        is_reached = bool(half) and half[-1][0] == middle
+        return half + (self._between(half[-1], target) if is_reached else [])
 
-    def _sharpened(self, before: Step, after: Step) -> list[Step]:
+    def _sharpen(self, first: Step, second: Step) -> list[Step]:
         """The steps from one to the next, with values inserted where stability changes between them."""
-        if (before[1].is_stable is True) == (after[1].is_stable is True) or self._close(before[0], after[0]):
-            return [after]
-        middle = self._middle(before[0], after[0])
-        state = self._next(before, middle) or self._next(after, middle)
+        if (first[1].is_stable is True) == (second[1].is_stable is True) or self._is_close(first[0], second[0]):
+            return [second]
+        middle = self._middle(first[0], second[0])
+        state = self._next(first, middle) or self._next(second, middle)
         if state is None:
-            return [after]
-        return self._sharpened(before, (middle, state)) + self._sharpened((middle, state), after)
+            return [second]
+        return self._sharpen(first, (middle, state)) + self._sharpen((middle, state), second)
 
-    def _next(self, here: Step, value: float) -> RelativeEquilibrium | None:
+    def _next(self, step: Step, value: float) -> RelativeEquilibrium | None:
         """The same configuration there, None where the way back leads elsewhere: that is another branch."""
-        state = self.moved(here[1], value)
-        back = self.moved(state, here[0]) if state else None
-        return state if back and same(back, here[1], CLOSE) else None
+        state = self.moved(step[1], value)
+        back = self.moved(state, step[0]) if state else None
+        return state if back and same(back, step[1], CLOSE) else None
 
     def moved(self, state: RelativeEquilibrium, value: float) -> RelativeEquilibrium | None:
         """The same configuration at another value, None where there is none nearby."""
-        z = _carried(state, self.at(value))
-        moved = relative_equilibrium(self.at(value), z)
-        if moved is None or len(swinging(moved.averaged, moved.z)) != len(swinging(moved.averaged, z)):
+        z = _transfer(state, self.at(value))
+        equilibrium = relative_equilibrium(self.at(value), z)
+        if equilibrium is None or len(swinging(equilibrium.averaged, equilibrium.z)) != len(
+            swinging(equilibrium.averaged, z)
+        ):
             return None
-        weight = moved.averaged.omega
-        return moved if np.linalg.norm(weight * (moved.z - z)) <= JUMP * np.linalg.norm(weight * z) else None
+        weight = equilibrium.averaged.omega
+        return (
+            equilibrium if np.linalg.norm(weight * (equilibrium.z - z)) <= JUMP * np.linalg.norm(weight * z) else None
+        )
 
-    def _close(self, value: float, other: float) -> bool:
-        a, b, first, last = map(self._scaled, (value, other, self.variation.values[0], self.variation.values[-1]))
+    def _is_close(self, value: float, second: float) -> bool:
+        a, b, first, last = map(self._coordinate, (value, second, self.variation.values[0], self.variation.values[-1]))
         return abs(a - b) <= RESOLUTION * (last - first)
 
-    def _middle(self, value: float, other: float) -> float:
-        middle = (self._scaled(value) + self._scaled(other)) / 2
+    def _middle(self, value: float, second: float) -> float:
+        middle = (self._coordinate(value) + self._coordinate(second)) / 2
         return exp(middle) if self.variation.log else middle
 
-    def _scaled(self, value: float) -> float:
+    def _coordinate(self, value: float) -> float:
         return log(value) if self.variation.log else value
 
 
-def _carried(state: RelativeEquilibrium, new: AveragedEquations) -> Complexes:
+def _transfer(state: RelativeEquilibrium, new: AveragedEquations) -> Complexes:
     """The amplitudes of the same motion in other modes, in as many bands as oscillated before."""
     z = new.dual.T @ (state.averaged.shapes @ state.z)
     energy = np.bincount(new.band, weights=(new.omega * np.abs(z)) ** 2)
-    kept = np.argsort(-energy)[: len(swinging(state.averaged, state.z))]
-    return np.where(np.isin(new.band, kept), z, 0.0)
+    bands = np.argsort(-energy)[: len(swinging(state.averaged, state.z))]
+    return np.where(np.isin(new.band, bands), z, 0.0)

@@ -109,8 +109,8 @@ class Survival(Displayed):
         late = self._others[start:]
         if not np.all(np.isfinite(late)) or np.ptp(late) < LOCKED:
             return self.times[:0]
-        above = late > (late.min() + late.max()) / 2
-        return np.asarray(self.times[start:][1:][above[1:] & ~above[:-1]])
+        is_above = late > (late.min() + late.max()) / 2
+        return np.asarray(self.times[start:][1:][is_above[1:] & ~is_above[:-1]])
 
     @cached_property
     def beat(self) -> Beat | None:
@@ -152,16 +152,20 @@ class Survival(Displayed):
         A motion of several frequencies, as of pendula that beat for ever: no mode survives, and none is lost.
         """
         quarters = np.array_split(self.share, 4)
-        before, late = (quarter.mean(axis=0) for quarter in quarters[2:])
-        if len(self.times) < 8 or not np.abs(late - before).max() <= STEADY:
+        earlier, late = (quarter.mean(axis=0) for quarter in quarters[2:])
+        if len(self.times) < 8 or not np.abs(late - earlier).max() <= STEADY:
             return ()
         holding = [int(place) for place in np.argsort(-late) if late[place] >= HOLDS]
-        apart = [place for k, place in enumerate(holding) if all(self._apart(place, other) for other in holding[:k])]
-        return tuple(apart) if len(apart) > 1 else ()
+        incommensurate = [
+            place
+            for k, place in enumerate(holding)
+            if all(self._is_incommensurate(place, stronger) for stronger in holding[:k])
+        ]
+        return tuple(incommensurate) if len(incommensurate) > 1 else ()
 
-    def _apart(self, place: int, other: int) -> bool:
+    def _is_incommensurate(self, place: int, second: int) -> bool:
         """Whether two rows swing at frequencies of which neither is a multiple of the other."""
-        ratio = float(max(self.omega[place], self.omega[other]) / min(self.omega[place], self.omega[other]))
+        ratio = float(max(self.omega[place], self.omega[second]) / min(self.omega[place], self.omega[second]))
         return abs(ratio - round(ratio)) > APART * ratio
 
     @cached_property
@@ -209,7 +213,7 @@ def _energies(modes: Modes, rows: Ints, q: Floats, v: Floats) -> tuple[Floats, F
     phi = modes.matrix.real.take(np.isin(modes.matrix.row, rows))
     begins, omega = np.flatnonzero(np.diff(phi.row, prepend=-1)), modes.omega[phi.row]
     kinetic, potential = (
-        np.add.reduceat(each**2 / 2, begins, axis=1) for each in (v @ phi.dual, omega * (q @ phi.dual))
+        np.add.reduceat(energy**2 / 2, begins, axis=1) for energy in (v @ phi.dual, omega * (q @ phi.dual))
     )
     late = slice(3 * len(q) // 4, None)
     mean, means = kinetic[late].mean(axis=0), potential[late].mean(axis=0)

@@ -33,10 +33,10 @@ def own_amplitudes(state: RelativeEquilibrium) -> Complexes:
     return np.asarray(eta[:, int(energy.argmax())])
 
 
-def apart(eta: Complexes) -> Floats:
+def relative_phases(eta: Complexes) -> Floats:
     """Phases (rad) in (−π, π] of the swinging pendula relative to the one with the largest amplitude."""
-    most = eta[np.abs(eta).argmax()]
-    return np.asarray(np.angle(eta[np.abs(eta) >= STILL * abs(most)] / most))
+    largest = eta[np.abs(eta).argmax()]
+    return np.asarray(np.angle(eta[np.abs(eta) >= STILL * abs(largest)] / largest))
 
 
 def agreement(state: RelativeEquilibrium) -> str:
@@ -46,7 +46,7 @@ def agreement(state: RelativeEquilibrium) -> str:
 
 
 def _phases(eta: Complexes, copies: int) -> str:
-    phases = np.abs(apart(eta))
+    phases = np.abs(relative_phases(eta))
     if len(phases) == 1:
         z = f"pendulum {int(np.abs(eta).argmax()) + 1}" if copies < len(eta) else "one pendulum"
         return "swings" if len(eta) == 1 else f"{z} alone"
@@ -55,9 +55,9 @@ def _phases(eta: Complexes, copies: int) -> str:
 
 def _agreement(phases: Floats) -> str:
     """Of two or more phases, rad from 0 to π."""
-    ahead = int(np.count_nonzero(phases <= NEAR))
-    if ahead == len(phases):
+    count = int(np.count_nonzero(phases <= NEAR))
+    if count == len(phases):
         return "in phase"
     if np.all((phases <= NEAR) | (phases >= np.pi - NEAR)):
-        return "antiphase" if len(phases) == 2 else f"antiphase, {ahead} against {len(phases) - ahead}"
+        return "antiphase" if len(phases) == 2 else f"antiphase, {count} against {len(phases) - count}"
     return f"{degrees(phases.max()):.0f}° apart" if len(phases) == 2 else "phases spread"

@@ -61,8 +61,8 @@ class Phases(Displayed):
 
     def _summary(self) -> Summary:
         count, modes = self.omega.shape
-        pendula, each = counted(count, "pendulum", "pendula"), counted(modes, "mode", "modes")
-        title = f"Phases of {pendula} in {each} at {counted(len(self.times), 'time', 'times')}"
+        pendula, modes_of_each = counted(count, "pendulum", "pendula"), counted(modes, "mode", "modes")
+        title = f"Phases of {pendula} in {modes_of_each} at {counted(len(self.times), 'time', 'times')}"
         return Summary(title, [("of", first_line(self.trajectory))])
 
     @property
@@ -171,11 +171,11 @@ def phases_of(trajectory: Trajectory) -> Phases:
     count = min(group.n for group in system.groups)
     z = np.empty((len(trajectory.times), system.n_pendula, count), dtype=np.complex128)
     omega, mass = np.empty((2, system.n_pendula, count))
-    turned = from_rest(system, motion.links)
+    angles = from_rest(system, motion.links)
     for group in system.groups:
         shapes = own_shapes(group, system.gravity, count)
         eta, rate = (
-            np.einsum("tnp,pnb->tpb", part[:, group.index], shapes.dual) for part in (turned, motion.link_rates)
+            np.einsum("tnp,pnb->tpb", part[:, group.index], shapes.dual) for part in (angles, motion.link_rates)
         )
         z[:, group.pendula] = eta - 1j * rate / shapes.omega
         omega[group.pendula], mass[group.pendula] = shapes.omega, shapes.mass
@@ -198,7 +198,7 @@ def own_shapes(group: Group, gravity: float, count: int) -> OwnShapes:
         raise ComputationError(
             f"{group.index.shape[1]} pendula of {group.n} links are too many for their fixed-base modes"
         )
-    A, K = _stacked(group, gravity)
+    A, K = _stacks(group, gravity)
     try:
         L = np.linalg.cholesky(K)
     except np.linalg.LinAlgError:
@@ -209,12 +209,12 @@ def own_shapes(group: Group, gravity: float, count: int) -> OwnShapes:
     value, w = np.linalg.eigh(np.linalg.solve(L, half.transpose(0, 2, 1)))
     phi = np.linalg.solve(L.transpose(0, 2, 1), w[..., : -count - 1 : -1])
     phi *= np.where(phi[:, :1] < 0, -1.0, 1.0) / np.abs(phi).max(axis=1, keepdims=True)
-    pushed = A @ phi
-    mass = np.sum(phi * pushed, axis=1)
-    return OwnShapes(value[:, : -count - 1 : -1] ** -0.5, mass, phi, pushed / mass[:, None])
+    momenta = A @ phi
+    mass = np.sum(phi * momenta, axis=1)
+    return OwnShapes(value[:, : -count - 1 : -1] ** -0.5, mass, phi, momenta / mass[:, None])
 
 
-def _stacked(group: Group, gravity: float) -> tuple[Floats, Floats]:
+def _stacks(group: Group, gravity: float) -> tuple[Floats, Floats]:
     """A (kg m²) and K (N m) about equilibrium, (P, n, n)."""
     block, n = group.block, group.n
     A = np.array(pair.inertia_matrix(block.mass, block.length, block.centre, block.inertia)).transpose(2, 0, 1)

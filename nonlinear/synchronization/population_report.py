@@ -55,7 +55,7 @@ def _rows(phases: PopulationPhases) -> list[tuple[Any, ...]]:
     """Of every population its number, itself, R, rate, spread and phase (deg), NaN where none is held."""
     angles = np.degrees(phases.phase) if phases.is_held else np.full(len(phases.populations), np.nan)
     columns = (phases.late_order, phases.rate, phases.spread, angles)
-    return list(zip(count(1), phases.populations, *(np.asarray(each).tolist() for each in columns), strict=False))
+    return list(zip(count(1), phases.populations, *(np.asarray(column).tolist() for column in columns), strict=False))
 
 
 POPULATION = (
@@ -75,11 +75,11 @@ def _motions(motions: tuple[SymmetricMotion, ...]) -> str:
     names = list(dict.fromkeys(name for motion in motions if motion.orbit for name in motion.names))
     head = ("motion", "ω (rad/s)", "largest angle (deg)", *(f"{name} (1/s)" for name in names), "stability")
     rows = [row for motion in motions for row in _motion_rows(motion, names)]
-    parts = [grid(rows, head, "text"), *map(_filled, _reasons(motions)), _filled(RATES)]
+    parts = [grid(rows, head, "text"), *map(_fill, _reasons(motions)), _fill(RATES)]
     return "\n\n".join(parts)
 
 
-def _filled(words: str) -> str:
+def _fill(words: str) -> str:
     return fill(words, line_width())
 
 
@@ -97,9 +97,9 @@ def _motion_rows(motion: SymmetricMotion, names: list[str]) -> Iterator[list[str
         *_rates(motion, motion.orbit.growth, names),
         fate,
     ]
-    averaged = motion.averaged
-    angle = f"{degrees(averaged.amplitude):.4g}"
-    yield ["  averaged", f"{averaged.omega:.6g}", angle, *_rates(motion, averaged.growth, names), ""]
+    averaged_pattern = motion.averaged
+    angle = f"{degrees(averaged_pattern.amplitude):.4g}"
+    yield ["  averaged", f"{averaged_pattern.omega:.6g}", angle, *_rates(motion, averaged_pattern.growth, names), ""]
 
 
 def _rates(motion: SymmetricMotion, growth: tuple[float, ...], names: list[str]) -> list[str]:
@@ -186,14 +186,14 @@ def diagram_text(diagram: PopulationDiagram) -> str:
         for threshold in diagram.thresholds:
             if threshold.reason:
                 words = f"{capital(threshold.pattern)} at {threshold.value:.6g}: {threshold.reason}."
-                parts += ["", _filled(words)]
-        parts += ["", _filled(EXACT)]
+                parts += ["", _fill(words)]
+        parts += ["", _fill(EXACT)]
     return "\n".join(parts) + "\n"
 
 
 def _where(intervals: Callable[[MotionBranch], Iterable[tuple[float, float]]], branch: MotionBranch) -> str:
-    each = intervals(branch) if len(branch.values) else ()
-    return ", ".join(f"{low:.7g} to {high:.7g}" for low, high in each) or "nowhere"
+    ranges = intervals(branch) if len(branch.values) else ()
+    return ", ".join(f"{low:.7g} to {high:.7g}" for low, high in ranges) or "nowhere"
 
 
 def ends_of(values: Floats) -> str:
@@ -219,8 +219,10 @@ def _diagram_rows(diagram: PopulationDiagram) -> Iterator[dict[str, Any]]:
         for value, stable, omega, angle, motion in zip(*numbers, branch.motions, strict=True):
             if motion.orbit is None or motion.averaged is None:
                 continue
-            for name, exact, averaged in zip(motion.names, motion.orbit.growth, motion.averaged.growth, strict=True):
+            for name, exact, averaged_rate in zip(
+                motion.names, motion.orbit.growth, motion.averaged.growth, strict=True
+            ):
                 columns = state_columns(
                     diagram.variation, value, omega, stable=bool(stable), angle_deg=degrees(angle), growth=exact
                 )
-                yield {**columns, "averaged_growth_per_s": averaged, "motion": branch.name, "sector": name}
+                yield {**columns, "averaged_growth_per_s": averaged_rate, "motion": branch.name, "sector": name}

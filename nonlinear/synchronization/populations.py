@@ -54,8 +54,8 @@ class PopulationPhases(Displayed):
         """The mean e^{iψ} of every population, (T, P)."""
         z = self.phases.z[:, :, self.phases.leading]
         size = np.abs(z)
-        turned = np.divide(z, size, out=np.zeros_like(z), where=size > 0)
-        return np.stack([turned[:, population.pendula].mean(axis=1) for population in self.populations], axis=1)
+        unit = np.divide(z, size, out=np.zeros_like(z), where=size > 0)
+        return np.stack([unit[:, population.pendula].mean(axis=1) for population in self.populations], axis=1)
 
     @cached_property
     def order(self) -> Floats:
@@ -92,9 +92,9 @@ class PopulationPhases(Displayed):
             late = self._means[last(self.phases.times, QUARTER)]
         else:
             late = self.phases.z[last(self.phases.times, QUARTER), :, self.phases.leading]
-        turned = late * late[:, :1].conj()
-        size = np.abs(turned)
-        return np.asarray(np.divide(turned, size, out=np.zeros_like(turned), where=size > 0).mean(axis=0))
+        product = late * late[:, :1].conj()
+        size = np.abs(product)
+        return np.asarray(np.divide(product, size, out=np.zeros_like(product), where=size > 0).mean(axis=0))
 
     @property
     def phase(self) -> Floats:
@@ -102,7 +102,7 @@ class PopulationPhases(Displayed):
         return np.angle(self._relative) if self.pair is None else np.zeros(1)
 
     @cached_property
-    def joined(self) -> bool:
+    def is_coupled(self) -> bool:
         """Whether something joins all pendula: inertia, a spring or a damper, or what moves the pivots of both."""
         scene = self.phases.trajectory.scene
         small, pivots = matrices(scene), phi(structure_of(scene))
@@ -119,8 +119,8 @@ class PopulationPhases(Displayed):
         if len(self.populations) > 1 or self.populations[0].size != 2:
             return None
         z = self.phases.z[last(self.phases.times, QUARTER), :, self.phases.leading]
-        turned = z[:, 1] * z[:, 0].conj()
-        return float(np.angle(turned.mean())) if np.abs(turned).any() else None
+        product = z[:, 1] * z[:, 0].conj()
+        return float(np.angle(product.mean())) if np.abs(product).any() else None
 
     @cached_property
     def locked(self) -> Booleans:
@@ -143,8 +143,8 @@ class PopulationPhases(Displayed):
     def is_even(self) -> bool:
         """Whether all populations keep their phases from the first, at equal rates; of one pair its pendula."""
         rates = self.rate if self.pair is None else self.pendulum_rates
-        held = np.abs(self._relative).min() > LOCKED
-        return bool(held and np.ptp(rates) <= EQUAL * np.abs(rates).max())
+        is_steady = np.abs(self._relative).min() > LOCKED
+        return bool(is_steady and np.ptp(rates) <= EQUAL * np.abs(rates).max())
 
     @cached_property
     def kind(self) -> str:
@@ -153,8 +153,8 @@ class PopulationPhases(Displayed):
         if swing[last(self.phases.times, ENDING)].max() <= FAINT * swing.max():
             return STILL
         if self.locked.any() and not self.locked.all():
-            return CHIMERA if self.joined and self.is_identical else NEITHER
-        if not (self.locked.all() or self.pair is not None) or not self.is_even or not self.joined:
+            return CHIMERA if self.is_coupled and self.is_identical else NEITHER
+        if not (self.locked.all() or self.pair is not None) or not self.is_even or not self.is_coupled:
             return NEITHER
         off = np.abs(np.angle(self._relative))
         if np.all(off <= NEAR):
@@ -171,30 +171,30 @@ class PopulationPhases(Displayed):
         """The same in words, with the populations and their phases."""
         numbers = np.arange(1, len(self.populations) + 1)
         if self.kind == CHIMERA:
-            held, loose = (_listed(numbers[rates]) for rates in (self.locked, ~self.locked))
+            locked, loose = (_list(numbers[rates]) for rates in (self.locked, ~self.locked))
             several = "populations" if self.locked.sum() > 1 else "population"
-            return f"{several} {held} locked, {loose} not: a chimera"
+            return f"{several} {locked} locked, {loose} not: a chimera"
         if self.kind == AT:
             return "locked at " + ", ".join(f"{angle:.4g}°" for angle in np.rad2deg(np.angle(self._relative[1:])))
         if self.kind == STILL:
             return "the swing dies out"
         if self.kind != NEITHER:
             return self.kind
-        if self.locked.all() and not self.joined:
-            held = "the population is" if len(numbers) == 1 else "every population is"
-            return f"neither in phase nor antiphase: {held} locked, and nothing joins the pendula"
+        if self.locked.all() and not self.is_coupled:
+            locked = "the population is" if len(numbers) == 1 else "every population is"
+            return f"neither in phase nor antiphase: {locked} locked, and nothing joins the pendula"
         if len(numbers) == 1:
             return "not in phase: the population is not locked"
         if self.locked.all():
             return "neither in phase nor antiphase: every population is locked, at a phase that drifts"
         if self.locked.any():
-            held, loose = (_listed(numbers[which]) for which in (self.locked, ~self.locked))
-            why = "the populations are not alike" if self.joined else "nothing joins them"
-            return f"neither in phase nor antiphase: population {held} locked, {loose} not; {why}"
+            locked, loose = (_list(numbers[which]) for which in (self.locked, ~self.locked))
+            why = "the populations are not alike" if self.is_coupled else "nothing joins them"
+            return f"neither in phase nor antiphase: population {locked} locked, {loose} not; {why}"
         return "neither in phase nor antiphase: no population is locked"
 
 
-def _listed(numbers: Ints) -> str:
+def _list(numbers: Ints) -> str:
     return " and ".join(str(int(number)) for number in numbers)
 
 

@@ -88,8 +88,8 @@ def _sections(study: SynchronizationStudy) -> Iterator[str]:
 def _in_words(study: SynchronizationStudy) -> Iterator[str]:
     if study.theory is not None:
         yield _paragraph("Predicted from this start", _prediction(study, study.theory))
-    beside = ", and from a start nearby" if study.theory is not None and study.theory.prediction.unstable else ""
-    yield _paragraph(f"Simulated for {short(float(study.trajectory.times[-1]))} s{beside}", _simulation(study))
+    neighbour = ", and from a start nearby" if study.theory is not None and study.theory.prediction.unstable else ""
+    yield _paragraph(f"Simulated for {short(float(study.trajectory.times[-1]))} s{neighbour}", _simulation(study))
 
 
 def sync_verdict(study: SynchronizationStudy) -> list[str]:
@@ -105,10 +105,10 @@ def sync_verdict(study: SynchronizationStudy) -> list[str]:
     sentences += [*_winner(study), *_since(study)]
     phases = study.phases
     if phases.z.shape[1] > 1 and study.populations is None:
-        sentences += _locked(study)
+        sentences += _locking(study)
     if reasons := _reasons(study):
-        more = f"; {counted(len(reasons) - 1, 'more doubt', 'more doubts')}" if len(reasons) > 1 else ""
-        sentences.append(f"The prediction is not certain: {reasons[0]}{more}.")
+        remainder = f"; {counted(len(reasons) - 1, 'more doubt', 'more doubts')}" if len(reasons) > 1 else ""
+        sentences.append(f"The prediction is not certain: {reasons[0]}{remainder}.")
     return sentences
 
 
@@ -117,7 +117,7 @@ def _reasons(study: SynchronizationStudy) -> list[str]:
     theory = study.theory
     if theory is None:
         return []
-    return [reason for reason in _doubts(study, theory) if reason != theory.prediction.undecided]
+    return [reason for reason in _doubts(study, theory) if reason != theory.prediction.indecision]
 
 
 def _doubts(study: SynchronizationStudy, theory: Theory) -> list[str]:
@@ -130,38 +130,38 @@ def _winner(study: SynchronizationStudy) -> Iterator[str]:
     survival, end = study.survival, f"{float(study.trajectory.times[-1]):.4g} s"
     try:
         share = percent(survival.survivor_share) if survival else ""
-        held = survival and f"mode {survival.number} holds {share} of the energy after {end}"
+        outcome = survival and f"mode {survival.number} holds {share} of the energy after {end}"
     except ComputationError as error:
-        held = str(error)
+        outcome = str(error)
     if survival and survival.beat:
         beats = survival.beat
-        held = (
+        outcome = (
             f"the energy beats for ever: mode {survival.number} holds between {percent(beats.low)} and "
             f"{percent(beats.high)} of it, every {beats.period:.4g} s ({_angles(study)})"
         )
-    elif survival and held and not survival.is_settled:
-        held += ", undecided: it has not settled"
+    elif survival and outcome and not survival.is_settled:
+        outcome += ", undecided: it has not settled"
     if study.theory is None:
-        if held:
-            yield f"{capital(held)}."
+        if outcome:
+            yield f"{capital(outcome)}."
         return
     prediction = study.theory.prediction
     if prediction.motion.dies:
         yield "The swing dies out, by the prediction: no drive keeps it up."
         return
     mode = f"mode {prediction.number} ({prediction.averaged.modes[prediction.row].family})"
-    most = f"No mode wins; {mode} holds most, {percent(prediction.share)}"
-    told = f"{capital(mode)} wins" if prediction.is_won else most
-    if not held:
-        yield f"{told}, by the prediction."
+    strongest = f"No mode wins; {mode} holds most, {percent(prediction.share)}"
+    forecast = f"{capital(mode)} wins" if prediction.is_won else strongest
+    if not outcome:
+        yield f"{forecast}, by the prediction."
     elif study.agrees and survival and survival.beat:
-        yield f"{told}, as predicted: {held}."
+        yield f"{forecast}, as predicted: {outcome}."
     elif study.agrees:
-        yield f"{told}, as predicted: in the simulation it holds {share} of the energy after {end}."
+        yield f"{forecast}, as predicted: in the simulation it holds {share} of the energy after {end}."
     elif study.agrees is None:
-        yield f"{told}, by the prediction; the simulation is too short to tell: {held}."
+        yield f"{forecast}, by the prediction; the simulation is too short to tell: {outcome}."
     else:
-        yield f"The simulation differs from the prediction: {held}. Predicted: {told[:1].lower()}{told[1:]}."
+        yield f"The simulation differs from the prediction: {outcome}. Predicted: {forecast[:1].lower()}{forecast[1:]}."
 
 
 def _angles(study: SynchronizationStudy) -> str:
@@ -179,22 +179,22 @@ def _since(study: SynchronizationStudy) -> Iterator[str]:
     if study.survival and len(study.survival.row) == 1:
         return
     prediction = study.theory.prediction if study.theory else None
-    predicted = prediction.locking_time() if prediction and not prediction.motion.dies else None
+    predicted_time = prediction.locking_time() if prediction and not prediction.motion.dies else None
     try:
-        simulated = study.survival.locking_time() if study.survival else None
+        simulated_time = study.survival.locking_time() if study.survival else None
     except ComputationError:
         return
-    times = [(predicted, "predicted"), (simulated, "simulated")]
-    each = [f"{time:.4g} s ({how})" for time, how in times if time is not None]
-    if each:
+    times = [(predicted_time, "predicted"), (simulated_time, "simulated")]
+    clauses = [f"{time:.4g} s ({how})" for time, how in times if time is not None]
+    if clauses:
         from_start = not any(time for time, _ in times)
-        when = "from the start" if from_start else f"after {listed(each, len(each))}"
+        when = "from the start" if from_start else f"after {listed(clauses, len(clauses))}"
         yield f"All other modes hold less than 1 % of the energy {when}."
     elif study.survival and study.survival.beating:
         yield _beating(study.survival)
 
 
-def _locked(study: SynchronizationStudy) -> Iterator[str]:
+def _locking(study: SynchronizationStudy) -> Iterator[str]:
     """Whether the pendula have one frequency."""
     phases = study.phases
     try:
@@ -223,29 +223,29 @@ def _paragraph(title: str, sentences: Iterator[str]) -> str:
 def _table(theory: Theory) -> str:
     if not theory.configurations:
         return "none was found"
-    each = _each(theory)
-    shown = _shown(theory)
-    table = ReportTable.of(STEADY, [each[k] for k in shown])
+    motions = _motions(theory)
+    rows_shown = _shown_rows(theory)
+    table = ReportTable.of(STEADY, [motions[k] for k in rows_shown])
     rows = table.written()
-    notes = [f"Averaged alone: {theory.uncertified}."] * bool(theory.uncertified)
+    notes = [f"Averaged alone: {theory.reasons_uncertified}."] * bool(theory.reasons_uncertified)
     notes += [EXACT] * any(theory.orbits) + [LEFT] * (None in theory.orbits and any(theory.orbits))
-    if any(state.copies > 1 for state, _ in each):
+    if any(state.copies > 1 for state, _ in motions):
         notes.insert(0, COPIED)
-    if more := len(each) - len(shown):
-        notes.insert(0, f"{more} more, all unstable, are in the JSON form.")
+    if n_more := len(motions) - len(rows_shown):
+        notes.insert(0, f"{n_more} more, all unstable, are in the JSON form.")
     return "\n\n".join([rows, *(fill(note, line_width()) for note in notes)])
 
 
-def _each(theory: Theory) -> list[tuple[RelativeEquilibrium, Orbit | None]]:
+def _motions(theory: Theory) -> list[tuple[RelativeEquilibrium, Orbit | None]]:
     return list(theory.distinct)
 
 
-def _shown(theory: Theory) -> list[int]:
+def _shown_rows(theory: Theory) -> list[int]:
     """The places of the configurations with a line: of many all that may last and the first of the others."""
-    lasting = [orbit.is_stable if orbit else state.is_stable for state, orbit in _each(theory)]
+    lasting = [orbit.is_stable if orbit else state.is_stable for state, orbit in _motions(theory)]
     unstable = [k for k, lasts in enumerate(lasting) if lasts is False]
-    dropped = set(unstable[MOST_UNSTABLE:]) if len(lasting) > MOST_LINES else set()
-    return [k for k in range(len(lasting)) if k not in dropped]
+    omissions = set(unstable[MOST_UNSTABLE:]) if len(lasting) > MOST_LINES else set()
+    return [k for k in range(len(lasting)) if k not in omissions]
 
 
 def _fate(state: RelativeEquilibrium, orbit: Orbit | None) -> str:
@@ -293,8 +293,8 @@ def _prediction(study: SynchronizationStudy, theory: Theory) -> Iterator[str]:
     if theory.ending:
         size = float(np.abs(theory.ending.floquet.others).max())
         yield f"The orbit in which it ends is stable in the full equations: no multiplier exceeds {size:.6g}."
-    if theory.uncertified:
-        yield f"Its stability is that of the averaged equations alone ({theory.uncertified})."
+    if theory.reasons_uncertified:
+        yield f"Its stability is that of the averaged equations alone ({theory.reasons_uncertified})."
     if reasons := _reasons(study):
         yield f"This is not certain: {'; '.join(reasons)}."
     elif not theory.ending:
@@ -307,17 +307,17 @@ def _prediction(study: SynchronizationStudy, theory: Theory) -> Iterator[str]:
         yield f"That time is approximate: {'; '.join(doubts)}."
 
 
-def _unstable(kept: RelativeEquilibrium) -> Iterator[str]:
+def _unstable(state: RelativeEquilibrium) -> Iterator[str]:
     """Sentences about the configuration that only an exact start maintains."""
     yield (
-        f"From exactly this start mode {kept.number} survives ({agreement(kept)}), but that motion is unstable, "
-        f"e-folding time {kept.relaxation:.4g} s. Real pendula leave it, so what follows is for a start "
+        f"From exactly this start mode {state.number} survives ({agreement(state)}), but that motion is unstable, "
+        f"e-folding time {state.relaxation:.4g} s. Real pendula leave it, so what follows is for a start "
         f"{100 * ASIDE:.0f} % away."
     )
 
 
 def _simulation(study: SynchronizationStudy) -> Iterator[str]:
-    yield from _survivor(study.survival) if study.survival else [f"No energies by modes: {study.unmeasured}."]
+    yield from _survivor(study.survival) if study.survival else [f"No energies by modes: {study.unmeasured_reason}."]
     if study.agrees is not None:
         share = ": the mode is, its share of the energy is not" if study.leads else ""
         yield "As predicted." if study.agrees else f"This is not what was predicted{share}."
@@ -373,8 +373,8 @@ def _phases(study: SynchronizationStudy) -> Iterator[str]:
     if not np.all(np.isfinite(frequencies)):
         yield "A pendulum at rest has no frequency."
         return
-    shown = [f"{omega:.6g}" for omega in frequencies[:MOST_FREQUENCIES]]
-    words = listed(shown, len(frequencies))
+    numbers = [f"{omega:.6g}" for omega in frequencies[:MOST_FREQUENCIES]]
+    words = listed(numbers, len(frequencies))
     if len(frequencies) == 1:
         yield f"Mean frequency {words} rad/s."
     elif phases.resolution > frequencies.max():
@@ -393,9 +393,9 @@ def _energies(study: SynchronizationStudy) -> Iterator[str]:
     yield f"Energy at the end: pendula {pendula:.4g} J" + (f", {carrying} {cart:.3g} J." if has else ".")
     kicks, work = trajectory.kicks, float(trajectory.motion.work[-1])
     if len(kicks.time):
-        fed = float(kicks.energy.sum())
-        rest = _others(trajectory.system, work - fed)
-        yield f"{counted(len(kicks.time), 'kick', 'kicks')} fed {fed:.6g} J{rest}."
+        kick_energy = float(kicks.energy.sum())
+        rest = _others(trajectory.system, work - kick_energy)
+        yield f"{counted(len(kicks.time), 'kick', 'kicks')} fed {kick_energy:.6g} J{rest}."
     elif trajectory.system.works:
         yield f"Drives and dampers together did {work:.6g} J of work."
     if isfinite(drift := trajectory.energy_drift()):
@@ -416,7 +416,7 @@ def sync_record(study: SynchronizationStudy) -> dict[str, Any]:
     theory = study.theory
     return {
         "scene": describe(study.scene),
-        "configurations": [_configuration_record(*each) for each in theory.distinct] if theory else None,
+        "configurations": [_configuration_record(*pair) for pair in theory.distinct] if theory else None,
         "prediction": _prediction_record(study, theory) if theory else None,
         "no_prediction": study.silent or None,
         "verdict_sentences": sync_verdict(study),
@@ -486,7 +486,7 @@ def _simulation_record(study: SynchronizationStudy) -> dict[str, Any]:
     late = last(trajectory.times, ENDING)
     return {
         "duration_s": float(trajectory.times[-1]),
-        **(_survival_record(study.survival) if study.survival else {"no_modes": study.unmeasured}),
+        **(_survival_record(study.survival) if study.survival else {"no_modes": study.unmeasured_reason}),
         "own_mode": phases.leading + 1,
         "order_parameter": float(phases.order[late, phases.leading].mean()),
         **_frequencies(study),
@@ -560,10 +560,10 @@ def branches_text(diagram: Branches) -> str:
                 ReportColumn(lambda row: row[0][1] + 1, None, ""),
                 ReportColumn(lambda row: change_words(row[0][0]), None, "event"),
             ),
-            zip(diagram.changes, diagram.located, strict=True),
+            zip(diagram.changes, diagram.special_points, strict=True),
         )
         parts += ["", table.written()]
-        if any(diagram.located):
+        if any(diagram.special_points):
             parts += ["", fill(LOCATED, line_width())]
     return "\n".join(parts) + "\n"
 

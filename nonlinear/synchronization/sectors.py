@@ -96,11 +96,11 @@ def symmetric_motions(scene: Scene, report: Callable[[float], object] = silent) 
     return tuple(motions)
 
 
-def symmetric_motion(pattern: Pattern, beside: SymmetricMotion | None = None) -> SymmetricMotion:
+def symmetric_motion(pattern: Pattern, neighbour: SymmetricMotion | None = None) -> SymmetricMotion:
     """A pattern with its growth rates, found beside those of a scene with other numbers if given."""
     try:
-        averaged = averaged_pattern(pattern, None if beside is None else beside.averaged)
-        orbit = pattern_orbit(pattern, averaged)
+        averaged_motion = averaged_pattern(pattern, None if neighbour is None else neighbour.averaged)
+        orbit = pattern_orbit(pattern, averaged_motion)
     except ComputationError as error:
         return SymmetricMotion(pattern, None, None, str(error))
-    return SymmetricMotion(pattern, averaged, orbit)
+    return SymmetricMotion(pattern, averaged_motion, orbit)

@@ -18,7 +18,7 @@ from nonlinear.averaging import Prediction, RelativeEquilibrium, predict, relati
 from nonlinear.integration import Trajectory, estimate_timescales
 from nonlinear.orbits import Orbit
 from nonlinear.simulation import simulate
-from nonlinear.synchronization.certificates import certified, uncertified
+from nonlinear.synchronization.certificates import certified_orbit, reasons_uncertified
 from nonlinear.synchronization.modal_energy import Survival, find_survival
 from nonlinear.synchronization.phases import Phases, phases_of
 from nonlinear.synchronization.populations import PopulationPhases, population_phases
@@ -47,7 +47,7 @@ class Theory(Displayed):
     def orbits(self) -> tuple[Orbit | None, ...]:
         """The periodic orbit of every configuration in the full equations, None where none was found beside it."""
         scene = self.prediction.averaged.scene
-        return tuple(certified(scene, state) for state in self.configurations)
+        return tuple(certified_orbit(scene, state) for state in self.configurations)
 
     @cached_property
     def ending(self) -> Orbit | None:
@@ -55,24 +55,26 @@ class Theory(Displayed):
         state = self.prediction.ending
         if state is None:
             return None
-        beside = (orbit for other, orbit in zip(self.configurations, self.orbits, strict=True) if same(state, other))
-        orbit = None if state.is_family else next(beside, None)
-        orbit = orbit or certified(self.prediction.averaged.scene, state)
+        neighbours = (
+            orbit for neighbour, orbit in zip(self.configurations, self.orbits, strict=True) if same(state, neighbour)
+        )
+        orbit = None if state.is_family else next(neighbours, None)
+        orbit = orbit or certified_orbit(self.prediction.averaged.scene, state)
         return orbit if orbit and orbit.is_stable else None
 
     @cached_property
     def distinct(self) -> tuple[tuple[RelativeEquilibrium, Orbit | None], ...]:
         """Every configuration with its orbit, and of several beside one and the same orbit the first."""
-        each: list[tuple[RelativeEquilibrium, Orbit | None]] = []
+        pairs: list[tuple[RelativeEquilibrium, Orbit | None]] = []
         for state, orbit in zip(self.configurations, self.orbits, strict=True):
-            if orbit is None or not any(other and _is_same(orbit, other) for _, other in each):
-                each.append((state, orbit))
-        return tuple(each)
+            if orbit is None or not any(neighbour and _is_same(orbit, neighbour) for _, neighbour in pairs):
+                pairs.append((state, orbit))
+        return tuple(pairs)
 
     @property
-    def uncertified(self) -> str:
+    def reasons_uncertified(self) -> str:
         """Why stability is that of the averaged equations alone, "" where periodic orbits are looked for."""
-        return uncertified(self.prediction.averaged.scene)
+        return reasons_uncertified(self.prediction.averaged.scene)
 
     @property
     def doubts(self) -> tuple[str, ...]:
@@ -82,7 +84,7 @@ class Theory(Displayed):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SynchronizationStudy(TextResult):
-    """Theory and simulation of a scene; without theory or modes, `silent` and `unmeasured` say why.
+    """Theory and simulation of a scene; without theory or modes, `silent` and `unmeasured_reason` say why.
 
     On a structure `populations` are the phases of the run by populations, and `motions` their symmetric motions, or
     `motionless` says why there are none.
@@ -94,7 +96,7 @@ class SynchronizationStudy(TextResult):
     trajectory: Trajectory
     phases: Phases
     survival: Survival | None
-    unmeasured: str
+    unmeasured_reason: str
     populations: PopulationPhases | None = None
     motions: tuple[SymmetricMotion, ...] = ()
     motionless: str = ""
@@ -129,9 +131,11 @@ class SynchronizationStudy(TextResult):
         return locking is not None and float(self.trajectory.times[-1]) < locking
 
 
-def _is_same(orbit: Orbit, other: Orbit) -> bool:
+def _is_same(orbit: Orbit, second: Orbit) -> bool:
     """Whether two orbits are one motion, by period, amplitude and multipliers."""
-    numbers = np.array([[each.omega, each.amplitude, *np.sort(np.abs(each.floquet.all))] for each in (orbit, other)])
+    numbers = np.array(
+        [[cycle.omega, cycle.amplitude, *np.sort(np.abs(cycle.floquet.all))] for cycle in (orbit, second)]
+    )
     return bool(np.all(np.abs(numbers[0] - numbers[1]) <= ONE_ORBIT * np.abs(numbers).max(axis=0).clip(min=1.0)))
 
 
@@ -161,8 +165,8 @@ def usual_duration(scene: Scene, theory: Theory | None, motions: Sequence[Symmet
         return USUAL * 2 * pi / (estimate_timescales(scene).swing or 1.0)
     period = 2 * pi / float(theory.prediction.averaged.omega.min())
     locking = theory.prediction.locking_time()
-    wished = USUAL * period if locking is None else LONGER * locking + BEYOND * period
-    return min(wished, MOST * period)
+    duration = USUAL * period if locking is None else LONGER * locking + BEYOND * period
+    return min(duration, MOST * period)
 
 
 @checked
@@ -189,11 +193,11 @@ def study_synchronization(
     motions: tuple[SymmetricMotion, ...] = ()
     motionless = silent
     if scene.is_structured and not silent:
-        motions, motionless = _tried(lambda: symmetric_motions(scene, predicting))
+        motions, motionless = _attempt(lambda: symmetric_motions(scene, predicting))
         motions = motions or ()
         if scene.n_pendula > FEW:
             silent = f"among {scene.n_pendula} pendula on a structure steady motions are not searched for one by one"
-    theory, silent = (None, silent) if silent else _tried(lambda: theory_of_scene(scene, start, predicting))
+    theory, silent = (None, silent) if silent else _attempt(lambda: theory_of_scene(scene, start, predicting))
     length = duration or usual_duration(scene, theory, motions)
     if scene.is_structured:
         options.setdefault("tolerance", LOOSE)
@@ -204,20 +208,20 @@ def study_synchronization(
         trajectory = simulate(scene, length, start=start, report=partial(_forward, report, length), **options)
         if trajectory.run.interrupted:
             raise KeyboardInterrupt
-        survival, unmeasured = _tried(partial(find_survival, trajectory, modes))
+        survival, unmeasured_reason = _attempt(partial(find_survival, trajectory, modes))
         if duration or not runs_left or theory is None or survival is None or survival.is_settled:
             break
         length *= 2
     phases = phases_of(trajectory)
-    told = population_phases(phases), motions, motionless
-    return SynchronizationStudy(scene, theory, silent, trajectory, phases, survival, unmeasured, *told)
+    populations = population_phases(phases), motions, motionless
+    return SynchronizationStudy(scene, theory, silent, trajectory, phases, survival, unmeasured_reason, *populations)
 
 
-def _forward(report: Callable[[float, float], object], length: float, elapsed: float) -> None:
-    report(elapsed, length)
+def _forward(report: Callable[[float, float], object], length: float, seconds: float) -> None:
+    report(seconds, length)
 
 
-def _tried(action: Callable[[], Any]) -> tuple[Any, str]:
+def _attempt(action: Callable[[], Any]) -> tuple[Any, str]:
     """The result of an action, or None and the reason for its failure."""
     try:
         return action(), ""

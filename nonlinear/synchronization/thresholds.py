@@ -78,9 +78,9 @@ class MotionBranch(Displayed):
         """The same by the averaged equations, (K,)."""
         return np.array([self._of(motion, sector, motion.averaged) for motion in self.motions])
 
-    def _of(self, read: SymmetricMotion, sector: str, column: object) -> float:
+    def _of(self, motion: SymmetricMotion, sector: str, column: object) -> float:
         growth = getattr(column, "growth", None)
-        return growth[read.names.index(sector)] if growth is not None and sector in read.names else np.nan
+        return growth[motion.names.index(sector)] if growth is not None and sector in motion.names else np.nan
 
     @cached_property
     def is_stable(self) -> tuple[bool, ...]:
@@ -158,8 +158,8 @@ def follow_populations(
     walk = PopulationWalk(scene, variation)
     branches, thresholds = list[MotionBranch](), list[Threshold]()
     names = [pattern.name for pattern in patterns_of(walk.scene_at(variation.values[0]))]
-    for branch, crossings in map_by_crew(walk.followed, names, crew):
-        branches.append(_joined(branch, crossings))
+    for branch, crossings in map_by_crew(walk.follow, names, crew):
+        branches.append(_join(branch, crossings))
         thresholds += [threshold for threshold, _ in crossings]
         report(len(branches))
     return PopulationDiagram(
@@ -167,12 +167,12 @@ def follow_populations(
     )
 
 
-def _joined(branch: MotionBranch, crossings: list[Crossing]) -> MotionBranch:
+def _join(branch: MotionBranch, crossings: list[Crossing]) -> MotionBranch:
     """The branch with the motions at its thresholds."""
-    every = [*zip(branch.values.tolist(), branch.motions, strict=True)]
-    every += [(threshold.value, motion) for threshold, motion in crossings if motion is not None]
-    every.sort(key=lambda pair: pair[0])
-    values, motions = [value for value, _ in every], tuple(motion for _, motion in every)
+    points = [*zip(branch.values.tolist(), branch.motions, strict=True)]
+    points += [(threshold.value, motion) for threshold, motion in crossings if motion is not None]
+    points.sort(key=lambda pair: pair[0])
+    values, motions = [value for value, _ in points], tuple(motion for _, motion in points)
     return MotionBranch(branch.name, branch.variation, np.array(values), motions)
 
 
@@ -186,12 +186,12 @@ class PopulationWalk:
         """The scene with the number at a value."""
         return vary(self.scene, {self.variation.path: value})
 
-    def motion(self, name: str, value: float, beside: SymmetricMotion | None) -> SymmetricMotion:
+    def motion(self, name: str, value: float, neighbour: SymmetricMotion | None) -> SymmetricMotion:
         """The motion of a name at a value."""
         pattern = next(motion for motion in patterns_of(self.scene_at(value)) if motion.name == name)
-        return symmetric_motion(pattern, beside if beside is not None and beside.orbit else None)
+        return symmetric_motion(pattern, neighbour if neighbour is not None and neighbour.orbit else None)
 
-    def followed(self, name: str) -> tuple[MotionBranch, list[Crossing]]:
+    def follow(self, name: str) -> tuple[MotionBranch, list[Crossing]]:
         """The motion of a name and its thresholds, in ascending order."""
         branch = self.branch(name)
         return branch, sorted(self.thresholds(name, branch), key=lambda pair: pair[0].value)
@@ -199,24 +199,24 @@ class PopulationWalk:
     def branch(self, name: str) -> MotionBranch:
         """The motion of a name at all values at which it exists."""
         values, motions = list[float](), list[SymmetricMotion]()
-        before: SymmetricMotion | None = None
+        previous: SymmetricMotion | None = None
         for value in self.variation.values:
-            before = self.motion(name, value, before)
-            if before.orbit is not None:
+            previous = self.motion(name, value, previous)
+            if previous.orbit is not None:
                 values.append(value)
-                motions.append(before)
+                motions.append(previous)
         return MotionBranch(name, self.variation, np.array(values), tuple(motions))
 
     def thresholds(self, name: str, branch: MotionBranch) -> Iterator[Crossing]:
         """All its thresholds, with the motions there."""
-        there = dict(zip(branch.values.tolist(), branch.motions, strict=True))
+        motions_at = dict(zip(branch.values.tolist(), branch.motions, strict=True))
         for a, b in pairwise(self.variation.values):
-            motion, other = there.get(a), there.get(b)
-            if motion and other and motion.names == other.names and motion.orbit and other.orbit:
-                for sector, (low, high) in enumerate(zip(motion.orbit.growth, other.orbit.growth, strict=True)):
+            motion, following = motions_at.get(a), motions_at.get(b)
+            if motion and following and motion.names == following.names and motion.orbit and following.orbit:
+                for sector, (low, high) in enumerate(zip(motion.orbit.growth, following.orbit.growth, strict=True)):
                     if low * high < 0:
-                        yield self._crossing(name, sector, (a, motion), (b, other))
-        yield from self._ends(name, set(there))
+                        yield self._crossing(name, sector, (a, motion), (b, following))
+        yield from self._ends(name, set(motions_at))
 
     def _crossing(
         self, name: str, sector: int, low: tuple[float, SymmetricMotion], high: tuple[float, SymmetricMotion]
@@ -233,27 +233,27 @@ class PopulationWalk:
 
         at = float(scipy.optimize.brentq(exact, a, b, xtol=EXACT * abs(b), rtol=EXACT, maxiter=ITERATIONS))
         motion = self.motion(name, at, before)
-        crossed = motion.orbit
-        assert crossed is not None
+        orbit = motion.orbit
+        assert orbit is not None
         rises = after.orbit.growth[sector] > 0
-        others = max((rate for k, rate in enumerate(crossed.growth) if k != sector), default=-1.0)
+        others = max((rate for k, rate in enumerate(orbit.growth) if k != sector), default=-1.0)
         becomes = ("loses stability" if rises else "becomes stable") if others < 0 else ""
-        within = self._averaged(name, sector, (a, before), (b, after))
-        beat = crossed.beats[sector] if crossed.turns[sector] else 0.0
+        within = self._averaged_root(name, sector, (a, before), (b, after))
+        beat = orbit.beats[sector] if orbit.turns[sector] else 0.0
         root = Threshold(at, within, name, motion.names[sector], rises, becomes, beat, motion.crossing(sector))
         return root, motion
 
-    def _averaged(
+    def _averaged_root(
         self, name: str, sector: int, low: tuple[float, SymmetricMotion], high: tuple[float, SymmetricMotion]
     ) -> float | None:
         """The same by the averaged equations, within the range; None where there is none."""
         (a, motion), (b, _) = low, high
-        beside = motion.averaged
-        assert beside is not None
+        neighbour = motion.averaged
+        assert neighbour is not None
         first, last = self.variation.values[0], self.variation.values[-1]
 
         def growth(value: float) -> float:
-            return averaged_pattern(beside.pattern.at(self.scene_at(value)), beside).growth[sector]
+            return averaged_pattern(neighbour.pattern.at(self.scene_at(value)), neighbour).growth[sector]
 
         try:
             for share in (0.0, 0.5, 1.0, 2.0):
@@ -264,9 +264,9 @@ class PopulationWalk:
             pass
         return None
 
-    def _ends(self, name: str, there: set[float]) -> Iterator[tuple[Threshold, None]]:
+    def _ends(self, name: str, values: set[float]) -> Iterator[tuple[Threshold, None]]:
         """Where the motion emerges from rest or dies out: small swings about rest neither grow nor decay."""
-        if len(there) == len(self.variation.values):
+        if len(values) == len(self.variation.values):
             return
 
         def growth(value: float) -> float:

@@ -75,7 +75,7 @@ def measure_mode(
     count = min(MOST_SAMPLES, int(SAMPLES * periods * max(2.0, modes.omega.max() / value.imag)) + 1)
     kappa = modes[number].kappa
     bend = max(kappa * amplitude**2, -0.5) if isfinite(kappa) else 0.0
-    times, clock = sampled(2 * pi * periods / value.imag, count, bend, 2 * value.real)
+    times, clock = sample_times(2 * pi * periods / value.imag, count, bend, 2 * value.real)
     trajectory = simulate(
         scene.in_plane,
         float(times[-1]),
@@ -90,14 +90,14 @@ def measure_mode(
     at = motion.copy.tolist().index(copy)
     outside = float(np.clip(motion.share_outside(at).max(), 0.0, 1.0))
     pushing = pushing_in(trajectory)
-    left = float(attention(count) @ np.exp(2 * value.real * times))
+    mean_square = float(attention(count) @ np.exp(2 * value.real * times))
     try:
-        fitted = line(clock, motion.coordinate[:, at] * np.exp(-value.real * times))
+        spectral_line = line(clock, motion.coordinate[:, at] * np.exp(-value.real * times))
     except ComputationError:
-        return Measurement(amplitude, amplitude * sqrt(left), nan, inf, nan, outside, pushing)
-    omega = fitted.omega * (1 + bend * left if value.real else 1.0)
-    error = fitted.relative_error + PRECISION
-    return Measurement(amplitude, amplitude * sqrt(left), omega, error, omega / value.imag - 1, outside, pushing)
+        return Measurement(amplitude, amplitude * sqrt(mean_square), nan, inf, nan, outside, pushing)
+    omega = spectral_line.omega * (1 + bend * mean_square if value.real else 1.0)
+    error = spectral_line.relative_error + PRECISION
+    return Measurement(amplitude, amplitude * sqrt(mean_square), omega, error, omega / value.imag - 1, outside, pushing)
 
 
 def pushing_in(trajectory: Trajectory) -> tuple[PushingLink, ...]:
@@ -108,10 +108,10 @@ def pushing_in(trajectory: Trajectory) -> tuple[PushingLink, ...]:
         return ()
 
 
-def sampled(duration: float, count: int, bend: float, rate: float) -> tuple[Floats, Floats]:
+def sample_times(duration: float, count: int, bend: float, rate: float) -> tuple[Floats, Floats]:
     """Times (count,) evenly spaced on the clock u = t + bend (exp(rate t) − 1)/rate, and u there; u = t for rate 0."""
     if not rate:
-        return (even := np.linspace(0.0, duration, count)), even
+        return (times_even := np.linspace(0.0, duration, count)), times_even
     clock = np.linspace(0.0, duration + bend * np.expm1(rate * duration) / rate, count)
     times = clock * (duration / clock[-1])
     for _ in range(NEWTON):
@@ -162,7 +162,7 @@ class ModeCheck(Displayed):
             return nan, inf
         x = self.backbone.amplitude[:SMALLEST] ** 2
         y = (self.backbone.omega[:SMALLEST] / self.backbone.linear - 1) / x
-        value, coarser = (float(_at_zero(x[:most]) @ y[:most]) for most in (len(x), len(x) - 1))
+        value, coarser = (float(_at_zero(x[:count]) @ y[:count]) for count in (len(x), len(x) - 1))
         noise = float(np.abs(_at_zero(x)) @ (CLOSED / x))
         return (value, abs(value - coarser) + noise) if len(x) > 2 else (nan, inf)
 
@@ -178,7 +178,7 @@ class ModeCheck(Displayed):
     def _exact(self) -> dict[Measurement, float]:
         return {}
 
-    def predicted(self, measurement: Measurement) -> float:
+    def predicted_shift(self, measurement: Measurement) -> float:
         """κ a² of a run."""
         return self.mode.kappa * measurement.effective**2
 
@@ -217,22 +217,22 @@ def check(
     """
     checked_index("periods", periods, 1, MOST_PERIODS)
     require(scene, "a check of modes")
-    whole, scene = scene, scene.linearizable
+    given_scene, scene = scene, scene.linearizable
     modes = natural_modes(scene)
     chosen = range(len(modes)) if numbers is None else numbers
     reasons = {number: _reason(modes, mode) for number, mode in zip(chosen, modes.rows(list(chosen)), strict=True)}
-    run = partial(measure_mode, modes, method=method)
-    rows, left = [], list(chosen)
+    measure = partial(measure_mode, modes, method=method)
+    rows, remaining = [], list(chosen)
     try:
         for number in chosen:
             if not reasons[number]:
-                rows.append(_checked(modes, number, amplitudes_deg, periods, run))
-            left.remove(number)
-            report(len(chosen) - len(left))
+                rows.append(_check_mode(modes, number, amplitudes_deg, periods, measure))
+            remaining.remove(number)
+            report(len(chosen) - len(remaining))
     except KeyboardInterrupt:
-        reasons |= dict.fromkeys(left, INTERRUPTED)
-    skipped = tuple((number + 1, reasons[number]) for number in chosen if reasons[number])
-    return Check(whole, tuple(rows), skipped)
+        reasons |= dict.fromkeys(remaining, INTERRUPTED)
+    reasons_skipped = tuple((number + 1, reasons[number]) for number in chosen if reasons[number])
+    return Check(given_scene, tuple(rows), reasons_skipped)
 
 
 def _reason(modes: Modes, mode: Mode) -> str:
@@ -259,7 +259,7 @@ def _periods_left(mode: Mode) -> float:
     return DECAY / (2 * pi * mode.damping_ratio) if mode.damping_ratio > 0 else inf
 
 
-def _checked(
+def _check_mode(
     modes: Modes,
     number: int,
     amplitudes_deg: Sequence[float],
@@ -268,15 +268,15 @@ def _checked(
 ) -> ModeCheck:
     mode = modes[number]
 
-    def run(amplitude: float) -> Measurement:
+    def measure_at(amplitude: float) -> Measurement:
         return measure(number, amplitude, min(periods, _periods_left(mode)))
 
-    measurements = [run(radians(angle)) for angle in sorted(set(amplitudes_deg))]
+    measurements = [measure_at(radians(angle)) for angle in sorted(set(amplitudes_deg))]
     furthest = max((measurement.effective for measurement in measurements), default=0.0)
     return ModeCheck(
         mode,
         tuple(measurements),
-        one_percent(run, mode.linear_to_1_percent_deg),
+        one_percent(measure_at, mode.linear_to_1_percent_deg),
         _backbone(modes.scene, number + 1, furthest),
     )
 
@@ -304,40 +304,49 @@ def limit(
     the extrapolation, to which come the effects of the errors of the frequencies and of companions: other modes in
     the motion shift a frequency by about their share of the energy, which is no longer proportional to a² alone.
     """
-    certain = sorted((run for run in runs if run.error < CERTAIN * abs(run.shift)), key=lambda run: run.effective)
+    certain = sorted(
+        (measurement for measurement in runs if measurement.error < CERTAIN * abs(measurement.shift)),
+        key=lambda measurement: measurement.effective,
+    )
     pieces = [certain[at : at + POINTS] for at in range(max(1, len(certain) - POINTS + 1))]
-    limits = (_extrapolated(piece, np.array([exact(run) for run in piece]), at_rest) for piece in pieces if piece)
+    limits = (
+        _extrapolate(piece, np.array([exact(measurement) for measurement in piece]), at_rest)
+        for piece in pieces
+        if piece
+    )
     return min(limits, key=lambda value: value[1], default=(nan, inf))
 
 
-def _extrapolated(runs: Sequence[Measurement], exact: Floats, at_rest: tuple[float, float]) -> tuple[float, float]:
-    x = np.array([run.effective**2 for run in runs])
-    y, weights = np.array([run.shift for run in runs]) / x, _at_zero(x)
-    error, value = np.array([run.error for run in runs]) / x, float(weights @ y)
+def _extrapolate(runs: Sequence[Measurement], exact: Floats, at_rest: tuple[float, float]) -> tuple[float, float]:
+    x = np.array([measurement.effective**2 for measurement in runs])
+    y, weights = np.array([measurement.shift for measurement in runs]) / x, _at_zero(x)
+    error, value = np.array([measurement.error for measurement in runs]) / x, float(weights @ y)
     if np.all(np.isfinite(exact)) and isfinite(at_rest[1]):
-        missed, apart = weights @ (exact / x) - at_rest[0], weights @ (y - exact / x)
-        return value, float(abs(missed) + abs(apart) + np.abs(weights) @ error + at_rest[1])
+        miss, distance = weights @ (exact / x) - at_rest[0], weights @ (y - exact / x)
+        return value, float(abs(miss) + abs(distance) + np.abs(weights) @ error + at_rest[1])
     single, several = MARGINS
-    missed = several * abs(value - float(_at_zero(x[:-1]) @ y[:-1])) if len(x) > 1 else single * value * runs[0].shift
-    return value, abs(missed) + float(np.abs(weights) @ (error + np.abs(y) * [run.outside for run in runs]))
+    miss = several * abs(value - float(_at_zero(x[:-1]) @ y[:-1])) if len(x) > 1 else single * value * runs[0].shift
+    return value, abs(miss) + float(
+        np.abs(weights) @ (error + np.abs(y) * [measurement.outside for measurement in runs])
+    )
 
 
 def _at_zero(x: Floats) -> Floats:
     """Lagrange's weights (n,) for the value at 0 of the polynomial through n points x."""
-    return np.array([np.prod([other / (other - place) for other in x if other != place]) for place in x])
+    return np.array([np.prod([node / (node - place) for node in x if node != place]) for place in x])
 
 
-def one_percent(run: Callable[[float], Measurement], guess_deg: float) -> float:
+def one_percent(measure_at: Callable[[float], Measurement], guess_deg: float) -> float:
     """The effective largest angle (deg) at which a run deviates by 1 % from the table, near a guess; else infinite."""
     if not guess_deg <= FARTHEST:
         return guess_deg if not isfinite(guess_deg) else inf
-    square, known = radians(guess_deg) ** 2, [(0.0, 0.0)]
+    square, points = radians(guess_deg) ** 2, [(0.0, 0.0)]
     for _ in range(ROUNDS):
-        measurement = run(sqrt(square))
+        measurement = measure_at(sqrt(square))
         if measurement.irregular:
             return nan
-        known.append((square, abs(measurement.shift)))
-        (x0, y0), (x1, y1) = known[-2:]
+        points.append((square, abs(measurement.shift)))
+        (x0, y0), (x1, y1) = points[-2:]
         ratio = (measurement.effective / measurement.amplitude) ** 2
         square = x1 + (ONE_PERCENT - y1) * (x1 - x0) / (y1 - y0)
         if not 0 < square * ratio <= radians(FARTHEST) ** 2:

@@ -80,14 +80,16 @@ def compare(trajectory: Trajectory, numbers: Sequence[int] | None = None, *, cou
     modes = natural_modes(trajectory.scene)
     chosen = list(range(len(modes))) if numbers is None else list(numbers)
     motion = modal_motion(trajectory.motion, modes, chosen)
-    described = dict(zip(chosen, modes.rows(chosen), strict=True))
+    modes_by_number = dict(zip(chosen, modes.rows(chosen), strict=True))
     share = motion.energy.sum(0) / motion.total_energy.sum()
     rows = []
     for at, number in enumerate(motion.number.tolist()):
         eta = motion.coordinate[:, at]
         spectrum, note = _lines(trajectory.times, eta, complex(modes.eigenvalue[number]), count)
         largest = float(np.abs(eta).max())
-        rows.append(ModeInMotion(described[number], int(motion.copy[at]), largest, float(share[at]), spectrum, note))
+        rows.append(
+            ModeInMotion(modes_by_number[number], int(motion.copy[at]), largest, float(share[at]), spectrum, note)
+        )
     return Comparison(modes, trajectory.times, motion, tuple(rows), pushing_in(trajectory))
 
 

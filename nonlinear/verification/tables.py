@@ -39,13 +39,14 @@ HEADINGS = ("mode", "ω (rad/s)", "largest (°)", "energy", "lines")
 def check_table(check: Check, form: Form = "text") -> str:
     """A check as text, markdown, csv (one line per run) or json, as `form` says."""
     if form == "json":
-        whole = {
+        record_of_all = {
             "scene": describe(check.scene),
             "modes": [
                 {
                     **record,
                     "runs": [
-                        {**run, "pushing": _pushing(m.pushing)} for run, m in zip(runs, row.measurements, strict=True)
+                        {**record_of_run, "pushing": _pushing(m.pushing)}
+                        for record_of_run, m in zip(runs, row.measurements, strict=True)
                     ],
                 }
                 for record, row in zip(records_of(MODE, check.rows), check.rows, strict=True)
@@ -54,7 +55,7 @@ def check_table(check: Check, form: Form = "text") -> str:
             "skipped": [{"mode": number, "reason": reason} for number, reason in check.skipped],
             "verdict_sentences": check_verdict(check),
         }
-        return as_json(whole)
+        return as_json(record_of_all)
     if form == "csv":
         return as_csv(records_of(RUN, _runs(check.rows)))
     modes, runs = ReportTable.of(MODE, check.rows), ReportTable.of(RUN, _runs(check.rows))
@@ -68,7 +69,7 @@ def check_table(check: Check, form: Form = "text") -> str:
 
 
 def _runs(rows: Iterable[ModeCheck]) -> list[tuple[ModeCheck, Measurement]]:
-    return [(row, run) for row in rows for run in row.measurements]
+    return [(row, measurement) for row in rows for measurement in row.measurements]
 
 
 def _paragraph(sentences: list[str], form: str) -> str:
@@ -79,26 +80,32 @@ def _paragraph(sentences: list[str], form: str) -> str:
 def check_verdict(check: Check) -> list[str]:
     """How right the table is: at the smallest angle, at the largest with and without κa², and its angles of 1 %."""
     runs = _runs(check.rows)
-    regular = [(row, run) for row, run in runs if not run.irregular]
+    regular = [(row, measurement) for row, measurement in runs if not measurement.irregular]
     sentences = []
     several = len(check.rows) > 1
     what = f"the frequencies of {len(check.rows)} modes are up to" if several else "the frequency is"
     if regular:
-        small, large = (choose(run.amplitude for _, run in regular) for choose in (min, max))
-        off = max(abs(run.shift) for _, run in regular if run.amplitude == small)
+        small, large = (choose(measurement.amplitude for _, measurement in regular) for choose in (min, max))
+        off = max(abs(measurement.shift) for _, measurement in regular if measurement.amplitude == small)
         sentences.append(f"At {degrees(small):.3g}° {what} {_off(off)} off the table.")
         if large > small:
-            there = [(row, run) for row, run in regular if run.amplitude == large]
-            plain = max(abs(run.shift) for _, run in there)
-            mended = max(abs(run.shift - row.predicted(run)) for row, run in there)
+            largest_runs = [(row, measurement) for row, measurement in regular if measurement.amplitude == large]
+            plain = max(abs(measurement.shift) for _, measurement in largest_runs)
+            residual = max(
+                abs(measurement.shift - row.predicted_shift(measurement)) for row, measurement in largest_runs
+            )
             they, up = ("they are", "up to ") if several else ("it is", "")
-            near = f", and {up}{_off(mended)} off ω (1 + κa²)" if isfinite(mended) else ""
-            sentences.append(f"At {degrees(large):.3g}° {they} {up}{_off(plain)} off the table{near}.")
+            accuracy_words = f", and {up}{_off(residual)} off ω (1 + κa²)" if isfinite(residual) else ""
+            sentences.append(f"At {degrees(large):.3g}° {they} {up}{_off(plain)} off the table{accuracy_words}.")
     angles = [(row.mode.linear_to_1_percent_deg, row.one_percent_deg) for row in check.rows]
-    if misses := [abs(stated / measured - 1) for stated, measured in angles if isfinite(stated) and isfinite(measured)]:
+    if misses := [
+        abs(table_angle / run_angle - 1)
+        for table_angle, run_angle in angles
+        if isfinite(table_angle) and isfinite(run_angle)
+    ]:
         which = "angles at which a frequency is 1 % off are up to" if several else "angle at which it is 1 % off is"
         sentences.append(f"The {which} {_off(max(misses))} off the table.")
-    if odd := sorted({row.mode.number for row, run in runs if run.irregular}):
+    if odd := sorted({row.mode.number for row, measurement in runs if measurement.irregular}):
         modes = f"{'Mode' if len(odd) == 1 else 'Modes'} {listed(list(map(str, odd)), len(odd))}"
         sentences.append(f"{modes}: irregular at large angles, where no single frequency describes the motion.")
     return sentences or ["No mode was checked."]
@@ -115,9 +122,9 @@ def comparison_verdict(comparison: Comparison) -> list[str]:
     if not rows:
         return ["Nothing moves."]
     first, *others = rows[:MOST_SHARES]
-    each = "".join(f", mode {row.mode.number} {percent(row.share)}" for row in others)
+    shares = "".join(f", mode {row.mode.number} {percent(row.share)}" for row in others)
     rest = "" if len(rows) <= MOST_SHARES else f", {len(rows) - MOST_SHARES} others the rest"
-    sentences = [f"Mode {first.mode.number} holds {percent(first.share)} of the energy{each}{rest}."]
+    sentences = [f"Mode {first.mode.number} holds {percent(first.share)} of the energy{shares}{rest}."]
     lines = [(row, row.lines[0]) for row in rows[:MOST_SHARES] if row.lines]
     off = [abs(line.omega / row.mode.omega - 1) for row, line in lines if row.mode.omega]
     if off:
@@ -138,13 +145,17 @@ def _at_most(share: float) -> str:
 
 
 def _omega_cell(pair: tuple[ModeCheck, Measurement]) -> str:
-    run = pair[1]
-    return "irregular" if run.irregular else digits(run.omega, run.error, 9)
+    measurement = pair[1]
+    return "irregular" if measurement.irregular else digits(measurement.omega, measurement.error, 9)
 
 
 def _shift_cell(pair: tuple[ModeCheck, Measurement]) -> str:
-    run = pair[1]
-    return NOTHING if run.irregular else digits(run.shift, run.error / max(abs(run.shift), run.error), 4)
+    measurement = pair[1]
+    return (
+        NOTHING
+        if measurement.irregular
+        else digits(measurement.shift, measurement.error / max(abs(measurement.shift), measurement.error), 4)
+    )
 
 
 RUN = (
@@ -162,7 +173,7 @@ RUN = (
     ReportColumn(lambda pair: None if pair[1].irregular else pair[1].shift, "shift"),
     ReportColumn(lambda pair: pair[0].exact(pair[1]), "orbit_shift", "orbit", lambda shift: digits(shift, 0.0, 5)),
     ReportColumn(
-        lambda pair: pair[0].predicted(pair[1]), "predicted_shift", "κa²", lambda shift: digits(shift, 0.0, 4)
+        lambda pair: pair[0].predicted_shift(pair[1]), "predicted_shift", "κa²", lambda shift: digits(shift, 0.0, 4)
     ),
     ReportColumn(lambda pair: pair[1].outside, "energy_share_outside", "outside", "{:.1e}".format),
 )
@@ -179,16 +190,18 @@ def _notes(check: Check) -> list[str]:
         )
     notes += left_out(check.scene, "a check of modes")
     if check.scene.features & {"joint_friction", "rail_friction", "rail_coefficient", "quadratic_drag"}:
-        largest = max((degrees(run.amplitude) for row in check.rows for run in row.measurements), default=0.0)
-        checked = tuple(f"mode {row.mode.number}:" for row in check.rows)
-        notes += [words for words in stop_words(check.scene, largest) if words.startswith(checked)] if largest else []
+        largest = max(
+            (degrees(measurement.amplitude) for row in check.rows for measurement in row.measurements), default=0.0
+        )
+        prefixes = tuple(f"mode {row.mode.number}:" for row in check.rows)
+        notes += [words for words in stop_words(check.scene, largest) if words.startswith(prefixes)] if largest else []
     if any(row.backbone for row in check.rows):
         notes.append("orbit: ω(a)/ω − 1 of the mode's exact periodic orbit with the same largest angle.")
     notes.append("outside: the largest share of the energy in other modes.")
     for row in check.rows:
-        for run in row.measurements:
-            where = f"mode {row.mode.number} at {degrees(run.amplitude):.4g}°"
-            notes += [f"{where}: {words}" for words in words_of(run.pushing, check.scene)]
+        for measurement in row.measurements:
+            where = f"mode {row.mode.number} at {degrees(measurement.amplitude):.4g}°"
+            notes += [f"{where}: {words}" for words in words_of(measurement.pushing, check.scene)]
     return notes
 
 
@@ -246,8 +259,8 @@ def comparison_table(comparison: Comparison, form: Form = "text") -> str:
         )
     note = "lines: frequency (rad/s), amplitude, and difference from the nearest frequency of the table."
     words = words_of(comparison.pushing, comparison.modes.scene)
-    told = _paragraph(comparison_verdict(comparison), form)
-    parts = [told, grid([_cells(comparison, row) for row in comparison.rows], HEADINGS, form), note, *words]
+    verdict_text = _paragraph(comparison_verdict(comparison), form)
+    parts = [verdict_text, grid([_cells(comparison, row) for row in comparison.rows], HEADINGS, form), note, *words]
     return titled(title_of(comparison.modes.scene), "the motion in modal coordinates", parts, form)
 
 

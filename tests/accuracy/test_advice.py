@@ -24,7 +24,7 @@ from nonlinear import AppliedForces, initial_state, level_crossing, resume, simu
 from nonlinear import files as recordings
 from nonlinear import load as load_run
 from nonlinear.accuracy import advice_table
-from nonlinear.accuracy.advice import RATIO, Advice, _beside, _difference
+from nonlinear.accuracy.advice import RATIO, Advice, _difference, _with_errors
 from nonlinear.accuracy.attempts import Attempt, TriedRun
 from nonlinear.integration import Choice, Request, SimulationError, Trajectory
 from nonlinear.reduction import start_in_mode
@@ -47,7 +47,7 @@ def asked(seed: int) -> tuple[Scene, State, float, float]:
 def test_the_accuracy_is_met(seed: int) -> None:
     scene, start, duration, accuracy = asked(seed)
     advice = advise(scene, duration, accuracy, start=start, output=101)
-    assert advice.met
+    assert advice.is_met
     sure = simulate(scene, duration, start=start, output=101, form="hamiltonian", tolerance=1e-12)
     assert apart(advice.trajectory.motion, sure.motion).max() < accuracy
     assert advice.trajectory.run.error == advice.attempts[-1].error == advice.errors[-1] <= accuracy
@@ -65,7 +65,7 @@ def test_it_takes_few_times_the_derivatives_of_the_loosest_tolerance_that_would_
             run = simulate(scene, duration, start=start, method="DOP853", tolerance=float(10**exponent))
             if apart(run.motion, sure.motion).max() < accuracy:
                 break
-        assert advice.met
+        assert advice.is_met
         spent.append(sum(attempt.calls for attempt in advice.attempts))
         needed.append(run.run.calls)
     ratios = np.array(spent) / needed
@@ -94,17 +94,17 @@ def test_only_the_convergence_that_was_observed_is_credited() -> None:
     """Errors fell to a third from the first tolerance to the second, whatever a hundredfold tolerance may promise."""
     runs = [found_with(2.6e-4, 4.7e-3), found_with(8.0e-6, 1.9e-3)]
     last = found_with(6.7e-8, 5.0e-4)
-    assert np.all(_beside(last, runs, 0.0).errors[1:] > [2.5e-4, 5.0e-4])
-    assert np.all(_beside(last, runs[1:], 0.0).errors[1:] > [2.5e-4, 5.0e-4])
-    falling = _beside(found_with(1e-8, 1e-7), [found_with(1e-4, 1e-3), found_with(1e-6, 1e-5)], 0.0)
+    assert np.all(_with_errors(last, runs, 0.0).errors[1:] > [2.5e-4, 5.0e-4])
+    assert np.all(_with_errors(last, runs[1:], 0.0).errors[1:] > [2.5e-4, 5.0e-4])
+    falling = _with_errors(found_with(1e-8, 1e-7), [found_with(1e-4, 1e-3), found_with(1e-6, 1e-5)], 0.0)
     assert 1e-7 < falling.errors[-1] < 1e-5
-    risen = _beside(found_with(1e-8, 1e-3), [found_with(1e-4, 2e-3), found_with(1e-6, 3e-3)], 0.0)
+    risen = _with_errors(found_with(1e-8, 1e-3), [found_with(1e-4, 2e-3), found_with(1e-6, 3e-3)], 0.0)
     assert risen.errors[-1] > 1e-3
 
 
 def test_where_a_run_has_parted_errors_fall_as_they_did_before() -> None:
     parted, loose, tight = found_with(1e-4, 0.5), found_with(1e-6, 2.6e-3), found_with(1e-8, 2.6e-5)
-    halfway, end = _beside(tight, [parted, loose], 0.0).errors[1:]
+    halfway, end = _with_errors(tight, [parted, loose], 0.0).errors[1:]
     assert end == pytest.approx(2 * halfway)
     assert 2.6e-5 < end < 2.6e-3
 
@@ -180,7 +180,7 @@ def chaotic() -> Advice:
 
 def test_beyond_the_horizon_nothing_is_promised() -> None:
     scene, advice = load("paper-cart-3"), chaotic()
-    assert not advice.met
+    assert not advice.is_met
     assert 8.0 < advice.horizon < 22.0
     sure = simulate(scene, advice.horizon, tolerance=3e-14, method="DOP853", output=advice.certain.times)
     assert apart(advice.certain.motion, sure.motion).max() < 1e-2
@@ -255,7 +255,7 @@ def test_control_c_gives_what_there_is_without_a_promise() -> None:
 
     advice = advise(load("paper-cart-3"), 10.0, 1e-6, report=report)
     assert advice.trajectory.run.interrupted
-    assert not advice.met
+    assert not advice.is_met
     assert advice.trajectory.run.error == inf
     assert 3.0 < advice.trajectory.times[-1] < 5.0
 
@@ -366,7 +366,7 @@ def test_a_loose_run_that_gives_up_is_an_attempt_that_failed(monkeypatch: pytest
     monkeypatch.setattr(Request, "run", loose)
     start, least = state_at_rest(PAPER, [60.0, 0.0, 0.0, 0.0]), 1e-7
     advice = advise(PAPER, 1.0, 1e-3, start=start)
-    assert advice.met
+    assert advice.is_met
     assert 0 < len(given_up) < len(advice.attempts)
     assert all(attempt.error == inf for attempt in advice.attempts if attempt.tolerance in given_up)
     least = 0.0

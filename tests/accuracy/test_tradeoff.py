@@ -171,7 +171,7 @@ def test_every_family_gets_closer_with_its_tolerance(short: WorkPrecision) -> No
     assert {"minimal RK23", "minimal Radau", "minimal LSODA", "maximal DOP853"} < families.keys()
     for name, rows in families.items():
         if not rows[0].candidate.modal:
-            errors = [short.judged(row) for row in rows]
+            errors = [short.measurable_error(row) for row in rows]
             assert errors == sorted(errors, reverse=True), name
             assert errors[-1] < 1e-4 * errors[0], name
             assert rows[-1].drift < 1e-7, name
@@ -180,7 +180,11 @@ def test_every_family_gets_closer_with_its_tolerance(short: WorkPrecision) -> No
 
 def test_the_front_is_beaten_by_none(short: WorkPrecision) -> None:
     for row in short.pareto:
-        better = [r for r in short.rows[1:] if r.seconds < row.seconds and short.judged(r) <= short.judged(row)]
+        better = [
+            r
+            for r in short.rows[1:]
+            if r.seconds < row.seconds and short.measurable_error(r) <= short.measurable_error(row)
+        ]
         assert better == []
     row, candidate = short.rows[1], Candidate("minimal", "RK45", 1e-3)
     made = [
@@ -422,5 +426,5 @@ def test_methods_are_compared_on_every_kind_of_scene(kind: str, refused: set[str
     rows = [row for row in diagram.rows if row.candidate in tight]
     assert [row.candidate for row in rows] == tight
     for row in rows:
-        assert diagram.judged(row) < 1e-7
+        assert diagram.measurable_error(row) < 1e-7
         assert abs(row.drift) < 1e-7

@@ -110,10 +110,10 @@ def test_kicks_follow_two_frequencies() -> None:
     gamma = averaged.shapes[0] * z
     size, speed = np.abs(averaged.shapes[0] * z), np.abs(averaged.omega * averaged.shapes[0] * z)
     assert size[0] > size[1]
-    assert averaged.mixed(z[:, None], averaged.centre[:, None]) == pytest.approx(
+    assert averaged.mixing(z[:, None], averaged.centre[:, None]) == pytest.approx(
         speed[1] / speed[0] / sqrt(1 - (radians(1.0) / size[0]) ** 2)
     )
-    assert averaged.mixed(z[:, None], averaged.centre[:, None]) < 1
+    assert averaged.mixing(z[:, None], averaged.centre[:, None]) < 1
     times = np.linspace(0.0, 4000.0, 4_000_001)
     waves = np.exp(1j * np.outer(averaged.omega, times))
     angle, rate = (gamma @ waves).real, (1j * averaged.omega * gamma @ waves).real
@@ -123,7 +123,7 @@ def test_kicks_follow_two_frequencies() -> None:
     pull = (np.sign(angle[at]) * 0.01 * waves[:, at].conj()).sum(axis=1) / times[-1]
     expected = averaged.shapes[0] * pull / (1j * averaged.omega)
     np.testing.assert_allclose(
-        (averaged.forced(z, averaged.centre) - averaged.smooth(z, averaged.centre)),
+        (averaged.forcing(z, averaged.centre) - averaged.smooth(z, averaged.centre)),
         expected,
         rtol=0.05,
         atol=0.03 * abs(expected).max(),
@@ -263,7 +263,7 @@ def test_modes_that_are_left_out_set_no_pace(row: int) -> None:
     kept = averaged.row == averaged.row[row]
     z = np.where(kept, 1.0 + 0.0j, 0.0)[:, None]
     z = FIRST * z / averaged.largest(z)
-    alone = averaged.only(kept)
+    alone = averaged.restricted_to(kept)
     other = replace(alone, omega=np.where(kept, alone.omega, 1.2 * alone.omega))
     turning = averaged.turning(z)
     assert _pace(other, z, turning) == pytest.approx(_pace(alone, z, turning), rel=1e-6)

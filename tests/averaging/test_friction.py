@@ -11,7 +11,7 @@ import pytest
 from modal.scene import Scene, scene_from
 from nonlinear import simulate
 from nonlinear.averaging import average, predict
-from nonlinear.averaging.describing import rubbed
+from nonlinear.averaging.describing import rubbing_torques
 from nonlinear.system import State
 
 G = 9.81
@@ -31,7 +31,7 @@ def test_a_swing_loses_a_constant_rate() -> None:
     averaged = average(scene)
     for angle in (1e-3, 3e-2):
         z = averaged.amplitudes(State(np.array([angle]), np.zeros(1)))[:, None]
-        rate = averaged.forced(z, averaged.turning(z))
+        rate = averaged.forcing(z, averaged.turning(z))
         shrinking = float(np.real(rate[0, 0] * z[0, 0].conj()) / np.abs(z[0, 0]))
         scale = abs(float(averaged.link_shapes[0, 0]))
         assert shrinking * scale == pytest.approx(-2 * 1e-3 * np.sqrt(G) / (pi * G), rel=2e-3)
@@ -46,7 +46,7 @@ def test_two_frequencies_at_once_by_quadrature() -> None:
     phases = np.exp(1j * np.array([slow, fast]))
     velocity = np.real(1j * turning * swing[:, 0] * phases).sum(0)
     torque = -limit[0] * np.sign(velocity)
-    first, third = rubbed(limit, swing, turning, phases[:, ::7])
+    first, third = rubbing_torques(limit, swing, turning, phases[:, ::7])
     for band in range(2):
         assert first[band, 0, 0] == pytest.approx(2 * np.mean(torque * phases[band].conj()), abs=2e-3)
     assert third[0, 0, 0] == pytest.approx(2 * np.mean(torque * phases[0].conj() ** 3), abs=2e-3)
@@ -74,6 +74,6 @@ def test_linear_drag_damps_as_a_damper_does() -> None:
         link = {"kind": "bob", "mass": 1.0, "length": 1.0, **law}
         averaged = average(scene_from({"gravity": G, "pendulum": [{"links": [link]}]}))
         z = averaged.amplitudes(State(np.array([0.1]), np.zeros(1)))[:, None]
-        rates.append(averaged.forced(z, averaged.turning(z))[0, 0])
+        rates.append(averaged.forcing(z, averaged.turning(z))[0, 0])
     assert rates[0] == pytest.approx(rates[1], rel=1e-12)
     assert rates[0].real / np.abs(z[0, 0]) == pytest.approx(-0.01, rel=1e-2)

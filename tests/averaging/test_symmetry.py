@@ -11,7 +11,7 @@ import pytest
 from modal.scene import Scene, scene_from
 from modal.types import Complexes, Ints
 from nonlinear.averaging import RelativeEquilibrium, average, likeness, relative_equilibria, relative_equilibrium, same
-from nonlinear.averaging.symmetry import count_copies, exchanged, kinds
+from nonlinear.averaging.symmetry import count_copies, exchange, kinds
 from nonlinear.ensembles import ensemble
 from nonlinear.system import State
 
@@ -82,7 +82,7 @@ def test_copies_are_those_that_all_permutations_make(seed: int) -> None:
 
 def test_both_splay_states_are_one_that_has_two_copies() -> None:
     splayed = splay(equal(3))
-    copies = [exchanged(splayed.averaged, splayed.z, np.array(order)) for order in permutations(range(3))]
+    copies = [exchange(splayed.averaged, splayed.z, np.array(order)) for order in permutations(range(3))]
     assert splayed.copies == counted(np.array([splayed.averaged.link_shapes @ z for z in copies])) == 2
     random = np.random.default_rng(3)
     turned = [z * np.exp(1j * random.uniform(0, 6.0)) for z in copies]
@@ -110,7 +110,7 @@ def test_unequal_pendula_have_both_states_listed() -> None:
 def started(equilibrium: RelativeEquilibrium, order: Ints, turn: float) -> State:
     """A state on a copy of the motion, which the full equations keep but for the error of averaging."""
     averaged = equilibrium.averaged
-    z = exchanged(averaged, equilibrium.z, order) * np.exp(1j * turn)
+    z = exchange(averaged, equilibrium.z, order) * np.exp(1j * turn)
     q, v = (averaged.shapes @ z).real, (averaged.shapes @ (1j * equilibrium.omega * z)).real
     return State(q[1:], v[1:], float(q[0]), float(v[0]))
 

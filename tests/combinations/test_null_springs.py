@@ -25,7 +25,7 @@ from nonlinear.chaos import lyapunov_exponent
 from nonlinear.dynamics import is_unstable_equilibrium
 from nonlinear.ensembles import find_section, find_strobes
 from nonlinear.identification import fit, read_recording
-from nonlinear.orbits import Flow, follow_forced, forced_orbit, mode_orbit, nonlinear_mode
+from nonlinear.orbits import Flow, follow_forced_orbits, forced_orbit, mode_orbit, nonlinear_mode
 from nonlinear.postprocessing.summary import text as run_text
 from nonlinear.reduction import defect_error, simulate_truncated, superpose
 from nonlinear.system import ends_may_meet, state_at_rest, system_of
@@ -99,7 +99,7 @@ def test_forced_orbits(scene: Scene) -> None:
 
 def test_forced_orbits_along_a_number() -> None:
     variation = Variation("force[0].amplitude", (1.0, 1.1))
-    (plain,), (null,) = both(HELD, lambda scene: follow_forced(scene, variation))
+    (plain,), (null,) = both(HELD, lambda scene: follow_forced_orbits(scene, variation))
     np.testing.assert_allclose(null.amplitude, plain.amplitude, rtol=1e-9)
 
 

@@ -33,7 +33,7 @@ FUNCTIONS: dict[str, tuple[Callable[..., Any], ...]] = {
     "basins": (ensembles.find_basins, ensembles.ensemble),
     "section": (ensembles.find_section, ensembles.find_strobes, ensembles.ensemble),
     "spread": (sweeps.find_spread, ensembles.ensemble),
-    "orbits": (orbits.nonlinear_mode, orbits.mode_along, orbits.follow_cycles, orbits.follow_forced),
+    "orbits": (orbits.nonlinear_mode, orbits.mode_along, orbits.follow_cycles, orbits.follow_forced_orbits),
     "sync": (synchronization.study_synchronization, synchronization.follow_branches),
     "chaos": (chaos.lyapunov_exponent, chaos.measure),
     "fit": (identification.fit, identification.compare),
@@ -70,7 +70,7 @@ def test_a_text_stands_for_a_list_of_one() -> None:
         (lambda scene: ensembles.find_section(scene, orbits=3, at="x=0"), "orbits: is now members"),
         (lambda scene: ensembles.find_strobes(scene, orbits=3), "orbits: is now members"),
         (lambda scene: sweeps.find_spread(scene, tolerances=["gravity=1%"]), "tolerances: is now uncertain"),
-        (lambda scene: orbits.follow_forced(scene, variation="gravity=1:2:2"), "variation: is now vary"),
+        (lambda scene: orbits.follow_forced_orbits(scene, variation="gravity=1:2:2"), "variation: is now vary"),
     ],
 )
 def test_a_former_name_says_the_present_one(call: Callable[[Any], object], words: str) -> None:

@@ -108,7 +108,7 @@ def configurations_of(diagram: Branches) -> list[Any]:
     branches = [
         (branch.values.tobytes(), [state.z.tobytes() for state in branch.states]) for branch in diagram.branches
     ]
-    return [*branches, diagram.changes, [special and special.orbit.value for special in diagram.located]]
+    return [*branches, diagram.changes, [special and special.orbit.value for special in diagram.special_points]]
 
 
 def test_oscillations_are_the_same_whoever_follows_them() -> None:

@@ -61,7 +61,7 @@ def test_an_accuracy_is_met_under_a_short_load(accuracy: float, seconds: float, 
     advice = advise(BOB, 10.0, accuracy, start=start, load=pushed, **{how: told[how]})
     trajectory = advice.trajectory
     true = np.abs(trajectory.motion.links[:, 0] - stretches(seconds, trajectory.times)).max()
-    assert advice.met
+    assert advice.is_met
     assert true < trajectory.run.error <= accuracy
     missed = [
         simulate(BOB, 10.0, start=start, load=pushed, tolerance=t, output=trajectory.times) for t in (4e-3, 1.3e-4)
@@ -153,7 +153,7 @@ def test_runs_that_are_judged_differ_whatever_holds_their_steps_down() -> None:
     for method in ("RK23", "DOP853"):
         advice = advise(BOB, 2.0, 1e-3, start=start, load=wave, breaks=breaks, method=method, output=21)
         sure = simulate(BOB, 2.0, start=start, load=wave, breaks=breaks, tolerance=1e-13, output=21)
-        assert advice.met
+        assert advice.is_met
         true = np.abs(advice.trajectory.motion.links - sure.motion.links).max()
         assert true <= advice.trajectory.run.error <= 1e-3
 

@@ -33,8 +33,8 @@ def moved(start: State, link: int, by: float) -> State:
 def test_a_promise_ends_where_the_last_digits_of_the_start_decide() -> None:
     """Two runs that integrate one of the two rods agree to 4e-5 rad over 12 s; rods that differ by 1e-15 part."""
     advice = advise(PAIR, 12.0, 1e-3, start=LEVEL)
-    assert not advice.met
-    assert advice.parted
+    assert not advice.is_met
+    assert advice.has_parted
     assert 8.0 < advice.horizon < 12.0
     assert "since starts that differ in their last digits alone part" in advice_table(advice, "text")
     start = moved(LEVEL, 3, -2e-15)
@@ -48,8 +48,8 @@ def test_a_promise_ends_where_the_last_digits_of_the_start_decide() -> None:
 
 def test_where_nothing_grows_the_twin_costs_one_more_run() -> None:
     calm = advise(PAIR, 3.0, 1e-4, start=state_at_rest(PAIR, [10.0, -5.0]), method="DOP853")
-    assert calm.met
-    assert not calm.parted
+    assert calm.is_met
+    assert not calm.has_parted
     free = advise(PAIR, 3.0, 1e-4, start=state_at_rest(PAIR, [10.0, -5.0, 10.0, -5.001]), method="DOP853")
     spent, usual = (sum(attempt.calls for attempt in advice.attempts) for advice in (calm, free))
     assert usual < spent < 3 * usual
@@ -181,7 +181,7 @@ def test_unstable_equilibria_are_reported(scene: Scene, angles: list[float], exp
 
 def test_no_accuracy_is_promised_for_leaving_an_unstable_equilibrium() -> None:
     advice = advise(ONE, 11.0, 1e-2, start=state_at_rest(ONE, [180.0]), method="DOP853")
-    assert not advice.met
+    assert not advice.is_met
     assert 5.0 < advice.horizon < 11.0
 
 

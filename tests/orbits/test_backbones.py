@@ -17,7 +17,7 @@ from modal.scene.parameters import parse_variations
 from nonlinear.dynamics import Mechanics
 from nonlinear.integration import modes_of
 from nonlinear.orbits import Branch, mode_along, nonlinear_mode
-from nonlinear.orbits.continuation import located
+from nonlinear.orbits.continuation import locate
 from nonlinear.orbits.symmetric import quarter_of
 from nonlinear.simulation import simulate
 
@@ -68,7 +68,7 @@ def test_near_one_to_three_shifts_and_the_angle_of_1_percent(
     further = nonlinear_mode(scene, 1, radians(32), longest=0.2, locate=False)
     off = further.omega / linear - 0.99
     at = int(np.flatnonzero(off < 0)[0])
-    point = located(quarter_of(scene, 1e-12), *further.points[at - 1 : at + 1], lambda p: p.orbit.omega / linear - 0.99)
+    point = locate(quarter_of(scene, 1e-12), *further.points[at - 1 : at + 1], lambda p: p.orbit.omega / linear - 0.99)
     assert np.rad2deg(point.orbit.amplitude) == pytest.approx(truth, abs=0.01)
 
 

@@ -16,7 +16,16 @@ from modal.errors import ComputationError, SceneError
 from modal.scene import scene_from
 from modal.scene.parameters import Variation, parse_variations, vary
 from nonlinear.averaging import average, relative_equilibria
-from nonlinear.orbits import Branch, Orbit, Special, cycle_of, entered, follow_cycles, limit_cycles, periodic_orbit
+from nonlinear.orbits import (
+    Branch,
+    Orbit,
+    Special,
+    cycle_of,
+    follow_cycles,
+    leaving_branch,
+    limit_cycles,
+    periodic_orbit,
+)
 from nonlinear.simulation import simulate
 from nonlinear.synchronization import agreement
 from nonlinear.system import AppliedForces, State
@@ -84,7 +93,7 @@ def divergence(orbit: Orbit) -> float:
     total, times = 0.0, np.unique(orbit.path.times)
     for begin, end in pairwise(times):
         nodes = (begin + end) / 2 + (end - begin) / 2 * x
-        rows = orbit.sampled(nodes)
+        rows = orbit.states_at(nodes)
         total += sum(
             weight * (end - begin) / 2 * np.trace(orbit.flow.equations.linearize(row)[1])
             for weight, row in zip(w, rows, strict=True)
@@ -168,7 +177,7 @@ def test_branches_leave_at_a_branch_point_where_two_clocks_in_phase_lose_their_s
         neighbour.is_stable for neighbour in (branch.orbits[special.after], branch.orbits[special.after + 1])
     )
     assert below is not above
-    leaving = entered(branch, special, most=2)
+    leaving = leaving_branch(branch, special, max_orbits=2)
     orbit = leaving.orbits[-1]
     angles = orbit.amplitudes
     assert abs(angles[0] - angles[1]) > 1e-4

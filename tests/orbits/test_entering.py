@@ -10,7 +10,7 @@ import pytest
 
 from modal import Bob, Cart, Pendulum, Scene, load
 from modal.errors import ComputationError
-from nonlinear.orbits import Branch, Orbit, entered, nonlinear_mode
+from nonlinear.orbits import Branch, Orbit, leaving_branch, nonlinear_mode
 from nonlinear.simulation import simulate
 
 
@@ -21,7 +21,7 @@ def backbone() -> Branch:
 
 @cache
 def uneven(most: int) -> Branch:
-    return entered(backbone(), backbone().special[0], most=most, step=0.2)
+    return leaving_branch(backbone(), backbone().special[0], max_orbits=most, step=0.2)
 
 
 def returns(orbit: Orbit) -> float:
@@ -32,7 +32,7 @@ def returns(orbit: Orbit) -> float:
 
 def rests(orbit: Orbit) -> float:
     """The smallest rate (rad/s) of the faster link over a period: 0 where both turn back together."""
-    rows = orbit.sampled(np.linspace(0, orbit.period, 120))
+    rows = orbit.states_at(np.linspace(0, orbit.period, 120))
     return float(np.abs(rows[:, 2:]).max(axis=1).min())
 
 
@@ -45,10 +45,10 @@ def test_on_the_branch_that_leaves_the_links_no_longer_turn_back_together() -> N
 
 def test_at_a_period_doubling_a_branch_of_twice_the_period_leaves() -> None:
     first = next(special_point for special_point in uneven(45).special if special_point.kind == "branch point")
-    second = entered(uneven(45), first, most=40, step=0.15)
+    second = leaving_branch(uneven(45), first, max_orbits=40, step=0.15)
     doubling = next(special_point for special_point in second.special if special_point.kind == "period doubling")
     assert np.abs(doubling.orbit.floquet.others + 1).min() < 1e-3
-    leaving = entered(second, doubling, most=4)
+    leaving = leaving_branch(second, doubling, max_orbits=4)
     orbit = leaving.orbits[-1]
     assert orbit.period == pytest.approx(2 * doubling.orbit.period, rel=0.05)
     assert returns(orbit) < 1e-6
@@ -61,7 +61,7 @@ def test_a_branch_leaves_on_a_free_cart_too() -> None:
     scene = Scene(gravity=9.81, support=Cart(mass=1.0), pendulum=pendula)
     branch = nonlinear_mode(scene, 3, radians(95), longest=0.3)
     point = next(special_point for special_point in branch.special if special_point.kind == "branch point")
-    orbit = entered(branch, point, most=4).orbits[-1]
+    orbit = leaving_branch(branch, point, max_orbits=4).orbits[-1]
     assert orbit.residual < 1e-10
     assert returns(orbit) < 1e-6
 
@@ -69,4 +69,4 @@ def test_a_branch_leaves_on_a_free_cart_too() -> None:
 def test_nothing_leaves_at_a_fold() -> None:
     fold = backbone().special[0].__class__("fold", backbone().orbits[0], 0, backbone().points[0], "energy")
     with pytest.raises(ComputationError, match="no other branch leaves"):
-        entered(backbone(), fold)
+        leaving_branch(backbone(), fold)

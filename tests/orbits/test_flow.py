@@ -227,8 +227,8 @@ def test_derivatives_by_a_number_go_through_kicks_and_contacts(path: str) -> Non
     flow, y = problem.flow_at(value), np.array([0.05, 0.3, -0.25, 0.1, -0.4, 0.5])
     assert flow.change is not None
     flown = flow(y, np.eye(6), 2.5)
-    assert flow.switched is not None
-    kinds = {int(happening[1]) for happening in flow.switched.switches.events}
+    assert flow.switched_equations is not None
+    kinds = {int(happening[1]) for happening in flow.switched_equations.switches.events}
     assert kinds & {0, 1}
     assert kinds - {0, 1}
     step = 1e-5 * value

@@ -24,9 +24,9 @@ from nonlinear.orbits import (
     Flow,
     Orbit,
     Special,
-    entered,
-    follow_forced,
+    follow_forced_orbits,
     forced_orbit,
+    leaving_branch,
     linear_response,
     orbits_text,
 )
@@ -49,7 +49,7 @@ def shaken(links: list[dict[str, Any]], hertz: float = 0.45, **more: Any) -> Sce
 
 def followed(scene: Scene, words: str, **more: Any) -> tuple[Branch, ...]:
     (variation,) = parse_variations([words])
-    return follow_forced(scene, variation, **more)
+    return follow_forced_orbits(scene, variation, **more)
 
 
 def monodromy(f: Callable[..., Any], y: Floats, period: float, *args: float) -> tuple[Floats, Floats]:
@@ -179,10 +179,10 @@ def driven() -> list[Branch]:
     branches = [branch]
     for kind in ("branch point", "period doubling", *usually((), ("period doubling",))):
         branches.append(
-            entered(
+            leaving_branch(
                 branches[-1],
                 next(special_point for special_point in branches[-1].special if special_point.kind == kind),
-                most=40,
+                max_orbits=40,
             )
         )
     return branches
@@ -336,7 +336,7 @@ def test_a_vertical_shake_doubles_the_period_where_floquets_multiplier_passes_mi
     assert special.kind == "period doubling"
     assert branch.amplitude.max() < 1e-9
     assert special.orbit.value == pytest.approx(brentq(trace, 0.005, 0.05, xtol=1e-13), abs=1e-10)
-    swing = entered(branch, special, most=12)
+    swing = leaving_branch(branch, special, max_orbits=12)
     assert swing.orbits[-1].cycles == 2
     assert swing.orbits[-1].amplitude > 0.01
     again = forced_orbit(swing.orbits[-1].scene, start=swing.orbits[-1].state, periods=2)

@@ -260,8 +260,8 @@ def test_a_crowd_is_thinned_out_and_said_so() -> None:
 def test_energies_of_the_bars_are_those_of_the_run(name: str) -> None:
     trajectory = run(name, 1.0)
     energies, mechanics = energies_of(trajectory, trajectory.times[::40]), trajectory.mechanics
-    assert energies.kinetic.sum(1) == pytest.approx(energies.whole[0])
-    whole = energies.whole[0] + energies.whole[1]
+    assert energies.kinetic.sum(1) == pytest.approx(energies.totals[0])
+    whole = energies.totals[0] + energies.totals[1]
     assert whole - whole[0] == pytest.approx((mechanics.energy - mechanics.energy[0])[::40], abs=1e-9 * whole[0])
     assert np.all(energies.potential >= -1e-12)
 

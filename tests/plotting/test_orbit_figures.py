@@ -12,7 +12,7 @@ import pytest
 from modal import load, natural_modes
 from modal.errors import ComputationError
 from modal.scene.parameters import parse_variations
-from nonlinear.orbits import follow_cycles, follow_forced, nonlinear_mode
+from nonlinear.orbits import follow_cycles, follow_forced_orbits, nonlinear_mode
 from nonlinear.plotting import draw_orbits, orbits_figure
 
 PAIR = load("chain-2")
@@ -50,7 +50,7 @@ def test_limit_cycles_are_drawn_along_their_number_and_written() -> None:
 
 def test_a_resonance_is_drawn_beside_its_linear_response_and_backbone() -> None:
     scene = load(EXAMPLES / "shaken.toml")
-    branches = follow_forced(scene, parse_variations(["support.motion.frequency_hz=0.52:0.55:2"])[0])
+    branches = follow_forced_orbits(scene, parse_variations(["support.motion.frequency_hz=0.52:0.55:2"])[0])
     upper, lower = orbits_figure(scene, branches).axes
     assert lower.get_xlabel() == "frequency of the drive (Hz)"
     curves = {str(line.get_label()): np.array(line.get_xydata()) for line in upper.lines}

@@ -80,7 +80,7 @@ def test_pendula_of_a_film_hang_where_the_equations_have_them(name: str) -> None
     trajectory = run(name)
     at = np.linspace(0.0, trajectory.times[-1], 7)
     stage = stage_of(trajectory, at)
-    assert not stage.apart
+    assert not stage.is_spread
     exact = Mechanics(trajectory.system, resample(trajectory.times, trajectory.motion, at), at)
     starts = exact.joints - trajectory.system.by_link("length")[:, None] * exact.vectors[0]
     for k, actor in enumerate(stage.actors):

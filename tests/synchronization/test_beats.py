@@ -22,7 +22,7 @@ from nonlinear.synchronization import (
     study_synchronization,
     sync_record,
 )
-from nonlinear.synchronization.certificates import certified, uncertified
+from nonlinear.synchronization.certificates import certified_orbit, reasons_uncertified
 
 
 def clocks(*angles: float) -> Scene:
@@ -132,11 +132,11 @@ def test_friction_is_predicted_as_energy_and_the_exact_orbit_say() -> None:
     a, omega = average(scene).largest(equilibrium.z), equilibrium.omega
     fed = (0.03 - 0.005) * a / 2 - 0.03 / np.deg2rad(5.0) ** 2 * a**3 / 8
     assert fed == pytest.approx(2 * 0.001 / (pi * omega), rel=0.02)
-    orbit = certified(scene, equilibrium)
+    orbit = certified_orbit(scene, equilibrium)
     assert orbit
     assert orbit.amplitude == pytest.approx(a, rel=0.01)
     assert orbit.is_stable
-    assert not uncertified(scene)
+    assert not reasons_uncertified(scene)
 
 
 def test_slow_drives_with_friction_are_slow() -> None:
@@ -153,7 +153,7 @@ def test_a_study_takes_every_force(force: dict[str, float]) -> None:
     assert bool(study.silent) == (study.theory is None)
     if study.theory:
         assert None not in study.theory.orbits
-        assert not study.theory.uncertified
+        assert not study.theory.reasons_uncertified
     assert sync_record(study)["simulation"]["duration_s"] == 3.0
 
 
@@ -173,7 +173,7 @@ def test_branches_with_friction_have_exact_values() -> None:
     variation = parse_variations(["pendulum[0].links[0].drive.strength=0.008:0.02:3"])[0]
     branches = follow_branches(rubbing(friction=0.001), variation)
     assert branches.changes
-    for (change, _), exact in zip(branches.changes, branches.located, strict=True):
+    for (change, _), exact in zip(branches.changes, branches.special_points, strict=True):
         assert exact
         assert exact.orbit.value == pytest.approx(change.value, rel=1e-3)
         assert f"{exact.orbit.value:.7g}" in branches_text(branches)

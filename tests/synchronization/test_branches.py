@@ -329,7 +329,7 @@ def test_what_leaves_another_branch_begins_there() -> None:
 def example() -> Branches:
     """Those of the metronomes, without periodic orbits beside them."""
     branches = replace(fed())
-    branches.__dict__["located"] = (None,) * len(branches.changes)
+    branches.__dict__["special_points"] = (None,) * len(branches.changes)
     return branches
 
 

@@ -12,7 +12,7 @@ from modal.scene.parameters import parse_variations
 from nonlinear.averaging import predict, relative_equilibria
 from nonlinear.orbits import follow_cycles
 from nonlinear.synchronization import agreement, branches_text, follow_branches, sync_record, sync_text
-from nonlinear.synchronization.certificates import certified
+from nonlinear.synchronization.certificates import certified_orbit
 from nonlinear.synchronization.study import Theory, study_synchronization
 from nonlinear.system import State
 
@@ -61,9 +61,9 @@ def test_a_stable_orbit_takes_the_place_of_doubts_about_averaging() -> None:
 def test_an_orbit_far_from_a_configuration_is_no_certificate(monkeypatch: pytest.MonkeyPatch) -> None:
     pair = floquet.metronomes(9.0)
     scene, configuration = pair.scene, theory(pair).configurations[0]
-    assert certified(scene, configuration) is not None
+    assert certified_orbit(scene, configuration) is not None
     monkeypatch.setattr("nonlinear.synchronization.certificates.CLOSE", 1e-9)
-    assert certified(scene, configuration) is None
+    assert certified_orbit(scene, configuration) is None
 
 
 def test_critical_values_are_located_on_the_full_equations() -> None:
@@ -72,7 +72,7 @@ def test_critical_values_are_located_on_the_full_equations() -> None:
     branches = follow_branches(scene, variation)
     branch = next(branch for branch in branches.branches if agreement(branch.states[0]) == "in phase")
     at = next(k for k, (_, number) in enumerate(branches.changes) if branches.branches[number] is branch)
-    special = branches.located[at]
+    special = branches.special_points[at]
     assert special is not None
     exact = next(
         fold for branch in follow_cycles(scene, variation) for fold in branch.special if fold.kind == "fold"

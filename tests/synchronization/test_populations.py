@@ -363,8 +363,8 @@ def test_populations_lock_only_where_something_joins_them_and_a_phase_is_told_on
     assert joined
     assert apart.locked.all()
     assert apart.is_even
-    assert (apart.joined, apart.kind, apart.is_held) == (False, "neither", False)
-    assert joined.joined
+    assert (apart.is_coupled, apart.kind, apart.is_held) == (False, "neither", False)
+    assert joined.is_coupled
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -19,7 +19,7 @@ from nonlinear.reduction import modal_motion, rest_angles, start_in_mode
 from nonlinear.simulation import simulate
 from nonlinear.system import Motion, state_at_rest
 from nonlinear.verification import AMPLITUDES_DEG, Check, check, check_table, compare, comparison_table
-from nonlinear.verification.modes import Measurement, limit, measure_mode, one_percent, sampled
+from nonlinear.verification.modes import Measurement, limit, measure_mode, one_percent, sample_times
 
 PAPER = load("paper-cart-2")
 KAPPA = {1: -0.038802, 2: -0.042729, 3: -0.857142, 4: -0.867200}
@@ -114,7 +114,7 @@ def test_a_damped_mode_keeps_its_kappa() -> None:
 
 
 def test_the_clock_of_a_damped_run() -> None:
-    times, clock = sampled(50.0, 400, -0.3, -0.05)
+    times, clock = sample_times(50.0, 400, -0.3, -0.05)
     assert np.allclose(times - 0.3 * (np.exp(-0.05 * times) - 1) / -0.05, clock, atol=1e-12)
     assert (times[0], times[-1]) == (0.0, 50.0)
     assert np.ptp(np.diff(clock)) < 1e-12 < np.ptp(np.diff(times))
