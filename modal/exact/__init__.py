@@ -41,4 +41,4 @@ __all__ = [
 ]
 
 if not TYPE_CHECKING:
-    __getattr__ = exported(__name__, ("polynomials", "characteristic", "enclosures"))
+    __getattr__ = exported(__name__)

@@ -64,4 +64,4 @@ __all__ = [
 ]
 
 if not TYPE_CHECKING:
-    __getattr__ = exported(__name__, ("signals", "model", "modal_form", "gains", "reduction", "response", "shapers"))
+    __getattr__ = exported(__name__)
