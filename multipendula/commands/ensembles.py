@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from multipendula.command import CREW, SCENE, Command, Option, formats, kwargs_of, option, refuse, report_file
 from multipendula.commands.runs import ELSEWHERE, start_of, tell_of_start
-from multipendula.commands.shared import bar, draw_in, in_a_folder, picture, remark, say
+from multipendula.commands.shared import bar, crew_of, draw_in, in_a_folder, picture, remark, say
 from multipendula.completion import words
 from multipendula.options import integer, number
 from nonlinear.measures import taken_by
@@ -18,7 +18,7 @@ from nonlinear.measures import taken_by
 if TYPE_CHECKING:
     from modal.report import Form
     from modal.scene import Scene
-    from nonlinear.ensembles import Basins, PoincareSection, StroboscopicSection, WorkerPool
+    from nonlinear.ensembles import Basins, PoincareSection, StroboscopicSection
     from nonlinear.sweeps import Spread
 
 TOLERANCE, MOTIONS = 1e-9, 24
@@ -169,24 +169,12 @@ def refuse_homeless(options: argparse.Namespace) -> None:
 
 
 @contextmanager
-def executor_of(options: argparse.Namespace) -> Iterator[WorkerPool | None]:
-    """The workers of a scheduler, None where there is none."""
-    if not options.scheduler:
-        yield None
-        return
-    from nonlinear.ensembles.cluster import cluster
-
-    with cluster(options.scheduler) as crew:
-        yield crew
-
-
-@contextmanager
 def _engine(options: argparse.Namespace, members: int) -> Iterator[dict[str, Any]]:
     """The arguments of an ensemble, with a progress bar in members."""
     refuse_homeless(options)
     more = kwargs_of(options, "--engine", "--workers", "--folder", "--share")
-    with bar(members, "member") as shown, executor_of(options) as crew:
-        yield more | {"tolerance": options.tolerance or TOLERANCE, "report": shown, "crew": crew}
+    with bar(members, "member") as shown, crew_of(options) as crew:
+        yield more | {"tolerance": options.tolerance or TOLERANCE, "report": shown, "crew": crew.crew}
 
 
 COMMANDS = (

@@ -6,7 +6,7 @@ import argparse
 import re
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from contextvars import ContextVar
 from io import BytesIO, StringIO
 from itertools import takewhile
@@ -295,13 +295,11 @@ def bar(total: float, unit: str = "s", title: str = "") -> Iterator[Progress]:
             clock.join()
 
 
-@contextmanager
-def crew_of(options: argparse.Namespace) -> Iterator[Workers]:
+def crew_of(options: argparse.Namespace) -> AbstractContextManager[Workers]:
     """Who computes what is independent: the --workers, or those of a --scheduler."""
     from nonlinear.ensembles import workers_at
 
-    with workers_at(options.scheduler, options.workers) as crew:
-        yield crew
+    return workers_at(options.scheduler, options.workers)
 
 
 @contextmanager

@@ -9,9 +9,9 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from multipendula.command import CREW, SCENE, Command, kwargs_of, main_file, option, picture_file, refuse
-from multipendula.commands.ensembles import executor_of, measured, names_of, refuse_homeless, strobed, tell_of_share
+from multipendula.commands.ensembles import measured, names_of, refuse_homeless, strobed, tell_of_share
 from multipendula.commands.runs import tell_of_start
-from multipendula.commands.shared import bar, drawn, missing, picture_in_place, say
+from multipendula.commands.shared import bar, crew_of, drawn, missing, picture_in_place, say
 from multipendula.options import PICTURES, RUNS, integer
 
 if TYPE_CHECKING:
@@ -70,8 +70,8 @@ def _map(options: argparse.Namespace, kind: str) -> Sweep | None:
     if options.folder and options.fresh:
         raise SceneError(["--fresh: cannot be combined with --folder: remove the folder"])
     with _journal(options, study) as kept:
-        with executor_of(options) as crew, bar(study.size, "point") as report:
-            who = {"workers": options.workers, "crew": crew, "share": options.share}
+        with crew_of(options) as crew, bar(study.size, "point") as report:
+            who = {"workers": options.workers, "crew": crew.crew, "share": options.share}
             outcome = swept(study, journal=kept, report=report, **who)
         if not outcome.interrupted and tell_of_share(options):
             return None
@@ -159,8 +159,8 @@ def _strobes(options: argparse.Namespace, kind: str) -> BifurcationDiagram | Non
     if not has_start(scene):
         tell_of_start("every value begins in the shape of its first mode that swings")
     more = kwargs_of(options, "--phase-deg", "--settle", "--workers", "--folder", "--share")
-    with executor_of(options) as crew, bar(len(variation.values), "value") as report:
-        strobes = find_bifurcations(scene, variation, crew=crew, report=report, of=names_of(options), **more)
+    with crew_of(options) as crew, bar(len(variation.values), "value") as report:
+        strobes = find_bifurcations(scene, variation, crew=crew.crew, report=report, of=names_of(options), **more)
     if tell_of_share(options):
         return None
     if options.output != STANDARD:

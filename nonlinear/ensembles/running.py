@@ -456,7 +456,7 @@ def _chunks(
         return
     lose(forgone, seconds_of(question, len(left)) / count)
     tasks = (ChunkTask(number, _lean(question), question.part(number)) for number in left)
-    yield from computed(work, tasks, crew, count, lambda task: [task], _died)
+    yield from computed(work, tasks, crew, count, _died)
 
 
 @dataclass(frozen=True, eq=False)

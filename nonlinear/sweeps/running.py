@@ -237,7 +237,7 @@ def _found(study: Study, left: Mapping[int, Sequence[int]], workers: int | None,
             if count > 1 and monotonic() - begun > PATIENCE and (monotonic() - before) * remaining > STARTING:
                 break
     if remaining:
-        yield from computed(partial(measure_chunk, task), chunks, crew, min(count, remaining), _divided, _died)
+        yield from computed(partial(measure_chunk, task), chunks, crew, min(count, remaining), _died, _divided)
 
 
 def _chunk(study: Study, number: int, wanted: Sequence[int]) -> PointChunk:
