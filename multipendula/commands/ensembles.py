@@ -136,8 +136,7 @@ def _scene(options: argparse.Namespace) -> Scene:
     from modal.scene import load
 
     in_a_folder(options.output)
-    if options.output:
-        picture(options.output)
+    picture(options.output)
     return load(options.scene)
 
 

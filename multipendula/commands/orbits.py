@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from multipendula.command import CREW, SCENE, Command, formats, once, report_file
 from multipendula.commands.runs import start_of, whole
-from multipendula.commands.shared import bar, crew_of, drawn, film_form, noted, picture, remark, say, validated, warned
+from multipendula.commands.shared import bar, crew_of, draw_in, drawn, film_form, noted, remark, say, validated, warned
 
 if TYPE_CHECKING:
     from modal.errors import ComputationError
@@ -183,14 +183,12 @@ def _told(scene: Scene, branches: tuple[Branch, ...], options: argparse.Namespac
 
 def _draw(scene: Scene, branches: tuple[Branch, ...], options: argparse.Namespace) -> None:
     from nonlinear.orbits import oscillating
-    from nonlinear.plotting import draw_orbits
 
     mode = None
     if options.mode and not options.vary:
         modes, row = oscillating(scene, options.mode)
         mode = modes[row]
-    with drawn(options.output, options.theme) as stream:
-        draw_orbits(scene, branches, stream, picture(options.output), mode)
+    draw_in(options, options.output, "nonlinear.plotting", "draw_orbits", scene, branches, mode=mode)
 
 
 def _film(scene: Scene, branches: tuple[Branch, ...], options: argparse.Namespace) -> None:

@@ -158,26 +158,28 @@ def drawn(name: str, theme: str) -> Iterator[IO[bytes]]:
         yield stream
 
 
-def draw_in(options: argparse.Namespace, name: str | None, room: str, figure: str, result: object) -> None:
-    """Draw a result in a file, if there is one, by the function `figure` of a room of figures."""
+def draw_in(
+    options: argparse.Namespace, name: str | None, room: str, figure: str, *results: object, **how: object
+) -> None:
+    """Draw results in a file, if there is one, by the function `figure` of a room of figures."""
     if name:
         from importlib import import_module
 
         with drawn(name, options.theme) as stream:
-            getattr(import_module(room), figure)(result, stream, picture(name))
+            getattr(import_module(room), figure)(*results, stream, picture(name), **how)
 
 
-def picture(name: str, option: str = "-o", kinds: Sequence[str] = PICTURES) -> str:
-    """The format of a figure, by its file name."""
+def picture(name: str | None, option: str = "-o", kinds: Sequence[str] = PICTURES) -> str:
+    """The format of a figure, by its file name; empty if there is none."""
     from modal.scene import kind_of
 
-    return kind_of(name, kinds, f"{option} ")
+    return kind_of(name, kinds, f"{option} ") if name else ""
 
 
-def picture_in_place(options: argparse.Namespace) -> str:
-    """The format of the picture beside the main result, which is that of -o where its name ends in a picture's format.
+def picture_in_place(options: argparse.Namespace) -> None:
+    """Take -o for the picture beside the main result where its name ends in a picture's format.
 
-    Empty if there is none; SceneError for two of them, for a name that is no picture's, and where no folder is.
+    SceneError for two of them, for a name that is no picture's, and where no folder is.
     """
     from modal.errors import SceneError
 
@@ -185,10 +187,8 @@ def picture_in_place(options: argparse.Namespace) -> str:
         if options.picture:
             raise SceneError([f"-o {options.output}: is a picture beside --picture {options.picture}"])
         options.picture, options.output = options.output, None
-    kind = picture(options.picture, "--picture") if options.picture else ""
-    for path in (options.picture, options.output):
-        in_a_folder(path)
-    return kind
+    picture(options.picture, "--picture")
+    in_a_folder(options.picture, options.output)
 
 
 def film_form(name: str, option: str = "-o") -> str:
@@ -205,16 +205,17 @@ def is_new(name: str | None) -> bool:
     return bool(name) and "\0" not in str(name) and (isfile(str(name)) or not exists(str(name)))
 
 
-def in_a_folder(path: str | None, option: str = "-o") -> None:
+def in_a_folder(*paths: str | None, option: str = "-o") -> None:
     """SceneError if the folder of an output file does not exist or it is one, before anything is computed."""
     from pathlib import Path
 
     from modal.errors import SceneError
 
-    if path and not Path(path).absolute().parent.is_dir():
-        raise SceneError([f"{option} {path}: there is no folder {Path(path).parent}"])
-    if path and Path(path).is_dir():
-        raise SceneError([f"{option} {path}: is a folder"])
+    for path in filter(None, paths):
+        if not Path(path).absolute().parent.is_dir():
+            raise SceneError([f"{option} {path}: there is no folder {Path(path).parent}"])
+        if Path(path).is_dir():
+            raise SceneError([f"{option} {path}: is a folder"])
 
 
 def validated(options: argparse.Namespace, image: str | None, fitting: Callable[[], None]) -> Scene:
@@ -227,7 +228,7 @@ def validated(options: argparse.Namespace, image: str | None, fitting: Callable[
         lambda: load(options.scene),
         lambda: options.vary and parse_variations([options.vary]),
         fitting,
-        lambda: image and picture(image),
+        lambda: picture(image),
         lambda: options.film and film_form(options.film, "--film"),
         lambda: in_a_folder(image),
         lambda: in_a_folder(options.film),

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from multipendula.command import CREW, SCENE, Command, kwargs_of, main_file, option, picture_file, refuse
 from multipendula.commands.ensembles import measured, names_of, refuse_homeless, strobed, tell_of_share
 from multipendula.commands.runs import tell_of_start
-from multipendula.commands.shared import bar, crew_of, drawn, missing, picture_in_place, say
+from multipendula.commands.shared import bar, crew_of, draw_in, missing, picture_in_place, say
 from multipendula.options import PICTURES, RUNS, integer
 
 if TYPE_CHECKING:
@@ -33,16 +33,16 @@ def sweep(options: argparse.Namespace) -> Sweep | Loci | BifurcationDiagram | No
 
     if not options.vary:
         raise missing(load(options.scene), "--vary", "={half}:{double}:9")
-    kind = picture_in_place(options)
+    picture_in_place(options)
     refuse_homeless(options)
     if not options.strobe:
         refuse(options, "needs --strobe", *BY_STROBES)
     if not any(text.partition("=")[0].strip() == BY_ENERGY for text in options.vary):
         refuse(options, f"needs --vary {BY_ENERGY}=VALUES", *DRAWN)
-    return (_loci if options.loci else _strobes if options.strobe else _map)(options, kind)
+    return (_loci if options.loci else _strobes if options.strobe else _map)(options)
 
 
-def _map(options: argparse.Namespace, kind: str) -> Sweep | None:
+def _map(options: argparse.Namespace) -> Sweep | None:
     from modal.errors import ComputationError, SceneError
     from modal.report import visible
     from modal.scene import kind_of, load
@@ -62,7 +62,7 @@ def _map(options: argparse.Namespace, kind: str) -> Sweep | None:
     drawn_starts = (options.members or MEMBERS, options.seed or 0) if by_energy else ()
     study = Study(scene, axes, measures, *drawn_starts)
     if options.picture:
-        from nonlinear.plotting import draw_sweep, validate_axes
+        from nonlinear.plotting import validate_axes
 
         validate_axes(axes)
     if not by_energy and any(request.computation.runs for request in measures) and not has_start(scene):
@@ -87,9 +87,7 @@ def _map(options: argparse.Namespace, kind: str) -> Sweep | None:
         if options.output:
             save(outcome, options.output)
             kept.finish()
-    if options.picture:
-        with drawn(options.picture, options.theme) as stream:
-            draw_sweep(outcome, stream, kind)
+    draw_in(options, options.picture, "nonlinear.plotting", "draw_sweep", outcome)
     return outcome
 
 
@@ -111,7 +109,7 @@ def _journal(options: argparse.Namespace, study: Study) -> Iterator[Checkpoint]:
         yield kept
 
 
-def _loci(options: argparse.Namespace, kind: str) -> Loci:
+def _loci(options: argparse.Namespace) -> Loci:
     from modal.errors import SceneError
     from modal.loci import follow_loci, loci_csv, loci_text
     from modal.scene import STANDARD, load, whole_file
@@ -133,15 +131,11 @@ def _loci(options: argparse.Namespace, kind: str) -> Loci:
     if options.output:
         with whole_file(options.output) as stream:
             stream.write(loci_csv(loci).encode())
-    if options.picture:
-        from modal.plotting import draw_loci
-
-        with drawn(options.picture, options.theme) as stream:
-            draw_loci(loci, stream, kind)
+    draw_in(options, options.picture, "modal.plotting", "draw_loci", loci)
     return loci
 
 
-def _strobes(options: argparse.Namespace, kind: str) -> BifurcationDiagram | None:
+def _strobes(options: argparse.Namespace) -> BifurcationDiagram | None:
     from modal.errors import SceneError
     from modal.scene import STANDARD, kind_of, load, whole_file
     from modal.scene.parameters import parse_variations
@@ -168,11 +162,7 @@ def _strobes(options: argparse.Namespace, kind: str) -> BifurcationDiagram | Non
     if form:
         with whole_file(options.output) as stream:
             stream.write(bifurcation_table(strobes, "csv" if form == "csv" else "json").encode())
-    if options.picture:
-        from nonlinear.plotting import draw_bifurcations
-
-        with drawn(options.picture, options.theme) as stream:
-            draw_bifurcations(strobes, stream, kind)
+    draw_in(options, options.picture, "nonlinear.plotting", "draw_bifurcations", strobes)
     return strobes
 
 

@@ -11,10 +11,10 @@ from multipendula.commands.runs import start_of
 from multipendula.commands.shared import (
     bar,
     crew_of,
+    draw_in,
     drawn,
     film_form,
     forewarning,
-    picture,
     remark,
     say,
     stages,
@@ -70,8 +70,7 @@ def _run(scene: Scene, options: argparse.Namespace) -> SynchronizationStudy:
 
         study = study_synchronization(scene, options.duration, start=start, predicting=predicting, report=report)
     say(_told(study, options), options.format)
-    if options.output:
-        _draw(study, options.output, options.theme)
+    draw_in(options, options.output, "nonlinear.plotting", "draw_sync", study.trajectory, study.phases)
     if options.film:
         _film(study, options.film, options.theme)
     return study
@@ -84,13 +83,6 @@ def _told(study: SynchronizationStudy, options: argparse.Namespace) -> str:
     if options.format == "json":
         return as_json(sync_record(study))
     return sync_text(study, words=options.words, elsewhere="" if options.words else MORE)
-
-
-def _draw(study: SynchronizationStudy, name: str, theme: str) -> None:
-    from nonlinear.plotting import draw_sync
-
-    with drawn(name, theme) as stream:
-        draw_sync(study.trajectory, study.phases, stream, picture(name))
 
 
 def _film(study: SynchronizationStudy, name: str, theme: str) -> None:
@@ -112,11 +104,7 @@ def _branches(scene: Scene, options: argparse.Namespace) -> Branches | Populatio
     with crew_of(options) as crew, bar(0, "branches") as report:
         branches = follow_branches(scene, variation, report, crew=crew)
     say(branches_csv(branches) if options.format == "csv" else branches_text(branches), options.format)
-    if options.output:
-        from nonlinear.plotting import draw_branches
-
-        with drawn(options.output, options.theme) as stream:
-            draw_branches(branches, stream, picture(options.output))
+    draw_in(options, options.output, "nonlinear.plotting", "draw_branches", branches)
     return branches
 
 
@@ -133,11 +121,7 @@ def _diagram(scene: Scene, variation: Variation, options: argparse.Namespace) ->
     with crew_of(options) as crew, bar(0, "motions") as report:
         diagram = follow_populations(scene, variation, report, crew=crew)
     say(diagram_csv(diagram) if options.format == "csv" else diagram_text(diagram), options.format)
-    if options.output:
-        from nonlinear.plotting import draw_populations
-
-        with drawn(options.output, options.theme) as stream:
-            draw_populations(diagram, stream, picture(options.output))
+    draw_in(options, options.output, "nonlinear.plotting", "draw_populations", diagram)
     return diagram
 
 

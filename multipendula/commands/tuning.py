@@ -37,9 +37,9 @@ def tune(options: argparse.Namespace) -> Tuned | None:
 
     if not options.free:
         raise missing(load(options.scene), "--free", "={half}:{double}", " --minimize settling")
-    kind = picture(options.picture, "--picture") if options.picture else ""
+    kind = picture(options.picture, "--picture")
     for flag, path in (("-o", options.output), ("--report", options.report), ("--picture", options.picture)):
-        in_a_folder(path, flag)
+        in_a_folder(path, option=flag)
     scene = noted(load(options.scene), "tuning" if options.travel is None else "a shaper")
     problems = []
     if options.largest_angle is not None:
