@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from multipendula.command import CREW, SCENE, Command, kwargs_of, main_file, option, picture_file, refuse
 from multipendula.commands.ensembles import measured, names_of, refuse_homeless, strobed, tell_of_share
 from multipendula.commands.runs import tell_of_start
-from multipendula.commands.shared import bar, crew_of, draw_in, missing, picture_in_place, say
+from multipendula.commands.shared import bar, crew_of, draw_in, missing, output, picture_in_place, say
 from multipendula.options import PICTURES, RUNS, integer
 
 if TYPE_CHECKING:
@@ -112,7 +112,7 @@ def _journal(options: argparse.Namespace, study: Study) -> Iterator[Checkpoint]:
 def _loci(options: argparse.Namespace) -> Loci:
     from modal.errors import SceneError
     from modal.loci import follow_loci, loci_csv, loci_text
-    from modal.scene import STANDARD, load, whole_file
+    from modal.scene import STANDARD, load
     from modal.scene.parameters import parse_variations
 
     unwanted = ("measure", "strobe", "workers", "scheduler", "fresh", "members", "folder", "share")
@@ -129,17 +129,17 @@ def _loci(options: argparse.Namespace) -> Loci:
         loci = follow_loci(scene, variation, report)
     say(loci_text(loci))
     if options.output:
-        with whole_file(options.output) as stream:
-            stream.write(loci_csv(loci).encode())
+        with output(options.output) as write:
+            write(loci_csv(loci))
     draw_in(options, options.picture, "modal.plotting", "draw_loci", loci)
     return loci
 
 
 def _strobes(options: argparse.Namespace) -> BifurcationDiagram | None:
     from modal.errors import SceneError
-    from modal.scene import STANDARD, kind_of, load, whole_file
+    from modal.scene import STANDARD, kind_of, load
     from modal.scene.parameters import parse_variations
-    from nonlinear.ensembles import bifurcation_table, find_bifurcations
+    from nonlinear.ensembles import find_bifurcations
     from nonlinear.system import has_start
 
     asked = [name for name in ("measure", "fresh") if getattr(options, name)]
@@ -158,10 +158,10 @@ def _strobes(options: argparse.Namespace) -> BifurcationDiagram | None:
     if tell_of_share(options):
         return None
     if options.output != STANDARD:
-        say(bifurcation_table(strobes, "text"))
+        say(strobes.report())
     if form:
-        with whole_file(options.output) as stream:
-            stream.write(bifurcation_table(strobes, "csv" if form == "csv" else "json").encode())
+        with output(options.output) as write:
+            write(strobes.report("csv" if form == "csv" else "json"))
     draw_in(options, options.picture, "nonlinear.plotting", "draw_bifurcations", strobes)
     return strobes
 

@@ -22,7 +22,7 @@ from modal.scene.parameters import Place, Variable, Variation, find_places, text
 from modal.types import Floats
 from modal.vibration import Boundary, tongues, vertical_sine
 from nonlinear.ensembles.executors import DIED, Crew, computed, cores
-from nonlinear.ensembles.store import validate_folder, validate_share
+from nonlinear.ensembles.store import validate_store
 from nonlinear.integration import validate, validate_whole
 from nonlinear.sweeps.checkpoint import Checkpoint, RowFolder
 from nonlinear.sweeps.measures import FLOQUET, parse_measures
@@ -140,8 +140,7 @@ def sweep(
         study = Study(scene, axes, parse_measures(texts_of(measures)), members, seed)
     validate(
         lambda: validate_whole(1, optional=True, workers=workers),
-        lambda: validate_share(share),
-        lambda: validate_folder(folder),
+        lambda: validate_store(folder, share),
     )
     kept = journal or (RowFolder(folder, study) if folder is not None else Checkpoint())
     rows = {row.index: row for row in kept.rows}
