@@ -64,7 +64,7 @@ def _fit_modes(options: argparse.Namespace) -> ModeFit:
     refuse(options, f"is for measured motions, and {options.data[0]} has modes", *OF_FITTED_MOTIONS)
     if len(options.data) > 1:
         raise SceneError(["measured modes are read from one file, by itself"])
-    kind = picture(options.picture, "--picture")
+    picture(options.picture, "--picture")
     in_a_folder(options.output, options.report, options.picture)
     scene = load(options.scene)
     measured = read_modes(scene, options.data[0])
@@ -73,11 +73,7 @@ def _fit_modes(options: argparse.Namespace) -> ModeFit:
     files = {options.output: dumps(fitted.scene).encode()}
     if options.report:
         files[options.report] = mode_fit_json(fitted).encode()
-    if options.picture:
-        from modal.plotting import draw_mode_fit
-
-        files[options.picture] = pictured(lambda stream: draw_mode_fit(fitted, stream, kind), options.theme)
-    write_together(files)
+    write_together(files | pictured(options, "modal.plotting", "draw_mode_fit", fitted))
     say(mode_fit_json(fitted) if options.format == "json" else mode_fit_text(fitted), options.format)
     return fitted
 
@@ -113,12 +109,7 @@ def _fit_motions(options: argparse.Namespace) -> Fit | None:
     files = {options.output: dumps(estimate.scene).encode()}
     if options.report:
         files[options.report] = fit_json(estimate, candidates, draws).encode()
-    if options.picture:
-        from nonlinear.plotting import draw_fit
-
-        kind = picture(options.picture, "--picture")
-        files[options.picture] = pictured(lambda stream: draw_fit(estimate, stream, kind), options.theme)
-    write_together(files)
+    write_together(files | pictured(options, "nonlinear.plotting", "draw_fit", estimate))
     told = fit_json if options.format == "json" else fit_text
     say(told(estimate, candidates, draws), options.format)
     return None if candidates or draws else estimate

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from nonlinear.ensembles import Workers
 
 HOUR, DAY, LONGEST = 3600.0, 86_400.0, 1e5  # s; days beyond which nothing is begun
+TOLERANCE = 1e-9  # of a motion whose length is estimated
 LENGTHY = 1e7  # s of motion, from which on it is asked at once whether the computation can end
 LONG, COORDINATE = 5.0, 9e-5  # s that are told first, and for the square of the coordinates of supports
 LATE = 1.0  # s until progress is shown, and between two looks at it
@@ -108,14 +109,18 @@ def write_together(contents: Mapping[str | None, bytes]) -> None:
                 stream.flush()
 
 
-def pictured(draw: Callable[[IO[bytes]], object], theme: str) -> bytes:
-    """A picture as the bytes of its file."""
+def pictured(options: argparse.Namespace, room: str, figure: str, result: object) -> dict[str | None, bytes]:
+    """The picture of --picture as the bytes of its file, if it was asked for (`draw_in`)."""
+    from importlib import import_module
+
     from modal.plotting import style as pictures
 
+    if not options.picture:
+        return {}
     stream = BytesIO()
-    with pictures.theme(theme):
-        draw(stream)
-    return stream.getvalue()
+    with pictures.theme(options.theme):
+        getattr(import_module(room), figure)(result, stream, picture(options.picture, "--picture"))
+    return {options.picture: stream.getvalue()}
 
 
 def say(text: str, form: str = "text") -> None:
@@ -370,40 +375,28 @@ def warned(scene: Scene, what: str) -> Scene:
 
 
 def forewarning(
-    report: Callable[[float], object],
-    scene: Scene,
-    duration: float | None,
-    members: int = 1,
-    tolerance: float = 1e-9,
-    least: float = DAY,
+    report: Callable[[float], object], scene: Scene, duration: float, members: int = 1, least: float = DAY
 ) -> Callable[[float], object]:
-    """The report, which at its first call says on standard error how long so many motions take, if over `least` s."""
-    told = False
-    if duration and duration > LENGTHY:
-        _judge(scene, duration, members, tolerance)
+    """The report, which at its first call says on standard error how long so many motions take, if over `least` s.
 
-    def reported(now: float) -> None:
-        nonlocal told
-        if not told:
-            told = True
-            if duration:
-                from nonlinear.integration.methods import least_seconds
+    SceneError for motions that take longer than anyone can wait.
+    """
+    from functools import cache, partial
 
-                _forewarn(least_seconds(scene, duration, tolerance, members), least)
-        report(now)
-
-    return reported
-
-
-def _judge(scene: Scene, duration: float, members: int, tolerance: float) -> None:
-    """SceneError for motions that take longer than anyone can wait."""
     from modal.errors import SceneError
     from nonlinear.integration.methods import least_seconds
 
-    days = least_seconds(scene, duration, tolerance, members) / DAY
-    if days > LONGEST:
+    seconds = cache(partial(least_seconds, scene, duration, TOLERANCE, members))
+    if duration > LENGTHY and (days := seconds() / DAY) > LONGEST:
         most = f"{0.9 * duration * LONGEST / days:.0e} s"
         raise SceneError([f"duration: takes an estimated {days:.2g} days on one core, and {most} are begun at most"])
+    tell = cache(lambda: _forewarn(seconds(), least))
+
+    def reported(now: float) -> None:
+        tell()
+        report(now)
+
+    return reported
 
 
 def _forewarn(seconds: float, least: float) -> None:

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from multipendula.command import CREW, SCENE, Command, kwargs_of, main_file, option, picture_file, refuse
+from multipendula.command import CREW, SCENE, Command, kwargs_of, main_file, misfits, option, picture_file, refuse
 from multipendula.commands.ensembles import measured, names_of, refuse_homeless, strobed, tell_of_share
 from multipendula.commands.runs import tell_of_start
 from multipendula.commands.shared import bar, crew_of, draw_in, missing, output, picture_in_place, say
@@ -65,7 +65,7 @@ def _map(options: argparse.Namespace) -> Sweep | None:
         from nonlinear.plotting import validate_axes
 
         validate_axes(axes)
-    if not by_energy and any(request.computation.runs for request in measures) and not has_start(scene):
+    if not by_energy and any(request.runs for request in measures) and not has_start(scene):
         tell_of_start("every point begins in the shape of its first mode that swings")
     if options.folder and options.fresh:
         raise SceneError(["--fresh: cannot be combined with --folder: remove the folder"])
@@ -115,9 +115,8 @@ def _loci(options: argparse.Namespace) -> Loci:
     from modal.scene import STANDARD, load
     from modal.scene.parameters import parse_variations
 
-    unwanted = ("measure", "strobe", "workers", "scheduler", "fresh", "members", "folder", "share")
-    asked = [name for name in unwanted if getattr(options, name)]
-    problems = [f"--{name}: cannot be combined with --loci" for name in asked]
+    unwanted = ("--measure", "--strobe", "--workers", "--scheduler", "--fresh", "--members", "--folder", "--share")
+    problems = misfits(options, "cannot be combined with --loci", *unwanted)
     if len(options.vary) != 1:
         problems.append("--loci: needs exactly one --vary")
     if options.output and options.output != STANDARD and not options.output.lower().endswith(".csv"):
@@ -142,8 +141,7 @@ def _strobes(options: argparse.Namespace) -> BifurcationDiagram | None:
     from nonlinear.ensembles import find_bifurcations
     from nonlinear.system import has_start
 
-    asked = [name for name in ("measure", "fresh") if getattr(options, name)]
-    problems = [f"--{name}: cannot be combined with --strobe" for name in asked]
+    problems = misfits(options, "cannot be combined with --strobe", "--measure", "--fresh")
     if len(options.vary) != 1:
         problems.append("--strobe: needs exactly one --vary")
     if problems:

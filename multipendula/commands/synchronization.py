@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING
 
-from multipendula.command import CREW, SCENE, Command, formats, once, report_file
+from multipendula.command import CREW, SCENE, Command, formats, misfits, once, report_file
 from multipendula.commands.runs import start_of
 from multipendula.commands.shared import (
     bar,
@@ -47,13 +47,11 @@ def _fitting(options: argparse.Namespace) -> None:
 def _misfits(options: argparse.Namespace) -> Iterator[str]:
     form = getattr(options, "format_words", f"--format {options.format}")
     if options.vary:
-        asked = [name for name in ("duration", "start", "film", "words") if getattr(options, name)]
-        yield from (f"--{name}: cannot be combined with --vary" for name in asked)
+        yield from misfits(options, "cannot be combined with --vary", "--duration", "--start", "--film", "--words")
         if options.format == "json":
             yield f"{form}: cannot be combined with --vary"
         return
-    asked = [name for name in ("workers", "scheduler") if getattr(options, name)]
-    yield from (f"--{name}: needs --vary" for name in asked)
+    yield from misfits(options, "needs --vary", "--workers", "--scheduler")
     if options.format == "csv":
         yield f"{form}: needs --vary"
 

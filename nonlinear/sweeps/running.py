@@ -280,7 +280,7 @@ def _lines(sweep: Sweep) -> Iterator[str]:
     yield from notes(sweep)
     if sweep.study.members:
         yield DRAWN.format(sweep.study.members, sweep.study.seed)
-    elif any(request.computation.measure.numbered for request in sweep.study.measures):
+    elif any(request.measure.numbered for request in sweep.study.measures):
         yield NUMBERED
 
 
@@ -303,7 +303,7 @@ def reasons(sweep: Sweep) -> Iterator[str]:
 def notes(sweep: Sweep) -> tuple[str, ...]:
     """What frequencies and damping ratios leave out anywhere in the sweep, a sentence each."""
     study = sweep.study
-    if not any(request.computation.measure.numbered and not request.computation.runs for request in study.measures):
+    if not any(request.measure.numbered and not request.runs for request in study.measures):
         return ()
     scenes = [study.scene]
     with suppress(SceneError):
