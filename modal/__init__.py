@@ -75,8 +75,4 @@ __all__ = [
 warn_about_namesake()
 
 if not TYPE_CHECKING:
-    __getattr__ = lazy_attributes(
-        __name__,
-        homes=("errors", "scene", "assembly", "modes"),
-        later={"tune": "tuning"},
-    )
+    __getattr__ = lazy_attributes(__name__)

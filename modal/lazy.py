@@ -2,32 +2,44 @@
 
 from __future__ import annotations
 
+import re
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
+from functools import cache
 from importlib import import_module
 from typing import Any
 
+IMPORT = re.compile(r"^    from (\S+) import (\([^)]*\)|.*)", re.MULTILINE)
+"""An import of those that a package has for type checkers alone."""
 
-def lazy_attributes(
-    package: str, homes: tuple[str, ...], later: Mapping[str, str] | None = None
-) -> Callable[[str], Any]:
-    """The `__getattr__` of a package: it loads the names in `__all__` from its modules `homes`, and these modules.
 
-    The names in `later`, each with its module, need SciPy: `import *` leaves them out.  `dir` shows all these names.
+def lazy_attributes(package: str) -> Callable[[str], Any]:
+    """The `__getattr__` of a package: it loads a name from the module of which type checkers are told to import it.
+
+    It has the names in `__all__`, others from its own modules, which need SciPy and which `import *` leaves out, and
+    these modules.  `dir` shows all these names.
     """
 
     def find(name: str) -> Any:
-        offering = sys.modules[package]
+        homes = homes_of(package)
         if name in homes:
+            return getattr(import_module(homes[name]), name)
+        if f"{package}.{name}" in homes.values():
             return import_module(f"{package}.{name}")
-        if name in offering.__all__:
-            return next(getattr(module, name) for module in map(find, homes) if hasattr(module, name))
-        if later and name in later:
-            return getattr(import_module(f"{package}.{later[name]}"), name)
-        raise AttributeError(f"module {package!r} has no attribute {name!r}", name=name, obj=offering)
+        raise AttributeError(f"module {package!r} has no attribute {name!r}", name=name, obj=sys.modules[package])
 
     def names() -> list[str]:
-        return sorted({*sys.modules[package].__all__, *(later or ())})
+        return sorted({*sys.modules[package].__all__, *homes_of(package)})
 
     vars(sys.modules[package])["__dir__"] = names
     return find
+
+
+@cache
+def homes_of(package: str) -> dict[str, str]:
+    """The names that a package loads on first use, each with its module."""
+    offering = sys.modules[package]
+    with open(str(offering.__file__), encoding="utf-8") as source:
+        imports = IMPORT.findall(source.read())
+    homes = {name: home for home, names in imports for name in re.findall(r"\w+", names.partition(" as ")[0])}
+    return {name: home for name, home in homes.items() if name in offering.__all__ or home.startswith(f"{package}.")}

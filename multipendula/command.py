@@ -218,11 +218,16 @@ def kwargs_of(options: argparse.Namespace, *flags: str) -> dict[str, Any]:
     return {keyword: value for keyword, value in values.items() if value is not None}
 
 
-def refuse(options: argparse.Namespace, why: str, *flags: str) -> None:
-    """SceneError for those of these options of a command that have another value than their default."""
-    from modal.errors import SceneError
-
+def misfits(options: argparse.Namespace, why: str, *flags: str) -> list[str]:
+    """What is said of those of these options of a command that have another value than their default."""
     taken = {option.name: option.dest for option in options.command.options}
     given = [flag for flag in flags if getattr(options, taken[flag]) != options.page.get_default(taken[flag])]
-    if given:
-        raise SceneError([f"{flag}: {why}" for flag in given])
+    return [f"{flag}: {why}" for flag in given]
+
+
+def refuse(options: argparse.Namespace, why: str, *flags: str) -> None:
+    """SceneError for those of these options that have another value than their default."""
+    from modal.errors import SceneError
+
+    if problems := misfits(options, why, *flags):
+        raise SceneError(problems)

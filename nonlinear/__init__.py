@@ -61,7 +61,4 @@ __all__ = [
 require_own_package()
 
 if not TYPE_CHECKING:
-    __getattr__ = lazy_attributes(
-        __name__,
-        homes=("system", "integration", "simulation", "files", "ensembles"),
-    )
+    __getattr__ = lazy_attributes(__name__)

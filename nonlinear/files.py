@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from modal.errors import SceneError
-from modal.report import csv_comment, csv_rows
+from modal.report import csv_comment, csv_rows, deferred
 from modal.scene import Scene, describe, kind_of, scene_from, sealed, whole_file
 from modal.scene.doors import checked
 from modal.scene.sealed import finite_array, index, reading, require_keys
@@ -93,7 +93,11 @@ def save(trajectory: Trajectory, path: str | os.PathLike[str]) -> None:
     if kind == "csv":
         write_csv(path, _header(trajectory), [columns(trajectory), *rows_of(trajectory).tolist()])
         return
-    content = _npz(trajectory) if kind == "npz" else _mat(trajectory)
+    if kind == "npz":
+        parts = {name: getattr(trajectory.motion, name) for name in (*PARTS, *_carried(trajectory.system))}
+        content = as_npz(_header(trajectory), {TIMES: trajectory.times} | parts)
+    else:
+        content = deferred("modal.exports.scripts:write_columns")(columns_of(trajectory))
     with whole_file(path) as stream:
         stream.write(content)
 
@@ -131,8 +135,10 @@ def load(path: str | os.PathLike[str] | Trajectory) -> Trajectory:
         return path
     name, kind = os.fspath(path), checked_kind(path)
     with reading(name, "trajectory"):
-        header, times, parts = _read_npz(name) if kind == "npz" else _read_csv(name)
-        return _trajectory(header, times, parts)
+        if kind == "csv":
+            return _trajectory(*_read_csv(name))
+        header, parts = from_npz(name)
+        return _trajectory(header, parts.pop(TIMES), parts)
 
 
 # ------------------------------------------------------------ what files of results share
@@ -283,19 +289,6 @@ def _friction(record: dict[str, Any], system: System) -> Friction:
     return Friction(link, begin, end, places, work, rest)
 
 
-# ---------------------------------------------------------------------------------------------------------- NPZ
-
-
-def _npz(trajectory: Trajectory) -> bytes:
-    parts = {name: getattr(trajectory.motion, name) for name in (*PARTS, *_carried(trajectory.system))}
-    return as_npz(_header(trajectory), {TIMES: trajectory.times} | parts)
-
-
-def _read_npz(name: str) -> tuple[dict[str, Any], Floats, dict[str, Floats]]:
-    header, arrays = from_npz(name)
-    return header, arrays.pop(TIMES), arrays
-
-
 # ---------------------------------------------------------------------------------------------------------- CSV
 
 
@@ -308,15 +301,12 @@ def columns(trajectory: Trajectory) -> list[str]:
     """
     system = trajectory.system
     work = ["work_J"] * _works(trajectory)
-    return [*_of_links(system), *_of_first(system), *work, *_of_springs(system), *_of_support(system)]
+    first = system.first_columns if system.first else ()
+    return [*_of_links(system), *first, *work, *_of_springs(system), *_of_support(system)]
 
 
 def _works(trajectory: Trajectory) -> bool:
     return trajectory.system.works or trajectory.driven or bool(np.any(trajectory.motion.work))
-
-
-def _of_first(system: System) -> list[str]:
-    return system.first_columns if system.first else []
 
 
 def _of_links(system: System) -> list[str]:
@@ -363,12 +353,6 @@ def rows_of(trajectory: Trajectory) -> Floats:
 def columns_of(trajectory: Trajectory) -> dict[str, Floats]:
     """The numbers (T,) of the motion by the names of the columns of a CSV."""
     return dict(zip(columns(trajectory), rows_of(trajectory).T, strict=True))
-
-
-def _mat(trajectory: Trajectory) -> bytes:
-    from modal.exports.scripts import write_columns
-
-    return write_columns(columns_of(trajectory))
 
 
 def _read_csv(name: str) -> tuple[dict[str, Any], Floats, dict[str, Floats]]:

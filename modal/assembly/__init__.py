@@ -122,5 +122,4 @@ __all__ = [
 ]
 
 if not TYPE_CHECKING:
-    homes = "arrays equilibrium squares structure stacks losses modal_damping linearization hoisting"
-    __getattr__ = lazy_attributes(__name__, tuple(homes.split()))
+    __getattr__ = lazy_attributes(__name__)

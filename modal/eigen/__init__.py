@@ -88,5 +88,4 @@ __all__ = [
 ]
 
 if not TYPE_CHECKING:
-    homes = "amplitude recursion squares short sources free_motions spectrum coupled secular dense elimination"
-    __getattr__ = lazy_attributes(__name__, tuple(homes.split()))
+    __getattr__ = lazy_attributes(__name__)

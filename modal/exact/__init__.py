@@ -41,4 +41,4 @@ __all__ = [
 ]
 
 if not TYPE_CHECKING:
-    __getattr__ = lazy_attributes(__name__, ("polynomials", "characteristic", "enclosures"))
+    __getattr__ = lazy_attributes(__name__)

@@ -23,9 +23,6 @@ if TYPE_CHECKING:
     from modal.statespace.sampling import VaryingModel
 
 
-LATER = {"read_json": "data", "read_npz": "data", "to_control": "scripts", "to_scipy": "scripts"}
-
-
 class Format(NamedTuple):
     """A file extension, a description, and the functions, by module, that write the file and give a note about it.
 
@@ -138,5 +135,5 @@ OTHER_NAMES = {
     **dict.fromkeys(("excel", "xlsx"), "csv"),
 }
 """Formats by the tools that read them."""
-__getattr__ = lazy_attributes(__name__, (), LATER)
+__getattr__ = lazy_attributes(__name__)
 __all__ = ["FORMATS", "Format", "find_format", "format_of_file"]

@@ -55,7 +55,4 @@ __all__ = [
 ]
 
 if not TYPE_CHECKING:
-    __getattr__ = lazy_attributes(
-        __name__,
-        ("modes", "mode", "shapes", "numbering", "rows", "dissipation", "tables", "frequencies", "sensitivity", "rope"),
-    )
+    __getattr__ = lazy_attributes(__name__)

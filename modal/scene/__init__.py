@@ -130,6 +130,4 @@ __all__ = [
 ]
 
 if not TYPE_CHECKING:
-    homes = "model files capabilities features titles links supports motion points hoist length_laws"
-    homes += " number_names periods records free_body parameters"
-    __getattr__ = lazy_attributes(__name__, tuple(homes.split()))
+    __getattr__ = lazy_attributes(__name__)

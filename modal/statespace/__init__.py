@@ -64,6 +64,4 @@ __all__ = [
 ]
 
 if not TYPE_CHECKING:
-    __getattr__ = lazy_attributes(
-        __name__, ("signals", "model", "modal_form", "gains", "reduction", "response", "shapers")
-    )
+    __getattr__ = lazy_attributes(__name__)

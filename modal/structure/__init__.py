@@ -69,4 +69,4 @@ __all__ = [
 ]
 
 if not TYPE_CHECKING:
-    __getattr__ = lazy_attributes(__name__, ("carriers", "structure", "rest", "outlines"))
+    __getattr__ = lazy_attributes(__name__)

@@ -57,6 +57,4 @@ __all__ = [
 ]
 
 if not TYPE_CHECKING:
-    __getattr__ = lazy_attributes(
-        __name__, ("courses", "prescribed", "hill", "boundaries", "random", "shock", "thermal", "report")
-    )
+    __getattr__ = lazy_attributes(__name__)

@@ -19,8 +19,7 @@ def explain(options: argparse.Namespace) -> Coupling:
     from modal.coupling import coupling_report, explain
     from modal.scene import load
 
-    if options.output:
-        picture(options.output)
+    picture(options.output)
     coupling = explain(noted(load(options.scene), "the explanation of the coupling"))
     draw_in(options, options.output, "modal.plotting", "draw_coupling", coupling)
     report = coupling_report(coupling, options.format, words=options.words, elsewhere="" if options.words else MORE)

@@ -3,22 +3,22 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from math import prod
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from multipendula.command import CREW, SCENE, Command, Option, formats, kwargs_of, option, refuse, report_file
 from multipendula.commands.runs import ELSEWHERE, start_of, tell_of_start
-from multipendula.commands.shared import bar, draw_in, in_a_folder, picture, remark, say
+from multipendula.commands.shared import bar, crew_of, draw_in, in_a_folder, picture, remark, say
 from multipendula.completion import words
 from multipendula.options import integer, number
 from nonlinear.measures import taken_by
 
 if TYPE_CHECKING:
-    from modal.report import Form
+    from modal.report import Result
     from modal.scene import Scene
-    from nonlinear.ensembles import Basins, PoincareSection, StroboscopicSection, WorkerPool
+    from nonlinear.ensembles import Basins, PoincareSection, StroboscopicSection
     from nonlinear.sweeps import Spread
 
 TOLERANCE, MOTIONS = 1e-9, 24
@@ -30,7 +30,7 @@ COMPUTED = (
     "--share",
     "--folder",
 )
-Made = TypeVar("Made")
+Made = TypeVar("Made", bound="Result")
 """What an ensemble ends in."""
 FORMATS = ("text", "csv", "json")
 BY_ENERGY, BY_STROBES = ("--energy", "--crossing"), ("--phase-deg", "--spread", "--settle", "--of", "--seed")
@@ -54,7 +54,7 @@ def strobed(transient: str) -> tuple[str, ...]:
 
 def basins(options: argparse.Namespace) -> Basins | None:
     """Map which motion each start of a grid ends in: a rhythm, an attractor, a first turn over the top, an exponent."""
-    from nonlinear.ensembles import basins_table, begins_in_mode, find_basins, grid_of
+    from nonlinear.ensembles import begins_in_mode, find_basins, grid_of
 
     scene = _scene(options)
     axes = grid_of(scene, options.vary or ())
@@ -62,7 +62,7 @@ def basins(options: argparse.Namespace) -> Basins | None:
         tell_of_start("every member begins in the shape of the first mode that swings")
     with _engine(options, prod(len(axis.values) for axis in axes)) as more:
         outcome = find_basins(scene, options.duration, vary=axes, measure=options.measure, **more)
-    return _show(options, basins_table, "draw_basins", outcome)
+    return _show(options, "draw_basins", outcome)
 
 
 def section(options: argparse.Namespace) -> PoincareSection | StroboscopicSection | None:
@@ -72,7 +72,7 @@ def section(options: argparse.Namespace) -> PoincareSection | StroboscopicSectio
 
 
 def _crossings(options: argparse.Namespace, scene: Scene) -> PoincareSection | None:
-    from nonlinear.ensembles import find_section, section_table
+    from nonlinear.ensembles import find_section
     from nonlinear.system import has_start
 
     refuse(options, "needs a scene that is driven by a sine: a force or a moved support", *BY_STROBES)
@@ -83,11 +83,11 @@ def _crossings(options: argparse.Namespace, scene: Scene) -> PoincareSection | N
         )
     if options.energy is None and not has_start(scene):
         tell_of_start("its energy is that of the first mode that swings", "--energy chooses another")
-    return _show(options, section_table, "draw_section", section)
+    return _show(options, "draw_section", section)
 
 
 def _strobes(options: argparse.Namespace, scene: Scene) -> StroboscopicSection | None:
-    from nonlinear.ensembles import find_strobes, strobes_table
+    from nonlinear.ensembles import find_strobes
     from nonlinear.system import has_start
 
     refuse(options, "needs a scene that keeps its energy; of this one the section is stroboscopic", *BY_ENERGY)
@@ -96,7 +96,7 @@ def _strobes(options: argparse.Namespace, scene: Scene) -> StroboscopicSection |
     with _engine(options, options.members or MOTIONS) as more:
         how = kwargs_of(options, "--members", "--phase-deg", "--spread", "--settle", "--seed")
         strobes = find_strobes(scene, options.duration, of=names_of(options), **how, **more)
-    return _show(options, strobes_table, "draw_strobes", strobes)
+    return _show(options, "draw_strobes", strobes)
 
 
 def names_of(options: argparse.Namespace) -> list[str]:
@@ -107,7 +107,7 @@ def names_of(options: argparse.Namespace) -> list[str]:
 def spread(options: argparse.Namespace) -> Spread | None:
     """Propagate tolerances of a scene's numbers to its frequencies and its motion by Monte Carlo."""
     from modal.errors import SceneError
-    from nonlinear.sweeps import find_spread, spread_table
+    from nonlinear.sweeps import find_spread
 
     scene = _scene(options)
     members, seed = options.members or 1000, 5 if options.seed is None else options.seed
@@ -119,7 +119,7 @@ def spread(options: argparse.Namespace) -> Spread | None:
         more["covariance"] = options.covariance
         start = start_of(scene, None, elsewhere=ELSEWHERE) if options.duration else None
         spreads = find_spread(scene, uncertain, options.duration, members=members, seed=seed, start=start, **more)
-    return _show(options, spread_table, "draw_spread", spreads)
+    return _show(options, "draw_spread", spreads)
 
 
 def _all_numbers(scene: Scene) -> list[str]:
@@ -136,16 +136,15 @@ def _scene(options: argparse.Namespace) -> Scene:
     from modal.scene import load
 
     in_a_folder(options.output)
-    if options.output:
-        picture(options.output)
+    picture(options.output)
     return load(options.scene)
 
 
-def _show(options: argparse.Namespace, table: Callable[[Any, Form], str], figure: str, outcome: Made) -> Made | None:
+def _show(options: argparse.Namespace, figure: str, outcome: Made) -> Made | None:
     """The result, once its report and its picture are written; of a share only where it is kept, and None."""
     if tell_of_share(options):
         return None
-    say(table(outcome, options.format), options.format)
+    say(outcome.report(options.format), options.format)
     draw_in(options, options.output, "nonlinear.plotting", figure, outcome)
     return outcome
 
@@ -169,24 +168,12 @@ def refuse_homeless(options: argparse.Namespace) -> None:
 
 
 @contextmanager
-def executor_of(options: argparse.Namespace) -> Iterator[WorkerPool | None]:
-    """The workers of a scheduler, None where there is none."""
-    if not options.scheduler:
-        yield None
-        return
-    from nonlinear.ensembles.cluster import cluster
-
-    with cluster(options.scheduler) as crew:
-        yield crew
-
-
-@contextmanager
 def _engine(options: argparse.Namespace, members: int) -> Iterator[dict[str, Any]]:
     """The arguments of an ensemble, with a progress bar in members."""
     refuse_homeless(options)
     more = kwargs_of(options, "--engine", "--workers", "--folder", "--share")
-    with bar(members, "member") as shown, executor_of(options) as crew:
-        yield more | {"tolerance": options.tolerance or TOLERANCE, "report": shown, "crew": crew}
+    with bar(members, "member") as shown, crew_of(options) as crew:
+        yield more | {"tolerance": options.tolerance or TOLERANCE, "report": shown, "crew": crew.crew}
 
 
 COMMANDS = (

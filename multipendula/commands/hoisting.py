@@ -6,7 +6,7 @@ import argparse
 from typing import TYPE_CHECKING
 
 from multipendula.command import SCENE, Command, formats, option, refuse, report_file
-from multipendula.commands.shared import drawn, noted, picture, say
+from multipendula.commands.shared import draw_in, noted, picture, say
 from multipendula.completion import words
 from multipendula.options import integer
 
@@ -23,7 +23,7 @@ def hoist(options: argparse.Namespace) -> Along | None:
     from modal.scene import load
     from modal.statespace.hoisting import frequencies_along
 
-    form = picture(options.output) if options.output else ""
+    picture(options.output)
     if options.travel is None:
         refuse(options, "needs --travel METRES", "--over", "--kind", "--count")
     scene = load(options.scene)
@@ -32,10 +32,8 @@ def hoist(options: argparse.Namespace) -> Along | None:
     left = _left(scene, options) if options.travel else ()
     say(_written(along, left, options), options.format)
     if options.output:
-        from modal.plotting import draw_hoist
-
-        with drawn(options.output, options.theme) as stream:
-            draw_hoist(frequencies_along(scene, max(options.samples, 201), options.drive), stream, form)
+        smooth = frequencies_along(scene, max(options.samples, 201), options.drive)
+        draw_in(options, options.output, "modal.plotting", "draw_hoist", smooth)
     return None if left else along
 
 

@@ -24,7 +24,6 @@ from multipendula.commands.shared import (
     bar,
     crew_of,
     draw_in,
-    drawn,
     in_a_folder,
     listed,
     missing,
@@ -65,9 +64,8 @@ def _fit_modes(options: argparse.Namespace) -> ModeFit:
     refuse(options, f"is for measured motions, and {options.data[0]} has modes", *OF_FITTED_MOTIONS)
     if len(options.data) > 1:
         raise SceneError(["measured modes are read from one file, by itself"])
-    kind = picture(options.picture, "--picture") if options.picture else ""
-    for path in (options.output, options.report, options.picture):
-        in_a_folder(path)
+    picture(options.picture, "--picture")
+    in_a_folder(options.output, options.report, options.picture)
     scene = load(options.scene)
     measured = read_modes(scene, options.data[0])
     _tell_of_unused(measured.unused)
@@ -75,11 +73,7 @@ def _fit_modes(options: argparse.Namespace) -> ModeFit:
     files = {options.output: dumps(fitted.scene).encode()}
     if options.report:
         files[options.report] = mode_fit_json(fitted).encode()
-    if options.picture:
-        from modal.plotting import draw_mode_fit
-
-        files[options.picture] = pictured(lambda stream: draw_mode_fit(fitted, stream, kind), options.theme)
-    write_together(files)
+    write_together(files | pictured(options, "modal.plotting", "draw_mode_fit", fitted))
     say(mode_fit_json(fitted) if options.format == "json" else mode_fit_text(fitted), options.format)
     return fitted
 
@@ -103,8 +97,8 @@ def _fit_motions(options: argparse.Namespace) -> Fit | None:
             angles=options.angles,
             columns=parse_where(options.column or (), "HEADING=COLUMN, such as t=time_ms"),
         ),
-        lambda: options.picture and picture(options.picture, "--picture"),
-        *(lambda path=path: in_a_folder(path) for path in (options.output, options.report, options.picture)),
+        lambda: picture(options.picture, "--picture"),
+        lambda: in_a_folder(options.output, options.report, options.picture),
     )
     with crew_of(options) as crew, bar(1.0, "fit") as report:
         laws = listed(options.compare)
@@ -115,12 +109,7 @@ def _fit_motions(options: argparse.Namespace) -> Fit | None:
     files = {options.output: dumps(estimate.scene).encode()}
     if options.report:
         files[options.report] = fit_json(estimate, candidates, draws).encode()
-    if options.picture:
-        from nonlinear.plotting import draw_fit
-
-        kind = picture(options.picture, "--picture")
-        files[options.picture] = pictured(lambda stream: draw_fit(estimate, stream, kind), options.theme)
-    write_together(files)
+    write_together(files | pictured(options, "nonlinear.plotting", "draw_fit", estimate))
     told = fit_json if options.format == "json" else fit_text
     say(told(estimate, candidates, draws), options.format)
     return None if candidates or draws else estimate
@@ -132,26 +121,21 @@ def poles(options: argparse.Namespace) -> Identified | Assurance:
     from modal.identification import has_modes, poles_table
     from modal.scene import load
 
-    kind = picture(options.output) if options.output else ""
-    for path in (options.output, options.identified_modes):
-        in_a_folder(path)
+    picture(options.output)
+    in_a_folder(options.output, options.identified_modes)
     scene = noted(load(options.scene)) if options.scene else None
     if any(map(has_modes, options.data)):
         if scene is None or len(options.data) > 1:
             raise SceneError([f"{options.data[0]}: has modes: give one such file by itself, and --scene SCENE"])
         refuse(options, f"is for measured motions, and {options.data[0]} has modes", *OF_MOTIONS)
-        return _compare(options, scene, None, kind)
+        return _compare(options, scene, None)
     identified, title = _identified(options)
     if options.identified_modes:
         with output(options.identified_modes) as write:
             write(poles_table(identified, "csv"))
     if scene is not None:
-        return _compare(options, scene, poles_table(identified, "csv"), kind)
-    if options.output:
-        from modal.plotting import draw_poles
-
-        with drawn(options.output, options.theme) as stream:
-            draw_poles(identified, stream, kind, title)
+        return _compare(options, scene, poles_table(identified, "csv"))
+    draw_in(options, options.output, "modal.plotting", "draw_poles", identified, title=title)
     say(poles_table(identified, options.format, title), options.format)
     return identified
 
@@ -173,7 +157,7 @@ def _identified(options: argparse.Namespace) -> tuple[Identified, str]:
     return identified, ", ".join(dict.fromkeys(segment.file for segment in recording.segments))
 
 
-def _compare(options: argparse.Namespace, scene: Scene, table: str | None, kind: str) -> Assurance:
+def _compare(options: argparse.Namespace, scene: Scene, table: str | None) -> Assurance:
     """MAC matrix, pairs and errors of frequencies of the modes in a table, or else in the file."""
     from modal.identification import assurance_table, compare_modes, parse_modes, read_modes
     from modal.modes import natural_modes

@@ -120,7 +120,7 @@ def _by_orbits(modes: Modes, rows: list[Mode]) -> tuple[list[Mode], str]:
 
 def shapes(options: argparse.Namespace) -> Figure | None:
     """Draw the mode shapes, or film the modes."""
-    form = picture(options.output, kinds=PICTURES + FILMS) if options.output else ""
+    form = picture(options.output, kinds=PICTURES + FILMS)
     modes, numbers = _modes(options)
     about(noted(modes.scene, "mode shapes"))
     from modal.plotting import LOOP, USUAL_PANELS, draw_shapes, film_modes

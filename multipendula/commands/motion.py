@@ -11,6 +11,7 @@ from multipendula.command import RUN, THEME, Command, formats, kwargs_of, main_f
 from multipendula.commands.runs import RunOptions, motion, recorded, start_of, whole
 from multipendula.commands.shared import (
     bar,
+    draw_in,
     drawn,
     estimate_of,
     film_form,
@@ -69,7 +70,7 @@ def simulate(options: argparse.Namespace) -> Trajectory | Compilation:
         say(f"{summary.text(trajectory, ropes=not options.quiet)}\n")
         say(f"computed in {spent:.3g} s" + (f", saved in {visible(target)}\n" if output else "\n"))
     if band is not None and not trajectory.run.interrupted:
-        _print_band(options, *band)
+        _print_band(options, band)
     if options.explain:
         from nonlinear.postprocessing import run_inventory
 
@@ -107,8 +108,8 @@ def _place_of_part(output: str) -> str:
     return str(path.with_stem(f"{path.stem}.part")) if path.is_file() else output
 
 
-def _banded(options: argparse.Namespace) -> tuple[Estimate, str] | None:
-    """The covariance of the scene's numbers and the format of a picture of the band, before anything is computed."""
+def _banded(options: argparse.Namespace) -> Estimate | None:
+    """The covariance of the scene's numbers, once the name of a picture of the band is right."""
     from modal.errors import SceneError
     from modal.scene import load
 
@@ -121,12 +122,12 @@ def _banded(options: argparse.Namespace) -> tuple[Estimate, str] | None:
     if options.keep_modes:
         raise SceneError(["--covariance: cannot be combined with --keep-modes"])
     estimate = estimate_of(load(options.scene), options.covariance)
-    assert estimate is not None
     in_a_folder(options.band)
-    return estimate, picture(options.band, "--band") if options.band else ""
+    picture(options.band, "--band")
+    return estimate
 
 
-def _print_band(options: argparse.Namespace, estimate: Estimate, kind: str) -> None:
+def _print_band(options: argparse.Namespace, estimate: Estimate) -> None:
     """How wide the motion is where the numbers vary by their covariance."""
     from nonlinear.sweeps import find_spread, motion_words
 
@@ -139,18 +140,14 @@ def _print_band(options: argparse.Namespace, estimate: Estimate, kind: str) -> N
     say(f"band of {members.size} members with {members.words}, from 5 to 95 %:\n{motion_words(members)}\n")
     if members.failures:
         say(f"{len(members.failures)} members failed: {next(iter(members.failures.values()))}\n")
-    if kind:
-        from nonlinear.plotting import draw_spread
-
-        with drawn(options.band, options.theme) as stream:
-            draw_spread(members, stream, kind)
+    draw_in(options, options.band, "nonlinear.plotting", "draw_spread", members)
 
 
 def plot(options: argparse.Namespace) -> Figure | None:
     """Draw a run: angles, cart, energies, phase portrait, and spectrum with the linear frequencies."""
     from nonlinear.plotting import draw_run
 
-    trajectory = RunOptions.of(options).shown(lambda: options.output and picture(options.output))
+    trajectory = RunOptions.of(options).shown(lambda: picture(options.output))
     if options.output is None:
         return trajectory.plot(theme=options.theme)
     with drawn(options.output, options.theme) as stream:

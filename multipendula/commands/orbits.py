@@ -6,9 +6,9 @@ import argparse
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from multipendula.command import CREW, SCENE, Command, formats, once, report_file
+from multipendula.command import CREW, SCENE, Command, formats, misfits, once, report_file
 from multipendula.commands.runs import start_of, whole
-from multipendula.commands.shared import bar, crew_of, drawn, film_form, noted, picture, remark, say, validated, warned
+from multipendula.commands.shared import bar, crew_of, draw_in, drawn, film_form, noted, remark, say, validated, warned
 
 if TYPE_CHECKING:
     from modal.errors import ComputationError
@@ -74,11 +74,11 @@ def _misfits(options: argparse.Namespace) -> Iterator[str]:
         yield "--depth: needs --enter"
     if options.periods and (options.mode or not options.vary):
         yield "--periods: needs --vary and no --mode"
-    asked = [name for name in ("start", "duration") if getattr(options, name)]
-    yield from (f"--{name}: needs --settled" for name in asked if not options.settled)
+    if not options.settled:
+        yield from misfits(options, "needs --settled", "--start", "--duration")
     if options.mode and not options.enter:
-        asked = [name for name in ("workers", "scheduler") if getattr(options, name)]
-        yield from (f"--{name}: needs --enter, or --vary without --mode: a branch is followed by one" for name in asked)
+        why = "needs --enter, or --vary without --mode: a branch is followed by one"
+        yield from misfits(options, why, "--workers", "--scheduler")
 
 
 def _mode(scene: Scene, options: argparse.Namespace) -> tuple[Branch, ...]:
@@ -183,14 +183,12 @@ def _told(scene: Scene, branches: tuple[Branch, ...], options: argparse.Namespac
 
 def _draw(scene: Scene, branches: tuple[Branch, ...], options: argparse.Namespace) -> None:
     from nonlinear.orbits import oscillating
-    from nonlinear.plotting import draw_orbits
 
     mode = None
     if options.mode and not options.vary:
         modes, row = oscillating(scene, options.mode)
         mode = modes[row]
-    with drawn(options.output, options.theme) as stream:
-        draw_orbits(scene, branches, stream, picture(options.output), mode)
+    draw_in(options, options.output, "nonlinear.plotting", "draw_orbits", scene, branches, mode=mode)
 
 
 def _film(scene: Scene, branches: tuple[Branch, ...], options: argparse.Namespace) -> None:

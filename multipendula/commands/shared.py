@@ -6,7 +6,7 @@ import argparse
 import re
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from contextvars import ContextVar
 from io import BytesIO, StringIO
 from itertools import takewhile
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from nonlinear.ensembles import Workers
 
 HOUR, DAY, LONGEST = 3600.0, 86_400.0, 1e5  # s; days beyond which nothing is begun
+TOLERANCE = 1e-9  # of a motion whose length is estimated
 LENGTHY = 1e7  # s of motion, from which on it is asked at once whether the computation can end
 LONG, COORDINATE = 5.0, 9e-5  # s that are told first, and for the square of the coordinates of supports
 LATE = 1.0  # s until progress is shown, and between two looks at it
@@ -108,14 +109,18 @@ def write_together(contents: Mapping[str | None, bytes]) -> None:
                 stream.flush()
 
 
-def pictured(draw: Callable[[IO[bytes]], object], theme: str) -> bytes:
-    """A picture as the bytes of its file."""
+def pictured(options: argparse.Namespace, room: str, figure: str, result: object) -> dict[str | None, bytes]:
+    """The picture of --picture as the bytes of its file, if it was asked for (`draw_in`)."""
+    from importlib import import_module
+
     from modal.plotting import style as pictures
 
+    if not options.picture:
+        return {}
     stream = BytesIO()
-    with pictures.theme(theme):
-        draw(stream)
-    return stream.getvalue()
+    with pictures.theme(options.theme):
+        getattr(import_module(room), figure)(result, stream, picture(options.picture, "--picture"))
+    return {options.picture: stream.getvalue()}
 
 
 def say(text: str, form: str = "text") -> None:
@@ -158,26 +163,28 @@ def drawn(name: str, theme: str) -> Iterator[IO[bytes]]:
         yield stream
 
 
-def draw_in(options: argparse.Namespace, name: str | None, room: str, figure: str, result: object) -> None:
-    """Draw a result in a file, if there is one, by the function `figure` of a room of figures."""
+def draw_in(
+    options: argparse.Namespace, name: str | None, room: str, figure: str, *results: object, **how: object
+) -> None:
+    """Draw results in a file, if there is one, by the function `figure` of a room of figures."""
     if name:
         from importlib import import_module
 
         with drawn(name, options.theme) as stream:
-            getattr(import_module(room), figure)(result, stream, picture(name))
+            getattr(import_module(room), figure)(*results, stream, picture(name), **how)
 
 
-def picture(name: str, option: str = "-o", kinds: Sequence[str] = PICTURES) -> str:
-    """The format of a figure, by its file name."""
+def picture(name: str | None, option: str = "-o", kinds: Sequence[str] = PICTURES) -> str:
+    """The format of a figure, by its file name; empty if there is none."""
     from modal.scene import kind_of
 
-    return kind_of(name, kinds, f"{option} ")
+    return kind_of(name, kinds, f"{option} ") if name else ""
 
 
-def picture_in_place(options: argparse.Namespace) -> str:
-    """The format of the picture beside the main result, which is that of -o where its name ends in a picture's format.
+def picture_in_place(options: argparse.Namespace) -> None:
+    """Take -o for the picture beside the main result where its name ends in a picture's format.
 
-    Empty if there is none; SceneError for two of them, for a name that is no picture's, and where no folder is.
+    SceneError for two of them, for a name that is no picture's, and where no folder is.
     """
     from modal.errors import SceneError
 
@@ -185,10 +192,8 @@ def picture_in_place(options: argparse.Namespace) -> str:
         if options.picture:
             raise SceneError([f"-o {options.output}: is a picture beside --picture {options.picture}"])
         options.picture, options.output = options.output, None
-    kind = picture(options.picture, "--picture") if options.picture else ""
-    for path in (options.picture, options.output):
-        in_a_folder(path)
-    return kind
+    picture(options.picture, "--picture")
+    in_a_folder(options.picture, options.output)
 
 
 def film_form(name: str, option: str = "-o") -> str:
@@ -205,16 +210,17 @@ def is_new(name: str | None) -> bool:
     return bool(name) and "\0" not in str(name) and (isfile(str(name)) or not exists(str(name)))
 
 
-def in_a_folder(path: str | None, option: str = "-o") -> None:
+def in_a_folder(*paths: str | None, option: str = "-o") -> None:
     """SceneError if the folder of an output file does not exist or it is one, before anything is computed."""
     from pathlib import Path
 
     from modal.errors import SceneError
 
-    if path and not Path(path).absolute().parent.is_dir():
-        raise SceneError([f"{option} {path}: there is no folder {Path(path).parent}"])
-    if path and Path(path).is_dir():
-        raise SceneError([f"{option} {path}: is a folder"])
+    for path in filter(None, paths):
+        if not Path(path).absolute().parent.is_dir():
+            raise SceneError([f"{option} {path}: there is no folder {Path(path).parent}"])
+        if Path(path).is_dir():
+            raise SceneError([f"{option} {path}: is a folder"])
 
 
 def validated(options: argparse.Namespace, image: str | None, fitting: Callable[[], None]) -> Scene:
@@ -227,7 +233,7 @@ def validated(options: argparse.Namespace, image: str | None, fitting: Callable[
         lambda: load(options.scene),
         lambda: options.vary and parse_variations([options.vary]),
         fitting,
-        lambda: image and picture(image),
+        lambda: picture(image),
         lambda: options.film and film_form(options.film, "--film"),
         lambda: in_a_folder(image),
         lambda: in_a_folder(options.film),
@@ -295,13 +301,11 @@ def bar(total: float, unit: str = "s", title: str = "") -> Iterator[Progress]:
             clock.join()
 
 
-@contextmanager
-def crew_of(options: argparse.Namespace) -> Iterator[Workers]:
+def crew_of(options: argparse.Namespace) -> AbstractContextManager[Workers]:
     """Who computes what is independent: the --workers, or those of a --scheduler."""
     from nonlinear.ensembles import workers_at
 
-    with workers_at(options.scheduler, options.workers) as crew:
-        yield crew
+    return workers_at(options.scheduler, options.workers)
 
 
 @contextmanager
@@ -371,40 +375,28 @@ def warned(scene: Scene, what: str) -> Scene:
 
 
 def forewarning(
-    report: Callable[[float], object],
-    scene: Scene,
-    duration: float | None,
-    members: int = 1,
-    tolerance: float = 1e-9,
-    least: float = DAY,
+    report: Callable[[float], object], scene: Scene, duration: float, members: int = 1, least: float = DAY
 ) -> Callable[[float], object]:
-    """The report, which at its first call says on standard error how long so many motions take, if over `least` s."""
-    told = False
-    if duration and duration > LENGTHY:
-        _judge(scene, duration, members, tolerance)
+    """The report, which at its first call says on standard error how long so many motions take, if over `least` s.
 
-    def reported(now: float) -> None:
-        nonlocal told
-        if not told:
-            told = True
-            if duration:
-                from nonlinear.integration.methods import least_seconds
+    SceneError for motions that take longer than anyone can wait.
+    """
+    from functools import cache, partial
 
-                _forewarn(least_seconds(scene, duration, tolerance, members), least)
-        report(now)
-
-    return reported
-
-
-def _judge(scene: Scene, duration: float, members: int, tolerance: float) -> None:
-    """SceneError for motions that take longer than anyone can wait."""
     from modal.errors import SceneError
     from nonlinear.integration.methods import least_seconds
 
-    days = least_seconds(scene, duration, tolerance, members) / DAY
-    if days > LONGEST:
+    seconds = cache(partial(least_seconds, scene, duration, TOLERANCE, members))
+    if duration > LENGTHY and (days := seconds() / DAY) > LONGEST:
         most = f"{0.9 * duration * LONGEST / days:.0e} s"
         raise SceneError([f"duration: takes an estimated {days:.2g} days on one core, and {most} are begun at most"])
+    tell = cache(lambda: _forewarn(seconds(), least))
+
+    def reported(now: float) -> None:
+        tell()
+        report(now)
+
+    return reported
 
 
 def _forewarn(seconds: float, least: float) -> None:

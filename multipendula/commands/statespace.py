@@ -136,12 +136,9 @@ def _listed(signals: Sequence[Signal]) -> str:
 
 def _varying(scene: Scene, options: argparse.Namespace) -> VaryingModel:
     """The model along a hoist."""
-    from modal.errors import SceneError
     from modal.statespace.sampling import varying_model
 
-    asked = [name for name in ("discrete", "minimal", "dominant") if getattr(options, name)]
-    if asked:
-        raise SceneError([f"--{name}: needs constant lengths, and this scene has a hoist" for name in asked])
+    refuse(options, "needs constant lengths, and this scene has a hoist", "--discrete", "--minimal", "--dominant")
     return varying_model(scene, None, listed(options.input), listed(options.signals))
 
 
@@ -401,7 +398,8 @@ COMMANDS = (
         ),
         details=(
             "Impulses to convolve a command with, so that the load hangs still at the end of a move (Singer & Seering "
-            "1990). The output lists their times and their amplitudes, which sum to one."
+            "1990). The "
+            "output lists their times and their amplitudes, which sum to one."
         ),
         examples=(
             ("shaper crane-hook", "for the slowest mode"),

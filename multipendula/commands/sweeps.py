@@ -8,10 +8,10 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from multipendula.command import CREW, SCENE, Command, kwargs_of, main_file, option, picture_file, refuse
-from multipendula.commands.ensembles import executor_of, measured, names_of, refuse_homeless, strobed, tell_of_share
+from multipendula.command import CREW, SCENE, Command, kwargs_of, main_file, misfits, option, picture_file, refuse
+from multipendula.commands.ensembles import measured, names_of, refuse_homeless, strobed, tell_of_share
 from multipendula.commands.runs import tell_of_start
-from multipendula.commands.shared import bar, drawn, missing, picture_in_place, say
+from multipendula.commands.shared import bar, crew_of, draw_in, missing, output, picture_in_place, say
 from multipendula.options import PICTURES, RUNS, integer
 
 if TYPE_CHECKING:
@@ -33,16 +33,16 @@ def sweep(options: argparse.Namespace) -> Sweep | Loci | BifurcationDiagram | No
 
     if not options.vary:
         raise missing(load(options.scene), "--vary", "={half}:{double}:9")
-    kind = picture_in_place(options)
+    picture_in_place(options)
     refuse_homeless(options)
     if not options.strobe:
         refuse(options, "needs --strobe", *BY_STROBES)
     if not any(text.partition("=")[0].strip() == BY_ENERGY for text in options.vary):
         refuse(options, f"needs --vary {BY_ENERGY}=VALUES", *DRAWN)
-    return (_loci if options.loci else _strobes if options.strobe else _map)(options, kind)
+    return (_loci if options.loci else _strobes if options.strobe else _map)(options)
 
 
-def _map(options: argparse.Namespace, kind: str) -> Sweep | None:
+def _map(options: argparse.Namespace) -> Sweep | None:
     from modal.errors import ComputationError, SceneError
     from modal.report import visible
     from modal.scene import kind_of, load
@@ -62,16 +62,16 @@ def _map(options: argparse.Namespace, kind: str) -> Sweep | None:
     drawn_starts = (options.members or MEMBERS, options.seed or 0) if by_energy else ()
     study = Study(scene, axes, measures, *drawn_starts)
     if options.picture:
-        from nonlinear.plotting import draw_sweep, validate_axes
+        from nonlinear.plotting import validate_axes
 
         validate_axes(axes)
-    if not by_energy and any(request.computation.runs for request in measures) and not has_start(scene):
+    if not by_energy and any(request.runs for request in measures) and not has_start(scene):
         tell_of_start("every point begins in the shape of its first mode that swings")
     if options.folder and options.fresh:
         raise SceneError(["--fresh: cannot be combined with --folder: remove the folder"])
     with _journal(options, study) as kept:
-        with executor_of(options) as crew, bar(study.size, "point") as report:
-            who = {"workers": options.workers, "crew": crew, "share": options.share}
+        with crew_of(options) as crew, bar(study.size, "point") as report:
+            who = {"workers": options.workers, "crew": crew.crew, "share": options.share}
             outcome = swept(study, journal=kept, report=report, **who)
         if not outcome.interrupted and tell_of_share(options):
             return None
@@ -87,9 +87,7 @@ def _map(options: argparse.Namespace, kind: str) -> Sweep | None:
         if options.output:
             save(outcome, options.output)
             kept.finish()
-    if options.picture:
-        with drawn(options.picture, options.theme) as stream:
-            draw_sweep(outcome, stream, kind)
+    draw_in(options, options.picture, "nonlinear.plotting", "draw_sweep", outcome)
     return outcome
 
 
@@ -111,15 +109,14 @@ def _journal(options: argparse.Namespace, study: Study) -> Iterator[Checkpoint]:
         yield kept
 
 
-def _loci(options: argparse.Namespace, kind: str) -> Loci:
+def _loci(options: argparse.Namespace) -> Loci:
     from modal.errors import SceneError
     from modal.loci import follow_loci, loci_csv, loci_text
-    from modal.scene import STANDARD, load, whole_file
+    from modal.scene import STANDARD, load
     from modal.scene.parameters import parse_variations
 
-    unwanted = ("measure", "strobe", "workers", "scheduler", "fresh", "members", "folder", "share")
-    asked = [name for name in unwanted if getattr(options, name)]
-    problems = [f"--{name}: cannot be combined with --loci" for name in asked]
+    unwanted = ("--measure", "--strobe", "--workers", "--scheduler", "--fresh", "--members", "--folder", "--share")
+    problems = misfits(options, "cannot be combined with --loci", *unwanted)
     if len(options.vary) != 1:
         problems.append("--loci: needs exactly one --vary")
     if options.output and options.output != STANDARD and not options.output.lower().endswith(".csv"):
@@ -131,25 +128,20 @@ def _loci(options: argparse.Namespace, kind: str) -> Loci:
         loci = follow_loci(scene, variation, report)
     say(loci_text(loci))
     if options.output:
-        with whole_file(options.output) as stream:
-            stream.write(loci_csv(loci).encode())
-    if options.picture:
-        from modal.plotting import draw_loci
-
-        with drawn(options.picture, options.theme) as stream:
-            draw_loci(loci, stream, kind)
+        with output(options.output) as write:
+            write(loci_csv(loci))
+    draw_in(options, options.picture, "modal.plotting", "draw_loci", loci)
     return loci
 
 
-def _strobes(options: argparse.Namespace, kind: str) -> BifurcationDiagram | None:
+def _strobes(options: argparse.Namespace) -> BifurcationDiagram | None:
     from modal.errors import SceneError
-    from modal.scene import STANDARD, kind_of, load, whole_file
+    from modal.scene import STANDARD, kind_of, load
     from modal.scene.parameters import parse_variations
-    from nonlinear.ensembles import bifurcation_table, find_bifurcations
+    from nonlinear.ensembles import find_bifurcations
     from nonlinear.system import has_start
 
-    asked = [name for name in ("measure", "fresh") if getattr(options, name)]
-    problems = [f"--{name}: cannot be combined with --strobe" for name in asked]
+    problems = misfits(options, "cannot be combined with --strobe", "--measure", "--fresh")
     if len(options.vary) != 1:
         problems.append("--strobe: needs exactly one --vary")
     if problems:
@@ -159,20 +151,16 @@ def _strobes(options: argparse.Namespace, kind: str) -> BifurcationDiagram | Non
     if not has_start(scene):
         tell_of_start("every value begins in the shape of its first mode that swings")
     more = kwargs_of(options, "--phase-deg", "--settle", "--workers", "--folder", "--share")
-    with executor_of(options) as crew, bar(len(variation.values), "value") as report:
-        strobes = find_bifurcations(scene, variation, crew=crew, report=report, of=names_of(options), **more)
+    with crew_of(options) as crew, bar(len(variation.values), "value") as report:
+        strobes = find_bifurcations(scene, variation, crew=crew.crew, report=report, of=names_of(options), **more)
     if tell_of_share(options):
         return None
     if options.output != STANDARD:
-        say(bifurcation_table(strobes, "text"))
+        say(strobes.report())
     if form:
-        with whole_file(options.output) as stream:
-            stream.write(bifurcation_table(strobes, "csv" if form == "csv" else "json").encode())
-    if options.picture:
-        from nonlinear.plotting import draw_bifurcations
-
-        with drawn(options.picture, options.theme) as stream:
-            draw_bifurcations(strobes, stream, kind)
+        with output(options.output) as write:
+            write(strobes.report("csv" if form == "csv" else "json"))
+    draw_in(options, options.picture, "nonlinear.plotting", "draw_bifurcations", strobes)
     return strobes
 
 

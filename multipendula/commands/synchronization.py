@@ -6,15 +6,15 @@ import argparse
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING
 
-from multipendula.command import CREW, SCENE, Command, formats, once, report_file
+from multipendula.command import CREW, SCENE, Command, formats, misfits, once, report_file
 from multipendula.commands.runs import start_of
 from multipendula.commands.shared import (
     bar,
     crew_of,
+    draw_in,
     drawn,
     film_form,
     forewarning,
-    picture,
     remark,
     say,
     stages,
@@ -47,13 +47,11 @@ def _fitting(options: argparse.Namespace) -> None:
 def _misfits(options: argparse.Namespace) -> Iterator[str]:
     form = getattr(options, "format_words", f"--format {options.format}")
     if options.vary:
-        asked = [name for name in ("duration", "start", "film", "words") if getattr(options, name)]
-        yield from (f"--{name}: cannot be combined with --vary" for name in asked)
+        yield from misfits(options, "cannot be combined with --vary", "--duration", "--start", "--film", "--words")
         if options.format == "json":
             yield f"{form}: cannot be combined with --vary"
         return
-    asked = [name for name in ("workers", "scheduler") if getattr(options, name)]
-    yield from (f"--{name}: needs --vary" for name in asked)
+    yield from misfits(options, "needs --vary", "--workers", "--scheduler")
     if options.format == "csv":
         yield f"{form}: needs --vary"
 
@@ -70,8 +68,7 @@ def _run(scene: Scene, options: argparse.Namespace) -> SynchronizationStudy:
 
         study = study_synchronization(scene, options.duration, start=start, predicting=predicting, report=report)
     say(_told(study, options), options.format)
-    if options.output:
-        _draw(study, options.output, options.theme)
+    draw_in(options, options.output, "nonlinear.plotting", "draw_sync", study.trajectory, study.phases)
     if options.film:
         _film(study, options.film, options.theme)
     return study
@@ -84,13 +81,6 @@ def _told(study: SynchronizationStudy, options: argparse.Namespace) -> str:
     if options.format == "json":
         return as_json(sync_record(study))
     return sync_text(study, words=options.words, elsewhere="" if options.words else MORE)
-
-
-def _draw(study: SynchronizationStudy, name: str, theme: str) -> None:
-    from nonlinear.plotting import draw_sync
-
-    with drawn(name, theme) as stream:
-        draw_sync(study.trajectory, study.phases, stream, picture(name))
 
 
 def _film(study: SynchronizationStudy, name: str, theme: str) -> None:
@@ -112,11 +102,7 @@ def _branches(scene: Scene, options: argparse.Namespace) -> Branches | Populatio
     with crew_of(options) as crew, bar(0, "branches") as report:
         branches = follow_branches(scene, variation, report, crew=crew)
     say(branches_csv(branches) if options.format == "csv" else branches_text(branches), options.format)
-    if options.output:
-        from nonlinear.plotting import draw_branches
-
-        with drawn(options.output, options.theme) as stream:
-            draw_branches(branches, stream, picture(options.output))
+    draw_in(options, options.output, "nonlinear.plotting", "draw_branches", branches)
     return branches
 
 
@@ -133,11 +119,7 @@ def _diagram(scene: Scene, variation: Variation, options: argparse.Namespace) ->
     with crew_of(options) as crew, bar(0, "motions") as report:
         diagram = follow_populations(scene, variation, report, crew=crew)
     say(diagram_csv(diagram) if options.format == "csv" else diagram_text(diagram), options.format)
-    if options.output:
-        from nonlinear.plotting import draw_populations
-
-        with drawn(options.output, options.theme) as stream:
-            draw_populations(diagram, stream, picture(options.output))
+    draw_in(options, options.output, "nonlinear.plotting", "draw_populations", diagram)
     return diagram
 
 

@@ -37,9 +37,9 @@ def tune(options: argparse.Namespace) -> Tuned | None:
 
     if not options.free:
         raise missing(load(options.scene), "--free", "={half}:{double}", " --minimize settling")
-    kind = picture(options.picture, "--picture") if options.picture else ""
+    picture(options.picture, "--picture")
     for flag, path in (("-o", options.output), ("--report", options.report), ("--picture", options.picture)):
-        in_a_folder(path, flag)
+        in_a_folder(path, option=flag)
     scene = noted(load(options.scene), "tuning" if options.travel is None else "a shaper")
     problems = []
     if options.largest_angle is not None:
@@ -58,11 +58,7 @@ def tune(options: argparse.Namespace) -> Tuned | None:
     told = tuned_json(best, record) if options.report or options.format == "json" else ""
     text = "" if options.format == "json" else tuned_text(best, "" if swing is None else _swing_words(swing, best))
     files = {options.output: dumps(best.scene).encode(), options.report: told.encode()}
-    if options.picture:
-        from modal.plotting import draw_tuning
-
-        files[options.picture] = pictured(lambda stream: draw_tuning(best, stream, kind), options.theme)
-    write_together(files)
+    write_together(files | pictured(options, "modal.plotting", "draw_tuning", best))
     say(told if options.format == "json" else text, options.format)
     return None if swing else best
 

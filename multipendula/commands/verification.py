@@ -12,7 +12,6 @@ from multipendula.commands.shared import (
     chosen,
     crew_of,
     draw_in,
-    drawn,
     forewarning,
     in_a_folder,
     picture,
@@ -37,21 +36,19 @@ def check(options: argparse.Namespace) -> Check | Comparison:
     """Check the table of modes against simulation: measure the frequencies at several amplitudes."""
     from modal.scene import load
 
-    kind, scene = _kind(options), load(_scene(options))
+    _place(options)
+    scene = load(_scene(options))
     outcome: Check | Comparison
-    outcome, table, draw = _general(options, scene) if options.general else _mode_by_mode(options, scene)
+    outcome, table, figure = _general(options, scene) if options.general else _mode_by_mode(options, scene)
     say(table(outcome, options.format), options.format)
     if getattr(outcome, "interrupted", False):
         raise KeyboardInterrupt
-    if options.output:
-        with drawn(options.output, options.theme) as stream:
-            draw(outcome, stream, kind)
+    draw_in(options, options.output, "nonlinear.plotting", figure, outcome)
     return outcome
 
 
-def _mode_by_mode(options: argparse.Namespace, scene: Scene) -> tuple[Any, Any, Any]:
+def _mode_by_mode(options: argparse.Namespace, scene: Scene) -> tuple[Any, Any, str]:
     from modal.modes import natural_modes
-    from modal.report import deferred
     from nonlinear.verification import AMPLITUDES_DEG, check_table
     from nonlinear.verification import check as checked
 
@@ -59,23 +56,22 @@ def _mode_by_mode(options: argparse.Namespace, scene: Scene) -> tuple[Any, Any, 
     numbers = chosen(options.modes, len(natural_modes(scene)))
     with bar(len(numbers), "mode") as report:
         outcome = checked(scene, list(numbers), options.amplitudes or AMPLITUDES_DEG, report=report)
-    return outcome, check_table, deferred("nonlinear.plotting:draw_check")
+    return outcome, check_table, "draw_check"
 
 
-def _general(options: argparse.Namespace, scene: Scene) -> tuple[Any, Any, Any]:
-    from modal.report import deferred
+def _general(options: argparse.Namespace, scene: Scene) -> tuple[Any, Any, str]:
     from modal.scene import require
     from nonlinear.verification import compare, comparison_table
 
     refuse(options, "cannot be combined with --general", "--modes", "--amplitudes")
     require(scene, "a comparison with modes")
     trajectory = RunOptions.of(options).shown()
-    return compare(trajectory), comparison_table, deferred("nonlinear.plotting:draw_spectrum")
+    return compare(trajectory), comparison_table, "draw_spectrum"
 
 
-def _kind(options: argparse.Namespace) -> str:
+def _place(options: argparse.Namespace) -> None:
     in_a_folder(options.output)
-    return picture(options.output) if options.output else ""
+    picture(options.output)
 
 
 def _scene(options: argparse.Namespace) -> Any:
@@ -88,7 +84,7 @@ def _scene(options: argparse.Namespace) -> Any:
 
 def chaos(options: argparse.Namespace) -> Exponent | Finding:
     """Measure the largest Lyapunov exponent, or test what paper 000 or 001 claims about it."""
-    _kind(options)
+    _place(options)
     is_of_paper = str(options.scene).startswith("paper:")
     outcome = _claims(options) if is_of_paper else _exponent(options)
     say(f"{outcome.text()}\n")
@@ -128,7 +124,7 @@ def tradeoff(options: argparse.Namespace) -> WorkPrecision | FrequencyTradeoff:
     """Measure the time and error of every method for a motion, from linear modes to the finest integration."""
     from modal.scene import load
 
-    _kind(options)
+    _place(options)
     scene = load(_scene(options))
     comparison: WorkPrecision | FrequencyTradeoff
     comparison, text = (_of_frequencies if options.linear else _of_motion)(options, scene)

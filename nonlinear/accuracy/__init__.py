@@ -46,6 +46,4 @@ __all__ = [
 ]
 
 if not TYPE_CHECKING:
-    __getattr__ = lazy_attributes(
-        __name__, ("candidates", "attempts", "advice", "references", "frequencies", "work_precision")
-    )
+    __getattr__ = lazy_attributes(__name__)

@@ -70,7 +70,8 @@ def drag_law(velocity: Any, drag: Any, quadratic: Any = None) -> Any:
 
 
 def _root(squares: Any) -> Any:
-    """The root of an array, in a text also of what no number of a scene moves."""
+    """The root of an array or a symbol, in a text also of what no number of a scene moves."""
+    squares = np.asarray(squares)
     if squares.dtype != object:
         return np.sqrt(squares)
     roots = [square.sqrt() if hasattr(square, "sqrt") else sqrt(square) for square in squares.flat]

@@ -8,15 +8,14 @@ of every member, with its energy drift and horizon, in chunks that may be files 
 Start with `running`; `measures` says how measures are computed, `lanes` and `compiled` are the engines, and
 `plain` takes one by one what these do not; `basins` and `sections` are what ensembles are run for most, of
 scenes that are driven in time `strobes`, `attractors` and `bifurcations`; `executors` and `cluster` share the work
-among processes, `crews` that of other rooms.  `preparing` compiles ahead of time what a scene can use.
+among processes, also that of other rooms.  `preparing` compiles ahead of time what a scene can use.
 """
 
 from nonlinear.ensembles.attractors import Attractor
 from nonlinear.ensembles.basins import Basins, basins_table, begins_in_mode, find_basins, grid_of
 from nonlinear.ensembles.bifurcations import BifurcationDiagram, bifurcation_table, find_bifurcations
 from nonlinear.ensembles.costs import ENGINES, engine_of_many
-from nonlinear.ensembles.crews import Workers, workers_at
-from nonlinear.ensembles.executors import WorkerPool
+from nonlinear.ensembles.executors import WorkerPool, Workers, workers_at
 from nonlinear.ensembles.measures import validate_measures
 from nonlinear.ensembles.members import Members, members_of
 from nonlinear.ensembles.plain import measured_run

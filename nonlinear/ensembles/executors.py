@@ -1,5 +1,7 @@
 """Workers: processes on this machine, or any other `concurrent.futures.Executor`, or what makes one.
 
+`Workers` have the `map` of an executor, for what is shared one by one: branches of orbits, fits, cases of a study.
+
 >>> from concurrent.futures import ThreadPoolExecutor
 >>> from modal import load
 >>> from nonlinear import ensemble
@@ -12,17 +14,19 @@ from __future__ import annotations
 import os
 import signal
 from collections import deque
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Executor, Future, wait
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, closing, contextmanager
 from dataclasses import dataclass
 from functools import partial
 from itertools import chain, islice
 from threading import Thread
-from typing import Generic, NamedTuple, TypeVar, cast
+from time import monotonic
+from typing import Any, Generic, NamedTuple, TypeVar, cast
 
 from modal.errors import ComputationError
 from nonlinear.dynamics import children_without_interrupts
+from nonlinear.integration import validate_whole
 
 AHEAD = 2
 """How many portions a worker has before it, its own included."""
@@ -32,6 +36,10 @@ DIED = "its process died, perhaps for lack of memory"
 DEAD = "the workers have died: give in place of the executor what makes one, and what they had is done again"
 SIZES = ("_max_workers", "max_workers", "num_workers")
 """Where executors of the standard library and loky, of executorlib and of mpi4py say how many workers they have."""
+PATIENCE = 0.5
+"""Seconds that this process works alone before it starts others: what is small is done by then."""
+STARTING = 2.0
+"""Least seconds of remaining work that justify starting other processes, about what these take to start."""
 P = TypeVar("P")
 R = TypeVar("R")
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
@@ -121,14 +129,14 @@ def computed(
     portions: Iterator[P],
     crew: Crew | None,
     count: int,
-    divided: Callable[[P], Sequence[P]],
     lost: Callable[[P], R],
+    divided: Callable[[P], Sequence[P]] | None = None,
 ) -> Generator[R, None, None]:
     """What a function makes of portions, as it comes, by a crew or by `count` processes of this machine.
 
-    Portions whose processes died are computed one by one by a new crew, and `divided` where they die again; `lost` is
-    what a part gives at which its process dies.  Raises ComputationError where an executor has died that nobody makes
-    anew, or the function fails.
+    Portions whose processes died are computed one by one by a new crew, and `divided`, if they can be, where they die
+    again; `lost` is what a part gives at which its process dies.  Raises ComputationError where an executor has died
+    that nobody makes anew, or the function fails.
     """
     if crew is not None and not callable(crew):
         if (yield from _shared(function, portions, crew)):
@@ -142,7 +150,7 @@ def computed(
                 while parts:
                     part = parts.popleft()
                     if (yield from _shared(function, iter([part]), worker)):
-                        smaller = divided(part)
+                        smaller = divided(part) if divided else [part]
                         if len(smaller) == 1:
                             yield lost(part)
                         else:
@@ -235,3 +243,105 @@ def _submitted(function: Callable[[P], R], portion: P, executor: Executor) -> Fu
         failed: Future[R | Failure] = Future()
         failed.set_exception(error)
         return failed
+
+
+# --------------------------------------------------------------------------- what is shared one by one
+
+
+class NumberedTask(NamedTuple):
+    """The arguments of one call, and its number."""
+
+    number: int
+    arguments: tuple[Any, ...]
+
+
+class NumberedResult(NamedTuple, Generic[R]):
+    """What a call gave, or its error."""
+
+    number: int
+    value: R | None
+    error: Exception | None = None
+
+
+@dataclass(frozen=True)
+class Workers:
+    """Those who compute what is independent: `workers` processes, by default one per core, or the `crew`, an executor.
+
+    Results are the same to the bit whoever computes them.  By default this process begins, and starts others once
+    enough is left to do.
+
+    >>> from nonlinear.ensembles import Workers
+    >>> list(Workers().map(abs, [-1, 2, -3]))
+    [1, 2, 3]
+    """
+
+    workers: int | None = None
+    crew: Crew | None = None
+
+    def __post_init__(self) -> None:
+        validate_whole(1, optional=True, workers=self.workers)
+
+    def map(self, function: Callable[..., R], /, *things: Iterable[Any]) -> Iterator[R]:
+        """What the function makes of each, in their order; the error of the first that fails is raised in its place.
+
+        Where this process works alone, things are asked for one by one.  Raises ComputationError for one at which
+        process after process dies.
+        """
+        tasks = (NumberedTask(number, arguments) for number, arguments in enumerate(zip(*things, strict=False)))
+        begun, alone = monotonic(), self.crew is None and (self.workers is None or self.workers == 1)
+        while alone and (task := next(tasks, None)) is not None:
+            yield function(*task.arguments)
+            seconds = monotonic() - begun
+            if self.workers is None and seconds > PATIENCE and cores() > 1:
+                left = list(tasks)
+                alone = len(left) < 2 or seconds / (task.number + 1) * len(left) < STARTING
+                tasks = (each for each in left)
+        yield from self._by_crew(function, list(tasks))
+
+    def _by_crew(self, function: Callable[..., R], tasks: list[NumberedTask]) -> Iterator[R]:
+        if not tasks or (self.crew is None and len(tasks) < 2):
+            yield from (function(*task.arguments) for task in tasks)
+            return
+        count, early, due = min(self.workers or cores(), len(tasks)), dict[int, NumberedResult[R]](), tasks[0].number
+        with closing(computed(NumberedCall(function), iter(tasks), self.crew, count, _failed)) as outcomes:
+            for outcome in outcomes:
+                early[outcome.number] = outcome
+                while due in early:
+                    ready = early.pop(due)
+                    if ready.error is not None:
+                        raise ready.error
+                    yield ready.value  # type: ignore[misc]
+                    due += 1
+
+
+@dataclass(frozen=True)
+class NumberedCall(Generic[R]):
+    """A function whose errors come back in the order of what it is asked."""
+
+    function: Callable[..., R]
+
+    def __call__(self, task: NumberedTask) -> NumberedResult[R]:
+        """What the function gives, or its error."""
+        try:
+            return NumberedResult(task.number, self.function(*task.arguments))
+        except Exception as error:
+            return NumberedResult(task.number, None, error)
+
+
+def _failed(task: NumberedTask) -> NumberedResult[Any]:
+    return NumberedResult(task.number, None, ComputationError(DIED))
+
+
+@contextmanager
+def workers_at(scheduler: str | None, workers: int | None = None) -> Iterator[Workers]:
+    """Those of a Dask cluster at the address of its scheduler, or without one processes of this machine.
+
+    Raises what `cluster` does.
+    """
+    if not scheduler:
+        yield Workers(workers)
+        return
+    from nonlinear.ensembles.cluster import cluster
+
+    with cluster(scheduler) as crew:
+        yield Workers(crew=crew)

@@ -98,7 +98,7 @@ def _measured(
     if run.system.spatial:
         return _in_space(question, run, sampled)
     layout = Layout.of(run.system, works=run.system.works)
-    rows = _rows(layout, sampled)
+    rows = layout.rows(sampled.motion)
     ending = rows[np.searchsorted(sampled.times, question.ending)][None] if question.ending else rows[None, :0]
     whole = watches.added_to(MemberResults(rows[-1:].T, np.full(1, np.nan), np.full(1, np.nan)))
     context = Context(scene, run.system, numbers_of(scene), layout, rows[:1].T, question.wanted)
@@ -150,8 +150,3 @@ def measured_run(run: Trajectory, name: str) -> dict[str, float]:
     )
     columns = COLUMNS[name](context, MemberResults(ending[0, -1:].T, none, none.copy()), ending)
     return {column: float(values[0]) for column, values in columns.items()}
-
-
-def _rows(layout: Layout, run: Trajectory) -> Floats:
-    """The y of a run, (T, size)."""
-    return layout.rows(run.motion)

@@ -40,7 +40,7 @@ from nonlinear.ensembles.question import (
     refused,
     sample_of,
 )
-from nonlinear.ensembles.store import Parts, engine_of_folder, validate_folder, validate_share
+from nonlinear.ensembles.store import Parts, engine_of_folder, validate_store
 from nonlinear.integration import sample_times, validate, validate_numbers, validate_whole
 from nonlinear.integration.readiness import Forgone, lose, rent
 from nonlinear.system import Motion, System, system_of
@@ -334,8 +334,7 @@ def ensemble(
     validate(
         lambda: validate_whole(0, check=check),
         lambda: validate_whole(1, optional=True, chunk=chunk, workers=workers),
-        lambda: validate_share(share),
-        lambda: validate_folder(folder),
+        lambda: validate_store(folder, share),
     )
     choice = partial(choose_engine, engine, begun=engine_of_folder(folder) if folder else "", anew=share is not None)
     question, decision = _question(scene, duration, starts, vary, output, tolerance, measures, choice, check, chunk)
@@ -456,7 +455,7 @@ def _chunks(
         return
     lose(forgone, seconds_of(question, len(left)) / count)
     tasks = (ChunkTask(number, _lean(question), question.part(number)) for number in left)
-    yield from computed(work, tasks, crew, count, lambda task: [task], _died)
+    yield from computed(work, tasks, crew, count, _died)
 
 
 @dataclass(frozen=True, eq=False)

@@ -67,24 +67,21 @@ def _refuse_unlike(
         raise ValueError
 
 
-def validate_share(share: object) -> None:
-    """SceneError for a share that cannot be."""
-    if share is None:
-        return
+def validate_store(folder: object, share: object) -> None:
+    """SceneError for what names no folder, and for a share that cannot be."""
+    problems = []
+    if folder is not None and not (isinstance(folder, str | os.PathLike) and os.fspath(folder)):
+        problems.append(f"folder {folder!r}: must be the path of a folder")
     try:
-        first, of = cast("tuple[int, int]", share)
+        first, of = (0, 1) if share is None else cast("tuple[int, int]", share)
         validate_whole(0, k=first, n=of)
         fits = first < of
     except (TypeError, ValueError):
         fits = False
     if not fits:
-        raise SceneError([f"share {share!r}: must be (k, n), whole numbers with 0 ≤ k < n"])
-
-
-def validate_folder(folder: object) -> None:
-    """SceneError for what names no folder."""
-    if folder is not None and not (isinstance(folder, str | os.PathLike) and os.fspath(folder)):
-        raise SceneError([f"folder {folder!r}: must be the path of a folder"])
+        problems.append(f"share {share!r}: must be (k, n), whole numbers with 0 ≤ k < n")
+    if problems:
+        raise SceneError(problems)
 
 
 class ChunkFolder:

@@ -22,11 +22,11 @@ from modal.errors import ComputationError
 from modal.report import Displayed
 from modal.types import Floats
 from nonlinear.dynamics.elimination import SINGULAR
-from nonlinear.dynamics.generated import UNDEFINED, InputFunction, Rate
+from nonlinear.dynamics.generated import UNDEFINED, Rate
 from nonlinear.dynamics.variational import TINY, Force, Variational
-from nonlinear.integration.analytic import imaginary_after_kick, impulses_since
+from nonlinear.integration.analytic import impulses_since
 from nonlinear.integration.floats import FloatDOP853, FloatStep, Numbers, attempt_of
-from nonlinear.integration.method import FIFTH, NODES, POWER, ROWS, SAFETY, STAGES, THIRD, Shares, control_steps
+from nonlinear.integration.method import FIFTH, NODES, POWER, ROWS, SAFETY, STAGES, THIRD, Shares
 from nonlinear.integration.switched import Switched
 from nonlinear.system import System
 

@@ -32,7 +32,7 @@ from modal.vibration import ParametricStability, parametric_stability, stabiliti
 from nonlinear.chaos import usual_duration
 from nonlinear.ensembles import measured_run, measured_together, run_together, times_of, validate_measures
 from nonlinear.integration import Trajectory, validate
-from nonlinear.measures import LAST_TENTH, MEASURES, WHOLE_MOTION, Measure, requested
+from nonlinear.measures import LAST_TENTH, WHOLE_MOTION, Measure, requested
 from nonlinear.postprocessing import extremes
 from nonlinear.postprocessing import largest_angle as widest
 from nonlinear.reduction import usual_start
@@ -114,36 +114,29 @@ class Portion:
 
 
 @dataclass(frozen=True)
-class Computation:
-    """How a measure is computed: a function of a scene, of N, 0 where it chooses one itself, and the scene's portion.
+class RequestedMeasure:
+    """A measure with its N, and how it is computed of a scene, of N, 0 where it chooses one itself, and a portion.
 
     The function is at module level, so that other processes can import it.
     """
 
     measure: Measure
     function: Callable[[Scene, float, Portion], dict[str, float]]
+    number: float
+
+    def __post_init__(self) -> None:
+        if self.number != self.measure.usual:
+            self.measure.validate(self.number)
+
+    @property
+    def name(self) -> str:
+        """Of the measure."""
+        return self.measure.name
 
     @property
     def runs(self) -> bool:
         """Whether it reads a run of N seconds."""
         return self.measure.reads in (WHOLE_MOTION, LAST_TENTH)
-
-
-@dataclass(frozen=True)
-class RequestedMeasure:
-    """A measure's computation with its number."""
-
-    computation: Computation
-    number: float
-
-    def __post_init__(self) -> None:
-        if self.number != self.computation.measure.usual:
-            self.computation.measure.validate(self.number)
-
-    @property
-    def name(self) -> str:
-        """Of the measure."""
-        return self.computation.measure.name
 
     @property
     def text(self) -> str:
@@ -152,7 +145,7 @@ class RequestedMeasure:
 
     def of(self, scene: Scene, table: Scene | None = None) -> dict[str, float]:
         """Its values for a scene; modes are numbered as in the table of `table`, by default of the scene itself."""
-        return self.computation.function(scene, self.number, Portion([scene], table or scene))
+        return self.function(scene, self.number, Portion([scene], table or scene))
 
 
 @lru_cache(maxsize=2)
@@ -290,13 +283,10 @@ FUNCTIONS = (
     *(frequencies, damping, splitting, beat, floquet),
     *(largest_angle, cart_travel, energy_drift, survivor, locking),
 )
-COMPUTATIONS: dict[str, Computation] = {
-    name: Computation(MEASURES[name], function)
-    for name, function in (
-        *((function.__name__, function) for function in FUNCTIONS),
-        *((name, partial(read_off_end, name)) for name in ("order", "pendulum_energy", "configuration")),
-        *((name, partial(read_off_member, name)) for name in ("first_turn", "lyapunov")),
-    )
+COMPUTATIONS: dict[str, Callable[[Scene, float, Portion], dict[str, float]]] = {
+    **{function.__name__: function for function in FUNCTIONS},
+    **{name: partial(read_off_end, name) for name in ("order", "pendulum_energy", "configuration")},
+    **{name: partial(read_off_member, name) for name in ("first_turn", "lyapunov")},
 }
 """How each measure that a sweep takes is computed."""
 
@@ -320,7 +310,7 @@ def parse_measures(texts: Sequence[str], verb: str = "sweep") -> tuple[Requested
     for text in texts:
         try:
             measure, number = requested(verb, text)
-            request = RequestedMeasure(COMPUTATIONS[measure.name], number)
+            request = RequestedMeasure(measure, COMPUTATIONS[measure.name], number)
             name = request.text if measure.whole else measure.name
             if name in requests:
                 raise SceneError([f"measure {text}: {name} is requested twice"])

@@ -22,7 +22,7 @@ from modal.scene.parameters import Place, Variable, Variation, find_places, text
 from modal.types import Floats
 from modal.vibration import Boundary, tongues, vertical_sine
 from nonlinear.ensembles.executors import DIED, Crew, computed, cores
-from nonlinear.ensembles.store import validate_folder, validate_share
+from nonlinear.ensembles.store import validate_store
 from nonlinear.integration import validate, validate_whole
 from nonlinear.sweeps.checkpoint import Checkpoint, RowFolder
 from nonlinear.sweeps.measures import FLOQUET, parse_measures
@@ -140,8 +140,7 @@ def sweep(
         study = Study(scene, axes, parse_measures(texts_of(measures)), members, seed)
     validate(
         lambda: validate_whole(1, optional=True, workers=workers),
-        lambda: validate_share(share),
-        lambda: validate_folder(folder),
+        lambda: validate_store(folder, share),
     )
     kept = journal or (RowFolder(folder, study) if folder is not None else Checkpoint())
     rows = {row.index: row for row in kept.rows}
@@ -237,7 +236,7 @@ def _found(study: Study, left: Mapping[int, Sequence[int]], workers: int | None,
             if count > 1 and monotonic() - begun > PATIENCE and (monotonic() - before) * remaining > STARTING:
                 break
     if remaining:
-        yield from computed(partial(measure_chunk, task), chunks, crew, min(count, remaining), _divided, _died)
+        yield from computed(partial(measure_chunk, task), chunks, crew, min(count, remaining), _died, _divided)
 
 
 def _chunk(study: Study, number: int, wanted: Sequence[int]) -> PointChunk:
@@ -281,7 +280,7 @@ def _lines(sweep: Sweep) -> Iterator[str]:
     yield from notes(sweep)
     if sweep.study.members:
         yield DRAWN.format(sweep.study.members, sweep.study.seed)
-    elif any(request.computation.measure.numbered for request in sweep.study.measures):
+    elif any(request.measure.numbered for request in sweep.study.measures):
         yield NUMBERED
 
 
@@ -304,7 +303,7 @@ def reasons(sweep: Sweep) -> Iterator[str]:
 def notes(sweep: Sweep) -> tuple[str, ...]:
     """What frequencies and damping ratios leave out anywhere in the sweep, a sentence each."""
     study = sweep.study
-    if not any(request.computation.measure.numbered and not request.computation.runs for request in study.measures):
+    if not any(request.measure.numbered and not request.runs for request in study.measures):
         return ()
     scenes = [study.scene]
     with suppress(SceneError):

@@ -31,6 +31,7 @@ from modal.report import (
     ReportTable,
     Result,
     counted,
+    deferred,
     finite,
     grid,
     silent,
@@ -346,7 +347,8 @@ def find_spread(
     in `nonlinear.measures`, are computed of every member in this process, as a sweep computes them.  `options` are
     those of `ensemble`.  SceneError names every mistake; ComputationError where no member can be.
     """
-    estimate = _estimate(scene, covariance) if isinstance(covariance, str | os.PathLike) else covariance
+    read: Callable[..., Estimate] = deferred("modal.identification:read_estimate")
+    estimate = read(scene, covariance) if isinstance(covariance, str | os.PathLike) else covariance
     parsed = parse_tolerances(scene, uncertain) if uncertain or estimate is None else ()
     if estimate is not None:
         twice = [tolerance.path for tolerance in parsed if {*find_places(scene, tolerance.path)} & {*estimate.places}]
@@ -361,7 +363,8 @@ def find_spread(
     rng = np.random.default_rng(seed)
     values = {tolerance.path: tolerance.drawn(_value(scene, tolerance.path), members, rng) for tolerance in parsed}
     values |= estimate.drawn(members, rng) if estimate is not None else {}
-    scenes, failures = _scenes(scene, values)
+    points = [dict(zip(values, row, strict=True)) for row in np.column_stack([*values.values()]).tolist()]
+    scenes, failures = _scenes(scene, points)
     if not scenes:
         raise ComputationError(f"no member can be: {next(iter(failures.values()))}")
     frequencies = natural_frequencies([scene, *scenes.values()])
@@ -373,29 +376,23 @@ def find_spread(
         motion = ensemble(scene, duration, starts=starts, vary=values, output=SAMPLES, report=report, **options)
         motion.require("member")
         failures = failures | motion.failures
-    measured, reasons = _measured(SweepTask(scene, requests, members), values) if requests else ({}, {})
+    measured, reasons = _measured(SweepTask(scene, requests, members), points) if requests else ({}, {})
     return Spread(scene, parsed, values, omega, frequencies[0], failures | reasons, motion, estimate, measured)
 
 
-def _estimate(scene: Scene, path: str | os.PathLike[str]) -> Estimate:
-    from modal.identification import read_estimate
-
-    return read_estimate(scene, path)
-
-
-def _measured(task: SweepTask, values: dict[str, Floats]) -> tuple[dict[str, tuple[float, Floats]], dict[int, str]]:
+def _measured(
+    task: SweepTask, points: Sequence[dict[str, float]]
+) -> tuple[dict[str, tuple[float, Floats]], dict[int, str]]:
     """The scene's own number and those of members (S,) in every column that is measured, and why members have none."""
-    nominal, *_ = measure_chunk(
-        task, PointChunk([(0, {path: _value(task.scene, path) for path in values})], frozenset([0]))
-    )
+    own = {path: _value(task.scene, path) for path in points[0]}
+    (nominal,) = measure_chunk(task, PointChunk([(0, own)], frozenset([0])))
     if nominal.reason:
         raise ComputationError(nominal.reason)
     columns = {name: (number, np.full(task.size, np.nan)) for name, number in nominal.numbers.items()}
     reasons: dict[int, str] = {}
     for first in range(0, task.size, TOGETHER):
         some = range(first, min(first + TOGETHER, task.size))
-        points = [(k, {path: float(drawn[k]) for path, drawn in values.items()}) for k in some]
-        for row in measure_chunk(task, PointChunk(points, frozenset(some))):
+        for row in measure_chunk(task, PointChunk([(k, points[k]) for k in some], frozenset(some))):
             for name in columns.keys() & row.numbers.keys():
                 columns[name][1][row.index] = row.numbers[name]
             if row.reason:
@@ -403,11 +400,11 @@ def _measured(task: SweepTask, values: dict[str, Floats]) -> tuple[dict[str, tup
     return columns, reasons
 
 
-def _scenes(scene: Scene, values: dict[str, Floats]) -> tuple[dict[int, Scene], dict[int, str]]:
-    variable, scenes, failures = Variable(scene, values), {}, {}
-    for k in range(len(next(iter(values.values())))):
+def _scenes(scene: Scene, points: Sequence[dict[str, float]]) -> tuple[dict[int, Scene], dict[int, str]]:
+    variable, scenes, failures = Variable(scene, points[0]), {}, {}
+    for k, point in enumerate(points):
         try:
-            scenes[k] = variable.at({path: float(drawn[k]) for path, drawn in values.items()})
+            scenes[k] = variable.at(point)
         except SceneError as error:
             failures[k] = " ".join(str(error).split())
     return scenes, failures

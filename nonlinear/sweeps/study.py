@@ -133,7 +133,7 @@ class Study(Displayed):
         """How many points are measured together: by the study alone, as their last digits depend on it."""
         if self.by_energy:
             return max(1, LANES // self.members)
-        if all(request.computation.measure.reads == SCENE_ITSELF for request in self.measures):
+        if all(request.measure.reads == SCENE_ITSELF for request in self.measures):
             fitting = SQUARES / self.scene.n_links**2
             return int(max(min(self.size // SHARES, fitting, TOGETHER), 1))
         if not together(self.scene):
@@ -242,7 +242,7 @@ def _row(task: SweepTask, index: int, scene: Scene | Exception, portion: Portion
             raise scene
         with reproducible(task.size):
             for request in task.measures:
-                measured = request.computation.function(scene, request.number, portion)
+                measured = request.function(scene, request.number, portion)
                 numbers |= {name: float(number) for name, number in measured.items()}
     except MultipendulaError as error:
         return Row(index, {}, " ".join(str(error).split()))

@@ -186,7 +186,9 @@ def follow_branches(
     branches.sort(key=lambda branch: (branch.values[0], branch.omega[0]))
     result = Branches(scene, variation, tuple(branches))
     if crew is not None:
-        result.__dict__["special_points"] = tuple(map_by_crew(partial(_locate, result), range(len(result.changes)), crew))
+        result.__dict__["special_points"] = tuple(
+            map_by_crew(partial(_locate, result), range(len(result.changes)), crew)
+        )
     return result
 
 

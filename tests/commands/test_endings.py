@@ -10,6 +10,7 @@ import sys
 import time
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +27,6 @@ from nonlinear.dynamics import without_interrupts
 from nonlinear.plotting import animate
 from nonlinear.simulation import simulate
 from nonlinear.sweeps import Study, open_checkpoint
-from nonlinear.sweeps.measures import RequestedMeasure
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals and limits of POSIX")
 COMMAND = [sys.executable, "-m", "multipendula"]
@@ -65,9 +65,7 @@ def is_there(process: int) -> bool:
 
 
 def slow_study() -> Study:
-    return Study(
-        load("paper-cart-2"), parse_variations(["support.mass=1,2,3"]), (RequestedMeasure(sweep_measures.PRODUCT, 1.0),)
-    )
+    return Study(load("paper-cart-2"), parse_variations(["support.mass=1,2,3"]), (sweep_measures.PRODUCT,))
 
 
 def test_a_journal_has_one_sweep_at_a_time(tmp_path: Path) -> None:
@@ -90,7 +88,7 @@ def test_a_sweep_that_is_ended_leaves_no_workers_and_no_lock(number: int, tmp_pa
     study = Study(
         load("paper-cart-2"),
         parse_variations(["support.mass=1:400:400"]),
-        (RequestedMeasure(sweep_measures.SLOW, 0.05),),
+        (replace(sweep_measures.SLOW, number=0.05),),
     )
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as running:
         assert eventually(

@@ -55,7 +55,7 @@ def test_ctrl_c_leaves_a_journal_that_the_same_command_goes_on_from(
 ) -> None:
     monkeypatch.setenv("SWEEP_LOG", str(tmp_path / "log"))
     monkeypatch.setitem(MEASURES, "interrupted", sweep_measures.INTERRUPTED.measure)
-    monkeypatch.setitem(COMPUTATIONS, "interrupted", sweep_measures.INTERRUPTED)
+    monkeypatch.setitem(COMPUTATIONS, "interrupted", sweep_measures.INTERRUPTED.function)
     kept = tmp_path / "m.csv"
     asked = options("support.mass=1,2,3", measure=["interrupted:3"], output=str(kept))
     monkeypatch.setenv("SWEEP_INTERRUPTS", "1")

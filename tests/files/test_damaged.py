@@ -28,7 +28,6 @@ from nonlinear import files as recordings
 from nonlinear.simulation import simulate
 from nonlinear.sweeps import Study, open_checkpoint, parse_measures, sweep
 from nonlinear.sweeps import files as sweep_files
-from nonlinear.sweeps.measures import RequestedMeasure
 
 Reader = Callable[[Path], object]
 Files = dict[str, tuple[Path, Reader]]
@@ -129,7 +128,7 @@ def test_a_line_of_another_journal_is_no_line_of_this_one(tmp_path: Path) -> Non
 def test_a_removed_line_is_measured_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("SWEEP_LOG", str(tmp_path / "log"))
     study, path = (
-        Study(STUDY.scene, parse_variations(["support.mass=1,2,3"]), (RequestedMeasure(sweep_measures.PRODUCT, 1.0),)),
+        Study(STUDY.scene, parse_variations(["support.mass=1,2,3"]), (sweep_measures.PRODUCT,)),
         tmp_path / "j",
     )
     with open_checkpoint(path, study) as kept:

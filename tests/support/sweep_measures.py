@@ -8,7 +8,7 @@ from pathlib import Path
 
 from modal.scene import Cart, Scene
 from nonlinear.measures import Measure
-from nonlinear.sweeps.measures import Computation, Portion
+from nonlinear.sweeps.measures import Portion, RequestedMeasure
 
 
 def cart_of(scene: Scene) -> Cart:
@@ -56,6 +56,6 @@ def slow(scene: Scene, number: float, portion: Portion) -> dict[str, float]:
 
 
 PRODUCT, FAILING, DYING, INTERRUPTED, SLOW = (
-    Computation(Measure(function.__name__, "for tests", ("product_kg",), "a cart", usual=1.0), function)
+    RequestedMeasure(Measure(function.__name__, "for tests", ("product_kg",), "a cart", usual=1.0), function, 1.0)
     for function in (product, failing, dying, interrupted, slow)
 )

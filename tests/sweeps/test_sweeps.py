@@ -10,6 +10,7 @@ import subprocess
 import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from itertools import product
 from math import inf, isnan, pi, sqrt
 from pathlib import Path
@@ -40,7 +41,7 @@ from nonlinear.plotting.sweeps import label, sweep_figure
 from nonlinear.simulation import simulate
 from nonlinear.sweeps import COMPUTATIONS, Study, Sweep, open_checkpoint, parse_measures, sweep
 from nonlinear.sweeps import files as sweep_files
-from nonlinear.sweeps.measures import Computation, RequestedMeasure
+from nonlinear.sweeps.measures import RequestedMeasure
 from nonlinear.sweeps.running import DIED
 from nonlinear.sweeps.study import MOST_POINTS, Row
 
@@ -55,8 +56,8 @@ def _log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join(sys.path))
 
 
-def study(*texts: str, measure: Computation = sweep_measures.PRODUCT, number: float = 2.0) -> Study:
-    return Study(PAPER, parse_variations(texts or [MASSES]), (RequestedMeasure(measure, number),))
+def study(*texts: str, measure: RequestedMeasure = sweep_measures.PRODUCT, number: float = 2.0) -> Study:
+    return Study(PAPER, parse_variations(texts or [MASSES]), (replace(measure, number=number),))
 
 
 # --------------------------------------------------------------------------------------------------- variations
@@ -453,16 +454,16 @@ def test_a_journal_of_another_sweep_is_refused(tmp_path: Path) -> None:
 
 SCRIPT = """
 import sys
+from dataclasses import replace
 import sweep_measures
 from modal import load
 from modal.scene.parameters import parse_variations
 from nonlinear.sweeps.checkpoint import open_checkpoint
-from nonlinear.sweeps.measures import RequestedMeasure
 from nonlinear.sweeps import Study
 from nonlinear.sweeps import sweep
 
 if __name__ == "__main__":
-    axes, measures = parse_variations(["support.mass=1:400:400"]), (RequestedMeasure(sweep_measures.SLOW, 0.05),)
+    axes, measures = parse_variations(["support.mass=1:400:400"]), (replace(sweep_measures.SLOW, number=0.05),)
     study = Study(load("paper-cart-2"), axes, measures)
     with open_checkpoint(sys.argv[1], study) as kept:
         found = sweep(study, journal=kept, workers=2)
@@ -520,7 +521,7 @@ def both_ways() -> list[Sweep]:
 @pytest.mark.parametrize("kind", ["npz", "csv"])
 def test_what_is_read_is_what_was_saved(kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(MEASURES, "failing", sweep_measures.FAILING.measure)
-    monkeypatch.setitem(COMPUTATIONS, "failing", sweep_measures.FAILING)
+    monkeypatch.setitem(COMPUTATIONS, "failing", sweep_measures.FAILING.function)
     for saved in both_ways():
         path = tmp_path / f"s.{kind}"
         sweep_files.save(saved, path)
