@@ -404,7 +404,8 @@ COMMANDS = (
             *picture_file(),
         ),
         details=(
-            "Impulses to convolve a command with, so that the load hangs still at the end of a move [Singer1990]. The output lists their times and their amplitudes, which sum to one."
+            "Impulses to convolve a command with, so that the load hangs still at the end of a move [Singer1990]. "
+            "The output lists their times and their amplitudes, which sum to one."
         ),
         examples=(
             ("shaper crane-hook", "for the slowest mode"),

@@ -6,15 +6,17 @@ and by `executors.computed` has done again what a worker lost.
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import closing, contextmanager
-from dataclasses import dataclass
+from contextlib import ExitStack, closing, contextmanager
+from dataclasses import dataclass, field
+from functools import partial
 from time import monotonic
 from typing import Any, Generic, NamedTuple, TypeVar
 
 from modal.errors import ComputationError
 from nonlinear.ensembles.cluster import cluster
-from nonlinear.ensembles.executors import DIED, Crew, computed, cores
+from nonlinear.ensembles.executors import DIED, Crew, WorkerPool, computed, cores, processes
 from nonlinear.integration import validate_whole
 
 PATIENCE = 0.5
@@ -39,12 +41,34 @@ class NumberedResult(NamedTuple, Generic[R]):
     error: Exception | None = None
 
 
+@dataclass(eq=False)
+class KeptPool:
+    """Processes that are started where they are first asked for, and lent again until one dies or a call fails."""
+
+    kept: ExitStack = field(default_factory=ExitStack)
+    pool: WorkerPool | None = None
+
+    @contextmanager
+    def lent(self, count: int) -> Iterator[WorkerPool]:
+        """At least `count` processes."""
+        pool = self.pool
+        if pool is None or pool.size < count or getattr(pool.executor, "_broken", False):
+            self.kept.close()
+            pool = self.pool = self.kept.enter_context(processes(count))
+        try:
+            yield pool
+        except BaseException:
+            self.pool = None
+            self.kept.__exit__(*sys.exc_info())
+            raise
+
+
 @dataclass(frozen=True)
 class Workers:
     """Those who compute what is independent: `workers` processes, by default one per core, or the `crew`, an executor.
 
-    Results are the same to the bit whoever computes them.  By default this process begins, and starts others once
-    enough is left to do.
+    Results are the same to the bit whoever computes them.  This process begins, and starts others once enough is left
+    to do; as many workers as things are started at once.
 
     >>> from nonlinear.ensembles import Workers
     >>> list(Workers().map(abs, [-1, 2, -3]))
@@ -53,6 +77,7 @@ class Workers:
 
     workers: int | None = None
     crew: Crew | None = None
+    pool: KeptPool | None = None
 
     def __post_init__(self) -> None:
         validate_whole(1, optional=True, workers=self.workers)
@@ -64,11 +89,14 @@ class Workers:
         process after process dies.
         """
         tasks = (NumberedTask(number, arguments) for number, arguments in enumerate(zip(*things, strict=False)))
-        begun, alone = monotonic(), self.crew is None and (self.workers is None or self.workers == 1)
+        begun, alone = monotonic(), self.crew is None and (self.pool is None or self.pool.pool is None)
+        if alone and self.workers not in {None, 1}:
+            left = list(tasks)
+            tasks, alone = (each for each in left), len(left) > (self.workers or 1)
         while alone and (task := next(tasks, None)) is not None:
             yield function(*task.arguments)
             seconds = monotonic() - begun
-            if self.workers is None and seconds > PATIENCE and cores() > 1:
+            if seconds > PATIENCE and (self.workers or cores()) > 1:
                 left = list(tasks)
                 alone = len(left) < 2 or seconds / (task.number + 1) * len(left) < STARTING
                 tasks = (each for each in left)
@@ -79,7 +107,8 @@ class Workers:
             yield from (function(*task.arguments) for task in tasks)
             return
         count, early, due = min(self.workers or cores(), len(tasks)), dict[int, NumberedResult[R]](), tasks[0].number
-        with closing(computed(NumberedCall(function), iter(tasks), self.crew, count, _whole, _died)) as outcomes:
+        crew = self.crew or (partial(self.pool.lent, count) if self.pool else None)
+        with closing(computed(NumberedCall(function), iter(tasks), crew, count, _whole, _died)) as outcomes:
             for outcome in outcomes:
                 early[outcome.number] = outcome
                 while due in early:
@@ -116,10 +145,11 @@ def _died(task: NumberedTask) -> NumberedResult[Any]:
 def workers_at(scheduler: str | None, workers: int | None = None) -> Iterator[Workers]:
     """Those of a Dask cluster at the address of its scheduler, or without one processes of this machine.
 
-    Raises what `cluster` does.
+    The processes are started once.  Raises what `cluster` does.
     """
     if not scheduler:
-        yield Workers(workers)
+        with ExitStack() as kept:
+            yield Workers(workers, pool=KeptPool(kept))
         return
     with cluster(scheduler) as crew:
         yield Workers(crew=crew)
