@@ -398,7 +398,8 @@ COMMANDS = (
         ),
         details=(
             "Impulses to convolve a command with, so that the load hangs still at the end of a move (Singer & Seering "
-            "1990). The "
+            "1990). "
+            "The "
             "output lists their times and their amplitudes, which sum to one."
         ),
         examples=(

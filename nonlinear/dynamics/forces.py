@@ -70,12 +70,12 @@ def drag_law(velocity: Any, drag: Any, quadratic: Any = None) -> Any:
 
 
 def _root(squares: Any) -> Any:
-    """The root of an array or a symbol, in a text also of what no number of a scene moves."""
+    """The root of an array, a symbol or one number, in a text also of what no number of a scene moves."""
     squares = np.asarray(squares)
     if squares.dtype != object:
         return np.sqrt(squares)
     roots = [square.sqrt() if hasattr(square, "sqrt") else sqrt(square) for square in squares.flat]
-    return np.array(roots, dtype=object).reshape(squares.shape)
+    return np.array(roots, dtype=object).reshape(squares.shape)[()]
 
 
 def drag_forces(group: Group, velocities: Any) -> Any:

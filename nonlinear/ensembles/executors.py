@@ -13,11 +13,12 @@ from __future__ import annotations
 
 import os
 import signal
+import sys
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Executor, Future, wait
-from contextlib import AbstractContextManager, closing, contextmanager
-from dataclasses import dataclass
+from contextlib import AbstractContextManager, ExitStack, closing, contextmanager
+from dataclasses import dataclass, field
 from functools import partial
 from itertools import chain, islice
 from threading import Thread
@@ -263,12 +264,34 @@ class NumberedResult(NamedTuple, Generic[R]):
     error: Exception | None = None
 
 
+@dataclass(eq=False)
+class KeptPool:
+    """Processes that are started where they are first asked for, and lent again until one dies or a call fails."""
+
+    stack: ExitStack = field(default_factory=ExitStack)
+    pool: WorkerPool | None = None
+
+    @contextmanager
+    def lend(self, count: int) -> Iterator[WorkerPool]:
+        """At least `count` processes."""
+        pool = self.pool
+        if pool is None or pool.size < count or getattr(pool.executor, "_broken", False):
+            self.stack.close()
+            pool = self.pool = self.stack.enter_context(processes(count))
+        try:
+            yield pool
+        except BaseException:
+            self.pool = None
+            self.stack.__exit__(*sys.exc_info())
+            raise
+
+
 @dataclass(frozen=True)
 class Workers:
     """Those who compute what is independent: `workers` processes, by default one per core, or the `crew`, an executor.
 
-    Results are the same to the bit whoever computes them.  By default this process begins, and starts others once
-    enough is left to do.
+    Results are the same to the bit whoever computes them.  This process begins, and starts others once enough is left
+    to do; as many workers as things are started at once.
 
     >>> from nonlinear.ensembles import Workers
     >>> list(Workers().map(abs, [-1, 2, -3]))
@@ -277,6 +300,7 @@ class Workers:
 
     workers: int | None = None
     crew: Crew | None = None
+    pool: KeptPool | None = None
 
     def __post_init__(self) -> None:
         validate_whole(1, optional=True, workers=self.workers)
@@ -288,11 +312,14 @@ class Workers:
         process after process dies.
         """
         tasks = (NumberedTask(number, arguments) for number, arguments in enumerate(zip(*things, strict=False)))
-        begun, alone = monotonic(), self.crew is None and (self.workers is None or self.workers == 1)
+        begun, alone = monotonic(), self.crew is None and (self.pool is None or self.pool.pool is None)
+        if alone and self.workers not in {None, 1}:
+            left = list(tasks)
+            tasks, alone = (task for task in left), len(left) > (self.workers or 1)
         while alone and (task := next(tasks, None)) is not None:
             yield function(*task.arguments)
             seconds = monotonic() - begun
-            if self.workers is None and seconds > PATIENCE and cores() > 1:
+            if seconds > PATIENCE and (self.workers or cores()) > 1:
                 left = list(tasks)
                 alone = len(left) < 2 or seconds / (task.number + 1) * len(left) < STARTING
                 tasks = (each for each in left)
@@ -303,7 +330,8 @@ class Workers:
             yield from (function(*task.arguments) for task in tasks)
             return
         count, early, due = min(self.workers or cores(), len(tasks)), dict[int, NumberedResult[R]](), tasks[0].number
-        with closing(computed(NumberedCall(function), iter(tasks), self.crew, count, _failed)) as outcomes:
+        crew = self.crew or (partial(self.pool.lend, count) if self.pool else None)
+        with closing(computed(NumberedCall(function), iter(tasks), crew, count, _failed)) as outcomes:
             for outcome in outcomes:
                 early[outcome.number] = outcome
                 while due in early:
@@ -336,10 +364,11 @@ def _failed(task: NumberedTask) -> NumberedResult[Any]:
 def workers_at(scheduler: str | None, workers: int | None = None) -> Iterator[Workers]:
     """Those of a Dask cluster at the address of its scheduler, or without one processes of this machine.
 
-    Raises what `cluster` does.
+    The processes are started once.  Raises what `cluster` does.
     """
     if not scheduler:
-        yield Workers(workers)
+        with ExitStack() as stack:
+            yield Workers(workers, pool=KeptPool(stack))
         return
     from nonlinear.ensembles.cluster import cluster
 

@@ -22,11 +22,11 @@ from modal.errors import ComputationError
 from modal.report import Displayed
 from modal.types import Floats
 from nonlinear.dynamics.elimination import SINGULAR
-from nonlinear.dynamics.generated import UNDEFINED, Rate
+from nonlinear.dynamics.generated import UNDEFINED, InputFunction, Rate
 from nonlinear.dynamics.variational import TINY, Force, Variational
-from nonlinear.integration.analytic import impulses_since
+from nonlinear.integration.analytic import imaginary_after_kick, impulses_since
 from nonlinear.integration.floats import FloatDOP853, FloatStep, Numbers, attempt_of
-from nonlinear.integration.method import FIFTH, NODES, POWER, ROWS, SAFETY, STAGES, THIRD, Shares
+from nonlinear.integration.method import FIFTH, NODES, POWER, ROWS, SAFETY, STAGES, THIRD, Shares, control_steps
 from nonlinear.integration.switched import Switched
 from nonlinear.system import System
 
@@ -161,7 +161,7 @@ class Flow(Displayed):
             parts = zip((self.equations.numbers, switches.numbers), self.change, strict=True)
             form, kicks = ([np.array([a + 1j * TINY * b]) for a, b in zip(*pair, strict=True)] for pair in parts)
             impulses = impulses_since(switches, count_before)
-            jump_slope = kicked(
+            jump_slope = imaginary_after_kick(
                 switches, (form, kicks), j, y[:, None] + 0j, f, impulses, held_inputs, switched_equations.state, u
             )
             saltation[:-1, -1] = jump_slope[:, 0] / TINY
@@ -181,12 +181,12 @@ class Flow(Displayed):
             else:
                 self.switched_equations.release(start, y)
         options: Any = {"first_step": duration * FIRST, "rtol": self.tolerance, "atol": self.tolerance * self.scale}
-        rates = (equations.rate, equations.listed, equations.is_clocked, equations.derivative)
+        rates = (equations.rate, equations.inputs_at, equations.is_time_only, equations.derivative)
         try:
             solver = FloatDOP853(*rates, start, y, start + duration, **options)
         except UNDEFINED:
             raise ComputationError(SINGULAR) from None
-        solver.switched = self.switched_equations
+        solver.switching = self.switched_equations
         if not np.all(np.isfinite(solver.f)):
             raise ComputationError(SINGULAR)
         return solver
@@ -207,9 +207,9 @@ class Flow(Displayed):
             return partial(self.switched_equations.switches.function("sticking"), v=())
         return self.equations.rate
 
-    def _listed_with(self, contact_inputs: Numbers) -> Listed:
+    def _listed_with(self, contact_inputs: Numbers) -> InputFunction:
         """All inputs at a time (s) of a step with those of contacts."""
-        timed_inputs = self.equations.listed
+        timed_inputs = self.equations.inputs_at
         return lambda time, y: [*(timed_inputs(time, y) if timed_inputs else ()), *contact_inputs]
 
     def _carry(self, V: Floats, parts: Sequence[FloatStep | Floats]) -> Floats:
@@ -247,11 +247,11 @@ class Flow(Displayed):
         pieces, y, length = list[FloatStep](), step.before, (step.end - step.start) / parts
         if step.start + length == step.start:
             raise ComputationError(UNFOLLOWED)
-        inputs_at = self._listed_with(step.held)
+        inputs_at = self._listed_with(step.contact_inputs)
         for k in range(parts):
             time = step.start + k * length
-            end, stages = self._attempt(time, y, self._rate(y, inputs_at(time, y)), length, step.held)
-            pieces.append(FloatStep(time, time + length, y, end, stages, step.held))
+            end, stages = self._attempt(time, y, self._rate(y, inputs_at(time, y)), length, step.contact_inputs)
+            pieces.append(FloatStep(time, time + length, y, end, stages, step.contact_inputs))
             y = end
         return pieces
 
@@ -265,13 +265,13 @@ class Flow(Displayed):
         n_steps, size = len(steps), len(starts)
         inner = lengths[:, None] * np.tensordot(SHARES[:STAGES], stages[:, :STAGES], (1, 1)).transpose(2, 1, 0)
         y, u = (starts[..., None] + inner).reshape(size, -1), np.empty((0, n_steps * STAGES))
-        if self.equations.form.contacts or self.equations.listed:
+        if self.equations.form.contacts or self.equations.inputs_at:
             at = times[:, None] + lengths[:, None] * np.array(NODES[:STAGES])
-            inputs = [self._listed_with(step.held) for step in steps]
+            inputs = [self._listed_with(step.contact_inputs) for step in steps]
             u = np.array(
                 [inputs_at(time, ()) for inputs_at, row in zip(inputs, at.tolist(), strict=True) for time in row]
             ).T
-        J = self.equations.linearized(y, u)[1]
+        J = self.equations.linearize(y, u)[1]
         if self.change is not None:
             size += 1
             J = np.pad(J, ((0, 0), (0, 1), (0, 1)))
@@ -304,4 +304,4 @@ class Flow(Displayed):
         stages, n_steps = K.shape[:2]
         errors = (ERRORS @ K.reshape(stages, -1)).reshape(2, n_steps, size, size) * (self.scale / self.scale[:, None])
         fifth, third = (errors**2).sum((2, 3)) / (size * self.tolerance**2)
-        return steered(fifth, third, np.ones(n_steps), size, False)[0]
+        return control_steps(fifth, third, np.ones(n_steps), size, False)[0]

@@ -18,7 +18,8 @@ from modal.errors import ComputationError
 from modal.scene.parameters import parse_variations
 from nonlinear.chaos import lyapunov, lyapunov_exponent, study
 from nonlinear.chaos import measure as measure_study
-from nonlinear.ensembles import Workers
+from nonlinear.ensembles import Workers, workers_at
+from nonlinear.ensembles.executors import processes
 from nonlinear.orbits import Branch, follow_cycles
 from nonlinear.synchronization import Branches, follow_branches
 
@@ -59,8 +60,29 @@ class LosingExecutor(Executor):
 
 
 def test_what_a_dead_process_had_is_done_again_and_everything_comes_in_order(tmp_path: Path) -> None:
-    assert [*Workers(2).map(partial(_dies_once, str(tmp_path)), range(8))] == [*range(8)]
+    crew = Workers(crew=partial(processes, 2))
+    assert [*crew.map(partial(_dies_once, str(tmp_path)), range(8))] == [*range(8)]
     assert (tmp_path / "died").exists()
+
+
+def _process_of(folder: str, number: int) -> int:
+    """The process that computes it, or that computes it again."""
+    _dies_once(folder, number)
+    return os.getpid()
+
+
+def test_processes_are_started_once_and_again_where_one_died(tmp_path: Path) -> None:
+    whose = partial(_process_of, str(tmp_path))
+    with workers_at(None, 2) as crew:
+        before = {*crew.map(whose, [0, 1]), *crew.map(whose, range(3))}
+        assert os.getpid() not in before
+        assert len(before) <= 2
+        assert len([*crew.map(whose, [2, 3])]) == 2
+        assert before.isdisjoint(crew.map(whose, range(3)))
+
+
+def test_what_is_small_is_done_before_processes_are_started() -> None:
+    assert {*Workers(2).map(_process_of, [""] * 3, range(3))} == {os.getpid()}
 
 
 def test_what_an_executor_lost_is_done_again() -> None:
