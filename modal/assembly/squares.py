@@ -65,9 +65,9 @@ class SquareRows(NamedTuple):
 
     `row_source` is the rows, or what writes them once they are asked for; None is 1 at each coordinate.  `numbers`
     (P, R) tell whose they are: links in the order of the file, coordinates of a support, ways of springs.  `total`
-    (P, c, c) is their sum where it is known without a product of rows: of the centres of chains, which are A and b, and of a
-    modal support, which has no rows.  Where pivots `moves` (P, k) with the coordinates `columns` (k,), rows and sums
-    begin with an entry for the pivot.
+    (P, c, c) is their sum where it is known without a product of rows: of the centres of chains, which are A and b,
+    and of a modal support, which has no rows.  Where pivots `moves` (P, k) with the coordinates `columns` (k,),
+    rows and sums begin with an entry for the pivot.
     """
 
     kind: str
