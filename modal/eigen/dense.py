@@ -134,9 +134,9 @@ LIGHT = 1e-2
 """Damping ratio below which the real part of an eigenvalue comes from its shape."""
 SPAN = 1e2
 """Ratio up to which rates are solved together: one digit either way."""
-MOVED = (1.0, 2.0, 0.5)
+FACTORS_OF_RATE = (1.0, 2.0, 0.5)
 """Factor by which a rate may be shifted."""
-WISHED, LOST, NEAR, MOST = 1e-8, 1e-2, 30.0, 12
+ERROR_TO_IMPROVE, ERROR_WITHOUT_DIGITS, RATIO_OF_NEAR_RATES, MOST_RATES = 1e-8, 1e-2, 30.0, 12
 """Bounds between which an eigenvalue needs a rate within the third factor; most rates."""
 
 
@@ -214,7 +214,11 @@ class _Solution:
         """The magnitude of the best-known eigenvalue that a rate other than these would improve; None without any."""
         size = np.abs(self.value)
         distance = np.abs(np.log(size[:, None] / np.array(rates))).min(1)
-        asking = np.flatnonzero((self.error > WISHED) & (self.error < LOST) & (distance > np.log(NEAR)))
+        asking = np.flatnonzero(
+            (self.error > ERROR_TO_IMPROVE)
+            & (self.error < ERROR_WITHOUT_DIGITS)
+            & (distance > np.log(RATIO_OF_NEAR_RATES))
+        )
         return float(size[asking[np.argmin(self.error[asking])]]) if asking.size else None
 
     def join(self, faster: _Solution) -> _Solution:
@@ -255,7 +259,7 @@ def _solve_all_rates(problem: _QuadraticProblem) -> tuple[_Solution, int]:
     while True:
         solution = reduce(_Solution.join, (solutions[rate] for rate in sorted(solutions)))
         rate = solution.next_rate(list(solutions))
-        if rate is None or len(solutions) >= MOST:
+        if rate is None or len(solutions) >= MOST_RATES:
             return solution, len(solutions)
         solutions[rate] = _solve(problem, rate)
 
@@ -296,7 +300,9 @@ def _solve(problem: _QuadraticProblem, rate: float) -> _Solution:
     It is the condition number times a backward error of a few roundings of the matrix's norm and of P⁻¹'s sensitivity,
     or, where that is less, as among multiple eigenvalues, what no perturbation of this size exceeds [Elsner1985].
     """
-    scaling = min((_scale(problem, rate * factor) for factor in MOVED), key=lambda candidate: candidate.sensitivity)
+    scaling = min(
+        (_scale(problem, rate * factor) for factor in FACTORS_OF_RATE), key=lambda candidate: candidate.sensitivity
+    )
     M, K, D, n = scaling.M, scaling.K, scaling.friction.T @ scaling.friction, len(scaling.M)
     state = np.block([[np.zeros((n, n)), np.eye(n)], [-scaling.inverse @ part for part in (M - D + K, 2 * (M - K))]])
     theta, right = np.linalg.eig(state)

@@ -5,10 +5,10 @@ integers that share their bits, so bisecting these integers finds exponent and m
 neighbouring floats, after at most 62 counts.  Where few zeros are sought each count tries several points in the same
 interval, which costs little more than one.
 
-A guess is used if the count confirms it: of one support x is the float at which the count steps, within NEAR units in
-the last place of the guess, or FARTHER where few are sought or few were missed; of many supports the guess itself, if
-the count steps within CLOSEST of it.  The others are sought in brackets about theirs, which are widened until the count
-steps inside.
+A guess is used if the count confirms it: of one support x is the float at which the count steps, within PLACES_OF_GUESS
+units in the last place of the guess, or PLACES_OF_SECOND_GUESS where few are sought or few were missed; of many
+supports the guess itself, if the count steps within ERROR_OF_COUNTS of it.  The others are sought in brackets about
+theirs, which are widened until the count steps inside.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from modal.types import Booleans, Floats, Ints
 
 STRIDE = 2.0**24
 BEYOND = "the ratios in this scene are beyond double precision: a frequency overflows"
-NEAR = 2
+PLACES_OF_GUESS = 2
 """Distance from a guess in units in the last place."""
 WIDER, WIDEST = 2**8, 2**62
 TRIALS = 800
@@ -35,9 +35,9 @@ LONG, FEW = 100, 20
 """Links above which seeds of all cost more than those of one mode in FEW."""
 CACHED = 100_000
 """Numbers of one array of many supports, few enough for all of them to stay in a processor's cache."""
-CLOSEST = 2.0**-51
+ERROR_OF_COUNTS = 2.0**-51
 """Relative distance of ω² that counts leave where there are many supports: two to four units in the last place."""
-FARTHER = 16
+PLACES_OF_SECOND_GUESS = 16
 """Distance from a second guess in units in the last place."""
 RARE = 20
 """Modes of which one is missed by rounding alone, so that counts further off confirm its guess."""
@@ -107,7 +107,9 @@ def locate(problem: Counting, indices: Ints, modes: int) -> Floats:
     return _bisect_between(problem, indices, *(np.take_along_axis(ends, first + step, 0) for step in (0, 1)))
 
 
-def confirm(problem: Counting, indices: Ints, guess: Floats, distance: int = NEAR) -> tuple[Floats, Booleans]:
+def confirm(
+    problem: Counting, indices: Ints, guess: Floats, distance: int = PLACES_OF_GUESS
+) -> tuple[Floats, Booleans]:
     """The eigenvalues confirmed within `distance` last places of guesses (R, S), and a mask of the others."""
     bits = np.where(guess > 0, guess, 1.0).view(np.int64)
     steps = np.arange(-distance, distance + 1)
@@ -255,21 +257,23 @@ def _try_seeds(suspension: Suspension, indices: Ints, accuracy: float, guesses: 
 def _improve(suspension: Suspension, indices: Ints, guess: Floats) -> tuple[Floats, Booleans]:
     """A Rayleigh quotient step at the pivot, and where the count does not confirm it.
 
-    Of one support the float at which the count steps, of many a float within CLOSEST of it.
+    Of one support the float at which the count steps, of many a float within ERROR_OF_COUNTS of it.
     """
     squares = at_pivot(suspension, guess)
     if suspension.supports == 1:
-        steps, is_wrong = confirm(suspension, indices, squares, FARTHER if _are_few(suspension, indices) else NEAR)
+        steps, is_wrong = confirm(
+            suspension, indices, squares, PLACES_OF_SECOND_GUESS if _are_few(suspension, indices) else PLACES_OF_GUESS
+        )
         rows = np.flatnonzero(is_wrong)
         if 0 < RARE * rows.size < len(indices):
-            steps[rows], is_wrong[rows] = confirm(suspension, indices[rows], squares[rows], FARTHER)
+            steps[rows], is_wrong[rows] = confirm(suspension, indices[rows], squares[rows], PLACES_OF_SECOND_GUESS)
         return steps, is_wrong
-    return squares, ~lies_within(suspension, indices, squares, CLOSEST)
+    return squares, ~lies_within(suspension, indices, squares, ERROR_OF_COUNTS)
 
 
 def _find_otherwise(suspension: Suspension, indices: Ints, guess: Floats, error: Floats, modes: int) -> Floats:
     """The eigenvalues with these indices (R, S) from another shape, and by a search where that is not confirmed."""
-    squares, is_wrong = confirm(suspension, indices, twisted_quotients(suspension, guess), FARTHER)
+    squares, is_wrong = confirm(suspension, indices, twisted_quotients(suspension, guess), PLACES_OF_SECOND_GUESS)
     if is_wrong.any():
         rows, supports = (np.flatnonzero(is_wrong.any(axis)) for axis in (1, 0))
         part = np.ix_(rows, supports)

@@ -17,10 +17,10 @@ from modal.scene import Scene, validate_scenes
 from modal.scene.parameters import Variable, Vary, parse_arrays, parse_vary, validate_arrays
 from modal.types import Booleans, Floats
 
-TOGETHER = 10_000
+LINKS_OF_PIECE = 10_000
 """Links of all scenes that are stacked at once: one array of their numbers stays in a processor's cache."""
 
-MOST = 100_000_000
+MOST_MEMBERS = 100_000_000
 """Members of one call."""
 
 
@@ -95,8 +95,8 @@ def _frequencies_of_variations(scene: Scene, vary: Vary, accuracy: float) -> Flo
     if not (size := prod(shape)) or not arrays:
         frequencies = _one(scene, accuracy)
         return np.broadcast_to(frequencies, (*shape, len(frequencies))).copy()
-    if size > MOST:
-        raise SceneError([f"vary: at most {MOST} members, not {size}"])
+    if size > MOST_MEMBERS:
+        raise SceneError([f"vary: at most {MOST_MEMBERS} members, not {size}"])
     full_arrays = {
         path: values if values.shape == shape else np.broadcast_to(values, shape) for path, values in arrays.items()
     }
@@ -107,7 +107,7 @@ def _frequencies_of_variations(scene: Scene, vary: Vary, accuracy: float) -> Flo
 
 
 def _pieces(scene: Scene, size: int) -> list[slice]:
-    step = max(1, TOGETHER // sum(pendulum.n_links for pendulum in scene.pendulum))
+    step = max(1, LINKS_OF_PIECE // sum(pendulum.n_links for pendulum in scene.pendulum))
     return [slice(at, at + step) for at in range(0, size, step)]
 
 
