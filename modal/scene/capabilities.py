@@ -9,8 +9,7 @@ An entry is of one of these kinds; no feature is without one, which a test reads
     unless     it is taken, except where this message says why not
     beside     it cannot meet this capability
 
-`conflicts` are pairs of features that are taken alone and refused together; a scene must have one of each set in
-`needs`.
+`conflicts` are pairs of features that are taken alone and refused together; of each set in `needs` a scene has one.
 `instead` is another capability, whose words are added to a refusal of what it takes.
 The manual prints the table (docs/reference/combinations.md).
 """

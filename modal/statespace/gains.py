@@ -55,7 +55,7 @@ class Side(Displayed):
     @cached_property
     def copies(self) -> Ints:
         """(R,): the number of independent copies of each mode that these signals together reach or see at all."""
-        return self._above(0.0)
+        return self._ranks(0.0)
 
     @property
     def words(self) -> list[list[str]]:
@@ -68,9 +68,9 @@ class Side(Displayed):
     def missed(self, threshold: float = BARELY) -> tuple[int, ...]:
         """Indices, from 0, of modes with a copy below this relative gain for all signals together."""
         present = np.array([len(part) for part in self.parts])
-        return tuple(np.flatnonzero(self._above(threshold) < present).tolist())
+        return tuple(np.flatnonzero(self._ranks(threshold) < present).tolist())
 
-    def _above(self, threshold: float) -> Ints:
+    def _ranks(self, threshold: float) -> Ints:
         largest = self._largest
         rows = (np.linalg.svd(part / largest, compute_uv=False) > max(threshold, NOISE) for part in self.parts)
         return np.array([np.count_nonzero(row) for row in rows])
@@ -154,7 +154,7 @@ def modal_gains(modes: Modes, model: StateSpace) -> Gains:
     `modal.statespace.modal_form.modal_form`.
     """
     form = to_modal_form(modes, model)
-    left = np.array([block.pushed @ block.left for block in form.blocks])
+    input_vectors = np.array([block.pushed @ block.left for block in form.blocks])
     right = np.array([block.right @ block.seen for block in form.blocks])
     outputs = without_noise(right, model.C.T)
     for k, block in enumerate(form.blocks):
@@ -163,7 +163,7 @@ def modal_gains(modes: Modes, model: StateSpace) -> Gains:
     return Gains(
         form.modes,
         form.modes.rig.leading != modes.rig.leading,
-        Side(model.inputs, "reached", _by_mode(form, without_noise(left, model.B))),
+        Side(model.inputs, "reached", _by_mode(form, without_noise(input_vectors, model.B))),
         Side(model.outputs, "seen", _by_mode(form, outputs)),
     )
 

@@ -171,14 +171,14 @@ def coordinates_of(structure: Structure) -> tuple[StructureCoordinate, ...]:
         return (StructureCoordinate("x", "m", "position of the cart", "force on the cart along the rail", 1.0),)
     coordinates = []
     for number, carrier in enumerate(structure.carriers):
-        still = (0.0,) * carrier.size
-        origin = carrier.moving(0 if carrier.M is not None else (0.0, 0.0), still, still).slopes
+        at_rest = (0.0,) * carrier.size
+        origin = carrier.moving(0 if carrier.M is not None else (0.0, 0.0), at_rest, at_rest).slopes
         for k, suffix in enumerate(carrier.suffixes):
             unit = "" if carrier.M is not None else suffix.rpartition("_")[2]
-            meaning, pushed = (f"{words} {carrier.name}" for words in WORDS.get(suffix) or WORDS[carrier.kind])
-            along = 0.0 if carrier.M is not None or unit == "rad" else float(origin[k][0])
+            meaning, force_meaning = (f"{words} {carrier.name}" for words in WORDS.get(suffix) or WORDS[carrier.kind])
+            rail_part = 0.0 if carrier.M is not None or unit == "rad" else float(origin[k][0])
             name = structure.names[structure.offsets[number] + k]
-            coordinates.append(StructureCoordinate(name, unit, meaning, pushed, along))
+            coordinates.append(StructureCoordinate(name, unit, meaning, force_meaning, rail_part))
     return tuple(coordinates)
 
 
@@ -191,18 +191,18 @@ def geometry_of_rig(rig: Rig) -> Geometry:
     """The rows of the scene of a rig."""
     hanging = Hanging(rig.on_structure)
     structure, first = hanging.structure, hanging.first
-    hung = [(rig.blocks[block], column) for block, column in hanging.kinds.tolist()]
+    blocks = [(rig.blocks[block], column) for block, column in hanging.kinds.tolist()]
     sizes = np.diff(first)
-    owner, tops, total = np.repeat(np.arange(len(hung)), sizes), first[:-1], int(first[-1])
-    along, down, turning = (part[owner] for part in hanging.phi)
+    owner, tops, total = np.repeat(np.arange(len(blocks)), sizes), first[:-1], int(first[-1])
+    rail_parts, vertical_parts, turning = (part[owner] for part in hanging.phi)
     swung = np.eye(total) - np.eye(total, k=-1)
     swung[tops[1:], tops[1:] - 1] = 0.0
     relative = np.hstack([0.0 * turning, swung])
     relative[tops, : structure.size] -= turning[tops]
-    centres, below = (np.hstack([along, displacements(hung, 0, of)]) for of in (None, joints))
+    centres, lower_joints = (np.hstack([rail_parts, displacements(blocks, 0, of)]) for of in (None, joints))
 
     def numbers(name: str) -> Floats:
-        parts = ((getattr(block, name), column, block.n) for block, column in hung)
+        parts = ((getattr(block, name), column, block.n) for block, column in blocks)
         return np.concatenate([np.zeros(n) if part is None else part[:, column] for part, column, n in parts])
 
     return Geometry(
@@ -213,9 +213,9 @@ def geometry_of_rig(rig: Rig) -> Geometry:
         labels=tuple(f"{p}_{i}" for p, size in enumerate(sizes.tolist(), 1) for i in range(1, size + 1)),
         pendulum=owner,
         centres=centres,
-        joints=below,
+        joints=lower_joints,
         relative=relative,
-        down=down,
+        down=vertical_parts,
         turning=turning,
         mass=numbers("mass"),
         drag=numbers("drag"),
@@ -233,8 +233,10 @@ def carrier_row(structure: Structure, point: CarrierPoint, direction: Acting) ->
     carrier = [body.name for body in structure.carriers].index(point.name)
     if direction == "torque":
         return turning(structure, carrier)
-    along, down = slopes(structure, carrier, point.place if point.point is None else point.point)
-    return along if direction == "horizontal" else {column: 0.0 - value for column, value in down.items()}
+    rail_slopes, vertical_slopes = slopes(structure, carrier, point.place if point.point is None else point.point)
+    return (
+        rail_slopes if direction == "horizontal" else {column: 0.0 - value for column, value in vertical_slopes.items()}
+    )
 
 
 def row_of(geometry: Geometry, place: Place, direction: Acting) -> Floats:
@@ -249,10 +251,10 @@ def row_of(geometry: Geometry, place: Place, direction: Acting) -> Floats:
         return row
     way = geometry.across if direction == "horizontal" else -geometry.sinking
     top = int(np.flatnonzero(geometry.pendulum == geometry.pendulum[place.link])[0])
-    above = slice(top, place.link)
-    row[first + top : first + place.link] = (way * geometry.length)[above]
-    below = geometry.centre[place.link] if place.below is None else place.below
-    row[first + place.link] = way[place.link] * below
+    upper_links = slice(top, place.link)
+    row[first + top : first + place.link] = (way * geometry.length)[upper_links]
+    distance = geometry.centre[place.link] if place.below is None else place.below
+    row[first + place.link] = way[place.link] * distance
     if direction == "horizontal":
         row[:first] = geometry.centres[place.link, :first]
     else:

@@ -30,7 +30,7 @@ from modal.errors import ComputationError, SceneError
 from modal.modes import natural_modes, number_labels, table_numbers
 from modal.report import Form, ReportColumn, ReportTable, Result, short
 from modal.scene import Fixed, Pendulum, Scene
-from modal.statespace.model import fixed, refuse_no_inertia
+from modal.statespace.model import refuse_no_inertia, without_carrier
 from modal.statespace.reduction import heavier, joined_pendula
 from modal.statespace.sampling import hoisting_times
 from modal.statespace.shapers import UNSHAPED, Drive, Kind, Shaper, Train, drives_of, shaper_for
@@ -90,14 +90,14 @@ class Along(Result):
         return list(dict.fromkeys(law.words for law in laws if law.words))
 
     def parts(
-        self, form: Form = "text", *, left: Sequence[Residual] = (), beside: str = ""
+        self, form: Form = "text", *, residuals: Sequence[Residual] = (), support_note: str = ""
     ) -> Iterator[ReportTable | str]:
-        """The table, what it means and leaves out, or what is `beside` a free cart, and what is `left` of commands."""
+        """The table, what it means and omits, the `support_note` of a free cart, and the `residuals` of commands."""
         yield from super().parts(form)
         yield from self.notes
-        damped = "; both ω and swing without dampers" if self.scene.has_damping else ""
-        yield f"{SWING}{damped}" if self.names else "; ".join(filter(None, (NO_MODE, beside)))
-        yield "\n".join(f"residual swing {short(degrees(each.angle))}°: {each.words}" for each in left)
+        damper_note = "; both ω and swing without dampers" if self.scene.has_damping else ""
+        yield f"{SWING}{damper_note}" if self.names else "; ".join(filter(None, (NO_MODE, support_note)))
+        yield "\n".join(f"residual swing {short(degrees(residual.angle))}°: {residual.words}" for residual in residuals)
 
     def whole(self, *, left: Sequence[Residual] = ()) -> dict[str, Any]:
         """Every column as an array, and what is left."""
@@ -128,59 +128,69 @@ def frequencies_along(scene: Scene, samples: int = 21, drive: Drive = "cart_forc
         (p, i) for p, pendulum in enumerate(scene.pendulum) for i, link in enumerate(pendulum.links) if link.hoist
     ]
     lengths = np.array([[scene.pendulum[p].links[i].length_at(time) for p, i in places] for time in times.tolist()])
-    held = is_held(scene, drive)
-    each = [
-        [np.repeat(part, copies, axis=1) for part in _followed(alone, times)]
-        for alone, copies in _uncoupled(scene, held)
+    is_prescribed = is_held(scene, drive)
+    curves = [
+        [np.repeat(part, copies, axis=1) for part in _mode_curves(independent_scene, times)]
+        for independent_scene, copies in _independent_scenes(scene, is_prescribed)
     ]
-    omega, reach = (np.hstack(parts) for parts in zip(*each, strict=True))
+    omega, reach = (np.hstack(parts) for parts in zip(*curves, strict=True))
     order = np.argsort(omega[0], kind="stable")
     relative = reach[:, order] / np.sqrt(omega[:, order])
-    names = _names(scene.at(float(times[0])), omega[0, order], held)
+    names = _names(scene.at(float(times[0])), omega[0, order], is_prescribed)
     return Along(scene, drive, times, tuple(places), names, lengths, omega[:, order], relative / relative[0])
 
 
-def _uncoupled(scene: Scene, held: bool) -> list[tuple[Scene, int]]:
+def _independent_scenes(scene: Scene, is_prescribed: bool) -> list[tuple[Scene, int]]:
     """Scenes whose modes together are those of this one, whatever the lengths, and how often each mode occurs."""
-    still = scene.conservative.in_plane
-    if still.is_structured:
-        return _uncoupled_on_structure(still)
+    conservative_scene = scene.conservative.in_plane
+    if conservative_scene.is_structured:
+        return _independent_on_structure(conservative_scene)
     equal: Counter[Pendulum] = Counter()
-    for pendulum in still.pendulum:
+    for pendulum in conservative_scene.pendulum:
         equal[pendulum.replace(count=1, start=None)] += pendulum.count
-    alone = [(still.replace(support=Fixed(), pendulum=(pendulum,)), copies) for pendulum, copies in equal.items()]
-    if held or still.cart is None:
-        return alone
-    together = tuple(heavier(pendulum, copies) for pendulum, copies in equal.items())
+    single_scenes = [
+        (conservative_scene.replace(support=Fixed(), pendulum=(pendulum,)), copies)
+        for pendulum, copies in equal.items()
+    ]
+    if is_prescribed or conservative_scene.cart is None:
+        return single_scenes
+    merged_pendula = tuple(heavier(pendulum, copies) for pendulum, copies in equal.items())
     return [
-        (still.replace(pendulum=together), 1),
-        *((pendulum, copies - 1) for pendulum, copies in alone if copies > 1),
+        (conservative_scene.replace(pendulum=merged_pendula), 1),
+        *((pendulum, copies - 1) for pendulum, copies in single_scenes if copies > 1),
     ]
 
 
-def _uncoupled_on_structure(still: Scene) -> list[tuple[Scene, int]]:
+def _independent_on_structure(conservative_scene: Scene) -> list[tuple[Scene, int]]:
     """The same where copies of a pendulum move a structure together; copies that springs join stay as they are."""
-    joined, together, alone = joined_pendula(still), [], []
-    for index, pendulum in enumerate(still.pendulum):
-        if pendulum.count == 1 or index in joined:
-            together.append(pendulum)
+    spring_pendula, merged_pendula, single_scenes = joined_pendula(conservative_scene), [], []
+    for index, pendulum in enumerate(conservative_scene.pendulum):
+        if pendulum.count == 1 or index in spring_pendula:
+            merged_pendula.append(pendulum)
             continue
-        together.append(heavier(pendulum, pendulum.count))
+        merged_pendula.append(heavier(pendulum, pendulum.count))
         single = pendulum.replace(count=1, start=None, on=None, position=(0.0, 0.0))
-        alone.append((still.replace(support=Fixed(), spring=(), ground=None, pendulum=(single,)), pendulum.count - 1))
-    return [(still.replace(pendulum=tuple(together)), 1), *alone]
+        single_scenes.append(
+            (
+                conservative_scene.replace(support=Fixed(), spring=(), ground=None, pendulum=(single,)),
+                pendulum.count - 1,
+            )
+        )
+    return [(conservative_scene.replace(pendulum=tuple(merged_pendula)), 1), *single_scenes]
 
 
-def _followed(scene: Scene, times: Floats) -> tuple[Floats, Floats]:
+def _mode_curves(scene: Scene, times: Floats) -> tuple[Floats, Floats]:
     """ω (T, R) of a scene in which no two modes cross, and the largest angle (T, R) of every shape, φᵀMφ = 1."""
-    each = [_modes(scene.at(time)) for time in times.tolist()]
+    instants = [_modes(scene.at(time)) for time in times.tolist()]
     links = rig_of(scene).leading
-    return np.array([omega for omega, _, _ in each]), np.array([np.abs(phi[links:]).max(0) for _, phi, _ in each])
+    return np.array([omega for omega, _, _ in instants]), np.array(
+        [np.abs(phi[links:]).max(0) for _, phi, _ in instants]
+    )
 
 
-def _names(scene: Scene, omega: Floats, held: bool) -> tuple[str, ...]:
+def _names(scene: Scene, omega: Floats, is_prescribed: bool) -> tuple[str, ...]:
     """The numbers in the table of modes, which has dampers, of these frequencies without, of constant lengths."""
-    on_support = fixed(scene) if held else scene
+    on_support = without_carrier(scene) if is_prescribed else scene
     table = natural_modes(on_support.conservative)
     nearest = np.abs(np.subtract.outer(omega, table.omega)).argmin(1)
     return number_labels(table_numbers(on_support, table)[nearest].tolist())
@@ -204,8 +214,8 @@ def _modes(scene: Scene) -> tuple[Floats, Floats, Ints]:
     modes = natural_modes(scene.conservative)
     if np.any(modes.eigenvalue.real > 0):
         raise ComputationError(UNSTABLE)
-    along = modes.matrix.take(~modes.matrix.across).real
-    swinging = along.take(modes.omega[along.row] > 0)
+    planar_shapes = modes.matrix.take(~modes.matrix.across).real
+    swinging = planar_shapes.take(modes.omega[planar_shapes.row] > 0)
     return modes.omega[swinging.row], np.asarray(swinging.shapes), swinging.row
 
 
@@ -242,7 +252,7 @@ class Travel:
 
     def stops(self, train: Train) -> list[float]:
         """The times at which the third derivative of `shaped` jumps."""
-        return [self.begin + after + at for at in train[0].tolist() for after in (0.0, self.duration)]
+        return [self.begin + delay + at for at in train[0].tolist() for delay in (0.0, self.duration)]
 
 
 @dataclass(frozen=True)
@@ -265,15 +275,18 @@ def travel_residuals(scene: Scene, travel: Travel, *, kind: Kind = "zv", count: 
     _refuse_many(scene)
     if scene.cart is None:
         raise SceneError(["travel: the support is fixed: a travel needs a cart"])
-    still, mean = scene.at(float(hoisting_times(scene)[0])), mean_lengths(scene)
+    initial_scene, mean = scene.at(float(hoisting_times(scene)[0])), mean_lengths(scene)
     name = f"{kind} shaper"
     commands = {
         "the travel as it is": UNSHAPED,
-        f"shaped by a {name} for the lengths before the hoist": shaper_for(still, count, kind).train,
+        f"shaped by a {name} for the lengths before the hoist": shaper_for(initial_scene, count, kind).train,
         f"shaped by a {name} for the mean lengths": shaper_for(mean, count, kind).train,
     }
-    residuals = [Residual(words, _left(scene, travel, train)) for words, train in commands.items()]
-    return (*residuals, Residual("the travel as it is, without the hoist", _left(still, travel, UNSHAPED)))
+    residuals = [Residual(words, _residual_angle(scene, travel, train)) for words, train in commands.items()]
+    return (
+        *residuals,
+        Residual("the travel as it is, without the hoist", _residual_angle(initial_scene, travel, UNSHAPED)),
+    )
 
 
 def travel_swing(scene: Scene, travel: Travel, kind: Kind | None = None) -> float:
@@ -289,7 +302,9 @@ def travel_swing(scene: Scene, travel: Travel, kind: Kind | None = None) -> floa
     _refuse_many(scene)
     if scene.cart is None:
         raise SceneError(["travel: the support is fixed: a travel needs a cart"])
-    return _left(scene, travel, UNSHAPED if kind is None else shaper_for(scene.at(travel.begin), 1, kind).train)
+    return _residual_angle(
+        scene, travel, UNSHAPED if kind is None else shaper_for(scene.at(travel.begin), 1, kind).train
+    )
 
 
 def mean_lengths(scene: Scene) -> Scene:
@@ -315,14 +330,14 @@ def _through(link: object) -> Floats:
     return np.asarray((edges[1:] + edges[:-1]) / 2)
 
 
-def _left(scene: Scene, travel: Travel, train: Train) -> float:
+def _residual_angle(scene: Scene, travel: Travel, train: Train) -> float:
     """The largest angle (rad) that a shaped travel of the cart leaves of a state of rest."""
     stops, hoisting = travel.stops(train), hoisting_of(scene)
     pushes = travel.shaped(train, np.linspace(min(stops), max(stops), LOOKS))[2]
     times = np.unique([*stops, *(time for time in (hoisting.breaks if hoisting else ()) if time > min(stops))])
     size = float(np.abs(pushes).max()) / scene.gravity
-    states = motion_history(scene, lambda at: travel.shaped(train, at)[2], times, stops, pushed=None, size=size)
-    return largest_swing(scene.at(float(times[-1])), states[-1], held=True)
+    states = motion_history(scene, lambda at: travel.shaped(train, at)[2], times, stops, coordinate=None, size=size)
+    return largest_swing(scene.at(float(times[-1])), states[-1], is_prescribed=True)
 
 
 def shaper_residual(scene: Scene, shaper: Shaper, drive: Drive = "cart_acceleration") -> float:
@@ -335,56 +350,63 @@ def shaper_residual(scene: Scene, shaper: Shaper, drive: Drive = "cart_accelerat
     hoisting = hoisting_of(scene)
     if hoisting is None:
         raise no_hoist(scene)
-    begin, held = hoisting.breaks[0], is_held(scene, drive)
-    if not held:
+    begin, is_prescribed = hoisting.breaks[0], is_held(scene, drive)
+    if not is_prescribed:
         refuse_no_inertia(matrices_along(scene)(begin).M)
     last = max(hoisting.breaks[-1], begin + shaper.duration)
-    pushed = None if held else drives_of(scene).index(drive)
-    left = [
-        largest_swing(scene.at(last), _impelled(scene, begin + times, amplitudes, last, pushed), held=held)
+    coordinate = None if is_prescribed else drives_of(scene).index(drive)
+    residuals = [
+        largest_swing(
+            scene.at(last),
+            _impulse_response(scene, begin + times, amplitudes, last, coordinate),
+            is_prescribed=is_prescribed,
+        )
         for times, amplitudes in (shaper.train, UNSHAPED)
     ]
-    return left[0] / left[1]
+    return residuals[0] / residuals[1]
 
 
-def _impelled(scene: Scene, times: Floats, amplitudes: Floats, last: float, pushed: int | None) -> Floats:
+def _impulse_response(scene: Scene, times: Floats, amplitudes: Floats, last: float, coordinate: int | None) -> Floats:
     """(q, q') after impulses from rest: of a force on a coordinate, or (None) of the speed of a cart that is held."""
-    hoisting, along = hoisting_of(scene), matrices_along(scene)
-    start = pushed_by(along(float(times[0])), pushed)[1]
+    hoisting, matrices_at = hoisting_of(scene), matrices_along(scene)
+    start = equations_of_push(matrices_at(float(times[0])), coordinate)[1]
     n, size, y = len(start), float(np.abs(start).max()), np.zeros(2 * len(start))
-    for time, after, amplitude in zip(times.tolist(), [*times[1:].tolist(), last], amplitudes.tolist(), strict=True):
-        y[n:] += amplitude * pushed_by(along(time), pushed)[1]
-        knots = [knot for knot in (hoisting.breaks if hoisting else ()) if time < knot < after]
+    for time, end, amplitude in zip(times.tolist(), [*times[1:].tolist(), last], amplitudes.tolist(), strict=True):
+        y[n:] += amplitude * equations_of_push(matrices_at(time), coordinate)[1]
+        knots = [knot for knot in (hoisting.breaks if hoisting else ()) if time < knot < end]
         y = motion_history(
-            scene, np.zeros_like, np.unique([time, *knots, after]), (), pushed=pushed, size=size, start=y
+            scene, np.zeros_like, np.unique([time, *knots, end]), (), coordinate=coordinate, size=size, start=y
         )[-1]
     return y
 
 
-def largest_swing(scene: Scene, y: Floats, *, held: bool) -> float:
+def largest_swing(scene: Scene, y: Floats, *, is_prescribed: bool) -> float:
     """The largest angle (rad) that the swings of all frequencies can add up to in any link, about the rest of (q, q').
 
     Under drag that is the rest beside a cart that moves on.
     """
     linear = matrices(scene)
-    first, n = int(held), len(linear.M)
+    first, n = int(is_prescribed), len(linear.M)
     q, rate = y[first:n].copy(), y[n + first :]
-    if held:
+    if is_prescribed:
         q += np.linalg.solve(linear.K[1:, 1:], linear.D[1:, 0] * y[n])
-    omega, phi, row = _modes(fixed(scene) if held else scene)
+    omega, phi, row = _modes(without_carrier(scene) if is_prescribed else scene)
     if not len(omega):
         return 0.0
     dual = phi.T @ linear.M[first:, first:]
-    each = phi[0 if held else rig_of(scene).leading :] * (dual @ q + 1j * (dual @ rate) / omega)
-    return float(np.abs(np.add.reduceat(each, np.flatnonzero(np.diff(row, prepend=-1)), axis=1)).sum(1).max())
+    angles = phi[0 if is_prescribed else rig_of(scene).leading :] * (dual @ q + 1j * (dual @ rate) / omega)
+    return float(np.abs(np.add.reduceat(angles, np.flatnonzero(np.diff(row, prepend=-1)), axis=1)).sum(1).max())
 
 
 def residual_words(scene: Scene, count: int, kind: Kind, drive: Drive, shaper: Shaper) -> Iterator[str]:
     """What a hoist leaves of the promise of a shaper for the lengths before it, and of one for the mean lengths."""
     yield "the lengths change with the hoist: this shaper is that of the lengths before it"
     mean = shaper_for(mean_lengths(scene), count, kind, drive)
-    left, other = (100 * shaper_residual(scene, tried, drive) for tried in (shaper, mean))
-    yield f"along the hoist it leaves {left:.3g} % of the swing of one impulse; one for the mean lengths {other:.3g} %"
+    shaper_percent, mean_percent = (100 * shaper_residual(scene, variant, drive) for variant in (shaper, mean))
+    yield (
+        f"along the hoist it leaves {shaper_percent:.3g} % of the swing of one impulse; one for the mean lengths "
+        f"{mean_percent:.3g} %"
+    )
 
 
 # ------------------------------------------------------------------------------------------------- motion in time
@@ -396,38 +418,40 @@ def motion_history(
     times: Floats,
     stops: Sequence[float],
     *,
-    pushed: int | None,
+    coordinate: int | None,
     size: float,
     start: Floats | float = 0.0,
 ) -> Floats:
     """(q, q') (T, 2n) at ascending times (T,) from `start` at the first on, the `stops` of the command among them.
 
-    Between its stops the `command` is a quintic: the force on the coordinate `pushed`, or (None) the acceleration of a
+    Between its stops the `command` is a quintic: the force on the `coordinate`, or (None) the acceleration of a
     cart whose motion is prescribed.  `size` is that of the motion.
     """
-    along, hoisting = matrices_along(scene), hoisting_of(scene)
+    matrices_at, hoisting = matrices_along(scene), hoisting_of(scene)
     breaks = hoisting.breaks if hoisting else ()
     spans = [getattr(law, "breaks", (-np.inf, np.inf)) for _, law in hoisting.laws] if hoisting else []
-    states = np.zeros((len(times), 2 * len(along(float(times[0])).M)))
+    states = np.zeros((len(times), 2 * len(matrices_at(float(times[0])).M)))
     n = states.shape[1] // 2
     states[0] = start
     corners = np.unique([times[0], *stops, *breaks, times[-1]])
     for begin, end in pairwise(corners[(corners >= times[0]) & (corners <= times[-1])].tolist()):
         rows = np.flatnonzero((times >= begin) & (times <= end))
         if not any(span[0] < end and begin < span[-1] for span in spans):
-            _advance(states, times, rows, pushed_by(along((begin + end) / 2), pushed), command)
+            _advance(states, times, rows, equations_of_push(matrices_at((begin + end) / 2), coordinate), command)
             continue
         swings = (
-            (end - begin) * float(np.linalg.norm(pushed_by(along(begin), pushed)[0][:, :n], 2)) ** 0.5 / (2 * np.pi)
+            (end - begin)
+            * float(np.linalg.norm(equations_of_push(matrices_at(begin), coordinate)[0][:, :n], 2)) ** 0.5
+            / (2 * np.pi)
         )
         if not swings <= MOST_SWINGS:
             raise ComputationError(f"the hoist takes {swings:.3g} swings: at most {MOST_SWINGS:g} are followed")
 
         def slope(time: float, state: Floats, last: float = float(np.nextafter(end, begin))) -> Floats:
-            A, B = pushed_by(along(min(time, last)), pushed)
+            A, B = equations_of_push(matrices_at(min(time, last)), coordinate)
             return np.concatenate((state[n:], A @ state + B * command(np.array([time]))[0]))
 
-        solved = scipy.integrate.solve_ivp(
+        solution = scipy.integrate.solve_ivp(
             slope,
             (begin, end),
             states[rows[0]],
@@ -436,44 +460,44 @@ def motion_history(
             rtol=TOLERANCE,
             atol=TOLERANCE * 1e-3 * size,
         )
-        if not solved.success:
-            raise ComputationError(f"the motion along the hoist cannot be integrated: {solved.message}")
-        states[rows] = solved.y.T
+        if not solution.success:
+            raise ComputationError(f"the motion along the hoist cannot be integrated: {solution.message}")
+        states[rows] = solution.y.T
     return states
 
 
 def _advance(states: Floats, times: Floats, rows: Ints, equations: tuple[Floats, Floats], command: Command) -> None:
     """Fill in the states at these rows but the first, of constant equations and a command without a corner."""
-    known: dict[float, tuple[Floats, Floats]] = {}
+    step_matrices: dict[float, tuple[Floats, Floats]] = {}
     for row in rows[1:].tolist():
         begin, end = times[row - 1], times[row]
         step = round(float(end - begin), 12)
-        if step not in known:
-            known[step] = _step(*equations, float(end - begin))
-        free, driven = known[step]
+        if step not in step_matrices:
+            step_matrices[step] = _step(*equations, float(end - begin))
+        free, driven = step_matrices[step]
         states[row] = free @ states[row - 1] + driven @ command(np.linspace(begin, end, POWERS + 2)[1:-1])
 
 
 def _step(A: Floats, B: Floats, duration: float) -> tuple[Floats, Floats]:
     """What becomes of (q, q') (2n, 2n), and of a quintic by its values inside (2n, POWERS), in a time."""
     n = len(B)
-    whole = np.zeros((2 * n + POWERS,) * 2)
-    whole[:n, n : 2 * n] = np.eye(n) * duration
-    whole[n : 2 * n, : 2 * n] = A * duration
-    whole[n : 2 * n, 2 * n] = B * duration
-    whole[2 * n :, 2 * n :] = np.eye(POWERS, k=1)
-    moved = scipy.linalg.expm(whole)[: 2 * n]
+    matrix = np.zeros((2 * n + POWERS,) * 2)
+    matrix[:n, n : 2 * n] = np.eye(n) * duration
+    matrix[n : 2 * n, : 2 * n] = A * duration
+    matrix[n : 2 * n, 2 * n] = B * duration
+    matrix[2 * n :, 2 * n :] = np.eye(POWERS, k=1)
+    rows_of_exponential = scipy.linalg.expm(matrix)[: 2 * n]
     inside = np.linspace(0.0, 1.0, POWERS + 2)[1:-1]
     rows = inside[:, None] ** np.arange(POWERS) / scipy.special.factorial(np.arange(POWERS))
-    return moved[:, : 2 * n], np.linalg.solve(rows.T, moved[:, 2 * n :].T).T
+    return rows_of_exponential[:, : 2 * n], np.linalg.solve(rows.T, rows_of_exponential[:, 2 * n :].T).T
 
 
-def pushed_by(linear: Matrices, pushed: int | None) -> tuple[Floats, Floats]:
+def equations_of_push(linear: Matrices, coordinate: int | None) -> tuple[Floats, Floats]:
     """A (n, 2n) and B (n,) of q'' = A (q, q') + B u, u the force on a coordinate, else the acceleration of a cart."""
-    held = pushed is None
-    n, first = len(linear.M), int(held)
-    force = -linear.M[:, 0] if held else np.eye(n)[pushed or 0]
+    is_prescribed = coordinate is None
+    n, first = len(linear.M), int(is_prescribed)
+    force = -linear.M[:, 0] if is_prescribed else np.eye(n)[coordinate or 0]
     right = np.hstack((-linear.K, -linear.D, force[:, None]))[first:]
-    solved = np.eye(n, 2 * n + 1, 2 * n) if held else np.zeros((n, 2 * n + 1))
-    solved[first:] = np.linalg.solve(linear.M[first:, first:], right)
-    return solved[:, :-1], solved[:, -1]
+    solution = np.eye(n, 2 * n + 1, 2 * n) if is_prescribed else np.zeros((n, 2 * n + 1))
+    solution[first:] = np.linalg.solve(linear.M[first:, first:], right)
+    return solution[:, :-1], solution[:, -1]

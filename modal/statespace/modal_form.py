@@ -27,7 +27,7 @@ from modal.errors import ComputationError
 from modal.modes import Modes, all_shapes, natural_modes
 from modal.report import NOTHING, Displayed, Drawable, Summary, brief, first_line
 from modal.scene.doors import checked
-from modal.statespace.model import StateSpace, fixed
+from modal.statespace.model import StateSpace, without_carrier
 from modal.statespace.signals import DRIVES, SUPPORT, Signal
 from modal.types import Complexes, Floats
 
@@ -110,8 +110,8 @@ class ModalForm(Drawable, Displayed):
         left, right = np.vstack([b.left for b in self.blocks]), np.hstack([b.right for b in self.blocks])
         A = block_diagonal([block.A for block in self.blocks])
         size = max(1.0, float(np.abs(A).max()))
-        apart = np.abs(left @ right - np.eye(len(A))).max()
-        return float(max(apart, np.abs(left @ self.model.A @ right - A).max() / size))
+        deviation = np.abs(left @ right - np.eye(len(A))).max()
+        return float(max(deviation, np.abs(left @ self.model.A @ right - A).max() / size))
 
     def _split(self, rows: Floats) -> list[Floats]:
         return np.split(rows, np.cumsum([len(block.A) for block in self.blocks])[:-1])
@@ -120,10 +120,10 @@ class ModalForm(Drawable, Displayed):
 def block_diagonal(blocks: Sequence[Floats]) -> Floats:
     """A block-diagonal matrix."""
     ends = np.cumsum([0, *(len(block) for block in blocks)])
-    whole = np.zeros((ends[-1], ends[-1]))
+    matrix = np.zeros((ends[-1], ends[-1]))
     for block, first, last in zip(blocks, ends, ends[1:], strict=False):
-        whole[first:last, first:last] = block
-    return whole
+        matrix[first:last, first:last] = block
+    return matrix
 
 
 @checked
@@ -137,7 +137,7 @@ def to_modal_form(modes: Modes, model: StateSpace) -> ModalForm:
         raise ComputationError("modal form needs a continuous model")
     names = {signal.name for signal in model.inputs}
     is_held = bool(names & DRIVES.keys())
-    driven_modes = held(modes) if is_held else modes
+    driven_modes = fixed_base(modes) if is_held else modes
     driven = bool(names & {*DRIVES, *SUPPORT} - {"support_displacement"})
     n = len(model.A)
     size = driven_modes.scene.n_links + driven_modes.rig.leading
@@ -145,10 +145,10 @@ def to_modal_form(modes: Modes, model: StateSpace) -> ModalForm:
         raise ValueError(f"the model has {n} states: it does not belong to this scene, which has {size} coordinates")
     blocks = [
         *(_cart(model, n - 2 * size, size) if driven else ()),
-        *_own(driven_modes, n, size, "fixed-base " * is_held, first=int(driven)),
+        *_mode_blocks(driven_modes, n, size, "fixed-base " * is_held, first=int(driven)),
     ]
     if driven and model.A[-size:, [0, size + 1][: n - 2 * size]].any():
-        blocks = _carried(blocks, model.A, size, driven_modes)
+        blocks = _with_carrier_motion(blocks, model.A, size, driven_modes)
     if sum(len(block.A) for block in blocks) != n:
         raise ComputationError("the modes of this scene do not span its motion in double precision")
     return ModalForm(driven_modes, model, tuple(blocks))
@@ -161,9 +161,9 @@ def plot_model(model: StateSpace, **options: Any) -> Figure:
     return to_modal_form(natural_modes(model.scene), model).plot(**options)
 
 
-def held(modes: Modes) -> Modes:
+def fixed_base(modes: Modes) -> Modes:
     """The modes with a fixed support: those excited by a prescribed motion of the cart."""
-    return natural_modes(fixed(modes.scene)) if modes.rig.leading else modes
+    return natural_modes(without_carrier(modes.scene)) if modes.rig.leading else modes
 
 
 def _cart(model: StateSpace, states: int, size: int) -> Iterator[ModalBlock]:
@@ -175,11 +175,11 @@ def _cart(model: StateSpace, states: int, size: int) -> Iterator[ModalBlock]:
     yield ModalBlock(None, 0, 0.0, names, A, eye[:, places], eye[places], unit[0], unit[-1])
 
 
-def _carried(blocks: list[ModalBlock], A: Floats, size: int, modes: Modes) -> list[ModalBlock]:
+def _with_carrier_motion(blocks: list[ModalBlock], A: Floats, size: int, modes: Modes) -> list[ModalBlock]:
     """The blocks of a cart or support, the first, and of modes, about where a steady motion of it leaves all else."""
     support, *moving = blocks
     states = len(support.A)
-    stiff, damped, pulls = A[-size:, 1 : size + 1], A[-size:, -size:], A[-size:, [0, size + 1][:states]]
+    stiff, damping, pulls = A[-size:, 1 : size + 1], A[-size:, -size:], A[-size:, [0, size + 1][:states]]
     shapes = all_shapes(modes)
     free = [
         np.real(modes.column(shape))
@@ -191,9 +191,9 @@ def _carried(blocks: list[ModalBlock], A: Floats, size: int, modes: Modes) -> li
     if pulls[:, 0].any():
         X[1 : size + 1, 0] = -np.linalg.solve(stiff, pulls[:, 0])
     if states == 2:
-        air = pulls[:, 1] + damped @ X[1 : size + 1, 0]
-        both = np.hstack([stiff, damped @ coasting])
-        steady = -(np.linalg.lstsq(both, air, rcond=None)[0] if free else np.linalg.solve(stiff, air))
+        air = pulls[:, 1] + damping @ X[1 : size + 1, 0]
+        columns = np.hstack([stiff, damping @ coasting])
+        steady = -(np.linalg.lstsq(columns, air, rcond=None)[0] if free else np.linalg.solve(stiff, air))
         X[1 : size + 1, 0] += coasting @ steady[size:]
         X[1 : size + 1, 1], X[-size:, 1] = steady[:size], X[1 : size + 1, 0]
     return [
@@ -202,7 +202,7 @@ def _carried(blocks: list[ModalBlock], A: Floats, size: int, modes: Modes) -> li
     ]
 
 
-def _own(modes: Modes, n: int, size: int, kind: str, first: int) -> Iterator[ModalBlock]:
+def _mode_blocks(modes: Modes, n: int, size: int, kind: str, first: int) -> Iterator[ModalBlock]:
     """The modes of this kind, their coordinates being states `first` … and their rates the last `size`."""
     linear, shapes = modes.matrices, all_shapes(modes)
     for number, value in enumerate(modes.eigenvalue.tolist()):
@@ -214,16 +214,16 @@ def _own(modes: Modes, n: int, size: int, kind: str, first: int) -> Iterator[Mod
             forces = linear.D @ phi
             coasts = value == 0 and not np.any(np.abs(forces) > RIGID * (np.abs(linear.D) @ np.abs(phi)))
             vectors: tuple[Numbers, Numbers, Numbers] = phi, linear.M @ phi, 0 * forces if coasts else forces
-            alone = np.isrealobj(phi) and (not value.imag if modes.is_classical else not vectors[2].any())
+            is_real = np.isrealobj(phi) and (not value.imag if modes.is_classical else not vectors[2].any())
             meaning = f"coordinate of {kind}mode {name}"
-            if alone:
-                made = _swing(name, meaning, value, *vectors[:2])
+            if is_real:
+                block = _swing(name, meaning, value, *vectors[:2])
             else:
-                made = (_pair if value.imag else _single)(name, meaning, value, *vectors)
-            right, left = np.zeros((n, len(made.A))), np.zeros((len(made.A), n))
-            right[first : first + size], right[n - size :] = made.right
-            left[:, first : first + size], left[:, n - size :] = made.left
-            yield ModalBlock(number, copy, value, made.states, made.A, right, left, made.seen, made.pushed)
+                block = (_pair if value.imag else _single)(name, meaning, value, *vectors)
+            right, left = np.zeros((n, len(block.A))), np.zeros((len(block.A), n))
+            right[first : first + size], right[n - size :] = block.right
+            left[:, first : first + size], left[:, n - size :] = block.left
+            yield ModalBlock(number, copy, value, block.states, block.A, right, left, block.seen, block.pushed)
 
 
 class _Made(NamedTuple):
@@ -257,10 +257,10 @@ def _swing(name: str, meaning: str, value: complex, phi: Floats, Mphi: Floats) -
 def _pair(name: str, meaning: str, value: complex, phi: Complexes, Mphi: Complexes, Dphi: Complexes) -> _Made:
     """Damped oscillation: 2 Re α and −2 Im α, scaled so that φᵀ(2λM + D)φ = 2i Im λ."""
     states = tuple(Signal(f"eta_{name}_{part}", "", meaning) for part in ("re", "im"))
-    slope, wanted = _slope(value, phi, Mphi, Dphi), 2j * value.imag
-    phi, Mphi, Dphi = (part * np.sqrt(wanted / slope) for part in (phi, Mphi, Dphi))
+    slope, target = _slope(value, phi, Mphi, Dphi), 2j * value.imag
+    phi, Mphi, Dphi = (part * np.sqrt(target / slope) for part in (phi, Mphi, Dphi))
     right = [np.array([r.real, r.imag]).T for r in (phi, value * phi)]
-    left = [np.array([2 * part.real, -2 * part.imag]) for part in ((value * Mphi + Dphi) / wanted, Mphi / wanted)]
+    left = [np.array([2 * part.real, -2 * part.imag]) for part in ((value * Mphi + Dphi) / target, Mphi / target)]
     A = np.array([[value.real, value.imag], [-value.imag, value.real]])
     return _Made(
         states,

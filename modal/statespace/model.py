@@ -118,7 +118,7 @@ class StateSpace(Drawable, Displayed):
 
     def _summary(self) -> Summary:
         kind = f"sampled every {self.dt:g} s" if self.dt else "continuous"
-        sizes = f"{len(self.A)} states, {_counted(self.inputs, 'input')}, {_counted(self.outputs, 'output')}"
+        sizes = f"{len(self.A)} states, {_count_words(self.inputs, 'input')}, {_count_words(self.outputs, 'output')}"
         title = f'State space of "{self.title}": {sizes}, {kind}' if self.title else f"State space: {sizes}, {kind}"
         sides = {"input": self.inputs, "output": self.outputs, "state": self.states}
         rows = [
@@ -127,7 +127,7 @@ class StateSpace(Drawable, Displayed):
         return Summary(title, (), ("signal", "name", "unit", "meaning"), rows, len(rows), words=frozenset(range(4)))
 
 
-def _counted(signals: tuple[Signal, ...], word: str) -> str:
+def _count_words(signals: tuple[Signal, ...], word: str) -> str:
     return counted(len(signals), word, f"{word}s")
 
 
@@ -160,10 +160,10 @@ def state_space(scene: Scene, inputs: tuple[str, ...] = (), outputs: tuple[str, 
     LARGEST_STATE states.
     """
     require(validate_scene(scene), "a constant linear model")
-    return assembled(scene, None, inputs, outputs)
+    return assemble(scene, None, inputs, outputs)
 
 
-def assembled(
+def assemble(
     scene: Scene, instant: HoistInstant | None, inputs: tuple[str, ...] = (), outputs: tuple[str, ...] = ()
 ) -> StateSpace:
     """The model of a scene of constant lengths as in `state_space`, or (`instant`) at a moment of a hoist."""
@@ -173,22 +173,22 @@ def assembled(
     if instant:
         geometry = replace(geometry, rate=instant.rate, bend=instant.bend, drag=instant.drag)
     usual = _usual(geometry)
-    wanted = validate_signals(
-        inputs or usual[0], inputs_of(geometry), "input", geometry, more=is_point, written=EXAMPLES
+    input_names = validate_signals(
+        inputs or usual[0], inputs_of(geometry), "input", geometry, is_further=is_point, examples=EXAMPLES
     )
-    validate_points(scene, wanted)
-    read = validate_signals(outputs or usual[1], outputs_of(geometry), "output", geometry)
-    drive, push = _drive(wanted), _pushes(scene, geometry, wanted)
+    validate_points(scene, input_names)
+    output_names = validate_signals(outputs or usual[1], outputs_of(geometry), "output", geometry)
+    drive, push = _drive(input_names), _pushes(scene, geometry, input_names)
     if drive in SUPPORT:
         require(scene, "a linear model of a moved support")
         if any(carrier.M is not None for carrier in geometry.structure.carriers):
             raise SceneError([f"input {drive}: {NO_SHARE}"])
-    matrices_by = _held if drive in DRIVES and scene.has_modal_damping else matrices
+    matrices_by = _fixed_base_matrices if drive in DRIVES and scene.has_modal_damping else matrices
     linear = instant.matrices if instant else matrices_by(scene)
     with np.errstate(all="ignore"):
-        moved = _motion(linear, geometry, push.F, drive)
-        C, D, signals = _outputs(moved, geometry, push, [reading_in(geometry, name) for name in read])
-    if not all(np.all(np.isfinite(part)) for part in (moved.A, moved.B, C, D)):
+        motion = _motion(linear, geometry, push.F, drive)
+        C, D, signals = _outputs(motion, geometry, push, [reading_in(geometry, name) for name in output_names])
+    if not all(np.all(np.isfinite(part)) for part in (motion.A, motion.B, C, D)):
         raise ComputationError("the ratios in this scene are beyond double precision: its model overflows")
     driven = [(DRIVES | SUPPORT)[drive]] if drive else []
     resting = [
@@ -196,11 +196,11 @@ def assembled(
         *((f"theta_{label}", angle) for label, angle in zip(geometry.labels, geometry.rest.tolist(), strict=True)),
     ]
     return StateSpace(
-        moved.A,
-        moved.B,
+        motion.A,
+        motion.B,
         C,
         D,
-        tuple(moved.states),
+        tuple(motion.states),
         tuple(driven + push.signals),
         tuple(signals),
         title=scene.title,
@@ -218,7 +218,7 @@ def _usual(geometry: Geometry) -> tuple[tuple[str, ...], tuple[str, ...]]:
     return ("joint_torques",), ("angles",)
 
 
-def fixed(scene: Scene) -> Scene:
+def without_carrier(scene: Scene) -> Scene:
     """The same pendula on a fixed support; SceneError for damping ratios by mode, which are those of other modes.
 
     Of a scene with one cart alone: what springs join to it they join to the ground in its place.
@@ -231,14 +231,18 @@ def fixed(scene: Scene) -> Scene:
             ]
         )
     cart, places = scene.support, [parse_point(force.on) for force in scene.force]
-    kept = zip(scene.force, places, strict=True)
-    forces = tuple(force for force, point in kept if point is not None and not isinstance(point, CarrierPoint))
+    forces_and_points = zip(scene.force, places, strict=True)
+    forces = tuple(
+        force for force, point in forces_and_points if point is not None and not isinstance(point, CarrierPoint)
+    )
     position = getattr(cart, "position", (0.0, 0.0))
-    held = scene.replace(support=Fixed(name=getattr(cart, "name", ""), position=position), spring=(), force=forces)
+    fixed_scene = scene.replace(
+        support=Fixed(name=getattr(cart, "name", ""), position=position), spring=(), force=forces
+    )
     springs = [
         spring.replace(between=tuple(_held_end(text, position) for text in spring.between)) for spring in scene.spring
     ]
-    return held.replace(
+    return fixed_scene.replace(
         spring=tuple(kept_spring for kept_spring in springs if any("pendulum" in text for text in kept_spring.between))
     )
 
@@ -252,27 +256,27 @@ def _held_end(text: str, cart: tuple[float, float]) -> str:
     return f"ground@{cart[0] + s!r},{cart[1] + h!r}"
 
 
-def _held(scene: Scene) -> Matrices:
+def _fixed_base_matrices(scene: Scene) -> Matrices:
     """M, K and D with the modal dampers of the pendula on a fixed support, whose modes a prescribed motion excites."""
-    bare, hanging = matrices(scene.replace(damping_ratio=0.0)), matrices(fixed(scene))
+    bare, hanging = matrices(scene.replace(damping_ratio=0.0)), matrices(without_carrier(scene))
     D = bare.D.copy()
     D[1:, 1:] = hanging.D
     return replace(bare, D=D)
 
 
-def _drive(wanted: tuple[str, ...]) -> str | None:
-    prescribed = [name for name in wanted if name in DRIVES]
-    if len(prescribed) > 1 or (prescribed and "cart_force" in wanted):
+def _drive(names: tuple[str, ...]) -> str | None:
+    drives = [name for name in names if name in DRIVES]
+    if len(drives) > 1 or (drives and "cart_force" in names):
         raise SceneError(["input: choose only one of the cart's force, acceleration and velocity"])
-    prescribed += [name for name in wanted if name in SUPPORT]
-    if len(prescribed) > 1:
-        raise SceneError([f"input: choose only one of {' and '.join(prescribed)}"])
-    return prescribed[0] if prescribed else None
+    drives += [name for name in names if name in SUPPORT]
+    if len(drives) > 1:
+        raise SceneError([f"input: choose only one of {' and '.join(drives)}"])
+    return drives[0] if drives else None
 
 
-def _pushes(scene: Scene, geometry: Geometry, wanted: tuple[str, ...]) -> InputGroup:
+def _pushes(scene: Scene, geometry: Geometry, names: tuple[str, ...]) -> InputGroup:
     """All generalized forces side by side, in the requested order."""
-    pushes = [push_of(scene, geometry, name) for name in wanted if name not in DRIVES | SUPPORT]
+    pushes = [push_of(scene, geometry, name) for name in names if name not in DRIVES | SUPPORT]
     none = np.zeros((geometry.size, 0)), np.zeros((len(geometry.tips), 0))
     return InputGroup(
         [signal for push in pushes for signal in push.signals],
@@ -287,11 +291,15 @@ def _motion(linear: Matrices, geometry: Geometry, F: Floats, drive: str | None) 
     Q'' = −K Q − D Q' + F u, of which s'' = u.  Where the velocity is given, Q' less F u takes the place of Q', and
     where the displacement is, Q less F u that of Q; s' and then s are no states.
     """
-    held, order = PRESCRIBED.get(drive or "", (False, 2))
-    K, D, F = _partition(linear, geometry, F, held=held) if drive else _split(linear.M, linear.K, linear.D, F)
+    is_prescribed, order = PRESCRIBED.get(drive or "", (False, 2))
+    K, D, F = (
+        _partition(linear, geometry, F, is_prescribed=is_prescribed)
+        if drive
+        else _split(linear.M, linear.K, linear.D, F)
+    )
     n, eye = len(K), np.eye(2 * len(K))
     rates, slopes = np.zeros_like(F), F.copy()
-    place, dropped = np.zeros_like(F), [0, n][order:] if order < 2 else []
+    place, columns_to_drop = np.zeros_like(F), [0, n][order:] if order < 2 else []
     if order == 0:
         place[:, :1], rates[:, :1] = F[:, :1], -D @ F[:, :1]
     if order == 1:
@@ -300,12 +308,12 @@ def _motion(linear: Matrices, geometry: Geometry, F: Floats, drive: str | None) 
         slopes[:, :1] = -K @ place[:, :1] - D @ rates[:, :1]
     parts = eye[:n], eye[n:], -np.hstack([K, D])
     q, rate, second = (
-        (np.delete(part, dropped, 1), by) for part, by in zip(parts, (place, rates, slopes), strict=True)
+        (np.delete(part, columns_to_drop, 1), by) for part, by in zip(parts, (place, rates, slopes), strict=True)
     )
-    A, B = (np.delete(np.vstack([rate[k], second[k]]), dropped, 0) + 0.0 for k in (0, 1))
+    A, B = (np.delete(np.vstack([rate[k], second[k]]), columns_to_drop, 0) + 0.0 for k in (0, 1))
     maps: Maps = (q, rate if order else None, second if order == 2 else None)
     states = _states(geometry, drive, order)
-    if drive is None or held:
+    if drive is None or is_prescribed:
         return _Motion(A, B, maps, states)
     of_support, of_scene = (tuple(_rows(part, rows) for part in maps) for rows in (slice(1), slice(1, None)))
     return _Motion(A, B, of_scene, states, of_support)
@@ -315,27 +323,29 @@ def _rows(maps: Pair | None, rows: slice) -> Pair | None:
     return None if maps is None else (maps[0][rows], maps[1][rows])
 
 
-def _partition(linear: Matrices, geometry: Geometry, F: Floats, *, held: bool) -> tuple[Floats, Floats, Floats]:
-    """K, D and F of `_motion` beside a cart that is `held`, the first coordinate, or on a support that moves under all.
+def _partition(
+    linear: Matrices, geometry: Geometry, F: Floats, *, is_prescribed: bool
+) -> tuple[Floats, Floats, Floats]:
+    """K, D and F of `_motion` beside a cart that moves as prescribed, the first coordinate, or on a support under all.
 
     J = M⁻¹ p is exact where everything can move along with the ground, as on a cart.
     """
-    M, K, D, along = linear.M, linear.K, linear.D, None
-    if held:
+    M, K, D, translation = linear.M, linear.K, linear.D, None
+    if is_prescribed:
         M, K, D, p, F = M[1:, 1:], K[1:], D[1:], M[1:, :1], F[1:]
     else:
-        along, p = _translation(geometry), geometry.momentum[:, None]
+        translation, p = _translation(geometry), geometry.momentum[:, None]
         K, D = np.hstack([0 * p, K]), np.hstack([geometry.windage[:, None], D])
-    K, D, F = _split(M, K, D, np.hstack([-p if along is None else 0 * p, F]))
-    if along is not None:
-        F[:, 0] = -along
+    K, D, F = _split(M, K, D, np.hstack([-p if translation is None else 0 * p, F]))
+    if translation is not None:
+        F[:, 0] = -translation
     none = np.zeros((1, K.shape[1]))
     return np.vstack([none, K]), np.vstack([none, D]), np.vstack([np.eye(1, F.shape[1]), F])
 
 
 def _split(M: Floats, K: Floats, D: Floats, F: Floats) -> tuple[Floats, Floats, Floats]:
     """M⁻¹ K, M⁻¹ D and M⁻¹ F."""
-    K, D, F = np.split(_solved(M, np.hstack([K, D, F])), np.cumsum([K.shape[1], D.shape[1]]), axis=1)
+    K, D, F = np.split(_solve_inertia(M, np.hstack([K, D, F])), np.cumsum([K.shape[1], D.shape[1]]), axis=1)
     return K, D, F
 
 
@@ -368,7 +378,7 @@ def _states(geometry: Geometry, drive: str | None, order: int) -> list[Signal]:
     return [*(Signal(s.name + "_free", s.unit, s.meaning + smooth) for s in places), *free]
 
 
-def _solved(M: Floats, right: Floats) -> Floats:
+def _solve_inertia(M: Floats, right: Floats) -> Floats:
     """M⁻¹ right, with M scaled to a diagonal near 1; ComputationError where it is singular."""
     refuse_no_inertia(M)
     scale = np.exp2(np.round(np.log2(np.diag(M)) / -2))[:, None]
@@ -395,8 +405,8 @@ def _rates(geometry: Geometry) -> list[Signal]:
 READ = {True: "pivot_forces", False: "tip_accelerations"}
 
 
-def _impulsive(reading: OutputGroup, moved: _Motion) -> str:
-    if not moved.support:
+def _impulse_problem(reading: OutputGroup, motion: _Motion) -> str:
+    if not motion.support:
         return f"output {READ[reading.pushed]}: a cart whose velocity jumps has impulses there"
     names = ", ".join(signal.name for signal in reading.signals[:2])
     if reading.acceleration is not None:
@@ -405,20 +415,20 @@ def _impulsive(reading: OutputGroup, moved: _Motion) -> str:
 
 
 def _outputs(
-    moved: _Motion, geometry: Geometry, push: InputGroup, readings: list[OutputGroup]
+    motion: _Motion, geometry: Geometry, push: InputGroup, readings: list[OutputGroup]
 ) -> tuple[Floats, Floats, list[Signal]]:
     C, D = [], []
     for reading in readings:
-        rows = np.zeros((len(reading.signals), len(moved.A))), np.zeros((len(reading.signals), moved.B.shape[1]))
+        rows = np.zeros((len(reading.signals), len(motion.A))), np.zeros((len(reading.signals), motion.B.shape[1]))
         parts = (reading.position, reading.rate, reading.acceleration)
-        grounds = moved.support or (None,) * 3
-        for part, maps, carried, ground in zip(parts, moved.maps, reading.carried, grounds, strict=True):
+        grounds = motion.support or (None,) * 3
+        for part, maps, ground_column, ground in zip(parts, motion.maps, reading.carried, grounds, strict=True):
             if part is not None and maps is None:
-                raise SceneError([_impulsive(reading, moved)])
+                raise SceneError([_impulse_problem(reading, motion)])
             if part is not None and maps is not None:
                 rows = rows[0] + part @ maps[0], rows[1] + part @ maps[1]
-            if carried is not None and ground is not None:
-                rows = rows[0] + carried[:, None] * ground[0], rows[1] + carried[:, None] * ground[1]
+            if ground_column is not None and ground is not None:
+                rows = rows[0] + ground_column[:, None] * ground[0], rows[1] + ground_column[:, None] * ground[1]
         if reading.pushed and push.signals:
             rows[1][:, -len(push.signals) :] += push.thrust
         C.append(rows[0])

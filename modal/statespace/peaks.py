@@ -42,10 +42,10 @@ def peaks_table(form: ModalForm, source: int, outputs: Sequence[int], to: str) -
         return as_json({"input": driven.name, "peaks": peaks})
     headings = ("output", "unit", "f (Hz)", "magnitude", "dB")
     cells = [[_cell(value) for value in record.values()] for record in records]
-    undamped = any(np.isinf(record["magnitude"]) for record in records)
+    is_infinite = any(np.isinf(record["magnitude"]) for record in records)
     slowest = f" of the {SLOWEST} slowest modes" if len(_oscillating(form)) > SLOWEST else ""
     notes = [] if cells else ["no output has a peak"]
-    notes += ["∞ at modes that nothing damps: give links or joints damping"] if undamped else []
+    notes += ["∞ at modes that nothing damps: give links or joints damping"] if is_infinite else []
     what = f"peaks of the response to {driven.name} ({driven.unit}){slowest}"
     return titled(title_of(form.modes.scene), what, [grid(cells, headings), *notes], "text")
 
@@ -64,9 +64,9 @@ def _records(form: ModalForm, source: int, outputs: Sequence[int]) -> Iterator[d
     poles = form.modes.eigenvalue[rows]
     widths = np.abs(poles.real) + losses[rows] * poles.imag / 2
     aside = np.concatenate((-np.geomspace(REACH, NEAR, POINTS), [0.0], np.geomspace(NEAR, REACH, POINTS)))
-    near = (poles.imag[:, None] + widths[:, None] * aside).ravel()
+    close_points = (poles.imag[:, None] + widths[:, None] * aside).ravel()
     between = np.geomspace(poles.imag.min() / BEYOND, poles.imag.max() * BEYOND, POINTS)
-    omega = np.unique(np.concatenate((between, near[near > 0])))
+    omega = np.unique(np.concatenate((between, close_points[close_points > 0])))
 
     def size(k: int, at: Floats) -> Floats:
         return np.asarray(np.abs(frequency_response(form, at, outputs=[k], inputs=[source])[0, 0]))

@@ -72,20 +72,20 @@ def fold_equals(scene: Scene) -> Folded:
     members, kinds = rig_of(scene).members, dict[tuple[int, ...], list[int]]()
     for p in range(len(scene.pendulum)):
         kinds.setdefault((p,) if leans or scene.is_structured else members[p][:2], []).append(p)
-    joined = joined_pendula(scene)
+    spring_pendula = joined_pendula(scene)
     starts = np.cumsum([1, *(entry.count for entry in scene.pendulum)]).tolist()
-    first, copies, merged = list[int](), list[int](), list[Pendulum]()
+    first, copies, pendula = list[int](), list[int](), list[Pendulum]()
     for entries in kinds.values():
         entry, start = scene.pendulum[entries[0]], starts[entries[0]]
         count = sum(scene.pendulum[p].count for p in entries)
-        alone = entries[0] in joined
-        first += range(start, start + count) if alone else [start]
-        copies += [1] * count if alone else [count]
-        merged.append(entry if alone else heavier(entry, count))
+        is_single = entries[0] in spring_pendula
+        first += range(start, start + count) if is_single else [start]
+        copies += [1] * count if is_single else [count]
+        pendula.append(entry if is_single else heavier(entry, count))
     if max(copies) == 1:
         return Folded(scene, tuple(first), tuple(copies))
-    folded = scene.replace(damping_ratio=0.0, pendulum=merged, force=())
-    return Folded(folded.replace(damping_ratio=_carried(scene, folded)), tuple(first), tuple(copies))
+    folded_scene = scene.replace(damping_ratio=0.0, pendulum=pendula, force=())
+    return Folded(folded_scene.replace(damping_ratio=_damping_ratios(scene, folded_scene)), tuple(first), tuple(copies))
 
 
 def joined_pendula(scene: Scene) -> set[int]:
@@ -94,11 +94,11 @@ def joined_pendula(scene: Scene) -> set[int]:
     return {point.pendulum for point in ends if isinstance(point, PendulumPoint)}
 
 
-def _carried(scene: Scene, folded: Scene) -> float | tuple[float, ...]:
+def _damping_ratios(scene: Scene, folded_scene: Scene) -> float | tuple[float, ...]:
     """The damping ratios of a scene with the modes numbered as those of the folded one."""
     if not isinstance(scene.damping_ratio, tuple):
         return scene.damping_ratio
-    return tuple(ratio_at(rig_of(scene))(frequencies(rig_of(folded))).tolist())
+    return tuple(ratio_at(rig_of(scene))(frequencies(rig_of(folded_scene))).tolist())
 
 
 @checked
@@ -121,23 +121,23 @@ def minimal(scene: Scene, inputs: tuple[str, ...] = (), outputs: tuple[str, ...]
     model = _read_off_the_first(fold, model)
     form = to_modal_form(natural_modes(fold.scene), model)
     blocks = [_rate_alone(form, block) for block in essential(form)]
-    whole = sum(len(block.A) for block in blocks) == len(model.A)
-    return model if whole else assembled(form, blocks, model.D)
+    is_minimal = sum(len(block.A) for block in blocks) == len(model.A)
+    return model if is_minimal else modal_model(form, blocks, model.D)
 
 
 def essential(form: ModalForm) -> list[ModalBlock]:
     """The blocks that an input reaches and an output sees; equal modes are rotated to minimize their number."""
-    reached = _turned(form.blocks, [block.left for block in form.blocks], form.model.B)
-    return _turned(reached, [block.right.T for block in reached], form.model.C.T)
+    controllable = _rotate_equal_modes(form.blocks, [block.left for block in form.blocks], form.model.B)
+    return _rotate_equal_modes(controllable, [block.right.T for block in controllable], form.model.C.T)
 
 
-def assembled(form: ModalForm, blocks: Sequence[ModalBlock], D: Floats) -> StateSpace:
+def modal_model(form: ModalForm, blocks: Sequence[ModalBlock], D: Floats) -> StateSpace:
     """The model of these blocks alone, in modal coordinates, with the same inputs and outputs."""
-    left = np.vstack([np.zeros((0, len(form.model.A))), *(block.left for block in blocks)])
-    right = np.hstack([np.zeros((len(form.model.A), 0)), *(block.right for block in blocks)])
+    rows = np.vstack([np.zeros((0, len(form.model.A))), *(block.left for block in blocks)])
+    columns = np.hstack([np.zeros((len(form.model.A), 0)), *(block.right for block in blocks)])
     A = block_diagonal([block.A for block in blocks])
     states = tuple(state for block in blocks for state in block.states)
-    return replace(form.model, scene=None, A=A, B=left @ form.model.B, C=form.model.C @ right, D=D, states=states)
+    return replace(form.model, scene=None, A=A, B=rows @ form.model.B, C=form.model.C @ columns, D=D, states=states)
 
 
 def _rate_alone(form: ModalForm, block: ModalBlock) -> ModalBlock:
@@ -156,15 +156,15 @@ def heavier(pendulum: Pendulum, count: int) -> Pendulum:
 def _read_off_the_first(fold: Folded, model: StateSpace) -> StateSpace:
     """Names of the whole scene; a force on a pivot is divided among all pendula that were merged."""
     number = {str(place): first for place, first in enumerate(fold.first, 1)}
-    kept = own_signals(geometry_of(fold.scene))
+    own_names = own_signals(geometry_of(fold.scene))
 
-    def renamed(name: str) -> str:
-        if name in kept:
+    def first_name(name: str) -> str:
+        if name in own_names:
             return name
         return re.sub(r"_(\d+)", lambda match: f"_{number[match[1]]}", name, count=1)
 
-    def all_renamed(signals: Iterable[Signal]) -> tuple[Signal, ...]:
-        return tuple(signal._replace(name=renamed(signal.name)) for signal in signals)
+    def with_first_names(signals: Iterable[Signal]) -> tuple[Signal, ...]:
+        return tuple(signal._replace(name=first_name(signal.name)) for signal in signals)
 
     pivots = [re.fullmatch(r"pivot_force_(\d+)", signal.name) for signal in model.outputs]
     share = np.array([[1.0 / fold.copies[int(pivot[1]) - 1] if pivot else 1.0] for pivot in pivots])
@@ -172,29 +172,29 @@ def _read_off_the_first(fold: Folded, model: StateSpace) -> StateSpace:
         model,
         C=model.C * share,
         D=model.D * share,
-        states=all_renamed(model.states),
-        inputs=all_renamed(model.inputs),
-        outputs=all_renamed(model.outputs),
-        operating_point=tuple((renamed(name), value) for name, value in model.operating_point),
+        states=with_first_names(model.states),
+        inputs=with_first_names(model.inputs),
+        outputs=with_first_names(model.outputs),
+        operating_point=tuple((first_name(name), value) for name, value in model.operating_point),
     )
 
 
-def _turned(blocks: Sequence[ModalBlock], rows: list[Floats], matrix: Floats) -> list[ModalBlock]:
+def _rotate_equal_modes(blocks: Sequence[ModalBlock], rows: list[Floats], matrix: Floats) -> list[ModalBlock]:
     """The blocks for which rows · matrix is not 0, modes of one frequency rotated to minimize their number."""
     ends = np.cumsum([len(row) for row in rows])
     gains = np.split(without_noise(np.vstack(rows), matrix), ends[:-1]) if rows else []
     fresh = [not _equal(*pair) for pair in pairwise(blocks)]
     cuts = [0, *(k for k, new in enumerate(fresh, 1) if new), len(blocks)]
-    turned: list[ModalBlock] = []
+    new_blocks: list[ModalBlock] = []
     for first, last in pairwise(cuts):
-        turned += _independent(blocks[first:last], np.array([gain.ravel() for gain in gains[first:last]]))
-    return turned
+        new_blocks += _independent(blocks[first:last], np.array([gain.ravel() for gain in gains[first:last]]))
+    return new_blocks
 
 
-def _equal(block: ModalBlock, other: ModalBlock) -> bool:
+def _equal(block: ModalBlock, next_block: ModalBlock) -> bool:
     """Whether two modes have the same frequency within rounding, as modes of different pendula may."""
-    return block.A.shape == other.A.shape and bool(
-        abs(block.eigenvalue - other.eigenvalue) <= TOLERANCE * abs(block.eigenvalue)
+    return block.A.shape == next_block.A.shape and bool(
+        abs(block.eigenvalue - next_block.eigenvalue) <= TOLERANCE * abs(block.eigenvalue)
     )
 
 
@@ -231,9 +231,9 @@ def truncate(modes: Modes, model: StateSpace, count: int, by: Choice = "contribu
     blocks = essential(form)
     swinging = [k for k, block in enumerate(blocks) if _settles(block)]
     rank = -_contributions(form, [blocks[k] for k in swinging]) if by == "contribution" else range(len(swinging))
-    dropped = {swinging[k] for k in np.argsort(rank, kind="stable")[count:]}
-    D = model.D + sum((_static_gain(form, blocks[k]) for k in dropped), start=np.zeros_like(model.D))
-    return assembled(form, [block for k, block in enumerate(blocks) if k not in dropped], D)
+    numbers = {swinging[k] for k in np.argsort(rank, kind="stable")[count:]}
+    D = model.D + sum((_static_gain(form, blocks[k]) for k in numbers), start=np.zeros_like(model.D))
+    return modal_model(form, [block for k, block in enumerate(blocks) if k not in numbers], D)
 
 
 def _settles(block: ModalBlock) -> bool:
@@ -243,14 +243,17 @@ def _settles(block: ModalBlock) -> bool:
 def _contributions(form: ModalForm, blocks: list[ModalBlock]) -> Floats:
     """(K,): the largest share of each block in any channel of Σ |C r| |ℓᵀB|/|λ|ᵏ, k its number of states."""
     total = sum((_size(form, block) for block in blocks), start=np.zeros_like(form.model.D))
-    whole = np.where(total > 0, total, 1.0)
-    return np.array([(_size(form, block) / whole).max(initial=0.0) for block in blocks])
+    divisors = np.where(total > 0, total, 1.0)
+    return np.array([(_size(form, block) / divisors).max(initial=0.0) for block in blocks])
 
 
 def _size(form: ModalForm, block: ModalBlock) -> Floats:
     """|C r| |ℓᵀB|/|λ|ᵏ in every channel, (p, m)."""
-    seen, pushed = abs(form.model.C @ block.right @ block.seen), abs(block.pushed @ block.left @ form.model.B)
-    size: Floats = np.outer(seen, pushed) / abs(block.eigenvalue) ** len(block.A)
+    output_size, input_size = (
+        abs(form.model.C @ block.right @ block.seen),
+        abs(block.pushed @ block.left @ form.model.B),
+    )
+    size: Floats = np.outer(output_size, input_size) / abs(block.eigenvalue) ** len(block.A)
     return size
 
 
@@ -295,18 +298,20 @@ def balance(model: StateSpace, count: int) -> Balanced:
         _root(_gramian(model.A.T, *_duals(values, V), model.C.T)),
     )
     U, hankel, Wt = np.linalg.svd(sight.T @ reach)
-    kept = int(np.count_nonzero(hankel > NEGLIGIBLE * hankel[0]))
-    if count > kept:
+    order = int(np.count_nonzero(hankel > NEGLIGIBLE * hankel[0]))
+    if count > order:
         raise ComputationError(
-            f"only {kept} states are controllable and observable: choose at most as many, or make it minimal first"
+            f"only {order} states are controllable and observable: choose at most as many, or make it minimal first"
         )
     scale = 1 / np.sqrt(hankel[:count])
-    right, left = reach @ Wt[:count].T * scale, (sight @ U[:, :count] * scale).T
+    columns, rows = reach @ Wt[:count].T * scale, (sight @ U[:, :count] * scale).T
     states = tuple(
         Signal(f"balanced_{k}", "", f"state of Hankel singular value {hankel[k - 1]:.3g}") for k in range(1, count + 1)
     )
-    reduced = replace(model, scene=None, A=left @ model.A @ right, B=left @ model.B, C=model.C @ right, states=states)
-    return Balanced(reduced, hankel, float(2 * hankel[count:].sum()))
+    reduced_model = replace(
+        model, scene=None, A=rows @ model.A @ columns, B=rows @ model.B, C=model.C @ columns, states=states
+    )
+    return Balanced(reduced_model, hankel, float(2 * hankel[count:].sum()))
 
 
 def _require_damping(values: Complexes) -> None:

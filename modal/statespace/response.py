@@ -125,35 +125,35 @@ class ExactResponse:
         angles = loss_angles(scene)
         rig, links = angles.rig_of(scene) if angles and not scene.is_structured else (rig_of(scene), [])
         tips = [rig.blocks[block].n - 1 for block, _, copies in rig.members for _ in range(copies)]
-        whole = is_whole(scene, inputs)
+        needs_structure = needs_whole_structure(scene, inputs)
         self.is_real = not (rig.is_damped or scene.has_modal_damping or scene.has_losses)
         self.unit = float(np.sqrt(rig.gravity / min(float(block.length.min()) for block in rig.blocks)))
-        if whole:
+        if needs_structure:
             self._evaluate, of, to = whole_response(scene, inputs, outputs)
             orders = [[row.order - column.order for column in of] for row in to]
         else:
             driven = [place_of_input(signal, tips) for signal in inputs]
-            read = [place_of(READ, signal.name, tips) for signal in outputs]
-            self._evaluate = _from_tips(rig, driven, read, angles, links)
-            orders = [[row.order - column.order for column in driven] for row in read]
+            places = [place_of(READ, signal.name, tips) for signal in outputs]
+            self._evaluate = _from_tips(rig, driven, places, angles, links)
+            orders = [[row.order - column.order for column in driven] for row in places]
         self._orders = np.array(orders)[..., None]
         width = sum(block.n * block.size for block in rig.blocks) * (1 + len(inputs)) + len(inputs) * len(outputs)
-        width += (sum(tip + 1 for tip in tips) + rig.leading) ** 2 if whole else 0
+        width += (sum(tip + 1 for tip in tips) + rig.leading) ** 2 if needs_structure else 0
         self._step = max(1, NUMBERS // width // (REPLICAS + 1))
 
-    def along(self, omega: Floats, tolerance: float = TOLERANCE, remainder: Floats | None = None) -> Complexes:
+    def response_at(self, omega: Floats, tolerance: float = TOLERANCE, remainder: Floats | None = None) -> Complexes:
         """G(iω) (p, m, W) at ω (W,) in rad/s, each entry to this relative error.
 
         Positive frequencies may be given as sums of two floats: `remainder` (W,) is what one leaves out, which is felt
         within some billionths of a resonance.
         At ω = 0 the limit, infinite where there is none.
         """
-        still = omega == 0
-        at = np.where(still, LIMIT * self.unit, np.abs(omega))
+        is_static = omega == 0
+        at = np.where(is_static, LIMIT * self.unit, np.abs(omega))
         response = self._displacements(at, tolerance, is_real=self.is_real, remainder=remainder)
         with np.errstate(all="ignore"):
             response *= np.array([1, 1j, -1, -1j])[self._orders % 4] * np.float_power(at, self._orders)
-        return _limits(np.where(omega < 0, np.conj(response), response), still, at)
+        return _limits(np.where(omega < 0, np.conj(response), response), is_static, at)
 
     def at(self, s: Complexes, tolerance: float = TOLERANCE) -> Complexes:
         """G(s) (p, m, W) at s (W,) in 1/s, each entry to this relative error."""
@@ -171,10 +171,10 @@ class ExactResponse:
         self, omega: Floats | Complexes, tolerance: float, *, is_real: bool, remainder: Floats | None = None
     ) -> Complexes:
         """Displacements and forces for displacements and forces."""
-        beyond = np.zeros(len(omega)) if remainder is None else remainder
+        remainders = np.zeros(len(omega)) if remainder is None else remainder
         spans = [slice(first, first + self._step) for first in range(0, len(omega), self._step)]
         responses = [
-            precise_values(self._evaluate, omega[span], is_real=is_real, tolerance=tolerance, remainder=beyond[span])
+            precise_values(self._evaluate, omega[span], is_real=is_real, tolerance=tolerance, remainder=remainders[span])
             for span in spans
         ]
         return (
@@ -182,27 +182,27 @@ class ExactResponse:
         )
 
 
-def is_whole(scene: Scene, inputs: Sequence[Signal | Dissipator]) -> bool:
+def needs_whole_structure(scene: Scene, inputs: Sequence[Signal | Dissipator]) -> bool:
     """Whether a scene is eliminated as a whole for these inputs, and not from the tips of its pendula."""
     leans = "constant_force" in scene.features
-    alone = any(
+    has_special_input = any(
         signal.kind not in PAIRS if isinstance(signal, Dissipator) else is_point(signal.name) for signal in inputs
     )
-    return scene.is_structured or scene.has_modal_damping or leans or alone
+    return scene.is_structured or scene.has_modal_damping or leans or has_special_input
 
 
-def _limits(response: Complexes, still: Any, at: Floats) -> Complexes:
+def _limits(response: Complexes, is_static: Any, at: Floats) -> Complexes:
     """At ω = 0 powers of the frequency that stands for it become 0 and infinity."""
-    if still.any():
+    if is_static.any():
         size, edge = np.abs(response), np.sqrt(at)
-        response = np.where(still & (size * edge > 1), np.inf, np.where(still & (size < edge), 0.0, response))
+        response = np.where(is_static & (size * edge > 1), np.inf, np.where(is_static & (size < edge), 0.0, response))
     return response
 
 
 def _from_tips(
     rig: Rig,
     driven: Sequence[SignalPlace],
-    read: Sequence[SignalPlace],
+    outputs: Sequence[SignalPlace],
     angles: LossAngles | None,
     links: Sequence[Ints],
 ) -> Evaluate:
@@ -224,17 +224,17 @@ def _from_tips(
             [angles.at(numbers.rates, of_block) for of_block in links] if angles else [None] * len(rig.blocks)
         )
         parts = zip(rig.blocks, loads, losses, strict=True)
-        every = [chain_response(block, of_block, rig.gravity, numbers, lost) for block, of_block, lost in parts]
+        chains = [chain_response(block, of_block, rig.gravity, numbers, losses) for block, of_block, losses in parts]
         nothing = 0 * numbers.omega
-        moved = np.array([nothing + place for place in _pivots(rig, every, driven, members, loads, numbers)])
+        pivots = np.array([nothing + place for place in _pivots(rig, chains, driven, members, loads, numbers)])
         rows = []
-        for row in read:
+        for row in outputs:
             if row.pendulum < 0:
-                rows.append(moved)
+                rows.append(pivots)
                 continue
             block, column = members[row.pendulum]
-            values = _read(every[block], column, row, numbers)
-            G = values[0] * moved
+            values = _output_of(chains[block], column, row, numbers)
+            G = values[0] * pivots
             for k, place in enumerate(driven):
                 if place.pendulum == row.pendulum:
                     G[k] = G[k] + values[1 + loads[block].index((place.what, place.link))]
@@ -246,7 +246,7 @@ def _from_tips(
 
 def _pivots(
     rig: Rig,
-    every: Sequence[ChainResponse],
+    chains: Sequence[ChainResponse],
     driven: Sequence[SignalPlace],
     members: Sequence[tuple[int, int]],
     loads: Sequence[Sequence[Load]],
@@ -259,7 +259,7 @@ def _pivots(
     ground: Any = 1
     if rig.cart and not base:
         counts = (numbers.number(block.count[:, None]) for block in rig.blocks)
-        mass = np.sum([(count * place.mass).sum(0) for count, place in zip(counts, every, strict=True)], axis=0)
+        mass = np.sum([(count * place.mass).sum(0) for count, place in zip(counts, chains, strict=True)], axis=0)
         direct, inertial, ground = cart_of(rig.cart, mass, numbers)
     pivots: list[Any] = []
     for place in driven:
@@ -268,21 +268,21 @@ def _pivots(
             continue
         block, column = members[place.pendulum]
         load = loads[block].index((place.what, place.link))
-        pushed = inertial * every[block].inertial[column, load]
-        pivots.append(pushed + direct * every[block].direct[column, load] if place.what == FORCE else pushed)
+        response = inertial * chains[block].inertial[column, load]
+        pivots.append(response + direct * chains[block].direct[column, load] if place.what == FORCE else response)
     return pivots
 
 
-def _read(chain: ChainResponse, column: int, row: SignalPlace, numbers: Arithmetic) -> Any:
+def _output_of(chain: ChainResponse, column: int, row: SignalPlace, numbers: Arithmetic) -> Any:
     """An output for a displaced pivot, then for each load, (1 + L, W)."""
     if row.what == "pivot_force":
         square = numbers.omega * numbers.omega
-        passed = chain.direct[column] + square * chain.inertial[column]
-        return numbers.round_off(np.concatenate([(square * chain.mass[column])[None], passed]))
+        transmission = chain.direct[column] + square * chain.inertial[column]
+        return numbers.round_off(np.concatenate([(square * chain.mass[column])[None], transmission]))
     if row.what == "joint":
         return chain.joints[row.link + 1, column]
-    above = chain.angles[row.link - 1, column] if row.what == "rel" and row.link else 0
-    return chain.angles[row.link, column] - above
+    upper_angle = chain.angles[row.link - 1, column] if row.what == "rel" and row.link else 0
+    return chain.angles[row.link, column] - upper_angle
 
 
 class Term(NamedTuple):
@@ -330,20 +330,20 @@ def frequency_response(
     at, model = np.atleast_1d(np.asarray(omega, dtype=np.float64)), form.model
     rows = range(len(model.outputs)) if outputs is None else outputs
     columns = range(len(model.inputs)) if inputs is None else inputs
-    read, driven = [model.outputs[k] for k in rows], [model.inputs[k] for k in columns]
+    outputs_read, driven = [model.outputs[k] for k in rows], [model.inputs[k] for k in columns]
     scene, chosen = model.scene or form.modes.scene, np.ix_(rows, columns)
     s = np.asarray(1j * at, dtype=np.complex128)
-    eliminated = not is_whole(scene, driven) or is_small(scene) or scene.has_losses
+    is_eliminated = not needs_whole_structure(scene, driven) or is_small(scene) or scene.has_losses
     response = np.repeat(model.D[chosen][..., None], len(at), axis=2).astype(np.complex128)
-    if eliminated:
-        response = ExactResponse(scene, driven, read).along(at, tolerance, remainder)
+    if is_eliminated:
+        response = ExactResponse(scene, driven, outputs_read).response_at(at, tolerance, remainder)
     for term in terms(form):
-        above, below = term._replace(N1=term.N1[chosen], N0=term.N0[chosen]).at(s)
-        pole = below == 0
-        if not eliminated:
-            response += above / np.where(pole, 1.0, below)
+        numerator, denominator = term._replace(N1=term.N1[chosen], N0=term.N0[chosen]).at(s)
+        pole = denominator == 0
+        if not is_eliminated:
+            response += numerator / np.where(pole, 1.0, denominator)
         if not scene.has_losses:
-            response[(above != 0) & pole & (not eliminated or at != 0)] = np.inf
+            response[(numerator != 0) & pole & (not is_eliminated or at != 0)] = np.inf
     return response
 
 
@@ -394,12 +394,12 @@ def response_table(
     if to == "csv":
         return as_csv(records)
     headings = ("f (Hz)", "output", "unit", "magnitude", *["±"] * (spread is not None), "dB", "phase (°)")
-    cells = [[_shown(value) for value in record.values()] for record in records]
+    cells = [[_value_text(value) for value in record.values()] for record in records]
     what = f"response to {driven.name} ({driven.unit})"
     return titled(title_of(form.modes.scene), what, [grid(cells, headings)], "text")
 
 
-def _shown(value: str | float) -> str:
+def _value_text(value: str | float) -> str:
     return value if isinstance(value, str) else f"{value:.6g}" if np.isfinite(value) else "–"
 
 
@@ -422,10 +422,10 @@ def impulse_table(form: ModalForm, source: int, outputs: Sequence[int], to: str)
         return as_json({"input": driven.name, "unit": units, "time_s": times.tolist(), "response": values})
     if to == "csv":
         names = ("time_s", "output", "unit", "response")
-        every = ((t, signals[k].name, h[k, at]) for k in outputs for at, t in enumerate(times.tolist()))
-        return as_csv([dict(zip(names, (t, name, units[name], value), strict=True)) for t, name, value in every])
+        records = ((t, signals[k].name, h[k, at]) for k in outputs for at, t in enumerate(times.tolist()))
+        return as_csv([dict(zip(names, (t, name, units[name], value), strict=True)) for t, name, value in records])
     headings = ("t (s)", *(f"{name} ({unit})" for name, unit in units.items()))
-    cells = [[f"{t:.6g}", *map(_shown, h[list(outputs), at].tolist())] for at, t in enumerate(times.tolist())]
+    cells = [[f"{t:.6g}", *map(_value_text, h[list(outputs), at].tolist())] for at, t in enumerate(times.tolist())]
     what = f"impulse response to {driven.name} ({driven.unit})"
     return titled(title_of(form.modes.scene), what, [grid(cells, headings)], "text")
 
@@ -439,8 +439,8 @@ def impulse_response(form: ModalForm, times: ArrayLike) -> Floats:
     t = np.atleast_1d(np.asarray(times, dtype=np.float64))
     response = np.zeros((*form.model.D.shape, len(t)))
     for block, B, C in zip(form.blocks, form.inputs, form.outputs, strict=True):
-        even, odd, a = _evolution(block, t)
-        response += (C @ B)[..., None] * even + (C @ (block.A @ B - a * B))[..., None] * odd
+        cosine, sine, a = _evolution(block, t)
+        response += (C @ B)[..., None] * cosine + (C @ (block.A @ B - a * B))[..., None] * sine
     return response
 
 

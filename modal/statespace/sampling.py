@@ -29,7 +29,7 @@ from modal.errors import ComputationError, SceneError
 from modal.report import Displayed
 from modal.scene import Scene, validate_scene
 from modal.scene.doors import checked_number
-from modal.statespace.model import StateSpace, assembled
+from modal.statespace.model import StateSpace, assemble
 from modal.statespace.signals import Signal
 from modal.types import Floats
 
@@ -70,32 +70,32 @@ def reach(A: Floats) -> float:
     return float(np.linalg.norm(scipy.linalg.matrix_balance(A, permute=False)[0], 1)) if A.size else 0.0
 
 
-def _held(model: StateSpace, dt: float) -> tuple[Floats, ...]:
+def _zero_order_hold(model: StateSpace, dt: float) -> tuple[Floats, ...]:
     n, m = model.B.shape
-    whole = np.zeros((n + m, n + m))
-    whole[:n] = np.hstack([model.A, model.B]) * dt
-    top = _exponential(whole)[:n]
+    matrix = np.zeros((n + m, n + m))
+    matrix[:n] = np.hstack([model.A, model.B]) * dt
+    top = _exponential(matrix)[:n]
     return top[:, :n], top[:, n:], model.C, model.D
 
 
 def _linear(model: StateSpace, dt: float) -> tuple[Floats, ...]:
     n, m = model.B.shape
-    whole = np.zeros((n + 2 * m, n + 2 * m))
-    whole[:n, : n + m] = np.hstack([model.A, model.B]) * dt
-    whole[n : n + m, n + m :] = np.eye(m)
-    phi, gamma, ahead = np.split(_exponential(whole)[:n], [n, n + m], axis=1)
-    return phi, gamma + phi @ ahead - ahead, model.C, model.D + model.C @ ahead
+    matrix = np.zeros((n + 2 * m, n + 2 * m))
+    matrix[:n, : n + m] = np.hstack([model.A, model.B]) * dt
+    matrix[n : n + m, n + m :] = np.eye(m)
+    phi, gamma, next_gamma = np.split(_exponential(matrix)[:n], [n, n + m], axis=1)
+    return phi, gamma + phi @ next_gamma - next_gamma, model.C, model.D + model.C @ next_gamma
 
 
 def _trapezoidal(model: StateSpace, dt: float) -> tuple[Floats, ...]:
     n = len(model.A)
     half = model.A * (dt / 2)
-    solved = _solved(np.eye(n) - half, np.hstack([np.eye(n) + half, model.B * dt]))
-    C = _solved((np.eye(n) - half).T, model.C.T).T
-    return solved[:, :n], solved[:, n:], C, model.D + C @ model.B * (dt / 2)
+    solution = _solve(np.eye(n) - half, np.hstack([np.eye(n) + half, model.B * dt]))
+    C = _solve((np.eye(n) - half).T, model.C.T).T
+    return solution[:, :n], solution[:, n:], C, model.D + C @ model.B * (dt / 2)
 
 
-def _solved(matrix: Floats, right: Floats) -> Floats:
+def _solve(matrix: Floats, right: Floats) -> Floats:
     return np.asarray(np.linalg.solve(matrix, right), dtype=np.float64)
 
 
@@ -103,11 +103,11 @@ def _exponential(matrix: Floats) -> Floats:
     """The exponential of a matrix, with rows and columns scaled by powers of two so that units cost no digits."""
     if not matrix.size:
         return matrix
-    balanced, (scale, _) = scipy.linalg.matrix_balance(matrix, permute=False, separate=True)
-    return np.asarray(scale[:, None] * scipy.linalg.expm(balanced) / scale, dtype=np.float64)
+    balanced_matrix, (scale, _) = scipy.linalg.matrix_balance(matrix, permute=False, separate=True)
+    return np.asarray(scale[:, None] * scipy.linalg.expm(balanced_matrix) / scale, dtype=np.float64)
 
 
-METHODS = {"zoh": _held, "foh": _linear, "tustin": _trapezoidal}
+METHODS = {"zoh": _zero_order_hold, "foh": _linear, "tustin": _trapezoidal}
 
 
 # ------------------------------------------------------------------------------------------------- along a hoist
@@ -168,16 +168,16 @@ def varying_model(
     ]
     if problems:
         raise SceneError(problems)
-    along = instants(scene)
+    instant_at = instants(scene)
 
     def model(time: float) -> StateSpace:
-        return assembled(scene.at(time), along(time), inputs, outputs)
+        return assemble(scene.at(time), instant_at(time), inputs, outputs)
 
     first = model(float(at[0]))
     if len(at) * (first.A.size + first.B.size) > MOST_NUMBERS:
         raise ComputationError(f"a model of {len(first.A)} states at {len(at)} times is too large: use fewer times")
-    each = [first, *map(model, at[1:].tolist())]
-    A, B, C, D = (np.array([getattr(sampled, name) for sampled in each]) for name in "ABCD")
+    models = [first, *map(model, at[1:].tolist())]
+    A, B, C, D = (np.array([getattr(sample, name) for sample in models]) for name in "ABCD")
     return VaryingModel(
         at, A, B, _constant(C), _constant(D), first.states, first.inputs, first.outputs, scene.title,
         first.operating_point, scene,

@@ -43,7 +43,7 @@ from modal.report import Displayed, Summary, counted, tabulated
 from modal.scene import Scene, refusals, validate_scene
 from modal.scene.doors import checked, checked_index, require_type
 from modal.statespace.geometry import coordinates_of
-from modal.statespace.model import fixed
+from modal.statespace.model import without_carrier
 from modal.structure import structure_of
 from modal.types import Booleans, Complexes, Floats
 
@@ -110,9 +110,9 @@ class Shaper(Displayed):
         parts = (a * np.interp(t - at, t, u, left=0.0) for at, a in zip(self.times, self.amplitudes, strict=True))
         return np.asarray(sum(parts), dtype=np.float64)
 
-    def __mul__(self, other: Shaper) -> Shaper:
+    def __mul__(self, second: Shaper) -> Shaper:
         """The convolution of two shapers of one step, which suppresses the modes of both."""
-        return Shaper(*_convolved(self.train, other.train, self.step), self.step)
+        return Shaper(*_convolve(self.train, second.train, self.step), self.step)
 
 
 def shaper(swings: Sequence[DampedSwing], kind: Kind = "zv", step: float = 0.0, tolerance: float = TOLERANCE) -> Shaper:
@@ -144,9 +144,9 @@ def shaper_for(
     """The `shaper` for `count` of the modes found by `swings_of`, from index `first` on."""
     swings = swings_of(scene, drive)
     if not 0 <= first < first + count <= len(swings):
-        excited = counted(len(swings), "mode", "modes")
+        mode_words = counted(len(swings), "mode", "modes")
         place = f" from index {first}" if first else ""
-        raise ComputationError(f"count {count}{place}: this drive excites {excited}")
+        raise ComputationError(f"count {count}{place}: this drive excites {mode_words}")
     return shaper(swings[first : first + count], kind, step, tolerance)
 
 
@@ -175,20 +175,20 @@ def swing_rows(scene: Scene, drive: Drive) -> tuple[Modes, list[int]]:
         problems = ["support: a shaper needs a coordinate that a force moves, and all supports are fixed"]
     if problems:
         raise SceneError(problems)
-    pushed = drive not in HELD
-    modes = natural_modes(scene if pushed else fixed(scene))
-    every = list(modes)
-    if growing := next((mode for mode in every if mode.growth_rate), None):
+    is_force = drive not in HELD
+    modes = natural_modes(scene if is_force else without_carrier(scene))
+    all_modes = list(modes)
+    if growing := next((mode for mode in all_modes if mode.growth_rate), None):
         raise ComputationError(
             f"the equilibrium is unstable, with a growth rate of {growing.growth_rate:.4g} "
             "1/s: no shaper can suppress that"
         )
-    excited = _excited(modes, drives.index(drive)) if scene.is_structured and pushed else None
+    excited_modes = _excited_modes(modes, drives.index(drive)) if scene.is_structured and is_force else None
     return modes, [
         mode.number - 1
-        for mode in every
+        for mode in all_modes
         if mode.oscillates
-        and (not pushed or (mode.cart_participation if excited is None else excited[mode.number - 1]))
+        and (not is_force or (mode.cart_participation if excited_modes is None else excited_modes[mode.number - 1]))
     ]
 
 
@@ -211,35 +211,35 @@ def usual_drive(scene: Scene) -> Drive:
     return HELD[0] if HELD[0] in drives or not drives else drives[0]
 
 
-def _excited(modes: Modes, coordinate: int) -> Booleans:
+def _excited_modes(modes: Modes, coordinate: int) -> Booleans:
     """Which modes (R,) move a coordinate of the structure, whose own force then excites them."""
-    moved = np.zeros(len(modes))
+    amplitudes = np.zeros(len(modes))
     shapes = modes.matrix
     np.maximum.at(
-        moved, shapes.row, np.abs(shapes.shapes[coordinate]) * np.sqrt(modes.matrices.M[coordinate, coordinate])
+        amplitudes, shapes.row, np.abs(shapes.shapes[coordinate]) * np.sqrt(modes.matrices.M[coordinate, coordinate])
     )
-    return np.asarray(moved > REACHED, dtype=np.bool_)
+    return np.asarray(amplitudes > REACHED, dtype=np.bool_)
 
 
 @checked
 def swing_words(scene: Scene, count: int = 1, drive: Drive = "cart_acceleration") -> Iterator[str]:
     """The assumptions of a shaper for the `count` slowest modes, then a line for each, with the table's mode."""
     modes, rows = swing_rows(scene, drive)
-    pushed, told = drive not in HELD, scene.n_links <= MOST_COMPARED
-    beside = [""] * len(modes) if pushed or not told else _beside(modes, natural_modes(scene))
+    is_force, has_table = drive not in HELD, scene.n_links <= MOST_COMPARED
+    similar_modes = [""] * len(modes) if is_force or not has_table else _similar_modes(modes, natural_modes(scene))
     yield ASSUMED.get(drive) or f"{drive}: what it pushes swings with all that the structure carries, as in the table"
     for number, (row, mode) in enumerate(zip(rows[:count], modes.rows(rows[:count]), strict=True), start=1):
-        name = f"mode {mode.number}" if pushed else f"fixed-base mode {number}"
-        yield f"{name}: {mode.omega:.9g} rad/s, damping ratio {mode.damping_ratio:.4g}{beside[row]}"
+        name = f"mode {mode.number}" if is_force else f"fixed-base mode {number}"
+        yield f"{name}: {mode.omega:.9g} rad/s, damping ratio {mode.damping_ratio:.4g}{similar_modes[row]}"
 
 
-def _beside(modes: Modes, table: Modes) -> list[str]:
+def _similar_modes(modes: Modes, table: Modes) -> list[str]:
     """For every fixed-base mode the most similar mode of the table, with a free cart."""
-    excited = _excited(table, 0) if table.rig.structure else None
+    excited_modes = _excited_modes(table, 0) if table.rig.structure else None
     moving = {
         mode.number - 1: mode
         for mode in table
-        if mode.oscillates and (mode.cart_participation if excited is None else excited[mode.number - 1])
+        if mode.oscillates and (mode.cart_participation if excited_modes is None else excited_modes[mode.number - 1])
     }
     if not moving:
         return [""] * len(modes)
@@ -251,8 +251,8 @@ def residual_vibration(shaper: Shaper, omega: ArrayLike, zeta: ArrayLike = 0.0) 
     """V(ω, ζ): amplitude left after the last impulse over that after a single one at the start; 0 ≤ ζ < 1."""
     w, z = np.broadcast_arrays(np.asarray(omega, dtype=np.float64), np.asarray(zeta, dtype=np.float64))
     exponent = (z + 1j * np.sqrt((1 - z) * (1 + z))) * w
-    left = np.exp(exponent[..., None] * shaper.times) @ shaper.amplitudes
-    return np.asarray(np.abs(left) * np.exp(-z * w * shaper.duration), dtype=np.float64)
+    remainder = np.exp(exponent[..., None] * shaper.times) @ shaper.amplitudes
+    return np.asarray(np.abs(remainder) * np.exp(-z * w * shaper.duration), dtype=np.float64)
 
 
 def insensitivity(shaper: Shaper, swing: DampedSwing, tolerance: float = TOLERANCE) -> tuple[float, float]:
@@ -316,8 +316,8 @@ def over_length(scene: Scene, lengths: ArrayLike, pendulum: int = 0, link: int =
     checked_index("link", link, 0, len(entry.links) - 1)
     scenes = []
     for length in np.asarray(lengths, dtype=np.float64).tolist():
-        changed = entry.links[link].replace(length=length)
-        links = (*entry.links[:link], changed, *entry.links[link + 1 :])
+        new_link = entry.links[link].replace(length=length)
+        links = (*entry.links[:link], new_link, *entry.links[link + 1 :])
         pendula = list(scene.pendulum)
         pendula[pendulum] = entry.replace(links=links)
         scenes.append(scene.replace(pendulum=tuple(pendula)))
@@ -338,17 +338,17 @@ def _single(swing: DampedSwing, kind: Kind, step: float, tolerance: float) -> Sh
     half = _half_period(s, step)
     if kind == "ei":
         return _tolerant(swing, half, step, tolerance)
-    return _weighted((1.0, 1.0) if kind == "zv" else (1.0, 2.0, 1.0), half, step)
+    return _sum_of_powers((1.0, 1.0) if kind == "zv" else (1.0, 2.0, 1.0), half, step)
 
 
-def _weighted(weights: Sequence[float], half: Train, step: float) -> Shaper:
+def _sum_of_powers(weights: Sequence[float], half: Train, step: float) -> Shaper:
     """Σ w_k of the k-fold convolution of what stands for half a period, divided by the sum of all amplitudes."""
     power, trains = (np.zeros(1), np.ones(1)), []
     for weight in weights:
         trains.append((power[0], weight * power[1]))
-        power = _convolved(power, half, step)
+        power = _convolve(power, half, step)
     times, amplitudes = (np.concatenate(parts) for parts in zip(*trains, strict=True))
-    times, amplitudes = _merged((times, amplitudes), step)
+    times, amplitudes = _merge((times, amplitudes), step)
     return Shaper(times, amplitudes / amplitudes.sum(), step)
 
 
@@ -356,15 +356,15 @@ def _tolerant(swing: DampedSwing, half: Train, step: float, tolerance: float) ->
     """Weights (1 + v, 2(1 − v), 1 + v) with the v that makes the hump of V between its two zeros `tolerance`."""
     v, omega = tolerance, swing.omega * np.linspace(0.5, 1.5, HUMP)
     for _ in range(HUMP_STEPS):
-        made = _weighted((1 + v, 2 * (1 - v), 1 + v), half, step)
-        left = residual_vibration(made, omega, swing.zeta)
-        humps = 1 + np.flatnonzero((left[1:-1] >= left[:-2]) & (left[1:-1] > left[2:]))
+        shaper = _sum_of_powers((1 + v, 2 * (1 - v), 1 + v), half, step)
+        residuals = residual_vibration(shaper, omega, swing.zeta)
+        humps = 1 + np.flatnonzero((residuals[1:-1] >= residuals[:-2]) & (residuals[1:-1] > residuals[2:]))
         if not humps.size:
             raise ComputationError("a mode so strongly damped has no EI shaper")
         at = humps[np.abs(omega[humps] - swing.omega).argmin()]
-        below, top, above = left[at - 1 : at + 2]
-        v *= tolerance / (top + (above - below) ** 2 / (8 * (2 * top - above - below)))
-    return made
+        previous, peak, following = residuals[at - 1 : at + 2]
+        v *= tolerance / (peak + (following - previous) ** 2 / (8 * (2 * peak - following - previous)))
+    return shaper
 
 
 def _half_period(s: complex, step: float) -> Train:
@@ -387,8 +387,8 @@ def _unity_magnitude(s: complex, step: float) -> Train:
         raise ComputationError("a mode so strongly damped has no UM shaper")
     if not step:
         return np.array([0.0, second, third]), np.array([1.0, -1.0, 1.0])
-    for before, after in product((0, -1, 1), repeat=2):
-        ticks = np.array([floor(second / step) + before, floor(third / step) + after])
+    for shift, second_shift in product((0, -1, 1), repeat=2):
+        ticks = np.array([floor(second / step) + shift, floor(third / step) + second_shift])
         if not 0 < ticks[0] < ticks[1]:
             continue
         early, late = np.exp(s * step * ticks), np.exp(s * step * (ticks + 1))
@@ -396,7 +396,7 @@ def _unity_magnitude(s: complex, step: float) -> Train:
         if (shares >= 0).all() and (shares <= 1).all():
             a, b = shares
             times = step * np.array([0, ticks[0], ticks[0] + 1, ticks[1], ticks[1] + 1])
-            return _merged((times, np.array([1.0, a - 1, -a, 1 - b, b])), step)
+            return _merge((times, np.array([1.0, a - 1, -a, 1 - b, b])), step)
     raise ComputationError(f"step {step:g}: is too long for a UM shaper of a mode of {s.imag:g} rad/s")
 
 
@@ -405,11 +405,11 @@ def _real_weights(vectors: Complexes, target: complex) -> Floats:
     return np.linalg.solve(np.array([vectors.real, vectors.imag]), [np.real(target), np.imag(target)])
 
 
-def _convolved(first: Train, second: Train, step: float) -> Train:
-    return _merged((np.add.outer(first[0], second[0]).ravel(), np.outer(first[1], second[1]).ravel()), step)
+def _convolve(first: Train, second: Train, step: float) -> Train:
+    return _merge((np.add.outer(first[0], second[0]).ravel(), np.outer(first[1], second[1]).ravel()), step)
 
 
-def _merged(train: Train, step: float) -> Train:
+def _merge(train: Train, step: float) -> Train:
     """In ascending order, those at one sample together, without empty ones."""
     times, amplitudes = train
     if step:

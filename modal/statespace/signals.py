@@ -67,7 +67,9 @@ def _link_forces(geometry: Geometry) -> InputGroup:
 
 
 def _coordinate_forces(geometry: Geometry) -> InputGroup:
-    signals = [Signal(each.force, each.force_unit, each.pushed) for each in geometry.coordinates]
+    signals = [
+        Signal(coordinate.force, coordinate.force_unit, coordinate.pushed) for coordinate in geometry.coordinates
+    ]
     return InputGroup(signals, np.eye(geometry.size)[:, : len(signals)], _nothing(geometry, len(signals)))
 
 
@@ -119,12 +121,12 @@ class OutputGroup(NamedTuple):
     pushed: bool = False
     translation: Floats | None = None
     pulls: Floats | None = None
-    streamed: Floats | None = None
+    drag_part: Floats | None = None
 
     @property
     def carried(self) -> tuple[Floats | None, Floats | None, Floats | None]:
         """What the displacement, the velocity and the acceleration of the ground add, each (p,)."""
-        every = [None, self.streamed, None]
+        every = [None, self.drag_part, None]
         every[self.order] = self.translation
         return every[0], every[1], every[2]
 
@@ -134,7 +136,7 @@ class OutputGroup(NamedTuple):
         return 2 if self.acceleration is not None else 1 if self.rate is not None else 0
 
 
-def _named(prefix: str, unit: str, meaning: str, labels: tuple[str, ...]) -> list[Signal]:
+def _signals(prefix: str, unit: str, meaning: str, labels: tuple[str, ...]) -> list[Signal]:
     return [Signal(f"{prefix}_{label}", unit, meaning) for label in labels]
 
 
@@ -163,17 +165,17 @@ def _pivot_forces(geometry: Geometry) -> OutputGroup:
         Signal(f"pivot_force_{p}", "N", "horizontal force of a pendulum on its pivot") for p in _pendula(geometry)
     ]
     belongs = geometry.pendulum == np.unique(geometry.pendulum)[:, None]
-    weights, dragged = belongs * -geometry.mass, belongs * -geometry.drag
+    weights, drag_weights = belongs * -geometry.mass, belongs * -geometry.drag
     position, rate, inertia = _accelerations(geometry, geometry.centres, lambda rows: weights @ rows)
     if geometry.drag.any():
-        rate = dragged @ geometry.centres + (0.0 if rate is None else rate)
-        position = None if geometry.rate is None else position + dragged @ geometry.rate
+        rate = drag_weights @ geometry.centres + (0.0 if rate is None else rate)
+        position = None if geometry.rate is None else position + drag_weights @ geometry.rate
     if geometry.pulls.any():
         stiffness, damping = _springs_by(geometry, geometry.pulls)
         position = stiffness if position is None else position + stiffness
         rate = damping if rate is None else rate + damping
-    streamed = dragged.sum(1) if geometry.drag.any() else None
-    return OutputGroup(signals, position, rate, inertia, True, weights.sum(1), geometry.pulls, streamed)
+    drag_part = drag_weights.sum(1) if geometry.drag.any() else None
+    return OutputGroup(signals, position, rate, inertia, True, weights.sum(1), geometry.pulls, drag_part)
 
 
 def _springs_by(geometry: Geometry, weights: Floats) -> tuple[Floats, Floats]:
@@ -201,34 +203,38 @@ def _spring_forces(geometry: Geometry) -> OutputGroup:
 
 
 def _coordinates(geometry: Geometry) -> OutputGroup:
-    signals = [Signal(each.name, each.unit or "1", each.meaning) for each in geometry.coordinates]
+    signals = [
+        Signal(coordinate.name, coordinate.unit or "1", coordinate.meaning) for coordinate in geometry.coordinates
+    ]
     return OutputGroup(signals, np.eye(geometry.size)[: len(signals)], translation=_in_laboratory(geometry))
 
 
 def _coordinate_rates(geometry: Geometry) -> OutputGroup:
     signals = [
         Signal(
-            each.derivative(1),
-            f"{each.unit or '1'}/s",
-            "velocity of the cart" if each.is_cart else f"rate of the {each.meaning}",
+            coordinate.derivative(1),
+            f"{coordinate.unit or '1'}/s",
+            "velocity of the cart" if coordinate.is_cart else f"rate of the {coordinate.meaning}",
         )
-        for each in geometry.coordinates
+        for coordinate in geometry.coordinates
     ]
     return OutputGroup(signals, rate=np.eye(geometry.size)[: len(signals)], translation=_in_laboratory(geometry))
 
 
 def _in_laboratory(geometry: Geometry) -> Floats:
     """What the ground's motion adds: to the position of one cart alone, which is that in the laboratory."""
-    return np.array([float(each.is_cart) for each in geometry.coordinates])
+    return np.array([float(coordinate.is_cart) for coordinate in geometry.coordinates])
 
 
 def _coordinate_accelerations(geometry: Geometry) -> OutputGroup:
     signals = [
-        Signal(each.derivative(2), f"{each.unit or '1'}/s^2", f"second derivative of the {each.meaning}")
-        for each in geometry.coordinates
+        Signal(
+            coordinate.derivative(2), f"{coordinate.unit or '1'}/s^2", f"second derivative of the {coordinate.meaning}"
+        )
+        for coordinate in geometry.coordinates
     ]
-    along = np.array([each.along for each in geometry.coordinates])
-    return OutputGroup(signals, acceleration=np.eye(geometry.size)[: len(signals)], translation=along)
+    rail_parts = np.array([coordinate.along for coordinate in geometry.coordinates])
+    return OutputGroup(signals, acceleration=np.eye(geometry.size)[: len(signals)], translation=rail_parts)
 
 
 def _pendula(geometry: Geometry) -> range:
@@ -239,14 +245,14 @@ Group = TypeVar("Group", InputGroup, OutputGroup)
 READINGS: dict[str, Callable[[Geometry], OutputGroup]] = {
     "cart_position": _coordinates,
     "cart_velocity": _coordinate_rates,
-    "angles": lambda g: OutputGroup(_named("theta", "rad", "angle from equilibrium", g.labels), g.angles),
-    "rates": lambda g: OutputGroup(_named("theta_dot", "rad/s", "rate of the angle", g.labels), rate=g.angles),
-    "relative_angles": lambda g: OutputGroup(_named("rel", "rad", "angle to the link above", g.labels), g.relative),
+    "angles": lambda g: OutputGroup(_signals("theta", "rad", "angle from equilibrium", g.labels), g.angles),
+    "rates": lambda g: OutputGroup(_signals("theta_dot", "rad/s", "rate of the angle", g.labels), rate=g.angles),
+    "relative_angles": lambda g: OutputGroup(_signals("rel", "rad", "angle to the link above", g.labels), g.relative),
     "relative_rates": lambda g: OutputGroup(
-        _named("rel_dot", "rad/s", "rate of that angle", g.labels), rate=g.relative
+        _signals("rel_dot", "rad/s", "rate of that angle", g.labels), rate=g.relative
     ),
     "joint_positions": lambda g: OutputGroup(
-        _named("joint", "m", "horizontal position of a lower joint", g.labels),
+        _signals("joint", "m", "horizontal position of a lower joint", g.labels),
         g.joints,
         translation=np.ones(len(g.labels)),
     ),
@@ -268,28 +274,28 @@ OUTPUTS = tuple(name for name in READINGS if name not in OF_STRUCTURES | OF_SPRI
 
 def by_name(groups: Mapping[str, Callable[[Geometry], Group]], geometry: Geometry) -> dict[str, tuple[Group, int]]:
     """Every signal of these groups by its name: its group, and where it is there."""
-    every = (make(geometry) for make in groups.values())
-    return {signal.name: (group, k) for group in every for k, signal in enumerate(group.signals)}
+    all_groups = (make(geometry) for make in groups.values())
+    return {signal.name: (group, k) for group in all_groups for k, signal in enumerate(group.signals)}
 
 
 def pushes_in(geometry: Geometry, name: str) -> InputGroup:
     """A group of inputs, or the one on a coordinate of a structure by its name."""
     if name in PUSHES:
         return PUSHES[name](geometry)
-    every, k = by_name(PUSHES, geometry)[name]
-    return InputGroup([every.signals[k]], every.F[:, [k]], every.thrust[:, [k]])
+    group, k = by_name(PUSHES, geometry)[name]
+    return InputGroup([group.signals[k]], group.F[:, [k]], group.thrust[:, [k]])
 
 
 def reading_in(geometry: Geometry, name: str) -> OutputGroup:
     """A group of outputs, or one of the signals of a structure by its name."""
     if name in READINGS:
         return READINGS[name](geometry)
-    every, k = by_name(READINGS, geometry)[name]
-    position, rate, second, moved = (
+    group, k = by_name(READINGS, geometry)[name]
+    position, rate, second, translation = (
         None if part is None else part[[k]]
-        for part in (every.position, every.rate, every.acceleration, every.translation)
+        for part in (group.position, group.rate, group.acceleration, group.translation)
     )
-    return OutputGroup([every.signals[k]], position, rate, second, translation=moved)
+    return OutputGroup([group.signals[k]], position, rate, second, translation=translation)
 
 
 def _named_readings(geometry: Geometry) -> list[OutputGroup]:
@@ -301,10 +307,10 @@ def _named_readings(geometry: Geometry) -> list[OutputGroup]:
 
 def own_inputs(geometry: Geometry) -> tuple[str, ...]:
     """The names of the inputs on single coordinates of a structure."""
-    return tuple(each.force for each in _own(geometry))
+    return tuple(coordinate.force for coordinate in _named_coordinates(geometry))
 
 
-def _own(geometry: Geometry) -> tuple[StructureCoordinate, ...]:
+def _named_coordinates(geometry: Geometry) -> tuple[StructureCoordinate, ...]:
     """The coordinates with signals of their own names."""
     return geometry.coordinates if geometry.is_structured else ()
 
@@ -323,8 +329,8 @@ def outputs_of(geometry: Geometry) -> tuple[str, ...]:
 
 def own_signals(geometry: Geometry) -> frozenset[str]:
     """The names of all signals that a structure has by itself, those of states among them."""
-    states = [each.derivative(1).replace("_dot", "_dot_free") for each in _own(geometry)]
-    states += [f"{each.name}_free" for each in _own(geometry)]
+    states = [coordinate.derivative(1).replace("_dot", "_dot_free") for coordinate in _named_coordinates(geometry)]
+    states += [f"{coordinate.name}_free" for coordinate in _named_coordinates(geometry)]
     return frozenset((*own_inputs(geometry), *own_outputs(geometry), *states))
 
 
@@ -335,22 +341,24 @@ def own_outputs(geometry: Geometry) -> tuple[str, ...]:
 
 def validate_signals(
     words: tuple[str, ...],
-    known: tuple[str, ...],
+    known_names: tuple[str, ...],
     what: str,
     geometry: Geometry,
     *,
-    more: Callable[[str], bool] = lambda word: False,
-    written: str = "",
+    is_further: Callable[[str], bool] = lambda word: False,
+    examples: str = "",
 ) -> tuple[str, ...]:
     """The words themselves; SceneError names every one that is unknown, repeated, or needs what is not there.
 
-    `more` tells of further ones that are known, and `written` how these are.
+    `is_further` tells of further ones that are known, and `examples` how these are.
     """
     if isinstance(words, str):
         raise SceneError([f'{what} {words}: must be a tuple of names: ("{words}",)'])
-    there = ", ".join(known) + (f"; or {written}" if written else "")
-    unknown = [word for word in words if word not in known and not more(word) and not _lacks(word, geometry)]
-    problems = [f"{what} {word}: must be one of {there}{spelling_hint(word, known)}" for word in unknown]
+    choices = ", ".join(known_names) + (f"; or {examples}" if examples else "")
+    unknown = [
+        word for word in words if word not in known_names and not is_further(word) and not _lacks(word, geometry)
+    ]
+    problems = [f"{what} {word}: must be one of {choices}{spelling_hint(word, known_names)}" for word in unknown]
     problems += [f"{what} {word}: named twice" for word in dict.fromkeys(words) if words.count(word) > 1]
     problems += [f"{what} {word}: {why}" for word in words if (why := _lacks(word, geometry))]
     if problems:
@@ -361,9 +369,9 @@ def validate_signals(
 def _lacks(word: str, geometry: Geometry) -> str:
     """What a scene does not have that a word needs; "" where it has it."""
     if word in OF_A_CART and not geometry.on_cart:
-        names = [each.force for each in geometry.coordinates]
+        names = [coordinate.force for coordinate in geometry.coordinates]
         return f"there is no cart alone: name one of {', '.join(names)}" if names else "the support is fixed"
-    if word in OF_STRUCTURES and not _own(geometry):
+    if word in OF_STRUCTURES and not _named_coordinates(geometry):
         return "the scene has no structure with coordinates of its own"
     if word in OF_SPRINGS and not geometry.springs:
         return "the scene has no springs between points"
@@ -406,11 +414,11 @@ def point_input(scene: Scene, name: str) -> PointInput:
     >>> [place.link for place in point_input(load("chain-2"), "force:pendulum[0].links[0]@0.5").places]
     [0, 1]
     """
-    listed = OF_SCENE.fullmatch(name)
-    if listed:
-        if int(listed[1]) >= len(scene.force):
+    match = OF_SCENE.fullmatch(name)
+    if match:
+        if int(match[1]) >= len(scene.force):
             raise SceneError([f"input {name}: the scene has {len(scene.force)} entries of force, numbered from 0"])
-        force = scene.force[int(listed[1])]
+        force = scene.force[int(match[1])]
         point = parse_point(force.on)
         carrier = point if isinstance(point, CarrierPoint) else None
         return PointInput(name, force.on, force.direction, tuple(places_of(scene, force.on)), carrier)
@@ -446,10 +454,10 @@ def validate_points(scene: Scene, names: Sequence[str]) -> None:
 
 def push_of(scene: Scene, geometry: Geometry, name: str) -> InputGroup:
     """The generalized forces of a group of inputs, or of an input at a point."""
-    return pushed(geometry, point_input(scene, name)) if is_point(name) else pushes_in(geometry, name)
+    return input_at_point(geometry, point_input(scene, name)) if is_point(name) else pushes_in(geometry, name)
 
 
-def pushed(geometry: Geometry, point: PointInput) -> InputGroup:
+def input_at_point(geometry: Geometry, point: PointInput) -> InputGroup:
     """The generalized force of an input at a point, and its external force on every pendulum.
 
     With the way n of a link's end per length and angle, cos θ along the rail and sin θ upwards, a force on link i has

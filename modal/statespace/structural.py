@@ -20,7 +20,7 @@ from modal.assembly import SPRING, Dissipator, Rig, loss_at, losses_of, ratio_at
 from modal.eigen import Arithmetic, Digits
 from modal.scene import Scene
 from modal.statespace.geometry import Geometry, geometry_of_rig
-from modal.statespace.model import fixed
+from modal.statespace.model import without_carrier
 from modal.statespace.signals import (
     PRESCRIBED,
     PUSHES,
@@ -28,9 +28,9 @@ from modal.statespace.signals import (
     OutputGroup,
     Signal,
     by_name,
+    input_at_point,
     is_point,
     point_input,
-    pushed,
 )
 from modal.types import Booleans, Floats
 
@@ -77,29 +77,29 @@ def loss_matrix(losses: Sequence[Dissipator], size: int, numbers: Arithmetic) ->
     return matrix
 
 
-def inputs_named(scene: Scene, geometry: Geometry, signals: Sequence[Signal | Dissipator]) -> list[Given]:
+def find_inputs(scene: Scene, geometry: Geometry, signals: Sequence[Signal | Dissipator]) -> list[Given]:
     """What these inputs are; KeyError for an unknown name."""
     none = np.zeros(geometry.size), np.zeros(len(geometry.tips))
-    every, pushes = by_name(PUSHES, geometry), []
-    for wanted in signals:
-        if isinstance(wanted, Dissipator):
-            pushes.append(Given(_dense(wanted, geometry.size), none[1]))
-        elif is_point(wanted.name):
-            at_point = pushed(geometry, point_input(scene, wanted.name))
+    groups, pushes = by_name(PUSHES, geometry), []
+    for signal in signals:
+        if isinstance(signal, Dissipator):
+            pushes.append(Given(_dense(signal, geometry.size), none[1]))
+        elif is_point(signal.name):
+            at_point = input_at_point(geometry, point_input(scene, signal.name))
             pushes.append(Given(at_point.F[:, 0], at_point.thrust[:, 0]))
-        elif wanted.name in PRESCRIBED:
-            held, order = PRESCRIBED[wanted.name]
-            pushes.append(Given(*none, "cart" if held else "ground", order))
+        elif signal.name in PRESCRIBED:
+            is_cart, order = PRESCRIBED[signal.name]
+            pushes.append(Given(*none, "cart" if is_cart else "ground", order))
         else:
-            group, k = every[wanted.name]
+            group, k = groups[signal.name]
             pushes.append(Given(group.F[:, k], group.thrust[:, k]))
     return pushes
 
 
-def outputs_named(geometry: Geometry, signals: Sequence[Signal]) -> list[Reading]:
+def find_outputs(geometry: Geometry, signals: Sequence[Signal]) -> list[Reading]:
     """What these outputs are; KeyError for an unknown name."""
-    every = by_name(READINGS, geometry)
-    return [_reading(*every[signal.name]) for signal in signals]
+    groups = by_name(READINGS, geometry)
+    return [_reading(*groups[signal.name]) for signal in signals]
 
 
 def _reading(group: OutputGroup, k: int) -> Reading:
@@ -115,7 +115,7 @@ def structural_response(
     geometry: Geometry,
     rig: Rig,
     driven: Sequence[Given],
-    read: Sequence[Reading],
+    outputs: Sequence[Reading],
     dampers: Any = None,
     losses: Sequence[Dissipator] = (),
 ) -> Callable[[Arithmetic], Any]:
@@ -124,7 +124,7 @@ def structural_response(
     `dampers` are those of modes (n, n), in decimals; `losses` are all loss angles.
     """
     pulling = [loss for loss in losses if loss.kind == SPRING]
-    held, pattern = int(any(push.moves == "cart" for push in driven)), _filled(rig)
+    n_prescribed, pattern = int(any(push.moves == "cart" for push in driven)), _nonzero_entries(rig)
     for loss in losses:
         pattern[np.ix_(list(loss.row), list(loss.row))] = True
     is_damped = rig.is_damped or dampers is not None
@@ -132,32 +132,32 @@ def structural_response(
     def evaluate(numbers: Arithmetic) -> Any:
         squares = scene_squares(rig, numbers.number)
         M, K, D = (matrix[..., None] for matrix in squares.matrices)
-        omega, felt = numbers.omega, numbers.round_off
+        omega, combine = numbers.omega, numbers.round_off
         square = omega * omega
         if dampers is not None:
             D = D + numbers.exact(dampers)[..., None]
         if losses:
             K = K + numbers.imaginary(loss_matrix(losses, len(K), numbers))
-        A = felt(K + numbers.imaginary(D) * omega - square * M if is_damped else K - square * M)
+        A = combine(K + numbers.imaginary(D) * omega - square * M if is_damped else K - square * M)
         zero, none = 0 * omega, 0 * A[:, :1]
-        moved = square * squares.momentum[:, None]
+        motion_force = square * squares.momentum[:, None]
         if geometry.drag.any():
-            moved = moved - numbers.imaginary(squares.windage[:, None]) * omega
+            motion_force = motion_force - numbers.imaginary(squares.windage[:, None]) * omega
         columns = [
-            moved if push.moves == "ground"
+            motion_force if push.moves == "ground"
             else -A[:, 0] if push.moves == "cart"
             else numbers.number(push.F)[:, None]
             for push in driven
         ]  # fmt: skip
         F = np.stack([column + none[:, 0] for column in columns], axis=1)
         q = np.array(F)
-        filled = None if dampers is not None else pattern[held:, held:]
-        q[held:] = solved(A[held:, held:], F[held:], numbers, filled)
-        if held:
+        is_nonzero = None if dampers is not None else pattern[n_prescribed:, n_prescribed:]
+        q[n_prescribed:] = solve_symmetric(A[n_prescribed:, n_prescribed:], F[n_prescribed:], numbers, is_nonzero)
+        if n_prescribed:
             q[0] = np.array([zero + int(push.moves == "cart") for push in driven])
-        carried = np.array([zero + int(push.moves == "ground") for push in driven])
-        read_off = _Answer(geometry, numbers, q, carried, is_damped=is_damped)
-        return np.array([felt(read_off.output(row, driven, pulling)) for row in read])
+        ground_motion = np.array([zero + int(push.moves == "ground") for push in driven])
+        read_off = _Answer(geometry, numbers, q, ground_motion, is_damped=is_damped)
+        return np.array([combine(read_off.output(row, driven, pulling)) for row in outputs])
 
     return evaluate
 
@@ -165,11 +165,11 @@ def structural_response(
 class _Answer:
     """The coordinates q (n, m, W) for every input, and whether each displaces the ground, `carried` (m, W)."""
 
-    def __init__(self, geometry: Geometry, numbers: Arithmetic, q: Any, carried: Any, *, is_damped: bool) -> None:
-        self.geometry, self.numbers, self.q, self.carried = geometry, numbers, q, carried
+    def __init__(self, geometry: Geometry, numbers: Arithmetic, q: Any, ground_motion: Any, *, is_damped: bool) -> None:
+        self.geometry, self.numbers, self.q, self.carried = geometry, numbers, q, ground_motion
         self.powers = [1, numbers.imaginary(numbers.omega) if is_damped else None, -(numbers.omega * numbers.omega)]
 
-    def along(self, row: Floats) -> Any:
+    def product(self, row: Floats) -> Any:
         """A row (q,) times q, (m, W)."""
         return (self.numbers.number(row)[:, None, None] * self.q).sum(0)
 
@@ -178,14 +178,16 @@ class _Answer:
         number, output = self.numbers.number, 0 * self.q[0]
         for order, part in enumerate(row.rows):
             if part is not None:
-                output = output + self.powers[order - row.order] * self.along(part)
+                output = output + self.powers[order - row.order] * self.product(part)
         translation, order = row.moved
         if translation:
             output = output + self.powers[order - row.order] * number(translation) * self.carried
         for spring in pulling if row.pulls is not None else ():
             pull = row.pulls[spring.number] * spring.stiffness  # type: ignore[index]
-            lost = number(pull * loss_at(spring.loss, self.numbers.rates)) * self.along(_dense(spring, len(self.q)))
-            output = output + self.numbers.imaginary(lost)
+            loss_part = number(pull * loss_at(spring.loss, self.numbers.rates)) * self.product(
+                _dense(spring, len(self.q))
+            )
+            output = output + self.numbers.imaginary(loss_part)
         return output if row.pendulum is None else self._on_pivot(output, row.pendulum, driven)
 
     def _on_pivot(self, output: Any, pendulum: int, driven: Sequence[Given]) -> Any:
@@ -194,36 +196,36 @@ class _Answer:
         for i in np.flatnonzero(geometry.pendulum == pendulum):
             if geometry.drag[i]:
                 output = output - self.powers[1] * number(geometry.drag[i]) * self.carried
-            moved = self.along(geometry.centres[i]) + self.carried
-            output = output - self.powers[2] * number(geometry.mass[i]) * moved
+            displacement = self.product(geometry.centres[i]) + self.carried
+            output = output - self.powers[2] * number(geometry.mass[i]) * displacement
         return output + number(np.array([push.thrust[pendulum] for push in driven]))[:, None]
 
 
-def _filled(rig: Rig) -> Booleans:
+def _nonzero_entries(rig: Rig) -> Booleans:
     """Which entries (n, n) of M, K or D are not 0: pendula meet in springs and the structure alone."""
     M, K, D = scene_squares(rig).matrices
     return np.asarray((M != 0) | (K != 0) | (D != 0))
 
 
-def solved(A: Any, F: Any, numbers: Arithmetic, filled: Booleans | None = None) -> Any:
+def solve_symmetric(A: Any, F: Any, numbers: Arithmetic, is_nonzero: Booleans | None = None) -> Any:
     """A⁻¹ F (n, m, W) of a symmetric A (n, n, W), the last row first.
 
-    `filled` (n, n) tells where A is not 0; None for anywhere.
+    `is_nonzero` (n, n) tells where A is not 0; None for anywhere.
     """
     A, F, size = np.array(A), np.array(F), len(A)
     rows, diagonal = [], [A[k, k] for k in range(size)]
-    there = None if filled is None else filled.copy()
+    fill_in = None if is_nonzero is None else is_nonzero.copy()
     for k in range(size - 1, -1, -1):
         P = numbers.pivot(A[k, k], diagonal[k])
-        at: Any = slice(k) if there is None else np.flatnonzero(there[k, :k])
-        block = (at, at) if there is None else np.ix_(at, at)
+        at: Any = slice(k) if fill_in is None else np.flatnonzero(fill_in[k, :k])
+        block = (at, at) if fill_in is None else np.ix_(at, at)
         row = numbers.round_off(A[k, at] / P)
         A[block] = numbers.round_off(A[block] - A[at, k][:, None] * row)
         F[at] = numbers.round_off(F[at] - row[:, None] * F[k])
         F[k] = numbers.round_off(F[k] / P)
         rows.append((at, row))
-        if there is not None:
-            there[block] = True
+        if fill_in is not None:
+            fill_in[block] = True
     for k, (at, row) in enumerate(rows[::-1]):
         if len(row):
             F[k] = numbers.round_off(F[k] - (row[:, None] * F[at]).sum(0))
@@ -236,13 +238,13 @@ def whole_response(
     """The evaluation (p, m, W) of a whole scene, with what its inputs and outputs are."""
     rig = rig_of(scene).on_structure
     geometry = geometry_of_rig(rig)
-    driven, read = inputs_named(scene, geometry, inputs), outputs_named(geometry, outputs)
+    driven, outputs_read = find_inputs(scene, geometry, inputs), find_outputs(geometry, outputs)
     dampers: Any = None
     if scene.has_modal_damping:
-        held = any(push.moves == "cart" for push in driven)
-        dampers = _below(in_digits(fixed(scene)), 1) if held else in_digits(scene)
+        is_prescribed = any(push.moves == "cart" for push in driven)
+        dampers = _pad_above(in_digits(without_carrier(scene)), 1) if is_prescribed else in_digits(scene)
     losses = losses_of(scene) if scene.has_losses else []
-    return structural_response(geometry, rig, driven, read, dampers, losses), driven, read
+    return structural_response(geometry, rig, driven, outputs_read, dampers, losses), driven, outputs_read
 
 
 def is_small(scene: Scene) -> bool:
@@ -264,20 +266,20 @@ def in_digits(scene: Scene) -> Any:
         if free:
             M, K = M[1:, 1:] - M[1:, :1] * M[:1, 1:] / M[0, 0], K[1:, 1:]
         square, momentum = _modes(M, K)
-        least = max(square).scaleb(-DIGITS // 2)
-        swings = [k for k, value in enumerate(square) if value > (least if rig.structure else 0)]
+        smallest = max(square).scaleb(-DIGITS // 2)
+        swings = [k for k, value in enumerate(square) if value > (smallest if rig.structure else 0)]
         omega = [square[k].sqrt() for k in swings]
         ratios = ratio_at(rig)(np.array(omega, dtype=np.float64))
         strength = [2 * Decimal(ratio) * value for ratio, value in zip(ratios.tolist(), omega, strict=True)]
         C = momentum[:, swings]
-        return _below((C * np.array(strength, dtype=object)) @ C.T, free)
+        return _pad_above((C * np.array(strength, dtype=object)) @ C.T, free)
 
 
-def _below(D: Any, rows: int) -> Any:
+def _pad_above(D: Any, rows: int) -> Any:
     """A square matrix with as many rows and columns of zeros before it."""
-    padded = np.full((len(D) + rows,) * 2, Decimal(0), dtype=object)
-    padded[rows:, rows:] = D
-    return padded
+    new_matrix = np.full((len(D) + rows,) * 2, Decimal(0), dtype=object)
+    new_matrix[rows:, rows:] = D
+    return new_matrix
 
 
 def _modes(M: Any, K: Any) -> tuple[list[Decimal], Any]:
@@ -289,9 +291,9 @@ def _modes(M: Any, K: Any) -> tuple[list[Decimal], Any]:
     L = _cholesky(K)
     assert L is not None
     inverse, V = _jacobi(_in_factors(L, M))
-    kept = [k for k, value in enumerate(inverse) if value > max(inverse).scaleb(-DIGITS // 2)]
-    roots = np.array([inverse[k].sqrt() for k in kept], dtype=object)
-    return [1 / inverse[k] for k in kept], (L @ V[:, kept]) * roots
+    numbers = [k for k, value in enumerate(inverse) if value > max(inverse).scaleb(-DIGITS // 2)]
+    roots = np.array([inverse[k].sqrt() for k in numbers], dtype=object)
+    return [1 / inverse[k] for k in numbers], (L @ V[:, numbers]) * roots
 
 
 def _cholesky(S: Any) -> Any:
@@ -324,12 +326,12 @@ def _jacobi(S: Any) -> tuple[list[Decimal], Any]:
     S, size = (S + S.T) / 2, len(S)
     V: Any = np.frompyfunc(Decimal, 1, 1)(np.eye(size))
     for _ in range(SWEEPS):
-        turned = False
+        has_rotated = False
         for i in range(size):
             for j in range(i + 1, size):
                 if abs(S[i, j]) <= (abs(S[i, i] * S[j, j])).sqrt().scaleb(3 - DIGITS):
                     continue
-                turned = True
+                has_rotated = True
                 tau = (S[j, j] - S[i, i]) / (2 * S[i, j])
                 t = (1 if tau >= 0 else -1) / (abs(tau) + (1 + tau * tau).sqrt())
                 c = 1 / (1 + t * t).sqrt()
@@ -337,6 +339,6 @@ def _jacobi(S: Any) -> tuple[list[Decimal], Any]:
                 S[i], S[j] = c * S[i] - s * S[j], s * S[i] + c * S[j]
                 S[:, i], S[:, j] = c * S[:, i] - s * S[:, j], s * S[:, i] + c * S[:, j]
                 V[:, i], V[:, j] = c * V[:, i] - s * V[:, j], s * V[:, i] + c * V[:, j]
-        if not turned:
+        if not has_rotated:
             break
     return [S[k, k] for k in range(size)], V

@@ -82,11 +82,11 @@ def transfer_functions(form: ModalForm) -> list[list[TransferFunction]]:
 
     Raises ComputationError for more than MOST_POLES poles: polynomials of such a degree say nothing.
     """
-    every = _terms(form)
-    if (poles := sum(2 if c[0] else 1 for c in every)) > MOST_POLES:
+    terms = _terms(form)
+    if (poles := sum(2 if c[0] else 1 for c in terms)) > MOST_POLES:
         raise ComputationError(f"transfer functions of {poles} poles: at most {MOST_POLES}")
     return [
-        [_one(form, every, row, column) for column in range(len(form.model.inputs))]
+        [_one(form, terms, row, column) for column in range(len(form.model.inputs))]
         for row in range(len(form.model.outputs))
     ]
 
@@ -104,52 +104,52 @@ def _terms(form: ModalForm) -> dict[tuple[float, float, float], Numerators]:
 
 
 def _one(
-    form: ModalForm, every: dict[tuple[float, float, float], Numerators], row: int, column: int
+    form: ModalForm, terms: dict[tuple[float, float, float], Numerators], row: int, column: int
 ) -> TransferFunction:
-    known_rates = {c: max(np.sqrt(abs(c[2])), abs(c[1])) for c in every}
+    known_rates = {c: max(np.sqrt(abs(c[2])), abs(c[1])) for c in terms}
     slowest = min(filter(None, known_rates.values()), default=1.0)
     rates = {c: rate or slowest for c, rate in known_rates.items()}
-    cleaned = {c: _clean(float(N1[row, column]), float(N0[row, column]), rates[c]) for c, (N1, N0) in every.items()}
-    sizes = {c: max(abs(n1), abs(n0) / rates[c]) for c, (n1, n0) in cleaned.items()}
+    clean_terms = {c: _clean(float(N1[row, column]), float(N0[row, column]), rates[c]) for c, (N1, N0) in terms.items()}
+    sizes = {c: max(abs(n1), abs(n0) / rates[c]) for c, (n1, n0) in clean_terms.items()}
     largest = max(sizes.values(), default=0.0)
-    kept = {c: cleaned[c] for c in cleaned if sizes[c] > NOTHING * largest}
+    significant_terms = {c: clean_terms[c] for c in clean_terms if sizes[c] > NOTHING * largest}
     d, static = float(form.model.D[row, column]), sum(size / rates[c] for c, size in sizes.items())
     d = d if abs(d) > NOTHING * static else 0.0
-    driven, read = form.model.inputs[column], form.model.outputs[row]
-    if not kept:
-        return TransferFunction(driven, read, _ascending([]), _ascending([]), d)
-    poles = np.array([pole for c in kept for pole in np.roots(np.trim_zeros(c, "f"))], dtype=np.complex128)
-    G = ExactResponse((form.model.scene or form.modes.scene).lossless, [driven], [read])
+    driven, output = form.model.inputs[column], form.model.outputs[row]
+    if not significant_terms:
+        return TransferFunction(driven, output, _ascending([]), _ascending([]), d)
+    poles = np.array([pole for c in significant_terms for pole in np.roots(np.trim_zeros(c, "f"))], dtype=np.complex128)
+    G = ExactResponse((form.model.scene or form.modes.scene).lossless, [driven], [output])
     moving = np.abs(poles[poles != 0])
     fast, slow = (float(end(moving)) if len(moving) else G.unit for end in (np.max, np.min))
     middle = np.sqrt(fast) * np.sqrt(slow) * np.exp(0.5j)
     *ends, gain = G.at(np.array([fast * FAR, 2 * fast * FAR, slow / FAR, 2 * slow / FAR, middle]))[0, 0]
     if not all(ends):
-        return TransferFunction(driven, read, _ascending([]), _ascending([]), 0.0)
-    fall, rise = (round(float(np.log2(abs(far / near)))) for near, far in (ends[:2], ends[2:]))
-    zeros = _exact(_zeros(kept, d, -fall), rise + int(np.sum(poles == 0)), G)
-    for factor in _interleaved(middle - poles, middle - zeros):
+        return TransferFunction(driven, output, _ascending([]), _ascending([]), 0.0)
+    fall, rise = (round(float(np.log2(abs(second / first)))) for first, second in (ends[:2], ends[2:]))
+    zeros = _exact(_zeros(significant_terms, d, -fall), rise + int(np.sum(poles == 0)), G)
+    for factor in _interleave(middle - poles, middle - zeros):
         gain *= factor
-    return TransferFunction(driven, read, _ascending(zeros), _ascending(poles), float(gain.real))
+    return TransferFunction(driven, output, _ascending(zeros), _ascending(poles), float(gain.real))
 
 
-def _interleaved(above: Complexes, below: Complexes) -> list[complex]:
+def _interleave(numerators: Complexes, denominators: Complexes) -> list[complex]:
     """Factors of a quotient in an order in which their product neither overflows nor underflows."""
-    size = max(len(above), len(below))
-    factors = (np.append(np.sort_complex(part), np.ones(size - len(part))) for part in (above, below))
+    size = max(len(numerators), len(denominators))
+    factors = (np.append(np.sort_complex(part), np.ones(size - len(part))) for part in (numerators, denominators))
     return [complex(upper / lower) for upper, lower in zip(*factors, strict=True)]
 
 
-def _exact(zeros: Complexes, still: int, G: ExactResponse) -> Complexes:
-    """The zeros made exact; as many of the smallest as `still` are 0."""
+def _exact(zeros: Complexes, n_static: int, G: ExactResponse) -> Complexes:
+    """The zeros made exact; as many of the smallest as `n_static` are 0."""
     exact = zeros[np.argsort(np.abs(zeros), kind="stable")]
-    exact[: max(still, 0)] = 0
+    exact[: max(n_static, 0)] = 0
     upper = np.flatnonzero((exact != 0) & (exact.imag >= 0))
     exact[upper] = _newton(exact[upper], G)
     for k in np.flatnonzero(exact.imag < 0).tolist():
-        apart = np.abs(exact[upper].conj() - exact[k])
-        if len(upper) and apart.min() <= MOVED * abs(exact[k]):
-            exact[k] = exact[upper][apart.argmin()].conj()
+        distances = np.abs(exact[upper].conj() - exact[k])
+        if len(upper) and distances.min() <= MOVED * abs(exact[k]):
+            exact[k] = exact[upper][distances.argmin()].conj()
     return exact
 
 
@@ -163,10 +163,10 @@ def _newton(start: Complexes, G: ExactResponse) -> Complexes:
             rough = np.tile(errors[: len(z)] > PRECISE * np.abs(values[len(z) :] - values[: len(z)]) / ASIDE, 2)
             if rough.any():
                 values[rough] = G.at(pairs[rough], PRECISE)[0, 0]
-        value, beside = np.split(values, 2)
+        value, neighbour_value = np.split(values, 2)
         with np.errstate(all="ignore"):
-            moved = z - value * (z * ASIDE) / (beside - value)
-        z = np.where(np.isfinite(moved), np.where(real, moved.real, moved), z)
+            new_z = z - value * (z * ASIDE) / (neighbour_value - value)
+        z = np.where(np.isfinite(new_z), np.where(real, new_z.real, new_z), z)
     return np.where(np.abs(z - start) <= MOVED * np.abs(start), z, start)
 
 
@@ -175,23 +175,23 @@ def _clean(n1: float, n0: float, rate: float) -> tuple[float, float]:
     return n1 if abs(n1) * rate > ROUNDING * abs(n0) else 0.0, n0 if abs(n0) > ROUNDING * abs(n1) * rate else 0.0
 
 
-def _zeros(kept: dict[tuple[float, float, float], tuple[float, float]], d: float, degree: int) -> Complexes:
+def _zeros(terms: dict[tuple[float, float, float], tuple[float, float]], d: float, degree: int) -> Complexes:
     """The finite zeros of Σ (n1 s + n0)/(c2 s² + c1 s + c0) + d, of this relative degree."""
     pieces = [
         (np.array([[0.0, 1.0], [-c[2], -c[1]]]), np.array([0.0, 1.0]), np.array([n0, n1]))
         if c[0]
         else (np.array([[-c[2]]]), np.ones(1), np.array([n0]))
-        for c, (n1, n0) in kept.items()
+        for c, (n1, n0) in terms.items()
     ]
     A = block_diagonal([piece[0] for piece in pieces])
     b, c = (np.concatenate([piece[k] for piece in pieces]) for k in (1, 2))
     pencil = np.block([[A, b[:, None]], [c[None], np.array([[d]])]])
     unit = np.diag(np.append(np.ones(len(A)), 0.0))
-    above, below = scipy.linalg.eigvals(pencil, unit, homogeneous_eigvals=True)
-    finite = np.argsort(np.abs(below) / np.hypot(np.abs(above), np.abs(below)))[degree + 1 :]
-    return np.asarray(above[finite] / below[finite], dtype=np.complex128)
+    alpha, beta = scipy.linalg.eigvals(pencil, unit, homogeneous_eigvals=True)
+    finite = np.argsort(np.abs(beta) / np.hypot(np.abs(alpha), np.abs(beta)))[degree + 1 :]
+    return np.asarray(alpha[finite] / beta[finite], dtype=np.complex128)
 
 
 def _ascending(values: ArrayLike) -> Complexes:
-    ordered = np.asarray(values, dtype=np.complex128).reshape(-1)
-    return np.asarray(ordered[np.lexsort((ordered.imag, np.abs(ordered).round(12)))])
+    array = np.asarray(values, dtype=np.complex128).reshape(-1)
+    return np.asarray(array[np.lexsort((array.imag, np.abs(array).round(12)))])

@@ -110,9 +110,9 @@ def shaped_travel(
     ends = travel.begin + length + np.array([0.0, shaper.duration])
     over = np.maximum(ends, breaks[-1])
     times = np.linspace(travel.begin, over[1] + SWINGS * 2 * np.pi / slowest, SAMPLES)
-    held = is_held(scene, drive)
-    pushed = 0 if held else drives_of(scene).index(drive)
-    parts = np.array([0.0, 0.0, 1.0]) if held else _slow_push(scene, travel.begin, pushed)
+    is_prescribed = is_held(scene, drive)
+    coordinate = 0 if is_prescribed else drives_of(scene).index(drive)
+    parts = np.array([0.0, 0.0, 1.0]) if is_prescribed else _slow_push(scene, travel.begin, coordinate)
     commands, histories, residual = [], [], []
     for train, end in zip((UNSHAPED, shaper.train), over.tolist(), strict=True):
 
@@ -122,34 +122,34 @@ def shaped_travel(
         instants = np.union1d(times, [*travel.stops(train), *breaks, end])
         size = float(np.abs(command(instants)).max()) or 1.0
         states = motion_history(
-            scene, command, instants, travel.stops(train), pushed=None if held else pushed, size=size
+            scene, command, instants, travel.stops(train), coordinate=None if is_prescribed else coordinate, size=size
         )
-        commands.append(travel.shaped(train, times)[0] if held else command(times))
+        commands.append(travel.shaped(train, times)[0] if is_prescribed else command(times))
         histories.append(states[np.searchsorted(instants, times)])
-        left = states[np.searchsorted(instants, end)]
-        if not held:
-            left[: len(left) // 2] -= _leaning(scene, end, pushed) * command(np.array([end]))
-        residual.append(largest_swing(scene.at(end), left, held=held))
+        final_state = states[np.searchsorted(instants, end)]
+        if not is_prescribed:
+            final_state[: len(final_state) // 2] -= _leaning(scene, end, coordinate) * command(np.array([end]))
+        residual.append(largest_swing(scene.at(end), final_state, is_prescribed=is_prescribed))
     lead = rig_of(scene).leading
     angles = np.array([states[:, lead : states.shape[1] // 2] for states in histories])
-    moved = np.array([states[:, pushed] for states in histories])
-    unit = "m" if held else "N m" if pushed in structure_of(scene).turning else "N"
+    displacement = np.array([states[:, coordinate] for states in histories])
+    unit = "m" if is_prescribed else "N m" if coordinate in structure_of(scene).turning else "N"
     return ShapedTravel(
-        scene, drive, distance, times, np.array(commands), moved, angles, np.array(residual), over, unit
+        scene, drive, distance, times, np.array(commands), displacement, angles, np.array(residual), over, unit
     )
 
 
-def _leaning(scene: Scene, time: float, pushed: int) -> Floats:
+def _leaning(scene: Scene, time: float, coordinate: int) -> Floats:
     """Where everything is at rest under a constant force of 1 on a coordinate, (n,)."""
     stiffness = matrices_along(scene)(time).K
-    return np.asarray(np.linalg.pinv(stiffness, hermitian=True)[:, pushed])
+    return np.asarray(np.linalg.pinv(stiffness, hermitian=True)[:, coordinate])
 
 
-def _slow_push(scene: Scene, begin: float, pushed: int) -> Floats:
+def _slow_push(scene: Scene, begin: float, coordinate: int) -> Floats:
     """(k, c, m) of the coordinate along the shape in which everything follows it slowly."""
     constant = matrices_along(scene)(begin)
     fastest = float(np.abs(scipy.linalg.eigvalsh(constant.K, constant.M)).max())
-    shape = np.linalg.solve(constant.K + SLOWLY * fastest * constant.M, np.eye(len(constant.M))[pushed])
-    shape /= shape[pushed]
+    shape = np.linalg.solve(constant.K + SLOWLY * fastest * constant.M, np.eye(len(constant.M))[coordinate])
+    shape /= shape[coordinate]
     slow = np.array([shape @ matrix @ shape for matrix in (constant.K, constant.D, constant.M)])
     return np.where(np.abs(slow) > SLOWLY * fastest * slow[2] * 10, slow, 0.0)

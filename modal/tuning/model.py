@@ -35,10 +35,10 @@ from modal.statespace.signals import (
     InputGroup,
     OutputGroup,
     Signal,
+    input_at_point,
     is_point,
     outputs_of,
     point_input,
-    pushed,
     validate_points,
 )
 from modal.types import Booleans, Complexes, Floats
@@ -128,7 +128,9 @@ class ChannelModel:
                     translation[c, order] = part[k]
             if entry is not None:
                 push = (
-                    pushed(geometry, point_input(scene, entry[0])) if is_point(entry[0]) else PUSHES[entry[0]](geometry)
+                    input_at_point(geometry, point_input(scene, entry[0]))
+                    if is_point(entry[0])
+                    else PUSHES[entry[0]](geometry)
                 )
                 F[c] = push.F[:, entry[1]]
                 if group.pushed:

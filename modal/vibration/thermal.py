@@ -71,7 +71,7 @@ class ThermalNoise(ModalResponse):
         budget = np.zeros((len(self.places), len(self.outputs), len(omega)))
         if not self.dissipators:
             return budget
-        H: Complexes = self._elimination.along(omega, tolerance, remainder)
+        H: Complexes = self._elimination.response_at(omega, tolerance, remainder)
         with np.errstate(all="ignore"):
             for j, dissipator in enumerate(self.dissipators):
                 strength = 4 * BOLTZMANN * self.temperature * dissipator.strength(omega)

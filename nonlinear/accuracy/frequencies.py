@@ -25,7 +25,7 @@ from modal.modes import natural_modes
 from modal.report import Displayed, Form, ReportColumn, Result
 from modal.scene import Scene, require, validate_scene
 from modal.scene.doors import checked
-from modal.statespace.model import fixed
+from modal.statespace.model import without_carrier
 from modal.types import Floats
 
 DIGITS = 20
@@ -110,7 +110,7 @@ def measure_frequencies(scene: Scene, accuracies: tuple[float, ...] = (1e-8,)) -
         limits = f"at most {MOST}, and {MOST_LINKS} links, can be compared"
         raise SceneError([f"the scene has {size} different frequencies and {scene.n_links} links: {limits}"])
     squares = _squares(scene)
-    planes = [matrices(plane) for plane in ((scene, fixed(scene)) if scene.space == "space" else (scene,))]
+    planes = [matrices(plane) for plane in ((scene, without_carrier(scene)) if scene.space == "space" else (scene,))]
     dense = partial(_dense, [(plane.K, plane.M) for plane in planes], len(squares))
     limits_by_way = {
         **{f"to {accuracy:g}".replace("e-0", "e-"): accuracy for accuracy in accuracies},

@@ -109,7 +109,7 @@ def test_a_structure_isolates_as_the_cart_that_it_is(omega: float) -> None:
     cart = Scene(gravity=9.81, support=Cart(mass=3.3, stiffness=17.0), pendulum=pendula)
     scene = Scene(gravity=9.81, support=Cart(mass=3.3, name="c"), pendulum=pendula, spring=(tied,))
     model = state_space(scene, ("support_displacement",), ("tip_positions",))
-    passed = ExactResponse(scene, model.inputs, model.outputs).along(np.array([omega]))[0, 0, 0]
+    passed = ExactResponse(scene, model.inputs, model.outputs).response_at(np.array([omega]))[0, 0, 0]
     true = Oracle(cart, digits=200).response(["support_displacement"], [model.outputs[0].name], omega)[0, 0]
     assert abs(passed / complex(true) - 1) < 1e-12
 
@@ -120,7 +120,7 @@ def test_what_symmetry_cancels_is_zero_at_every_frequency() -> None:
     spring = Spring(between=("pendulum[0].copies[0].links[1]", "pendulum[0].copies[1].links[1]"), stiffness=3.0)
     scene = Scene(gravity=9.81, support=Cart(mass=1.0, name="c"), pendulum=pair, spring=(spring,))
     model = state_space(scene, ("support_displacement",), ("spring_extensions",))
-    assert not ExactResponse(scene, model.inputs, model.outputs).along(np.array([0.3, 40.0, 1e5])).any()
+    assert not ExactResponse(scene, model.inputs, model.outputs).response_at(np.array([0.3, 40.0, 1e5])).any()
 
 
 def test_isolation_of_a_structure_keeps_its_digits() -> None:
@@ -131,7 +131,7 @@ def test_isolation_of_a_structure_keeps_its_digits() -> None:
     scene = held.replace(support=Cart(mass=3.3, name="c"), spring=(spring,))
     assert scene.is_structured
     model, omega = state_space(scene, ("support_displacement",), ("tip_positions",)), np.logspace(0, 6, 4)
-    computed = ExactResponse(scene, model.inputs, model.outputs).along(omega)[0, 0]
+    computed = ExactResponse(scene, model.inputs, model.outputs).response_at(omega)[0, 0]
     oracle = Oracle(held)
     exact = [complex(oracle.response(["support_displacement"], ["tip_1"], w)[0, 0]) for w in omega]
     assert computed == pytest.approx(np.array(exact), rel=1e-12, abs=0)

@@ -146,7 +146,7 @@ def test_elimination_and_the_model_give_one_response(name: str) -> None:
     for inputs in drives:
         model = state_space(scene, inputs, wanted(scene))
         exact = solved(model, OMEGA)
-        computed = ExactResponse(scene, model.inputs, model.outputs).along(OMEGA)
+        computed = ExactResponse(scene, model.inputs, model.outputs).response_at(OMEGA)
         assert computed == pytest.approx(exact, abs=1e-10 * np.abs(exact).max())
 
 
@@ -158,7 +158,7 @@ def test_no_digit_is_lost_far_from_the_modes(name: str) -> None:
         scene, wanted(scene, ("coordinate_forces", "joint_torques")), wanted(scene, ("coordinates", "angles"))
     )
     omega = np.array([2e-3, 0.4, 40.0, 4e3])
-    computed = ExactResponse(scene, model.inputs, model.outputs).along(omega)
+    computed = ExactResponse(scene, model.inputs, model.outputs).response_at(omega)
     first = Oracle(scene).size - scene.n_links
     torques = state_space(scene, ("joint_torques",), ("relative_angles",))
     turns = torques.C[:, : Oracle(scene).size]
@@ -183,7 +183,7 @@ def test_three_motions_of_the_ground_are_one(name: str) -> None:
     for order, drive in enumerate(("support_displacement", "support_velocity", "support_acceleration")):
         model = state_space(scene, (drive,), outputs)
         each += [solved(model, OMEGA) * (1j * OMEGA) ** order]
-        each += [ExactResponse(scene, model.inputs, model.outputs).along(OMEGA) * (1j * OMEGA) ** order]
+        each += [ExactResponse(scene, model.inputs, model.outputs).response_at(OMEGA) * (1j * OMEGA) ** order]
     for other in each[1:]:
         assert other == pytest.approx(each[0], abs=1e-10 * np.abs(each[0]).max())
 
@@ -208,7 +208,7 @@ def test_a_tower_with_its_damper_by_hand() -> None:
     assert [signal.name for signal in forces.outputs] == ["lower_m", "upper_m", "theta_1_1"]
     exact = np.stack([np.linalg.inv(by_hand(w)) for w in OMEGA], axis=-1)
     assert solved(forces, OMEGA) == pytest.approx(exact, rel=1e-10, abs=1e-15)
-    assert ExactResponse(TOWER, forces.inputs, forces.outputs).along(OMEGA) == pytest.approx(exact, rel=1e-12)
+    assert ExactResponse(TOWER, forces.inputs, forces.outputs).response_at(OMEGA) == pytest.approx(exact, rel=1e-12)
 
 
 def test_a_tower_on_a_ground_that_moves_by_hand() -> None:
@@ -246,7 +246,7 @@ def test_a_vibration_absorber_has_the_formula_of_den_hartog() -> None:
         mu * f * f * g * g - (g * g - 1) * (g * g - f * f)
     ) ** 2
     model = state_space(scene, ("main_force",), ("main_m", "spring_force_1"))
-    computed = ExactResponse(scene, model.inputs, model.outputs).along(g * n)
+    computed = ExactResponse(scene, model.inputs, model.outputs).response_at(g * n)
     assert np.abs(computed[0, 0]) * K == pytest.approx(np.sqrt(above / below), rel=1e-11)
     assert solved(model, g * n) == pytest.approx(computed, rel=1e-9)
 
@@ -302,7 +302,7 @@ def test_at_rest_a_constant_force_stretches_the_springs() -> None:
     model = state_space(
         TOWER, ("upper_force",), ("coordinates", "angles", "spring_forces", "pivot_forces", "lower_dot_m_per_s")
     )
-    computed = ExactResponse(TOWER, model.inputs, model.outputs).along(np.array([0.0]))[:, 0, 0]
+    computed = ExactResponse(TOWER, model.inputs, model.outputs).response_at(np.array([0.0]))[:, 0, 0]
     exact = [1 / 6000.0, 1 / 6000.0 + 1 / (SHARE * 8000.0), 0.0, 1.0, 1 / np.sqrt(SHARE), 0.0, 0.0]
     assert computed == pytest.approx(exact, rel=1e-12, abs=1e-15)
 
@@ -312,7 +312,7 @@ def test_a_free_structure_does_not_feel_the_ground() -> None:
     free = TOWER.replace(spring=TOWER.spring[1:])
     model = state_space(free, ("support_displacement",), ("angles", "spring_extensions", "tip_positions"))
     assert np.abs(solved(model, OMEGA)).max() < 1e-13
-    computed = ExactResponse(free, model.inputs, model.outputs).along(OMEGA)
+    computed = ExactResponse(free, model.inputs, model.outputs).response_at(OMEGA)
     assert np.abs(computed).max() < 1e-12
 
 
@@ -332,7 +332,7 @@ def test_one_cart_under_springs_keeps_its_names() -> None:
     exact = solved(held, OMEGA)
     assert exact[0, 0] == pytest.approx(-1 / OMEGA**2)
     assert exact[1, 0] == pytest.approx(-1 / (9.81 - 0.8 * OMEGA**2))  # both alike: the spring stays as it is
-    assert ExactResponse(scene, held.inputs, held.outputs).along(OMEGA) == pytest.approx(exact, abs=1e-11)
+    assert ExactResponse(scene, held.inputs, held.outputs).response_at(OMEGA) == pytest.approx(exact, abs=1e-11)
     free = scene.replace(spring=())
     response, other = (
         solved(state_space(example, ("support_displacement",), ("cart_position",)), OMEGA) for example in (scene, free)

@@ -10,12 +10,12 @@ import numpy as np
 from modal import Bob, Body, Cart, Fixed, Pendulum, Rod, Scene
 from modal.assembly import instants
 from modal.statespace import StateSpace
-from modal.statespace.model import assembled
+from modal.statespace.model import assemble
 
 
 def model_at(scene: Scene, time: float, inputs: tuple[str, ...] = (), outputs: tuple[str, ...] = ()) -> StateSpace:
     """The model along a hoist at one time (s), in which the speeds of the lengths are damping and stiffness."""
-    return assembled(scene.at(time), instants(scene)(time), inputs, outputs)
+    return assemble(scene.at(time), instants(scene)(time), inputs, outputs)
 
 
 def crane(l1: float = 20.0, l2: float = 10.0, *, damping: float = 0.0) -> Scene:

@@ -137,7 +137,7 @@ def test_two_dampers_of_a_tower_level_three_peaks() -> None:
     assert equal.sum() == 3
     form = reduced(tuned.scene, [Channel("s4_m", "s4_force")])
     row, column = form.signals[0]
-    sizes = np.abs(ExactResponse(tuned.scene, [column], [row]).along(at.at[equal]))[0, 0]
+    sizes = np.abs(ExactResponse(tuned.scene, [column], [row]).response_at(at.at[equal]))[0, 0]
     assert sizes == pytest.approx(np.full(3, tuned.after), rel=1e-10)
     highest = tuned.objective.evaluate(tuned.z, True).costs[0]
     gradients = highest.gradients[highest.values > highest.values.max() - 1e-9]
@@ -178,7 +178,7 @@ def test_responses_and_their_derivatives_are_those_of_elimination(channel: Chann
     row, column = form.signals[0]
 
     def true(point: np.ndarray) -> np.ndarray:
-        return ExactResponse(numbers.scene_at(point), [column], [row]).along(omega)[0, 0]
+        return ExactResponse(numbers.scene_at(point), [column], [row]).response_at(omega)[0, 0]
 
     model = numbers.model(scene)
     H, by = model.gradient(0, omega, model.differentiate(places))
