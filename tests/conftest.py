@@ -83,7 +83,7 @@ def any_engine(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """Engines are chosen as for users, beginning with none that has been paid for."""
     from nonlinear.integration import readiness
 
-    monkeypatch.setattr(readiness, "_saved", defaultdict(float))
-    token = readiness._same.set(False)
+    monkeypatch.setattr(readiness, "_saved_seconds", defaultdict(float))
+    token = readiness._reproducible_share.set(False)
     yield
-    readiness._same.reset(token)
+    readiness._reproducible_share.reset(token)

@@ -79,7 +79,7 @@ def integrate(
     switches = crowd.switches if crowd else None
     text = source(task.lanes, crowd)
     module, code = module_of(text), code_of_text(task.lanes, text, has_switches=crowd is not None)
-    size, count = task.begun.shape
+    size, count = task.initial.shape
     constants = crowd.constants() if crowd else task.lanes.constants(task.numbers)
     numbers, members = _given(constants, count), np.full(WIDTH, -1)
     times = np.array(watches.samples.times if watches and watches.samples else ())
@@ -101,7 +101,7 @@ def integrate(
     spread = np.ascontiguousarray(np.broadcast_to(scale, (size, scale.shape[1])))
     ends, tables = np.append(task.breaks, task.end), _tables(task.lanes.inputs)
     arguments = (
-        (task.begun, numbers, task.relative, task.absolute, task.first, ends, task.longest, spread, local, tables),
+        (task.initial, numbers, task.relative, task.absolute, task.first, ends, task.longest, spread, local, tables),
         *(times, wants, section.level if section else 0.0, members, np.zeros(1, dtype=np.int64), front, *lanes),
         *(np.zeros((STAGES + 1, size, WIDTH)), np.zeros((max(len(numbers), 1), WIDTH)), np.zeros(WIDTH)),
         *(np.ones((size, WIDTH)), np.ones((size, WIDTH)), np.zeros(WIDTH)),

@@ -61,7 +61,7 @@ class Crowd:
 
     def begin(self, task: LaneTask) -> LaneTask:
         """The same task with the state of its members, after the kicks that are due at once."""
-        y, size, starts = task.begun.copy(), self.lanes.layout.size, task.starts
+        y, size, starts = task.initial.copy(), self.lanes.layout.size, task.starts
         motion = y if y.ndim < 3 else y[..., 0].real
         members = zip(starts.tolist(), motion[:size].T.tolist(), strict=True)
         state = np.array(
@@ -75,7 +75,7 @@ class Crowd:
             due = self.of(k).due(motion[:size, k].tolist(), motion_slope[:size, k].tolist(), state[:, k].tolist())
             if due is not None:
                 y[:, k] = self.at(k).change(t, due, y[:, k], slope[:, k], state[:, k])
-        return replace(task, lanes=self, begun=y, switches=self, state=state)
+        return replace(task, lanes=self, initial=y, switches=self, state=state)
 
     def rates(self, numbers: Numbers) -> Rates:
         """The rates of so many members as these numbers are of, with the inputs of contacts as a third argument."""

@@ -89,7 +89,7 @@ class LaneTask:
 
     lanes: Any
     numbers: Any
-    begun: Floats
+    initial: Floats
     end: Any
     relative: Floats
     absolute: Floats
@@ -107,12 +107,12 @@ class LaneTask:
     @cached_property
     def ends(self) -> Floats:
         """When each segment ends (s), (S,)."""
-        return np.broadcast_to(np.asarray(self.end, dtype=float), self.begun.shape[1])
+        return np.broadcast_to(np.asarray(self.end, dtype=float), self.initial.shape[1])
 
     @cached_property
     def starts(self) -> Floats:
         """When each segment begins (s), (S,)."""
-        return np.broadcast_to(np.asarray(self.start, dtype=float), self.begun.shape[1])
+        return np.broadcast_to(np.asarray(self.start, dtype=float), self.initial.shape[1])
 
     @cached_property
     def breaks(self) -> Floats:
@@ -151,10 +151,10 @@ class Front:
     LANES = ("member", "t", "h", "refused", "usual", "low", "high", "which", "met")
 
     def __init__(self, task: LaneTask, width: int) -> None:
-        self.task, self.waiting = task, min(width, task.begun.shape[1])
+        self.task, self.waiting = task, min(width, task.initial.shape[1])
         W = self.waiting
         self.member = np.arange(W)
-        self.y = np.ascontiguousarray(task.begun[:, :W])
+        self.y = np.ascontiguousarray(task.initial[:, :W])
         self.state = np.zeros((0, W)) if task.state is None else task.state[:, :W].copy()
         self.t, self.h = task.starts[:W].copy(), self._first(self.member)
         self.refused, self.met = np.zeros((2, W), dtype=bool)
@@ -359,7 +359,7 @@ class Front:
             self.member = self.member.copy()
             self.member[came] = fresh
             self.waiting += len(came)
-            self.y[:, came], self.t[came] = task.begun[:, fresh], task.starts[fresh]
+            self.y[:, came], self.t[came] = task.initial[:, fresh], task.starts[fresh]
             self.h[came], self.refused[came] = self._first(fresh), False
             self.which[came], self.low[came], self.high[came], self.usual[came] = -1, 0.0, inf, self.h[came]
             if task.state is not None:
@@ -381,12 +381,12 @@ class Front:
 
 def integrate(task: LaneTask, watches: Sequence[Watch] = (), width: int | None = None) -> Outcome:
     """All members to the end, as many at once as `width` says."""
-    size = task.begun.shape[1]
+    size = task.initial.shape[1]
     steps, events = np.zeros((2, size), dtype=np.int64)
     state = np.zeros((0, size)) if task.state is None else task.state.copy()
-    outcome = Outcome(task.begun.copy(), steps, events, state)
+    outcome = Outcome(task.initial.copy(), steps, events, state)
     with np.errstate(over="ignore", invalid="ignore", divide="ignore", under="ignore"):
-        front = Front(task, width or width_of(task.begun[:, 0].size))
+        front = Front(task, width or width_of(task.initial[:, 0].size))
         while len(front.member):
             step = front.attempt()
             moving = step.length > 0

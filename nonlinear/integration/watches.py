@@ -55,11 +55,11 @@ class Samples:
     """
 
     times: Floats
-    begun: Floats
+    initial: Floats
     rows: Floats = field(init=False)
 
     def __post_init__(self) -> None:
-        start = np.moveaxis(self.begun, 1, 0)
+        start = np.moveaxis(self.initial, 1, 0)
         self.rows = np.full((len(start), self.times.shape[-1], *start.shape[1:]), np.nan, start.dtype)
         at_start = np.broadcast_to(self.times[..., 0] == 0, len(start))
         self.rows[at_start, 0] = start[at_start]
@@ -90,14 +90,14 @@ class FirstTurns:
     """
 
     layout: Layout
-    begun: Floats
+    initial: Floats
     slope: Floats
     times: Floats = field(init=False)
 
     def __post_init__(self) -> None:
         first, half = self.layout.first, self.layout.half
         self._levels = [Level(row, pi, turns=True) for row in range(first, half)]
-        self._starts = [starts_of(level, self.layout, self.begun, self.slope) for level in self._levels]
+        self._starts = [starts_of(level, self.layout, self.initial, self.slope) for level in self._levels]
         self.times = np.array([np.where(starts.passes, 0.0, inf) for starts in self._starts])
 
     def see(self, step: Step) -> None:
@@ -116,7 +116,7 @@ class Crossings:
     """
 
     layout: Layout
-    begun: Floats
+    initial: Floats
     slope: Floats
     row: int
     level: float
@@ -134,10 +134,10 @@ class Crossings:
     @property
     def crossings(self) -> tuple[Ints, Floats, Floats]:
         """Members (C,), times (C,) and y (C, size), member by member in the order of time."""
-        starts = starts_of(self._level, self.layout, self.begun, self.slope)
-        return passages_that_count(join_passages(self._passages, len(self.begun)), starts, self.begun, self.direction)[
-            :3
-        ]
+        starts = starts_of(self._level, self.layout, self.initial, self.slope)
+        return passages_that_count(
+            join_passages(self._passages, len(self.initial)), starts, self.initial, self.direction
+        )[:3]
 
 
 @dataclass(eq=False)
@@ -145,12 +145,12 @@ class Largest:
     """The largest |θ| (rad) of any link, (S,), read at the turning points within steps."""
 
     layout: Layout
-    begun: Floats
+    initial: Floats
     angle: Floats = field(init=False)
 
     def __post_init__(self) -> None:
         first, half = self.layout.first, self.layout.half
-        self.angle = np.abs(self.begun[first:half]).max(0)
+        self.angle = np.abs(self.initial[first:half]).max(0)
 
     def see(self, step: Step) -> None:
         """Ends of steps, and turning points that may lie further out."""
@@ -229,20 +229,20 @@ class GrowthSamples:
 
     scale: Floats
     times: Floats
-    begun: Floats
+    initial: Floats
     report: Callable[[float], object]
     rows: Floats = field(init=False)
     last: Floats = field(init=False)
 
     def __post_init__(self) -> None:
-        members = self.begun.shape[1]
-        self.rows, self.last = np.full((len(self.times), members), np.nan), self.begun.copy()
+        members = self.initial.shape[1]
+        self.rows, self.last = np.full((len(self.times), members), np.nan), self.initial.copy()
         self._whole = Stretching(self.scale, members)
         self._reached = np.zeros(members)
 
     def see(self, step: Step) -> None:
         """Times that fall into the step, then its end."""
-        end, half = step.start + step.length, len(self.begun)
+        end, half = step.start + step.length, len(self.initial)
         due, until = (np.searchsorted(self.times, time, side="right") for time in (step.start, end))
         for columns, sample, inside in _instants(step, due, until):
             part = (self.times[sample] - step.start[columns]) / step.length[columns]

@@ -51,7 +51,7 @@ def test_a_perturbation_goes_through_switches_as_in_the_flow_of_orbits(support: 
     numbers = replace(numbers_of(scene), switching=switching_numbers(flow.system))
     y = flow.equations.begin(initial_state(scene))
     task, scale = stretched(numbers, y[:, None], wanted)
-    v = task.begun[len(y) :]
+    v = task.initial[len(y) :]
     early, late = AFTER * SECONDS, (1 + AFTER) * SECONDS
     assert np.count_nonzero(np.diff(flow(y, v, late).path.times) == 0) >= 2
 
@@ -74,7 +74,7 @@ def test_a_perturbation_feels_quadratic_drag_as_neighbours_do() -> None:
     numbers, wanted, system = numbers_of(scene), Wanted(SECONDS, 1e-11, stretching=True), system_of(scene)
     y = Flow(system).equations.begin(initial_state(scene))
     task, scale = stretched(numbers, y[:, None], wanted)
-    v = task.begun[len(y) :, 0]
+    v = task.initial[len(y) :, 0]
 
     def ended(aside: float, seconds: float) -> Any:
         x, a, b, dx, da, db = y + aside * v
@@ -104,6 +104,6 @@ def test_what_comes_to_rest_forgets_how_fast_it_was() -> None:
     assert end.V[1] == pytest.approx(np.zeros(2), abs=1e-15)
     numbers = replace(numbers_of(scene), switching=switching_numbers(system_of(scene)))
     task, scale = stretched(numbers, y[:, None], Wanted(seconds, 1e-12, stretching=True))
-    gain = np.log(np.linalg.norm(end.V @ task.begun[2:] / scale) / np.linalg.norm(early.V @ task.begun[2:] / scale))
+    gain = np.log(np.linalg.norm(end.V @ task.initial[2:] / scale) / np.linalg.norm(early.V @ task.initial[2:] / scale))
     assert gain < -0.01
     assert stretching(numbers, y[:, None], Wanted(seconds, 1e-12, stretching=True))[0] == pytest.approx(gain, abs=1e-7)

@@ -42,7 +42,7 @@ def test_a_crossing_that_is_looked_for_costs_next_to_nothing(monkeypatch: pytest
     """A state for each crossing and none else; interpolants of hundreds of steps at once; a step again for each."""
     start = state_at_rest(ONE, [np.degrees(AMPLITUDE)])
     plain = simulate(ONE, 60.0, start=start, method="DOP853", output=2)
-    states, interpolants = counted(monkeypatch, Motion, "__getitem__"), counted(monkeypatch, Step, "extended")
+    states, interpolants = counted(monkeypatch, Motion, "__getitem__"), counted(monkeypatch, Step, "extend_stages")
     event = level_crossing(system_of(ONE), "theta[1,1]")
     run = simulate(ONE, 60.0, start=start, method="DOP853", output=2, events=[event])
     expected = PERIOD * (0.25 + 0.5 * np.arange(len(run.happenings)))

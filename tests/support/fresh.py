@@ -27,13 +27,13 @@ class Process:
         for name in [name for name in sys.modules if name.startswith("lanes_")]:
             self.patch.delitem(sys.modules, name)
         self.patch.setattr(readiness, "_ready", set())
-        self.patch.setattr(readiness, "_saved", defaultdict(float))
+        self.patch.setattr(readiness, "_saved_seconds", defaultdict(float))
         self.patch.setenv("NUMBA_CACHE_DIR", str(self.home))
         self.install("numba", "heyoka")
 
     def install(self, *names: str) -> None:
         """Have these packages and no others."""
-        self.patch.setattr(readiness, "installed", lambda name: name in names)
+        self.patch.setattr(readiness, "has_package", lambda name: name in names)
         self.patch.setattr(taylor, "available", lambda: "heyoka" in names)
 
     def load(self, name: str, **more: object) -> None:
