@@ -94,7 +94,7 @@ def save(trajectory: Trajectory, path: str | os.PathLike[str]) -> None:
         write_csv(path, _header(trajectory), [columns(trajectory), *rows_of(trajectory).tolist()])
         return
     if kind == "npz":
-        parts = {name: getattr(trajectory.motion, name) for name in (*PARTS, *_carried(trajectory.system))}
+        parts = {name: getattr(trajectory.motion, name) for name in (*PARTS, *_support_parts(trajectory.system))}
         content = as_npz(_header(trajectory), {TIMES: trajectory.times} | parts)
     else:
         content = deferred("modal.exports.scripts:write_columns")(columns_of(trajectory))
@@ -156,10 +156,10 @@ def write_csv(path: str | os.PathLike[str], header: dict[str, Any], rows: Iterab
     """
     text = sealed.sealed_text(COMMENT, f" {csv_comment(json.dumps(header))[1:]}\n" + csv_rows(rows))
     record, _, table = text.partition(b"\n")
-    with whole_file(record_of(path)) as beside, whole_file(path) as stream:
-        beside.write(record.removeprefix(b"# ") + b"\n")
+    with whole_file(record_of(path)) as numbers, whole_file(path) as stream:
+        numbers.write(record.removeprefix(b"# ") + b"\n")
         stream.write(table)
-        beside.flush()
+        numbers.flush()
         stream.flush()
 
 
@@ -198,14 +198,16 @@ def from_npz(path: str | os.PathLike[str]) -> tuple[dict[str, Any], dict[str, An
 
 
 def _header(trajectory: Trajectory) -> dict[str, Any]:
-    states = (*PARTS[:4], *_carried(trajectory.system))
+    states = (*PARTS[:4], *_support_parts(trajectory.system))
     events = [
         {"name": e.name, "time_s": e.time, **{part: np.asarray(getattr(e.state, part)).tolist() for part in states}}
         for e in trajectory.happenings
     ]
-    rubbed = {"friction": {name: np.asarray(part).tolist() for name, part in trajectory.friction._asdict().items()}}
+    friction_record = {
+        "friction": {name: np.asarray(part).tolist() for name, part in trajectory.friction._asdict().items()}
+    }
     if isnan(trajectory.friction.rest):
-        rubbed["friction"]["rest"] = None
+        friction_record["friction"]["rest"] = None
     return {
         "multipendula_trajectory": VERSION,
         "scene": describe(trajectory.scene),
@@ -213,12 +215,12 @@ def _header(trajectory: Trajectory) -> dict[str, Any]:
         "driven": trajectory.driven,
         "events": events,
         "kicks": {name: part.tolist() for name, part in trajectory.kicks._asdict().items()},
-        **(rubbed if trajectory.system.rubs else {}),
+        **(friction_record if trajectory.system.rubs else {}),
     }
 
 
 def _trajectory(header: dict[str, Any], times: Floats, parts: dict[str, Floats]) -> Trajectory:
-    rubbed = header.pop("friction", None)
+    friction_record = header.pop("friction", None)
     require_keys(header, "multipendula_trajectory", "scene", "run", "driven", "events", "kicks")
     if header["multipendula_trajectory"] != VERSION or type(header["driven"]) is not bool:
         raise ValueError
@@ -226,43 +228,43 @@ def _trajectory(header: dict[str, Any], times: Floats, parts: dict[str, Floats])
     system = system_of(scene)
     shape = (len(times), system.n_links, *([3] if system.spatial else []))
     shapes = dict.fromkeys(PARTS, (len(times),)) | {"links": shape, "link_rates": shape}
-    shapes |= dict.fromkeys(_carried(system), (len(times), system.first))
+    shapes |= dict.fromkeys(_support_parts(system), (len(times), system.first))
     require_keys(parts, *shapes)
     motion = Motion(**{name: finite_array(parts[name], *shapes[name]) for name in shapes})
     if len(times) == 0 or np.any(np.diff(finite_array(times, len(times))) <= 0):
         raise ValueError
     events = tuple(_happening(event, shape[1:], system) for event in header["events"])
     kicks = _kicks(header["kicks"], system.n_links)
-    if system.rubs != (rubbed is not None):
+    if system.rubs != (friction_record is not None):
         raise ValueError
-    friction = _friction(rubbed, system) if system.rubs else NO_FRICTION
-    run = _run(header["run"], system, scene)
-    return Trajectory(scene, system, times, motion, run, events, kicks, friction, driven=header["driven"])
+    friction = _friction(friction_record, system) if system.rubs else NO_FRICTION
+    info = _solver_info(header["run"], system, scene)
+    return Trajectory(scene, system, times, motion, info, events, kicks, friction, driven=header["driven"])
 
 
-def _run(record: dict[str, Any], system: System, scene: Scene) -> SolverInfo:
-    run = SolverInfo(**record)
-    values = [(getattr(run, field.name), field.type) for field in fields(SolverInfo)]
+def _solver_info(record: dict[str, Any], system: System, scene: Scene) -> SolverInfo:
+    info = SolverInfo(**record)
+    values = [(getattr(info, field.name), field.type) for field in fields(SolverInfo)]
     if any(type(value).__name__ != kind or (kind == "float" and isnan(value)) for value, kind in values):
         raise TypeError
-    if run.form in FORMS:
-        integrated = replace(system, spatial=system.spatial and run.form in {"spatial", "hamiltonian"})
-        validate_method(scene, form=run.form, system=integrated)
-    if run.method not in (*SCIPY, "taylor") if run.form in FORMS else run.form not in REDUCED:
+    if info.form in FORMS:
+        integration_system = replace(system, spatial=system.spatial and info.form in {"spatial", "hamiltonian"})
+        validate_method(scene, form=info.form, system=integration_system)
+    if info.method not in (*SCIPY, "taylor") if info.form in FORMS else info.form not in REDUCED:
         raise ValueError
-    return run
+    return info
 
 
-def _carried(system: System) -> tuple[str, ...]:
+def _support_parts(system: System) -> tuple[str, ...]:
     return CARRIED if system.structure is not None else ()
 
 
 def _happening(event: dict[str, Any], shape: tuple[int, ...], system: System) -> EventRecord:
-    require_keys(event, "name", "time_s", *PARTS[:4], *_carried(system))
+    require_keys(event, "name", "time_s", *PARTS[:4], *_support_parts(system))
     time, cart, cart_rate = finite_array([event["time_s"], event["cart"], event["cart_rate"]], 3).tolist()
-    more = {name: finite_array(event[name], system.first) for name in _carried(system)}
+    support_values = {name: finite_array(event[name], system.first) for name in _support_parts(system)}
     links = finite_array(event["links"], *shape), finite_array(event["link_rates"], *shape)
-    state = State(*links, cart, cart_rate, **more)
+    state = State(*links, cart, cart_rate, **support_values)
     return EventRecord(str(event["name"]), time, state)
 
 
@@ -338,15 +340,15 @@ def _of_support(system: System) -> tuple[str, ...]:
 def rows_of(trajectory: Trajectory) -> Floats:
     """The numbers of the motion, a column for each of `columns`, (T, C)."""
     motion, size, system = trajectory.motion, len(trajectory.times), trajectory.system
-    carried = _carried(system) or (PARTS[2:4] if system.first else ())
+    support_parts = _support_parts(system) or (PARTS[2:4] if system.first else ())
     work = PARTS[4:] if _works(trajectory) else ()
-    blocks = [np.reshape(getattr(motion, name), (size, -1)) for name in (*PARTS[:2], *carried, *work)]
+    blocks = [np.reshape(getattr(motion, name), (size, -1)) for name in (*PARTS[:2], *support_parts, *work)]
     if system.structure is not None and system.structure.springs:
         extension, pull, _ = trajectory.mechanics.springs
         blocks.append(np.stack((extension, pull), axis=2).reshape(size, -1))
     if support := trajectory.system.support:
-        moved = [motion for _, motion in sorted(support.motions, key=lambda each: each[0] == UP)]
-        blocks += [motion.derivative(trajectory.times, order)[:, None] for motion in moved for order in range(3)]
+        motions = [motion for _, motion in sorted(support.motions, key=lambda pair: pair[0] == UP)]
+        blocks += [motion.derivative(trajectory.times, order)[:, None] for motion in motions for order in range(3)]
     return np.hstack([trajectory.times[:, None], *blocks])
 
 
@@ -361,17 +363,20 @@ def _read_csv(name: str) -> tuple[dict[str, Any], Floats, dict[str, Floats]]:
     with warnings.catch_warnings(action="ignore"):
         rows = np.loadtxt(io.StringIO(numbers), delimiter=",", comments=None, ndmin=2)
     system = system_of(scene_from(header["scene"]))
-    given, links, first = names.split(","), _of_links(system), system.first_columns
-    known = [*links, *first, "work_J", *_of_springs(system), *_of_support(system)]
-    if given != [name for name in known if name in given] or not {*known} - {*first, "work_J"} <= {*given}:
+    columns, links, first = names.split(","), _of_links(system), system.first_columns
+    allowed_columns = [*links, *first, "work_J", *_of_springs(system), *_of_support(system)]
+    if columns != [name for name in allowed_columns if name in columns] or not {*allowed_columns} - {
+        *first,
+        "work_J",
+    } <= {*columns}:
         raise ValueError
     size, none = len(rows), np.zeros(len(rows))
-    at = dict(zip(given, rows.T, strict=True))
+    at = dict(zip(columns, rows.T, strict=True))
     shape = (size, system.n_links, 3) if system.spatial else (size, system.n_links)
     angles, rates = np.split(rows[:, 1 : len(links)], 2, axis=1)
     parts = {"links": angles.reshape(shape), "link_rates": rates.reshape(shape), "work": at.get("work_J", none)}
     if system.structure is None:
         cart = {name: at.get(key, none) for name, key in zip(PARTS[2:4], first, strict=True)}
         return header, rows[:, 0], parts | cart
-    carried = np.split(np.transpose([at[name] for name in first]), 2, axis=1)
-    return header, rows[:, 0], parts | dict.fromkeys(PARTS[2:4], none) | dict(zip(CARRIED, carried, strict=True))
+    supports = np.split(np.transpose([at[name] for name in first]), 2, axis=1)
+    return header, rows[:, 0], parts | dict.fromkeys(PARTS[2:4], none) | dict(zip(CARRIED, supports, strict=True))

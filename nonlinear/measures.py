@@ -261,11 +261,11 @@ def measure_for(verb: str, text: str) -> Measure:
     return measure
 
 
-def requested(verb: str, text: str) -> tuple[Measure, float]:
+def parse_request(verb: str, text: str) -> tuple[Measure, float]:
     """The measure in a text such as "frequencies:6" and its N, `usual` where it has none; SceneError for a mistake.
 
-    >>> from nonlinear.measures import requested
-    >>> requested("sweep", "frequencies:6")[1], requested("sweep", "largest_angle")[1]
+    >>> from nonlinear.measures import parse_request
+    >>> parse_request("sweep", "frequencies:6")[1], parse_request("sweep", "largest_angle")[1]
     (6.0, 10)
     """
     measure, (_, colon, number) = measure_for(verb, text), text.partition(":")
@@ -285,5 +285,5 @@ def columns_of(name: str, columns: Sequence[str]) -> tuple[str, ...]:
     >>> columns_of("first_turn", ["energy_drift", "first_turn_1_1_s"])
     ('first_turn_1_1_s',)
     """
-    begun = tuple(column.partition("_R")[0].partition("_P")[0] for column in MEASURES[name].columns)
-    return tuple(column for column in columns if column.startswith(begun))
+    prefixes = tuple(column.partition("_R")[0].partition("_P")[0] for column in MEASURES[name].columns)
+    return tuple(column for column in columns if column.startswith(prefixes))

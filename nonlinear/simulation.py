@@ -134,11 +134,11 @@ def simulate(
     if accuracy is not None and tolerance is not None:
         raise SceneError(["accuracy: cannot be combined with a tolerance"])
     used = USUAL if tolerance is None else tolerance
-    more: dict[str, Any] = {"method": method, "form": form, "events": events, "before": before, "report": report}
-    more |= {"load": load, "breaks": breaks, "max_step": max_step, "hoist": hoist}
+    options: dict[str, Any] = {"method": method, "form": form, "events": events, "before": before, "report": report}
+    options |= {"load": load, "breaks": breaks, "max_step": max_step, "hoist": hoist}
     if accuracy is not None:
-        return certain(advise(scene, duration, accuracy, output=output, start=start, start_time=start_time, **more))
-    request = request_of(scene, duration, used, None, output, start, start_time, more)
+        return certain(advise(scene, duration, accuracy, output=output, start=start, start_time=start_time, **options))
+    request = request_of(scene, duration, used, None, output, start, start_time, options)
     return request.run(request.choice(float(used)))
 
 
@@ -151,7 +151,7 @@ def advise(
     output: Output = None,
     start: State | None = None,
     start_time: float = 0.0,
-    **more: Any,
+    **options: Any,
 ) -> Advice:
     """The cheapest method by which no angle is off by more than `accuracy` (rad), and all attempts.
 
@@ -159,7 +159,7 @@ def advise(
     arguments, SimulationError where an integrator fails.
     """
     return seek_accuracy(
-        Goal(request_of(scene, duration, USUAL, accuracy, output, start, start_time, more), float(accuracy))
+        Goal(request_of(scene, duration, USUAL, accuracy, output, start, start_time, options), float(accuracy))
     )
 
 
@@ -171,19 +171,19 @@ def request_of(
     output: Output,
     start: State | None,
     start_time: float,
-    more: dict[str, Any],
+    options: dict[str, Any],
 ) -> Request:
     """The validated request of a run, by the arguments of `simulate`; SceneError lists every mistake."""
-    system, load = system_of(scene, more.pop("hoist", None)), more.get("load")
-    validate(lambda: validate_load(load), lambda: validate_events(more.get("events", ())))
-    told = {name: more.pop(name, None) for name in ("breaks", "max_step")}
+    system, load = system_of(scene, options.pop("hoist", None)), options.get("load")
+    validate(lambda: validate_load(load), lambda: validate_events(options.get("events", ())))
+    pace_options = {name: options.pop(name, None) for name in ("breaks", "max_step")}
     *_, pace = validate(
         lambda: validate_numbers(duration, tolerance, start_time),
         lambda: validate_accuracy(accuracy),
-        lambda: validate_observable(load, accuracy, *told.values()),
-        lambda: pace_of(**told),
+        lambda: validate_observable(load, accuracy, *pace_options.values()),
+        lambda: pace_of(**pace_options),
     )
-    words = {name: more[name] for name in ("method", "form") if name in more}
+    words = {name: options[name] for name in ("method", "form") if name in options}
     state, _, times = validate(
         lambda: validate_state(start if start is not None else initial_state(scene), system),
         lambda: validate_method(scene, **words, driven=load is not None, system=system),
@@ -192,7 +192,7 @@ def request_of(
     validate_forces(load, system, state, start_time)
     if system.hoisting is not None:
         system.hoisting.at(times)
-    return Request(scene, system, state, times, pace=pace, **more)
+    return Request(scene, system, state, times, pace=pace, **options)
 
 
 def certain(advice: Advice) -> Trajectory:
@@ -254,11 +254,11 @@ def resume(
     """
     if trajectory.driven and load is None:
         raise SceneError(["load: this run had applied forces, which are not saved with it"])
-    run, last = trajectory.run, float(trajectory.times[-1])
-    if options.get("accuracy") is None and run.form in FORMS:
-        method = method or (run.method if run.reason.startswith(ASKED) else None)
-        form = form or (None if trajectory.system.spatial and run.form != "hamiltonian" else run.form)
-        tolerance = run.tolerance if tolerance is None else tolerance
+    info, last = trajectory.run, float(trajectory.times[-1])
+    if options.get("accuracy") is None and info.form in FORMS:
+        method = method or (info.method if info.reason.startswith(ASKED) else None)
+        form = form or (None if trajectory.system.spatial and info.form != "hamiltonian" else info.form)
+        tolerance = info.tolerance if tolerance is None else tolerance
     options |= {"method": method or "auto", "form": form or "auto", "tolerance": tolerance, "load": load}
     options.setdefault("before", trajectory.kicks)
     options.setdefault("hoist", trajectory.system.hoisting and trajectory.system.hoisting.custom_laws)

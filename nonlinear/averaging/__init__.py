@@ -11,10 +11,10 @@ configurations, `slow_flow` integrates the amplitudes in time, `prediction` give
 from nonlinear.averaging.equations import AveragedEquations, average
 from nonlinear.averaging.equilibria import (
     RelativeEquilibrium,
+    is_same_motion,
     likeness,
     relative_equilibria,
     relative_equilibrium,
-    same,
     swinging,
 )
 from nonlinear.averaging.populations import (
@@ -52,13 +52,13 @@ __all__ = [
     "average",
     "averaged_pattern",
     "below_for_good",
+    "is_same_motion",
     "likeness",
     "patterns_of",
     "predict",
     "relative_equilibria",
     "relative_equilibrium",
     "rest_growth",
-    "same",
     "settle",
     "swinging",
 ]

@@ -135,7 +135,7 @@ def relative_equilibria(
         if (
             equilibrium
             and equilibrium.averaged.largest(equilibrium.z) < HANGING
-            and not any(same(equilibrium, neighbour) for neighbour in equilibria)
+            and not any(is_same_motion(equilibrium, neighbour) for neighbour in equilibria)
         ):
             equilibria.append(equilibrium)
 
@@ -279,7 +279,7 @@ def _rates(
     return values[order].astype(complex), leaving[order], abs(float(parts @ jacobian @ parts / (parts @ parts)))
 
 
-def same(equilibrium: RelativeEquilibrium, second: RelativeEquilibrium, within: float = SAME) -> bool:
+def is_same_motion(equilibrium: RelativeEquilibrium, second: RelativeEquilibrium, within: float = SAME) -> bool:
     """Whether two are the same motion within this relative tolerance, but for phases and equal pendula exchanged.
 
     Of two members of a continuous family the energies by rows and the stability tell.

@@ -115,7 +115,7 @@ def _on_cart(number: int, mass: float | None) -> Scene:
     return Scene(title=title, gravity=GRAVITY, support=support, pendulum=(_pendulum(Rod, 2, number),))
 
 
-def _signs_against_fixed(finding: Finding) -> dict[str, list[int]]:
+def _signs_of_change(finding: Finding) -> dict[str, list[int]]:
     """For every cart of a series −1 where λ is below that on the fixed support, 1 where it is above, else 0."""
     signs = {}
     for name, cases in finding.series().items():
@@ -128,7 +128,7 @@ def _signs_against_fixed(finding: Finding) -> dict[str, list[int]]:
 
 def _cart_table(finding: Finding) -> Table:
     rows = []
-    signs = _signs_against_fixed(finding)
+    signs = _signs_of_change(finding)
     for name, cases in finding.series().items():
         words = iter([_TOLD[sign] for sign in signs[name]])
         for case, exponent in cases:
@@ -142,7 +142,7 @@ _TOLD = {-1: "more predictable", 1: "less predictable", 0: "no difference seen"}
 
 def _cart_verdicts(finding: Finding) -> list[str]:
     words = []
-    for name, signs in _signs_against_fixed(finding).items():
+    for name, signs in _signs_of_change(finding).items():
         verdict = "supported" if set(signs) == {-1} else "not supported" if 1 in signs else "undecided"
         counts = ", ".join(f"{word} with {signs.count(sign)}" for sign, word in _TOLD.items())
         words.append(f"{name}: {verdict} (of {len(signs)} carts {counts})")
@@ -151,7 +151,7 @@ def _cart_verdicts(finding: Finding) -> list[str]:
 
 def _paper_cart(finding: Finding) -> str:
     words = []
-    for name, signs in _signs_against_fixed(finding).items():
+    for name, signs in _signs_of_change(finding).items():
         masses = [case.at for case, _ in finding.series()[name] if case.at is not None]
         words.append(f"{name} – {_TOLD[signs[masses.index(PAPER_CART)]]}")
     return f"the paper's cart of {PAPER_CART:g} kg: {'; '.join(words)}"

@@ -28,7 +28,7 @@ from nonlinear.ensembles.measures import configurations
 from nonlinear.ensembles.running import Ensemble, EnsembleResult, ensemble
 from nonlinear.ensembles.runs import form_of
 from nonlinear.ensembles.strobes import MOST as LONGEST
-from nonlinear.measures import requested
+from nonlinear.measures import parse_request
 from nonlinear.reduction import usual_start
 from nonlinear.synchronization import agreement
 from nonlinear.synchronization.study import theory_of_scene
@@ -181,7 +181,7 @@ def _measure_of(scene: Scene, text: str | None, duration: float | None) -> tuple
     """The name of the measure in a text, and for how long (s), None where nothing says so."""
     if text is None:
         return "configuration" if scene.is_driven else "first_turn", duration
-    measure, seconds = requested("basins", text)
+    measure, seconds = parse_request("basins", text)
     if ":" not in text:
         return measure.name, duration
     if duration is not None:

@@ -72,42 +72,42 @@ def compare(
         raise SceneError(problems)
     names = [*dict.fromkeys(laws)]
     fits: list[tuple[str, Fit, float]] = []
-    for fitted in map_by_crew(partial(_fitted, scene, recording, [*_without(scene, free)], options), names, crew):
-        fits.append(fitted)
+    for entry in map_by_crew(partial(_fit_with, scene, recording, [*_without(scene, free)], options), names, crew):
+        fits.append(entry)
         report(len(fits) / len(names))
-    count = min((independent(whole) for _, whole, _ in fits), default=2.0)
-    return sorted((_candidate(*damped, count) for damped in fits), key=lambda candidate: candidate.bic)
+    count = min((independent(result) for _, result, _ in fits), default=2.0)
+    return sorted((_candidate(*entry, count) for entry in fits), key=lambda candidate: candidate.bic)
 
 
-def _fitted(
+def _fit_with(
     scene: Scene, recording: Recording, free: Sequence[str], options: Mapping[str, Any], name: str
 ) -> tuple[str, Fit, float]:
     """The fit with one of the laws, and what it leaves of the part that is held back."""
-    damped, places = with_laws(scene, name.split("+"))
-    wanted = [*dict.fromkeys([*free, *places])]
-    whole = fit(damped, recording, wanted, **options)
-    trained = fit(whole.scene, _used(recording), wanted, **options)
-    return name, whole, _held_out(trained, recording)
+    candidate_scene, places = with_laws(scene, name.split("+"))
+    places_free = [*dict.fromkeys([*free, *places])]
+    result = fit(candidate_scene, recording, places_free, **options)
+    part_fit = fit(result.scene, _used(recording), places_free, **options)
+    return name, result, _held_out(part_fit, recording)
 
 
-def _candidate(name: str, whole: Fit, held_out: float, count: float) -> ComparedLaw:
+def _candidate(name: str, result: Fit, held_out: float, count: float) -> ComparedLaw:
     """The criteria, for a record worth so many independent values: −2 ln L of Gaussian residuals, and a penalty."""
-    there = np.sum([np.isfinite(segment.values).sum(axis=0) for segment in whole.recording.segments], axis=0)
-    mean = float(np.mean(np.square(whole.residuals))), float(np.log(whole.problem.noise) @ there / there.sum())
-    spread, unknowns = count * (log(mean[0]) + 2 * mean[1]), int(np.count_nonzero(np.diag(whole.cov)))
-    return ComparedLaw(name, whole, spread + 2 * unknowns, spread + unknowns * log(count), held_out)
+    counts = np.sum([np.isfinite(segment.values).sum(axis=0) for segment in result.recording.segments], axis=0)
+    mean = float(np.mean(np.square(result.residuals))), float(np.log(result.problem.noise) @ counts / counts.sum())
+    spread, unknowns = count * (log(mean[0]) + 2 * mean[1]), int(np.count_nonzero(np.diag(result.cov)))
+    return ComparedLaw(name, result, spread + 2 * unknowns, spread + unknowns * log(count), held_out)
 
 
-def _held_out(trained: Fit, recording: Recording) -> float:
+def _held_out(part_fit: Fit, recording: Recording) -> float:
     """The rms (rad) of what was not fitted: of other segments with their states fitted, of one by going on from its."""
     if len(recording.segments) > 1:
         return fit(
-            trained.scene, recording.take(range(len(trained.recording.segments), len(recording.segments)))
+            part_fit.scene, recording.take(range(len(part_fit.recording.segments), len(recording.segments)))
         ).rms_all
-    whole = replace(trained, problem=replace(trained.problem, recording=recording))
-    at = len(trained.recording.segments[0].times)
+    continuation = replace(part_fit, problem=replace(part_fit.problem, recording=recording))
+    at = len(part_fit.recording.segments[0].times)
     angles = [k for k, sensor in enumerate(recording.sensors) if sensor.pendulum] or [0]
-    misses = (whole.readings[0] - recording.segments[0].values)[at:, angles]
+    misses = (continuation.readings[0] - recording.segments[0].values)[at:, angles]
     return float(np.sqrt(np.nanmean(misses**2)))
 
 

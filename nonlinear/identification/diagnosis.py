@@ -38,11 +38,13 @@ def diagnose(result: Fit, mistake: str = "") -> list[str]:
 
     A `mistake` in how the record is read is said first.  From a motion that does not fit no number is judged.
     """
-    read = [*([mistake] if mistake else []), *_turns(result), *_outliers(result)]
+    sentences = [*([mistake] if mistake else []), *_turns(result), *_outliers(result)]
     motion = (
-        [*_bounds(result), *_held(result), *_whiteness(result)] if result.fits else [*_misfit(result, bool(mistake))]
+        [*_bounds(result), *_prior_values(result), *_whiteness(result)]
+        if result.fits
+        else [*_misfit(result, bool(mistake))]
     )
-    return [*read, *motion, *_scales(result), *_lines(result), *_growth(result), *_turning(result)]
+    return [*sentences, *motion, *_scales(result), *_lines(result), *_growth(result), *_turning(result)]
 
 
 def _turns(result: Fit) -> Iterator[str]:
@@ -59,9 +61,9 @@ def _outliers(result: Fit) -> Iterator[str]:
     for c, sensor in enumerate(result.recording.sensors):
         if result.misfit[c] > POOR:
             continue
-        far = sum(outliers(miss) for k, _, miss in _misses(result) if k == c)
-        if far:
-            words = f"{sensor.name}: {counted(far, 'reading is an outlier', 'readings are outliers')}, beyond "
+        count = sum(outliers(miss) for k, _, miss in _misses(result) if k == c)
+        if count:
+            words = f"{sensor.name}: {counted(count, 'reading is an outlier', 'readings are outliers')}, beyond "
             words += f"{FAR:g} standard deviations of the others"
             yield words + (": `loss=soft_l1` gives them less weight" if result.loss == "linear" else "")
 
@@ -77,14 +79,14 @@ def outliers(miss: Floats) -> int:
     return int(np.count_nonzero(np.abs(off) > FAR * 1.4826 * spread))
 
 
-def _held(result: Fit) -> Iterator[str]:
+def _prior_values(result: Fit) -> Iterator[str]:
     """Standard deviations that hold for one value of a number that the record does not determine."""
     for direction in result.undetermined:
         if direction.changes:
             value = short(result.given_at(direction.held))
-            changed = listed([*direction.changes], len(direction.changes))
+            names = listed([*direction.changes], len(direction.changes))
             yield (
-                f"the standard deviations of {changed} are those for {direction.held} = {value} exactly: a prior, "
+                f"the standard deviations of {names} are those for {direction.held} = {value} exactly: a prior, "
                 f"`priors={direction.held}={value}±…`, adds its doubt"
             )
 
@@ -94,7 +96,7 @@ def _scales(result: Fit) -> Iterator[str]:
     problem, layout = result.problem, result.problem.layout
     if problem.scaled or result.misfit.max() > LOST:
         return
-    J, residuals = problem.ordered(problem.jacobian(result.unknowns)), problem.ordered(result.residuals)
+    J, residuals = problem.sort_by_sensor(problem.jacobian(result.unknowns)), problem.sort_by_sensor(result.residuals)
     free, best = np.flatnonzero(np.diag(result.cov) > 0), (SURE, "")
     values = [part for *_, part in problem.series()]
 
@@ -112,19 +114,19 @@ def _scales(result: Fit) -> Iterator[str]:
             continue
         back = np.linalg.pinv(part / size, rcond=1e-9) / size[:, None]
         step = -(back @ residuals)
-        after = residuals + part @ step
-        again = 1 + 2 * max(0.0, float(autocorrelation([after[rows] for rows in values])[1:].sum()))
-        std = float(np.linalg.norm(back[-1])) * np.sqrt(again) * root_mean_square(after)
+        remainder = residuals + part @ step
+        inflation = 1 + 2 * max(0.0, float(autocorrelation([remainder[rows] for rows in values])[1:].sum()))
+        std = float(np.linalg.norm(back[-1])) * np.sqrt(inflation) * root_mean_square(remainder)
         white = all(len(rho) == 1 for rho in result.rho)
-        explained = white or lasting(after) < LEFT * lasting(residuals)
-        if std and explained and abs(step[-1]) > TINY and abs(step[-1]) / std > best[0]:
+        is_explained = white or lasting(remainder) < LEFT * lasting(residuals)
+        if std and is_explained and abs(step[-1]) > TINY and abs(step[-1]) / std > best[0]:
             words = f"{name}: a scale of {1 + step[-1]:.4g} ± {std:.1g} fits better: `scale=True`"
             best = (abs(step[-1]) / std, words)
     if best[1]:
         yield best[1]
 
 
-def _misfit(result: Fit, explained: bool) -> Iterator[str]:
+def _misfit(result: Fit, is_explained: bool) -> Iterator[str]:
     """That the motion does not fit, and where least; a way out where no mistake explains it."""
     worst = int(np.argmax(result.misfit))
     words = "the motion does not fit the record, so its numbers have no standard deviations"
@@ -139,7 +141,7 @@ def _misfit(result: Fit, explained: bool) -> Iterator[str]:
     yield words
     longest = max(segment.times[-1] - segment.times[0] for segment in result.recording.segments)
     period = 2 * np.pi / result.problem.system.rate
-    if not explained and result.misfit.max() > LOST and longest > PERIODS * period:
+    if not is_explained and result.misfit.max() > LOST and longest > PERIODS * period:
         yield (
             "the search may have ended in a wrong minimum: begin with other numbers, or fit in windows with "
             f"`window={0.7 * period:.2g}`"
@@ -158,8 +160,8 @@ def _whiteness(result: Fit) -> Iterator[str]:
     step = np.median(np.concatenate([np.diff(segment.times) for segment in result.recording.segments]))
     for sensor, rho in zip(result.recording.sensors, result.rho, strict=True):
         if len(rho) == 1:
-            far = sum(outliers(miss) for k, _, miss in _misses(result) if result.recording.sensors[k] == sensor)
-            yield f"{sensor.name}: the residuals are white" + (", but for the outliers" if far else "")
+            count = sum(outliers(miss) for k, _, miss in _misses(result) if result.recording.sensors[k] == sensor)
+            yield f"{sensor.name}: the residuals are white" + (", but for the outliers" if count else "")
         else:
             yield (
                 f"{sensor.name}: the residuals are correlated over {short(float(len(rho) * step))} s, "
@@ -171,11 +173,11 @@ def _whiteness(result: Fit) -> Iterator[str]:
 def _misses(result: Fit) -> list[tuple[int, Floats, Floats]]:
     """Sensor, times and residuals of every series."""
     series = []
-    for read, segment in zip(result.readings, result.recording.segments, strict=True):
+    for readings, segment in zip(result.readings, result.recording.segments, strict=True):
         for c in range(len(result.recording.sensors)):
-            there = np.isfinite(segment.values[:, c])
-            if np.count_nonzero(there) > 2 * WIDTH:
-                series.append((c, segment.times[there], (segment.values - read)[there, c]))
+            is_present = np.isfinite(segment.values[:, c])
+            if np.count_nonzero(is_present) > 2 * WIDTH:
+                series.append((c, segment.times[is_present], (segment.values - readings)[is_present, c]))
     return series
 
 
@@ -191,26 +193,28 @@ def _lines(result: Fit) -> Iterator[str]:
         count = 2 ** int(np.ceil(np.log2(4 * longest / step)))
         power = np.zeros(count // 2 + 1)
         for times, miss in misses:
-            even = np.interp(np.arange(times[0], times[-1], step), times, miss)
-            power += np.abs(np.fft.rfft((even - even.mean()) * np.hanning(len(even)), count)) ** 2
+            evenly = np.interp(np.arange(times[0], times[-1], step), times, miss)
+            power += np.abs(np.fft.rfft((evenly - evenly.mean()) * np.hanning(len(evenly)), count)) ** 2
         frequency = np.fft.rfftfreq(count, step)
         power[frequency < 1 / longest] = 0.0
         peak = int(np.argmax(power))
-        wide = WIDTH * 4
-        share = float(power[max(0, peak - wide) : peak + wide + 1].sum() / power.sum()) if power.sum() else 0.0
+        half_width = WIDTH * 4
+        share = (
+            float(power[max(0, peak - half_width) : peak + half_width + 1].sum() / power.sum()) if power.sum() else 0.0
+        )
         if share > STRONG:
             hertz = modes.omega / (2 * np.pi)
-            near = int(np.argmin(np.abs(hertz - frequency[peak])))
+            mode = int(np.argmin(np.abs(hertz - frequency[peak])))
             yield (
                 f"{sensor.name}: {100 * share:.0f} % of the residuals' power is near {frequency[peak]:.3g} Hz "
-                f"(mode {near + 1} has {hertz[near]:.3g} Hz)"
+                f"(mode {mode + 1} has {hertz[mode]:.3g} Hz)"
             )
 
 
 def _growth(result: Fit) -> Iterator[str]:
     """Whether residuals are larger where the swing is."""
     for c, sensor in enumerate(result.recording.sensors):
-        sizes, misses, rates, apart = [], [], [], []
+        sizes, misses, rates, parts = [], [], [], []
         for k, times, miss in _misses(result):
             if k != c:
                 continue
@@ -219,7 +223,7 @@ def _growth(result: Fit) -> Iterator[str]:
             )
             values = segment.values[np.isfinite(segment.values[:, c]), c]
             rates.append(np.gradient(values - miss, times))
-            apart.append(miss)
+            parts.append(miss)
             window = max(4, int(2 * np.pi / result.problem.system.rate / max(np.median(np.diff(times)), 1e-12)))
             for at in range(0, len(miss) - window + 1, window):
                 sizes.append(np.std(values[at : at + window]))
@@ -231,7 +235,7 @@ def _growth(result: Fit) -> Iterator[str]:
                 if len(result.rho[c]) > 1:
                     yield f"{grow}: a loss or a length of the model is wrong"
                 else:
-                    yield f"{grow} and are white: {_white_growth(np.concatenate(rates), np.concatenate(apart))}"
+                    yield f"{grow} and are white: {_white_growth(np.concatenate(rates), np.concatenate(parts))}"
 
 
 def _white_growth(rates: Floats, misses: Floats) -> str:
@@ -250,8 +254,8 @@ def _turning(result: Fit) -> Iterator[str]:
         if not sensor.pendulum:
             continue
         for segment in result.recording.segments:
-            there = np.isfinite(segment.values[:, c])
-            loss = turning_points(segment.times[there], segment.values[there, c], result.problem.system.rate)
+            is_present = np.isfinite(segment.values[:, c])
+            loss = turning_points(segment.times[is_present], segment.values[is_present, c], result.problem.system.rate)
             if loss:
                 words = f"{sensor.name}: turning points fall on a straight line, {loss:.2g} rad a half swing"
                 yield words + ("" if has_friction else ": try friction")
@@ -269,10 +273,10 @@ def turning_points(times: Floats, values: Floats, rate: float) -> float | None:
     window = min(len(values) - 1, max(5, int(0.4 / rate / step))) | 1
     smooth = scipy.signal.savgol_filter(values, window, 2) if window < len(values) else values
     smooth = smooth - np.median(smooth[-max(5, len(smooth) // 20) :])
-    apart = max(1, int(1.2 / rate / step))
+    distance = max(1, int(1.2 / rate / step))
     high = 0.04 * np.abs(smooth).max()
     peaks = np.sort(
-        np.concatenate([scipy.signal.find_peaks(sign * smooth, height=high, distance=apart)[0] for sign in (1, -1)])
+        np.concatenate([scipy.signal.find_peaks(sign * smooth, height=high, distance=distance)[0] for sign in (1, -1)])
     )
     size = np.abs(smooth[peaks])
     if len(size) < TURNS or np.any(np.diff(size) > 0.05 * size[:-1]) or size[-1] > 0.6 * size[0]:
@@ -281,6 +285,6 @@ def turning_points(times: Floats, values: Floats, rate: float) -> float | None:
     line = np.polynomial.Polynomial.fit(number, size, 1)
     curve = np.polynomial.Polynomial.fit(number, np.log(size), 1)
     straight = float(np.sqrt(np.mean((line(number) - size) ** 2)))
-    bent = float(np.sqrt(np.mean((np.array([exp(v) for v in curve(number)]) - size) ** 2)))
+    misfit_of_curve = float(np.sqrt(np.mean((np.array([exp(v) for v in curve(number)]) - size) ** 2)))
     slope = float(line.deriv()(0.0))
-    return -slope if slope < 0 and straight < STRAIGHTER * bent else None
+    return -slope if slope < 0 and straight < STRAIGHTER * misfit_of_curve else None

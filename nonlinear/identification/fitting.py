@@ -100,19 +100,19 @@ def fit(
     parameters = find_parameters(scene, texts_of(free, splits_commas=True), texts_of(priors))
     require_fittable(scene, parameters)
     require_seconds(scene, recording)
-    whole, recording = recording, recording if window is None else recording.windows(window)
+    full_recording, recording = recording, recording if window is None else recording.windows(window)
     problem = FitProblem(scene, parameters, recording, coarse_noise(recording), scale)
 
-    def beginning(recorded: Recording) -> float:
-        return _beginning(replace(problem, recording=recorded))
+    def beginning(trial: Recording) -> float:
+        return _beginning(replace(problem, recording=trial))
 
     def mistake() -> str:
-        return find_mistake(scene, whole, beginning)
+        return find_mistake(scene, full_recording, beginning)
 
-    require_radians(whole, problem.system.rate, beginning)
+    require_radians(full_recording, problem.system.rate, beginning)
     try:
         search = Search(problem, loss, report, mistake)
-        result = search.run(joined=window is not None)
+        result = search.run(in_windows=window is not None)
     except ComputationError as error:
         if words := mistake():
             raise ComputationError(f"{error}; {words}") from None
@@ -121,9 +121,11 @@ def fit(
         return replace(result, verdict=tuple(diagnose(result)))
     words = search.mistake or mistake()
     if not words and window is None and result.misfit.max() > LOST:
-        again = Search(problem, loss, report)
-        if again.span < np.inf:
-            result = min(result, again.run(joined=True), key=lambda fitted: float(fitted.misfit.max()))
+        search_in_windows = Search(problem, loss, report)
+        if search_in_windows.span < np.inf:
+            result = min(
+                result, search_in_windows.run(in_windows=True), key=lambda outcome: float(outcome.misfit.max())
+            )
     return replace(result, verdict=tuple(diagnose(result, words)))
 
 
@@ -136,8 +138,10 @@ def _beginning(problem: FitProblem) -> float:
     search = Search(start, "linear")
     try:
         u = search.lengthen(search.begin())
-        u = search.refined(u)
-        misses = [read - segment.values for read, segment in zip(start.readings(u), recording.segments, strict=True)]
+        u = search.refine(u)
+        misses = [
+            reading - segment.values for reading, segment in zip(start.readings(u), recording.segments, strict=True)
+        ]
     except ComputationError:
         return np.inf
     sizes = [_size(recording, c) for c in range(len(recording.sensors))]
@@ -169,33 +173,33 @@ class Search:
         self.begun = np.zeros(0)
         self.starts: list[Floats] = []
 
-    def run(self, joined: bool) -> Fit:
-        """From the first samples to the whole record: through short windows that are `joined`, or ever longer parts."""
+    def run(self, in_windows: bool) -> Fit:
+        """From the first samples to the whole record: `in_windows` that join more and more, or in ever longer parts."""
         u = self.begin()
-        return self.finish(self.join(u) if joined and self.span < np.inf else self.lengthen(u))
+        return self.finish(self.join(u) if in_windows and self.span < np.inf else self.lengthen(u))
 
     def begin(self) -> Floats:
         """Unknowns to start from, and the numbers that are not determined whatever the noise."""
         problem, layout = self.problem, self.problem.layout
         u = np.zeros(layout.size)
         z = starting_numbers(problem.scene, problem.parameters, problem.recording)
-        known = [parameter.believed for parameter in problem.parameters]
-        z = np.array([numbers if b is None else b[0] for numbers, b in zip(z, known, strict=True)])
-        u[: layout.numbers] = np.clip(z, *(bound[: layout.numbers] for bound in problem.bounds))
+        beliefs = [parameter.believed for parameter in problem.parameters]
+        z = np.array([numbers if b is None else b[0] for numbers, b in zip(z, beliefs, strict=True)])
+        u[: layout.numbers] = np.clip(z, *(limits[: layout.numbers] for limits in problem.bounds))
         states = initial_states(problem)
         for s in range(layout.segments):
             u[layout.state(s)] = states[s]
         if layout.numbers:
             J = problem.jacobian(u)
-            determined = find_determined(
-                _projected(J, self._nuisances(problem), layout.numbers), problem.parameters, z, vague=np.inf
+            determination = find_determined(
+                _project_out(J, self._nuisances(problem), layout.numbers), problem.parameters, z, vague=np.inf
             )
-            self.kept[determined.held] = False
+            self.kept[determination.held] = False
             u[: layout.numbers][~self.kept] = starts_of(problem.parameters)[~self.kept]
         self.begun = u[: layout.numbers].copy()
         numbers = np.where(
             self.kept,
-            [b[0] if b else parameter.start for parameter, b in zip(problem.parameters, known, strict=True)],
+            [b[0] if b else parameter.start for parameter, b in zip(problem.parameters, beliefs, strict=True)],
             self.begun,
         )
         self.starts = [self.begun] if np.array_equal(numbers, self.begun) else [numbers, self.begun]
@@ -205,15 +209,15 @@ class Search:
     def join(self, u: Floats) -> Floats:
         """Fitted in short windows that join more and more, all at once; states are read off every window's samples."""
         problem, layout = self.problem, self.problem.layout
-        short = replace(problem, recording=problem.recording.windows(self.span), tolerance=ROUGHLY)
-        v = np.concatenate((u[: layout.delays.stop], initial_states(short).ravel()))
-        v = self._nearest(replace(short, tightness=LOOSE[0]), v)
+        windows = replace(problem, recording=problem.recording.windows(self.span), tolerance=ROUGHLY)
+        v = np.concatenate((u[: layout.delays.stop], initial_states(windows).ravel()))
+        v = self._nearest(replace(windows, tightness=LOOSE[0]), v)
         for turn, tightness in enumerate(LOOSE[1:]):
-            v = self._solved(replace(short, tightness=tightness), v, ROUGH, True, 1e-3)
+            v = self._solve(replace(windows, tightness=tightness), v, ROUGH, True, 1e-3)
             self.report(0.2 + 0.1 * turn)
-        rows = np.cumsum([0, *(len(segment.times) for segment in short.recording.segments)])
+        rows = np.cumsum([0, *(len(segment.times) for segment in windows.recording.segments)])
         begins = np.cumsum([0, *(len(segment.times) for segment in problem.recording.segments)])[:-1]
-        states = [v[short.layout.state(int(k))] for k in np.searchsorted(rows, begins)]
+        states = [v[windows.layout.state(int(k))] for k in np.searchsorted(rows, begins)]
         return np.concatenate((v[: layout.delays.stop], *states))
 
     @property
@@ -231,7 +235,7 @@ class Search:
             self.begun, v = z, u.copy()
             v[:numbers] = z
             try:
-                v = self._solved(part, v, ROUGH, True, 1e-3)
+                v = self._solve(part, v, ROUGH, True, 1e-3)
                 tries.append((float(np.mean(np.square(part.residuals(v)))), z, v))
             except ComputationError:
                 continue
@@ -244,9 +248,9 @@ class Search:
             self.mistake = self.look()
         return v
 
-    def refined(self, u: Floats) -> Floats:
+    def refine(self, u: Floats) -> Floats:
         """Roughly fitted to all of a short record."""
-        return self._solved(self.problem, u, ROUGH, True, 1e-3)
+        return self._solve(self.problem, u, ROUGH, True, 1e-3)
 
     def lengthen(self, u: Floats) -> Floats:
         """Fitted to ever longer parts of all segments."""
@@ -256,34 +260,34 @@ class Search:
         u = self._nearest(replace(problem, recording=problem.recording.until(part), tolerance=ROUGHLY), u)
         while LONGER * part < longest:
             part *= LONGER
-            short = problem.recording.until(part)
-            u = self._solved(replace(problem, recording=short, tolerance=ROUGHLY), u, ROUGH, True, 1e-3)
+            beginning = problem.recording.until(part)
+            u = self._solve(replace(problem, recording=beginning, tolerance=ROUGHLY), u, ROUGH, True, 1e-3)
             self.report(0.05 + 0.35 * part / longest)
         for tightness in LOOSE if any(segment.continued for segment in problem.recording.segments) else ():
-            u = self._solved(replace(problem, tightness=tightness, tolerance=ROUGHLY), u, ROUGH, True, 1e-3)
+            u = self._solve(replace(problem, tightness=tightness, tolerance=ROUGHLY), u, ROUGH, True, 1e-3)
         return u
 
     def finish(self, u: Floats) -> Fit:
         """Fitted to the whole, with the noise that it leaves, and what is not determined held."""
         problem = self.problem
-        u = self._solved(replace(problem, tolerance=ROUGHLY), u, MOST, False, NEARLY)
+        u = self._solve(replace(problem, tolerance=ROUGHLY), u, MOST, False, NEARLY)
         for turn in range(ROUNDS):
             problem = replace(problem, noise=self._noise(problem, u))
-            u = self._solved(problem, u, MOST, False, CLOSE)
+            u = self._solve(problem, u, MOST, False, CLOSE)
             self.report(0.5 + 0.2 * (turn + 1))
             if np.all(np.abs(np.log(self._noise(problem, u) / problem.noise)) < SETTLED):
                 break
         numbers = problem.layout.numbers
         J = problem.jacobian(u)
-        projected = _projected(J, self._nuisances(problem), numbers)
-        lost = np.flatnonzero(~self.kept).tolist()
-        determined = find_determined(projected, problem.parameters, u[:numbers], held=lost)
+        projection = _project_out(J, self._nuisances(problem), numbers)
+        undetermined = np.flatnonzero(~self.kept).tolist()
+        determination = find_determined(projection, problem.parameters, u[:numbers], held=undetermined)
         fresh = self.kept.copy()
-        fresh[determined.held] = False
+        fresh[determination.held] = False
         if np.any(fresh != self.kept):
             self.kept &= fresh
             u[:numbers][~self.kept] = starts_of(problem.parameters)[~self.kept]
-            u = self._solved(problem, u, MOST, False, CLOSE)
+            u = self._solve(problem, u, MOST, False, CLOSE)
             problem = replace(problem, noise=self._noise(problem, u))
             J = problem.jacobian(u)
         residuals = problem.residuals(u)
@@ -295,8 +299,8 @@ class Search:
             u,
             cov,
             np.flatnonzero(~self.kept),
-            determined.directions,
-            determined.condition,
+            determination.directions,
+            determination.condition,
             residuals,
             problem.scene_at(u),
             problem.scene,
@@ -323,53 +327,53 @@ class Search:
             misses = [
                 r[:, c] - segment.values[:, c] for r, segment in zip(readings, problem.recording.segments, strict=True)
             ]
-            missed = np.concatenate(misses)
-            missed = missed[np.isfinite(missed)]
-            spread = 1.4826 * float(np.median(np.abs(missed))) if self.loss != "linear" else 0.0
-            noise.append(max(spread or root_mean_square(missed), FINEST * _size(problem.recording, c)))
+            residuals = np.concatenate(misses)
+            residuals = residuals[np.isfinite(residuals)]
+            spread = 1.4826 * float(np.median(np.abs(residuals))) if self.loss != "linear" else 0.0
+            noise.append(max(spread or root_mean_square(residuals), FINEST * _size(problem.recording, c)))
         return np.array(noise)
 
-    def _solved(self, problem: FitProblem, u: Floats, most: int, rough: bool, close: float) -> Floats:
+    def _solve(self, problem: FitProblem, u: Floats, max_evaluations: int, rough: bool, precision: float) -> Floats:
         """The unknowns after a search from u; ComputationError where it cannot begin."""
-        free, held = self._free(problem), u.copy()
-        low, high = (bound[free] for bound in problem.bounds)
+        free, template = self._free(problem), u.copy()
+        low, high = (limits[free] for limits in problem.bounds)
         steady = np.flatnonzero(self.kept) if rough else np.zeros(0, dtype=np.int64)
         columns = np.flatnonzero(free)
         where = np.searchsorted(columns, steady)
 
-        def whole(x: Floats) -> Floats:
-            u = held.copy()
+        def all_unknowns(x: Floats) -> Floats:
+            u = template.copy()
             u[columns] = x
             return u
 
         def residuals(x: Floats) -> Floats:
             self.evaluations += 1
             try:
-                missed = problem.residuals(whole(x), ahead=True)
+                values = problem.residuals(all_unknowns(x), with_derivatives=True)
             except ComputationError:
                 return np.full(sizes, np.nan)
-            now[0] = np.concatenate((missed, (x[where] - self.begun[steady]) / STEADY))
+            now[0] = np.concatenate((values, (x[where] - self.begun[steady]) / STEADY))
             return now[0]
 
         def jacobian(x: Floats) -> Floats:
             rows = np.zeros((len(steady), len(columns)))
             rows[np.arange(len(steady)), where] = 1 / STEADY
-            J = np.vstack((problem.jacobian(whole(x))[:, columns], rows))
-            if many or self.loss != "linear":
-                return scipy.sparse.csr_array(J) if many else J
-            square, promised = float(now[0] @ now[0]), _decrement(J[:, x > low + BOUND], now[0])
-            fell, before = last[0] - square, last[1]
-            if promised < SLIGHT or fell < SLIGHT or (not rough and fell < KEPT * before):
+            J = np.vstack((problem.jacobian(all_unknowns(x))[:, columns], rows))
+            if is_sparse or self.loss != "linear":
+                return scipy.sparse.csr_array(J) if is_sparse else J
+            square, expected_decrease = float(now[0] @ now[0]), _decrement(J[:, x > low + BOUND], now[0])
+            fell, expected_before = last[0] - square, last[1]
+            if expected_decrease < SLIGHT or fell < SLIGHT or (not rough and fell < KEPT * expected_before):
                 raise _Reached(x)
-            last[:] = square, promised
+            last[:] = square, expected_decrease
             return J
 
         now, last = [np.zeros(0)], [np.inf, 0.0]
-        many = len(columns) > DENSE
+        is_sparse = len(columns) > DENSE
         start = np.clip(u[columns], low + 1e-12, high)
-        sizes, begun = 1, residuals(start)
-        sizes = len(begun)
-        if not np.all(np.isfinite(begun)):
+        sizes, first_residuals = 1, residuals(start)
+        sizes = len(first_residuals)
+        if not np.all(np.isfinite(first_residuals)):
             raise ComputationError("the scene's motion cannot be followed from the first samples of the record")
         try:
             solution: Any = scipy.optimize.least_squares(
@@ -379,16 +383,16 @@ class Search:
                 bounds=(low, high),
                 x_scale=self._scales(problem)[columns],
                 loss=self.loss,
-                max_nfev=min(most, HASTY) if self.mistake else most,
-                ftol=close,
-                xtol=close,
+                max_nfev=min(max_evaluations, HASTY) if self.mistake else max_evaluations,
+                ftol=precision,
+                xtol=precision,
                 gtol=None,
-                tr_solver="lsmr" if many else "exact",
-                tr_options=LSMR if many else {},
+                tr_solver="lsmr" if is_sparse else "exact",
+                tr_options=LSMR if is_sparse else {},
             )
         except _Reached as reached:
-            return whole(reached.x)
-        return whole(solution.x)
+            return all_unknowns(reached.x)
+        return all_unknowns(solution.x)
 
     def _scales(self, problem: FitProblem) -> Floats:
         """The size of a step of each unknown."""
@@ -420,13 +424,13 @@ def _decrement(J: Floats, residuals: Floats) -> float:
     return float(np.sum(np.square(Q[:, diagonal > 1e-10 * diagonal[0]].T @ residuals))) if len(diagonal) else 0.0
 
 
-def _projected(J: Floats, nuisances: Booleans, numbers: int) -> Floats:
+def _project_out(J: Floats, nuisances: Booleans, numbers: int) -> Floats:
     """The columns of the numbers without what the nuisances can make up for."""
-    columns, other = J[:, :numbers], J[:, nuisances]
-    if not other.shape[1]:
+    columns, nuisance_columns = J[:, :numbers], J[:, nuisances]
+    if not nuisance_columns.shape[1]:
         return columns
-    size = np.linalg.norm(other, axis=0)
-    Q, R, _ = scipy.linalg.qr(other[:, size > 0] / size[size > 0], mode="economic", pivoting=True)
+    size = np.linalg.norm(nuisance_columns, axis=0)
+    Q, R, _ = scipy.linalg.qr(nuisance_columns[:, size > 0] / size[size > 0], mode="economic", pivoting=True)
     diagonal = np.abs(np.diag(R))
     Q = Q[:, diagonal > 1e-10 * diagonal[0]]
     once = columns - Q @ (Q.T @ columns)
@@ -436,7 +440,7 @@ def _projected(J: Floats, nuisances: Booleans, numbers: int) -> Floats:
 def _covariance(problem: FitProblem, J: Floats, residuals: Floats, free: Booleans) -> tuple[Floats, tuple[Floats, ...]]:
     """Of all unknowns (size, size), with the autocorrelation of every sensor's residuals."""
     columns = np.flatnonzero(free)
-    J, residuals = problem.ordered(J)[:, columns], problem.ordered(residuals)
+    J, residuals = problem.sort_by_sensor(J)[:, columns], problem.sort_by_sensor(residuals)
     size = np.linalg.norm(J, axis=0)
     size[size == 0] = 1.0
     G = np.linalg.pinv(J / size, rcond=1e-11).T / size

@@ -51,7 +51,7 @@ class Readings:
     channels: Sequence[SensorChannel]
     half: int
     ends: Floats
-    most: int
+    max_steps: int
     values: Any = field(init=False)
     rates: Any = field(init=False)
     steps: int = 0
@@ -71,26 +71,26 @@ class Readings:
     def see(self, step: Step) -> None:
         """Samples that fall into the step."""
         self.steps += 1
-        if self.steps > self.most:
+        if self.steps > self.max_steps:
             raise ComputationError("a segment needs too many steps to be followed")
         begin = self.next[:, step.member]
         times, due = self._due(step, begin)
         count = np.count_nonzero(due, axis=2)
-        lanes, most = np.flatnonzero(count.any(0)), count.max()
-        if not most:
+        lanes, longest = np.flatnonzero(count.any(0)), count.max()
+        if not longest:
             return
         if 2 * len(lanes) > len(step.member):
             lanes = np.arange(len(step.member))
         member, start, length = step.member[lanes], step.start[lanes, None], step.length[lanes, None]
-        due, begin = due[:, lanes, :most], begin[:, lanes]
-        shares = length[..., None] * within_shares(np.where(due, (times[:, lanes, :most] - start) / length, 0.0))
-        stages, before = step.extend_stages(lanes).view(float), step.before[:, lanes].view(float)
+        due, begin = due[:, lanes, :longest], begin[:, lanes]
+        shares = length[..., None] * within_shares(np.where(due, (times[:, lanes, :longest] - start) / length, 0.0))
+        stages, states = step.extend_stages(lanes).view(float), step.before[:, lanes].view(float)
         values = self.values.view(float)
         for c, channel in enumerate(self.channels):
             lane, k = np.nonzero(due[c])
             at = c, member[lane], begin[c, lane] + k
-            values[at] = _read(channel.parts, shares[c], before, stages)[lane, k]
-            rates = _read(channel.rates(self.half), shares[c], before[..., :1], stages[..., :1])
+            values[at] = _combine(channel.parts, shares[c], states, stages)[lane, k]
+            rates = _combine(channel.rates(self.half), shares[c], states[..., :1], stages[..., :1])
             self.rates[at] = rates[lane, k, 0]
         self.next[:, step.member] += count
 
@@ -109,9 +109,9 @@ class Readings:
             self.next_breaks *= 2
 
 
-def _read(parts: Parts, shares: Floats, before: Floats, stages: Floats) -> Any:
+def _combine(parts: Parts, shares: Floats, states: Floats, stages: Floats) -> Any:
     """The sum of components (A, m, Q) at parts of a step, by the shares (A, m, 16) of all stages (16, size, A, Q)."""
-    return sum(sign * (before[row][:, None] + shares @ stages[:, row].swapaxes(0, 1)) for row, sign in parts)
+    return sum(sign * (states[row][:, None] + shares @ stages[:, row].swapaxes(0, 1)) for row, sign in parts)
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,8 +130,8 @@ class Segments:
     rate: float
 
 
-def integrated(
-    segments: Segments, channels: Sequence[SensorChannel], tolerance: float, most: int = MOST_STEPS
+def integrate_segments(
+    segments: Segments, channels: Sequence[SensorChannel], tolerance: float, max_steps: int = MOST_STEPS
 ) -> Readings:
     """What channels read of all segments until their ends; ComputationError where one cannot be followed."""
     lanes, y = Lanes(segments.real, counts_work=False, target="columns"), segments.y
@@ -140,7 +140,7 @@ def integrated(
     first = np.full(count, FIRST / segments.rate)
     relative = np.full(count, tolerance)
     task = LaneTask(lanes, segments.numbers, y, segments.ends, relative, absolute, first, start=segments.starts)
-    watch = Readings(channels, size // 2, segments.ends, most)
+    watch = Readings(channels, size // 2, segments.ends, max_steps)
     watch.begin(segments.starts, y)
     if segments.real.switching:
         task = Analytic(lanes, segments.numbers).begin(task)

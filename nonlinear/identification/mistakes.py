@@ -46,13 +46,13 @@ def find_mistake(scene: Scene, recording: Recording, misfit: Callable[[Recording
     `misfit` is that of a fit to the beginning of a recording, infinite where there is none.
     """
     present = misfit(recording)
-    mended = [(misfit(mistake.recording), mistake) for mistake in possible(scene, recording)]
-    if not mended:
+    attempts = [(misfit(mistake.recording), mistake) for mistake in possible(scene, recording)]
+    if not attempts:
         return ""
-    least, best = min(mended, key=lambda pair: pair[0])
-    if not (least < ENOUGH and GAIN * least < present):
+    smallest, best = min(attempts, key=lambda pair: pair[0])
+    if not (smallest < ENOUGH and GAIN * smallest < present):
         return ""
-    return _told(best, least)
+    return _describe(best, smallest)
 
 
 def possible(scene: Scene, recording: Recording) -> Iterator[Mistake]:
@@ -79,10 +79,10 @@ def possible(scene: Scene, recording: Recording) -> Iterator[Mistake]:
     for a, b in combinations(angles, 2):
         order = [*range(len(sensors))]
         order[a], order[b] = b, a
-        changed = tuple(replace(s, values=s.values[:, order]) for s in recording.segments)
+        exchanges = tuple(replace(s, values=s.values[:, order]) for s in recording.segments)
         sensor, two = sensors[a].name, sensors[b].name
         way = f"`columns={sensor}_rad={two}_rad` and `columns={two}_rad={sensor}_rad`"
-        yield Mistake(replace(recording, segments=changed), f"{sensor} and {two} are exchanged", way)
+        yield Mistake(replace(recording, segments=exchanges), f"{sensor} and {two} are exchanged", way)
     if not recording.relative and any(sensor.link > 1 for sensor in sensors):
         changed_angles = replace(recording, relative=True)
         try:
@@ -97,10 +97,14 @@ def in_degrees(recording: Recording, chosen: list[int]) -> Mistake:
     names = [recording.sensors[c].name for c in chosen]
     scales = np.ones(len(recording.sensors))
     scales[chosen] = np.pi / 180
-    read = replace(recording, segments=tuple(replace(s, values=s.values * scales) for s in recording.segments))
+    converted_recording = replace(
+        recording, segments=tuple(replace(s, values=s.values * scales) for s in recording.segments)
+    )
     way = "` and `columns=".join(f"{name}_rad={name}_deg" for name in names)
     return Mistake(
-        read, f"{listed(names, len(names))} {'look' if len(names) > 1 else 'looks'} like degrees", f"`columns={way}`"
+        converted_recording,
+        f"{listed(names, len(names))} {'look' if len(names) > 1 else 'looks'} like degrees",
+        f"`columns={way}`",
     )
 
 
@@ -113,9 +117,9 @@ def require_radians(recording: Recording, rate: float, misfit: Callable[[Recordi
     fast = [c for c, sensor in enumerate(recording.sensors) if sensor.pendulum and _speed(recording, c) > FAST * rate]
     if fast:
         mistake = in_degrees(recording, fast)
-        left = misfit(mistake.recording)
-        if left < ENOUGH / 2:
-            raise SceneError([_told(mistake, left)])
+        remainder = misfit(mistake.recording)
+        if remainder < ENOUGH / 2:
+            raise SceneError([_describe(mistake, remainder)])
 
 
 def _speed(recording: Recording, sensor: int) -> float:
@@ -131,8 +135,8 @@ def _speed(recording: Recording, sensor: int) -> float:
     return float(np.quantile(speeds, 0.95)) if len(speeds) else 0.0
 
 
-def _told(mistake: Mistake, left: float) -> str:
-    return f"{mistake.words}: read in this way, the beginning fits to {100 * left:.2g} % ({mistake.way})"
+def _describe(mistake: Mistake, remainder: float) -> str:
+    return f"{mistake.words}: read in this way, the beginning fits to {100 * remainder:.2g} % ({mistake.way})"
 
 
 def require_seconds(scene: Scene, recording: Recording) -> None:
@@ -152,5 +156,5 @@ def require_seconds(scene: Scene, recording: Recording) -> None:
         (1 / THOUSAND, "seconds", "time_ms=time_s"),
     ):
         if np.all((factor * lines > low) & (factor * lines < high)):
-            shown = f"{lines[0] / (2 * np.pi):.3g} Hz where the scene swings at {omega.min() / (2 * np.pi):.3g} Hz"
-            raise SceneError([f"the times look like {words}: the record swings at {shown} (`columns={way}`)"])
+            comparison = f"{lines[0] / (2 * np.pi):.3g} Hz where the scene swings at {omega.min() / (2 * np.pi):.3g} Hz"
+            raise SceneError([f"the times look like {words}: the record swings at {comparison} (`columns={way}`)"])

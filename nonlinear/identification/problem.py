@@ -21,7 +21,7 @@ from modal.scene import AnyLink, Scene, refusals
 from modal.scene.parameters import Place, is_of_switch, number_at
 from modal.types import Booleans, Floats
 from nonlinear.dynamics.inputs import Inputs
-from nonlinear.identification.flow import MOST_STEPS, Readings, Segments, SensorChannel, integrated
+from nonlinear.identification.flow import MOST_STEPS, Readings, Segments, SensorChannel, integrate_segments
 from nonlinear.identification.records import Recording, Sensor
 from nonlinear.integration.switches import numbers_of as switching_of
 from nonlinear.system import Numbers, System, numbers_of, system_of, translations
@@ -143,8 +143,8 @@ class FitProblem(Displayed):
             return ((0, 1.0),)
         links = [k for k, pendulum in enumerate(self.system.pendulum) if pendulum == sensor.pendulum - 1]
         row = first + links[sensor.link - 1]
-        above = ((row - 1, -1.0),) if self.recording.relative and sensor.link > 1 else ()
-        return ((row, 1.0), *above)
+        upper_link = ((row - 1, -1.0),) if self.recording.relative and sensor.link > 1 else ()
+        return ((row, 1.0), *upper_link)
 
     def parts(self, sensor: Sensor) -> tuple[tuple[int, float], ...]:
         """The components of a state, with signs, that a sensor adds up."""
@@ -167,15 +167,15 @@ class FitProblem(Displayed):
     @cached_property
     def free(self) -> Booleans:
         """Which unknowns are fitted, (size,)."""
-        layout, fitted = self.layout, np.ones(self.layout.size, dtype=bool)
-        fitted[layout.scales] = self.scaled
+        layout, is_free = self.layout, np.ones(self.layout.size, dtype=bool)
+        is_free[layout.scales] = self.scaled
         if len(self.recording.sensors):
-            fitted[layout.delays.start] = False
+            is_free[layout.delays.start] = False
         adrift = np.abs(translations(self.system)).sum(axis=0) > 0
         for k, sensor in enumerate(self.recording.sensors):
             if not sensor.pendulum and adrift[self.parts(sensor)[0][0]]:
-                fitted[layout.offsets.start + k] = False
-        return fitted
+                is_free[layout.offsets.start + k] = False
+        return is_free
 
     @cached_property
     def bounds(self) -> tuple[Floats, Floats]:
@@ -202,12 +202,12 @@ class FitProblem(Displayed):
             readings.append((1 + u[layout.scales]) * values + u[layout.offsets])
         return readings
 
-    def residuals(self, u: Floats, ahead: bool = False) -> Floats:
+    def residuals(self, u: Floats, with_derivatives: bool = False) -> Floats:
         """(N,) in units of the noise, of all values that are there, then those of priors.
 
-        With `ahead` the derivatives are computed along, for a `jacobian` at the same unknowns.
+        With `with_derivatives` the derivatives are computed along, for a `jacobian` at the same unknowns.
         """
-        flow = self._flow_with_derivatives(u) if ahead else self._flow(u, 0)
+        flow = self._flow_with_derivatives(u) if with_derivatives else self._flow(u, 0)
         rows = [
             ((values - segment.values) / self.noise)[np.isfinite(segment.values)]
             for values, segment in zip(self._readings(u, flow), self.recording.segments, strict=True)
@@ -215,7 +215,7 @@ class FitProblem(Displayed):
         return np.concatenate([*rows, *self._gaps(u, flow), self._doubts(u)])
 
     @cached_property
-    def _joined(self) -> list[int]:
+    def _joints(self) -> list[int]:
         """The segments that are continued by the next."""
         return [s for s, segment in enumerate(self.recording.segments[:-1]) if segment.continued]
 
@@ -228,13 +228,13 @@ class FitProblem(Displayed):
         """How far each continuation begins from where the motion before it has come, in units of `_tightness`."""
         first = len(self.recording.sensors)
         return [
-            (flow.values[first:, s, 0, 0].real - u[self.layout.state(s + 1)]) / self._tightness for s in self._joined
+            (flow.values[first:, s, 0, 0].real - u[self.layout.state(s + 1)]) / self._tightness for s in self._joints
         ]
 
     def _gap_slopes(self, flow: Readings) -> list[Floats]:
         """The derivatives of the gaps."""
         layout, first, blocks = self.layout, len(self.recording.sensors), []
-        for s in self._joined:
+        for s in self._joints:
             block = np.zeros((layout.width, layout.size))
             slopes = flow.values[first:, s, 0].imag / EPSILON
             block[:, : layout.numbers] = slopes[:, : layout.numbers]
@@ -286,24 +286,24 @@ class FitProblem(Displayed):
                 at += count
         return series
 
-    def ordered(self, rows: Floats) -> Floats:
+    def sort_by_sensor(self, rows: Floats) -> Floats:
         """Residuals or their derivatives with each sensor's values of a segment together, priors last."""
         sorted_rows, at = [], 0
         for segment in self.recording.segments:
-            there = np.isfinite(segment.values)
-            count = int(np.count_nonzero(there))
-            sensor = np.broadcast_to(np.arange(there.shape[1]), there.shape)[there]
+            is_present = np.isfinite(segment.values)
+            count = int(np.count_nonzero(is_present))
+            sensor = np.broadcast_to(np.arange(is_present.shape[1]), is_present.shape)[is_present]
             sorted_rows.append(rows[at : at + count][np.argsort(sensor, kind="stable")])
             at += count
         return np.concatenate([*sorted_rows, rows[at:]])
 
-    def _continuations(self, most: int, starts: Floats) -> list[SensorChannel]:
+    def _continuations(self, length: int, starts: Floats) -> list[SensorChannel]:
         """Channels for every component of a state where the next segment begins."""
-        if not self._joined:
+        if not self._joints:
             return []
         segments = self.recording.segments
-        times = np.full((len(segments), most), np.inf)
-        for s in self._joined:
+        times = np.full((len(segments), length), np.inf)
+        for s in self._joints:
             times[s, 0] = segments[s + 1].times[0] - segments[s].times[0] + starts[s]
         half = self.coordinates
         return [SensorChannel(((row, 1.0),), times) for row in range(2 * half)]
@@ -334,18 +334,18 @@ class FitProblem(Displayed):
             y[:, s] = u[layout.state(s), None]
         if columns:
             y[:, :, layout.numbers :] += 1j * EPSILON * np.eye(layout.width)[:, None]
-        begun = np.array([segment.times[0] - self.late for segment in segments])
-        starts = begun if Inputs(self.system).count else np.zeros(S)
-        most = max(len(segment.times) for segment in segments)
+        begins = np.array([segment.times[0] - self.late for segment in segments])
+        starts = begins if Inputs(self.system).count else np.zeros(S)
+        longest = max(len(segment.times) for segment in segments)
         channels = []
         for c, sensor in enumerate(self.recording.sensors):
-            times = np.full((S, most), np.inf)
+            times = np.full((S, longest), np.inf)
             for s, segment in enumerate(segments):
-                times[s, : len(segment.times)] = segment.times - begun[s] - u[layout.delays][c] + starts[s]
+                times[s, : len(segment.times)] = segment.times - begins[s] - u[layout.delays][c] + starts[s]
             channels.append(SensorChannel(self.parts(sensor), times))
-        channels += self._continuations(most, starts)
-        every = np.array([channel.times for channel in channels])
-        ends = np.where(np.isfinite(every), every, -np.inf).max(axis=(0, 2))
+        channels += self._continuations(longest, starts)
+        times_all = np.array([channel.times for channel in channels])
+        ends = np.where(np.isfinite(times_all), times_all, -np.inf).max(axis=(0, 2))
         integrands = Segments(
             self._numbers({place: np.full(S, value) for place, value in real.items()}),
             self._numbers({place: value + steps[place] for place, value in real.items()}),
@@ -355,7 +355,7 @@ class FitProblem(Displayed):
             self.scale,
             self.system.rate,
         )
-        return integrated(integrands, channels, self.tolerance, self.steps)
+        return integrate_segments(integrands, channels, self.tolerance, self.steps)
 
     def _numbers(self, values: dict[Place, Any]) -> Numbers:
         """The numbers of all segments, with arrays at some places."""

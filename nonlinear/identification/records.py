@@ -117,7 +117,7 @@ class Recording(Displayed):
         """Some of its segments."""
         return replace(self, segments=tuple(self.segments[k] for k in which))
 
-    def unwrapped(self) -> Recording:
+    def unwrap_angles(self) -> Recording:
         """With angles that go on where those of a sensor jump by a turn (`unwrap`)."""
         segments, names = [], dict.fromkeys(self.continued)
         for segment in self.segments:
@@ -163,27 +163,29 @@ class Recording(Displayed):
 
     def until(self, duration: float) -> Recording:
         """The beginning of every segment (s)."""
-        kept = []
+        beginnings = []
         for segment in self.segments:
             count = max(FEWEST, int(np.searchsorted(segment.times, segment.times[0] + duration, side="right")))
-            whole = count >= len(segment.times) and segment.continued
-            kept.append(replace(segment, times=segment.times[:count], values=segment.values[:count], continued=whole))
-        return replace(self, segments=tuple(kept))
+            goes_on = count >= len(segment.times) and segment.continued
+            beginnings.append(
+                replace(segment, times=segment.times[:count], values=segment.values[:count], continued=goes_on)
+            )
+        return replace(self, segments=tuple(beginnings))
 
 
 def is_wrapped(values: Floats) -> bool:
     """Whether angles (K,) in rad stay within one turn and jump by nearly one between samples that follow each other."""
-    there = values[np.isfinite(values)]
-    if not len(there) or np.ptp(there) > 1.001 * TURN:
+    numbers = values[np.isfinite(values)]
+    if not len(numbers) or np.ptp(numbers) > 1.001 * TURN:
         return False
     return bool(np.any(np.abs(np.diff(values)) > JUMP * TURN))
 
 
 def unwrap(values: Floats) -> Floats:
     """Angles (K,) that go on by less than half a turn from each sample to the next that is there."""
-    unwrapped, there = values.copy(), np.isfinite(values)
-    unwrapped[there] = np.unwrap(values[there])
-    return unwrapped
+    angles, is_present = values.copy(), np.isfinite(values)
+    angles[is_present] = np.unwrap(values[is_present])
+    return angles
 
 
 def read_recording(
@@ -230,11 +232,13 @@ def read_recording(
     problems += _empty(sensors, segments) if not problems else []
     if problems:
         raise SceneError(problems)
-    unused = {column for _, header, _ in tables for column in header if not _is_known(column, carriers)} - {
+    other_columns = {column for _, header, _ in tables for column in header if not _is_known(column, carriers)} - {
         *(where or {}),
         f"({RUNS})",
     }
-    return Recording(tuple(sensors), tuple(segments), angles == "relative", tuple(sorted(unused))).unwrapped()
+    return Recording(
+        tuple(sensors), tuple(segments), angles == "relative", tuple(sorted(other_columns))
+    ).unwrap_angles()
 
 
 def _is_still(header: Sequence[str], rows: Sequence[tuple[int, list[str]]]) -> bool:
@@ -275,8 +279,8 @@ def _is_sensor(column: str, carriers: Carriers) -> bool:
 
 def _sensor(column: str, carriers: Carriers) -> Sensor:
     bare = column.removeprefix("-")
-    matched = SENSOR.fullmatch(bare)
-    return carriers.get(bare) or (Sensor(int(matched[1]), int(matched[2])) if matched and matched[1] else Sensor())
+    match = SENSOR.fullmatch(bare)
+    return carriers.get(bare) or (Sensor(int(match[1]), int(match[2])) if match and match[1] else Sensor())
 
 
 def _is_known(column: str, carriers: Carriers) -> bool:
@@ -323,8 +327,8 @@ def _table(
     if problems := [*problems, *_header_problems(columns, where, carriers)]:
         raise SceneError([f"{name}: {problem}" for problem in problems])
     full = [(line, row) for line, row in rows if any(word.strip() for word in row)]
-    if ragged := [line for line, row in full if len(row) != len(columns)]:
-        raise SceneError([f"{name}: line {ragged[0]}: must have {len(columns)} cells like the first"])
+    if uneven_lines := [line for line, row in full if len(row) != len(columns)]:
+        raise SceneError([f"{name}: line {uneven_lines[0]}: must have {len(columns)} cells like the first"])
     used = [
         (line, row)
         for line, row in full
@@ -353,8 +357,10 @@ def _header_problems(columns: Sequence[str], where: Mapping[str, str], carriers:
     sensors = [column for column in columns if _is_sensor(column, carriers)]
     if not sensors:
         yield "has no column of a sensor, such as theta_1_1_rad or cart_m"
-    read = {heading: _sensor(heading, carriers) for heading in sensors}
-    twice = [heading for heading in sensors if len({other for other in sensors if read[other] == read[heading]}) > 1]
+    sensor_of = {heading: _sensor(heading, carriers) for heading in sensors}
+    twice = [
+        heading for heading in sensors if len({twin for twin in sensors if sensor_of[twin] == sensor_of[heading]}) > 1
+    ]
     if twice:
         yield f"columns {listed(twice, len(twice))}: are one sensor in two units"
 
@@ -395,9 +401,9 @@ def _segments(
         at += count
         segments.append(Segment(name, segment, times[within], table[within]))
         problems += _segment_problems(segments[-1], sensors)
-    named = [segment.name for segment in segments]
-    repeated = [title for title in dict.fromkeys(named) if named.count(title) > 1]
-    problems += [f"{name}: segment {title}: its rows do not follow one another" for title in repeated]
+    titles = [segment.name for segment in segments]
+    duplicates = [title for title in dict.fromkeys(titles) if titles.count(title) > 1]
+    problems += [f"{name}: segment {title}: its rows do not follow one another" for title in duplicates]
     if problems:
         raise SceneError(problems)
     return segments
@@ -429,11 +435,11 @@ def _segment_problems(segment: Segment, sensors: Sequence[Sensor]) -> Iterator[s
     if len(segment.times) < FEWEST:
         yield f"{segment.where}: has {counted(len(segment.times), 'row', 'rows')}, at least {FEWEST} are needed"
     for sensor, values in zip(sensors, segment.values.T, strict=True):
-        there = values[np.isfinite(values)]
-        if sensor.pendulum and len(there) and np.abs(there).max() > MOST_ANGLE:
-            most = float(np.abs(there).max())
+        numbers = values[np.isfinite(values)]
+        if sensor.pendulum and len(numbers) and np.abs(numbers).max() > MOST_ANGLE:
+            largest = float(np.abs(numbers).max())
             hint = f"if these are degrees, name it {sensor.name}_deg"
-            yield f"{segment.where}: {sensor.name} reaches {most:.4g} rad: {hint}"
+            yield f"{segment.where}: {sensor.name} reaches {largest:.4g} rad: {hint}"
 
 
 def _clock_problems(segment: Segment) -> Iterator[str]:

@@ -86,7 +86,7 @@ class Fit(FittedNumbers):
         """
         misfits = []
         for c, rho in enumerate(self.rho):
-            read = np.concatenate(
+            readings_about_mean = np.concatenate(
                 [segment.values[:, c] - np.nanmean(segment.values[:, c]) for segment in self.recording.segments]
             )
             miss = np.concatenate(
@@ -95,11 +95,11 @@ class Fit(FittedNumbers):
                     for reading, segment in zip(self.readings, self.recording.segments, strict=True)
                 ]
             )
-            left = root_mean_square(miss) / (root_mean_square(read) or 1.0)
+            share = root_mean_square(miss) / (root_mean_square(readings_about_mean) or 1.0)
             count = int(np.count_nonzero(np.isfinite(miss)))
-            again = float(np.abs(rho[1:3]).max()) if len(rho) > 1 else 0.0
-            lasting = left * np.sqrt(again) if again > SURE / np.sqrt(count) else 0.0
-            misfits.append(left if left > BARE else lasting)
+            correlation = float(np.abs(rho[1:3]).max()) if len(rho) > 1 else 0.0
+            lasting = share * np.sqrt(correlation) if correlation > SURE / np.sqrt(count) else 0.0
+            misfits.append(share if share > BARE else lasting)
         return np.array(misfits)
 
     @cached_property
@@ -187,8 +187,8 @@ class Fit(FittedNumbers):
     def combinations(self) -> tuple[Combination, ...]:
         """Products of numbers that are determined although the numbers are not."""
         count = len(self.parameters)
-        determined = Determined(np.array(self.fitted, dtype=np.int64), self.held, self.undetermined, self.condition)
-        return find_combinations(determined, self.parameters, self.unknowns[:count], self.stds)
+        determination = Determined(np.array(self.fitted, dtype=np.int64), self.held, self.undetermined, self.condition)
+        return find_combinations(determination, self.parameters, self.unknowns[:count], self.stds)
 
     def bootstrap(self, draws: int, seed: int = 1) -> Floats:
         """Standard deviations (p,) of the numbers by resampled blocks of residuals, zero for those held.
@@ -197,17 +197,17 @@ class Fit(FittedNumbers):
         """
         problem, count, rng = self.problem, len(self.parameters), np.random.default_rng(seed)
         columns = np.flatnonzero(np.diag(self.cov) > 0)
-        J = problem.ordered(problem.jacobian(self.unknowns))[:, columns]
-        back, residuals = np.linalg.pinv(J, rcond=1e-11), problem.ordered(self.residuals)
+        J = problem.sort_by_sensor(problem.jacobian(self.unknowns))[:, columns]
+        back, residuals = np.linalg.pinv(J, rcond=1e-11), problem.sort_by_sensor(self.residuals)
         rows = [part for *_, part in problem.series()]
         blocks = max(BLOCKS, int(sum(part.stop - part.start for part in rows) ** (1 / 3)))
         steps = []
         for _ in range(draws):
-            drawn = np.zeros(len(residuals))
+            sample = np.zeros(len(residuals))
             series = resampled([residuals[part] for part in rows], blocks, rng)
             for part, values in zip(rows, series, strict=True):
-                drawn[part] = values - values.mean()
-            steps.append(back @ drawn)
+                sample[part] = values - values.mean()
+            steps.append(back @ sample)
         stds = np.zeros(problem.layout.size)
         stds[columns] = np.std(steps, axis=0) if self.fits else np.nan
         return np.asarray(stds[:count] * np.abs(self.slopes))
@@ -236,8 +236,8 @@ class Fit(FittedNumbers):
 
 def root_mean_square(values: Floats) -> float:
     """Of the values that are there."""
-    there = values[np.isfinite(values)]
-    return float(np.sqrt(np.mean(there**2))) if len(there) else 0.0
+    numbers = values[np.isfinite(values)]
+    return float(np.sqrt(np.mean(numbers**2))) if len(numbers) else 0.0
 
 
 def sensor_record(result: Fit, c: int) -> dict[str, Any]:
@@ -280,11 +280,11 @@ def initial_record(result: Fit, s: int) -> dict[str, float]:
 
 
 def _labels(result: Fit) -> list[str]:
-    seen: dict[int, int] = {}
+    counts: dict[int, int] = {}
     labels = []
     for pendulum in result.problem.system.pendulum.tolist():
-        seen[pendulum] = seen.get(pendulum, 0) + 1
-        labels.append(f"{pendulum + 1}_{seen[pendulum]}")
+        counts[pendulum] = counts.get(pendulum, 0) + 1
+        labels.append(f"{pendulum + 1}_{counts[pendulum]}")
     return labels
 
 

@@ -32,11 +32,13 @@ def initial_states(problem: FitProblem) -> Floats:
     for s, segment in enumerate(problem.recording.segments):
         values, rates = [], []
         for readings in segment.values.T:
-            there = np.isfinite(readings)
-            times, read = segment.times[there] - segment.times[0] + problem.late, readings[there]
-            near = times <= max(glance + problem.late, times[min(5, len(times) - 1)]) if len(times) else there[:0]
-            order = min(2, int(np.count_nonzero(near)) - 1)
-            curve = np.polynomial.Polynomial.fit(times[near], read[near], order) if order >= 0 else None
+            is_present = np.isfinite(readings)
+            times, numbers = segment.times[is_present] - segment.times[0] + problem.late, readings[is_present]
+            is_early = (
+                times <= max(glance + problem.late, times[min(5, len(times) - 1)]) if len(times) else is_present[:0]
+            )
+            order = min(2, int(np.count_nonzero(is_early)) - 1)
+            curve = np.polynomial.Polynomial.fit(times[is_early], numbers[is_early], order) if order >= 0 else None
             values.append(float(curve(0.0)) if curve else 0.0)
             rates.append(float(curve.deriv()(0.0)) if curve and order else 0.0)
         states[s, :coordinates] = rest + back @ (np.array(values) - picks @ rest)
@@ -52,52 +54,52 @@ def spectral_lines(recording: Recording) -> Floats:
     frequency = 2 * np.pi * np.fft.rfftfreq(count, step)
     power = np.zeros(len(frequency))
     for segment in recording.segments:
-        even = np.arange(segment.times[0], segment.times[-1], step)
+        grid = np.arange(segment.times[0], segment.times[-1], step)
         for readings in segment.values.T:
-            there = np.isfinite(readings)
-            if np.count_nonzero(there) > 3:
-                even_values = np.interp(even, segment.times[there], readings[there])
-                window = np.hanning(len(even))
+            is_present = np.isfinite(readings)
+            if np.count_nonzero(is_present) > 3:
+                even_values = np.interp(grid, segment.times[is_present], readings[is_present])
+                window = np.hanning(len(grid))
                 spectrum = np.fft.rfft((even_values - even_values.mean()) * window, count)
                 power += np.abs(spectrum) ** 2
     peaks, _ = scipy.signal.find_peaks(power, height=LINE * power.max(), prominence=LINE * power.max())
-    resolved = frequency[peaks] > 2 * np.pi / longest
-    return np.asarray(frequency[peaks][resolved])
+    is_line = frequency[peaks] > 2 * np.pi / longest
+    return np.asarray(frequency[peaks][is_line])
 
 
 def starting_numbers(scene: Scene, parameters: Sequence[Parameter], recording: Recording) -> Floats:
     """The z of numbers whose frequencies are those of the spectrum; the scene's own where these are near already."""
     z0, lines = starts_of(parameters), spectral_lines(recording)
     movable = [k for k, parameter in enumerate(parameters) if parameter.log]
-    computed = _frequencies(scene)
-    pairs = min(len(lines), len(computed))
+    omega = _frequencies(scene)
+    pairs = min(len(lines), len(omega))
     if not movable or not pairs:
         return z0
-    chosen = lines[:pairs] if len(lines) <= len(computed) else lines[: len(computed)]
-    if len(lines) < len(computed):
-        taken = [int(np.argmin(np.abs(np.log(computed / line)))) for line in chosen]
-        if len(set(taken)) < len(taken):
+    chosen = lines[:pairs] if len(lines) <= len(omega) else lines[: len(omega)]
+    if len(lines) < len(omega):
+        rows = [int(np.argmin(np.abs(np.log(omega / line)))) for line in chosen]
+        if len(set(rows)) < len(rows):
             return z0
     else:
-        taken = [*range(pairs)]
-    if np.all(np.abs(np.log(computed[taken] / chosen)) < FAR):
+        rows = [*range(pairs)]
+    if np.all(np.abs(np.log(omega[rows] / chosen)) < FAR):
         return z0
 
-    def missed(moved: Floats) -> Floats:
+    def residuals(numbers: Floats) -> Floats:
         z = z0.copy()
-        z[movable] = moved
+        z[movable] = numbers
         try:
             now = _frequencies(scene_with(scene, numbers_at(parameters, z)))
         except (SceneError, ComputationError):
             return np.full(len(chosen) + len(movable), 1e3)
-        if len(now) < len(computed):
+        if len(now) < len(omega):
             return np.full(len(chosen) + len(movable), 1e3)
-        return np.concatenate((np.log(now[taken] / chosen) / 0.02, (moved - z0[movable]) / RESERVE))
+        return np.concatenate((np.log(now[rows] / chosen) / 0.02, (numbers - z0[movable]) / RESERVE))
 
-    fitted = scipy.optimize.least_squares(missed, z0[movable], x_scale=0.1, diff_step=1e-4, max_nfev=40)
-    moved = z0.copy()
-    moved[movable] = fitted.x
-    return moved
+    solution = scipy.optimize.least_squares(residuals, z0[movable], x_scale=0.1, diff_step=1e-4, max_nfev=40)
+    numbers = z0.copy()
+    numbers[movable] = solution.x
+    return numbers
 
 
 def _frequencies(scene: Scene) -> Floats:

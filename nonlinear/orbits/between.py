@@ -50,7 +50,7 @@ def refined_points(problem: OrbitProblem, points: Sequence[OrbitPoint]) -> list[
     """The points of a branch and those between them whose orbits differ in stability from both neighbours."""
     if len(points) < 2:
         return list(points)
-    nodes = [Node(length, here) for length, here in zip(_lengths(points), points, strict=True)]
+    nodes = [Node(length, point) for length, point in zip(_lengths(points), points, strict=True)]
     for start, end in pairwise(tuple(nodes)):
         _search(problem, nodes, start, end)
     return [node.point for node in nodes if node.is_in_branch]

@@ -32,7 +32,7 @@ from modal.vibration import ParametricStability, parametric_stability, stabiliti
 from nonlinear.chaos import usual_duration
 from nonlinear.ensembles import measured_run, measured_together, run_together, times_of, validate_measures
 from nonlinear.integration import Trajectory, validate
-from nonlinear.measures import LAST_TENTH, WHOLE_MOTION, Measure, requested
+from nonlinear.measures import LAST_TENTH, WHOLE_MOTION, Measure, parse_request
 from nonlinear.postprocessing import extremes
 from nonlinear.postprocessing import largest_angle as widest
 from nonlinear.reduction import usual_start
@@ -309,7 +309,7 @@ def parse_measures(texts: Sequence[str], verb: str = "sweep") -> tuple[Requested
     problems: list[str] = []
     for text in texts:
         try:
-            measure, number = requested(verb, text)
+            measure, number = parse_request(verb, text)
             request = RequestedMeasure(measure, COMPUTATIONS[measure.name], number)
             name = request.text if measure.whole else measure.name
             if name in requests:

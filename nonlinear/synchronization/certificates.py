@@ -35,7 +35,7 @@ def certified_orbit(scene: Scene, equilibrium: RelativeEquilibrium) -> Orbit | N
     return orbit if _is_close_to(orbit, equilibrium) else None
 
 
-def reasons_uncertified(scene: Scene) -> str:
+def certificate_refusal(scene: Scene) -> str:
     """Why no periodic orbit of a scene in the plane is looked for; "" where they are."""
     if scene.n_links > MOST_LINKS:
         return f"{scene.n_links} links: limit cycles are computed of up to {MOST_LINKS}"
@@ -43,7 +43,7 @@ def reasons_uncertified(scene: Scene) -> str:
 
 
 def _periodic(scene: Scene, equilibrium: RelativeEquilibrium) -> bool:
-    return not reasons_uncertified(scene) and len(swinging(equilibrium.averaged, equilibrium.z)) == 1
+    return not certificate_refusal(scene) and len(swinging(equilibrium.averaged, equilibrium.z)) == 1
 
 
 def _is_close_to(orbit: Orbit, equilibrium: RelativeEquilibrium) -> bool:

@@ -31,9 +31,9 @@ from nonlinear.averaging import (
     AveragedEquations,
     RelativeEquilibrium,
     average,
+    is_same_motion,
     relative_equilibria,
     relative_equilibrium,
-    same,
     swinging,
 )
 from nonlinear.orbits import Special
@@ -194,7 +194,7 @@ def follow_branches(
 
 def _follow(walk: Walk, value: float, state: RelativeEquilibrium) -> tuple[RelativeEquilibrium, EquilibriumBranch]:
     """The configuration at a value with its branch."""
-    values, states = zip(*walk.whole(value, state), strict=True)
+    values, states = zip(*walk.trace(value, state), strict=True)
     return state, EquilibriumBranch(walk.variation, np.array(values), states)
 
 
@@ -208,7 +208,7 @@ def _locate(branches: Branches, at: int) -> Special | None:
 def _is_known(state: RelativeEquilibrium, value: float, branches: Sequence[EquilibriumBranch]) -> bool:
     """Whether one of these branches has this configuration at a value."""
     pairs = (pair for branch in branches for pair in zip(branch.values, branch.states, strict=True))
-    return any(at == value and same(state, neighbour) for at, neighbour in pairs)
+    return any(at == value and is_same_motion(state, neighbour) for at, neighbour in pairs)
 
 
 def _places(variation: Variation, branches: Sequence[EquilibriumBranch]) -> Iterator[float]:
@@ -243,7 +243,7 @@ class Walk:
             self._made[value] = average(vary(self.scene, {self.variation.path: value}))
         return self._made[value]
 
-    def whole(self, value: float, state: RelativeEquilibrium) -> list[Step]:
+    def trace(self, value: float, state: RelativeEquilibrium) -> list[Step]:
         """Everything reached from a configuration, in both directions, in ascending order."""
         up = [v for v in self.variation.values if v > value]
         down = [v for v in reversed(self.variation.values) if v < value]
@@ -282,11 +282,11 @@ class Walk:
 
     def _next(self, step: Step, value: float) -> RelativeEquilibrium | None:
         """The same configuration there, None where the way back leads elsewhere: that is another branch."""
-        state = self.moved(step[1], value)
-        back = self.moved(state, step[0]) if state else None
-        return state if back and same(back, step[1], CLOSE) else None
+        state = self.move(step[1], value)
+        back = self.move(state, step[0]) if state else None
+        return state if back and is_same_motion(back, step[1], CLOSE) else None
 
-    def moved(self, state: RelativeEquilibrium, value: float) -> RelativeEquilibrium | None:
+    def move(self, state: RelativeEquilibrium, value: float) -> RelativeEquilibrium | None:
         """The same configuration at another value, None where there is none nearby."""
         z = _transfer(state, self.at(value))
         equilibrium = relative_equilibrium(self.at(value), z)

@@ -227,7 +227,7 @@ def _table(theory: Theory) -> str:
     rows_shown = _shown_rows(theory)
     table = ReportTable.of(STEADY, [motions[k] for k in rows_shown])
     rows = table.written()
-    notes = [f"Averaged alone: {theory.reasons_uncertified}."] * bool(theory.reasons_uncertified)
+    notes = [f"Averaged alone: {theory.certificate_refusal}."] * bool(theory.certificate_refusal)
     notes += [EXACT] * any(theory.orbits) + [LEFT] * (None in theory.orbits and any(theory.orbits))
     if any(state.copies > 1 for state, _ in motions):
         notes.insert(0, COPIED)
@@ -293,8 +293,8 @@ def _prediction(study: SynchronizationStudy, theory: Theory) -> Iterator[str]:
     if theory.ending:
         size = float(np.abs(theory.ending.floquet.others).max())
         yield f"The orbit in which it ends is stable in the full equations: no multiplier exceeds {size:.6g}."
-    if theory.reasons_uncertified:
-        yield f"Its stability is that of the averaged equations alone ({theory.reasons_uncertified})."
+    if theory.certificate_refusal:
+        yield f"Its stability is that of the averaged equations alone ({theory.certificate_refusal})."
     if reasons := _reasons(study):
         yield f"This is not certain: {'; '.join(reasons)}."
     elif not theory.ending:

@@ -14,11 +14,11 @@ from modal.errors import ComputationError
 from modal.report import Displayed, TextResult, silent
 from modal.scene import Scene, refusals, require, validate_scene
 from modal.scene.doors import checked
-from nonlinear.averaging import Prediction, RelativeEquilibrium, predict, relative_equilibria, same
+from nonlinear.averaging import Prediction, RelativeEquilibrium, is_same_motion, predict, relative_equilibria
 from nonlinear.integration import Trajectory, estimate_timescales
 from nonlinear.orbits import Orbit
 from nonlinear.simulation import simulate
-from nonlinear.synchronization.certificates import certified_orbit, reasons_uncertified
+from nonlinear.synchronization.certificates import certificate_refusal, certified_orbit
 from nonlinear.synchronization.modal_energy import Survival, find_survival
 from nonlinear.synchronization.phases import Phases, phases_of
 from nonlinear.synchronization.populations import PopulationPhases, population_phases
@@ -56,7 +56,9 @@ class Theory(Displayed):
         if state is None:
             return None
         neighbours = (
-            orbit for neighbour, orbit in zip(self.configurations, self.orbits, strict=True) if same(state, neighbour)
+            orbit
+            for neighbour, orbit in zip(self.configurations, self.orbits, strict=True)
+            if is_same_motion(state, neighbour)
         )
         orbit = None if state.is_family else next(neighbours, None)
         orbit = orbit or certified_orbit(self.prediction.averaged.scene, state)
@@ -72,9 +74,9 @@ class Theory(Displayed):
         return tuple(pairs)
 
     @property
-    def reasons_uncertified(self) -> str:
+    def certificate_refusal(self) -> str:
         """Why stability is that of the averaged equations alone, "" where periodic orbits are looked for."""
-        return reasons_uncertified(self.prediction.averaged.scene)
+        return certificate_refusal(self.prediction.averaged.scene)
 
     @property
     def doubts(self) -> tuple[str, ...]:

@@ -293,7 +293,7 @@ def _backbone(scene: Scene, number: int, to: float) -> Branch | None:
 
 def limit(
     runs: Sequence[Measurement],
-    exact: Callable[[Measurement], float] = lambda run: nan,
+    exact: Callable[[Measurement], float] = lambda measurement: nan,
     at_rest: tuple[float, float] = (nan, inf),
 ) -> tuple[float, float]:
     """(ω(a)/ω − 1)/a² at a → 0 and a bound on its error, from the neighbouring amplitudes that minimize that bound.

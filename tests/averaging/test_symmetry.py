@@ -10,7 +10,14 @@ import pytest
 
 from modal.scene import Scene, scene_from
 from modal.types import Complexes, Ints
-from nonlinear.averaging import RelativeEquilibrium, average, likeness, relative_equilibria, relative_equilibrium, same
+from nonlinear.averaging import (
+    RelativeEquilibrium,
+    average,
+    is_same_motion,
+    likeness,
+    relative_equilibria,
+    relative_equilibrium,
+)
 from nonlinear.averaging.symmetry import count_copies, exchange, kinds
 from nonlinear.ensembles import ensemble
 from nonlinear.system import State
@@ -89,10 +96,10 @@ def test_both_splay_states_are_one_that_has_two_copies() -> None:
     assert np.allclose(likeness(splayed, np.array(turned).T), 1.0, atol=1e-9)
     again = [relative_equilibrium(splayed.averaged, z) for z in turned]
     assert all(
-        state and np.allclose(state.z, z, atol=1e-7) and same(splayed, state)
+        state and np.allclose(state.z, z, atol=1e-7) and is_same_motion(splayed, state)
         for state, z in zip(again, turned, strict=True)
     )
-    assert not any(same(splayed, other) for other in equal(3) if other is not splayed)
+    assert not any(is_same_motion(splayed, other) for other in equal(3) if other is not splayed)
 
 
 def test_unequal_pendula_have_both_states_listed() -> None:
@@ -104,7 +111,7 @@ def test_unequal_pendula_have_both_states_listed() -> None:
     first, second = sorted(spread, key=lambda angles: -angles[0])
     assert first == pytest.approx([20.1, 18.1, 17.3], abs=0.06)
     assert second == pytest.approx([18.2, 20.1, 17.2], abs=0.06)
-    assert not same(*[state for state in states if abs(links(state).sum()) < 0.1])
+    assert not is_same_motion(*[state for state in states if abs(links(state).sum()) < 0.1])
 
 
 def started(equilibrium: RelativeEquilibrium, order: Ints, turn: float) -> State:

@@ -142,7 +142,7 @@ def test_angles_of_atan2_are_continued(tmp_path: Path) -> None:
     assert estimated.values == pytest.approx([0.5], abs=1e-3)
     assert "jumps by a turn" in estimated.verdict[0]
     assert "unwrapped()" in fitted(wrapped).verdict[0]
-    assert whole.unwrapped() is whole
+    assert whole.unwrap_angles() is whole
 
 
 def test_a_fit_that_does_not_fit_draws_no_conclusions() -> None:

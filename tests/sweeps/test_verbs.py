@@ -14,7 +14,7 @@ from modal.scene.parameters import vary
 from nonlinear import simulate
 from nonlinear.ensembles import ensemble, find_basins, run_together
 from nonlinear.ensembles.measures import COLUMNS
-from nonlinear.measures import MEASURES, VERBS, columns_of, measure_for, requested, taken_by
+from nonlinear.measures import MEASURES, VERBS, columns_of, measure_for, parse_request, taken_by
 from nonlinear.sweeps import COMPUTATIONS, find_spread, parse_measures
 
 SECONDS = 6.5
@@ -126,7 +126,7 @@ def test_the_number_of_a_map_is_its_duration() -> None:
     with pytest.raises(SceneError, match="largest_angle:3: has its own `duration`"):
         find_basins(chain(), 3.0, measure="largest_angle:3", **options)
     with pytest.raises(SceneError, match="is now largest_angle"):
-        requested("sweep", "amplitude:3")
+        parse_request("sweep", "amplitude:3")
 
 
 def test_runs_with_kicks_go_alone() -> None:

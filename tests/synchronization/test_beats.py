@@ -22,7 +22,7 @@ from nonlinear.synchronization import (
     study_synchronization,
     sync_record,
 )
-from nonlinear.synchronization.certificates import certified_orbit, reasons_uncertified
+from nonlinear.synchronization.certificates import certificate_refusal, certified_orbit
 
 
 def clocks(*angles: float) -> Scene:
@@ -136,7 +136,7 @@ def test_friction_is_predicted_as_energy_and_the_exact_orbit_say() -> None:
     assert orbit
     assert orbit.amplitude == pytest.approx(a, rel=0.01)
     assert orbit.is_stable
-    assert not reasons_uncertified(scene)
+    assert not certificate_refusal(scene)
 
 
 def test_slow_drives_with_friction_are_slow() -> None:
@@ -153,7 +153,7 @@ def test_a_study_takes_every_force(force: dict[str, float]) -> None:
     assert bool(study.silent) == (study.theory is None)
     if study.theory:
         assert None not in study.theory.orbits
-        assert not study.theory.reasons_uncertified
+        assert not study.theory.certificate_refusal
     assert sync_record(study)["simulation"]["duration_s"] == 3.0
 
 

@@ -71,7 +71,7 @@ def critical(branch: EquilibriumBranch, *kinds: str) -> float:
 def near(branch: EquilibriumBranch, scene: Scene, value: float) -> RelativeEquilibrium:
     """The configuration there, or the last one before it is lost."""
     at = int(np.abs(branch.values - value).argmin())
-    moved = Walk(scene, branch.variation).moved(branch.states[at], value)
+    moved = Walk(scene, branch.variation).move(branch.states[at], value)
     return moved or branch.states[at]
 
 
@@ -272,7 +272,7 @@ def test_in_phase_of_double_pendula_dies_out_where_a_small_swing_no_longer_grows
     state = relative_equilibrium(averaged, z.astype(complex))
     assert state
     assert (agreement(state), averaged.modes[state.row].family) == ("in phase", "cart moves: in phase, slow")
-    values, states = zip(*walk.whole(variation.values[0], state), strict=True)
+    values, states = zip(*walk.trace(variation.values[0], state), strict=True)
     branch = EquilibriumBranch(variation, np.array(values), states)
     end = critical(branch, "dies out")
     assert growth(scene, STRENGTH, 0.97 * end, 0) > 0 > growth(scene, STRENGTH, 1.03 * end, 0)
