@@ -330,18 +330,3 @@ class NumberedCall(Generic[R]):
 
 def _failed(task: NumberedTask) -> NumberedResult[Any]:
     return NumberedResult(task.number, None, ComputationError(DIED))
-
-
-@contextmanager
-def workers_at(scheduler: str | None, workers: int | None = None) -> Iterator[Workers]:
-    """Those of a Dask cluster at the address of its scheduler, or without one processes of this machine.
-
-    Raises what `cluster` does.
-    """
-    if not scheduler:
-        yield Workers(workers)
-        return
-    from nonlinear.ensembles.cluster import cluster
-
-    with cluster(scheduler) as crew:
-        yield Workers(crew=crew)
