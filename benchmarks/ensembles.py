@@ -219,14 +219,14 @@ def million(size: int, cores: int = 2) -> str:
         lived.append((done / size, resident("self"), max(workers, default=0)))
 
     used = sum(os.times()[:4])
-    found = ensemble(
+    members = ensemble(
         load("chain-2"), DURATION, starts=starts, measures=["first_turn"], engine="numba", workers=cores, report=report
     )
     seconds = sum(os.times()[:4]) - used
     middle = [min(lived, key=lambda row: abs(row[0] - part)) for part in (0.25, 0.5, 0.75, 0.99)]
-    kept = " ".join(f"{100 * part:.0f} %: {own} and {worker};" for part, own, worker in middle)
+    kept = " ".join(f"{100 * part:.0f} %: {here} and {worker};" for part, here, worker in middle)
     return (
-        f"{found.size:,} members to {DURATION:g} s by {found.engine} in {cores} processes, their first turns kept: "
+        f"{members.size:,} members to {DURATION:g} s by {members.engine} in {cores} processes, their first turns kept: "
         f"{size / seconds:,.0f} members a core-second. MB of memory of this process and of the largest worker after "
         f"{kept[:-1]}."
     )
