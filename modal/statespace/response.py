@@ -174,8 +174,8 @@ class ExactResponse:
         remainders = np.zeros(len(omega)) if remainder is None else remainder
         spans = [slice(first, first + self._step) for first in range(0, len(omega), self._step)]
         responses = [
-            precise_values(self._evaluate, omega[span], is_real=is_real, tolerance=tolerance, remainder=remainders[span])
-            for span in spans
+            precise_values(self._evaluate, omega[s], is_real=is_real, tolerance=tolerance, remainder=remainders[s])
+            for s in spans
         ]
         return (
             np.concatenate(responses, axis=-1) if responses else np.zeros((*self._orders.shape[:2], 0), np.complex128)

@@ -14,8 +14,9 @@ among processes, also that of other rooms.  `preparing` compiles ahead of time w
 from nonlinear.ensembles.attractors import Attractor
 from nonlinear.ensembles.basins import Basins, basins_table, begins_in_mode, find_basins, grid_of
 from nonlinear.ensembles.bifurcations import BifurcationDiagram, bifurcation_table, find_bifurcations
+from nonlinear.ensembles.cluster import workers_at
 from nonlinear.ensembles.costs import ENGINES, engine_of_many
-from nonlinear.ensembles.executors import WorkerPool, Workers, workers_at
+from nonlinear.ensembles.executors import WorkerPool, Workers
 from nonlinear.ensembles.measures import validate_measures
 from nonlinear.ensembles.members import Members, members_of
 from nonlinear.ensembles.plain import measured_run

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from modal.errors import ComputationError, MissingExtraError
-from nonlinear.ensembles.executors import WorkerPool
+from nonlinear.ensembles.executors import WorkerPool, Workers
 
 PATIENCE = 10.0
 """Time limit (s) for a scheduler to answer."""
@@ -42,3 +42,16 @@ def cluster(address: str, patience: float = PATIENCE) -> Iterator[WorkerPool]:
             yield WorkerPool(executor, size)
         finally:
             executor.shutdown(wait=False)
+
+
+@contextmanager
+def workers_at(scheduler: str | None, workers: int | None = None) -> Iterator[Workers]:
+    """Those of a Dask cluster at the address of its scheduler, or without one processes of this machine.
+
+    Raises what `cluster` does.
+    """
+    if not scheduler:
+        yield Workers(workers)
+        return
+    with cluster(scheduler) as crew:
+        yield Workers(crew=crew)
