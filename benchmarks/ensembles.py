@@ -224,13 +224,7 @@ def million(size: int, cores: int = 2) -> str:
     )
     seconds = sum(os.times()[:4]) - used
     middle = [min(lived, key=lambda row: abs(row[0] - part)) for part in (0.25, 0.5, 0.75, 0.99)]
-<<<<<<< .merge_file_mmHIYa
     kept = " ".join(f"{100 * part:.0f} %: {parent} and {worker};" for part, parent, worker in middle)
-||||||| .merge_file_GpKu8F
-    kept = " ".join(f"{100 * part:.0f} %: {own} and {worker};" for part, own, worker in middle)
-=======
-    kept = " ".join(f"{100 * part:.0f} %: {here} and {worker};" for part, here, worker in middle)
->>>>>>> .merge_file_Ifeo6w
     return (
         f"{members.size:,} members to {DURATION:g} s by {members.engine} in {cores} processes, their first turns kept: "
         f"{size / seconds:,.0f} members a core-second. MB of memory of this process and of the largest worker after "

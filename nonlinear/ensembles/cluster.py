@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import gc
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 
 from modal.errors import ComputationError, MissingExtraError
-from nonlinear.ensembles.executors import WorkerPool, Workers
+from nonlinear.ensembles.executors import KeptPool, WorkerPool, Workers
 
 PATIENCE = 10.0
 """Time limit (s) for a scheduler to answer."""
@@ -48,10 +48,11 @@ def cluster(address: str, patience: float = PATIENCE) -> Iterator[WorkerPool]:
 def workers_at(scheduler: str | None, workers: int | None = None) -> Iterator[Workers]:
     """Those of a Dask cluster at the address of its scheduler, or without one processes of this machine.
 
-    Raises what `cluster` does.
+    The processes are started once.  Raises what `cluster` does.
     """
     if not scheduler:
-        yield Workers(workers)
+        with ExitStack() as stack:
+            yield Workers(workers, pool=KeptPool(stack))
         return
     with cluster(scheduler) as crew:
         yield Workers(crew=crew)

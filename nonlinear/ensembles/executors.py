@@ -358,38 +358,3 @@ class NumberedCall(Generic[R]):
 
 def _failed(task: NumberedTask) -> NumberedResult[Any]:
     return NumberedResult(task.number, None, ComputationError(DIED))
-<<<<<<< .merge_file_qiSozG
-
-
-@contextmanager
-def workers_at(scheduler: str | None, workers: int | None = None) -> Iterator[Workers]:
-    """Those of a Dask cluster at the address of its scheduler, or without one processes of this machine.
-
-    The processes are started once.  Raises what `cluster` does.
-    """
-    if not scheduler:
-        with ExitStack() as stack:
-            yield Workers(workers, pool=KeptPool(stack))
-        return
-    from nonlinear.ensembles.cluster import cluster
-
-    with cluster(scheduler) as crew:
-        yield Workers(crew=crew)
-||||||| .merge_file_wHLfYZ
-
-
-@contextmanager
-def workers_at(scheduler: str | None, workers: int | None = None) -> Iterator[Workers]:
-    """Those of a Dask cluster at the address of its scheduler, or without one processes of this machine.
-
-    Raises what `cluster` does.
-    """
-    if not scheduler:
-        yield Workers(workers)
-        return
-    from nonlinear.ensembles.cluster import cluster
-
-    with cluster(scheduler) as crew:
-        yield Workers(crew=crew)
-=======
->>>>>>> .merge_file_ZqnYzY
