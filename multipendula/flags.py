@@ -355,8 +355,17 @@ SYNONYMS = {
     **{f"--{form}": (f"--format {form}",) for form in ("csv", "html", "latex", "markdown")},
     "--json": ("--format json", "--to json"),
     "--mat": ("--to mat",),
+    "--format": ("--to",),
+    **dict.fromkeys(("modes", "frequencies", "eigenvalues"), ("table",)),
+    **dict.fromkeys(("list", "examples", "show"), ("scenes",)),
+    **dict.fromkeys(("sim", "run", "motion"), ("simulate",)),
+    **dict.fromkeys(("film", "video", "movie"), ("animate",)),
+    "bode": ("response",),
+    "draw": ("shapes",),
+    "optimize": ("tune",),
+    "lyapunov": ("chaos",),
 }
-"""What is tried for options that a command has under other names, the first of which it has is told."""
+"""What is tried for options and commands under other names; the first option that a command has is told."""
 IN_SCENE = {
     "--gravity",
     "--g",

@@ -303,6 +303,8 @@ class Page(argparse.ArgumentParser):
 
             there = ", ".join(map(str, choices))
             like = f" (did you mean -o FILE.{value}?)" if value in self.kinds else spelling_hint(value, choices)
+            if not self.name and value in SYNONYMS:
+                like = f" (did you mean {SYNONYMS[value][0]}?)"
             told = f"{like}: must be one of {there}" if self.name else f": no such command{like}; there are {there}"
             raise argparse.ArgumentError(action, f"{value}{told}")
 

@@ -361,7 +361,10 @@ COMMANDS = (
         ),
         examples=(
             ("response crane-two-loads", "peaks of every output of a crane"),
-            ("response crane-hook -o bode.png", "the Bode plot of every output"),
+            (
+                "response crane-hook --of theta_1_2 -o bode.png",
+                "the Bode plot of one output; without --of, of every one",
+            ),
             ("response crane-two-loads --gains", "how well a force on the trolley reaches each mode"),
             (
                 "response crane-hook --input 'force:pendulum[0].links[1]' --at 0.1,0.3",

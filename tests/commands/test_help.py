@@ -158,6 +158,8 @@ def test_a_long_example_is_folded_between_an_option_and_the_next() -> None:
         ("table chain-3 --latex", "(did you mean --format latex?)", "multipendula table --help"),
         ("shaper crane-hook --type zvd", "(did you mean --kind?)", "multipendula shaper --help"),
         ("tabel chain-3", "tabel: no such command (did you mean table?)", "multipendula --help"),
+        ("modes chain-3", "modes: no such command (did you mean table?)", "multipendula --help"),
+        ("export chain-3 --format mat", "--format: no such option (did you mean --to?)", "multipendula export --help"),
         ("table chain-3 --co", "--co: may be --covariance or --columns", "multipendula table --help"),
         ("table chain-3 --modes", "--modes: needs a value, 1:10", "multipendula table --help"),
         ("chaos chain-2 --quick=3", "--quick: takes no value", "multipendula chaos --help"),
