@@ -93,11 +93,11 @@ class Beside:
     damping_ratio: Floats
     pendula: tuple[int, ...]
     mu: Floats
-    tuned: Floats
+    own_omega: Floats
     zeta: Floats
 
 
-def beside(scene: Scene, pendula: Sequence[int]) -> Beside | None:
+def rest_of_scene(scene: Scene, pendula: Sequence[int]) -> Beside | None:
     """The rest of a scene without these pendula of one link; None where it has no modes, or springs couple them."""
     linear = matrices(scene)
     counts = [pendulum.count * sum(link.count for link in pendulum.links) for pendulum in scene.pendulum]
@@ -117,30 +117,30 @@ def beside(scene: Scene, pendula: Sequence[int]) -> Beside | None:
         squares, phi = scipy.linalg.eigh(K[np.ix_(rest, rest)], base)
     except np.linalg.LinAlgError:
         return None
-    kept = squares > 1e-12 * squares.max(initial=0.0)
-    if not kept.any():
+    oscillates = squares > 1e-12 * squares.max(initial=0.0)
+    if not oscillates.any():
         return None
-    omega, phi = np.sqrt(squares[kept]), phi[:, kept]
+    omega, phi = np.sqrt(squares[oscillates]), phi[:, oscillates]
     ratio = np.einsum("ir,ij,jr->r", phi, D[np.ix_(rest, rest)], phi) / (2 * omega)
     mu = np.zeros((len(pendula), len(omega)))
-    tuned, zeta = np.zeros(len(pendula)), np.zeros(len(pendula))
+    own_omega, zeta = np.zeros(len(pendula)), np.zeros(len(pendula))
     at = 0
     for k, p in enumerate(pendula):
-        each = slice(at, at + counts[p])
-        mu[k] = ((rows[each] @ phi) ** 2 / A[each, None]).sum(0)
-        tuned[k] = np.sqrt(K[columns[at], columns[at]] / A[at])
-        zeta[k] = D[columns[at], columns[at]] / (2 * A[at] * tuned[k])
+        rows_of_pendulum = slice(at, at + counts[p])
+        mu[k] = ((rows[rows_of_pendulum] @ phi) ** 2 / A[rows_of_pendulum, None]).sum(0)
+        own_omega[k] = np.sqrt(K[columns[at], columns[at]] / A[at])
+        zeta[k] = D[columns[at], columns[at]] / (2 * A[at] * own_omega[k])
         at += counts[p]
-    return Beside(omega, ratio, tuple(pendula), mu, tuned, zeta)
+    return Beside(omega, ratio, tuple(pendula), mu, own_omega, zeta)
 
 
 def single_links(scene: Scene, free: Sequence[FreeNumber]) -> list[int]:
     """The pendula of one hanging link that has a free number."""
-    touched = {number.place[1] for number in free if number.place[0] == "pendulum" and "links" in number.place}
+    free_pendula = {number.place[1] for number in free if number.place[0] == "pendulum" and "links" in number.place}
     return [
         p
         for p, number in enumerate(scene.pendulum)
-        if p in touched
+        if p in free_pendula
         and len(number.links) == 1
         and number.links[0].count == 1
         and "up" not in (number.equilibrium or ())
@@ -151,18 +151,18 @@ def single_links(scene: Scene, free: Sequence[FreeNumber]) -> list[int]:
 def absorbers(scene: Scene, free: Sequence[FreeNumber]) -> tuple[Absorber, ...]:
     """The tuned pendula of one link, each beside the mode of the rest that is nearest to its own frequency."""
     pendula = single_links(scene, free)
-    rest = beside(scene, pendula) if pendula else None
+    rest = rest_of_scene(scene, pendula) if pendula else None
     if rest is None:
         return ()
-    every = []
+    all_absorbers = []
     for k, p in enumerate(rest.pendula):
-        near = int(np.abs(np.log(rest.omega / rest.tuned[k])).argmin())
-        omega, mu = float(rest.omega[near]), float(rest.mu[k, near])
+        mode = int(np.abs(np.log(rest.omega / rest.own_omega[k])).argmin())
+        omega, mu = float(rest.omega[mode]), float(rest.mu[k, mode])
         if mu <= 0:
             continue
-        ratio, f = float(rest.damping_ratio[near]), float(rest.tuned[k]) / omega
-        every.append(Absorber(p, mu, omega, ratio, f, float(rest.zeta[k]), len(rest.omega) == 1))
-    return tuple(every)
+        ratio, f = float(rest.damping_ratio[mode]), float(rest.own_omega[k]) / omega
+        all_absorbers.append(Absorber(p, mu, omega, ratio, f, float(rest.zeta[k]), len(rest.omega) == 1))
+    return tuple(all_absorbers)
 
 
 def values_for(scene: Scene, p: int, omega: float, zeta: float) -> dict[str, float] | None:

@@ -41,41 +41,41 @@ class Interpolated:
     def arrays(self, numbers: Floats) -> Arrays:
         """Those at these numbers."""
         u = np.asarray(numbers) / self.start
-        return Arrays(*_unpacked(np.prod(u**self.powers, axis=1) @ self.coefficients, self.shapes))
+        return Arrays(*_unpack(np.prod(u**self.powers, axis=1) @ self.coefficients, self.shapes))
 
     def slopes(self, numbers: Floats, columns: Sequence[int]) -> Arrays:
         """Derivatives by these numbers, in the first axis."""
         u = np.asarray(numbers) / self.start
-        each = []
+        parts_of_slopes = []
         for k in columns:
             lower = self.powers.copy()
             lower[:, k] = np.maximum(lower[:, k] - 1, 0)
             weights = self.powers[:, k] * np.prod(u**lower, axis=1) / self.start[k]
-            each.append(_unpacked(weights @ self.coefficients, self.shapes))
-        return Arrays(*(np.array(part) for part in zip(*each, strict=True)))
+            parts_of_slopes.append(_unpack(weights @ self.coefficients, self.shapes))
+        return Arrays(*(np.array(part) for part in zip(*parts_of_slopes, strict=True)))
 
 
-def interpolated(arrays_at: Callable[[Floats], Arrays], start: Floats) -> Interpolated | None:
+def interpolate(arrays_at: Callable[[Floats], Arrays], start: Floats) -> Interpolated | None:
     """The polynomials that arrays are in the numbers `start` (n,), all above 0; None where they are none."""
-    n, known = len(start), dict[Powers, Floats]()
+    n, samples = len(start), dict[Powers, Floats]()
     shapes = [np.shape(part) for part in arrays_at(start)]
 
     def at(u: Floats | Sequence[float]) -> Floats:
         return np.concatenate([np.ravel(part) for part in arrays_at(start * np.asarray(u))])
 
     try:
-        newton = _coefficients(at, n, known)
+        newton = _coefficients(at, n, samples)
         if newton is None:
             return None
         powers = np.array([*newton])
         rows = np.array([*newton.values()])
         monomials = _monomials(powers, rows)
         polynomials = Interpolated(
-            np.asarray(start), *_cleaned(*monomials, np.abs(np.array([*known.values()])).max(0)), shapes
+            np.asarray(start), *_clean(*monomials, np.abs(np.array([*samples.values()])).max(0)), shapes
         )
         for u in (np.linspace(0.7, 1.6, n), np.linspace(1.7, 0.6, n)):
             true, approximate = at(u), np.concatenate([np.ravel(part) for part in polynomials.arrays(start * u)])
-            if np.any(np.abs(true - approximate) > RIGHT * np.abs(np.array([*known.values()])).max(0) + 1e-300):
+            if np.any(np.abs(true - approximate) > RIGHT * np.abs(np.array([*samples.values()])).max(0) + 1e-300):
                 return None
     except SceneError:
         return None
@@ -83,26 +83,28 @@ def interpolated(arrays_at: Callable[[Floats], Arrays], start: Floats) -> Interp
 
 
 def _coefficients(
-    at: Callable[[Sequence[float]], Floats], n: int, known: dict[Powers, Floats]
+    at: Callable[[Sequence[float]], Floats], n: int, samples: dict[Powers, Floats]
 ) -> dict[Powers, Floats] | None:
     """Those of Newton's form by the powers of all numbers; None for too many points."""
     coefficients: dict[Powers, Floats] = {}
     active: set[tuple[int, ...]] = set()
     for subset in _subsets(n, active):
         for levels in product((1, 2), repeat=len(subset)):
-            if len(known) >= MOST:
+            if len(samples) >= MOST:
                 return None
             index = [0] * n
             for k, level in zip(subset, levels, strict=True):
                 index[k] = level
             u = [NODES[level] for level in index]
-            value = known[tuple(index)] = at(u)
-            for other, row in coefficients.items():
-                if all(a <= b for a, b in zip(other, index, strict=True)):
-                    value = value - row * float(np.prod([_newton(level, x) for level, x in zip(other, u, strict=True)]))
+            value = samples[tuple(index)] = at(u)
+            for powers, row in coefficients.items():
+                if all(a <= b for a, b in zip(powers, index, strict=True)):
+                    value = value - row * float(
+                        np.prod([_newton(level, x) for level, x in zip(powers, u, strict=True)])
+                    )
             basis = float(np.prod([_newton(level, x) for level, x in zip(index, u, strict=True)]))
             coefficients[tuple(index)] = value / basis
-        size = np.abs(np.array([*known.values()])).max(0)
+        size = np.abs(np.array([*samples.values()])).max(0)
         if any(
             np.any(np.abs(row) > NOTHING * 30 * size)
             for index, row in coefficients.items()
@@ -140,15 +142,15 @@ def _monomials(powers: np.ndarray, rows: Floats) -> tuple[np.ndarray, Floats]:
     return np.array([*monomials]), np.array([*monomials.values()])
 
 
-def _cleaned(powers: np.ndarray, rows: Floats, size: Floats) -> tuple[np.ndarray, Floats]:
+def _clean(powers: np.ndarray, rows: Floats, size: Floats) -> tuple[np.ndarray, Floats]:
     """Without what is rounding beside the size of each entry."""
-    kept = np.where(np.abs(rows) > NOTHING * 100 * size, rows, 0.0)
-    used = np.any(kept != 0, axis=1)
-    used[0] = True
-    return powers[used], kept[used]
+    large_rows = np.where(np.abs(rows) > NOTHING * 100 * size, rows, 0.0)
+    is_used = np.any(large_rows != 0, axis=1)
+    is_used[0] = True
+    return powers[is_used], large_rows[is_used]
 
 
-def _unpacked(flat: Floats, shapes: Sequence[tuple[int, ...]]) -> Iterator[Floats]:
+def _unpack(flat: Floats, shapes: Sequence[tuple[int, ...]]) -> Iterator[Floats]:
     at = 0
     for shape in shapes:
         size = int(np.prod(shape))

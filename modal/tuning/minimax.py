@@ -128,20 +128,20 @@ class _Step:
 
 
 def descend(
-    evaluate: Evaluate, z: Floats, low: Floats, high: Floats, *, coarse: bool = False, known: Sequence[Minimum] = ()
+    evaluate: Evaluate, z: Floats, low: Floats, high: Floats, *, coarse: bool = False, minima: Sequence[Minimum] = ()
 ) -> Minimum:
     """The minimum reached from z within bounds; a `coarse` one ends at a small trust region, or beside a known one."""
-    here = evaluate(np.clip(z, low, high), True)
-    if here.is_smooth:
-        here = _quasi_newton(evaluate, here, low, high)
-    minimum = _lowered(evaluate, here, low, high, coarse=coarse, known=known)
+    point = evaluate(np.clip(z, low, high), True)
+    if point.is_smooth:
+        point = _quasi_newton(evaluate, point, low, high)
+    minimum = _descend_by_programs(evaluate, point, low, high, coarse=coarse, minima=minima)
     rng = np.random.default_rng(1)
     for _ in range(0 if coarse else RESTARTS):
         if minimum.certain or not minimum.point.is_finite:
             break
         last = minimum.point
         start = evaluate(np.clip(last.z + ASIDE * rng.uniform(-1.0, 1.0, len(z)), low, high), True)
-        end = _lowered(evaluate, _quasi_newton(evaluate, start, low, high), low, high)
+        end = _descend_by_programs(evaluate, _quasi_newton(evaluate, start, low, high), low, high)
         minimum = end if end.point.merit <= last.merit else minimum
         gain = last.merit - minimum.point.merit
         minimum = replace(minimum, open=0.0 if minimum.certain else gain)
@@ -150,47 +150,47 @@ def descend(
     return minimum
 
 
-def _lowered(
+def _descend_by_programs(
     evaluate: Evaluate,
-    here: Evaluation,
+    point: Evaluation,
     low: Floats,
     high: Floats,
     *,
     coarse: bool = False,
-    known: Sequence[Minimum] = (),
+    minima: Sequence[Minimum] = (),
 ) -> Minimum:
     """Where linear programs and Newton's method lead."""
-    radius, tried = FIRST, 0
+    radius, attempts = FIRST, 0
     for _ in range(FEWER if coarse else ROUNDS):
-        if not here.is_finite:
+        if not point.is_finite:
             break
-        for minimum in known:
-            if minimum.certain and np.abs(minimum.point.z - here.z).max() < BESIDE:
+        for minimum in minima:
+            if minimum.certain and np.abs(minimum.point.z - point.z).max() < BESIDE:
                 return minimum
-        step = _linear_step(here, here.faces, low, high, radius)
-        gain = here.merit - step.merit
-        if tried < (TRIES // 2 if coarse else TRIES) and (radius <= NEAR or gain <= SMALL):
-            tried += 1
-            better = polished(evaluate, here, step.weights, low, high, enough=ROUGH if coarse else 0.0)
+        step = _linear_step(point, point.faces, low, high, radius)
+        gain = point.merit - step.merit
+        if attempts < (TRIES // 2 if coarse else TRIES) and (radius <= NEAR or gain <= SMALL):
+            attempts += 1
+            better = polish(evaluate, point, step.weights, low, high, enough=ROUGH if coarse else 0.0)
             if better is not None:
                 return Minimum(better, True)
-        if gain <= SETTLED * max(1.0, abs(here.merit)) or radius < (COARSE if coarse else FINE):
+        if gain <= SETTLED * max(1.0, abs(point.merit)) or radius < (COARSE if coarse else FINE):
             break
-        there = evaluate(np.clip(here.z + step.delta, low, high), False)
-        if there.merit > here.merit - HALF * gain and there.is_finite:
-            delta = _linear_step(here, _corrected(here, there), low, high, radius).delta
-            other = evaluate(np.clip(here.z + delta, low, high), False)
-            there = min((there, other), key=lambda minimum: minimum.merit)
-        ratio = (here.merit - there.merit) / gain
+        trial = evaluate(np.clip(point.z + step.delta, low, high), False)
+        if trial.merit > point.merit - HALF * gain and trial.is_finite:
+            delta = _linear_step(point, _correct_faces(point, trial), low, high, radius).delta
+            corrected_trial = evaluate(np.clip(point.z + delta, low, high), False)
+            trial = min((trial, corrected_trial), key=lambda minimum: minimum.merit)
+        ratio = (point.merit - trial.merit) / gain
         if ratio > POOR:
-            here = evaluate(there.z, True)
+            point = evaluate(trial.z, True)
             radius = min(2 * radius, LARGEST) if ratio > HALF else radius
         else:
             radius = min(radius, float(np.abs(step.delta).max())) / 3
-    return Minimum(here, False)
+    return Minimum(point, False)
 
 
-def _quasi_newton(evaluate: Evaluate, here: Evaluation, low: Floats, high: Floats) -> Evaluation:
+def _quasi_newton(evaluate: Evaluate, start: Evaluation, low: Floats, high: Floats) -> Evaluation:
     """Where BFGS leads with a search for the weak conditions of Wolfe, which needs no gradient to be continuous.
 
     So it goes along ridges on which modes meet, where gradients grow without bound and linear programs stop
@@ -205,49 +205,49 @@ def _quasi_newton(evaluate: Evaluate, here: Evaluation, low: Floats, high: Float
         limits = zip(point.limits, [PENALTY] * len(point.limits), strict=True)
         steep = [(face, 1.0) for face in point.costs] + [(face, weight) for face, weight in limits if face.largest > 0]
         slope = sum((weight * face.gradients[face.values.argmax()] for face, weight in steep), np.zeros_like(z))
-        beyond = z - inside
-        return point.merit + PENALTY * np.abs(beyond).sum(), np.where(beyond, PENALTY * np.sign(beyond), slope), point
+        excess = z - inside
+        return point.merit + PENALTY * np.abs(excess).sum(), np.where(excess, PENALTY * np.sign(excess), slope), point
 
-    z, n = here.z, len(here.z)
+    z, n = start.z, len(start.z)
     value, slope, best = merit(z)
     inverse = np.eye(n)
     for _ in range(ROUNDS):
         way = -inverse @ slope
         way *= min(1.0, LARGEST / np.abs(way).max(initial=1e-300))
-        short, long, part = 0.0, np.inf, 1.0
+        lower, upper, part = 0.0, np.inf, 1.0
         for _ in range(HALVINGS):
-            other, turned, point = merit(z + part * way)
-            if other > value + FALL * part * (slope @ way):
-                long = part
-            elif turned @ way < STEEP * (slope @ way):
-                short = part
+            new_value, new_slope, point = merit(z + part * way)
+            if new_value > value + FALL * part * (slope @ way):
+                upper = part
+            elif new_slope @ way < STEEP * (slope @ way):
+                lower = part
             else:
                 break
-            part = (short + long) / 2 if np.isfinite(long) else 2 * part
-        if not value - other > LEAST_GAIN * max(1.0, abs(value)):
+            part = (lower + upper) / 2 if np.isfinite(upper) else 2 * part
+        if not value - new_value > LEAST_GAIN * max(1.0, abs(value)):
             break
-        step, change = part * way, turned - slope
-        z, value, slope = z + step, other, turned
+        step, change = part * way, new_slope - slope
+        z, value, slope = z + step, new_value, new_slope
         best = min(best, point, key=lambda evaluation: evaluation.merit)
-        if (curved := step @ change) > 0:
-            across = np.eye(n) - np.outer(step, change) / curved
-            inverse = across @ inverse @ across.T + np.outer(step, step) / curved
+        if (curvature := step @ change) > 0:
+            projection = np.eye(n) - np.outer(step, change) / curvature
+            inverse = projection @ inverse @ projection.T + np.outer(step, step) / curvature
     return best
 
 
-def _corrected(here: Evaluation, there: Evaluation) -> tuple[Faces, ...]:
+def _correct_faces(point: Evaluation, trial: Evaluation) -> tuple[Faces, ...]:
     """The pieces of a point, with their values such that those at the end of a step are right (second order)."""
-    change = there.z - here.z
-    corrected = []
-    for face, other in zip(here.faces, there.faces, strict=True):
-        values = other.pick(face.at)[0] - face.gradients @ change
-        corrected.append(Faces(values, face.gradients, face.at))
-    return tuple(corrected)
+    change = trial.z - point.z
+    faces = []
+    for face, trial_face in zip(point.faces, trial.faces, strict=True):
+        values = trial_face.pick(face.at)[0] - face.gradients @ change
+        faces.append(Faces(values, face.gradients, face.at))
+    return tuple(faces)
 
 
-def _linear_step(here: Evaluation, faces: Sequence[Faces], low: Floats, high: Floats, radius: float) -> _Step:
+def _linear_step(point: Evaluation, faces: Sequence[Faces], low: Floats, high: Floats, radius: float) -> _Step:
     """The best step of linearized pieces within a trust region about a point, and the multipliers of all pieces."""
-    n, costs = len(here.z), len(here.costs)
+    n, costs = len(point.z), len(point.costs)
     sizes = [len(face.values) for face in faces]
     A = np.zeros((sum(sizes), n + len(faces)))
     b = np.concatenate([-face.values for face in faces])
@@ -258,33 +258,38 @@ def _linear_step(here: Evaluation, faces: Sequence[Faces], low: Floats, high: Fl
         row += sizes[k]
     c = np.concatenate((np.zeros(n), np.ones(costs), np.full(len(faces) - costs, PENALTY)))
     bounds = [
-        *zip(np.maximum(-radius, low - here.z), np.minimum(radius, high - here.z), strict=True),
+        *zip(np.maximum(-radius, low - point.z), np.minimum(radius, high - point.z), strict=True),
         *[(None, None)] * costs,
         *[(0.0, None)] * (len(faces) - costs),
     ]
     solution = scipy.optimize.linprog(c, A_ub=A, b_ub=b, bounds=bounds, method="highs")
     if solution.x is None:
-        return _Step(np.zeros(n), here.merit, tuple(np.zeros(size) for size in sizes))
+        return _Step(np.zeros(n), point.merit, tuple(np.zeros(size) for size in sizes))
     weights = np.split(-np.asarray(solution.ineqlin.marginals), np.cumsum(sizes)[:-1])
     return _Step(np.asarray(solution.x[:n]), float(solution.fun), tuple(weights))
 
 
-def polished(
-    evaluate: Evaluate, here: Evaluation, weights: tuple[Floats, ...], low: Floats, high: Floats, enough: float = 0.0
+def polish(
+    evaluate: Evaluate,
+    start_point: Evaluation,
+    weights: tuple[Floats, ...],
+    low: Floats,
+    high: Floats,
+    enough: float = 0.0,
 ) -> Evaluation | None:
     """Newton's method on the active pieces from a point; None where it does not settle at a point that is no worse."""
-    faces = here.faces
+    faces = start_point.faces
     weights = tuple(_of_peaks(face, weight) for face, weight in zip(faces, weights, strict=True))
     active = [face.at[weight > ACTIVE] for face, weight in zip(faces, weights, strict=True)]
     multipliers = np.concatenate([weight[weight > ACTIVE] for weight in weights])
-    costs = len(here.costs)
+    costs = len(start_point.costs)
     if any(not len(at) for at in active[:costs]):
         return None
     edge = 1e-9
-    free = ~((here.z <= low + edge) | (here.z >= high - edge))
-    z, n = here.z.copy(), int(free.sum())
+    free = ~((start_point.z <= low + edge) | (start_point.z >= high - edge))
+    z, n = start_point.z.copy(), int(free.sum())
     owners = np.repeat(np.arange(len(faces)), [len(at) for at in active])
-    before, start = np.inf, z.copy()
+    previous_change, start = np.inf, z.copy()
     for _ in range(NEWTONS):
         point = evaluate(z, True)
         if not point.is_finite:
@@ -317,27 +322,33 @@ def polished(
             right[n + m + j] = 1.0 - multipliers[weight].sum()
         step = np.linalg.lstsq(J, right, rcond=1e-13)[0]
         change = float(np.abs(step[:n]).max(initial=0.0))
-        if not np.isfinite(change) or change > 0.5 * min(before, 1.0):
+        if not np.isfinite(change) or change > 0.5 * min(previous_change, 1.0):
             break
         z[free] += step[:n]
         multipliers = multipliers + step[n : n + m]
         if np.any(z < low - edge) or np.any(z > high + edge) or np.abs(z - start).max() > 0.5:
             return None
-        before = max(change, 1e-12)
+        previous_change = max(change, 1e-12)
         if change < max(1e-11, enough):
             break
-    if before > max(1e-6, enough) or np.any(multipliers < -1e-6):
+    if previous_change > max(1e-6, enough) or np.any(multipliers < -1e-6):
         return None
-    there = evaluate(np.clip(z, low, high), True)
-    return there if there.is_finite and there.merit <= here.merit + WORSE * max(1.0, abs(here.merit)) else None
+    new_point = evaluate(np.clip(z, low, high), True)
+    return (
+        new_point
+        if new_point.is_finite and new_point.merit <= start_point.merit + WORSE * max(1.0, abs(start_point.merit))
+        else None
+    )
 
 
 def _of_peaks(face: Faces, weights: Floats) -> Floats:
     """The multipliers of values beside peaks added to those of the nearest peak."""
-    beside = face.at - APART * np.round(face.at / APART) > HELPING / 2
-    multipliers = np.where(beside, 0.0, weights)
-    for k in np.flatnonzero(beside & (weights > ACTIVE)).tolist():
-        multipliers[int(np.where(beside, np.inf, np.abs(face.at - (face.at[k] - HELPING))).argmin())] += weights[k]
+    is_secondary = face.at - APART * np.round(face.at / APART) > HELPING / 2
+    multipliers = np.where(is_secondary, 0.0, weights)
+    for k in np.flatnonzero(is_secondary & (weights > ACTIVE)).tolist():
+        multipliers[int(np.where(is_secondary, np.inf, np.abs(face.at - (face.at[k] - HELPING))).argmin())] += weights[
+            k
+        ]
     return multipliers
 
 

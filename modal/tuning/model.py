@@ -115,9 +115,9 @@ class ChannelModel:
         rig = rig_of(scene)
         geometry, squares = geometry_of(scene), scene_squares(rig)
         linear = matrices_of(rig, squares)
-        n, many = geometry.size, len(self.channels)
-        Y, F = np.zeros((many, 3, n)), np.zeros((many, n))
-        thrust, translation = np.zeros(many), np.zeros((many, 3))
+        n, n_channels = geometry.size, len(self.channels)
+        Y, F = np.zeros((n_channels, 3, n)), np.zeros((n_channels, n))
+        thrust, translation = np.zeros(n_channels), np.zeros((n_channels, 3))
         for c, ((name, k), entry) in enumerate(zip(self.read, self.given, strict=True)):
             group = READINGS[name](geometry)
             for order, part in enumerate((group.position, group.rate, group.acceleration)):
@@ -135,11 +135,11 @@ class ChannelModel:
                 F[c] = push.F[:, entry[1]]
                 if group.pushed:
                     thrust[c] = push.thrust[k, entry[1]]
-        carried = np.stack([squares.windage, squares.momentum])
-        return Arrays(linear.M, linear.K, linear.D, carried, F, Y, thrust, translation)
+        ground_motion = np.stack([squares.windage, squares.momentum])
+        return Arrays(linear.M, linear.K, linear.D, ground_motion, F, Y, thrust, translation)
 
 
-def reduced(scene: Scene, channels: Sequence[Channel]) -> ChannelModel:
+def channel_model(scene: Scene, channels: Sequence[Channel]) -> ChannelModel:
     """The channels of a scene; SceneError names every signal that it does not have, and what its model refuses."""
     geometry = geometry_of(scene)
     inputs, outputs = _inputs(geometry), _outputs(geometry)
@@ -159,8 +159,8 @@ def reduced(scene: Scene, channels: Sequence[Channel]) -> ChannelModel:
             problems += _moved_problems(scene, geometry, channel.input)
     if problems:
         raise SceneError(list(dict.fromkeys(problems)))
-    read = tuple(outputs[channel.output][0] for channel in channels)
-    driven = tuple(_given(inputs, channel.input) for channel in channels)
+    output_sources = tuple(outputs[channel.output][0] for channel in channels)
+    driven = tuple(_input_source(inputs, channel.input) for channel in channels)
     signals = tuple((outputs[channel.output][1], _signal(inputs, channel.input)) for channel in channels)
     kinds = tuple(
         ChannelKind(
@@ -169,14 +169,14 @@ def reduced(scene: Scene, channels: Sequence[Channel]) -> ChannelModel:
         )
         for channel in channels
     )
-    return ChannelModel(tuple(channels), kinds, signals, read, driven)
+    return ChannelModel(tuple(channels), kinds, signals, output_sources, driven)
 
 
 def _among(names: Sequence[str], wrong: str) -> str:
     return f"must be one of {', '.join(names[:SHOWN])}{', …' * (len(names) > SHOWN)}{spelling_hint(wrong, names)}"
 
 
-def _given(inputs: dict[str, tuple[Source, Signal]], name: str) -> Source | None:
+def _input_source(inputs: dict[str, tuple[Source, Signal]], name: str) -> Source | None:
     """Where the force of an input comes from, None of a motion."""
     return (name, 0) if is_point(name) else inputs[name][0] if name in inputs else None
 
@@ -199,14 +199,14 @@ def _moved_problems(scene: Scene, geometry: Geometry, name: str) -> list[str]:
 
 def _inputs(geometry: Geometry) -> dict[str, tuple[Source, Signal]]:
     """The forces of a scene by name."""
-    other = "coordinate_forces" if geometry.on_cart else "cart_force"
-    return _sources({name: PUSHES[name](geometry) for name in PUSHES if name != other})
+    absent_group = "coordinate_forces" if geometry.on_cart else "cart_force"
+    return _sources({name: PUSHES[name](geometry) for name in PUSHES if name != absent_group})
 
 
 def _outputs(geometry: Geometry) -> dict[str, tuple[Source, Signal]]:
     """The outputs of a scene by name."""
-    known = outputs_of(geometry)
-    names = [name for name in READINGS if name in known and (name not in OF_A_CART or geometry.on_cart)]
+    names_known = outputs_of(geometry)
+    names = [name for name in READINGS if name in names_known and (name not in OF_A_CART or geometry.on_cart)]
     return _sources({name: READINGS[name](geometry) for name in names})
 
 
@@ -237,8 +237,8 @@ class TunedNumbers:
 
     def slopes(self, scene: Scene, places: Sequence[Place]) -> Arrays:
         """Derivatives of all arrays by the numbers at these places, in the first axis."""
-        each = [differences(scene, place, 1.0, self.form.arrays) for place in places]
-        return Arrays(*(np.array(part) for part in zip(*each, strict=True)))
+        parts_of_slopes = [differences(scene, place, 1.0, self.form.arrays) for place in places]
+        return Arrays(*(np.array(part) for part in zip(*parts_of_slopes, strict=True)))
 
 
 @dataclass(eq=False)
@@ -274,16 +274,16 @@ class Model:
         state = self._state(channel, omega)
         a, kind, s, x = self.arrays, self.kinds[channel], state.s, state.x
         rows = a.Y[channel, 1] + 2 * s[:, None] * a.Y[channel, 2]
-        pushed = -(a.D @ x[..., None] + 2 * s[:, None, None] * (a.M @ x[..., None]))[..., 0]
+        force_slope = -(a.D @ x[..., None] + 2 * s[:, None, None] * (a.M @ x[..., None]))[..., 0]
         slope = (rows * x).sum(1)
         if kind.moves == "ground":
-            pushed = pushed - _moved(s, 1 - kind.order, a.carried, slope=True)
-            slope = slope + _moved(s, -kind.order, a.translation[channel], slope=True)
+            force_slope = force_slope - _sum_of_powers(s, 1 - kind.order, a.carried, slope=True)
+            slope = slope + _sum_of_powers(s, -kind.order, a.translation[channel], slope=True)
         if kind.moves == "cart":
-            moved = -kind.order * s ** (-kind.order - 1.0)
-            slope = slope + state.rows[:, 0] * moved
-            pushed = pushed - (state.Z[:, :, 0]) * moved[:, None]
-        return self._value(channel, state), 1j * (slope + (state.y * pushed).sum(1))
+            factor_slope = -kind.order * s ** (-kind.order - 1.0)
+            slope = slope + state.rows[:, 0] * factor_slope
+            force_slope = force_slope - (state.Z[:, :, 0]) * factor_slope[:, None]
+        return self._value(channel, state), 1j * (slope + (state.y * force_slope).sum(1))
 
     def gradient(self, channel: int, omega: Floats, slopes: Arrays) -> tuple[Complexes, Complexes]:
         """H (W,) and its derivatives (W, p) by numbers, from those of the arrays."""
@@ -291,24 +291,24 @@ class Model:
         kind, s, x, y = self.kinds[channel], state.s, state.x, state.y
         powers = np.stack([np.ones_like(s), s, s * s])
         stiff = np.einsum("wi,pij,wj->wp", y, slopes.K, x, optimize=True)
-        damped = np.einsum("wi,pij,wj->wp", y, slopes.D, x, optimize=True)
+        damping_part = np.einsum("wi,pij,wj->wp", y, slopes.D, x, optimize=True)
         heavy = np.einsum("wi,pij,wj->wp", y, slopes.M, x, optimize=True)
-        gradient = -(stiff + s[:, None] * damped + (s * s)[:, None] * heavy)
+        gradient = -(stiff + s[:, None] * damping_part + (s * s)[:, None] * heavy)
         gradient += np.einsum("ow,poj,wj->wp", powers, slopes.Y[:, channel], x, optimize=True)
         gradient += np.einsum("wi,pi->wp", y, slopes.F[:, channel]) + slopes.thrust[:, channel]
         if kind.moves == "ground":
-            pushed = _moved(s, 1 - kind.order, slopes.carried.swapaxes(0, 1)) + np.zeros(
+            force_part = _sum_of_powers(s, 1 - kind.order, slopes.carried.swapaxes(0, 1)) + np.zeros(
                 (len(s), *slopes.F[:, channel].shape)
             )
-            gradient -= np.einsum("wi,wpi->wp", y, pushed)
-            gradient += _moved(s, -kind.order, slopes.translation[:, channel].T)
+            gradient -= np.einsum("wi,wpi->wp", y, force_part)
+            gradient += _sum_of_powers(s, -kind.order, slopes.translation[:, channel].T)
         return self._value(channel, state), gradient
 
     def _value(self, channel: int, state: _State) -> Complexes:
         kind = self.kinds[channel]
         value = (state.rows * state.x).sum(1) + self.arrays.thrust[channel]
         if kind.moves == "ground":
-            value = value + _moved(state.s, -kind.order, self.arrays.translation[channel])
+            value = value + _sum_of_powers(state.s, -kind.order, self.arrays.translation[channel])
         return np.asarray(value)
 
     def _state(self, channel: int, omega: Floats, *, adjoint: bool = True) -> _State:
@@ -318,7 +318,7 @@ class Model:
         rows = a.Y[channel, 0] + s[:, None] * a.Y[channel, 1] + (s * s)[:, None] * a.Y[channel, 2]
         F = np.repeat(a.F[channel][None].astype(complex), len(s), axis=0)
         if kind.moves == "ground":
-            F = F - _moved(s, 1 - kind.order, a.carried)
+            F = F - _sum_of_powers(s, 1 - kind.order, a.carried)
         x, y, first = np.zeros_like(rows), np.zeros_like(rows), int(kind.moves == "cart")
         if first:
             x[:, 0] = s ** float(-kind.order)
@@ -336,7 +336,7 @@ class Model:
         return _State(s, Z, rows, x, y)
 
 
-def _moved(s: Complexes, first: int, parts: Any, *, slope: bool = False) -> Any:
+def _sum_of_powers(s: Complexes, first: int, parts: Any, *, slope: bool = False) -> Any:
     """Σ s^(first + k) c_k (W, …) of those `parts` c_k that are not 0, or its derivative by s."""
     total: Any = 0.0
     for power, part in enumerate(parts, first):
@@ -364,8 +364,8 @@ def poles_of(arrays: Arrays) -> Complexes:
     if np.linalg.cond(M) < 1e14:
         poles = np.linalg.eigvals(np.block([[none, eye], [-np.linalg.solve(M, K), -np.linalg.solve(M, D)]]))
     else:
-        left, right = np.block([[none, eye], [-K, -D]]), np.block([[eye, none], [none, M]])
-        poles = scipy.linalg.eigvals(left, right)
+        companion, inertia = np.block([[none, eye], [-K, -D]]), np.block([[eye, none], [none, M]])
+        poles = scipy.linalg.eigvals(companion, inertia)
     return np.asarray(poles[np.isfinite(poles)], dtype=np.complex128)
 
 
@@ -408,23 +408,27 @@ def find_peaks(model: Model, channel: int, band: tuple[float, float] | None) -> 
     with np.errstate(all="ignore"):
         size = np.abs(model.response(channel, omega))
     size = np.where(np.isfinite(size), size, 0.0)
-    if band is None and (words := _unbounded(size)):
+    if band is None and (words := _growth_words(size)):
         return Peaks.none(words)
     at = np.flatnonzero((size[1:-1] > size[:-2]) & (size[1:-1] >= size[2:])) + 1
-    turning = _refined(model, channel, omega[at - 1], omega[at], omega[at + 1]) if len(at) else np.zeros(0)
-    ends = [k for k, beside in ((0, 1), (-1, -2)) if size[k] >= size[beside] and size[k] > 0]
-    every = np.concatenate((turning, omega[ends]))
-    near = np.flatnonzero(size >= NEARLY * size.max())
-    near = near[np.linspace(0, len(near) - 1, min(len(near), MOST_BESIDE)).astype(int)]
-    return Peaks(every, np.arange(len(every)) < len(turning), omega[near], static=0.0 if band else low)
+    turning = _refine_maxima(model, channel, omega[at - 1], omega[at], omega[at + 1]) if len(at) else np.zeros(0)
+    ends = [k for k, neighbour in ((0, 1), (-1, -2)) if size[k] >= size[neighbour] and size[k] > 0]
+    all_omega = np.concatenate((turning, omega[ends]))
+    large_samples = np.flatnonzero(size >= NEARLY * size.max())
+    large_samples = large_samples[
+        np.linspace(0, len(large_samples) - 1, min(len(large_samples), MOST_BESIDE)).astype(int)
+    ]
+    return Peaks(all_omega, np.arange(len(all_omega)) < len(turning), omega[large_samples], static=0.0 if band else low)
 
 
 def _grid(poles: np.ndarray, low: float, high: float) -> Floats:
     width = np.maximum(np.abs(poles.real), 1e-9 * np.abs(poles))[:, None]
-    near = (np.abs(poles.imag)[:, None] + width * np.concatenate((-WITHIN[::-1], WITHIN))).ravel()
-    near = np.concatenate((near, np.abs(poles)))
-    every = np.concatenate((np.geomspace(low, high, POINTS), near[(near > low) & (near < high)]))
-    return np.unique(every)
+    close_points = (np.abs(poles.imag)[:, None] + width * np.concatenate((-WITHIN[::-1], WITHIN))).ravel()
+    close_points = np.concatenate((close_points, np.abs(poles)))
+    points = np.concatenate(
+        (np.geomspace(low, high, POINTS), close_points[(close_points > low) & (close_points < high)])
+    )
+    return np.unique(points)
 
 
 def _is_infinite(model: Model, channel: int, omega: float) -> bool:
@@ -432,7 +436,7 @@ def _is_infinite(model: Model, channel: int, omega: float) -> bool:
     return bool(max(sizes[1] / sizes[0], sizes[3] / sizes[2]) > 0.3 * NEAR / NEARER)
 
 
-def _unbounded(size: Floats) -> str:
+def _growth_words(size: Floats) -> str:
     """Whether |H| grows towards 0 or infinity, from a point at FAR and the next."""
     if size[0] > 5 * size[1] > 0:
         return "towards 0 Hz: give `over_hz=…`"
@@ -441,7 +445,7 @@ def _unbounded(size: Floats) -> str:
     return ""
 
 
-def _refined(model: Model, channel: int, low: Floats, middle: Floats, high: Floats) -> Floats:
+def _refine_maxima(model: Model, channel: int, low: Floats, middle: Floats, high: Floats) -> Floats:
     """Maxima of |H| between the ends of intervals in whose middle it is larger than at both, (P,)."""
     part = np.linspace(0.0, 1.0, BETWEEN)
     for _ in range(ROUNDS):
@@ -467,10 +471,10 @@ def _level(model: Model, channel: int, low: Floats, high: Floats) -> Floats:
         with np.errstate(all="ignore"):
             c = np.where(fa - fb == 0, (a + b) / 2, (a * fb - b * fa) / (fb - fa))
         c = np.where((c > np.minimum(a, b)) & (c < np.maximum(a, b)), c, (a + b) / 2)
-        moved, fc = np.abs(c - b), rise(c)
-        crossed = fc * fb <= 0
-        a, fa = np.where(crossed, b, a), np.where(crossed, fb, fa / 2)
+        step, fc = np.abs(c - b), rise(c)
+        has_crossed = fc * fb <= 0
+        a, fa = np.where(has_crossed, b, a), np.where(has_crossed, fb, fa / 2)
         b, fb = c, fc
-        if np.all((moved <= SETTLED * np.abs(b)) | (fc == 0)):
+        if np.all((step <= SETTLED * np.abs(b)) | (fc == 0)):
             break
     return b

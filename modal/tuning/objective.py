@@ -78,15 +78,15 @@ class Objective:
         setting: Setting,
     ) -> None:
         self.aims, self.limits, self.free = tuple(aims), tuple(limits), tuple(free)
-        every = [*(named.quantity for named in aims), *(named.quantity for named in limits)]
-        self.quantities = Quantities(scene, free, every, setting)
+        quantities = [*(item.quantity for item in aims), *(item.quantity for item in limits)]
+        self.quantities = Quantities(scene, free, quantities, setting)
         self.is_log = len(aims) == 1 and aims[0].quantity.kind != "damping"
         self.scale = 1.0
         self.cases: tuple[Factors, ...] = ({},)
-        self.low = np.log([named.low for named in free])
-        self.high = np.log([named.high for named in free])
-        self.start = np.log([named.start for named in free])
-        self._places = [named.place for named in free]
+        self.low = np.log([item.low for item in free])
+        self.high = np.log([item.high for item in free])
+        self.start = np.log([item.start for item in free])
+        self._places = [item.place for item in free]
 
     def numbers(self, z: Floats) -> Floats:
         """The free numbers (n,)."""
@@ -103,19 +103,19 @@ class Objective:
     def evaluate(self, z: Floats, with_gradients: bool) -> Evaluation:
         """Costs and limits, the worst of all cases."""
         values, n = self.numbers(z), len(z)
-        every: list[list[Faces]] = []
+        faces_of_cases: list[list[Faces]] = []
         for k, factors in enumerate(self.cases):
             pieces = self.quantities.at(values, factors, by=self._places if with_gradients else None)
-            varied = np.array([values[j] * factors.get(place, 1.0) for j, place in enumerate(self._places)])
-            every.append(
-                [self._face(j, piece, varied, k, n, with_gradients=with_gradients) for j, piece in enumerate(pieces)]
+            numbers = np.array([values[j] * factors.get(place, 1.0) for j, place in enumerate(self._places)])
+            faces_of_cases.append(
+                [self._face(j, piece, numbers, k, n, with_gradients=with_gradients) for j, piece in enumerate(pieces)]
             )
-        faces = [_joined(parts) for parts in zip(*every, strict=True)]
+        faces = [_join_faces(parts) for parts in zip(*faces_of_cases, strict=True)]
         return Evaluation(np.asarray(z), tuple(faces[: len(self.aims)]), tuple(faces[len(self.aims) :]))
 
-    def _face(self, j: int, piece: Pieces, varied: Floats, case: int, n: int, *, with_gradients: bool) -> Faces:
+    def _face(self, j: int, piece: Pieces, numbers: Floats, case: int, n: int, *, with_gradients: bool) -> Faces:
         values, gradients, at = piece.values, piece.gradients, piece.at
-        slopes = gradients * varied if with_gradients else np.zeros((len(values), n))
+        slopes = gradients * numbers if with_gradients else np.zeros((len(values), n))
         labels = np.log(np.maximum(at, 1e-12)) + APART * case
         labels = labels if piece.helps is None else labels + HELPING * piece.helps
         if j >= len(self.aims):
@@ -160,7 +160,7 @@ def _relative(slopes: Floats, values: Floats) -> Floats:
     return np.asarray(slopes / np.maximum(values, 1e-300)[:, None])
 
 
-def _joined(parts: Sequence[Faces]) -> Faces:
+def _join_faces(parts: Sequence[Faces]) -> Faces:
     if any(not len(part.values) for part in parts):
         return next(part for part in parts if not len(part.values))
     return Faces(
@@ -251,10 +251,10 @@ class MassCase(Displayed):
         lighter = [with_numbers(place) for place, factor in self.factors.items() if factor < 1]
         if not heavier or not lighter:
             return "all heavier" if heavier else "all lighter"
-        few, way, other = min(
+        changed_masses, way, other_way = min(
             (heavier, "heavier", "lighter"), (lighter, "lighter", "heavier"), key=lambda pair: len(pair[0])
         )
-        return f"{way}: {listed(few[:FEW], len(few))}; all others {other}"
+        return f"{way}: {listed(changed_masses[:FEW], len(changed_masses))}; all others {other_way}"
 
 
 def worst_case(objective: Objective, z: Floats) -> MassCase:
@@ -272,7 +272,7 @@ def worst_cases(objective: Objective, z: Floats, crew: Crew | None = None) -> li
         corners = [dict(zip(places, corner, strict=True)) for corner in signs]
     else:
         pieces = _signs(objective, z, places, {})
-        corners = list(map_by_crew(partial(_climbed, objective, z, places), pieces, crew))
+        corners = list(map_by_crew(partial(_climb, objective, z, places), pieces, crew))
     different = [factors for k, factors in enumerate(corners) if factors and factors not in corners[:k]]
     return list(map_by_crew(partial(_mass_case, objective, z), different, crew))
 
@@ -296,15 +296,15 @@ def _free_masses(objective: Objective, z: Floats) -> list[Place]:
     return places
 
 
-def _climbed(objective: Objective, z: Floats, places: list[Place], signs: Floats) -> Factors:
+def _climb(objective: Objective, z: Floats, places: list[Place], signs: Floats) -> Factors:
     """From the masses as they are in the direction in which a piece grows, and from there on along the worst one."""
     factors = _corner(places, signs)
     for _ in range(CLIMBS):
         better = _signs(objective, z, places, factors, worst=True)
-        after = _corner(places, better[0]) if better else factors
-        if after == factors or _cost(objective, z, after) <= _cost(objective, z, factors):
+        next_factors = _corner(places, better[0]) if better else factors
+        if next_factors == factors or _cost(objective, z, next_factors) <= _cost(objective, z, factors):
             break
-        factors = after
+        factors = next_factors
     return factors
 
 
@@ -323,11 +323,11 @@ def _signs(
             continue
         costs = aim.sign * piece.values
         order = np.argsort(-costs, kind="stable")
-        near = [k for k in order.tolist() if costs[k] >= costs[order[0]] - 0.5 * abs(costs[order[0]])]
-        signs += [np.sign(aim.sign * piece.gradients[k]) for k in (near[:1] if worst else near[:6])]
+        large_pieces = [k for k in order.tolist() if costs[k] >= costs[order[0]] - 0.5 * abs(costs[order[0]])]
+        signs += [np.sign(aim.sign * piece.gradients[k]) for k in (large_pieces[:1] if worst else large_pieces[:6])]
     unique: list[Floats] = []
     for one_sign in signs:
-        if all(np.any(one_sign != other) for other in unique):
+        if all(np.any(one_sign != other_sign) for other_sign in unique):
             unique.append(one_sign)
     return unique
 
@@ -368,8 +368,8 @@ def loads(objective: Objective, scene: Scene) -> tuple[Load, ...]:
         rate = output.replace("rel_", "rel_dot_", 1)
         quantity = Quantity(aim.kind, output, aim.input)
         outputs = [quantity, Quantity(aim.kind, rate, aim.input)] if unit == "rad" else [quantity]
-        felt = Quantities(scene, (), outputs, objective.quantities.setting)
-        pieces = felt.at(np.zeros(0))
+        quantities = Quantities(scene, (), outputs, objective.quantities.setting)
+        pieces = quantities.at(np.zeros(0))
         if not all(len(aim.values) for aim in pieces):
             continue
         stroke, at = _largest(pieces[0].values, pieces[0])
@@ -377,7 +377,7 @@ def loads(objective: Objective, scene: Scene) -> tuple[Load, ...]:
             effort, effort_at = _largest(damping * pieces[1].values, pieces[1])
         else:
             effort, effort_at = _largest(damping * pieces[0].values * pieces[0].at, pieces[0])
-        per = felt.form.signals[0][1].unit if aim.kind == "peak" else ""
+        per = quantities.form.signals[0][1].unit if aim.kind == "peak" else ""
         felt_loads.append(
             Load(with_numbers(place), per, stroke, unit, at, effort, "N m" if unit == "rad" else "N", effort_at)
         )
@@ -394,14 +394,14 @@ def _dampers(objective: Objective, scene: Scene) -> list[tuple[Place, str, float
     """Places of dampers with what they feel, their constants and the unit of their stroke."""
     dampers: list[tuple[Place, str, float, str]] = []
     geometry = geometry_of(scene)
-    before = np.concatenate(([0], np.cumsum([entry.count for entry in scene.pendulum])))
+    first_numbers = np.concatenate(([0], np.cumsum([entry.count for entry in scene.pendulum])))
     for place in dict.fromkeys(_owner(entry.place) for entry in objective.free):
         if place[0] == "pendulum" and len(place) == 4:
             p, i = int(place[1]), int(place[3])
             link = scene.pendulum[p].links[i]
             number = sum(entry.count for entry in scene.pendulum[p].links[:i]) + 1
             if link.damping:
-                dampers.append(((*place, "damping"), f"rel_{before[p] + 1}_{number}", link.damping, "rad"))
+                dampers.append(((*place, "damping"), f"rel_{first_numbers[p] + 1}_{number}", link.damping, "rad"))
         if place[0] == "spring":
             spring = scene.spring[int(place[1])]
             label = str(int(place[1]) + 1)

@@ -26,8 +26,17 @@ from modal.scene.parameters import Place, number_at, vary, with_numbers
 from modal.scene.records import Spectrum
 from modal.statespace.hoisting import Travel, travel_swing
 from modal.statespace.shapers import Kind
-from modal.tuning.interpolation import Interpolated, interpolated
-from modal.tuning.model import MOST_COORDINATES, UNDAMPED, Arrays, Channel, Model, TunedNumbers, find_peaks, reduced
+from modal.tuning.interpolation import Interpolated, interpolate
+from modal.tuning.model import (
+    MOST_COORDINATES,
+    UNDAMPED,
+    Arrays,
+    Channel,
+    Model,
+    TunedNumbers,
+    channel_model,
+    find_peaks,
+)
 from modal.tuning.quantities import FreeNumber, Quantity
 from modal.types import Booleans, Floats
 from modal.vibration.prescribed import acceleration_psd, psd_at
@@ -97,7 +106,7 @@ class Quantities:
         self.channels = list(
             dict.fromkeys(Channel(entry.output, entry.input) for entry in quantities if entry.kind in {"peak", "rms"})
         )
-        self.form = reduced(scene, self.channels)
+        self.form = channel_model(scene, self.channels)
         places = [entry.place for entry in free]
         self.places = (*places, *(place for place in masses_of(scene) if place not in places))
         self.given = np.array([number_at(scene, place) for place in self.places])
@@ -107,11 +116,11 @@ class Quantities:
 
     def scene_at(self, values: Floats, factors: Mapping[Place, float] | None = None) -> Scene:
         """The scene with these free numbers (n,), and with others, or these, times factors."""
-        whole = self.given.copy()
-        whole[: len(values)] = values
+        all_values = self.given.copy()
+        all_values[: len(values)] = values
         for place, factor in (factors or {}).items():
-            whole[self.places.index(place)] *= factor
-        return self.numbers.scene_at(whole)
+            all_values[self.places.index(place)] *= factor
+        return self.numbers.scene_at(all_values)
 
     @cached_property
     def _polynomials(self) -> dict[tuple[tuple[Place, float], ...], tuple[Floats, Interpolated | None]]:
@@ -120,19 +129,19 @@ class Quantities:
 
     def centre(self, values: Floats, factors: Mapping[Place, float] | None = None) -> None:
         """Interpolate the arrays about these free numbers (n,)."""
-        known = tuple(sorted((factors or {}).items(), key=str))
+        key = tuple(sorted((factors or {}).items(), key=str))
         centre = np.array(values)
-        self._polynomials[known] = (
+        self._polynomials[key] = (
             centre,
-            interpolated(lambda numbers: self.form.arrays(self.scene_at(numbers, factors)), centre),
+            interpolate(lambda numbers: self.form.arrays(self.scene_at(numbers, factors)), centre),
         )
 
     def polynomial(self, values: Floats, factors: Mapping[Place, float] | None = None) -> Interpolated | None:
         """The arrays as polynomials in the free numbers, None where they are none."""
-        known = tuple(sorted((factors or {}).items(), key=str))
-        if known not in self._polynomials:
+        key = tuple(sorted((factors or {}).items(), key=str))
+        if key not in self._polynomials:
             self.centre(values, factors)
-        return self._polynomials[known][1]
+        return self._polynomials[key][1]
 
     def at(
         self,
@@ -142,8 +151,8 @@ class Quantities:
         by: Sequence[Place] | None = None,
     ) -> list[Pieces]:
         """The pieces of every quantity; gradients by the numbers at places, none by default."""
-        here = At(self, values, factors, tuple(by or ()))
-        return [here.pieces(quantity) for quantity in self.quantities]
+        evaluation = At(self, values, factors, tuple(by or ()))
+        return [evaluation.pieces(quantity) for quantity in self.quantities]
 
 
 class At:
@@ -193,15 +202,15 @@ class At:
     def rates(self) -> tuple[list[int], list[complex], Floats]:
         """Rows of the modes that move, their λ and ∂λ/∂p (K, n)."""
         modes = self.modes
-        least = STILL * float(modes.omega.max(initial=0.0))
+        smallest = STILL * float(modes.omega.max(initial=0.0))
         chosen = [number - 1 for number in self.setting.modes] or range(len(modes))
-        rows = [k for k in chosen if k < len(modes) and modes.omega[k] > least]
+        rows = [k for k in chosen if k < len(modes) and modes.omega[k] > smallest]
         values = [complex(modes.eigenvalue[k]) for k in rows]
         if not self.by:
             return rows, values, np.zeros((len(rows), 0))
         derivatives = ModeDerivatives(modes, self.slopes.M, self.slopes.K, self.slopes.D)
-        every = np.array([derivatives.eigenvalue(k) for k in rows])
-        return rows, values, np.where(np.isfinite(every), every, 0.0)
+        slopes = np.array([derivatives.eigenvalue(k) for k in rows])
+        return rows, values, np.where(np.isfinite(slopes), slopes, 0.0)
 
     def pieces(self, quantity: Quantity) -> Pieces:
         """Those of a quantity."""
@@ -244,14 +253,14 @@ class At:
         total, slope = 0.0, np.zeros(n)
         for k in np.flatnonzero((psd[1:] > 0) | (psd[:-1] > 0)).tolist():
             low, high = tau * f[k], tau * f[k + 1]
-            still = (np.abs(poles.real) <= UNDAMPED * np.abs(poles)) & (poles.imag > 0)
-            for pole in poles[still & (poles.imag >= low) & (poles.imag <= high)].tolist():
+            has_no_damping = (np.abs(poles.real) <= UNDAMPED * np.abs(poles)) & (poles.imag > 0)
+            for pole in poles[has_no_damping & (poles.imag >= low) & (poles.imag <= high)].tolist():
                 if np.abs(self.model.response(channel, np.array([pole.imag * (1 + 1e-9)])))[0] > 1e6 * self._usual(
                     channel, pole.imag
                 ):
                     words = f"it grows without bound: nothing damps a mode at {pole.imag / tau:.6g} Hz"
                     return Pieces.none(words, n)
-            for omega, _, weight in nodes(low, high, poles[~still].tolist()):
+            for omega, _, weight in nodes(low, high, poles[~has_no_damping].tolist()):
                 at = omega / tau
                 S = weight * (psd_at(f, psd, at) if acts else acceleration_psd(spectrum, at)) / tau
                 if n:
@@ -280,10 +289,10 @@ class At:
     def _settling(self, quantity: Quantity) -> Pieces:
         rows, values, slopes = self.rates
         decay = np.array([-value.real for value in values])
-        least = UNDAMPED * np.abs(values)
-        if not len(rows) or (decay <= least).any():
+        smallest = UNDAMPED * np.abs(values)
+        if not len(rows) or (decay <= smallest).any():
             words = (
-                "no mode moves" if not len(rows) else f"mode {rows[int((decay - least).argmin())] + 1} never settles"
+                "no mode moves" if not len(rows) else f"mode {rows[int((decay - smallest).argmin())] + 1} never settles"
             )
             return Pieces.none(words, len(self.by))
         by = (FIFTY / decay**2)[:, None] * slopes.real
@@ -294,8 +303,8 @@ class At:
         by = np.zeros(len(self.by))
         for k, place in enumerate(self.by):
             number = number_at(self.scene, place)
-            for many, weight in PAIRS:
-                pair = [self._swing(_with(self.scene, place, number * (1 + way * many * STEP))) for way in (1, -1)]
+            for multiple, weight in PAIRS:
+                pair = [self._swing(_with(self.scene, place, number * (1 + way * multiple * STEP))) for way in (1, -1)]
                 by[k] += weight * (pair[0] - pair[1]) / (number * STEP)
         return Pieces(np.array([value]), by[None], np.zeros(1), np.ones(1, bool))
 

@@ -90,8 +90,8 @@ def parse_quantity(text: str) -> Quantity:
     if kind in {"peak", "rms"}:
         output, _, source = (part.strip() for part in of.partition("/"))
         if not output or (kind == "peak" and not source):
-            written = "peak:OUTPUT/INPUT, such as peak:x/cart_force" if kind == "peak" else "rms:OUTPUT"
-            raise SceneError([f"{text:.60}: must be {written}"])
+            example = "peak:OUTPUT/INPUT, such as peak:x/cart_force" if kind == "peak" else "rms:OUTPUT"
+            raise SceneError([f"{text:.60}: must be {example}"])
         return Quantity(kind, output, source or SOURCE, weight)
     if of:
         raise SceneError([f"{text:.60}: {kind} is of the whole scene, and names nothing else"])
@@ -121,10 +121,10 @@ def parse_limit(text: str, aims: Sequence[Quantity]) -> Limit:
     """
     words, sign, number = text.rpartition("=")
     try:
-        most = float(number) if sign else inf
+        bound = float(number) if sign else inf
     except ValueError:
-        most = inf
-    if not (sign and isfinite(most) and most > 0):
+        bound = inf
+    if not (sign and isfinite(bound) and bound > 0):
         raise SceneError([f"{text:.60}: must be OUTPUT=VALUE, such as rel_1_1=0.2, with a value above 0"])
     words = words.strip()
     if words.partition(":")[0] in KINDS:
@@ -136,7 +136,7 @@ def parse_limit(text: str, aims: Sequence[Quantity]) -> Limit:
         quantity = Quantity(first.kind, words, first.input)
     if not quantity.is_largest:
         raise SceneError([f"{text:.60}: a damping ratio has a least value, not a largest: maximize it"])
-    return Limit(quantity, most)
+    return Limit(quantity, bound)
 
 
 @dataclass(frozen=True, repr=False)
@@ -154,7 +154,7 @@ class FreeNumber(Displayed):
     start: float
     low: float
     high: float
-    bounded: bool
+    has_bounds: bool
     unit_name: str = ""
 
     @property
@@ -183,7 +183,7 @@ def find_free(scene: Scene, texts: Iterable[str], begin: Callable[[Place], float
     numbers: dict[Place, FreeNumber] = {}
     for text in texts:
         try:
-            for number in _freed(scene, text, begin):
+            for number in _free_numbers(scene, text, begin):
                 if number.place in numbers:
                     problems.append(f"{number.path}: is freed twice")
                 numbers[number.place] = number
@@ -196,7 +196,7 @@ def find_free(scene: Scene, texts: Iterable[str], begin: Callable[[Place], float
     return tuple(numbers.values())
 
 
-def _freed(scene: Scene, text: str, begin: Callable[[Place], float]) -> Iterator[FreeNumber]:
+def _free_numbers(scene: Scene, text: str, begin: Callable[[Place], float]) -> Iterator[FreeNumber]:
     path, sign, words = text.partition("=")
     bounds = _bounds(text, words) if sign else None
     for place in find_places(scene, path.strip()):
@@ -211,8 +211,8 @@ def _freed(scene: Scene, text: str, begin: Callable[[Place], float]) -> Iterator
             yield FreeNumber(place, value, min(max(start, low), high), low, high, True, unit_at(scene, place))
             continue
         start = value or begin(place)
-        far = FURTHEST.get(key_of(place), USUAL_FURTHEST)
-        yield FreeNumber(place, value, start, start / far, start * far, False, unit_at(scene, place))
+        ratio = FURTHEST.get(key_of(place), USUAL_FURTHEST)
+        yield FreeNumber(place, value, start, start / ratio, start * ratio, False, unit_at(scene, place))
 
 
 def _bounds(text: str, words: str) -> tuple[float, float]:
@@ -251,8 +251,8 @@ def _refuse(scene: Scene, place: Place) -> None:
     if key == "count":
         raise SceneError([f"{path}: is a count, and only continuous numbers are tuned: tune a scene for each value"])
     if "start" in place or key not in (*POSITIVE, *CAN_VANISH):
-        known = (*POSITIVE, *CAN_VANISH)
-        raise SceneError([f"{path}: is not a number that can be tuned: {', '.join(known)}{spelling_hint(key, known)}"])
+        keys = (*POSITIVE, *CAN_VANISH)
+        raise SceneError([f"{path}: is not a number that can be tuned: {', '.join(keys)}{spelling_hint(key, keys)}"])
     value = number_at(scene, place)
     if value < 0:
         raise SceneError([f"{path} = {value:g}: is below 0, and what is tuned stays positive"])

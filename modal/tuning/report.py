@@ -66,9 +66,9 @@ def tuned_record(tuned: Tuned, curves: bool = True) -> dict[str, Any]:
     return record
 
 
-def tuned_json(tuned: Tuned, more: dict[str, Any] | None = None) -> str:
+def tuned_json(tuned: Tuned, further_keys: dict[str, Any] | None = None) -> str:
     """The same as text, with what else is known of the result."""
-    return as_json({**tuned_record(tuned), **(more or {})})
+    return as_json({**tuned_record(tuned), **(further_keys or {})})
 
 
 def _aim_record(tuned: Tuned, k: int) -> dict[str, Any]:
@@ -103,7 +103,7 @@ def _limit_record(tuned: Tuned, k: int) -> dict[str, Any]:
     }
 
 
-def _changed(change: float) -> str:
+def _change_words(change: float) -> str:
     return f"{100 * change:+.3g} %" if np.isfinite(change) else NOTHING
 
 
@@ -112,9 +112,9 @@ NUMBER = (
     ReportColumn("number.unit_name", "unit", "unit"),
     ReportColumn("number.value", "before", "before", "{:.6g}".format),
     ReportColumn("value", "after", "after", "{:.9g}".format),
-    ReportColumn(lambda row: [row.number.low, row.number.high] if row.number.bounded else None, "bounds"),
-    ReportColumn("worth.larger", "one_percent_larger", "+1 %", _changed),
-    ReportColumn("worth.smaller", "one_percent_smaller", "−1 %", _changed),
+    ReportColumn(lambda row: [row.number.low, row.number.high] if row.number.has_bounds else None, "bounds"),
+    ReportColumn("worth.larger", "one_percent_larger", "+1 %", _change_words),
+    ReportColumn("worth.smaller", "one_percent_smaller", "−1 %", _change_words),
     ReportColumn(lambda row: [finite(row.worth.low), finite(row.worth.high)], "within_one_percent"),
     ReportColumn("worth.low", None, "from", lambda low: f"{low:.5g}" if low else "any"),
     ReportColumn("worth.high", None, "to", lambda high: f"{high:.5g}" if np.isfinite(high) else "any"),
@@ -167,10 +167,10 @@ def _load_record(load: Load) -> dict[str, Any]:
     }
 
 
-def tuned_text(tuned: Tuned, more: str = "") -> str:
+def tuned_text(tuned: Tuned, further_text: str = "") -> str:
     """What was found, as text."""
     numbers = ReportTable.of(NUMBER, _numbers(tuned)).written()
-    parts = [_objective_table(tuned), numbers, WORTH, "\n".join(_sentences(tuned)), _rules_table(tuned), more]
+    parts = [_objective_table(tuned), numbers, WORTH, "\n".join(_sentences(tuned)), _rules_table(tuned), further_text]
     return titled(title_of(tuned.given), "tuned", parts, "text")
 
 

@@ -150,11 +150,11 @@ class Tuned(Drawable, TextResult):
         rates = rates if len(rates) else poles[poles > 0]
         low, high = setting.rates or (rates.min() / BESIDE, rates.max() * BESIDE)
         low = max(low, 1e-3 * high)
-        near = np.concatenate([poles[poles > 0], rates])
-        close = np.outer(
-            near, 1 + np.concatenate((-np.geomspace(1e-4, 0.05, NEAR), [0.0], np.geomspace(1e-4, 0.05, NEAR)))
+        frequencies = np.concatenate([poles[poles > 0], rates])
+        close_points = np.outer(
+            frequencies, 1 + np.concatenate((-np.geomspace(1e-4, 0.05, NEAR), [0.0], np.geomspace(1e-4, 0.05, NEAR)))
         )
-        omega = np.unique(np.concatenate((np.geomspace(low, high, CURVE), close.ravel())))
+        omega = np.unique(np.concatenate((np.geomspace(low, high, CURVE), close_points.ravel())))
         omega = omega[(omega >= low) & (omega <= high)]
         before, after = (np.abs(model.response(0, omega)) for model in models)
         row, column = quantities.form.signals[0]

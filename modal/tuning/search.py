@@ -16,7 +16,7 @@ from modal.scene import Scene, validate_scene
 from modal.scene.parameters import Place, texts_of
 from modal.scene.records import Spectrum, read_spectrum
 from modal.statespace.shapers import Kind
-from modal.tuning.closed_forms import beside, den_hartog, single_links, values_for
+from modal.tuning.closed_forms import den_hartog, rest_of_scene, single_links, values_for
 from modal.tuning.minimax import ALLOWED, Minimum, descend
 from modal.tuning.model import UNDAMPED
 from modal.tuning.objective import Aim, Objective, worst_cases
@@ -93,14 +93,14 @@ def tune(
         numbers = find_free(scene, texts_of(free, splits_commas=True), lambda place: _begin(scene, place))
     except SceneError as error:
         problems += error.problems
-    every = [*(item.quantity for item in aims), *(item.quantity for item in found_limits)]
-    source = next((item.input for item in every if item.kind == "rms"), SOURCE)
+    quantities = [*(item.quantity for item in aims), *(item.quantity for item in found_limits)]
+    source = next((item.input for item in quantities if item.kind == "rms"), SOURCE)
     spectrum = psd if psd is None or isinstance(psd, Spectrum) else read_spectrum(psd, source != SOURCE)
     setting = Setting(over_hz, spectrum, tuple(modes), travel, over, kind)
     if problems:
         raise SceneError(list(dict.fromkeys(problems)))
     objective = Objective(scene, numbers, aims, found_limits, setting)
-    before = objective.pieces(np.log([item.value or item.start for item in numbers]))
+    initial_pieces = objective.pieces(np.log([item.value or item.start for item in numbers]))
     starts = list(_starts(objective, crew))
     if over_hz is not None:
         _refuse_no_peak(objective, objective.start)
@@ -110,7 +110,7 @@ def tune(
     objective.scale = size if not objective.is_log and size > 0 else 1.0
     valleys = _valleys(objective, starts, report)
     candidates = [valleys[0], *(item for item in valleys[1:FINISHED] if not item.certain)]
-    descents = list(map_by_crew(partial(_descended, objective), [item.point.z for item in candidates], crew))
+    descents = list(map_by_crew(partial(_descend, objective), [item.point.z for item in candidates], crew))
     deepest = min(range(len(descents)), key=lambda k: descents[k].point.merit)
     best = descents[deepest]
     _centre(objective, best.point.z)
@@ -119,7 +119,7 @@ def tune(
     if robust:
         best = _robust(objective, best, crew)
     _refuse_no_peak(objective, best.point.z)
-    _refuse_undamped(objective, best.point.z)
+    _require_damping(objective, best.point.z)
     ends = tuple(
         Valley(
             objective.numbers(item.point.z),
@@ -134,7 +134,7 @@ def tune(
         scene=objective.scene_at(best.point.z),
         objective=objective,
         z=best.point.z,
-        pieces_before=tuple(before),
+        pieces_before=tuple(initial_pieces),
         pieces_after=tuple(objective.pieces(best.point.z)),
         valleys=ends,
         starts=len(starts),
@@ -147,10 +147,10 @@ def tune(
 def _aims(minimize: Sequence[str], maximize: Sequence[str]) -> tuple[list[Aim], list[str]]:
     aims: list[Aim] = []
     problems: list[str] = []
-    for texts, maximized in ((minimize, False), (maximize, True)):
+    for texts, is_maximum in ((minimize, False), (maximize, True)):
         for text in texts:
             try:
-                aims.append(Aim(parse_quantity(text), maximized))
+                aims.append(Aim(parse_quantity(text), is_maximum))
             except SceneError as error:
                 problems += error.problems
     if not aims and not problems:
@@ -163,8 +163,8 @@ def _aims(minimize: Sequence[str], maximize: Sequence[str]) -> tuple[list[Aim], 
 def _begin(scene: Scene, place: Place) -> float:
     """Where the search for a number that is 0 begins: a tenth of critical damping, or of the stiffness there."""
 
-    def arrays(varied: Scene) -> tuple[Floats, ...]:
-        linear = matrices(varied)
+    def arrays(changed_scene: Scene) -> tuple[Floats, ...]:
+        linear = matrices(changed_scene)
         return linear.M, linear.K, linear.D
 
     present = arrays(scene)
@@ -175,33 +175,36 @@ def _begin(scene: Scene, place: Place) -> float:
             "mass": 0.1 * np.abs(M / dM),
             "stiffness": 0.1 * np.abs(K / dK),
         }.get(key_of(place), 0.2 * np.sqrt(np.abs(M * K)) / np.abs(dD))
-    known = sizes[np.isfinite(sizes) & (sizes > 0)]
-    return float(known.min()) if len(known) else 1.0
+    finite_sizes = sizes[np.isfinite(sizes) & (sizes > 0)]
+    return float(finite_sizes.min()) if len(finite_sizes) else 1.0
 
 
 def _starts(objective: Objective, crew: Crew | None) -> Iterator[Floats]:
     """The scene's own numbers, those by Den Hartog's rule, and the best of many random ones, all with finite values."""
-    tried: list[Floats] = []
+    chosen_starts: list[Floats] = []
     for z in (objective.start, *_by_rule(objective)):
         at = np.clip(z, objective.low, objective.high)
-        if all(np.abs(at - other).max() > SAME for other in tried) and objective.evaluate(at, False).is_finite:
-            tried.append(at)
+        if (
+            all(np.abs(at - number).max() > SAME for number in chosen_starts)
+            and objective.evaluate(at, False).is_finite
+        ):
+            chosen_starts.append(at)
             yield at
     rng = np.random.default_rng(1)
     n = len(objective.free)
-    spread = np.array([WIDE if other.key in {"damping", "drag", "stiffness"} else SPREAD for other in objective.free])
+    spread = np.array([WIDE if number.key in {"damping", "drag", "stiffness"} else SPREAD for number in objective.free])
     draws = objective.start + spread * rng.standard_normal((TRIED * n, n))
-    bounded = np.array([other.bounded for other in objective.free])
+    has_bounds = np.array([number.has_bounds for number in objective.free])
     inside = objective.low + (objective.high - objective.low) * rng.random((TRIED * n, n))
-    draws = np.where(bounded, inside, np.clip(draws, objective.low, objective.high))
+    draws = np.where(has_bounds, inside, np.clip(draws, objective.low, objective.high))
     merits = np.array([*map_by_crew(partial(_merit, objective), draws, crew)])
-    kept = 0
+    n_chosen = 0
     for k in np.argsort(merits, kind="stable").tolist():
-        if not np.isfinite(merits[k]) or kept == KEPT:
+        if not np.isfinite(merits[k]) or n_chosen == KEPT:
             break
-        if all(np.abs(draws[k] - other).max() > DISTINCT for other in tried):
-            tried.append(draws[k])
-            kept += 1
+        if all(np.abs(draws[k] - number).max() > DISTINCT for number in chosen_starts):
+            chosen_starts.append(draws[k])
+            n_chosen += 1
             yield draws[k]
 
 
@@ -218,7 +221,7 @@ def _by_rule(objective: Objective) -> Iterator[Floats]:
     pendula = single_links(scene, objective.free)
     if not pendula or not any(item.quantity.kind in {"peak", "rms", "damping", "settling"} for item in objective.aims):
         return
-    rest = beside(scene, pendula)
+    rest = rest_of_scene(scene, pendula)
     if rest is None:
         return
     columns = {item.path: k for k, item in enumerate(objective.free)}
@@ -230,13 +233,13 @@ def _by_rule(objective: Objective) -> Iterator[Floats]:
     for way in chosen:
         z = objective.start.copy()
         for k, (p, mode) in enumerate(zip(pendula, way, strict=True)):
-            together = way.count(mode)
-            mu = float(rest.mu[k, mode]) * together
+            n_absorbers = way.count(mode)
+            mu = float(rest.mu[k, mode]) * n_absorbers
             if mu <= 0:
                 continue
             f, zeta = den_hartog(mu)
-            spread = 1 + 0.1 * (k - (together - 1) / 2) if together > 1 else 1.0
-            values = values_for(scene, p, f * float(rest.omega[mode]) * spread, zeta / np.sqrt(together)) or {}
+            spread = 1 + 0.1 * (k - (n_absorbers - 1) / 2) if n_absorbers > 1 else 1.0
+            values = values_for(scene, p, f * float(rest.omega[mode]) * spread, zeta / np.sqrt(n_absorbers)) or {}
             for path, value in values.items():
                 if path in columns:
                     z[columns[path]] = np.log(value)
@@ -246,19 +249,19 @@ def _by_rule(objective: Objective) -> Iterator[Floats]:
 def _valleys(objective: Objective, starts: Sequence[Floats], report: Report) -> list[Minimum]:
     """The different minima that the starts lead into, the best first."""
     minima: list[Minimum] = []
-    for done, z in enumerate(starts):
-        report(done / len(starts))
+    for number, z in enumerate(starts):
+        report(number / len(starts))
         try:
-            minimum = descend(objective.evaluate, z, objective.low, objective.high, coarse=True, known=minima)
+            minimum = descend(objective.evaluate, z, objective.low, objective.high, coarse=True, minima=minima)
         except (ComputationError, SceneError):
             continue
         if not minimum.point.is_finite or minimum in minima:
             continue
         alike = [
-            other
-            for other in minima
-            if abs(other.point.merit - minimum.point.merit) <= ALIKE * max(1.0, abs(other.point.merit))
-            and np.abs(other.point.z - minimum.point.z).max() <= 10 * SAME
+            other_minimum
+            for other_minimum in minima
+            if abs(other_minimum.point.merit - minimum.point.merit) <= ALIKE * max(1.0, abs(other_minimum.point.merit))
+            and np.abs(other_minimum.point.z - minimum.point.z).max() <= 10 * SAME
         ]
         if not alike:
             minima.append(minimum)
@@ -269,7 +272,7 @@ def _valleys(objective: Objective, starts: Sequence[Floats], report: Report) -> 
     return sorted(minima, key=lambda minimum: minimum.point.merit)
 
 
-def _descended(objective: Objective, z: Floats) -> Minimum:
+def _descend(objective: Objective, z: Floats) -> Minimum:
     """The minimum beside z, about which the arrays are interpolated anew."""
     _centre(objective, z)
     return descend(objective.evaluate, z, objective.low, objective.high)
@@ -285,17 +288,17 @@ def _robust(objective: Objective, best: Minimum, crew: Crew | None) -> Minimum:
     """The best for the worst of all masses ±5 %, to which cases are added until none is worse."""
     cases = list(objective.cases)
     for _ in range(CASES):
-        here = objective.evaluate(best.point.z, False).cost
+        cost = objective.evaluate(best.point.z, False).cost
         worse = [
             case
             for case in worst_cases(objective, best.point.z, crew)
-            if case.cost > here + EDGE and case.factors not in cases
+            if case.cost > cost + EDGE and case.factors not in cases
         ]
         if not worse:
             break
         cases += [case.factors for case in worse]
         objective.cases = tuple(cases)
-        best = _descended(objective, best.point.z)
+        best = _descend(objective, best.point.z)
     return best
 
 
@@ -320,10 +323,10 @@ def _refuse_endless(objective: Objective, best: Minimum) -> None:
     if point.excess > ALLOWED:
         worst = max(range(len(point.limits)), key=lambda k: point.limits[k].largest)
         limit = objective.limits[worst]
-        least = float(np.exp(point.limits[worst].largest)) * limit.most
-        raise ComputationError(f"{limit.name}: cannot be met within the bounds: {least:.6g} is what is left")
+        smallest = float(np.exp(point.limits[worst].largest)) * limit.most
+        raise ComputationError(f"{limit.name}: cannot be met within the bounds: {smallest:.6g} is what is left")
     for k, number in enumerate(objective.free):
-        if number.bounded:
+        if number.has_bounds:
             continue
         for edge, words, way in (
             (objective.high[k], "larger", f"{number.start:.4g}:{10 * number.start:.4g}"),
@@ -335,7 +338,7 @@ def _refuse_endless(objective: Objective, best: Minimum) -> None:
                 )
 
 
-def _refuse_undamped(objective: Objective, z: Floats) -> None:
+def _require_damping(objective: Objective, z: Floats) -> None:
     for aim, piece in zip(objective.aims, objective.pieces(z), strict=False):
         if aim.quantity.kind == "damping" and len(piece.values) and np.abs(piece.values).min() <= UNDAMPED:
             number = int(piece.at[np.abs(piece.values).argmin()]) + 1

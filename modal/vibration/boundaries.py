@@ -104,20 +104,20 @@ class Tongues(Displayed):
         lines = [(k, value) for k, value in enumerate((amplitude, frequency_hz)) if value is not None]
         if len(lines) != 1:
             raise SceneError(["edges: needs an amplitude or a frequency_hz"])
-        fixed, value = lines[0]
+        fixed_axis, value = lines[0]
         edges = []
         for boundary, window in zip(self.boundaries, self.windows, strict=True):
             points = np.column_stack((boundary.amplitude, boundary.frequency_hz))
-            beside = points[:, fixed] - value
-            for k in np.flatnonzero((beside[:-1] < 0) != (beside[1:] < 0)):
-                share = beside[k] / (beside[k] - beside[k + 1])
+            offsets = points[:, fixed_axis] - value
+            for k in np.flatnonzero((offsets[:-1] < 0) != (offsets[1:] < 0)):
+                share = offsets[k] / (offsets[k] - offsets[k + 1])
                 start = points[k] + share * (points[k + 1] - points[k])
-                start[fixed] = value
+                start[fixed_axis] = value
                 frame = window.curve.begin(start)
-                place = window.settle((start - window.low) / window.extent, frame, np.eye(2)[1 - fixed])
+                place = window.settle((start - window.low) / window.extent, frame, np.eye(2)[1 - fixed_axis])
                 if place is None:
-                    raise ComputationError(f"no edge of a tongue was found near {start[1 - fixed]:.6g}")
-                edges.append((float((window.low + window.extent * place.point)[1 - fixed]), boundary.kind))
+                    raise ComputationError(f"no edge of a tongue was found near {start[1 - fixed_axis]:.6g}")
+                edges.append((float((window.low + window.extent * place.point)[1 - fixed_axis]), boundary.kind))
         return sorted(edges)
 
     def to_dict(self) -> dict[str, Any]:
@@ -154,15 +154,15 @@ def tongues(scene: Scene, amplitude: ArrayLike, frequency_hz: ArrayLike) -> Tong
     names = ("amplitude", "frequency_hz")
     problems = [
         f"{name}: a grid of tongues needs ascending numbers {words}"
-        for name, values, least, words in zip(names, grid, (0.0, SHORTEST), ("from 0", "above 0"), strict=True)
-        if not len(values) or not np.all(np.diff(values) > 0) or not np.isfinite(values).all() or values[0] < least
+        for name, values, lowest, words in zip(names, grid, (0.0, SHORTEST), ("from 0", "above 0"), strict=True)
+        if not len(values) or not np.all(np.diff(values) > 0) or not np.isfinite(values).all() or values[0] < lowest
     ]
     if not problems and len(grid[0]) == len(grid[1]) == 1:
         problems = ["a grid of tongues needs two or more amplitudes or frequencies"]
     if problems:
         raise SceneError(problems)
     systems = hill_systems(scene)
-    pairs = [pair for system in systems for curve in curves_of(system) for pair in _followed(curve, *grid)]
+    pairs = [pair for system in systems for curve in curves_of(system) for pair in _trace_boundaries(curve, *grid)]
     pairs.sort(key=lambda pair: (pair[0].number, pair[0].least[1]))
     return Tongues(grid[0], grid[1], tuple(boundary for boundary, _ in pairs), tuple(window for _, window in pairs))
 
@@ -196,23 +196,23 @@ class Window:
         """Whether a point is in the window."""
         return bool(np.all(point >= -ENOUGH) and np.all(point <= 1 + ENOUGH))
 
-    def settle(self, point: Floats, frame: Any, along: Floats | None = None) -> CurvePlace | None:
+    def settle(self, point: Floats, frame: Any, direction: Floats | None = None) -> CurvePlace | None:
         """The point of the curve nearest to one, or in a direction; None where Newton's method finds none."""
-        for _ in range(NEWTON if along is None else 4 * NEWTON):
+        for _ in range(NEWTON if direction is None else 4 * NEWTON):
             try:
                 value, gradient, frame = self.curve.at(self.low + self.extent * point, frame)
             except np.linalg.LinAlgError:
                 return None
             slope = gradient * self.extent
             size = float(np.linalg.norm(slope))
-            way = slope / size if along is None and size > 0 else along
+            way = slope / size if direction is None and size > 0 else direction
             if way is None or not (rise := float(slope @ way)) or not np.isfinite(value / rise):
                 return None
             step = value / rise
             if abs(step) > LONGEST:
                 return None
             point = point - step * way
-            if abs(step) < (SETTLED if along is None else ENOUGH):
+            if abs(step) < (SETTLED if direction is None else ENOUGH):
                 return CurvePlace(point, slope / size, frame)
         return None
 
@@ -220,40 +220,44 @@ class Window:
         """Places from a start to the window's edge, and whether the curve closes before it."""
         places, step = [start], LONGEST / 4
         while len(places) < MOST_POINTS and step > SHORTEST:
-            here = places[-1]
-            there = self.settle(here.point + sense * step * here.tangent, here.frame)
-            if there is None or here.normal @ there.normal < cos(TURN) or hypot(*(there.point - here.point)) > 2 * step:
+            place = places[-1]
+            next_place = self.settle(place.point + sense * step * place.tangent, place.frame)
+            if (
+                next_place is None
+                or place.normal @ next_place.normal < cos(TURN)
+                or hypot(*(next_place.point - place.point)) > 2 * step
+            ):
                 step /= 2
                 continue
-            if not self.inside(there.point):
-                return [*places, *self.leave(here, there.point)], False
-            places.append(there)
-            back = start.point - there.point
-            onward = sense * (back @ there.tangent) > 0 and there.normal @ start.normal > 0.5
+            if not self.inside(next_place.point):
+                return [*places, *self.leave(place, next_place.point)], False
+            places.append(next_place)
+            back = start.point - next_place.point
+            onward = sense * (back @ next_place.tangent) > 0 and next_place.normal @ start.normal > 0.5
             if len(places) > 3 and hypot(*back) < step and onward:
                 return [*places, start], True
-            if here.normal @ there.normal > cos(TURN / 3):
+            if place.normal @ next_place.normal > cos(TURN / 3):
                 step = min(LONGEST, 1.5 * step)
         return places, False
 
     def tip(self, places: list[CurvePlace]) -> list[CurvePlace]:
         """Places up to one where two collisions meet at amplitude 0, by the polynomial of those before: it is flat."""
-        last, before = places[-1], [place for place in places if place.point[0] > NEAR_TIP]
+        last, earlier_places = places[-1], [place for place in places if place.point[0] > NEAR_TIP]
         flat = isinstance(self.curve, Collision) and not self.low[0] and last.point[0] < NEAR_TIP
-        if not flat or len(before) < 4:
+        if not flat or len(earlier_places) < 4:
             return places
-        some = [place.point for place in before[-4:]]
+        last_points = [place.point for place in earlier_places[-4:]]
         for amplitude in NEAR_TIP * np.arange(1.0, 5.0):
-            start = np.array([amplitude, _cubic(some, amplitude)])
-            place = self.settle(start, before[-1].frame, np.eye(2)[1])
+            start = np.array([amplitude, _cubic(last_points, amplitude)])
+            place = self.settle(start, earlier_places[-1].frame, np.eye(2)[1])
             if place is None:
-                return before
-            some = [*some[1:], place.point]
-        return [*before, CurvePlace(np.array([0.0, _cubic(some, 0.0)]), last.normal, last.frame)]
+                return earlier_places
+            last_points = [*last_points[1:], place.point]
+        return [*earlier_places, CurvePlace(np.array([0.0, _cubic(last_points, 0.0)]), last.normal, last.frame)]
 
-    def leave(self, here: CurvePlace, beyond: Floats) -> list[CurvePlace]:
+    def leave(self, here: CurvePlace, outer_point: Floats) -> list[CurvePlace]:
         """The place on the window's edge between one inside and a point outside."""
-        step = beyond - here.point
+        step = outer_point - here.point
         with np.errstate(divide="ignore", invalid="ignore"):
             shares = (np.where(step > 0, 1.0, 0.0) - here.point) / step
         shares = np.where(step == 0, inf, np.maximum(shares, 0.0))
@@ -269,8 +273,10 @@ class Window:
         for here, there in pairwise(places):
             if here.tangent[0] * there.tangent[0] < 0:
 
-                def between(share: float, here: CurvePlace = here, there: CurvePlace = there) -> CurvePlace:
-                    place = self.settle(here.point + share * (there.point - here.point), here.frame)
+                def between(share: float, first_place: CurvePlace = here, last_place: CurvePlace = there) -> CurvePlace:
+                    place = self.settle(
+                        first_place.point + share * (last_place.point - first_place.point), first_place.frame
+                    )
                     place = place and self.settle(place.point, place.frame)  # the slope at the point itself
                     if place is None:
                         raise ComputationError("the least amplitude of a tongue was not found")
@@ -289,26 +295,26 @@ def _cubic(points: Sequence[Floats], amplitude: float) -> float:
     return float(Polynomial.fit(x, y, 3)(amplitude))
 
 
-def _followed(curve: Curve, amplitude: Floats, hertz: Floats) -> Iterator[tuple[Boundary, Window]]:
+def _trace_boundaries(curve: Curve, amplitude: Floats, hertz: Floats) -> Iterator[tuple[Boundary, Window]]:
     """Every boundary that a function has in the window."""
     low = np.array([amplitude[0], hertz[0]])
     extent = np.array([np.ptp(amplitude), np.ptp(hertz)])
     line = np.eye(2)[int(np.argmax(extent > 0))] if np.any(extent == 0) else None
     window = Window(curve, low, np.where(extent > 0, extent, 1.0))
-    passed: list[list[CurvePlace]] = []
+    traces: list[list[CurvePlace]] = []
     for seed in seeds_of(curve, amplitude, hertz):
         frame = curve.begin(seed)
         start = None if frame is None else window.settle((seed - low) / window.extent, frame, line)
-        if start is None or not window.inside(start.point) or any(_holds(followed, start) for followed in passed):
+        if start is None or not window.inside(start.point) or any(_holds(trace, start) for trace in traces):
             continue
-        places, closed = window.follow(start, 1.0) if line is None else ([start], True)
-        if not closed:
+        places, is_closed = window.follow(start, 1.0) if line is None else ([start], True)
+        if not is_closed:
             places = window.tip([*window.follow(start, -1.0)[0][:0:-1], *places])
             places = window.tip(places[::-1])[::-1]
-        passed.append(places)
+        traces.append(places)
         points = np.clip([place.point for place in places], 0.0, 1.0) * window.extent + low
-        least, turns = window.lowest(places)
-        lowest = low + window.extent * least
+        lowest_point, turns = window.lowest(places)
+        lowest = low + window.extent * lowest_point
         yield Boundary(curve.number, points[:, 0], points[:, 1], (float(lowest[0]), float(lowest[1])), turns), window
 
 
@@ -320,6 +326,6 @@ def _holds(places: Sequence[CurvePlace], place: CurvePlace) -> bool:
     start, step = points[:-1], np.diff(points, axis=0)
     square = np.maximum(np.einsum("ij,ij->i", step, step), 1e-300)
     share = np.clip(np.einsum("ij,ij->i", place.point - start, step) / square, 0.0, 1.0)
-    away = np.linalg.norm(start + share[:, None] * step - place.point, axis=1)
-    near = away < TURN / 4 * np.sqrt(square) + ENOUGH
-    return bool(np.any(near & (step @ place.tangent > 0)))
+    distances = np.linalg.norm(start + share[:, None] * step - place.point, axis=1)
+    is_near = distances < TURN / 4 * np.sqrt(square) + ENOUGH
+    return bool(np.any(is_near & (step @ place.tangent > 0)))

@@ -56,15 +56,17 @@ class Polynomials(NamedTuple):
     @property
     def kinks(self) -> Floats:
         """How far the polynomials on both sides of each knot are apart half a piece away from it, at most, (K − 1,)."""
-        before, after = self.coefficients[:-1], self.coefficients[1:].copy()
-        moved, s = before.copy(), (self.knots - self.origins[:-1])[:, None]
-        for lowest in range(moved.shape[1] - 1):
-            for k in reversed(range(lowest, moved.shape[1] - 1)):
-                moved[:, k] += s[:, 0] * moved[:, k + 1]
-        wide = np.diff(self.knots, prepend=-inf, append=inf)
-        wide = np.where(np.isfinite(wide), wide, 0.0)
-        reach = np.maximum(wide[:-1], wide[1:])[:, None] / 2
-        return np.asarray(np.sum(np.abs(after - moved) * reach ** np.arange(moved.shape[1]), axis=1))
+        left_pieces, right_pieces = self.coefficients[:-1], self.coefficients[1:].copy()
+        shifted_pieces, s = left_pieces.copy(), (self.knots - self.origins[:-1])[:, None]
+        for lowest in range(shifted_pieces.shape[1] - 1):
+            for k in reversed(range(lowest, shifted_pieces.shape[1] - 1)):
+                shifted_pieces[:, k] += s[:, 0] * shifted_pieces[:, k + 1]
+        widths = np.diff(self.knots, prepend=-inf, append=inf)
+        widths = np.where(np.isfinite(widths), widths, 0.0)
+        reach = np.maximum(widths[:-1], widths[1:])[:, None] / 2
+        return np.asarray(
+            np.sum(np.abs(right_pieces - shifted_pieces) * reach ** np.arange(shifted_pieces.shape[1]), axis=1)
+        )
 
 
 class FloatRows(dict[int, tuple[float, ...]]):
@@ -98,11 +100,11 @@ def in_floats(functions: Sequence[Polynomials]) -> Callable[..., tuple[float, ..
         for k in numbers:
             used = functions[k].coefficients
             used = used[:, : 1 + int(np.flatnonzero(used.any(axis=0)).max(initial=0))]
-            each = [f"c{k}_{power}" for power in range(used.shape[1])]
-            values[k] = each[-1]
-            for name in each[-2::-1]:
+            coefficient_names = [f"c{k}_{power}" for power in range(used.shape[1])]
+            values[k] = coefficient_names[-1]
+            for name in coefficient_names[-2::-1]:
                 values[k] = f"({values[k]} * s{g} + {name})"
-            names, columns = names + each, [*columns, used]
+            names, columns = names + coefficient_names, [*columns, used]
         space[f"R{g}"], piece = FloatRows(columns), f"bisect_right(K{g}, time)"
         if first.period == inf:
             space[f"K{g}"] = first.knots.tolist()
@@ -241,14 +243,14 @@ class Sine(PrescribedMotion):
 
     def with_constants(self, constants: Sequence[Any]) -> Sine:
         """A sine with these."""
-        changed = copy(self)
-        changed.amplitude, changed.omega, changed.phase = constants
-        return changed
+        new_sine = copy(self)
+        new_sine.amplitude, new_sine.omega, new_sine.phase = constants
+        return new_sine
 
     def derivative(self, time: Any, order: int) -> Any:
         """A ωⁿ sin(ω t + φ + n π/2)."""
-        turned = self.omega * time + self.phase
-        return self.amplitude * self.omega**order * (np.sin(turned), np.cos(turned), -np.sin(turned))[order]
+        angle = self.omega * time + self.phase
+        return self.amplitude * self.omega**order * (np.sin(angle), np.cos(angle), -np.sin(angle))[order]
 
     def acceleration_at(self, time: float) -> float:
         """In plain floats."""
@@ -275,9 +277,9 @@ class Constant(PrescribedMotion):
 
     def with_constants(self, constants: Sequence[Any]) -> Constant:
         """Another value."""
-        other = copy(self)
-        (other.amplitude,) = constants
-        return other
+        new_constant = copy(self)
+        (new_constant.amplitude,) = constants
+        return new_constant
 
     def derivative(self, time: Any, order: int) -> Any:
         """The value, and nothing."""
@@ -301,8 +303,8 @@ class SweptSine(PrescribedMotion):
 
     def acceleration_at(self, time: float) -> float:
         """In plain floats."""
-        omega, phase, bent = self._turning(time)
-        return self.amplitude * (bent * cos(phase) - omega * omega * sin(phase))
+        omega, phase, acceleration = self._turning(time)
+        return self.amplitude * (acceleration * cos(phase) - omega * omega * sin(phase))
 
     def velocity_at(self, time: float) -> float:
         """In plain floats."""
@@ -328,5 +330,5 @@ class SweptSine(PrescribedMotion):
             return self.amplitude * np.sin(phase)
         if order == 1:
             return self.amplitude * omega * np.cos(phase)
-        bent = np.where(within == time, rate, 0.0)
-        return self.amplitude * (bent * np.cos(phase) - omega**2 * np.sin(phase))
+        sweep_rate = np.where(within == time, rate, 0.0)
+        return self.amplitude * (sweep_rate * np.cos(phase) - omega**2 * np.sin(phase))

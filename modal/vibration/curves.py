@@ -67,16 +67,16 @@ class Singular(Curve):
 
     def begin(self, point: Point) -> Any:
         """The singular vectors of the smallest singular value."""
-        left, _, right = np.linalg.svd(self.matrix(*point[:, None])[0])
-        return left[:, -1], right[-1]
+        left_vectors, _, right = np.linalg.svd(self.matrix(*point[:, None])[0])
+        return left_vectors[:, -1], right[-1]
 
     def at(self, point: Point, frame: Any) -> tuple[float, Floats, Any]:
         """The number g of the bordered system, with the sign of the determinant, which is g times its own."""
         F, slopes = _slopes(self.matrix, point)
-        whole = np.block([[F, frame[0][:, None]], [frame[1], np.zeros((1, 1))]])
-        last = np.eye(len(whole))[-1]
-        v, w = np.linalg.solve(whole, last), np.linalg.solve(whole.T, last)
-        sign = float(np.linalg.slogdet(whole)[0])
+        matrix = np.block([[F, frame[0][:, None]], [frame[1], np.zeros((1, 1))]])
+        last = np.eye(len(matrix))[-1]
+        v, w = np.linalg.solve(matrix, last), np.linalg.solve(matrix.T, last)
+        sign = float(np.linalg.slogdet(matrix)[0])
         gradient = -sign * np.array([w[:-1] @ slope @ v[:-1] for slope in slopes])
         return sign * float(v[-1]), gradient, (w[:-1] / np.linalg.norm(w[:-1]), v[:-1] / np.linalg.norm(v[:-1]))
 
@@ -122,24 +122,26 @@ class Collision(Curve):
     def begin(self, point: Point) -> Any:
         """The mean of the two that are nearest to each other."""
         values = np.linalg.eigvals(self.trace(*point[:, None]))[0]
-        apart = np.abs(values[:, None] - values) + np.where(np.eye(len(values)), inf, 0.0)
-        i, j = np.unravel_index(np.argmin(apart), apart.shape)
+        distances = np.abs(values[:, None] - values) + np.where(np.eye(len(values)), inf, 0.0)
+        i, j = np.unravel_index(np.argmin(distances), distances.shape)
         mean = (values[i] + values[j]) / 2
         return mean.real if abs(mean.imag) < ON_CIRCLE and abs(mean.real) < 1 else None
 
     def at(self, point: Point, frame: Any) -> tuple[float, Floats, Any]:
         """Of the two nearest to the mean of the frame, by their invariant subspaces."""
         X, slopes = _slopes(self.trace, point)
-        near = np.sort(np.abs(np.linalg.eigvals(X) - frame))
-        room = inf if len(near) < 3 else (near[1] + near[2]) / 2
-        (right, some), (left, same) = (_subspace(matrix, frame, room) for matrix in (X, X.T))
-        if some != 2 or same != 2:
+        distances = np.sort(np.abs(np.linalg.eigvals(X) - frame))
+        room = inf if len(distances) < 3 else (distances[1] + distances[2]) / 2
+        (right, n_right), (left_basis, n_left) = (_subspace(matrix, frame, room) for matrix in (X, X.T))
+        if n_right != 2 or n_left != 2:
             raise np.linalg.LinAlgError
-        inner = np.linalg.solve(left.T @ right, np.stack([left.T @ matrix @ right for matrix in (X, *slopes)]))
+        inner = np.linalg.solve(
+            left_basis.T @ right, np.stack([left_basis.T @ matrix @ right for matrix in (X, *slopes)])
+        )
         mean = np.trace(inner[0]) / 2
-        apart = inner[0] - mean * np.eye(2)
-        gradient = np.array([np.sum(apart.T * slope) for slope in inner[1:]])
-        return float(-np.linalg.det(apart)), gradient, mean
+        deviation = inner[0] - mean * np.eye(2)
+        gradient = np.array([np.sum(deviation.T * slope) for slope in inner[1:]])
+        return float(-np.linalg.det(deviation)), gradient, mean
 
 
 def _subspace(X: Floats, middle: float, room: float) -> tuple[Floats, int]:
@@ -151,8 +153,8 @@ def _subspace(X: Floats, middle: float, room: float) -> tuple[Floats, int]:
 def _slopes(matrix: Any, point: Point) -> tuple[Floats, Floats]:
     """A matrix at a point, and its derivatives by amplitude and frequency (2, s, s)."""
     amplitude, hertz = point[:, None] + 1j * STEP * np.eye(2)
-    both = matrix(amplitude, hertz)
-    return np.asarray(both[0].real), np.asarray(both.imag / STEP)
+    values = matrix(amplitude, hertz)
+    return np.asarray(values[0].real), np.asarray(values.imag / STEP)
 
 
 def curves_of(system: HillSystem) -> Iterator[Curve]:
@@ -173,17 +175,17 @@ def seeds_of(curve: Curve, amplitude: Floats, hertz: Floats) -> Floats:
     grid = np.stack(np.meshgrid(amplitude, hertz, indexing="ij"), axis=-1)
     side = curve.side(grid[..., 0].ravel(), grid[..., 1].ravel()).reshape(grid.shape[:2])
     ends = []
-    for before, after in ((np.s_[:-1, :], np.s_[1:, :]), (np.s_[:, :-1], np.s_[:, 1:])):
-        crossed = side[before] != side[after]
-        ends.append(np.stack((grid[before][crossed], grid[after][crossed])))
+    for lower, upper in ((np.s_[:-1, :], np.s_[1:, :]), (np.s_[:, :-1], np.s_[:, 1:])):
+        is_crossing = side[lower] != side[upper]
+        ends.append(np.stack((grid[lower][is_crossing], grid[upper][is_crossing])))
     if isinstance(curve, Singular) and curve.part is None:
         ends.append(_between(curve, amplitude, hertz))
     low, high = np.concatenate(ends, axis=1)
     reference = curve.side(*low.T)
     for _ in range(HALVINGS if len(low) else 0):
         middle = (low + high) / 2
-        same = (curve.side(*middle.T) == reference)[:, None]
-        low, high = np.where(same, middle, low), np.where(same, high, middle)
+        is_on_side = (curve.side(*middle.T) == reference)[:, None]
+        low, high = np.where(is_on_side, middle, low), np.where(is_on_side, high, middle)
     return np.asarray((low + high) / 2)
 
 
@@ -195,14 +197,14 @@ def _between(curve: Singular, amplitude: Floats, hertz: Floats) -> Floats:
     rows, columns = np.nonzero((inner > 0) & (inner < size[:, :-2]) & (inner <= size[:, 2:]) & (size[:, 2:] > 0))
     if not len(rows):
         return np.zeros((2, 0, 2))
-    a, left, right = amplitude[rows], hertz[columns], hertz[columns + 2]
-    low, high, share = left, right, (5**0.5 - 1) / 2
+    a, lower_hertz, upper_hertz = amplitude[rows], hertz[columns], hertz[columns + 2]
+    low, high, share = lower_hertz, upper_hertz, (5**0.5 - 1) / 2
     for _ in range(2 * HALVINGS):
         first, second = high - share * (high - low), low + share * (high - low)
         down = curve.determinant(a, first) < curve.determinant(a, second)
         low, high = np.where(down, low, first), np.where(down, second, high)
     middle = (low + high) / 2
-    below = curve.determinant(a, middle) < 0
-    outer = np.concatenate((left[below], right[below]))
-    both = np.tile(a[below], 2), np.tile(middle[below], 2)
+    is_negative = curve.determinant(a, middle) < 0
+    outer = np.concatenate((lower_hertz[is_negative], upper_hertz[is_negative]))
+    both = np.tile(a[is_negative], 2), np.tile(middle[is_negative], 2)
     return np.stack((np.column_stack((both[0], outer)), np.column_stack(both)))

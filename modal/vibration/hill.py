@@ -109,7 +109,7 @@ class HillSystem:
         for count in np.unique(steps):
             alike, room = np.flatnonzero(steps == count), max(1, MOST_NUMBERS // (ORDER * size**2 * count))
             for part in np.split(alike, range(room, len(alike), room)):
-                matrices[part] = self._across(amplitude[part], omega[part], sign, int(count))
+                matrices[part] = self._half_period_matrix(amplitude[part], omega[part], sign, int(count))
         return matrices
 
     def _steps(self, amplitude: Floats, omega: Floats) -> NDArray[np.int64]:
@@ -117,16 +117,16 @@ class HillSystem:
         size = {name: _norm(getattr(self, name)) for name in "PSQE"}
         square = np.abs(self.square).max() / omega**2 + amplitude * (size["P"] + size["S"] / omega)
         rate = np.sqrt(square + amplitude**2 * size["Q"]) + _norm(self.D) / omega + amplitude * size["E"]
-        least = np.maximum(FEWEST, rate * pi / REACH)
-        return np.array([ceil(2 ** (ceil(2 * log2(bound)) / 2)) for bound in least], dtype=np.int64)
+        bounds = np.maximum(FEWEST, rate * pi / REACH)
+        return np.array([ceil(2 ** (ceil(2 * log2(limit)) / 2)) for limit in bounds], dtype=np.int64)
 
-    def _across(self, amplitude: Numbers, omega: Numbers, sign: int, count: int) -> Numbers:
+    def _half_period_matrix(self, amplitude: Numbers, omega: Numbers, sign: int, count: int) -> Numbers:
         """The product of the matrices of all steps, of which many are computed at once."""
         room = max(1, MOST_NUMBERS // (ORDER * 4 * self.size**2 * amplitude.size))
         portions = np.split(np.arange(count), range(room, count, room))
         steps = (self._steps_at(portion * pi / count, pi / count, amplitude, omega, sign) for portion in portions)
         return np.asarray(
-            reduce(lambda before, after: after @ before, (matrix for portion in steps for matrix in portion))
+            reduce(lambda product, factor: factor @ product, (matrix for portion in steps for matrix in portion))
         )
 
     def _steps_at(self, phase: Floats, step: float, amplitude: Numbers, omega: Numbers, sign: int) -> Numbers:
@@ -134,11 +134,11 @@ class HillSystem:
         m, k = self.size, np.arange(ORDER + 1)
         A, rate = amplitude[:, None, None], 1 / omega[:, None, None]
         powers = np.cumprod(np.concatenate(([1.0], step / k[1:])))
-        shifted = phase[:, None] + k * pi / 2 + (0.0 if sign > 0 else pi)
-        cosine: Numbers = np.cos(shifted) * powers
-        sine: Numbers = np.sin(shifted) * powers
+        angle = phase[:, None] + k * pi / 2 + (0.0 if sign > 0 else pi)
+        cosine: Numbers = np.cos(angle) * powers
+        sine: Numbers = np.sin(angle) * powers
         absolute, stiffness = sign * sine, self.square[:, None] * rate**2
-        square: Numbers = np.array([np.convolve(*both)[: ORDER + 1] for both in zip(absolute, sine, strict=True)])
+        square: Numbers = np.array([np.convolve(*factors)[: ORDER + 1] for factors in zip(absolute, sine, strict=True)])
         Y, V = np.zeros((2, len(phase), ORDER + 1, len(A), m, 2 * m), dtype=A.dtype)
         Y[:, 0, :, :, :m] = V[:, 0, :, :, m:] = np.eye(m)
         for j in range(ORDER):
@@ -228,27 +228,27 @@ def hill_systems(scene: Scene) -> tuple[HillSystem, ...]:
 def _on_structure(scene: Scene) -> Iterator[HillSystem]:
     """Those of a structure, all coordinates together, with P = ∂K/∂g; SceneError where weights push carriers."""
     structure = structure_of(scene)
-    pushed = [
+    problems = [
         f"{name}: the ground shakes the weights that its spring carries, which then never rests: a Floquet multiplier "
         "needs weights that balance"
         for name, weight in zip(structure.names, weights(structure, hung_masses(scene), scene.gravity), strict=True)
         if abs(weight.force) > BALANCED * weight.size
     ]
-    if pushed:
-        raise SceneError(pushed)
-    whole = matrices(scene)
+    if problems:
+        raise SceneError(problems)
+    linear = matrices(scene)
     heavier = matrices(scene.replace(gravity=2 * scene.gravity))
-    square, shapes = _modes(whole.M, whole.K)
-    P = shapes.T @ ((heavier.K - whole.K) / scene.gravity) @ shapes
+    square, shapes = _modes(linear.M, linear.K)
+    P = shapes.T @ ((heavier.K - linear.K) / scene.gravity) @ shapes
     none = np.zeros_like(P)
-    parts = (P, shapes.T @ whole.D @ shapes, none, none, none)
-    for alike in _coupled(parts):
-        cut = np.ix_(alike, alike)
-        yield HillSystem(1, square[alike], *(part[cut] for part in parts))
+    parts = (P, shapes.T @ linear.D @ shapes, none, none, none)
+    for alike in _coupled_sets(parts):
+        block = np.ix_(alike, alike)
+        yield HillSystem(1, square[alike], *(part[block] for part in parts))
 
 
 def _systems(scene: Scene) -> Iterator[HillSystem]:
-    whole, geometry, rig = matrices(scene), geometry_of(scene), rig_of(scene)
+    linear, geometry, rig = matrices(scene), geometry_of(scene), rig_of(scene)
     quadratic, at = quadratic_drags(scene), 0
     counts: dict[tuple[int, int, bytes], int] = {}
     places: dict[tuple[int, int, bytes], slice] = {}
@@ -260,15 +260,21 @@ def _systems(scene: Scene) -> Iterator[HillSystem]:
         at += copies * n
     for kind, span in places.items():
         h, sprung = geometry.centres[span, span], bool(rig.blocks[kind[0]].stiffness[:, kind[1]].any())
-        square, shapes = _modes(whole.M[span, span], whole.K[span, span])
+        square, shapes = _modes(linear.M[span, span], linear.K[span, span])
 
-        def pressed(strength: Floats, h: Floats = h, shapes: Floats = shapes) -> Floats:
+        def in_modes(strength: Floats, h: Floats = h, shapes: Floats = shapes) -> Floats:
             return np.asarray(shapes.T @ ((h.T @ strength)[:, None] * shapes))
 
-        P = pressed(geometry.mass[span]) if sprung else np.diag(square / scene.gravity)
+        P = in_modes(geometry.mass[span]) if sprung else np.diag(square / scene.gravity)
         E = shapes.T @ (h.T * quadratic[span]) @ h @ shapes
-        parts = (P, shapes.T @ whole.D[span, span] @ shapes, pressed(geometry.drag[span]), pressed(quadratic[span]), E)
-        for alike in _coupled(parts):
+        parts = (
+            P,
+            shapes.T @ linear.D[span, span] @ shapes,
+            in_modes(geometry.drag[span]),
+            in_modes(quadratic[span]),
+            E,
+        )
+        for alike in _coupled_sets(parts):
             cut = np.ix_(alike, alike)
             yield HillSystem(counts[kind], square[alike], *(part[cut] for part in parts))
 
@@ -285,14 +291,14 @@ def _modes(M: Floats, K: Floats) -> tuple[Floats, Floats]:
     return square, np.linalg.solve(L.T, v) * scale[:, None]
 
 
-def _coupled(parts: tuple[Floats, ...]) -> list[Booleans]:
+def _coupled_sets(parts: tuple[Floats, ...]) -> list[Booleans]:
     """The sets of coordinates that these matrices couple."""
-    linked = np.eye(len(parts[0]), dtype=bool)
+    is_linked = np.eye(len(parts[0]), dtype=bool)
     for part in parts:
-        linked |= np.abs(part) > APART * np.abs(part).max()
-    for _ in range(ceil(log2(max(2, len(linked))))):
-        linked = linked.astype(np.float64) @ linked > 0
-    return list(np.unique(linked, axis=0)) if len(linked) else []
+        is_linked |= np.abs(part) > APART * np.abs(part).max()
+    for _ in range(ceil(log2(max(2, len(is_linked))))):
+        is_linked = is_linked.astype(np.float64) @ is_linked > 0
+    return list(np.unique(is_linked, axis=0)) if len(is_linked) else []
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -380,8 +386,8 @@ def stabilities(scenes: Sequence[Scene]) -> list[ParametricStability]:
     groups: dict[tuple[object, ...], list[int]] = {}
     sines = [vertical_sine(scene) for scene in scenes]
     for at, scene in enumerate(scenes):
-        carried = (scene.supports, scene.spring) if scene.is_structured else ()
-        groups.setdefault((scene.gravity, scene.pendulum, scene.damping_ratio, scene.space, carried), []).append(at)
+        carriers = (scene.supports, scene.spring) if scene.is_structured else ()
+        groups.setdefault((scene.gravity, scene.pendulum, scene.damping_ratio, scene.space, carriers), []).append(at)
     for alike in groups.values():
         systems = hill_systems(scenes[alike[0]])
         amplitude, hertz = np.array([(sines[at].amplitude, sines[at].frequency_hz) for at in alike]).T
@@ -398,6 +404,6 @@ def _multipliers(systems: Sequence[HillSystem], amplitude: Floats, omega: Floats
         values.append(np.tile(of_system, (1, system.count)))
         room = COUPLED if system.is_reversible and system.size > 1 else CERTAIN
         certain.append(np.full(values[-1].shape, room))
-    whole, rooms = np.concatenate(values, axis=1), np.concatenate(certain, axis=1)
-    order = np.argsort(-np.abs(whole), axis=1, kind="stable")
-    return np.take_along_axis(whole, order, 1), np.take_along_axis(rooms, order, 1)[:, 0]
+    values_of_all, rooms = np.concatenate(values, axis=1), np.concatenate(certain, axis=1)
+    order = np.argsort(-np.abs(values_of_all), axis=1, kind="stable")
+    return np.take_along_axis(values_of_all, order, 1), np.take_along_axis(rooms, order, 1)[:, 0]

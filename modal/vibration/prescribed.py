@@ -78,24 +78,24 @@ class Record(PiecewiseMotion):
         times = np.array(motion.time_s)
         self.first, self.last, self.of = float(times[0]), float(times[-1]), ORDERS[of]
         self.degree = DEGREE if len(times) > DEGREE else 3
-        curve, unsplined = _joined(times, np.array(values), self.degree, self.of)
+        curve, is_straight = _join_samples(times, np.array(values), self.degree, self.of)
         splines = {self.of: curve}
         for order in range(self.of + 1, 3):
             splines[order] = splines[order - 1].derivative()
         for order in reversed(range(self.of)):
             splines[order] = splines[order + 1].antiderivative()
         self._splines = [splines[order] for order in range(3)]
-        begun, ended = (float(splines[1](at)) for at in (self.first, self.last))
+        start, end = (float(splines[1](at)) for at in (self.first, self.last))
         drifts = isinstance(motion, RecordMotion) and motion.baseline == "velocity"
-        self.steady = (ended - begun) / (self.last - self.first) if drifts else 0.0
+        self.steady = (end - start) / (self.last - self.first) if drifts else 0.0
         spacing = float(np.diff(times).max())
-        kinks = np.flatnonzero(unsplined)
+        kinks = np.flatnonzero(is_straight)
         self.breaks = tuple(
             np.unique([self.first, *times[kinks].tolist(), *times[kinks + 1].tolist(), self.last]).tolist()
         )
         self.shortest = 4 * spacing
-        self.band_hz = nan if unsplined.all() else band(self.degree, 2 - self.of) / spacing
-        self._joined_words = unsplined_words(times, unsplined, "straight lines" if self.of else "cubics")
+        self.band_hz = nan if is_straight.all() else band(self.degree, 2 - self.of) / spacing
+        self._joined_words = unsplined_words(times, is_straight, "straight lines" if self.of else "cubics")
         self.left = float(self.derivative(self.last, 1))
         self.words = self._words(times) if isinstance(motion, RecordMotion) else self._band_words
 
@@ -117,11 +117,11 @@ class Record(PiecewiseMotion):
         spline = self._splines[2]
         if not isinstance(spline, scipy.interpolate.PPoly):
             spline = scipy.interpolate.PPoly.from_spline(spline)
-        wide = np.diff(spline.x) > 0
-        wide &= (spline.x[:-1] >= self.first) & (spline.x[1:] <= self.last)
-        derivatives = spline.c[::-1, wide] * np.array([factorial(k) for k in range(len(spline.c))])[:, None]
+        has_length = np.diff(spline.x) > 0
+        has_length &= (spline.x[:-1] >= self.first) & (spline.x[1:] <= self.last)
+        derivatives = spline.c[::-1, has_length] * np.array([factorial(k) for k in range(len(spline.c))])[:, None]
         derivatives[0] -= self.steady
-        return np.append(spline.x[:-1][wide], self.last), derivatives
+        return np.append(spline.x[:-1][has_length], self.last), derivatives
 
     def polynomials(self, order: int) -> Polynomials:
         """Those of the spline; outside the record none, at constant velocity."""
@@ -131,12 +131,12 @@ class Record(PiecewiseMotion):
     def _polynomials(self) -> tuple[Polynomials, Polynomials]:
         """Velocity and acceleration."""
         knots, derivatives = self.pieces
-        begun = np.asarray(self.derivative(knots, 1))
+        speeds = np.asarray(self.derivative(knots, 1))
         powers = np.array([factorial(k) for k in range(len(derivatives) + 1)])[:, None]
-        inside = np.vstack((begun[:-1], derivatives)) / powers
+        inside = np.vstack((speeds[:-1], derivatives)) / powers
         polynomials = []
         for first, last, terms in (
-            (begun[0], begun[-1], inside),
+            (speeds[0], speeds[-1], inside),
             (0.0, 0.0, inside[1:] * np.arange(1, len(inside))[:, None]),
         ):
             ends = np.zeros((2, len(terms)))
@@ -148,33 +148,36 @@ class Record(PiecewiseMotion):
     def derivative(self, time: Any, order: int) -> Any:
         """Of the spline less its baseline; at constant velocity outside the record."""
         within = np.clip(time, self.first, self.last)
-        value = self._own(within, order)
+        value = self._without_drift(within, order)
         if order == 0:
-            return value + self._own(within, 1) * (time - within)
+            return value + self._without_drift(within, 1) * (time - within)
         return value if order == 1 else np.where(within == time, value, 0.0)
 
-    def _own(self, within: Any, order: int) -> Any:
-        passed = within - self.first
-        taken = self.steady * (passed**2 / 2, passed, 1.0)[order] if self.steady else 0.0
-        return self._splines[order](within) - taken
+    def _without_drift(self, within: Any, order: int) -> Any:
+        elapsed = within - self.first
+        drift = self.steady * (elapsed**2 / 2, elapsed, 1.0)[order] if self.steady else 0.0
+        return self._splines[order](within) - drift
 
 
-def _joined(times: Floats, values: Floats, degree: int, of: int) -> tuple[Any, Booleans]:
+def _join_samples(times: Floats, values: Floats, degree: int, of: int) -> tuple[Any, Booleans]:
     """The curve through samples (T,) of a derivative of the order `of`, and its intervals (T - 1,) without a spline."""
     slopes = monotone_slopes(times, values)
 
     def spline(first: int, last: int) -> Any:
         """Where displacements are joined, its slopes at ends within the record are those of the cubics beside."""
         x, y = times[first : last + 1], values[first : last + 1]
-        left, right = (of == 0 and k not in (0, len(times) - 1) for k in (first, last))
-        ends = [[(1, slopes[k]), (2, 0.0)] if bound else None for k, bound in ((first, left), (last, right))]
-        inner = x[1 if left else (degree + 1) // 2 : -1 if right else -((degree + 1) // 2)]
+        has_left, has_right = (of == 0 and k not in (0, len(times) - 1) for k in (first, last))
+        ends = [
+            [(1, slopes[k]), (2, 0.0)] if is_fastened else None
+            for k, is_fastened in ((first, has_left), (last, has_right))
+        ]
+        inner = x[1 if has_left else (degree + 1) // 2 : -1 if has_right else -((degree + 1) // 2)]
         knots = np.concatenate((np.repeat(x[:1], degree + 1), inner, np.repeat(x[-1:], degree + 1)))
         return scipy.interpolate.make_interp_spline(x, y, k=degree, t=knots, bc_type=tuple(ends))
 
-    unsplined = unsplined_intervals(times, values, spline)
-    if not unsplined.any():
-        return scipy.interpolate.make_interp_spline(times, values, k=degree), unsplined
+    is_straight = unsplined_intervals(times, values, spline)
+    if not is_straight.any():
+        return scipy.interpolate.make_interp_spline(times, values, k=degree), is_straight
     coefficients = np.zeros((degree + 1, len(times) - 1))
     coefficients[0] = values[:-1]
     h = np.diff(times)
@@ -182,11 +185,11 @@ def _joined(times: Floats, values: Floats, degree: int, of: int) -> tuple[Any, B
     if of == 0:
         bend = (slopes[:-1] + slopes[1:] - 2 * coefficients[1]) / h
         coefficients[1:4] = slopes[:-1], (coefficients[1] - slopes[:-1]) / h - bend, bend / h
-    for first, last in splined_stretches(unsplined):
+    for first, last in splined_stretches(is_straight):
         curve = spline(first, last)
         for k in range(degree + 1):
             coefficients[k, first:last] = curve.derivative(k)(times[first:last]) / factorial(k)
-    return scipy.interpolate.PPoly(coefficients[::-1], times), unsplined
+    return scipy.interpolate.PPoly(coefficients[::-1], times), is_straight
 
 
 class RandomProcess(PiecewiseMotion):
@@ -215,17 +218,17 @@ class RandomProcess(PiecewiseMotion):
         """Re Σ (iω)ⁿ c e^{iωt}."""
         times, lines = np.asarray(time, dtype=float), self._orders[order]
         if times.size == 1:
-            turned = self.omega * times.item()
-            return np.full(times.shape, lines.real @ np.cos(turned) - lines.imag @ np.sin(turned))
+            angles = self.omega * times.item()
+            return np.full(times.shape, lines.real @ np.cos(angles) - lines.imag @ np.sin(angles))
         rows = max(1, BLOCK // len(lines))
         flat = times.ravel()
-        parts = [self._summed(lines, flat[at : at + rows]) for at in range(0, len(flat), rows)]
+        parts = [self._sum_lines(lines, flat[at : at + rows]) for at in range(0, len(flat), rows)]
         return np.concatenate(parts).reshape(times.shape)
 
     def polynomials(self, order: int) -> Polynomials:
         """Taylor's, about equal parts of the duration."""
         if order not in self._polynomials:
-            self._polynomials[order] = self._expanded(order)
+            self._polynomials[order] = self._taylor_pieces(order)
         return self._polynomials[order]
 
     @cached_property
@@ -239,7 +242,7 @@ class RandomProcess(PiecewiseMotion):
         places = np.arange(count + 1) * (self.duration / count)
         return (places[:-1] + places[1:]) / 2, places
 
-    def _expanded(self, order: int) -> Polynomials:
+    def _taylor_pieces(self, order: int) -> Polynomials:
         numbers, count = np.rint(self.omega * self.duration / tau).astype(np.int64), len(self._places[0])
         coefficients = np.empty((count + 1, TERMS))
         for term in range(TERMS):
@@ -249,9 +252,9 @@ class RandomProcess(PiecewiseMotion):
         coefficients[-1] = coefficients[0]
         return Polynomials(*self._places, coefficients, self.duration)
 
-    def _summed(self, lines: Any, times: Floats) -> Floats:
-        turned = np.multiply.outer(times, self.omega)
-        return np.asarray(np.cos(turned) @ lines.real - np.sin(turned) @ lines.imag)
+    def _sum_lines(self, lines: Any, times: Floats) -> Floats:
+        angles = np.multiply.outer(times, self.omega)
+        return np.asarray(np.cos(angles) @ lines.real - np.sin(angles) @ lines.imag)
 
 
 FUNCTIONS_OF_TIME: dict[type, Callable[[Any], PrescribedMotion]] = {

@@ -119,12 +119,12 @@ class RandomResponse(ModalResponse):
     @cached_property
     def rms(self) -> Floats:
         """The RMS of every output, (p,), infinite where it is."""
-        return self._both[0]
+        return self._rms_values[0]
 
     @cached_property
     def by_mode(self) -> Floats:
         """The RMS that every mode alone would give, (R, p)."""
-        return self._both[1]
+        return self._rms_values[1]
 
     @cached_property
     def white(self) -> Floats:
@@ -138,8 +138,8 @@ class RandomResponse(ModalResponse):
             N1, N0 = (sum(getattr(term, name)[:, 0] for term, _ in terms) for name in ("N1", "N0"))
             S = float(self.input_psd(np.array([omega / tau]))[0])
             with np.errstate(all="ignore"):
-                squared = S * ((N0 / omega) ** 2 + N1**2) / (8 * decay)
-            rms[number] = np.where(squared > 0, np.sqrt(squared), 0.0)
+                mean_square = S * ((N0 / omega) ** 2 + N1**2) / (8 * decay)
+            rms[number] = np.where(mean_square > 0, np.sqrt(mean_square), 0.0)
         return rms
 
     @cached_property
@@ -149,35 +149,35 @@ class RandomResponse(ModalResponse):
         words = []
         for k in np.flatnonzero(np.isinf(self.rms)).tolist():
             numbers = np.flatnonzero(endless[:, k]) + 1
-            named = ", ".join(map(str, numbers[:NAMED].tolist()))
-            named += f" and {len(numbers) - NAMED} more" if len(numbers) > NAMED else ""
-            which = f"mode {named} is {DIVERGES}" if len(numbers) == 1 else f"modes {named} are {DIVERGES}"
+            mode_list = ", ".join(map(str, numbers[:NAMED].tolist()))
+            mode_list += f" and {len(numbers) - NAMED} more" if len(numbers) > NAMED else ""
+            which = f"mode {mode_list} is {DIVERGES}" if len(numbers) == 1 else f"modes {mode_list} are {DIVERGES}"
             words.append(f"{self.outputs[k].name}: {which if len(numbers) else DRIFTS}")
         return tuple(words)
 
     @cached_property
-    def _both(self) -> tuple[Floats, Floats]:
+    def _rms_values(self) -> tuple[Floats, Floats]:
         """RMS of the outputs and of each mode alone."""
         p, R = len(self.outputs), len(self.modes)
-        total, each = np.zeros(p), np.zeros((R, p))
+        total, mode_squares = np.zeros(p), np.zeros((R, p))
         endless = np.zeros((R, p), dtype=bool)
         for low, high in self._stretches():
-            reached = [(term, pole) for term, pole in self._terms if term.N0.any() or term.N1.any()]
-            for term, pole in reached:
+            excitable = [(term, pole) for term, pole in self._terms if term.N0.any() or term.N1.any()]
+            for term, pole in excitable:
                 if term.mode is not None and pole.imag > 0 and pole.real == 0 and low <= pole.imag <= high:
-                    endless[term.mode] |= _felt(self._terms, term.mode)
-            poles = [pole for _, pole in reached if not (pole.real == 0 and low <= pole.imag <= high)]
+                    endless[term.mode] |= _outputs_of_mode(self._terms, term.mode)
+            poles = [pole for _, pole in excitable if not (pole.real == 0 and low <= pole.imag <= high)]
             for omega, remainder, weight in nodes(low, high, poles):
                 S = weight * self.input_psd(omega / tau) / tau
                 for mode, response in self._responses(omega, remainder):
                     if mode is not None:
-                        each[mode] += (np.abs(response) ** 2) @ S
+                        mode_squares[mode] += (np.abs(response) ** 2) @ S
                 H = frequency_response(self.form, omega, tolerance=PRECISE, remainder=remainder)[:, 0]
                 total += np.where(np.isfinite(H), np.abs(H) ** 2, 0.0) @ S
-        whole, parts = np.sqrt(total), np.sqrt(each)
+        output_rms, parts = np.sqrt(total), np.sqrt(mode_squares)
         parts[endless] = np.inf
-        whole[endless.any(0) | self._drifting()] = np.inf
-        return whole, parts
+        output_rms[endless.any(0) | self._drifting()] = np.inf
+        return output_rms, parts
 
     def _stretches(self) -> Iterator[tuple[float, float]]:
         """The intervals (rad/s) between points of the PSD in which it is not zero."""
@@ -190,8 +190,8 @@ class RandomResponse(ModalResponse):
         f, psd = self.spectrum.frequency_hz, self.spectrum.psd
         if f[0] > 0 or not (psd[0] > 0 or psd[1] > 0):
             return np.zeros(len(self.outputs), dtype=bool)
-        near = np.array([1e-7, 1e-6]) * f[1]
-        size = self.psd(near)
+        low_frequencies = np.array([1e-7, 1e-6]) * f[1]
+        size = self.psd(low_frequencies)
         with np.errstate(all="ignore"):
             power = np.log10(size[:, 1] / size[:, 0])
         return np.asarray((size[:, 0] > 0) & (power <= STEEP))
@@ -199,15 +199,15 @@ class RandomResponse(ModalResponse):
     def _responses(self, omega: Floats, remainder: Floats) -> Iterator[tuple[int | None, Complexes]]:
         """What each mode adds to H at omega + remainder, (p, W); None for the support itself."""
         s = 1j * omega
-        for mode, group in groupby(self._terms, key=lambda each: each[0].mode):
+        for mode, group in groupby(self._terms, key=lambda entry: entry[0].mode):
             response = np.zeros((len(self.outputs), len(s)), dtype=np.complex128)
             for term, pole in group:
                 twice = term.c[0] == 1.0
                 lossy = self.modes.scene.has_losses
-                other = (-term.c[1] - pole) if twice and (lossy or not pole.imag) else np.conj(pole)
-                below = 1j * ((omega - pole.imag) + remainder) - pole.real
-                below = below * (s - other) if twice else below
-                response += (term.N1[:, :1] * s + term.N0[:, :1]) / below
+                second_pole = (-term.c[1] - pole) if twice and (lossy or not pole.imag) else np.conj(pole)
+                denominator = 1j * ((omega - pole.imag) + remainder) - pole.real
+                denominator = denominator * (s - second_pole) if twice else denominator
+                response += (term.N1[:, :1] * s + term.N0[:, :1]) / denominator
             yield mode, response
 
 
@@ -226,15 +226,17 @@ def exact_terms(form: ModalForm) -> Iterator[Term]:
         p = push_of(modes.scene, geometry_of(modes.scene), name).F[:, :1]
     for block, term in zip(form.blocks, terms(form), strict=True):
         phi = block.right[shaken : len(p) + shaken]
-        reached = block.mode is None or bool(np.any(without_noise(phi.T, p)))
-        seen = np.any(np.atleast_2d(without_noise(block.right.T, form.model.C.T)), axis=0).astype(float)
-        yield term._replace(N1=term.N1 * seen[:, None] * reached, N0=term.N0 * seen[:, None] * reached)
+        is_excitable = block.mode is None or bool(np.any(without_noise(phi.T, p)))
+        is_visible = np.any(np.atleast_2d(without_noise(block.right.T, form.model.C.T)), axis=0).astype(float)
+        yield term._replace(
+            N1=term.N1 * is_visible[:, None] * is_excitable, N0=term.N0 * is_visible[:, None] * is_excitable
+        )
 
 
-def _felt(every: list[tuple[Term, complex]], mode: int) -> Booleans:
+def _outputs_of_mode(terms: list[tuple[Term, complex]], mode: int) -> Booleans:
     """The outputs in which a mode is felt, (p,)."""
-    felt = [(term.N0[:, 0] != 0) | (term.N1[:, 0] != 0) for term, _ in every if term.mode == mode]
-    return np.asarray(np.any(felt, axis=0))
+    is_present = [(term.N0[:, 0] != 0) | (term.N1[:, 0] != 0) for term, _ in terms if term.mode == mode]
+    return np.asarray(np.any(is_present, axis=0))
 
 
 def poles_of(form: ModalForm) -> list[complex]:
@@ -267,10 +269,10 @@ def nodes(low: float, high: float, poles: list[complex]) -> Iterator[tuple[Float
         while width < high:
             edges |= {edge for edge in (_sum(middle, -width), _sum(middle, width)) if low < edge[0] < high}
             width *= GROWTH
-    ends, beyond = np.array(sorted(edges)).T
-    half = (np.diff(ends) + np.diff(beyond)) / 2
+    ends, remainders = np.array(sorted(edges)).T
+    half = (np.diff(ends) + np.diff(remainders)) / 2
     omega, remainder = _sum(ends[:-1, None], half[:, None] * (1 + NODES))
-    remainder = (remainder + beyond[:-1, None]).ravel()
+    remainder = (remainder + remainders[:-1, None]).ravel()
     omega, weight = omega.ravel(), np.outer(half, WEIGHTS).ravel()
     for at in range(0, len(omega), BLOCK):
         yield omega[at : at + BLOCK], remainder[at : at + BLOCK], weight[at : at + BLOCK]
@@ -303,9 +305,9 @@ def random_response(
     >>> found.source.unit, found.rms.shape
     ('N', (1,))
     """
-    known = (INPUT, *(own_inputs(geometry_of(scene)) or ("cart_force",)))
-    if source not in {*known, "cart_force"} and not is_point(source):
-        raise SceneError([f"input {source}: must be {', '.join(known)}, or {EXAMPLES}"])
+    names = (INPUT, *(own_inputs(geometry_of(scene)) or ("cart_force",)))
+    if source not in {*names, "cart_force"} and not is_point(source):
+        raise SceneError([f"input {source}: must be {', '.join(names)}, or {EXAMPLES}"])
     require(scene, "random vibration" if source == INPUT else "a frequency response")
     modes = natural_modes(scene)
     if growing := [number for number, value in enumerate(modes.eigenvalue.tolist(), 1) if value.real > 0]:

@@ -38,11 +38,11 @@ def response_frequencies(response: RandomResponse) -> Floats:
     table = np.array(response.spectrum.frequency_hz)
     low, high = max(table[0], 1e-4 * table[-1]), table[-1]
     values = response.modes.eigenvalue
-    near = [
+    close_frequencies = [
         abs(v.imag) + step * max(abs(v.real), 1e-4 * abs(v.imag)) for v in values.tolist() for step in PER_RESONANCE
     ]
-    every = np.concatenate([table, np.geomspace(low, high, POINTS), np.array(near) / tau])
-    return np.unique(every[(every >= low) & (every <= high)])
+    frequencies = np.concatenate([table, np.geomspace(low, high, POINTS), np.array(close_frequencies) / tau])
+    return np.unique(frequencies[(frequencies >= low) & (frequencies <= high)])
 
 
 @checked
@@ -255,9 +255,11 @@ def thermal_frequencies(noise: ThermalNoise, beside: RandomResponse | None = Non
     poles = [pole for pole in poles_of(noise.form) if pole.imag > 0]
     rates = [pole.imag / tau for pole in poles] or [1.0]
     low, high = min([BELOW * min(rates), *at]), max([ABOVE * max(rates), *at])
-    near = [pole.imag + step * max(abs(pole.real), 1e-4 * pole.imag) for pole in poles for step in PER_RESONANCE]
-    every = np.concatenate([np.geomspace(low, high, POINTS), np.array(near) / tau, at])
-    return np.unique(every[(every >= low) & (every <= high)])
+    close_frequencies = [
+        pole.imag + step * max(abs(pole.real), 1e-4 * pole.imag) for pole in poles for step in PER_RESONANCE
+    ]
+    frequencies = np.concatenate([np.geomspace(low, high, POINTS), np.array(close_frequencies) / tau, at])
+    return np.unique(frequencies[(frequencies >= low) & (frequencies <= high)])
 
 
 def thermal_report(
@@ -274,17 +276,17 @@ def thermal_report(
         return _thermal_text(noise, beside, at)
     f = thermal_frequencies(noise, beside, at)
     parts = np.sqrt(noise.budget(f))
-    whole = np.sqrt((parts**2).sum(0))
+    total = np.sqrt((parts**2).sum(0))
     driven = None if beside is None else np.sqrt(beside.psd(f))
     if form == "csv":
-        return as_csv(_thermal_records(noise, f, parts, whole, driven))
+        return as_csv(_thermal_records(noise, f, parts, total, driven))
     outputs = []
     for k, signal in enumerate(noise.outputs):
         output: dict[str, Any] = {
             "name": signal.name,
             "unit": signal.unit,
             "asd_unit": f"({signal.unit})/sqrt(Hz)",
-            "thermal_asd": list(map(finite, whole[k].tolist())),
+            "thermal_asd": list(map(finite, total[k].tolist())),
             "thermal_asd_by_place": {
                 place: list(map(finite, parts[j, k].tolist())) for j, place in enumerate(noise.places)
             },
@@ -304,13 +306,13 @@ def thermal_report(
 
 
 def _thermal_records(
-    noise: ThermalNoise, f: Floats, parts: Floats, whole: Floats, driven: Floats | None
+    noise: ThermalNoise, f: Floats, parts: Floats, total: Floats, driven: Floats | None
 ) -> list[dict[str, Any]]:
     """A row for each frequency: of every output the whole, what a PSD does, and every place."""
     columns: dict[str, list[float]] = {"frequency_hz": f.tolist()}
     for k, signal in enumerate(noise.outputs):
         unit = signal.unit.replace("/", "_per_").replace("^", "") + "_per_sqrt_Hz"
-        columns[f"{signal.name}_thermal_{unit}"] = whole[k].tolist()
+        columns[f"{signal.name}_thermal_{unit}"] = total[k].tolist()
         if driven is not None:
             columns[f"{signal.name}_driven_{unit}"] = driven[k].tolist()
         for j, place in enumerate(noise.places):
@@ -319,23 +321,23 @@ def _thermal_records(
 
 
 def _thermal_text(noise: ThermalNoise, beside: RandomResponse | None, at: Sequence[float]) -> str:
-    every = thermal_frequencies(noise, beside, at)
-    shown = np.array(sorted(set(at)) or _round(every[0], every[-1]))
-    parts = np.sqrt(noise.budget(shown))
-    whole = np.sqrt((parts**2).sum(0))
-    driven = None if beside is None else np.sqrt(beside.psd(shown))
-    rms = noise.rms(every[0], every[-1])
+    frequencies = thermal_frequencies(noise, beside, at)
+    columns = np.array(sorted(set(at)) or _round(frequencies[0], frequencies[-1]))
+    parts = np.sqrt(noise.budget(columns))
+    total = np.sqrt((parts**2).sum(0))
+    driven = None if beside is None else np.sqrt(beside.psd(columns))
+    rms = noise.rms(frequencies[0], frequencies[-1])
     tables = []
     for k, signal in enumerate(noise.outputs):
         unit = f"{signal.unit}/√Hz"
-        rows = [["thermal noise", *map(_number, whole[k].tolist())]]
+        rows = [["thermal noise", *map(_number, total[k].tolist())]]
         rows += [[f"  {place}", *map(_number, parts[j, k].tolist())] for j, place in enumerate(noise.places)]
         if driven is not None and beside is not None:
             name = beside.source.name.replace("_", " ")
             rows.append([f"from the PSD of {name}", *map(_number, driven[k].tolist())])
-            rows.append(["both", *map(_number, np.hypot(whole[k], driven[k]).tolist())])
-        tables.append(grid(rows, [f"{signal.name} ({unit}) at", *(f"{f:g} Hz" for f in shown.tolist())]))
-        band = f"from {every[0]:.4g} to {every[-1]:.4g} Hz"
+            rows.append(["both", *map(_number, np.hypot(total[k], driven[k]).tolist())])
+        tables.append(grid(rows, [f"{signal.name} ({unit}) at", *(f"{f:g} Hz" for f in columns.tolist())]))
+        band = f"from {frequencies[0]:.4g} to {frequencies[-1]:.4g} Hz"
         tables.append(f"thermal RMS of {signal.name} {band}: {rms[k]:.5g} {signal.unit}")
     text = titled(title_of(noise.scene), f"thermal noise at {noise.temperature:g} K", tables, "text")
     return text if beside is None else f"{random_report(beside)}\n{text}"
@@ -345,7 +347,7 @@ def _round(low: float, high: float) -> list[float]:
     """A few round frequencies between two."""
     decades = range(floor(log10(low)), ceil(log10(high)) + 1)
     for steps in (STEPS, (1.0,)):
-        every = [step * 10.0**k for k in decades for step in steps if low <= step * 10.0**k <= high]
-        if len(every) <= MOST_SHOWN:
+        steps_in_band = [step * 10.0**k for k in decades for step in steps if low <= step * 10.0**k <= high]
+        if len(steps_in_band) <= MOST_SHOWN:
             break
-    return every[:: -(-len(every) // MOST_SHOWN)] or [low, high]
+    return steps_in_band[:: -(-len(steps_in_band) // MOST_SHOWN)] or [low, high]

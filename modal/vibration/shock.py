@@ -79,12 +79,12 @@ def fine_times(record: Record, period: float, until: float) -> Grid:
     """
     knots, derivatives = record.pieces
     powers = np.array([factorial(k) for k in range(len(derivatives))])[:, None]
-    ended = np.sum(derivatives * np.diff(knots) ** np.arange(len(powers))[:, None] / powers, axis=0)
-    jumps = np.abs(derivatives[0, 1:] - ended[:-1]) > JUMP * np.abs(derivatives[0]).max()
+    ends_of_pieces = np.sum(derivatives * np.diff(knots) ** np.arange(len(powers))[:, None] / powers, axis=0)
+    jumps = np.abs(derivatives[0, 1:] - ends_of_pieces[:-1]) > JUMP * np.abs(derivatives[0]).max()
     begins, ends = knots.copy(), np.append(knots[1:], until)
     derivatives = np.hstack([derivatives, np.zeros((len(derivatives), 1))])
-    apart = np.append(jumps, True)  # the acceleration drops to zero at the end
-    begins[1:][apart] = np.nextafter(begins[1:][apart], np.inf)
+    is_jump = np.append(jumps, True)  # the acceleration drops to zero at the end
+    begins[1:][is_jump] = np.nextafter(begins[1:][is_jump], np.inf)
     counts = np.maximum(np.ceil((ends - begins) * PER_PERIOD / period), BETWEEN)
     if counts.sum() > MOST_STEPS:
         raise ComputationError(
@@ -93,30 +93,30 @@ def fine_times(record: Record, period: float, until: float) -> Grid:
         )
     number = counts.astype(np.int64)
     sizes = number.copy()
-    sizes[:-1][apart] += 1
+    sizes[:-1][is_jump] += 1
     sizes[-1] += 1
     first = np.cumsum(sizes) - sizes
     piece = np.repeat(np.arange(len(sizes)), sizes)
     offset = (np.arange(len(piece)) - first[piece]) * ((ends - begins) / counts)[piece]
-    moved = np.zeros((len(derivatives), len(piece)))
+    local_derivatives = np.zeros((len(derivatives), len(piece)))
     with np.errstate(over="ignore", invalid="ignore"):
         for m in range(len(derivatives)):
             for k in range(m, len(derivatives)):
-                moved[m] += derivatives[k, piece] * offset ** (k - m) / factorial(k - m)
+                local_derivatives[m] += derivatives[k, piece] * offset ** (k - m) / factorial(k - m)
     times = begins[piece] + offset
-    times[first[1:][apart] - 1], times[-1] = ends[:-1][apart], until
-    return Grid(times, moved, first, first + number)
+    times[first[1:][is_jump] - 1], times[-1] = ends[:-1][is_jump], until
+    return Grid(times, local_derivatives, first, first + number)
 
 
-def phi(z: Complexes, most: int) -> list[Complexes]:
+def phi(z: Complexes, highest: int) -> list[Complexes]:
     """φ_1 … φ_most."""
     small = np.abs(z) < NEAR
-    near = np.where(small, z, 0.0)
-    series = [sum(near**j / factorial(j + k) for j in range(SERIES)) for k in range(1, most + 1)]
-    far = np.where(small, 1.0, z)
-    values, last = [], np.exp(far)
-    for k in range(1, most + 1):
-        last = (last - 1 / factorial(k - 1)) / far
+    small_z = np.where(small, z, 0.0)
+    series = [sum(small_z**j / factorial(j + k) for j in range(SERIES)) for k in range(1, highest + 1)]
+    large_z = np.where(small, 1.0, z)
+    values, last = [], np.exp(large_z)
+    for k in range(1, highest + 1):
+        last = (last - 1 / factorial(k - 1)) / large_z
         values.append(np.where(small, series[k - 1], last))
     return values
 
@@ -125,14 +125,14 @@ def driven(poles: Complexes, grid: Grid) -> Complexes:
     """α (R, T) of the poles λ (R,), zero at the first of the times (T,); inf or NaN beyond double precision."""
     steps, derivatives = np.diff(grid.times), grid.derivatives
     z = np.multiply.outer(poles, steps)
-    forced = np.zeros_like(z, dtype=np.complex128)
+    forcing = np.zeros_like(z, dtype=np.complex128)
     with np.errstate(over="ignore", invalid="ignore"):
         for m, weight in enumerate(phi(z, len(derivatives))):
-            forced += derivatives[m, :-1] * steps ** (m + 1) * weight
+            forcing += derivatives[m, :-1] * steps ** (m + 1) * weight
     grown, alphas = np.exp(z), np.zeros((len(poles), len(grid.times)), dtype=np.complex128)
     alpha = alphas[:, 0]
     for at in range(len(steps)):
-        alpha = grown[:, at] * alpha + forced[:, at]
+        alpha = grown[:, at] * alpha + forcing[:, at]
         alphas[:, at + 1] = alpha
     return alphas
 
@@ -161,17 +161,25 @@ def peak(grid: Grid, values: Floats) -> tuple[float, float]:
     if not largest:
         return 0.0, float(grid.times[0])
     highest = largest, float(grid.times[sizes.argmax()])
-    near = np.flatnonzero(sizes >= NEARLY * largest)
-    begun, ending = np.searchsorted(grid.first, near, side="right") - 1, np.searchsorted(grid.last, near)
-    centre = np.concatenate((near, near[begun != ending]))  # a sample that two pieces share is judged in both
-    piece = np.concatenate((begun, ending[begun != ending]))
-    left, right = np.maximum(centre - 1, grid.first[piece]), np.minimum(centre + 1, grid.last[piece])
-    top = (sizes[centre] >= sizes[left]) & (sizes[centre] >= sizes[right])
-    centre, piece, left, right = centre[top], piece[top], left[top], right[top]
+    large_samples = np.flatnonzero(sizes >= NEARLY * largest)
+    first_piece, last_piece = (
+        np.searchsorted(grid.first, large_samples, side="right") - 1,
+        np.searchsorted(grid.last, large_samples),
+    )
+    centre = np.concatenate(
+        (large_samples, large_samples[first_piece != last_piece])
+    )  # a sample that two pieces share is judged in both
+    piece = np.concatenate((first_piece, last_piece[first_piece != last_piece]))
+    left_neighbour, right_neighbour = (
+        np.maximum(centre - 1, grid.first[piece]),
+        np.minimum(centre + 1, grid.last[piece]),
+    )
+    top = (sizes[centre] >= sizes[left_neighbour]) & (sizes[centre] >= sizes[right_neighbour])
+    centre, piece, left_neighbour, right_neighbour = centre[top], piece[top], left_neighbour[top], right_neighbour[top]
     start = np.clip(centre - 2, grid.first[piece], grid.last[piece] - 4)
     window = values[start[:, None] + np.arange(5)] * np.sign(values[centre])[:, None]
     coefficients = window @ THROUGH_FIVE.T
-    places = np.linspace(left - start - 2.0, right - start - 2.0, FINE, axis=1)
+    places = np.linspace(left_neighbour - start - 2.0, right_neighbour - start - 2.0, FINE, axis=1)
     heights = _polynomial(coefficients, places)
     best = heights.argmax(1)[:, None]
     place = np.take_along_axis(places, best, 1)
@@ -210,11 +218,11 @@ def correlation(omega: Floats, damping: Floats) -> Floats:
     """ρ (R, R) of modes of frequencies ω (R,) in rad/s and damping ratios ζ (R,); 1 for equal frequencies."""
     q = omega[None, :] / omega[:, None]
     r, s = damping[:, None], damping[None, :]
-    above = 8 * np.sqrt(r * s) * (r + q * s) * q**1.5
-    below = (1 - q**2) ** 2 + 4 * r * s * q * (1 + q**2) + 4 * (r**2 + s**2) * q**2
+    numerator = 8 * np.sqrt(r * s) * (r + q * s) * q**1.5
+    denominator = (1 - q**2) ** 2 + 4 * r * s * q * (1 + q**2) + 4 * (r**2 + s**2) * q**2
     with np.errstate(invalid="ignore"):
-        rho = above / below
-    return np.asarray(np.where((below == 0) | (q == 1) & (r == s), 1.0, rho))
+        rho = numerator / denominator
+    return np.asarray(np.where((denominator == 0) | (q == 1) & (r == s), 1.0, rho))
 
 
 def cqc(peaks: Floats, omega: Floats, damping: Floats) -> Floats:
@@ -261,8 +269,8 @@ class ShockResponse(ModalResponse):
     @cached_property
     def follows_support(self) -> Booleans:
         """Which outputs contain the support's own motion besides that of the modes, (p,)."""
-        whole = self.by_mode.sum(0)
-        rest = np.abs(self.history - whole).max(1)
+        total = self.by_mode.sum(0)
+        rest = np.abs(self.history - total).max(1)
         return np.asarray(rest > DIRECT * np.abs(self.history).max(1))
 
     @cached_property
@@ -276,22 +284,22 @@ class ShockResponse(ModalResponse):
         omega, zeta = self.modes.omega, np.array([mode.damping_ratio for mode in self.modes])
         swing = omega > 0
         with np.errstate(all="ignore"):
-            combined = cqc(self.mode_peaks[swing], omega[swing], np.clip(np.nan_to_num(zeta[swing]), 0.0, 1.0))
-            combined = np.sqrt(combined**2 + np.sum(self.mode_peaks[~swing] ** 2, axis=0))
-        return np.where(self.follows_support, np.nan, combined)
+            result = cqc(self.mode_peaks[swing], omega[swing], np.clip(np.nan_to_num(zeta[swing]), 0.0, 1.0))
+            result = np.sqrt(result**2 + np.sum(self.mode_peaks[~swing] ** 2, axis=0))
+        return np.where(self.follows_support, np.nan, result)
 
     @cached_property
     def mass_shares(self) -> Floats:
         """The effective mass of every mode along the rail over the whole mass, (R,), on a support at rest."""
-        undamped = natural_modes(self.modes.scene.conservative)
-        shares = np.array([mode.effective_mass_share for mode in undamped])
+        undamped_modes = natural_modes(self.modes.scene.conservative)
+        shares = np.array([mode.effective_mass_share for mode in undamped_modes])
         return shares if len(shares) == len(self.modes) else np.full(len(self.modes), np.nan)
 
     @property
     def enough(self) -> int | None:
         """The number of lowest modes that hold 90 % of the mass; None where that is unknown."""
-        reached = np.flatnonzero(np.cumsum(self.mass_shares) >= ENOUGH)
-        return int(reached[0]) + 1 if len(reached) else None
+        numbers = np.flatnonzero(np.cumsum(self.mass_shares) >= ENOUGH)
+        return int(numbers[0]) + 1 if len(numbers) else None
 
 
 @checked
@@ -327,8 +335,8 @@ def shock_response(scene: Scene, motion: RecordMotion, outputs: tuple[str, ...] 
 
 def _carried_along(form: ModalForm, record: Record, times: Floats) -> Floats:
     """The outputs (p, T) of a support that goes on as it begins: what is at rest on it moves with it."""
-    begun, speed = float(record.displacement(record.first)), float(record.velocity(record.first))
-    return np.asarray(form.outputs[0] @ np.stack([begun + speed * (times - record.first), np.full(len(times), speed)]))
+    start, speed = float(record.displacement(record.first)), float(record.velocity(record.first))
+    return np.asarray(form.outputs[0] @ np.stack([start + speed * (times - record.first), np.full(len(times), speed)]))
 
 
 def _steps(eigenvalues: Complexes, record: Record) -> tuple[float, float]:
@@ -353,15 +361,15 @@ def _history(term: Term, record: Record, grid: Grid) -> Floats:
     a = -c1 / 2
     nu = np.sqrt(complex(c0 - a * a))
     if not nu:
-        passed = times - record.first
+        elapsed = times - record.first
         velocity = record.velocity(times) - float(record.velocity(record.first))
         place = record.displacement(times) - float(record.displacement(record.first))
-        place = place - float(record.velocity(record.first)) * passed
+        place = place - float(record.velocity(record.first)) * elapsed
         return np.asarray(N1 * velocity + N0 * place)
     poles = np.array([a + 1j * nu, a - 1j * nu])
     if nu.imag:
         alpha = driven(poles, grid)
-        sizes = [(N1 * pole + N0) / (pole - other) for pole, other in zip(poles, poles[::-1], strict=True)]
+        sizes = [(N1 * pole + N0) / (pole - other_pole) for pole, other_pole in zip(poles, poles[::-1], strict=True)]
         return np.asarray((sizes[0] * alpha[0] + sizes[1] * alpha[1]).real)
     alpha = driven(poles[:1], grid)[0]
     return np.asarray(2 * (((N1 * poles[0] + N0) / (2j * nu)) * alpha).real)

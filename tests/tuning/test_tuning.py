@@ -20,9 +20,9 @@ from modal.scene.records import Spectrum
 from modal.statespace.hoisting import Travel, travel_swing
 from modal.statespace.response import ExactResponse
 from modal.tuning import Tuned, den_hartog, exact_optimum, tune, tuned_record, tuned_text
-from modal.tuning.interpolation import interpolated
+from modal.tuning.interpolation import interpolate
 from modal.tuning.minimax import Evaluation, Faces, descend
-from modal.tuning.model import Channel, TunedNumbers, find_peaks, reduced
+from modal.tuning.model import Channel, TunedNumbers, channel_model, find_peaks
 from modal.vibration import random_response
 from multipendula import cli
 
@@ -135,7 +135,7 @@ def test_two_dampers_of_a_tower_level_three_peaks() -> None:
     equal = at.inside & (at.values > at.values.max() * (1 - 1e-9))
     assert tuned.certain
     assert equal.sum() == 3
-    form = reduced(tuned.scene, [Channel("s4_m", "s4_force")])
+    form = channel_model(tuned.scene, [Channel("s4_m", "s4_force")])
     row, column = form.signals[0]
     sizes = np.abs(ExactResponse(tuned.scene, [column], [row]).response_at(at.at[equal]))[0, 0]
     assert sizes == pytest.approx(np.full(3, tuned.after), rel=1e-10)
@@ -171,7 +171,7 @@ def test_responses_and_their_derivatives_are_those_of_elimination(channel: Chann
     ]
     scene = carrier(ratio=0.02).replace(pendulum=[Pendulum(links=links)])
     places = [("pendulum", 0, "links", 0, "length"), ("pendulum", 0, "links", 1, "mass"), ("support", "damping")]
-    form = reduced(scene, [channel])
+    form = channel_model(scene, [channel])
     numbers = TunedNumbers(scene, places, form)
     values = np.array([2.4, 0.3, scene.support.damping])
     omega = np.array([0.7, 1.9, 4.0])
@@ -189,7 +189,7 @@ def test_responses_and_their_derivatives_are_those_of_elimination(channel: Chann
             8 * (true(values + step) - true(values - step)) - true(values + 2 * step) + true(values - 2 * step)
         ) / (12 * step[k])
         assert by[:, k] == pytest.approx(quotient, rel=1e-7, abs=1e-9 * np.abs(quotient).max())
-    polynomial = interpolated(lambda point: form.arrays(numbers.scene_at(point)), values)
+    polynomial = interpolate(lambda point: form.arrays(numbers.scene_at(point)), values)
     assert polynomial is not None
     for part, other in zip(polynomial.arrays(3 * values), form.arrays(numbers.scene_at(3 * values)), strict=True):
         assert part == pytest.approx(other, rel=1e-11, abs=1e-13)
@@ -197,7 +197,7 @@ def test_responses_and_their_derivatives_are_those_of_elimination(channel: Chann
 
 def test_peaks_are_where_the_slope_vanishes() -> None:
     scene = carrier(ratio=0.01)
-    model = TunedNumbers(scene, [], reduced(scene, [Channel("x", "cart_force")])).model(scene)
+    model = TunedNumbers(scene, [], channel_model(scene, [Channel("x", "cart_force")])).model(scene)
     peaks = find_peaks(model, 0, None)
     H, slope = model.slope(0, peaks.omega[peaks.inside])
     assert peaks.inside.sum() == 2
