@@ -90,14 +90,14 @@ class Along(Result):
         return list(dict.fromkeys(law.words for law in laws if law.words))
 
     def parts(
-        self, form: Form = "text", *, residuals: Sequence[Residual] = (), support_note: str = ""
+        self, form: Form = "text", *, left: Sequence[Residual] = (), beside: str = ""
     ) -> Iterator[ReportTable | str]:
-        """The table, what it means and omits, the `support_note` of a free cart, and the `residuals` of commands."""
+        """The table, what it means and omits, or what is `beside` a free cart, and what is `left` of commands."""
         yield from super().parts(form)
         yield from self.notes
         damper_note = "; both ω and swing without dampers" if self.scene.has_damping else ""
-        yield f"{SWING}{damper_note}" if self.names else "; ".join(filter(None, (NO_MODE, support_note)))
-        yield "\n".join(f"residual swing {short(degrees(residual.angle))}°: {residual.words}" for residual in residuals)
+        yield f"{SWING}{damper_note}" if self.names else "; ".join(filter(None, (NO_MODE, beside)))
+        yield "\n".join(f"residual swing {short(degrees(residual.angle))}°: {residual.words}" for residual in left)
 
     def whole(self, *, left: Sequence[Residual] = ()) -> dict[str, Any]:
         """Every column as an array, and what is left."""
