@@ -107,7 +107,7 @@ def first_of(problems: Iterator[str], count: int) -> Iterator[str]:
 def spelling_hint(word: str, words: Iterable[str], limit: int = 1, cutoff: float = 0.6) -> str:
     """A suggestion for a mistyped word, ` (did you mean …?)`, or nothing if no known word is similar.
 
-    >>> meant("lenght", ["mass", "length"])
+    >>> spelling_hint("lenght", ["mass", "length"])
     ' (did you mean length?)'
     """
     from difflib import get_close_matches

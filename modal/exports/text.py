@@ -85,7 +85,7 @@ def identifier(text: str, fallback: str = "pendula") -> str:
 def identifiers(names: Iterable[str], keywords: Iterable[str] = ()) -> tuple[str, ...]:
     """One identifier a name, in order, all different and none of them in `keywords`.
 
-    >>> identifiers(["x", "x", "end"], taken=["end"])
+    >>> identifiers(["x", "x", "end"], keywords=["end"])
     ('x', 'x_2', 'end_2')
     """
     used, words = set(keywords), []

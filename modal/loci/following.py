@@ -39,7 +39,7 @@ def state_columns(
 
     >>> from modal.scene.parameters import parse_variations
     >>> (axis,) = parse_variations(["support.mass=1:2:2"])
-    >>> list(followed_columns(axis, 1.0, 3.0, stable=True, angle_deg=5.0))
+    >>> list(state_columns(axis, 1.0, 3.0, stable=True, angle_deg=5.0))
     ['support.mass_kg', 'omega_rad_per_s', 'stable', 'largest_angle_deg']
     """
     varied_number = {} if variation is None else {variation.column: value}

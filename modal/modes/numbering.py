@@ -107,7 +107,7 @@ def pair_rows(alike: Floats, room: Ints) -> Ints:
 def number_labels(numbers: Iterable[int]) -> tuple[str, ...]:
     """A name for each of these numbers of the table: the number, followed by b, c, … where it is repeated.
 
-    >>> labelled([2, 2, 3, 2])
+    >>> number_labels([2, 2, 3, 2])
     ('2', '2b', '3', '2c')
     """
     counts: Counter[int] = Counter()

@@ -117,7 +117,7 @@ def _chosen(parts: str, total: int) -> range:
 def in_latex(name: str, letters: str = "own") -> str:
     r"""The LaTeX of a letter by its name, `R_Bx_1` as R_{Bx,1}; of a product of two, one after the other.
 
-    >>> written("m_1_2 g")
+    >>> in_latex("m_1_2 g")
     'm_{1,2}\\,g'
     """
     return r"\,".join(_letter(letter, letters) for letter in name.split())

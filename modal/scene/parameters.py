@@ -294,7 +294,7 @@ class Variation(Displayed):
 def texts_of(texts: str | Sequence[str], *, splits_commas: bool = False) -> tuple[str, ...]:
     """Texts in a list, or the one that stands for a list, as an option has it; of some commas `splits_commas` several.
 
-    >>> texts_of("gravity=1,2,3"), texts_of("gravity, support.mass", separated=True)
+    >>> texts_of("gravity=1,2,3"), texts_of("gravity, support.mass", splits_commas=True)
     (('gravity=1,2,3',), ('gravity', 'support.mass'))
     """
     if isinstance(texts, str):

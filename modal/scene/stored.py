@@ -97,7 +97,7 @@ class PartDocumentation:
 def accepted_type(annotation: str) -> str:
     """The type that a field of this annotation accepts.
 
-    >>> accepted("SeveralKinds[AnyLink, Link]"), accepted("float")
+    >>> accepted_type("SeveralKinds[AnyLink, Link]"), accepted_type("float")
     ('Sequence[AnyLink]', 'float')
     """
     name, _, items = annotation.partition("[")

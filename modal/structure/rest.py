@@ -166,7 +166,7 @@ def carried_weights(structure: Structure, hung_mass: Sequence[Any], gravity: Any
     >>> from modal import load
     >>> from modal.structure import structure_of
     >>> ship = load("ship-crane")  # in heave −g (2,000 t + 50 t), in roll −g 50 t · 12 m
-    >>> [float(force) for force in carried(structure_of(ship), hung_masses(ship), ship.gravity)]
+    >>> [float(force) for force in carried_weights(structure_of(ship), hung_masses(ship), ship.gravity)]
     [0.0, -20110500.0, -5886000.0]
     """
     is_held, moments = _has_spring(structure), [0.0] * structure.size

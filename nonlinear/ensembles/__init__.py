@@ -15,15 +15,14 @@ from nonlinear.ensembles.attractors import Attractor
 from nonlinear.ensembles.basins import Basins, basins_table, begins_in_mode, find_basins, grid_of
 from nonlinear.ensembles.bifurcations import BifurcationDiagram, bifurcation_table, find_bifurcations
 from nonlinear.ensembles.cluster import workers_at
-from nonlinear.ensembles.costs import ENGINES, engine_of_many
+from nonlinear.ensembles.costs import ENGINES
 from nonlinear.ensembles.executors import WorkerPool, Workers
 from nonlinear.ensembles.measures import validate_measures
 from nonlinear.ensembles.members import Members, members_of
 from nonlinear.ensembles.plain import measured_run
 from nonlinear.ensembles.preparing import Compilation, CompiledCode, compilation_table, compile_engines
-from nonlinear.ensembles.question import seconds_each
 from nonlinear.ensembles.running import Ensemble, ensemble
-from nonlinear.ensembles.runs import measured_together, run_together, times_of, together
+from nonlinear.ensembles.runs import measured_together, run_together, times_of
 from nonlinear.ensembles.sections import PoincareSection, energy_of, find_section, section_table, starts_at
 from nonlinear.ensembles.strobes import StroboscopicSection, find_strobes, strobes_table
 
@@ -46,7 +45,6 @@ __all__ = [
     "compilation_table",
     "compile_engines",
     "energy_of",
-    "engine_of_many",
     "ensemble",
     "find_basins",
     "find_bifurcations",
@@ -57,12 +55,10 @@ __all__ = [
     "measured_together",
     "members_of",
     "run_together",
-    "seconds_each",
     "section_table",
     "starts_at",
     "strobes_table",
     "times_of",
-    "together",
     "validate_measures",
     "workers_at",
 ]

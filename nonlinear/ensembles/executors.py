@@ -26,6 +26,7 @@ from time import monotonic
 from typing import Any, Generic, NamedTuple, TypeVar, cast
 
 from modal.errors import ComputationError
+from modal.report import Displayed
 from nonlinear.dynamics import children_without_interrupts
 from nonlinear.integration import validate_whole
 
@@ -286,8 +287,8 @@ class KeptPool:
             raise
 
 
-@dataclass(frozen=True)
-class Workers:
+@dataclass(frozen=True, repr=False)
+class Workers(Displayed):
     """Those who compute what is independent: `workers` processes, by default one per core, or the `crew`, an executor.
 
     Results are the same to the bit whoever computes them.  This process begins, and starts others once enough is left
@@ -297,6 +298,9 @@ class Workers:
     >>> list(Workers().map(abs, [-1, 2, -3]))
     [1, 2, 3]
     """
+
+    what = "Workers"
+    shows = "workers: processes; crew: executor"
 
     workers: int | None = None
     crew: Crew | None = None

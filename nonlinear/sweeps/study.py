@@ -26,7 +26,10 @@ from modal.scene import Scene, describe, require, scene_from
 from modal.scene.parameters import Variable, Variation, validate_variations
 from modal.types import Floats
 from nonlinear import chaos
-from nonlinear.ensembles import engine_of_many, ensemble, seconds_each, starts_at, together, validate_measures
+from nonlinear.ensembles import ensemble, starts_at, validate_measures
+from nonlinear.ensembles.costs import engine_of_many
+from nonlinear.ensembles.question import seconds_each
+from nonlinear.ensembles.runs import together
 from nonlinear.integration import validate, validate_whole
 from nonlinear.integration.readiness import reproducible
 from nonlinear.measures import MEASURES, SCENE_ITSELF, columns_of

@@ -65,7 +65,7 @@ def test_noted_decay_as_damped_modes_do(stiffness: float) -> None:
     pendula = (Pendulum(links=(link,), count=2), Pendulum(links=(Rod(mass=1.0, length=1.1, damping=0.02),)))
     scene = Scene(gravity=G, support=Cart(mass=5.0, damping=0.1, stiffness=stiffness), pendulum=pendula)
     averaged = average(scene)
-    for mode in explain(scene).damped:
+    for mode in explain(scene).damped_modes:
         assert mode.exact is not None
         turning = np.full(len(averaged.centre), mode.exact.imag)
         values = np.linalg.eigvals(derivative(averaged.flow, np.zeros(len(averaged.omega), dtype=complex), turning))
@@ -76,7 +76,7 @@ def test_a_braked_cart_slows_no_more_than_it_moves() -> None:
     scene = bobs(1.0, 1.0, mass=50.0, damping=150.0)
     averaged = average(scene)
     values = np.linalg.eigvals(derivative(averaged.flow, np.zeros(2, dtype=complex), averaged.centre))
-    still, moving = explain(scene).damped
+    still, moving = explain(scene).damped_modes
     assert moving.exact is not None
     first, eigenvalue = -moving.rate, values[np.argmin(values.real)]
     assert eigenvalue.real == pytest.approx(moving.exact.real, rel=0.02)

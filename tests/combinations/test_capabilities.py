@@ -32,7 +32,7 @@ def test_no_entry_is_of_a_feature_that_does_not_exist() -> None:
             *capability.unless,
             *capability.beside,
         }
-        named |= {name for pair in capability.apart for name in pair} | {
+        named |= {name for pair in capability.conflicts for name in pair} | {
             name for wanted in capability.needs for name in wanted
         }
         assert named <= FEATURES.keys()

@@ -191,7 +191,7 @@ def test_a_saved_run_has_its_record_and_goes_on(tmp_path: Path, kind: str) -> No
         simulate(scene, 4.0, tolerance=1e-11, output=41).motion.links[20:], abs=1e-7
     )
     if kind == "csv":
-        heads, first = (tmp_path / "run.csv").read_text().splitlines()[1:3]
+        heads, first = (tmp_path / "run.csv").read_text().splitlines()[:2]
         assert heads.split(",")[-3:] == ["support_m", "support_dot_m_per_s", "support_ddot_m_per_s2"]
         assert first.endswith("0.0,0.0,0.0")
 

@@ -179,7 +179,7 @@ WRONG = {
     "workers": [0, -1, 1.5, np.nan, "2", True],
     "folder": [5, 1.5, ""],
     "measures": ["largest_angle", 5, [5], [None]],
-    "vary": [5, "gravity=1:2:3", [5], {"gravity": "a"}, {5: [1]}, {"gravity": [[1, 2], [3]]}],
+    "vary": [5, [5], {"gravity": "a"}, {5: [1]}, {"gravity": [[1, 2], [3]]}],
     "starts": [5, "a", [[1, "b"]], [], {}],
 }
 

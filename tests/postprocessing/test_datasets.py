@@ -33,7 +33,6 @@ def test_columns_are_those_of_the_csv(tmp_path: Path) -> None:
     run = uneven()
     save(run, tmp_path / "run.csv")
     with (tmp_path / "run.csv").open(encoding="utf-8") as stream:
-        next(stream)
         head, *rows = csv.reader(stream)
     columns = run.to_dict()
     assert list(columns) == head

@@ -129,7 +129,7 @@ def test_a_picture_needs_a_travel_and_a_travel_a_length(capsys: pytest.CaptureFi
     assert main(["shaper", "crane-hook", "-o", str(tmp_path / "a.png")]) == 2
     assert "--picture: needs --travel METRES" in capsys.readouterr().err
     assert main(["shaper", "crane-hook", "--over", "3"]) == 2
-    assert "--over 3.0: needs --travel METRES" in capsys.readouterr().err
+    assert "--over: needs --travel METRES" in capsys.readouterr().err
     scene = crane()
     with pytest.raises(SceneError, match="distance"):
         shaped_travel(scene, shaper_for(scene), -1.0)
