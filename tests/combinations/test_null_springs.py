@@ -111,7 +111,7 @@ def test_exponents_and_sections() -> None:
     assert null.energy == pytest.approx(plain.energy, rel=1e-13)
     for point, other in zip(null.points(), plain.points(), strict=True):
         np.testing.assert_allclose(point, other, rtol=1e-8, atol=1e-8)
-    options: dict[str, Any] = {"orbits": 2, "settle": 2.0, "workers": 1, "engine": "numpy"}
+    options: dict[str, Any] = {"members": 2, "settle": 2.0, "workers": 1, "engine": "numpy"}
     plain, null = both(HELD, lambda scene: find_strobes(scene, 8.0, **options))
     np.testing.assert_allclose(null.states[0], plain.states[0], atol=1e-8)
 
