@@ -449,6 +449,48 @@ def test_a_vague_name_would_be_seen(source: str) -> None:
     assert [*vague_names(source)]
 
 
+BARE = re.compile(
+    r"_*(?:"
+    r"kept|told|asked|gone|done|made|met|found|given|taken|seen|shown|known|drawn|written|run|held|"
+    r"left|lost|cut|put|set|bent|begun|built|bound|fallen|felt|fed|hung|led|meant|paid|read|said|"
+    r"sent|spent|stood|struck|swept|wound|worn|alone|apart|beside|beyond|together|whole|own|least|"
+    r"most|many|few|else|other|more|less|near|far|close|wide|here|there|away|along|across|below|"
+    r"above|before|after|ahead|behind|around|still|yet|just|only|even|both|each|every|some|such|same|"
+    r"again|soon|long|short"
+    r"|(?!speed$|need$)\w{3,}ed)"
+)
+"""Words that say how a thing is or what was done to it, and not what it is."""
+LARGEST_SHARES = (0.03, 0.045)
+"""Of all names that are bound and of all functions, those that may be such a word."""
+
+
+def is_bare(name: str) -> bool:
+    """Whether a name is a participle or an adverb without its noun."""
+    return BARE.fullmatch(name) is not None
+
+
+def bound_names(source: str) -> tuple[list[str], list[str]]:
+    """Names of variables and arguments of more than two letters, and names of functions."""
+    bound = [node.id for node in nodes(source) if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store)]
+    bound += [node.arg for node in nodes(source) if isinstance(node, ast.arg)]
+    return [name for name in bound if len(name) > 2], [n.name for n in nodes(source) if isinstance(n, ast.FunctionDef)]
+
+
+def test_names_are_nouns_and_verbs() -> None:
+    variables, functions = list[str](), list[str]()
+    for path in sources().values():
+        names = bound_names(path.read_text(encoding="utf-8"))
+        variables += names[0]
+        functions += names[1]
+    shares = (sum(map(is_bare, names)) / len(names) for names in (variables, functions))
+    assert all(share <= largest for share, largest in zip(shares, LARGEST_SHARES, strict=True))
+
+
+def test_a_bare_participle_is_counted() -> None:
+    assert bound_names("kept = 1\nx = 2\ndef sorted_rows(told): ...") == (["kept", "told"], ["sorted_rows"])
+    assert [is_bare(name) for name in ("kept", "_counted", "sorted_rows", "speed")] == [True, True, False, False]
+
+
 def class_names(paths: Iterable[Path]) -> list[str]:
     modules = (nodes(path.read_text(encoding="utf-8")) for path in paths)
     return [node.name for every in modules for node in every if isinstance(node, ast.ClassDef)]
