@@ -94,7 +94,7 @@ def _structure_sketch(scene: Scene) -> str:
 
     parts = []
     for piece in pieces:
-        line = "L".join(placed(piece.points[0])) + "Z" * piece.closed
+        line = "L".join(placed(piece.points[0])) + "Z" * piece.is_outline
         parts.append(f'<path class="{"body" if piece.role == "body" else "rail"}" d="M{line}"/>')
     for k, chain in enumerate(chains):
         points = placed(chain)

@@ -40,4 +40,4 @@ def test_every_column_is_explained() -> None:
     explained = re.findall(r"\*\*(.*?)\*\*", manual)
     words = ", ".join(explained)
     for column in COLUMNS:
-        assert (column.heading.split(" (")[0] in words) if column.shown else f"`{column.key}`" in manual, column.key
+        assert (column.heading.split(" (")[0] in words) if column.cell else f"`{column.key}`" in manual, column.key
