@@ -95,6 +95,9 @@ def _random_rows(response: RandomResponse, f: Floats, psd: Floats) -> Iterator[t
             yield "psd", signal.name, f"({signal.unit})^2/Hz", "all", frequency, value
 
 
+UNFELT = "The ground moves a cart or a carrier through its spring and damper alone: this scene does not feel it."
+
+
 def _random_text(response: RandomResponse) -> str:
     f, of = response.spectrum.frequency_hz, response.spectrum.of
     rates = response.modes.omega / tau
@@ -112,6 +115,7 @@ def _random_text(response: RandomResponse) -> str:
         "RMS by Miles' equation, for white noise of the PSD at each mode",
         grid(by_mode(response.white), headings),
         *response.words,
+        *([UNFELT] if response.source.name == INPUT and not response.rms.any() else []),
     ]
     source = (
         f"the support's {of}" if response.source.name == INPUT else f"{response.source.name} ({response.source.unit})"

@@ -23,7 +23,7 @@ LARGEST, LONG = 90.0, 100
 
 def orbits(options: argparse.Namespace) -> tuple[Branch, ...]:
     """Follow periodic orbits: a mode to large angles, or limit cycles along a number, with their stability."""
-    scene = warned(validated(options, options.output, lambda: _fitting(options)), "a periodic orbit")
+    scene = warned(validated(options, options.output, _misfits(options)), "a periodic orbit")
     if not (options.mode or options.vary):
         options.mode = _first_mode(scene)
     with crew_of(options) as crew:
@@ -54,13 +54,6 @@ def _first_mode(scene: Scene) -> int:
         remark(f"of mode {number}: --mode R follows another, --vary PLACE=VALUES orbits along a number")
         return number
     return 1
-
-
-def _fitting(options: argparse.Namespace) -> None:
-    from modal.errors import SceneError
-
-    if problems := list(_misfits(options)):
-        raise SceneError(problems)
 
 
 def _misfits(options: argparse.Namespace) -> Iterator[str]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import re
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from contextvars import ContextVar
 from io import BytesIO, StringIO
@@ -223,16 +223,21 @@ def in_a_folder(*paths: str | None, option: str = "-o") -> None:
             raise SceneError([f"{option} {path}: is a folder"])
 
 
-def validated(options: argparse.Namespace, image: str | None, fitting: Callable[[], None]) -> Scene:
-    """The scene of a command with --vary, a picture and a film; SceneError names the mistakes in all of them."""
+def validated(options: argparse.Namespace, image: str | None, misfits: Iterable[str]) -> Scene:
+    """The scene of a command with --vary, a picture and a film; SceneError names the mistakes in all, and misfits."""
+    from modal.errors import SceneError
     from modal.scene import load
     from modal.scene.parameters import parse_variations
     from nonlinear.integration import validate
 
+    def refuse_misfits() -> None:
+        if problems := list(misfits):
+            raise SceneError(problems)
+
     scene, *_ = validate(
         lambda: load(options.scene),
         lambda: options.vary and parse_variations([options.vary]),
-        fitting,
+        refuse_misfits,
         lambda: picture(image),
         lambda: options.film and film_form(options.film, "--film"),
         lambda: in_a_folder(image),

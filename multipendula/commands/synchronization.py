@@ -33,15 +33,8 @@ MORE = "--words describes prediction and simulation in sentences."
 
 def sync(options: argparse.Namespace) -> SynchronizationStudy | Branches | PopulationDiagram:
     """Predict which mode survives in a scene with drives, simulate it, and measure which pendula synchronize."""
-    scene = validated(options, options.output, lambda: _fitting(options))
+    scene = validated(options, options.output, _misfits(options))
     return (_branches if options.vary else _run)(scene, options)
-
-
-def _fitting(options: argparse.Namespace) -> None:
-    from modal.errors import SceneError
-
-    if problems := list(_misfits(options)):
-        raise SceneError(problems)
 
 
 def _misfits(options: argparse.Namespace) -> Iterator[str]:

@@ -21,17 +21,13 @@ from modal.scene.doors import checked, formerly, require_type
 from modal.scene.parameters import Place, Variable, Variation, find_places, texts_of, variation_of
 from modal.types import Floats
 from modal.vibration import Boundary, tongues, vertical_sine
-from nonlinear.ensembles.executors import DIED, Crew, computed, cores
+from nonlinear.ensembles.executors import DIED, PATIENCE, STARTING, Crew, computed, cores
 from nonlinear.ensembles.store import validate_store
 from nonlinear.integration import validate, validate_whole
 from nonlinear.sweeps.checkpoint import Checkpoint, RowFolder
 from nonlinear.sweeps.measures import FLOQUET, parse_measures
 from nonlinear.sweeps.study import ENERGY, LYAPUNOV, PointChunk, Row, Study, SweepTask, measure_chunk, measure_each
 
-PATIENCE = 0.5
-"""Seconds that this process works alone before it starts others: a small sweep is done by then."""
-STARTING = 1.0
-"""Least seconds of remaining work that justify starting other processes."""
 MEMBERS = 50
 """Starts drawn at every energy, where nobody says how many."""
 MOST_REASONS, MOST_LINES = 5, 100
