@@ -110,7 +110,7 @@ class OutputGroup(NamedTuple):
     """Outputs as Y0 q + Y1 q' + Y2 q'' + thrust u; a part that is None is zero.
 
     `translation` (p,) is what a translation of everything along the rail adds: per metre, per m/s where there is a Y1,
-    per m/s² where there is a Y2; `order` says which, and `streamed` (p,) what drag adds per m/s besides.
+    per m/s² where there is a Y2; `order` says which, and `drag_part` (p,) what drag adds per m/s besides.
     `pulls` (p, springs) are the parts of the forces of springs between points, which loss angles turn.
     """
 

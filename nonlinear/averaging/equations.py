@@ -147,7 +147,7 @@ class AveragedEquations(Displayed):
         return self._forcing(z, turning, active)
 
     def smooth(self, z: Complexes, turning: Floats) -> Complexes:
-        """The rates of `forced` without the kicks of escapements."""
+        """The rates of `forcing` without the kicks of escapements."""
         return self._forcing(z, turning, kicking=False)
 
     def linear(self, z: Complexes, turning: Floats) -> Complexes:

@@ -57,7 +57,7 @@ class Projection(Protocol):
         """
 
     def fall(self, pushes: Sequence[Sequence[Any]], accelerations: Any) -> Any:
-        """θ'' (n, P, ...) from the second derivatives of each bundle's coordinates, and what these make of `felt`."""
+        """θ'' (n, P, ...) by the second derivatives of each bundle's coordinates, under these accelerations of joints."""
 
 
 class Arranged(ABC):

@@ -276,7 +276,7 @@ class FitProblem(Displayed):
         return np.vstack([*blocks, *self._gap_slopes(flow), priors])
 
     def series(self) -> list[tuple[int, int, slice]]:
-        """Segment, sensor and rows of the residuals of each series, once these are `ordered`."""
+        """Segment, sensor and rows of the residuals of each series, once `sort_by_sensor` has sorted them."""
         series, at = [], 0
         for s, segment in enumerate(self.recording.segments):
             for c, values in enumerate(segment.values.T):

@@ -81,9 +81,9 @@ class Places:
 def changing(at: Places, texts: dict[str, Callable[..., Any]]) -> tuple[Callable[..., Any], ...]:  # noqa: PLR0915
     """The functions `begin`, `due` and `change` of one segment, from the texts (c, y, u, v) of its form.
 
-    begin(t, y, last, state, numbers, c, u, happened) fills the state of a segment that begins at y after the impulses
+    begin(t, y, last, state, numbers, c, u, events) fills the state of a segment that begins at y after the impulses
     `last` (K,); due(y, f, state, numbers) is the kick that is due there at once, at its angle on the way out, else −1;
-    change(t, j, y, f, state, numbers, c, u, V, happened) is y after switch j, in lists, the state and the columns V (k,
+    change(t, j, y, f, state, numbers, c, u, V, events) is y after switch j, in lists, the state and the columns V (k,
     size) being changed in place; a j beyond all switches decides anew which contacts stick, as inputs have jumped to u.
     c are the constants of the texts.  What happens is appended as (time, switch, a, b):
     impulse and energy of a kick; 1 where a contact begins to stick, 0 where it ends.
@@ -308,7 +308,7 @@ def switching_source() -> str:
 def compiled_source(at: Places, texts: dict[str, str]) -> str:
     """The functions of `changing` as a text for numba, which has the decorator `part`; these are sources of texts.
 
-    All arguments but the columns, (k, size), are lists; `happened` is one of tuples of four floats.
+    All arguments but the columns, (k, size), are lists; `events` is one of tuples of four floats.
     """
     head = [
         "from math import atan as arctan, cos, inf as INF, nan as NAN, sin, sqrt",
