@@ -57,7 +57,7 @@ class Projection(Protocol):
         """
 
     def fall(self, pushes: Sequence[Sequence[Any]], accelerations: Any) -> Any:
-        """θ'' (n, P, ...) by the second derivatives of each bundle's coordinates, under these accelerations of joints."""
+        """θ'' (n, P, ...) by second derivatives of each bundle's coordinates, under these accelerations of joints."""
 
 
 class Arranged(ABC):
