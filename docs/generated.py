@@ -11,6 +11,7 @@ A page holds a comment where a part belongs; what stands there is Markdown:
     <!-- formats -->                            what a model can be written as
     <!-- measures -->                           what can be measured, and by whom
     <!-- options -->                            every option with its metavar and its one meaning
+    <!-- constants -->                          every number of a module with its kind and reason
     <!-- functions -->                          every command with its functions in Python
     <!-- combinations -->                       what a scene has by what takes it
     <!-- gallery -->                            every figure of docs/pictures.toml
@@ -45,7 +46,7 @@ ROOT = Path(__file__).parent.parent
 REFERENCE = ROOT / "docs" / "reference"
 PLACE = re.compile(
     r"^<!-- (commands|groups|namespace|names|modules|shipped|formats|measures|options|functions|combinations"
-    r"|gallery|play|live):?([^>]*) -->$",
+    r"|constants|gallery|play|live):?([^>]*) -->$",
     flags=re.MULTILINE,
 )
 PICTURE = re.compile(r"^!\[([^\]]*)\]\(([^)]+)\.(png|gif)\)$", flags=re.MULTILINE)
@@ -251,6 +252,21 @@ def options() -> str:
             _table("before | now", changed),
         ]
     )
+
+
+def constants() -> str:
+    """The numeric constants of all modules, by kind."""
+    from constants import KINDS, all_numbers
+
+    numbers, parts = all_numbers(), list[str]()
+    for kind, meaning in KINDS.items():
+        rows = [
+            f"`{number.module}` | `{number.name}` | `{number.value}` | {_escaped(number.reason)}"
+            for number in numbers
+            if number.kind == kind
+        ]
+        parts.append(f"## {kind}: {meaning}\n\n" + _table("module | name | value | reason", rows))
+    return "\n\n".join(parts)
 
 
 def _in_python(flag: str) -> str:

@@ -3,6 +3,11 @@
 In: the results of other rooms.  Out: a `Figure` from a `…_figure` function, or an image written to a stream.  Every
 figure has a light and a dark version, axes with units, and colours that colour-blind readers can distinguish.  Start
 with `style` and `layout`; each of the other modules makes one kind of figure.
+
+Sizes and colours come from `light.mplstyle` and `dark.mplstyle` alone.  Curves of one panel go through `draw_curves`,
+legends through `legend` and `key`, so that every curve is seen and no legend leaves its place.  A line style has one
+meaning (solid: computed or measured; dashed: a simpler theory's; dotted: a mark; dash-dotted: unstable), and numbers of
+a scene are called by `number_label`.
 """
 
 from modal.plotting.coupling import coupling_figure, draw_coupling

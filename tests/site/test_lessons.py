@@ -12,7 +12,7 @@ import twins
 
 LESSONS = twins.lessons()
 NUMBERED = pytest.mark.parametrize("twin", LESSONS, ids=lambda twin: twin.stem)
-ROOMS = Path(twins.__file__).parents[1] / "CONTRIBUTING.md"
+ROOMS = Path(twins.__file__).parents[1] / "docs/reference/rooms.md"
 HEAD = re.compile(
     r"\*You need: (?P<needs>.+); (?P<mathematics>.+)\. "
     r"Reading time (?P<reading>\d+) minutes; runs in (?P<runs>\d+) s\.\*"
@@ -78,7 +78,7 @@ def test_an_extra_would_be_seen() -> None:
 
 
 def named_rooms() -> set[str]:
-    """The doors of both packages: themselves, their rooms as CONTRIBUTING lists them, and that of the papers."""
+    """The doors of both packages: themselves, their rooms as the manual lists them, and that of the papers."""
     rooms = re.findall(r"^\| `((?:modal|nonlinear)\.\w+)` \|", ROOMS.read_text(encoding="utf-8"), flags=re.MULTILINE)
     return {"modal", "nonlinear", "modal.symbolic.papers", *rooms}
 
