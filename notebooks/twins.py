@@ -1,7 +1,7 @@
 """Rebuild every notebook from its MyST source, which is the file that people edit: `python notebooks/twins.py`.
 
 The notebooks have no outputs, and cells numbered by their order, so that diffs stay line by line.
-A lesson sketches its system (`sketch_figure`), imports from the doors of the rooms (`from modal.coupling import …`), and
+A lesson sketches its system (`sketch_figure`), imports from the doors of rooms (`from modal.coupling import …`), and
 writes formulas as `docs/explanation/conventions.md` says.  `show_both_themes()` in its first cell is all that light and
 dark figures need; `show_film` shows a motion.
 """

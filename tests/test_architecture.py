@@ -15,7 +15,8 @@ from amounts import usually
 
 ROOT = Path(__file__).parent.parent
 PACKAGES = ("modal", "nonlinear", "multipendula")
-ROOMS = re.findall(r"^\| `([\w.]+)` \|", (ROOT / "docs/reference/rooms.md").read_text(encoding="utf-8"), flags=re.MULTILINE)
+TABLE = ROOT / "docs" / "reference" / "rooms.md"
+ROOMS = re.findall(r"^\| `([\w.]+)` \|", TABLE.read_text(encoding="utf-8"), flags=re.MULTILINE)
 DOORS = {*PACKAGES, "modal.lazy", "modal.namesake", "multipendula.__main__"}
 """Modules of no room: they only open one."""
 HEAVY = {
