@@ -108,12 +108,18 @@ def once(words: str, **changes: Any) -> Option:
     return option(words, most=1, **changes)
 
 
+TABLES = (".csv", ".tsv", ".txt", ".dat", ".mat", ".npz", ".parquet")
+"""Endings of tables of numbers."""
+
+
 def records(more: str = "") -> tuple[Takes, ...]:
     """Files of measured motions, which of their rows are used, and what their angles are."""
-    words = f"CSV files with time_s and theta_1_1_rad (or _deg), cart_m and the like{more}"
+    words = f"files with time_s and theta_1_1_rad (or _deg), cart_m and the like, CSV or other tables{more}"
     return (
-        argument("data", "DATA.csv", words, files((".csv",)), nargs="+"),
-        "--where: those with this value in a column, such as use=identify; repeat for several",
+        argument("data", "DATA.csv", words, files(TABLES), nargs="+"),
+        "--where: those with this value or range in a column: use=identify or time_s=6.2:19; repeat for several",
+        "--every",
+        "--column: t=time_ms, theta_1_1_rad=theta_1_1_deg or theta_1_1_rad=-theta_1_1_rad; repeat for several",
         "--angles (default absolute)",
     )
 

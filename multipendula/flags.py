@@ -129,6 +129,7 @@ FLAGS: dict[str, Flag] = {
     ),
     "--enter": Flag("", "also follow the branches that leave"),
     "--equilibrium": Flag("down,up", "equilibrium of every link", action=Joined, completion=words(("down", "up"))),
+    "--every": Flag("N", "use every N-th row of a record", integer(1_000_000)),
     "--excitation": Flag("", "what excited the measured motions", choices=("free", "random"), default="free"),
     "--explain": Flag("", "report what was computed, and what the scene did not require", group="written"),
     "--film": Flag("FILE", "file for a film beside the main result", group="written", kinds=FILMS),

@@ -6,28 +6,31 @@
     frequency_hz, and one of psd (of the acceleration), acceleration_psd, velocity_psd, displacement_psd
     frequency_hz, and one of psd, force_psd, moment_psd    of a force
 
-Any unit after the name of a PSD is taken as SI per hertz.  Lines that begin with # and further columns are passed over.
+Any unit after the name of a PSD is taken as SI per hertz.  Other units are converted where `tables` knows them, and
+further columns are passed over.
 
 A file that a scene names is somebody else's choice: what is wrong with it is told without a word of what stands in it.
 """
 
 from __future__ import annotations
 
-import csv
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from math import isfinite
 from os import PathLike, fspath
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from modal.errors import SceneError, spelling_hint
-from modal.scene.contents import LARGEST_READ, SIZES_READ, SMALLEST_READ, text_of
+from modal.scene.contents import LARGEST_READ, SIZES_READ, SMALLEST_READ
 from modal.scene.hoist import RECORD
 from modal.scene.motion import FORCES, RECORDED, Quantity, spectrum_problems
 from modal.scene.supports import ARRAYS, read_matrices
+from modal.scene.tables import DataTable, in_si, read_table, time_unit
+from modal.types import Floats
 
-MOST_ROWS = 2_000_000
 TIMES = ("time_s", "time", "t_s")
 QUANTITIES: tuple[Quantity, ...] = ("displacement", "velocity", "acceleration")
 MOTION_PSDS = ("psd", *(f"{of}_psd" for of in reversed(QUANTITIES)))
@@ -55,41 +58,56 @@ class Table(NamedTuple):
         return SceneError([f"{self.name}: needs the columns {column_words}{listing}"])
 
 
-def read_record(path: str | PathLike[str], acts: bool = False, *, has_quotes: bool = True) -> dict[str, Any]:
+def read_record(
+    path: str | PathLike[str],
+    acts: bool = False,
+    *,
+    has_quotes: bool = True,
+    columns: Mapping[str, str] | None = None,
+) -> dict[str, Any]:
     """The fields `time_s` and one quantity of a `RecordMotion`, of a `RecordForce` where it `acts`.
 
-    SceneError, with its name, for any other file; what stands there is quoted in it where it `has_quotes`.
+    `columns` says what columns with other headings hold, such as {"t": "time_ms", "left": "moment_nm"}.  SceneError,
+    with its name, for any other file; what stands there is quoted in it where it `has_quotes`.
     """
-    table = _table(path, has_quotes)
-    columns = table.columns
-    time = next((name for name in TIMES if name in columns), None)
+    table = _table(path, has_quotes, columns)
+    numbers = table.columns
+    time = next((name for name in TIMES if name in numbers), None)
     words = {key: (key,) for key in FORCES} if acts else {key: (key, word) for key, word in RECORDED.items()}
-    quantities = {key: name for key, names in words.items() for name in names if name in columns}
+    quantities = {key: name for key, names in words.items() for name in names if name in numbers}
     if time is None or len(quantities) != 1:
         raise table.lacks("time_s and one of " + ", ".join(words))
     key, name = next(iter(quantities.items()))
-    return {"time_s": columns[time], key: columns[name]}
+    return {"time_s": numbers[time], key: numbers[name]}
 
 
-def read_lengths(path: str | PathLike[str], *, has_quotes: bool = True) -> dict[str, Any]:
+def read_lengths(
+    path: str | PathLike[str], *, has_quotes: bool = True, columns: Mapping[str, str] | None = None
+) -> dict[str, Any]:
     """The fields `time_s` and `length_m` of a recorded `Hoist`; SceneError as of `read_record`."""
-    table = _table(path, has_quotes)
+    table = _table(path, has_quotes, columns)
     if not set(RECORD) <= set(table.columns):
         raise table.lacks(" and ".join(RECORD))
     return {name: table.columns[name] for name in RECORD}
 
 
-def read_spectrum(path: str | PathLike[str], acts: bool = False, *, has_quotes: bool = True) -> Spectrum:
+def read_spectrum(
+    path: str | PathLike[str],
+    acts: bool = False,
+    *,
+    has_quotes: bool = True,
+    columns: Mapping[str, str] | None = None,
+) -> Spectrum:
     """The PSD in a file, of a force where it `acts`; SceneError, with the file's name, where it has no possible one."""
-    table = _table(path, has_quotes)
-    columns = table.columns
-    densities = [(name, of) for name in columns if (of := _of_force(name) if acts else _quantity(name))]
-    if "frequency_hz" not in columns or len(densities) != 1:
+    table = _table(path, has_quotes, columns)
+    numbers = table.columns
+    densities = [(name, of) for name in numbers if (of := _of_force(name) if acts else _quantity(name))]
+    if "frequency_hz" not in numbers or len(densities) != 1:
         column_words = f"frequency_hz and one of {', '.join(FORCE_PSDS if acts else (*MOTION_PSDS,))}"
-        hint = "" if "frequency_hz" in columns else spelling_hint("frequency_hz", columns)
+        hint = "" if "frequency_hz" in numbers else spelling_hint("frequency_hz", numbers)
         raise table.lacks(column_words, hint)
     name, of = densities[0]
-    frequencies, psd = columns["frequency_hz"], columns[name]
+    frequencies, psd = numbers["frequency_hz"], numbers[name]
     problems = list(spectrum_problems(frequencies, psd))
     problems += [f".{name} = {value!r}: must not be negative" for value in psd if value < 0][:1]
     problems += [f".frequency_hz = {value!r}: must not be negative" for value in frequencies if value < 0][:1]
@@ -109,52 +127,38 @@ def _quantity(name: str) -> Quantity | None:
     return next((of for of in QUANTITIES if name == f"{of}_psd" or name.startswith(f"{of}_psd_")), None)
 
 
-def _table(path: str | PathLike[str], has_quotes: bool) -> Table:
-    name = fspath(path)
-    try:
-        text = text_of(path, "table")
-    except SceneError as error:
-        raise SceneError([f"{name}: {problem}" for problem in error.problems]) from None
-    lines = [(at, line) for at, line in enumerate(text.splitlines(), 1) if line.strip() and line.lstrip()[0] != "#"]
-    if len(lines) > MOST_ROWS:
-        raise SceneError([f"{name}: has over {MOST_ROWS} lines"])
-    try:
-        reader = csv.reader(line for _, line in lines)
-        rows = [(lines[reader.line_num - 1][0], row) for row in reader]
-    except csv.Error as error:
-        raise SceneError([f"{name}: {error}"]) from None
-    if not rows:
-        raise SceneError([f"{name}: is empty"])
-    heads = [head.strip() for head in rows[0][1]]
-    known_heads = {*TIMES, *RECORDED, *QUANTITIES, *FORCES, *RECORD, "frequency_hz"}
-    positions = [at for at, head in enumerate(heads) if head in known_heads]
-    positions += [at for at, head in enumerate(heads) if (_quantity(head) or _of_force(head)) and at not in positions]
-    if len({heads[at] for at in positions}) < len(positions):
-        raise SceneError([f"{name}: has a column twice"])
-    if not positions:
-        return Table(name, dict.fromkeys(heads, ()), has_quotes)
-    values = [_row(row, f"{name}: line {at}: ", heads, positions, has_quotes) for at, row in rows[1:]]
-    columns = zip(*values, strict=True) if values else [()] * len(positions)
-    numbers = {heads[at]: tuple(column) for at, column in zip(positions, columns, strict=True)}
-    return Table(name, dict.fromkeys(heads, ()) | numbers, has_quotes)
+def _table(path: str | PathLike[str], has_quotes: bool, meanings: Mapping[str, str] | None) -> Table:
+    """The known columns of a file in SI units, and the names of all others without numbers."""
+    table = read_table(path, has_quotes=has_quotes).renamed(meanings or {})
+    if not table.columns:
+        raise SceneError([f"{table.name}: is empty"])
+    known_columns = {*TIMES, *RECORDED, *QUANTITIES, *FORCES, *RECORD, "frequency_hz"}
+    numbers, others, problems = dict[str, tuple[float, ...]](), list[str](), list[str]()
+    for column in table.columns:
+        name, factor = in_si(column)
+        seconds = time_unit(column)
+        if seconds is not None:
+            name, factor = "time_s", seconds
+        if name not in known_columns and not _quantity(name) and not _of_force(name):
+            others.append(column)
+        elif name in numbers:
+            problems.append(f"{table.name}: has a column twice")
+        else:
+            values = factor * table.numbers(column)
+            problems += [*_sizes(table, column, values)][:1]
+            numbers[name] = tuple(values.tolist())
+    if problems:
+        raise SceneError(problems)
+    return Table(table.name, numbers | dict.fromkeys(others, ()), has_quotes)
 
 
-def _row(
-    row: Sequence[str], place: str, heads: Sequence[str], positions: Sequence[int], has_quotes: bool
-) -> list[float]:
-    values = []
-    for at in positions:
-        text = row[at].strip() if at < len(row) else ""
-        try:
-            value = float(text)
-        except ValueError:
-            value = float("nan")
-        if not isfinite(value) or abs(value) > LARGEST_READ:
-            quotation = f' = "{text[:40]}"' if has_quotes else ""
-            limit_words = f" of at most {LARGEST_READ:g}" * isfinite(value)
-            raise SceneError([f"{place}{heads[at]}{quotation}: must be a finite number{limit_words}"])
-        values.append(value)
-    return values
+def _sizes(table: DataTable, column: str, values: Floats) -> Iterator[str]:
+    """Numbers that are missing, or too large to be squared."""
+    for row in np.flatnonzero(~(np.abs(values) <= LARGEST_READ)):
+        cell = table.words(column)[row] if table.has_quotes else ""
+        quotation = f' = "{cell[:40]}"' if table.has_quotes else ""
+        limit = f" of at most {LARGEST_READ:g}" * isfinite(values[row])
+        yield f"{table.name}: line {table.lines[row]}, {column}{quotation}: must be a finite number{limit}"
 
 
 def with_files_read(data: object, folder: Path) -> object:
@@ -235,16 +239,22 @@ class _Files(NamedTuple):
         if others := [key for key in keys if key in part]:
             self.problems.append(f"{place}: cannot be combined with {', '.join(others)}")
             return part
+        meanings = part.get("columns", {})
+        if not isinstance(meanings, dict) or not all(isinstance(word, str) for word in meanings.values()):
+            self.problems.append(
+                f'{place.partition(" = ")[0].rpartition(".")[0]}.columns: must be a table, such as {{ t = "time_s" }}'
+            )
+            return part
         try:
-            numbers = reader(self.folder / path, has_quotes=False)
+            numbers = reader(self.folder / path, has_quotes=False, columns=meanings)
         except SceneError as error:
             prefix = f"{self.folder / path}: "
             self.problems.extend(f"{place}: {problem.removeprefix(prefix)}" for problem in error.problems)
             return part
-        return {key: value for key, value in part.items() if key != name} | numbers
+        return {key: value for key, value in part.items() if key not in (name, "columns")} | numbers
 
 
-def _matrices(path: Path, *, has_quotes: bool) -> dict[str, Any]:
+def _matrices(path: Path, *, has_quotes: bool, columns: Mapping[str, str]) -> dict[str, Any]:
     return read_matrices(path)
 
 
@@ -252,14 +262,14 @@ def _is_record(part: Mapping[str, Any]) -> bool:
     return part.get("kind") == "record"
 
 
-def _force_record(path: Path, *, has_quotes: bool) -> dict[str, Any]:
-    return read_record(path, True, has_quotes=has_quotes)
+def _force_record(path: Path, *, has_quotes: bool, columns: Mapping[str, str]) -> dict[str, Any]:
+    return read_record(path, True, has_quotes=has_quotes, columns=columns)
 
 
-def _motion_psd(path: Path, *, has_quotes: bool) -> dict[str, Any]:
-    return read_spectrum(path, has_quotes=has_quotes)._asdict()
+def _motion_psd(path: Path, *, has_quotes: bool, columns: Mapping[str, str]) -> dict[str, Any]:
+    return read_spectrum(path, has_quotes=has_quotes, columns=columns)._asdict()
 
 
-def _force_psd(path: Path, *, has_quotes: bool) -> dict[str, Any]:
-    spectrum = read_spectrum(path, True, has_quotes=has_quotes)
+def _force_psd(path: Path, *, has_quotes: bool, columns: Mapping[str, str]) -> dict[str, Any]:
+    spectrum = read_spectrum(path, True, has_quotes=has_quotes, columns=columns)
     return {"frequency_hz": spectrum.frequency_hz, "psd": spectrum.psd}

@@ -39,10 +39,19 @@ from multipendula.commands.shared import (
 if TYPE_CHECKING:
     from modal.identification import Assurance, Identified, ModeFit
     from modal.scene import Scene
-    from nonlinear.identification import Fit
+    from nonlinear.identification import Fit, Recording
 
-OF_MOTIONS = ("--where", "--angles", "--excitation", "--identification", "--order", "--identified-modes")
-OF_FITTED_MOTIONS = ("--where", "--scale", "--compare", "--window", "--bootstrap", "--column", "--angles")
+OF_MOTIONS = (
+    "--where",
+    "--every",
+    "--column",
+    "--angles",
+    "--excitation",
+    "--identification",
+    "--order",
+    "--identified-modes",
+)
+OF_FITTED_MOTIONS = ("--where", "--every", "--scale", "--compare", "--window", "--bootstrap", "--column", "--angles")
 """Options of `poles` and of `fit` that a file of modes does not take."""
 
 
@@ -81,7 +90,7 @@ def _fit_modes(options: argparse.Namespace) -> ModeFit:
 def _fit_motions(options: argparse.Namespace) -> Fit | None:
     from modal.identification import find_parameters
     from modal.scene import dumps, load
-    from nonlinear.identification import compare, fit_json, fit_text, parse_where, read_recording
+    from nonlinear.identification import compare, fit_json, fit_text
     from nonlinear.identification import fit as fitted
     from nonlinear.integration import validate
 
@@ -90,13 +99,7 @@ def _fit_motions(options: argparse.Namespace) -> Fit | None:
     more = kwargs_of(options, "--scale", "--loss", "--prior", "--window")
     _, recording, *_ = validate(
         lambda: find_parameters(scene, free, options.prior or ()),
-        lambda: read_recording(
-            scene,
-            options.data,
-            where=parse_where(options.where or ()),
-            angles=options.angles,
-            columns=parse_where(options.column or (), "HEADING=COLUMN, such as t=time_ms"),
-        ),
+        lambda: _recording(options, scene),
         lambda: picture(options.picture, "--picture"),
         lambda: in_a_folder(options.output, options.report, options.picture),
     )
@@ -105,7 +108,7 @@ def _fit_motions(options: argparse.Namespace) -> Fit | None:
         candidates = compare(scene, recording, free, laws, crew=crew, report=report, **more) if laws else []
         estimate = candidates[0].fit if candidates else fitted(scene, recording, free, report=report, **more)
     estimate = replace(estimate, verdict=tuple(map(options.page.in_options, estimate.verdict)))
-    _tell_of_unused(recording.unused)
+    _tell_of_readings(recording)
     files = {options.output: dumps(estimate.scene).encode()}
     if options.report:
         files[options.report] = fit_json(estimate, candidates, draws).encode()
@@ -113,6 +116,20 @@ def _fit_motions(options: argparse.Namespace) -> Fit | None:
     told = fit_json if options.format == "json" else fit_text
     say(told(estimate, candidates, draws), options.format)
     return None if candidates or draws else estimate
+
+
+def _recording(options: argparse.Namespace, scene: Scene | None) -> Recording:
+    """The recording in the files, with the rows and columns that the options say."""
+    from nonlinear.identification import parse_where, read_recording
+
+    return read_recording(
+        scene,
+        options.data,
+        where=parse_where(options.where or (), "COLUMN=VALUE, such as use=identify or time_s=6.2:19"),
+        angles=options.angles,
+        columns=parse_where(options.column or (), "HEADING=COLUMN, such as t=time_ms"),
+        every=options.every or 1,
+    )
 
 
 def poles(options: argparse.Namespace) -> Identified | Assurance:
@@ -143,17 +160,14 @@ def poles(options: argparse.Namespace) -> Identified | Assurance:
 def _identified(options: argparse.Namespace) -> tuple[Identified, str]:
     """The modes in measured motions, and the files of these."""
     from modal.identification import identify
-    from nonlinear.identification import parse_where, read_recording
 
-    recording = read_recording(
-        None, options.data, where=parse_where(options.where or ()), angles=options.angles
-    ).absolute()
+    recording = _recording(options, None).absolute()
     identified = identify(
         [(segment.times, segment.values) for segment in recording.segments],
         [sensor.name for sensor in recording.sensors],
         **kwargs_of(options, "--identification", "--excitation", "--order"),
     )
-    _tell_of_unused(recording.unused)
+    _tell_of_readings(recording)
     return identified, ", ".join(dict.fromkeys(segment.file for segment in recording.segments))
 
 
@@ -169,6 +183,11 @@ def _compare(options: argparse.Namespace, scene: Scene, table: str | None) -> As
     draw_in(options, options.output, "modal.plotting", "draw_assurance", comparison)
     say(assurance_table(comparison, options.format), options.format)
     return comparison
+
+
+def _tell_of_readings(recording: Recording) -> None:
+    remark("\n".join(recording.readings))
+    _tell_of_unused(recording.unused)
 
 
 def _tell_of_unused(columns: Sequence[str]) -> None:
@@ -187,7 +206,6 @@ COMMANDS = (
             *records("; or one of measured modes with mode, frequency_hz and std_hz"),
             option("--free, such as 'pendulum[0].links[*].damping', or none to judge the scene"),
             "--prior; repeat for several",
-            "--column: t=time_ms, theta_1_1_rad=theta_1_1_deg or theta_1_1_rad=-theta_1_1_rad; repeat for several",
             "--scale",
             "--loss (default linear); the others give less weight to outliers",
             "--window, which join (multiple shooting), for a long segment that is chaotic",

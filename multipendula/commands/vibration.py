@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from modal.scene import Scene
     from modal.vibration import RandomResponse, ShockResponse, ThermalNoise
 
+COLUMNS = "HEADING=COLUMN, such as t=time_ms"
+"""What is said of a wrong --column."""
 USUAL = "support_acceleration"
 OUTPUTS = (
     *("angles", "tip_accelerations", "rates", "relative_angles", "relative_rates", "joint_positions"),
@@ -57,6 +59,7 @@ def _random(options: argparse.Namespace, scene: Scene, **outputs: tuple[str, ...
     from os.path import exists
 
     from modal.scene.records import read_spectrum
+    from modal.scene.tables import parse_where
     from modal.vibration import random_response
     from modal.vibration.random import white_spectrum
 
@@ -65,7 +68,11 @@ def _random(options: argparse.Namespace, scene: Scene, **outputs: tuple[str, ...
         level = 0.0 if exists(options.psd) else number("(m/s²)²/Hz above 0")(options.psd)
     except argparse.ArgumentTypeError:
         level = 0.0
-    spectrum = white_spectrum(scene, level) if level else read_spectrum(options.psd, not supports)
+    spectrum = (
+        white_spectrum(scene, level)
+        if level
+        else read_spectrum(options.psd, not supports, columns=parse_where(options.column or (), COLUMNS))
+    )
     response = random_response(scene, spectrum, source=options.input, **outputs)
     if level:
         low, high = spectrum.frequency_hz
@@ -100,12 +107,14 @@ def _shock(options: argparse.Namespace) -> ShockResponse:
     """The response of every mode and output to a record of the support's motion, and its peaks."""
     from modal.scene import RecordMotion
     from modal.scene.records import read_record
+    from modal.scene.tables import parse_where
     from modal.vibration import shock_report, shock_response
 
     refuse(options, "cannot be combined with --record", "--psd", "--temperature", "--at", "--input")
+    columns = parse_where(options.column or (), COLUMNS)
 
     def respond(scene: Scene, **outputs: tuple[str, ...]) -> Any:
-        motion = RecordMotion(**read_record(options.record), baseline=options.baseline)
+        motion = RecordMotion(**read_record(options.record, columns=columns), baseline=options.baseline)
         return shock_response(scene, motion, **outputs)
 
     response: ShockResponse = _report(options, respond, shock_report, "draw_shock")
@@ -140,6 +149,7 @@ COMMANDS = (
             "--temperature, reported with a budget by place; beside that of the PSD where there is a --psd",
             "--at: the thermal noise (default some over its band)",
             "--record: time_s, and displacement_m, velocity_m_per_s or acceleration_m_per_s2 of the support",
+            "--column of the --record or the --psd: t=time_ms, quake=acceleration_g; repeat for several",
             "--baseline, with --record (default keep): velocity takes out a constant acceleration so that the support "
             "ends as it began",
             option(

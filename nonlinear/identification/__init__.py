@@ -1,13 +1,15 @@
 """Fits of a scene's numbers to measured motions, with error bars, and what the residuals say.
 
-In: a scene and a `Recording`, read from CSV files.  Out: a `Fit`: the scene with the fitted numbers, their covariance,
-what the record does not determine, residuals.  Start with `fitting`; `flow` has the motions and their derivatives.
+In: a scene and a `Recording`, read from files or arrays.  Out: a `Fit`: the scene with the fitted numbers, their
+covariance, what the record does not determine, residuals.  Start with `fitting`; `flow` has the motions and their
+derivatives.
 """
 
+from modal.scene.tables import parse_where
 from nonlinear.identification.comparison import LAWS, ComparedLaw, compare
 from nonlinear.identification.diagnosis import diagnose, turning_points
 from nonlinear.identification.fitting import LOSSES, fit
-from nonlinear.identification.records import ANGLES, Recording, Segment, Sensor, parse_where, read_recording
+from nonlinear.identification.records import ANGLES, Recording, Segment, Sensor, read_recording
 from nonlinear.identification.result import Fit, fit_json, fit_record, fit_text
 
 __all__ = [

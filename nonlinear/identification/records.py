@@ -6,25 +6,28 @@ structure a coordinate of a support, such as `left_m`, `board_rad` or `board_deg
 `segment` separates motions that were recorded apart; other columns select rows.  An empty cell or "nan" is a
 missing value.  The time may be `time_ms`, and `-theta_P_L_rad` is a sensor that counts the other way.  Angles that jump
 by a turn, as those of atan2 do, are continued.
+
+Files are read by `modal.scene.tables`, whatever divides their cells; columns of angles with other names are the links
+of one pendulum where that leaves no doubt: a single one, or as many as there are links, numbered from 1.
 """
 
 from __future__ import annotations
 
-import csv
-import io
 import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
-from math import isinf, nan, pi, radians
+from math import nan, pi, radians
+from typing import Any
 
 import numpy as np
 
 from modal.errors import SceneError, spelling_hint
 from modal.report import Displayed, counted, listed
 from modal.scene import Scene
-from modal.scene.contents import LARGEST_READ, SIZES_READ, SMALLEST_READ, text_of
+from modal.scene.contents import LARGEST_READ, SIZES_READ, SMALLEST_READ
+from modal.scene.tables import DataTable, read_table
 from modal.structure import structure_of
 from modal.types import Floats
 
@@ -32,12 +35,16 @@ TIME, SEGMENT = "time_s", "segment"
 TIMES = {TIME: 1.0, "time_ms": 1e-3}
 RUNS = "x_m"  # the cart in files of simulated runs, also of those without one
 SENSOR = re.compile(r"theta_([1-9][0-9]{0,6})_([1-9][0-9]{0,6})_(rad|deg)|cart_m|x_m", re.ASCII)
+ANGLE = re.compile(r"(?:\w*?[^\W\d_])_*(?P<number>\d*)(?:_\w*?)??_(?P<unit>rad|deg)")
+"""A column of an angle that is called otherwise, perhaps with a number."""
 LIKE_ONE = re.compile(r"theta_(?!dot_)|cart|time", re.ASCII)
 MOST_ANGLE = 60.0  # rad: some ten turns; beyond them the column is in degrees
 FEWEST = 4  # samples of a segment
 MOST_STEPS = 10_000_000  # of a segment, its gaps included
 TURN = 2 * pi
 JUMP = 0.75  # of a turn from one sample to the next: no motion, if all readings lie within one turn
+GAP_STEPS = 1.5
+"""Tolerance: a step that is longer than so many usual ones is told as a gap; nothing else depends on it."""
 FEW_CHANGES = 2  # different values that a record has at least
 ANGLES = ("absolute", "relative")
 
@@ -96,17 +103,18 @@ class Segment(Displayed):
 class Recording(Displayed):
     """Segments with the same C sensors; `relative` where angles are those to the link above.
 
-    `continued` are the names of sensors whose jumps by a turn were taken out.
+    `continued` are the names of sensors whose jumps by a turn were taken out; `readings` say how files were read.
     """
 
     what = "Recorded motions"
-    shows = "segments: segments; sensors: sensors; unused: columns not used"
+    shows = "segments: segments; sensors: sensors; unused: columns not used; readings: read as"
 
     sensors: tuple[Sensor, ...]
     segments: tuple[Segment, ...]
     relative: bool = False
     unused: tuple[str, ...] = ()
     continued: tuple[str, ...] = ()
+    readings: tuple[str, ...] = ()
 
     @property
     def n_values(self) -> int:
@@ -188,62 +196,81 @@ def unwrap(values: Floats) -> Floats:
     return angles
 
 
+Source = str | os.PathLike[str] | Mapping[str, Any] | DataTable
+"""A file, or columns in Python: a mapping of arrays or a data frame."""
+
+
 def read_recording(
     scene: Scene | None,
-    paths: Sequence[str | os.PathLike[str]],
+    paths: Sequence[Source],
     *,
     where: Mapping[str, str] | None = None,
     angles: str = "absolute",
     columns: Mapping[str, str] | None = None,
+    every: int = 1,
 ) -> Recording:
-    """The recording in these files, of a scene whose links and cart the sensors read, or of any with None.
+    """The recording in these files or arrays, of a scene whose links and cart the sensors read, or of any with None.
 
-    `where` gives columns with the value that used rows have there; `columns` says what columns with other headings
-    hold, such as {"t": "time_ms", "theta_1_2_rad": "-theta_1_2_rad"}.  SceneError lists every mistake.
+    `where` gives columns with the value, or the range such as "6.2:19", that used rows have there, and of these
+    `every` N-th row is used; `columns` says what columns with other headings hold, such as {"t": "time_ms",
+    "theta_1_2_rad": "-theta_1_2_rad"}.  SceneError lists every mistake.
     """
-    if angles not in ANGLES:
-        raise SceneError([f"angles {angles}: must be {' or '.join(ANGLES)}"])
-    carriers = carrier_columns(scene)
-    tables: list[tuple[str, list[str], list[tuple[int, list[str]]]]] = []
     problems: list[str] = []
-    for path in paths:
-        name = os.fspath(path)
-        try:
-            header, rows = _table(name, where or {}, columns or {}, carriers)
-            if _has_no_cart(scene) if scene else _is_still(header, rows):
-                header = [f"({column})" if column == RUNS else column for column in header]
-            tables.append((name, header, rows))
-        except SceneError as error:
-            problems += error.problems
+    if angles not in ANGLES:
+        problems.append(f"angles {angles}: must be {' or '.join(ANGLES)}")
+    if every < 1:
+        problems.append(f"every {every}: must be at least 1")
     if not paths:
         problems.append("no file of measured motions is given")
     if problems:
         raise SceneError(problems)
+    carriers = carrier_columns(scene)
+    tables: list[DataTable] = []
+    for path in paths:
+        try:
+            table = _recorded_table(path, scene, where or {}, columns or {}, carriers)
+            if _has_no_cart(scene) if scene else _is_still(table):
+                table = table.renamed({RUNS: f"({RUNS})"} if RUNS in table.columns else {})
+            tables.append(table.take(range(0, len(table), every)) if every > 1 else table)
+        except SceneError as error:
+            problems += error.problems
+    if problems:
+        raise SceneError(problems)
     sensors = sorted(
-        {_sensor(column, carriers) for _, header, _ in tables for column in header if _is_sensor(column, carriers)}
+        {_sensor(column, carriers) for table in tables for column in table.columns if _is_sensor(column, carriers)}
     )
     problems += [problem for sensor in sensors if scene for problem in _absent(scene, sensor)]
     segments: list[Segment] = []
-    for name, header, rows in tables:
+    for table in tables:
         try:
-            segments += _segments(name, header, rows, sensors, carriers)
+            segments += _segments(table, sensors, carriers)
         except SceneError as error:
             problems += error.problems
     problems += _empty(sensors, segments) if not problems else []
     if problems:
         raise SceneError(problems)
-    other_columns = {column for _, header, _ in tables for column in header if not _is_known(column, carriers)} - {
+    other_columns = {column for table in tables for column in table.columns if not _is_known(column, carriers)} - {
         *(where or {}),
         f"({RUNS})",
     }
-    return Recording(
-        tuple(sensors), tuple(segments), angles == "relative", tuple(sorted(other_columns))
-    ).unwrap_angles()
+    recording = Recording(tuple(sensors), tuple(segments), angles == "relative", tuple(sorted(other_columns)))
+    return replace(recording.unwrap_angles(), readings=tuple(map(_reading, tables)))
 
 
-def _is_still(header: Sequence[str], rows: Sequence[tuple[int, list[str]]]) -> bool:
+def _reading(table: DataTable) -> str:
+    """What was understood of a file: how its cells are divided, its columns, its rate and its gaps."""
+    clock, factor = table.seconds() or (TIME, 1.0)
+    steps = np.diff(factor * table.numbers(clock))
+    step = float(np.median(steps)) if len(steps) else 0.0
+    gaps = int(np.count_nonzero(steps > GAP_STEPS * step))
+    rate = f"{len(table)} rows" + (f" at {1 / step:.6g} Hz" if step > 0 else "")
+    words = [table.described(), rate, counted(gaps, "gap", "gaps") if gaps else ""]
+    return f"{table.name}: {'; '.join(filter(None, words))}"
+
+
+def _is_still(table: DataTable) -> bool:
     """Whether the cart of a simulated run never moves."""
-    return RUNS in header and len({row[header.index(RUNS)] for _, row in rows}) == 1
+    return RUNS in table.columns and len(set(table.words(RUNS))) == 1
 
 
 Carriers = Mapping[str, Sensor]
@@ -300,49 +327,57 @@ def _absent(scene: Scene, sensor: Sensor) -> Iterator[str]:
         yield f"column {sensor.name}: the pendulum has {counted(sizes[sensor.pendulum - 1], 'link', 'links')}"
 
 
-def _table(
-    name: str, where: Mapping[str, str], meanings: Mapping[str, str], carriers: Carriers
-) -> tuple[list[str], list[tuple[int, list[str]]]]:
-    """The header of a file, and its rows with their line numbers."""
-    try:
-        text = text_of(name, "table")
-        reader = csv.reader(line for line in io.StringIO(text, newline="") if not line.startswith("#"))
-        header, *rows = [*enumerate(reader, 1)] or [(1, [])]
-    except SceneError as error:
-        raise SceneError([f"{name}: {problem}" for problem in error.problems]) from None
-    except csv.Error as error:
-        raise SceneError([f"{name}: {error}"]) from None
-    headings = [word.strip() for word in header[1]]
-    columns = [meanings.get(word, word) for word in headings]
-    problems = [
-        f"column {heading}: is missing{spelling_hint(heading, headings)}"
-        for heading in meanings
-        if heading not in headings
-    ]
-    problems += [
+def _recorded_table(
+    source: Source,
+    scene: Scene | None,
+    where: Mapping[str, str],
+    meanings: Mapping[str, str],
+    carriers: Carriers,
+) -> DataTable:
+    """The rows of a file that are used, under the columns that it has or that its headings were found to mean."""
+    table = source if isinstance(source, DataTable) else read_table(source)
+    wrong = [
         f"column {old}: {new}: must be time_s, time_ms, theta_P_L_rad, theta_P_L_deg or cart_m, or - and one of these"
         for old, new in meanings.items()
         if not _is_known(new, carriers)
     ]
-    if problems := [*problems, *_header_problems(columns, where, carriers)]:
-        raise SceneError([f"{name}: {problem}" for problem in problems])
-    full = [(line, row) for line, row in rows if any(word.strip() for word in row)]
-    if uneven_lines := [line for line, row in full if len(row) != len(columns)]:
-        raise SceneError([f"{name}: line {uneven_lines[0]}: must have {len(columns)} cells like the first"])
-    used = [
-        (line, row)
-        for line, row in full
-        if all(row[columns.index(column)].strip() == value for column, value in where.items())
-    ]
-    if not used:
-        raise SceneError([f"{name}: has no rows" + (" with the values that were asked for" if full and where else "")])
-    return columns, used
+    try:
+        table = table.renamed(meanings)
+    except SceneError as error:
+        raise SceneError([*error.problems, *(f"{table.name}: {problem}" for problem in wrong)]) from None
+    table = _with_angles(table, scene, carriers)
+    if problems := [*wrong, *_header_problems(table, where, carriers)]:
+        raise SceneError([f"{table.name}: {problem}" for problem in problems])
+    used = table.where(where)
+    if not len(used):
+        asked_for = " with the values that were asked for" if len(table) and where else ""
+        raise SceneError([f"{table.name}: has no rows{asked_for}"])
+    return used
 
 
-def _header_problems(columns: Sequence[str], where: Mapping[str, str], carriers: Carriers) -> Iterator[str]:
+def _with_angles(table: DataTable, scene: Scene | None, carriers: Carriers) -> DataTable:
+    """With the time by its name, and angles of other names as those of links where that is beyond doubt."""
+    clock = table.seconds()
+    names = {} if clock is None or clock[0] in TIMES else {clock[0]: TIME if clock[1] == 1 else clock[0]}
+    if any(_is_sensor(column, carriers) for column in table.columns):
+        return table.renamed(names)
+    units = {column: match for column in table.columns if (match := ANGLE.fullmatch(column))}
+    numbers = [match["number"] for match in units.values()]
+    counts = [pendulum.n_links for pendulum in scene.pendulum for _ in range(pendulum.count)] if scene else [len(units)]
+    is_clear = len(units) == 1 == sum(counts) or (
+        len(counts) == 1 and numbers == [str(k) for k in range(1, counts[0] + 1)]
+    )
+    if is_clear:
+        for k, (column, match) in enumerate(units.items(), 1):
+            names[column] = f"theta_1_{k}_{match['unit']}"
+    return table.renamed(names)
+
+
+def _header_problems(table: DataTable, where: Mapping[str, str], carriers: Carriers) -> Iterator[str]:
+    columns = table.columns
     times = [heading for heading in columns if heading in TIMES]
     if not times:
-        yield f"has no column {TIME}{spelling_hint(TIME, columns)}"
+        yield f"has no column {TIME}{spelling_hint(TIME, columns)}{_likely_causes(table, 't=time_s')}"
     if len(set(times)) > 1:
         yield f"columns {listed(times, len(times))}: are the time in two units"
     yield from (
@@ -356,7 +391,8 @@ def _header_problems(columns: Sequence[str], where: Mapping[str, str], carriers:
             yield f"column {column}: must be theta_P_L_rad, theta_P_L_deg or cart_m, with P and L from 1"
     sensors = [column for column in columns if _is_sensor(column, carriers)]
     if not sensors:
-        yield "has no column of a sensor, such as theta_1_1_rad or cart_m"
+        causes = _likely_causes(table, "angle=theta_1_1_deg")
+        yield f"has no column of a sensor, such as theta_1_1_rad or cart_m{causes if times else ''}"
     sensor_of = {heading: _sensor(heading, carriers) for heading in sensors}
     twice = [
         heading for heading in sensors if len({twin for twin in sensors if sensor_of[twin] == sensor_of[heading]}) > 1
@@ -365,42 +401,43 @@ def _header_problems(columns: Sequence[str], where: Mapping[str, str], carriers:
         yield f"columns {listed(twice, len(twice))}: are one sensor in two units"
 
 
-def _segments(
-    name: str,
-    header: Sequence[str],
-    rows: Sequence[tuple[int, list[str]]],
-    sensors: Sequence[Sensor],
-    carriers: Carriers,
-) -> list[Segment]:
-    number = {
-        column: [_number(row[k]) for _, row in rows] for k, column in enumerate(header) if _is_number(column, carriers)
-    }
-    problems = []
-    for column, values in number.items():
-        bad = next((k for k, value in enumerate(values) if value is None or isinf(value)), None)
-        if bad is not None:
-            line, row = rows[bad]
-            problems.append(
-                f"{name}: line {line}, {column} = {row[header.index(column)]!r:.60}: must be a finite number"
-            )
+def _likely_causes(table: DataTable, example: str) -> str:
+    """The heading as read, and why it may not say what is needed."""
+    if not table.headings:
+        return ""
+    heading = " | ".join(table.headings)
+    return (
+        f": the heading reads “{heading:.200}” ({table.described() or 'cells between commas'}). Perhaps the column has "
+        f"another name (`columns={example}`), has no unit that is known, or the heading stands in another line"
+    )
+
+
+def _segments(table: DataTable, sensors: Sequence[Sensor], carriers: Carriers) -> list[Segment]:
+    name, problems, number = table.name, list[str](), dict[str, Floats]()
+    for column in table.columns:
+        if column in TIMES or _is_sensor(column, carriers):
+            try:
+                number[column] = table.numbers(column)
+            except SceneError as error:
+                problems += error.problems
     if problems:
         raise SceneError(problems)
-    clock = next(column for column in header if column in TIMES)
-    times = TIMES[clock] * np.array(number[clock], dtype=float)
-    table = np.full((len(times), len(sensors)), nan)
-    for column, cells in number.items():
+    clock = next(column for column in table.columns if column in TIMES)
+    times = TIMES[clock] * number[clock]
+    values = np.full((len(times), len(sensors)), nan)
+    for column, readings in number.items():
         if column != clock:
             factor = (radians(1.0) if column.endswith("_deg") else 1.0) * (-1 if column.startswith("-") else 1)
-            table[:, sensors.index(_sensor(column, carriers))] = factor * np.array(cells, dtype=float)
-    names = [row[header.index(SEGMENT)].strip() for _, row in rows] if SEGMENT in header else [""] * len(rows)
+            values[:, sensors.index(_sensor(column, carriers))] = factor * readings
+    names = table.words(SEGMENT) if SEGMENT in table.columns else [""] * len(table)
     segments: list[Segment] = []
     at = 0
     for segment, group in groupby(names):
         count = len([*group])
         within = slice(at, at + count)
         at += count
-        segments.append(Segment(name, segment, times[within], table[within]))
-        problems += _segment_problems(segments[-1], sensors)
+        segments.append(Segment(name, segment, times[within], values[within]))
+        problems += _segment_problems(segments[-1], sensors, table.lines[within])
     titles = [segment.name for segment in segments]
     duplicates = [title for title in dict.fromkeys(titles) if titles.count(title) > 1]
     problems += [f"{name}: segment {title}: its rows do not follow one another" for title in duplicates]
@@ -409,27 +446,16 @@ def _segments(
     return segments
 
 
-def _is_number(column: str, carriers: Carriers) -> bool:
-    return column in TIMES or _is_sensor(column, carriers)
-
-
-def _number(word: str) -> float | None:
-    if not word.strip():
-        return nan
-    try:
-        return float(word)
-    except ValueError:
-        return None
-
-
-def _segment_problems(segment: Segment, sensors: Sequence[Sensor]) -> Iterator[str]:
-    if not np.all(np.isfinite(segment.times)):
-        yield f"{segment.where}: a time is missing"
+def _segment_problems(segment: Segment, sensors: Sequence[Sensor], lines: Sequence[int]) -> Iterator[str]:
+    missing = np.flatnonzero(~np.isfinite(segment.times))
+    if len(missing):
+        yield f"{segment.where}: a time is missing in line {lines[missing[0]]}"
         return
     back = np.flatnonzero(np.diff(segment.times) <= 0)
     if len(back):
         at = segment.times[back[0]]
-        yield f"{segment.where}: the time does not increase after {at:.9g} s"
+        way = f"`where={TIME}=…:…` cuts such rows off"
+        yield f"{segment.where}: the time does not increase after {at:.9g} s, in line {lines[back[0] + 1]}: {way}"
     if len(segment.times) > 1:
         yield from _clock_problems(segment)
     if len(segment.times) < FEWEST:
@@ -466,16 +492,3 @@ def _empty(sensors: Sequence[Sensor], segments: Sequence[Segment]) -> Iterator[s
     for segment in segments:
         if int(np.count_nonzero(np.isfinite(segment.values))) < FEWEST:
             yield f"{segment.where}: has no values"
-
-
-def parse_where(texts: Sequence[str], example: str = "COLUMN=VALUE, such as use=identify") -> dict[str, str]:
-    """The columns and values of texts such as "use=identify"; SceneError for any other."""
-    cells, problems = {}, []
-    for text in texts:
-        column, sign, value = text.partition("=")
-        if not sign or not column.strip():
-            problems.append(f"{text:.60}: must be {example}")
-        cells[column.strip()] = value.strip()
-    if problems:
-        raise SceneError(problems)
-    return cells

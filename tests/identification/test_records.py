@@ -14,7 +14,7 @@ from nonlinear.identification import parse_where, read_recording
 GOOD = "time_s,theta_1_1_rad\n0,0.1\n0.1,0.05\n0.2,-0.02\n0.3,-0.1\n"
 BAD = {
     "": "has no column time_s",
-    "t,theta_1_1_rad\n0,1\n": "has no column time_s",
+    "x,theta_1_1_rad\n0,1\n": "has no column time_s",
     "time_s,angle\n0,1\n": "has no column of a sensor",
     "time_s,theta_1_1\n0,1\n": "column theta_1_1: must be",
     "time_s,theta_1_1_mm\n0,1\n": "column theta_1_1_mm: must be",

@@ -104,7 +104,7 @@ def test_extremes_of_many_pieces_are_those_of_a_fine_grid() -> None:
         ("t,l\n0,5\n", r"file = \"record.csv\": needs the columns time_s and length_m$"),
         ("time_s,length_m\n0,5\n", "time_s: has 1 samples: at least 2 are needed"),
         ("time_s,length_m\n0,5\n0,4\n", "time_s: must be strictly ascending"),
-        ("time_s,length_m\n0,5\n1,a\n", "file = .record.csv.: line 3: length_m: must be a finite number"),
+        ("time_s,length_m\n0,5\n1,a\n", "file = .record.csv.: line 3, length_m: must be a finite number"),
         ("time_s,length_m\n0,4\n1,3\n", r"length_m: begins at 4 m, and its link has length = 5"),
         ("time_s,length_m\n0,5\n1,-1\n", r"length_m\[1\] = -1.0: must be positive"),
         (

@@ -74,7 +74,7 @@ GOOD = "time_s,displacement\n0,0\n1,1\n2,2\n3,4\n"
         ('kind = "record", file = "no.csv"', GOOD, r'support.motion.file = "no.csv": cannot be read'),
         ('kind = "record", file = "quake.csv", time_s = [1.0]', GOOD, "cannot be combined with time_s"),
         ('kind = "record", file = "quake.csv"', "a,b\n1,2\n", r"needs the columns time_s and .*acceleration_m_per_s2$"),
-        ('kind = "record", file = "quake.csv"', GOOD + "4,x\n", "line 6: displacement: must be a finite number"),
+        ('kind = "record", file = "quake.csv"', GOOD + "4,x\n", "line 6, displacement: must be a finite number"),
         ('kind = "record", file = "quake.csv"', GOOD + "4,inf\n", "must be a finite number"),
         ('kind = "record", file = "quake.csv"', GOOD + "2,1\n", "time_s: must be strictly ascending"),
         ('kind = "record", file = "quake.csv"', "", "is empty"),
