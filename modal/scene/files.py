@@ -128,6 +128,42 @@ def dumps(scene: Scene) -> str:
     return tomli_w.dumps(describe(scene))
 
 
+def dumps_like(scene: Scene, source: str | os.PathLike[str] | Scene, folder: Path = Path()) -> str:
+    """`dumps`, with the comments and the layout of a source of which the scene differs in numbers alone.
+
+    Without them where the source is no file or shipped scene, or where in `folder` the text would not read back as the
+    scene, as where that lacks the records that it names.
+    """
+    import tomlkit
+
+    if isinstance(source, Scene) or os.fspath(source) == STANDARD:
+        return dumps(scene)
+    text = decode_text(_read_content(os.fspath(source)), "scene")
+    document = tomlkit.parse(text)
+    try:
+        _edit(document, describe(parse(text.encode(), Path(source).parent)), describe(scene))
+        edited = tomlkit.dumps(document)
+        if parse(edited.encode(), folder) == scene:
+            return edited
+    except SceneError:
+        pass
+    return dumps(scene)
+
+
+def _edit(container: Any, before: Any, after: Any) -> None:
+    """Put what differs into a document whose keys and lists are those of the mappings."""
+    places = after if isinstance(after, dict) else range(len(after))
+    for place in places:
+        old, new = (before.get(place) if isinstance(before, dict) else before[place]), after[place]
+        if old == new:
+            continue
+        is_table = isinstance(old, dict) and isinstance(new, dict)
+        if is_table or (isinstance(old, list) and isinstance(new, list) and len(old) == len(new)):
+            _edit(container[place], old, new)
+        else:
+            container[place] = new
+
+
 @checked
 def dump(scene: Scene, path: str | os.PathLike[str]) -> None:
     """Write a scene file, whole or not at all.

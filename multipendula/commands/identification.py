@@ -33,6 +33,7 @@ from multipendula.commands.shared import (
     pictured,
     remark,
     say,
+    scene_bytes,
     write_together,
 )
 
@@ -68,7 +69,7 @@ def fit(options: argparse.Namespace) -> Fit | ModeFit | None:
 def _fit_modes(options: argparse.Namespace) -> ModeFit:
     from modal.errors import SceneError
     from modal.identification import fit_modes, mode_fit_json, mode_fit_text, read_modes
-    from modal.scene import dumps, load
+    from modal.scene import load
 
     refuse(options, f"is for measured motions, and {options.data[0]} has modes", *OF_FITTED_MOTIONS)
     if len(options.data) > 1:
@@ -79,7 +80,7 @@ def _fit_modes(options: argparse.Namespace) -> ModeFit:
     measured = read_modes(scene, options.data[0])
     _tell_of_unused(measured.unused)
     fitted = fit_modes(scene, measured, listed(options.free), priors=options.prior or (), loss=options.loss)
-    files = {options.output: dumps(fitted.scene).encode()}
+    files = {options.output: scene_bytes(options, fitted.scene)}
     if options.report:
         files[options.report] = mode_fit_json(fitted).encode()
     write_together(files | pictured(options, "modal.plotting", "draw_mode_fit", fitted))
@@ -89,7 +90,7 @@ def _fit_modes(options: argparse.Namespace) -> ModeFit:
 
 def _fit_motions(options: argparse.Namespace) -> Fit | None:
     from modal.identification import find_parameters
-    from modal.scene import dumps, load
+    from modal.scene import load
     from nonlinear.identification import compare, fit_json, fit_text
     from nonlinear.identification import fit as fitted
     from nonlinear.integration import validate
@@ -109,7 +110,7 @@ def _fit_motions(options: argparse.Namespace) -> Fit | None:
         estimate = candidates[0].fit if candidates else fitted(scene, recording, free, report=report, **more)
     estimate = replace(estimate, verdict=tuple(map(options.page.in_options, estimate.verdict)))
     _tell_of_readings(recording)
-    files = {options.output: dumps(estimate.scene).encode()}
+    files = {options.output: scene_bytes(options, estimate.scene)}
     if options.report:
         files[options.report] = fit_json(estimate, candidates, draws).encode()
     write_together(files | pictured(options, "nonlinear.plotting", "draw_fit", estimate))

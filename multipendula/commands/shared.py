@@ -210,6 +210,15 @@ def is_new(name: str | None) -> bool:
     return bool(name) and "\0" not in str(name) and (isfile(str(name)) or not exists(str(name)))
 
 
+def scene_bytes(options: argparse.Namespace, scene: Scene) -> bytes:
+    """The content of the main file: the scene in the layout of that which was given, with its comments."""
+    from pathlib import Path
+
+    from modal.scene.files import dumps_like
+
+    return dumps_like(scene, options.scene, Path(options.output or "").parent).encode() if options.output else b""
+
+
 def in_a_folder(*paths: str | None, option: str = "-o") -> None:
     """SceneError if the folder of an output file does not exist or it is one, before anything is computed."""
     from pathlib import Path

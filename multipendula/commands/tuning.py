@@ -15,6 +15,7 @@ from multipendula.commands.shared import (
     picture,
     pictured,
     say,
+    scene_bytes,
     write_together,
 )
 
@@ -31,7 +32,7 @@ WITHIN = 1.4
 def tune(options: argparse.Namespace) -> Tuned | None:
     """Find the numbers of a scene that make peaks, RMS, decay or a residual swing best, and how much each is worth."""
     from modal.errors import SceneError
-    from modal.scene import dumps, load
+    from modal.scene import load
     from modal.tuning import tune as tuned
     from modal.tuning import tuned_json, tuned_text
 
@@ -57,7 +58,7 @@ def tune(options: argparse.Namespace) -> Tuned | None:
     record = {} if swing is None else {"finite_swing": _swing_record(swing, best)}
     told = tuned_json(best, record) if options.report or options.format == "json" else ""
     text = "" if options.format == "json" else tuned_text(best, "" if swing is None else _swing_words(swing, best))
-    files = {options.output: dumps(best.scene).encode(), options.report: told.encode()}
+    files = {options.output: scene_bytes(options, best.scene), options.report: told.encode()}
     write_together(files | pictured(options, "modal.plotting", "draw_tuning", best))
     say(told if options.format == "json" else text, options.format)
     return None if swing else best
