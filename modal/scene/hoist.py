@@ -50,6 +50,9 @@ class Hoist(Part):
     file: str | None = field(FILE_NAME, "name of a CSV file with time_s and length_m", default=None)
     time_s: SeveralOrNone[float] = field(REALS_OR_NONE, "times of a record in place of these", "s", default=None)
     length_m: SeveralOrNone[float] = field(optional(list_of(POSITIVE)), "lengths at these times", "m", default=None)
+    interpolation: Literal["auto", "cubic"] = field(
+        one_of("auto", "cubic"), "of a record; auto: a spline, where that stays within the samples", default="auto"
+    )
 
     @property
     def is_recorded(self) -> bool:
@@ -65,6 +68,8 @@ class Hoist(Part):
             yield from [f".file: {UNREAD}"] if self.file is not None else self._record_problems()
         else:
             yield from (f".{name}: is required" for name in ("to", "duration") if name not in keys)
+        if self.interpolation != "auto" and not self.is_recorded:
+            yield f'.interpolation = "{self.interpolation}": is that of a record'
         if self.ramp is not None and self.profile == "smooth":
             yield f'.ramp = {self.ramp}: needs profile = "trapezoidal"'
 
@@ -100,7 +105,7 @@ class Hoist(Part):
         """The length as a function of time, from `length` (m) on."""
         law: LengthLaw
         if self.time_s and self.length_m:
-            law = deferred("modal.scene.length_laws:recorded_law")(self.time_s, self.length_m)
+            law = deferred("modal.scene.length_laws:recorded_law")(self.time_s, self.length_m, self.interpolation)
         else:
             ramp = RAMP if self.ramp is None else self.ramp
             share = None if self.profile == "smooth" else ramp

@@ -108,12 +108,12 @@ def profile_law(length: float, to: float, begin: float, span: float, share: floa
 
 
 @lru_cache(maxsize=64)
-def recorded_law(times: tuple[float, ...], lengths: tuple[float, ...]) -> LengthLaw:
+def recorded_law(times: tuple[float, ...], lengths: tuple[float, ...], interpolation: str = "auto") -> LengthLaw:
     """The law of a record."""
-    return spline(np.array(times), np.array(lengths))
+    return spline(np.array(times), np.array(lengths), interpolation)
 
 
-def spline(times: Floats, lengths: Floats) -> LengthLaw:
+def spline(times: Floats, lengths: Floats, interpolation: str = "auto") -> LengthLaw:
     """The law through lengths (m) at ascending times (s), both (T,), with speed 0 at both ends."""
     resting = monotone_slopes(times, lengths)
     resting[[0, -1]] = 0.0
@@ -122,7 +122,9 @@ def spline(times: Floats, lengths: Floats) -> LengthLaw:
         part = slice(first, last + 1)
         return _cubics(times[part], lengths[part], _speeds(times[part], lengths[part], resting[[first, last]]))
 
-    is_straight = unsplined_intervals(times, lengths, lambda first, last: lambda at: between(first, last)(at)[0])
+    is_straight = unsplined_intervals(
+        times, lengths, lambda first, last: lambda at: between(first, last)(at)[0], interpolation
+    )
     speed = resting.copy()
     for first, last in splined_stretches(is_straight):
         speed[first : last + 1] = _speeds(times[first : last + 1], lengths[first : last + 1], resting[[first, last]])
@@ -174,8 +176,10 @@ Spline = Callable[[int, int], Callable[[Floats], Floats]]
 """The spline through the samples from one to another, both included."""
 
 
-def unsplined_intervals(times: Floats, values: Floats, spline: Spline) -> Booleans:
+def unsplined_intervals(times: Floats, values: Floats, spline: Spline, interpolation: str = "auto") -> Booleans:
     """The intervals (T - 1,) between samples at `times`, both (T,), that are joined without a spline."""
+    if interpolation != "auto":
+        return np.full(len(times) - 1, interpolation == "linear")
     previous_index, next_index = (
         np.maximum(np.arange(-1, len(times) - 2), 0),
         np.minimum(np.arange(2, len(times) + 1), len(times) - 1),

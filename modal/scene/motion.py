@@ -79,12 +79,20 @@ class SweepSignal(Part):
     duration: float = field(POSITIVE, "of the sweep, from t = 0", "s")
 
 
+Interpolation = Literal["auto", "linear", "cubic"]
+INTERPOLATION = one_of("auto", "linear", "cubic")
+NO_LINES = "straight lines would change the velocity at once, which takes an infinite force: write auto or cubic"
+
+
 class RecordSignal(Part):
-    """Samples at `time_s`, joined by a spline."""
+    """Samples at `time_s`, joined by a spline, or as `interpolation` says."""
 
     kind: Literal["record"] = field(one_of("record"), default="record")
     file: str | None = field(FILE_NAME, "name of a CSV file with time_s and samples", default=None)
     time_s: SeveralOrNone[float] = field(REALS_OR_NONE, "times of at least 4 samples", "s", default=None)
+    interpolation: Interpolation = field(
+        INTERPOLATION, "between samples; auto: a spline, lines where it would leave their range", default="auto"
+    )
 
     def recorded_problems(self, keys: tuple[str, ...]) -> Iterator[str]:
         """A file that is not read, missing or several quantities of these keys, and times that do not ascend."""
@@ -182,8 +190,10 @@ class RecordMotion(RecordSignal, Movement):
         return next((of, values) for name, of in RECORDED.items() if (values := getattr(self, name)) is not None)
 
     def problems(self) -> Iterator[str]:
-        """Those of records."""
-        return self.recorded_problems(tuple(RECORDED))
+        """Those of records, and displacements on straight lines."""
+        yield from self.recorded_problems(tuple(RECORDED))
+        if self.displacement_m is not None and self.interpolation == "linear":
+            yield f".interpolation: {NO_LINES}, or a record of velocities"
 
 
 class RandomMotion(RandomSignal, Movement):

@@ -77,8 +77,8 @@ class Record(PiecewiseMotion):
         of, values = motion.samples if isinstance(motion, RecordMotion) else ("acceleration", motion.samples)
         times = np.array(motion.time_s)
         self.first, self.last, self.of = float(times[0]), float(times[-1]), ORDERS[of]
-        self.degree = DEGREE if len(times) > DEGREE else 3
-        curve, is_straight = _join_samples(times, np.array(values), self.degree, self.of)
+        self.degree = DEGREE if len(times) > DEGREE and motion.interpolation != "cubic" else 3
+        curve, is_straight = _join_samples(times, np.array(values), self.degree, self.of, motion.interpolation)
         splines = {self.of: curve}
         for order in range(self.of + 1, 3):
             splines[order] = splines[order - 1].derivative()
@@ -95,7 +95,11 @@ class Record(PiecewiseMotion):
         )
         self.shortest = 4 * spacing
         self.band_hz = nan if is_straight.all() else band(self.degree, 2 - self.of) / spacing
-        self._joined_words = unsplined_words(times, is_straight, "straight lines" if self.of else "cubics")
+        self._joined_words = (
+            "straight lines join the samples"
+            if motion.interpolation == "linear"
+            else unsplined_words(times, is_straight, "straight lines" if self.of else "cubics")
+        )
         self.left = float(self.derivative(self.last, 1))
         self.words = self._words(times) if isinstance(motion, RecordMotion) else self._band_words
 
@@ -159,7 +163,9 @@ class Record(PiecewiseMotion):
         return self._splines[order](within) - drift
 
 
-def _join_samples(times: Floats, values: Floats, degree: int, of: int) -> tuple[Any, Booleans]:
+def _join_samples(
+    times: Floats, values: Floats, degree: int, of: int, interpolation: str = "auto"
+) -> tuple[Any, Booleans]:
     """The curve through samples (T,) of a derivative of the order `of`, and its intervals (T - 1,) without a spline."""
     slopes = monotone_slopes(times, values)
 
@@ -175,7 +181,7 @@ def _join_samples(times: Floats, values: Floats, degree: int, of: int) -> tuple[
         knots = np.concatenate((np.repeat(x[:1], degree + 1), inner, np.repeat(x[-1:], degree + 1)))
         return scipy.interpolate.make_interp_spline(x, y, k=degree, t=knots, bc_type=tuple(ends))
 
-    is_straight = unsplined_intervals(times, values, spline)
+    is_straight = unsplined_intervals(times, values, spline, interpolation)
     if not is_straight.any():
         return scipy.interpolate.make_interp_spline(times, values, k=degree), is_straight
     coefficients = np.zeros((degree + 1, len(times) - 1))

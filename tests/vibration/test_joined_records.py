@@ -8,9 +8,10 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
-from scipy.interpolate import PchipInterpolator, make_interp_spline
+from scipy.interpolate import CubicSpline, PchipInterpolator, make_interp_spline
 
-from modal.scene import Bob, Cart, InitialCondition, Pendulum, RecordForce, RecordMotion, Scene
+from modal import SceneError
+from modal.scene import Bob, Cart, Hoist, InitialCondition, Pendulum, RecordForce, RecordMotion, Scene
 from modal.scene.length_laws import monotone_slopes, spline, unsplined_intervals
 from modal.vibration import shock_response
 from modal.vibration.prescribed import Record, prescribed_motion
@@ -166,3 +167,49 @@ def test_a_shock_knows_the_acceleration_on_both_sides_of_a_corner() -> None:
     steps = [(0.0, 5.0), (0.2, -5.0), (4.0, -5.0), (4.2, 5.0)]
     exact = sum(size * swung(response.times - at) for at, size in steps)
     assert response.history[0] == pytest.approx(exact, abs=1e-12)
+
+
+@pytest.mark.parametrize("of", QUANTITIES[1:])
+@pytest.mark.parametrize("name", ["trapezoid", "corners"])
+def test_samples_are_joined_as_asked_for(name: str, of: str) -> None:
+    times, values = ROUGH[name]
+    motions = {
+        how: Record(RecordMotion(time_s=tuple(times), **{of: tuple(values)}, interpolation=how))
+        for how in ("linear", "cubic")
+    }
+    order, at = QUANTITIES.index(of), np.linspace(times[0], times[-1], 601)
+    assert np.abs(motions["linear"].derivative(at, order) - np.interp(at, times, values)).max() < 1e-12
+    assert np.abs(motions["cubic"].derivative(at, order) - CubicSpline(times, values)(at)).max() < 1e-12
+    assert motions["linear"].breaks == tuple(times.tolist())
+    assert "straight lines join the samples" in motions["linear"].words
+
+
+def test_a_pendulum_pushed_along_straight_lines_and_along_a_cubic() -> None:
+    times, pushes = (0.0, 0.5, 0.6, 1.4, 2.0), (0.0, 0.0, 0.8, -0.5, 0.0)
+    for how, push in (("linear", lambda t: np.interp(t, times, pushes)), ("cubic", CubicSpline(times, pushes))):
+        force = RecordForce(on="pendulum[0].links[0]", time_s=times, force_n=pushes, interpolation=how)
+        scene = Scene(gravity=9.81, pendulum=[Pendulum(links=[Bob(mass=2.0, length=1.5)])], force=[force])
+        run = simulate(scene, 2.0, output=[2.0], tolerance=1e-12)
+        angle, rate = 0.0, 0.0
+        for start, end in pairwise(times):
+            motion = solve_ivp(
+                lambda t, y, push=push: (y[1], (push(t) * np.cos(y[0]) / 2.0 - 9.81 * np.sin(y[0])) / 1.5),
+                (start, end),
+                (angle, rate),
+                method="DOP853",
+                rtol=1e-12,
+                atol=1e-14,
+            )
+            angle, rate = motion.y[:, -1]
+        assert abs(run.motion.links[-1, 0] - angle) < 1e-10
+
+
+def test_straight_lines_through_displacements_and_lengths_are_refused() -> None:
+    with pytest.raises(SceneError, match="interpolation: straight lines would change the velocity at once"):
+        RecordMotion(time_s=(0, 1, 2, 3), displacement_m=(0, 1, 0, 0), interpolation="linear")
+    with pytest.raises(SceneError, match="interpolation = .linear.: must be"):
+        Hoist(time_s=(0, 1), length_m=(1, 2), interpolation="linear")
+    with pytest.raises(SceneError, match="is that of a record"):
+        Hoist(to=2.0, duration=1.0, interpolation="cubic")
+    cubic = Hoist(time_s=(0, 1, 2), length_m=(1, 1, 2), interpolation="cubic").law(1.0)
+    assert abs(cubic(0.5)[0] - CubicSpline((0, 1, 2), (1, 1, 2), bc_type="clamped")(0.5)) < 1e-14
