@@ -441,12 +441,17 @@ def _key(name: str) -> str:
     return name if re.fullmatch("[A-Za-z0-9_-]+", name) else _file_text(name)
 
 
+ABOUT_CENTRE = ": it is the moment about the centre of mass, that about the joint less m c²"
+"""What is said where the published number of a body was taken for another."""
+
+
 def _words(finding: Mapping[str, Any]) -> str:
     kind, context = finding["type"], finding.get("ctx", {})
     if kind == "extra_forbidden":
         return _unknown(str(finding["loc"][-1]), is_table=isinstance(finding["input"], dict | list))
     if kind == "greater_than_equal":
-        return _lower_bound(finding["input"], context["ge"])
+        about = ABOUT_CENTRE if finding["loc"][-1] == "inertia" else ""
+        return _lower_bound(finding["input"], context["ge"]) + about
     if kind == "less_than":
         return f"must be below {_limit_text(context['lt'])}"
     if kind == "less_than_equal":
