@@ -24,11 +24,14 @@ from modal.errors import ExtensionError
 from modal.extend.parameters import Parameter
 from modal.extend.registry import Extension, find_extension, register, registered, registration
 from modal.extend.scalars import cos, exp, log, sin, sqrt, tanh
+from modal.extend.supports import Coordinate, Support
 
 __all__ = [
+    "Coordinate",
     "Extension",
     "ExtensionError",
     "Parameter",
+    "Support",
     "cos",
     "exp",
     "find_extension",
