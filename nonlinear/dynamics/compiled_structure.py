@@ -1,7 +1,8 @@
 """The equations of structures compiled by numba (extra `fast`): loops over flat arrays of carriers, links and springs.
 
 What is done at each is the text of `nonlinear.dynamics.structure`, `springs` and `recursion` and of
-`modal.structure.carriers`; here is only its order.  Modal supports and those that others write are left to the written text and to NumPy.
+`modal.structure.carriers`; here is only its order.  Modal supports and those that others write are left to the written
+text and to NumPy.
 """
 
 from __future__ import annotations
