@@ -86,6 +86,20 @@ class MissingExtraError(MultipendulaError, ImportError):
         return type(self), self.missing
 
 
+class ExtensionError(MultipendulaError):
+    """An extension that raises, returns another shape than it must, or is none: its name and package are told.
+
+    >>> from modal import Bob
+    >>> from modal.errors import ExtensionError
+    >>> from modal.extend import register
+    >>> try:
+    ...     register(Bob)
+    ... except ExtensionError as error:
+    ...     print(error)
+    extension Bob (package modal): is no class of modal.extend
+    """
+
+
 def installing(extra: str) -> str:
     """How an extra is installed: from a clone, as long as no package index has it.
 

@@ -179,14 +179,14 @@ def _left(leaving: SystemExit) -> int:
 
 def _answer(error: BaseException, options: argparse.Namespace | None) -> int:
     """Report an error that a command raises, and return its exit code; unexpected errors are raised again."""
-    from modal.errors import MultipendulaError, SceneError
+    from modal.errors import ExtensionError, MultipendulaError, SceneError
     from modal.report import visible
 
     page = options.page if options else None
     if isinstance(error, SceneError):
         return _refuse(_in_its_file(error, options), 2, page)
     if isinstance(error, MultipendulaError):
-        return _refuse(error, 1, page)
+        return _refuse(error, 2 if isinstance(error, ExtensionError) else 1, page)
     if isinstance(error, MemoryError):
         return _refuse("there is not enough memory for this scene", 1)
     if isinstance(error, OSError):

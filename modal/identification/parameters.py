@@ -35,7 +35,7 @@ PRIOR = re.compile(r"\s*([^±]+?)\s*(?:±|\+/?-)\s*([^±]+?)\s*", re.ASCII)
 
 
 @dataclass(frozen=True, repr=False)
-class Parameter(Displayed):
+class FreeParameter(Displayed):
     """A number of a scene at a place, `value` there; `unit` is its natural unit, `log` whether p = p₀ eᶻ.
 
     `prior` is a mean with its standard deviation, in the number's own unit, whose name is `unit_name`.
@@ -88,8 +88,12 @@ class Parameter(Displayed):
         return self.z_of(mean), std / abs(self.slope(self.z_of(mean)))
 
 
+Parameter = FreeParameter
+"""Its public name."""
+
+
 @checked
-def find_parameters(scene: Scene, paths: Iterable[str], priors: Sequence[str] = ()) -> tuple[Parameter, ...]:
+def find_parameters(scene: Scene, paths: Iterable[str], priors: Sequence[str] = ()) -> tuple[FreeParameter, ...]:
     """The numbers at these paths, each for itself where a path has `[*]`; none for "none".
 
     `priors` are texts such as "pendulum[0].links[0].mass=0.15±0.002".  SceneError lists every mistake.
@@ -138,7 +142,7 @@ def _prior(scene: Scene, text: str) -> dict[Place, tuple[float, float]]:
     return dict.fromkeys(places, (mean, std))
 
 
-def _parameter(scene: Scene, place: Place, prior: tuple[float, float] | None) -> Parameter:
+def _parameter(scene: Scene, place: Place, prior: tuple[float, float] | None) -> FreeParameter:
     name, value = _key(place), number_at(scene, place)
     if "start" in place or (name not in (*POSITIVE, *CAN_VANISH) and not is_placed(place)):
         hint = " (the start is always fitted)" if "start" in place else spelling_hint(name, (*POSITIVE, *CAN_VANISH))
@@ -146,7 +150,7 @@ def _parameter(scene: Scene, place: Place, prior: tuple[float, float] | None) ->
     is_log = name in POSITIVE and value > 0 and not is_placed(place)
     if is_log and prior and prior[0] <= 0:
         raise SceneError([f"{with_numbers(place)}: a prior of a positive number is positive"])
-    return Parameter(place, value, natural_unit(scene, place), is_log, prior, unit_at(scene, place))
+    return FreeParameter(place, value, natural_unit(scene, place), is_log, prior, unit_at(scene, place))
 
 
 def _key(place: Place) -> str:
@@ -187,7 +191,7 @@ def natural_unit(scene: Scene, place: Place) -> float:
     return units[_key(place)]
 
 
-def numbers_at(parameters: Sequence[Parameter], z: Floats) -> dict[str, float]:
+def numbers_at(parameters: Sequence[FreeParameter], z: Floats) -> dict[str, float]:
     """The numbers by their paths."""
     return {parameter.path: parameter.at(float(value)) for parameter, value in zip(parameters, z, strict=True)}
 
@@ -198,7 +202,7 @@ def scene_with(scene: Scene, values: Mapping[str, float]) -> Scene:
     return Variable(scene, values).at(values) if values else scene
 
 
-def starts_of(parameters: Sequence[Parameter]) -> Floats:
+def starts_of(parameters: Sequence[FreeParameter]) -> Floats:
     """The z of the scene's own numbers, (p,)."""
     return np.array([parameter.start for parameter in parameters])
 

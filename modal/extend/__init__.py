@@ -1,0 +1,46 @@
+"""The doors for what others bring: laws of joints, forces on bobs, supports, measures and formats.
+
+In: a class of a stranger's package, or of a script.  Out: the same class, known by its kind and name wherever a scene
+file, an option or a list asks for one.  Our own are written with the same base classes:
+
+    from modal.extend import JointLaw, Parameter, register, sin
+
+    @register
+    class Magnet(JointLaw):
+        name = "magnet"
+        parameters = (Parameter("strength", "N m", low=0.0),)
+
+        def torque(self, angle, rate, parameters):
+            return -parameters["strength"] * sin(3 * angle)
+
+JointLaw and PointForce give torques and forces, Support the places of pivots, Measure numbers of a scene or a motion,
+Format the bytes of a file.  They are plain arithmetic with the functions of `scalars`, which take floats,
+arrays, complex numbers, recorded symbols and expressions of SymPy alike.  A package names its classes in the group
+`multipendula.extensions` of its entry points; they are loaded when a name is first needed.  Nothing of a scene file is
+ever run.  What goes wrong in an extension is an ExtensionError, with its name and package.  Start with `registry`.
+"""
+
+from modal.errors import ExtensionError
+from modal.extend.parameters import Parameter
+from modal.extend.registry import Extension, find_extension, register, registered, registration
+from modal.extend.scalars import cos, exp, log, sin, sqrt, tanh
+from modal.extend.supports import Coordinate, Support
+
+__all__ = [
+    "Coordinate",
+    "Extension",
+    "ExtensionError",
+    "Parameter",
+    "Support",
+    "cos",
+    "exp",
+    "find_extension",
+    "log",
+    "register",
+    "registered",
+    "registration",
+    "sin",
+    "sqrt",
+    "tanh",
+]
+__dir__ = __all__.copy

@@ -1,0 +1,179 @@
+"""Who extends what: classes by kind and name, entry points that are read when a name is first needed, and blame.
+
+A class is known by its `kind` and `name`.  Those of installed packages are entry points of the group
+`multipendula.extensions`, each a class or a module with such classes; they are loaded once, when a name that none of
+the classes at hand has is asked for, or all names.  One that cannot be loaded spoils no other.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from typing import Any, ClassVar, TypeVar
+
+import numpy as np
+
+from modal.errors import ExtensionError, MultipendulaError
+
+KINDS = ("joint law", "point force", "support", "measure", "format")
+"""What can be extended."""
+GROUP = "multipendula.extensions"
+"""The group of entry points."""
+NAME = re.compile(r"[a-z][a-z0-9_-]*")
+"""What an extension may be called."""
+
+
+class Extension:
+    """What all extensions are: of a kind, which its base class states, with a name by which files and options ask.
+
+    >>> from modal.extend import Extension
+    >>> Extension.kind in ("joint law", "")
+    True
+    """
+
+    kind: ClassVar[str] = ""
+    name: ClassVar[str] = ""
+
+    @classmethod
+    def mistakes(cls) -> Iterator[str]:
+        """What is wrong with the class itself, in words, before anything is computed with it."""
+        yield from ()
+
+
+T = TypeVar("T")
+
+
+class _Registry:
+    """The classes by kind and name, the package of each that is installed, and what could not be loaded."""
+
+    def __init__(self) -> None:
+        self.classes: dict[str, dict[str, type[Extension]]] = {kind: {} for kind in KINDS}
+        self.packages: dict[type, str] = {}
+        self.failures: tuple[ExtensionError, ...] = ()
+        self.is_complete = False
+
+    def discover(self) -> None:
+        """Load the entry points, unless they are."""
+        if self.is_complete:
+            return
+        self.is_complete = True
+        from importlib.metadata import entry_points
+
+        failures = []
+        for entry in sorted(entry_points(group=GROUP), key=lambda entry: (entry.name, entry.value)):
+            package = f"{entry.dist.name} {entry.dist.version}" if entry.dist else entry.value
+            try:
+                self._take(entry.load(), package)
+            except ExtensionError as error:
+                failures.append(error)
+            except Exception as error:
+                words = f"loading {entry.value} raised {type(error).__name__}: {error}"
+                failures.append(ExtensionError(f"extension {entry.name} (package {package}): {words}"))
+        self.failures = tuple(failures)
+
+    def _take(self, loaded: Any, package: str) -> None:
+        if isinstance(loaded, type):
+            classes = [loaded]
+        else:
+            inside = [thing for thing in vars(loaded).values() if isinstance(thing, type)]
+            classes = [
+                thing for thing in inside if issubclass(thing, Extension) and thing.__module__ == loaded.__name__
+            ]
+        for cls in classes:
+            self.packages[cls] = package
+            register(cls)
+
+
+_registry = _Registry()
+
+
+def register(cls: type[T]) -> type[T]:
+    """The class itself, from now on known by its kind and name; ExtensionError where it is none or the name is taken.
+
+    >>> from modal.extend import register
+    >>> try:
+    ...     register(int)
+    ... except Exception as error:
+    ...     print(error)
+    extension int (package builtins): is no class of modal.extend
+    """
+    if getattr(cls, "kind", "") not in KINDS or not issubclass(cls, Extension):
+        raise mistake_of(cls, "is no class of modal.extend")
+    if not NAME.fullmatch(str(cls.name)):
+        raise mistake_of(cls, f"its name {cls.name!r} must be small letters, digits, - and _")
+    known = _registry.classes[cls.kind].get(cls.name, cls)
+    if known is not cls:
+        raise mistake_of(cls, f"a {cls.kind} of this name exists, of {package_of(known)}")
+    if mistakes := [*cls.mistakes()]:
+        raise mistake_of(cls, "; ".join(mistakes))
+    _registry.classes[cls.kind][cls.name] = cls
+    return cls
+
+
+def registered(kind: str) -> Mapping[str, type[Any]]:
+    """All classes of a kind by name, those of installed packages among them.
+
+    >>> from modal.extend import registered
+    >>> "nosuch" in registered("joint law")
+    False
+    """
+    _registry.discover()
+    return _registry.classes[kind]
+
+
+def find_extension(kind: str, name: str) -> type[Any] | None:
+    """The class of a kind and name, None where there is none; entry points are read for a name that is not at hand.
+
+    >>> from modal.extend import find_extension
+    >>> find_extension("joint law", "nosuch")
+    """
+    if name not in _registry.classes[kind]:
+        _registry.discover()
+    cls = _registry.classes[kind].get(name)
+    if cls is None and _registry.failures:
+        raise _registry.failures[0]
+    return cls
+
+
+@contextmanager
+def registration(cls: type[Extension]) -> Iterator[type[Extension]]:
+    """The class, known as long as this lasts: for tests.
+
+    >>> from modal.extend import Extension, registration
+    """
+    was_known = _registry.classes[cls.kind].get(cls.name) is cls
+    try:
+        yield register(cls)
+    finally:
+        if not was_known and _registry.classes[cls.kind].get(cls.name) is cls:
+            del _registry.classes[cls.kind][cls.name]
+
+
+def package_of(cls: type) -> str:
+    """The distribution of a class with its version, or its module."""
+    return _registry.packages.get(cls) or cls.__module__.partition(".")[0]
+
+
+def mistake_of(extension: Any, words: str) -> ExtensionError:
+    """The error that tells a mistake of an extension, a class or one of its objects, as the extension's own."""
+    cls = extension if isinstance(extension, type) else type(extension)
+    return ExtensionError(f"extension {getattr(cls, 'name', '') or cls.__name__} (package {package_of(cls)}): {words}")
+
+
+def call(extension: Any, function: str, *arguments: Any, shape: tuple[int, ...] | None = None) -> Any:
+    """What a function of an extension returns; ExtensionError where it raises, or returns another shape.
+
+    >>> from modal.extend.registry import call
+    >>> call("aba", "count", "a", shape=())
+    2
+    """
+    try:
+        value = getattr(extension, function)(*arguments)
+    except MultipendulaError:
+        raise
+    except Exception as error:
+        raise mistake_of(extension, f"{function} raised {type(error).__name__}: {error}") from error
+    if shape is not None and np.shape(value) != shape:
+        raise mistake_of(extension, f"{function} returned shape {np.shape(value)}: must be {shape}")
+    return value
