@@ -21,6 +21,7 @@ ever run.  What goes wrong in an extension is an ExtensionError, with its name a
 """
 
 from modal.errors import ExtensionError
+from modal.extend.laws import JointLaw, PointForce
 from modal.extend.parameters import Parameter
 from modal.extend.registry import Extension, find_extension, register, registered, registration
 from modal.extend.scalars import cos, exp, log, sin, sqrt, tanh
@@ -28,7 +29,9 @@ from modal.extend.scalars import cos, exp, log, sin, sqrt, tanh
 __all__ = [
     "Extension",
     "ExtensionError",
+    "JointLaw",
     "Parameter",
+    "PointForce",
     "cos",
     "exp",
     "find_extension",
