@@ -21,6 +21,7 @@ ever run.  What goes wrong in an extension is an ExtensionError, with its name a
 """
 
 from modal.errors import ExtensionError
+from modal.extend.laws import JointLaw, PointForce
 from modal.extend.parameters import Parameter
 from modal.extend.registry import Extension, find_extension, register, registered, registration
 from modal.extend.scalars import cos, exp, log, sin, sqrt, tanh
@@ -30,7 +31,9 @@ __all__ = [
     "Coordinate",
     "Extension",
     "ExtensionError",
+    "JointLaw",
     "Parameter",
+    "PointForce",
     "Support",
     "cos",
     "exp",
