@@ -354,7 +354,7 @@ class EndingAttractor(Measure):
 
 
 @register
-class Crossings(Measure):
+class SectionStates(Measure):
     """The states in which a section is crossed, which engines keep beside the columns."""
 
     name = "section"

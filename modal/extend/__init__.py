@@ -26,6 +26,7 @@ from modal.lazy import lazy_attributes
 
 if TYPE_CHECKING:
     from modal.errors import ExtensionError
+    from modal.extend.formats import Format
     from modal.extend.measures import Measure
     from modal.extend.parameters import Parameter
     from modal.extend.registry import Extension, find_extension, register, registered, registration
@@ -34,6 +35,7 @@ if TYPE_CHECKING:
 __all__ = [
     "Extension",
     "ExtensionError",
+    "Format",
     "Measure",
     "Parameter",
     "cos",
