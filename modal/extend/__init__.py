@@ -31,13 +31,16 @@ if TYPE_CHECKING:
     from modal.extend.parameters import Parameter
     from modal.extend.registry import Extension, find_extension, register, registered, registration
     from modal.extend.scalars import cos, exp, log, sin, sqrt, tanh
+    from modal.extend.supports import Coordinate, Support
 
 __all__ = [
+    "Coordinate",
     "Extension",
     "ExtensionError",
     "Format",
     "Measure",
     "Parameter",
+    "Support",
     "cos",
     "exp",
     "find_extension",

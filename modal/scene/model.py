@@ -28,6 +28,7 @@ from modal.scene.stored import (
     SeveralKinds,
     SeveralOrNone,
 )
+from modal.scene.support_kinds import support_part
 from modal.scene.supports import (
     PAIR,
     Cart,
@@ -35,7 +36,6 @@ from modal.scene.supports import (
     Heave,
     ModalSupport,
     Placed,
-    Planar,
     Platform,
     Spring,
     Swing,
@@ -184,7 +184,7 @@ class Scene(Displayed, Part):
     gravity: float = field(POSITIVE, "positive", "m/s²")
     space: Literal["plane", "space"] = field(one_of("plane", "space"), "where it moves", default="plane")
     support: OneOrSeveralKinds[Support | Moved, Placed | Moved] = field(
-        function_after(_unwrap_single, one_or_list(any_kind(*SUPPORTS, Moved))),
+        function_after(_unwrap_single, one_or_list(any_kind(*SUPPORTS, Moved, others=support_part))),
         "one, or several of a structure",
         default=Fixed(),
     )
@@ -452,9 +452,9 @@ def _without_damping(support: Support | Moved) -> Support | Moved:
     """A support without damper and dry friction."""
     if isinstance(support, ModalSupport):
         return support.replace(D=None)
-    if isinstance(support, Platform):
-        return support.replace(damping=Planar())
-    return _slippery(support).replace(damping=0.0) if isinstance(support, Cart | Swing | Tilt | Heave) else support
+    if "damping" not in support.fields:
+        return support
+    return _slippery(support).replace(damping=support.fields["damping"].default)
 
 
 def validate_scene(scene: object) -> Scene:

@@ -12,8 +12,9 @@ from modal.errors import SceneError
 from modal.exact import exact, exact_links
 from modal.scene import ModalSupport, Pendulum, Scene, require, title_of
 from modal.scene.points import CarrierEnd, End, hanging_points, joined_points
-from modal.scene.supports import Fixed, Planar
-from modal.symbolic.carriers import ORIGIN, STILL, Chain, SymbolicCarrier
+from modal.scene.supports import Fixed
+from modal.scene.validation import Part
+from modal.symbolic.carriers import LETTERS, ORIGIN, STILL, Chain, SymbolicCarrier
 from modal.symbolic.structures import JoinedSpring, SymbolicStructure
 
 SYMBOLIC = ("masses", "lengths", "gravity", "cart", "supports", "springs")
@@ -85,11 +86,14 @@ def _carrier(support: Any, name: str, index: tuple[str, ...], symbolic: tuple[st
             else rational(value)
         )
 
-    def diagonal(letter: str, values: float | Planar) -> Any:
-        if isinstance(values, Planar):
+    def diagonal(letter: str, values: float | Part) -> Any:
+        if isinstance(values, Part):
             return sp.diag(*(number(letter, value, way) for way, value in values))
         return sp.diag(number(letter, values))
 
+    is_foreign = support.kind not in LETTERS
+    path = support.path if is_foreign else None
+    values = {each.name: number(each.name, getattr(support, each.name)) for each in (path.parameters if path else ())}
     stiffness, damping = diagonal("k", support.stiffness), diagonal("d", support.damping)
     return SymbolicCarrier(
         support.kind,
@@ -101,8 +105,10 @@ def _carrier(support: Any, name: str, index: tuple[str, ...], symbolic: tuple[st
         tuple(k != 0 for k in stiffness.diagonal()),
         number("m", support.mass),
         number("I", getattr(support, "inertia", 0.0)),
-        number("L", getattr(support, "length", 0.0)),
+        number("L", 0.0 if path else getattr(support, "length", 0.0)),
         _rationals(getattr(support, "centre", (0.0, 0.0))),
+        path=path,
+        values=values,
     )
 
 
