@@ -20,10 +20,11 @@ from nonlinear.ensembles.measures import (
     ending_times,
     energy_columns,
     validate_measures,
+    why_one_by_one,
 )
 from nonlinear.ensembles.question import EnsembleRequest
 from nonlinear.ensembles.results import MemberResults, Wanted
-from nonlinear.integration import Trajectory
+from nonlinear.integration import Trajectory, sample_times
 from nonlinear.integration.readiness import reproducible
 from nonlinear.integration.within import Watch
 from nonlinear.postprocessing import largest_angle
@@ -57,6 +58,9 @@ def columns(question: EnsembleRequest, scene: Scene, start: State) -> Columns:
     """What is asked for of one member, each of shape (...); SimulationError where it cannot reach its end."""
     wanted, spatial = replace(question.wanted, times=()), scene.space == "space"
     needed = sorted({0.0, *question.wanted.times, question.duration})
+    if why_one_by_one(question.measures.names):  # a whole motion, as a sweep has it
+        usual = sample_times(scene, question.duration, 0.0, None)
+        needed = sorted({*needed, *usual.tolist(), *ending_times(scene, question.duration)})
     output: Any = None if spatial and wanted.largest else needed
     watches = Watches()
 
