@@ -27,6 +27,7 @@ from modal.lazy import lazy_attributes
 if TYPE_CHECKING:
     from modal.errors import ExtensionError
     from modal.extend.formats import Format
+    from modal.extend.laws import JointLaw, PointForce
     from modal.extend.measures import Measure
     from modal.extend.parameters import Parameter
     from modal.extend.registry import Extension, find_extension, register, registered, registration
@@ -38,8 +39,10 @@ __all__ = [
     "Extension",
     "ExtensionError",
     "Format",
+    "JointLaw",
     "Measure",
     "Parameter",
+    "PointForce",
     "Support",
     "cos",
     "exp",

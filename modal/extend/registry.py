@@ -19,7 +19,10 @@ KINDS = ("joint law", "point force", "support", "measure", "format")
 """What can be extended."""
 GROUP = "multipendula.extensions"
 """The group of entry points."""
-HOMES: dict[str, str] = {"measure": "nonlinear.measures", "format": "modal.exports"}
+HOMES: dict[str, str] = {
+    **dict.fromkeys(("joint law", "point force"), "modal.extend.laws"),
+    **{"support": "modal.scene.carriers", "measure": "nonlinear.measures", "format": "modal.exports"},
+}
 """Modules with the classes of this project, which are imported when their kind is asked for."""
 OURS = ("modal", "nonlinear")
 """Packages whose errors are nobody else's."""

@@ -115,6 +115,8 @@ def unit_at(scene: Scene, place: Place) -> str:
     name = str(next(step for step in reversed(place) if isinstance(step, str)))
     if place[0] == "force" and name == "amplitude":  # N, or N m of a torque
         return ""
+    if "law" in place:
+        return _at(scene, place[:-1]).fields[name].unit  # type: ignore[no-any-return]
     units: Mapping[str, str] = {}
     if place[0] == "support" and "motion" not in place:
         support = _at(scene, place[: 1 + isinstance(place[1], int)])

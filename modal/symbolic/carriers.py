@@ -26,6 +26,7 @@ from typing import Any, NamedTuple
 import sympy as sp
 
 from modal.extend import Support
+from modal.scene.laws import JointPart
 from modal.scene.points import Where
 
 
@@ -69,7 +70,10 @@ LETTERS: dict[str, tuple[str, ...]] = {
 
 
 class Chain(NamedTuple):
-    """A pendulum's parameters in SymPy numbers or symbols, top link first, and σ = ±1 for a link down or up."""
+    """A pendulum's parameters in SymPy numbers or symbols, top link first, and σ = ±1 for a link down or up.
+
+    `laws` are those of every joint, none of any where it is empty.
+    """
 
     mass: tuple[Any, ...]
     length: tuple[Any, ...]
@@ -78,6 +82,7 @@ class Chain(NamedTuple):
     damping: tuple[Any, ...]
     stiffness: tuple[Any, ...]
     sigma: tuple[int, ...]
+    laws: tuple[tuple[JointPart, ...], ...] = ()
 
     @property
     def geometry(self) -> tuple[tuple[Any, ...], ...]:

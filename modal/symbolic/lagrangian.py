@@ -99,9 +99,8 @@ def cart_forces(system: SymbolicStructure) -> list[Any]:
 
 def joint_moments(system: SymbolicStructure) -> list[Any]:
     """What the springs and dampers of joints take from each angle (N m): less the generalized forces."""
-    chains = list(enumerate(system.chains))
-    V = sp.Add(*(system.at_joints(p, chain.stiffness) for p, chain in chains))
-    R = sp.Add(*(system.at_joints(p, chain.damping, "v") for p, chain in chains))
+    chains = range(len(system.chains))
+    V, R = sp.Add(*map(system.joint_energy, chains)), sp.Add(*map(system.joint_dissipation, chains))
     return [sp.expand(sp.diff(V, angle.q) + sp.diff(R, angle.v)) for angle in system.angles]
 
 

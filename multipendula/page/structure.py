@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from nonlinear.system import System
 
 NONE = "export const structure = null;"
-FUNCTIONS = "const { sin, cos, sqrt, atan: arctan } = Math;\nconst where = (x, a, b) => (x > 0 ? a : b);"
+FUNCTIONS = "const { sin, cos, sqrt, exp, log, tanh, atan: arctan } = Math;\nconst where = (x, a, b) => (x > 0 ? a : b);"
 UNITS = {"m": "m", "rad": "rad"}
 
 

@@ -33,7 +33,7 @@ COMPILING = 6.0
 COMPILING_ANY, COMPILING_LINK, COMPILING_SWITCHES = 5.5, 0.55, 11.0  # and any module of lanes, each link, switches
 MAKING = Lock()
 HEAD = '"""Written by multipendula, which runs what it has written and no other file of this name."""'
-IMPORTED = """from math import floor, inf, log, sqrt
+IMPORTED = """from math import exp, floor, inf, log, sqrt, tanh
 from typing import Any
 from numpy import isfinite, spacing, zeros
 from nonlinear.dynamics.compiling import compiled, part, vectorized_part"""

@@ -44,7 +44,7 @@ from nonlinear.system.state import (
     unit_vectors,
     velocities,
 )
-from nonlinear.system.system import Group, System, system_of
+from nonlinear.system.system import Group, JointTerm, System, system_of
 from nonlinear.system.translations import translations
 
 __all__ = [
@@ -61,6 +61,7 @@ __all__ = [
     "Group",
     "Hoisting",
     "Hoists",
+    "JointTerm",
     "Kicks",
     "Layout",
     "Load",
