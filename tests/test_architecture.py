@@ -23,6 +23,7 @@ HEAVY = {
     "matplotlib": {"modal.plotting", "nonlinear.plotting"},
     "scipy": {
         "modal.eigen.product",
+        "modal.scene.tables",
         "modal.statespace.hoisting",
         "modal.statespace.travels",
         "modal.statespace.sampling",

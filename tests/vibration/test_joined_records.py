@@ -207,7 +207,7 @@ def test_a_pendulum_pushed_along_straight_lines_and_along_a_cubic() -> None:
 def test_straight_lines_through_displacements_and_lengths_are_refused() -> None:
     with pytest.raises(SceneError, match="interpolation: straight lines would change the velocity at once"):
         RecordMotion(time_s=(0, 1, 2, 3), displacement_m=(0, 1, 0, 0), interpolation="linear")
-    with pytest.raises(SceneError, match="interpolation = .linear.: must be"):
+    with pytest.raises(SceneError, match=r"interpolation = .linear.: must be"):
         Hoist(time_s=(0, 1), length_m=(1, 2), interpolation="linear")
     with pytest.raises(SceneError, match="is that of a record"):
         Hoist(to=2.0, duration=1.0, interpolation="cubic")
