@@ -22,7 +22,7 @@ from live import BROWSER
 NOTEBOOKS = Path(browser.__file__).parent.parent / "notebooks"
 IN_PYODIDE = {"numpy", "scipy", "sympy", "matplotlib", "pillow", "pydantic", "tqdm", "tomli-w"}
 """What this project needs and Pyodide 314.0 brings compiled or whole (its pyodide-lock.json)."""
-PURE = {"control", "tabulate", "argcomplete"}
+PURE = {"control", "tabulate", "argcomplete", "tomlkit"}
 """What it needs and the package index has as a wheel for every platform."""
 
 LIMITS = """
