@@ -15,6 +15,7 @@ from modal.scene.points import PendulumPoint, parse_point
 from modal.structure import structure_of
 from modal.types import Floats
 from multipendula.page.prescribed import MOST_PIECES, long_ones
+from multipendula.page.structure import is_structural
 from multipendula.page.whole import MOST_LINKS_RUBBED
 
 if TYPE_CHECKING:
@@ -30,15 +31,12 @@ MOST_NUMBERS = 26_000
 def scene_data(scene: Scene) -> dict[str, Any]:
     """A scene as nested mappings with the keys of its file, each link once for each repetition.
 
-    Raises SceneError, which names everything that the page cannot show.  A scene with laws of joints, which steps of
-    links do not have, is a structure of its one support.
+    Raises SceneError, which names everything that the page cannot show.
     """
-    if needs_structure(scene):
-        scene = scene.replace(support=[scene.support])
     if problems := list(_problems(scene)):
         raise SceneError(problems)
     data = describe(scene)
-    if scene.is_structured:
+    if is_structural(scene):
         if "support" not in data:
             data["support"] = describe(scene.supports[0])
         _renumber(data, scene)
@@ -56,11 +54,6 @@ def scene_data(scene: Scene) -> dict[str, Any]:
     return data
 
 
-def needs_structure(scene: Scene) -> bool:
-    """Whether the page shows a scene that is none as a structure."""
-    return "law" in scene.features and not scene.is_structured
-
-
 def _problems(scene: Scene) -> Iterator[str]:
     yield from refusals(scene, "the live page")
     if scene.n_links > MOST_LINKS:
@@ -72,7 +65,7 @@ def _problems(scene: Scene) -> Iterator[str]:
     for k, force in enumerate(scene.force):
         if force.kind in long:
             yield f'force[{k}].kind = "{force.kind}": {words}'
-    if scene.is_structured:
+    if is_structural(scene):
         yield from _structure_problems(scene)
     elif (scene.has_friction or scene.force) and scene.n_links > MOST_LINKS_RUBBED:
         what = "dry friction" if scene.has_friction else "forces"
@@ -134,8 +127,10 @@ def recording_of(trajectory: Trajectory) -> dict[str, Any]:
     """
     motion, times = trajectory.motion, trajectory.times
     first, rate = motion.cart, motion.cart_rate
-    if trajectory.scene.is_structured or needs_structure(trajectory.scene):
+    if trajectory.scene.is_structured:
         first, rate = motion.supports, motion.support_rates
+    elif is_structural(trajectory.scene) and not trajectory.scene.cart:
+        first, rate = np.zeros((2, len(times), 0))
     rows = np.column_stack((first, motion.links, rate, motion.link_rates, motion.work))
     width = rows.shape[1]
     stride = -(-len(times) * (width + 1) // MOST_NUMBERS)
