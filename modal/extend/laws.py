@@ -25,6 +25,8 @@ STEP = 1e-100
 """Tolerance: of complex steps, whose square is nothing beside any float."""
 PROBE = 0.25
 """Physics: an angle (rad) and a rate (rad/s) at which a law is compared with what it says of itself."""
+SMALL = 1e-5
+"""Tolerance: an angle (rad) whose square and whose rounding error, divided by it, are both nothing beside 1e-9."""
 AGREEMENT = 1e-9
 """Tolerance: of that comparison, far above rounding."""
 
@@ -109,6 +111,22 @@ class JointLaw(Law):
         steps = ((complex(0.0, STEP), 0.0), (0.0, complex(0.0, STEP)))
         stiffness, damping = (-complex(call(self, "torque", *step, parameters)).imag / STEP for step in steps)
         return stiffness + 0.0, damping + 0.0
+
+    def coefficient_slopes(self, parameters: Values) -> dict[str, tuple[float, float]]:
+        """How stiffness and damping change with every parameter: complex steps of it, between two small motions.
+
+        >>> from modal.extend.laws import DamperLaw
+        >>> DamperLaw().coefficient_slopes({"damping": 4.0})["damping"]
+        (0.0, 1.0)
+        """
+
+        def slope(name: str, *motion: float) -> float:
+            changed = {**parameters, name: complex(parameters[name], STEP)}
+            ends = (call(self, "torque", *(sign * part for part in motion), changed) for sign in (1.0, -1.0))
+            above, below = (complex(end).imag / STEP for end in ends)
+            return (below - above) / (2 * SMALL) + 0.0
+
+        return {name: (slope(name, SMALL, 0.0), slope(name, 0.0, SMALL)) for name in parameters}
 
     def judge(self, parameters: Values) -> None:
         """ExtensionError where it is not what it says: at rest, mirrored, by its potential, by its power."""

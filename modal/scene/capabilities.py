@@ -137,7 +137,7 @@ AIRLESS = {
     for kind in sorted(STRUCTURED)
     for name in sorted(DRAG)
 }
-EXCITED = {DRIVES: "nothing excites this scene: it has no steady oscillation; give a joint a drive"}
+EXCITED = {DRIVES | {"active_law"}: "nothing excites this scene: it has no steady oscillation; give a joint a drive"}
 
 # ------------------------------------------------------------------------------------------------------- the table
 

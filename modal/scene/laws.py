@@ -36,6 +36,12 @@ class JointPart(Part):
         return (0.0, 0.0) if self.law.is_drive else _linear_coefficients(type(self.law), tuple(self.numbers.values()))
 
 
+    @property
+    def coefficient_slopes(self) -> dict[str, tuple[float, float]]:
+        """How these change with every parameter."""
+        return {} if self.law.is_drive else self.law.coefficient_slopes(self.numbers)
+
+
 class _NamedLaw(JointPart):
     """One that a scene names by its kind."""
 

@@ -26,7 +26,6 @@ from typing import Any, NamedTuple
 import sympy as sp
 
 from modal.extend import Support
-from modal.scene.laws import JointPart
 from modal.scene.points import Where
 
 
@@ -70,10 +69,7 @@ LETTERS: dict[str, tuple[str, ...]] = {
 
 
 class Chain(NamedTuple):
-    """A pendulum's parameters in SymPy numbers or symbols, top link first, and σ = ±1 for a link down or up.
-
-    `laws` are those of every joint, none of any where it is empty.
-    """
+    """A pendulum's parameters in SymPy numbers or symbols, top link first, and σ = ±1 for a link down or up."""
 
     mass: tuple[Any, ...]
     length: tuple[Any, ...]
@@ -82,7 +78,6 @@ class Chain(NamedTuple):
     damping: tuple[Any, ...]
     stiffness: tuple[Any, ...]
     sigma: tuple[int, ...]
-    laws: tuple[tuple[JointPart, ...], ...] = ()
 
     @property
     def geometry(self) -> tuple[tuple[Any, ...], ...]:

@@ -99,9 +99,16 @@ def cart_forces(system: SymbolicStructure) -> list[Any]:
 
 def joint_moments(system: SymbolicStructure) -> list[Any]:
     """What the springs and dampers of joints take from each angle (N m): less the generalized forces."""
-    chains = range(len(system.chains))
-    V, R = sp.Add(*map(system.joint_energy, chains)), sp.Add(*map(system.joint_dissipation, chains))
-    return [sp.expand(sp.diff(V, angle.q) + sp.diff(R, angle.v)) for angle in system.angles]
+    plain, chains = system.without_laws, range(len(system.chains))
+    (V, R), (V_laws, R_laws) = (
+        (sp.Add(*map(part.joint_energy, chains)), sp.Add(*map(part.joint_dissipation, chains)))
+        for part in (plain, system)
+    )
+    V_laws, R_laws = V_laws - V, R_laws - R
+    return [
+        sp.expand(sp.diff(V, angle.q) + sp.diff(R, angle.v)) + sp.diff(V_laws, angle.q) + sp.diff(R_laws, angle.v)
+        for angle in system.angles
+    ]
 
 
 def equations(system: SymbolicStructure) -> list[Any]:

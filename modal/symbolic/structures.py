@@ -21,6 +21,7 @@ import sympy as sp
 
 from modal import pair
 from modal.report import Displayed, Summary, counted
+from modal.scene.laws import JointPart
 from modal.scene.points import CarrierEnd, End, LinkEnd
 from modal.symbolic.carriers import Chain, Coordinate, SymbolicCarrier, coordinate, time_derivative
 from modal.symbolic.laws import dissipation_of, potential_of
@@ -74,7 +75,8 @@ class Energy(NamedTuple):
 class SymbolicStructure(Displayed):
     """Carriers, chains with the points that they hang from, and springs with their two ends.
 
-    In space, of one support alone, `coordinates` are those along the rail and `azimuths` what is more.
+    In space, of one support alone, `coordinates` are those along the rail and `azimuths` what is more.  `laws` are those
+    of every joint, chain by chain, empty without any.
     """
 
     title: str
@@ -84,6 +86,12 @@ class SymbolicStructure(Displayed):
     pivot_ends: tuple[CarrierEnd, ...]
     spring_entries: tuple[JoinedSpring, ...] = ()
     spatial: bool = False
+    laws: tuple[tuple[tuple[JointPart, ...], ...], ...] = ()
+
+    @property
+    def without_laws(self) -> SymbolicStructure:
+        """The same without the laws of joints: all that has two routes to compare."""
+        return replace(self, laws=()) if self.laws else self
 
     def _summary(self) -> Summary:
         count = counted(len(self.coordinates), "coordinate", "coordinates")
@@ -128,7 +136,7 @@ class SymbolicStructure(Displayed):
     @cached_property
     def symbols(self) -> set[Any]:
         """The symbols of its numbers."""
-        values = [self.gravity, *(v for chain in self.chains for row in chain[:7] for v in row)]
+        values = [self.gravity, *(v for chain in self.chains for row in chain for v in row)]
         values += [v for carrier in self.carriers for v in carrier.symbols()]
         values += [v for spring in self.springs for v in (spring.stiffness, spring.damping)]
         return {name for value in values for name in sp.sympify(value).free_symbols}
@@ -146,7 +154,7 @@ class SymbolicStructure(Displayed):
     @property
     def has_joint_forces(self) -> bool:
         """Whether there is a spring, a damper or a law at a joint."""
-        return any(any(chain.stiffness) or any(chain.damping) or any(chain.laws) for chain in self.chains)
+        return any(any(chain.stiffness) or any(chain.damping) for chain in self.chains) or bool(self.laws)
 
     @cached_property
     def b(self) -> list[Any]:
@@ -307,13 +315,13 @@ class SymbolicStructure(Displayed):
 
     def joint_energy(self, p: int) -> Any:
         """What the springs and laws at the joints of a chain store, in symbols."""
-        laws = zip(self.chains[p].laws, self.joints(p), strict=False)
+        laws = zip(self.laws[p], self.joints(p), strict=True) if self.laws else ()
         potentials = (potential_of(part, gamma) for parts, gamma in laws for part in parts)
         return sp.Add(self.at_joints(p, self.chains[p].stiffness), *potentials)
 
     def joint_dissipation(self, p: int) -> Any:
         """The function R of the dampers and laws at the joints of a chain, whose slopes by rates are torques."""
-        laws = zip(self.chains[p].laws, self.joints(p), self.joints(p, "v"), strict=False)
+        laws = zip(self.laws[p], self.joints(p), self.joints(p, "v"), strict=True) if self.laws else ()
         functions = (dissipation_of(part, gamma, rate) for parts, gamma, rate in laws for part in parts)
         return sp.Add(self.at_joints(p, self.chains[p].damping, "v"), *functions)
 
@@ -443,12 +451,13 @@ class SymbolicStructure(Displayed):
 
     def _add_curvature(self, A: Any, f: Any, by: str = "q") -> None:
         """Second derivatives of a function at rest, by the coordinates or by their rates, term by term."""
+        rest = {**self.rest, **{c.v: sp.S.Zero for c in self.coordinates}}
         for term in sp.Add.make_args(sp.sympify(f)):
             coordinates = self._coordinates_in(term)
             for i, c in coordinates:
                 slope = sp.diff(term, getattr(c, by))
                 for j, other_coordinate in coordinates:
-                    A[i, j] += sp.diff(slope, getattr(other_coordinate, by)).xreplace(self.rest)
+                    A[i, j] += sp.diff(slope, getattr(other_coordinate, by)).xreplace(rest)
 
     @cached_property
     def conditions(self) -> dict[Any, Any]:

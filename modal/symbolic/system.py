@@ -11,6 +11,7 @@ from modal import pair
 from modal.errors import SceneError
 from modal.exact import exact, exact_links
 from modal.scene import ModalSupport, Pendulum, Scene, require, title_of
+from modal.scene.laws import JointPart
 from modal.scene.points import CarrierEnd, End, hanging_points, joined_points
 from modal.scene.supports import Fixed
 from modal.scene.validation import Part
@@ -65,7 +66,19 @@ def symbolic_structure(scene: Scene, symbolic: tuple[str, ...] = ()) -> Symbolic
     pivot_ends = tuple(map(_exact, hanging_points(scene)))
     spring_entries = tuple(_joining_spring(scene, entry, ends, symbolic) for entry, ends in joined_points(scene))
     chains, in_space = chains_of(scene, symbolic), scene.space == "space"
-    return SymbolicStructure(title_of(scene), gravity, carriers, chains, pivot_ends, spring_entries, in_space)
+    laws = _laws_of(scene) if "law" in scene.features else ()
+    return SymbolicStructure(title_of(scene), gravity, carriers, chains, pivot_ends, spring_entries, in_space, laws)
+
+
+def _laws_of(scene: Scene) -> tuple[tuple[tuple[JointPart, ...], ...], ...]:
+    """The laws of every joint, chain by chain, but for drives."""
+    chains = [
+        tuple(
+            tuple(part for part in link.laws if not part.law.is_drive) for link in pendulum.links for _ in range(link.count)
+        )
+        for pendulum in scene.pendulum
+    ]
+    return tuple(laws for laws, pendulum in zip(chains, scene.pendulum, strict=True) for _ in range(pendulum.count))
 
 
 def _carrier(support: Any, name: str, index: tuple[str, ...], symbolic: tuple[str, ...]) -> SymbolicCarrier:
@@ -155,8 +168,7 @@ def _chain_of(pendulum: Pendulum, prefix: str, symbolic: tuple[str, ...]) -> Cha
         centre[i], inertia[i] = link.proportions(mass[i], length[i], exact)
     damping, stiffness = ([exact(getattr(link, name)) for link in links] for name in ("damping", "stiffness"))
     columns = (mass, length, centre, inertia, damping, stiffness, map(int, sigma))
-    laws = tuple(tuple(part for part in link.laws if not part.law.is_drive) for link in links)
-    return Chain(*(tuple(map(sp.sympify, values)) for values in columns), laws=laws if any(laws) else ())
+    return Chain(*(tuple(map(sp.sympify, values)) for values in columns))
 
 
 def rational(value: float) -> Any:
