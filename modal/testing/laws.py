@@ -68,7 +68,12 @@ class LawTests(ExtensionTests):
         if name == "wrong":
             return [*self._wrong_numbers()]
         number_names = [parameter.name for parameter in self.extension.parameters]
-        known = {"form": FORMS, "engine": ENGINES, "seed": (1, 2, 3), "number_name": tuple(number_names)}
+        known: dict[str, Sequence[Any]] = {
+            "form": FORMS,
+            "engine": ENGINES,
+            "seed": (1, 2, 3),
+            "number_name": tuple(number_names),
+        }
         return known.get(name)
 
     def _wrong_numbers(self) -> list[dict[str, Any]]:

@@ -1,7 +1,8 @@
 """The equations of structures compiled by numba (extra `fast`): loops over flat arrays of carriers, links and springs.
 
 What is done at each is the text of `nonlinear.dynamics.structure`, `springs` and `recursion` and of
-`modal.structure.carriers`; here is only its order.  Modal supports are left to the written text and to NumPy.
+`modal.structure.carriers`; here is only its order.  Modal supports and those that others write are left to the written
+text and to NumPy.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from modal.errors import SceneError
 from modal.scene.carriers import along_arc, swing_path
 from modal.structure import CarrierEnd, End, LinkEnd
 from modal.structure.carriers import turn_displacement, turn_point
@@ -93,8 +95,10 @@ def with_own_room(flat: FlatStructure) -> FlatStructure:
 
 
 def flat_of(system: System) -> FlatStructure:
-    """The arrays of a system on a structure without modal supports."""
+    """The arrays of a system on a structure; SceneError where the loops do not know how a support moves."""
     carriers = Carriers(system)
+    if unknown := [carrier for carrier in carriers.structure.carriers if not carrier.is_compiled]:
+        raise SceneError([f"support.{each.name}: supports of kind {each.kind} are not compiled" for each in unknown])
     structure, d, links = carriers.structure, carriers.structure.size, system.n_links
     kind, slopes, length, law = np.zeros(d, dtype=np.int64), np.zeros((2, d)), np.ones(d), np.zeros((d, 3))
     angle, body = np.full(len(structure.carriers), -1), np.zeros((len(structure.carriers), 4))
