@@ -30,8 +30,11 @@ MOST_NUMBERS = 26_000
 def scene_data(scene: Scene) -> dict[str, Any]:
     """A scene as nested mappings with the keys of its file, each link once for each repetition.
 
-    Raises SceneError, which names everything that the page cannot show.
+    Raises SceneError, which names everything that the page cannot show.  A scene with laws of joints, which steps of
+    links do not have, is a structure of its one support.
     """
+    if needs_structure(scene):
+        scene = scene.replace(support=[scene.support])
     if problems := list(_problems(scene)):
         raise SceneError(problems)
     data = describe(scene)
@@ -51,6 +54,11 @@ def scene_data(scene: Scene) -> dict[str, Any]:
             for _ in range(link.count)
         ]
     return data
+
+
+def needs_structure(scene: Scene) -> bool:
+    """Whether the page shows a scene that is none as a structure."""
+    return "law" in scene.features and not scene.is_structured
 
 
 def _problems(scene: Scene) -> Iterator[str]:
@@ -126,7 +134,7 @@ def recording_of(trajectory: Trajectory) -> dict[str, Any]:
     """
     motion, times = trajectory.motion, trajectory.times
     first, rate = motion.cart, motion.cart_rate
-    if trajectory.scene.is_structured:
+    if trajectory.scene.is_structured or needs_structure(trajectory.scene):
         first, rate = motion.supports, motion.support_rates
     rows = np.column_stack((first, motion.links, rate, motion.link_rates, motion.work))
     width = rows.shape[1]

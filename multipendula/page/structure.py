@@ -34,7 +34,7 @@ def structure_module(scene: Scene) -> str:
     if not scene.is_structured:
         return NONE
     from nonlinear.dynamics import structure_steps
-    from nonlinear.system import constants_of, entries_of, prescribed_places, structure_places, system_of
+    from nonlinear.system import constants_of, entries_of, law_places, prescribed_places, structure_places, system_of
 
     system = system_of(scene)
     structure = system.structure
@@ -46,7 +46,7 @@ def structure_module(scene: Scene) -> str:
         "entries": entries_of(system),
         "kept": steps.entry_numbers,
         "prescribed": constants_of(system),
-        "places": [[k, list(place)] for k, place in structure_places(scene)],
+        "places": [[k, list(place)] for k, place in (*structure_places(scene), *law_places(scene, system))],
         "constants": [[list(place), unit] for place, unit in prescribed_places(scene, system)],
         "motions": [list(place) for place in scene.motion_places],
         "leading": leading(system),

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 from live import NEEDS_NODE, assert_rows, said_by_node
+from support.magnets import lawful_scene
 
 from modal import natural_modes
 from modal.assembly import matrices
@@ -53,7 +54,12 @@ ZOO: dict[str, Any] = {
         }
         | {"start": {"angles_deg": [20.0, -30.0], "rates_deg": [0.0, 50.0]}},
         {"on": "rocker", "position": [0.2, 0.1], "start": {"angles_deg": [-25.0]}}
-        | {"links": [{"kind": "bob", "mass": 0.8, "length": 0.7, "stiffness": 0.3, "damping": 0.02, "drag": 0.05}]},
+        | {
+            "links": [
+                {"kind": "bob", "mass": 0.8, "length": 0.7, "stiffness": 0.3, "damping": 0.02, "drag": 0.05}
+                | {"law": [{"kind": "magnet", "strength": 0.4}, {"kind": "grease", "strength": 0.1, "pull": 0.2}]}
+            ]
+        },
         {"on": "frame[0]", "count": 2, "start": {"angles_deg": [15.0]}}
         | {
             "links": [
@@ -70,7 +76,7 @@ SHAKEN: dict[str, Any] = {
     "spring": [ZOO["spring"][k] for k in (0, 1, 3)],
     "pendulum": ZOO["pendulum"][:2],
 }
-NAMES = (*SHIPPED, "zoo", "shaken")
+NAMES = (*SHIPPED, "zoo", "shaken", "lawful")
 CHANGES: dict[str, list[tuple[list[Any], float]]] = {
     "two-bobs": [(["pendulum", 1, "links", 0, "mass"], 1.7), (["spring", 0, "stiffness"], 9.0)],
     "tower": [(["support", 0, "mass"], 3.0e5), (["pendulum", 0, "links", 0, "length"], 2.4), (["gravity"], 9.0)],
@@ -79,6 +85,7 @@ CHANGES: dict[str, list[tuple[list[Any], float]]] = {
     "zoo": [
         (["support", 1, "inertia"], 1.1),
         (["spring", 3, "stiffness"], 2.6),
+        (["pendulum", 1, "links", 0, "law", 0, "strength"], -0.3),
         (["pendulum", 0, "links", 0, "length"], 0.7),
     ],
 }
@@ -127,6 +134,8 @@ return {
 
 @cache
 def scene_of(name: str) -> Scene:
+    if name == "lawful":
+        return scene_from(scene_data(lawful_scene()))
     return load(name) if name in SHIPPED else scene_from({"zoo": ZOO, "shaken": SHAKEN}[name])
 
 
