@@ -19,7 +19,7 @@ import numpy as np
 from modal import pair
 from modal.assembly.equilibrium import Rest, equilibrium_of
 from modal.report import Displayed
-from modal.scene import AnyLink, Pendulum, Scene, validate_scene
+from modal.scene import AnyLink, Cart, Pendulum, Scene, validate_scene
 from modal.structure import CarrierEnd, CarrierNumbers, Structure, is_damped, phi, scale_structure, structure_of, tied
 from modal.types import Booleans, Floats, Ints
 
@@ -182,7 +182,11 @@ class Rig(Displayed):
         if not self.cart:
             return (CarrierNumbers("fixed", "fixed", (0.0, 0.0)),)
         mass, damping, stiffness = self.cart
-        return (CarrierNumbers("cart", "cart", (0.0, 0.0), mass, stiffness=(stiffness,), damping=(damping,)),)
+        return (
+            CarrierNumbers(
+                "cart", "cart", (0.0, 0.0), mass, stiffness=(stiffness,), damping=(damping,), path=Cart.path
+            ),
+        )
 
     @cached_property
     def support(self) -> Structure:

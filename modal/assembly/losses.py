@@ -22,7 +22,7 @@ from modal.assembly.squares import DRAG, DRAG_DOWN, JOINT, SPRING, SUPPORT, WIRE
 from modal.assembly.structure import Hanging
 from modal.scene import LossTable, Scene, is_lossy
 from modal.scene.doors import checked
-from modal.structure import PLATFORM, Row, Structure
+from modal.structure import Row, Structure
 from modal.types import Floats, Ints
 
 Loss = float | LossTable
@@ -184,7 +184,7 @@ def _of_supports(scene: Scene, rig: Rig, structure: Structure, damping: Iterable
             continue
         body, start = structure.carriers[carrier], structure.offsets[carrier]
         for number, (at, row, size) in part.elements:
-            suffix = f".{PLATFORM[number - start]}" if body.kind == "platform" else ""
+            suffix = f".{way}" if (way := body.way(number - start)) else ""
             kind = CART if rig.cart else OTHER
             yield Dissipator(f"{place}.damping{suffix}", kind, dict(zip(at, row, strict=True)), size)
 

@@ -308,6 +308,8 @@ def carrier_squares(structure: Structure, gravity: float, number: Number = float
             )
             turn = number(float(body.inertia))
             inertia += row_squares(INERTIA, carrier, turning(structure, carrier), turn, number)
+        for k, jet in enumerate((body.path.forces([0.0] * body.size, body.values) if body.path else None) or (), start):
+            stiffness += row_squares(SUPPORT, k, {k: 1.0}, number(float(jet.second)), number)
         for k in range(start, start + body.size):
             spring, damper = number(float(body.stiffness[k - start])), number(float(body.damping[k - start]))
             stiffness += row_squares(SUPPORT, k, {k: 1.0}, spring, number)

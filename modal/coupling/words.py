@@ -11,7 +11,7 @@ from modal.coupling.analysis import Coupling
 from modal.coupling.dynamic_mass import CartMode
 from modal.coupling.families import MOST_MODES, STRONG, EnergyExchange, Family, FamilyBranch, Transfer, family_name
 from modal.report import capital, counted, listed, percent, rad, short
-from modal.structure import Structure
+from modal.structure import CarrierNumbers, Structure
 
 MOST_LISTED, FEW = 8, 3
 ROUGH = 0.1
@@ -23,11 +23,6 @@ SLIGHT = 1e-4
 ELSEWHERE = "in the JSON form"
 HALF = 0.5
 NEGLIGIBLE = 1e-12
-NOUNS = {
-    "tilt": ("board", "boards"),
-    "heave": ("heaving support", "heaving supports"),
-    "modal": ("structure", "structures"),
-}
 
 
 def list_limit(coupling: Coupling) -> int:
@@ -56,21 +51,17 @@ def fraction(share: float) -> str:
 
 def carrier_words(structure: Structure) -> str:
     """What pendula hang from: 2 swings (left and right), or a board."""
-    by_kind: dict[str, list[str]] = {}
+    by_kind: dict[str, list[CarrierNumbers]] = {}
     for carrier in structure.carriers:
         if carrier.size:
-            by_kind.setdefault(carrier.kind, []).append(carrier.name)
-    phrases = [
-        (f"a {_nouns(kind)[0]}" if len(names) == 1 else f"{len(names)} {_nouns(kind)[1]}")
-        + ("" if names == [kind] else f" ({listed(names[:MOST_LISTED], len(names))})")
-        for kind, names in by_kind.items()
-    ]
+            by_kind.setdefault(carrier.kind, []).append(carrier)
+    phrases = []
+    for kind, carriers in by_kind.items():
+        names = [carrier.name for carrier in carriers]
+        singular, plural = carriers[0].path.nouns if carriers[0].path else ("structure", "structures")
+        count = f"a {singular}" if len(names) == 1 else f"{len(names)} {plural}"
+        phrases.append(count + ("" if names == [kind] else f" ({listed(names[:MOST_LISTED], len(names))})"))
     return listed(phrases, len(phrases))
-
-
-def _nouns(kind: str) -> tuple[str, str]:
-    """What one carrier is called, and several."""
-    return NOUNS.get(kind, (kind, f"{kind}s"))
 
 
 # ----------------------------------------------------------------------------------------- what hangs, what is felt

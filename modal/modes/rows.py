@@ -36,8 +36,6 @@ from modal.types import Floats, Ints
 
 NEGLIGIBLE = 0.01
 STRUCTURE_STILL, FREE = "supports still", "free"
-VERBS = {"cart": "moves", "swing": "moves", "tilt": "tilts", "heave": "heaves", "modal": "moves"}
-PLATFORM = ("sways", "heaves", "rolls")
 UNNAMED = {"tilt": "board", "heave": "support", "modal": "structure"}
 ALIKE = {"cart": "carts", "swing": "swings"}
 COUNTED = ("", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten")
@@ -154,8 +152,7 @@ def moving_words(structure: Structure, eta: NDArray[np.inexact], inertia: NDArra
         return f"{count} {ALIKE[kind]} {phase}"
     verbs_of: dict[int, list[str]] = {}
     for k, owner in zip(moving_coordinates, owners, strict=True):
-        moving = structure.carriers[owner]
-        verb = PLATFORM[k - structure.offsets[owner]] if moving.kind == "platform" else VERBS[moving.kind]
+        verb = structure.carriers[owner].verb(k - structure.offsets[owner])
         if verb not in verbs_of.setdefault(owner, []):
             verbs_of[owner].append(verb)
     if len(verbs_of) > MOST_NAMED:

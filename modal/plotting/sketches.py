@@ -47,14 +47,8 @@ OBLIQUE = 0.55 * np.array([np.cos(np.radians(35)), np.sin(np.radians(35))])
 FARTHEST, FIXED, ROD, GAP = 0.85, 1.25, 0.8, 1.05
 """Largest distance of a point from its carrier's origin, the same of what is fixed, length of a swing's rods, and room
 between carriers."""
-COORDINATES = {
-    "moved": ("s",),
-    "cart": ("x",),
-    "swing": ("x",),
-    "tilt": (r"\varphi",),
-    "heave": ("z",),
-    "platform": ("x", "z", r"\varphi"),
-}
+LETTERS = {"phi": r"\varphi", "y": "z", "s": "x"}
+"""Letters of coordinates that a picture writes in another way than equations do."""
 
 
 @dataclass(frozen=True)
@@ -230,7 +224,7 @@ def _schematic(
         replace(
             carrier,
             position=(0.0, 0.0),
-            length=ROD,
+            parameters=(ROD,) if carrier.kind == "swing" else carrier.parameters,
             centre=(carrier.centre[0] * by, carrier.centre[1] * by),
             damping=(0.0,) * len(carrier.damping),
         )
@@ -308,8 +302,10 @@ def _labels(scaffold: Scaffold, pieces: list[Piece], push: str) -> Iterator[Labe
     at_rest = np.zeros((1, scaffold.structure.size))
     has_names = sum(carrier.size > 0 for carrier in scaffold.structure.carriers) > 1
     for k, carrier in enumerate(scaffold.structure.carriers):
-        if carrier.kind not in COORDINATES:
+        if carrier.kind != "moved" and carrier.path is None:
             continue
+        letters = [coordinate.letter for coordinate in carrier.path.coordinates] if carrier.path else []
+        symbols = [LETTERS.get(letter, letter) for letter in letters] or ["s"]
         index = rf"_\mathrm{{{carrier.name.replace('_', chr(92) + '_')}}}" if has_names else ""
         left, right, level = scaffold.body(k)
         platform = carrier.kind == "platform"
@@ -318,7 +314,7 @@ def _labels(scaffold: Scaffold, pieces: list[Piece], push: str) -> Iterator[Labe
             letter = "_c" if carrier.kind == "cart" else "_s"
             yield Label("m" + (index or letter), _mass_place(carrier.kind, x, y))
         start = x + 0.2 if platform else (x + end) / 2 + 0.06
-        for number, symbol in enumerate(COORDINATES[carrier.kind]):
+        for number, symbol in enumerate(symbols):
             place = (start, y + 0.2 if not platform else y + 0.16)
             way = {"x": (0.3, 0.0), "s": (0.3, 0.0), "z": (0.0, 0.3)}.get(symbol)
             if symbol == r"\varphi":

@@ -29,6 +29,7 @@ from modal.scene.stored import (
     SeveralKinds,
     SeveralOrNone,
 )
+from modal.scene.support_kinds import support_part
 from modal.scene.supports import (
     PAIR,
     Cart,
@@ -36,7 +37,6 @@ from modal.scene.supports import (
     Heave,
     ModalSupport,
     Placed,
-    Planar,
     Platform,
     Spring,
     Swing,
@@ -185,7 +185,7 @@ class Scene(Displayed, Part):
     gravity: float = field(POSITIVE, "positive", "m/s²")
     space: Literal["plane", "space"] = field(one_of("plane", "space"), "where it moves", default="plane")
     support: OneOrSeveralKinds[Support | Moved, Placed | Moved] = field(
-        function_after(_unwrap_single, one_or_list(any_kind(*SUPPORTS, Moved))),
+        function_after(_unwrap_single, one_or_list(any_kind(*SUPPORTS, Moved, others=support_part))),
         "one, or several of a structure",
         default=Fixed(),
     )
@@ -363,6 +363,12 @@ class Scene(Displayed, Part):
         return self.replace(force=constant) if "force" in self.features else self
 
     @property
+    def timeless(self) -> Scene:
+        """The same scene without what acts in time: motions of supports, forces that change, and hoists."""
+        scene = self.still.unforced
+        return scene._with(hoist=None) if scene.is_hoisted else scene
+
+    @property
     def has_losses(self) -> bool:
         """Whether any stiffness or wire has a loss angle."""
         return "loss" in self.features
@@ -382,9 +388,10 @@ class Scene(Displayed, Part):
 
     @property
     def conservative(self) -> Scene:
-        """The same scene without drives, dampers, dry friction and drag."""
-        lawful = self.lossless._with_laws(lambda law: law.is_conservative)
-        loose = lawful._with(drive=None, damping=0.0, friction=0.0, drag=0.0, quadratic_drag=0.0)
+        """The same scene without all that does work: drives, losses and what acts in time."""
+        none = {"drive": None, "damping": 0.0, "friction": 0.0, "drag": 0.0, "quadratic_drag": 0.0}
+        lawful = self.lossless.timeless._with_laws(lambda law: law.is_conservative)
+        loose = lawful._with(**none)
         springs = tuple(spring.replace(damping=0.0) for spring in loose.spring)
         return loose.replace(damping_ratio=0.0, spring=springs)._with_supports(_without_damping)
 
@@ -474,9 +481,9 @@ def _without_damping(support: Support | Moved) -> Support | Moved:
     """A support without damper and dry friction."""
     if isinstance(support, ModalSupport):
         return support.replace(D=None)
-    if isinstance(support, Platform):
-        return support.replace(damping=Planar())
-    return _slippery(support).replace(damping=0.0) if isinstance(support, Cart | Swing | Tilt | Heave) else support
+    if "damping" not in support.fields:
+        return support
+    return _slippery(support).replace(damping=support.fields["damping"].default)
 
 
 def validate_scene(scene: object) -> Scene:

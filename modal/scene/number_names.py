@@ -194,7 +194,7 @@ def _of_support(scene: Scene, inner: Sequence[Step]) -> list[str]:
     support = scene.supports[int(inner[0])] if several else scene.supports[0]
     inner = inner[1:] if several else inner
     name = getattr(support, "name", "")
-    owner = f"the {CARRIERS[support.kind]}" + f" {name}" * bool(name)
+    owner = f"the {CARRIERS.get(support.kind, support.kind)}" + f" {name}" * bool(name)
     if inner[0] == "motion":
         return [*_of_motion(inner[1:]), owner]
     return [_quantity(inner), owner]

@@ -120,10 +120,21 @@ def unit_at(scene: Scene, place: Place) -> str:
         return parameter.unit
     units: Mapping[str, str] = {}
     if place[0] == "support" and "motion" not in place:
-        units = SUPPORT_UNITS.get(getattr(_at(scene, place[: 1 + isinstance(place[1], int)]), "kind", ""), {})
+        support = _at(scene, place[: 1 + isinstance(place[1], int)])
+        units = SUPPORT_UNITS.get(getattr(support, "kind", "")) or _units_of(support)
     elif place[0] == "spring" and _at(scene, place[:2]).kind == "linear":
         units = CART_UNITS
     return units.get(name) or units.get(".".join(map(str, place[-2:]))) or UNITS.get(name, "")
+
+
+def _units_of(part: Any) -> dict[str, str]:
+    """The units that the fields of a support state, those of its start and its laws among them."""
+    units = {}
+    for name, entry in part.fields.items() if isinstance(part, Part) else ():
+        value = getattr(part, name)
+        units[name] = entry.unit
+        units |= {f"{name}.{key}": unit for key, unit in _units_of(value).items() if unit}
+    return units
 
 
 def number_at(scene: Scene, place: Place) -> float:

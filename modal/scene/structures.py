@@ -20,22 +20,14 @@ from modal.scene.points import (
 )
 from modal.scene.supports import Cart, ModalSupport
 
-TURNING = ("tilt", "platform")
-"""The kinds of supports that turn."""
+TURNING = "tilt and platform"
+"""The kinds of supports that turn, of those that come with the toolkit."""
 WAYS = {"cart": ("horizontal",), "heave": ("vertical",)}
 """The only direction in which a force on a support does anything, by its kind."""
 RESERVED = re.compile(r"ground|pendulum|cart|support|theta(_.*)?|time|work|x", re.ASCII)
 """Names that mean something else in places, in points or in columns."""
 MOST_SUPPORTS, MOST_SPRINGS = 1000, 100_000
 """Most supports, and most springs counting those of every copy."""
-SUFFIXES = {
-    "cart": ("m", "force"),
-    "swing": ("m", "force"),
-    "heave": ("m", "force"),
-    "tilt": ("rad", "torque"),
-    "platform": ("sway_m", "heave_m", "roll_rad", "sway_force", "heave_force", "roll_torque"),
-}
-"""What follows the name of a support in those of its coordinates and of the forces on them."""
 
 
 def structure_problems(scene: Described) -> Iterator[str]:
@@ -88,7 +80,9 @@ def _clashes(scene: Described) -> Iterator[str]:
     for index, support in enumerate(scene.supports):
         name = getattr(support, "name", "")
         numbers = range(1, len(support.M or ()) + 1) if isinstance(support, ModalSupport) else ()
-        suffixes = [*SUFFIXES.get(support.kind, ()), *map(str, numbers), *(f"{k}_force" for k in numbers)]
+        coordinates = support.path.coordinates if hasattr(support, "path") else ()
+        suffixes = [*(part for each in coordinates for part in (each.suffix, each.force_suffix))]
+        suffixes += [*map(str, numbers), *(f"{k}_force" for k in numbers)]
         for suffix in suffixes if name else ():
             first = first_indices.setdefault(f"{name}_{suffix}", index)
             if scene.supports[first].name != name:
@@ -192,8 +186,8 @@ def _end_problems(scene: Described, spring: Any, text: str) -> Iterator[str]:
                 yield "the length of this rope changes, and no spring can end on it"
         return
     support = _support(scene, point)
-    if torsion and support is not None and support.kind not in TURNING:
-        yield f"a support of kind {support.kind} does not turn: torsion acts on links, {' and '.join(TURNING)}, ground"
+    if torsion and support is not None and not _turns(support):
+        yield f"a support of kind {support.kind} does not turn: torsion acts on links, {TURNING}, ground"
     elif torsion and isinstance(point, CarrierPoint) and point.place != (0.0, 0.0):
         yield "an angle has no place: leave out @"
 
@@ -204,6 +198,11 @@ def _support(scene: Described, point: CarrierPoint | None) -> Any:
         return None if isinstance(scene.support, tuple) else scene.support
     names = scene.support_names
     return scene.supports[names.index(point.name)] if point.name in names else None
+
+
+def _turns(support: Any) -> bool:
+    """Whether a support turns by one of its coordinates."""
+    return hasattr(support, "path") and support.path.turning is not None
 
 
 def _bodies(scene: Described, text: str, kind: str) -> list[tuple[str, int]]:
@@ -219,7 +218,8 @@ def _bodies(scene: Described, text: str, kind: str) -> list[tuple[str, int]]:
     support = _support(scene, point)
     if support is None or support.kind in {"fixed", "moved"}:
         return [("ground", 0)]
-    if kind == "linear" and support.kind == "tilt" and point is not None and point.place == (0.0, 0.0):
+    is_pivoted = _turns(support) and len(support.path.coordinates) == 1 and not support.path.bends
+    if kind == "linear" and is_pivoted and point is not None and point.place == (0.0, 0.0):
         return [("ground", 0)]
     number = 0 if point is None or point.point is None else point.point
     return [(f"support {scene.supports.index(support)}", number)]
@@ -243,8 +243,8 @@ def force_problems(scene: Described, force: Any) -> Iterator[str]:
         yield f"a support of kind {support.kind} does not yield to a force: name a link"
     elif not scene.is_structured and point is not None:
         yield 'the cart does not turn, and all its points move alike: write on = "cart"'
-    elif force.direction == "torque" and support.kind not in TURNING:
-        yield f"a support of kind {support.kind} does not turn: a torque acts on {', '.join(TURNING)} and links"
+    elif force.direction == "torque" and not _turns(support):
+        yield f"a support of kind {support.kind} does not turn: a torque acts on tilt, platform and links"
     elif force.direction != "torque" and force.direction not in WAYS.get(support.kind, (force.direction,)):
         yield f"a support of kind {support.kind} moves only along a {WAYS[support.kind][0]} force"
 

@@ -17,11 +17,13 @@ from collections.abc import Iterator, Mapping
 from functools import lru_cache
 from io import BytesIO
 from os import PathLike
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 
 from modal.errors import SceneError
+from modal.extend import Coordinate, Support
+from modal.scene.carriers import CartMotion, HeaveMotion, PlatformMotion, SwingMotion, TiltMotion
 from modal.scene.links import LOSS_ANGLE, Loss, is_lossy
 from modal.scene.points import parse_point
 from modal.scene.stored import Pair, Rows, RowsOfPoints, Several, SeveralOrNone
@@ -177,6 +179,7 @@ class Cart(Placed):
     [0.0, 6.0]
     """
 
+    path: ClassVar[Support] = CartMotion()
     kind: Literal["cart"] = field(one_of("cart"), default="cart")
     mass: float = field(NON_NEGATIVE, "may be 0", "kg")
     damping: float = field(NON_NEGATIVE, "damper to the ground", "N s/m", default=0.0)
@@ -208,6 +211,7 @@ class Swing(Placed):
     [[2.825590223186, 6.013405016348], [2.825590223186, 6.013405016348]]
     """
 
+    path: ClassVar[Support] = SwingMotion()
     kind: Literal["swing"] = field(one_of("swing"), default="swing")
     mass: float = field(POSITIVE, "positive", "kg")
     length: float = field(POSITIVE, "of its rods", "m")
@@ -224,6 +228,7 @@ class Tilt(Placed):
     (0.0, -0.3)
     """
 
+    path: ClassVar[Support] = TiltMotion()
     kind: Literal["tilt"] = field(one_of("tilt"), default="tilt")
     mass: float = field(POSITIVE, "positive", "kg")
     inertia: float = field(NON_NEGATIVE, "moment of inertia about the centre of mass", "kg m²")
@@ -248,6 +253,7 @@ class Heave(Placed):
     [2.0, 3.0]
     """
 
+    path: ClassVar[Support] = HeaveMotion()
     kind: Literal["heave"] = field(one_of("heave"), default="heave")
     mass: float = field(POSITIVE, "positive", "kg")
     damping: float = field(NON_NEGATIVE, "damper to the ground", "N s/m", default=0.0)
@@ -282,6 +288,7 @@ class Platform(Placed):
     5000000.0
     """
 
+    path: ClassVar[Support] = PlatformMotion()
     kind: Literal["platform"] = field(one_of("platform"), default="platform")
     mass: float = field(POSITIVE, "positive", "kg")
     inertia: float = field(POSITIVE, "moment of inertia about the centre of mass", "kg m²")
@@ -335,6 +342,18 @@ class ModalSupport(Placed):
         for name, values in self.start or ():
             if values is not None and len(values) != len(self.M):
                 yield f".start.{name}: has {len(values)} values for {len(self.M)} coordinates"
+
+
+def law_values(law: float | Part) -> tuple[float, ...]:
+    """The stiffness or the damping of each coordinate of a support."""
+    return tuple(value for _, value in law) if isinstance(law, Part) else (law,)
+
+
+def start_keys(coordinate: Coordinate) -> tuple[str, str]:
+    """How a start calls a coordinate and its rate, as `sway` and `sway_rate`."""
+    ending, alone = ("_deg", "angle") if coordinate.unit == "rad" else ("", "displacement")
+    way = coordinate.way
+    return f"{way or alone}{ending}", f"{way}_rate{ending}" if way else f"rate{ending}"
 
 
 Carrier = Cart | Swing | Tilt | Heave | Platform | ModalSupport

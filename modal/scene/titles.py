@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import accumulate, groupby, islice
+from typing import Any
 
 from modal.report import Summary, brief, capital, listed
 from modal.scene.doors import require_type
@@ -16,15 +17,12 @@ NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight",
 SINGLE = {"bob": "simple ", "rod": "rod ", "rigid body": "compound "}
 NAMES = {1: "", 2: "double ", 3: "triple "}
 WORDS = {
-    "cart": ("cart", "carts"),
     "fixed": ("fixed support", "fixed supports"),
     "heave": ("support that heaves", "supports that heave"),
     "modal": ("linear structure", "linear structures"),
-    "platform": ("platform", "platforms"),
-    "swing": ("swing", "swings"),
     "tilt": ("board that tilts", "boards that tilt"),
 }
-"""Supports in words, one and several."""
+"""Supports in words, one and several, where they are called otherwise than their kind says."""
 MOST_SORTS = 3
 """Sorts of pendula that a title names one by one."""
 
@@ -67,10 +65,15 @@ def _support(scene: Scene) -> str:
     return _supports(scene) + springs
 
 
+def _nouns(support: Any) -> tuple[str, str]:
+    """What one support of its kind is called, and several."""
+    return WORDS.get(support.kind) or support.path.nouns
+
+
 def _supports(scene: Scene) -> str:
     if "structure" in scene.features:
-        counts = Counter(support.kind for support in scene.supports)
-        words = [f"a {WORDS[kind][0]}" if n == 1 else f"{_number(n)} {WORDS[kind][1]}" for kind, n in counts.items()]
+        counts = Counter(_nouns(support) for support in scene.supports)
+        words = [f"a {one}" if n == 1 else f"{_number(n)} {many}" for (one, many), n in counts.items()]
         return listed(words, len(words))
     if (cart := scene.cart) is not None:
         what = "cart" if cart.mass else "massless cart"

@@ -150,10 +150,24 @@ def parts_or_none(schema: Schema) -> Schema:
     return function_before(_several, list_of(schema))
 
 
-def any_kind(*kinds: type[Part]) -> Schema:
-    """A part of one of these kinds."""
+def any_kind(*kinds: type[Part], others: Callable[[str], type[Part] | None] | None = None) -> Schema:
+    """A part of one of these kinds, or of a kind whose class `others` know."""
     choices = {kind: part.schema() for part in kinds for kind in part.fields["kind"].schema["expected"]}
-    return {"type": "tagged-union", "choices": choices, "discriminator": "kind", "from_attributes": True}
+    union = {"type": "tagged-union", "choices": choices, "discriminator": "kind", "from_attributes": True}
+    if others is None:
+        return union
+
+    def validate(value: Any, validator: Callable[[Any], Any]) -> Any:
+        kind = value.get("kind") if isinstance(value, Mapping) else getattr(value, "kind", None)
+        part = others(kind) if isinstance(kind, str) and kind not in choices else None
+        if part is None or isinstance(value, part):
+            return validator(value) if part is None else value
+        try:
+            return part.model_validate(value)
+        except SceneError as error:
+            raise ValueError("\n".join(f".{problem}" for problem in error.problems)) from None
+
+    return {"type": "function-wrap", "function": {"type": "no-info", "function": validate}, "schema": union}
 
 
 class Field(NamedTuple):

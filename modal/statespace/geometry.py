@@ -59,17 +59,8 @@ class StructureCoordinate(NamedTuple):
         return self.name.removesuffix(f"_{self.unit}") + dots + unit * bool(self.unit)
 
 
-WORDS = {
-    "cart": ("displacement of the cart", "force along the rail on the cart"),
-    "swing": ("displacement along its arc of the swing", "force along its arc on the swing"),
-    "tilt": ("angle of the board", "torque on the board"),
-    "heave": ("displacement upwards of the support", "force upwards on the support"),
-    "sway_m": ("displacement along the rail of the platform", "force along the rail on the platform"),
-    "heave_m": ("displacement upwards of the platform", "force upwards on the platform"),
-    "roll_rad": ("angle of the platform", "torque on the platform"),
-    "modal": ("coordinate of the modal support", "generalized force on a coordinate of the modal support"),
-}
-"""What coordinates are, and forces on them, by the kind of their carrier or their own ending."""
+WORDS = ("coordinate of the modal support", "generalized force on a coordinate of the modal support")
+"""What coordinates of modal supports are, and forces on them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,7 +166,8 @@ def coordinates_of(structure: Structure) -> tuple[StructureCoordinate, ...]:
         origin = carrier.moving(0 if carrier.M is not None else (0.0, 0.0), at_rest, at_rest).slopes
         for k, suffix in enumerate(carrier.suffixes):
             unit = "" if carrier.M is not None else suffix.rpartition("_")[2]
-            meaning, force_meaning = (f"{words} {carrier.name}" for words in WORDS.get(suffix) or WORDS[carrier.kind])
+            described = carrier.path.coordinates[k].described(carrier.path.nouns[0]) if carrier.path else WORDS
+            meaning, force_meaning = (f"{words} {carrier.name}" for words in described)
             rail_part = 0.0 if carrier.M is not None or unit == "rad" else float(origin[k][0])
             name = structure.names[structure.offsets[number] + k]
             coordinates.append(StructureCoordinate(name, unit, meaning, force_meaning, rail_part))

@@ -57,14 +57,13 @@ from modal.statespace.signals import (
     validate_points,
     validate_signals,
 )
+from modal.structure import CarrierNumbers
 from modal.types import Floats
 
 if TYPE_CHECKING:
     pass
 
 LARGEST_STATE = 4000
-TRANSLATING = {"fixed", "cart", "swing", "platform"}
-"""The kinds of carriers whose own mass, if they have any, can move along the rail and do nothing else."""
 NO_SHARE = (
     "a modal support does not say how the ground's motion drives its coordinates: give it as forces on these, or "
     "write the structure as carts"
@@ -353,8 +352,17 @@ def _translation(geometry: Geometry) -> Floats | None:
     """The motion (q,) in which everything translates along the rail by 1 m; None where there is none."""
     motion = np.zeros(geometry.size)
     motion[: geometry.leading] = [coordinate.along for coordinate in geometry.coordinates]
-    carriers = all(carrier.kind in TRANSLATING for carrier in geometry.structure.carriers)
+    carriers = all(_may_translate(carrier) for carrier in geometry.structure.carriers)
     return motion if carriers and np.all(geometry.centres @ motion == 1.0) else None
+
+
+def _may_translate(carrier: CarrierNumbers) -> bool:
+    """Whether a carrier's own mass, if it has any, can move along the rail and do nothing else."""
+    if not carrier.size or carrier.M is not None:
+        return not carrier.size
+    zeros = (0.0,) * carrier.size
+    slopes = carrier.moving(carrier.centre, zeros, zeros).slopes
+    return any(slope == (1.0, 0.0) for k, slope in enumerate(slopes) if k != carrier.turning)
 
 
 PLACED = (("support", "m", "displacement"), ("support_dot", "m/s", "velocity"))

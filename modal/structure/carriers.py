@@ -4,37 +4,31 @@ A carrier has the pose (x, z, φ)(η) of its origin, x along the rail, z down, �
 
     r = (x, z) + (s cos φ + h sin φ, h cos φ − s sin φ),    r'' = J η'' + J' η'
 
-Poses from the drawn rest, by kind: cart (η, 0, 0);  swing (L sin η/L, L cos η/L − L, 0);  tilt (0, 0, η);
-heave (0, −η, 0);  platform (sway, −heave, roll).  Points of a modal support move by its array `points`.
+Its kind says how the origin moves (`modal.extend.Support`); points of a modal support move by its array `points`.
 
-Every line is plain arithmetic: it accepts floats, arrays of any one shape, complex numbers and recorded symbols; for
-SymPy's expressions the sine and the cosine are handed in.
+Every line is plain arithmetic: it accepts floats, arrays of any one shape, complex numbers, recorded symbols and
+SymPy's expressions.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from modal.scene import ModalSupport, Platform, Swing, Tilt
+from modal.extend import Support, cos, sin
+from modal.extend.jets import plus
+from modal.scene import ModalSupport
+from modal.scene.carriers import CartMotion, HeaveMotion, PlatformMotion, SwingMotion, TiltMotion
+from modal.scene.supports import law_values
 from modal.types import Floats
 
-PLATFORM = ("sway", "heave", "roll")
-COORDINATES: dict[str, tuple[str, ...]] = {
-    "fixed": (),
-    "moved": (),
-    "cart": ("m",),
-    "swing": ("m",),
-    "tilt": ("rad",),
-    "heave": ("m",),
-    "platform": ("sway_m", "heave_m", "roll_rad"),
-}
-"""The coordinates of every kind but "modal", as they follow the name of a carrier: what they are, with the unit."""
-Function = Callable[[Any], Any]
+PLATFORM = tuple(coordinate.way for coordinate in PlatformMotion.coordinates)
+COMPILED = (CartMotion, SwingMotion, TiltMotion, HeaveMotion, PlatformMotion)
+Slope = tuple[Any, Any]
 
 
 class Moving(NamedTuple):
@@ -53,26 +47,9 @@ class Moving(NamedTuple):
         return x, z
 
 
-def plus(total: Any, factor: Any, value: Any) -> Any:
-    """The sum total + factor · value, without operations on arrays that would only add a 0 or multiply by 1.
-
-    Constants are plain floats; what is computed may be a float of NumPy, and 0 by chance.
-    """
-    if (type(factor) is float and factor == 0.0) or (type(value) is float and value == 0.0):
-        return total
-    product = value if type(factor) is float and factor == 1.0 else factor * value
-    return product if type(total) is float and total == 0.0 else total + product
-
-
 def inner(slope: tuple[Any, Any], x: Any, z: Any) -> Any:
     """The product of a slope with the vector (x, z)."""
     return plus(plus(0.0, slope[0], x), slope[1], z)
-
-
-def swing_path(S: Any, C: Any, length: Any, rate: Any) -> tuple[tuple[Any, Any], tuple[Any, Any]]:
-    """Slope and bias of a swing whose rods stand at an angle of this sine and cosine."""
-    ww = rate * rate / length
-    return (C, -S), (-S * ww, -C * ww)
 
 
 def turn_point(s: Any, h: Any, S: Any, C: Any, rate: Any) -> tuple[tuple[Any, Any], tuple[Any, Any], tuple[Any, Any]]:
@@ -84,10 +61,11 @@ def turn_point(s: Any, h: Any, S: Any, C: Any, rate: Any) -> tuple[tuple[Any, An
 
 @dataclass(frozen=True, eq=False)
 class CarrierNumbers:
-    """A support as numbers: `position` and `centre` (m), mass (kg), inertia about its centre (kg m²), rods' length (m).
+    """A support as numbers: `position` and `centre` (m), mass (kg), inertia about its centre (kg m²).
 
-    `stiffness` and `damping` have an entry for each coordinate.  A modal support has the arrays M, K, D (d, d) and
-    `points` (P, 2, d) in their stead.
+    `path` says how its origin moves, None of what has none; `parameters` are the numbers of its kind, `stiffness` and
+    `damping` have an entry for each coordinate; it `stores` the energy of its path.  A modal support has the arrays M,
+    K, D (d, d) and `points` (P, 2, d) in their stead.
     """
 
     kind: str
@@ -95,10 +73,12 @@ class CarrierNumbers:
     position: tuple[Any, Any]
     mass: Any = 0.0
     inertia: Any = 0.0
-    length: Any = 0.0
     centre: tuple[Any, Any] = (0.0, 0.0)
     stiffness: tuple[Any, ...] = ()
     damping: tuple[Any, ...] = ()
+    path: Support | None = None
+    parameters: tuple[Any, ...] = ()
+    stores: bool = True
     M: Floats | None = None
     K: Floats | None = None
     D: Floats | None = None
@@ -112,57 +92,97 @@ class CarrierNumbers:
     @cached_property
     def turning(self) -> int | None:
         """Which of its coordinates is the angle by which it turns; None if it does not."""
-        return {"tilt": 0, "platform": 2}.get(self.kind)
+        return self.path.turning if self.path else None
 
-    @property
+    @cached_property
     def bends(self) -> bool:
         """Whether its points move on bent paths."""
-        return self.kind in {"swing", "tilt", "platform"}
+        return self.path is not None and (self.path.bends or self.turning is not None)
+
+    @property
+    def is_compiled(self) -> bool:
+        """Whether compiled loops know how it moves; others move by what is written for their scene."""
+        return self.M is None and (self.path is None or type(self.path) in COMPILED)
+
+    @cached_property
+    def sliding(self) -> int | None:
+        """Which of its coordinates displaces it along the rail and does nothing else; None where none does."""
+        if self.path is None or self.path.bends:
+            return None
+        return self._straight.index((1.0, 0.0)) if (1.0, 0.0) in self._straight else None
 
     @property
     def suffixes(self) -> tuple[str, ...]:
         """What follows its name in the name of every coordinate."""
-        return COORDINATES[self.kind] if self.M is None else tuple(str(k) for k in range(1, self.size + 1))
+        if self.M is not None:
+            return tuple(str(k) for k in range(1, self.size + 1))
+        return tuple(coordinate.suffix for coordinate in self.path.coordinates) if self.path else ()
 
-    def moving(
-        self,
-        where: tuple[Any, Any] | int,
-        eta: Sequence[Any],
-        rates: Sequence[Any],
-        sine: Function = np.sin,
-        cosine: Function = np.cos,
-    ) -> Moving:
+    def way(self, k: int) -> str:
+        """The way of one of several coordinates: sway, heave or roll of a platform."""
+        return self.path.coordinates[k].way if self.path else ""
+
+    def verb(self, k: int) -> str:
+        """What it does where coordinate k moves."""
+        return self.path.coordinates[k].verb if self.path else "moves"
+
+    @cached_property
+    def values(self) -> Mapping[str, Any]:
+        """The numbers of its kind by name."""
+        names = [parameter.name for parameter in self.path.parameters] if self.path else []
+        return dict(zip(names, self.parameters, strict=True))
+
+    def displacement(self, where: tuple[Any, Any] | int, eta: Sequence[Any]) -> tuple[Any, Any]:
+        """How far (m) its point (s, h), or a numbered one, is from where it is drawn, with all digits."""
+        if self.points is not None:
+            slopes = self.points[where].T.tolist()
+            return tuple(sum((s[k] * value for s, value in zip(slopes, eta, strict=True)), 0.0) for k in (0, 1))  # type: ignore[return-value]
+        x, z = self.path.place(eta, self.values) if self.path else (0.0, 0.0)
+        if self.turning is None:
+            return x, z
+        assert not isinstance(where, int)
+        phi = eta[self.turning]
+        half = sin(phi / 2)
+        right, down = turn_displacement(*where, sin(phi), 2 * (half * half))
+        return x + right, z + down
+
+    def moving(self, where: tuple[Any, Any] | int, eta: Sequence[Any], rates: Sequence[Any]) -> Moving:
         """How its point (s, h), or the numbered point of a modal one, moves."""
         if self.points is not None:
             return _combine_slopes(self.position, self.points[where], eta)
         assert not isinstance(where, int)
-        pose, slopes, bias = self._pose(eta, rates, sine, cosine)
-        turning = self.turning
         s, h = where
+        x, z = self.position[0] + s, self.position[1] + h
+        if self.path is None:
+            return Moving((x, z), (), (0.0, 0.0))
+        pose, slopes, bias = self._origin(eta, rates)
+        turning = self.turning
         if turning is None:
-            x, z = self.position[0] + s, self.position[1] + h
             return Moving((x + pose[0], z + pose[1]), slopes, bias)
-        S, C, w = sine(eta[turning]), cosine(eta[turning]), rates[turning]
-        arm, turn, thrown = turn_point(s, h, S, C, w)
-        slopes = (*slopes[:turning], turn)
+        arm, turn, thrown = turn_point(s, h, sin(eta[turning]), cos(eta[turning]), rates[turning])
         place = self.position[0] + pose[0] + arm[0], self.position[1] + pose[1] + arm[1]
+        both = plus(slopes[turning][0], 1.0, turn[0]), plus(slopes[turning][1], 1.0, turn[1])
+        slopes = (*slopes[:turning], both, *slopes[turning + 1 :])
         return Moving(place, slopes, (bias[0] + thrown[0], bias[1] + thrown[1]))
 
-    def _pose(self, eta: Sequence[Any], rates: Sequence[Any], sine: Function, cosine: Function) -> Any:
+    def _origin(self, eta: Sequence[Any], rates: Sequence[Any]) -> tuple[Slope, tuple[Slope, ...], Slope]:
         """Displacement of the origin, its slopes and its bias."""
-        if self.kind == "cart":
-            return (eta[0], 0.0), ((1.0, 0.0),), (0.0, 0.0)
-        if self.kind == "swing":
-            S, C = sine(eta[0] / self.length), cosine(eta[0] / self.length)
-            slope, bias = swing_path(S, C, self.length, rates[0])
-            return (self.length * S, self.length * (C - 1)), (slope,), bias
-        if self.kind == "tilt":
-            return (0.0, 0.0), (), (0.0, 0.0)
-        if self.kind == "heave":
-            return (0.0, -eta[0]), ((0.0, -1.0),), (0.0, 0.0)
-        if self.kind == "platform":
-            return (eta[0], -eta[1]), ((1.0, 0.0), (0.0, -1.0)), (0.0, 0.0)
-        return (0.0, 0.0), (), (0.0, 0.0)
+        assert self.path is not None
+        if self.path.bends:
+            return self.path.motion(eta, rates, self.values)
+        return self.path.place(eta, self.values), self._straight, (0.0, 0.0)
+
+    @cached_property
+    def _straight(self) -> tuple[Slope, ...]:
+        """The slopes of an origin that moves on straight lines."""
+        zeros = [0.0] * self.size
+        assert self.path is not None
+        return self.path.motion(zeros, zeros, self.values)[1]
+
+
+def turn_displacement(s: Any, h: Any, sine: Any, versine: Any) -> tuple[Any, Any]:
+    """How far (m) a point (s, h) of what turns is from where it is drawn."""
+    return h * sine - s * versine, -(s * sine + h * versine)
 
 
 def _combine_slopes(position: tuple[Any, Any], point: Floats, eta: Sequence[Any]) -> Moving:
@@ -179,20 +199,18 @@ def carrier_numbers(support: Any) -> CarrierNumbers:
         M, K = np.array(support.M), np.array(support.K)
         D = np.zeros_like(M) if support.D is None else np.array(support.D)
         return CarrierNumbers("modal", name, position, M=M, K=K, D=D, points=np.array(support.points))
-    if not COORDINATES[support.kind]:
+    path = getattr(support, "path", None)
+    if path is None:
         return CarrierNumbers(support.kind, name, position)
-    stiffness, damping = (
-        tuple(getattr(part, way) for way in PLATFORM) if isinstance(support, Platform) else (part,)
-        for part in (support.stiffness, support.damping)
-    )
     return CarrierNumbers(
         support.kind,
         name,
         position,
         support.mass,
-        support.inertia if isinstance(support, Tilt | Platform) else 0.0,
-        support.length if isinstance(support, Swing) else 0.0,
-        support.centre if isinstance(support, Tilt | Platform) else (0.0, 0.0),
-        stiffness,
-        damping,
+        getattr(support, "inertia", 0.0),
+        getattr(support, "centre", (0.0, 0.0)),
+        law_values(support.stiffness),
+        law_values(support.damping),
+        path,
+        tuple(getattr(support, parameter.name) for parameter in path.parameters),
     )

@@ -215,7 +215,8 @@ class Scaffold:
             if abs(h - level) > FAR_OFF * u:
                 foot = (0.3 * s if body.kind == "platform" else s, level)
                 yield Piece("line", self._at(k, [foot, (s, h)], eta))
-        yield from getattr(self, f"_{body.kind}")(k, body, eta)
+        if (drawing := getattr(self, f"_{body.kind}", None)) is not None:
+            yield from drawing(k, body, eta)
 
     def _ceiling(self, k: int) -> Iterator[Piece]:
         """What stands still, hatched from above."""
@@ -262,7 +263,7 @@ class Scaffold:
 
     def _swing(self, k: int, body: CarrierNumbers, eta: Floats) -> Iterator[Piece]:
         left_end, right_end, _ = self._bodies[k]
-        length, u = float(body.length), self.unit
+        length, u = float(body.values["length"]), self.unit
         for s in (left_end + 0.06 * u, right_end - 0.06 * u):
             top = np.broadcast_to(self._ground_points(k, [(s, -length)]), (len(eta), 1, 2))
             yield Piece("line", np.concatenate([top, self._at(k, [(s, 0.0)], eta)], axis=1))

@@ -93,6 +93,22 @@ def structure_of(scene: Scene) -> Structure:
     return Structure(carriers, pivots, springs)
 
 
+def unit_size(unit: str, mass: float, length: float, gravity: float) -> float:
+    """What 1 of a unit of kg, m, s, N, J and rad is where mass (kg), length (m) and acceleration (m/s²) are units.
+
+    >>> from modal.structure.structure import unit_size
+    >>> unit_size("N m/rad", 2.0, 0.5, 10.0)
+    10.0
+    """
+    sizes = {"kg": mass, "m": length, "s": sqrt(length / gravity), "N": mass * gravity, "J": mass * gravity * length}
+    size, (over, _, under) = 1.0, unit.partition("/")
+    for part, sign in ((over, 1), (under, -1)):
+        for word in part.split():
+            name = word.rstrip("²³")
+            size *= sizes.get(name, 1.0) ** (sign * {"": 1, "²": 2, "³": 3}[word.removeprefix(name)])
+    return size
+
+
 def scale_structure(structure: Structure, mass: float, length: float, gravity: float) -> Structure:
     """The same structure with these units of mass (kg), length (m) and acceleration (m/s²).
 
@@ -122,7 +138,12 @@ def scale_structure(structure: Structure, mass: float, length: float, gravity: f
             position=position,
             mass=numbers.mass / mass,
             inertia=numbers.inertia / (mass * length**2),
-            length=numbers.length / length,
+            parameters=tuple(
+                value / unit_size(parameter.unit, mass, length, gravity)
+                for parameter, value in zip(
+                    numbers.path.parameters if numbers.path else (), numbers.parameters, strict=True
+                )
+            ),
             centre=(numbers.centre[0] / length, numbers.centre[1] / length),
             stiffness=tuple(k / unit[0] for k, unit in zip(numbers.stiffness, units, strict=True)),
             damping=tuple(c / unit[1] for c, unit in zip(numbers.damping, units, strict=True)),

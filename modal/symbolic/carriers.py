@@ -19,12 +19,13 @@ dissipation function:
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import sympy as sp
 
+from modal.extend import Support
 from modal.scene.points import Where
 
 
@@ -91,7 +92,7 @@ class SymbolicCarrier:
     `index` is what follows the letters of its coordinates: its name, or nothing for one cart alone.
     `stiffness` and `damping` are matrices (d, d), diagonal but for a modal support, whose masses are `masses` (d, d)
     and whose `points` (P, 2, d) move with its coordinates.  `carries` tells for each coordinate whether the own spring
-    carries the weight as drawn.
+    carries the weight as drawn.  Of a kind that others wrote the `path` says how it moves, by its `values`.
     """
 
     kind: str
@@ -107,17 +108,22 @@ class SymbolicCarrier:
     centre: tuple[Any, Any] = (sp.S.Zero, sp.S.Zero)
     masses: Any = None
     points: tuple[Any, ...] = ()
+    path: Support | None = None
+    values: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def coordinates(self) -> tuple[Coordinate, ...]:
         """Its coordinates, such as x_left, s_left, phi_board, or eta_frame_1 of a modal one."""
         if self.kind == "modal":
             return tuple(coordinate("eta", *self.index, k + 1) for k in range(self.masses.rows))
-        return tuple(coordinate(letter, *self.index) for letter in LETTERS[self.kind])
+        letters = [each.letter for each in self.path.coordinates] if self.path else LETTERS[self.kind]
+        return tuple(coordinate(letter, *self.index) for letter in letters)
 
     @property
     def angle(self) -> Coordinate | None:
         """Its coordinate φ; None if it does not turn."""
+        if self.path:
+            return None if self.path.turning is None else self.coordinates[self.path.turning]
         return self.coordinates[-1] if self.kind in {"tilt", "platform"} else None
 
     def place(self, where: Where) -> tuple[Any, Any]:
@@ -137,6 +143,8 @@ class SymbolicCarrier:
     def _displacement(self) -> tuple[Any, Any]:
         """How far its origin is from where it is drawn."""
         q = [c.q for c in self.coordinates]
+        if self.path:
+            return self.path.place(q, self.values)
         if self.kind == "cart":
             return q[0], sp.S.Zero
         if self.kind == "swing":
@@ -153,6 +161,8 @@ class SymbolicCarrier:
         if isinstance(where, int):
             x_rates, z_rates = ([a * rate for a, rate in zip(row, v, strict=True)] for row in self.points[where])
             return sp.expand(sp.Add(*x_rates) ** 2 + sp.Add(*z_rates) ** 2)
+        if self.path:
+            return sp.expand(sp.Add(*(rate**2 for rate in self._velocity(where))))
         s, h = where
         if self.kind == "tilt":
             return (s**2 + h**2) * v[0] ** 2
@@ -169,6 +179,9 @@ class SymbolicCarrier:
         if isinstance(where, int):
             x_rates, z_rates = ([a * rate for a, rate in zip(row, v, strict=True)] for row in self.points[where])
             return sp.Add(*x_rates) * C - sp.Add(*z_rates) * S
+        if self.path:
+            along, down = self._velocity(where)
+            return along * C - down * S
         parts = {"cart": [C], "heave": [S], "platform": [C, S]}.get(self.kind, [])
         if self.kind == "swing":
             parts = [sp.cos(theta - self.coordinates[0].q / self.length)]
@@ -176,6 +189,15 @@ class SymbolicCarrier:
             difference = theta - self.angle.q
             parts = [*parts, where[1] * sp.cos(difference) + where[0] * sp.sin(difference)]
         return sp.Add(*(part * rate for part, rate in zip(parts, v, strict=True)))
+
+    def _velocity(self, where: Where) -> list[Any]:
+        """(along, down) of a point in m/s, by differentiation."""
+        return [time_derivative(part, self.coordinates) for part in self.place(where)]
+
+    @property
+    def stored(self) -> Any:
+        """The energy beside springs and weight."""
+        return sp.sympify(self.path.potential([c.q for c in self.coordinates], self.values)) if self.path else sp.S.Zero
 
     @property
     def kinetic(self) -> Any:
@@ -188,7 +210,7 @@ class SymbolicCarrier:
 
     def symbols(self) -> Iterator[Any]:
         """All numbers of it."""
-        yield from (self.mass, self.inertia, self.length, *self.stiffness, *self.damping)
+        yield from (self.mass, self.inertia, self.length, *self.stiffness, *self.damping, *self.values.values())
         yield from self.masses or ()
 
 

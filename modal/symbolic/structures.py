@@ -254,7 +254,7 @@ class SymbolicStructure(Displayed):
         for carrier in self.carriers:
             q = sp.Matrix([c.q for c in carrier.coordinates])
             elastic_energy = (q.T * carrier.stiffness * q)[0] / 2 if q else sp.S.Zero
-            energies.append(elastic_energy + sp.Add(*(next(weights) * value for value in q)))
+            energies.append(elastic_energy + carrier.stored + sp.Add(*(next(weights) * value for value in q)))
         return energies
 
     @cached_property

@@ -13,8 +13,9 @@ from modal.exact import exact, exact_links
 from modal.scene import ModalSupport, Pendulum, Scene, require, title_of
 from modal.scene.laws import JointPart
 from modal.scene.points import CarrierEnd, End, hanging_points, joined_points
-from modal.scene.supports import Fixed, Planar
-from modal.symbolic.carriers import ORIGIN, STILL, Chain, SymbolicCarrier
+from modal.scene.supports import Fixed
+from modal.scene.validation import Part
+from modal.symbolic.carriers import LETTERS, ORIGIN, STILL, Chain, SymbolicCarrier
 from modal.symbolic.structures import JoinedSpring, SymbolicStructure
 
 SYMBOLIC = ("masses", "lengths", "gravity", "cart", "supports", "springs")
@@ -56,6 +57,7 @@ def symbolic_structure(scene: Scene, symbolic: tuple[str, ...] = ()) -> Symbolic
     SceneError above MOST_LINKS links, and for what no derivation takes.
     """
     require(scene, "a derivation")
+    scene = scene.still
     if scene.n_links > MOST_LINKS:
         raise SceneError([f"the scene has {scene.n_links} links: at most {MOST_LINKS} are written in exact numbers"])
     gravity = symbol("g") if "gravity" in symbolic else rational(scene.gravity)
@@ -98,11 +100,14 @@ def _carrier(support: Any, name: str, index: tuple[str, ...], symbolic: tuple[st
             else rational(value)
         )
 
-    def diagonal(letter: str, values: float | Planar) -> Any:
-        if isinstance(values, Planar):
+    def diagonal(letter: str, values: float | Part) -> Any:
+        if isinstance(values, Part):
             return sp.diag(*(number(letter, value, way) for way, value in values))
         return sp.diag(number(letter, values))
 
+    is_foreign = support.kind not in LETTERS
+    path = support.path if is_foreign else None
+    values = {each.name: number(each.name, getattr(support, each.name)) for each in (path.parameters if path else ())}
     stiffness, damping = diagonal("k", support.stiffness), diagonal("d", support.damping)
     return SymbolicCarrier(
         support.kind,
@@ -114,8 +119,10 @@ def _carrier(support: Any, name: str, index: tuple[str, ...], symbolic: tuple[st
         tuple(k != 0 for k in stiffness.diagonal()),
         number("m", support.mass),
         number("I", getattr(support, "inertia", 0.0)),
-        number("L", getattr(support, "length", 0.0)),
+        number("L", 0.0 if path else getattr(support, "length", 0.0)),
         _rationals(getattr(support, "centre", (0.0, 0.0))),
+        path=path,
+        values=values,
     )
 
 

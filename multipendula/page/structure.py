@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from modal.modes.rows import ALIKE, COUNTED, PLATFORM, UNNAMED, VERBS
+from modal.modes.rows import ALIKE, COUNTED, UNNAMED
 from modal.scene import Scene
 from modal.structure import STILL, Piece, Scaffold, Structure
 from multipendula.page.prescribed import leading
@@ -85,8 +85,7 @@ def _coordinates(structure: Structure) -> Iterator[dict[str, Any]]:
             way, _, last = suffix.rpartition("_")
             unit = UNITS.get(last, "")
             name = " ".join(filter(None, (numbers.name, way or ("" if unit else suffix))))
-            verb = PLATFORM[k] if numbers.kind == "platform" else VERBS[numbers.kind]
-            words = {"named": named, "verb": verb, "alike": ALIKE.get(numbers.kind), "counted": COUNTED}
+            words = {"named": named, "verb": numbers.verb(k), "alike": ALIKE.get(numbers.kind), "counted": COUNTED}
             yield {"carrier": carrier, "kind": numbers.kind, "unit": unit, "name": name, **words}
 
 

@@ -37,7 +37,6 @@ from nonlinear.system import Population, System, populations_of, representatives
 
 OWN, OTHER, COMMON, WITHIN = "own", "other", "common", "within a population"
 IN_PHASE, ANTIPHASE = "in phase", "antiphase"
-UPRIGHT = {"heave": (0,), "platform": (1,)}  # coordinates that a mirror image leaves as they are
 MIXED = 1e-8  # of what a sector does, that may be in another one by rounding
 TRIALS, SEED = 3, 7
 SETTLINGS, MORE = 6, 2.0  # stretches of slow flow before Newton's method is given up, and how much longer each is
@@ -165,7 +164,7 @@ def _exchange(populations: Sequence[Population], system: System, means: Sequence
     for number, carrier in enumerate(structure.carriers):
         to = image.get(number, number)
         for k in range(carrier.size):
-            upright = k in UPRIGHT.get(carrier.kind, ())
+            upright = carrier.path is not None and not carrier.path.coordinates[k].is_mirrored
             G[structure.offsets[to] + k, structure.offsets[number] + k] = 1.0 if upright else sign
     return np.asarray(G)
 

@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
+from modal.extend.jets import plus
 from modal.structure import CarrierEnd, CarrierNumbers, Moving
-from modal.structure.carriers import plus
 from modal.types import Ints
 from nonlinear.dynamics.forces import Base, External
 from nonlinear.dynamics.inputs import QUIET, Instant
@@ -22,10 +22,11 @@ from nonlinear.dynamics.structure import (
     Carriers,
     Vector,
     carriers_of,
-    displacement,
+    elastic_forces,
     inertia,
     mounting_forces,
     solve_block,
+    stored,
     thrown,
 )
 from nonlinear.system import Group, System
@@ -114,12 +115,13 @@ class Bearing:
         energy: Any = 0.0
         for number, carrier in enumerate(self.structure.carriers):
             eta = self.structure.part(number, self.eta)
-            spring_forces, _ = mounting_forces(carrier, eta, eta)
-            for k, (value, force) in enumerate(zip(eta, spring_forces, strict=True)):
+            for k, (value, force) in enumerate(zip(eta, elastic_forces(carrier, eta), strict=True)):
                 weight = self.carriers.weights[self.structure.offsets[number] + k]
                 energy = energy + (weight * value - value * force / 2)
+            if (jets := stored(carrier, eta)) is not None:
+                energy = energy + jets[0].value
             if carrier.M is None:
-                _, down = displacement(carrier, carrier.centre, eta)
+                _, down = carrier.displacement(carrier.centre, eta)
                 energy = energy - carrier.mass * self.system.gravity * down
         return energy
 
@@ -165,7 +167,7 @@ class Bearing:
         for bundle in self.carriers.bundles[group]:
             where = self.carriers.where(bundle, self.eta)
             places.append(
-                displacement(structure.carriers[bundle.carrier], where, structure.part(bundle.carrier, self.eta))
+                structure.carriers[bundle.carrier].displacement(where, structure.part(bundle.carrier, self.eta))
             )
         return tuple(self._join(group, [place[k] for place in places]) for k in (0, 1)), self.velocity(group)
 
@@ -173,7 +175,7 @@ class Bearing:
         """The displacement of a point of a carrier, how it moves, and its velocity."""
         eta, rates = (self.structure.part(end.carrier, values) for values in (self.eta, self.rates))
         moving = self.carriers.moving(end.carrier, end.where, self.eta, self.rates)
-        return displacement(self.structure.carriers[end.carrier], end.where, eta), moving, moving.velocity(rates)
+        return self.structure.carriers[end.carrier].displacement(end.where, eta), moving, moving.velocity(rates)
 
     def base(self, group: int) -> Base | None:
         """Angles and rates of what carries the first joints of a group; None where nothing there turns."""

@@ -1,7 +1,8 @@
 """The equations of structures compiled by numba (extra `fast`): loops over flat arrays of carriers, links and springs.
 
 What is done at each is the text of `nonlinear.dynamics.structure`, `springs` and `recursion` and of
-`modal.structure.carriers`; here is only its order.  Modal supports are left to the written text and to NumPy.
+`modal.structure.carriers`; here is only its order.  Modal supports and those that others write are left to the written
+text and to NumPy.
 """
 
 from __future__ import annotations
@@ -10,8 +11,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from modal.errors import SceneError
+from modal.scene.carriers import along_arc, swing_path
 from modal.structure import CarrierEnd, End, LinkEnd
-from modal.structure.carriers import swing_path, turn_point
+from modal.structure.carriers import turn_displacement, turn_point
 from modal.types import Booleans, Floats, Ints
 from nonlinear.dynamics.compiling import in_place
 from nonlinear.dynamics.forces import joint_law
@@ -26,7 +29,7 @@ from nonlinear.dynamics.recursion import (
     tip_response,
 )
 from nonlinear.dynamics.springs import slack, stretch_law, versine
-from nonlinear.dynamics.structure import Carriers, along_arc, eliminate, turn_displacement
+from nonlinear.dynamics.structure import Carriers, eliminate
 from nonlinear.dynamics.text import sincos
 from nonlinear.system import System
 
@@ -34,7 +37,6 @@ STRAIGHT, ARC, TURNING = 0, 1, 2
 """Kinds of coordinates: along a line, of a swing along its arc, of what turns."""
 TIGHT, LOOSE, TORSION = 0, 1, 2
 GROUND, ON_LINK, ON_CARRIER = 0, 1, 2
-WAYS = {"cart": ((1.0, 0.0),), "heave": ((0.0, -1.0),), "platform": ((1.0, 0.0), (0.0, -1.0), (0.0, 0.0))}
 
 _sincos, _joint_law, _versine = in_place(sincos), in_place(joint_law), in_place(versine)
 _tip_response, _link_response, _link_acceleration, _driven = (
@@ -93,8 +95,10 @@ def with_own_room(flat: FlatStructure) -> FlatStructure:
 
 
 def flat_of(system: System) -> FlatStructure:
-    """The arrays of a system on a structure without modal supports."""
+    """The arrays of a system on a structure; SceneError where the loops do not know how a support moves."""
     carriers = Carriers(system)
+    if unknown := [carrier for carrier in carriers.structure.carriers if not carrier.is_compiled]:
+        raise SceneError([f"support.{each.name}: supports of kind {each.kind} are not compiled" for each in unknown])
     structure, d, links = carriers.structure, carriers.structure.size, system.n_links
     kind, slopes, length, law = np.zeros(d, dtype=np.int64), np.zeros((2, d)), np.ones(d), np.zeros((d, 3))
     angle, body = np.full(len(structure.carriers), -1), np.zeros((len(structure.carriers), 4))
@@ -105,10 +109,11 @@ def flat_of(system: System) -> FlatStructure:
         angle[number] = -1 if at is None else at
         for k, row in enumerate(zip(carrier.stiffness, carrier.damping, strict=True), structure.offsets[number]):
             law[k] = *row, carriers.weights[k]
-            kind[k] = TURNING if k == at else ARC if carrier.kind == "swing" else STRAIGHT
-            length[k] = carrier.length or 1.0
+            kind[k] = TURNING if k == at else ARC if carrier.bends and at is None else STRAIGHT
+            length[k] = carrier.values.get("length", 1.0)
             if kind[k] == STRAIGHT:
-                slopes[:, k] = WAYS[carrier.kind][k - structure.offsets[number]]
+                zeros = [0.0] * carrier.size
+                slopes[:, k] = carrier.moving((0.0, 0.0), zeros, zeros).slopes[k - structure.offsets[number]]
     springs = structure.springs
     kinds, numbers = np.zeros(len(springs), dtype=np.int64), np.zeros((len(springs), 5))
     ends, points = np.zeros((len(springs), 2, 2), dtype=np.int64), np.zeros((len(springs), 2, 2))

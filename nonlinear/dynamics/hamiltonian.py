@@ -53,7 +53,7 @@ from nonlinear.dynamics.generated import Generated, InputFunction, Rate
 from nonlinear.dynamics.mechanics import energies
 from nonlinear.dynamics.minimal import Arranged, Minimal
 from nonlinear.dynamics.spatial import Spatial, SpatialRecursion, dot
-from nonlinear.dynamics.structure import carriers_of, displacement
+from nonlinear.dynamics.structure import carriers_of
 from nonlinear.dynamics.tape import gradient
 from nonlinear.dynamics.text import Module
 from nonlinear.system import Group, Load, Motion, State, System, constants_of, entries_of
@@ -175,7 +175,12 @@ def without_springs(system: System) -> System:
         laws = tuple(replace(term, pulls=False) for term in group.laws)
         groups.append(replace(group, block=replace(group.block, stiffness=0.0 * group.block.stiffness), laws=laws))
     carriers = [
-        replace(carrier, stiffness=(0.0,) * len(carrier.stiffness), K=None if carrier.K is None else 0.0 * carrier.K)
+        replace(
+            carrier,
+            stiffness=(0.0,) * len(carrier.stiffness),
+            K=None if carrier.K is None else 0.0 * carrier.K,
+            stores=False,
+        )
         for carrier in structure.carriers
     ]
     springs = [spring._replace(stiffness=0.0) for spring in structure.springs]
@@ -193,7 +198,7 @@ def inertial_energy(system: System, q: Any, v: Any, support: tuple[Any, Any]) ->
         (x, z), _ = bearing.pivots(number)
         energy = energy + (group.block.mass.sum(0) * (along * x + down * z)).sum()
     for number, carrier in enumerate(bearing.structure.carriers):
-        x, z = displacement(carrier, carrier.centre, bearing.structure.part(number, bearing.eta))
+        x, z = carrier.displacement(carrier.centre, bearing.structure.part(number, bearing.eta))
         energy = energy + carrier.mass * (along * x + down * z)
     return energy
 

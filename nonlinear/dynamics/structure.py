@@ -22,10 +22,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from modal.extend.jets import plus
 from modal.structure import CarrierNumbers, Moving, Structure, carried_weights
-from modal.structure.carriers import plus
+from modal.structure.carriers import inner
 from modal.types import Ints
-from nonlinear.dynamics.springs import Springs, array_of, versine
+from nonlinear.dynamics.springs import Springs, array_of
 from nonlinear.system import Group, System, drawn_place
 
 Vector = tuple[Any, Any]
@@ -68,50 +69,22 @@ def _bundle(structure: Structure, carrier: int, members: Sequence[tuple[int, Any
 # ---------------------------------------------------------------------------------------------------- one carrier
 
 
-def displacement(carrier: CarrierNumbers, where: Any, eta: Sequence[Any]) -> Vector:
-    """How far (m) a point of a carrier is from where it is drawn, along the rail and down, with all digits."""
-    if carrier.points is not None:
-        slopes = carrier.points[where].T.tolist()
-        return tuple(sum((s[k] * value for s, value in zip(slopes, eta, strict=True)), 0.0) for k in (0, 1))  # type: ignore[return-value]
-    x: Any = 0.0
-    z: Any = 0.0
-    if carrier.kind == "cart":
-        x = eta[0]
-    elif carrier.kind == "heave":
-        z = -eta[0]
-    elif carrier.kind == "platform":
-        x, z = eta[0], -eta[1]
-    elif carrier.kind == "swing":
-        x, z = along_arc(carrier.length, np.sin(eta[0] / carrier.length), versine(eta[0] / carrier.length))
-    if carrier.turning is None:
-        return x, z
-    phi, (s, h) = eta[carrier.turning], where
-    right, down = turn_displacement(s, h, np.sin(phi), versine(phi))
-    return x + right, z + down
-
-
-def along_arc(length: Any, sine: Any, versine: Any) -> Vector:
-    """How far (m) the end of a rod of this length is from where it hangs still."""
-    return length * sine, -(length * versine)
-
-
-def turn_displacement(s: Any, h: Any, sine: Any, versine: Any) -> Vector:
-    """How far (m) a point (s, h) of what turns is from where it is drawn."""
-    return h * sine - s * versine, -(s * sine + h * versine)
-
-
 def inertia(carrier: CarrierNumbers, centre: Moving) -> list[list[Any]]:
     """The lower half of the carrier's own mass matrix; its centre of mass moves like this."""
     if carrier.M is not None:
         return [list(row[: k + 1]) for k, row in enumerate(carrier.M.tolist())]
-    if carrier.turning is None:
-        return [[carrier.mass]] * carrier.size
-    s, h = carrier.centre
-    about = carrier.inertia + carrier.mass * (s * s + h * h)
-    if carrier.turning == 0:
-        return [[about]]
-    x, z = centre.slopes[carrier.turning]
-    return [[carrier.mass], [0.0, carrier.mass], [carrier.mass * x, -(carrier.mass * z), about]]
+    if carrier.path is None:
+        return []
+    slopes, rows = centre.slopes, list[list[Any]]()
+    for k, (x, z) in enumerate(slopes):
+        rows.append([plus(0.0, carrier.mass, inner(slopes[j], x, z)) for j in range(k)])
+        if k != carrier.turning:
+            rows[k].append(carrier.mass if carrier.path.keeps_speeds else carrier.mass * inner((x, z), x, z))
+            continue
+        s, h = carrier.centre
+        arm = s * s + h * h if carrier.path.keeps_speeds else inner((x, z), x, z)
+        rows[k].append(carrier.inertia + carrier.mass * arm)
+    return rows
 
 
 def thrown(carrier: CarrierNumbers, centre: Moving, bias: Vector) -> Iterator[Any]:
@@ -119,20 +92,33 @@ def thrown(carrier: CarrierNumbers, centre: Moving, bias: Vector) -> Iterator[An
     if carrier.M is not None:
         yield from [0.0] * carrier.size
         return
+    keeps_speeds = carrier.path is not None and carrier.path.keeps_speeds
     for k, (x, z) in enumerate(centre.slopes):
-        straight = carrier.kind == "swing" or k == carrier.turning  # η' throws it across these
-        ax, az = bias if straight else (centre.bias[0] + bias[0], centre.bias[1] + bias[1])
+        is_across = keeps_speeds and (carrier.size == 1 or k == carrier.turning)  # η' throws it across these
+        ax, az = bias if is_across else (centre.bias[0] + bias[0], centre.bias[1] + bias[1])
         yield -(carrier.mass * (x * ax + z * az))
 
 
+def elastic_forces(carrier: CarrierNumbers, eta: Sequence[Any]) -> list[Any]:
+    """The forces of the carrier's own springs."""
+    if carrier.K is not None:
+        return [-_product(row, eta) for row in carrier.K.tolist()]
+    return [-plus(0.0, k, value) for k, value in zip(carrier.stiffness, eta, strict=True)]
+
+
 def mounting_forces(carrier: CarrierNumbers, eta: Sequence[Any], rates: Sequence[Any]) -> tuple[list[Any], list[Any]]:
-    """The forces of the carrier's own springs, and those of its dampers."""
-    if carrier.K is not None and carrier.D is not None:
-        return tuple(
-            [-_product(row, value) for row in A.tolist()] for A, value in ((carrier.K, eta), (carrier.D, rates))
-        )  # type: ignore[return-value]
-    elastic = [-plus(0.0, k, value) for k, value in zip(carrier.stiffness, eta, strict=True)]
+    """The forces of the carrier's own springs and of its potential, and those of its dampers."""
+    elastic, jets = elastic_forces(carrier, eta), stored(carrier, eta)
+    if jets is not None:
+        elastic = [force - jet.first for force, jet in zip(elastic, jets, strict=True)]
+    if carrier.D is not None:
+        return elastic, [-_product(row, rates) for row in carrier.D.tolist()]
     return elastic, [-plus(0.0, c, value) for c, value in zip(carrier.damping, rates, strict=True)]
+
+
+def stored(carrier: CarrierNumbers, eta: Sequence[Any]) -> Any:
+    """The carrier's energy (J) beside springs and weight, as a jet along each coordinate; None without any."""
+    return carrier.path.forces(eta, carrier.values) if carrier.path and carrier.stores else None
 
 
 def _product(row: Sequence[Any], values: Sequence[Any]) -> Any:

@@ -157,7 +157,11 @@ def _codes(scene: Scene, tolerance: float, measures: Sequence[str]) -> Iterator[
 
     problems = refusals(scene, "compiled equations")
     carriers = system.structure.carriers if system.structure else ()
-    problems += [f"support.{each.name}: modal supports are not compiled" for each in carriers if each.M is not None]
+    problems += [
+        f"support.{each.name}: supports of kind {each.kind} are not compiled"
+        for each in carriers
+        if not each.is_compiled
+    ]
     kernel = partial(integrator, on_structure=system.structure is not None)
     yield _ready(ONE, COMPILED, problems, kernel, compiled)
     yield _ready(ONE, "heyoka", refusals(scene, "method taylor"), series, expanded)

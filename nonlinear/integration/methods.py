@@ -155,11 +155,9 @@ def choose(
     additions = _additions(system, driven)
     plain = form == "minimal" and method != "taylor" and not refusals(scene, "compiled equations", *additions)
     plain = plain and "massless_cart" not in scene.features  # only floats pass close by the rest, where M is singular
-    has_modal_carriers = system.structure is not None and any(
-        carrier.M is not None for carrier in system.structure.carriers
-    )
+    is_written = system.structure is not None and not all(carrier.is_compiled for carrier in system.structure.carriers)
     ways = offers(scene, system, duration, tolerance, size) if plain else {}
-    if has_modal_carriers:
+    if is_written:
         ways.pop("compiled", None)
     is_small = system.n_links <= WRITTEN
     stepwise = has_watches and tolerance >= FINEST

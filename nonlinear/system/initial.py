@@ -13,7 +13,7 @@ import numpy as np
 from modal.errors import SceneError
 from modal.report import counted
 from modal.scene import Pendulum, Scene, doors, validate_scene
-from modal.scene.supports import Adrift, Combined, Displaced, Turned
+from modal.scene.supports import Combined, start_keys
 from modal.structure import structure_of
 from modal.types import Floats
 from nonlinear.system.state import State, of_plane, unit_vectors, velocities
@@ -81,20 +81,21 @@ def _on_supports(scene: Scene, state: State) -> State:
     places, rates = np.zeros((2, size[-1]))
     for first, last, support in zip(size, size[1:], scene.supports, strict=False):
         if (start := getattr(support, "start", None)) is not None:
-            places[first:last], rates[first:last] = _carrier_start(start)
+            places[first:last], rates[first:last] = _carrier_start(support, start)
     return replace(state, supports=places, support_rates=rates)
 
 
-def _carrier_start(start: Displaced | Turned | Adrift | Combined) -> tuple[Any, Any]:
+def _carrier_start(support: Any, start: Any) -> tuple[Any, Any]:
     """The coordinates of a carrier and their rates, in m and rad."""
-    if isinstance(start, Displaced):
-        return start.displacement, start.rate
-    if isinstance(start, Turned):
-        return radians(start.angle_deg), radians(start.rate_deg)
     if isinstance(start, Combined):
         return start.displacements, 0.0 if start.rates is None else start.rates
-    rates = start.sway_rate, start.heave_rate, radians(start.roll_rate_deg)
-    return (start.sway, start.heave, radians(start.roll_deg)), rates
+    keys = [start_keys(coordinate) for coordinate in support.path.coordinates]
+    values = [[getattr(start, key) for key in names] for names in zip(*keys, strict=True)]
+    turns = [coordinate.unit == "rad" for coordinate in support.path.coordinates]
+    places, rates = (
+        [radians(value) if turn else value for value, turn in zip(row, turns, strict=True)] for row in values
+    )
+    return places, rates
 
 
 def _of_copies(scene: Scene, pendulum: Pendulum) -> Floats:

@@ -25,7 +25,6 @@ from modal.scene.doors import checked
 from modal.scene.laws import JointPart
 from modal.scene.parameters import Place
 from modal.structure import CarrierEnd, CarrierNumbers, End, GroundEnd, LinkEnd, Structure, structure_of
-from modal.structure.carriers import PLATFORM
 from modal.types import Floats
 from nonlinear.system.system import Group, JointTerm, System, system_of
 
@@ -312,8 +311,8 @@ def numbers_of_structure(structure: Structure) -> list[Any]:
     """The numbers of a structure, in order."""
     numbers: list[Any] = []
     for carrier in structure.carriers:
-        numbers += [*carrier.position, carrier.mass, carrier.inertia, carrier.length, *carrier.centre]
-        numbers += [*carrier.stiffness, *carrier.damping]
+        numbers += [*carrier.position, carrier.mass, carrier.inertia, *carrier.centre]
+        numbers += [*carrier.parameters, *carrier.stiffness, *carrier.damping]
         numbers += [entry for part in _modal(carrier) for entry in np.ravel(part).tolist()]
     for pivot in _pivots(structure):
         numbers += [] if isinstance(pivot.where, int) else pivot.where
@@ -331,12 +330,13 @@ def structure_with(structure: Structure, numbers: Sequence[Any]) -> Structure:
 
     carriers = []
     for carrier in structure.carriers:
-        position, (mass, inertia, length), centre = take(2), take(3), take(2)
+        position, (mass, inertia), centre = take(2), take(2), take(2)
+        parameters = take(len(carrier.parameters))
         stiffness, damping = take(len(carrier.stiffness)), take(len(carrier.damping))
         arrays = [_stack([_single(entry) for entry in take(part.size)]).reshape(part.shape) for part in _modal(carrier)]
         modal = dict(zip(("M", "K", "D", "points"), arrays, strict=False))
         law = {"stiffness": stiffness, "damping": damping, "centre": centre, "position": position, **modal}
-        carriers.append(replace(carrier, mass=mass, inertia=inertia, length=length, **law))
+        carriers.append(replace(carrier, mass=mass, inertia=inertia, parameters=parameters, **law))
     pivots = {
         id(pivot): pivot if isinstance(pivot.where, int) else CarrierEnd(pivot.carrier, take(2))
         for pivot in _pivots(structure)
@@ -383,7 +383,7 @@ def dampers_of(structure: Structure) -> list[int]:
     dampers: list[int] = []
     at = 0
     for carrier in structure.carriers:
-        at += 7 + len(carrier.stiffness)
+        at += 6 + len(carrier.parameters) + len(carrier.stiffness)
         dampers += range(at, at + len(carrier.damping))
         at += len(carrier.damping)
         for name in ("M", "K", "D", "points"):
@@ -417,11 +417,9 @@ def _places_of_structure(scene: Scene, structure: Structure) -> list[list[Place]
         heads: list[Place] = [("support", k), ("support",)] if len(structure.carriers) == 1 else [("support", k)]
         # a single support moves from wherever it is drawn
         names: list[Place] = [("position", 0), ("position", 1)] if scene.is_structured else [(), ()]
-        names += [("mass",), ("inertia",), ("length",), ("centre", 0), ("centre", 1)]
-        for law in ("stiffness", "damping"):
-            names += (
-                [(law, way) for way in PLATFORM] if carrier.kind == "platform" else [(law,)] * len(carrier.stiffness)
-            )
+        names += [("mass",), ("inertia",), ("centre", 0), ("centre", 1), *((name,) for name in carrier.values)]
+        ways = [coordinate.way for coordinate in carrier.path.coordinates] if carrier.path else []
+        names += [(law, way) if way else (law,) for law in ("stiffness", "damping") for way in ways]
         places += [[(*head, *name) for head in heads if name] for name in names]
         places += [[] for part in _modal(carrier) for _ in range(part.size)]
     first = 0

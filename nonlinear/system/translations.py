@@ -8,8 +8,6 @@ from modal.structure import CarrierEnd, End, LinkEnd, Structure
 from modal.types import Floats
 from nonlinear.system.system import System
 
-SLIDES = {"cart": 0, "platform": 0}
-"""The coordinate of a kind of support that displaces it along the rail and nothing else."""
 HELD = -1
 
 
@@ -26,9 +24,9 @@ def translations(system: System) -> Floats:
     """
     structure, sets = system.suspension, _sets(system, system.suspension)
     moves = np.zeros((len(structure.carriers), system.first))
-    for number, owner in enumerate(sets[1:]):
-        if owner != HELD:
-            moves[owner, structure.offsets[number] + SLIDES[structure.carriers[number].kind]] = 1.0
+    for owner, carrier, offset in zip(sets[1:], structure.carriers, structure.offsets, strict=False):
+        if owner != HELD and carrier.sliding is not None:
+            moves[owner, offset + carrier.sliding] = 1.0
     return moves[moves.any(1)]
 
 
@@ -41,8 +39,7 @@ def _sets(system: System, structure: Structure) -> list[int]:
         sets[:] = [first if number == second else number for number in sets]
 
     for number, carrier in enumerate(structure.carriers, 1):
-        slides = SLIDES.get(carrier.kind)
-        if slides is None or carrier.stiffness[slides]:
+        if carrier.sliding is None or carrier.stiffness[carrier.sliding]:
             join(0, number)
     for spring, is_slack in zip(structure.springs, system.slack, strict=True):
         first_set, right = (_carrier(system, structure, end) for end in spring.ends)
