@@ -92,6 +92,12 @@ HOISTED = "Lengths change with the hoist: these are the modes at the lengths bef
 OMITTED: Sentences = {"hoist": HOISTED, **ABOUT}
 """What the linear model of a scene leaves out; `ABOUT` where lengths are constant."""
 
+HELD: Sentences = {
+    **OMITTED,
+    "hoist": "Lengths change with the hoist: these are the equations at the lengths before it.",
+}
+"""What equations in symbols leave out."""
+
 CONSTANT: Sentences = {"hoist": "needs constant lengths"}
 SHIFTED: Sentences = {"constant_force": "is computed about links that hang or stand straight, which it tilts"}
 LEANING: Sentences = {"constant_force": "there is no equilibrium"}
@@ -171,8 +177,8 @@ AVERAGED = Capability(
 
 PERIODIC = Capability(
     "a periodic orbit",
-    SHAPE | LOSS | DRIVES | FRICTION | STRUCTURED,
-    refuses={**STILL, **CONSTANT, **PLANE, "quadratic_drag": "is computed without quadratic drag"},
+    SHAPE | LOSS | DRAG | DRIVES | FRICTION | STRUCTURED,
+    refuses={**STILL, **CONSTANT, **PLANE},
     unless=ENDS,
 )
 
@@ -276,8 +282,8 @@ CAPABILITIES: dict[str, Capability] = {
         Capability(
             "the explanation of the coupling",
             LINEAR - {"inverted"} | {"structure", "springs"},
-            leaves={**ABOUT, **LOSSLESS},
-            refuses={**CONSTANT, **SHIFTED, "inverted": "has no frequency of a link that stands"},
+            leaves={**OMITTED, **LOSSLESS},
+            refuses={**SHIFTED, "inverted": "has no frequency of a link that stands"},
         ),
         CONSTANT_MODEL,
         CONSTANT_MODEL._replace(name="a frequency response", takes=CONSTANT_MODEL.takes | {"loss"}, leaves=ABOUT),
@@ -307,15 +313,14 @@ CAPABILITIES: dict[str, Capability] = {
         Capability(
             "a derivative of modes",
             LINEAR - NO_RATIO.keys() | STRUCTURED,
-            leaves={**ABOUT, **LOSSLESS},
-            refuses={**CONSTANT, **NO_RATIO, **SHIFTED},
+            leaves={**OMITTED, **LOSSLESS},
+            refuses={**NO_RATIO, **SHIFTED},
         ),
         Capability(
             "tuning",
             LINEAR - NO_RATIO.keys() - {"massless_cart", "inverted"} | STRUCTURED,
-            leaves=ABOUT,
+            leaves=OMITTED,
             refuses={
-                **CONSTANT,
                 "damping_ratio": "cannot vary damping ratios of modes",
                 "constant_force": "moves the equilibrium with every number",
                 "inverted": "needs a stable equilibrium",
@@ -325,19 +330,14 @@ CAPABILITIES: dict[str, Capability] = {
         Capability(
             "a derivation",
             SHAPE | {"dampers", "massless_cart", "space", "structure", "springs"},
-            leaves=_sentences(DRIVES, UNDRIVEN),
-            refuses={
-                **STILL,
-                **CONSTANT,
-                **NO_RATIO,
-                **_sentences(FRICTION | DRAG | {"loss"}, "has no symbols for {it}"),
-            },
+            leaves={**HELD, **LOSSLESS},
+            refuses={**SHIFTED, **NO_RATIO, **_sentences(_of("linear_drag"), "has no symbols for {it}")},
         ),
         Capability(
             "a free-body diagram",
             SHAPE | DRAG | FRICTION | DRIVES | FORCED | {"dampers", "massless_cart", "moved_support"},
+            leaves={"hoist": HELD["hoist"], **LOSSLESS},
             refuses={
-                **CONSTANT,
                 "space": "is drawn in the plane",
                 "damping_ratio": "has no part on which dampers of modes act",
                 "structure": "takes apart what hangs from one cart or from what stands still",
@@ -347,15 +347,14 @@ CAPABILITIES: dict[str, Capability] = {
         Capability(
             "a polynomial in ω²",
             LINEAR - LOSS,
-            leaves={**ABOUT, **LOSSLESS},
-            refuses={**CONSTANT, **LOSSES, **SHIFTED, **BODILESS},
+            leaves={**OMITTED, **LOSSLESS},
+            refuses={**LOSSES, **SHIFTED, **BODILESS},
         ),
         Capability(
             "an enclosure",
             LINEAR - LOSS - {"inverted", "joint_springs"},
-            leaves={**ABOUT, **LOSSLESS},
+            leaves={**OMITTED, **LOSSLESS},
             refuses={
-                **CONSTANT,
                 **LOSSES,
                 **SHIFTED,
                 "inverted": "counts modes of hanging links",
@@ -472,15 +471,14 @@ CAPABILITIES: dict[str, Capability] = {
         Capability(
             "a check of modes",
             LINEAR | STRUCTURED,
-            leaves={name: words for name, words in ABOUT.items() if name not in STILL},
-            refuses={name: words for name, words in {**STILL, **CONSTANT}.items() if name not in LEANING},
+            leaves={**OMITTED, **LOSSLESS},
             unless=LEANING,
             conflicts={("space", "damping_ratio"): "motion in space has no damping ratios"},
         ),
         Capability(
             "a comparison with modes",
-            SHAPE | LOSS | DRAG | FRICTION | DRIVES | STRUCTURED,
-            refuses={**STILL, **CONSTANT, **PLANE},
+            SHAPE | LOSS | DRAG | FRICTION | DRIVES | STRUCTURED | DRIVEN_IN_TIME,
+            refuses={**SHIFTED, **CONSTANT, **PLANE},
             unless=ENDS,
         ),
         Capability(
@@ -493,17 +491,15 @@ CAPABILITIES: dict[str, Capability] = {
                 **_sentences(DRAG, "Drag is left out: the orbits of a mode conserve energy."),
                 **_sentences(FRICTION, "Dry friction is left out: the orbits of a mode conserve energy."),
                 **_sentences(DRIVES, "Drives are left out: the orbits of a mode conserve energy."),
+                "moved_support": "The support's motion is left out: the orbits of a mode conserve energy.",
+                "force": "Forces that change in time are left out: the orbits of a mode conserve energy.",
+                "hoist": "The hoist is left out: the orbits of a mode are those at the lengths before it.",
             },
-            refuses={**STILL, **CONSTANT, **PLANE},
+            refuses={**SHIFTED, **PLANE},
             unless={"inverted": "the equilibrium is unstable", "massless_cart": HANGS_STRAIGHT},
         ),
         PERIODIC,
-        PERIODIC._replace(
-            name="a limit cycle",
-            takes=PERIODIC.takes - NO_RATIO.keys(),
-            refuses={**PERIODIC.refuses, **NO_RATIO},
-            needs=EXCITED,
-        ),
+        PERIODIC._replace(name="a limit cycle", needs=EXCITED),
         FORCED_ORBIT,
         Capability(
             "a Lyapunov exponent",
@@ -512,12 +508,16 @@ CAPABILITIES: dict[str, Capability] = {
             unless=STOPS,
         ),
         SECTIONED,
-        SECTIONED._replace(
-            name="a start by its energy",
+        Capability(
+            "a start by its energy",
+            SHAPE | STRUCTURED | LOSS | DRAG | FRICTION | DRIVES | {"force"},
             refuses={
-                **SECTIONED.refuses,
-                **_sentences(_of("moved_support force"), "needs a motion that keeps its energy"),
+                **PLANE,
+                "moved_support": "counts energy in a frame at rest",
+                "hoist": "counts no energy of a rope that is wound up",
+                "constant_force": "counts no energy of forces, which is not built",
             },
+            unless=ENDS,
         ),
         STROBED,
         STROBED._replace(
@@ -545,14 +545,14 @@ CAPABILITIES: dict[str, Capability] = {
         AVERAGED._replace(name="a branch of configurations", needs=EXCITED),
         Capability(
             "synchronization",
-            SHAPE - {"inverted"} | LOSS | DRAG | FRICTION | DRIVES | STRUCTURED,
-            refuses={**STILL, **CONSTANT, **PLANE, "inverted": "compares phases of hanging pendula"},
+            SHAPE - {"inverted"} | LOSS | DRAG | FRICTION | DRIVES | STRUCTURED | DRIVEN_IN_TIME,
+            refuses={**SHIFTED, **CONSTANT, **PLANE, "inverted": "compares phases of hanging pendula"},
             unless=ENDS,
         ),
         Capability(
             "a fit of motions",
-            SHAPE | {"dampers", "moved_support", "hoist"} | DRAG | FRICTION | DRIVES | FORCED | STRUCTURED,
-            refuses={**PLANE, **NO_RATIO},
+            SHAPE | LOSS | {"moved_support", "hoist"} | DRAG | FRICTION | DRIVES | FORCED | STRUCTURED,
+            refuses=PLANE,
             unless=ENDS,
         ),
     )

@@ -363,6 +363,12 @@ class Scene(Displayed, Part):
         return self.replace(force=constant) if "force" in self.features else self
 
     @property
+    def timeless(self) -> Scene:
+        """The same scene without what acts in time: motions of supports, forces that change, and hoists."""
+        scene = self.still.unforced
+        return scene._with(hoist=None) if scene.is_hoisted else scene
+
+    @property
     def has_losses(self) -> bool:
         """Whether any stiffness or wire has a loss angle."""
         return "loss" in self.features
@@ -382,9 +388,10 @@ class Scene(Displayed, Part):
 
     @property
     def conservative(self) -> Scene:
-        """The same scene without drives, dampers, dry friction and drag."""
-        lawful = self.lossless._with_laws(lambda law: law.is_conservative)
-        loose = lawful._with(drive=None, damping=0.0, friction=0.0, drag=0.0, quadratic_drag=0.0)
+        """The same scene without all that does work: drives, losses and what acts in time."""
+        none = {"drive": None, "damping": 0.0, "friction": 0.0, "drag": 0.0, "quadratic_drag": 0.0}
+        lawful = self.lossless.timeless._with_laws(lambda law: law.is_conservative)
+        loose = lawful._with(**none)
         springs = tuple(spring.replace(damping=0.0) for spring in loose.spring)
         return loose.replace(damping_ratio=0.0, spring=springs)._with_supports(_without_damping)
 

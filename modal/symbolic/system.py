@@ -57,6 +57,7 @@ def symbolic_structure(scene: Scene, symbolic: tuple[str, ...] = ()) -> Symbolic
     SceneError above MOST_LINKS links, and for what no derivation takes.
     """
     require(scene, "a derivation")
+    scene = scene.still
     if scene.n_links > MOST_LINKS:
         raise SceneError([f"the scene has {scene.n_links} links: at most {MOST_LINKS} are written in exact numbers"])
     gravity = symbol("g") if "gravity" in symbolic else rational(scene.gravity)

@@ -9,12 +9,13 @@ routes that do not know each other:
     class TestMagnet(LawTests):
         extension, parameters = Magnet, {"strength": 0.02}
 
-Start with `extensions`, which has what all kinds are tested for; `measures` and `formats` have one class each.
+Start with `extensions`, which has what all kinds are tested for; `laws`, `measures` and `formats` have one class each.
 """
 
 from modal.testing.extensions import ExtensionTests
 from modal.testing.formats import FormatTests
+from modal.testing.laws import LawTests
 from modal.testing.measures import MeasureTests
 
-__all__ = ["ExtensionTests", "FormatTests", "MeasureTests"]
+__all__ = ["ExtensionTests", "FormatTests", "LawTests", "MeasureTests"]
 __dir__ = __all__.copy

@@ -47,6 +47,7 @@ from modal.vibration import prescribed_motion
 from nonlinear.dynamics.bearing import apply_inverse_mass
 from nonlinear.dynamics.forces import drag_law, inertial_law, joint_law
 from nonlinear.dynamics.forms import Form, TapedEquations, form_of
+from nonlinear.dynamics.hamiltonian import without_springs
 from nonlinear.dynamics.inputs import QUIET
 from nonlinear.dynamics.mechanics import energies
 from nonlinear.dynamics.minimal import Minimal
@@ -239,11 +240,16 @@ class StructureSteps:
         at_rest = replace(slow, support=None, forces=())
         power = Minimal(at_rest, equations.bodies, equations.minimal.load).rates(y, QUIET)[-1]
         mass, damping = (_second(tape, energy, v, x, z) for energy in (T, power))
+        stiffness = _second(tape, V, q, x, z)
+        if any(not term.law.has_potential for group in slow.groups for term in group.laws):
+            forces, _ = Minimal(without_springs(at_rest), equations.bodies, equations.minimal.load).forces(y, QUIET)
+            changes_of_forces = directional_derivatives(tape, forces.tolist(), q, x)
+            stiffness = stiffness - sum(a * b for a, b in zip(changes_of_forces, z, strict=True))
         functions = {
             "rates": equations.rates,
             "linear": [rate + change_of_rate for rate, change_of_rate in zip(smooth, changes, strict=True)],
             "stored": [T, V],
-            "paired": [mass, _second(tape, V, q, x, z), -0.5 * damping],
+            "paired": [mass, stiffness, -0.5 * damping],
         }
         if self.system.has_escapements:
             solvers = list(zip(equations.system.groups, equations.bodies, strict=True))

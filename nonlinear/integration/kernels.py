@@ -33,9 +33,9 @@ COMPILING = 6.0
 COMPILING_ANY, COMPILING_LINK, COMPILING_SWITCHES = 5.5, 0.55, 11.0  # and any module of lanes, each link, switches
 MAKING = Lock()
 HEAD = '"""Written by multipendula, which runs what it has written and no other file of this name."""'
-IMPORTED = """from math import exp, floor, inf, log, sqrt, tanh
+IMPORTED = """from math import floor, inf, log, sqrt
 from typing import Any
-from numpy import isfinite, spacing, zeros
+from numpy import exp, isfinite, spacing, tanh, zeros
 from nonlinear.dynamics.compiling import compiled, part, vectorized_part"""
 ERRORS = """
 @vectorized_part

@@ -147,9 +147,10 @@ def _law_numbers(scene: Scene, system: System, replacements: Values) -> list[Any
     ]
 
 
-def law_places(scene: Scene, system: System) -> list[Place]:
-    """Where the scene has the parameters of laws, the last entries of its numbers."""
-    return [(*place, parameter.name) for place, _, parameter in _law_entries(scene, system)]
+def law_places(scene: Scene, system: System) -> list[tuple[int, Place]]:
+    """Which entries are parameters of laws, the last of a system's own, and their places in the scene."""
+    places = [(*place, parameter.name) for place, _, parameter in _law_entries(scene, system)]
+    return [*enumerate(places, len(entries_of(system)) - len(places))]
 
 
 def _law_entries(scene: Scene, system: System) -> Iterator[tuple[Place, JointPart, Parameter]]:

@@ -211,13 +211,13 @@ def check(
     """Check the modes with these indices (from 0; by default all) at these largest angles over this many periods.
 
     For a scene in space, the modes along the rail are used; drives, dry
-    friction and quadratic drag are ignored.  `method` is that of `simulate`;
+    friction, quadratic drag and what acts in time are ignored.  `method` is that of `simulate`;
     `report` is called with the number of modes done.  Modes that do not oscillate for long enough are skipped with a
     reason; after Ctrl-C, so are those not done.
     """
     checked_index("periods", periods, 1, MOST_PERIODS)
     require(scene, "a check of modes")
-    given_scene, scene = scene, scene.linearizable
+    given_scene, scene = scene, scene.linearizable.lossless.timeless
     modes = natural_modes(scene)
     chosen = range(len(modes)) if numbers is None else numbers
     reasons = {number: _reason(modes, mode) for number, mode in zip(chosen, modes.rows(list(chosen)), strict=True)}
