@@ -35,7 +35,7 @@ ENDING = ("SIGINT", "SIGTERM", "SIGHUP", "SIGALRM")
 SPELLED = "multipendula.spelled"
 """The error handler of `modal.report.spelling`, by its name: the module is loaded where a letter has to be spelled."""
 PATIENCE = 5.0
-"""Seconds after which an interrupt that has not ended the command is raised again."""
+"""Format: seconds after which an interrupt that has not ended the command is raised again."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

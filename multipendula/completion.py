@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any
 
 MOST_SHOWN = 30
-"""Modes, and entries of a list in a scene, that are offered one by one."""
+"""Format: modes, and entries of a list in a scene, that are offered one by one."""
 
 Completer = Callable[..., Iterable[str]]
 

@@ -15,14 +15,14 @@ from multipendula.flags import ASIDE, ELSEWHERE, FLAGS, IN_SCENE, STREAM, SYNONY
 if TYPE_CHECKING:
     from multipendula.flags import Former
 
-LIKE = 0.7
-"""How alike an unknown option and a known one are, for the latter to be suggested."""
 ANY = "…"
 """What stands for any value of an argument in a message."""
-WIDTH = 79
-"""Columns of a page: a terminal of 80, less one for the cursor."""
-INDENT, SCREEN, FEW = 26, 30, 3
-"""Columns before what an option means; lines of a screen, and examples on it."""
+PAGE_COLUMNS = 79
+"""Format: columns of a page: a terminal of 80, less one for the cursor."""
+INDENT = 26
+"""Format: columns before what an option means."""
+SCREEN_LINES = 30
+"""Format: lines of a screen, into which the page of `-h` fits."""
 ARGUMENT = re.compile(r"argument (?P<name>[^:\s]+): (?P<words>.*)", re.DOTALL)
 """What argparse says of one argument, in these words or else in those of its converter, the value first."""
 SAID = (
@@ -52,7 +52,9 @@ def _folded(command: str) -> str:
     import textwrap
 
     joined = re.sub(r"( -\S+) (?=[^-])", "\\1\0", command)
-    lines = textwrap.wrap(joined, WIDTH - 4, subsequent_indent="    ", break_long_words=False, break_on_hyphens=False)
+    lines = textwrap.wrap(
+        joined, PAGE_COLUMNS - 4, subsequent_indent="    ", break_long_words=False, break_on_hyphens=False
+    )
     return "  " + " \\\n  ".join(lines).replace("\0", " ")
 
 
@@ -112,11 +114,11 @@ class Page(argparse.ArgumentParser):
 
         width = max(map(len, self.topics)) + 2
         topics = (
-            textwrap.fill(f"  {topic:<{width}}{', '.join(names)}", WIDTH, subsequent_indent=" " * (width + 2))
+            textwrap.fill(f"  {topic:<{width}}{', '.join(names)}", PAGE_COLUMNS, subsequent_indent=" " * (width + 2))
             for topic, names in self.topics.items()
             if topic != ASIDE
         )
-        about = textwrap.fill(self.description or "", WIDTH)
+        about = textwrap.fill(self.description or "", PAGE_COLUMNS)
         steps = f"first steps:\n{shown(self.examples)}"
         further = f"`{self.prog} --help` says what each command does,\n`{self.prog} table -h` how one is used."
         return "\n\n".join([about, "\n".join(["commands:", *topics]), steps, further])
@@ -124,7 +126,7 @@ class Page(argparse.ArgumentParser):
     def screen(self) -> str:
         """The most important of the page, on one screen: what it does, the main options, examples."""
         pages = ("\n\n".join(self._screen(lines)) for lines in (2, 1))
-        return min(pages, key=lambda page: page.count("\n") >= SCREEN)
+        return min(pages, key=lambda page: page.count("\n") >= SCREEN_LINES)
 
     def _screen(self, most: int) -> Iterator[str]:
         """The parts of that, of each option so many lines at most."""
@@ -135,13 +137,13 @@ class Page(argparse.ArgumentParser):
         first = [action for action in self._actions if not action.option_strings]
         words = [columns._format_args(action, action.dest.upper()) for action in first]
         words += [_brief_name(action) for action in options if action.required]
-        yield textwrap.fill(f"usage: {self.prog} {' '.join(words)} [options]", WIDTH, subsequent_indent="    ")
-        yield textwrap.fill((self.description or "").partition(". ")[0].removesuffix(".") + ".", WIDTH)
+        yield textwrap.fill(f"usage: {self.prog} {' '.join(words)} [options]", PAGE_COLUMNS, subsequent_indent="    ")
+        yield textwrap.fill((self.description or "").partition(". ")[0].removesuffix(".") + ".", PAGE_COLUMNS)
         shown_here = [*first, *(self._option_string_actions[flag] for flag in self.main)]
         yield "\n".join(
             line for action in shown_here for line in self._brief_lines(action, most if action.option_strings else 1)
         )
-        yield f"examples:\n{shown(self.examples[:FEW])}"
+        yield f"examples:\n{shown(self.examples[:3])}"
         yield f"`{self.prog} --help` has all {len(options)} options and what they mean."
 
     def _brief_lines(self, action: argparse.Action, most: int) -> list[str]:
@@ -155,9 +157,9 @@ class Page(argparse.ArgumentParser):
             words = words.replace(STREAM, "").removeprefix(f"{FLAGS['--output'].meaning}: ")
         elif action.option_strings and action.choices:
             words = f"{', '.join(map(str, action.choices))}: {words}"
-        lines = textwrap.wrap(words, WIDTH - INDENT)
+        lines = textwrap.wrap(words, PAGE_COLUMNS - INDENT)
         if len(lines) > most:
-            cut = words[len(" ".join(lines[: most - 1])) :].lstrip()[: WIDTH - INDENT - 1]
+            cut = words[len(" ".join(lines[: most - 1])) :].lstrip()[: PAGE_COLUMNS - INDENT - 1]
             lines[most - 1 :] = [re.sub("[^ ,]*$", "…", cut, count=1)]
         rest = [" " * INDENT + line for line in lines]
         return [f"  {name:<{INDENT - 2}}{lines[0]}", *rest[1:]] if len(name) < INDENT - 3 else [f"  {name}", *rest]
@@ -265,7 +267,7 @@ class Page(argparse.ArgumentParser):
         for word in takewhile(lambda word: word != "--" and (self.name or word[:1] == "-"), self.given):
             name = word.partition("=")[0]
             if name[:2] == "--" and name not in self.former and not any(option.startswith(name) for option in known):
-                yield f"{name}: no such option{self._synonym(name) or spelling_hint(name, known, cutoff=LIKE)}"
+                yield f"{name}: no such option{self._synonym(name) or spelling_hint(name, known)}"
 
     def _synonym(self, name: str) -> str:
         """The option, perhaps with a value, that this command has for an unknown one; empty if there is none."""
@@ -323,7 +325,7 @@ def _brief_name(action: argparse.Action) -> str:
 
 class _Columns(argparse.HelpFormatter):
     def __init__(self, prog: str, **words: Any) -> None:
-        super().__init__(prog, **{"width": WIDTH, "max_help_position": INDENT} | words)
+        super().__init__(prog, **{"width": PAGE_COLUMNS, "max_help_position": INDENT} | words)
 
 
 class Help(argparse.Action):

@@ -13,8 +13,6 @@ from modal.structure import STILL, Piece
 
 WIDTHS = {"body": 1.3, "line": 1.6, "spring": 1.0, "dot": 1.2, "ground": 1.8, "hatch": 0.8, "guide": 0.9}
 ORDER = {"body": 1.5, "line": 1.2, "spring": 1.1, "dot": 1.8, "ground": 0.8, "hatch": 0.7, "guide": 0.6}
-FILL = 0.45
-"""Part of its colour in a body that is filled."""
 
 
 def draw_pieces(axis: Axes, pieces: Iterable[Piece], look: dict[str, Any], *, rests: bool) -> None:
@@ -33,7 +31,7 @@ def draw_pieces(axis: Axes, pieces: Iterable[Piece], look: dict[str, Any], *, re
         elif piece.role == "dot":
             axis.plot(*points.T, "o", ms=4.0, **look | {"color": paper()}, mec=look["color"], mew=1.2, zorder=1.8)
         elif piece.is_outline:
-            face = mixture(look["color"], FILL) if rests else "none"
+            face = mixture(look["color"], 0.5) if rests else "none"
             style = {"fc": face, "ec": look["color"], "lw": WIDTHS["body"], "joinstyle": "round"}
             axis.add_patch(Polygon(points, closed=True, gid=look.get("gid"), zorder=ORDER["body"], **style))
         else:

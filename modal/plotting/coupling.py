@@ -13,30 +13,32 @@ from matplotlib.gridspec import GridSpec
 from matplotlib.lines import Line2D
 
 from modal.coupling import Coupling, Family, family_name
-from modal.plotting.layout import SMALL, headline, key, shorten
-from modal.plotting.style import MARKED, QUIET, WIDE, colour, ink, mixture, paper, save, secondary_colour, sheet
+from modal.plotting.layout import SMALL, drop_overlapping, em_of, headline, key, log_ticks, shorten
+from modal.plotting.style import (
+    BAND,
+    LOG_RATIO,
+    MARKED,
+    POINTS,
+    QUIET,
+    SOLVED_POINTS,
+    VISIBLE_SHARE,
+    WIDE,
+    colour,
+    ink,
+    mixture,
+    paper,
+    save,
+    secondary_colour,
+    sheet_of_rows,
+)
 from modal.scene import title_of
 from modal.types import Floats
 
-MOST_CLOSE, MOST_PANELS, MANY, POINTS, LETTERS = 3, 4, 24, 1200, 46
-APART = 0.075
-"""Least distance of words at levels, over the height of their axis."""
-LEAST = 1e-6
-"""Smallest share of kinetic energy that makes a mode of the scene one of a panel."""
-CLOSEST = 0.02
-"""Fraction of an axis that a pole's line needs."""
-TOP = 2.2
-"""Range of the mass axis over the total mass."""
-LOGARITHMIC = 30.0
-"""Ratio of frequencies from which their axis is logarithmic."""
-MOST_HEAVY, THINNEST = 8, 0.5
-"""Most poles whose lines have their full width, and the least part of it that lines of more have."""
-LOOSE = 0.5
-"""Strength of coupling up to which an enlargement about a pole shows its zero and no other."""
+MODE_PANELS = 4
+"""Format: most own modes of a structure that have a panel each, two in a row."""
+POLE_ROOM = 0.02
+"""Format: part of an axis that a pole's line needs beside its neighbours."""
 FELT = r"dynamic mass $m_\mathrm{dyn}$ (kg)"
-MASSES = 81
-RISE, LOW_RISE = 2.5, 1.4
-"""Top of the lower panel over the highest frequency of the scene, where a curve rises without limit; of many modes."""
 CART_MASS = r"mass of the cart $m_c$ (kg)"
 
 
@@ -51,12 +53,12 @@ def coupling_figure(coupling: Coupling) -> Figure:
         figure = _of_structure(coupling)
     else:
         families = close_families(coupling)
-        figure = sheet(WIDE, 10.5 if families else 7.6)
+        figure = sheet_of_rows(4 if families else 3, WIDE)
         rows = GridSpec(
             3 if families else 2,
             max(1, len(families)),
             figure,
-            height_ratios=(3, 2.1, 3) if families else (1, 1),
+            height_ratios=(3, 2, 3) if families else (1, 1),
         )
         draw_mass(figure.add_subplot(rows[0, :]), coupling)
         for column, number in enumerate(families):
@@ -68,15 +70,15 @@ def coupling_figure(coupling: Coupling) -> Figure:
 
 def _of_structure(coupling: Coupling) -> Figure:
     """A panel for each of the lowest own modes, and all levels."""
-    panels = min(coupling.reduced.d, MOST_PANELS)
+    panels = min(coupling.reduced.d, MODE_PANELS)
     lines, columns = -(-panels // 2), 2 if panels > 1 else 1
-    figure = sheet(WIDE, 3.0 * lines + 4.0)
-    rows = GridSpec(lines + 1, columns, figure, height_ratios=(*[3.0] * lines, 3.6))
+    figure = sheet_of_rows(lines + 2, WIDE)
+    rows = GridSpec(lines + 1, columns, figure)
     for s in range(panels):
         last = s == panels - 1 and panels % 2 == 1
         place = rows[s // columns, :] if last else rows[s // columns, s % columns]
         draw_mass(figure.add_subplot(place), coupling, s)
-    draw_levels(figure.add_subplot(rows[lines, :]), coupling, span(*_marks(coupling, 0))[2])
+    draw_levels(figure.add_subplot(rows[lines, :]), coupling, span(_marks(coupling, 0))[2])
     return figure
 
 
@@ -94,7 +96,7 @@ def _finish(figure: Figure, coupling: Coupling) -> None:
             **dict(zip(words, entries.values(), strict=False)),
             "the structure alone, pendula stiff": Line2D([], [], color=colour(1), ls=MARKED, lw=1.4),
         }
-        limit_note = f", the lowest {MOST_PANELS} of {d}" if d > MOST_PANELS else ""
+        limit_note = f", the lowest {MODE_PANELS} of {d}" if d > MODE_PANELS else ""
         what = f"mass felt by a push along the structure's own modes{limit_note}, and all levels"
         if not d:
             what, entries = "levels of pendula alone and together", {name: entries[name] for name in words[1:]}
@@ -134,13 +136,13 @@ def _letter(coupling: Coupling, omega: float) -> str:
     return name(int(np.abs(np.array([family.omega for family in coupling.families]) - omega).argmin()))
 
 
-def _marks(coupling: Coupling, s: int) -> tuple[Floats, Floats]:
-    """All frequencies that an axis has to show, and the poles."""
+def _marks(coupling: Coupling, s: int) -> Floats:
+    """All frequencies that an axis has to show."""
     poles = _poles(coupling)
     if not coupling.scene.is_structured:
-        return np.concatenate([poles, _zeros(coupling, s)]), poles
+        return np.concatenate([poles, _zeros(coupling, s)])
     frequencies = np.concatenate([coupling.omega, poles, [mode.omega for mode in coupling.modes]])
-    return frequencies[frequencies > 0], poles
+    return frequencies[frequencies > 0]
 
 
 def _poles(coupling: Coupling) -> Floats:
@@ -149,92 +151,76 @@ def _poles(coupling: Coupling) -> Floats:
 
 
 def _zeros(coupling: Coupling, s: int) -> Floats:
-    """The frequencies of modes that move own mode s of what carries pendula, of several by LEAST of their energy."""
+    """The frequencies of modes that move own mode s of what carries pendula, of several by a visible share."""
     branches = [(branch.omega, branch.motion) for family in coupling.families for branch in family.branches]
     moving_modes = [(w, motion) for w, motion in (*branches, *coupling.structure_modes) if 0 < w < inf]
     if len(coupling.modes) > 1:
-        moving_modes = [(w, motion) for w, motion in moving_modes if coupling.modes[s].mass * motion[s] ** 2 > LEAST]
+        mass = coupling.modes[s].mass
+        moving_modes = [(w, motion) for w, motion in moving_modes if mass * motion[s] ** 2 > VISIBLE_SHARE]
     return np.sort([w for w, _ in moving_modes])
 
 
 def is_crowded(coupling: Coupling) -> bool:
-    """Whether poles are too close to be drawn one by one: more than MANY, or a band without room for their lines."""
+    """Whether more than four poles are too close to be drawn one by one: a band without room for their lines."""
     poles = _poles(coupling)
-    low, high, is_logarithmic = span(*_marks(coupling, 0))
+    low, high, is_logarithmic = span(_marks(coupling, 0))
     share = np.ptp(np.log(poles)) / np.log(high / low) if is_logarithmic else np.ptp(poles) / (high - low)
-    return len(poles) > MANY or (len(poles) > 4 and bool(share < CLOSEST * len(poles)))
+    return len(poles) > 4 and bool(share < POLE_ROOM * len(poles))
 
 
 def draw_mass(axis: Axes, coupling: Coupling, s: int = 0) -> None:
     """m_dyn over ω, its poles above and its zeros on the line m_dyn = 0; of a structure that along its own mode s."""
     is_structured, poles, zeros = coupling.scene.is_structured, np.unique(_poles(coupling)), _zeros(coupling, s)
     mass_at_rest = coupling.modes[s].mass if is_structured else coupling.dynamic.at_rest
-    low, high, is_logarithmic = span(*_marks(coupling, s))
-    if not (is_logarithmic or is_structured) and coupling.dynamic(low)[0] > TOP * mass_at_rest:
+    low, high, is_logarithmic = span(_marks(coupling, s))
+    top = 2 * mass_at_rest
+    if not (is_logarithmic or is_structured) and coupling.dynamic(low)[0] > top:
         low, high = 0.0, 1.5 * high
-    axis.set(
-        xlim=(low, high), ylim=(-1.2 * mass_at_rest, TOP * mass_at_rest), xscale="log" if is_logarithmic else "linear"
-    )
+    axis.set(xlim=(low, high), ylim=(-mass_at_rest, top), xscale="log" if is_logarithmic else "linear")
     axis.set(xlabel="angular frequency ω (rad/s)", ylabel="mass felt (kg)" if is_structured else FELT)
     axis.yaxis.set_major_formatter("{x:g}")
     axis.axhline(0.0, color=ink(), lw=0.8)
     if coupling.on_cart:
         axis.axhline(coupling.dynamic.at_infinity, color=secondary_colour(), lw=0.9, ls=MARKED)
-    crowd, thin = not is_structured and is_crowded(coupling), _thinner(len(poles))
+    crowd = not is_structured and is_crowded(coupling)
     omega = _grid(poles, zeros, low, high, is_logarithmic)
     omega = omega[(omega <= poles[0]) | (omega >= poles[-1])] if crowd else omega
     with np.errstate(all="ignore"):
         mass = coupling.felt_masses(omega)[:, s] if is_structured else coupling.dynamic(omega)
     mass[np.isin(omega, poles)] = np.nan
     if is_structured:
-        leaps = np.abs(np.diff(np.sign(mass))) * (np.abs(mass[1:]) + np.abs(mass[:-1])) > 2 * TOP * mass_at_rest
+        # From below the axis to above it, or back: a pole lies between, and no line joins its two sides.
+        leaps = np.abs(np.diff(np.sign(mass))) * (np.abs(mass[1:]) + np.abs(mass[:-1])) > 2 * top
         mass[:-1][leaps] = np.nan
-    axis.plot(omega, np.clip(mass, -20 * mass_at_rest, 20 * mass_at_rest), color=curve(), lw=1.6 * thin, zorder=3)
+    axis.plot(omega, np.clip(mass, -2 * top, 2 * top), color=curve(), zorder=3)
     if crowd:
-        axis.axvspan(poles[0], poles[-1], color=pole(), alpha=0.18, lw=0)
+        axis.axvspan(poles[0], poles[-1], color=pole(), alpha=BAND, lw=0)
         middle = float(np.sqrt(poles[0] * poles[-1]))
-        axis.text(middle, 2.25 * mass_at_rest, f"{len(poles)} poles", color=pole(), fontsize=SMALL, ha="center")
+        axis.text(middle, top, f"{len(poles)} poles", color=pole(), fontsize=SMALL, ha="center", va="bottom")
         zeros = zeros[(zeros < poles[0]) | (zeros > poles[-1])]
     else:
         for value in poles:
-            axis.axvline(value, color=pole(), ls=MARKED, lw=1.4 * thin)
+            axis.axvline(value, color=pole(), ls=MARKED, lw=1.4)
         names = [_letter(coupling, value) for value in poles.tolist()]
         values = [f" {value:.5g}" * (not is_structured) for value in poles]
         _labels(axis, poles, [f"{a}{b}" for a, b in zip(names, values, strict=True)], pole(), is_above=True)
-    axis.plot(zeros, 0 * zeros, "o", color=zero(), ms=6 * thin, zorder=4, mec=paper(), mew=0.8 * thin)
+    axis.plot(zeros, 0 * zeros, "o", color=zero(), zorder=4, mec=paper(), mew=0.8)
     if is_structured:
         mode = coupling.modes[s]
-        words = shorten(coupling.words(mode.shape), LETTERS)
+        words = shorten(coupling.words(mode.shape))
         axis.axvline(mode.omega or np.nan, color=colour(1), ls=MARKED, lw=1.4, zorder=1)
         axis.set_title(f"s{s + 1}: {words}", loc="left", pad=15, parse_math=False)
     else:
         _labels(axis, zeros, [f"{value:.5g}" for value in zeros], zero(), is_above=False)
 
 
-def span(omega: Floats, poles: Floats) -> tuple[float, float, bool]:
+def span(omega: Floats) -> tuple[float, float, bool]:
     """Both ends of the frequency axis and whether it is logarithmic."""
     smallest, largest = float(omega.min()), float(omega.max())
-    is_logarithmic = largest > LOGARITHMIC * smallest and not _fits_linear(poles)
-    if is_logarithmic:
+    if largest > LOG_RATIO * smallest:
         return smallest / 3, largest * 3, True
     extent = largest - smallest
     return max(0.0, smallest - max(1.5 * extent, smallest / 5)), largest + max(extent / 4, largest / 12), False
-
-
-def _fits_linear(poles: Floats) -> bool:
-    """Whether the closest of many poles are further apart on a linear axis than on a logarithmic one."""
-    distinct_poles = np.unique(poles)
-    least_gaps = (
-        [np.diff(scale).min() / np.ptp(scale) for scale in (distinct_poles, np.log(distinct_poles))]
-        if len(distinct_poles) > 1
-        else [0.0, 0.0]
-    )
-    return len(distinct_poles) > MOST_HEAVY and bool(least_gaps[0] > least_gaps[1])
-
-
-def _thinner(count: int) -> float:
-    """The width of each of so many lines over that of a few."""
-    return float(np.clip(MOST_HEAVY / max(count, 1), THINNEST, 1.0))
 
 
 def _grid(poles: Floats, zeros: Floats, low: float, high: float, is_logarithmic: bool) -> Floats:
@@ -251,33 +237,23 @@ def _grid(poles: Floats, zeros: Floats, low: float, high: float, is_logarithmic:
 
 
 def _labels(axis: Axes, places: Floats, words: Sequence[str], hue: str, *, is_above: bool) -> None:
-    """Words above the axis or next to the points on its zero line, omitting any that would touch the previous one."""
-    last, to_share = -np.inf, axis.transData + axis.transAxes.inverted()
-    for place, word in zip(places.tolist(), words, strict=True):
-        at = float(to_share.transform((place, 0.0))[0])
-        if at - last < 0.0085 * len(word):
-            continue
-        last = at
-        axis.annotate(
-            word,
-            (place, 1.0 if is_above else 0.0),
-            (0, 4) if is_above else (6, -11),
-            axis.get_xaxis_transform() if is_above else axis.transData,
-            textcoords="offset points",
-            ha="center" if is_above else "left",
-            fontsize=SMALL,
-            color=hue,
-            zorder=5,
-            annotation_clip=False,
-            bbox=plain() | {"pad": 0.5},
-        )
+    """Words above the axis or next to the points on its zero line, omitting any that would touch a previous one."""
+    height, offset, side = (1.0, (0, 4), "center") if is_above else (0.0, (6, -11), "left")
+    heights: Any = axis.get_xaxis_transform() if is_above else axis.transData
+    look: dict[str, Any] = {"ha": side, "fontsize": SMALL, "color": hue, "zorder": 5, "bbox": plain() | {"pad": 0.5}}
+    drop_overlapping(
+        [
+            axis.annotate(word, (place, height), offset, heights, "offset points", annotation_clip=False, **look)
+            for place, word in zip(places.tolist(), words, strict=True)
+        ]
+    )
 
 
 def close_families(coupling: Coupling) -> list[int]:
     """The families shown enlarged, ascending: the most strongly coupled ones that are isolated."""
     families = () if is_crowded(coupling) else coupling.families
     numbers = [number for number, family in enumerate(families) if _is_close(coupling, family)]
-    return sorted(sorted(numbers, key=lambda number: -abs(families[number].strength))[:MOST_CLOSE])
+    return sorted(sorted(numbers, key=lambda number: -abs(families[number].strength))[:3])
 
 
 def _window(family: Family) -> tuple[float, float]:
@@ -288,7 +264,7 @@ def _window(family: Family) -> tuple[float, float]:
 
 def _is_close(coupling: Coupling, family: Family) -> bool:
     """Whether the zero is so close to the pole that both are seen better enlarged, and no other pole lies beside."""
-    if not family.splitting or abs(family.strength) > LOOSE:
+    if not family.splitting or abs(family.strength) > 0.5:  # of a stronger one the zero is seen without enlargement
         return False
     distances = coupling.dynamic.omega - family.omega
     low, high = _window(family)
@@ -333,7 +309,7 @@ def draw_limits(axis: Axes, coupling: Coupling) -> None:
     """
     poles, cart_mass = coupling.dynamic.omega, coupling.dynamic.cart if coupling.on_cart else np.inf
     low, high = _masses(coupling, cart_mass)
-    masses = np.geomspace(low, high, MASSES)
+    masses = np.geomspace(low, high, SOLVED_POINTS)
     omega = coupling.omega_of_carts(masses)
     light = np.array([mode.light for mode in coupling.cart_modes])
     now = np.array([mode.omega for mode in coupling.cart_modes]) if coupling.on_cart else poles
@@ -347,20 +323,21 @@ def draw_limits(axis: Axes, coupling: Coupling) -> None:
         ylabel="angular frequency ω (rad/s)",
     )
     axis.set_ylim(bottom, top)
+    if is_logarithmic:
+        log_ticks(axis.yaxis, top / bottom)
     chosen = np.arange(omega.shape[1])
     if crowd:
         chosen = np.flatnonzero(((omega > poles[-1]) | (omega < poles[0])).any(axis=0))
-        axis.axhspan(poles[0], poles[-1], color=pole(), alpha=0.18, lw=0)
+        axis.axhspan(poles[0], poles[-1], color=pole(), alpha=BAND, lw=0)
         n_between = omega.shape[1] - len(chosen)
         words = f"band: {len(poles)} poles" + (
             f", with {n_between} modes that move the cart between them" if n_between else ""
         )
         axis.text(0.98, 0.92, words, transform=axis.transAxes, ha="right", va="top", fontsize=SMALL, bbox=plain())
     else:
-        axis.hlines(poles, low, high, color=pole(), ls=MARKED, lw=1.2 * _thinner(len(poles)))
-    thin = _thinner(len(chosen))
-    axis.plot(masses, omega[:, chosen], color=zero(), lw=1.6 * thin)
-    _mark_scene(axis, cart_mass, spot, now[chosen[chosen < len(now)]], size=6 * thin)
+        axis.hlines(poles, low, high, color=pole(), ls=MARKED, lw=1.4)
+    axis.plot(masses, omega[:, chosen], color=zero())
+    _mark_scene(axis, cart_mass, spot, now[chosen[chosen < len(now)]])
     if not crowd:
         _ends(axis, low, [(value, f"{value:.5g}") for value in light[np.isfinite(light)].tolist()], zero(), (4, 4))
         _ends(axis, high, [(value, _letter(coupling, value)) for value in poles.tolist()], pole(), (5, -3))
@@ -371,40 +348,22 @@ def _reach(poles: Floats, now: Floats, omega: Floats, light: Floats) -> tuple[fl
     """Both ends of the frequency axis of the limits and whether it is logarithmic.
 
     They hold all poles, the scene's own modes and the finite limits of a light cart; where a mode of a light cart has
-    no limit, the axis goes as far as it rises on an axis of the same kind, up to RISE times the highest of these,
-    of many LOW_RISE times.
+    no limit, the axis goes as far as it rises, up to three times the highest of these.
     """
-    bottom, top, is_logarithmic = span(np.concatenate([poles, now, light[np.isfinite(light)]]), poles)
+    bottom, top, is_logarithmic = span(np.concatenate([poles, now, light[np.isfinite(light)]]))
     frequencies = np.concatenate((poles, now))
     lowest = float(min(frequencies.min(), omega.min()))
-    rises = float(omega.max()) > top
-    top = (
-        min(float(omega.max()) * 1.05, (RISE if len(poles) <= MOST_HEAVY else LOW_RISE) * float(frequencies.max()))
-        if rises
-        else top
-    )
-    is_logarithmic = is_logarithmic or (top > LOGARITHMIC * lowest and not _fits_linear(poles))
+    if omega.max() > top:
+        top = min(float(omega.max()) * 1.05, 3 * float(frequencies.max()))
+    is_logarithmic = is_logarithmic or top > LOG_RATIO * lowest
     room = 0.12 * (top - lowest)
     return (lowest / 1.5 if is_logarithmic else max(0.0, bottom, lowest - room)), top, is_logarithmic
 
 
 def _ends(axis: Axes, x: float, marks: list[tuple[float, str]], hue: str, offset: tuple[int, int]) -> None:
-    """Words at the ends of the lines, omitting any that would touch the previous one."""
-    last, to_share = -np.inf, axis.transData + axis.transAxes.inverted()
-    for y, word in marks:
-        at = float(to_share.transform((x, y))[1])
-        if at - last > 0.06:
-            last = at
-            axis.annotate(
-                word,
-                (x, y),
-                offset,
-                textcoords="offset points",
-                fontsize=SMALL,
-                color=hue,
-                zorder=5,
-                bbox=plain() | {"pad": 0.5},
-            )
+    """Words at the ends of the lines, omitting any that would touch a previous one."""
+    look: dict[str, Any] = {"fontsize": SMALL, "color": hue, "zorder": 5, "bbox": plain() | {"pad": 0.5}}
+    drop_overlapping([axis.annotate(word, (x, y), offset, textcoords="offset points", **look) for y, word in marks])
 
 
 def _masses(coupling: Coupling, cart_mass: float) -> tuple[float, float]:
@@ -414,14 +373,14 @@ def _masses(coupling: Coupling, cart_mass: float) -> tuple[float, float]:
     return (min(low, cart_mass / 10), max(high, cart_mass * 10)) if 0 < cart_mass < np.inf else (low, high)
 
 
-def _mark_scene(axis: Axes, cart_mass: float, spot: float, now: Floats, *, size: float) -> None:
+def _mark_scene(axis: Axes, cart_mass: float, spot: float, now: Floats) -> None:
     """The scene's own cart, and its frequencies as dots."""
     where = "a massless cart" if cart_mass == 0 else "a fixed support" if np.isinf(cart_mass) else f"{cart_mass:.6g} kg"
     late = spot > np.sqrt(np.prod(axis.get_xlim()))
     axis.axvline(spot, color=ink(), lw=1.2, ls=MARKED)
     if now.size:
         spots = np.full(len(now), spot)
-        axis.plot(spots, now, "o", color=zero(), ms=size, mec=paper(), mew=size / 8, zorder=4, clip_on=False)
+        axis.plot(spots, now, "o", color=zero(), mec=paper(), mew=0.8, zorder=4, clip_on=False)
     axis.annotate(
         f"this scene: {where}",
         (spot, 0.0),
@@ -495,12 +454,12 @@ def _words(axis: Axes, labels: list[tuple[float, str]], x: float, ha: str) -> No
     transform, linear = axis.transScale + axis.transLimits, axis.get_yscale() == "linear"
     labels = sorted(labels)
     places = [float(transform.transform((x, omega))[1]) if omega or linear else 0.0 for omega, _ in labels]
+    room, highest = 3 / 2 * float(em_of(axis)[1]), 1.0  # of a line of words
     for k in range(1, len(places)):
-        places[k] = max(places[k], places[k - 1] + APART)
-    highest = 1.0
+        places[k] = max(places[k], places[k - 1] + room)
     for k in reversed(range(len(places))):
         places[k] = min(places[k], highest)
-        highest = places[k] - APART
+        highest = places[k] - room
     box = {"facecolor": paper(), "edgecolor": "none", "pad": 0.8}
     for place, (_, words) in zip(places, labels, strict=True):
         look: dict[str, Any] = {"ha": ha, "va": "center", "fontsize": SMALL, "bbox": box, "zorder": 4}

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from math import inf
 from typing import Any
 
 import numpy as np
@@ -15,47 +16,38 @@ from matplotlib.axes import Axes
 from matplotlib.colors import to_rgba
 
 from modal.plotting.layout import even_choice
-from modal.plotting.style import colour, spots, thickness
+from modal.plotting.style import BAND, colour, spots, thickness
 from modal.types import Booleans, Floats, Ints
 
-CLOSE = 0.004
-"""Largest distance of curves that coincide, as a fraction of the range of all: less than the width of a line."""
-INSTANTS = 400
-"""Points at which curves are compared."""
-LEAST_CELLS = 40
-"""Least cells of a panel across and up, which are a point each; curves in the same cells are upon each other."""
-MOST_POINTS = 60_000
-"""Most points at which the cells of a curve are looked up."""
-AWHILE = 15.0
-"""Length in cells from which curves are upon each other and do not just cross."""
-GAP = 3.0
-"""Length in cells up to which curves upon each other may part."""
+CURVE_GAP_MAX = 0.004
+"""Format: largest distance of curves that coincide over the range of all: less than the width of a line."""
 STRIPE = 3.5
-"""Length of a stripe in points."""
+"""Format: length of a stripe in points."""
 SLOTS = {1: (1, 2), 2: (0, 4), 3: (1, 4), 4: (2, 8), 5: (3, 8)}
 """By how many curves lie below: the place of a stripe and the length of the pattern, in stripes; no pattern hides all
 of another."""
-SMALLER = 0.6
-"""Size of marks upon others, over theirs."""
-LONGEST = 30
-"""Most letters of the names of curves that coincide."""
+GROUP_LETTERS = 30
+"""Format: most letters of the names of curves that coincide, before "… (7 more) coincide"."""
 NUMBERS = re.compile(r"\d+")
-MOST_TURNS, TALL = 2.0, 0.04
-"""Turns within the width of its line from which a curve is a blob, and its band is drawn; least height of a band, over
-the panel's."""
-PER_COLUMN, BAND = 8, 0.3
-"""Least samples in each column of a band on an average, and its opacity."""
+BAND_HEIGHT_MIN = 0.04
+"""Format: least height of a band over the panel's; a curve within less is a broad line and no blob."""
+COLUMN_SAMPLES = 8
+"""Format: samples in each column of a band on an average; with fewer its ends would be a matter of chance."""
 RANGE = "least to most"
 """What the legend says of a band."""
 
 
-def coinciding(curves: Floats) -> list[list[int]]:
-    """Curves (K, T) in groups of those that coincide with the first of their group, in the order of the first."""
-    samples = np.asarray(curves, dtype=np.float64)[:, :: max(1, curves.shape[1] // INSTANTS)]
+def coinciding(curves: Floats, limit: float = inf) -> list[list[int]]:
+    """Curves (K, T) in groups of those that coincide with the first of their group, in the order of the first.
+
+    The search ends where there are more groups than `limit`.
+    """
+    samples = np.asarray(curves, dtype=np.float64)
     finite_values = samples[np.isfinite(samples)]
-    room = CLOSE * float(np.ptp(finite_values)) if finite_values.size else 0.0
-    samples, remainder, groups = np.nan_to_num(samples, nan=np.inf), np.arange(len(samples)), []
-    while len(remainder):
+    room = CURVE_GAP_MAX * float(np.ptp(finite_values)) if finite_values.size else 0.0
+    samples, remainder = np.nan_to_num(samples, nan=np.inf), np.arange(len(samples))
+    groups: list[list[int]] = []
+    while len(remainder) and len(groups) <= limit:
         with np.errstate(invalid="ignore"):
             distances = np.where(
                 samples[remainder] == samples[remainder[0]], 0.0, np.abs(samples[remainder] - samples[remainder[0]])
@@ -73,7 +65,7 @@ def common_name(names: Sequence[str]) -> str:
     runs = _runs(names)
     text = runs[0]
     for k, word in enumerate(runs[1:], 1):
-        if len(text) + len(word) > LONGEST:
+        if len(text) + len(word) > GROUP_LETTERS:
             return f"{text}, … ({len(runs) - k} more) coincide"
         text += f", {word}"
     return f"{text} coincide"
@@ -105,7 +97,7 @@ def pick(curves: Floats, names: Sequence[str], limit: int) -> tuple[Ints, list[s
 
     One of each group that coincides, where there are at most `limit` groups, else `limit` curves evenly spaced.
     """
-    groups = coinciding(curves)
+    groups = coinciding(curves, limit)
     if len(groups) > limit:
         indices = even_choice(len(curves), limit)
         groups = [[int(indices[k]) for k in group] for group in coinciding(curves[indices])]
@@ -119,7 +111,7 @@ def draw_curves(
     *,
     names: Sequence[str] = (),
     numbers: Sequence[int] = (),
-    first: float = 2.0,
+    first: float = 2.3,
     log: str = "",
     bands: bool = False,
     **style: Any,
@@ -160,7 +152,7 @@ def draw_curves(
         width = thickness(number, first)
         unit, (slot, period) = STRIPE / width, SLOTS.get(n_below, (0, 1))
         broken = ((period - slot) * unit, (unit, (period - 1) * unit))
-        marks = {"ms": style["ms"] * SMALLER**n_below} if "ms" in style else {}
+        marks = {"ms": style["ms"] / 2**n_below} if "ms" in style else {}
         look: dict[str, Any] = {"color": colour(number), "lw": width, **style, **marks}
         label = names[k] if names else f"_{k}"
         if period == 1 or not upon.any():
@@ -176,22 +168,22 @@ def draw_curves(
 def _size(axis: Axes) -> tuple[int, int]:
     """The width and the height of an axis in points, nearly: it has its place before the figure is laid out."""
     inches = np.array(axis.get_window_extent().size) / axis.figure.dpi
-    width, height = np.maximum(np.rint(72 * inches), LEAST_CELLS).astype(int)
+    width, height = np.maximum(np.rint(72 * inches), 2).astype(int)
     return int(width), int(height)
 
 
 def is_blob(y: Floats, columns: float, extent: float) -> bool:
-    """Whether a curve turns more than MOST_TURNS times in each of so many columns, and not only by a trifle.
+    """Whether a curve turns more than twice in each of so many columns, and not only by a trifle.
 
     `extent` is the height of the panel in the units of the curve.
     """
     finite_values = np.asarray(y, dtype=np.float64)[np.isfinite(y)]
     way = np.sign(np.diff(finite_values))
     way = way[way != 0]
-    if np.count_nonzero(way[1:] != way[:-1]) <= MOST_TURNS * columns:
+    if np.count_nonzero(way[1:] != way[:-1]) <= 2 * columns:
         return False
     _, low, high = envelope(np.arange(len(finite_values), dtype=np.float64), finite_values, int(columns))
-    return bool(np.median(high - low) > TALL * extent)
+    return bool(np.median(high - low) > BAND_HEIGHT_MIN * extent)
 
 
 def envelope(x: Floats, y: Floats, columns: int) -> tuple[Floats, Floats, Floats]:
@@ -201,7 +193,7 @@ def envelope(x: Floats, y: Floats, columns: int) -> tuple[Floats, Floats, Floats
     """
     is_finite = np.isfinite(x) & np.isfinite(y)
     x, y = np.asarray(x)[is_finite], np.asarray(y)[is_finite]
-    count = max(1, min(columns, len(x) // PER_COLUMN))
+    count = max(1, min(columns, len(x) // COLUMN_SAMPLES))
     edges = np.linspace(x[0], x[-1], count + 1)
     column = np.clip(np.searchsorted(edges, x, "right") - 1, 0, count - 1)
     bounds = []
@@ -250,7 +242,7 @@ def _cells(place: Floats, size: tuple[int, int]) -> Ints:
     if not points.size:
         return np.zeros(0, dtype=np.int64)
     path = _path_lengths(points)
-    fine = np.linspace(0.0, path[-1], int(min(2 * path[-1], MOST_POINTS)) + 2)
+    fine = np.linspace(0.0, path[-1], int(min(2 * path[-1], size[0] * size[1])) + 2)
     return np.unique(_cell_numbers(np.stack([np.interp(fine, path, row) for row in points]), size))
 
 
@@ -266,7 +258,8 @@ def _upon(place: Floats, others: Sequence[Ints], size: tuple[int, int]) -> Boole
         return np.zeros(place.shape[1], dtype=bool)
     upon = np.isin(_cell_numbers(place, size), np.concatenate(others))
     path = _path_lengths(place)
-    for kind, awhile in ((False, GAP), (True, AWHILE)):
+    # A gap shorter than a stripe is none, and what is shorter than a whole pattern of stripes is a crossing.
+    for kind, awhile in ((False, STRIPE), (True, 4 * STRIPE)):
         breaks = np.flatnonzero(np.diff(upon)) + 1
         for members in np.split(np.arange(len(upon)), breaks):
             extent = path[min(members[-1] + 1, len(path) - 1)] - path[max(members[0] - 1, 0)]

@@ -34,7 +34,7 @@ from PIL import Image
 
 from modal.errors import ComputationError, SceneError, installing
 from modal.modes import Mode, Modes, Shape
-from modal.plotting.layout import caption, headline
+from modal.plotting.layout import caption, even_choice
 from modal.plotting.shapes import (
     AMPLITUDE_DEG,
     MOST_PANELS,
@@ -44,25 +44,23 @@ from modal.plotting.shapes import (
     draw_swing,
     draw_translation,
     fitting_amplitude,
-    grid_of_panels,
     is_crowded,
     layout_of,
     levels_of,
     number_pendula,
-    panel_words,
+    panels_of,
     set_apart,
     some_words,
 )
-from modal.plotting.style import any_letters, colour, ink, paper, sheet
+from modal.plotting.style import HUES, any_letters, colour, ink, paper
 from modal.report import html, silent
 from modal.scene import kind_of, title_of, whole_file
 
 FORMS = ("gif", "mp4", "html")
-COLOURS, SAMPLED = 64, 6
-"""Colours of a GIF, chosen from this many of its frames."""
-NEARLY = 8
-"""Largest distance of a colour from the background, of 255, at which it is drawn as background."""
-MOST_FRAMES = 20_000
+COLOURS = 64
+"""Format: colours of a GIF: hues, greys and their mixtures at the edges of lines."""
+FRAMES_MAX = 20_000
+"""Limit: frames of a film: "must be at most 20000; use fewer seconds or fps"."""
 NO_FFMPEG = f"mp4 needs ffmpeg: install it, or the extra `video` ({installing('video')}); gif and html do not"
 Report = Callable[[float], object]
 
@@ -127,8 +125,8 @@ def form_problems(form: str, fps: float | None = None) -> list[str]:
 
 def require_writer(form: str, frames: int) -> None:
     """SceneError for too many frames, ComputationError for an MP4 without ffmpeg, before anything is drawn."""
-    if frames > MOST_FRAMES:
-        raise SceneError([f"{frames} frames: must be at most {MOST_FRAMES}; use fewer seconds or fps"])
+    if frames > FRAMES_MAX:
+        raise SceneError([f"{frames} frames: must be at most {FRAMES_MAX}; use fewer seconds or fps"])
     if form == "mp4":
         find_ffmpeg()
 
@@ -148,7 +146,7 @@ def write_film(film: MovingFigure, stream: IO[bytes], form: str, report: Report 
 def _write_gif(film: MovingFigure, shot: Callable[[int], Image.Image], stream: IO[bytes]) -> None:
     """One palette for all frames, so that only what moves is stored."""
     count = film.count
-    samples = [np.asarray(film.image(int(k))) for k in np.unique(np.linspace(0, count - 1, SAMPLED).astype(int))]
+    samples = [np.asarray(film.image(k)) for k in even_choice(count, 4).tolist()]
     palette = _on_paper(Image.fromarray(np.concatenate(samples)).quantize(COLOURS))
 
     def with_palette(frame: int) -> Image.Image:
@@ -160,11 +158,10 @@ def _write_gif(film: MovingFigure, shot: Callable[[int], Image.Image], stream: I
 
 
 def _on_paper(image: Image.Image) -> Image.Image:
-    """The same palette with colours close to the background replaced by it."""
+    """The same palette with the colour nearest to the background replaced by it."""
     colours = np.array(image.getpalette(), dtype=np.uint8).reshape(-1, 3)
     plain = np.round(255 * np.array(to_rgb(paper()))).astype(np.uint8)
     blank = Image.new("RGB", (1, 1), tuple(plain.tolist())).quantize(palette=image, dither=Image.Dither.NONE)
-    colours[np.abs(colours.astype(int) - plain).max(1) <= NEARLY] = plain
     colours[np.asarray(blank)] = plain
     image.putpalette(colours.tobytes())
     return image
@@ -278,16 +275,11 @@ requestAnimationFrame(tick);
 
 
 LOOP = 2.4
-"""Seconds of film in which every mode swings once."""
+"""Format: seconds of film in which every mode swings once."""
 DPI = 100
-LINE, LETTER = 0.22, 0.09
-"""Height of a line and width of a letter (inches)."""
-HIGHEST, LARGEST = 3.0, 11.0
-"""Most height of a panel and most width of a film (inches)."""
-DECAYING, FOLDS = 0.8, 4.0
-"""The part of a loop in which a mode decays or grows, and by how many factors of e."""
-MOST_LEVELS = 3
-"""Links of every pendulum, from the top, whose angles are drawn over the number of the pendulum."""
+"""Format: pixels of a film over an inch of its figure."""
+DECAYING = 0.8
+"""Format: the part of a loop in which a mode decays or grows; the rest brings it back."""
 
 
 class ModalFilm(MovingFigure):
@@ -303,24 +295,13 @@ class ModalFilm(MovingFigure):
     ) -> None:
         rows, has_profiles = list(modes.rows(numbers)), is_crowded(modes.scene)
         layout = None if has_profiles else layout_of(modes)
-        (columns, lines), width, height = _sizes(len(rows), layout)
+        figure, axes, width = panels_of(modes, rows, 1.5 if layout is None else layout.ratio, "modes")
         layout = layout and layout.within(width)
-        words = [panel_words(row, max(18, int(width / LETTER))) for row in rows]
-        high = height + LINE * max(text.count("\n") + 1 for text in words) + 0.15
-        figure = sheet(max(columns * width, 4.6), lines * high + 0.8)
         figure.set(dpi=DPI)
-        title = title_of(modes.scene)
-        super().__init__(figure, title, max(2, round(LOOP * rate)), rate)
-        headline(figure, title, "modes")
-        axes = figure.subplots(lines, columns, squeeze=False)
+        super().__init__(figure, title_of(modes.scene), max(2, round(LOOP * rate)), rate)
         self.panels = [
-            _panel(axis, modes, row, layout, np.radians(amplitude_deg))
-            for axis, row in zip(axes.flat, rows, strict=False)
+            _panel(axis, modes, row, layout, np.radians(amplitude_deg)) for axis, row in zip(axes, rows, strict=True)
         ]
-        for axis, text in zip(axes.flat, words, strict=False):
-            axis.set_title(text, linespacing=1.3)
-        for axis in axes.flat[len(rows) :]:
-            axis.remove()
         words = [first + _caption(modes, rows)]
         if layout is not None:
             words += set_apart(layout.scaffold, modes.scene.n_pendula)
@@ -392,8 +373,8 @@ def motion(row: Mode, s: float) -> complex:
 
 
 def _decay(s: float) -> float:
-    """Decay from 1 by FOLDS factors of e, and the way back."""
-    low = float(np.exp(-FOLDS))
+    """Decay from 1 by four factors of e, and the way back."""
+    low = float(np.exp(-4))
     if s <= DECAYING:
         return float(low ** (s / DECAYING))
     return float(low + (1 - low) * (0.5 - 0.5 * np.cos(np.pi * (s - DECAYING) / (1 - DECAYING))))
@@ -401,7 +382,8 @@ def _decay(s: float) -> float:
 
 def _profile(axis: Axes, modes: Modes, amplitude: float) -> Callable[[Axes, Shape], None]:
     """An axis of angle over the number of the pendulum, and what draws a line on it for each link of the pendula."""
-    levels = levels_of(modes.scene)[:, :MOST_LEVELS].T
+    levels = levels_of(modes.scene).T
+    levels = levels[even_choice(len(levels), HUES)]
     number_pendula(axis, 1, levels.shape[1], float(np.degrees(amplitude)))
 
     def draw(axis: Axes, now: Shape) -> None:
@@ -410,14 +392,6 @@ def _profile(axis: Axes, modes: Modes, amplitude: float) -> Callable[[Axes, Shap
             axis.plot(np.flatnonzero(level >= 0) + 1, angles, color=colour(k), lw=1.2, zorder=3)
 
     return draw
-
-
-def _sizes(count: int, layout: ShapeLayout | None) -> tuple[tuple[int, int], float, float]:
-    """The columns and lines of panels, and the width and height of one (inches)."""
-    ratio = 1.5 if layout is None else 2 * layout.half_width / (layout.top - layout.bottom)
-    columns, lines = grid_of_panels(count, ratio)
-    width = float(np.clip(HIGHEST * ratio, 2.4, LARGEST / columns))
-    return (columns, lines), width, width / ratio
 
 
 def _caption(modes: Modes, rows: Sequence[Mode]) -> str:
@@ -431,7 +405,7 @@ def _caption(modes: Modes, rows: Sequence[Mode]) -> str:
     if is_crowded(modes.scene):
         words += ["angle over the number of the pendulum"]
         deepest = max(pendulum.n_links for pendulum in modes.scene.pendulum)
-        words += [f"the upper {MOST_LEVELS} of {deepest} links"] if deepest > MOST_LEVELS else []
+        words += [f"{HUES} of {deepest} links of each"] if deepest > HUES else []
     return "; ".join(words)
 
 

@@ -17,12 +17,10 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, FancyArrowPatch, Rectangle
 
 from modal.plotting.free_body_diagrams import (
-    COLUMNS,
     HIGH,
-    INCHES,
     LEFT,
+    LINK_INCHES,
     LOOKS,
-    LOW,
     RIGHT,
     Diagram,
     Lettering,
@@ -31,10 +29,13 @@ from modal.plotting.free_body_diagrams import (
     point,
 )
 from modal.plotting.layout import SMALL, caption, headline
-from modal.plotting.style import QUIET, colour, ink, mixture, paper, secondary_colour, sheet, theme
+from modal.plotting.style import HEAD, QUIET, colour, ink, mixture, paper, secondary_colour, sheet, theme
 from modal.scene import FreeBodies, Scene, free_bodies, title_of
 from modal.scene.doors import checked
 from modal.scene.free_body import normal
+
+COLUMNS = 3
+"""Format: diagrams in a row."""
 
 # ------------------------------------------------------------------------------------------------------- the door
 
@@ -55,15 +56,15 @@ def plot_free_body(scene: Scene, *, letters: str = "own", parts: str = "") -> Fi
     bodies = free_bodies(scene, letters)
     pictures, note = diagrams(bodies, parts)
     rows = _rows(pictures)
-    width, height = RIGHT - LEFT, HIGH - LOW
-    figure = sheet(INCHES * width * COLUMNS, INCHES * height * len(rows) + 0.9)
+    width, height = RIGHT - LEFT, 2 * HIGH
+    figure = sheet(LINK_INCHES * width * COLUMNS, LINK_INCHES * height * len(rows) + HEAD)
     grid = figure.add_gridspec(len(rows), COLUMNS)
     for k, row in enumerate(rows):
         at = 0
         for diagram in row:
             axis = figure.add_subplot(grid[k, at : at + diagram.columns])
             middle, half = (LEFT + RIGHT) / 2, width * diagram.columns / 2
-            axis.set(xlim=(middle - half, middle + half), ylim=(LOW, HIGH), aspect="equal")
+            axis.set(xlim=(middle - half, middle + half), ylim=(-HIGH, HIGH), aspect="equal")
             axis.set_axis_off()
             axis.set_title(diagram.title, loc="left")
             for stroke in diagram.strokes:
@@ -92,7 +93,7 @@ def free_body_tikz(scene: Scene, letters: str = "own", parts: str = "") -> str:
     for k, row in enumerate(_rows(pictures)):
         at = 0
         for diagram in row:
-            shift = (at * (RIGHT - LEFT) + (diagram.columns - 1) * (RIGHT - LEFT) / 2, -k * (HIGH - LOW + 0.2))
+            shift = (at * (RIGHT - LEFT) + (diagram.columns - 1) * (RIGHT - LEFT) / 2, -k * (2 * HIGH + 0.2))
             lines.append(rf"\begin{{scope}}[shift={{({shift[0]:.3f},{shift[1]:.3f})}}]")
             lines.append(rf"\node[right] at ({LEFT:.3f},{HIGH:.3f}) {{{diagram.title}}};")
             lines += [_tikz(stroke) for stroke in diagram.strokes]

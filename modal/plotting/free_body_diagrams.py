@@ -19,19 +19,32 @@ from modal.errors import SceneError
 from modal.scene import FreeBodies, FreeBody
 from modal.scene.free_body import Effort, normal
 
-MOST_PARTS, MOST_AT_ONCE = 12, 120
-"""Most parts that are drawn where none are chosen, and in one picture."""
-MOST_PENDULA, MOST_LINKS = 3, 4
-"""Most pendula, and links of each, in the diagram of the whole scene."""
-COLUMNS = 3
-INCHES = 0.92
-"""Inches of the unit of all lengths below; a link is 1.05 long."""
-LONG, TILT, TILTS = 1.05, radians(32.0), tuple(map(radians, (32.0, 52.0, 24.0, 42.0)))
+MOST_PARTS = 12
+"""Format: most parts that are drawn where none are chosen."""
+MOST_AT_ONCE = 120
+"""Limit: parts of one picture: "one picture has room for 120"."""
+MOST_PENDULA = 3
+"""Format: most pendula that are drawn on their support."""
+LINK_INCHES = 0.96
+"""Format: inches of a link, which is the unit of all lengths below."""
+TILTS = tuple(map(radians, (32.0, 52.0, 24.0, 42.0)))
+"""The angles of the links of a pendulum that is drawn as a whole; longer chains are not."""
+TILT = TILTS[0]
 TOP = np.array([-0.32, 0.5])
-ARROW, GAP, ARC, BOB = 0.44, 0.05, 0.24, 0.1
-BESIDE = 1.75  # from a part to what its forces cause
-LEFT, RIGHT, LOW, HIGH = -1.3, 3.1, -1.12, 1.24
-TALL, WHEEL, PIN, PINS = 0.26, 0.09, 0.3, 1.15
+ARROW = 0.4
+"""Format: length of the arrow of a force."""
+BOB = 0.1
+"""Format: radius of bobs and wheels."""
+LEFT = -1.3
+"""Format: left edge of a diagram, about the joint of its part."""
+RIGHT = 3.1
+"""Format: right edge of a diagram."""
+HIGH = 1.2
+"""Format: half the height of a diagram."""
+BESIDE = LEFT + RIGHT
+"""From a part to what its forces cause, so that the two stand in the middles of the diagram's halves."""
+TALL = 0.3
+"""Format: height of a cart, and of the pins above its middle."""
 LOOKS = ("body", "faint", "force", "joint", "inertia", "guide", "ink")
 SIZES = {"body": 5.0, "wire": 1.6, "faint": 3.0, "arrow": 1.4, "guide": 0.9}
 
@@ -86,7 +99,7 @@ def diagrams(bodies: FreeBodies, parts: str = "") -> tuple[list[Diagram], str]:
             pictures.append(_cart(bodies) if part.kind == "cart" else _standing(bodies))
             continue
         chain = pendula[part.place[0]]
-        if not parts and part.place[1] == 0 and 1 < len(chain) <= MOST_LINKS:
+        if not parts and part.place[1] == 0 and 1 < len(chain) <= len(TILTS):
             pictures.append(_pendulum(bodies, chain))
         pictures.append(_link(bodies, part))
     note = f" {len(numbers)} of {total} parts are drawn." if len(numbers) < total else ""
@@ -94,7 +107,7 @@ def diagrams(bodies: FreeBodies, parts: str = "") -> tuple[list[Diagram], str]:
 
 
 def _fits(pendula: list[list[FreeBody]]) -> bool:
-    return len(pendula) <= MOST_PENDULA and max(map(len, pendula)) <= MOST_LINKS
+    return len(pendula) <= MOST_PENDULA and max(map(len, pendula)) <= len(TILTS)
 
 
 def _chosen(parts: str, total: int) -> range:
@@ -164,7 +177,7 @@ def _force(place: Any, shaft: Any, positive: bool, text: str, look: str) -> Iter
 
     `shaft` is the unit vector from the place to the far end; the arrow points outwards where `positive`.
     """
-    inner_end, outer_end = place + GAP * shaft, place + (GAP + ARROW) * shaft
+    inner_end, outer_end = place + BOB / 2 * shaft, place + (BOB / 2 + ARROW) * shaft
     yield Stroke(
         "arrow", (point(inner_end), point(outer_end)) if positive else (point(outer_end), point(inner_end)), look
     )
@@ -174,7 +187,7 @@ def _force(place: Any, shaft: Any, positive: bool, text: str, look: str) -> Iter
 
 
 def _turn(
-    place: Any, begin: float, end: float, positive: bool, text: str, look: str, radius: float = ARC
+    place: Any, begin: float, end: float, positive: bool, text: str, look: str, radius: float = ARROW / 2
 ) -> Iterator[Stroke | Lettering]:
     """A curved arrow about a place from one angle (degrees) to another, turned round where it is not positive."""
     angles = np.radians(np.linspace(begin, end, 25))
@@ -208,14 +221,14 @@ def _link(bodies: FreeBodies, part: FreeBody) -> Diagram:
     """One link: what acts on it, and to the right what that causes."""
     link: Any = part.link
     way = np.array([sin(TILT), -cos(TILT)])
-    end, normal_direction = TOP + LONG * way, np.array([cos(TILT), sin(TILT)])
-    centre = TOP + LONG * min(link.centre / link.length, 1.25) * way
+    end, normal_direction = TOP + way, np.array([cos(TILT), sin(TILT)])
+    centre = TOP + min(link.centre / link.length, 1.25) * way
     pieces: list[Stroke | Lettering] = [*_bar(part, TOP, end), *_leaning(bodies, part)]
     if bodies.of(part):
         pieces.append(Stroke("ring", (point(end), point(end + np.array([0.045, 0]))), "ink", 1.0))
     if part.kind != "bob":
         pieces.append(Stroke("disc", (point(centre), point(centre + np.array([0.035, 0]))), "ink"))
-    at = TOP + (0.48 if part.kind == "bob" else 0.74) * LONG * way + 0.13 * normal_direction
+    at = TOP + (0.48 if part.kind == "bob" else 0.74) * way + 0.13 * normal_direction
     pieces.append(Lettering(f"${in_latex(part.length, bodies.letters)}$", *point(at), "ink", "right"))
     for effort in part.efforts:
         pieces += _effort(part, effort, centre, end, normal_direction)
@@ -239,7 +252,7 @@ def _effort(
     """The arrows of what acts on a link, shafts above and left of its upper joint, below and right of the lower one."""
     bob = part.kind == "bob"
     if effort.kind == "weight":
-        low = centre + (np.array([-0.07, -BOB + GAP]) if bob else np.array([0, 0]))
+        low = centre + (np.array([-0.07, -BOB / 2]) if bob else np.array([0, 0]))
         yield Stroke("arrow", (point(low), point(low - np.array([0, 0.4]))), "force")
         yield Lettering(f"${in_latex(effort.down)}$", float(low[0] - 0.09), float(low[1] - 0.3), "force", "left")
     elif effort.kind == "drag":
@@ -256,9 +269,9 @@ def _effort(
         yield from _force(TOP, left, effort.sign < 0, in_latex(effort.along), "joint")
     else:
         down, right = np.array([0.0, -1.0]), np.array([1.0, 0.0])
-        offset = np.array([0.07, -BOB + GAP]) if bob else np.zeros(2)
+        offset = np.array([0.07, -BOB / 2]) if bob else np.zeros(2)
         yield from _force(end + offset, down, effort.sign > 0, in_latex(effort.down), "joint")
-        out = np.array([BOB - GAP, 0.0]) if bob else np.zeros(2)
+        out = np.array([BOB / 2, 0.0]) if bob else np.zeros(2)
         yield from _force(end + out, right, effort.sign > 0, in_latex(effort.along), "joint")
 
 
@@ -293,9 +306,9 @@ def _applied_force(part: FreeBody, effort: Effort, centre: Any, end: Any) -> Ite
 def _caused_motion(bodies: FreeBodies, part: FreeBody, way: Any, share: float) -> Iterator[Stroke | Lettering]:
     """The same link with mass times acceleration at its centre, and inertia times angular acceleration."""
     top = TOP + np.array([BESIDE, 0])
-    centre = top + share * LONG * way
+    centre = top + share * way
     yield Lettering("$=$", BESIDE - 0.78, 0.66)
-    yield from _bar(part, top, top + LONG * way, "faint")
+    yield from _bar(part, top, top + way, "faint")
     yield from _accelerating(bodies, part, centre)
     if part.kind == "body":
         normal_direction = np.array([cos(TILT), sin(TILT)])
@@ -327,7 +340,7 @@ def _pins(bodies: FreeBodies) -> tuple[list[int], list[float]]:
     """The pendula whose joints are drawn on the support, at most three, and their places along it."""
     total = len(bodies.pendula)
     numbers = list(range(total)) if total <= MOST_PENDULA else [0, 1, total - 1]
-    spacing = PINS + 0.65 * any(effort.turning for effort in bodies.support.efforts)
+    spacing = 1.2 + 0.6 * any(effort.turning for effort in bodies.support.efforts)
     return numbers, [spacing * (k - (len(numbers) - 1) / 2) for k in range(len(numbers))]
 
 
@@ -357,11 +370,11 @@ def _cart(bodies: FreeBodies) -> Diagram:
     """The cart on its wheels: weight, normal forces, the joints of the first links, a spring's or a damper's force."""
     _, places = _pins(bodies)
     half = places[-1] + 0.75
-    pieces: list[Stroke | Lettering] = [*_brackets(places, TALL / 2), *_box(half), *_on_pins(bodies, PIN)]
+    pieces: list[Stroke | Lettering] = [*_brackets(places, TALL / 2), *_box(half), *_on_pins(bodies, TALL)]
     for k, x in enumerate((-half + 0.2, half - 0.2)):
-        wheel = np.array([x, -TALL / 2 - WHEEL])
+        wheel = np.array([x, -TALL / 2 - BOB])
         R = rf"{normal(bodies.letters)}_{{{k + 1}}}"
-        pieces += _force(wheel - np.array([0, WHEEL]), np.array([0.0, -1.0]), False, R, "force")
+        pieces += _force(wheel - np.array([0, BOB]), np.array([0.0, -1.0]), False, R, "force")
     pieces.append(Stroke("arrow", ((0.0, 0.0), (0.0, -0.55)), "force"))
     pieces.append(Stroke("disc", ((0.0, 0.0), (0.035, 0.0)), "ink"))
     pieces.append(Lettering(f"${in_latex('m_c g')}$", 0.0, -0.7, "force"))
@@ -386,8 +399,8 @@ def _box(half: float, middle: float = 0.0) -> list[Stroke | Lettering]:
     """A cart so long to each side of its middle."""
     wheels = (middle - half + 0.2, middle + half - 0.2)
     box = Stroke("box", ((middle - half, -TALL / 2), (middle + half, TALL / 2)), "ink", 1.3)
-    centres = [(x, -TALL / 2 - WHEEL) for x in wheels]
-    return [box, *(Stroke("wheel", (place, (place[0] + WHEEL, place[1])), "ink", 1.3) for place in centres)]
+    centres = [(x, -TALL / 2 - BOB) for x in wheels]
+    return [box, *(Stroke("wheel", (place, (place[0] + BOB, place[1])), "ink", 1.3) for place in centres)]
 
 
 def _faint_copy(piece: Stroke | Lettering, shift: float) -> Stroke | Lettering:
@@ -409,7 +422,7 @@ def _standing(bodies: FreeBodies) -> Diagram:
     for foot in np.arange(left + 0.08, right, 0.1):
         pieces.append(_line((foot, 0.0), (foot - 0.08, -0.08), "guide", 0.8))
     pieces += _brackets(places, 0.0)
-    pieces += _on_pins(bodies, PIN)
+    pieces += _on_pins(bodies, TALL)
     is_fixed = bodies.support.kind == "fixed"
     words = "stands still: the ground holds it" if is_fixed else "moves as prescribed"
     pieces.append(Lettering(words, (left + right) / 2, -0.3))
@@ -422,7 +435,7 @@ def _brackets(places: Sequence[float], low: float) -> Iterator[Stroke]:
     """What holds the pins."""
     for x in places:
         for side in (-0.1, 0.1):
-            yield _line((x + side, low), (x, PIN), "guide", 1.2)
+            yield _line((x + side, low), (x, TALL), "guide", 1.2)
 
 
 def _chain(chain: Sequence[FreeBody], top: Any, scale: float) -> tuple[list[Stroke | Lettering], list[Any], list[Any]]:
@@ -490,7 +503,7 @@ def _whole_scene(bodies: FreeBodies) -> Diagram:
         links, centres, _ = _chain(chain, (x, high), scale)
         pieces += [*links, *_weights(chain, centres)]
     for k, x in enumerate((left + 0.2, right - 0.2)):
-        wheel = np.array([x, high - TALL / 2 - 2 * WHEEL])
+        wheel = np.array([x, high - TALL / 2 - 2 * BOB])
         R = rf"{normal(bodies.letters)}_{{{k + 1}}}"
         pieces += _force(wheel, np.array([0.0, -1.0]), False, R, "force")
     pieces.append(Stroke("arrow", ((-0.76, high), (-0.76, high - 0.5)), "force"))

@@ -9,17 +9,25 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from modal.plotting.layout import SMALL, even_choice, headline, legend
-from modal.plotting.style import MARKED, WIDTH, colour, ink, paper, rest, save, secondary_colour, sheet
+from modal.plotting.layout import SMALL, TICKS_MAX, even_choice, headline, legend
+from modal.plotting.style import (
+    HUES,
+    MARKED,
+    WIDE,
+    WIDTH,
+    colour,
+    ink,
+    paper,
+    rest,
+    save,
+    secondary_colour,
+    sheet_of_rows,
+)
 from modal.scene import title_of
 from modal.types import Floats
 
 if TYPE_CHECKING:
     from modal.identification import Assurance, Identified, ModeFit
-
-BARS = 2.0  # standard deviations of an error bar
-MOST_WRITTEN = 12  # modes of a matrix whose entries are written, and numbers along it
-MOST_TICKS = 8  # fitted modes that are named
 
 
 def draw_poles(identification: Identified, stream: IO[bytes], kind: str = "png", title: str = "") -> None:
@@ -29,7 +37,7 @@ def draw_poles(identification: Identified, stream: IO[bytes], kind: str = "png",
 
 def poles_figure(identification: Identified, title: str = "") -> Figure:
     """Poles over the order of the model, the stable ones filled, above the damping ratios with error bars."""
-    figure = sheet(WIDTH, 6.0)
+    figure = sheet_of_rows(2)
     top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
     for stable, face, words in ((False, "none", "new at this order"), (True, colour(0), "stable")):
         poles = [pole for pole in identification.stabilization if pole.stable == stable]
@@ -49,8 +57,8 @@ def poles_figure(identification: Identified, title: str = "") -> Figure:
     bottom.errorbar(
         frequency,
         [mode.damping_ratio for mode in identification.modes],
-        BARS * np.array([mode.damping_ratio_std for mode in identification.modes]),
-        BARS * np.array([mode.frequency_std for mode in identification.modes]),
+        2 * np.array([mode.damping_ratio_std for mode in identification.modes]),
+        2 * np.array([mode.frequency_std for mode in identification.modes]),
         fmt="o",
         color=colour(1),
         capsize=3,
@@ -75,7 +83,7 @@ def draw_assurance(assurance: Assurance, stream: IO[bytes], kind: str = "png") -
 def assurance_figure(assurance: Assurance) -> Figure:
     """The MAC matrix in shades, where there are shapes, beside measured over computed frequencies."""
     has_shapes = bool(np.isfinite(assurance.mac).any())
-    figure = sheet(WIDTH + 1.5 * has_shapes, 4.4)
+    figure = sheet_of_rows(1, WIDE if has_shapes else WIDTH)
     panels = figure.subplots(1, 1 + has_shapes, squeeze=False)[0]
     if has_shapes:
         _matrix(figure, panels[0], assurance)
@@ -85,7 +93,7 @@ def assurance_figure(assurance: Assurance) -> Figure:
     std = np.array([pair.measured.std for pair in assurance.pairs])
     limit = 1.1 * float(max(computed_hertz.max(), measured_hertz.max()))
     axis.plot([0, limit], [0, limit], color=secondary_colour(), ls=MARKED, label="equal")
-    axis.errorbar(computed_hertz, measured_hertz, BARS * std, fmt="o", color=colour(0), capsize=3, label="pair ± 2 std")
+    axis.errorbar(computed_hertz, measured_hertz, 2 * std, fmt="o", color=colour(0), capsize=3, label="pair ± 2 std")
     for pair in assurance.pairs:
         words = f"{100 * pair.error:+.2g} %"
         at = (pair.frequency, pair.measured.frequency)
@@ -107,7 +115,7 @@ def _matrix(figure: Figure, axis: Axes, assurance: Assurance) -> None:
     axis.set_yticks(*_thin_ticks(rows))
     axis.set(xlabel="computed mode (–)", ylabel="measured mode (–)")
     axis.grid(visible=False)
-    if max(assurance.mac.shape) <= MOST_WRITTEN:
+    if max(assurance.mac.shape) <= TICKS_MAX:
         for r, row in enumerate(assurance.mac):
             for s, value in enumerate(row):
                 if np.isfinite(value):
@@ -118,7 +126,7 @@ def _matrix(figure: Figure, axis: Axes, assurance: Assurance) -> None:
     bar.outline.set_visible(False)
 
 
-def _thin_ticks(words: list[str], limit: int = MOST_WRITTEN) -> tuple[list[int], list[str]]:
+def _thin_ticks(words: list[str], limit: int = TICKS_MAX) -> tuple[list[int], list[str]]:
     """Places and words of at most so many ticks."""
     places = even_choice(len(words), limit).tolist()
     return places, [words[k] for k in places]
@@ -131,10 +139,10 @@ def draw_mode_fit(fit: ModeFit, stream: IO[bytes], kind: str = "png") -> None:
 
 def mode_fit_figure(fit: ModeFit) -> Figure:
     """Deviations of fitted from measured frequencies, and damping ratios, in standard deviations."""
-    figure = sheet(WIDTH, 4.2)
+    figure = sheet_of_rows(1)
     axis = figure.subplots()
     at = np.arange(len(fit.modes))
-    axis.axhspan(-BARS, BARS, color=rest(), alpha=0.4, lw=0)
+    axis.axhspan(-2, 2, color=rest(), alpha=0.5, lw=0)
     axis.axhline(0.0, color=secondary_colour(), lw=0.8)
     axis.plot(at, [mode.deviation for mode in fit.modes], "o", ms=8, color=colour(0), label="frequency")
     damped_modes = [(k, mode) for k, mode in enumerate(fit.modes) if mode.damping_ratio_std]
@@ -148,7 +156,7 @@ def mode_fit_figure(fit: ModeFit) -> Figure:
         )
     limit = max(3.0, 1.2 * max(abs(mode.deviation) for mode in fit.modes))
     names = [f"mode {mode.measured.number}\n{mode.measured.frequency:.4g} Hz" for mode in fit.modes]
-    axis.set_xticks(*_thin_ticks(names, MOST_TICKS))
+    axis.set_xticks(*_thin_ticks(names, HUES))
     axis.set(ylabel="fitted − measured (standard deviations)", ylim=(-limit, limit), xlim=(-0.5, len(at) - 0.5))
     axis.legend(loc="upper right", ncols=2)
     words = f"fit to measured modes, chi-square {fit.chi_square:.3g} with {fit.freedom} degrees of freedom"

@@ -8,15 +8,18 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Sequence
 from textwrap import fill
+from typing import Any
 
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure
+from matplotlib.font_manager import FontProperties
 from matplotlib.legend import Legend
 from matplotlib.text import Text
 from matplotlib.ticker import LogLocator, NullFormatter
+from matplotlib.transforms import Bbox
 
 from modal.plotting.style import MARKED, Picture, any_letters, secondary_colour
 from modal.report import visible
@@ -26,40 +29,33 @@ SMALL = "small"
 """The size of words inside axes, relative to the style's."""
 NUMBER = "–"
 """The unit of dimensionless quantities."""
-BREADTH = 0.96
-"""Largest width of titles, captions and keys as a fraction of the figure's."""
-LINES = 3
-"""Most lines of a headline; a longer title of a scene is shortened."""
-LONGEST = 48
-"""Most letters of a name in a legend."""
-SHARE = 0.6
-"""Largest part of an axis' height that its legend may take."""
-APART = 5.0
-"""Points between a legend and the curves below it."""
-KEY = 0.92
-"""The same of a legend below the figure, whose words differ in width with the resolution."""
+BREADTH = 0.92
+"""Format: largest width of titles, captions and keys over the figure's; words differ in width with the resolution."""
+HEADLINE_LINES = 3
+"""Format: most lines of a headline; a longer title of a scene is shortened."""
+NAME_LETTERS = 48
+"""Format: most letters of a name in a legend."""
+TICKS_MAX = 12
+"""Format: most numbers along an axis whose ticks are modes or whole numbers."""
+OBLIQUE = 0.5 * np.array([np.cos(np.radians(35)), np.sin(np.radians(35))])
+"""Format: how a metre across the rail is drawn, to the right and up: at half its length (cabinet projection)."""
 OWN = re.compile(r"[ωθ]\$_\{[\w.,]+\}\$")
 """Mathematics of the package's own in a legend; other dollars are letters of a name."""
-FEW_DECADES = 300.0
-INDISTINCT = 0.002
-"""Fraction of the axis from which lines at modes are seen as two."""
-CLOSEST = 0.022
-"""Fraction of the axis that the number of a mode needs."""
 
 
 def headline(figure: Figure, title: str, words: str) -> None:
     """The scene's title and a description, over the whole figure; nothing in it is read as mathematics.
 
-    A title of more than LINES lines is shortened.
+    A title of more than HEADLINE_LINES lines is shortened.
     """
     readable_title = visible(title)
     heading = f"{readable_title}: {words}" if title else words[:1].upper() + words[1:]
     text = figure.suptitle(heading, parse_math=False)
     _fold(figure, text)
-    while text.get_text().count("\n") >= LINES and len(readable_title) > 1:
+    while text.get_text().count("\n") >= HEADLINE_LINES and len(readable_title) > 1:
         lines = text.get_text().count("\n") + 1
         readable_title = readable_title[
-            : min(len(readable_title) - 1, int(1.02 * len(readable_title) * LINES / lines))
+            : min(len(readable_title) - 1, int(1.02 * len(readable_title) * HEADLINE_LINES / lines))
         ].rstrip("… ")
         text.set_text(f"{readable_title}…: {words}")
         _fold(figure, text)
@@ -102,13 +98,13 @@ def key(
         new_legend.get_title().set(fontsize=SMALL, color=secondary_colour(), parse_math=False, multialignment="center")
         return new_legend
 
-    _fit_legend(labels, columns, KEY * figure.bbox.width, make)
+    _fit_legend(labels, columns, BREADTH * figure.bbox.width, make)
 
 
 def _fit_legend(labels: list[str], columns: int, room: float, make: Callable[[list[str], int], Legend]) -> Legend:
     """The legend in as few rows as fit into `room` (pixels); nothing in it is read as mathematics."""
     words = [shorten(label) for label in labels]
-    rows, letters = -(-len(words) // columns), LONGEST
+    rows, letters = -(-len(words) // columns), NAME_LETTERS
     while True:
         count = -(-len(words) // rows)
         new_legend = make(words, count)
@@ -126,7 +122,7 @@ def _fit_legend(labels: list[str], columns: int, room: float, make: Callable[[li
             words = [shorten(label, letters) for label in labels]
 
 
-def shorten(name: str, letters: int = LONGEST) -> str:
+def shorten(name: str, letters: int = NAME_LETTERS) -> str:
     """A name of at most this many letters, its middle left out where it has more."""
     readable_name = visible(name)
     if len(readable_name) <= letters:
@@ -183,8 +179,8 @@ def _raise(axis: Axes) -> None:
     """Make room above the curves for the legend of an axis."""
     its_legend, scale = axis.get_legend(), axis.yaxis.get_transform()
     assert its_legend is not None
-    high = its_legend.get_window_extent().height + APART / 72 * axis.figure.dpi
-    part = min(high / axis.get_window_extent().height, SHARE)
+    # A legend of more than half the axis would leave too little of it for the curves: it lies upon them instead.
+    part = min(its_legend.get_window_extent().height / axis.get_window_extent().height, 0.5)
     ends = scale.transform(np.array(axis.get_ylim()))
     top = ends[0] + (ends[1] - ends[0]) / (1 - part)
     axis.set_ylim(top=float(scale.inverted().transform(np.array([top]))[0]))
@@ -192,9 +188,32 @@ def _raise(axis: Axes) -> None:
 
 def log_ticks(line: Axis, ratio: float = 1.0) -> None:
     """Plain numbers on a logarithmic axis whose ends have this ratio, more of them where it is small."""
-    line.set_major_locator(LogLocator(subs=(1.0,) if ratio > FEW_DECADES else (1.0, 2.0, 5.0)))
+    line.set_major_locator(LogLocator(subs=(1.0,) if np.log10(ratio) > 2 else (1.0, 2.0, 5.0)))
     line.set_major_formatter("{x:g}")
     line.set_minor_formatter(NullFormatter())
+
+
+def decade_limits(low: float, high: float) -> tuple[float, float]:
+    """Limits of a logarithmic axis that span a decade about the same middle, or as much as they do."""
+    wider = max((10 * low / high) ** 0.5, 1.0)
+    return low / wider, high * wider
+
+
+def em_of(axis: Axes) -> Floats:
+    """The size of small words over the width and over the height of an axis."""
+    size = FontProperties(size=SMALL).get_size_in_points() / 72 * axis.figure.dpi
+    return np.asarray(size / np.array(axis.get_window_extent().size))
+
+
+def drop_overlapping(texts: Sequence[Text]) -> None:
+    """Remove words that would touch those before them."""
+    boxes: list[Bbox] = []
+    for text in texts:
+        box = text.get_window_extent()
+        if box.count_overlaps(boxes):
+            text.remove()
+        else:
+            boxes.append(box)
 
 
 def mark_modes(axis: Axes, omega: Sequence[tuple[int, float]], *, has_numbers: bool = True) -> None:
@@ -202,19 +221,20 @@ def mark_modes(axis: Axes, omega: Sequence[tuple[int, float]], *, has_numbers: b
     groups: list[list[tuple[int, float]]] = []
     share = axis.transData + axis.transAxes.inverted()
     places = [float(share.transform((value, axis.get_ylim()[0]))[0]) for _, value in omega]
-    last = -1.0
+    em, last = em_of(axis)[0], -1.0
     for (number, value), place in zip(omega, places, strict=True):
-        if place - last > INDISTINCT:
+        if place - last > em / 8:  # the width of a line: nearer ones are not seen as two
             axis.axvline(value, color=secondary_colour(), ls=MARKED, lw=0.9, zorder=0)
             last = place
-        is_near = groups and place - groups[-1][-1][1] < CLOSEST
-        groups = [*groups[:-1], [*groups[-1], (number, place)]] if is_near else [*groups, [(number, place)]]
+        if groups and place - groups[-1][-1][1] < 3 / 2 * em:
+            groups[-1].append((number, place))
+        else:
+            groups.append([(number, place)])
     for group in groups if has_numbers else ():
         words = f"{group[0][0]}" if len(group) == 1 else f"{group[0][0]}–{group[-1][0]}"
         middle = float(np.mean([group[0][1], group[-1][1]]))
-        axis.annotate(
-            words, (middle, 1.0), (0, 3), "axes fraction", "offset points", ha="center", fontsize=SMALL
-        ).set_annotation_clip(False)
+        look: dict[str, Any] = {"ha": "center", "fontsize": SMALL, "annotation_clip": False}
+        axis.annotate(words, (middle, 1.0), (0, 3), "axes fraction", "offset points", **look)
 
 
 def even_choice(count: int, limit: int) -> Ints:

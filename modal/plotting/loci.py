@@ -12,7 +12,7 @@ from matplotlib.lines import Line2D
 
 from modal.errors import ComputationError
 from modal.plotting.layout import headline, key, log_ticks
-from modal.plotting.style import MOST_CURVES, WIDTH, colour, ink, paper, save, sheet, spots
+from modal.plotting.style import HUES, MOST_CURVES, colour, ink, paper, save, sheet_of_rows, spots
 from modal.scene import number_label, title_of
 from modal.scene.parameters import Variation
 
@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from modal.loci import CloseApproach, Loci
 
 MARKS = {"crossing": "X", "veering": "o"}
-MOST_NAMED = 6
-"""Most encounters that the legend lists individually."""
 
 
 def draw_loci(loci: Loci, stream: IO[bytes], form: str = "png") -> None:
@@ -38,7 +36,7 @@ def loci_figure(loci: Loci) -> Figure:
     columns = np.flatnonzero(loci.omega.any(axis=0)).tolist()
     if not 1 <= len(columns) <= MOST_CURVES:
         raise ComputationError(f"{len(columns)} loci do not fit in a figure: from 1 to {MOST_CURVES}")
-    figure = sheet(WIDTH, 6.0)
+    figure = sheet_of_rows(2)
     axis = figure.subplots()
     lines = [_locus(axis, loci, k) for k in columns]
     for meeting in loci.encounters:
@@ -48,7 +46,7 @@ def loci_figure(loci: Loci) -> Figure:
     axis.set_xlim(values[0], values[-1])
     scale(axis, "x", loci.variation)
     headline(figure, title_of(loci.scene), "frequency loci")
-    key(figure, [*lines, *_encounter_lines(loci)], columns=2 if len(columns) <= MOST_NAMED else 4)
+    key(figure, [*lines, *_encounter_lines(loci)], columns=2 if len(columns) <= HUES else 4)
     return figure
 
 
@@ -74,7 +72,7 @@ def _sign(kind: str, x: Sequence[float], y: Sequence[float], label: str = "") ->
 def _encounter_lines(loci: Loci) -> list[Line2D]:
     """Encounters individually where they are few, else the number of each kind."""
     meetings = loci.encounters
-    if len(meetings) <= MOST_NAMED:
+    if len(meetings) <= HUES:
         return [_sign(meeting.kind, [], [], encounter_words(meeting, loci)) for meeting in meetings]
     counts = {kind: sum(meeting.kind == kind for meeting in meetings) for kind in MARKS}
     return [_sign(kind, [], [], f"{count} × {kind}") for kind, count in counts.items() if count]

@@ -18,8 +18,21 @@ from matplotlib.ticker import MaxNLocator, MultipleLocator
 from modal.errors import ComputationError
 from modal.modes import UNCERTAIN
 from modal.plotting.curves import RANGE, draw_curves
-from modal.plotting.layout import LONGEST, headline, key, log_ticks, mark_modes
-from modal.plotting.style import MARKED, MOST_CURVES, WIDTH, colour, save, secondary_colour, sheet, spots, thickness
+from modal.plotting.layout import NAME_LETTERS, headline, key, log_ticks, mark_modes
+from modal.plotting.style import (
+    BAND,
+    HUES,
+    MARKED,
+    MOST_CURVES,
+    POINTS,
+    VISIBLE_SHARE,
+    colour,
+    save,
+    secondary_colour,
+    sheet_of_rows,
+    spots,
+    thickness,
+)
 from modal.scene import title_of
 from modal.statespace import ModalForm, Signal, frequency_response, impulse_response, impulse_times
 from modal.types import Complexes, Floats
@@ -28,28 +41,13 @@ if TYPE_CHECKING:
     from modal.tuning import Curves, Tuned
 
 
-POINTS = 2000
-TURN = 2 * np.pi
-"""rad/s of 1 Hz: the command that draws responses also prints them at frequencies in Hz."""
 Spread = Callable[[Floats], Floats]
-DEEP, BEYOND = 240.0, 5.0
-"""Most decibels that a picture goes down; decibels by which cut curves go on beyond it."""
-FIRST = 2.0
-"""Width of the first curve in points."""
-ASIDE = 0.01
-"""Distance from an undamped mode, over its frequency, up to which heights do not count."""
-ROUNDS, BETWEEN, MOST_TURNING = 4, 12, 400
-"""Rounds of refinement about peaks and troughs, points added to either side of one in each, and most of them."""
-NEAR = 1500
-"""Points near all modes, on either side."""
-ROW = 0.12
-"""Height in inches that a figure gains with each curve beyond six."""
-ROUNDING = 1e-9
-DRAWN = 1e-6
-"""Relative error of what is drawn."""
-MOST_UNITS = 2
-LONGEST_LABEL = 34
-"""Letters of a label beside the upper panel."""
+DEPTH_DB = 240.0
+"""Format: most decibels that a picture goes down from its top: below are roundings."""
+PEAK_ROOM = 0.01
+"""Format: distance from an undamped mode, over its frequency, up to which heights do not count."""
+REFINED_POINTS = 12
+"""Cost: points put to either side of a peak or trough in each round that looks for its height."""
 
 
 def draw_bode(
@@ -89,22 +87,23 @@ def bode_figure(
     omega, G = _sample(form, numbers, source, low, high)
     size = np.abs(G)
     bottom, top, infinite = _limits(form, omega, size)
-    figure = sheet(WIDTH, 6.0 + ROW * max(0, len(numbers) - 6))
+    figure = sheet_of_rows(2 + len(numbers) / MOST_CURVES)
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
-    curves = [_whole_curve(omega, response, bottom - BEYOND, top + BEYOND) for response in G]
-    heights, hertz = [(w / TURN, y) for w, y in curves], omega / TURN
+    curves = [_whole_curve(omega, response, bottom - 4, top + 4) for response in G]  # what is cut leaves the picture
+    turn = 2 * np.pi
+    heights, hertz = [(w / turn, y) for w, y in curves], omega / turn
     has_zeros = any(bool(np.any(y < bottom)) for _, y in heights)
-    draw_curves(upper, heights, first=FIRST, log="x")
-    draw_curves(lower, [(hertz, _phase(response)) for response in G], first=FIRST, log="x")
+    draw_curves(upper, heights, log="x")
+    draw_curves(lower, [(hertz, _phase(response)) for response in G], log="x")
     source_signal = form.model.inputs[source]
-    upper.set(xscale="log", ylabel=_magnitude(_units(form, numbers, source)), ylim=(bottom, top))
+    upper.set(xscale="log", ylabel=f"magnitude\n(dB re 1 {_units(form, numbers, source)})", ylim=(bottom, top))
     if std is not None:
         _shade(upper, hertz, size, std(omega)[numbers, source])
     upper.yaxis.set_major_locator(MaxNLocator(8, steps=[1, 2, 4, 5, 10]))
-    lower.set(ylabel="phase (°)", xlabel="frequency (Hz)", xlim=(low / TURN, high / TURN), ylim=(-195, 195))
+    lower.set(ylabel="phase (°)", xlabel="frequency (Hz)", xlim=(low / turn, high / turn), ylim=(-195, 195))
     lower.yaxis.set_major_locator(MultipleLocator(90))
     log_ticks(lower.xaxis, high / low)
-    inside = [(k, rate / TURN) for k, rate in enumerate(form.modes.omega.tolist(), 1) if low <= rate <= high]
+    inside = [(k, rate / turn) for k, rate in enumerate(form.modes.omega.tolist(), 1) if low <= rate <= high]
     mark_modes(upper, inside)
     mark_modes(lower, inside, has_numbers=False)
     held_note = ", with the fixed-base modes" if form.is_held else ""
@@ -112,7 +111,7 @@ def bode_figure(
     notes = [f"peaks of undamped modes are infinite and cut at {top:g} dB".replace("-", "−")] if infinite else []
     notes += [f"zeros cut at {bottom:g} dB".replace("-", "−")] if has_zeros else []
     names = [f"{_signal_words(form.model.outputs[output])} / {_signal_words(source_signal)}" for output in numbers]
-    if max(map(len, names)) > LONGEST:  # the title names the input, too
+    if max(map(len, names)) > NAME_LETTERS:  # the title names the input, too
         names = [_signal_words(form.model.outputs[output]) for output in numbers]
     _finish(figure, form, names, words + (", ± 2 standard deviations" if std else ""), "; ".join(notes))
     return figure
@@ -127,7 +126,7 @@ def _shade(axis: Axes, hertz: Floats, size: Floats, spread: Floats) -> None:
             below, above = (
                 np.clip(_decibel(np.maximum(magnitude + sign * std, smallest)), low, high) for sign in (-2, 2)
             )
-        axis.fill_between(hertz, below, above, color=colour(k), alpha=0.22, lw=0)
+        axis.fill_between(hertz, below, above, color=colour(k), alpha=BAND, lw=0)
 
 
 def draw_impulse(
@@ -155,14 +154,12 @@ def impulse_figure(
     t = impulse_times(form, duration)
     h = impulse_response(form, t)[numbers, source]
     units = list(dict.fromkeys(form.model.outputs[output].unit for output in numbers))
-    figure = sheet(WIDTH, 1.4 + 2.2 * len(units))
+    figure = sheet_of_rows(len(units))
     panels = figure.subplots(len(units), 1, sharex=True, squeeze=False)[:, 0]
     bands = False
     for panel, unit in zip(panels, units, strict=True):
         outputs_of_unit = [k for k, output in enumerate(numbers) if form.model.outputs[output].unit == unit]
-        bands |= draw_curves(
-            panel, [(t, h[k]) for k in outputs_of_unit], numbers=outputs_of_unit, first=FIRST, bands=True
-        )
+        bands |= draw_curves(panel, [(t, h[k]) for k in outputs_of_unit], numbers=outputs_of_unit, bands=True)
     for panel, unit in zip(panels, units, strict=True):
         panel.set_ylabel(f"response ({unit} per {form.model.inputs[source].unit} s)")
         panel.axhline(0.0, color=secondary_colour(), lw=0.8, zorder=0)
@@ -199,30 +196,34 @@ def _band(form: ModalForm) -> tuple[float, float]:
 
 def _sample(form: ModalForm, numbers: list[int], source: int, low: float, high: float) -> tuple[Floats, Complexes]:
     """Angular frequencies (W,) and G (k, W), with points in between added about every peak and trough."""
+
+    def response_at(omega: Floats) -> Complexes:
+        return frequency_response(form, omega, outputs=numbers, inputs=[source], tolerance=VISIBLE_SHARE)[:, 0]
+
     omega = _grid(form, low, high)
-    G = frequency_response(form, omega, outputs=numbers, inputs=[source], tolerance=DRAWN)[:, 0]
-    for _ in range(ROUNDS):
+    G = response_at(omega)
+    for _ in range(4):
         size = np.abs(G)
         with np.errstate(invalid="ignore"):
             rises = np.sign(np.diff(size, axis=1))
         turning = np.isfinite(size[:, :-2] + size[:, 1:-1] + size[:, 2:]) & (rises[:, 1:] * rises[:, :-1] < 0)
-        places = np.flatnonzero(turning.any(axis=0))[:MOST_TURNING]
+        places = np.flatnonzero(turning.any(axis=0))[: POINTS // REFINED_POINTS]
         if not len(places):
             break
-        part = np.linspace(0, 1, BETWEEN + 2)[1:-1]
+        part = np.linspace(0, 1, REFINED_POINTS + 2)[1:-1]
         inner = [omega[places + k, None] + part * (omega[places + k + 1] - omega[places + k])[:, None] for k in (0, 1)]
         inner_points = np.setdiff1d(np.concatenate(inner).ravel(), omega)
-        order = np.argsort(all_points := np.concatenate((omega, inner_points)), kind="stable")
+        all_points = np.concatenate((omega, inner_points))
+        order = np.argsort(all_points, kind="stable")
         omega = all_points[order]
-        inner_response = frequency_response(form, inner_points, outputs=numbers, inputs=[source], tolerance=DRAWN)[:, 0]
-        G = np.concatenate((G, inner_response), axis=1)[:, order]
+        G = np.concatenate((G, response_at(inner_points)), axis=1)[:, order]
     return omega, G
 
 
 def _grid(form: ModalForm, low: float, high: float) -> Floats:
     """Points evenly spaced in log ω and closer near every mode, which is a point itself, within its width too."""
     moving = _moving(form)
-    aside = np.geomspace(1e-5, 0.03, max(6, min(60, NEAR // len(moving))))
+    aside = np.geomspace(1e-5, 0.03, max(6, min(60, POINTS // len(moving))))
     close_points = np.outer(moving, np.concatenate([1 - aside, [1.0], 1 + aside])).ravel()
     damped_eigenvalues = form.modes.eigenvalue[(form.modes.eigenvalue.real != 0) & (form.modes.eigenvalue.imag > 0)]
     widths = np.concatenate(([0.0], np.geomspace(0.05, 30, 24)))
@@ -255,7 +256,7 @@ def _whole_curve(omega: Floats, G: Complexes, floor: float, ceiling: float) -> t
     size = np.abs(G)
     with np.errstate(divide="ignore", invalid="ignore"):
         decibel = np.clip(20 * np.log10(size), floor, ceiling)
-        real = np.abs(G.imag) <= ROUNDING * np.abs(G.real)
+        real = np.abs(G.imag) <= np.sqrt(np.finfo(np.float64).eps) * np.abs(G.real)
         turns = (np.sign(G.real[1:]) != np.sign(G.real[:-1])) & real[1:] & real[:-1] & np.isfinite(size[1:] + size[:-1])
     at = np.flatnonzero(turns)
     return np.insert(omega, at + 1, (omega[at] + omega[at + 1]) / 2), np.insert(decibel, at + 1, floor)
@@ -264,14 +265,14 @@ def _whole_curve(omega: Floats, G: Complexes, floor: float, ceiling: float) -> t
 def _limits(form: ModalForm, omega: Floats, size: Floats) -> tuple[float, float, bool]:
     """Multiples of 20 dB around all curves (k, W) and whether a peak is infinite.
 
-    Above all heights but those within ASIDE of an undamped mode, above which there are 20 dB more; at most DEEP below
-    the largest, and 20 dB below the lowest end of a curve.
+    Above all heights but those within PEAK_ROOM of an undamped mode, above which there are 20 dB more; at most DEPTH_DB
+    below the largest, and 20 dB below the lowest end of a curve.
     """
     undamped_omega = form.modes.omega[form.modes.eigenvalue.real == 0]
     infinite = bool(np.isinf(size).any())
     is_away = np.ones(len(omega), dtype=bool)
     for value in undamped_omega if infinite else ():
-        is_away &= np.abs(omega - value) > ASIDE * value
+        is_away &= np.abs(omega - value) > PEAK_ROOM * value
     decibel = _decibel(size)
     heights = decibel[:, is_away] if is_away.any() else decibel
     if not np.isfinite(heights).any():
@@ -279,7 +280,7 @@ def _limits(form: ModalForm, omega: Floats, size: Floats) -> tuple[float, float,
     top = 20 * ceil(float(np.nanmax(heights)) / 20) + 20 * infinite
     finite_curves = decibel[np.isfinite(decibel).any(axis=1)]
     ends = np.concatenate((finite_curves[:, 0], finite_curves[:, -1], np.nanmedian(finite_curves, axis=1)))
-    lowest = max(float(np.nanmin(ends)), top - DEEP)
+    lowest = max(float(np.nanmin(ends)), top - DEPTH_DB)
     troughs = float(np.nanmin(heights))
     return max(20 * floor(lowest / 20) - 20, min(20 * floor(troughs / 20), top - 40)), top, infinite
 
@@ -289,7 +290,7 @@ def _limits(form: ModalForm, omega: Floats, size: Floats) -> tuple[float, float,
 
 def _finish(figure: Figure, form: ModalForm, names: Sequence[str], title: str, notes: str = "") -> None:
     headline(figure, title_of(form.modes.scene), title)
-    handles = [Line2D([], [], color=colour(k), lw=thickness(k, FIRST), **spots(k)) for k in range(len(names))]
+    handles = [Line2D([], [], color=colour(k), lw=thickness(k), **spots(k)) for k in range(len(names))]
     key(figure, handles, names, notes=notes)
 
 
@@ -297,25 +298,14 @@ def _signal_words(signal: Signal) -> str:
     return f"{signal.name} ({signal.unit})"
 
 
-def _magnitude(units: str) -> str:
-    """The label of the axis, in two lines where one would be longer than the panel is high."""
-    words = f"magnitude (dB re 1 {units})"
-    return words if len(words) <= LONGEST_LABEL else words.replace(" (", "\n(", 1)
-
-
 def _units(form: ModalForm, numbers: list[int], source: int) -> str:
     units = list(dict.fromkeys(form.model.outputs[output].unit for output in numbers))
-    several = " or ".join(units) if len(units) <= MOST_UNITS else "each unit"
+    several = " or ".join(units) if len(units) <= 2 else "each unit"
     return f"{several} per {form.model.inputs[source].unit}"
 
 
-DEEP_TUNED = 60.0
-"""Most decibels below the highest of the tuned peaks that a panel shows."""
-ABOVE = 6.0
-"""Decibels above the highest peak after, where the one before is beyond them by more than HIGH."""
-HIGH = 40.0
-MOST_TUNED = 5
-LONGEST_NAMES = 30
+TUNED_DB = 40.0
+"""Format: most decibels below and above the highest tuned peak that a panel shows."""
 
 
 def draw_tuning(tuning: Tuned, stream: IO[bytes], kind: str = "png") -> None:
@@ -331,14 +321,14 @@ def tuning_figure(tuning: Tuned) -> Figure:
     curves = tuning.curves()
     if not curves:
         raise ComputationError("no peak was tuned: there are no curves to draw")
-    if len(curves) > MOST_TUNED:
-        raise ComputationError(f"{len(curves)} responses do not fit in a figure: choose at most {MOST_TUNED}")
-    figure = sheet(WIDTH, 1.7 + 2.9 * len(curves))
+    if len(curves) > HUES:
+        raise ComputationError(f"{len(curves)} responses do not fit in a figure: choose at most {HUES}")
+    figure = sheet_of_rows(len(curves))
     panels = figure.subplots(len(curves), 1, squeeze=False)[:, 0]
     for axis, response in zip(panels, curves, strict=True):
         _draw(axis, response)
     panels[-1].set_xlabel("frequency (Hz)")
-    handles = [Line2D([], [], color=colour(k), lw=thickness(k, FIRST)) for k in range(2)]
+    handles = [Line2D([], [], color=colour(k), lw=thickness(k)) for k in range(2)]
     handles.append(Line2D([], [], color=secondary_colour(), ls=MARKED, lw=1.0))
     headline(figure, title_of(tuning.given), "before and after tuning")
     key(figure, handles, ["before", "after", "highest peak after"])
@@ -349,18 +339,11 @@ def _draw(axis: Axes, response: Curves) -> None:
     with np.errstate(divide="ignore"):
         before, after = (20 * np.log10(np.where(size > 0, size, np.nan)) for size in (response.before, response.after))
     top = float(np.nanmax(after))
-    highest = min(float(np.nanmax(before)), top + HIGH)
-    low = max(min(float(np.nanmin(before)), float(np.nanmin(after))), top - DEEP_TUNED)
-    curves = [
-        (response.frequency_hz, np.clip(decibels, low - ABOVE, highest + 2 * ABOVE)) for decibels in (before, after)
-    ]
-    draw_curves(axis, curves, first=FIRST, log="x")
+    highest = max(min(float(np.nanmax(before)), top + TUNED_DB), top) + 4
+    low = max(min(float(np.nanmin(before)), float(np.nanmin(after))), top - TUNED_DB)
+    curves = [(response.frequency_hz, np.clip(decibels, low - 4, highest + 4)) for decibels in (before, after)]
+    draw_curves(axis, curves, log="x")
     axis.axhline(top, color=secondary_colour(), ls=MARKED, lw=1.0, zorder=0)
-    words = (
-        f"{response.name}\n(dB re 1 {response.unit})"
-        if len(response.name) + len(response.unit) > LONGEST_NAMES
-        else f"{response.name} (dB)"
-    )
     ends = float(response.frequency_hz[0]), float(response.frequency_hz[-1])
-    axis.set(xscale="log", xlim=ends, ylim=(low - 2, max(highest, top) + ABOVE), ylabel=words)
+    axis.set(xscale="log", xlim=ends, ylim=(low - 2, highest), ylabel=f"{response.name}\n(dB re 1 {response.unit})")
     log_ticks(axis.xaxis, ends[1] / ends[0])

@@ -11,8 +11,10 @@ from textwrap import fill
 from typing import IO, Any
 
 import numpy as np
+from matplotlib import rcParams
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.font_manager import FontProperties
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
@@ -34,18 +36,15 @@ from modal.plotting.style import (
     save,
     secondary_colour,
     sheet,
+    sheet_of_rows,
 )
 from modal.scene import AnyLink, Bob, Rod, Scene, title_of
 from modal.scene.doors import require_type
 from modal.structure import STILL, Piece, Scaffold
 from modal.types import Floats, Ints
 
-COLUMNS, LETTERS = 3, 40
-ROOM = 1.15  # of the axis over the largest angle
-MOVES, LOCAL, FEWEST = 0.02, 0.2, 6
-"""Angle over the largest from which a pendulum counts as moving; part of the pendula below which only those about the
-moving ones are drawn, with as many or FEWEST to either side."""
-DOTS = 120  # pendula up to which dots are large
+MOVING_SHARE = 0.02
+"""Format: angle over the largest from which a pendulum is seen to move."""
 
 
 def profiles_figure(modes: Modes, rows: Sequence[Mode], amplitude_deg: float, first: str = "") -> Figure:
@@ -54,15 +53,15 @@ def profiles_figure(modes: Modes, rows: Sequence[Mode], amplitude_deg: float, fi
     The shape is linear and to scale, the largest angle of any link `amplitude_deg`; `first` is the first of the
     notes below.
     """
-    lines = -(-len(rows) // COLUMNS)
+    lines = -(-len(rows) // 3)
     columns = -(-len(rows) // lines)
-    figure = sheet(WIDE if columns > 1 else WIDTH, 1.2 + 2.9 * lines)
+    figure = sheet_of_rows(1.2 * lines, WIDE if columns > 1 else WIDTH)
     axes = figure.subplots(lines, columns, squeeze=False, sharey=True)
     levels = levels_of(modes.scene)
     numbers = even_choice(levels.shape[1], HUES)
     for place, (axis, row) in enumerate(zip(axes.flat, rows, strict=False)):
         cart = _profile(axis, modes, row, levels[:, numbers], amplitude_deg)
-        axis.set_title(panel_words(row, LETTERS) + cart, linespacing=1.3)
+        axis.set_title(panel_words(row, letters_across(WIDE / 3)) + cart, linespacing=1.3)
         if place % columns:
             axis.set_ylabel("")
     for axis in axes.flat[len(rows) :]:
@@ -76,6 +75,16 @@ def profiles_figure(modes: Modes, rows: Sequence[Mode], amplitude_deg: float, fi
     else:
         caption(figure, notes)
     return figure
+
+
+def title_size() -> float:
+    """The size of the letters of a panel's title in inches."""
+    return FontProperties(size=rcParams["axes.titlesize"]).get_size_in_points() / 72
+
+
+def letters_across(inches: float) -> int:
+    """How many letters of a panel's title stand in a line so long: one is two thirds as wide as its size."""
+    return int(3 / 2 * inches / title_size())
 
 
 def levels_of(scene: Scene) -> Ints:
@@ -94,7 +103,7 @@ def _profile(axis: Axes, modes: Modes, row: Mode, levels: Ints, amplitude_deg: f
     angles: Floats = amplitude_deg * np.real(shape.angles)
     numbers = np.arange(1.0, len(levels) + 1)
     curves = [(numbers, np.where(level < 0, np.nan, angles[level])) for level in levels.T]
-    draw_curves(axis, curves, first=1.1, marker="o", ms=3.5 if len(numbers) <= DOTS else 1.8, mew=0)
+    draw_curves(axis, curves, first=1.1, marker="o", ms=3.5 if len(numbers) <= MARKS_MAX else 2.0, mew=0)
     number_pendula(axis, *_part(np.array([y for _, y in curves])), amplitude_deg)
     if modes.rig.cart is None or row.omega == 0:
         return ""
@@ -105,7 +114,8 @@ def _profile(axis: Axes, modes: Modes, row: Mode, levels: Ints, amplitude_deg: f
 def number_pendula(axis: Axes, first: int, last: int, amplitude_deg: float) -> None:
     """Make an axis of angles (°), up to the largest, over the numbers of these pendula."""
     side = 0.02 * (last - first) + 0.5
-    axis.set(xlim=(first - side, last + side), ylim=(-ROOM * amplitude_deg, ROOM * amplitude_deg))
+    height = (1 + 2 * rcParams["axes.ymargin"]) * amplitude_deg
+    axis.set(xlim=(first - side, last + side), ylim=(-height, height))
     axis.set(xlabel=f"number of the pendulum ({NUMBER})", ylabel="angle (°)")
     axis.xaxis.set_major_locator(MaxNLocator(6, integer=True))
     axis.axhline(0.0, color=secondary_colour(), lw=0.8, zorder=0)
@@ -114,12 +124,12 @@ def number_pendula(axis: Axes, first: int, last: int, amplitude_deg: float) -> N
 def _part(angles: Floats) -> tuple[int, int]:
     """The first and the last pendulum drawn, of angles (D, N): all, or those about a small part that moves."""
     size, count = np.nan_to_num(np.abs(angles)).max(0), angles.shape[1]
-    moving = np.flatnonzero(size > MOVES * size.max())
-    if not moving.size or moving[-1] - moving[0] + 1 > LOCAL * count:
+    moving = np.flatnonzero(size > MOVING_SHARE * size.max())
+    if not moving.size:
         return 1, count
     first, last = int(moving[0]) + 1, int(moving[-1]) + 1
-    room = max(last - first + 1, FEWEST)
-    return max(1, first - room), min(count, last + room)
+    room = max(last - first + 1, HUES)  # as many at rest to either side, which show that the mode is local
+    return (1, count) if 2 * room >= count / 2 else (max(1, first - room), min(count, last + room))
 
 
 def _notes(rows: Sequence[Mode], levels: Ints, numbers: Ints, amplitude_deg: float, *, local: bool) -> str:
@@ -133,22 +143,22 @@ def _notes(rows: Sequence[Mode], levels: Ints, numbers: Ints, amplitude_deg: flo
     return "; ".join(words)
 
 
-FARTHEST, SWUNG = 0.3, 0.55
-"""Largest displacement of what pendula hang from, and room beside them, over the longest chain."""
-LINE, LETTER = 0.2, 0.08  # height of a title line and width of a letter (inches)
-MOST_PANELS, USUAL_PANELS, MOST_PENDULA, MOST_MARKS = 24, 12, 12, 40
-"""Most panels that can be asked for, and that are drawn unasked; most pendula as they hang; most links with marks."""
+MOST_PANELS = 24
+"""Limit: modes of a figure or film: "choose at most 24 modes with `modes`"."""
+USUAL_PANELS = 12
+"""Format: modes that are drawn where none are chosen."""
+PENDULA_MAX = 12
+"""Format: most pendula that are drawn as they hang."""
+MARKS_MAX = 40
+"""Format: most links of a chain that have marks; of more they would touch."""
 FEW_LINKS = 6
-"""Links of a chain up to which its angles are drawn; a longer one is drawn by its displacements, with thin links."""
+"""Format: links of a chain up to which its angles are drawn; a longer one is drawn by its displacements."""
 AMPLITUDE_DEG = 25.0
-"""Largest angle of a drawing, and what stands for full displacement of a long chain."""
+"""Format: largest angle of a drawing, and what stands for full displacement of a long chain."""
 SIDEWAYS = 0.4
-"""Largest displacement of a long chain over the picture's depth."""
-MARK, SMALLEST = 11.0, 3.5  # width of the heaviest bob and of the lightest (points)
-APART = 0.55  # width of the heaviest bob over the length of a short link
-THICK, THIN = 1.6, 1.0  # width of the links of a few, and of a long chain (points)
-FAINTEST = 0.3  # part of the colour in a motion that has faded
-LEAST, WIDEST = 4.6, 1.4  # least width of a picture (inches); width over height of panels, four in a row
+"""Format: largest displacement of a long chain, and of what pendula hang from, over the picture's depth."""
+BOB_POINTS = 11.0
+"""Format: width of the heaviest bob in points."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,15 +178,20 @@ class ShapeLayout:
     top: float = 0.0
     half_width: float = 0.0
     middle: float = 0.0
-    mark: float = MARK
+    mark: float = BOB_POINTS
 
     def within(self, width: float) -> ShapeLayout:
         """The same with marks small enough for structures and long chains, in a panel of this width (inches)."""
         points = 72 * width / (2 * self.half_width)
-        mark = min(MARK, 0.4 * self.depth * points)
+        mark = min(BOB_POINTS, 0.4 * self.depth * points)
         if self.is_linear:
-            mark = min(mark, APART * points * min(link.length for links in self.links for link in links))
+            mark = min(mark, 0.5 * points * min(link.length for links in self.links for link in links))
         return replace(self, mark=mark)
+
+    @property
+    def ratio(self) -> float:
+        """The width of a panel over its height."""
+        return 2 * self.half_width / (self.top - self.bottom)
 
     @property
     def is_linear(self) -> bool:
@@ -229,7 +244,7 @@ def shapes_figure(
     The largest angle of each is `amplitude_deg`.  Chains of more than FEW_LINKS are drawn by their displacements: that
     of each mode is exaggerated until its largest is the same part of the picture, SIDEWAYS at 25°.
 
-    Up to MOST_PENDULA pendula are drawn as they hang; of more, the angles over the number of the pendulum.  An
+    Up to PENDULA_MAX pendula are drawn as they hang; of more, the angles over the number of the pendulum.  An
     overdamped mode is drawn where it begins and after one and two time constants.
 
     Raises ComputationError for more modes than one picture holds.
@@ -245,21 +260,11 @@ def shapes_figure(
     if is_crowded(modes.scene):
         return profiles_figure(modes, rows, amplitude_deg, first)
     layout = layout_of(modes)
-    panel = 2 * layout.half_width / (0.955 * (layout.top - layout.bottom))
-    columns, lines = grid_of_panels(len(rows), panel)
-    width = float(np.clip(2.6 * panel, 2.6, WIDE / columns))
+    figure, axes, width = panels_of(modes, rows, layout.ratio, "mode shapes")
     layout = layout.within(width)
-    words = [panel_words(row, int(max(width, LEAST / columns) / LETTER)) for row in rows]
-    height = width / panel + LINE * max(text.count("\n") + 1 for text in words) + 0.15
-    figure = sheet(max(width * columns, LEAST), height * lines + 0.8)
-    headline(figure, title_of(modes.scene), "mode shapes")
-    axes = figure.subplots(lines, columns, squeeze=False)
-    for axis, row, text in zip(axes.flat, rows, words, strict=False):
+    for axis, row in zip(axes, rows, strict=True):
         _panel(axis, modes, row, layout, np.radians(amplitude_deg))
         axis.set_axis_off()
-        axis.set_title(text, linespacing=1.3)
-    for axis in axes.flat[len(rows) :]:
-        axis.remove()
     caption(figure, f"{first}{_caption(modes, rows, layout, amplitude_deg)}")
     return figure
 
@@ -274,13 +279,28 @@ def is_crowded(scene: Scene) -> bool:
 
     Of equal pendula on a structure some are drawn, as long as there is room for one of each entry.
     """
-    return (len(scene.pendulum) if scene.is_structured else scene.n_pendula) > MOST_PENDULA
+    return (len(scene.pendulum) if scene.is_structured else scene.n_pendula) > PENDULA_MAX
 
 
-def grid_of_panels(count: int, ratio: float) -> tuple[int, int]:
-    """Columns and lines of so many panels, of this width over height."""
-    lines = -(-count // min(count, 4 if ratio < WIDEST else 3))
-    return -(-count // lines), lines
+def panels_of(modes: Modes, rows: Sequence[Mode], ratio: float, what: str) -> tuple[Figure, list[Axes], float]:
+    """A figure with a panel for each row, of this width over height; its axes with their titles; their width (inches).
+
+    `what` the figure shows stands in its title.
+    """
+    lines = -(-len(rows) // min(len(rows), 4 if ratio < 3 / 2 else 3))
+    columns = -(-len(rows) // lines)
+    width = float(np.clip(2.6 * ratio, 2.6, WIDE / columns))
+    titles = [panel_words(row, letters_across(max(width, WIDTH / 2 / columns))) for row in rows]
+    line = 3 / 2 * title_size()
+    height = width / ratio + line * max(title.count("\n") + 2 for title in titles)
+    figure = sheet(max(width * columns, WIDTH / 2), height * lines + 4 * line)
+    headline(figure, title_of(modes.scene), what)
+    axes = figure.subplots(lines, columns, squeeze=False).ravel().tolist()
+    for axis, title in zip(axes, titles, strict=False):
+        axis.set_title(title, linespacing=1.3)
+    for axis in axes[len(rows) :]:
+        axis.remove()
+    return figure, axes[: len(rows)], width
 
 
 def layout_of(modes: Modes) -> ShapeLayout:
@@ -289,13 +309,13 @@ def layout_of(modes: Modes) -> ShapeLayout:
     assert structure is not None
     copies = [pendulum for pendulum in scene.pendulum for _ in range(pendulum.count)]
     first = np.cumsum([0, *(pendulum.n_links for pendulum in copies)])
-    limit = MOST_PENDULA if len(copies) <= MOST_PENDULA else max(1, MOST_PENDULA // len(scene.pendulum))
+    limit = PENDULA_MAX if len(copies) <= PENDULA_MAX else max(1, PENDULA_MAX // len(scene.pendulum))
     counts = [pendulum.count for pendulum in scene.pendulum]
     begins = np.cumsum([0, *counts[:-1]]).tolist()
     indices = np.concatenate(
         [begin + np.arange(min(count, limit)) for begin, count in zip(begins, counts, strict=True)]
     )
-    numbers = indices[even_choice(len(indices), MOST_PENDULA)]
+    numbers = indices[even_choice(len(indices), PENDULA_MAX)]
     chains = tuple(tuple(link for link in copies[k].links for _ in range(link.count)) for k in numbers)
     rests = tuple(modes.rig.rest_angles[first[k] : first[k + 1]] for k in numbers)
     depth = max(_extent(chain) for chain in chains)
@@ -305,8 +325,8 @@ def layout_of(modes: Modes) -> ShapeLayout:
     pivots = scaffold.pivots(at_rest)[0]
     joint_places = [_joint_places(chain, rest, pivot) for chain, rest, pivot in zip(chains, rests, pivots, strict=True)]
     pieces = layout.pieces(at_rest, joint_places)
-    point_sets = [(joints, SWUNG) for joints in (*joint_places, *map(_centres, chains, joint_places))]
-    point_sets += [(piece.points.reshape(-1, 2), 0.0 if piece.role in STILL else FARTHEST) for piece in pieces]
+    point_sets = [(joints, 0.5) for joints in (*joint_places, *map(_centres, chains, joint_places))]
+    point_sets += [(piece.points.reshape(-1, 2), 0.0 if piece.role in STILL else SIDEWAYS) for piece in pieces]
     left = min(float(points[:, 0].min()) - room * depth for points, room in point_sets)
     right = max(float(points[:, 0].max()) + room * depth for points, room in point_sets)
     low, high = (end(float(end(points[:, 1])) for points, _ in point_sets) for end in (min, max))
@@ -347,7 +367,7 @@ def _panel(axis: Axes, modes: Modes, row: Mode, layout: ShapeLayout, amplitude: 
     if row.is_overdamped:
         for constants in (2, 1, 0):
             remaining_part = float(np.exp(-constants))
-            look = {"color": mixture(colour(0), max(remaining_part, FAINTEST)), **({"gid": QUIET} if constants else {})}
+            look = {"color": mixture(colour(0), 1 / (1 + constants)), **({"gid": QUIET} if constants else {})}
             draw_swing(axis, layout, shape, remaining_part * amplitude, look)
     else:
         draw_swing(axis, layout, shape, -amplitude, {"color": colour(1)})
@@ -389,7 +409,7 @@ def fitting_amplitude(layout: ShapeLayout, shape: Shape, amplitude: float) -> fl
         pairs = zip(layout.chains(shape, small), layout.chains(shape, 0.0), strict=True)
         reach = max(float(np.abs(now - still)[:, 0].max()) / small for now, still in pairs)
         amplitude *= SIDEWAYS * layout.depth / (np.radians(AMPLITUDE_DEG) * max(reach, support, 1e-300))
-    return float(min(amplitude, FARTHEST * layout.depth / max(support, 1e-300)))
+    return float(min(amplitude, SIDEWAYS * layout.depth / max(support, 1e-300)))
 
 
 def draw_swing(axis: Axes, layout: ShapeLayout, shape: Shape, amplitude: float, look: dict[str, Any]) -> None:
@@ -398,8 +418,8 @@ def draw_swing(axis: Axes, layout: ShapeLayout, shape: Shape, amplitude: float, 
     rests = amplitude == 0
     for links, joints, before in zip(layout.links, swung_chains, resting_chains, strict=True):
         if rests or not np.array_equal(joints, before):
-            axis.plot(*joints.T, **look, lw=THIN if layout.is_linear else THICK, zorder=2)
-            if len(links) <= MOST_MARKS:
+            axis.plot(*joints.T, **look, lw=1.0 if layout.is_linear else None, zorder=2)
+            if len(links) <= MARKS_MAX:
                 _marks(axis, links, joints, look, layout)
     pieces, resting = (
         layout.pieces(layout.moved(shape, factor), chains)
@@ -429,9 +449,7 @@ def _marks(axis: Axes, links: Sequence[AnyLink], joints: Floats, look: dict[str,
         else:
             size = largest_mark * (link.mass / heaviest) ** (1 / 3)
             marker = "o" if isinstance(link, Bob) else "D"
-            axis.plot(
-                *centre, marker, ms=max(size, min(SMALLEST, largest_mark)), **look, mec=paper(), mew=0.7, zorder=4
-            )
+            axis.plot(*centre, marker, ms=max(size, min(4, largest_mark)), **look, mec=paper(), mew=0.7, zorder=4)
     if layout.is_linear:
         return
     look = look | {"color": paper(), "mec": look["color"]}

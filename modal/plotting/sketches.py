@@ -19,6 +19,8 @@ from matplotlib.patches import Arc, FancyArrowPatch
 
 from modal.errors import ComputationError
 from modal.plotting.carriers import draw_pieces
+from modal.plotting.free_body_diagrams import ARROW, MOST_PENDULA
+from modal.plotting.layout import OBLIQUE
 from modal.plotting.style import MARKED, colour, ink, paper, secondary_colour, shade, sheet
 from modal.scene import AnyLink, Bob, Rod, Scene, validate_scene
 from modal.structure import (
@@ -36,17 +38,10 @@ from modal.types import Floats
 
 TILTS = (31.0, 48.0, 26.0, 40.0)
 """Angles (degrees) of the links from the top, where none are given."""
-MOST_PENDULA, MOST_LINKS = 3, 4
-SHORTEST = 0.7
-"""Least length of a drawn link over that of the longest, which is the unit of all lengths below."""
+SHORT_LENGTH = 0.75
+"""Format: least length of a link over that of the longest, of a swing's rods, and reach of a carrier's points."""
 INCHES = 1.6
-"""Inches of the longest link."""
-ABOVE, MARGIN, ROOM = 0.56, 0.42, 0.92
-WEIGHT, ARC = 0.36, 0.36
-OBLIQUE = 0.55 * np.array([np.cos(np.radians(35)), np.sin(np.radians(35))])
-FARTHEST, FIXED, ROD, GAP = 0.85, 1.25, 0.8, 1.05
-"""Largest distance of a point from its carrier's origin, the same of what is fixed, length of a swing's rods, and room
-between carriers."""
+"""Format: inches of the longest link."""
 LETTERS = {"phi": r"\varphi", "y": "z", "s": "x"}
 """Letters of coordinates that a picture writes in another way than equations do."""
 
@@ -90,7 +85,7 @@ def sketch_figure(scene: Scene, angles_deg: Sequence[float] | None = None, *, pu
     if scene.space == "space":
         return _in_space()
     longest = max(link.length for chain in chains for link in chain)
-    lengths = [np.maximum([link.length / longest for link in chain], SHORTEST) for chain in chains]
+    lengths = [np.maximum([link.length / longest for link in chain], SHORT_LENGTH) for chain in chains]
     tilts = _tilts(chains, angles_deg)
     joint_places = [
         np.vstack(([0, 0], np.cumsum(length[:, None] * np.stack((np.sin(tilt), -np.cos(tilt)), axis=1), axis=0)))
@@ -104,15 +99,15 @@ def sketch_figure(scene: Scene, angles_deg: Sequence[float] | None = None, *, pu
     ]
     pieces = scaffold.pieces(at_rest, {p: places[None] for p, places in enumerate(joints)})
     labels = list(_labels(scaffold, pieces, push))
-    weights = np.array([link.centre - (0, WEIGHT) for chain in pendula for link in chain])
+    weights = np.array([link.centre - (0, ARROW) for chain in pendula for link in chain])
     points = np.concatenate(
         [piece.points.reshape(-1, 2) for piece in pieces]
         + joints
         + [np.array([*weights, *(label.place for label in labels)])]
     )
     (left, bottom), (right, top) = points.min(axis=0), points.max(axis=0)
-    figure, axis = _sheet(left - MARGIN, right + 0.8, bottom - 0.2, max(top, ABOVE) + 0.2)
-    _arrow(axis, (right + 0.45, WEIGHT / 2), (right + 0.45, -WEIGHT / 2), ink())
+    figure, axis = _sheet(left - 0.5, right + 0.8, bottom - 0.2, max(top, 0.5) + 0.2)
+    _arrow(axis, (right + 0.45, ARROW / 2), (right + 0.45, -ARROW / 2), ink())
     _say(axis, "g", right + 0.58, 0.0)
     draw_pieces(axis, pieces, {"color": shade(0.6)}, rests=True)
     for label in labels:
@@ -152,9 +147,9 @@ def _chains(scene: Scene) -> list[list[AnyLink]]:
 
 def _refuse(scene: Scene, chains: list[list[AnyLink]], push: str) -> None:
     longest = max(map(len, chains))
-    if len(chains) > MOST_PENDULA or longest > MOST_LINKS:
+    if len(chains) > MOST_PENDULA or longest > len(TILTS):
         size = f"{len(chains)} pendula of up to {longest} links"
-        raise ComputationError(f"a sketch has room for {MOST_PENDULA} pendula of {MOST_LINKS} links, not for {size}")
+        raise ComputationError(f"a sketch has room for {MOST_PENDULA} pendula of {len(TILTS)} links, not for {size}")
     if scene.space == "space" and (len(chains), longest) != (1, 1):
         raise ComputationError("a sketch in space has room for one link only")
     if any("up" in pendulum.ways for pendulum in scene.pendulum):
@@ -224,7 +219,7 @@ def _schematic(
         replace(
             carrier,
             position=(0.0, 0.0),
-            parameters=(ROD,) if carrier.kind == "swing" else carrier.parameters,
+            parameters=(SHORT_LENGTH,) if carrier.kind == "swing" else carrier.parameters,
             centre=(carrier.centre[0] * by, carrier.centre[1] * by),
             damping=(0.0,) * len(carrier.damping),
         )
@@ -240,7 +235,7 @@ def _schematic(
     connections = tuple(spring for spring in springs if spring is not None)
     first = np.cumsum([0, *map(len, chains)])
     return Scaffold(
-        Structure(carriers, tuple(_spread(ends, joint_places)), connections), np.arange(len(ends)), first, 1.0, GAP
+        Structure(carriers, tuple(_spread(ends, joint_places)), connections), np.arange(len(ends)), first, 1.0, 1.0
     )
 
 
@@ -254,7 +249,7 @@ def _spread(pivots: list[CarrierEnd], joint_places: list[Floats]) -> list[Carrie
         places_before = [pivots[p].where[0] for p in members]  # type: ignore[index]
         places = list(places_before)
         for k in range(1, len(members)):
-            places[k] = max(places[k], places[k - 1] + float(np.ptp(joint_places[members[k - 1]][:, 0])) + ROOM)
+            places[k] = max(places[k], places[k - 1] + float(np.ptp(joint_places[members[k - 1]][:, 0])) + 1)
         shift = float(np.mean(places) - np.mean(places_before))
         for p, place in zip(members, places, strict=True):
             pivots[p] = CarrierEnd(pivots[p].carrier, (place - shift, pivots[p].where[1]))  # type: ignore[index]
@@ -268,8 +263,8 @@ def _factor(structure: Structure, k: int, pivots: list[CarrierEnd], longest: flo
     points += [end.where for end in ends if isinstance(end, CarrierEnd) and end.carrier == k]
     distance = max((abs(float(part)) for where in points if not isinstance(where, int) for part in where), default=0.0)
     if distance and not structure.carriers[k].size:
-        return FIXED / distance
-    return min(1 / longest, FARTHEST / distance) if distance else 1 / longest
+        return 1 / distance
+    return min(1 / longest, SHORT_LENGTH / distance) if distance else 1 / longest
 
 
 def _scale(where: Where, by: float) -> Where:
@@ -362,9 +357,9 @@ def _link(axis: Axes, sketched_link: _SketchedLink, lower_link: _SketchedLink | 
         _say(axis, _symbol("c", sketched_link, differ["centre"]), *place)
     else:
         axis.plot(*sketched_link.end, "o", ms=13, color=hue, mec=paper(), mew=0.8, zorder=4)
-    _arrow(axis, sketched_link.centre, sketched_link.centre - (0, WEIGHT), colour(4))
+    _arrow(axis, sketched_link.centre, sketched_link.centre - (0, ARROW), colour(4))
     side_of_weight = -side if thick or (lower_link is not None and lower_link.tilt * side >= 0) else side
-    x, y = sketched_link.centre - (-0.2 * side_of_weight, WEIGHT - (0.0 if thick else 0.06))
+    x, y = sketched_link.centre - (-0.2 * side_of_weight, ARROW - (0.0 if thick else 0.06))
     _say(axis, f"{_symbol('m', sketched_link, differ['mass'])} g", x, y, color=colour(4))
 
 
@@ -377,10 +372,12 @@ def _angle(axis: Axes, sketched_link: _SketchedLink) -> None:
     x, y = sketched_link.joint
     axis.plot([x, x], [y, y - 0.54], ls=MARKED, color=secondary_colour(), lw=1.0, zorder=1)
     degrees = np.sort([270.0, 270.0 + np.degrees(sketched_link.tilt)])
-    axis.add_patch(Arc((x, y), 2 * ARC, 2 * ARC, theta1=degrees[0], theta2=degrees[1], color=ink(), lw=1.2, zorder=2))
+    axis.add_patch(
+        Arc((x, y), 2 * ARROW, 2 * ARROW, theta1=degrees[0], theta2=degrees[1], color=ink(), lw=1.2, zorder=2)
+    )
     half = sketched_link.tilt / 2
     symbol = rf"\theta_{{{sketched_link.number}}}" if sketched_link.number else r"\theta"
-    _say(axis, symbol, x + (ARC + 0.14) * np.sin(half), y - (ARC + 0.14) * np.cos(half))
+    _say(axis, symbol, x + (ARROW + 0.14) * np.sin(half), y - (ARROW + 0.14) * np.cos(half))
 
 
 def _in_space() -> Figure:
@@ -402,13 +399,13 @@ def _in_space() -> Figure:
     axis.plot(*np.transpose([(0, 0), tip]), color=colour(0), lw=1.8, zorder=3)
     axis.plot(*tip, "o", ms=13, color=colour(0), mec=paper(), mew=0.8, zorder=4)
     _say(axis, "l", *(0.55 * tip + (0.1, 0.1)))
-    _arrow(axis, tip, tip - (0, WEIGHT), colour(4))
-    _say(axis, "m g", tip[0] + 0.2, tip[1] - WEIGHT + 0.06, color=colour(4))
+    _arrow(axis, tip, tip - (0, ARROW), colour(4))
+    _say(axis, "m g", tip[0] + 0.2, tip[1] - ARROW + 0.06, color=colour(4))
     axis.plot(*np.transpose([foot, tip]), ls=MARKED, color=secondary_colour(), lw=1.0)
     axis.plot(*np.transpose([foot, foot + np.array([0.75, 0])]), ls=MARKED, color=secondary_colour(), lw=1.0)
     lean, turn = np.linspace(0, theta, 30), np.linspace(0, phi, 30)
-    axis.plot(*projection(ARC, lean, phi), color=ink(), lw=1.2)
-    _say(axis, r"\theta", *projection(ARC + 0.14, theta / 2, phi))
+    axis.plot(*projection(ARROW, lean, phi), color=ink(), lw=1.2)
+    _say(axis, r"\theta", *projection(ARROW + 0.14, theta / 2, phi))
     axis.plot(*(foot[:, None] + projection(0.5, np.pi / 2, turn)), color=ink(), lw=1.2)
     _say(axis, r"\varphi", *(foot + np.array([0.62, -0.12])))
     return figure

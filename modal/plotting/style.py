@@ -22,17 +22,32 @@ from matplotlib.figure import Figure
 from modal.report import deferred
 from modal.types import Floats
 
-WIDTH, WIDE = 8.0, 10.5
-"""Width in inches of a figure of one column, and of several."""
+WIDTH = 8.0
+"""Format: width in inches of a figure of one column of panels, as both styles have it."""
+WIDE = 10.5
+"""Format: width in inches of a figure of several columns."""
+HEAD = 1.2
+"""Format: inches of a figure's height for its title, its caption or key, and the labels below its panels."""
+ROW = 2.4
+"""Format: inches of a figure's height for a row of panels; a panel alone has one and a half."""
 KEPT = ("axes", "figure", "font", "grid", "hatch", "lines", "mathtext", "patch", "savefig", "text", "xtick", "ytick")
 """Groups of settings that a picture keeps: matplotlib creates ticks only when a figure is drawn."""
 HUES = 6
+"""Format: colours of the cycle; curves drawn beside each other where a panel has many."""
+POINTS = 6000
+"""Format: points along a curve, so that a hundred swings have no corners."""
+SOLVED_POINTS = 200
+"""Cost: points along a smooth curve each of which is an eigenvalue problem (`benchmarks/forms.py` for one of them)."""
+BAND = 0.2
+"""Format: opacity of a band, through which curves and the grid are seen."""
+VISIBLE_SHARE = 1e-6
+"""Format: share of the largest below which nothing is drawn: six decades, more than any axis here shows."""
+LOG_RATIO = 30.0
+"""Format: ratio of largest to smallest from which a scale is logarithmic."""
 COMPUTED = "-"
 """The line of what the model gives, or what was measured: solid."""
 PREDICTED = "--"
 """The line of what a simpler theory says beside it (small angles, κ, averaged equations, regular motion): dashed."""
-DASH = 3.7
-"""Length of such a dash over the width of its line."""
 MARKED = ":"
 """The line of a value, of an instant or of a construction, where there is no curve: dotted."""
 UNSTABLE = "-."
@@ -77,6 +92,11 @@ class Picture(Figure):
 def sheet(width: float, height: float) -> Picture:
     """An empty picture (inches) in the style in force."""
     return Picture(width, height)
+
+
+def sheet_of_rows(rows: float, width: float = WIDTH) -> Picture:
+    """An empty picture as high as so many rows of panels need; one panel alone has one and a half."""
+    return Picture(width, HEAD + ROW * max(rows, 3 / 2))
 
 
 def theme(name: str) -> AbstractContextManager[None]:
@@ -136,10 +156,16 @@ def spots(k: int, values: Floats | None = None) -> dict[str, Any]:
 
 def dashes_of_prediction(k: int) -> tuple[float, tuple[float, float]]:
     """The dashes of prediction k: of two on one place each shows in the gaps of the other."""
-    return (DASH * (k % 2), (DASH, DASH))
+    dash = rcParams["lines.dashed_pattern"][0]
+    return (dash * (k % 2), (dash, dash))
 
 
-def thickness(k: int, first: float = 2.4) -> float:
+def dot_size(count: int) -> float:
+    """The width of each of so many dots in points, so that few are seen and many are not upon each other."""
+    return float(np.clip(4000 / max(count, 1), 2, 6))
+
+
+def thickness(k: int, first: float = 2.3) -> float:
     """The width of curve k in points, each thinner than the previous one, so that coinciding curves both show."""
     return first * (1 - 0.12 * min(k, HUES - 1))
 

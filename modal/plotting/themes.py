@@ -34,7 +34,7 @@ from modal.report import html
 from modal.types import Floats
 
 GREY = 0.12
-"""Largest difference of red, green and blue in what counts as grey."""
+"""Format: largest difference of red, green and blue in what counts as grey; every hue of the styles has more."""
 LUMA = np.array([0.299, 0.587, 0.114])
 
 

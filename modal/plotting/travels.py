@@ -11,7 +11,18 @@ from matplotlib.figure import Figure
 from modal.errors import ComputationError
 from modal.plotting.curves import draw_curves, pick
 from modal.plotting.layout import SMALL, headline, legend, set_frame
-from modal.plotting.style import MARKED, MOST_CURVES, WIDTH, colour, ink, paper, save, secondary_colour, sheet, spots
+from modal.plotting.style import (
+    HUES,
+    MARKED,
+    MOST_CURVES,
+    colour,
+    ink,
+    paper,
+    save,
+    secondary_colour,
+    sheet_of_rows,
+    spots,
+)
 from modal.scene import title_of
 
 if TYPE_CHECKING:
@@ -32,7 +43,7 @@ def hoist_figure(hoisting: Along) -> Figure:
     n_curves = max(hoisting.omega.shape[1], hoisting.lengths.shape[1])
     if n_curves > MOST_CURVES:
         raise ComputationError(f"{n_curves} curves do not fit in a figure: at most {MOST_CURVES}")
-    figure = sheet(WIDTH, 8.0)
+    figure = sheet_of_rows(3)
     ropes = [f"pendulum {p + 1}, link {i + 1}" for p, i in hoisting.links]
     modes = [f"mode {name}" for name in hoisting.names]
     panels = [(hoisting.lengths, ropes, "length (m)")]
@@ -52,11 +63,6 @@ def hoist_figure(hoisting: Along) -> Figure:
     return figure
 
 
-MOST_LINKS = 6
-FIRST = 2.0
-"""Width of the first curve in points."""
-ROOM = 1.35
-"""Of an axis over the largest angle or residual."""
 ROWS = ("as it is", "shaped")
 
 
@@ -72,7 +78,7 @@ def travel_figure(travel: ShapedTravel) -> Figure:
     """
     is_forced = travel.unit != "m"
     panels = 4 if is_forced else 3
-    figure = sheet(WIDTH, 1.2 + 2.1 * panels)
+    figure = sheet_of_rows(panels)
     axes = figure.subplots(panels, 1, sharex=True)
     axes[-1].sharey(axes[-2])
     titles = ("Force", "Moved coordinate") if is_forced else ("Cart, as prescribed",)
@@ -85,11 +91,11 @@ def travel_figure(travel: ShapedTravel) -> Figure:
         set_frame(axis, "", label, title)
         legend(axis)
     degrees = np.degrees(travel.angles)
-    numbers, names, _ = pick(np.concatenate(list(degrees)).T, _names(travel), MOST_LINKS)
-    limit = ROOM * max(float(np.abs(degrees).max()), float(np.degrees(travel.residual).max()), 1e-9)
+    numbers, names, _ = pick(np.concatenate(list(degrees)).T, _names(travel), HUES)
+    limit = 4 / 3 * max(float(np.abs(degrees).max()), float(np.degrees(travel.residual).max()), 1e-9)
     for row, axis in enumerate(axes[-2:]):
         curves = [(travel.times, degrees[row, :, link]) for link in numbers]
-        draw_curves(axis, curves, names=names, first=FIRST, bands=True)
+        draw_curves(axis, curves, names=names, bands=True)
         axis.set(xlim=(travel.times[0], travel.times[-1]), ylim=(-limit, limit))
         set_frame(axis, "", "angle (°)", f"Swing, {ROWS[row]}")
         _residual(axis, travel, row)

@@ -13,15 +13,17 @@ from matplotlib.figure import Figure
 from modal.errors import ComputationError, SceneError
 from modal.plotting.curves import RANGE, draw_curves
 from modal.plotting.layout import headline, legend, log_ticks, mark_modes, set_frame
+from modal.plotting.response import DEPTH_DB
 from modal.plotting.style import (
+    HUES,
     MARKED,
     MOST_CURVES,
-    WIDTH,
+    POINTS,
     colour,
     ink,
     save,
     secondary_colour,
-    sheet,
+    sheet_of_rows,
     spots,
     thickness,
 )
@@ -32,11 +34,6 @@ from modal.types import Floats
 if TYPE_CHECKING:
     from modal.vibration import RandomResponse, ShockResponse, ThermalNoise
 
-DEEPEST = 1e-26
-"""Lowest PSD drawn, over the largest of its panel."""
-POINTS = 4000
-MOST_PANELS, MOST_PLACES = 4, 6
-"""Most outputs in a picture of thermal noise, and places that dissipate in each panel."""
 QUANTITIES = {
     "m": "position",
     "m/s": "velocity",
@@ -46,9 +43,6 @@ QUANTITIES = {
     "N": "force",
 }
 """What a unit measures."""
-BAR = 0.36
-MOST_LEVEL = 5
-"""Most names of outputs that stand level below their bars."""
 
 
 def draw_random(response: RandomResponse, stream: IO[bytes], kind: str = "png") -> None:
@@ -66,7 +60,7 @@ def random_figure(response: RandomResponse) -> Figure:
     units = _units(response.outputs)
     f = response_frequencies(response)
     psd = response.psd(f)
-    figure = sheet(WIDTH, 1.8 + 2.3 * len(units))
+    figure = sheet_of_rows(len(units) + 1)
     panels = figure.subplots(len(units) + 1, 1, sharex=True, height_ratios=(2, *[3] * len(units)))
     panels[0].plot(f, np.where(response.input_psd(f) > 0, response.input_psd(f), np.nan), color=ink())
     source = response.source
@@ -77,10 +71,10 @@ def random_figure(response: RandomResponse) -> Figure:
         for place, k in enumerate(numbers):
             words = f"{response.outputs[k].name}, RMS {_size(response.rms[k])} {unit}"
             curve = np.where((psd[k] > 0) & np.isfinite(psd[k]), psd[k], np.nan)
-            axis.plot(f, curve, color=colour(place), lw=thickness(place, 1.8), label=words, **spots(place, curve))
+            axis.plot(f, curve, color=colour(place), lw=thickness(place), label=words, **spots(place, curve))
         sizes = psd[numbers][np.isfinite(psd[numbers])]
         if sizes.size and sizes.max() > 0:
-            axis.set_ylim(bottom=max(sizes[sizes > 0].min() / 2, DEEPEST * sizes.max()))
+            axis.set_ylim(bottom=max(sizes[sizes > 0].min() / 2, 10 ** (-DEPTH_DB / 10) * sizes.max()))
         set_frame(axis, "", f"PSD ({_per_hertz(unit)})", "response")
         _logarithmic(axis)
         legend(axis, 2, least_count=1)
@@ -110,21 +104,20 @@ def thermal_figure(noise: ThermalNoise, beside: RandomResponse | None = None, at
     from modal.vibration import thermal_frequencies
     from modal.vibration.report import named_modes
 
-    if len(noise.outputs) > MOST_PANELS:
+    if len(noise.outputs) > HUES:
         raise ComputationError(
-            f"{len(noise.outputs)} outputs do not fit in a figure: choose at most {MOST_PANELS} with `outputs`"
+            f"{len(noise.outputs)} outputs do not fit in a figure: choose at most {HUES} with `outputs`"
         )
     f = thermal_frequencies(noise, beside, at)
     parts = np.sqrt(noise.budget(f))
-    figure = sheet(WIDTH, 1.4 + 2.9 * len(noise.outputs))
+    figure = sheet_of_rows(len(noise.outputs))
     panels = figure.subplots(len(noise.outputs), 1, sharex=True, squeeze=False)[:, 0]
     driven = None if beside is None else np.sqrt(beside.psd(f))
     for k, (axis, signal) in enumerate(zip(panels, noise.outputs, strict=True)):
         total = np.sqrt((parts[:, k] ** 2).sum(0))
         axis.plot(f, _positive_values(total), color=ink(), lw=2.0, label="thermal noise")
-        loudest_places = np.argsort(-np.nan_to_num((parts[:, k] / np.where(total > 0, total, 1.0)).max(-1)))[
-            :MOST_PLACES
-        ]
+        largest_shares = np.nan_to_num((parts[:, k] / np.where(total > 0, total, 1.0)).max(-1))
+        loudest_places = np.argsort(-largest_shares)[:HUES]
         for place, j in enumerate(sorted(loudest_places.tolist())):
             line = {"color": colour(place), "lw": 1.3}
             axis.plot(f, _positive_values(parts[j, k]), label=_place_words(noise.scene, noise.places[j]), **line)
@@ -171,7 +164,7 @@ def shock_figure(response: ShockResponse) -> Figure:
     combined_outputs = np.flatnonzero(~response.follows_support & (response.peaks[:, 0] > 0)).tolist()
     rows = slice(None, None, -(-len(response.times) // POINTS))
     times = response.times[rows]
-    figure = sheet(WIDTH, 1.6 + 2.0 * len(units) + 2.0 * bool(combined_outputs))
+    figure = sheet_of_rows(1 + len(units) + bool(combined_outputs))
     panels = figure.subplots(1 + len(units) + bool(combined_outputs), 1, squeeze=False)[:, 0]
     histories = panels[: 1 + len(units)]
     shaken = [(times, response.record.acceleration(times))]
@@ -180,7 +173,7 @@ def shock_figure(response: ShockResponse) -> Figure:
     for axis, unit in zip(histories[1:], units, strict=True):
         numbers = [k for k, signal in enumerate(response.outputs) if signal.unit == unit]
         names = [response.outputs[k].name for k in numbers]
-        draw_curves(axis, [(times, response.history[k, rows]) for k in numbers], names=names, first=1.5, bands=True)
+        draw_curves(axis, [(times, response.history[k, rows]) for k in numbers], names=names, bands=True)
         set_frame(axis, "", f"{QUANTITIES.get(unit, '')} ({_pretty(unit)})".strip(), "response")
         legend(axis)
     for axis in histories:
@@ -201,12 +194,11 @@ def _combinations(axis: Axes, response: ShockResponse, numbers: list[int]) -> No
     for k, (name, values) in enumerate((("SRSS", response.srss), ("CQC", response.cqc))):
         ratios = values[numbers] / response.peaks[numbers, 0]
         hatch = ("", "//")[k]
-        axis.bar(places + (k - 0.5) * BAR, ratios, BAR, color=colour(k), hatch=hatch, label=name)
+        axis.bar(places + (k - 0.5) / 3, ratios, 1 / 3, color=colour(k), hatch=hatch, label=name)
     axis.axhline(1.0, color=ink(), lw=1.0)
-    label_style: dict[str, Any] = (
-        {"rotation": 30, "ha": "right", "rotation_mode": "anchor"} if len(numbers) > MOST_LEVEL else {}
-    )
-    axis.set_xticks(places, [response.outputs[k].name for k in numbers], **label_style)
+    slope: dict[str, Any] = {"rotation": 30, "ha": "right", "rotation_mode": "anchor"}
+    names = [response.outputs[k].name for k in numbers]
+    axis.set_xticks(places, names, **slope if len(numbers) > 4 else {})
     set_frame(axis, "", "over exact peak (–)", "peaks of modes, combined")
     legend(axis)
 

@@ -24,13 +24,17 @@ from modal.report.prose import WIDTH, short
 from modal.report.tables import NOTHING, widths_of
 
 MOST_LINES = 10
-"""Lines that a result takes at the prompt."""
-TEXT_ROWS, HTML_ROWS = 4, 10
-"""Rows of a table that are shown at the prompt and in a notebook."""
-FACT_LINES = 3
+"""Format: lines that a result takes at the prompt."""
+TEXT_ROWS = 4
+"""Format: rows of a table that are shown at the prompt."""
+HTML_ROWS = 10
+"""Format: rows of a table that are shown in a notebook."""
 MOST_COLUMNS = 12
-MOST_NUMBERS, MOST_WORDS = 5, 60
-"""Numbers of an array and letters of a text shown in full."""
+"""Format: columns of a table that are shown."""
+MOST_NUMBERS = 5
+"""Format: numbers of an array that are shown in full."""
+VALUE_LETTERS = 60
+"""Format: letters of a text that are shown in full."""
 SCROLLED = '<div style="overflow-x: auto">'
 APART = ' style="margin-bottom: 1em"'
 RIGHT, LEFT = ' style="text-align: right"', ' style="text-align: left"'
@@ -64,7 +68,7 @@ class Summary:
              2     1.2
         """
         facts = "; ".join(f"{visible(name)} {visible(value)}".strip() for name, value in self.facts)
-        told = wrap(facts, WIDTH - 2, max_lines=FACT_LINES, placeholder=" …", break_on_hyphens=False)
+        told = wrap(facts, WIDTH - 2, max_lines=3, placeholder=" …", break_on_hyphens=False)
         lines = [visible(self.title), *(f"  {line}" for line in [*told, *self._grid()])]
         return "\n".join(
             line if breadth(line) <= WIDTH else f"{next(cut(line, WIDTH - 1))}…" for line in lines[:MOST_LINES]
@@ -230,7 +234,7 @@ def brief(value: Any) -> str:
     ('0.1', '1, 2', 'gravity', True)
     """
     if isinstance(value, str):
-        return value if len(value) <= MOST_WORDS else value[: MOST_WORDS - 1] + "…"
+        return value if len(value) <= VALUE_LETTERS else value[: VALUE_LETTERS - 1] + "…"
     if isinstance(value, Complex):
         return _number(value)
     if getattr(value, "ndim", 0):
@@ -277,7 +281,7 @@ def _several(values: Mapping[Any, Any] | Sequence[Any]) -> str:
     few = [brief(value) for value in islice(values, MOST_NUMBERS)]
     more = len(values) - len(few)
     written = ", ".join([*few, *[f"… {more} more"] * bool(more)]) or "none"
-    return written if len(written) <= MOST_WORDS else f"{len(values)} of {type(next(iter(values))).__name__}"
+    return written if len(written) <= VALUE_LETTERS else f"{len(values)} of {type(next(iter(values))).__name__}"
 
 
 def deferred(place: str) -> Callable[..., Any]:

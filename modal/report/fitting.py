@@ -22,9 +22,9 @@ class TableLimit(NamedTuple):
 
 
 TABLE_ROWS = 12
-"""Rows of a table on a terminal."""
-NARROWEST = 20
-"""Columns below which text is as wide as it would be here."""
+"""Format: rows of a table on a terminal."""
+COLUMNS_MIN = 20
+"""Format: columns below which text is as wide as it would be here."""
 _COLUMNS: ContextVar[int | None] = ContextVar("columns", default=None)
 _CHARSET: ContextVar[str | None] = ContextVar("charset", default=None)
 _LIMIT: ContextVar[TableLimit | None] = ContextVar("limit", default=None)
@@ -67,7 +67,7 @@ def fitted(to: int | None, encoding: str | None = None, most: TableLimit | None 
     a line of more than
     twenty columns
     """
-    tokens = _COLUMNS.set(to and max(to, NARROWEST)), _CHARSET.set(encoding), _LIMIT.set(most if to else None)
+    tokens = _COLUMNS.set(to and max(to, COLUMNS_MIN)), _CHARSET.set(encoding), _LIMIT.set(most if to else None)
     try:
         yield
     finally:

@@ -8,7 +8,7 @@ from math import isinf
 from modal.report.fitting import columns
 
 WIDTH = 110
-"""Characters per line of a report that no terminal limits."""
+"""Format: characters per line of a report that no terminal limits."""
 
 
 def line_width() -> int:

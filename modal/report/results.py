@@ -26,8 +26,8 @@ if TYPE_CHECKING:
 
 SIGNIFICANT = re.compile(r"[-+]?\.(\d+)g")
 DECIMAL = re.compile(r"(?P<sign>[-+]?)(?P<whole>\d+)(?:\.(?P<decimals>\d+))?")
-MOST_TABLES, MOST_WRITTEN = 2, 40
-"""Tables of a result in a notebook, and lines of one that is text."""
+NOTEBOOK_LINES = 40
+"""Format: lines of a result that is text in a notebook."""
 
 
 class ReportColumn(NamedTuple):
@@ -143,9 +143,9 @@ class TextResult(Displayed):
 
     def _repr_html_(self) -> str:
         with fitted(WIDTH, most=TableLimit(TABLE_ROWS)):
-            lines = list(islice(self._lines(), MOST_WRITTEN + 1))
-        shown = "\n".join(map(html, lines[:MOST_WRITTEN]))
-        return scrolled(f"<pre>{shown}</pre>", "<p>…</p>" * (len(lines) > MOST_WRITTEN))
+            lines = list(islice(self._lines(), NOTEBOOK_LINES + 1))
+        shown = "\n".join(map(html, lines[:NOTEBOOK_LINES]))
+        return scrolled(f"<pre>{shown}</pre>", "<p>…</p>" * (len(lines) > NOTEBOOK_LINES))
 
 
 class Result(TextResult):
@@ -240,7 +240,7 @@ class Result(TextResult):
                 tables += 1
             else:
                 parts += [f"<p>{html(line)}</p>" for line in part.split("\n") if line]
-            if tables == MOST_TABLES:
+            if tables == 2:
                 break
         return scrolled(*parts)
 

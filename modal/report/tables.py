@@ -20,14 +20,10 @@ LEFT = {
 """Headings of columns of text."""
 NOTHING = "–"
 """Printed in place of an undefined quantity."""
-GAP = 2
-"""Blanks between columns."""
-LEAST_WORDS = 12
-"""Columns at least of a column of words that is made narrower."""
-MOST_NAMES = 9
-"""Columns that are left out and named."""
-MOST_KEYS = 3
-"""Columns at most that name a row, and are repeated in every part of a stacked table."""
+WORDS_COLUMNS = 12
+"""Format: width of a column of words below which it is not made narrower."""
+NAMES_MAX = 9
+"""Format: columns that are left out and named."""
 
 
 def titled(scene: str, what: str, parts: Sequence[str], form: str) -> str:
@@ -104,8 +100,8 @@ def layout(
     lines = (_lines(*_of(part, cells, headings, align), [(widths or {})[k] for k in part]) for part in parts)
     notes = [f"… {total - len(cells)} more{rest.elsewhere if rest else ''}"] * (len(cells) < total)
     if dropped:
-        names = ", ".join(headings[k] for k in dropped[:MOST_NAMES])
-        names += f", … ({len(dropped)} in all)" * (len(dropped) > MOST_NAMES)
+        names = ", ".join(headings[k] for k in dropped[:NAMES_MAX])
+        names += f", … ({len(dropped)} in all)" * (len(dropped) > NAMES_MAX)
         place = f"; {elsewhere}" if elsewhere else rest.elsewhere if rest else ""
         notes.append(f"left out to fit {most} columns: {names}{place}")
     return "\n\n".join(map("\n".join, lines)), notes
@@ -139,7 +135,7 @@ def _shrunk(cells: Sequence[Sequence[str]], widths: list[int], most: int) -> lis
     narrow = list(widths)
     words = [k for k in range(len(widths)) if any(" " in row[k] for row in cells)]
     for k in sorted(words, key=lambda k: -widths[k]):
-        narrow[k] -= min(max(full(narrow) - most, 0), max(narrow[k] - LEAST_WORDS, 0))
+        narrow[k] -= min(max(full(narrow) - most, 0), max(narrow[k] - WORDS_COLUMNS, 0))
     return narrow if full(narrow) <= most else None
 
 
@@ -149,14 +145,14 @@ def widths_of(cells: Sequence[Sequence[str]], headings: Sequence[str]) -> list[i
 
 
 def full(widths: Iterable[int]) -> int:
-    """The columns that a whole table takes."""
+    """The columns that a whole table takes, with two blanks between its columns."""
     every = list(widths)
-    return sum(every) + GAP * (len(every) - 1)
+    return sum(every) + 2 * (len(every) - 1)
 
 
 def _keys(cells: Sequence[Sequence[str]], widths: Sequence[int], most: int) -> int:
-    """How many columns it takes to name every row: 1 where no few do, or no room is left beside them."""
-    for count in range(1, min(MOST_KEYS, len(widths) - 1) + 1):
+    """How many columns, up to three, it takes to name every row: 1 where none do, or no room is left beside them."""
+    for count in range(1, min(3, len(widths) - 1) + 1):
         if full(widths[:count]) > most // 2:
             break
         if len({tuple(row[:count]) for row in cells}) == len(cells):
@@ -166,9 +162,9 @@ def _keys(cells: Sequence[Sequence[str]], widths: Sequence[int], most: int) -> i
 
 def _limits(widths: Sequence[int], keys: int, most: int) -> list[int]:
     """The columns that each column may take: those that name a row leave room for any other, or take half of it."""
-    room = max(most // 2, most - GAP - max(widths[keys:], default=0))
+    room = max(most // 2, most - 2 - max(widths[keys:], default=0))
     first = [min(width, room) for width in widths[:keys]]
-    return first + [min(width, max(most - sum(first) - GAP * keys, 1)) for width in widths[keys:]]
+    return first + [min(width, max(most - sum(first) - 2 * keys, 1)) for width in widths[keys:]]
 
 
 def _stacked(widths: Sequence[int], keys: int, most: int) -> Iterator[list[int]]:
@@ -191,7 +187,7 @@ def _lines(
         for number in range(max(map(len, pieces))):
             line = (piece[number] if number < len(piece) else "" for piece in pieces)
             whole = (padded(cell, width, side) for cell, width, side in zip(line, widths, align, strict=True))
-            yield (" " * GAP).join(whole).rstrip()
+            yield "  ".join(whole).rstrip()
 
 
 def as_csv(records: Sequence[dict[str, Any]]) -> str:

@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     from nonlinear.ensembles import Basins, PoincareSection, StroboscopicSection
     from nonlinear.sweeps import Spread
 
-TOLERANCE, MOTIONS = 1e-9, 24
-"""Of the integrator, and of a section, unless told."""
 COMPUTED = (
     "--engine (default the fastest, counting what is still to be compiled)",
     option("--tolerance (default 1e-9)", type=number("from 1e-13 to 0.001", 1e-3, 1e-13)),
@@ -73,10 +71,11 @@ def section(options: argparse.Namespace) -> PoincareSection | StroboscopicSectio
 
 def _crossings(options: argparse.Namespace, scene: Scene) -> PoincareSection | None:
     from nonlinear.ensembles import find_section
+    from nonlinear.ensembles.sections import ORBITS
     from nonlinear.system import has_start
 
     refuse(options, "needs a scene that is driven by a sine: a force or a moved support", *BY_STROBES)
-    members = options.members or MOTIONS
+    members = options.members or ORBITS
     with _engine(options, members) as more:
         section = find_section(
             scene, options.duration, energy=options.energy, crossing=options.crossing, members=members, **more
@@ -88,12 +87,13 @@ def _crossings(options: argparse.Namespace, scene: Scene) -> PoincareSection | N
 
 def _strobes(options: argparse.Namespace, scene: Scene) -> StroboscopicSection | None:
     from nonlinear.ensembles import find_strobes
+    from nonlinear.ensembles.strobes import ORBITS
     from nonlinear.system import has_start
 
     refuse(options, "needs a scene that keeps its energy; of this one the section is stroboscopic", *BY_ENERGY)
     if not has_start(scene):
         tell_of_start("motions begin around the shape of its first mode that swings")
-    with _engine(options, options.members or MOTIONS) as more:
+    with _engine(options, options.members or ORBITS) as more:
         how = kwargs_of(options, "--members", "--phase-deg", "--spread", "--settle", "--seed")
         strobes = find_strobes(scene, options.duration, of=names_of(options), **how, **more)
     return _show(options, "draw_strobes", strobes)
@@ -171,9 +171,9 @@ def refuse_homeless(options: argparse.Namespace) -> None:
 def _engine(options: argparse.Namespace, members: int) -> Iterator[dict[str, Any]]:
     """The arguments of an ensemble, with a progress bar in members."""
     refuse_homeless(options)
-    more = kwargs_of(options, "--engine", "--workers", "--folder", "--share")
+    more = kwargs_of(options, "--engine", "--workers", "--folder", "--share", "--tolerance")
     with bar(members, "member") as shown, crew_of(options) as crew:
-        yield more | {"tolerance": options.tolerance or TOLERANCE, "report": shown, "crew": crew.crew}
+        yield more | {"report": shown, "crew": crew.crew}
 
 
 COMMANDS = (
@@ -226,7 +226,7 @@ COMMANDS = (
             SCENE,
             "--energy (default that of its start)",
             "--crossing, upwards (>), downwards (<) or both (=): theta[1,1]>0 (default), degrees, or x=0, metres",
-            option(f"--members: motions (default {MOTIONS})", type=integer(10_000)),
+            option("--members: motions (default 24)", type=integer(10_000)),
             "--spread, of a driven scene (default 10)",
             "--seed, of a driven scene",
             *strobed("none"),

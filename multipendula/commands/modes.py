@@ -27,9 +27,8 @@ COLUMN_NAMES = (
     *("cumulative_effective_mass_share", "cumulative_fixed_base_mass_share"),
 )
 """The columns of `modal.modes.columns` that are printed; the help page must not load that module."""
-LONG_TABLE = 2000
 LONG_CHAIN = 2000
-"""Links of a scene of which only the modes that are shown are looked for."""
+"""Cost: links of a scene of which only the modes that are shown are looked for: `benchmarks/few_modes.py`."""
 
 
 def table(options: argparse.Namespace) -> Modes | None:
@@ -168,7 +167,7 @@ def _modes(options: argparse.Namespace, accuracy: float | None = None) -> tuple[
 
 def _with_progress(rows: Iterator[Mode], total: int) -> Iterable[Mode]:
     """A progress bar for long tables, on a terminal only."""
-    if total < LONG_TABLE or not sys.stderr.isatty():
+    if total < LONG_CHAIN or not sys.stderr.isatty():
         return rows
     from tqdm import tqdm
 

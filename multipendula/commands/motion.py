@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from nonlinear.integration import Trajectory
 
 BAND_MEMBERS = 200
+"""Format: members of a band from 5 to 95 %, so that ten lie beyond either edge."""
 WRITTEN = (*RUNS, "mat")
 """The kinds of files of a motion, of which MATLAB's is not read back."""
 COMPILED = ("txt", "json")

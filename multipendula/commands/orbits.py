@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from nonlinear.orbits import Branch, Special
     from nonlinear.system import State
 
-LARGEST, LONG = 90.0, 100
-"""Default largest angle (deg); periods of the slowest mode after which a run has settled."""
+SETTLING_PERIODS = 100
+"""Limit: periods of the slowest mode after which a run is taken to have settled; `--duration` chooses others."""
 
 
 def orbits(options: argparse.Namespace) -> tuple[Branch, ...]:
@@ -80,7 +80,7 @@ def _mode(scene: Scene, options: argparse.Namespace) -> tuple[Branch, ...]:
     from nonlinear.orbits import mode_along, nonlinear_mode
 
     noted(scene, "a periodic orbit of a mode")
-    largest = options.largest_angle or LARGEST
+    largest = options.largest_angle or 90.0
     if options.vary:
         with bar(0, "orbits") as report:
             return (mode_along(scene, options.mode, options.vary, radians(largest), report=report),)
@@ -123,7 +123,7 @@ def _settled(scene: Scene, path: str, value: float, options: argparse.Namespace)
 
     here = vary(scene, {path: value})
     slowest = min(float(omega) for omega in modes_of(here).omega if omega > 0)
-    duration = options.duration or LONG * 2 * pi / slowest
+    duration = options.duration or SETTLING_PERIODS * 2 * pi / slowest
     period = drive_period(here).seconds * (options.periods or 1) if here.is_forced else None
     if period:
         duration = ceil(duration / period) * period
@@ -204,7 +204,7 @@ COMMANDS = (
         takes=(
             SCENE,
             once("--mode, to follow without dampers and drives (default the first that swings)"),
-            f"--largest-angle, with --mode (default {LARGEST:g})",
+            "--largest-angle, with --mode (default 90)",
             once(
                 "--vary, such as support.mass=1:100:2log, along which orbits are followed: the limit cycles of a scene "
                 "with drives at joints, the motions of the period of a moved support and of forces, or with --mode the "
@@ -215,7 +215,7 @@ COMMANDS = (
             "--periods, under forces or on a moved support (default 1)",
             "--settled, with --vary, instead of at predicted oscillations",
             "--start, with --settled, as in simulate",
-            f"--duration, with --settled (default {LONG} periods of the slowest mode)",
+            f"--duration, with --settled (default {SETTLING_PERIODS} periods of the slowest mode)",
             formats("text", "csv", "json"),
             *report_file("text", "csv", "json"),
             "--film: the last orbit beside the linear mode",

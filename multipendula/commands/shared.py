@@ -20,15 +20,20 @@ if TYPE_CHECKING:
     from modal.scene import Scene
     from nonlinear.ensembles import Workers
 
-HOUR, DAY, LONGEST = 3600.0, 86_400.0, 1e5  # s; days beyond which nothing is begun
-TOLERANCE = 1e-9  # of a motion whose length is estimated
-LENGTHY = 1e7  # s of motion, from which on it is asked at once whether the computation can end
-LONG, COORDINATE = 5.0, 9e-5  # s that are told first, and for the square of the coordinates of supports
-LATE = 1.0  # s until progress is shown, and between two looks at it
+HOUR = 3600.0
+"""Physics: seconds of an hour."""
+DAYS_MAX = 1e5
+"""Limit: days of computing beyond which nothing is begun: "… are begun at most"."""
+COORDINATE_SECONDS = 9e-5
+"""Cost: of the modes of a structure, over the square of its coordinates; `benchmarks/modes.py` measures it."""
+LATE = 1.0
+"""Format: seconds until progress is shown, and between two looks at it."""
 MEASURED = "{desc}{percentage:3.0f} % |{bar:24}| {remaining} left, {elapsed} passed"
 COUNTED = "{desc}{unit}: {n_fmt}, {elapsed} passed"
-MOST_LISTED = 20  # numbers of a scene that are named where one has to be chosen
-MANY = 60  # links from which a command that integrates disturbances says beforehand that it takes long
+NUMBERS_MAX = 20
+"""Format: numbers of a scene that are named where one has to be chosen."""
+MANY_LINKS = 60
+"""Cost: links from which a command that integrates disturbances says beforehand that it takes minutes."""
 
 FLAG = re.compile(r"(?<![\w-])(?:--([a-z][a-z-]*)|-(o)\b)")
 TEXT: ContextVar[TextIO | None] = ContextVar("TEXT", default=None)
@@ -375,21 +380,21 @@ def large(scene: Scene) -> Scene:
     if scene.is_structured:
         from modal.structure import structure_of
 
-        seconds = COORDINATE * structure_of(scene).size ** 2
-        if seconds > LONG:
+        seconds = COORDINATE_SECONDS * structure_of(scene).size ** 2
+        if seconds > 4:
             remark(f"the modes of {structure_of(scene).size} coordinates of supports take some {seconds:.0f} s")
     return scene
 
 
 def warned(scene: Scene, what: str) -> Scene:
     """The scene itself; where it has so many links that `what` takes long, that is told on standard error first."""
-    if scene.n_links > MANY:
+    if scene.n_links > MANY_LINKS:
         remark(f"{what} of {scene.n_links} links takes minutes: try a scene of fewer first")
     return scene
 
 
 def forewarning(
-    report: Callable[[float], object], scene: Scene, duration: float, members: int = 1, least: float = DAY
+    report: Callable[[float], object], scene: Scene, duration: float, members: int = 1, least: float = 24 * HOUR
 ) -> Callable[[float], object]:
     """The report, which at its first call says on standard error how long so many motions take, if over `least` s.
 
@@ -400,9 +405,10 @@ def forewarning(
     from modal.errors import SceneError
     from nonlinear.integration.methods import least_seconds
 
-    seconds = cache(partial(least_seconds, scene, duration, TOLERANCE, members))
-    if duration > LENGTHY and (days := seconds() / DAY) > LONGEST:
-        most = f"{0.9 * duration * LONGEST / days:.0e} s"
+    seconds = cache(partial(least_seconds, scene, duration, members=members))
+    days = seconds() / (24 * HOUR)
+    if days > DAYS_MAX:
+        most = f"{0.9 * duration * DAYS_MAX / days:.0e} s"
         raise SceneError([f"duration: takes an estimated {days:.2g} days on one core, and {most} are begun at most"])
     tell = cache(lambda: _forewarn(seconds(), least))
 
@@ -416,10 +422,10 @@ def forewarning(
 def _forewarn(seconds: float, least: float) -> None:
     """Say how long a computation is estimated to take, if over `least` s."""
     if seconds > least:
-        days = seconds / DAY
-        told = f"{days:.2g} days on one core" if days < LONGEST else "time longer than anyone can wait"
+        days = seconds / (24 * HOUR)
+        told = f"{days:.2g} days on one core" if days < DAYS_MAX else "time longer than anyone can wait"
         if days <= 1:
-            told = f"{seconds / 60:.0f} minutes" if seconds < 7200 else f"{seconds / 3600:.0f} hours"
+            told = f"{seconds / 60:.0f} minutes" if seconds < 2 * HOUR else f"{seconds / HOUR:.0f} hours"
         remark(f"this takes an estimated {told}; Ctrl-C ends it")
 
 
@@ -436,8 +442,8 @@ def missing(scene: Scene, flag: str, values: str, more: str = "") -> SceneError:
     numbers = [number for number in scene_numbers(scene) if number.is_physical]
     first = next((number for number in numbers if number.place != "gravity"), numbers[0])
     given = first.place + values.format(half=f"{first.value / 2:g}", double=f"{first.value * 2:g}")
-    lines = [f"  {number.place} = {number.value:g} {number.unit}" for number in numbers[:MOST_LISTED]]
-    others = f"{len(numbers) - MOST_LISTED} more and " if len(numbers) > MOST_LISTED else ""
+    lines = [f"  {number.place} = {number.value:g} {number.unit}" for number in numbers[:NUMBERS_MAX]]
+    others = f"{len(numbers) - NUMBERS_MAX} more and " if len(numbers) > NUMBERS_MAX else ""
     return SceneError(
         [
             f"{flag}: is required, such as {flag} {quote(given)}{more}; the scene has",

@@ -44,8 +44,8 @@ if TYPE_CHECKING:
     from modal.statespace.sampling import VaryingModel
     from modal.statespace.shapers import Shaper
 
-NAMED = 6
-"""Signals of a model that are named."""
+SIGNALS_MAX = 6
+"""Format: signals of a model that are named."""
 
 OUTPUTS = (
     *("cart_position", "cart_velocity", "angles", "rates", "relative_angles", "relative_rates"),
@@ -132,7 +132,9 @@ def _sampled(model: StateSpace, options: argparse.Namespace) -> StateSpace:
 def _listed(signals: Sequence[Signal]) -> str:
     """Signals with their units, of many the first."""
     named = [f"{signal.name} ({signal.unit})" for signal in signals]
-    return ", ".join(named if len(named) <= NAMED + 1 else [*named[:NAMED], f"… {len(named) - NAMED} more"])
+    return ", ".join(
+        named if len(named) <= SIGNALS_MAX + 1 else [*named[:SIGNALS_MAX], f"… {len(named) - SIGNALS_MAX} more"]
+    )
 
 
 def _varying(scene: Scene, options: argparse.Namespace) -> VaryingModel:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from multipendula.command import CREW, SCENE, Command, formats, misfits, once, report_file
 from multipendula.commands.runs import start_of
 from multipendula.commands.shared import (
+    HOUR,
     bar,
     crew_of,
     draw_in,
@@ -27,7 +28,6 @@ if TYPE_CHECKING:
     from nonlinear.synchronization import Branches, PopulationDiagram, SynchronizationStudy
 
 
-MINUTE = 60.0  # s of computing that are told first
 MORE = "--words describes prediction and simulation in sentences."
 
 
@@ -57,7 +57,7 @@ def _run(scene: Scene, options: argparse.Namespace) -> SynchronizationStudy:
         lengths: dict[float, Callable[[float], object]] = {}
 
         def report(now: float, end: float) -> None:
-            lengths.setdefault(end, forewarning(simulating, scene, end, least=MINUTE))(now / end)
+            lengths.setdefault(end, forewarning(simulating, scene, end, least=HOUR / 60))(now / end)
 
         study = study_synchronization(scene, options.duration, start=start, predicting=predicting, report=report)
     say(_told(study, options), options.format)

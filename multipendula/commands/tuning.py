@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     from nonlinear.orbits import FiniteSwing
 
 AIMS = ("--minimize", "--maximize", "--max", "--over-hz", "--psd", "--mode", "--travel", "--over", "--kind")
-WITHIN = 1.4
-"""How far the band of forced orbits goes beyond the outermost peaks."""
+BAND_RATIO = 1.4
+"""Format: how far the band of forced orbits goes beyond the outermost peaks; `--band` chooses another."""
 
 
 def tune(options: argparse.Namespace) -> Tuned | None:
@@ -100,7 +100,7 @@ def _swing(best: Tuned, degrees: float) -> FiniteSwing:
         )
     at = best.pieces_after[0]
     peaks = at.at[at.inside] / tau
-    band = best.objective.quantities.setting.band or (peaks.min() / WITHIN, peaks.max() * WITHIN)
+    band = best.objective.quantities.setting.band or (peaks.min() / BAND_RATIO, peaks.max() * BAND_RATIO)
     return finite_swing(scene, on, direction, labels.index(quantity.output), radians(degrees), band)
 
 

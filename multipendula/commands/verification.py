@@ -26,11 +26,6 @@ if TYPE_CHECKING:
     from nonlinear.chaos import Exponent, Finding
     from nonlinear.verification import Check, Comparison
 
-USUAL = 120.0
-"""Default duration (s) of a general motion."""
-TRADED, RELATIVE_ERROR = 10.0, 1e-8
-"""Default duration (s) of a motion by which methods are compared, and relative error of a frequency."""
-
 
 def check(options: argparse.Namespace) -> Check | Comparison:
     """Check the table of modes against simulation: measure the frequencies at several amplitudes."""
@@ -141,7 +136,7 @@ def _of_motion(options: argparse.Namespace, scene: Scene) -> tuple[Any, str]:
     from nonlinear.accuracy import measure_work_precision as compared
 
     refuse(options, "needs --linear", "--relative-error")
-    start, duration = start_of(scene, options.start), options.duration or TRADED
+    start, duration = start_of(scene, options.start), options.duration or 10.0
     with bar(len(list_candidates(scene)) + 1, "candidate") as report:
         comparison = compared(scene, duration, start=start, report=forewarning(report, scene, duration))
     return comparison, tradeoff_table(comparison, options.format)
@@ -151,7 +146,7 @@ def _of_frequencies(options: argparse.Namespace, scene: Scene) -> tuple[Any, str
     from nonlinear.accuracy import frequencies_table, measure_frequencies
 
     refuse(options, "is of motions: leave out --linear", "--start", "--duration")
-    comparison = measure_frequencies(scene, (options.relative_error or RELATIVE_ERROR,))
+    comparison = measure_frequencies(scene, (options.relative_error or 1e-8,))
     return comparison, frequencies_table(comparison, options.format)
 
 
@@ -162,7 +157,7 @@ COMMANDS = (
         run=check,
         main=("--modes", "--amplitudes", "--general", "--format", "--output"),
         takes=(
-            *motion(USUAL, runs=False, without=("keep_modes",)),
+            *motion(120.0, runs=False, without=("keep_modes",)),
             "--modes, counted from 1 (default all)",
             "--amplitudes (default 1,5,10,30)",
             "--general",
@@ -189,9 +184,9 @@ COMMANDS = (
         takes=(
             SCENE,
             "--start, as in simulate",
-            f"--duration (default {TRADED:g})",
+            "--duration (default 10)",
             "--linear: dense matrices, a relative error that is allowed, every digit",
-            f"--relative-error that --linear allows (default {RELATIVE_ERROR:g})",
+            "--relative-error that --linear allows (default 1e-08)",
             formats(*REPORTS),
             *report_file(*REPORTS),
         ),

@@ -31,8 +31,10 @@ MODAL = (
 PHYSICS = (*MODAL, "equations", "kicks", "motion", "scene_file", "recording")
 """The modules that touch no document; `steps`, `structure`, `tableau`, `whole` and `prescribed` are written."""
 MODULES = (*PHYSICS, "numbers", "view", "picture", "sound", "player", "stage", "table", "controls", "main")
-LARGEST, LARGEST_OF_STRUCTURES = 350_000, 800_000
-"""Bytes of a page, at most, and of one whose equations stand in it link by link: of a structure, friction, forces."""
+LARGEST = 350_000
+"""Limit: bytes of a page, which mail and forums take as an attachment."""
+LARGEST_OF_STRUCTURES = 800_000
+"""Limit: bytes of a page whose equations stand in it link by link: of a structure, friction, forces."""
 ICON = (
     '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 32 32"><path d="M5 4h22" stroke="#8a949c" stroke-width="3"/>'
     '<path d="M16 4 11 16l9 9" fill="none" stroke="#8a949c" stroke-width="2"/>'

@@ -14,18 +14,19 @@ from modal.scene.parameters import with_numbers
 from modal.scene.points import PendulumPoint, parse_point
 from modal.structure import structure_of
 from modal.types import Floats
-from multipendula.page.prescribed import MOST_PIECES, long_ones
+from multipendula.page.prescribed import PIECES_MAX, long_ones
 from multipendula.page.structure import is_structural
-from multipendula.page.whole import MOST_LINKS_RUBBED
+from multipendula.page.whole import SWITCHED_LINKS_MAX
 
 if TYPE_CHECKING:
     from nonlinear.integration import Trajectory
 
 MOST_LINKS = 60
-MOST_COORDINATES = 40
-"""Of a structure, with those of its links: its equations stand in the page link by link."""
-MOST_NUMBERS = 26_000
-"""Of a recording: 139 kB as 32-bit floats in base64."""
+"""Limit: links of a scene: "the live page cannot show more than 60"."""
+COORDINATES_MAX = 40
+"""Limit: coordinates of a structure with its links, whose equations stand in the page: "cannot show more than 40"."""
+RECORDING_NUMBERS = 26_000
+"""Format: numbers of a recording: 139 kB as 32-bit floats in base64."""
 
 
 def scene_data(scene: Scene) -> dict[str, Any]:
@@ -58,7 +59,7 @@ def _problems(scene: Scene) -> Iterator[str]:
     yield from refusals(scene, "the live page")
     if scene.n_links > MOST_LINKS:
         yield f"the scene has {scene.n_links} links in all: the live page cannot show more than {MOST_LINKS}"
-    long, words = set(long_ones(scene)), f"the live page cannot show more than {MOST_PIECES} samples or sines of it"
+    long, words = set(long_ones(scene)), f"the live page cannot show more than {PIECES_MAX} samples or sines of it"
     for place, motion in zip(scene.motion_places, scene.motions, strict=True):
         if motion.kind in long:
             yield f'{with_numbers(place)}.kind = "{motion.kind}": {words}'
@@ -67,9 +68,9 @@ def _problems(scene: Scene) -> Iterator[str]:
             yield f'force[{k}].kind = "{force.kind}": {words}'
     if is_structural(scene):
         yield from _structure_problems(scene)
-    elif (scene.has_friction or scene.force) and scene.n_links > MOST_LINKS_RUBBED:
+    elif (scene.has_friction or scene.force) and scene.n_links > SWITCHED_LINKS_MAX:
         what = "dry friction" if scene.has_friction else "forces"
-        words = f"cannot show {what} on more than {MOST_LINKS_RUBBED} links"
+        words = f"cannot show {what} on more than {SWITCHED_LINKS_MAX} links"
         yield f"the scene has {scene.n_links} links in all: the live page {words}"
     else:
         yield from _named_problems(scene)
@@ -80,8 +81,8 @@ def _problems(scene: Scene) -> Iterator[str]:
 def _structure_problems(scene: Scene) -> Iterator[str]:
     """What the page cannot show of a structure."""
     count = scene.n_links + structure_of(scene).size
-    if scene.n_links <= MOST_LINKS and count > MOST_COORDINATES:
-        words = f"the live page cannot show more than {MOST_COORDINATES}"
+    if scene.n_links <= MOST_LINKS and count > COORDINATES_MAX:
+        words = f"the live page cannot show more than {COORDINATES_MAX}"
         yield f"the structure has {count} coordinates, links included: {words}"
     yield from _named_problems(scene)
 
@@ -133,7 +134,7 @@ def recording_of(trajectory: Trajectory) -> dict[str, Any]:
         first, rate = np.zeros((2, len(times), 0))
     rows = np.column_stack((first, motion.links, rate, motion.link_rates, motion.work))
     width = rows.shape[1]
-    stride = -(-len(times) * (width + 1) // MOST_NUMBERS)
+    stride = -(-len(times) * (width + 1) // RECORDING_NUMBERS)
     kept = np.unique(np.append(np.arange(0, len(times), stride), len(times) - 1))
     return {
         "times": _packed(times[kept] - times[0]),

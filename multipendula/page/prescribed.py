@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from nonlinear.system import System
 
 NONE = "export const prescribed = null;"
-MOST_PIECES = 2000
-"""Of a record, or lines of a random process."""
+PIECES_MAX = 2000
+"""Limit: samples of a record or lines of a random process: "cannot show more than 2000 samples or sines of it"."""
 SWEEP = ("_turning", "velocity_at", "acceleration_at")
 
 
@@ -70,7 +70,7 @@ def long_ones(scene: Scene) -> Iterator[str]:
             motion = prescribed_motion(part)
             size = len(motion.pieces[0]) if isinstance(motion, Record) else 0
             size = len(motion.omega) if isinstance(motion, RandomProcess) else size
-            if size > MOST_PIECES:
+            if size > PIECES_MAX:
                 yield part.kind
 
 

@@ -18,8 +18,8 @@ from multipendula.page.scalars import HELPERS, functions_of
 from multipendula.page.structure import FUNCTIONS, is_structural
 
 NONE = "export const whole = null;"
-MOST_LINKS_RUBBED = 12
-"""Of a scene with dry friction: its text grows with the square of their number."""
+SWITCHED_LINKS_MAX = 12
+"""Limit: links of a scene with dry friction or forces, whose text grows with the square of their number."""
 TEXTS = ("rates", "sticking", "friction", "responses", "values", "clear", "kick")
 CHANGED = ("damping", "drag", "quadratic_drag")
 """The numbers of links that have a slider also where they are 0."""

@@ -221,7 +221,7 @@ def offers(scene: Scene, system: System, duration: float, tolerance: float, size
     return ways
 
 
-def least_seconds(scene: Scene, duration: float, tolerance: float, members: int = 1) -> float:
+def least_seconds(scene: Scene, duration: float, tolerance: float = 1e-9, members: int = 1) -> float:
     """Roughly what so many motions of a scene take by the fastest way once it is ready, on one core (s)."""
     ways = offers(scene, system_of(scene), duration, tolerance)
     return float(members * min(way.running for way in ways.values()))

@@ -17,6 +17,7 @@ from matplotlib.text import Text
 from modal.errors import SceneError
 from modal.plotting import (
     SMALL,
+    WIDTH,
     MovingFigure,
     any_letters,
     form_problems,
@@ -26,7 +27,7 @@ from modal.plotting import (
     sheet,
     write_film,
 )
-from modal.plotting.films import Report
+from modal.plotting.films import DPI, Report
 from modal.report import silent, visible
 from modal.scene import title_of
 from modal.types import Floats
@@ -37,18 +38,17 @@ from nonlinear.plotting.scene import Stage, energies_of, stage_of
 if TYPE_CHECKING:
     from nonlinear.synchronization import Phases
 
-TRAIL = 0.8
-"""Length of a tip's trail in seconds of film."""
-SIZE, DPI = (8.0, 4.5), 100
+SIZE = (WIDTH, 9 / 16 * WIDTH)
+"""Width and height of a film's figure in inches, as those of a screen."""
 PANEL = (0.02, 0.16, 0.585, 0.72)
 """Left, bottom, width and height of the pendula's panel, as fractions of the figure."""
 HALVES = ((0.02, 0.16, 0.47, 0.72), (0.51, 0.16, 0.47, 0.72))
 """The same of the two motions of a film that shows one beside another."""
 FPS = {"gif": 20.0, "mp4": 30.0, "html": 20.0}
 SECONDS = 20.0
-APART = 24  # apparent period of an oscillation in frames
-LONGEST = 20.0
-"""Default length of the film in seconds."""
+"""Format: most seconds of a film where none are asked for."""
+STROBE_FRAMES = 24
+"""Format: frames in which a stroboscopic film shows one swing."""
 
 
 class Film(MovingFigure):
@@ -62,7 +62,7 @@ class Film(MovingFigure):
         figure.set(dpi=DPI, layout_engine="none")
         super().__init__(figure, visible(title_of(trajectory.scene)), len(times), rate)
         stage, panel = stage_of(trajectory, times), PANEL if second is None else HALVES[0]
-        ratio, trail = panel[2] * SIZE[0] / (panel[3] * SIZE[1]), max(1, round(TRAIL * rate))
+        ratio, trail = panel[2] * SIZE[0] / (panel[3] * SIZE[1]), max(1, round(rate))
         self.scenery = Scenery(self.figure.add_axes(panel), stage, ratio, trail)
         self.right: Gauges | Scenery
         if second is None:
@@ -125,14 +125,14 @@ def _caption(trajectory: Trajectory, stage: Stage, speed: float, second: Traject
 
 
 def strobe(phases: Phases, form: str) -> dict[str, Any]:
-    """The arguments of `animate` for a film of at most SECONDS, whole periods plus 1/APART between frames.
+    """The arguments of `animate` for a film of at most SECONDS, whole periods plus 1/STROBE_FRAMES between frames.
 
     Runs that are no longer than the film are shown in real time.
     """
     period = float(2 * pi / np.median(phases.omega[:, phases.leading]))
     fps, duration = FPS[form], float(phases.times[-1] - phases.times[0])
-    swings = ceil(duration / (SECONDS * fps * period) - 1 / APART)
-    speed = (swings + 1 / APART) * period * fps if duration > SECONDS else 1.0
+    swings = ceil(duration / (SECONDS * fps * period) - 1 / STROBE_FRAMES)
+    speed = (swings + 1 / STROBE_FRAMES) * period * fps if duration > SECONDS else 1.0
     return {"fps": fps, "speed": speed, "seconds": SECONDS}
 
 
@@ -173,7 +173,7 @@ def animate(
     _check(form, fps, speed, seconds)
     rate = frame_rate(form, fps)
     length = float(trajectory.times[-1] - trajectory.times[0]) / speed
-    frames = max(1, int(min(length, seconds or LONGEST) * rate + 1e-9))
+    frames = max(1, int(min(length, seconds or SECONDS) * rate + 1e-9))
     require_writer(form, frames)
     with any_letters():
         film = Film(trajectory, trajectory.times[0] + speed / rate * np.arange(frames), rate, speed, second)

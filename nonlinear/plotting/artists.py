@@ -11,6 +11,7 @@ from itertools import chain
 from typing import Any
 
 import numpy as np
+from matplotlib import rcParams
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PathCollection
@@ -19,19 +20,17 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, FancyBboxPatch, Polygon, Rectangle
 from matplotlib.ticker import MaxNLocator
 
-from modal.plotting import MARKED, QUIET, SMALL, colour, ink, paper, secondary_colour, shade
+from modal.plotting import MARKED, QUIET, SMALL, colour, ink, paper, rest, secondary_colour, shade
 from modal.plotting.carriers import ORDER, WIDTHS
+from modal.plotting.layout import OBLIQUE
+from modal.plotting.shapes import MARKS_MAX
 from modal.scene import Bob, Rod
 from modal.structure import Piece
 from modal.types import Floats
-from nonlinear.plotting.scene import DETAIL, OBLIQUE, Actor, FilmEnergies, Stage
+from nonlinear.plotting.scene import TRAIL_POINTS, WIDE_BARS, Actor, FilmEnergies, Stage
 
-BODY, FLOOR, SHADOW = 0.14, 0.05, 0.2  # fractions of ink in their colours
-MOST_MARKS = 40
-MARGIN = 0.09
-KINETIC, POTENTIAL = 0.8, 0.52  # fractions of ink in their colours
-FEWEST, LETTERS = 6, 28
-"""Largest number of bars; letters that fit side by side under them."""
+POTENTIAL = 0.52
+"""Format: ink in the colour of potential energy: the palest that stands out 3:1 from its paper."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +51,7 @@ class ViewLimits:
 def limits_of(stage: Stage, ratio: float) -> ViewLimits:
     """ViewLimits that contain everything that moves, with a margin, in a panel of aspect ratio `ratio`."""
     low, high = stage.extent
-    middle, half = (low + high) / 2, (1 + 2 * MARGIN) * (high - low) / 2
+    middle, half = (low + high) / 2, (1 + 4 * rcParams["axes.xmargin"]) * (high - low) / 2
     half = np.maximum(half, (half[1] * ratio, half[0] / ratio))
     return ViewLimits(middle[0] - half[0], middle[0] + half[0], middle[1] - half[1], middle[1] + half[1])
 
@@ -116,7 +115,7 @@ class _Cart:
             2 * half,
             0.14 * depth,
             boxstyle=f"round,pad=0,rounding_size={0.04 * depth}",
-            facecolor=shade(BODY),
+            facecolor=rcParams["grid.color"],
             edgecolor=ink(),
             lw=1.2,
             zorder=2,
@@ -197,7 +196,7 @@ def _piece(axis: Axes, piece: Piece) -> Polygon | Line2D:
     """A piece where it is first."""
     points, order, width = piece.points[0], ORDER[piece.role], WIDTHS[piece.role]
     if piece.is_outline:
-        face = shade(BODY) if piece.role == "body" else paper()
+        face = rcParams["grid.color"] if piece.role == "body" else paper()
         body = Polygon(points, closed=True, facecolor=face, edgecolor=ink(), lw=width, joinstyle="round", zorder=order)
         axis.add_patch(body)
         return body
@@ -220,15 +219,15 @@ def _floor(axis: Axes, stage: Stage) -> None:
         (a + b * OBLIQUE[0], level + b * OBLIQUE[1])
         for a, b in ((left, front), (right, front), (right, back), (left, back))
     ]
-    axis.add_patch(Polygon(corners, facecolor=shade(FLOOR), edgecolor=shade(SHADOW), lw=0.8, zorder=0))
+    axis.add_patch(Polygon(corners, facecolor=rcParams["grid.color"], edgecolor=rest(), lw=0.8, zorder=0))
 
 
 class _Player:
     """A pendulum: links as lines with round ends, bobs as discs, the centres of bodies as diamonds, a fading trail."""
 
     def __init__(self, axis: Axes, actor: Actor, hue: str, points: float, trail: int) -> None:
-        self.actor, self.trail = actor, DETAIL * trail
-        has_marks = len(actor.links) <= MOST_MARKS
+        self.actor, self.trail = actor, TRAIL_POINTS * trail
+        has_marks = len(actor.links) <= MARKS_MAX
         links = list(enumerate(actor.links)) if has_marks else []
         self.rods, self.bobs = ([i for i, link in links if isinstance(link, kind)] for kind in (Rod, Bob))
         self.bodies = [i for i, _ in links if i not in {*self.rods, *self.bobs}]
@@ -236,7 +235,7 @@ class _Player:
         shortest = points * min(link.length for link in actor.links)
         thick = float(np.clip(0.16 * shortest, 2.5, 7.0))
         round_style: dict[str, Any] = {"solid_capstyle": "round", "solid_joinstyle": "round", "color": hue}
-        self.shadow = axis.plot([], [], color=shade(SHADOW), lw=0.6 * thick, gid=QUIET, zorder=0.5)[0]
+        self.shadow = axis.plot([], [], color=rest(), lw=0.6 * thick, gid=QUIET, zorder=0.5)[0]
         self.wake = _wake(axis, hue, self.trail)
         self.line = axis.plot([], [], lw=min(2.2, thick), **round_style, zorder=4)[0]
         self.bars = axis.plot([], [], lw=thick, **round_style, zorder=5)[0]
@@ -266,7 +265,7 @@ class _Player:
         self.discs.set_offsets(centres[self.bobs])
         self.diamonds.set_offsets(centres[self.bodies])
         self.pins.set_data(*joints[self.pinned].T)
-        way = self.actor.trail[max(0, DETAIL * frame - self.trail) : DETAIL * frame + 1][::-1]
+        way = self.actor.trail[max(0, TRAIL_POINTS * frame - self.trail) : TRAIL_POINTS * frame + 1][::-1]
         self.wake.set_segments(list(np.stack((way[:-1], way[1:]), axis=1)))
         if self.actor.shadow is not None:
             self.shadow.set_data(*self.actor.shadow[frame].T)
@@ -334,23 +333,24 @@ def _bars(axis: Axes, energies: FilmEnergies) -> tuple[list[Rectangle], list[Rec
     kinetic, potential = energies.kinetic, energies.potential
     count = kinetic.shape[1]
     _decorate(axis, "energy of each (J)", 5)
-    lower = axis.bar(range(count), kinetic[0], 0.62, color=shade(KINETIC), label="kinetic")
+    lower = axis.bar(range(count), kinetic[0], 0.62, color=secondary_colour(), label="kinetic")
     upper = axis.bar(range(count), potential[0], 0.62, bottom=kinetic[0], color=shade(POTENTIAL), label="potential")
-    spare = max(FEWEST - count, 0) / 2
+    spare = max(WIDE_BARS - count, 0) / 2
     low = min(0.0, 1.06 * float(potential.min()))
     axis.set(xlim=(-0.6 - spare, count - 0.4 + spare), ylim=(low, _top(kinetic + potential)))
-    letters = sum(len(name) + 1 for name in energies.names)
     axis.set_xticks(range(count), energies.names)
-    for label in axis.get_xticklabels():
-        label.set_fontsize(float(label.get_fontsize()) * min(1.0, LETTERS / letters))
+    labels = axis.get_xticklabels()
+    width = sum(label.get_window_extent().width for label in labels)
+    for label in labels:
+        label.set_fontsize(float(label.get_fontsize()) * min(1.0, 0.8 * axis.get_window_extent().width / width))
     return list(lower), list(upper)
 
 
 def _lines(axis: Axes, energies: FilmEnergies, times: Floats) -> tuple[list[Line2D], Line2D]:
     kinetic, potential = energies.totals
     _decorate(axis, "energy of all (J)", 17)
-    looks = (("kinetic", KINETIC, 1.0), ("potential", POTENTIAL, 1.8), ("total", 1.0, 1.8))
-    lines = [axis.plot([], [], lw=width, color=shade(part), label=name)[0] for name, part, width in looks]
+    looks = (("kinetic", secondary_colour(), 1.0), ("potential", shade(POTENTIAL), 1.8), ("total", ink(), 1.8))
+    lines = [axis.plot([], [], lw=width, color=hue, label=name)[0] for name, hue, width in looks]
     dot = axis.plot([], [], "o", ms=4.5, color=ink())[0]
     span = max(float(times[-1] - times[0]), 1e-300)
     axis.set(xlim=(times[0], times[-1] + 0.03 * span), ylim=(0, 1.08 * _top(kinetic + potential)))

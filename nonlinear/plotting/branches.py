@@ -10,7 +10,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from modal.errors import ComputationError
-from modal.plotting import HUES, WIDTH, headline, key, save, scale, sheet
+from modal.plotting import HUES, headline, key, save, scale
+from modal.plotting.style import sheet_of_rows
 from modal.scene import number_label, title_of
 from modal.types import Floats
 from nonlinear.plotting.stability import branch_keys, draw_branch, mark, stability_keys
@@ -18,24 +19,20 @@ from nonlinear.plotting.stability import branch_keys, draw_branch, mark, stabili
 if TYPE_CHECKING:
     from nonlinear.synchronization import Branches, EquilibriumBranch
 
-MOST_CURVES = HUES
-
 
 def draw_branches(branches: Branches, stream: IO[bytes], form: str = "png") -> None:
     """Write the picture as png, svg or pdf: solid lines where a branch is stable, dash-dotted ones where it is not.
 
-    Circles are critical values.  Raises ComputationError for no branch and for more than MOST_CURVES.
+    Circles are critical values.  Raises ComputationError for no branch and for more than HUES.
     """
     save(branches_figure(branches), stream, form)
 
 
 def branches_figure(branches: Branches) -> Figure:
     """The same as a figure."""
-    if not 1 <= len(branches.branches) <= MOST_CURVES:
-        raise ComputationError(
-            f"{len(branches.branches)} configurations do not fit in a figure: from 1 to {MOST_CURVES}"
-        )
-    figure = sheet(WIDTH, 7.0)
+    if not 1 <= len(branches.branches) <= HUES:
+        raise ComputationError(f"{len(branches.branches)} configurations do not fit in a figure: from 1 to {HUES}")
+    figure = sheet_of_rows(2)
     upper, lower = figure.subplots(2, 1, sharex=True)
     values = branches.variation.values
     for number, branch in enumerate(branches.branches):

@@ -12,17 +12,17 @@ from matplotlib.ticker import MaxNLocator
 
 from modal.plotting import (
     MARKED,
+    MOST_CURVES,
     PREDICTED,
     QUIET,
     WIDE,
-    WIDTH,
     colour,
     headline,
     legend,
     save,
     secondary_colour,
-    sheet,
 )
+from modal.plotting.style import BAND, sheet_of_rows
 from modal.scene import Scene, title_of
 
 if TYPE_CHECKING:
@@ -31,10 +31,8 @@ if TYPE_CHECKING:
     Rows = Sequence[tuple[Case, Exponent]]
 
 MARKERS = ("o", "s", "D", "^")
-MOST_LINES = 24
-"""Number of single starts drawn behind their mean."""
 NUDGE = 1.06
-"""Factor by which series of carts are offset, to separate their error bars."""
+"""Format: factor by which series of carts are offset, to separate their error bars."""
 
 
 def draw_running(exponent: Exponent, stream: IO[bytes], kind: str = "png") -> None:
@@ -44,15 +42,15 @@ def draw_running(exponent: Exponent, stream: IO[bytes], kind: str = "png") -> No
 
 def exponent_figure(exponent: Exponent) -> Figure:
     """λ against averaging time: each start, their mean with its interval, and the limit for regular motion."""
-    figure = sheet(WIDTH, 4.6)
+    figure = sheet_of_rows(1)
     axis = figure.subplots()
     times, running = exponent.running()
     since, mean = times - exponent.transient, running.mean(1)
     if exponent.ensemble > 1:
-        axis.plot(since, running[:, :MOST_LINES], color=colour(0), lw=0.6, alpha=0.4, gid=QUIET)
+        axis.plot(since, running[:, :MOST_CURVES], color=colour(0), lw=0.6, alpha=0.4, gid=QUIET)
     axis.plot([], [], color=colour(0), lw=0.8, label="single starts")
     half, words = exponent.half_width, "95 % interval of the mean"
-    axis.axhspan(exponent.value - half, exponent.value + half, color=colour(1), alpha=0.25, lw=0, label=words)
+    axis.axhspan(exponent.value - half, exponent.value + half, color=colour(1), alpha=BAND, lw=0, label=words)
     axis.plot(since, mean, color=colour(1), lw=2.2, label=f"mean of {exponent.ensemble}: {exponent.equation}")
     axis.plot(
         since, exponent.regular(since), ls=PREDICTED, color=secondary_colour(), lw=1.4, label="limit for regular motion"
@@ -77,7 +75,7 @@ def finding_figure(finding: Finding) -> Figure:
 
 
 def _chains(finding: Finding) -> Figure:
-    figure = sheet(WIDE, 4.6)
+    figure = sheet_of_rows(1, WIDE)
     left, right = figure.subplots(1, 2)
     for k, (name, rows) in enumerate(finding.series().items()):
         links = [float(exponent.scene.n_links) for _, exponent in rows]
@@ -100,12 +98,12 @@ def _natural_rate(scene: Scene) -> float:
 
 
 def _carts(finding: Finding) -> Figure:
-    figure = sheet(WIDTH, 4.8)
+    figure = sheet_of_rows(1)
     axis = figure.subplots()
     for k, (name, rows) in enumerate(finding.series().items()):
         fixed_exponent = next(exponent for case, exponent in rows if case.at is None)
         half = fixed_exponent.half_width
-        axis.axhspan(fixed_exponent.value - half, fixed_exponent.value + half, color=colour(k), alpha=0.16, lw=0)
+        axis.axhspan(fixed_exponent.value - half, fixed_exponent.value + half, color=colour(k), alpha=BAND / 2, lw=0)
         axis.axhline(fixed_exponent.value, color=colour(k), ls=MARKED, lw=1.4)
         carts = [(case, exponent) for case, exponent in rows if case.at is not None]
         masses = [(case.at or 0.0) * NUDGE ** (k - 1) for case, _ in carts]

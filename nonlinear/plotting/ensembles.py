@@ -10,7 +10,8 @@ from matplotlib.colors import BoundaryNorm, ListedColormap, LogNorm, Normalize, 
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from modal.plotting import WIDTH, colour, headline, legend, rest, save, scale, sheet, thickness
+from modal.plotting import HUES, colour, headline, key, legend, rest, save, scale, thickness
+from modal.plotting.style import BAND, LOG_RATIO, dot_size, sheet_of_rows
 from modal.scene import number_label, number_words, title_of
 from modal.types import Floats
 from nonlinear.plotting.sweeps import edges, label
@@ -19,11 +20,6 @@ if TYPE_CHECKING:
     from nonlinear.ensembles import Basins, PoincareSection
     from nonlinear.sweeps import Spread
 
-DECADES = 5.0  # the ratio of largest to smallest from which colours go by ratios
-WIDEST = 60.0  # and no more of first turns, some of which begin at the top
-MOST_BANDS = 4  # links whose motion is drawn
-FEW_MODES = 6
-LONG = 36  # letters of a name in a legend, of which two stand side by side
 TITLES = {
     "configuration": "which rhythm each start ends in",
     "first_turn_s": "when a link first goes over the top",
@@ -39,7 +35,7 @@ def draw_basins(basins: Basins, stream: IO[bytes], kind: str = "png") -> None:
 
 def basins_figure(basins: Basins) -> Figure:
     """The measure over both numbers: a colour each for configurations, else shades; what never happens stays blank."""
-    figure = sheet(WIDTH, 6.6)
+    figure = sheet_of_rows(2)
     axis = figure.subplots()
     scene, (y, x) = basins.ensemble.question.scene, basins.axes
     axis.patch.set(edgecolor=rest(), hatch="" if basins.column == "first_turn_s" else "////", lw=0)
@@ -67,8 +63,7 @@ def _kinds(figure: Figure, axis: Axes, basins: Basins) -> None:
         Patch(color=hue, label=f"{name}: {100 * shares[name]:.3g} %")
         for hue, name in zip(hues, basins.names, strict=True)
     ]
-    longest = max(len(str(handle.get_label())) for handle in handles)
-    figure.legend(handles=handles, loc="outside lower center", ncols=min(3 if longest < LONG else 2, kinds))
+    key(figure, handles, columns=min(3, kinds))
 
 
 def _shades(figure: Figure, axis: Axes, basins: Basins) -> None:
@@ -79,8 +74,8 @@ def _shades(figure: Figure, axis: Axes, basins: Basins) -> None:
         return
     low, high = float(numbers.min()), float(numbers.max())
     if basins.column == "first_turn_s":
-        low = max(low, high / WIDEST)
-    ratio = low > 0 and high > DECADES * low
+        low = max(low, high / (2 * LOG_RATIO))  # some begin at the top, and would take all colours
+    ratio = low > 0 and high > LOG_RATIO * low
     norm = (LogNorm if ratio else Normalize)(low, high)
     mesh = axis.pcolormesh(edges(x), edges(y), values, norm=norm, rasterized=True, lw=0)
     bar = figure.colorbar(mesh, ax=axis, pad=0.02)
@@ -98,11 +93,11 @@ def draw_section(section: PoincareSection, stream: IO[bytes], kind: str = "png")
 
 def section_figure(section: PoincareSection) -> Figure:
     """Every crossing as a dot, a colour for each motion."""
-    figure = sheet(WIDTH, 5.6)
+    figure = sheet_of_rows(2)
     axis = figure.subplots()
     angle, rate = section.points()
     orbit = section.orbit.astype(int)
-    size = float(np.clip(4000 / max(len(orbit), 1), 1.8, 6.0))
+    size = dot_size(len(orbit))
     for number in range(section.ensemble.size):
         on_orbit = orbit == number
         axis.plot(angle[on_orbit], rate[on_orbit], ".", ms=size, mew=0, color=colour(number))
@@ -133,7 +128,7 @@ def draw_spread(spread: Spread, stream: IO[bytes], kind: str = "png") -> None:
 def spread_figure(spread: Spread) -> Figure:
     """The deviation of every frequency with what explains it, and above it bands of the motion where there is one."""
     motion = spread.ensemble is not None
-    figure = sheet(WIDTH, 4.4 + 3.4 * motion)
+    figure = sheet_of_rows(1 + motion)
     panels = np.atleast_1d(figure.subplots(1 + motion, 1))
     if motion:
         _bands(panels[0], spread)
@@ -143,22 +138,17 @@ def spread_figure(spread: Spread) -> Figure:
 
 
 def _bands(axis: Axes, spread: Spread) -> None:
-    for link in range(min(spread.scene.n_links, MOST_BANDS)):
+    for link in range(min(spread.scene.n_links, HUES)):
         low, middle, high = spread.bands[..., link]
-        axis.fill_between(spread.times, low, high, color=colour(link), alpha=0.25, lw=0)
-        axis.plot(
-            spread.times,
-            middle,
-            color=colour(link),
-            lw=thickness(link, 1.8),
-            label=f"link {link + 1}: median, 5 to 95 %",
-        )
+        axis.fill_between(spread.times, low, high, color=colour(link), alpha=BAND, lw=0)
+        words = f"link {link + 1}: median, 5 to 95 %"
+        axis.plot(spread.times, middle, color=colour(link), lw=thickness(link), label=words)
     axis.set(xlabel="time (s)", ylabel="angle (°)", xlim=(0, spread.times[-1]))
     legend(axis, 2)
 
 
 def _deviations(axis: Axes, spread: Spread) -> None:
-    records = spread.frequencies[:FEW_MODES]
+    records = spread.frequencies[:HUES]
     at, bottom = np.arange(len(records)), np.zeros(len(records))
     deviation = np.array([record["standard_deviation_rad_per_s"] / record["omega_rad_per_s"] for record in records])
     for k, path in enumerate(spread.values):

@@ -8,18 +8,16 @@ import numpy as np
 from matplotlib import rcParams
 from matplotlib.figure import Figure
 
-from modal.plotting import MARKED, WIDTH, colour, headline, legend, rest, save, sheet
+from modal.plotting import HUES, MARKED, colour, headline, legend, rest, save
+from modal.plotting.style import sheet_of_rows
 from modal.scene import title_of
 
 if TYPE_CHECKING:
     from nonlinear.identification import Fit
 
-MOST_SEGMENTS = 4
-MOST_SENSORS = 6
 FACTORS = {"rad": 180 / np.pi, "m": 1e3, "1": 1.0}
 SHOWN, MISSED = {"rad": "°", "m": "mm", "1": "1"}, {"rad": "mrad", "m": "mm", "1": "10⁻³"}
 """How readings of these units are shown, and what is left of them."""
-GAP = 0.06  # between segments, as part of the longest
 
 
 def draw_fit(fit: Fit, stream: IO[bytes], kind: str = "png") -> None:
@@ -33,14 +31,14 @@ def fit_figure(fit: Fit) -> Figure:
     Of many segments the first ones are drawn, side by side.
     """
     recording = fit.recording
-    sensors, segments = recording.sensors[:MOST_SENSORS], recording.segments[:MOST_SEGMENTS]
-    figure = sheet(WIDTH, 1.6 + 1.5 * len(sensors) + 1.5)
-    axes = figure.subplots(len(sensors) + 1, 1, sharex=True, gridspec_kw={"hspace": 0.12})
-    longest = max(segment.times[-1] - segment.times[0] for segment in segments)
+    sensors, segments = recording.sensors[:HUES], recording.segments[:4]
+    figure = sheet_of_rows((len(sensors) + 1) / 2)
+    axes = figure.subplots(len(sensors) + 1, 1, sharex=True)
+    gap = rcParams["axes.xmargin"] * max(segment.times[-1] - segment.times[0] for segment in segments)
     at = 0.0
     for s, segment in enumerate(segments):
         times = at + segment.times - segment.times[0]
-        at = times[-1] + GAP * longest
+        at = times[-1] + gap
         for c, sensor in enumerate(sensors):
             factor = FACTORS[sensor.unit]
             label = {"label": "measured"} if s == c == 0 else {}
@@ -52,7 +50,7 @@ def fit_figure(fit: Fit) -> Figure:
             axes[-1].plot(times, 1e3 * miss, color=colour(c), lw=0.8, **label)
         if s:
             for axis in axes:
-                axis.axvline(times[0] - GAP * longest / 2, color=rest(), lw=0.6, ls=MARKED)
+                axis.axvline(times[0] - gap / 2, color=rest(), lw=0.6, ls=MARKED)
     for axis, sensor in zip(axes, sensors, strict=False):
         axis.set_ylabel(f"{sensor.name} ({SHOWN[sensor.unit]})")
     legend(axes[0], 2)

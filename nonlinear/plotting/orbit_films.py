@@ -8,6 +8,7 @@ from typing import IO, TYPE_CHECKING
 import numpy as np
 
 from modal.modes import Modes
+from modal.plotting.style import SOLVED_POINTS
 from modal.report import silent
 from modal.types import Floats
 from nonlinear.integration import CLOSED, SolverInfo, Trajectory
@@ -17,8 +18,6 @@ from nonlinear.system import Motion
 
 if TYPE_CHECKING:
     from nonlinear.orbits import Orbit
-
-PERIODS, SAMPLES = 4, 200
 
 
 def film_orbit(
@@ -30,10 +29,10 @@ def film_orbit(
     row: int = 0,
     report: Callable[[float], object] = silent,
 ) -> Shown:
-    """Write a film of some periods of an orbit, beside the mode of index `row` at the same largest angle."""
-    phase = np.linspace(0, 1, SAMPLES, endpoint=False)
-    rows = np.tile(orbit.states_at(phase * orbit.period), (PERIODS, 1))
-    times = (np.arange(PERIODS)[:, None] + phase).ravel() * orbit.period
+    """Write a film of four periods of an orbit, beside the mode of index `row` at the same largest angle."""
+    phase = np.linspace(0, 1, SOLVED_POINTS, endpoint=False)
+    rows = np.tile(orbit.states_at(phase * orbit.period), (4, 1))
+    times = (np.arange(4)[:, None] + phase).ravel() * orbit.period
     trajectory = _trajectory(orbit, times, orbit.motion(rows), "the periodic orbit")
     linear_motion = _linear(orbit, times, modes, row) if modes else None
     return animate(trajectory, stream, form, second=linear_motion, report=report)

@@ -7,13 +7,15 @@ from contextlib import suppress
 from typing import IO, TYPE_CHECKING
 
 import numpy as np
+from matplotlib import rcParams
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from modal.errors import ComputationError, SceneError
 from modal.modes import Mode, natural_modes
-from modal.plotting import HUES, MARKED, PREDICTED, WIDTH, headline, key, save, scale, secondary_colour, sheet
+from modal.plotting import HUES, MARKED, PREDICTED, headline, key, save, scale, secondary_colour
+from modal.plotting.style import SOLVED_POINTS, sheet_of_rows
 from modal.scene import Scene, number_label, title_of
 from modal.scene.parameters import Variation, vary
 from modal.types import Floats
@@ -23,8 +25,8 @@ if TYPE_CHECKING:
     from nonlinear.orbits import Branch, Special
 
 MARKS = {"fold": "o", "branch point": "D", "period doubling": "s", "torus": "^", "collision": "v"}
-POINTS, WIDEST = 200, 170.0  # of a linear response; the largest angle (deg) of a backbone
-NARROW = 0.05  # least width of the axis of frequencies over the linear frequency
+BACKBONE_DEG = 170.0
+"""Format: largest angle of a backbone beside a resonance: short of the top, where its period has no limit."""
 
 
 def draw_orbits(
@@ -58,14 +60,14 @@ def orbits_figure(scene: Scene, branches: Sequence[Branch], mode: Mode | None = 
 
 
 def _backbones(branches: Sequence[Branch], mode: Mode) -> Figure:
-    figure = sheet(WIDTH, 5.8)
+    figure = sheet_of_rows(2)
     axis = figure.subplots()
     for number, branch in enumerate(branches):
         _curve(axis, branch, branch.omega, np.rad2deg(branch.amplitude), number)
     widest = float(max(branch.amplitude.max() for branch in branches))
-    a = np.linspace(0, widest, 200)
+    a = np.linspace(0, widest, SOLVED_POINTS)
     slow, fast = axis.get_xlim()
-    fast = max(fast, mode.omega + 0.1 * (mode.omega - slow), slow + NARROW * mode.omega)
+    fast = max(fast, mode.omega + 0.1 * (mode.omega - slow), (1 + rcParams["axes.xmargin"]) * slow)
     slow = min(slow, mode.omega - 0.1 * (fast - mode.omega))
     axis.axvline(mode.omega, color=secondary_colour(), lw=1.1, ls=MARKED, zorder=1)
     axis.plot(
@@ -77,7 +79,7 @@ def _backbones(branches: Sequence[Branch], mode: Mode) -> Figure:
 
 
 def _curves(scene: Scene, branches: Sequence[Branch]) -> Figure:
-    figure = sheet(WIDTH, 7.0)
+    figure = sheet_of_rows(2)
     upper, lower = figure.subplots(2, 1, sharex=True)
     variation = branches[0].variation
     assert variation is not None
@@ -93,7 +95,7 @@ def _curves(scene: Scene, branches: Sequence[Branch]) -> Figure:
 
 def _resonance(scene: Scene, branches: Sequence[Branch]) -> Figure:
     """The largest angle and its phase along a number, with the linear response and the backbones of modes beside."""
-    figure = sheet(WIDTH, 7.0)
+    figure = sheet_of_rows(2)
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
     variation = branches[0].variation
     assert variation is not None
@@ -125,11 +127,11 @@ def _resonance(scene: Scene, branches: Sequence[Branch]) -> Figure:
 
 
 def _linear(scene: Scene, variation: Variation) -> tuple[Floats, Floats]:
-    """The largest angle (deg) of the linear response at POINTS values of a number; NaN where it has none."""
+    """The largest angle (deg) of the linear response at so many values of a number; NaN where it has none."""
     from nonlinear.orbits import linear_response
 
     space = np.geomspace if variation.log else np.linspace
-    values, angles = space(variation.values[0], variation.values[-1], POINTS), np.full(POINTS, np.nan)
+    values, angles = space(variation.values[0], variation.values[-1], SOLVED_POINTS), np.full(SOLVED_POINTS, np.nan)
     for k, value in enumerate(values.tolist()):
         with suppress(ComputationError, SceneError):
             angles[k] = np.rad2deg(linear_response(vary(scene, {variation.path: value})).amplitude)
@@ -146,7 +148,7 @@ def _backbones_of(scene: Scene, variation: Variation, widest: float) -> Iterator
         if not low - (high - low) < omega / (2 * np.pi) < high + (high - low):
             continue
         with suppress(ComputationError, SceneError):
-            branch = nonlinear_mode(free, number, np.deg2rad(min(widest, WIDEST)), locate=False)
+            branch = nonlinear_mode(free, number, np.deg2rad(min(widest, BACKBONE_DEG)), locate=False)
             yield branch.omega / (2 * np.pi), np.rad2deg(branch.amplitude)
 
 

@@ -12,7 +12,6 @@ from matplotlib.lines import Line2D
 from modal.errors import ComputationError
 from modal.plotting import (
     PREDICTED,
-    WIDTH,
     colour,
     headline,
     ink,
@@ -22,15 +21,13 @@ from modal.plotting import (
     scale,
     secondary_colour,
     set_frame,
-    sheet,
 )
+from modal.plotting.style import sheet_of_rows
 from modal.scene import number_label, title_of
 from nonlinear.plotting.stability import mark
 
 if TYPE_CHECKING:
     from nonlinear.synchronization import MotionBranch, PopulationDiagram
-
-BAR = 5.0  # points, the width of the line along 0 where a motion is stable
 
 
 def draw_populations(diagram: PopulationDiagram, stream: IO[bytes], form: str = "png") -> None:
@@ -46,7 +43,7 @@ def populations_figure(diagram: PopulationDiagram) -> Figure:
     branches = [branch for branch in diagram.branches if len(branch.values)]
     if not branches:
         raise ComputationError("no symmetric motion of the populations exists in this range")
-    figure = sheet(WIDTH, 3.4 * len(branches) + 0.8)
+    figure = sheet_of_rows(len(branches))
     axes = figure.subplots(len(branches), 1, sharex=True, squeeze=False)[:, 0]
     names = list(dict.fromkeys(name for branch in branches for name in branch.sectors))
     for axis, branch in zip(axes, branches, strict=True):
@@ -64,7 +61,7 @@ def populations_figure(diagram: PopulationDiagram) -> Figure:
 def _panel(axis: Axes, diagram: PopulationDiagram, branch: MotionBranch, names: list[str]) -> None:
     axis.axhline(0.0, color=secondary_colour(), lw=0.8, zorder=1)
     for low, high in diagram.intervals(branch):
-        axis.plot([low, high], [0.0, 0.0], color=secondary_colour(), lw=BAR, solid_capstyle="butt", zorder=2)
+        axis.plot([low, high], [0.0, 0.0], color=secondary_colour(), lw=narrowing(0), solid_capstyle="butt", zorder=2)
     windows = [(branch.values >= low) & (branch.values <= high) for low, high in diagram.windows(branch)]
     for number, name in enumerate(names):
         look: dict[str, Any] = {"color": colour(number), "zorder": 4}
@@ -88,7 +85,7 @@ def _handles(names: list[str], ends: bool) -> list[Line2D]:
     return [
         *lines,
         Line2D([], [], color=ink(), lw=1.0, ls=PREDICTED, label="averaged equations"),
-        Line2D([], [], color=secondary_colour(), lw=BAR, label="stable"),
+        Line2D([], [], color=secondary_colour(), lw=narrowing(0), label="stable"),
         Line2D([], [], label="threshold", **mark()),
         *[Line2D([], [], label="the motion itself begins or ends", **mark("s"))] * ends,
     ]

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from modal.errors import ComputationError, MultipendulaError
 from modal.modes import natural_modes
 from modal.plotting import (
-    MARKED,
+    HUES,
     WIDE,
     caption,
     colour,
@@ -22,27 +22,29 @@ from modal.plotting import (
     ink,
     is_blob,
     legend,
+    mark_modes,
     pick,
     rest,
     save,
     secondary_colour,
     set_frame,
-    sheet,
 )
+from modal.plotting.style import POINTS, VISIBLE_SHARE, sheet_of_rows
 from modal.scene import Scene, title_of
 from modal.scene.doors import require_type
 from modal.types import Floats
 from nonlinear.integration import Trajectory
-from nonlinear.plotting.scene import carrier_name
+from nonlinear.plotting.scene import ANGLES_AT_ONCE, carrier_name
 from nonlinear.postprocessing import WINDOW_NAME, power_spectrum, resample, resolution
 
-MOST_LINES, MOST_MARKS, FEWEST = 6, 24, 32
-MOST_MODES = 480  # links of a scene whose natural frequencies are computed for the spectrum
-POINTS, MOST_SMOOTHED = 6000, 200  # points drawn, and links of a scene up to which a run is interpolated
-FAINT = 1e-6  # power of note over the strongest line, where no frequency says how far a spectrum goes
-PORTRAIT = 100  # swings from which on a portrait is drawn as dots
-STILL, ROOM = 1e-9, 1e-3  # motion (m) of a cart that is at rest but for rounding, and the room about it
-DEEPEST = 1e-10  # smallest power shown in a spectrum over the strongest line
+SPECTRUM_SAMPLES = 32
+"""Limit: fewest samples of a spectrum: "too few or uneven samples"."""
+PORTRAIT_SWINGS = 100
+"""Format: swings from which on a portrait is drawn as dots: so many lines fill it."""
+STILL_METRES = 1e-9
+"""Format: motion of a cart that is at rest but for rounding, which is not magnified."""
+SPECTRUM_DEPTH = 1e-10
+"""Format: smallest power that a spectrum shows over the strongest line: below are the side lobes of its window."""
 
 
 def draw_run(trajectory: Trajectory, stream: IO[bytes], *, kind: str = "png") -> None:
@@ -62,7 +64,7 @@ class _DrawnLinks:
     @classmethod
     def of(cls, trajectory: Trajectory) -> _DrawnLinks:
         """Of many links some evenly spaced."""
-        links, names, stand_for = pick(degrees(trajectory)[0].T, _names(trajectory), MOST_LINES)
+        links, names, stand_for = pick(degrees(trajectory)[0].T, _names(trajectory), HUES)
         return cls(links.tolist(), names, stand_for)
 
 
@@ -74,7 +76,7 @@ def run_figure(trajectory: Trajectory) -> Figure:
     if len(trajectory.times) < 2:
         raise ComputationError("a run with a single sample cannot be drawn")
     carrier_panels = _carrier_panels(trajectory) + _prescribed_panels(trajectory)
-    figure = sheet(WIDE, 7.2 + 1.4 * len(carrier_panels))
+    figure = sheet_of_rows(max(5 + len(carrier_panels), 6) / 2, WIDE)
     rows = 6 if len(carrier_panels) < 2 else 2 * (2 + len(carrier_panels))
     grid = figure.add_gridspec(rows, 2, width_ratios=(3, 2))
     tall = 2 if carrier_panels else 3
@@ -98,7 +100,7 @@ def run_figure(trajectory: Trajectory) -> Figure:
 def _smooth(trajectory: Trajectory) -> Trajectory:
     """The run with points between its samples, where these are so few that corners would show."""
     times = trajectory.times
-    if len(times) >= POINTS or trajectory.system.n_links > MOST_SMOOTHED:
+    if len(times) >= POINTS or POINTS * trajectory.system.n_links > ANGLES_AT_ONCE:
         return trajectory
     fine = np.linspace(times[0], times[-1], POINTS)
     try:
@@ -182,11 +184,11 @@ def _draw_carriers(axis: Axes, trajectory: Trajectory, title: str, label: str, c
     if title == "Cart":
         has_band = _carrier(axis, trajectory.times, curves["x"], "x")
         set_frame(axis, "time (s)", label, title)
-        if np.ptp(curves["x"]) < STILL:
-            axis.set_ylim(curves["x"][0] - ROOM, curves["x"][0] + ROOM)
+        if np.ptp(curves["x"]) < STILL_METRES:
+            axis.set_ylim(curves["x"][0] - 1, curves["x"][0] + 1)
         legend(axis, least_count=1 if has_band else 2)
         return
-    numbers, names, stand_for = pick(np.array(list(curves.values())), list(curves), MOST_LINES)
+    numbers, names, stand_for = pick(np.array(list(curves.values())), list(curves), HUES)
     values = list(curves.values())
     draw_curves(axis, [(trajectory.times, values[k]) for k in numbers], names=names, bands=True)
     part = f": {stand_for} of {len(curves)}" if stand_for < len(curves) else ""
@@ -211,7 +213,7 @@ def _energies(axis: Axes, trajectory: Trajectory) -> None:
     else:
         energy_of_each = kinetic + potential
         numbers, labels, stand_for = pick(
-            energy_of_each.T, [f"pendulum {k}" for k in range(1, energy_of_each.shape[1] + 1)], MOST_LINES
+            energy_of_each.T, [f"pendulum {k}" for k in range(1, energy_of_each.shape[1] + 1)], HUES
         )
         curves, left_out = (
             dict(zip(labels, energy_of_each[:, numbers].T, strict=True)),
@@ -233,13 +235,13 @@ def _portrait(axis: Axes, trajectory: Trajectory, chosen_links: _DrawnLinks) -> 
         return
     (angles, rates), rests = degrees(trajectory), np.where(trajectory.system.by_link("sigma") > 0, 0.0, 180.0)
     curves = [_wrap(angles[:, link], rates[:, link], rests[link]) for link in chosen_links.links]
-    if any(is_blob(angles[:, link], PORTRAIT, np.ptp(angles[:, link])) for link in chosen_links.links):
+    if any(is_blob(angles[:, link], PORTRAIT_SWINGS, np.ptp(angles[:, link])) for link in chosen_links.links):
         for k, (curve, name) in enumerate(zip(curves, chosen_links.names, strict=True)):
             axis.plot(*curve, ls="", marker=".", ms=1.6, mew=0, color=colour(k), label="_dots", rasterized=True)
             axis.plot([], [], ls="", marker="o", ms=5, color=colour(k), label=name)
         words = "Phase portraits of the links drawn above,\nsamples as dots"
     else:
-        draw_curves(axis, curves, names=chosen_links.names, first=1.4)
+        draw_curves(axis, curves, names=chosen_links.names, first=1)
         words = "Phase portraits of the links drawn above"
     set_frame(axis, "angle (°)", "rate (°/s)", words)
     legend(axis, 3)
@@ -254,9 +256,9 @@ def _wrap(angles: Floats, rates: Floats, rest: float) -> tuple[Floats, Floats]:
 
 def _top_view(axis: Axes, trajectory: Trajectory) -> None:
     tips = sorted(int(group.index[-1, k]) for group in trajectory.system.groups for k in range(group.index.shape[1]))
-    choice = even_choice(len(tips), MOST_LINES)
+    choice = even_choice(len(tips), HUES)
     curves = [tuple(trajectory.mechanics.joints[:, tips[k], :2].T) for k in choice]
-    draw_curves(axis, curves, names=[f"pendulum {k + 1}" for k in choice], first=1.4)
+    draw_curves(axis, curves, names=[f"pendulum {k + 1}" for k in choice], first=1)
     axis.set_aspect("equal", adjustable="datalim")
     part = f" of {len(choice)} of {len(tips)} pendula" if len(choice) < len(tips) else ""
     set_frame(axis, "along the rail (m)", "across (m)", f"Tips{part} from above")
@@ -266,7 +268,7 @@ def _top_view(axis: Axes, trajectory: Trajectory) -> None:
 def _spectrum(axis: Axes, trajectory: Trajectory, chosen_links: _DrawnLinks) -> None:
     set_frame(axis, "angular frequency ω (rad/s)", "power (°² s)")
     times = trajectory.times
-    is_even = len(times) >= FEWEST and np.ptp(np.diff(times)) < 1e-6 * (times[1] - times[0])
+    is_even = len(times) >= SPECTRUM_SAMPLES and np.ptp(np.diff(times)) < 1e-6 * (times[1] - times[0])
     if not is_even:
         axis.set_title("Spectrum", loc="left")
         axis.text(
@@ -278,23 +280,15 @@ def _spectrum(axis: Axes, trajectory: Trajectory, chosen_links: _DrawnLinks) -> 
     marks = _linear(trajectory, float(omega[-1]))
     last = min(omega[-1], max(3 * max(marks) if marks else _reach(spectra), 2 * resolution(times)))
     is_shown = omega <= 1.1 * last
-    lowest = highest * DEEPEST
+    lowest = highest * SPECTRUM_DEPTH
     powers = [np.where((power > 0) & is_shown, np.maximum(power, lowest / 10), np.nan) for _, power in spectra]
-    has_band = draw_curves(
-        axis, [(omega[is_shown], power[is_shown]) for power in powers], first=1.7, log="y", bands=True
-    )
+    has_band = draw_curves(axis, [(omega[is_shown], power[is_shown]) for power in powers], log="y", bands=True)
     axis.set_xlim(0, last)
     if highest > 0:
         axis.set_yscale("log")
         axis.set_ylim(lowest, 10 * highest)
-    words = ""
-    if len(marks) > MOST_MARKS:
-        axis.axvspan(min(marks), max(marks), color=rest(), alpha=0.6, lw=0, zorder=0)
-        words = f"; grey: range of the {len(marks)} modes"
-    else:
-        words = f"; dotted: modes{_without(trajectory.scene)}" if marks else ""
-        for mark in marks:
-            axis.axvline(mark, color=ink(), ls=MARKED, lw=1.0, zorder=1)
+    mark_modes(axis, list(enumerate(marks, 1)), has_numbers=False)
+    words = f"; dotted: modes{_without(trajectory.scene)}" if marks else ""
     words += "; bands: least to most" if has_band else ""
     axis.set_title(f"Spectrum{words}\n{WINDOW_NAME} window, resolution {resolution(times):.2g} rad/s", loc="left")
 
@@ -309,7 +303,7 @@ def _without(scene: Scene) -> str:
 def _reach(spectra: list[tuple[Floats, Floats]]) -> float:
     """The angular frequency (rad/s) above which no power of note is seen."""
     highest = max(float(power.max()) for _, power in spectra)
-    return max(float(omega[power >= FAINT * highest].max(initial=0.0)) for omega, power in spectra)
+    return max(float(omega[power >= VISIBLE_SHARE * highest].max(initial=0.0)) for omega, power in spectra)
 
 
 def _power(trajectory: Trajectory, link: int) -> tuple[Floats, Floats]:
@@ -322,9 +316,7 @@ def _power(trajectory: Trajectory, link: int) -> tuple[Floats, Floats]:
 
 
 def _linear(trajectory: Trajectory, highest: float) -> list[float]:
-    """The natural frequencies (rad/s) within the picture, where the scene has few enough modes to mark."""
-    if trajectory.system.n_links > MOST_MODES:
-        return []
+    """The natural frequencies (rad/s) within the picture, none where they cannot be computed."""
     try:
         modes = natural_modes(trajectory.scene)
     except MultipendulaError:

@@ -12,6 +12,8 @@ from functools import cached_property
 import numpy as np
 
 from modal.plotting import even_choice, side_by_side
+from modal.plotting.layout import OBLIQUE
+from modal.plotting.shapes import PENDULA_MAX
 from modal.scene import AnyLink
 from modal.structure import STILL, Piece, Scaffold
 from modal.types import Floats, Ints
@@ -20,9 +22,13 @@ from nonlinear.integration import Trajectory
 from nonlinear.postprocessing import pick_links, resample
 from nonlinear.system import Motion, System
 
-MOST_PENDULA, DETAIL, CLAUSE = 12, 3, 4_000_000
-FEW, SHORT = 6, {"structure": "base"}  # pendula up to which there is room for long names of bars
-OBLIQUE = 0.5 * np.array([np.cos(np.radians(35)), np.sin(np.radians(35))])
+TRAIL_POINTS = 3
+"""Format: points of a trail in each frame, so that fast tips have no corners."""
+ANGLES_AT_ONCE = 4_000_000
+"""Cost: angles whose energies are computed at once, some 500 MB; `benchmarks/simulation_figure.py` has fewer."""
+WIDE_BARS = 6
+"""Format: bars of energy up to which each is wide, with room for a long name."""
+SHORT = {"structure": "base"}
 
 
 def flat(points: Floats) -> Floats:
@@ -35,7 +41,7 @@ def flat(points: Floats) -> Floats:
 class Actor:
     """One pendulum of n links: joints from the pivot down (F, n + 1, 2), centres (F, n, 2) and shadow, all in m.
 
-    `trail` (G, 2) is the path of its tip, with DETAIL points per frame.  In the plane there is no shadow: None.
+    `trail` (G, 2) is the path of its tip, with TRAIL_POINTS points per frame.  In the plane there is no shadow: None.
     """
 
     links: tuple[AnyLink, ...]
@@ -110,14 +116,14 @@ class Stage:
 
 
 def chosen(system: System) -> Ints:
-    """The pendula, from 0, that are drawn: all, or MOST_PENDULA evenly spaced."""
-    return even_choice(system.n_pendula, MOST_PENDULA)
+    """The pendula, from 0, that are drawn: all, or PENDULA_MAX evenly spaced."""
+    return even_choice(system.n_pendula, PENDULA_MAX)
 
 
 def stage_of(trajectory: Trajectory, at: Floats) -> Stage:
     """The drawn pendula at evenly spaced times `at` (F,) in s."""
     system, pendula = trajectory.system, chosen(trajectory.system)
-    fine = np.interp(np.arange(DETAIL * (len(at) - 1) + 1) / DETAIL, np.arange(len(at)), at)
+    fine = np.interp(np.arange(TRAIL_POINTS * (len(at) - 1) + 1) / TRAIL_POINTS, np.arange(len(at)), at)
     places = [np.flatnonzero(system.pendulum == pendulum) for pendulum in pendula]
     shaken = np.zeros((len(fine), 3 if system.spatial else 2))
     if system.support:
@@ -144,15 +150,15 @@ def stage_of(trajectory: Trajectory, at: Floats) -> Stage:
         _actor(_links(trajectory, pendulum), joints, centres, floor)
         for pendulum, (joints, centres) in zip(pendula, shapes, strict=True)
     )
-    support = np.column_stack((shaken[:, 0], -shaken[:, -1]))[::DETAIL]
-    cart = motions[0].cart[::DETAIL] + support[:, 0]
+    support = np.column_stack((shaken[:, 0], -shaken[:, -1]))[::TRAIL_POINTS]
+    cart = motions[0].cart[::TRAIL_POINTS] + support[:, 0]
     stage = Stage(actors, cart, pivots, depth, system.cart is not None, floor, support)
     if scaffold is None:
         return stage
     joints = {p: actor.joints - support[:, None] for p, actor in zip(pendula.tolist(), actors, strict=True)}
     pieces = [
         piece._replace(points=piece.points + support[:, None]) if support.any() or piece.role not in STILL else piece
-        for piece in scaffold.pieces(motions[0].supports[::DETAIL], joints)
+        for piece in scaffold.pieces(motions[0].supports[::TRAIL_POINTS], joints)
     ]
     is_spread = bool(scaffold.shifts.any() or scaffold.aside.any())
     return replace(stage, cart=0.0 * cart, pieces=tuple(pieces), is_spread=is_spread)
@@ -180,10 +186,10 @@ def _shape(motion: Motion, length: Floats, centre: Floats, pivots: Floats, suppo
 def _actor(links: tuple[AnyLink, ...], joints: Floats, centres: Floats, floor: float | None) -> Actor:
     shadow = None
     if floor is not None:
-        floor_points = joints[::DETAIL].copy()
+        floor_points = joints[::TRAIL_POINTS].copy()
         floor_points[..., -1] = floor
         shadow = flat(floor_points)
-    return Actor(links, flat(joints[::DETAIL]), flat(centres[::DETAIL]), flat(joints[:, -1]), shadow)
+    return Actor(links, flat(joints[::TRAIL_POINTS]), flat(centres[::TRAIL_POINTS]), flat(joints[:, -1]), shadow)
 
 
 def _links(trajectory: Trajectory, pendulum: int) -> tuple[AnyLink, ...]:
@@ -194,12 +200,12 @@ def _links(trajectory: Trajectory, pendulum: int) -> tuple[AnyLink, ...]:
 
 def energies_of(trajectory: Trajectory, at: Floats) -> FilmEnergies:
     """The energies of the drawn pendula, then of what carries them, and of everything, at the times `at` (F,) in s."""
-    rows = max(1, CLAUSE // trajectory.system.n_links)
+    rows = max(1, ANGLES_AT_ONCE // trajectory.system.n_links)
     parts = [_energies(trajectory, at[first : first + rows]) for first in range(0, len(at), rows)]
     kinetic, potential = (np.concatenate([part[k] for part in parts]) for k in (0, 1))
     numbers, carrier = chosen(trajectory.system), carrier_name(trajectory.system)
     bars = np.append(numbers, trajectory.system.n_pendula) if carrier else numbers
-    carrier = SHORT.get(carrier, carrier) if len(numbers) > FEW else carrier
+    carrier = SHORT.get(carrier, carrier) if len(numbers) > WIDE_BARS else carrier
     names = (*map(str, numbers + 1), *[carrier] * bool(carrier))
     return FilmEnergies(names, kinetic[:, bars], potential[:, bars], (kinetic.sum(1), potential.sum(1)))
 

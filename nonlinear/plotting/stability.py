@@ -15,18 +15,16 @@ from modal.types import Floats
 
 LINES: dict[bool, Any] = {True: COMPUTED, False: UNSTABLE}
 """Of what is stable, and of what is not."""
-THINNER = 0.6
-"""Width of a branch where it is unstable, over that where it is stable."""
 
 
 def draw_branch(axis: Axes, x: Floats, y: Floats, is_stable: Sequence[bool], number: int) -> None:
-    """One branch, in pieces of equal stability that meet; unstable ones are thinner."""
+    """One branch, in pieces of equal stability that meet; unstable ones are half as wide."""
     fates = np.array(is_stable)
     breaks = [0, *(np.flatnonzero(np.diff(fates)) + 1), len(fates)]
     for start, stop in pairwise(breaks):
         piece = slice(max(start - 1, 0), stop)
         fate = bool(fates[start])
-        look = {"color": colour(number), "ls": LINES[fate], "lw": narrowing(number) * (1.0 if fate else THINNER)}
+        look = {"color": colour(number), "ls": LINES[fate], "lw": narrowing(number) * (1.0 if fate else 0.5)}
         axis.plot(x[piece], y[piece], **look, zorder=3, label=f"_{number}")
 
 

@@ -8,13 +8,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from modal.plotting import WIDTH, colour, headline, save, scale, sheet
+from modal.plotting import colour, headline, save, scale
+from modal.plotting.style import dot_size, sheet_of_rows
 from modal.scene import number_label, title_of
 from nonlinear.ensembles import BifurcationDiagram, StroboscopicSection
-
-FEWEST, MOST = 2.0, 6.0  # points across a dot, by how many there are
-ROOM = 4000  # dots over their width
-WHOLE = 350.0  # degrees of angles from which a whole turn is shown
 
 
 def draw_strobes(section: StroboscopicSection, stream: IO[bytes], kind: str = "png") -> None:
@@ -24,11 +21,11 @@ def draw_strobes(section: StroboscopicSection, stream: IO[bytes], kind: str = "p
 
 def strobes_figure(section: StroboscopicSection) -> Figure:
     """The rate of every named link over its angle, once a period, a colour for each motion."""
-    figure = sheet(WIDTH, 0.8 + 4.8 * len(section.shown))
+    figure = sheet_of_rows(2 * len(section.shown))
     axes = np.atleast_1d(figure.subplots(len(section.shown), 1))
     for axis, link in zip(axes, section.shown, strict=True):
         angles, rates = section.points(link)
-        size = _size(angles.size)
+        size = dot_size(angles.size)
         for number, (angle, rate) in enumerate(zip(angles, rates, strict=True)):
             axis.plot(angle, rate, ".", ms=size, mew=0, color=colour(number), rasterized=True)
         name = link_name(section, link)
@@ -46,11 +43,11 @@ def draw_bifurcations(diagram: BifurcationDiagram, stream: IO[bytes], kind: str 
 
 def bifurcation_figure(diagram: BifurcationDiagram) -> Figure:
     """The angles of every named link at the last strobes, over the number that is varied."""
-    figure = sheet(WIDTH, 0.8 + 3.8 * len(diagram.shown))
+    figure = sheet_of_rows(1.5 * len(diagram.shown))
     axes = np.atleast_1d(figure.subplots(len(diagram.shown), 1, sharex=True))
     for axis, link in zip(axes, diagram.shown, strict=True):
         values, angles = diagram.points(link)
-        axis.plot(values, angles, ".", ms=_size(angles.size), mew=0, color=colour(0), rasterized=True)
+        axis.plot(values, angles, ".", ms=dot_size(angles.size), mew=0, color=colour(0), rasterized=True)
         axis.set(ylabel=f"{link_name(diagram, link)} at {diagram.phase_deg:g}° of the drives (°)")
         _turn(axis, "y", angles)
     scale(axes[-1], "x", diagram.variation)
@@ -67,12 +64,8 @@ def link_name(strobes: StroboscopicSection | BifurcationDiagram, link: int) -> s
     return label.replace("theta[", r"θ$_{").replace("]", "}$")
 
 
-def _size(count: int) -> float:
-    return float(np.clip(ROOM / max(count, 1), FEWEST, MOST))
-
-
 def _turn(axis: Axes, which: str, angles: np.ndarray) -> None:
-    """A whole turn where angles take all of it, marked at quarters."""
+    """A whole turn where angles take more than three quarters of it, marked at quarters."""
     numbers = angles[np.isfinite(angles)]
-    if numbers.size and np.ptp(numbers) > WHOLE:
+    if numbers.size and np.ptp(numbers) > 3 * 90:
         axis.set(**{f"{which}lim": (-180, 180), f"{which}ticks": range(-180, 181, 90)})

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import IO, TYPE_CHECKING
 
 import numpy as np
+from matplotlib import rcParams
 from matplotlib.axes import Axes
 from matplotlib.colors import BoundaryNorm, ListedColormap, LogNorm, Normalize
 from matplotlib.figure import Figure
@@ -14,6 +15,7 @@ from matplotlib.patheffects import Normal, Stroke
 
 from modal.errors import ComputationError
 from modal.plotting import (
+    HUES,
     MOST_CURVES,
     NUMBER,
     WIDE,
@@ -30,8 +32,9 @@ from modal.plotting import (
     save,
     scale,
     shade,
-    sheet,
 )
+from modal.plotting.layout import TICKS_MAX
+from modal.plotting.style import LOG_RATIO, VISIBLE_SHARE, sheet_of_rows
 from modal.report import deferred
 from modal.scene import number_label, title_of
 from modal.scene.parameters import Variation
@@ -41,16 +44,10 @@ from modal.vibration import KINDS
 if TYPE_CHECKING:
     from nonlinear.sweeps import Sweep
 
-MOST_MAPS = 6
-MOST_TICKS = 12  # most colour bar ticks of a map with integer values
-DECADES = 30.0
-"""The ratio of largest to smallest from which scales are logarithmic."""
 KIND_COLOURS = 0, 1, 2
 """Of growth at the frequency, at half of it and at a combination."""
 FRACTIONS = {"order", "survivor_share"}
 """Quantities from 0 to 1, whose scales are linear however small they get."""
-STILL, WINDOW = 1e-6, 0.01
-"""A relative change too small to be drawn, and the margin of an axis on either side then."""
 UNITS = (
     ("_rad_per_s", "rad/s"),
     ("_deg_per_s", "°/s"),
@@ -83,7 +80,7 @@ def sweep_figure(sweep: Sweep) -> Figure:
     if not names:
         raise ComputationError("every point of the sweep failed: there is nothing to draw")
     axes = sweep.study.variations
-    limit = MOST_CURVES if len(axes) == 1 else MOST_MAPS
+    limit = MOST_CURVES if len(axes) == 1 else HUES
     if len(names) > limit:
         raise ComputationError(f"{len(names)} quantities do not fit in a figure: measure at most {limit}")
     map_names = [name for name in names if name != "largest_multiplier"]  # its map is that of the growth rate
@@ -125,7 +122,7 @@ def _curves(sweep: Sweep, columns: list[str]) -> Figure:
     panels: dict[str, list[str]] = {}
     for name in columns:
         panels.setdefault(re.sub(r"_\d+[a-z]*(?=_|$)", "", name), []).append(name)
-    figure = sheet(WIDTH, 1.6 + 2.9 * len(panels))
+    figure = sheet_of_rows(len(panels))
     variation = sweep.study.variations[0]
     axes = np.atleast_1d(figure.subplots(len(panels), 1, sharex=True))
     for axis, (kind, names) in zip(axes, panels.items(), strict=True):
@@ -159,10 +156,10 @@ def _range(axis: Axes, values: Floats, kind: str) -> None:
     low, high = float(np.nanmin(values)), float(np.nanmax(values))
     if kind in FRACTIONS:
         axis.set_ylim(-0.03, 1.03)
-    elif low > 0 and high > DECADES * low:
+    elif low > 0 and high > LOG_RATIO * low:
         axis.set_yscale("log")
-    elif high - low < STILL * max(abs(low), abs(high)):
-        middle, half = (low + high) / 2, WINDOW * max(abs(low), abs(high))
+    elif high - low < VISIBLE_SHARE * max(abs(low), abs(high)):
+        middle, half = (low + high) / 2, rcParams["axes.ymargin"] * max(abs(low), abs(high))
         axis.set_ylim(middle - half, middle + half)
 
 
@@ -172,7 +169,7 @@ def _range(axis: Axes, values: Floats, kind: str) -> None:
 def _maps(sweep: Sweep, names: list[str]) -> Figure:
     columns = min(len(names), 2)
     rows = -(-len(names) // columns)
-    figure = sheet(WIDTH if columns == 1 else WIDE, 0.8 + 4.0 * rows)
+    figure = sheet_of_rows(1.5 * rows, WIDTH if columns == 1 else WIDE)
     panels = np.atleast_1d(figure.subplots(rows, columns, sharex=True, sharey=True)).ravel()
     y, x = sweep.study.variations
     for place, (axis, name) in enumerate(zip(panels, names, strict=False)):
@@ -194,7 +191,7 @@ def _map(figure: Figure, axis: Axes, sweep: Sweep, name: str) -> None:
     if name == "kind" and "growth_rate_per_s" in sweep.columns:
         _kinds(figure, axis, sweep, values)
         return
-    by_ratio = numbers.min() > 0 and numbers.max() > DECADES * numbers.min() and name not in FRACTIONS
+    by_ratio = numbers.min() > 0 and numbers.max() > LOG_RATIO * numbers.min() and name not in FRACTIONS
     norm = (LogNorm if by_ratio else Normalize)(numbers.min(), numbers.max())
     axis.patch.set(edgecolor=rest(), hatch="////", lw=0)
     image = np.ma.masked_invalid(values)
@@ -206,7 +203,7 @@ def _map(figure: Figure, axis: Axes, sweep: Sweep, name: str) -> None:
     bar.set_label(label(name))
     if by_ratio:
         log_ticks(bar.ax.yaxis, numbers.max() / numbers.min())
-    elif np.all(numbers == np.round(numbers)) and len(rows := np.unique(numbers)) <= MOST_TICKS:
+    elif np.all(numbers == np.round(numbers)) and len(rows := np.unique(numbers)) <= TICKS_MAX:
         bar.set_ticks(rows.tolist(), labels=[f"{row:g}" for row in rows])
     bar.outline.set_visible(False)
     _boundaries(axis, sweep)

@@ -25,14 +25,16 @@ from modal.plotting import (
     ink,
     key,
     legend,
+    narrowing,
     paper,
     rest,
     save,
     secondary_colour,
     set_frame,
-    sheet,
     thickness,
 )
+from modal.plotting.curves import CURVE_GAP_MAX
+from modal.plotting.style import POINTS, sheet_of_rows
 from modal.report import counted
 from modal.scene import title_of
 from modal.scene.doors import require_type
@@ -40,12 +42,6 @@ from modal.types import Floats, Ints
 from nonlinear.integration import Trajectory
 from nonlinear.postprocessing import pick_links, resample, smooth
 from nonlinear.synchronization import Phases, Survival, find_survival, population_phases
-
-MOST_LINES = HUES
-PERIODS, POINTS = 4, 600  # periods in each window, and points drawn in it
-FIRST = 2.4  # width in points of the first curve
-LARGEST, RING, HAND = 15.0, 2.4, 4.0  # marks of phases in points: the largest, how much smaller each next one is, lines
-UNSEEN = 1e-3  # fraction of the energy that a row must reach to be drawn separately
 
 
 def draw_sync(trajectory: Trajectory, phases: Phases, stream: IO[bytes], kind: str = "png") -> None:
@@ -63,7 +59,7 @@ def sync_figure(trajectory: Trajectory, phases: Phases) -> Figure:
     require_type("trajectory", trajectory, "Trajectory")
     if len(trajectory.times) < 2:
         raise ComputationError("a run with a single sample cannot be drawn")
-    figure = sheet(WIDE, 9.8)
+    figure = sheet_of_rows(3.5, WIDE)
     grid = figure.add_gridspec(3, 2)
     pendula = _chosen_pendula(trajectory.system.n_pendula)
     begin = figure.add_subplot(grid[0, 0])
@@ -79,7 +75,7 @@ def sync_figure(trajectory: Trajectory, phases: Phases) -> Figure:
 
 def _chosen_pendula(pendula: int) -> Ints:
     """The pendula drawn individually, evenly spaced."""
-    return np.unique(np.linspace(0, pendula - 1, min(pendula, MOST_LINES)).round().astype(np.int64))
+    return np.unique(np.linspace(0, pendula - 1, min(pendula, HUES)).round().astype(np.int64))
 
 
 def _period(phases: Phases) -> float:
@@ -91,13 +87,13 @@ def _period(phases: Phases) -> float:
 
 
 def _swings(begin: Axes, end: Axes, trajectory: Trajectory, period: float, pendula: Ints) -> None:
-    """Angles of top links in the first and the last few periods, at most half of the run each."""
+    """Angles of top links in the first and the last four periods, at most half of the run each."""
     times = trajectory.times
-    width = min(PERIODS * period, float(times[-1] - times[0]) / 2)
+    width = min(4 * period, float(times[-1] - times[0]) / 2)
     tops = _tops(trajectory)[pendula]
     for axis, start, words in ((begin, times[0], "at first"), (end, times[-1] - width, "at the end")):
         x, angles = _window(trajectory, tops, float(start), width)
-        draw_curves(axis, [(x, np.rad2deg(angle)) for angle in angles.T], first=FIRST)
+        draw_curves(axis, [(x, np.rad2deg(angle)) for angle in angles.T])
         axis.set_xlim(x[0], x[-1])
         set_frame(axis, "time (s)", "angle (°)", f"Top links {words}")
     end.set_ylabel("")
@@ -129,9 +125,9 @@ def _order(axis: Axes, phases: Phases) -> None:
     """The order parameter of all pendula, and on a structure that of every population."""
     axis.plot(phases.times, phases.order[:, phases.leading], color=ink(), lw=1.4, label="all")
     populations = population_phases(phases)
-    if populations is not None and 1 < len(populations.populations) < MOST_LINES:
+    if populations is not None and 1 < len(populations.populations) < HUES:
         names = [f"population {k + 1}, {population.name}" for k, population in enumerate(populations.populations)]
-        draw_curves(axis, [(phases.times, order) for order in populations.order.T], names=names, first=FIRST)
+        draw_curves(axis, [(phases.times, order) for order in populations.order.T], names=names)
         legend(axis, 3)
     axis.set(xlim=(phases.times[0], phases.times[-1]), ylim=(-0.03, 1.03))
     which = f" (fixed-base mode {phases.leading + 1})" if phases.omega.shape[1] > 1 else ""
@@ -149,7 +145,7 @@ def _shares(axis: Axes, trajectory: Trajectory) -> None:
         return
     rows, rest = _largest(survival)
     curves = [(survival.times, survival.share[:, row]) for row in rows]
-    draw_curves(axis, curves, names=_names(survival, rows), first=FIRST)
+    draw_curves(axis, curves, names=_names(survival, rows))
     if rest.size:
         words = counted(rest.size, "other", "others")
         axis.plot(survival.times, survival.share[:, rest].sum(1), color=secondary_colour(), lw=1.2, label=words)
@@ -160,8 +156,8 @@ def _shares(axis: Axes, trajectory: Trajectory) -> None:
 def _largest(survival: Survival) -> tuple[list[int], Ints]:
     """The rows drawn separately, in the table's order, and the others."""
     peaks = np.nan_to_num(survival.share).max(axis=0)
-    strongest = np.argsort(-peaks, kind="stable")[: MOST_LINES - 1]
-    rows = sorted(int(row) for row in strongest if peaks[row] >= UNSEEN)
+    strongest = np.argsort(-peaks, kind="stable")[: HUES - 1]
+    rows = sorted(int(row) for row in strongest if peaks[row] >= CURVE_GAP_MAX)
     return rows, np.setdiff1d(np.arange(peaks.size), rows)
 
 
@@ -193,7 +189,7 @@ def _energies(axis: Axes, phases: Phases, pendula: Ints) -> None:
     """Means over a period: of each pendulum, or the range with the median."""
     times, energy = phases.times, smooth(phases.times, phases.energy, _period(phases))
     if len(pendula) == energy.shape[1]:
-        draw_curves(axis, [(times, mean) for mean in energy.T], first=FIRST)
+        draw_curves(axis, [(times, mean) for mean in energy.T])
     else:
         axis.fill_between(times, energy.min(1), energy.max(1), color=rest(), lw=0, label="least to most")
         axis.plot(times, np.median(energy, axis=1), color=ink(), lw=1.4, label="median")
@@ -211,10 +207,10 @@ def _circle(axis: Axes, phases: Phases, pendula: Ints) -> None:
     angle, size = np.angle(z) - np.angle(z[0]), np.rad2deg(np.abs(z))
     axis.scatter(angle, size, s=14, color=secondary_colour(), alpha=0.5, lw=0, gid=QUIET)
     for k, pendulum in enumerate(pendula):
-        size_of_dot, narrow = LARGEST - RING * k, max(HAND * 0.65**k, 0.8)
         look: dict[str, Any] = {"color": colour(k), "label": f"_pendulum {pendulum + 1}"}
-        axis.plot([0, angle[pendulum]], [0, size[pendulum]], **look, lw=narrow, zorder=2 + k / 10)
-        axis.plot(angle[pendulum], size[pendulum], "o", **look, ms=size_of_dot, mec=paper(), mew=0.6, zorder=4 + k)
+        axis.plot([0, angle[pendulum]], [0, size[pendulum]], **look, lw=narrowing(k), zorder=2 + k / HUES)
+        diameter = 3 * (HUES - k) - 2
+        axis.plot(angle[pendulum], size[pendulum], "o", **look, ms=diameter, mec=paper(), mew=0.6, zorder=4 + k)
     axis.set_ylim(0, 1.15 * float(size.max()) or 1.0)
     axis.yaxis.set_major_locator(MaxNLocator(4))
     axis.set_title("Phases at the end, from pendulum 1's;\nradius: amplitude (°)")
@@ -230,4 +226,4 @@ def _finish(figure: Figure, trajectory: Trajectory, pendula: Ints) -> None:
         if is_selection
         else ""
     )
-    key(figure, lines, names, columns=MOST_LINES, notes=notes)
+    key(figure, lines, names, columns=HUES, notes=notes)

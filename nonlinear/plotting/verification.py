@@ -18,7 +18,6 @@ from modal.plotting import (
     PREDICTED,
     QUIET,
     SMALL,
-    WIDTH,
     colour,
     dashes_of_prediction,
     headline,
@@ -28,19 +27,16 @@ from modal.plotting import (
     paper,
     save,
     secondary_colour,
-    sheet,
 )
+from modal.plotting.style import sheet_of_rows
 from modal.scene import title_of
 from modal.types import Floats
+from nonlinear.plotting.run import SPECTRUM_DEPTH
 from nonlinear.postprocessing import ORDER
 from nonlinear.verification import ONE_PERCENT, Check, Comparison, ModeCheck, ModeInMotion
 
 MARKERS, SIZES = ("o", "s", "D"), (9.5, 5.5)
-MOST_CURVES, POINTS = HUES * len(MARKERS), 200
-BEYOND = 1.5  # margin factor of the axes beyond the outermost run
-DECADE = 12.0  # least ratio of the ends of the axis of angles
-DEEPEST = 1e-5  # smallest amplitude shown in a spectrum over the strongest line
-PADDING = 4
+MOST_CURVES = HUES * len(MARKERS)
 
 
 def draw_check(check: Check, stream: IO[bytes], form: str = "png") -> None:
@@ -63,14 +59,15 @@ def check_figure(check: Check) -> Figure:
         raise ComputationError("no mode was measured: there is nothing to draw")
     if len(rows) > MOST_CURVES:
         raise ComputationError(f"{len(rows)} modes do not fit in a figure: choose at most {MOST_CURVES} with `modes`")
-    figure = sheet(WIDTH, 5.4)
+    figure = sheet_of_rows(1)
     axis = figure.subplots()
     angles = [degrees(measurement.effective) for row in rows for measurement in row.measurements]
-    low, high = _decade(min(angles) / BEYOND, min(max(angles) * BEYOND, 180.0))
+    high = min(2 * max(angles), 180.0)
+    low = min(min(angles) / 2, high / 12)  # more than a decade, so that several ticks have numbers
     for k, row in enumerate(rows):
         _shifts(axis, row, low, high, k)
     sizes = [abs(measurement.shift) for row in rows for measurement in row.measurements if not measurement.irregular]
-    bottom, top = min(min(sizes) / BEYOND**2, ONE_PERCENT / 20), min(2 * max(*sizes, 2 * ONE_PERCENT), 1.0)
+    bottom, top = min(min(sizes) / 2, ONE_PERCENT / 20), min(2 * max(*sizes, 2 * ONE_PERCENT), 1.0)
     axis.axhline(ONE_PERCENT, color=secondary_colour(), lw=0.9, ls=MARKED, zorder=0)
     box = {"facecolor": paper(), "edgecolor": "none", "pad": 1.0, "alpha": 0.85}
     style: dict[str, Any] = {"fontsize": SMALL, "bbox": box, "zorder": 5}
@@ -81,11 +78,6 @@ def check_figure(check: Check) -> Figure:
     headline(figure, title_of(check.scene), "frequency against amplitude")
     key(figure, [_handle(k) for k in range(len(rows))], [_label(row) for row in rows], columns=2, notes=_notes(rows))
     return figure
-
-
-def _decade(low: float, high: float) -> tuple[float, float]:
-    """The ends of a logarithmic axis (°), lowered where they are less than a decade apart."""
-    return min(low, high / DECADE), high
 
 
 def _notes(rows: Sequence[ModeCheck]) -> str:
@@ -101,10 +93,9 @@ def _notes(rows: Sequence[ModeCheck]) -> str:
 
 def _shifts(axis: Axes, row: ModeCheck, low: float, high: float, k: int) -> None:
     """One mode: κa² dashed, periodic orbits as a wide one, runs as marks, the measured 1 % as a tick."""
-    a = np.geomspace(low, high, POINTS)
-    axis.plot(
-        a, np.abs(row.mode.kappa) * np.radians(a) ** 2, color=colour(k), ls=dashes_of_prediction(k), lw=1.3, zorder=2
-    )
+    a = np.array([low, high])  # between which a power is a straight line
+    shift = np.abs(row.mode.kappa) * np.radians(a) ** 2
+    axis.plot(a, shift, color=colour(k), ls=dashes_of_prediction(k), lw=1.3, zorder=2)
     if row.backbone and row.backbone.linear:
         size, shift = np.rad2deg(row.backbone.amplitude), np.abs(row.backbone.omega / row.backbone.linear - 1)
         axis.plot(size, shift, color=colour(k), lw=2.4, alpha=0.35, gid=QUIET, zorder=1.5)
@@ -135,21 +126,21 @@ def spectrum_figure(comparison: Comparison) -> Figure:
     Dotted lines with numbers mark the table's frequencies.  Raises ComputationError where nothing oscillates.
     """
     rows = _strongest(comparison)
-    figure = sheet(WIDTH, 5.4)
+    figure = sheet_of_rows(1)
     axis = figure.subplots()
     omega, sizes = _spectra(comparison, rows)
     top = float(sizes.max())
     for k, size in enumerate(sizes):
         axis.plot(omega, size, color=colour(k), lw=1.3, zorder=3)
     low, high = comparison.swinging.min() / 2, min(float(omega[-1]), 1.6 * float(comparison.swinging.max()))
-    axis.set(xlim=(low, high), yscale="log", ylim=(top * DEEPEST, top * 3))
+    axis.set(xlim=(low, high), yscale="log", ylim=(top * SPECTRUM_DEPTH**0.5, top * 3))
     axis.set(xlabel="angular frequency ω (rad/s)", ylabel="amplitude of the modal coordinate (°)")
     inside = enumerate(np.abs(comparison.modes.eigenvalue.imag).tolist(), 1)
     mark_modes(axis, [(number, omega) for number, omega in inside if low < omega < high])
     handles = [Line2D([], [], color=colour(k)) for k in range(len(rows))]
     names = [f"mode {row.mode.number}: {row.mode.omega:.5g} rad/s" for row in rows]
     headline(figure, title_of(comparison.modes.scene), "spectra of the modal coordinates")
-    notes = f"window (1 + cos πs)^{ORDER}, s from −1 to 1 over the motion, with zeros to {PADDING} times its length"
+    notes = f"window (1 + cos πs)^{ORDER}, s from −1 to 1 over the motion, with zeros to 4 times its length"
     key(figure, handles, names, notes=notes)
     return figure
 
@@ -172,8 +163,8 @@ def _spectra(comparison: Comparison, rows: Sequence[ModeInMotion]) -> tuple[Floa
     places = list(zip(comparison.motion.number.tolist(), comparison.motion.copy.tolist(), strict=True))
     chosen = comparison.motion.coordinate[:, [places.index((row.mode.number - 1, row.copy)) for row in rows]]
     window = (1 + np.cos(pi * np.linspace(-1, 1, count))) ** ORDER
-    sizes = np.abs(np.fft.rfft((window / window.sum())[:, None] * chosen, PADDING * count, axis=0)).T
-    omega = 2 * pi * np.fft.rfftfreq(PADDING * count, float(comparison.times[1] - comparison.times[0]))
+    sizes = np.abs(np.fft.rfft((window / window.sum())[:, None] * chosen, 4 * count, axis=0)).T
+    omega = 2 * pi * np.fft.rfftfreq(4 * count, float(comparison.times[1] - comparison.times[0]))
     return np.asarray(omega, dtype=np.float64), np.degrees(2 * sizes)
 
 

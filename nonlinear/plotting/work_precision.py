@@ -6,11 +6,14 @@ from itertools import groupby
 from math import isfinite
 from typing import IO, TYPE_CHECKING, Any
 
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from modal.errors import ComputationError
-from modal.plotting import HUES, QUIET, SMALL, WIDTH, colour, headline, ink, key, paper, rest, save, sheet
+from modal.plotting import HUES, QUIET, SMALL, colour, headline, ink, key, paper, rest, save
+from modal.plotting.layout import decade_limits
+from modal.plotting.style import sheet_of_rows
 from modal.scene import title_of
 from nonlinear.reduction import CORRECTED, LINEAR
 
@@ -18,12 +21,8 @@ if TYPE_CHECKING:
     from nonlinear.accuracy import Candidate, FrequencyTradeoff, WorkPrecision, WorkPrecisionRow
 
 METHODS = dict(zip(("RK45", "taylor", "LSODA", "Radau", "DOP853", "RK23"), range(HUES), strict=True))
-DECADE = 10.0
-"""Least ratio of the ends of a logarithmic axis."""
 MARKERS = {"minimal": "o", "spatial": "o", "compiled": "D", "maximal": "s"}
 MODAL = {LINEAR: "P", CORRECTED: "*"}
-SPACING = 2.0**-53
-BEYOND = 2.5  # margin factor of the axes beyond the outermost candidate
 
 
 def draw_tradeoff(work_precision: WorkPrecision, stream: IO[bytes], form: str = "png") -> None:
@@ -40,7 +39,7 @@ def tradeoff_figure(work_precision: WorkPrecision) -> Figure:
     rows = [row for row in work_precision.rows if row.candidate != work_precision.reference.candidate]
     if not rows:
         raise ComputationError("no candidate was measured: there is nothing to draw")
-    figure = sheet(WIDTH, 6.0)
+    figure = sheet_of_rows(2)
     axis = figure.subplots()
     _bounds(axis, work_precision, rows)
     _front(axis, work_precision)
@@ -52,9 +51,9 @@ def tradeoff_figure(work_precision: WorkPrecision) -> Figure:
 
 def _bounds(axis: Axes, work_precision: WorkPrecision, rows: list[WorkPrecisionRow]) -> None:
     times, errors = [row.seconds for row in rows], [work_precision.measurable_error(row) for row in rows]
-    bottom, floor = min(errors) / BEYOND**2, work_precision.reference.floor
-    axis.set(xscale="log", yscale="log", xlim=(min(times) / BEYOND, max(times) * BEYOND))
-    axis.set(ylim=(bottom, max(errors) * BEYOND))
+    bottom, floor = min(errors) / 4, work_precision.reference.floor
+    axis.set(xscale="log", yscale="log", xlim=(min(times) / 2, max(times) * 2))
+    axis.set(ylim=(bottom, max(errors) * 2))
     if floor > bottom:
         axis.axhspan(bottom, floor, color=rest(), alpha=0.45, lw=0, zorder=0)
         style: dict[str, Any] = {"ha": "left", "va": "center", "fontsize": SMALL}
@@ -110,20 +109,15 @@ def frequencies_figure(result: FrequencyTradeoff) -> Figure:
     A way that gives up is left out; an error below the spacing of numbers is drawn there.
     """
     rows = [row for row in result.rows if isfinite(row.error)]
-    figure = sheet(WIDTH, 5.0)
+    figure = sheet_of_rows(2)
     axis = figure.subplots()
+    spacing = float(np.finfo(np.float64).epsneg)
     for index, row in enumerate(rows):
         marker, hue = [*MARKERS.values()][index % len(MARKERS)], colour(index % HUES)
-        axis.plot(row.seconds, max(row.error, SPACING), marker, color=hue, ms=9, label=row.way)
-    axis.set(xscale="log", yscale="log", xlabel="time of the processor (s)", ylabel="largest relative error of ω")
+        axis.plot(row.seconds, max(row.error, spacing), marker, color=hue, ms=9, label=row.way)
+    axis.set(xscale="log", yscale="log", xlabel="time of the processor (s)", ylabel="largest relative error of ω (–)")
     axis.margins(0.2)
-    axis.set(xlim=_a_decade(*axis.get_xlim()), ylim=_a_decade(*axis.get_ylim()))
+    axis.set(xlim=decade_limits(*axis.get_xlim()), ylim=decade_limits(*axis.get_ylim()))
     headline(figure, title_of(result.scene), "time against accuracy of frequencies")
     key(figure, *axis.get_legend_handles_labels())
     return figure
-
-
-def _a_decade(low: float, high: float) -> tuple[float, float]:
-    """Limits of a logarithmic axis that span a decade about the same middle, or as much as they do."""
-    wider = max((DECADE * low / high) ** 0.5, 1.0)
-    return low / wider, high * wider

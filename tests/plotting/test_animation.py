@@ -22,7 +22,7 @@ from nonlinear.dynamics import vectors
 from nonlinear.integration import Trajectory
 from nonlinear.plotting import animate
 from nonlinear.plotting.animation import Film, Shown
-from nonlinear.plotting.scene import MOST_PENDULA, energies_of, stage_of
+from nonlinear.plotting.scene import PENDULA_MAX, energies_of, stage_of
 from nonlinear.postprocessing import pick_links, resample
 from nonlinear.simulation import simulate
 from nonlinear.system import State, initial_state
@@ -252,8 +252,8 @@ def test_shadows_of_pendula_of_any_number_of_links_fall_on_the_floor(support: Fi
 def test_a_crowd_is_thinned_out_and_said_so() -> None:
     crowd = scenes()["crowd"]
     drawn = Film(crowd, np.linspace(0, 0.5, 3), 25.0, 1.0)
-    assert len(drawn.scenery.players) == MOST_PENDULA
-    assert f"{MOST_PENDULA} of 4000 pendula" in drawn.figure.texts[2].get_text()
+    assert len(drawn.scenery.players) == PENDULA_MAX
+    assert f"{PENDULA_MAX} of 4000 pendula" in drawn.figure.texts[2].get_text()
 
 
 @pytest.mark.parametrize("name", ["paper-cart-3", "chain-spatial", "metronomes"])

@@ -27,8 +27,8 @@ from modal.plotting import (
     shapes_figure,
     sheet,
 )
-from modal.plotting.curves import CLOSE, coinciding, common_name
-from modal.plotting.layout import LINES, shorten
+from modal.plotting.curves import CURVE_GAP_MAX, coinciding, common_name
+from modal.plotting.layout import HEADLINE_LINES, shorten
 from modal.plotting.style import theme
 from modal.statespace import state_space, to_modal_form
 from nonlinear.plotting import check_figure
@@ -43,7 +43,7 @@ def panel(count: int) -> Figure:
     with theme("light"):
         figure = sheet(8.0, 3.0)
         axis = figure.subplots()
-        curves = [(X, np.sin(X) * (1 + CLOSE * k / 10)) for k in range(count)]
+        curves = [(X, np.sin(X) * (1 + CURVE_GAP_MAX * k / 10)) for k in range(count)]
         draw_curves(axis, curves, names=[f"link {k}" for k in range(count)])
         axis.set(xlabel="time (s)", ylabel="angle (rad)")
         legend(axis)
@@ -54,7 +54,7 @@ def panel(count: int) -> Figure:
 
 
 def test_curves_coincide_within_less_than_a_line() -> None:
-    curves = np.array([np.sin(X), np.cos(X), np.sin(X) + 0.9 * CLOSE, np.cos(X) + 3 * CLOSE])
+    curves = np.array([np.sin(X), np.cos(X), np.sin(X) + 0.9 * CURVE_GAP_MAX, np.cos(X) + 3 * CURVE_GAP_MAX])
     assert coinciding(curves) == [[0, 2], [1], [3]]
 
 
@@ -115,7 +115,7 @@ def test_a_title_of_any_length_leaves_room_and_tells_what_is_drawn(title: str) -
         headline(figure, title, "motion")
     assert flaws(figure) == []
     words = figure.get_suptitle()
-    assert words.count("\n") < LINES
+    assert words.count("\n") < HEADLINE_LINES
     assert words.endswith("motion")
     assert figure.axes[0].get_window_extent().height > 0.3 * figure.bbox.height
 
@@ -244,7 +244,7 @@ def test_undamped_peaks_and_zeros_reach_the_levels_that_are_stated() -> None:
 
 def test_labels_name_input_output_and_units() -> None:
     figure = bode(Scene(gravity=9.81, support=Cart(mass=5.0), pendulum=(Pendulum(links=(Bob(mass=1.0, length=1.0),)),)))
-    assert figure.axes[0].get_ylabel() == "magnitude (dB re 1 m or rad per N)"
+    assert figure.axes[0].get_ylabel() == "magnitude\n(dB re 1 m or rad per N)"
     assert "theta_1_1 (rad) / cart_force (N)" in [text.get_text() for text in figure.legends[0].get_texts()]
 
 

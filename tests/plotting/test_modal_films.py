@@ -16,7 +16,7 @@ import modal
 from modal.errors import ComputationError, SceneError
 from modal.modes import Modes, natural_modes
 from modal.plotting import film_modes
-from modal.plotting.films import DECAYING, FOLDS, LOOP, ModalFilm, motion
+from modal.plotting.films import DECAYING, LOOP, ModalFilm, motion
 from modal.plotting.shapes import layout_of
 from modal.plotting.style import theme
 from modal.scene import Bob, Pendulum, Scene
@@ -98,7 +98,7 @@ def test_an_overdamped_mode_decays_and_a_growing_one_grows() -> None:
     decay = np.array([motion(overdamped, phase) for phase in s])
     assert overdamped.is_overdamped
     assert not overdamped.oscillates
-    np.testing.assert_allclose(np.log(decay), -FOLDS * s / DECAYING, atol=1e-12)
+    np.testing.assert_allclose(np.log(decay), -4 * s / DECAYING, atol=1e-12)
     growing = modes_of("cart-upright")[3]
     assert growing.growth_rate
     assert not growing.is_overdamped

@@ -17,9 +17,10 @@ import modal
 from modal import Bob, Cart, Pendulum, Scene
 from modal.errors import ComputationError
 from modal.plotting import headline
+from modal.plotting.style import POINTS
 from nonlinear.integration import Trajectory
 from nonlinear.plotting import draw_run
-from nonlinear.plotting.run import POINTS, run_figure
+from nonlinear.plotting.run import run_figure
 from nonlinear.postprocessing import power_spectrum
 from nonlinear.simulation import simulate
 from nonlinear.system import state_at_rest
@@ -128,7 +129,11 @@ def test_crowds_standstill_and_few_samples_can_be_drawn() -> None:
 
 def test_of_a_large_crowd_one_may_swing_almost_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     """Where no modes are marked, the spectrum reaches as far as those that swing."""
-    monkeypatch.setattr("nonlinear.plotting.run.MOST_MODES", 1)
+
+    def refuse(scene: Scene) -> None:
+        raise ComputationError("no modes")
+
+    monkeypatch.setattr("nonlinear.plotting.run.natural_modes", refuse)
     pendulum, other = (Pendulum(links=(Bob(mass=1e-6, length=length),)) for length in (1.0, 1.3))
     pair = Scene(gravity=9.81, support=Cart(mass=1e6), pendulum=(pendulum, other))
     figure = run_figure(simulate(pair, 8.0, start=state_at_rest(pair, [0, 10]), method="DOP853"))

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from modal.report import breadth, broken, fitted, folded, grid, titled
-from modal.report.fitting import NARROWEST, columns
+from modal.report.fitting import COLUMNS_MIN, columns
 
 WORDS = st.lists(st.text("abω振e\u0301-=:", min_size=1, max_size=12), max_size=30).map(" ".join)
 CELLS = st.lists(st.lists(st.text("ab1ω振 -", max_size=30), min_size=4, max_size=4), min_size=1, max_size=6)
@@ -15,7 +15,7 @@ HEADINGS = ["number", "ω (rad/s)", "description", "a long heading (kg m²)"]
 
 
 @settings(max_examples=60, deadline=None)
-@given(text=WORDS, width=st.integers(NARROWEST, 90))
+@given(text=WORDS, width=st.integers(COLUMNS_MIN, 90))
 def test_lines_are_folded_between_words(text: str, width: int) -> None:
     lines = folded(text, width).split("\n")
     assert "".join("".join(lines).split()) == "".join(text.split())
@@ -23,7 +23,7 @@ def test_lines_are_folded_between_words(text: str, width: int) -> None:
 
 
 @settings(max_examples=60, deadline=None)
-@given(cells=CELLS, width=st.integers(NARROWEST, 90))
+@given(cells=CELLS, width=st.integers(COLUMNS_MIN, 90))
 def test_tables_are_stacked_and_nothing_is_lost(cells: list[list[str]], width: int) -> None:
     with fitted(width):
         text = grid(cells, HEADINGS)
@@ -71,7 +71,7 @@ def test_the_width_ends_with_its_block_even_by_an_error() -> None:
         with fitted(None):
             assert columns() is None
         with fitted(3):
-            assert columns() == NARROWEST
+            assert columns() == COLUMNS_MIN
         raise ZeroDivisionError
 
     assert columns() is None

@@ -22,7 +22,7 @@ from modal.scene.parameters import vary
 from multipendula.cli import main
 from nonlinear.averaging import Prediction, RelativeEquilibrium, average, predict, relative_equilibria
 from nonlinear.plotting import SECONDS, strobe
-from nonlinear.plotting.animation import APART
+from nonlinear.plotting.animation import STROBE_FRAMES
 from nonlinear.simulation import simulate
 from nonlinear.synchronization import (
     SynchronizationStudy,
@@ -271,7 +271,7 @@ def test_a_film_is_lit_a_little_later_in_every_swing() -> None:
     phases = phases_of(run)
     lit = strobe(phases, "gif")
     swings_apart = lit["speed"] / lit["fps"] * phases.omega[0, 0] / (2 * pi)
-    assert swings_apart % 1 == pytest.approx(1 / APART)
+    assert swings_apart % 1 == pytest.approx(1 / STROBE_FRAMES)
     assert SECONDS / 2 < 2000.0 / lit["speed"] <= SECONDS
 
 

@@ -21,12 +21,12 @@ from modal import Bob, Cart, Fixed, Pendulum, Scene
 from modal.assembly import rig_of
 from modal.coupling.reduced import fixed_base_modes
 from modal.errors import ComputationError
+from modal.plotting import HUES
 from modal.scene import InitialCondition, VanDerPol
 from nonlinear.dynamics import Mechanics
 from nonlinear.ensembles.measures import ending_times
 from nonlinear.integration import SolverInfo, Trajectory
 from nonlinear.plotting import draw_sync, sync_figure
-from nonlinear.plotting import synchronization as sync_figures
 from nonlinear.postprocessing import last, smooth
 from nonlinear.reduction import modal_motion, start_in_mode
 from nonlinear.simulation import simulate
@@ -464,7 +464,7 @@ def test_many_rows_are_drawn_as_one_and_pictures_are_written() -> None:
     run = simulate(scene, 20.0, start=state_at_rest(scene, np.linspace(-5, 9, 9).tolist()))
     lines = panel(sync_figure(run, phases_of(run)), "hold the energy").lines
     named = [line for line in lines if not line.get_label().startswith("_")]
-    assert len(named) == sync_figures.MOST_LINES
+    assert len(named) == HUES
     assert lines[-1].get_label() == "4 others"
     curves: dict[str, np.ndarray] = {}
     for line in lines:  # a curve upon another one is in pieces
