@@ -28,9 +28,12 @@ from nonlinear.dynamics import complementarity
 from nonlinear.dynamics.compiling import inner
 from nonlinear.dynamics.complementarity import EXCESS, UNBOUNDED, consistent, on_rail, solve_definite
 
-TOGETHER = 1e-12  # rad by which a kick, or natural velocity by which a stop, may come early to coincide with another
-BRIEF, OFTEN = 1e-7, 4.0  # phases shorter than this, over √(l/g), of which so many in a row are chatter
-FIRM = 1e-6  # excess over its limit by which a contact breaks loose after chatter
+TOGETHER = 1e-12
+"""Tolerance: rad by which a kick, or natural velocity by which a stop, may come early to coincide with another."""
+BRIEF = 1e-7
+"""Tolerance: over √(l/g), phases shorter than that, of which four in a row are chatter."""
+FIRM = 1e-6
+"""Tolerance: excess over its limit by which a contact breaks loose after chatter, ten times more after each phase."""
 NAN, INF, NOTHING = nan, inf, (0.0,)
 TEXTS = "sticking", "friction", "responses", "kick", "kicked"
 
@@ -178,7 +181,7 @@ def changing(at: Places, texts: dict[str, Callable[..., Any]]) -> tuple[Callable
             if stopping[i] or loose[i]:
                 brief = (t - state[T + i]) * numbers[RATE] < BRIEF
                 state[B + i] = state[B + i] + 1 if brief else 0.0
-                state[F + i] = FIRM * 10.0 ** (state[B + i] - OFTEN) if state[B + i] >= OFTEN else 0.0
+                state[F + i] = FIRM * 10.0 ** (state[B + i] - 4.0) if state[B + i] >= 4.0 else 0.0
                 state[T + i] = t
         is_firm = [(stopping[i] or loose[i]) and state[F + i] > 0 for i in range(J)]
         settle(t, after, new_signs, was, state, numbers, c, u, is_firm, events)
@@ -288,7 +291,7 @@ def _none(c: Any, y: Any, u: Any, v: Any) -> Any:
 def names_in(at: Places) -> dict[str, Any]:
     """What the functions of `changing` have from outside: constants, and where numbers stand."""
     J, K, B = at.J, at.K, at.state_count
-    numbers: dict[str, Any] = {"TOGETHER": TOGETHER, "BRIEF": BRIEF, "OFTEN": OFTEN, "FIRM": FIRM}
+    numbers: dict[str, Any] = {"TOGETHER": TOGETHER, "BRIEF": BRIEF, "FIRM": FIRM}
     numbers |= {"EXCESS": EXCESS, "UNBOUNDED": UNBOUNDED}
     numbers |= {"size": at.size, "half": at.half, "K": K, "J": J, "presses": at.presses, "input_count": at.input_count}
     numbers |= {"kicks": at.kicks or ((0, -1),), "contacts": at.contacts or ((0, -1),), "E": at.e, "F": at.firm}

@@ -37,12 +37,22 @@ from nonlinear.integration.method import (
     control_step,
     weighted_sum,
 )
-from nonlinear.integration.steppers import AT_ONCE, BESIDE, SMALL_STEP, Derivative, DOP853Solver, DOP853Stepper
+from nonlinear.integration.steppers import (
+    BREAK_ULPS,
+    SHORTEST_STEP,
+    SMALL_STEP,
+    STEPS_AT_ONCE,
+    Derivative,
+    DOP853Solver,
+    DOP853Stepper,
+)
 from nonlinear.integration.switched import Phase, Switched
 from nonlinear.integration.within import Step
 from nonlinear.system import Equations
 
-WIDE = 64  # components of y from which on sums over stages are NumPy's, 1.4 times as fast for 40 clocks on a cart
+WIDE = 64
+"""Cost: components of y from which on sums over stages are NumPy's, 1.4 times as fast for 40 clocks on a cart, which
+would take seconds to write out for the longest (benchmarks/forms.py)."""
 
 Numbers = Sequence[float]
 
@@ -176,11 +186,11 @@ class FloatDOP853(DOP853Solver):
     def _next_step(self, y: Numbers, f: Numbers) -> FloatStep | None:
         """The next step, None where it would be too short."""
         t, switching = self.t, self.switching
-        shortest = 10 * abs(nextafter(t, self.t_bound) - t)
+        shortest = SHORTEST_STEP * abs(nextafter(t, self.t_bound) - t)
         length, is_retry = min(max(float(self.h_abs), shortest), self.max_step), False
         while length >= shortest or self._which[0] >= 0:
             end = min(t + length, self.t_bound)
-            if self.t_bound - end <= BESIDE * ulp(self.t_bound):
+            if self.t_bound - end <= BREAK_ULPS * ulp(self.t_bound):
                 end = self.t_bound
             if self._which[0] < 0:  # a switch is sought on a scale finer than the floats of the time
                 length = end - t
@@ -331,7 +341,7 @@ class FloatStepper(DOP853Stepper[Written]):
             self.equations.add_rail_work(inside, np.array(spans), [step.contact_inputs for step in steps])
 
     def sweep(
-        self, times: Floats, all_ends: bool = True, limit: int = AT_ONCE
+        self, times: Floats, all_ends: bool = True, limit: int = STEPS_AT_ONCE
     ) -> tuple[Floats, list[tuple[float, Numbers | Floats]], int]:
         """Many steps at once, as defined in `Sweeper`."""
         due, row_count, mends = times.tolist(), 0, self._as_equations.system.spatial

@@ -29,11 +29,14 @@ from nonlinear.integration.method import FIFTH, NODES, ROWS, SEEN, STAGES, THIRD
 from nonlinear.integration.readiness import Code, folder, look_up, made_private, temporary
 
 COMPILING = 6.0
-"""Seconds to compile the integrator of single motions, as expected at first."""
-COMPILING_ANY, COMPILING_LINK, COMPILING_SWITCHES = 5.5, 0.55, 11.0  # and any module of lanes, each link, switches
+"""Cost: seconds to compile an integrator, as expected before one was measured (benchmarks/engines.py)."""
+COMPILING_LINK = 0.55
+"""Cost: seconds more for the text of each link, as expected before one was measured (benchmarks/engines.py)."""
+LANE_LINKS_MAX = 32
+"""Limit: links of a scene up to which members side by side are compiled, beyond which that takes minutes."""
 MAKING = Lock()
 HEAD = '"""Written by multipendula, which runs what it has written and no other file of this name."""'
-IMPORTED = """from math import floor, inf, log, sqrt
+IMPORTED = """from math import floor, inf, log, pi, sqrt
 from typing import Any
 from numpy import isfinite, spacing, zeros
 from nonlinear.dynamics.compiling import compiled, part, vectorized_part"""
@@ -131,7 +134,7 @@ def code_of(lanes: Lanes, crowd: Crowd | None = None) -> Code:
 def code_of_text(lanes: Lanes, text: str, *, has_switches: bool) -> Code:
     """The same where its text is known."""
     name = path_of(text).stem
-    seconds = COMPILING_ANY + COMPILING_LINK * lanes.system.n_links + COMPILING_SWITCHES * has_switches
+    seconds = (COMPILING + COMPILING_LINK * lanes.system.n_links) * (3 if has_switches else 1)
     return look_up(
         "numba", name, seconds, "the equations of this form", lambda: getattr(sys.modules.get(name), "run", None)
     )

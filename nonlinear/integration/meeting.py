@@ -9,18 +9,17 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable
 from math import sqrt
+from sys import float_info
 from typing import Any
 
-STANDS, AGAIN, MET = 0, 1, 2
+STANDS, AGAIN, MET = range(3)
 """Of a step: it goes on as it is; it is tried with another length; it ends at a switch."""
 NEAR = 1e-9
-"""Of a step: what is left of the time of a passing is made up for to first order, with an error of its square."""
-DIGIT = 1e-15
+"""Tolerance: of a step, what is left until a passing and made up for to first order, with an error of its square."""
+DIGIT = float_info.epsilon
 """Of a step: how close the ends of a bracket come; whatever the time is, since lengths are finer than its floats."""
 SURE = 1e-2
-"""Of an interval: a cubic that is highest so close to one of its ends says for sure whether it passes."""
-NONE = 2.0
-"""The part of a step at which nothing passes."""
+"""Tolerance: of an interval, a cubic that is highest so close to one of its ends says for sure whether it passes."""
 
 
 def rises(a: float, da: float, b: float) -> bool:
@@ -77,7 +76,7 @@ def cubic(a: float, b: float, da: float, db: float) -> float:
 
 
 def passing(j: int, h: float, V: Any, R: Any, looks: Any) -> float:
-    """The part of the step at which value j first passes, `NONE` where it does not."""
+    """The part of the step at which value j first passes, 2 where it does not."""
     if V[0][j] > 0 and R[0][j] > 0:  # passed within rounding of the switch before
         return 0.0
     for k in range(len(looks) - 1):
@@ -92,7 +91,7 @@ def passing(j: int, h: float, V: Any, R: Any, looks: Any) -> float:
                 return float(looks[k] + width * at * cubic(a, top, da * at, 0.0))
             if top > -0.02 * max(-a, -b) and SURE < at < 1 - SURE:
                 return float(looks[k] + width * at)
-    return NONE
+    return 2.0
 
 
 def meet(
@@ -103,7 +102,7 @@ def meet(
     `which` value it seeks to meet, -1 for none, lies between `low` and `high` (s); `usual` is the length to go on with
     afterwards.  All of these are lists or arrays by segment, and changed in place.
     """
-    first, j = NONE, -1
+    first, j = 2.0, -1
     for n in range(len(V[0])):
         x = passing(n, h[i], V, R, looks)
         if x < first:
@@ -145,5 +144,5 @@ def meeting_source() -> str:
     return "\n".join(inspect.getsource(function) for function in functions)
 
 
-MEETING = {"STANDS": STANDS, "AGAIN": AGAIN, "MET": MET, "NEAR": NEAR, "DIGIT": DIGIT, "SURE": SURE, "NONE": NONE}
+MEETING = {"STANDS": STANDS, "AGAIN": AGAIN, "MET": MET, "NEAR": NEAR, "DIGIT": DIGIT, "SURE": SURE}
 """The constants of `meeting_source`."""

@@ -15,9 +15,16 @@ import numpy as np
 
 from modal.types import Floats
 
-STAGES, EXTRA = 12, 3
-SAFETY, SHRINKS, GROWS, POWER = 0.9, 0.2, 10.0, -1 / 8
-"""Of the length of the next step over that of this one, whose error over the tolerance is raised to a power."""
+STAGES = 12
+"""Format: evaluations of a step; the last is the first of the next."""
+SAFETY = 0.9
+"""Format: of the next length, by which errors are kept below the tolerance [Hairer1993, §II.5]."""
+SHRINKS = 0.2
+"""Format: the least of the length of the next step over that of this one, in SciPy."""
+GROWS = 10.0
+"""Format: the largest of the length of the next step over that of this one, in SciPy."""
+POWER = -1 / 8
+"""Format: of the error over the tolerance in the next length, for an error of seventh order."""
 
 Shares = Sequence[tuple[int, float]]
 
@@ -105,6 +112,7 @@ POWERS: Sequence[Shares] = (
     ),
 )
 """Of the rates at all stages in y at further ones, and of these as well in the last terms of the interpolant."""
+EXTRA = len(MORE)
 SUMS = (*ROWS, *MORE)
 """Those of y at every stage, further ones included."""
 WEIGHTS = [np.array([dict(row).get(stage, 0.0) for stage in range(row[-1][0] + 1 if row else 0)]) for row in SUMS]

@@ -41,10 +41,12 @@ if TYPE_CHECKING:
 
 Watching = Callable[[Layout, Floats, Floats], list[Watch]]
 """Watches for a layout, y and y' (size, 1) at the start."""
-FIRST = 0.1  # longest first step of SciPy's methods over sqrt(l/g)
-LOOKED = 1.0  # phase (rad) of the fastest oscillation within which a load on what sticks is looked at
-HASTE = 1e6  # phase (rad) of the fastest oscillation beyond which it is blamed for the failure of a run
-NEAR_ZERO = 0.1  # fraction of the motion's size to which the tolerance is relative where a quantity passes zero
+FIRST_STEP_MAX = 0.1
+"""Tolerance: over √(l/g), the longest first step of a method, which knows only the rates at the start."""
+PHASE_MAX = 1e6
+"""Limit: phase (rad) of the fastest oscillation beyond which it is blamed for the failure of a run."""
+NEAR_ZERO = 0.1
+"""Tolerance: of the motion's size, to which the tolerance is relative where a quantity passes zero."""
 
 
 class SimulationError(ComputationError):
@@ -225,7 +227,8 @@ class Request:
         breaks = tuple(sorted({*pace.breaks, *inputs.breaks(accuracy)}))
         pace = replace(pace, longest=min(pace.longest, inputs.longest_step(accuracy)), breaks=breaks)
         if (self.load or self.system.prescribed_motions) and self.system.rubs:
-            pace = replace(pace, longest=min(pace.longest, LOOKED / estimate_timescales(self.scene).swing))
+            # A load on what sticks is looked at within a radian of the fastest oscillation.
+            pace = replace(pace, longest=min(pace.longest, 1 / estimate_timescales(self.scene).swing))
         on_structure = self.reduced_system.structure is not None
         with make_ready(integrator(on_structure=on_structure)) if choice.compiled else nullcontext():
             equations = equations_of(self.system, choice, self.load, self.smaller)
@@ -250,7 +253,9 @@ def _stepper(
         return taylor.TaylorStepper(cast("Arranged", inner), y, first, last, choice.tolerance * size, pace)
     relative = choice.tolerance * tolerance_factor(slope, equations.scale)
     absolute = NEAR_ZERO * relative * size * equations.scale
-    pace = replace(pace, first=first_step_of(y, slope, absolute + relative * np.abs(y), FIRST / equations.system.rate))
+    pace = replace(
+        pace, first=first_step_of(y, slope, absolute + relative * np.abs(y), FIRST_STEP_MAX / equations.system.rate)
+    )
     if choice.method == "DOP853" and isinstance(inner, Written):
         return FloatStepper(inner, first, y, last, relative, absolute, pace)
     if choice.method == "DOP853" and choice.compiled:
@@ -278,7 +283,7 @@ def _hint(system: System) -> str:
 
 def _haste(scene: Scene, duration: float) -> str:
     swing = estimate_timescales(scene).swing
-    if swing * duration < HASTE:
+    if swing * duration < PHASE_MAX:
         return ""
     words = f"; the fastest swing of this scene, {swing:.3g} rad/s, cannot be followed for {duration:g} s"
     return f"{words}: remove what is so light or so stiff, or simulate a shorter time"

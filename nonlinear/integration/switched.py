@@ -14,12 +14,8 @@ import numpy as np
 from modal.errors import ComputationError
 from modal.types import Floats
 from nonlinear.dynamics.generated import Generated, InputFunction, Rate, Written
-from nonlinear.integration.switches import Switches, switches_of
+from nonlinear.integration.switches import INPUT_ASIDE, Switches, switches_of
 from nonlinear.system import NO_KICKS, Friction, Kicks, Layout, Load, Motion, State, System
-
-ASIDE, APART = 1e-3, 1e3
-"""Of a step, and at least so many units in the last place of the time: within which the rates of inputs are seen."""
-
 
 Phase = tuple[list[float], int]
 """The state of switches, and how much had happened when it began."""
@@ -120,7 +116,7 @@ class Switched(Written):
         u: Any = () if inputs is None else inputs(time, y)
         w: list[float] = []
         if inputs and self._has_sampled_inputs:
-            aside, count = max(ASIDE * length, APART * ulp(time)), self.switches.places.input_count
+            aside, count = max(INPUT_ASIDE * length, ulp(time) / INPUT_ASIDE), self.switches.places.input_count
             times = time - aside, time + aside
             ends = [inputs(at, y)[:count] for at in times]
             w = [(late - early) / (times[1] - times[0]) for early, late in zip(*ends, strict=True)]

@@ -20,6 +20,8 @@ from nonlinear.integration.changes import TEXTS, Places, changing, compiled_sour
 from nonlinear.system import NO_KICKS, Friction, Kicks, System, constants_of, entries_of
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(6)
+INPUT_ASIDE = 1e-3
+"""Tolerance: of a step, on either side of which inputs that texts do not know are seen for their rates at switches."""
 Happening = tuple[float, float, float, float]
 
 

@@ -15,8 +15,16 @@ from modal.scene import Scene
 from modal.types import Complexes
 from nonlinear.system import system_of
 
-MOST_SURVEYED = 2000  # links of a scene up to which its modes are computed
-DENSE = 300  # and on a structure the eigenvalues of its matrices
+SURVEYED_LINKS_MAX = 2000
+"""Cost: links of a scene up to which its modes are computed for its time scales (benchmarks/simulation.py)."""
+DENSE_LINKS_MAX = 300
+"""Cost: likewise on a structure, whose matrices are dense (benchmarks/simulation.py)."""
+SAMPLES_PER_PERIOD = 24
+"""Cost: default samples in a period of the fastest oscillation, between which cubics are right to 1e-5 of an angle."""
+SAMPLES_MIN = 1000
+"""Cost: default samples of a short run, which its figures show as a curve."""
+SAMPLES_MAX = 100_000
+"""Cost: default samples of a long run."""
 
 
 @dataclass(frozen=True)
@@ -38,12 +46,12 @@ modes_of = lru_cache(maxsize=4)(natural_modes)
 @lru_cache(maxsize=4)
 def estimate_timescales(scene: Scene) -> Timescales:
     """The time scales of a scene's modes where these are cheap, else estimates."""
-    if scene.is_structured and scene.n_links <= DENSE:
+    if scene.is_structured and scene.n_links <= DENSE_LINKS_MAX:
         try:
             return _timescales_of(_of_matrices(scene), scene)
         except np.linalg.LinAlgError:  # masses so far apart that rounding leaves M singular
             return _estimate(scene)
-    if scene.n_links <= MOST_SURVEYED and not scene.is_structured:
+    if scene.n_links <= SURVEYED_LINKS_MAX and not scene.is_structured:
         try:
             eigenvalue = _modes_of_scales(scene).eigenvalue
         except ComputationError:
@@ -76,9 +84,9 @@ def _modes_of_scales(scene: Scene) -> Modes:
         return modes_of(scene.replace(force=()))
 
 
-def sample_count(duration: float, swing: float, per_period: float, fewest: int, limit: int) -> int:
-    """Number of samples at `per_period` per period of `swing` (rad/s) over `duration` (s), within bounds."""
-    return min(max(ceil(min(duration * swing / (2 * pi) * per_period, limit)), fewest), limit)
+def sample_count(duration: float, swing: float) -> int:
+    """The default number of samples of a motion over `duration` (s) whose fastest oscillation is `swing` (rad/s)."""
+    return max(ceil(min(duration * swing / (2 * pi) * SAMPLES_PER_PERIOD, SAMPLES_MAX)), SAMPLES_MIN)
 
 
 def _estimate(scene: Scene) -> Timescales:

@@ -12,10 +12,13 @@ import numpy as np
 from modal.types import Booleans, Floats, Ints
 from nonlinear.dynamics.generated import Rates
 from nonlinear.integration.method import EXTRA, NODES, STAGES, advance, gain_at, terms_of
-from nonlinear.integration.steppers import BESIDE
+from nonlinear.integration.steppers import BREAK_ULPS
 
-PIECES = 16  # parts of a step, within each of which a component turns back once at most
-ROUNDS = 14  # of the secant method with its ends kept apart (Illinois), to the last digits of a step
+PIECES = 16
+"""Tolerance: parts of a step, within each of which a component turns back once at most: its interpolant has degree 7,
+and a step of DOP853 is a fraction of the fastest period."""
+ROUNDS = 14
+"""Tolerance: of the secant method with its ends kept apart (Illinois), to the last digits of a step."""
 ALL = slice(None)
 
 
@@ -54,7 +57,7 @@ class Step:
         times = start + part * length
         if not self.breaks:
             return np.asarray(times)
-        clear = BESIDE * np.spacing(np.abs(start + length))
+        clear = BREAK_ULPS * np.spacing(np.abs(start + length))
         return np.asarray(np.minimum(np.maximum(times, start + clear), start + length - clear))
 
     def motion(self, y: Floats) -> Floats:
@@ -190,8 +193,10 @@ class Inside:
 
 
 NODES_INSIDE = (1 - np.cos(np.pi * np.arange(10) / 9)) / 2
-"""Parts of a step at which its interpolant, a polynomial by any method, is known by its values to the last digits."""
-BETWEEN = 0.1  # of the range of these values, by which what lies between them may be beyond
+"""Format: parts of a step at which its interpolant, a polynomial by any method, is known by its values to the last
+digits: Chebyshev's."""
+BETWEEN = 0.1
+"""Tolerance: of the range of these values, by which what lies between them may be beyond."""
 _OF_TERMS = np.array([gain_at(NODES_INSIDE[1:], [*np.eye(9)[:, [k]]]) for k in range(9)]).T
 
 

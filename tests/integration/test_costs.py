@@ -210,7 +210,7 @@ def test_numba_keeps_the_integrator_where_it_is_looked_for(monkeypatch: pytest.M
 def test_compiling_is_shown_on_a_terminal(
     process: Process, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(readiness, "LATE", 0.0)
+    monkeypatch.setattr(readiness, "PROGRESS_DELAY", 0.0)
     for loaded, kept, terminal in (
         (False, False, True),
         (False, False, False),
