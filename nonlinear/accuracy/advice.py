@@ -6,12 +6,12 @@ The error is the largest deviation of any link's angle (rad) at any time so far.
     a few modes              for long chains, error from more modes (`nonlinear.reduction.truncation`)
     integration, twice       at tolerances Rτ and τ, then at tighter ones
 
-Two runs that differ by d indicate that the tighter one is off by no more than SAFETY d: errors scatter by
+Two runs that differ by d indicate that the tighter one is off by no more than DIFFERENCE_SAFETY d: errors scatter by
 factors of ten, wherever steps are few or limited by something other than the tolerance, as by stiff joints, and both
 runs may share an error.  Where a third run has shown how errors depend on the tolerance, e ∝ τ^p with p at most 1,
 that is used,
 
-    e(τ) ≤ min(SAFETY / R^p, 2) d
+    e(τ) ≤ min(DIFFERENCE_SAFETY / R^p, 2) d
 
 for a tolerance R times tighter.  Where that is too large the next tolerance follows from C in e ≈ Cτ: a few times the
 size of the motion where little grows, more over many periods and at large angles, and millions where small errors grow.
@@ -38,7 +38,7 @@ from modal.report import Form, ReportColumn, Result, finite
 from modal.scene import Scene
 from modal.scene.doors import checked
 from modal.types import Floats
-from nonlinear.accuracy.attempts import AIM, Attempt, Goal, TriedRun, in_closed_form, in_few_modes
+from nonlinear.accuracy.attempts import ERROR_AIM_RATIO, Attempt, Goal, TriedRun, in_closed_form, in_few_modes
 from nonlinear.integration import (
     COARSEST,
     LOOSEST,
@@ -51,12 +51,12 @@ from nonlinear.integration import (
 )
 from nonlinear.system import apart
 
-RATIO = 10.0
+TOLERANCE_RATIO = 10.0
 """Cost: of a tolerance to the next: no gain beyond its square is credited, where a run was lost it is taken to the
 fourth power (benchmarks/advice.py)."""
-SAFETY = 16.0
+DIFFERENCE_SAFETY = 16.0
 """Tolerance: the bound of an error over the difference of two runs whose ratio of errors is not known."""
-SHORTER = 0.7
+STEP_RATIO = 0.7
 """Tolerance: ratio of steps from run to run where the tolerance does not limit them: two that step alike may be wrong
 alike."""
 ATTEMPT = (
@@ -97,7 +97,7 @@ class Advice(Result):
     def limit(self) -> str:
         """The message where the accuracy is not met throughout."""
         words = f"{self.accuracy:g} rad can be shown to be met up to {self.horizon:.4g} s and no further"
-        if self.has_parted or self.attempts[-1].tolerance <= RATIO**2 * SMALLEST:
+        if self.has_parted or self.attempts[-1].tolerance <= TOLERANCE_RATIO**2 * SMALLEST:
             words += ": beyond it double precision cannot determine where the links are"
         return words + (", since starts that differ in their last digits alone part" if self.has_parted else "")
 
@@ -191,11 +191,11 @@ def seek_accuracy(goal: Goal) -> Advice:
 def _integrate(goal: Goal) -> Iterator[TriedRun]:
     """Runs at tighter and tighter tolerances, each compared with those before."""
     request = goal.looked_at
-    choice = request.choice(min(max(goal.tolerance, SMALLEST), LOOSEST / RATIO))
-    runs = [_time_run(request, replace(choice, tolerance=RATIO * choice.tolerance))]
+    choice = request.choice(min(max(goal.tolerance, SMALLEST), LOOSEST / TOLERANCE_RATIO))
+    runs = [_time_run(request, replace(choice, tolerance=TOLERANCE_RATIO * choice.tolerance))]
     yield runs[0]
     while True:
-        request = replace(request, pace=replace(request.pace, share=SHORTER * request.pace.share))
+        request = replace(request, pace=replace(request.pace, share=STEP_RATIO * request.pace.share))
         runs.append(_with_errors(_time_run(request, choice), runs, 4 * float_info.epsilon * goal.constant))
         yield runs[-1]
         tighter = request.choice(max(_next(goal, runs[-1], runs[-2]), SMALLEST))
@@ -235,12 +235,12 @@ def _with_errors(tried_run: TriedRun, runs: Sequence[TriedRun], rounding: float)
     if tried_run.gave_up:
         return tried_run
     difference = _difference(tried_run.trajectory, previous.trajectory)
-    credit = np.full(len(difference), 1 / SAFETY)
+    credit = np.full(len(difference), 1 / DIFFERENCE_SAFETY)
     if len(runs) > 1:
-        ratio = min(previous.attempt.tolerance / tried_run.attempt.tolerance, RATIO**2)
+        ratio = min(previous.attempt.tolerance / tried_run.attempt.tolerance, TOLERANCE_RATIO**2)
         differences = _difference(tried_run.trajectory, runs[-2].trajectory), difference
         order = _order(*differences, runs[-2].attempt.tolerance / previous.attempt.tolerance)
-        credit = np.maximum(ratio**order / SAFETY, 1 / 2)
+        credit = np.maximum(ratio**order / DIFFERENCE_SAFETY, 1 / 2)
     errors = np.maximum.accumulate(difference / credit) + rounding * (difference > 0)
     return replace(tried_run, errors=errors, attempt=replace(tried_run.attempt, error=float(errors[-1])))
 
@@ -279,6 +279,6 @@ def _next(goal: Goal, current: TriedRun, previous: TriedRun) -> float:
     tolerance = current.attempt.tolerance
     difference = float(_difference(current.trajectory, previous.trajectory)[-1])
     if difference == inf:
-        finest, leap = RATIO**2 * SMALLEST, tolerance / RATIO**4
+        finest, leap = TOLERANCE_RATIO**2 * SMALLEST, tolerance / TOLERANCE_RATIO**4
         return finest if leap < finest < tolerance / 4 else leap  # two runs within a factor of 4 may be identical
-    return min(goal.accuracy * previous.attempt.tolerance / (AIM * difference), tolerance / RATIO)
+    return min(goal.accuracy * previous.attempt.tolerance / (ERROR_AIM_RATIO * difference), tolerance / TOLERANCE_RATIO)

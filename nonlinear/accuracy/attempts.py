@@ -35,14 +35,14 @@ from nonlinear.reduction import (
     survey_modes,
 )
 
-AIM = 200.0
+ERROR_AIM_RATIO = 200.0
 """Cost: requested accuracy over the error aimed at, so that one pair of runs is enough (benchmarks/advice.py)."""
 ERROR_PER_PERIOD = 0.15
 """Cost: of the motion's size, the share of C for every period of the fastest oscillation (benchmarks/advice.py)."""
 ERROR_TIMES_MAX = 4000
 """Cost: times at which errors are evaluated, half of the default samples up to that (benchmarks/advice.py)."""
 MODAL = "the motion is small enough"
-CURVED = 1 / 200
+CLOSED_FORM_ERROR = 1 / 200
 """Cost: the least error of any closed form over the cube of the motion's size (benchmarks/advice.py)."""
 LONG_LINKS = 200
 """Cost: links of a scene from which a few modes may pay (benchmarks/advice.py)."""
@@ -119,7 +119,7 @@ class Goal(Displayed):
     @property
     def tolerance(self) -> float:
         """The integrator's tolerance expected to meet the accuracy."""
-        return self.accuracy / (AIM * self.constant)
+        return self.accuracy / (ERROR_AIM_RATIO * self.constant)
 
     @property
     def free(self) -> bool:
@@ -133,7 +133,11 @@ class Goal(Displayed):
 
 def in_closed_form(goal: Goal) -> Iterator[TriedRun]:
     """Linear and corrected modes, where their error can be estimated."""
-    if not goal.free or CURVED * goal.request.size**3 > goal.accuracy or goal.request.system.n_links > LARGEST:
+    if (
+        not goal.free
+        or CLOSED_FORM_ERROR * goal.request.size**3 > goal.accuracy
+        or goal.request.system.n_links > LARGEST
+    ):
         return
     if refusals(goal.request.scene, "motion in closed form"):
         return

@@ -1,7 +1,8 @@
 """Time against accuracy of natural frequencies: dense matrices, a relative error that is allowed, and every digit.
 
-Errors of ω are those to the roots of the characteristic polynomial in integers, proved to DIGITS (`modal.exact`); times
-are those of the processor, from a scene to all its frequencies, but for dense matrices, which are at hand.
+Errors of ω are those to the roots of the characteristic polynomial in integers, proved to PROVED_DIGITS
+(`modal.exact`); times are those of the processor, from a scene to all its frequencies, but for dense matrices, which
+are at hand.
 """
 
 from __future__ import annotations
@@ -28,15 +29,15 @@ from modal.scene.doors import checked
 from modal.statespace.model import without_carrier
 from modal.types import Floats
 
-DIGITS = 20
+PROVED_DIGITS = 20
 """Format: digits to which roots are proved, four beyond a double's."""
 FREQUENCIES_MAX = 60
 """Limit: different frequencies of a scene, whose roots are proved within seconds."""
-DENSE_LINKS_MAX = 1500
+COMPARED_LINKS_MAX = 1500
 """Limit: links of a scene, whose dense matrices are solved within seconds."""
 NOTES = (
     "*: on the Pareto front: no other is both faster and more accurate. time: of the processor, for all frequencies; "
-    f"the matrices of dense are at hand. error: the largest, to roots proved to {DIGITS} digits."
+    f"the matrices of dense are at hand. error: the largest, to roots proved to {PROVED_DIGITS} digits."
 )
 
 
@@ -93,7 +94,7 @@ class FrequencyTradeoff(Result):
 
     def facts(self) -> dict[str, Any]:
         """The digits that errors are held against."""
-        return {"digits": DIGITS}
+        return {"digits": PROVED_DIGITS}
 
 
 @checked
@@ -107,8 +108,8 @@ def measure_frequencies(scene: Scene, accuracies: tuple[float, ...] = (1e-8,)) -
     ['dense', 'to 1e-8', 'every digit']
     """
     require(validate_scene(scene), "a polynomial in ω²")
-    if (size := len(natural_modes(scene))) > FREQUENCIES_MAX or scene.n_links > DENSE_LINKS_MAX:
-        limits = f"at most {FREQUENCIES_MAX}, and {DENSE_LINKS_MAX} links, can be compared"
+    if (size := len(natural_modes(scene))) > FREQUENCIES_MAX or scene.n_links > COMPARED_LINKS_MAX:
+        limits = f"at most {FREQUENCIES_MAX}, and {COMPARED_LINKS_MAX} links, can be compared"
         raise SceneError([f"the scene has {size} different frequencies and {scene.n_links} links: {limits}"])
     squares = _squares(scene)
     planes = [matrices(plane) for plane in ((scene, without_carrier(scene)) if scene.space == "space" else (scene,))]
@@ -143,7 +144,7 @@ def _squares(scene: Scene) -> list[Fraction]:
         while not coefficients[-1]:
             coefficients.pop()
             squares += [Fraction(0)] * copies
-        for low, high, times in isolate(coefficients, Fraction(1, 10**DIGITS), relative=True):
+        for low, high, times in isolate(coefficients, Fraction(1, 10**PROVED_DIGITS), relative=True):
             squares += [(low + high) / 2] * (times * copies)
     return sorted(squares, key=abs)
 

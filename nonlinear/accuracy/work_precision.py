@@ -45,7 +45,7 @@ REFERENCE_PATIENCE = 120.0
 """Limit: seconds of the reference's run, beyond which a shorter duration is asked for."""
 FIRST_PERIODS = 32
 """Cost: initial length of the reference in fastest periods, four times as long each time (benchmarks/simulation.py)."""
-LAST = 0.2
+PHASE_WINDOW = 0.2
 """Format: final fraction of the time from which the phase is estimated, as the report says."""
 INTERRUPTED = "interrupted"
 
@@ -157,8 +157,8 @@ class WorkPrecision(Result):
         yield (
             "*: on the Pareto front: no other is both faster and more accurate. time: a run, once prepared; "
             "derivatives: right-hand sides, or series of Taylor methods. error: the largest of any link, modulo whole "
-            f"turns, so never above 3.14 rad. late: shift in time in the last {100 * LAST:.0f} %. energy: drift, "
-            "relative."
+            f"turns, so never above 3.14 rad. late: shift in time in the last {100 * PHASE_WINDOW:.0f} %. energy: "
+            "drift, relative."
         )
 
 
@@ -303,12 +303,12 @@ def measure(candidate: Candidate, question: Question, reference: Reference) -> W
 
 def late(motion: Motion, reference: Trajectory) -> float:
     """The lag (s) of a motion behind the reference at the end; NaN where no time shift explains the deviation."""
-    last = reference.times >= (1 - LAST) * reference.times[-1]
+    last = reference.times >= (1 - PHASE_WINDOW) * reference.times[-1]
     if apart(motion, reference.motion)[last].max() > 1:
         return nan
     (q, _), (sure, rate) = (_flat(states, reference.system, last) for states in (motion, reference.motion))
     shift = 0.0 - float(np.sum(rate * (q - sure)) / (np.sum(rate**2) or 1.0))
-    return shift if abs(shift) <= LAST * reference.times[-1] else nan
+    return shift if abs(shift) <= PHASE_WINDOW * reference.times[-1] else nan
 
 
 def _flat(motion: Motion, system: System, rows: Any) -> tuple[Floats, Floats]:

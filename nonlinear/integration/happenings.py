@@ -25,12 +25,12 @@ from nonlinear.integration.switched import Switched
 from nonlinear.integration.within import Inside, Step
 from nonlinear.system import CoordinateReading, Equations, Event, State
 
-SAME_EVENT = 1e-6
+JUMP_EVENT_SHARE = 1e-6
 """Tolerance: of a step before its end, within which an event that was found is the one that a jump there brings."""
-SILENT = 1e-9
+START_SILENCE = 1e-9
 """Tolerance: an event's value that starts below this fraction of its value in the first step starts at zero, which is
 no crossing: its side is that a little later."""
-ASIDE = 0.01
+LOOK_ASIDE = 0.01
 """Tolerance: of the time between two looks, at which the slope is seen, and the side after a start at zero."""
 
 
@@ -88,7 +88,7 @@ class Events:
 
     def jump(self, start: float, time: float, y: Floats, after: Floats) -> None:
         """All events by which y changes suddenly at the end of a step that began at this time (s)."""
-        window_start = time - SAME_EVENT * (time - start)
+        window_start = time - JUMP_EVENT_SHARE * (time - start)
         states = self.equations.read(np.array([y, after]))
         for event in self.events:
             is_known = any(
@@ -111,8 +111,8 @@ class Events:
         counts = crossings.way * sign * event.direction >= 0
         if step.start[0] == self.start:
             largest = max(abs(float(end[0]) - level.value) for end in step.reach(level.row))
-            silent = abs(step.before[level.row, 0] - level.value) < SILENT * largest
-            counts &= ~silent | (crossings.time > self.start + ASIDE / 4 * step.length[0])
+            silent = abs(step.before[level.row, 0] - level.value) < START_SILENCE * largest
+            counts &= ~silent | (crossings.time > self.start + LOOK_ASIDE / 4 * step.length[0])
         crossings = crossings.take(counts)
         motion = self.equations.read(crossings.rows)
         for k, time in enumerate(crossings.time.tolist()):
@@ -133,8 +133,8 @@ class Events:
             try:
                 if not all(map(isfinite, samples)):
                     look.refuse(looks, samples)
-                if start == self.start and abs(samples[0]) < SILENT * max(map(abs, samples)):
-                    looks[0] = ASIDE * looks[1]
+                if start == self.start and abs(samples[0]) < START_SILENCE * max(map(abs, samples)):
+                    looks[0] = LOOK_ASIDE * looks[1]
                     samples[0] = look.value(looks[0])
                 roots += [(lane, low, high, *look.locate(low, high)) for low, high in look.passing(looks, samples)]
             except ComputationError as error:
@@ -171,7 +171,7 @@ class Events:
         crosses = ~(low * high > 0)
         widest = np.abs(high - low).max(0)
         look, lane = np.nonzero(~crosses & (np.minimum(np.abs(low), np.abs(high)) < widest))
-        aside = ASIDE * parts[1]
+        aside = LOOK_ASIDE * parts[1]
         if len(lane):
             side, sides = np.sign(low[look, lane]), [(low, parts[look] + aside), (high, parts[look + 1] - aside)]
             nearer = [side * self._values(event, inside, lane, at) < abs(v[look, lane]) for v, at in sides]
@@ -220,7 +220,7 @@ class Look:
     def _turn(self, ends: tuple[float, float], values: tuple[float, float]) -> Iterator[tuple[float, float]]:
         """Where between two parts a value turns beyond zero, if it approaches zero from either."""
         start, end = ends
-        side, aside = np.sign(values[0]), ASIDE * (end - start)
+        side, aside = np.sign(values[0]), LOOK_ASIDE * (end - start)
 
         def height(part: float) -> float:
             return float(side * self.value(part))

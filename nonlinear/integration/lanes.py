@@ -27,7 +27,7 @@ import numpy as np
 from modal.errors import ComputationError
 from modal.types import Booleans, Floats, Ints
 from nonlinear.dynamics.generated import Rates
-from nonlinear.integration.meeting import AGAIN, MET, NEAR, meet
+from nonlinear.integration.meeting import AGAIN, MET, PASSING_SHARE, meet
 from nonlinear.integration.method import (
     EXTRA,
     FIFTH,
@@ -283,7 +283,7 @@ class Front:
             at = self.which[met_columns], met_columns
             remaining = -self.value[at] / self.rise[at]
             remaining = np.where(
-                np.abs(remaining) <= 2 * NEAR * (self.usual[met_columns] + self.h[met_columns]), remaining, 0.0
+                np.abs(remaining) <= 2 * PASSING_SHARE * (self.usual[met_columns] + self.h[met_columns]), remaining, 0.0
             )
             remaining = np.maximum(remaining, -self.h[met_columns] / 2)
             self.h[met_columns] += remaining

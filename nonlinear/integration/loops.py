@@ -21,11 +21,11 @@ from typing import Any
 from numpy import isfinite, spacing, zeros
 
 from nonlinear.integration.lanes import SWITCHES_AT_ONCE
-from nonlinear.integration.meeting import AGAIN, MET, NEAR, STANDS
-from nonlinear.integration.method import GROWS, LOOKS, SAFETY, SHRINKS, STAGES
+from nonlinear.integration.meeting import AGAIN, MET, PASSING_SHARE, STANDS
+from nonlinear.integration.method import LOOKS, STAGES, STEP_RATIO_MAX, STEP_RATIO_MIN, STEP_SAFETY
 from nonlinear.integration.passages import TURN
 from nonlinear.integration.steppers import BREAK_ULPS, SHORTEST_STEP
-from nonlinear.integration.watches import ASIDE, EPSILON, ERROR_KNOWN_MAX
+from nonlinear.integration.watches import EPSILON, ERROR_KNOWN_MAX, NEIGHBOUR_DISTANCE
 
 WIDTH = 16
 """Cost: lanes that take turns, so that loops over them become vectors (benchmarks/ensembles.py)."""
@@ -143,7 +143,9 @@ def looping(
     def grown(z: Any, h: Any, g: Any, K: Any, sc: Any, v: Any, w: Any) -> None:
         for i in range(HALF):
             for k in range(WIDTH):
-                faster = v[HALF + i, k] * sc[HALF + i, k] + h[k] * ((g[HALF + i, k] - K[STAGES, HALF + i, k]) / ASIDE)
+                faster = v[HALF + i, k] * sc[HALF + i, k] + h[k] * (
+                    (g[HALF + i, k] - K[STAGES, HALF + i, k]) / NEIGHBOUR_DISTANCE
+                )
                 w[HALF + i, k] = faster / sc[HALF + i, k]
                 w[i, k] = v[i, k] + h[k] * faster / sc[i, k]
         for k in range(WIDTH):
@@ -342,7 +344,7 @@ def looping(
                         w[i, k] = z[i, k]
                 for i in range(2 * HALF):
                     for k in range(WIDTH):
-                        w[i, k] += ASIDE * v[i, k] * sc[i, k]
+                        w[i, k] += NEIGHBOUR_DISTANCE * v[i, k] * sc[i, k]
                 driven(1.0, h, front, tables, u, s)
                 rates(w, u, s, c, g)
                 grown(z, h, g, K, sc, v, w)
@@ -352,8 +354,8 @@ def looping(
                     continue
                 member, e, answer = members[k], err[k], STANDS
                 is_good = e < 1.0
-                factor = SAFETY * sqrt(sqrt(sqrt(1.0 / e))) if e > 0.0 else GROWS
-                factor = min(GROWS, max(SHRINKS, factor)) if isfinite(e) else SHRINKS
+                factor = STEP_SAFETY * sqrt(sqrt(sqrt(1.0 / e))) if e > 0.0 else STEP_RATIO_MAX
+                factor = min(STEP_RATIO_MAX, max(STEP_RATIO_MIN, factor)) if isfinite(e) else STEP_RATIO_MIN
                 if not is_good or front[REFUSED, k] == 1.0:
                     factor = min(factor, 1.0)
                 front[REFUSED, k] = 0.0 if is_good else 1.0
@@ -380,7 +382,7 @@ def looping(
                 if N > 0 and answer == MET:
                     j = aim[k]
                     remaining = -V[len(V) - 1, j, k] / V[len(V) - 1, N + j, k]
-                    if not abs(remaining) <= 2.0 * NEAR * (usual[k] + h[k]):
+                    if not abs(remaining) <= 2.0 * PASSING_SHARE * (usual[k] + h[k]):
                         remaining = 0.0
                     remaining = max(remaining, -h[k] / 2)
                     h[k] += remaining

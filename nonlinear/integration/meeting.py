@@ -14,11 +14,11 @@ from typing import Any
 
 STANDS, AGAIN, MET = range(3)
 """Of a step: it goes on as it is; it is tried with another length; it ends at a switch."""
-NEAR = 1e-9
+PASSING_SHARE = 1e-9
 """Tolerance: of a step, what is left until a passing and made up for to first order, with an error of its square."""
-DIGIT = float_info.epsilon
+BRACKET_SHARE = float_info.epsilon
 """Of a step: how close the ends of a bracket come; whatever the time is, since lengths are finer than its floats."""
-SURE = 1e-2
+CUBIC_END_SHARE = 1e-2
 """Tolerance: of an interval, a cubic that is highest so close to one of its ends says for sure whether it passes."""
 
 
@@ -89,7 +89,7 @@ def passing(j: int, h: float, V: Any, R: Any, looks: Any) -> float:
             top = cubic_at(at, a, b, da, db)
             if top > 0:
                 return float(looks[k] + width * at * cubic(a, top, da * at, 0.0))
-            if top > -0.02 * max(-a, -b) and SURE < at < 1 - SURE:
+            if top > -0.02 * max(-a, -b) and CUBIC_END_SHARE < at < 1 - CUBIC_END_SHARE:
                 return float(looks[k] + width * at)
     return 2.0
 
@@ -113,19 +113,19 @@ def meet(
         if j < 0:
             return STANDS
         which[i], low[i], high[i] = j, 0.0, h[i]
-        next_length[i] = max(first, NEAR) * h[i]
+        next_length[i] = max(first, PASSING_SHARE) * h[i]
         return AGAIN
     value, rate = V[len(V) - 1][aim], R[len(R) - 1][aim]
     remaining = -value / rate if rate > 0 else 1e300
     earlier = j >= 0 and j != aim and first < 1 - 1e-6
-    if not earlier and abs(remaining) <= NEAR * max(h[i], 1e-3 * usual[i]):
+    if not earlier and abs(remaining) <= PASSING_SHARE * max(h[i], 1e-3 * usual[i]):
         return MET
     if j >= 0:
         high[i] = h[i]
         new = h[i] + remaining if j == aim and low[i] < h[i] + remaining < h[i] else first * h[i]
         if not low[i] < new < h[i]:
             new = (low[i] + h[i]) / 2
-        if min(h[i] - low[i], new) <= DIGIT * (h[i] + usual[i]):
+        if min(h[i] - low[i], new) <= BRACKET_SHARE * (h[i] + usual[i]):
             return MET
         which[i], next_length[i] = j, new
         return AGAIN
@@ -144,5 +144,12 @@ def meeting_source() -> str:
     return "\n".join(inspect.getsource(function) for function in functions)
 
 
-MEETING = {"STANDS": STANDS, "AGAIN": AGAIN, "MET": MET, "NEAR": NEAR, "DIGIT": DIGIT, "SURE": SURE}
+MEETING = {
+    "STANDS": STANDS,
+    "AGAIN": AGAIN,
+    "MET": MET,
+    "PASSING_SHARE": PASSING_SHARE,
+    "BRACKET_SHARE": BRACKET_SHARE,
+    "CUBIC_END_SHARE": CUBIC_END_SHARE,
+}
 """The constants of `meeting_source`."""

@@ -45,7 +45,7 @@ from nonlinear.system import Equations, Group, Load, System, ends_may_meet, syst
 ASKED = "as asked for"
 METHODS = ("auto", *SCIPY, "taylor")
 FORMS = ("auto", "minimal", "maximal", "hamiltonian", "spatial")
-STIFF = 30.0
+STIFFNESS_RATIO = 30.0
 """Cost: the fastest decay over the fastest oscillation, from which an implicit method is cheaper
 (benchmarks/simulation.py)."""
 LENGTH_RATIO_MIN = 1e-13
@@ -179,7 +179,7 @@ def _automatic(
 ) -> tuple[str, str]:
     """The method and the reason."""
     scales = estimate_timescales(scene)
-    if scales.decay * duration > STIFF * max(scales.swing * duration, 1.0):
+    if scales.decay * duration > STIFFNESS_RATIO * max(scales.swing * duration, 1.0):
         fast = f"the fastest decay, about {scales.decay:.3g}/s, is far faster than the fastest oscillation"
         if form != "minimal":
             return "DOP853", f"{fast}, but the {form} form has only explicit methods: this takes many steps"

@@ -4,7 +4,7 @@ The constants of a scene are parameters, so one compiled series serves all scene
 heyoka computes the step size from the last two coefficients of the series [Jorba2005].  Released from rest at ±90°,
 angles contain the powers 2, 6, 10, … of t and rates 1, 5, 9, …: where the order is a multiple of four both coefficients
 are zero, and the first step comes out many times too long.  So the order is never a multiple of four, and the first
-step no longer than FIRST_STEP_MAX of the shortest linear period; either measure alone preserved every digit in all
+step no longer than FIRST_STEP_PERIODS of the shortest linear period; either measure alone preserved every digit in all
 starts tried.
 """
 
@@ -32,7 +32,7 @@ from nonlinear.integration.readiness import Code, has_package, look_up, make_rea
 from nonlinear.integration.steppers import STEPS_AT_ONCE, Pace
 from nonlinear.system import System
 
-FIRST_STEP_MAX = 0.05
+FIRST_STEP_PERIODS = 0.05
 """Tolerance: of the shortest linear period, the longest first step: coefficients say nothing of a start from rest."""
 LONGEST_CHAIN = 24
 """Limit: links of a chain, for which compiling takes longer than other methods take to run."""
@@ -59,7 +59,7 @@ def takes(system: System) -> bool:
 
 def first_step(omega: float) -> float:
     """The limit (s) on the first step, from the fastest natural frequency (rad/s); inf where nothing oscillates."""
-    return FIRST_STEP_MAX * 2 * pi / omega if omega else inf
+    return FIRST_STEP_PERIODS * 2 * pi / omega if omega else inf
 
 
 class TaylorStepper:

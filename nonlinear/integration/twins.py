@@ -23,13 +23,13 @@ from nonlinear.integration.run import Request, SimulationError
 from nonlinear.integration.trajectory import Trajectory
 from nonlinear.system import Event, State, System, apart
 
-ASIDE = 1e-9
+TWIN_DISTANCE = 1e-9
 """Tolerance: of the motion's size, the perturbation of a twin's start, and the tolerance at which it is followed."""
-ASIDE_MIN = 1e-12
+TWIN_DISTANCE_MIN = 1e-12
 """Tolerance: the least perturbation (rad) of a twin's start, far above rounding."""
-GONE = 1e-4
+DEPARTURE_DISTANCE = 1e-4
 """Limit: distance (rad) at which a twin has departed and is followed no further."""
-STEPS = 3000
+TWIN_STEPS_MAX = 3000
 """Limit: steps for which a twin is followed, and what it says is of the time until then."""
 
 
@@ -62,7 +62,7 @@ def aside(system: System, start: State, by: Any) -> State:
 
 def slightly(system: System, start: State) -> float:
     """The perturbation (rad) of a twin that shows how a difference grows."""
-    return max(ASIDE * extent(start, system), ASIDE_MIN)
+    return max(TWIN_DISTANCE * extent(start, system), TWIN_DISTANCE_MIN)
 
 
 def perturb_last_digits(request: Request) -> Request | None:
@@ -80,7 +80,7 @@ def perturb_last_digits(request: Request) -> Request | None:
 def departure(trajectory: Trajectory) -> Departure | None:
     """How fast a twin departs from a run that integrates fewer pendula than there are, or in a plane what is in space.
 
-    None for any other run.  The twin is followed until its distance is GONE, for at most STEPS.
+    None for any other run.  The twin is followed until its distance is DEPARTURE_DISTANCE, for at most TWIN_STEPS_MAX.
     """
     require_type("trajectory", trajectory, "Trajectory")
     start, times = trajectory.motion[0], trajectory.times
@@ -93,14 +93,14 @@ def departure(trajectory: Trajectory) -> Departure | None:
         return float(apart(*symmetrize(request.smaller, state))[0])
 
     def patient(time: float) -> None:
-        if next(steps) > STEPS:
+        if next(steps) > TWIN_STEPS_MAX:
             raise ComputationError("the twin is followed no further")
 
     perturbed_start = aside(request.system, start, slightly(request.system, start))
-    leaving = Event("a twin has left", lambda state: distance(state) - GONE, stop=True)
+    leaving = Event("a twin has left", lambda state: distance(state) - DEPARTURE_DISTANCE, stop=True)
     twin = replace(request, start=perturbed_start, events=(leaving,), report=patient)
     try:
-        path = twin.run(twin.choice(ASIDE))
+        path = twin.run(twin.choice(TWIN_DISTANCE))
     except SimulationError as error:
         path = error.trajectory
     largest = max(distance(path.motion[at]) for at in range(len(path.times)))

@@ -27,7 +27,7 @@ from nonlinear.integration.passages import (
 from nonlinear.integration.within import Inside, Step, align_lanes, sums_of_squares
 from nonlinear.system import Layout
 
-ASIDE = 1e-7
+NEIGHBOUR_DISTANCE = 1e-7
 """Tolerance: natural units by which a neighbour is aside: above rounding, below what bends the growth of a distance."""
 EPSILON = float_info.epsilon
 ERROR_KNOWN_MAX = 0.1
@@ -201,10 +201,10 @@ class Growth:
             scale = scale[:, members]
         v = self._v[:, members] * scale
         neighbour = step.after.copy()
-        neighbour[: 2 * half] += ASIDE * v
+        neighbour[: 2 * half] += NEIGHBOUR_DISTANCE * v
         rates = step.rates(neighbour, step.times(1.0))
         for row in range(half):
-            v[half + row] += step.length * ((rates[half + row] - step.stages[-1, half + row]) / ASIDE)
+            v[half + row] += step.length * ((rates[half + row] - step.stages[-1, half + row]) / NEIGHBOUR_DISTANCE)
         v[:half] += step.length * v[half:]
         v /= scale
         grown = np.sqrt(sums_of_squares(v))

@@ -19,8 +19,8 @@ from nonlinear.integration import Trajectory
 
 AXES = ("x", "y", "z")
 """Along the rail, across it, down."""
-MOST_NUMBERS = 100_000_000
-"""Numbers of one variable, with those that fill up shorter pendula."""
+DATASET_NUMBERS_MAX = 100_000_000
+"""Limit: numbers of one variable, with those that fill up shorter pendula."""
 
 
 def dataset_of(trajectory: Trajectory) -> Any:
@@ -33,7 +33,7 @@ def dataset_of(trajectory: Trajectory) -> Any:
     system, motion, run, scene = trajectory.system, trajectory.motion, trajectory.run, trajectory.scene
     place = _places(system.pendulum)
     counts = (system.n_pendula, int(place[1].max()) + 1)
-    if len(trajectory.times) * counts[0] * counts[1] > MOST_NUMBERS:
+    if len(trajectory.times) * counts[0] * counts[1] > DATASET_NUMBERS_MAX:
         raise ComputationError(
             f"a data set of {len(trajectory.times)} × {counts[0]} × {counts[1]} numbers is too large"
         )

@@ -16,8 +16,9 @@ from modal.errors import ComputationError
 from modal.types import Floats, Ints
 from nonlinear.system import Motion
 
-WIDEST = 0.25
-"""Largest trapezoidal defect h³ θ'''/12 (rad) across which a cubic is trusted: 1 rad swings are right to 0.01 rad."""
+DEFECT_MAX = 0.25
+"""Limit: largest trapezoidal defect h³ θ'''/12 (rad) across which a cubic is trusted: 1 rad swings are right to
+0.01 rad."""
 
 
 def resample(times: Floats, motion: Motion, at: Floats) -> Motion:
@@ -89,8 +90,8 @@ def _validate(times: Floats, motion: Motion, place: _Place) -> None:
     h = np.diff(times[first:last]).reshape(-1, *[1] * (motion.links.ndim - 1))
     links, rates = motion.links[first:last], motion.link_rates[first:last]
     worst = float(np.max(np.abs(np.diff(links, axis=0) - h * (rates[1:] + rates[:-1]) / 2)))
-    if not worst <= WIDEST:
-        closer = min(float(np.max(h)) * (WIDEST / worst) ** (1 / 3), WIDEST / float(np.max(np.abs(rates))))
+    if not worst <= DEFECT_MAX:
+        closer = min(float(np.max(h)) * (DEFECT_MAX / worst) ** (1 / 3), DEFECT_MAX / float(np.max(np.abs(rates))))
         raise ComputationError(
             f"samples every {np.max(h):.3g} s are too few to interpolate between: "
             f"simulate with one every {closer:.2g} s, `output={int((times[-1] - times[0]) / closer) + 2}`"

@@ -13,7 +13,7 @@ from modal import Bob, Cart, Pendulum, Rod, Scene, load, matrices, natural_modes
 from nonlinear.accuracy.references import apart
 from nonlinear.dynamics import Mechanics
 from nonlinear.reduction import defect_error, residual_forces, rest_angles, start_in_mode, superpose
-from nonlinear.reduction.defect import SAFETY, StepResponse, running
+from nonlinear.reduction.defect import DEFECT_SAFETY, StepResponse, running
 from nonlinear.reduction.two_planes import join, split
 from nonlinear.simulation import simulate
 from nonlinear.system import Motion, State, of_plane, system_of, unit_vectors
@@ -57,7 +57,7 @@ def against_simulation(scene: Scene, start: State, duration: float) -> None:
         estimate, true = defect_error(form, duration), apart(form(run.times), run.motion).max()
         assert estimate is not None
         assert estimate.trustworthy
-        assert true < estimate.bounds[-1] == SAFETY * estimate.error
+        assert true < estimate.bounds[-1] == DEFECT_SAFETY * estimate.error
         assert true / estimate.error == pytest.approx(1.0, abs=0.15)
         assert true / estimate.bounds[-1] != pytest.approx(1.0, abs=0.15)
 
