@@ -119,7 +119,7 @@ def measure_frequencies(scene: Scene, accuracies: tuple[float, ...] = (1e-8,)) -
         "every digit": None,
     }
     ours = {way: partial(natural_modes, scene, accuracy=limit) for way, limit in limits_by_way.items()}
-    ways: dict[str, Callable[[], object]] = {"dense": dense, **{way: _omega_of(modes) for way, modes in ours.items()}}
+    ways: dict[str, Callable[[], object]] = {"dense": dense, **ours}
     seconds = {}
     for way, solve in ways.items():
         number, total = Timer(solve, timer=process_time).autorange()
@@ -130,10 +130,6 @@ def measure_frequencies(scene: Scene, accuracies: tuple[float, ...] = (1e-8,)) -
         omega = np.repeat(modes.omega, modes.multiplicity)
         rows.append(FrequencyRow(way, modes.route, seconds[way], float(modes.error.max()), _error(omega, squares)))
     return FrequencyTradeoff(scene, tuple(rows))
-
-
-def _omega_of(solve: Callable[[], Any]) -> Callable[[], object]:
-    return lambda: solve().omega
 
 
 def _squares(scene: Scene) -> list[Fraction]:

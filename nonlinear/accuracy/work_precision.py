@@ -152,7 +152,15 @@ class WorkPrecision(Result):
             f"{reference.difference[-1]:.1e} rad, and a small error grows {reference.growth[-1]:.2g} times, so no "
             f"error below {reference.floor:.1e} rad can be resolved."
         )
-        yield f"all {reference.horizon:g} s are compared." if reference.whole else _cut_short(reference)
+        rate = reference.exponent
+        until = f": until then the e-folding time of a small error is {1 / rate:.2g} s" if rate else ""
+        if reference.whole:
+            yield f"all {reference.horizon:g} s are compared."
+        else:
+            yield (
+                f"only the first {reference.horizon:.4g} s of {reference.duration:g} s are compared{until}; "
+                "the reference cannot be trusted further."
+            )
         yield from (f"{name} was left out: {reason}." for name, reason in self.skipped)
         yield (
             "*: on the Pareto front: no other is both faster and more accurate. time: a run, once prepared; "
@@ -164,14 +172,6 @@ class WorkPrecision(Result):
 
 def _power(tolerance: float) -> str:
     return NOTHING if tolerance != tolerance else f"{tolerance:.1e}".replace(".0e", "e")  # noqa: PLR0124
-
-
-def _cut_short(reference: Reference) -> str:
-    until = f": until then the e-folding time of a small error is {1 / (reference.exponent or 1):.2g} s"
-    return (
-        f"only the first {reference.horizon:.4g} s of {reference.duration:g} s are compared"
-        f"{until if reference.exponent else ''}; the reference cannot be trusted further."
-    )
 
 
 @checked

@@ -36,7 +36,7 @@ LANE_LINKS_MAX = 32
 """Limit: links of a scene up to which members side by side are compiled, beyond which that takes minutes."""
 MAKING = Lock()
 HEAD = '"""Written by multipendula, which runs what it has written and no other file of this name."""'
-IMPORTED = """from math import floor, inf, log, pi, sqrt
+IMPORTED = """from math import floor, inf, log, pi, sqrt, tau
 from typing import Any
 from numpy import isfinite, spacing, zeros
 from nonlinear.dynamics.compiling import compiled, part, vectorized_part"""

@@ -15,7 +15,7 @@ the one that is due, `next`, −1 for none; the bracket low, high, and lengths (
 
 from __future__ import annotations
 
-from math import floor, inf, log, pi, sqrt
+from math import floor, inf, log, pi, sqrt, tau
 from typing import Any
 
 from numpy import isfinite, spacing, zeros
@@ -23,7 +23,6 @@ from numpy import isfinite, spacing, zeros
 from nonlinear.integration.lanes import SWITCHES_AT_ONCE
 from nonlinear.integration.meeting import AGAIN, MET, PASSING_SHARE, STANDS
 from nonlinear.integration.method import LOOKS, STAGES, STEP_RATIO_MAX, STEP_RATIO_MIN, STEP_SAFETY
-from nonlinear.integration.passages import TURN
 from nonlinear.integration.steppers import BREAK_ULPS, SHORTEST_STEP
 from nonlinear.integration.watches import EPSILON, ERROR_KNOWN_MAX, NEIGHBOUR_DISTANCE
 
@@ -129,7 +128,7 @@ def looping(
             turns = wants[1] and front[TURNED + i - FIRST, k] < 2.0
             if turns or wants[2]:
                 low, high = reach(k, i, y, z, K, h)
-                if turns and floor((low - pi) / TURN) != floor((high - pi) / TURN):
+                if turns and floor((low - pi) / tau) != floor((high - pi) / tau):
                     return True
                 if wants[2] and max(-low, high) > max(front[LARGEST, k], abs(z[i, k])):
                     return True
@@ -137,7 +136,7 @@ def looping(
             low, high = reach(k, wants[4], y, z, K, h)
             if wants[4] < FIRST:
                 return (low >= level) != (high >= level)
-            return floor((low - level) / TURN) != floor((high - level) / TURN)
+            return floor((low - level) / tau) != floor((high - level) / tau)
         return False
 
     def grown(z: Any, h: Any, g: Any, K: Any, sc: Any, v: Any, w: Any) -> None:
@@ -405,7 +404,7 @@ def looping(
                         waiting += 1
                     front[DUE, k] = waiting
                     for i in range(FIRST, HALF):
-                        if floor((y[i, k] - pi) / TURN) != floor((z[i, k] - pi) / TURN):
+                        if floor((y[i, k] - pi) / tau) != floor((z[i, k] - pi) / tau):
                             front[TURNED + i - FIRST, k] += 1.0
                 if wants[2]:
                     for i in range(FIRST, HALF):

@@ -189,15 +189,12 @@ def _automatic(
     if "taylor" in ways and tolerance < DOP853_TOLERANCE_MIN:
         return "taylor", "an accuracy near that of double precision, which takes a method of high order"
     if ways and best_of(ways) == "taylor":
-        return "taylor", _why_series(ways["taylor"])
+        code = ways["taylor"].code
+        if code and code.is_ready:
+            return "taylor", "its series are compiled already, and faster"
+        joint = ", after others," if code and code.saved_seconds > 0.0 else ""
+        return "taylor", f"a run long enough{joint} to pay for compiling its series"
     return "DOP853", "no part of the motion decays far faster than it oscillates"
-
-
-def _why_series(way: Offer) -> str:
-    if way.code and way.code.is_ready:
-        return "its series are compiled already, and faster"
-    is_joint = way.code and way.code.saved_seconds > 0.0
-    return f"a run long enough{', after others,' if is_joint else ''} to pay for compiling its series"
 
 
 def step_count(periods: float, tolerance: float) -> float:
@@ -286,11 +283,8 @@ def _in_space(system: System, load: Load | None) -> Arranged:
 
 def _free(system: System, load: Load | None) -> Arranged:
     """The equations in minimal coordinates in the plane, without dry friction."""
-    return Generated(system, load=load) if system.n_links <= FLOATS else _numeric(system, load)
-
-
-def _numeric(system: System, load: Load | None) -> Arranged:
-    """The same by bands or recursions."""
+    if system.n_links <= FLOATS:
+        return Generated(system, load=load)
     if system.hoisting is not None:
         return Minimal(system, (None,) * len(system.groups), load)
     if system.structure is not None:

@@ -9,7 +9,7 @@ rest on a level it leaves it, or touches it, and does not pass.  An angle has th
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import pi
+from math import tau
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,8 +19,6 @@ from nonlinear.integration.steppers import BREAK_ULPS
 from nonlinear.integration.within import Step
 from nonlinear.system import Layout
 
-TURN = 2 * pi
-"""Physics: a whole turn (rad)."""
 ACCELERATION_NOISE = 1e-13
 """Tolerance: of the largest acceleration, up to which one is rounding and does not tell where a start goes."""
 
@@ -36,21 +34,21 @@ class Level:
     def number_below(self, values: Any) -> Floats:
         """The k of the last level that is not above a value; −1 below a level that does not turn."""
         excess = np.asarray(values) - self.value
-        return np.floor(excess / TURN) if self.turns else np.where(excess >= 0, 0.0, -1.0)
+        return np.floor(excess / tau) if self.turns else np.where(excess >= 0, 0.0, -1.0)
 
     def number_above(self, values: Any) -> Floats:
         """The k of the first level that is not below a value; 1 above a level that does not turn."""
         excess = np.asarray(values) - self.value
-        return np.ceil(excess / TURN) if self.turns else np.where(excess > 0, 1.0, 0.0)
+        return np.ceil(excess / tau) if self.turns else np.where(excess > 0, 1.0, 0.0)
 
     def number(self, values: Any) -> Floats:
         """The k of the nearest level."""
         excess = np.asarray(values) - self.value
-        return np.rint(excess / TURN) if self.turns else 0.0 * excess
+        return np.rint(excess / tau) if self.turns else 0.0 * excess
 
     def at(self, number: Any) -> Floats:
         """The level of this k."""
-        return np.asarray(self.value + TURN * number)
+        return np.asarray(self.value + tau * number)
 
 
 def level_of(layout: Layout, row: int, value: float) -> Level:

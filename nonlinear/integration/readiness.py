@@ -94,16 +94,13 @@ class Code:
             return inf
         if self.is_ready:
             return 0.0
-        return LOADING[self.package] * (self.package not in sys.modules) + self._seconds_to_make
+        loading = 0.0 if self.package in sys.modules else LOADING[self.package]
+        return loading + LINKING[self.package] + (0.0 if self.kept else self.compiling)
 
     @property
     def anew(self) -> float:
         """The same in a process that has loaded nothing, on a machine that keeps nothing and has measured nothing."""
         return LOADING[self.package] + self.expected_seconds if has_package(self.package) else inf
-
-    @property
-    def _seconds_to_make(self) -> float:
-        return LINKING[self.package] + (0.0 if self.kept else self.compiling)
 
     @property
     def saved_seconds(self) -> float:

@@ -92,7 +92,11 @@ class Prepared:
         record = Drive(self.stepper, self.equations, self.times, events, report, watches).run()
         trajectory = self._trajectory(record)
         if record.failed:
-            hint = _hint(system) or _haste(self.scene, float(self.times[-1] - self.times[0]))
+            swing, duration = estimate_timescales(self.scene).swing, float(self.times[-1] - self.times[0])
+            hint = _hint(system)
+            if not hint and swing * duration >= PHASE_MAX:
+                hint = f"; the fastest swing of this scene, {swing:.3g} rad/s, cannot be followed for {duration:g} s"
+                hint += ": remove what is so light or so stiff, or simulate a shorter time"
             raise SimulationError(f"{record.stopped}{hint}", trajectory)
         return trajectory
 
@@ -279,11 +283,3 @@ def _hint(system: System) -> str:
     if system.cart is None or system.cart.mass:
         return ""
     return "; a massless cart has no equation of motion where all that pulls it hangs straight down: give it a mass"
-
-
-def _haste(scene: Scene, duration: float) -> str:
-    swing = estimate_timescales(scene).swing
-    if swing * duration < PHASE_MAX:
-        return ""
-    words = f"; the fastest swing of this scene, {swing:.3g} rad/s, cannot be followed for {duration:g} s"
-    return f"{words}: remove what is so light or so stiff, or simulate a shorter time"

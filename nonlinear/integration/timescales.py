@@ -10,7 +10,7 @@ import numpy as np
 
 from modal.assembly import matrices
 from modal.errors import ComputationError, SceneError
-from modal.modes import Modes, natural_modes
+from modal.modes import natural_modes
 from modal.scene import Scene
 from modal.types import Complexes
 from nonlinear.system import system_of
@@ -48,12 +48,20 @@ def estimate_timescales(scene: Scene) -> Timescales:
     """The time scales of a scene's modes where these are cheap, else estimates."""
     if scene.is_structured and scene.n_links <= DENSE_LINKS_MAX:
         try:
-            return _timescales_of(_of_matrices(scene), scene)
+            linear = matrices(scene.linearizable.still.unforced)
+            size, M = len(linear.M), linear.M
+            A = np.block(
+                [[np.zeros((size, size)), np.eye(size)], [-np.linalg.solve(M, linear.K), -np.linalg.solve(M, linear.D)]]
+            )
+            return _timescales_of(np.linalg.eigvals(A).astype(complex), scene)
         except np.linalg.LinAlgError:  # masses so far apart that rounding leaves M singular
             return _estimate(scene)
     if scene.n_links <= SURVEYED_LINKS_MAX and not scene.is_structured:
         try:
-            eigenvalue = _modes_of_scales(scene).eigenvalue
+            try:
+                eigenvalue = modes_of(scene).eigenvalue
+            except SceneError:  # forces that leave no equilibrium
+                eigenvalue = modes_of(scene.replace(force=())).eigenvalue
         except ComputationError:
             return _estimate(scene)
         return _timescales_of(eigenvalue, scene)
@@ -65,23 +73,6 @@ def _timescales_of(eigenvalues: Complexes, scene: Scene) -> Timescales:
     swings = np.abs(eigenvalues[(np.abs(eigenvalues.imag) > np.abs(eigenvalues.real)) | (eigenvalues.real > 0)])
     swing = float(swings.max(initial=0.0)) or _estimate(scene).swing
     return Timescales(swing, float(np.max(-eigenvalues.real, initial=0.0)), True)
-
-
-def _of_matrices(scene: Scene) -> Complexes:
-    """The eigenvalues (1/s) of M q'' + D q' + K q = 0, good enough for steps."""
-    linear = matrices(scene.linearizable.still.unforced)
-    M, K, D = linear.M, linear.K, linear.D
-    size = len(M)
-    A = np.block([[np.zeros((size, size)), np.eye(size)], [-np.linalg.solve(M, K), -np.linalg.solve(M, D)]])
-    return np.asarray(np.linalg.eigvals(A).astype(complex))
-
-
-def _modes_of_scales(scene: Scene) -> Modes:
-    """The modes of a scene, those without its forces where these leave no equilibrium."""
-    try:
-        return modes_of(scene)
-    except SceneError:
-        return modes_of(scene.replace(force=()))
 
 
 def sample_count(duration: float, swing: float) -> int:

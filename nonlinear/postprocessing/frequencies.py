@@ -206,14 +206,11 @@ def _add_lines(signal: _Signal, waves: _Waves, count: int) -> _Waves:
             extension = signal.fit(np.append(waves.x, x[at]))
         except ComputationError:
             break
-        if _has_close_lines(extension) or np.any(np.abs(extension.x[:-1] - waves.x) > pi):
+        are_close = np.any(np.diff(np.sort(extension.x)) < pi * ORDER) or extension.x.min() < pi
+        if are_close or np.any(np.abs(extension.x[:-1] - waves.x) > pi):
             break
         waves = extension
     return waves
-
-
-def _has_close_lines(waves: _Waves) -> bool:
-    return bool(np.any(np.diff(np.sort(waves.x)) < pi * ORDER) or waves.x.min() < pi)
 
 
 def _spread(signal: _Signal, waves: _Waves) -> Floats:

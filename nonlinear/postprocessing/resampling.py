@@ -28,11 +28,15 @@ def resample(times: Floats, motion: Motion, at: Floats) -> Motion:
     """
     if len(times) < 2:
         raise ComputationError("the run has a single sample: there is no motion to draw")
-    place = _place_of(times, at)
+    sample = np.clip(np.searchsorted(times, at, side="right") - 1, 0, len(times) - 2)
+    step = times[sample + 1] - times[sample]
+    place = _Place(sample, step, (at - times[sample]) / step)
     _validate(times, motion, place)
     links, link_rates = _between(place, motion.links, motion.link_rates)
     if links.ndim == 3:
-        links, link_rates = _unit(links, link_rates)
+        length = np.linalg.norm(links, axis=-1, keepdims=True)
+        links, link_rates = links / length, link_rates / length
+        link_rates = link_rates - links * np.sum(links * link_rates, axis=-1, keepdims=True)
     cart, cart_rate = _between(place, motion.cart, motion.cart_rate)
     supports = _between(place, motion.supports, motion.support_rates)
     return Motion(links, link_rates, cart, cart_rate, np.interp(at, times, motion.work), *supports)
@@ -64,12 +68,6 @@ class _Place(NamedTuple):
     part: Floats
 
 
-def _place_of(times: Floats, at: Floats) -> _Place:
-    sample = np.clip(np.searchsorted(times, at, side="right") - 1, 0, len(times) - 2)
-    step = times[sample + 1] - times[sample]
-    return _Place(sample, step, (at - times[sample]) / step)
-
-
 def _between(place: _Place, values: Floats, rates: Floats) -> tuple[Floats, Floats]:
     """The cubic and its derivative."""
     h, s = (part.reshape(-1, *[1] * (values.ndim - 1)) for part in (place.step, place.part))
@@ -77,12 +75,6 @@ def _between(place: _Place, values: Floats, rates: Floats) -> tuple[Floats, Floa
     cubic = (1 + 2 * s) * (1 - s) ** 2 * y + s**2 * (3 - 2 * s) * y1 + h * s * (1 - s) * ((1 - s) * v - s * v1)
     slope = 6 * s * (1 - s) * (y1 - y) / h + (1 - s) * (1 - 3 * s) * v + s * (3 * s - 2) * v1
     return cubic, slope
-
-
-def _unit(u: Floats, w: Floats) -> tuple[Floats, Floats]:
-    length = np.linalg.norm(u, axis=-1, keepdims=True)
-    u, w = u / length, w / length
-    return u, w - u * np.sum(u * w, axis=-1, keepdims=True)
 
 
 def _validate(times: Floats, motion: Motion, place: _Place) -> None:

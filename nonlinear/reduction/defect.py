@@ -22,13 +22,12 @@ import numpy as np
 from modal.assembly import Matrices, matrices
 from modal.eigen import is_singular
 from modal.types import Floats
+from nonlinear.integration.timescales import SAMPLES_MAX
 from nonlinear.reduction.excitation import BLOCK, SAMPLES_PER_PERIOD
 from nonlinear.reduction.residual import residual_forces
 from nonlinear.reduction.superposition import Flat, ModalSwing, Superposition
 from nonlinear.system import System, system_of
 
-DEFECT_STEPS_MAX = 100_000
-"""Cost: samples above which integration is cheaper (benchmarks/advice.py)."""
 LARGEST = 100
 """Cost: coordinates in one plane above which integration is cheaper (benchmarks/advice.py)."""
 ACCELERATION_SHARE = 1e-3
@@ -69,7 +68,7 @@ def defect_error(motion: Superposition, duration: float) -> ErrorEstimate | None
         return None
     plane_matrices = [matrices(plane.scene) for plane in motion.planes]
     steps = max(BLOCK, ceil(duration * _fastest(motion.planes) / (2 * pi) * SAMPLES_PER_PERIOD))
-    if steps > DEFECT_STEPS_MAX or any(is_singular(linear.M) for linear in plane_matrices):
+    if steps > SAMPLES_MAX or any(is_singular(linear.M) for linear in plane_matrices):
         return None
     times = np.linspace(0.0, duration, steps + 1)
     with np.errstate(all="ignore"):

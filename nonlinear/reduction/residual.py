@@ -71,10 +71,8 @@ def _on_structure(system: System, plane: Floats) -> Floats:
     return equations.momenta(q, turn - equations.derivative(0.0, np.concatenate((q, rate)))[len(q) :])
 
 
-@lru_cache(maxsize=16)
-def _equations_of(system: System) -> Variational:
-    """Its equations, written once for all evaluations."""
-    return Variational(system)
+_equations_of = lru_cache(maxsize=16)(Variational)
+"""The equations of a system, written once for all evaluations."""
 
 
 def _planar(group: Group, deflections: list[Floats], start: Floats, cart_rate: Floats) -> tuple[Floats, Any, Any]:

@@ -31,13 +31,12 @@ from modal.scene import Scene, require
 from modal.scene.doors import checked, checked_index
 from modal.types import Floats
 from nonlinear.integration import TIGHTEST, Trajectory
+from nonlinear.integration.timescales import SAMPLES_MAX
 from nonlinear.orbits import Branch, at_amplitude, nonlinear_mode
 from nonlinear.postprocessing import LEAST_PERIODS, PushingLink, attention, line, pushing_links
 from nonlinear.reduction import SAMPLES_PER_PERIOD, along_rail, modal_motion, start_in_mode
 from nonlinear.simulation import simulate
 
-SAMPLES_MAX = 100_000
-"""Cost: samples of a run, fewer a period of the fastest mode where there would be more (benchmarks/modes.py)."""
 FREQUENCY_ERROR_MIN = 1e-8
 """Tolerance: of a run over its amplitude, and so the relative error that a frequency has at least."""
 TOLERANCE_MAX = 1e-10
@@ -123,8 +122,6 @@ def sample_times(duration: float, count: int, bend: float, rate: float) -> tuple
 AMPLITUDES_DEG = (1.0, 5.0, 10.0, 30.0)
 SHIFT_ERROR_MAX = 0.01
 """Tolerance: relative error of a shift from which κ is extrapolated."""
-PERIODS_MAX = 100_000
-"""Limit: periods of a run."""
 DECAY_MAX = 1.5
 """Tolerance: e-folds of the amplitude in a run, and so many more periods than a line needs, or a mode is skipped."""
 INTERRUPTED = "interrupted"
@@ -223,7 +220,7 @@ def check(
     `report` is called with the number of modes done.  Modes that do not oscillate for long enough are skipped with a
     reason; after Ctrl-C, so are those not done.
     """
-    checked_index("periods", periods, 1, PERIODS_MAX)
+    checked_index("periods", periods, 1, SAMPLES_MAX)
     require(scene, "a check of modes")
     given_scene, scene = scene, scene.linearizable
     modes = natural_modes(scene)

@@ -33,8 +33,6 @@ DIGITS_BEYOND = 1e-3
 """Format: of the error of κ, how far its digits go."""
 PERCENT_MIN = 1e-4
 """Format: relative difference from which on it is given in per cent."""
-MODES_SHOWN = 4
-"""Format: modes whose energy is told."""
 HEADINGS = ("mode", "ω (rad/s)", "largest (°)", "energy", "lines")
 
 
@@ -124,11 +122,11 @@ def comparison_verdict(comparison: Comparison) -> list[str]:
     rows = sorted((row for row in comparison.rows if isfinite(row.share)), key=lambda row: -row.share)
     if not rows:
         return ["Nothing moves."]
-    first, *others = rows[:MODES_SHOWN]
+    first, *others = rows[:4]
     shares = "".join(f", mode {row.mode.number} {percent(row.share)}" for row in others)
-    rest = "" if len(rows) <= MODES_SHOWN else f", {len(rows) - MODES_SHOWN} others the rest"
+    rest = "" if len(rows) <= 4 else f", {len(rows) - 4} others the rest"
     sentences = [f"Mode {first.mode.number} holds {percent(first.share)} of the energy{shares}{rest}."]
-    lines = [(row, row.lines[0]) for row in rows[:MODES_SHOWN] if row.lines]
+    lines = [(row, row.lines[0]) for row in rows[:4] if row.lines]
     off = [abs(line.omega / row.mode.omega - 1) for row, line in lines if row.mode.omega]
     if off:
         sentences.append(f"The strongest line of each is up to {_off(max(off))} away from the frequency in the table.")
