@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from math import inf, pi
+from math import inf, pi, sqrt
 from sys import float_info
 
 import numpy as np
@@ -27,8 +27,8 @@ from nonlinear.integration.passages import (
 from nonlinear.integration.within import Inside, Step, align_lanes, sums_of_squares
 from nonlinear.system import Layout
 
-NEIGHBOUR_DISTANCE = 1e-7
-"""Tolerance: natural units by which a neighbour is aside: above rounding, below what bends the growth of a distance."""
+NEIGHBOUR_DISTANCE = sqrt(float_info.epsilon)
+"""Natural units by which a neighbour is aside, where rounding and what bends the growth of a distance are alike."""
 EPSILON = float_info.epsilon
 ERROR_KNOWN_MAX = 0.1
 """Limit: error (rad) beyond which nothing is known of a member, which reports call its horizon."""
