@@ -2,7 +2,7 @@
 
     OPENBLAS_NUM_THREADS=1 python benchmarks/forms.py [--quick]
 
-Chains of bobs, and rods on a cart in pendula of two and of five.  From these times come FLOATS, SHORT and FEW of
+Chains of bobs, and rods on a cart in pendula of two and of five.  From these times come FLOATS and `body_of` of
 `nonlinear.integration.methods`.  The rival is the textbook's full matrix under SciPy's DOP853; `chosen` is what a run
 takes, and `whole` its call of `simulate` with 1000 samples over that of `solve_ivp`.  Rows are printed as they are
 measured; what takes longer than LONG is measured once.

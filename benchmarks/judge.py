@@ -18,7 +18,7 @@ from routes import forget
 from modal import Scene
 from nonlinear import simulate
 from nonlinear.integration import Choice, Request
-from nonlinear.integration.taylor import LONGEST_CHAIN, MOST_LINKS
+from nonlinear.integration.taylor import LONGEST_CHAIN, SERIES_LINKS_MAX
 
 FORCED = {
     "default": ("DOP853", False, "numpy"),
@@ -66,7 +66,9 @@ def judged(key: str, *, runs: int = 2) -> tuple[str, ...]:
 
 
 def takes_series(scene: Scene) -> bool:
-    return bool(find_spec("heyoka")) and scene.pendulum[0].n_links <= LONGEST_CHAIN and scene.n_links <= MOST_LINKS
+    return (
+        bool(find_spec("heyoka")) and scene.pendulum[0].n_links <= LONGEST_CHAIN and scene.n_links <= SERIES_LINKS_MAX
+    )
 
 
 if __name__ == "__main__":

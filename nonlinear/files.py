@@ -43,7 +43,8 @@ from nonlinear.system import (
 KINDS = ("npz", "csv")
 HEADER = "header"
 COMMENT = "# {"
-VERSION = 1
+FILE_VERSION = 1
+"""Format: version of the files, in their headers."""
 PARTS = ("links", "link_rates", "cart", "cart_rate", "work")
 CARRIED = ("supports", "support_rates")
 """The coordinates of a structure and their rates, in files of scenes that have one."""
@@ -209,7 +210,7 @@ def _header(trajectory: Trajectory) -> dict[str, Any]:
     if isnan(trajectory.friction.rest):
         friction_record["friction"]["rest"] = None
     return {
-        "multipendula_trajectory": VERSION,
+        "multipendula_trajectory": FILE_VERSION,
         "scene": describe(trajectory.scene),
         "run": asdict(trajectory.run),
         "driven": trajectory.driven,
@@ -222,7 +223,7 @@ def _header(trajectory: Trajectory) -> dict[str, Any]:
 def _trajectory(header: dict[str, Any], times: Floats, parts: dict[str, Floats]) -> Trajectory:
     friction_record = header.pop("friction", None)
     require_keys(header, "multipendula_trajectory", "scene", "run", "driven", "events", "kicks")
-    if header["multipendula_trajectory"] != VERSION or type(header["driven"]) is not bool:
+    if header["multipendula_trajectory"] != FILE_VERSION or type(header["driven"]) is not bool:
         raise ValueError
     scene = scene_from(header["scene"])
     system = system_of(scene)

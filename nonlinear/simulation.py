@@ -14,6 +14,7 @@ from nonlinear.accuracy import Advice, Goal, seek_accuracy
 from nonlinear.integration import (
     ASKED,
     FORMS,
+    Choice,
     Request,
     SimulationError,
     Trajectory,
@@ -39,8 +40,6 @@ from nonlinear.system import (
     system_of,
     validate_state,
 )
-
-USUAL = 1e-9  # default tolerance
 
 Output = int | Sequence[float] | Floats | None
 Report = Callable[[float], object]
@@ -133,7 +132,7 @@ def simulate(
     """
     if accuracy is not None and tolerance is not None:
         raise SceneError(["accuracy: cannot be combined with a tolerance"])
-    used = USUAL if tolerance is None else tolerance
+    used = Choice.tolerance if tolerance is None else tolerance
     options: dict[str, Any] = {"method": method, "form": form, "events": events, "before": before, "report": report}
     options |= {"load": load, "breaks": breaks, "max_step": max_step, "hoist": hoist}
     if accuracy is not None:
@@ -159,7 +158,9 @@ def advise(
     arguments, SimulationError where an integrator fails.
     """
     return seek_accuracy(
-        Goal(request_of(scene, duration, USUAL, accuracy, output, start, start_time, options), float(accuracy))
+        Goal(
+            request_of(scene, duration, Choice.tolerance, accuracy, output, start, start_time, options), float(accuracy)
+        )
     )
 
 

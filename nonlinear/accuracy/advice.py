@@ -6,12 +6,12 @@ The error is the largest deviation of any link's angle (rad) at any time so far.
     a few modes              for long chains, error from more modes (`nonlinear.reduction.truncation`)
     integration, twice       at tolerances Rτ and τ, then at tighter ones
 
-Two runs that differ by d indicate that the tighter one is off by no more than SAFETY d: errors scatter by
+Two runs that differ by d indicate that the tighter one is off by no more than DIFFERENCE_SAFETY d: errors scatter by
 factors of ten, wherever steps are few or limited by something other than the tolerance, as by stiff joints, and both
 runs may share an error.  Where a third run has shown how errors depend on the tolerance, e ∝ τ^p with p at most 1,
 that is used,
 
-    e(τ) ≤ min(SAFETY / R^p, JUDGED) d
+    e(τ) ≤ min(DIFFERENCE_SAFETY / R^p, 2) d
 
 for a tolerance R times tighter.  Where that is too large the next tolerance follows from C in e ≈ Cτ: a few times the
 size of the motion where little grows, more over many periods and at large angles, and millions where small errors grow.
@@ -19,7 +19,7 @@ Where even the finest tolerance is too coarse the motion is known up to a horizo
 
 Two runs that share a symmetry agree for longer than they are right.  Where the start has a symmetry that rounding
 preserves, or is an unstable equilibrium, a run by the same method from a start perturbed in its last digits
-(`nonlinear.integration.twins`) is compared as well: each error is at least PARTED times the distance to it.
+(`nonlinear.integration.twins`) is compared as well: each error is at least twice the distance to it.
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 from math import inf
+from sys import float_info
 from time import perf_counter
 from typing import Any
 
@@ -37,19 +38,27 @@ from modal.report import Form, ReportColumn, Result, finite
 from modal.scene import Scene
 from modal.scene.doors import checked
 from modal.types import Floats
-from nonlinear.accuracy.attempts import AIM, Attempt, Goal, TriedRun, in_closed_form, in_few_modes
-from nonlinear.integration import LOOSEST, SMALLEST, Choice, Request, SimulationError, Trajectory, perturb_last_digits
+from nonlinear.accuracy.attempts import ERROR_AIM_RATIO, Attempt, Goal, TriedRun, in_closed_form, in_few_modes
+from nonlinear.integration import (
+    COARSEST,
+    LOOSEST,
+    SMALLEST,
+    Choice,
+    Request,
+    SimulationError,
+    Trajectory,
+    perturb_last_digits,
+)
 from nonlinear.system import apart
 
-RATIO, CLIMB = 10.0, 16.0  # ratio of the first two tolerances, and least ratio of later ones
-JUDGED, SAFETY = 2.0, 16.0  # largest bound over the difference of two runs, with a third run and without
-SHORTER = 0.7  # ratio of steps from run to run where the tolerance does not limit them
-NEAREST = 4.0  # ratio of tolerances below which two runs may be identical
-FARTHEST = 100.0  # ratio beyond which no further gain is credited
-ROUNDING = 4 * float(np.finfo(float).eps)  # tolerance below which errors no longer depend on it
-LOST, LEAP = 0.3, 1e-4  # difference (rad) too large to estimate C; ratio of the next tolerance to this one then
-PARTED = 2.0  # least bound over the distance of a twin
-TOGETHER = 2  # samples by which the ends of two runs at the same event may differ
+TOLERANCE_RATIO = 10.0
+"""Cost: of a tolerance to the next: no gain beyond its square is credited, where a run was lost it is taken to the
+fourth power (benchmarks/advice.py)."""
+DIFFERENCE_SAFETY = 16.0
+"""Tolerance: the bound of an error over the difference of two runs whose ratio of errors is not known."""
+STEP_RATIO = 0.7
+"""Tolerance: ratio of steps from run to run where the tolerance does not limit them: two that step alike may be wrong
+alike."""
 ATTEMPT = (
     ReportColumn("way", "way", "way"),
     ReportColumn("tolerance", "tolerance", "tolerance", ".1e"),
@@ -88,7 +97,7 @@ class Advice(Result):
     def limit(self) -> str:
         """The message where the accuracy is not met throughout."""
         words = f"{self.accuracy:g} rad can be shown to be met up to {self.horizon:.4g} s and no further"
-        if self.has_parted or self.attempts[-1].tolerance <= FARTHEST * SMALLEST:
+        if self.has_parted or self.attempts[-1].tolerance <= TOLERANCE_RATIO**2 * SMALLEST:
             words += ": beyond it double precision cannot determine where the links are"
         return words + (", since starts that differ in their last digits alone part" if self.has_parted else "")
 
@@ -182,15 +191,15 @@ def seek_accuracy(goal: Goal) -> Advice:
 def _integrate(goal: Goal) -> Iterator[TriedRun]:
     """Runs at tighter and tighter tolerances, each compared with those before."""
     request = goal.looked_at
-    choice = request.choice(min(max(goal.tolerance, SMALLEST), LOOSEST / RATIO))
-    runs = [_time_run(request, replace(choice, tolerance=RATIO * choice.tolerance))]
+    choice = request.choice(min(max(goal.tolerance, SMALLEST), LOOSEST / TOLERANCE_RATIO))
+    runs = [_time_run(request, replace(choice, tolerance=TOLERANCE_RATIO * choice.tolerance))]
     yield runs[0]
     while True:
-        request = replace(request, pace=replace(request.pace, share=SHORTER * request.pace.share))
-        runs.append(_with_errors(_time_run(request, choice), runs, ROUNDING * goal.constant))
+        request = replace(request, pace=replace(request.pace, share=STEP_RATIO * request.pace.share))
+        runs.append(_with_errors(_time_run(request, choice), runs, 4 * float_info.epsilon * goal.constant))
         yield runs[-1]
         tighter = request.choice(max(_next(goal, runs[-1], runs[-2]), SMALLEST))
-        if tighter.tolerance * NEAREST > 1.01 * choice.tolerance:
+        if tighter.tolerance * 4 > 1.01 * choice.tolerance:
             return
         choice = tighter
 
@@ -211,7 +220,7 @@ def _with_twin(tried_run: TriedRun, twin_request: Request) -> TriedRun:
     """A run that is compared with its twin as well."""
     start = perf_counter()
     trajectory, twin = tried_run.trajectory, tried_run.repeat(twin_request)
-    errors = np.maximum(tried_run.errors, PARTED * _difference(trajectory, twin))
+    errors = np.maximum(tried_run.errors, 2 * _difference(trajectory, twin))
     if twin.run.interrupted:
         info = replace(trajectory.run, interrupted=True, stopped=twin.run.stopped)
         trajectory = replace(trajectory.at(trajectory.times <= twin.times[-1]), run=info)
@@ -226,12 +235,12 @@ def _with_errors(tried_run: TriedRun, runs: Sequence[TriedRun], rounding: float)
     if tried_run.gave_up:
         return tried_run
     difference = _difference(tried_run.trajectory, previous.trajectory)
-    credit = np.full(len(difference), 1 / SAFETY)
+    credit = np.full(len(difference), 1 / DIFFERENCE_SAFETY)
     if len(runs) > 1:
-        ratio = min(previous.attempt.tolerance / tried_run.attempt.tolerance, FARTHEST)
+        ratio = min(previous.attempt.tolerance / tried_run.attempt.tolerance, TOLERANCE_RATIO**2)
         differences = _difference(tried_run.trajectory, runs[-2].trajectory), difference
         order = _order(*differences, runs[-2].attempt.tolerance / previous.attempt.tolerance)
-        credit = np.maximum(ratio**order / SAFETY, 1 / JUDGED)
+        credit = np.maximum(ratio**order / DIFFERENCE_SAFETY, 1 / 2)
     errors = np.maximum.accumulate(difference / credit) + rounding * (difference > 0)
     return replace(tried_run, errors=errors, attempt=replace(tried_run.attempt, error=float(errors[-1])))
 
@@ -258,11 +267,11 @@ def _difference(first: Trajectory, second: Trajectory) -> Floats:
     count = int(np.sum(first.times[:count] == second.times[:count]))
     rows = slice(count)
     distance = np.maximum.accumulate(apart(first.motion.at(rows), second.motion.at(rows)))
-    distance[distance > LOST] = inf
+    distance[distance > COARSEST] = inf
     if not distance.any() and np.ptp(first.motion.links, axis=0).any():
         distance[:] = inf
     surplus = len(first.times) - count
-    return np.pad(distance, (0, surplus), constant_values=inf if surplus > TOGETHER else distance[-1])
+    return np.pad(distance, (0, surplus), constant_values=inf if surplus > 2 else distance[-1])
 
 
 def _next(goal: Goal, current: TriedRun, previous: TriedRun) -> float:
@@ -270,6 +279,6 @@ def _next(goal: Goal, current: TriedRun, previous: TriedRun) -> float:
     tolerance = current.attempt.tolerance
     difference = float(_difference(current.trajectory, previous.trajectory)[-1])
     if difference == inf:
-        finest = FARTHEST * SMALLEST
-        return finest if LEAP * tolerance < finest < tolerance / NEAREST else LEAP * tolerance
-    return min(goal.accuracy * previous.attempt.tolerance / (AIM * difference), tolerance / CLIMB)
+        finest, leap = TOLERANCE_RATIO**2 * SMALLEST, tolerance / TOLERANCE_RATIO**4
+        return finest if leap < finest < tolerance / 4 else leap  # two runs within a factor of 4 may be identical
+    return min(goal.accuracy * previous.attempt.tolerance / (ERROR_AIM_RATIO * difference), tolerance / TOLERANCE_RATIO)

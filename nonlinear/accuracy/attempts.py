@@ -35,12 +35,24 @@ from nonlinear.reduction import (
     survey_modes,
 )
 
-AIM = 200.0  # requested accuracy over the error aimed at
-SOME, A_PERIOD = 3.0, 0.15  # C over the motion's size: a constant, plus so much per period of the fastest oscillation
-PER_PERIOD, FEWEST, MOST = 12, 200, 4000  # times at which errors are evaluated
+ERROR_AIM_RATIO = 200.0
+"""Cost: requested accuracy over the error aimed at, so that one pair of runs is enough (benchmarks/advice.py)."""
+ERROR_PER_PERIOD = 0.15
+"""Cost: of the motion's size, the share of C for every period of the fastest oscillation (benchmarks/advice.py)."""
+ERROR_TIMES_MAX = 4000
+"""Cost: times at which errors are evaluated, half of the default samples up to that (benchmarks/advice.py)."""
 MODAL = "the motion is small enough"
-CURVED = 1 / 200  # least error of any closed form over the cube of the motion's size
-LONG, SHARE = 200, 1 / 8  # least links of a scene, and largest share of its shapes, for which a few modes pay off
+CLOSED_FORM_ERROR = 1 / 200
+"""Cost: the least error of any closed form over the cube of the motion's size (benchmarks/advice.py)."""
+LONG_LINKS = 200
+"""Cost: links of a scene from which a few modes may pay (benchmarks/advice.py)."""
+SHAPE_SHARE_MAX = 1 / 8
+"""Cost: of all shapes, the most with which a few modes may pay (benchmarks/advice.py)."""
+
+
+def error_time_count(duration: float, swing: float) -> int:
+    """At how many times errors are evaluated over `duration` (s) where the fastest oscillation is `swing` (rad/s)."""
+    return min(sample_count(duration, swing) // 2, ERROR_TIMES_MAX)
 
 
 @dataclass(frozen=True)
@@ -96,18 +108,18 @@ class Goal(Displayed):
     def looked_at(self) -> Request:
         """The request at the times where errors are evaluated: the output times, and others as the scene oscillates."""
         times, duration = self.request.times, self.request.duration
-        count = sample_count(duration, self.swing, PER_PERIOD, FEWEST, MOST)
+        count = error_time_count(duration, self.swing)
         return replace(self.request, times=np.union1d(times, np.linspace(times[0], times[-1], count + 1)))
 
     @property
     def constant(self) -> float:
         """An estimate of C (rad)."""
-        return self.request.size * (SOME + (A_PERIOD + self.request.size**2) * self.periods)
+        return self.request.size * (3 + (ERROR_PER_PERIOD + self.request.size**2) * self.periods)
 
     @property
     def tolerance(self) -> float:
         """The integrator's tolerance expected to meet the accuracy."""
-        return self.accuracy / (AIM * self.constant)
+        return self.accuracy / (ERROR_AIM_RATIO * self.constant)
 
     @property
     def free(self) -> bool:
@@ -121,7 +133,11 @@ class Goal(Displayed):
 
 def in_closed_form(goal: Goal) -> Iterator[TriedRun]:
     """Linear and corrected modes, where their error can be estimated."""
-    if not goal.free or CURVED * goal.request.size**3 > goal.accuracy or goal.request.system.n_links > LARGEST:
+    if (
+        not goal.free
+        or CLOSED_FORM_ERROR * goal.request.size**3 > goal.accuracy
+        or goal.request.system.n_links > LARGEST
+    ):
         return
     if refusals(goal.request.scene, "motion in closed form"):
         return
@@ -157,7 +173,7 @@ def _superpose(goal: Goal, kind: str, motion: Superposition, start: float) -> Tr
 def in_few_modes(goal: Goal) -> Iterator[TriedRun]:
     """The lowest modes of a long scene that starts in them."""
     request = goal.looked_at
-    if not goal.free or request.system.spatial or request.system.n_links < LONG:
+    if not goal.free or request.system.spatial or request.system.n_links < LONG_LINKS:
         return
     start = perf_counter()
     try:
@@ -165,7 +181,7 @@ def in_few_modes(goal: Goal) -> Iterator[TriedRun]:
     except (ComputationError, SceneError):
         return
     modes = survey.automatic()
-    if survey.columns(modes) > SHARE * request.system.n_links:
+    if survey.columns(modes) > SHAPE_SHARE_MAX * request.system.n_links:
         return
     tolerance = min(goal.tolerance, LOOSEST)
     truncation = in_modes(survey, modes, request.times, tolerance=tolerance, report=request.report)

@@ -30,7 +30,6 @@ from nonlinear.system import State, system_of
 TOLERANCES = (1e-3, 1e-6, 1e-9, 1e-12)
 IN_PLANE = ("RK23", "RK45", "DOP853", "Radau", "LSODA")
 IN_SPACE = ("RK23", "RK45", "DOP853")
-SOON, PLAINLY = 0.2, 1.25  # after SOON of the time limit a run expected to exceed PLAINLY of it is given up
 
 Task = Callable[[], Trajectory]
 
@@ -138,7 +137,7 @@ def _impatient(question: Question) -> Callable[[float], None]:
         seconds = perf_counter() - start
         share = min(1.0, time / duration)
         question.report(share)
-        if seconds > patience or (seconds > SOON * patience and seconds > PLAINLY * patience * share):
+        if seconds > patience * max(share, 0.5):  # from half of its time on a run is judged by its pace
             raise TimeoutError(f"given up after {seconds:.2g} s, at {time:.3g} s of the motion")
 
     return report

@@ -1,18 +1,19 @@
 """Time against accuracy of natural frequencies: dense matrices, a relative error that is allowed, and every digit.
 
-Errors of ω are those to the roots of the characteristic polynomial in integers, proved to DIGITS (`modal.exact`); times
-are those of the processor, from a scene to all its frequencies, but for dense matrices, which are at hand.
+Errors of ω are those to the roots of the characteristic polynomial in integers, proved to PROVED_DIGITS
+(`modal.exact`); times are those of the processor, from a scene to all its frequencies, but for dense matrices, which
+are at hand.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import partial
 from math import inf, nan
-from statistics import median
 from time import process_time
+from timeit import Timer
 from typing import Any
 
 import numpy as np
@@ -28,20 +29,21 @@ from modal.scene.doors import checked
 from modal.statespace.model import without_carrier
 from modal.types import Floats
 
-DIGITS = 20
-MOST, MOST_LINKS = 60, 1500
-"""Different frequencies and links of a scene: roots are proved within seconds, dense matrices solved."""
-ROUNDS, ROUND = 5, 0.02
-"""Rounds in which each way has its turn, and seconds of one."""
+PROVED_DIGITS = 20
+"""Format: digits to which roots are proved, four beyond a double's."""
+FREQUENCIES_MAX = 60
+"""Limit: different frequencies of a scene, whose roots are proved within seconds."""
+COMPARED_LINKS_MAX = 1500
+"""Limit: links of a scene, whose dense matrices are solved within seconds."""
 NOTES = (
     "*: on the Pareto front: no other is both faster and more accurate. time: of the processor, for all frequencies; "
-    f"the matrices of dense are at hand. error: the largest, to roots proved to {DIGITS} digits."
+    f"the matrices of dense are at hand. error: the largest, to roots proved to {PROVED_DIGITS} digits."
 )
 
 
 @dataclass(frozen=True, repr=False)
 class FrequencyRow(Displayed):
-    """One way to all frequencies: its route, median seconds, the bound that it states (NaN: none), the true error."""
+    """One way to all frequencies: its route, seconds, the bound that it states (NaN: none), the true error."""
 
     what = "One way to all frequencies"
     shows = "way: way; route: route; seconds: time, s; bound: stated bound; error: error"
@@ -92,7 +94,7 @@ class FrequencyTradeoff(Result):
 
     def facts(self) -> dict[str, Any]:
         """The digits that errors are held against."""
-        return {"digits": DIGITS}
+        return {"digits": PROVED_DIGITS}
 
 
 @checked
@@ -106,8 +108,8 @@ def measure_frequencies(scene: Scene, accuracies: tuple[float, ...] = (1e-8,)) -
     ['dense', 'to 1e-8', 'every digit']
     """
     require(validate_scene(scene), "a polynomial in ω²")
-    if (size := len(natural_modes(scene))) > MOST or scene.n_links > MOST_LINKS:
-        limits = f"at most {MOST}, and {MOST_LINKS} links, can be compared"
+    if (size := len(natural_modes(scene))) > FREQUENCIES_MAX or scene.n_links > COMPARED_LINKS_MAX:
+        limits = f"at most {FREQUENCIES_MAX}, and {COMPARED_LINKS_MAX} links, can be compared"
         raise SceneError([f"the scene has {size} different frequencies and {scene.n_links} links: {limits}"])
     squares = _squares(scene)
     planes = [matrices(plane) for plane in ((scene, without_carrier(scene)) if scene.space == "space" else (scene,))]
@@ -117,18 +119,17 @@ def measure_frequencies(scene: Scene, accuracies: tuple[float, ...] = (1e-8,)) -
         "every digit": None,
     }
     ours = {way: partial(natural_modes, scene, accuracy=limit) for way, limit in limits_by_way.items()}
-    ways: dict[str, Callable[[], object]] = {"dense": dense, **{way: _omega_of(modes) for way, modes in ours.items()}}
-    seconds = _seconds(ways)
+    ways: dict[str, Callable[[], object]] = {"dense": dense, **ours}
+    seconds = {}
+    for way, solve in ways.items():
+        number, total = Timer(solve, timer=process_time).autorange()
+        seconds[way] = total / number
     rows = [FrequencyRow("dense", "eigh of K and M", seconds["dense"], nan, _error(dense(), squares))]
     for way, solve in ours.items():
         modes = solve()
         omega = np.repeat(modes.omega, modes.multiplicity)
         rows.append(FrequencyRow(way, modes.route, seconds[way], float(modes.error.max()), _error(omega, squares)))
     return FrequencyTradeoff(scene, tuple(rows))
-
-
-def _omega_of(solve: Callable[[], Any]) -> Callable[[], object]:
-    return lambda: solve().omega
 
 
 def _squares(scene: Scene) -> list[Fraction]:
@@ -139,7 +140,7 @@ def _squares(scene: Scene) -> list[Fraction]:
         while not coefficients[-1]:
             coefficients.pop()
             squares += [Fraction(0)] * copies
-        for low, high, times in isolate(coefficients, Fraction(1, 10**DIGITS), relative=True):
+        for low, high, times in isolate(coefficients, Fraction(1, 10**PROVED_DIGITS), relative=True):
             squares += [(low + high) / 2] * (times * copies)
     return sorted(squares, key=abs)
 
@@ -161,20 +162,6 @@ def _error(omega: Floats, squares: list[Fraction]) -> float:
     return max(
         (float(abs(computed_omega**2 / abs(square) - 1) / 2) for computed_omega, square in pairs if square), default=0.0
     )
-
-
-def _seconds(ways: Mapping[str, Callable[[], object]]) -> dict[str, float]:
-    """Median seconds of the processor for a call, in rounds in which each has its turn."""
-    counts = {way: max(1, int(ROUND / max(_time(solve, 2) / 2, 1e-6))) for way, solve in ways.items()}
-    rounds = [{way: _time(solve, counts[way]) / counts[way] for way, solve in ways.items()} for _ in range(ROUNDS)]
-    return {way: median(seconds[way] for seconds in rounds) for way in ways}
-
-
-def _time(solve: Callable[[], object], times: int) -> float:
-    start = process_time()
-    for _ in range(times):
-        solve()
-    return process_time() - start
 
 
 @checked

@@ -28,13 +28,14 @@ from modal.scene import Scene, refusals, validate_scene
 from modal.types import Floats
 from nonlinear.accuracy.candidates import Candidate, Question
 from nonlinear.dynamics.inputs import Inputs
-from nonlinear.integration import SMALLEST, Trajectory, aside, slightly, taylor
+from nonlinear.integration import SMALLEST, TIGHTEST, Trajectory, aside, slightly, taylor
 from nonlinear.system import apart, system_of
 
-SHARE = 1e-2  # largest difference of the references over an error that they can measure
-JUDGED = 1e-6  # error (rad at angles of order 1) that must still be measurable at the horizon
+DIFFERENCE_SHARE_MAX = 1e-2
+"""Tolerance: the largest difference of the references over an error that they can measure."""
+ERROR_MEASURABLE = 1e-6
+"""Limit: error (rad at angles of order 1) that must still be measurable at the horizon, which the report tells."""
 TWIN = Candidate("minimal", "DOP853", 1e-12)
-FEWEST = 10  # samples before the horizon
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -67,7 +68,7 @@ class Reference(Displayed):
         """The smallest error (rad) that can be measured up to the horizon."""
         trajectory = self.trajectory
         size = Question(trajectory.scene, trajectory.motion[0], trajectory.times).request.size
-        return float(max(self.difference[-1], self.candidate.tolerance * self.growth[-1] * size) / SHARE)
+        return float(max(self.difference[-1], self.candidate.tolerance * self.growth[-1] * size) / DIFFERENCE_SHARE_MAX)
 
     @property
     def exponent(self) -> float:
@@ -80,7 +81,7 @@ def reference_of(question: Question) -> Reference:
     scene, duration = question.scene, float(question.times[-1])
     finest, check = choose_references(scene)
     size = question.request.size
-    tolerable = SHARE * JUDGED * size
+    tolerable = DIFFERENCE_SHARE_MAX * ERROR_MEASURABLE * size
     growth = _growth(question)
     question = _shorten(question, finest.tolerance * growth * size < tolerable)
     solution, check_solution = (candidate.prepare(question)() for candidate in (finest, check))
@@ -97,10 +98,10 @@ def choose_references(scene: Scene) -> tuple[Candidate, Candidate]:
     validate_scene(scene)
     if scene.space == "space":
         return Candidate("spatial", "DOP853", SMALLEST), Candidate("spatial", "DOP853", 1e-13)
-    longest, finest = max(pendulum.n_links for pendulum in scene.pendulum), Candidate("minimal", "DOP853", SMALLEST)
+    finest = Candidate("minimal", "DOP853", SMALLEST)
     plain = not refusals(scene, "method taylor") and Inputs(system_of(scene)).pieces is not None
-    if plain and taylor.available() and longest <= taylor.LONGEST_CHAIN and scene.n_links <= taylor.MOST_LINKS:
-        return Candidate("minimal", "taylor", taylor.TIGHTEST), finest
+    if plain and taylor.takes(system_of(scene)):
+        return Candidate("minimal", "taylor", TIGHTEST), finest
     if not refusals(scene, "form hamiltonian"):
         return finest, Candidate("hamiltonian", "DOP853", 1e-13)
     if not refusals(scene, "an implicit method"):
@@ -121,7 +122,7 @@ def _growth(question: Question) -> Floats:
 def _shorten(question: Question, is_trusted: Any) -> Question:
     """The question up to the last time before which everything is trusted."""
     count = len(is_trusted) if np.all(is_trusted) else int(np.argmin(is_trusted))
-    if count < FEWEST:
+    if count < 2:
         raise ComputationError(
             f"two references disagree from {question.times[count]:.3g} s on: there is nothing to judge errors by"
         )

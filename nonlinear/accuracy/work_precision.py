@@ -27,9 +27,10 @@ from modal.report import NOTHING, Displayed, Form, ReportColumn, Result, silent
 from modal.scene import Scene, require, validate_scene
 from modal.scene.doors import checked
 from modal.types import Floats
+from nonlinear.accuracy.attempts import error_time_count
 from nonlinear.accuracy.candidates import Candidate, GivenUpError, Question, list_candidates
 from nonlinear.accuracy.references import Reference, reference_of
-from nonlinear.integration import Trajectory, estimate_timescales, sample_count, validate_numbers
+from nonlinear.integration import Trajectory, estimate_timescales, taylor, validate_numbers
 from nonlinear.system import (
     Motion,
     State,
@@ -40,13 +41,12 @@ from nonlinear.system import (
     validate_state,
 )
 
-PER_PERIOD, FEWEST, MOST = 12, 200, 4000  # samples compared
-REPEATS, LONG = 5, 0.3  # runs whose median counts; no further one after LONG seconds
-PATIENCE, PATIENT = 5.0, 120.0  # time limits (s) of a candidate's run and of the reference
-FIRST, LONGER = 32, 4  # initial length of the reference in fastest periods, and the factor of each extension
-MOST_LINKS = 400
-LAST = 0.2  # final fraction of the time from which the phase is estimated
-LOST = 1.0  # deviation (rad) that no time shift explains
+REFERENCE_PATIENCE = 120.0
+"""Limit: seconds of the reference's run, beyond which a shorter duration is asked for."""
+FIRST_PERIODS = 32
+"""Cost: initial length of the reference in fastest periods, four times as long each time (benchmarks/simulation.py)."""
+PHASE_WINDOW = 0.2
+"""Format: final fraction of the time from which the phase is estimated, as the report says."""
 INTERRUPTED = "interrupted"
 
 
@@ -152,26 +152,26 @@ class WorkPrecision(Result):
             f"{reference.difference[-1]:.1e} rad, and a small error grows {reference.growth[-1]:.2g} times, so no "
             f"error below {reference.floor:.1e} rad can be resolved."
         )
-        yield f"all {reference.horizon:g} s are compared." if reference.whole else _cut_short(reference)
+        rate = reference.exponent
+        until = f": until then the e-folding time of a small error is {1 / rate:.2g} s" if rate else ""
+        if reference.whole:
+            yield f"all {reference.horizon:g} s are compared."
+        else:
+            yield (
+                f"only the first {reference.horizon:.4g} s of {reference.duration:g} s are compared{until}; "
+                "the reference cannot be trusted further."
+            )
         yield from (f"{name} was left out: {reason}." for name, reason in self.skipped)
         yield (
             "*: on the Pareto front: no other is both faster and more accurate. time: a run, once prepared; "
             "derivatives: right-hand sides, or series of Taylor methods. error: the largest of any link, modulo whole "
-            f"turns, so never above 3.14 rad. late: shift in time in the last {100 * LAST:.0f} %. energy: drift, "
-            "relative."
+            f"turns, so never above 3.14 rad. late: shift in time in the last {100 * PHASE_WINDOW:.0f} %. energy: "
+            "drift, relative."
         )
 
 
 def _power(tolerance: float) -> str:
     return NOTHING if tolerance != tolerance else f"{tolerance:.1e}".replace(".0e", "e")  # noqa: PLR0124
-
-
-def _cut_short(reference: Reference) -> str:
-    until = f": until then the e-folding time of a small error is {1 / (reference.exponent or 1):.2g} s"
-    return (
-        f"only the first {reference.horizon:.4g} s of {reference.duration:g} s are compared"
-        f"{until if reference.exponent else ''}; the reference cannot be trusted further."
-    )
 
 
 @checked
@@ -186,7 +186,7 @@ def measure_work_precision(
     *,
     start: State | None = None,
     candidates: Sequence[Candidate] | None = None,
-    patience: float = PATIENCE,
+    patience: float = 5.0,
     report: Callable[[float], object] = silent,
 ) -> WorkPrecision:
     """Run every candidate, or these, on a scene from its own start or another for `duration` seconds.
@@ -199,8 +199,10 @@ def measure_work_precision(
     validate_scene(scene)
     validate_numbers(duration, 1e-9, 0.0)
     require(scene, "a comparison of methods")
-    if scene.n_links > MOST_LINKS:
-        raise SceneError([f"the scene has {scene.n_links} links: methods are compared for at most {MOST_LINKS}"])
+    if scene.n_links > taylor.SERIES_LINKS_MAX:
+        raise SceneError(
+            [f"the scene has {scene.n_links} links: methods are compared for at most {taylor.SERIES_LINKS_MAX}"]
+        )
     state = validate_state(start if start is not None else initial_state(scene), system_of(scene))
     chosen_candidates = list_candidates(scene) if candidates is None else tuple(candidates)
     reference = _reference(scene, state, duration, report)
@@ -211,46 +213,41 @@ def measure_work_precision(
     return WorkPrecision(scene, reference, (first, *rows), tuple(reasons.items()))
 
 
-STEP = 0.02
-"""Of a candidate, by which progress is reported."""
-
-
 def _part(
     count: int, report: Callable[[float], object], fraction: float = 1.0, base: float = 0.0
 ) -> Callable[[float], object]:
     """A report of the share of a run, the `fraction` of which is a part of one candidate after those `count`.
 
-    It rises from what was `base`, by steps that cost nothing beside those of a run whose time is measured.
+    It rises from what was `base`.
     """
     reached_share = base
 
     def report_share(share: float) -> None:
         nonlocal reached_share
-        if share * fraction > reached_share + STEP:
-            reached_share = share * fraction
-            report(count + reached_share)
+        reached_share = max(reached_share, share * fraction)
+        report(count + reached_share)
 
     return report_share
 
 
 def _reference(scene: Scene, state: State, duration: float, report: Callable[[float], object]) -> Reference:
     """A reference of longer and longer duration, so that nothing far beyond its horizon is computed."""
-    part = FIRST * 2 * pi / estimate_timescales(scene).swing
+    part = FIRST_PERIODS * 2 * pi / estimate_timescales(scene).swing
     previous = 0.0
     while True:
         length = min(part, duration)
         progress = _part(0, report, length / duration, previous / duration)
         try:
-            reference = reference_of(Question(scene, state, _samples(scene, length), PATIENT, progress))
+            reference = reference_of(Question(scene, state, _samples(scene, length), REFERENCE_PATIENCE, progress))
         except GivenUpError as error:
             raise ComputationError(f"the reference was {error}: use a shorter duration") from None
         if length == duration or not reference.whole:
             return replace(reference, duration=duration)
-        previous, part = length, part * LONGER
+        previous, part = length, part * 4
 
 
 def _samples(scene: Scene, duration: float) -> Floats:
-    count = sample_count(duration, estimate_timescales(scene).swing, PER_PERIOD, FEWEST, MOST)
+    count = error_time_count(duration, estimate_timescales(scene).swing)
     return np.linspace(0.0, duration, count + 1)
 
 
@@ -284,7 +281,7 @@ def measure(candidate: Candidate, question: Question, reference: Reference) -> W
     """One candidate, run several times; ComputationError where it fails or takes too long."""
     preparations: list[float] = []
     seconds: list[float] = []
-    while len(seconds) < REPEATS and sum(preparations) + sum(seconds) < LONG:
+    while len(seconds) < 3 and sum(preparations) + sum(seconds) < 1:
         start = perf_counter()
         task = candidate.prepare(question)
         ready = perf_counter()
@@ -306,12 +303,12 @@ def measure(candidate: Candidate, question: Question, reference: Reference) -> W
 
 def late(motion: Motion, reference: Trajectory) -> float:
     """The lag (s) of a motion behind the reference at the end; NaN where no time shift explains the deviation."""
-    last = reference.times >= (1 - LAST) * reference.times[-1]
-    if apart(motion, reference.motion)[last].max() > LOST:
+    last = reference.times >= (1 - PHASE_WINDOW) * reference.times[-1]
+    if apart(motion, reference.motion)[last].max() > 1:
         return nan
     (q, _), (sure, rate) = (_flat(states, reference.system, last) for states in (motion, reference.motion))
     shift = 0.0 - float(np.sum(rate * (q - sure)) / (np.sum(rate**2) or 1.0))
-    return shift if abs(shift) <= LAST * reference.times[-1] else nan
+    return shift if abs(shift) <= PHASE_WINDOW * reference.times[-1] else nan
 
 
 def _flat(motion: Motion, system: System, rows: Any) -> tuple[Floats, Floats]:

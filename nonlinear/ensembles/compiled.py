@@ -21,7 +21,7 @@ from nonlinear.ensembles.results import MemberResults, Wanted
 from nonlinear.integration.crowds import Crowd, RailWork
 from nonlinear.integration.kernels import code_of_text, module_of, source
 from nonlinear.integration.lanes import NOT_FINITE, TOO_SHORT, LaneTask
-from nonlinear.integration.loops import BESIDE_LINKS, INFINITE, JAMMED, SHORT, WIDTH
+from nonlinear.integration.loops import INFINITE, JAMMED, SHORT, TURNED, WIDTH
 from nonlinear.integration.method import LOOKS, STAGES
 from nonlinear.integration.readiness import make_ready
 from nonlinear.integration.switches import Switches
@@ -88,7 +88,7 @@ def integrate(
     section = watches.section if watches else None
     flags = (bool(len(times)), bool(watches and watches.turns), bool(watches and watches.largest), bool(section))
     wants = np.array([*flags, section.row if section else 0, grows, task.lanes.tangent])
-    front = np.zeros((BESIDE_LINKS + task.lanes.system.n_links, WIDTH))
+    front = np.zeros((TURNED + task.lanes.system.n_links, WIDTH))
     lanes = [np.zeros((size, WIDTH)) for _ in range(2)]
     held = 2 * switches.places.J if switches else 0
     final = np.zeros((switches.places.length if switches else 0, count))

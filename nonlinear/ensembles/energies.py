@@ -8,7 +8,7 @@ import numpy as np
 
 from modal.types import Floats
 from nonlinear.dynamics.mechanics import Energies, energies
-from nonlinear.integration.trajectory import NOISE
+from nonlinear.integration.trajectory import ENERGY_NOISE
 from nonlinear.system import Layout, Numbers
 
 
@@ -67,7 +67,7 @@ class Accounts:
             two.moving,
             abs(two.potential_energy - first.potential_energy),
             abs(work),
-            NOISE * abs(first.potential_energy),
+            ENERGY_NOISE * abs(first.potential_energy),
         ]
         scale = np.max(np.broadcast_arrays(*ranges), axis=0)
         return np.asarray(np.abs(two.total - first.total - work) / np.where(scale > 0, scale, 1.0))

@@ -21,8 +21,8 @@ from nonlinear.ensembles.members import members_of
 from nonlinear.ensembles.question import COMPILED
 from nonlinear.ensembles.running import USUAL, ensemble
 from nonlinear.integration import ASKED, Choice, Request, choose, estimate_timescales, validate, validate_numbers
-from nonlinear.integration.kernels import integrator
-from nonlinear.integration.methods import WRITTEN, offers
+from nonlinear.integration.kernels import LANE_LINKS_MAX, integrator
+from nonlinear.integration.methods import offers
 from nonlinear.integration.readiness import Code, compiled_in, kept_in
 from nonlinear.system import state_at_rest, system_of
 
@@ -175,8 +175,8 @@ def _codes(scene: Scene, tolerance: float, measures: Sequence[str]) -> Iterator[
         return ensemble(scene, duration, starts=starts, engine=COMPILED, **more)
 
     problems = refusals(scene, "engine numba")
-    if scene.n_links > WRITTEN:
-        problems += [f"engine numba: takes minutes to compile for more than {WRITTEN} links"]
+    if scene.n_links > LANE_LINKS_MAX:
+        problems += [f"engine numba: takes minutes to compile for more than {LANE_LINKS_MAX} links"]
     yield _ready(MANY, COMPILED, problems, code, together)
 
 

@@ -22,7 +22,7 @@ from nonlinear.ensembles.measures import RequestedMeasures, ending_times
 from nonlinear.ensembles.members import MemberPart, Members
 from nonlinear.ensembles.results import Wanted
 from nonlinear.integration import choose, estimate_timescales
-from nonlinear.integration.methods import PER_PERIOD
+from nonlinear.integration.methods import step_count
 from nonlinear.system import System, slack_of, system_of
 
 VERSION = 1
@@ -127,7 +127,7 @@ def seconds_each(scene: Scene, duration: float, tolerance: float) -> float:
 def steps_of(scene: Scene, duration: float, tolerance: float) -> float:
     """Roughly how many steps a member takes."""
     periods = duration * estimate_timescales(scene).swing / (2 * pi)
-    return float(10 + periods * PER_PERIOD * (1e-6 / tolerance) ** (1 / 8))
+    return float(10 + step_count(periods, tolerance))
 
 
 def chunk_of(scene: Scene, duration: float, tolerance: float, samples: int, engine: str) -> int:

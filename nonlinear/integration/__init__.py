@@ -8,7 +8,9 @@ measure how fast a small difference grows.  Start with `run`.
 """
 
 from nonlinear.integration.arguments import (
+    COARSEST,
     LOOSEST,
+    TIGHTEST,
     extent,
     pace_of,
     sample_times,
@@ -35,12 +37,14 @@ from nonlinear.integration.twins import aside, departure, perturb_last_digits, s
 __all__ = [
     "ASKED",
     "CLOSED",
+    "COARSEST",
     "EXPLICIT",
     "FORMS",
     "LOOSEST",
     "MEETING",
     "SCIPY",
     "SMALLEST",
+    "TIGHTEST",
     "TRUNCATED",
     "Choice",
     "Drive",

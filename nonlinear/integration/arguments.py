@@ -16,11 +16,18 @@ from nonlinear.integration.steppers import Pace
 from nonlinear.integration.timescales import estimate_timescales, sample_count
 from nonlinear.system import AppliedForces, Event, Load, State, System, system_of
 
-LOOSEST, TIGHTEST = 1e-2, 1e-15  # tolerances
-COARSEST, FINEST = 0.3, 1e-14  # accuracies (rad)
-LOOKS = 2000  # times at which the push of a support is looked at
-PER_PERIOD, FEWEST, MOST = 24, 1000, 100_000  # default numbers of samples
-MOST_NUMBERS, USUAL_NUMBERS = 50_000_000, 20_000_000  # numbers kept in all: as requested, by default
+LOOSEST = 1e-2
+"""Limit: the largest tolerance."""
+TIGHTEST = 1e-15
+"""Limit: the smallest tolerance, which series alone reach."""
+COARSEST = 0.3
+"""Limit: the largest accuracy (rad)."""
+FINEST = 1e-14
+"""Limit: the smallest accuracy (rad)."""
+DRIVE_LOOKS = 2000
+"""Tolerance: times at which the push of a support is looked at for the size of a motion."""
+NUMBERS_MAX = 50_000_000
+"""Limit: numbers kept of a run in all, 400 MB."""
 
 
 def validate(*actions: Callable[[], Any]) -> list[Any]:
@@ -84,10 +91,10 @@ def sample_times(
     validate_numbers(duration, LOOSEST, start_time)
     size = 2 * (scene.n_links * (3 if scene.space == "space" else 1) + 1)
     if output is None:
-        usual = sample_count(duration, max(estimate_timescales(scene).swing, _shaking(scene)), PER_PERIOD, FEWEST, MOST)
-        output = max(2, min(usual, USUAL_NUMBERS // size)) + 1
+        usual = sample_count(duration, max(estimate_timescales(scene).swing, _shaking(scene)))
+        output = max(2, min(usual, NUMBERS_MAX // size - 1)) + 1
     if isinstance(output, Integral) and not isinstance(output, bool):
-        count, limit = int(output), MOST_NUMBERS // size
+        count, limit = int(output), NUMBERS_MAX // size
         if not 2 <= count <= limit:
             raise SceneError([f"output {count}: must be from 2 to {limit} samples for this scene"])
         times = start_time + np.linspace(0.0, duration, count)
@@ -181,7 +188,7 @@ def validate_forces(load: Load | None, system: System, start: State, time: float
 
 def shaken(state: State, system: System, times: Floats) -> float:
     """The size of a motion that time drives: of its start, or of its `drive_of`, at most 1."""
-    push = float(drive_of(system, np.linspace(times[0], times[-1], LOOKS)))
+    push = float(drive_of(system, np.linspace(times[0], times[-1], DRIVE_LOOKS)))
     start_size = extent(state, system)
     at_rest = start_size == 1.0 and push < 1 and _rests(state, system)
     return min(1.0, push if at_rest else max(push, start_size)) or 1.0

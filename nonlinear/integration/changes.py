@@ -28,9 +28,12 @@ from nonlinear.dynamics import complementarity
 from nonlinear.dynamics.compiling import inner
 from nonlinear.dynamics.complementarity import EXCESS, UNBOUNDED, consistent, on_rail, solve_definite
 
-TOGETHER = 1e-12  # rad by which a kick, or natural velocity by which a stop, may come early to coincide with another
-BRIEF, OFTEN = 1e-7, 4.0  # phases shorter than this, over √(l/g), of which so many in a row are chatter
-FIRM = 1e-6  # excess over its limit by which a contact breaks loose after chatter
+SWITCH_EARLINESS = 1e-12
+"""Tolerance: rad by which a kick, or natural velocity by which a stop, may come early to coincide with another."""
+CHATTER_PHASE = 1e-7
+"""Tolerance: over √(l/g), phases shorter than that, of which four in a row are chatter."""
+CHATTER_EXCESS = 1e-6
+"""Tolerance: excess over its limit by which a contact breaks loose after chatter, ten times more after each phase."""
 NAN, INF, NOTHING = nan, inf, (0.0,)
 TEXTS = "sticking", "friction", "responses", "kick", "kicked"
 
@@ -164,7 +167,7 @@ def changing(at: Places, texts: dict[str, Callable[..., Any]]) -> tuple[Callable
         stopping = [False] * J
         for i in range(J):
             speed, slope = relative(y, half, contacts[i]) * was[i], relative(f, half, contacts[i]) * was[i]
-            stopping[i] = was[i] != 0 and (i == j or (speed <= numbers[RATE] * TOGETHER and slope < 0))
+            stopping[i] = was[i] != 0 and (i == j or (speed <= numbers[RATE] * SWITCH_EARLINESS and slope < 0))
         stops = was[j] != 0
         resting = [i for i in range(J) if stopping[i] or was[i] == 0]
         _, G, columns, _ = answers(y, c, u)
@@ -176,9 +179,9 @@ def changing(at: Places, texts: dict[str, Callable[..., Any]]) -> tuple[Callable
             new_signs = [(-1.0 if tau[i] > 0 else 1.0) if loose[i] else new_signs[i] for i in range(J)]
         for i in range(J):
             if stopping[i] or loose[i]:
-                brief = (t - state[T + i]) * numbers[RATE] < BRIEF
+                brief = (t - state[T + i]) * numbers[RATE] < CHATTER_PHASE
                 state[B + i] = state[B + i] + 1 if brief else 0.0
-                state[F + i] = FIRM * 10.0 ** (state[B + i] - OFTEN) if state[B + i] >= OFTEN else 0.0
+                state[F + i] = CHATTER_EXCESS * 10.0 ** (state[B + i] - 4.0) if state[B + i] >= 4.0 else 0.0
                 state[T + i] = t
         is_firm = [(stopping[i] or loose[i]) and state[F + i] > 0 for i in range(J)]
         settle(t, after, new_signs, was, state, numbers, c, u, is_firm, events)
@@ -210,7 +213,7 @@ def changing(at: Places, texts: dict[str, Callable[..., Any]]) -> tuple[Callable
         for i in range(K):
             gamma, speed = relative(y, 0, kicks[i]) - numbers[i], relative(f, 0, kicks[i])
             for side in [1.0, -1.0]:
-                is_due = side * gamma - numbers[K + i] > -TOGETHER and side * speed > 0 and state[i] * side >= 0
+                is_due = side * gamma - numbers[K + i] > -SWITCH_EARLINESS and side * speed > 0 and state[i] * side >= 0
                 if is_due or j == i + (0 if side > 0 else K):
                     pushes[i] += side * numbers[2 * K + i]
         acting = pushes + [*state[K:B]] + [*numbers[:RATE]] + [0.0] * input_count
@@ -257,7 +260,7 @@ def changing(at: Places, texts: dict[str, Callable[..., Any]]) -> tuple[Callable
     def begin(t: Any, y: Any, last: Any, state: Any, numbers: Any, c: Any, u: Any, events: Any) -> Any:
         for i in range(K):
             gamma = relative(y, 0, kicks[i]) - numbers[i]
-            aside = gamma if abs(gamma) > numbers[K + i] + TOGETHER else last[i]
+            aside = gamma if abs(gamma) > numbers[K + i] + SWITCH_EARLINESS else last[i]
             state[i] = -1.0 if aside > 0 else 1.0 if aside < 0 else 0.0
         if presses:
             state[E] = 1.0
@@ -288,7 +291,11 @@ def _none(c: Any, y: Any, u: Any, v: Any) -> Any:
 def names_in(at: Places) -> dict[str, Any]:
     """What the functions of `changing` have from outside: constants, and where numbers stand."""
     J, K, B = at.J, at.K, at.state_count
-    numbers: dict[str, Any] = {"TOGETHER": TOGETHER, "BRIEF": BRIEF, "OFTEN": OFTEN, "FIRM": FIRM}
+    numbers: dict[str, Any] = {
+        "SWITCH_EARLINESS": SWITCH_EARLINESS,
+        "CHATTER_PHASE": CHATTER_PHASE,
+        "CHATTER_EXCESS": CHATTER_EXCESS,
+    }
     numbers |= {"EXCESS": EXCESS, "UNBOUNDED": UNBOUNDED}
     numbers |= {"size": at.size, "half": at.half, "K": K, "J": J, "presses": at.presses, "input_count": at.input_count}
     numbers |= {"kicks": at.kicks or ((0, -1),), "contacts": at.contacts or ((0, -1),), "E": at.e, "F": at.firm}

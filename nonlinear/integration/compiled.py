@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cached_property
-from math import prod
 from typing import Any, cast
 
 import numpy as np
@@ -25,6 +24,7 @@ from nonlinear.integration.method import (
     POWERS,
     ROWS,
     STAGES,
+    TERMS,
     THIRD,
     advance,
     control_step,
@@ -35,13 +35,19 @@ from nonlinear.integration.method import (
 )
 from nonlinear.integration.methods import Choice, equations_of
 from nonlinear.integration.readiness import make_ready
-from nonlinear.integration.steppers import SMALL_STEP, Derivative, DOP853Solver, DOP853Stepper
+from nonlinear.integration.steppers import (
+    SHORTEST_STEP,
+    SMALL_STEP,
+    STEPS_AT_ONCE,
+    Derivative,
+    DOP853Solver,
+    DOP853Stepper,
+)
 from nonlinear.integration.within import Step
 
 NOTHING_DUE, NOT_KEPT = np.empty(0), np.empty((0, 0, 0))
 WRITTEN_OUT = Choice("minimal", "DOP853", False, "")  # equations that take many y at once
-TERMS = len(POWERS) + 3  # of the interpolant
-MOST, NUMBERS = 1024, 200_000  # steps in one call of the kernel, and numbers of y that it returns
+TERM_COUNT = len(TERMS)
 
 
 def _texts() -> str:
@@ -61,7 +67,7 @@ def _texts() -> str:
     lines += ["def terms(y, h, K, z, F):", " for i in range(y.size):"]
     lines += [f"  F[0, i], F[1, i], F[2, i] = cubic_terms(z[i] - y[i], h * K[0, i], h * K[{STAGES}, i])"]
     lines += [f"  F[{number}, i] = h * ({weighted_sum(row, stage)})" for number, row in enumerate(POWERS, 3)]
-    all_terms = ", ".join(f"F[{number}, i]" for number in range(TERMS))
+    all_terms = ", ".join(f"F[{number}, i]" for number in range(TERM_COUNT))
     lines += ["def inside(part, y, F, rows, row):", " for i in range(y.size):"]
     lines += [f"  rows[row, i] = y[i] + gain_at(part, ({all_terms}))"]
     return "\n".join(lines)
@@ -94,11 +100,11 @@ def steps(scene, clock, relative, absolute, y, stages, due, rows, ends, states, 
     returns how many of each and the number of derivatives.  The stages of the last step stay.
     """
     time, next_length, longest, end, _ = clock
-    z, work, terms = np.empty_like(y), np.empty_like(y), np.empty((TERMS, y.size))
+    z, work, terms = np.empty_like(y), np.empty_like(y), np.empty((TERM_COUNT, y.size))
     turns = np.empty((TURNS, len(scene[0])))
     step_count = row_count = calls = 0
     while step_count < len(ends) and time < end and (row_count < len(due) or not len(due)):
-        shortest, is_retry, is_good = 10 * abs(np.nextafter(time, end) - time), False, False
+        shortest, is_retry, is_good = SHORTEST_STEP * abs(np.nextafter(time, end) - time), False, False
         length = min(max(next_length, shortest), longest)
         for i in range(y.size if step_count else 0):
             stages[0, i] = stages[STAGES, i]
@@ -180,7 +186,6 @@ class CompiledDOP853(DOP853Solver):
 class CompiledStepper(DOP853Stepper[Compiled]):
     """DOP853 compiled, for compiled equations, with the arguments of `DOP853Stepper`; ready once it is made."""
 
-    at_once = MOST
     _last_steps: tuple[Floats, Floats, Floats]
 
     def __init__(self, equations: Compiled, *arguments: Any, **options: Any) -> None:
@@ -192,13 +197,13 @@ class CompiledStepper(DOP853Stepper[Compiled]):
         return CompiledDOP853(self.equations.scene, self.f, time, y, end, **options)
 
     def sweep(
-        self, times: Floats, all_ends: bool = True, limit: int = MOST
+        self, times: Floats, all_ends: bool = True, limit: int = STEPS_AT_ONCE
     ) -> tuple[Floats, list[tuple[float, Floats]], int]:
         """Many steps at once, as defined in `Sweeper`."""
         solver = cast("CompiledDOP853", self._on_its_way())
-        start, limit = (solver.t, solver.y), max(1, min(limit, NUMBERS // solver.n))
+        start = solver.t, solver.y
         kept_stages = self._room[:limit] if self.keeps_steps else NOT_KEPT
-        rows, ends, states = solver.advance(times, len(kept_stages) or limit, kept_stages)
+        rows, ends, states = solver.advance(times, limit, kept_stages)
         good = len(ends) if np.all(np.isfinite(states)) else int(np.argmin(np.isfinite(states).all(axis=1)))
         if not good:
             raise self._stop_error("not finite" if len(ends) else SMALL_STEP)
@@ -232,5 +237,4 @@ class CompiledStepper(DOP853Stepper[Compiled]):
     @cached_property
     def _room(self) -> Floats:
         """Of the stages of the steps of one sweep."""
-        shape = STAGES + 1, self.y.size
-        return np.empty((max(1, min(MOST, NUMBERS // prod(shape))), *shape))
+        return np.empty((STEPS_AT_ONCE, STAGES + 1, self.y.size))

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, field
+from math import sqrt, ulp
+from sys import float_info
 from typing import Any, cast
 
 import numpy as np
@@ -16,17 +18,10 @@ from nonlinear.dynamics import Arranged, Recursion
 from nonlinear.dynamics.bearing import apply_inverse_mass
 from nonlinear.integration.floats import FloatStepper
 from nonlinear.integration.happenings import Events, Happening
-from nonlinear.integration.steppers import AT_ONCE, DOP853Stepper, Stepper, Sweeper
+from nonlinear.integration.steppers import BREAK_ULPS, STEPS_AT_ONCE, DOP853Stepper, Stepper, Sweeper
 from nonlinear.integration.switched import Switched
 from nonlinear.integration.within import KnownStep, Step, Watch
 from nonlinear.system import NO_FRICTION, NO_KICKS, Equations, Event, EventRecord, Friction, Kicks
-
-LAST = 4e-16
-"""Of the time: how far before the end of a run is its end, as in lanes."""
-SINGULAR = 1.5e-8
-"""Share of all masses that a massless cart feels: the root of rounding, where accelerations keep half their digits."""
-SHOWN = 8  # steps of motions with switches whose progress is reported
-FIRST, MOST = 4, 64  # steps at once of a run that an event may end, at first and later
 
 
 @dataclass
@@ -81,11 +76,12 @@ class Drive:
     def __post_init__(self) -> None:
         self._sought = Events(self.equations, self.events, float(self.times[0])) if self.events else None
         ends, has_switches = any(event.stop for event in self.events), isinstance(self.equations, Switched)
-        usual = AT_ONCE
         if isinstance(self.stepper, DOP853Stepper):
-            self.stepper.keeps_steps, usual = self._has_watches, self.stepper.at_once
-        usual = SHOWN if has_switches and self.report is not silent else usual
-        self._longest, self._most = (min(usual, MOST), FIRST) if ends else (usual, usual)
+            self.stepper.keeps_steps = self._has_watches
+        # Few steps where progress is told once a sweep; where an event may end the run, more and more, so that what is
+        # computed beyond it is at most what came before.
+        self._longest = 4 if has_switches and self.report is not silent else STEPS_AT_ONCE
+        self._most = 4 if ends else self._longest
 
     def run(self) -> RunRecord:
         """Advance to the last sampled time, or as far as possible."""
@@ -115,7 +111,7 @@ class Drive:
             solvers = [(group, Recursion(group)) for group in system.groups]
             answers = apply_inverse_mass(system, solvers, np.append(0.0, state.links), pushes)
         share = 1 / (float(answers[0]) * system.total_mass)
-        if not share > SINGULAR:
+        if not share > sqrt(float_info.epsilon):  # accelerations keep half their digits
             words = f"the cart moves as if {share:.0e} of all masses hung from it"
             raise ComputationError(f"the run stopped at {record.last_time:.9g} s: {words}")
 
@@ -234,7 +230,7 @@ class Drive:
 
     def _ends(self, record: RunRecord) -> bool:
         """Whether the run ends here: what is due belongs to a run that goes on."""
-        return bool(record.stopped) or record.last_time >= self.times[-1] - LAST * abs(self.times[-1])
+        return bool(record.stopped) or record.last_time >= self.times[-1] - BREAK_ULPS * ulp(self.times[-1])
 
     def _sample(self, record: RunRecord, now: float) -> None:
         """The sampled times up to now; where the step ends on one, the step's own result is used."""

@@ -21,7 +21,7 @@ from nonlinear.dynamics import Written
 from nonlinear.dynamics.contacts import JAMMED
 from nonlinear.dynamics.generated import UNDEFINED, InputFunction, Rate
 from nonlinear.dynamics.text import function_in
-from nonlinear.integration.meeting import AGAIN, NEAR, STANDS, meet
+from nonlinear.integration.meeting import AGAIN, PASSING_SHARE, STANDS, meet
 from nonlinear.integration.method import (
     ERRORS,
     EXTRA,
@@ -30,19 +30,29 @@ from nonlinear.integration.method import (
     NODES,
     ROWS,
     SEEN,
-    SHRINKS,
     STAGES,
+    STEP_RATIO_MIN,
     THIRD,
     WEIGHTS,
     control_step,
     weighted_sum,
 )
-from nonlinear.integration.steppers import AT_ONCE, BESIDE, SMALL_STEP, Derivative, DOP853Solver, DOP853Stepper
+from nonlinear.integration.steppers import (
+    BREAK_ULPS,
+    SHORTEST_STEP,
+    SMALL_STEP,
+    STEPS_AT_ONCE,
+    Derivative,
+    DOP853Solver,
+    DOP853Stepper,
+)
 from nonlinear.integration.switched import Phase, Switched
 from nonlinear.integration.within import Step
 from nonlinear.system import Equations
 
-WIDE = 64  # components of y from which on sums over stages are NumPy's, 1.4 times as fast for 40 clocks on a cart
+WIDE_SIZE = 64
+"""Cost: components of y from which on sums over stages are NumPy's, 1.4 times as fast for 40 clocks on a cart, which
+would take seconds to write out for the longest (benchmarks/forms.py)."""
 
 Numbers = Sequence[float]
 
@@ -86,7 +96,9 @@ class FloatDOP853(DOP853Solver):
     ) -> None:
         super().__init__(derivative, t, y, t_bound, **limits)
         input_text = "" if inputs is None else ", (t + {} * h,)" if is_time_only else ", inputs(t + {} * h, z)"
-        attempt = attempt_of(len(y), input_text) if len(y) < WIDE else partial(wide_attempt, is_time_only=is_time_only)
+        attempt = (
+            attempt_of(len(y), input_text) if len(y) < WIDE_SIZE else partial(wide_attempt, is_time_only=is_time_only)
+        )
         self.rate, self.inputs, self.attempt = rate, inputs, attempt
         self.smallest = self.atol.tolist()
         self.passed = FloatStep(t, t, y.tolist(), y.tolist(), [self.f.tolist()])
@@ -176,11 +188,11 @@ class FloatDOP853(DOP853Solver):
     def _next_step(self, y: Numbers, f: Numbers) -> FloatStep | None:
         """The next step, None where it would be too short."""
         t, switching = self.t, self.switching
-        shortest = 10 * abs(nextafter(t, self.t_bound) - t)
+        shortest = SHORTEST_STEP * abs(nextafter(t, self.t_bound) - t)
         length, is_retry = min(max(float(self.h_abs), shortest), self.max_step), False
         while length >= shortest or self._which[0] >= 0:
             end = min(t + length, self.t_bound)
-            if self.t_bound - end <= BESIDE * ulp(self.t_bound):
+            if self.t_bound - end <= BREAK_ULPS * ulp(self.t_bound):
                 end = self.t_bound
             if self._which[0] < 0:  # a switch is sought on a scale finer than the floats of the time
                 length = end - t
@@ -229,7 +241,7 @@ class FloatDOP853(DOP853Solver):
         """The y and the time (s) of the switch that was met, near the end of this step."""
         j, (V, R) = self._which[0], self._last
         remaining = -V[j] / R[j] if R[j] > 0 else 0.0
-        if abs(remaining) > 2 * NEAR * (self._usual[0] + end - self.t):
+        if abs(remaining) > 2 * PASSING_SHARE * (self._usual[0] + end - self.t):
             remaining = 0.0
         remaining = max(remaining, (self.t - end) / 2)  # no switch is before its step, where inputs may be others
         self.h_abs, switching.met_switch = self._usual[0], j
@@ -250,7 +262,7 @@ class FloatDOP853(DOP853Solver):
         except SceneError:
             raise
         except UNDEFINED:
-            return nan, SHRINKS, [*y], [f], ()
+            return nan, STEP_RATIO_MIN, [*y], [f], ()
         return *control_step(fifth, third, length, self.n, is_retry), after, stages, looks
 
 
@@ -331,7 +343,7 @@ class FloatStepper(DOP853Stepper[Written]):
             self.equations.add_rail_work(inside, np.array(spans), [step.contact_inputs for step in steps])
 
     def sweep(
-        self, times: Floats, all_ends: bool = True, limit: int = AT_ONCE
+        self, times: Floats, all_ends: bool = True, limit: int = STEPS_AT_ONCE
     ) -> tuple[Floats, list[tuple[float, Numbers | Floats]], int]:
         """Many steps at once, as defined in `Sweeper`."""
         due, row_count, mends = times.tolist(), 0, self._as_equations.system.spatial

@@ -10,7 +10,8 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
-from math import isfinite, ulp
+from math import isfinite, sqrt, ulp
+from sys import float_info
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -24,15 +25,13 @@ from nonlinear.integration.switched import Switched
 from nonlinear.integration.within import Inside, Step
 from nonlinear.system import CoordinateReading, Equations, Event, State
 
-SAME_EVENT = 1e-6
-"""Fraction of a step before its end within which an event that was found is the one that a jump there would bring."""
-SILENT, AFTER = 1e-9, 0.02
-"""An event's value that starts below this fraction of its value in the first step starts at zero, which is no crossing:
-its side is that after this fraction of the time to the first look."""
-ASIDE = 0.01
-"""Of the time between two looks: at which the slope is seen."""
-SHARP, TURNS = 1e-15, 1e-9  # of an interval, to which a root and a turning point are sought
-EPSILON = float(np.finfo(float).eps)
+JUMP_EVENT_SHARE = 1e-6
+"""Tolerance: of a step before its end, within which an event that was found is the one that a jump there brings."""
+START_SILENCE = 1e-9
+"""Tolerance: an event's value that starts below this fraction of its value in the first step starts at zero, which is
+no crossing: its side is that a little later."""
+LOOK_ASIDE = 0.01
+"""Tolerance: of the time between two looks, at which the slope is seen, and the side after a start at zero."""
 
 
 class Happening(NamedTuple):
@@ -89,7 +88,7 @@ class Events:
 
     def jump(self, start: float, time: float, y: Floats, after: Floats) -> None:
         """All events by which y changes suddenly at the end of a step that began at this time (s)."""
-        window_start = time - SAME_EVENT * (time - start)
+        window_start = time - JUMP_EVENT_SHARE * (time - start)
         states = self.equations.read(np.array([y, after]))
         for event in self.events:
             is_known = any(
@@ -112,8 +111,8 @@ class Events:
         counts = crossings.way * sign * event.direction >= 0
         if step.start[0] == self.start:
             largest = max(abs(float(end[0]) - level.value) for end in step.reach(level.row))
-            silent = abs(step.before[level.row, 0] - level.value) < SILENT * largest
-            counts &= ~silent | (crossings.time > self.start + AFTER / 4 * step.length[0])
+            silent = abs(step.before[level.row, 0] - level.value) < START_SILENCE * largest
+            counts &= ~silent | (crossings.time > self.start + LOOK_ASIDE / 4 * step.length[0])
         crossings = crossings.take(counts)
         motion = self.equations.read(crossings.rows)
         for k, time in enumerate(crossings.time.tolist()):
@@ -134,8 +133,8 @@ class Events:
             try:
                 if not all(map(isfinite, samples)):
                     look.refuse(looks, samples)
-                if start == self.start and abs(samples[0]) < SILENT * max(map(abs, samples)):
-                    looks[0] = AFTER * looks[1]
+                if start == self.start and abs(samples[0]) < START_SILENCE * max(map(abs, samples)):
+                    looks[0] = LOOK_ASIDE * looks[1]
                     samples[0] = look.value(looks[0])
                 roots += [(lane, low, high, *look.locate(low, high)) for low, high in look.passing(looks, samples)]
             except ComputationError as error:
@@ -172,7 +171,7 @@ class Events:
         crosses = ~(low * high > 0)
         widest = np.abs(high - low).max(0)
         look, lane = np.nonzero(~crosses & (np.minimum(np.abs(low), np.abs(high)) < widest))
-        aside = ASIDE * parts[1]
+        aside = LOOK_ASIDE * parts[1]
         if len(lane):
             side, sides = np.sign(low[look, lane]), [(low, parts[look] + aside), (high, parts[look + 1] - aside)]
             nearer = [side * self._values(event, inside, lane, at) < abs(v[look, lane]) for v, at in sides]
@@ -221,7 +220,7 @@ class Look:
     def _turn(self, ends: tuple[float, float], values: tuple[float, float]) -> Iterator[tuple[float, float]]:
         """Where between two parts a value turns beyond zero, if it approaches zero from either."""
         start, end = ends
-        side, aside = np.sign(values[0]), ASIDE * (end - start)
+        side, aside = np.sign(values[0]), LOOK_ASIDE * (end - start)
 
         def height(part: float) -> float:
             return float(side * self.value(part))
@@ -238,9 +237,9 @@ class Look:
 
 
 def root(value: Callable[[float], float], start: float, end: float) -> float:
-    """Where a value between two times of either sign is zero, to the last digits of the interval or of the time."""
-    accuracy = max(SHARP * (end - start), ulp(max(abs(start), abs(end))))
-    return float(scipy.optimize.brentq(value, start, end, xtol=accuracy, rtol=4 * EPSILON))
+    """Where a value between two times of either sign is zero, to the last digits."""
+    accuracy = ulp(max(abs(start), abs(end)))
+    return float(scipy.optimize.brentq(value, start, end, xtol=accuracy, rtol=4 * float_info.epsilon))
 
 
 def lowest(value: Callable[[float], float], start: float, end: float) -> tuple[float, float]:
@@ -252,7 +251,9 @@ def lowest(value: Callable[[float], float], start: float, end: float) -> tuple[f
     def inside(part: float) -> float:
         return value(start + part * (end - start))
 
-    minimum = scipy.optimize.minimize_scalar(inside, bounds=(0.0, 1.0), method="bounded", options={"xatol": TURNS})
+    minimum = scipy.optimize.minimize_scalar(
+        inside, bounds=(0.0, 1.0), method="bounded", options={"xatol": sqrt(float_info.epsilon)}
+    )
     return float(start + minimum.x * (end - start)), float(minimum.fun)
 
 

@@ -28,12 +28,15 @@ from nonlinear.integration.loops import CLOCK, SIZES, TABLES, looping
 from nonlinear.integration.method import FIFTH, NODES, ROWS, SEEN, STAGES, THIRD, weighted_sum
 from nonlinear.integration.readiness import Code, folder, look_up, made_private, temporary
 
-COMPILING = 6.0
-"""Seconds to compile the integrator of single motions, as expected at first."""
-COMPILING_ANY, COMPILING_LINK, COMPILING_SWITCHES = 5.5, 0.55, 11.0  # and any module of lanes, each link, switches
+COMPILING_SECONDS = 6.0
+"""Cost: seconds to compile an integrator, as expected before one was measured (benchmarks/engines.py)."""
+LINK_COMPILING_SECONDS = 0.55
+"""Cost: seconds more for the text of each link, as expected before one was measured (benchmarks/engines.py)."""
+LANE_LINKS_MAX = 32
+"""Limit: links of a scene up to which members side by side are compiled, beyond which that takes minutes."""
 MAKING = Lock()
 HEAD = '"""Written by multipendula, which runs what it has written and no other file of this name."""'
-IMPORTED = """from math import floor, inf, log, sqrt
+IMPORTED = """from math import floor, inf, log, pi, sqrt, tau
 from typing import Any
 from numpy import exp, isfinite, spacing, tanh, zeros
 from nonlinear.dynamics.compiling import compiled, part, vectorized_part"""
@@ -131,7 +134,7 @@ def code_of(lanes: Lanes, crowd: Crowd | None = None) -> Code:
 def code_of_text(lanes: Lanes, text: str, *, has_switches: bool) -> Code:
     """The same where its text is known."""
     name = path_of(text).stem
-    seconds = COMPILING_ANY + COMPILING_LINK * lanes.system.n_links + COMPILING_SWITCHES * has_switches
+    seconds = (COMPILING_SECONDS + LINK_COMPILING_SECONDS * lanes.system.n_links) * (3 if has_switches else 1)
     return look_up(
         "numba", name, seconds, "the equations of this form", lambda: getattr(sys.modules.get(name), "run", None)
     )
@@ -143,7 +146,9 @@ def integrator(*, on_structure: bool = False) -> Code:
     def steps() -> Any:
         return getattr(sys.modules.get("nonlinear.integration.compiled"), "steps", None)
 
-    return look_up("numba", "DOP853 on structures" if on_structure else "DOP853", COMPILING, "the integrator", steps)
+    return look_up(
+        "numba", "DOP853 on structures" if on_structure else "DOP853", COMPILING_SECONDS, "the integrator", steps
+    )
 
 
 def module_of(text: str) -> ModuleType:

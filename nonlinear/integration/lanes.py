@@ -27,7 +27,7 @@ import numpy as np
 from modal.errors import ComputationError
 from modal.types import Booleans, Floats, Ints
 from nonlinear.dynamics.generated import Rates
-from nonlinear.integration.meeting import AGAIN, MET, meet
+from nonlinear.integration.meeting import AGAIN, MET, PASSING_SHARE, meet
 from nonlinear.integration.method import (
     EXTRA,
     FIFTH,
@@ -40,15 +40,16 @@ from nonlinear.integration.method import (
     control_steps,
     sum_stages,
 )
-from nonlinear.integration.steppers import BESIDE
+from nonlinear.integration.steppers import BREAK_ULPS, SHORTEST_STEP
+from nonlinear.integration.switches import INPUT_ASIDE
 from nonlinear.integration.within import Step, Watch, align_lanes, fill, spread, sums_of_squares
 
-NUMBERS, NARROWEST, WIDEST = 20_480, 128, 2048  # numbers of y in work at once; lanes
-LEAVING = 8  # the part of all lanes that are through when they leave
-TINY = 10  # units in the last place of the time that no step is shorter than, but one that seeks a switch
-ASIDE = 1e-3  # of a step, within which the rates of inputs are seen
-AT_ONCE = 20  # switches, one after the other at one time
-ROUNDED = 1e-6  # of a step, within which a switch is met by a line
+NUMBERS_AT_ONCE = 20_480
+"""Cost: numbers of y in work at once, which fit the cache with their stages (benchmarks/ensembles.py)."""
+LANES_MIN = 128
+"""Cost: lanes beside which NumPy's calls are dear, up to which long y are taken too (benchmarks/ensembles.py)."""
+SWITCHES_AT_ONCE = 20
+"""Limit: switches one after the other at one time; what is due beyond waits for the next step."""
 TOO_SHORT = "the step needed is smaller than the spacing between numbers"
 NOT_FINITE = "the motion leaves the finite numbers"
 ALL = slice(None)
@@ -142,7 +143,7 @@ class Outcome:
 
 def width_of(size: int) -> int:
     """How many lanes of so long a y a processor works at best at once."""
-    return int(min(max(NUMBERS // size, NARROWEST), WIDEST))
+    return int(max(NUMBERS_AT_ONCE // size, LANES_MIN))
 
 
 class Front:
@@ -200,7 +201,7 @@ class Front:
 
     def _now(self, columns: Any = ALL) -> Floats:
         """The times (s) of lanes that begin a step, after a break."""
-        return np.asarray(self.t[columns] + BESIDE * np.spacing(np.abs(self.t[columns])))
+        return np.asarray(self.t[columns] + BREAK_ULPS * np.spacing(np.abs(self.t[columns])))
 
     def _renew(self, columns: Ints) -> None:
         """The rates, and the values of switches, where lanes are now."""
@@ -211,7 +212,7 @@ class Front:
         if self.task.switches and len(columns):
             switches = self.task.switches.at(self.member[columns])
             motion, now = (self._motion(y), self._motion(rows), self.state[:, columns]), self._now(columns)
-            side_times = now, now + np.maximum(ASIDE * self.usual[columns], BESIDE * np.spacing(now))
+            side_times = now, now + np.maximum(INPUT_ASIDE * self.usual[columns], BREAK_ULPS * np.spacing(now))
             self.value[:, columns], self.rise[:, columns] = switches.values(now, side_times, *motion)
 
     def _motion(self, y: Floats) -> Floats:
@@ -236,7 +237,7 @@ class Front:
             )
             if self.task.switches and stage in (*SEEN, STAGES):
                 motion, part = (self._motion(z), self._motion(stages[stage]), self.state), NODES[stage]
-                side_times = step.times(part - ASIDE), step.times(part + ASIDE)
+                side_times = step.times(part - INPUT_ASIDE), step.times(part + INPUT_ASIDE)
                 looks.append(self.switches.values(step.times(part), side_times, *motion))
         error, factor = self._error()
         self.tried = self.h * factor
@@ -282,7 +283,7 @@ class Front:
             at = self.which[met_columns], met_columns
             remaining = -self.value[at] / self.rise[at]
             remaining = np.where(
-                np.abs(remaining) <= ROUNDED * (self.usual[met_columns] + self.h[met_columns]), remaining, 0.0
+                np.abs(remaining) <= 2 * PASSING_SHARE * (self.usual[met_columns] + self.h[met_columns]), remaining, 0.0
             )
             remaining = np.maximum(remaining, -self.h[met_columns] / 2)
             self.h[met_columns] += remaining
@@ -314,7 +315,7 @@ class Front:
         self._seek_none(np.flatnonzero(self.met))
         now = self.t.copy()
         now[self.came] = self._now(self.came)
-        for _ in range(AT_ONCE):
+        for _ in range(SWITCHES_AT_ONCE):
             if not len(columns):
                 break
             for column, j in zip(columns.tolist(), which.tolist(), strict=True):
@@ -337,7 +338,7 @@ class Front:
     @property
     def through(self) -> Booleans:
         """Which lanes are at their end."""
-        return np.asarray(self.t >= self.until - 4e-16 * np.abs(self.until))
+        return np.asarray(self.t >= self.until - BREAK_ULPS * np.spacing(np.abs(self.until)))
 
     def _seek_none(self, columns: Any) -> None:
         self.which[columns], self.low[columns], self.high[columns] = -1, 0.0, inf
@@ -345,7 +346,7 @@ class Front:
     def _land(self, previous: Floats) -> None:
         """Begin anew the lanes that have come to a break."""
         next_break = self.task.next_breaks(previous)
-        self.came = np.flatnonzero(self.t >= next_break - BESIDE * np.spacing(np.abs(next_break)))
+        self.came = np.flatnonzero(self.t >= next_break - BREAK_ULPS * np.spacing(np.abs(next_break)))
         if len(self.came):
             self.t[self.came] = next_break[self.came]
             self._renew(self.came)
@@ -399,7 +400,7 @@ def integrate(task: LaneTask, watches: Sequence[Watch] = (), width: int | None =
                 front.switch(outcome)
             out = _through(front, step, outcome)
             count = int(np.count_nonzero(out))
-            if count and (count * LEAVING >= len(out) or count == len(out)):
+            if count and (4 * count >= len(out) or count == len(out)):
                 outcome.y[:, front.member[out]] = front.y[:, out]
                 outcome.state[:, front.member[out]] = front.state[:, out]
                 front.change(out, size)
@@ -409,7 +410,7 @@ def integrate(task: LaneTask, watches: Sequence[Watch] = (), width: int | None =
 def _through(front: Front, step: Step, outcome: Outcome) -> Booleans:
     """Which lanes are at the end, or can go no further; these are told why."""
     is_done = front.through
-    shortest = np.where(front.which >= 0, 0.0, TINY * np.spacing(np.abs(front.t)))
+    shortest = np.where(front.which >= 0, 0.0, SHORTEST_STEP * np.spacing(np.abs(front.t)))
     broken = ~step.taken & ~is_done & ~(front.h >= shortest)
     for column in np.flatnonzero(broken):
         member = int(front.member[column])

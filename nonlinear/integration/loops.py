@@ -15,26 +15,28 @@ the one that is due, `next`, −1 for none; the bracket low, high, and lengths (
 
 from __future__ import annotations
 
-from math import floor, inf, log, sqrt
+from math import floor, inf, log, pi, sqrt, tau
 from typing import Any
 
 from numpy import isfinite, spacing, zeros
 
-from nonlinear.integration.lanes import AT_ONCE, ROUNDED, TINY
-from nonlinear.integration.meeting import AGAIN, MET, STANDS
-from nonlinear.integration.method import GROWS, LOOKS, SAFETY, SHRINKS, STAGES
-from nonlinear.integration.steppers import BESIDE
-from nonlinear.integration.watches import ASIDE, ROUNDING, UNKNOWN
+from nonlinear.integration.lanes import SWITCHES_AT_ONCE
+from nonlinear.integration.meeting import AGAIN, MET, PASSING_SHARE, STANDS
+from nonlinear.integration.method import LOOKS, STAGES, STEP_RATIO_MAX, STEP_RATIO_MIN, STEP_SAFETY
+from nonlinear.integration.steppers import BREAK_ULPS, SHORTEST_STEP
+from nonlinear.integration.watches import EPSILON, ERROR_KNOWN_MAX, NEIGHBOUR_DISTANCE
 
-WIDTH, BESIDE_LINKS = 16, 8
-"""Lanes; numbers of each beside those of its links."""
+WIDTH = 16
+"""Cost: lanes that take turns, so that loops over them become vectors (benchmarks/ensembles.py)."""
 FRONT = ["TIME", "STEP", "REFUSED", "FRESH", "DUE", "LARGEST", "ERROR", "HORIZON", "TURNED"]
 TIME, STEP, REFUSED, FRESH, DUE, LARGEST, ERROR, HORIZON, TURNED = range(len(FRONT))
-BEGINS, LANDS = 2.0, 3.0  # of a lane that is fresh: its member has just come; it has come to a break
-SHORT, INFINITE, JAMMED = 1, 2, 3  # why a member failed
-CLOCK, TABLES = 1, 2  # of what drives a scene: the time, or polynomials of it
-TOP, TURN = 3.141592653589793, 6.283185307179586
-CLEAR = float(BESIDE)
+"""Rows of `front`; that of the first link, TURNED, is the number of those before."""
+BEGINS, LANDS = range(2, 4)
+"""Of a lane that is fresh: its member has just come; it has come to a break."""
+SHORT, INFINITE, JAMMED = range(1, 4)
+"""Why a member failed."""
+CLOCK, TABLES = range(1, 3)
+"""What drives a scene: the time, or polynomials of it."""
 SIZES = ["D", "SIZE", "HALF", "FIRST", "CONSTANTS", "N", "M", "TOLD", "HELD", "TIMED", "DRIVEN"]
 SIZES += ["KICKS", "PRESSES"]
 """Numbers of a form: lengths of y in all, of a motion, of its half and before its links; of c; switches, their state,
@@ -64,7 +66,7 @@ def looping(
         if DRIVEN == TABLES:
             first, knots, origins, coefficients, periods = tables
             for k in range(WIDTH):
-                clear = CLEAR * spacing(front[TIME, k] + h[k])
+                clear = BREAK_ULPS * spacing(front[TIME, k] + h[k])
                 time = max(min(front[TIME, k] + part * h[k], front[TIME, k] + h[k] - clear), front[TIME, k] + clear)
                 for j in range(len(periods)):
                     t = time - floor(time / periods[j]) * periods[j] if isfinite(periods[j]) else time
@@ -126,7 +128,7 @@ def looping(
             turns = wants[1] and front[TURNED + i - FIRST, k] < 2.0
             if turns or wants[2]:
                 low, high = reach(k, i, y, z, K, h)
-                if turns and floor((low - TOP) / TURN) != floor((high - TOP) / TURN):
+                if turns and floor((low - pi) / tau) != floor((high - pi) / tau):
                     return True
                 if wants[2] and max(-low, high) > max(front[LARGEST, k], abs(z[i, k])):
                     return True
@@ -134,13 +136,15 @@ def looping(
             low, high = reach(k, wants[4], y, z, K, h)
             if wants[4] < FIRST:
                 return (low >= level) != (high >= level)
-            return floor((low - level) / TURN) != floor((high - level) / TURN)
+            return floor((low - level) / tau) != floor((high - level) / tau)
         return False
 
     def grown(z: Any, h: Any, g: Any, K: Any, sc: Any, v: Any, w: Any) -> None:
         for i in range(HALF):
             for k in range(WIDTH):
-                faster = v[HALF + i, k] * sc[HALF + i, k] + h[k] * ((g[HALF + i, k] - K[STAGES, HALF + i, k]) / ASIDE)
+                faster = v[HALF + i, k] * sc[HALF + i, k] + h[k] * (
+                    (g[HALF + i, k] - K[STAGES, HALF + i, k]) / NEIGHBOUR_DISTANCE
+                )
                 w[HALF + i, k] = faster / sc[HALF + i, k]
                 w[i, k] = v[i, k] + h[k] * faster / sc[i, k]
         for k in range(WIDTH):
@@ -233,7 +237,7 @@ def looping(
         switching: Any,
     ) -> None:
         _, _, d, _, _, s, V, _, following, _, _, _, _, _ = switching
-        for _ in range(AT_ONCE):
+        for _ in range(SWITCHES_AT_ONCE):
             fresh = False
             for k in range(WIDTH):
                 fresh = fresh or front[FRESH, k] > 0.0
@@ -314,7 +318,7 @@ def looping(
             renew(members, front, h, tables, y, u, c, K, g, out, horizon, status, switching)
             came, busy = False, False
             for k in range(WIDTH):
-                if members[k] >= 0 and front[TIME, k] >= end * (1.0 - 4e-16):
+                if members[k] >= 0 and front[TIME, k] >= end - BREAK_ULPS * spacing(end):
                     member = members[k]
                     error[member], horizon[member] = front[ERROR, k], front[HORIZON, k]
                     for i in range(D):
@@ -339,7 +343,7 @@ def looping(
                         w[i, k] = z[i, k]
                 for i in range(2 * HALF):
                     for k in range(WIDTH):
-                        w[i, k] += ASIDE * v[i, k] * sc[i, k]
+                        w[i, k] += NEIGHBOUR_DISTANCE * v[i, k] * sc[i, k]
                 driven(1.0, h, front, tables, u, s)
                 rates(w, u, s, c, g)
                 grown(z, h, g, K, sc, v, w)
@@ -349,12 +353,12 @@ def looping(
                     continue
                 member, e, answer = members[k], err[k], STANDS
                 is_good = e < 1.0
-                factor = SAFETY * sqrt(sqrt(sqrt(1.0 / e))) if e > 0.0 else GROWS
-                factor = min(GROWS, max(SHRINKS, factor)) if isfinite(e) else SHRINKS
+                factor = STEP_SAFETY * sqrt(sqrt(sqrt(1.0 / e))) if e > 0.0 else STEP_RATIO_MAX
+                factor = min(STEP_RATIO_MAX, max(STEP_RATIO_MIN, factor)) if isfinite(e) else STEP_RATIO_MIN
                 if not is_good or front[REFUSED, k] == 1.0:
                     factor = min(factor, 1.0)
                 front[REFUSED, k] = 0.0 if is_good else 1.0
-                next_length[k], shortest = h[k] * factor, TINY * spacing(front[TIME, k])
+                next_length[k], shortest = h[k] * factor, SHORTEST_STEP * spacing(front[TIME, k])
                 if N > 0:
                     if not is_good:
                         aim[k], low[k], high[k] = -1, 0.0, inf
@@ -377,7 +381,7 @@ def looping(
                 if N > 0 and answer == MET:
                     j = aim[k]
                     remaining = -V[len(V) - 1, j, k] / V[len(V) - 1, N + j, k]
-                    if not abs(remaining) <= ROUNDED * (usual[k] + h[k]):
+                    if not abs(remaining) <= 2.0 * PASSING_SHARE * (usual[k] + h[k]):
                         remaining = 0.0
                     remaining = max(remaining, -h[k] / 2)
                     h[k] += remaining
@@ -400,7 +404,7 @@ def looping(
                         waiting += 1
                     front[DUE, k] = waiting
                     for i in range(FIRST, HALF):
-                        if floor((y[i, k] - TOP) / TURN) != floor((z[i, k] - TOP) / TURN):
+                        if floor((y[i, k] - pi) / tau) != floor((z[i, k] - pi) / tau):
                             front[TURNED + i - FIRST, k] += 1.0
                 if wants[2]:
                     for i in range(FIRST, HALF):
@@ -414,10 +418,10 @@ def looping(
                     else:
                         last = middle
                 front[TIME, k] += h[k]
-                if next_end < len(ends) - 1 and front[TIME, k] >= ends[next_end] - CLEAR * spacing(ends[next_end]):
+                if next_end < len(ends) - 1 and front[TIME, k] >= ends[next_end] - BREAK_ULPS * spacing(ends[next_end]):
                     front[TIME, k], front[FRESH, k] = ends[next_end], LANDS
                     next_end += 1
-                if front[TIME, k] >= end * (1.0 - 4e-16):
+                if front[TIME, k] >= end - BREAK_ULPS * spacing(end):
                     front[FRESH, k] = 0.0  # what is due at the end belongs to whoever goes on from there
                     if N > 0:
                         following[k] = -1
@@ -426,10 +430,10 @@ def looping(
                     largest_angle = 0.0
                     for i in range(FIRST, HALF):
                         largest_angle = max(largest_angle, abs(z[i, k]))
-                    front[ERROR, k] = front[ERROR, k] * g[0, k] + max(loc[k], ROUNDING * largest_angle)
+                    front[ERROR, k] = front[ERROR, k] * g[0, k] + max(loc[k], EPSILON / 2.0 * largest_angle)
                     for i in range(2 * HALF):
                         v[i, k] = w[i, k] / g[0, k]
-                    if front[ERROR, k] > UNKNOWN and front[HORIZON, k] == inf:
+                    if front[ERROR, k] > ERROR_KNOWN_MAX and front[HORIZON, k] == inf:
                         front[HORIZON, k] = front[TIME, k]
                 if wants[6]:
                     total = 0.0

@@ -9,18 +9,17 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable
 from math import sqrt
+from sys import float_info
 from typing import Any
 
-STANDS, AGAIN, MET = 0, 1, 2
+STANDS, AGAIN, MET = range(3)
 """Of a step: it goes on as it is; it is tried with another length; it ends at a switch."""
-NEAR = 1e-9
-"""Of a step: what is left of the time of a passing is made up for to first order, with an error of its square."""
-DIGIT = 1e-15
+PASSING_SHARE = 1e-9
+"""Tolerance: of a step, what is left until a passing and made up for to first order, with an error of its square."""
+BRACKET_SHARE = float_info.epsilon
 """Of a step: how close the ends of a bracket come; whatever the time is, since lengths are finer than its floats."""
-SURE = 1e-2
-"""Of an interval: a cubic that is highest so close to one of its ends says for sure whether it passes."""
-NONE = 2.0
-"""The part of a step at which nothing passes."""
+CUBIC_END_SHARE = 1e-2
+"""Tolerance: of an interval, a cubic that is highest so close to one of its ends says for sure whether it passes."""
 
 
 def rises(a: float, da: float, b: float) -> bool:
@@ -77,7 +76,7 @@ def cubic(a: float, b: float, da: float, db: float) -> float:
 
 
 def passing(j: int, h: float, V: Any, R: Any, looks: Any) -> float:
-    """The part of the step at which value j first passes, `NONE` where it does not."""
+    """The part of the step at which value j first passes, 2 where it does not."""
     if V[0][j] > 0 and R[0][j] > 0:  # passed within rounding of the switch before
         return 0.0
     for k in range(len(looks) - 1):
@@ -90,9 +89,9 @@ def passing(j: int, h: float, V: Any, R: Any, looks: Any) -> float:
             top = cubic_at(at, a, b, da, db)
             if top > 0:
                 return float(looks[k] + width * at * cubic(a, top, da * at, 0.0))
-            if top > -0.02 * max(-a, -b) and SURE < at < 1 - SURE:
+            if top > -0.02 * max(-a, -b) and CUBIC_END_SHARE < at < 1 - CUBIC_END_SHARE:
                 return float(looks[k] + width * at)
-    return NONE
+    return 2.0
 
 
 def meet(
@@ -103,7 +102,7 @@ def meet(
     `which` value it seeks to meet, -1 for none, lies between `low` and `high` (s); `usual` is the length to go on with
     afterwards.  All of these are lists or arrays by segment, and changed in place.
     """
-    first, j = NONE, -1
+    first, j = 2.0, -1
     for n in range(len(V[0])):
         x = passing(n, h[i], V, R, looks)
         if x < first:
@@ -114,19 +113,19 @@ def meet(
         if j < 0:
             return STANDS
         which[i], low[i], high[i] = j, 0.0, h[i]
-        next_length[i] = max(first, NEAR) * h[i]
+        next_length[i] = max(first, PASSING_SHARE) * h[i]
         return AGAIN
     value, rate = V[len(V) - 1][aim], R[len(R) - 1][aim]
     remaining = -value / rate if rate > 0 else 1e300
     earlier = j >= 0 and j != aim and first < 1 - 1e-6
-    if not earlier and abs(remaining) <= NEAR * max(h[i], 1e-3 * usual[i]):
+    if not earlier and abs(remaining) <= PASSING_SHARE * max(h[i], 1e-3 * usual[i]):
         return MET
     if j >= 0:
         high[i] = h[i]
         new = h[i] + remaining if j == aim and low[i] < h[i] + remaining < h[i] else first * h[i]
         if not low[i] < new < h[i]:
             new = (low[i] + h[i]) / 2
-        if min(h[i] - low[i], new) <= DIGIT * (h[i] + usual[i]):
+        if min(h[i] - low[i], new) <= BRACKET_SHARE * (h[i] + usual[i]):
             return MET
         which[i], next_length[i] = j, new
         return AGAIN
@@ -145,5 +144,12 @@ def meeting_source() -> str:
     return "\n".join(inspect.getsource(function) for function in functions)
 
 
-MEETING = {"STANDS": STANDS, "AGAIN": AGAIN, "MET": MET, "NEAR": NEAR, "DIGIT": DIGIT, "SURE": SURE, "NONE": NONE}
+MEETING = {
+    "STANDS": STANDS,
+    "AGAIN": AGAIN,
+    "MET": MET,
+    "PASSING_SHARE": PASSING_SHARE,
+    "BRACKET_SHARE": BRACKET_SHARE,
+    "CUBIC_END_SHARE": CUBIC_END_SHARE,
+}
 """The constants of `meeting_source`."""

@@ -15,9 +15,16 @@ import numpy as np
 
 from modal.types import Floats
 
-STAGES, EXTRA = 12, 3
-SAFETY, SHRINKS, GROWS, POWER = 0.9, 0.2, 10.0, -1 / 8
-"""Of the length of the next step over that of this one, whose error over the tolerance is raised to a power."""
+STAGES = 12
+"""Format: evaluations of a step; the last is the first of the next."""
+STEP_SAFETY = 0.9
+"""Format: of the next length, by which errors are kept below the tolerance [Hairer1993, §II.5]."""
+STEP_RATIO_MIN = 0.2
+"""Format: the least of the length of the next step over that of this one, in SciPy."""
+STEP_RATIO_MAX = 10.0
+"""Format: the largest of the length of the next step over that of this one, in SciPy."""
+ERROR_POWER = -1 / 8
+"""Format: of the error over the tolerance in the next length, for an error of seventh order."""
 
 Shares = Sequence[tuple[int, float]]
 
@@ -105,6 +112,7 @@ POWERS: Sequence[Shares] = (
     ),
 )
 """Of the rates at all stages in y at further ones, and of these as well in the last terms of the interpolant."""
+EXTRA = len(MORE)
 SUMS = (*ROWS, *MORE)
 """Those of y at every stage, further ones included."""
 WEIGHTS = [np.array([dict(row).get(stage, 0.0) for stage in range(row[-1][0] + 1 if row else 0)]) for row in SUMS]
@@ -197,9 +205,9 @@ def control_step(fifth: float, third: float, length: float, size: float, is_retr
     total = fifth + 0.01 * third
     error = length * fifth / sqrt(total * size) if total else 0.0
     if error < 1.0:
-        grown = min(GROWS, SAFETY * error**POWER) if error else GROWS
+        grown = min(STEP_RATIO_MAX, STEP_SAFETY * error**ERROR_POWER) if error else STEP_RATIO_MAX
         return error, min(1.0, grown) if is_retry else grown
-    return error, max(SHRINKS, SAFETY * error**POWER) if error < np.inf else SHRINKS
+    return error, max(STEP_RATIO_MIN, STEP_SAFETY * error**ERROR_POWER) if error < np.inf else STEP_RATIO_MIN
 
 
 def control_steps(fifth: Floats, third: Floats, length: Floats, size: int, is_retry: Any) -> tuple[Floats, Floats]:
@@ -207,6 +215,6 @@ def control_steps(fifth: Floats, third: Floats, length: Floats, size: int, is_re
     total = fifth + 0.01 * third
     with np.errstate(invalid="ignore", divide="ignore"):
         error = np.where(total == 0, 0.0, length * fifth / np.sqrt(total * size))
-        factor = np.clip(SAFETY * error**POWER, SHRINKS, GROWS)
-    limit = np.where((error < 1) & ~is_retry, GROWS, 1.0)
-    return error, np.where(np.isfinite(factor), np.minimum(factor, limit), SHRINKS)
+        factor = np.clip(STEP_SAFETY * error**ERROR_POWER, STEP_RATIO_MIN, STEP_RATIO_MAX)
+    limit = np.where((error < 1) & ~is_retry, STEP_RATIO_MAX, 1.0)
+    return error, np.where(np.isfinite(factor), np.minimum(factor, limit), STEP_RATIO_MIN)

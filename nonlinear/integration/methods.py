@@ -34,6 +34,7 @@ from nonlinear.dynamics import (
 )
 from nonlinear.dynamics.inputs import Inputs
 from nonlinear.integration import taylor
+from nonlinear.integration.arguments import TIGHTEST
 from nonlinear.integration.kernels import integrator
 from nonlinear.integration.readiness import Forgone, Offer, best_of, forgone_by
 from nonlinear.integration.steppers import EXPLICIT, SCIPY, SMALLEST
@@ -44,23 +45,19 @@ from nonlinear.system import Equations, Group, Load, System, ends_may_meet, syst
 ASKED = "as asked for"
 METHODS = ("auto", *SCIPY, "taylor")
 FORMS = ("auto", "minimal", "maximal", "hamiltonian", "spatial")
-STIFF = 30.0  # fastest decay over the fastest oscillation
-SHORTEST = 1e-13  # link length over the longest, below which positions in maximal coordinates cannot resolve it
-ROOM = 1e140  # largest moment of inertia, and inverse of the smallest, whose square does not overflow
-SHORT, FEW = 4, 75  # links of a chain from which, pendula of a group up to which, a band is faster than the recursion
-"""By whole runs of 200 samples (benchmarks/forms.py): 100 pairs on a cart take 1.4 s by the recursion and 2.6 s by a
-band, twenty chains of twenty 4.9 s and 1.6 s."""
-ABREAST, LARGEST = 16, 128  # pendula side by side in space, and links there, up to which equations are written out
-WRITTEN = 32  # links of a scene up to which compiled code of its own text pays
+STIFFNESS_RATIO = 30.0
+"""Cost: the fastest decay over the fastest oscillation, from which an implicit method is cheaper
+(benchmarks/simulation.py)."""
+LENGTH_RATIO_MIN = 1e-13
+"""Limit: a link's length over the longest, below which positions in maximal coordinates cannot tell its ends apart."""
+MOMENT_MAX = 1e140
+"""Limit: the largest moment of inertia, and inverse of the smallest, whose square does not overflow."""
 FLOATS = 100
-"""Links of a scene up to which its equations are written out in floats: a run with a chain of 50 takes 0.5 s so and
-0.84 s by a band, of 100 1.25 s and 1.32 s, of 200 2.3 s and 1.36 s; with 50 pairs on a cart 0.9 s and, by the
-recursion, 1.3 s, with 100 2.1 s and 1.4 s."""
-LONGEST = 32  # links of a chain from which those of a text take no more time each
-PER_PERIOD = 14.0  # steps of DOP853 per period at tolerance 1e-6 and large angles
-SERIES_PER_PERIOD = 40.0  # steps of Taylor series per period, at any tolerance
-PER_KICK = 2.0  # steps: one cut short, one that lands on the kick
-FINEST = 1e-13  # tolerance below which only Taylor series gain accuracy
+"""Cost: links of a scene up to which its equations are written out in floats (benchmarks/forms.py): a run with a chain
+of 50 takes 0.5 s so and 0.84 s by a band, of 100 1.25 s and 1.32 s, of 200 2.3 s and 1.36 s; with 50 pairs on a cart
+0.9 s and, by the recursion, 1.3 s, with 100 2.1 s and 1.4 s."""
+DOP853_TOLERANCE_MIN = 1e-13
+"""Tolerance: below which rounding hides what DOP853 gains, and only Taylor series do."""
 
 
 @dataclass(frozen=True)
@@ -104,7 +101,7 @@ def validate_method(
     additions = _additions(system, driven)
     full_form = form if form != "auto" else "spatial" if system.spatial else "minimal"
     problems += refusals(scene, f"form {full_form}", *additions)
-    if form == "maximal" and (shortest := float(np.min(system.by_link("length"))) / system.length) < SHORTEST:
+    if form == "maximal" and (shortest := float(np.min(system.by_link("length"))) / system.length) < LENGTH_RATIO_MIN:
         problems.append(
             f"form maximal: cannot tell the ends of a link {shortest:.1g} times as long as the longest apart"
         )
@@ -159,16 +156,15 @@ def choose(
     ways = offers(scene, system, duration, tolerance, size) if plain else {}
     if is_written:
         ways.pop("compiled", None)
-    is_small = system.n_links <= WRITTEN
-    stepwise = has_watches and tolerance >= FINEST
-    if method != "auto" or stepwise or tolerance * size < taylor.TIGHTEST or ends_may_meet(system):
+    stepwise = has_watches and tolerance >= DOP853_TOLERANCE_MIN
+    if method != "auto" or stepwise or tolerance * size < TIGHTEST or ends_may_meet(system):
         ways.pop("taylor", None)
     method, why = _automatic(scene, duration, tolerance, form, ways) if method == "auto" else (method, ASKED)
-    if is_small and method != "DOP853":
+    if system.n_links <= FLOATS and method != "DOP853":
         ways.pop("compiled", None)
     stepping = {name: way for name, way in ways.items() if name != "taylor"} if method in SCIPY else {}
     takes_kernel = bool(stepping) and best_of(stepping) == "compiled"
-    finest = SMALLEST if method in SCIPY else taylor.TIGHTEST / size
+    finest = SMALLEST if method in SCIPY else TIGHTEST / size
     rivals = ways if method == "DOP853" else stepping
     forgone = forgone_by(rivals, "compiled" if takes_kernel else "DOP853") if stepping else ()
     return Choice(
@@ -181,43 +177,44 @@ def _automatic(
 ) -> tuple[str, str]:
     """The method and the reason."""
     scales = estimate_timescales(scene)
-    if scales.decay * duration > STIFF * max(scales.swing * duration, 1.0):
+    if scales.decay * duration > STIFFNESS_RATIO * max(scales.swing * duration, 1.0):
         fast = f"the fastest decay, about {scales.decay:.3g}/s, is far faster than the fastest oscillation"
         if form != "minimal":
             return "DOP853", f"{fast}, but the {form} form has only explicit methods: this takes many steps"
         if refusals(scene, "an implicit method"):
             return "DOP853", f"{fast}, but only DOP853 ends steps at switches: this takes many steps"
         return "Radau", fast
-    if "taylor" in ways and tolerance < FINEST:
+    if "taylor" in ways and tolerance < DOP853_TOLERANCE_MIN:
         return "taylor", "an accuracy near that of double precision, which takes a method of high order"
     if ways and best_of(ways) == "taylor":
-        return "taylor", _why_series(ways["taylor"])
+        code = ways["taylor"].code
+        if code and code.is_ready:
+            return "taylor", "its series are compiled already, and faster"
+        joint = ", after others," if code and code.saved_seconds > 0.0 else ""
+        return "taylor", f"a run long enough{joint} to pay for compiling its series"
     return "DOP853", "no part of the motion decays far faster than it oscillates"
 
 
-def _why_series(way: Offer) -> str:
-    if way.code and way.code.is_ready:
-        return "its series are compiled already, and faster"
-    is_joint = way.code and way.code.saved_seconds > 0.0
-    return f"a run long enough{', after others,' if is_joint else ''} to pay for compiling its series"
+def step_count(periods: float, tolerance: float) -> float:
+    """The steps of DOP853 in so many periods at large angles."""
+    return 14 * periods * float((1e-6 / tolerance) ** (1 / 8))
 
 
 def offers(scene: Scene, system: System, duration: float, tolerance: float, size: float = 1.0) -> dict[str, Offer]:
     """Plain DOP853 and, where nothing switches, compiled DOP853 and heyoka's series if they take the `system`."""
     links, longest = system.n_links, max(group.n for group in system.groups)
     periods = duration * estimate_timescales(scene).swing / (2 * pi)
-    kicks = periods * PER_KICK * system.kicks_a_period
-    steps = periods * PER_PERIOD * (1e-6 / tolerance) ** (1 / 8) + kicks
+    steps = step_count(periods, tolerance) + 2 * periods * system.kicks_a_period  # one cut short, one to the kick
     in_floats = links <= FLOATS or system.rubs or system.has_escapements
-    step_seconds = 1.5e-5 + links * (1e-5 + 6e-7 * min(longest, LONGEST)) if in_floats else 2e-3 + 6e-6 * links
+    step_seconds = 1.5e-5 + links * (1e-5 + 6e-7 * min(longest, 32)) if in_floats else 2e-3 + 6e-6 * links
     if system.rubs or system.has_escapements:
         return {"DOP853": Offer(steps * step_seconds)}
     kernel = integrator(on_structure=system.structure is not None)
     ways = {"DOP853": Offer(steps * step_seconds), "compiled": Offer(steps * (5e-6 + 8e-7 * links), kernel)}
     if taylor.takes(system):
-        step_seconds = 3e-6 + links * (1e-6 if links <= taylor.UNROLLED else 1.5e-6 + 2e-7 * longest)
+        step_seconds = 3e-6 + links * (1e-6 if links <= taylor.UNROLLED_LINKS else 1.5e-6 + 2e-7 * longest)
         code = taylor.code_of(form_of(system), Inputs(system).pieces or (), taylor.uneven(tolerance * size))
-        ways["taylor"] = Offer(periods * SERIES_PER_PERIOD * step_seconds, code)
+        ways["taylor"] = Offer(40 * periods * step_seconds, code)
     return ways
 
 
@@ -229,7 +226,9 @@ def least_seconds(scene: Scene, duration: float, tolerance: float = 1e-9, member
 
 def body_of(group: Group, system: System) -> GroupBody:
     """The solver of one group in NumPy: a band for long chains, the recursion for many short ones."""
-    if group.n < SHORT or group.index.shape[1] > FEW or loses_digits(group, system):
+    # The recursion's time grows with the links of one pendulum, that of a band with all: twenty chains of twenty take a
+    # third of the time by a band, two hundred chains of four half the time by the recursion.
+    if group.n < 4 or group.index.shape[1] >= FLOATS or loses_digits(group, system):
         return Recursion(group)
     return Banded(group)
 
@@ -237,7 +236,7 @@ def body_of(group: Group, system: System) -> GroupBody:
 def validate_room(scene: Scene, system: System) -> None:
     """SceneError that names the extreme links whose moments exceed the range of `system` in its units."""
     moments = system.mass * system.by_link("length") ** 2
-    if 1 / ROOM < float(moments.min()) <= float(moments.max()) < ROOM:
+    if 1 / MOMENT_MAX < float(moments.min()) <= float(moments.max()) < MOMENT_MAX:
         return
     places = {
         f"pendulum[{i}].links[{j}]": link.mass * link.length**2
@@ -274,19 +273,16 @@ def equations_of(
 
 
 def _in_space(system: System, load: Load | None) -> Arranged:
-    """The equations in space: NumPy's time grows with the links of the longest pendulum, that in floats with all."""
-    if system.n_links <= min(LARGEST, ABREAST * sum(group.n for group in system.groups)):
+    """The equations in space: written out they take a third of NumPy's time for a hundred links side by side."""
+    if system.n_links <= FLOATS:
         return Generated(system, load=load)
     return Spatial(system, tuple(SpatialRecursion(group) for group in system.groups), load)
 
 
 def _free(system: System, load: Load | None) -> Arranged:
     """The equations in minimal coordinates in the plane, without dry friction."""
-    return Generated(system, load=load) if system.n_links <= FLOATS else _numeric(system, load)
-
-
-def _numeric(system: System, load: Load | None) -> Arranged:
-    """The same by bands or recursions."""
+    if system.n_links <= FLOATS:
+        return Generated(system, load=load)
     if system.hoisting is not None:
         return Minimal(system, (None,) * len(system.groups), load)
     if system.structure is not None:

@@ -11,12 +11,10 @@ from math import pi
 import numpy as np
 
 from modal.types import Floats
-from nonlinear.integration.arguments import LOOKS, drive_of
-from nonlinear.integration.run import FIRST, NEAR_ZERO
-from nonlinear.integration.steppers import FEW
+from nonlinear.integration.arguments import DRIVE_LOOKS, drive_of
+from nonlinear.integration.run import FIRST_STEP_MAX, NEAR_ZERO
+from nonlinear.integration.steppers import FEW_COMPONENTS
 from nonlinear.system import Layout, Numbers
-
-MOVED, RESTING = 4, 1e-300  # how many times what moves counts, as in `tolerance_factors`; instead of zero
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +69,7 @@ def extents(numbers: Numbers, layout: Layout, y: Floats, units: MemberUnits) -> 
 def shaken(numbers: Numbers, layout: Layout, y: Floats, start_size: Floats, end: float) -> Floats:
     """The sizes of motions that time drives, (S,), as in `nonlinear.integration.arguments.shaken`."""
     system, first, half = numbers.arrays, layout.first, layout.half
-    push = drive_of(system, np.linspace(0.0, end, LOOKS)[:, None])
+    push = drive_of(system, np.linspace(0.0, end, DRIVE_LOOKS)[:, None])
     rests = (y[first:half] == numbers.system.rest[:, None]).all(0) & ~y[half + first : 2 * half].any(0)
     sizes = np.minimum(1.0, np.where(rests & (push < 1), push, np.maximum(push, start_size)))
     return np.asarray(np.where(sizes == 0, 1.0, sizes))
@@ -79,16 +77,17 @@ def shaken(numbers: Numbers, layout: Layout, y: Floats, start_size: Floats, end:
 
 def longest_first(rate: Floats, members: int) -> Floats:
     """The longest first steps (s) of so many members, (S,)."""
-    return np.asarray(np.broadcast_to(FIRST / rate, members))
+    return np.asarray(np.broadcast_to(FIRST_STEP_MAX / rate, members))
 
 
 def tolerance_factors(slope: Floats, scale: Floats) -> Floats:
     """What to take a tolerance times where much of y rests at the start, (S,), as for a run by itself."""
     speed = np.abs(slope / scale)
     largest = speed.max(0)
-    shares = (speed / np.maximum(largest, RESTING)) ** 2
-    alive = shares.sum(0) ** 2 / np.maximum((shares**2).sum(0), RESTING)
-    return np.where(largest > 0, np.minimum(1.0, np.sqrt(np.maximum(MOVED * alive, FEW) / len(slope))), 1.0)
+    rests = largest == 0
+    shares = (speed / (largest + rests)) ** 2
+    alive = shares.sum(0) ** 2 / ((shares**2).sum(0) + rests)
+    return np.where(rests, 1.0, np.minimum(1.0, np.sqrt(np.maximum(4 * alive, FEW_COMPONENTS) / len(slope))))
 
 
 def tolerances(

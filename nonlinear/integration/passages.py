@@ -9,19 +9,18 @@ rest on a level it leaves it, or touches it, and does not pass.  An angle has th
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import pi
+from math import tau
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from modal.types import Booleans, Floats, Ints
-from nonlinear.integration.within import Inside, Step
+from nonlinear.integration.steppers import BREAK_ULPS
+from nonlinear.integration.within import Step
 from nonlinear.system import Layout
 
-TURN = 2 * pi
-NOISE = 1e-13  # of the largest acceleration, up to which one is rounding
-NEARBY = 0.01  # of a step, beyond which a step of Newton's method from what is found on its interpolant is not one
-ON = 8  # units in the last place within which a start is on a level
+ACCELERATION_NOISE = 1e-13
+"""Tolerance: of the largest acceleration, up to which one is rounding and does not tell where a start goes."""
 
 
 @dataclass(frozen=True)
@@ -35,21 +34,21 @@ class Level:
     def number_below(self, values: Any) -> Floats:
         """The k of the last level that is not above a value; −1 below a level that does not turn."""
         excess = np.asarray(values) - self.value
-        return np.floor(excess / TURN) if self.turns else np.where(excess >= 0, 0.0, -1.0)
+        return np.floor(excess / tau) if self.turns else np.where(excess >= 0, 0.0, -1.0)
 
     def number_above(self, values: Any) -> Floats:
         """The k of the first level that is not below a value; 1 above a level that does not turn."""
         excess = np.asarray(values) - self.value
-        return np.ceil(excess / TURN) if self.turns else np.where(excess > 0, 1.0, 0.0)
+        return np.ceil(excess / tau) if self.turns else np.where(excess > 0, 1.0, 0.0)
 
     def number(self, values: Any) -> Floats:
         """The k of the nearest level."""
         excess = np.asarray(values) - self.value
-        return np.rint(excess / TURN) if self.turns else 0.0 * excess
+        return np.rint(excess / tau) if self.turns else 0.0 * excess
 
     def at(self, number: Any) -> Floats:
         """The level of this k."""
-        return np.asarray(self.value + TURN * number)
+        return np.asarray(self.value + tau * number)
 
 
 def level_of(layout: Layout, row: int, value: float) -> Level:
@@ -73,9 +72,9 @@ def starts_of(level: Level, layout: Layout, y: Floats, slope: Floats) -> Starts:
     """Of members from y (size, S) on, with this y' (size, S)."""
     values, number = y[level.row], level.number(y[level.row])
     place = level.at(number)
-    on = np.abs(values - place) <= ON * np.spacing(np.maximum(np.abs(values), np.abs(place)))
+    on = np.abs(values - place) <= BREAK_ULPS * np.spacing(np.maximum(np.abs(values), np.abs(place)))
     rate, faster = y[layout.half + level.row], slope[layout.half + level.row]
-    accelerates = np.abs(faster) > NOISE * np.abs(slope[layout.half : 2 * layout.half]).max(0)
+    accelerates = np.abs(faster) > ACCELERATION_NOISE * np.abs(slope[layout.half : 2 * layout.half]).max(0)
     way = np.where(rate != 0, np.sign(rate), np.sign(faster) * accelerates)
     return Starts(on, number, way, on & (rate != 0))
 
@@ -148,17 +147,15 @@ def passages(step: Step, level: Level, among: Booleans | None = None) -> Passage
     way = np.sign(change[piece, lane])
     number = np.where(way > 0, below[piece, lane] + 1 + nth, above[piece, lane] - 1 - nth)
     lanes_inside, place = inside.take(lane), level.at(number)
-    part = lanes_inside.root(level.row, place, parts[piece, lane], parts[piece + 1, lane])
-    y, time = _refine(step, columns[lane], part, lanes_inside, level.row, place)
-    return Passages(step.member[columns[lane]], time, np.moveaxis(y, 1, 0), number, way.astype(float))
-
-
-def _refine(step: Step, columns: Ints, part: Floats, inside: Inside, row: int, place: Floats) -> tuple[Floats, Floats]:
-    """The y and the times (s) of passages found on the interpolant; of one run alone as accurate as its steps."""
-    time = step.start[columns] + part * step.length[columns]
-    if not step.is_single_run:
-        return inside.at(part), time
-    y, slope = step.ending(columns, part)
-    late = (place - y[row]) / slope[row]
-    late = np.where(np.abs(late) <= NEARBY * step.length[columns], late, 0.0)
-    return y + late * slope, time + late
+    low, high = parts[piece, lane], parts[piece + 1, lane]
+    part = lanes_inside.root(level.row, place, low, high)
+    member_columns = columns[lane]
+    y, time = lanes_inside.at(part), step.start[member_columns] + part * step.length[member_columns]
+    if step.is_single_run:
+        # As accurate as the steps of the run: one step of Newton's method, unless it leaves where the component rises.
+        y, slope = step.ending(member_columns, part)
+        late = (place - y[level.row]) / slope[level.row]
+        length = step.length[member_columns]
+        late = np.where((low <= part + late / length) & (part + late / length <= high), late, 0.0)
+        y, time = y + late * slope, time + late
+    return Passages(step.member[member_columns], time, np.moveaxis(y, 1, 0), number, way.astype(float))

@@ -24,6 +24,7 @@ from importlib.util import find_spec
 from math import inf, isfinite
 from pathlib import Path
 from shutil import rmtree
+from stat import S_IRWXG, S_IRWXO, S_IRWXU
 from tempfile import mkdtemp
 from threading import Event, Thread
 from time import perf_counter, thread_time
@@ -38,10 +39,8 @@ LOADING = {"numba": 0.15, "heyoka": 0.4}
 """Seconds to load a package."""
 LINKING = {"numba": 0.2, "heyoka": 0.1}
 """And code that is kept on disk."""
-OWN, OTHERS = 0o700, 0o077
-"""Permissions of a folder for its owner alone, and all those of others."""
-LATE = 0.5
-"""Seconds until progress is shown, and between two looks at it."""
+PROGRESS_DELAY = 0.5
+"""Cost: seconds until compiling is shown on a terminal, and between two looks at it."""
 Forgone = tuple[tuple[str, float], ...]
 """Names of codes, and the share of a run's time that each would have saved."""
 _reproducible_share = ContextVar("_same", default=0.0)
@@ -95,16 +94,13 @@ class Code:
             return inf
         if self.is_ready:
             return 0.0
-        return LOADING[self.package] * (self.package not in sys.modules) + self._seconds_to_make
+        loading = 0.0 if self.package in sys.modules else LOADING[self.package]
+        return loading + LINKING[self.package] + (0.0 if self.kept else self.compiling)
 
     @property
     def anew(self) -> float:
         """The same in a process that has loaded nothing, on a machine that keeps nothing and has measured nothing."""
         return LOADING[self.package] + self.expected_seconds if has_package(self.package) else inf
-
-    @property
-    def _seconds_to_make(self) -> float:
-        return LINKING[self.package] + (0.0 if self.kept else self.compiling)
 
     @property
     def saved_seconds(self) -> float:
@@ -175,13 +171,13 @@ def folder() -> Path:
 
 def made_private(path: Path) -> Path:
     """A folder that is there and its owner's alone; OSError where it cannot be, or is somebody else's."""
-    path.mkdir(mode=OWN, parents=True, exist_ok=True)
+    path.mkdir(mode=S_IRWXU, parents=True, exist_ok=True)
     if os.name == "posix":
         status = path.stat()
         if status.st_uid != os.geteuid():
             raise PermissionError(EPERM, "the folder is somebody else's", str(path))
-        if status.st_mode & OTHERS:
-            path.chmod(OWN)
+        if status.st_mode & (S_IRWXG | S_IRWXO):
+            path.chmod(S_IRWXU)
     return path
 
 
@@ -313,11 +309,11 @@ def progress(title: str, seconds: float, seconds_before: float = 0.0) -> Iterato
 
     start, end = perf_counter() - seconds_before, Event()
     form = f"{title}, about {seconds:.0f} s |{{bar:24}}| {{elapsed}} passed"
-    with tqdm(total=seconds, delay=LATE, leave=False, bar_format=form) as bar:
+    with tqdm(total=seconds, delay=PROGRESS_DELAY, leave=False, bar_format=form) as bar:
         bar.start_t -= seconds_before
 
         def tick() -> None:
-            while not end.wait(LATE):
+            while not end.wait(PROGRESS_DELAY):
                 bar.n = min(perf_counter() - start, seconds)
                 bar.refresh()
 

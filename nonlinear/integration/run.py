@@ -41,10 +41,12 @@ if TYPE_CHECKING:
 
 Watching = Callable[[Layout, Floats, Floats], list[Watch]]
 """Watches for a layout, y and y' (size, 1) at the start."""
-FIRST = 0.1  # longest first step of SciPy's methods over sqrt(l/g)
-LOOKED = 1.0  # phase (rad) of the fastest oscillation within which a load on what sticks is looked at
-HASTE = 1e6  # phase (rad) of the fastest oscillation beyond which it is blamed for the failure of a run
-NEAR_ZERO = 0.1  # fraction of the motion's size to which the tolerance is relative where a quantity passes zero
+FIRST_STEP_MAX = 0.1
+"""Tolerance: over √(l/g), the longest first step of a method, which knows only the rates at the start."""
+PHASE_MAX = 1e6
+"""Limit: phase (rad) of the fastest oscillation beyond which it is blamed for the failure of a run."""
+NEAR_ZERO = 0.1
+"""Tolerance: of the motion's size, to which the tolerance is relative where a quantity passes zero."""
 
 
 class SimulationError(ComputationError):
@@ -90,7 +92,11 @@ class Prepared:
         record = Drive(self.stepper, self.equations, self.times, events, report, watches).run()
         trajectory = self._trajectory(record)
         if record.failed:
-            hint = _hint(system) or _haste(self.scene, float(self.times[-1] - self.times[0]))
+            swing, duration = estimate_timescales(self.scene).swing, float(self.times[-1] - self.times[0])
+            hint = _hint(system)
+            if not hint and swing * duration >= PHASE_MAX:
+                hint = f"; the fastest swing of this scene, {swing:.3g} rad/s, cannot be followed for {duration:g} s"
+                hint += ": remove what is so light or so stiff, or simulate a shorter time"
             raise SimulationError(f"{record.stopped}{hint}", trajectory)
         return trajectory
 
@@ -225,7 +231,8 @@ class Request:
         breaks = tuple(sorted({*pace.breaks, *inputs.breaks(accuracy)}))
         pace = replace(pace, longest=min(pace.longest, inputs.longest_step(accuracy)), breaks=breaks)
         if (self.load or self.system.prescribed_motions) and self.system.rubs:
-            pace = replace(pace, longest=min(pace.longest, LOOKED / estimate_timescales(self.scene).swing))
+            # A load on what sticks is looked at within a radian of the fastest oscillation.
+            pace = replace(pace, longest=min(pace.longest, 1 / estimate_timescales(self.scene).swing))
         on_structure = self.reduced_system.structure is not None
         with make_ready(integrator(on_structure=on_structure)) if choice.compiled else nullcontext():
             equations = equations_of(self.system, choice, self.load, self.smaller)
@@ -250,7 +257,9 @@ def _stepper(
         return taylor.TaylorStepper(cast("Arranged", inner), y, first, last, choice.tolerance * size, pace)
     relative = choice.tolerance * tolerance_factor(slope, equations.scale)
     absolute = NEAR_ZERO * relative * size * equations.scale
-    pace = replace(pace, first=first_step_of(y, slope, absolute + relative * np.abs(y), FIRST / equations.system.rate))
+    pace = replace(
+        pace, first=first_step_of(y, slope, absolute + relative * np.abs(y), FIRST_STEP_MAX / equations.system.rate)
+    )
     if choice.method == "DOP853" and isinstance(inner, Written):
         return FloatStepper(inner, first, y, last, relative, absolute, pace)
     if choice.method == "DOP853" and choice.compiled:
@@ -274,11 +283,3 @@ def _hint(system: System) -> str:
     if system.cart is None or system.cart.mass:
         return ""
     return "; a massless cart has no equation of motion where all that pulls it hangs straight down: give it a mass"
-
-
-def _haste(scene: Scene, duration: float) -> str:
-    swing = estimate_timescales(scene).swing
-    if swing * duration < HASTE:
-        return ""
-    words = f"; the fastest swing of this scene, {swing:.3g} rad/s, cannot be followed for {duration:g} s"
-    return f"{words}: remove what is so light or so stiff, or simulate a shorter time"

@@ -20,11 +20,17 @@ EXPLICIT = ("DOP853", "RK45", "RK23")
 OTHERS = ("Radau", "BDF", "LSODA")
 SCIPY = EXPLICIT + OTHERS
 """Methods by their names in `scipy.integrate`, which is loaded when the first of its own takes a step."""
-SMALLEST = 2.3e-14  # relative tolerance that SciPy accepts
-FEW = 32  # components up to which those at rest hide no significant error
+SMALLEST = 2.3e-14
+"""Format: the smallest relative tolerance that SciPy accepts without a warning, a little above 100 ε."""
+FEW_COMPONENTS = 32
+"""Tolerance: components of y up to which those at rest hide no significant error in the root mean square."""
 SMALL_STEP = "Required step size is less than spacing between numbers."  # in SciPy's words
-AT_ONCE = 256  # steps that floats and series take at once
-BESIDE = 4  # distance of a time from a break, in units in the last place
+SHORTEST_STEP = 10
+"""Format: units in the last place of the time that no step is shorter than, as in SciPy."""
+STEPS_AT_ONCE = 256
+"""Cost: steps of one sweep, between which events are looked for and Ctrl-C is heard (benchmarks/simulation.py)."""
+BREAK_ULPS = 4
+"""Tolerance: units in the last place within which a time is at a break or an end: sums of steps miss it by so many."""
 
 
 @dataclass(frozen=True)
@@ -77,7 +83,7 @@ def tolerance_factor(slope: Floats, units: Floats) -> float:
         return 1.0
     shares = (speed / largest) ** 2
     alive = float(shares.sum() ** 2 / (shares**2).sum())
-    return min(1.0, sqrt(max(4 * alive, FEW) / shares.size))
+    return min(1.0, sqrt(max(4 * alive, FEW_COMPONENTS) / shares.size))
 
 
 class DOP853Solver(ABC):
@@ -221,7 +227,7 @@ class SciPyStepper:
 
     def clear_of_breaks(self, time: float) -> float:
         """A time (s) strictly between the breaks around the present step."""
-        clear = BESIDE * ulp(time)
+        clear = BREAK_ULPS * ulp(time)
         return min(max(time, self._low + clear), self._high - clear)
 
     @property
@@ -307,10 +313,10 @@ E = TypeVar("E", bound=HasDerivative)
 class DOP853Stepper(SciPyStepper, Generic[E]):
     """DOP853 in another implementation, given the `equations` themselves; otherwise as `SciPyStepper`.
 
-    Where it `keeps_steps`, it has those of each sweep, `at_once` at most.
+    Where it `keeps_steps`, it has those of each sweep.
     """
 
-    drift, keeps_steps, at_once = 0.0, False, AT_ONCE
+    drift, keeps_steps = 0.0, False
 
     def __init__(
         self,

@@ -14,12 +14,8 @@ import numpy as np
 from modal.errors import ComputationError
 from modal.types import Floats
 from nonlinear.dynamics.generated import Generated, InputFunction, Rate, Written
-from nonlinear.integration.switches import Switches, switches_of
+from nonlinear.integration.switches import INPUT_ASIDE, Switches, switches_of
 from nonlinear.system import NO_KICKS, Friction, Kicks, Layout, Load, Motion, State, System
-
-ASIDE, APART = 1e-3, 1e3
-"""Of a step, and at least so many units in the last place of the time: within which the rates of inputs are seen."""
-
 
 Phase = tuple[list[float], int]
 """The state of switches, and how much had happened when it began."""
@@ -49,7 +45,8 @@ class Switched(Written):
     def release(self, time: float, y: Floats, before: Kicks = NO_KICKS) -> None:
         """Begin at this y, after the kicks `before`."""
         row = y.tolist()
-        self.resume(self.switches.begin(time, row, self._time_inputs(time, row), before))
+        inputs = self.free.inputs_at(time, row) if self.free.inputs_at else ()
+        self.resume(self.switches.begin(time, row, inputs, before))
         rates = self.rate(row, self.inputs_at(time, row)) if self.inputs_at else self.rate(row)
         self.met_switch = self.switches.due(row, rates, self.state)
 
@@ -119,8 +116,8 @@ class Switched(Written):
         """The values of all switches and their rates at y, where y' = f, within a step of this length (s)."""
         u: Any = () if inputs is None else inputs(time, y)
         w: list[float] = []
-        if inputs and self._has_sampled_inputs:
-            aside, count = max(ASIDE * length, APART * ulp(time)), self.switches.places.input_count
+        if inputs and self.free.inputs_at is not None and not self.free.is_time_only:  # what texts do not know
+            aside, count = max(INPUT_ASIDE * length, ulp(time) / INPUT_ASIDE), self.switches.places.input_count
             times = time - aside, time + aside
             ends = [inputs(at, y)[:count] for at in times]
             w = [(late - early) / (times[1] - times[0]) for early, late in zip(*ends, strict=True)]
@@ -141,9 +138,6 @@ class Switched(Written):
         """What friction did until this time."""
         return self.switches.friction_record(time, y, self.state)
 
-    def _time_inputs(self, time: float, y: Sequence[float]) -> Sequence[float]:
-        return self.free.inputs_at(time, y) if self.free.inputs_at else ()
-
     # ------------------------------------------------------------------------------------------------- the equations
 
     @property
@@ -152,15 +146,13 @@ class Switched(Written):
         at = self.switches.places
         if not at.J:
             return self.free.rate
-        return self._sliding if all(self.state[at.K : at.e]) else self._sticking
+        sliding, sticking = self._rates
+        return sliding if all(self.state[at.K : at.e]) else sticking
 
     @cached_property
-    def _sliding(self) -> Rate:
-        return self.switches.function("rates")
-
-    @cached_property
-    def _sticking(self) -> Rate:
-        return self.switches.function("sticking")
+    def _rates(self) -> tuple[Rate, Rate]:
+        """Where all contacts slide, and where any sticks."""
+        return self.switches.function("rates"), self.switches.function("sticking")
 
     @cached_property
     def rate_of_arrays(self) -> Callable[..., Any]:
@@ -196,11 +188,6 @@ class Switched(Written):
     def is_time_only(self) -> bool:
         """Whether the only input is the time."""
         return self.free.is_time_only and not self.switches.places.J
-
-    @cached_property
-    def _has_sampled_inputs(self) -> bool:
-        """Whether inputs change with time in a way that texts do not know."""
-        return self.free.inputs_at is not None and not self.free.is_time_only
 
     def project(self, y: Floats) -> tuple[Floats, float]:
         """The same y: nothing moves where contacts stick."""

@@ -20,6 +20,8 @@ from nonlinear.integration.changes import TEXTS, Places, changing, compiled_sour
 from nonlinear.system import NO_KICKS, Friction, Kicks, System, constants_of, entries_of
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(6)
+INPUT_ASIDE = 1e-3
+"""Tolerance: of a step, on either side of which inputs that texts do not know are seen for their rates at switches."""
 Happening = tuple[float, float, float, float]
 
 
@@ -100,12 +102,12 @@ class Switches:
         """
         arrays, at = isinstance(y, np.ndarray) and y.ndim > 1, self.places
         if not len(w):
-            w = self._rates_of_inputs
+            w = [float(self.form.system.is_analytic and at.input_count == 1)] * at.input_count
         signs = state[at.K : at.e]
         slides = not at.presses and (bool(np.all(signs)) if arrays else all(signs))
-        v = [*f[: at.size], *state[: at.state_count], *self._text_numbers, *w]
-        functions, count = self._of_arrays if arrays else self._of_floats, self.count
-        values_and_rates = functions[slides](y, u, v)
+        v = [*f[: at.size], *state[: at.state_count], *self.numbers[:-1], *w]
+        count = self.count
+        values_and_rates = self._functions_of_values[arrays][slides](y, u, v)
         return values_and_rates[:count], values_and_rates[count:]
 
     def change(
@@ -203,26 +205,14 @@ class Switches:
         return work
 
     @cached_property
-    def _rates_of_inputs(self) -> list[float]:
-        input_count = self.places.input_count
-        return [float(self.form.system.is_analytic and input_count == 1)] * input_count
-
-    @cached_property
-    def _text_numbers(self) -> list[Any]:
-        return [*self.numbers[:-1]]
-
-    @cached_property
     def count(self) -> int:
         """How many switches there are: kicks to the right, to the left, contacts, and N of a rail."""
         return 2 * len(self.kicks) + len(self.form.contacts) + self.form.presses
 
     @cached_property
-    def _of_floats(self) -> tuple[Any, Any]:
-        return self.function("values"), self.function("clear")
-
-    @cached_property
-    def _of_arrays(self) -> tuple[Any, Any]:
-        return self.function("values", "arrays"), self.function("clear", "arrays")
+    def _functions_of_values(self) -> list[list[Any]]:
+        """Of floats and of arrays, each where a contact may stick and where all slide."""
+        return [[self.function(name, target) for name in ("values", "clear")] for target in ("floats", "arrays")]
 
     @cached_property
     def _changing(self) -> Any:

@@ -4,7 +4,8 @@ The constants of a scene are parameters, so one compiled series serves all scene
 heyoka computes the step size from the last two coefficients of the series [Jorba2005].  Released from rest at ±90°,
 angles contain the powers 2, 6, 10, … of t and rates 1, 5, 9, …: where the order is a multiple of four both coefficients
 are zero, and the first step comes out many times too long.  So the order is never a multiple of four, and the first
-step no longer than FIRST of the shortest linear period; either measure alone preserved every digit in all starts tried.
+step no longer than FIRST_STEP_PERIODS of the shortest linear period; either measure alone preserved every digit in all
+starts tried.
 """
 
 from __future__ import annotations
@@ -26,15 +27,21 @@ from modal.vibration.courses import Polynomials
 from nonlinear.dynamics import Arranged, Generated, Module, module_of, without_interrupts
 from nonlinear.dynamics.forms import Form
 from nonlinear.dynamics.inputs import at_time
+from nonlinear.integration.arguments import TIGHTEST
 from nonlinear.integration.readiness import Code, has_package, look_up, make_ready
-from nonlinear.integration.steppers import Pace
+from nonlinear.integration.steppers import STEPS_AT_ONCE, Pace
 from nonlinear.system import System
 
-FIRST = 0.05
-TIGHTEST = 1e-15
-LONGEST_CHAIN, MOST_LINKS = 24, 400
-UNROLLED = 4  # links up to which the series is compiled as one function: faster, longer to compile
-MOST_KEPT, MOST_IDLE, AT_ONCE = 32, 4, 256  # integrators kept, idle copies of each; steps at once
+FIRST_STEP_PERIODS = 0.05
+"""Tolerance: of the shortest linear period, the longest first step: coefficients say nothing of a start from rest."""
+LONGEST_CHAIN = 24
+"""Limit: links of a chain, for which compiling takes longer than other methods take to run."""
+SERIES_LINKS_MAX = 400
+"""Limit: links of a scene, likewise."""
+UNROLLED_LINKS = 4
+"""Cost: links up to which a series is one function: faster, longer to compile (benchmarks/simulation.py)."""
+INTEGRATORS_MAX = 32
+"""Cost: compiled integrators kept in a process, of some megabytes each (benchmarks/engines.py)."""
 GOES_ON = {"success", "time_limit", "step_limit"}
 GIVES_UP = {"err_nf_state": "its series overflow; choose another method"}
 
@@ -47,12 +54,12 @@ def available() -> bool:
 def takes(system: System) -> bool:
     """Whether heyoka is installed and compiles for so many links in less time than other methods take to run."""
     longest = max(group.n for group in system.groups)
-    return available() and longest <= LONGEST_CHAIN and system.n_links <= MOST_LINKS
+    return available() and longest <= LONGEST_CHAIN and system.n_links <= SERIES_LINKS_MAX
 
 
 def first_step(omega: float) -> float:
     """The limit (s) on the first step, from the fastest natural frequency (rad/s); inf where nothing oscillates."""
-    return FIRST * 2 * pi / omega if omega else inf
+    return FIRST_STEP_PERIODS * 2 * pi / omega if omega else inf
 
 
 class TaylorStepper:
@@ -97,7 +104,7 @@ class TaylorStepper:
         self._coefficients, self._from, self.calls = np.array(self.integrator.tc).T, start, self.calls + 1
 
     def sweep(
-        self, times: Floats, all_ends: bool = True, limit: int = AT_ONCE
+        self, times: Floats, all_ends: bool = True, limit: int = STEPS_AT_ONCE
     ) -> tuple[Floats, list[tuple[float, Floats]], int]:
         """Many steps at once, as defined in `Sweeper`: heyoka visits the times itself, except just after a break."""
         if self._failure:
@@ -191,7 +198,7 @@ class Originals(dict[Any, Any]):
             if key not in self:
                 with without_interrupts():
                     fresh = compile_original()
-                while len(self) >= MOST_KEPT:
+                while len(self) >= INTEGRATORS_MAX:
                     del self[next(iter(self))]
                 self[key] = fresh, []
             original, idle = self[key]
@@ -203,7 +210,7 @@ class Originals(dict[Any, Any]):
 
 def _leave(idle: list[Any], copy: Any) -> None:
     """Without a lock, for it may be called at any time, also in the thread that holds it."""
-    if len(idle) < MOST_IDLE:
+    if len(idle) < 4:
         idle.append(copy)
 
 
@@ -214,7 +221,7 @@ _COMPILED = Originals()
 def code_of(form: Form, pieces: Sequence[Polynomials], tolerance: float) -> Code:
     """The series of this order for such scenes, and how far it is."""
     links, longest = form.system.n_links, max(group.n for group in form.system.groups)
-    compiling = 0.05 * longest**2 if links <= UNROLLED else 0.2 * longest + 0.025 * links
+    compiling = 0.05 * longest**2 if links <= UNROLLED_LINKS else 0.2 * longest + 0.025 * links
     degrees = [piece.coefficients.shape[1] for piece in pieces]
     return look_up("heyoka", f"{form} {degrees} {tolerance}", compiling, "the Taylor series")
 
@@ -240,7 +247,7 @@ def integrator_of(equations: Generated, tolerance: float, user: object = None) -
     code = code_of(equations.form, pieces, tolerance)
     pars = [*equations.constants, *at_time(pieces, 0.0)]
 
-    options = {"tol": tolerance, "compact_mode": equations.system.n_links > UNROLLED}
+    options = {"tol": tolerance, "compact_mode": equations.system.n_links > UNROLLED_LINKS}
     with make_ready(code) as compiles:
 
         def compile_series() -> Any:
@@ -277,8 +284,8 @@ def _written_equations(equations: Arranged) -> Generated:
     longest, links = max(group.n for group in equations.system.groups), equations.system.n_links
     if equations.load is not None:
         raise ComputationError("Taylor series cannot follow a load: choose another method")
-    if longest > LONGEST_CHAIN or links > MOST_LINKS:
-        limit = f"at most {LONGEST_CHAIN} links a chain and {MOST_LINKS} in all, not {longest} and {links}"
+    if longest > LONGEST_CHAIN or links > SERIES_LINKS_MAX:
+        limit = f"at most {LONGEST_CHAIN} links a chain and {SERIES_LINKS_MAX} in all, not {longest} and {links}"
         raise ComputationError(f"Taylor series take {limit}: choose another method")
     _heyoka()
     return equations if isinstance(equations, Generated) else Generated(equations.system)

@@ -10,13 +10,21 @@ import numpy as np
 
 from modal.assembly import matrices
 from modal.errors import ComputationError, SceneError
-from modal.modes import Modes, natural_modes
+from modal.modes import natural_modes
 from modal.scene import Scene
 from modal.types import Complexes
 from nonlinear.system import system_of
 
-MOST_SURVEYED = 2000  # links of a scene up to which its modes are computed
-DENSE = 300  # and on a structure the eigenvalues of its matrices
+SURVEYED_LINKS_MAX = 2000
+"""Cost: links of a scene up to which its modes are computed for its time scales (benchmarks/simulation.py)."""
+DENSE_LINKS_MAX = 300
+"""Cost: likewise on a structure, whose matrices are dense (benchmarks/simulation.py)."""
+SAMPLES_PER_PERIOD = 24
+"""Cost: default samples in a period of the fastest oscillation, between which cubics are right to 1e-5 of an angle."""
+SAMPLES_MIN = 1000
+"""Cost: default samples of a short run, which its figures show as a curve."""
+SAMPLES_MAX = 100_000
+"""Cost: default samples of a long run."""
 
 
 @dataclass(frozen=True)
@@ -38,14 +46,22 @@ modes_of = lru_cache(maxsize=4)(natural_modes)
 @lru_cache(maxsize=4)
 def estimate_timescales(scene: Scene) -> Timescales:
     """The time scales of a scene's modes where these are cheap, else estimates."""
-    if scene.is_structured and scene.n_links <= DENSE:
+    if scene.is_structured and scene.n_links <= DENSE_LINKS_MAX:
         try:
-            return _timescales_of(_of_matrices(scene), scene)
+            linear = matrices(scene.linearizable.still.unforced)
+            size, M = len(linear.M), linear.M
+            A = np.block(
+                [[np.zeros((size, size)), np.eye(size)], [-np.linalg.solve(M, linear.K), -np.linalg.solve(M, linear.D)]]
+            )
+            return _timescales_of(np.linalg.eigvals(A).astype(complex), scene)
         except np.linalg.LinAlgError:  # masses so far apart that rounding leaves M singular
             return _estimate(scene)
-    if scene.n_links <= MOST_SURVEYED and not scene.is_structured:
+    if scene.n_links <= SURVEYED_LINKS_MAX and not scene.is_structured:
         try:
-            eigenvalue = _modes_of_scales(scene).eigenvalue
+            try:
+                eigenvalue = modes_of(scene).eigenvalue
+            except SceneError:  # forces that leave no equilibrium
+                eigenvalue = modes_of(scene.replace(force=())).eigenvalue
         except ComputationError:
             return _estimate(scene)
         return _timescales_of(eigenvalue, scene)
@@ -59,26 +75,9 @@ def _timescales_of(eigenvalues: Complexes, scene: Scene) -> Timescales:
     return Timescales(swing, float(np.max(-eigenvalues.real, initial=0.0)), True)
 
 
-def _of_matrices(scene: Scene) -> Complexes:
-    """The eigenvalues (1/s) of M q'' + D q' + K q = 0, good enough for steps."""
-    linear = matrices(scene.linearizable.still.unforced)
-    M, K, D = linear.M, linear.K, linear.D
-    size = len(M)
-    A = np.block([[np.zeros((size, size)), np.eye(size)], [-np.linalg.solve(M, K), -np.linalg.solve(M, D)]])
-    return np.asarray(np.linalg.eigvals(A).astype(complex))
-
-
-def _modes_of_scales(scene: Scene) -> Modes:
-    """The modes of a scene, those without its forces where these leave no equilibrium."""
-    try:
-        return modes_of(scene)
-    except SceneError:
-        return modes_of(scene.replace(force=()))
-
-
-def sample_count(duration: float, swing: float, per_period: float, fewest: int, limit: int) -> int:
-    """Number of samples at `per_period` per period of `swing` (rad/s) over `duration` (s), within bounds."""
-    return min(max(ceil(min(duration * swing / (2 * pi) * per_period, limit)), fewest), limit)
+def sample_count(duration: float, swing: float) -> int:
+    """The default number of samples of a motion over `duration` (s) whose fastest oscillation is `swing` (rad/s)."""
+    return max(ceil(min(duration * swing / (2 * pi) * SAMPLES_PER_PERIOD, SAMPLES_MAX)), SAMPLES_MIN)
 
 
 def _estimate(scene: Scene) -> Timescales:

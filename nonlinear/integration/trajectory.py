@@ -18,9 +18,10 @@ from nonlinear.system import NO_FRICTION, NO_KICKS, Equations, EventRecord, Fric
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-NOISE = 1e-7
-QUICKLY = 200_000
-"""Angles of a run whose energy drift is computed to be shown."""
+ENERGY_NOISE = 1e-7
+"""Tolerance: of the potential energy, the range of energies of a motion that hardly moves and is all rounding."""
+SHOWN_ANGLES_MAX = 200_000
+"""Cost: angles of a run whose energy drift is computed to be shown (benchmarks/simulation.py)."""
 CLOSED = "closed form"  # the method where nothing is integrated
 TRUNCATED = "truncated"  # the form with a few mode shapes
 
@@ -86,7 +87,7 @@ class Trajectory(TextResult):
     _title, _repr_html_ = Displayed._title, Displayed._repr_html_
 
     def __repr__(self) -> str:
-        quick = len(self.times) * self.system.n_links <= QUICKLY
+        quick = len(self.times) * self.system.n_links <= SHOWN_ANGLES_MAX
         return super().__repr__() if quick else Displayed.__repr__(self)
 
     def __getstate__(self) -> dict[str, Any]:
@@ -128,10 +129,10 @@ class Trajectory(TextResult):
     def energy_scale(self) -> float:
         """The reference of an energy drift (J): the range of the energies over the run, or its work.
 
-        Where hardly anything moves it is NOISE of the potential energy, so that the drift is not all rounding.
+        Where hardly anything moves it is ENERGY_NOISE of the potential energy, so that the drift is not all rounding.
         """
         kinetic, potential = self._steady.energies
-        ranges = kinetic.max(), np.ptp(potential), abs(self.motion.work).max(), NOISE * abs(potential).max()
+        ranges = kinetic.max(), np.ptp(potential), abs(self.motion.work).max(), ENERGY_NOISE * abs(potential).max()
         return float(max(ranges)) or 1.0
 
     @cached_property
@@ -208,7 +209,7 @@ class Trajectory(TextResult):
         several = counted(len(times), "time", "times")
         title = f"Motion of {name_of(self.scene)}: {several} from {times[0]:g} to {times[-1]:g} s"
         facts = [("by", f"{run.method}, {run.form} form")]
-        if len(times) * self.system.n_links <= QUICKLY:
+        if len(times) * self.system.n_links <= SHOWN_ANGLES_MAX:
             facts.append(("energy drift", f"{self.energy_drift():.1e}"))
         if self.happenings:
             facts.append(("events", str(len(self.happenings))))

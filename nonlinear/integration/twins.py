@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from itertools import count
+from sys import float_info
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -22,10 +23,14 @@ from nonlinear.integration.run import Request, SimulationError
 from nonlinear.integration.trajectory import Trajectory
 from nonlinear.system import Event, State, System, apart
 
-ASIDE, LEAST, SEED = 1e-9, 1e-12, 0  # perturbation of a twin's start: relative, in rad (far above rounding), seed
-LAST_DIGITS = 4 * float(np.finfo(float).eps)  # perturbation of an angle, relative and over the motion's size
-GONE = 1e-4  # distance (rad) at which a twin has departed and is followed no further
-SAMPLES, STEPS, TOLERANCE = 200, 3000, 1e-9  # of a twin that measures a departure; STEPS at most
+TWIN_DISTANCE = 1e-9
+"""Tolerance: of the motion's size, the perturbation of a twin's start, and the tolerance at which it is followed."""
+TWIN_DISTANCE_MIN = 1e-12
+"""Tolerance: the least perturbation (rad) of a twin's start, far above rounding."""
+DEPARTURE_DISTANCE = 1e-4
+"""Limit: distance (rad) at which a twin has departed and is followed no further."""
+TWIN_STEPS_MAX = 3000
+"""Limit: steps for which a twin is followed, and what it says is of the time until then."""
 
 
 class Departure(NamedTuple):
@@ -45,7 +50,7 @@ def aside(system: System, start: State, by: Any) -> State:
 
     In space every component of the unit vectors is perturbed.  `by` is a number or fits `start.links`.
     """
-    shift = by * np.random.default_rng(SEED).uniform(0.5, 1.0, start.links.shape)
+    shift = by * np.random.default_rng(0).uniform(0.5, 1.0, start.links.shape)
     if symmetry := synchronous(system, start):
         number = np.arange(float(system.n_links))
         shift[~np.isin(number, symmetry.restrict(State(number, number)).links)] = 0.0
@@ -57,7 +62,7 @@ def aside(system: System, start: State, by: Any) -> State:
 
 def slightly(system: System, start: State) -> float:
     """The perturbation (rad) of a twin that shows how a difference grows."""
-    return max(ASIDE * extent(start, system), LEAST)
+    return max(TWIN_DISTANCE * extent(start, system), TWIN_DISTANCE_MIN)
 
 
 def perturb_last_digits(request: Request) -> Request | None:
@@ -68,20 +73,18 @@ def perturb_last_digits(request: Request) -> Request | None:
     system, start = request.system, request.start
     if not (exactly_symmetric(system, start) or is_unstable_equilibrium(system, start)):
         return None
-    by = np.maximum(LAST_DIGITS * request.size, 4 * np.spacing(np.abs(start.links)))
+    by = np.maximum(4 * float_info.epsilon * request.size, 4 * np.spacing(np.abs(start.links)))
     return replace(request, start=aside(system, start, by))
 
 
 def departure(trajectory: Trajectory) -> Departure | None:
     """How fast a twin departs from a run that integrates fewer pendula than there are, or in a plane what is in space.
 
-    None for any other run.  The twin is followed until its distance is GONE, for at most STEPS.
+    None for any other run.  The twin is followed until its distance is DEPARTURE_DISTANCE, for at most TWIN_STEPS_MAX.
     """
     require_type("trajectory", trajectory, "Trajectory")
     start, times = trajectory.motion[0], trajectory.times
-    request = Request(
-        trajectory.scene, trajectory.system, start, np.linspace(0.0, float(times[-1] - times[0]), SAMPLES)
-    )
+    request = Request(trajectory.scene, trajectory.system, start, np.linspace(0.0, float(times[-1] - times[0]), 200))
     if not (trajectory.run.reduced and request.duration and any(smaller.ties for smaller in request.smaller)):
         return None
     steps = count(1)
@@ -90,14 +93,14 @@ def departure(trajectory: Trajectory) -> Departure | None:
         return float(apart(*symmetrize(request.smaller, state))[0])
 
     def patient(time: float) -> None:
-        if next(steps) > STEPS:
+        if next(steps) > TWIN_STEPS_MAX:
             raise ComputationError("the twin is followed no further")
 
     perturbed_start = aside(request.system, start, slightly(request.system, start))
-    leaving = Event("a twin has left", lambda state: distance(state) - GONE, stop=True)
+    leaving = Event("a twin has left", lambda state: distance(state) - DEPARTURE_DISTANCE, stop=True)
     twin = replace(request, start=perturbed_start, events=(leaving,), report=patient)
     try:
-        path = twin.run(twin.choice(TOLERANCE))
+        path = twin.run(twin.choice(TWIN_DISTANCE))
     except SimulationError as error:
         path = error.trajectory
     largest = max(distance(path.motion[at]) for at in range(len(path.times)))

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from math import inf, pi
+from math import inf, pi, sqrt
+from sys import float_info
 
 import numpy as np
 
@@ -26,9 +27,11 @@ from nonlinear.integration.passages import (
 from nonlinear.integration.within import Inside, Step, align_lanes, sums_of_squares
 from nonlinear.system import Layout
 
-ASIDE = 1e-7  # of natural units, by which a neighbour is put aside to see how a difference grows
-ROUNDING = 2.0**-53  # of an angle in a step
-UNKNOWN = 0.1  # error (rad) beyond which nothing is known
+NEIGHBOUR_DISTANCE = sqrt(float_info.epsilon)
+"""Natural units by which a neighbour is aside, where rounding and what bends the growth of a distance are alike."""
+EPSILON = float_info.epsilon
+ERROR_KNOWN_MAX = 0.1
+"""Limit: error (rad) beyond which nothing is known of a member, which reports call its horizon."""
 
 
 def _instants(step: Step, due: Ints, until: Ints) -> Iterator[tuple[Ints, Ints, Inside]]:
@@ -172,7 +175,7 @@ class Largest:
 
 @dataclass(eq=False)
 class Growth:
-    """An estimate of every member's error in natural units, and the time when it is more than UNKNOWN.
+    """An estimate of every member's error in natural units, and the time when it is more than ERROR_KNOWN_MAX.
 
     A neighbour's distance v = (δq, δq') is carried along by one more rate a step, δq' += h (q''(y + v) − q''(y)) and
     then δq += h δq' (symplectic Euler, so that what swings keeps its size); with g = |v after|/|v before| the error e
@@ -198,22 +201,22 @@ class Growth:
             scale = scale[:, members]
         v = self._v[:, members] * scale
         neighbour = step.after.copy()
-        neighbour[: 2 * half] += ASIDE * v
+        neighbour[: 2 * half] += NEIGHBOUR_DISTANCE * v
         rates = step.rates(neighbour, step.times(1.0))
         for row in range(half):
-            v[half + row] += step.length * ((rates[half + row] - step.stages[-1, half + row]) / ASIDE)
+            v[half + row] += step.length * ((rates[half + row] - step.stages[-1, half + row]) / NEIGHBOUR_DISTANCE)
         v[:half] += step.length * v[half:]
         v /= scale
         grown = np.sqrt(sums_of_squares(v))
         v /= grown
         is_valid = step.taken & np.isfinite(grown) & (grown > 0)
         largest_angle = np.abs(step.after[self.layout.first : half]).max(0)
-        error = self.error[members] * grown + np.maximum(self.local[members], ROUNDING * largest_angle)
+        error = self.error[members] * grown + np.maximum(self.local[members], EPSILON / 2 * largest_angle)
         columns = np.flatnonzero(is_valid)
         members_in = members[columns]
         self._v[:, members_in] = v[:, columns]
         self.error[members_in] = error[columns]
-        late = members_in[(self.error[members_in] > UNKNOWN) & (self.horizon[members_in] == inf)]
+        late = members_in[(self.error[members_in] > ERROR_KNOWN_MAX) & (self.horizon[members_in] == inf)]
         if len(late):
             times = np.empty(len(self.horizon))
             times[members] = step.start + step.length

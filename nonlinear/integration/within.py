@@ -12,10 +12,13 @@ import numpy as np
 from modal.types import Booleans, Floats, Ints
 from nonlinear.dynamics.generated import Rates
 from nonlinear.integration.method import EXTRA, NODES, STAGES, advance, gain_at, terms_of
-from nonlinear.integration.steppers import BESIDE
+from nonlinear.integration.steppers import BREAK_ULPS
 
-PIECES = 16  # parts of a step, within each of which a component turns back once at most
-ROUNDS = 14  # of the secant method with its ends kept apart (Illinois), to the last digits of a step
+STEP_PIECES = 16
+"""Tolerance: parts of a step, within each of which a component turns back once at most: its interpolant has degree 7,
+and a step of DOP853 is a fraction of the fastest period."""
+ILLINOIS_ROUNDS = 14
+"""Tolerance: of the secant method with its ends kept apart (Illinois), to the last digits of a step."""
 ALL = slice(None)
 
 
@@ -54,7 +57,7 @@ class Step:
         times = start + part * length
         if not self.breaks:
             return np.asarray(times)
-        clear = BESIDE * np.spacing(np.abs(start + length))
+        clear = BREAK_ULPS * np.spacing(np.abs(start + length))
         return np.asarray(np.minimum(np.maximum(times, start + clear), start + length - clear))
 
     def motion(self, y: Floats) -> Floats:
@@ -167,7 +170,7 @@ class Inside:
 
         It is `after` (A,) at the end.
         """
-        grid = np.linspace(0.0, 1.0, PIECES + 1)[:, None]
+        grid = np.linspace(0.0, 1.0, STEP_PIECES + 1)[:, None]
         slope = self.slope(grid, row)
         low, high = (np.broadcast_to(ends, slope[1:].shape) for ends in (grid[:-1], grid[1:]))
         piece, lane = np.nonzero(np.signbit(slope[:-1]) != np.signbit(slope[1:]))
@@ -177,7 +180,7 @@ class Inside:
             turning[piece, lane] = crossing(
                 lambda part: turning_lanes.slope(part, row), low[piece, lane], high[piece, lane]
             )
-        parts = np.empty((2 * PIECES + 1, after.size))
+        parts = np.empty((2 * STEP_PIECES + 1, after.size))
         parts[::2], parts[1::2] = grid, turning
         values = self.motion.at(parts, row)
         values[0], values[-1] = self.motion.before[row], after
@@ -190,8 +193,10 @@ class Inside:
 
 
 NODES_INSIDE = (1 - np.cos(np.pi * np.arange(10) / 9)) / 2
-"""Parts of a step at which its interpolant, a polynomial by any method, is known by its values to the last digits."""
-BETWEEN = 0.1  # of the range of these values, by which what lies between them may be beyond
+"""Format: parts of a step at which its interpolant, a polynomial by any method, is known by its values to the last
+digits: Chebyshev's."""
+RANGE_EXCESS = 0.1
+"""Tolerance: of the range of these values, by which what lies between them may be beyond."""
 _OF_TERMS = np.array([gain_at(NODES_INSIDE[1:], [*np.eye(9)[:, [k]]]) for k in range(9)]).T
 
 
@@ -216,7 +221,7 @@ class KnownStep(Step):
         """The lowest and the highest that a component of y can be within the step, (1,)."""
         values = self.values[:, row].tolist()
         low, high = min(values), max(values)
-        excess = BETWEEN * (high - low)
+        excess = RANGE_EXCESS * (high - low)
         return np.array([low - excess]), np.array([high + excess])
 
     @cached_property
@@ -243,7 +248,7 @@ def crossing(function: Callable[[Floats], Floats], low: Floats, high: Floats) ->
     """Where a function of many (A,) is zero between ends on either side of that, by the secant method (Illinois)."""
     at_low, at_high = function(low), function(high)
     side, middle = np.zeros(low.shape), low
-    for _ in range(ROUNDS):
+    for _ in range(ILLINOIS_ROUNDS):
         rise = at_high - at_low
         middle = np.where(rise != 0, (low * at_high - high * at_low) / np.where(rise != 0, rise, 1.0), low)
         value = function(middle)

@@ -26,7 +26,17 @@ from nonlinear.dynamics.generated import UNDEFINED, InputFunction, Rate
 from nonlinear.dynamics.variational import TINY, Force, Variational
 from nonlinear.integration.analytic import imaginary_after_kick, impulses_since
 from nonlinear.integration.floats import FloatDOP853, FloatStep, Numbers, attempt_of
-from nonlinear.integration.method import FIFTH, NODES, POWER, ROWS, SAFETY, STAGES, THIRD, Shares, control_steps
+from nonlinear.integration.method import (
+    ERROR_POWER,
+    FIFTH,
+    NODES,
+    ROWS,
+    STAGES,
+    STEP_SAFETY,
+    THIRD,
+    Shares,
+    control_steps,
+)
 from nonlinear.integration.switched import Switched
 from nonlinear.system import System
 
@@ -235,7 +245,7 @@ class Flow(Displayed):
         for k, error in errors.items():
             if error <= LOOSE:
                 continue
-            parts = ceil(min(error / LOOSE, 1e8) ** -POWER / SAFETY) + 1
+            parts = ceil(min(error / LOOSE, 1e8) ** -ERROR_POWER / STEP_SAFETY) + 1
             product = np.eye(maps.shape[-1])
             for piece in self._step_maps(self._divide(steps[k], parts), depth + 1):
                 product = piece @ product

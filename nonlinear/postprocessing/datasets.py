@@ -16,11 +16,10 @@ from modal.errors import ComputationError, MissingExtraError
 from modal.scene import title_of
 from modal.types import Floats, Ints
 from nonlinear.integration import Trajectory
+from nonlinear.integration.arguments import NUMBERS_MAX
 
 AXES = ("x", "y", "z")
 """Along the rail, across it, down."""
-MOST_NUMBERS = 100_000_000
-"""Numbers of one variable, with those that fill up shorter pendula."""
 
 
 def dataset_of(trajectory: Trajectory) -> Any:
@@ -33,7 +32,7 @@ def dataset_of(trajectory: Trajectory) -> Any:
     system, motion, run, scene = trajectory.system, trajectory.motion, trajectory.run, trajectory.scene
     place = _places(system.pendulum)
     counts = (system.n_pendula, int(place[1].max()) + 1)
-    if len(trajectory.times) * counts[0] * counts[1] > MOST_NUMBERS:
+    if len(trajectory.times) * counts[0] * counts[1] > NUMBERS_MAX:  # with those that fill up shorter pendula
         raise ComputationError(
             f"a data set of {len(trajectory.times)} × {counts[0]} × {counts[1]} numbers is too large"
         )

@@ -20,12 +20,20 @@ from nonlinear.postprocessing.resampling import extremes
 from nonlinear.system import Equations, Motion
 
 FORMS = {"minimal", "maximal", "hamiltonian", "spatial"}
-PLACES, LOOKS, CLOSE = 8, 64, 1e-9  # on each cubic; in a stretch integrated anew, and its tolerance
-CLOSER = 8  # times that the stretch between the looks beside the extreme is integrated in its turn
-STRETCHES, MOST = 24, 2_000_000  # integrated anew for each extreme; places on cubics
-TURNED = 1.5  # rad from one sample to the next, from which on cubics do not tell where extremes are
+CUBIC_PLACES = 8
+"""Tolerance: places on each cubic, between which a parabola passes them by an eighth of their second differences."""
+STRETCH_LOOKS = 64
+"""Cost: looks in a stretch that is integrated anew, and again beside its extreme (benchmarks/engines.py)."""
+EXTREME_TOLERANCE = 1e-9
+"""Tolerance: to which a stretch is integrated anew, and its extreme found: a third of the digits told are below it."""
+STRETCHES_MAX = 24
+"""Cost: stretches integrated anew for an extreme: a steady motion comes as near to it in every period."""
+PLACES_MAX = 2_000_000
+"""Cost: places on cubics in a run beyond which extremes are those of the samples, as the summary says."""
+TURN_MAX = 1.5
+"""Tolerance: rad from one sample to the next, from which on cubics do not tell where extremes are."""
 Quantity = Callable[[Motion], Floats]
-WAY = Choice("minimal", "DOP853", compiled=False, reason="", tolerance=CLOSE)
+WAY = Choice("minimal", "DOP853", compiled=False, reason="", tolerance=EXTREME_TOLERANCE)
 
 
 class Extent(NamedTuple):
@@ -85,10 +93,10 @@ def _can_interpolate(trajectory: Trajectory) -> bool:
     has_lost_load = trajectory.driven and trajectory.equations is None
     if jumps or has_lost_load or run.form not in FORMS or run.method not in {*EXPLICIT, "taylor"} or len(times) < 2:
         return False
-    if len(times) * motion.links[0].size * PLACES > MOST:
+    if len(times) * motion.links[0].size * CUBIC_PLACES > PLACES_MAX:
         return False
     rates = np.abs(motion.link_rates).reshape(len(times), -1).max(1)
-    return bool(np.max(np.diff(times) * np.maximum(rates[:-1], rates[1:])) < TURNED)
+    return bool(np.max(np.diff(times) * np.maximum(rates[:-1], rates[1:])) < TURN_MAX)
 
 
 def _equations(trajectory: Trajectory) -> Equations:
@@ -98,20 +106,20 @@ def _equations(trajectory: Trajectory) -> Equations:
 
 
 def _on_cubics(trajectory: Trajectory, quantity: Quantity) -> Floats:
-    """The quantity at places of the cubics between samples, (T − 1, PLACES, …)."""
+    """The quantity at places of the cubics between samples, (T − 1, CUBIC_PLACES, …)."""
     motion, gaps = trajectory.motion, np.diff(trajectory.times)
-    part = np.linspace(0.0, 1.0, PLACES)
+    part = np.linspace(0.0, 1.0, CUBIC_PLACES)
 
     def cubic(values: Floats, rates: Floats) -> Floats:
         s, h = (array.reshape(*array.shape, *[1] * (values.ndim - 1)) for array in (part[None], gaps[:, None]))
         start, end, rise, fall = (array[:, None] for array in (values[:-1], values[1:], rates[:-1], rates[1:]))
         places = start + s * s * (3 - 2 * s) * (end - start) + h * s * (1 - s) * (rise * (1 - s) - fall * s)
-        return places.reshape(len(gaps) * PLACES, *values.shape[1:])
+        return places.reshape(len(gaps) * CUBIC_PLACES, *values.shape[1:])
 
     links, cart = cubic(motion.links, motion.link_rates), cubic(motion.cart, motion.cart_rate)
     supports = cubic(motion.supports, motion.support_rates)
     rows = quantity(Motion(links, links, cart, cart, cart, supports, supports))
-    return rows.reshape(len(gaps), PLACES, -1)
+    return rows.reshape(len(gaps), CUBIC_PLACES, -1)
 
 
 def _furthest(trajectory: Trajectory, quantity: Quantity, equations: Equations, between: Floats, side: float) -> float:
@@ -120,7 +128,7 @@ def _furthest(trajectory: Trajectory, quantity: Quantity, equations: Equations, 
     bend = np.abs(np.diff(values, 2, axis=1)).max(1)
     hopeful = values.max(1) + bend / 4  # a parabola passes its places by an eighth of it, a kink by a fourth
     furthest = -np.inf
-    order = np.argsort(hopeful, axis=None)[::-1][:STRETCHES]
+    order = np.argsort(hopeful, axis=None)[::-1][:STRETCHES_MAX]
     for row, column in zip(*np.unravel_index(order, hopeful.shape), strict=True):
         if hopeful[row, column] > furthest:
             furthest = max(furthest, _turning(trajectory, quantity, equations, int(row), int(column), side))
@@ -133,15 +141,15 @@ def _turning(
     """The largest of side · quantity from one sample to the next."""
     start, end = trajectory.times[row : row + 2].tolist()
     state, furthest = trajectory.motion[row], -np.inf
-    for _ in range(CLOSER):
-        looks = np.linspace(start, end, LOOKS)
+    for _ in range(STRETCH_LOOKS):
+        looks = np.linspace(start, end, STRETCH_LOOKS)
         anew = prepare(trajectory.scene, equations, WAY, state, looks, 1.0).go()
         if anew.run.interrupted:
             raise KeyboardInterrupt
         values = side * quantity(anew.motion)[:, column]
         best = int(np.argmax(values))
-        furthest, low, high = max(furthest, float(values[best])), max(best - 1, 0), min(best + 1, LOOKS - 1)
-        if furthest - min(values[low], values[high]) < CLOSE:
+        furthest, low, high = max(furthest, float(values[best])), max(best - 1, 0), min(best + 1, STRETCH_LOOKS - 1)
+        if furthest - min(values[low], values[high]) < EXTREME_TOLERANCE:
             break
         start, end, state = looks[low], looks[high], anew.motion[low]
     return furthest

@@ -19,6 +19,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import atan2, hypot, inf, pi
+from sys import float_info
 from typing import NamedTuple
 
 import numpy as np
@@ -27,15 +28,17 @@ from numpy.typing import ArrayLike
 from modal.errors import ComputationError
 from modal.types import Floats
 
-ORDER, OTHER_ORDERS = 3, (2, 4)
+ORDER = 3
+"""Format: the power p of the window."""
+OTHER_ORDERS = (2, 4)
 LEAST_PERIODS = 4.0
-PADDING = 4
-PART = 0.75  # of the signal, early or late, that must give the same frequency
-COMPANIONS = 4  # further lines removed together with the requested one
-STANDS_OUT, FAINTEST = 30.0, 1e-13  # over the median of the spectrum; relative to the strongest line
-SIGMAS = 4.0
-MOST_STEPS, SETTLED, ROUNDING, TINY = 60, 1e-13, 1e-15, 1e-300
-NEAR = 0.25
+"""Limit: periods of a line in a signal."""
+PEAK_RATIO = 30.0
+"""Tolerance: of a line over the median of the spectrum, above what noise has anywhere."""
+LINE_SETTLED = 1e-13
+"""Tolerance: relative change of a frequency that is rounding, and amplitude of a line over the strongest likewise."""
+GAUSS_NEWTON_STEPS = 60
+"""Limit: steps to a frequency, beyond which it does not converge."""
 
 
 @dataclass(frozen=True)
@@ -87,8 +90,8 @@ class _Signal:
 
     def spectrum(self, waves: _Waves) -> tuple[Floats, Floats]:
         """The x and amplitudes of the residual's spectrum, as if each were a single line."""
-        size = np.abs(np.fft.rfft((self.window * self.residual(waves))[:-1], PADDING * (len(self.f) - 1)))
-        return np.asarray(pi / PADDING * np.arange(len(size)), dtype=np.float64), np.asarray(2 * size / len(self.f))
+        size = np.abs(np.fft.rfft((self.window * self.residual(waves))[:-1], 4 * (len(self.f) - 1)))
+        return np.asarray(pi / 4 * np.arange(len(size)), dtype=np.float64), np.asarray(2 * size / len(self.f))
 
     def coefficients(self, *columns: Floats) -> list[Floats]:
         """Least-squares coefficients (1,) and (K,) ... of 1 and these columns (N, K) ... in f."""
@@ -105,7 +108,7 @@ class _Signal:
     def fit(self, x: Floats) -> _Waves:
         """Lines from x (K,) moved until the residual is orthogonal to their variations (Gauss–Newton)."""
         waves = self.waves_at(x)
-        for _ in range(MOST_STEPS):
+        for _ in range(GAUSS_NEWTON_STEPS):
             waves, is_rounding = self._step(waves)
             if is_rounding:
                 return waves
@@ -113,11 +116,11 @@ class _Signal:
 
     def _step(self, waves: _Waves) -> tuple[_Waves, bool]:
         """One Gauss–Newton step, and whether the remainder is rounding."""
-        angle, size = np.outer(self.s, waves.x), np.maximum(waves.amplitude, TINY)
+        angle, size = np.outer(self.s, waves.x), np.maximum(waves.amplitude, float_info.min)
         c, d = np.cos(angle), np.sin(angle)
         mean, a, b, shift = self.coefficients(c, d, self.s[:, None] * (c * waves.b - d * waves.a) / size)
         move = np.clip(shift / size, -pi / 4, pi / 4)
-        unclear = SETTLED * waves.x + ROUNDING * np.abs(self.f).max() / size
+        unclear = LINE_SETTLED * waves.x + 4 * float_info.epsilon * np.abs(self.f).max() / size
         return _Waves(float(mean[0]), waves.x + move, a, b), bool(np.all(np.abs(move) <= unclear))
 
     def noise(self, waves: _Waves) -> Floats:
@@ -136,12 +139,12 @@ def line(times: ArrayLike, values: ArrayLike, near: float | None = None) -> Spec
     effect of the residual near the line.  Raises ComputationError where the signal is too short for the line (less than
     4 periods), has none, or its frequency does not converge.
     """
-    return _strongest_lines(times, values, 1 + COMPANIONS, near)[0]
+    return _strongest_lines(times, values, 1, near)[0]
 
 
 def lines(times: ArrayLike, values: ArrayLike, count: int) -> tuple[SpectralLine, ...]:
     """At most `count` lines, the strongest first, only those that stand out.  Arguments and errors as for `line`."""
-    strongest = _strongest_lines(times, values, count + COMPANIONS, None)
+    strongest = _strongest_lines(times, values, count, None)
     return tuple(sorted(strongest, key=lambda line: -line.amplitude)[:count])
 
 
@@ -159,10 +162,10 @@ def attention(count: int) -> Floats:
 def _strongest_lines(times: ArrayLike, values: ArrayLike, count: int, near: float | None) -> list[SpectralLine]:
     t, f = np.asarray(times, dtype=float), np.asarray(values, dtype=float)
     half = _half_length(t, f)
-    band = (0.0, np.inf) if near is None else tuple(near * half * side for side in (1 - NEAR, 1 + NEAR))
+    band = (0.0, np.inf) if near is None else tuple(near * half * side for side in (1 - 1 / 4, 1 + 1 / 4))
     signal = _Signal.of(f)
-    waves = _add_lines(signal, _first(signal, band), count)
-    error = signal.noise(waves) * SIGMAS + _spread(signal, waves) + 8 * np.finfo(float).eps * waves.x
+    waves = _add_lines(signal, _first(signal, band), count + 4)  # with companions, which would shift them
+    error = signal.noise(waves) * 4 + _spread(signal, waves) + 8 * float_info.epsilon * waves.x
     middle = float(t[0] + half)
     return [
         SpectralLine(x / half, hypot(a, b), _principal_angle(atan2(-b, a) - x / half * middle), e / half)
@@ -183,7 +186,7 @@ def _first(signal: _Signal, band: Sequence[float]) -> _Waves:
     x, size = signal.spectrum(signal.waves_at(np.zeros(0)))
     size = np.where((x >= band[0]) & (x <= band[1]), size, 0.0)
     at = int(np.argmax(size))
-    if size[at] <= np.finfo(float).eps * np.abs(signal.f).max():
+    if size[at] <= float_info.epsilon * np.abs(signal.f).max():
         raise ComputationError("the signal has no line")
     if x[at] < LEAST_PERIODS * pi:
         raise ComputationError(f"the signal holds only {x[at] / pi:.3g} periods: at least {LEAST_PERIODS:g} are needed")
@@ -197,25 +200,22 @@ def _add_lines(signal: _Signal, waves: _Waves, count: int) -> _Waves:
         is_separate = np.abs(x[:, None] - waves.x).min(1) >= pi * (ORDER + 1)
         size = np.where(is_separate & (x >= LEAST_PERIODS * pi), size, 0.0)
         at, strongest = int(np.argmax(size)), waves.amplitude.max()
-        if size[at] < max(STANDS_OUT * float(np.median(size)), FAINTEST * strongest):
+        if size[at] < max(PEAK_RATIO * float(np.median(size)), LINE_SETTLED * strongest):
             break
         try:
             extension = signal.fit(np.append(waves.x, x[at]))
         except ComputationError:
             break
-        if _has_close_lines(extension) or np.any(np.abs(extension.x[:-1] - waves.x) > pi):
+        are_close = np.any(np.diff(np.sort(extension.x)) < pi * ORDER) or extension.x.min() < pi
+        if are_close or np.any(np.abs(extension.x[:-1] - waves.x) > pi):
             break
         waves = extension
     return waves
 
 
-def _has_close_lines(waves: _Waves) -> bool:
-    return bool(np.any(np.diff(np.sort(waves.x)) < pi * ORDER) or waves.x.min() < pi)
-
-
 def _spread(signal: _Signal, waves: _Waves) -> Floats:
     """The largest differences (K,) in x between windows."""
-    length = round(PART * (len(signal.f) - 1)) + 1
+    length = round(3 / 4 * (len(signal.f) - 1)) + 1
     full, early, late = slice(None), slice(length), slice(-length, None)
     windows = [(full, order) for order in OTHER_ORDERS] + [(early, ORDER), (late, ORDER)]
     positions = np.array([_refit(signal, waves, *window) for window in windows])

@@ -16,8 +16,9 @@ from modal.errors import ComputationError
 from modal.types import Floats, Ints
 from nonlinear.system import Motion
 
-WIDEST = 0.25
-"""Largest trapezoidal defect h³ θ'''/12 (rad) across which a cubic is trusted: 1 rad swings are right to 0.01 rad."""
+DEFECT_MAX = 0.25
+"""Limit: largest trapezoidal defect h³ θ'''/12 (rad) across which a cubic is trusted: 1 rad swings are right to
+0.01 rad."""
 
 
 def resample(times: Floats, motion: Motion, at: Floats) -> Motion:
@@ -27,11 +28,15 @@ def resample(times: Floats, motion: Motion, at: Floats) -> Motion:
     """
     if len(times) < 2:
         raise ComputationError("the run has a single sample: there is no motion to draw")
-    place = _place_of(times, at)
+    sample = np.clip(np.searchsorted(times, at, side="right") - 1, 0, len(times) - 2)
+    step = times[sample + 1] - times[sample]
+    place = _Place(sample, step, (at - times[sample]) / step)
     _validate(times, motion, place)
     links, link_rates = _between(place, motion.links, motion.link_rates)
     if links.ndim == 3:
-        links, link_rates = _unit(links, link_rates)
+        length = np.linalg.norm(links, axis=-1, keepdims=True)
+        links, link_rates = links / length, link_rates / length
+        link_rates = link_rates - links * np.sum(links * link_rates, axis=-1, keepdims=True)
     cart, cart_rate = _between(place, motion.cart, motion.cart_rate)
     supports = _between(place, motion.supports, motion.support_rates)
     return Motion(links, link_rates, cart, cart_rate, np.interp(at, times, motion.work), *supports)
@@ -63,12 +68,6 @@ class _Place(NamedTuple):
     part: Floats
 
 
-def _place_of(times: Floats, at: Floats) -> _Place:
-    sample = np.clip(np.searchsorted(times, at, side="right") - 1, 0, len(times) - 2)
-    step = times[sample + 1] - times[sample]
-    return _Place(sample, step, (at - times[sample]) / step)
-
-
 def _between(place: _Place, values: Floats, rates: Floats) -> tuple[Floats, Floats]:
     """The cubic and its derivative."""
     h, s = (part.reshape(-1, *[1] * (values.ndim - 1)) for part in (place.step, place.part))
@@ -78,19 +77,13 @@ def _between(place: _Place, values: Floats, rates: Floats) -> tuple[Floats, Floa
     return cubic, slope
 
 
-def _unit(u: Floats, w: Floats) -> tuple[Floats, Floats]:
-    length = np.linalg.norm(u, axis=-1, keepdims=True)
-    u, w = u / length, w / length
-    return u, w - u * np.sum(u * w, axis=-1, keepdims=True)
-
-
 def _validate(times: Floats, motion: Motion, place: _Place) -> None:
     first, last = int(place.sample.min()), int(place.sample.max()) + 2
     h = np.diff(times[first:last]).reshape(-1, *[1] * (motion.links.ndim - 1))
     links, rates = motion.links[first:last], motion.link_rates[first:last]
     worst = float(np.max(np.abs(np.diff(links, axis=0) - h * (rates[1:] + rates[:-1]) / 2)))
-    if not worst <= WIDEST:
-        closer = min(float(np.max(h)) * (WIDEST / worst) ** (1 / 3), WIDEST / float(np.max(np.abs(rates))))
+    if not worst <= DEFECT_MAX:
+        closer = min(float(np.max(h)) * (DEFECT_MAX / worst) ** (1 / 3), DEFECT_MAX / float(np.max(np.abs(rates))))
         raise ComputationError(
             f"samples every {np.max(h):.3g} s are too few to interpolate between: "
             f"simulate with one every {closer:.2g} s, `output={int((times[-1] - times[0]) / closer) + 2}`"

@@ -24,14 +24,18 @@ from modal.scene.doors import checked
 from modal.types import Floats, Ints
 from nonlinear.dynamics import vectors
 from nonlinear.integration import Trajectory
+from nonlinear.integration.within import crossing
 from nonlinear.postprocessing.reaction_forces import reaction_forces_of, side_by_side, states_and_slopes
 from nonlinear.postprocessing.resampling import resample
 
-MOST_NUMBERS, MOST_ONE_BY_ONE = 500_000, 2_000  # tensions at samples, side by side; states with one derivative each
-ZERO = 1e-9  # of the weight below, a push that is rounding
-STEPS = 40  # of a search for a zero, at most
-CLOSE = 1e-13  # of the time, to which zeros are found
-SHOWN, MOST_LINKS = 3, 6  # intervals and links that are told one by one
+TENSIONS_MAX = 500_000
+"""Limit: tensions at samples, computed side by side."""
+STATES_MAX = 2_000
+"""Limit: states whose forces are computed one by one."""
+PUSH_NOISE = 1e-9
+"""Tolerance: of the weight below, a push that is rounding of accelerations."""
+LINKS_SHOWN = 6
+"""Format: links that are told one by one."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -57,8 +61,8 @@ class PushingLink(Displayed):
     @property
     def when(self) -> str:
         """The first few intervals, and how many more there are."""
-        intervals = ", ".join(f"{since:.6g} to {until:.6g}" for since, until in self.intervals[:SHOWN])
-        remaining = len(self.intervals) - SHOWN
+        intervals = ", ".join(f"{since:.6g} to {until:.6g}" for since, until in self.intervals[:3])
+        remaining = len(self.intervals) - 3
         suffix = f" and in {counted(remaining, 'more interval', 'more intervals')}" if remaining > 0 else ""
         return f"pushes from {intervals} s{suffix}"
 
@@ -100,21 +104,21 @@ def pushing_links(trajectory: Trajectory) -> tuple[PushingLink, ...]:
     if len(times) < 2:
         raise ComputationError("a single sample tells no interval")
     is_vectorial = side_by_side(trajectory)
-    if is_vectorial and len(times) * trajectory.system.n_links > MOST_NUMBERS:
+    if is_vectorial and len(times) * trajectory.system.n_links > TENSIONS_MAX:
         raise ComputationError(f"{len(times)} samples of {trajectory.system.n_links} links are too many")
-    if not is_vectorial and len(times) > MOST_ONE_BY_ONE:
+    if not is_vectorial and len(times) > STATES_MAX:
         raise ComputationError(f"{len(times)} samples are too many, where the forces are computed one by one")
     halfway = (times[1:] + times[:-1]) / 2
     resample(times, motion, halfway)  # raises where samples are too far apart
     between = _quintic(trajectory) if is_vectorial else _cubic(trajectory)
 
     def tension(at: Floats) -> Floats:
-        return _tensions(between(at))[:, ropes] + ZERO * _weights(trajectory.scene)[ropes]
+        return _tensions(between(at))[:, ropes] + PUSH_NOISE * _weights(trajectory.scene)[ropes]
 
     grid = np.empty(2 * len(times) - 1)
     grid[::2], grid[1::2] = times, halfway
     values = np.empty((len(grid), len(ropes)))
-    values[::2] = _tensions(trajectory)[:, ropes] + ZERO * _weights(trajectory.scene)[ropes]
+    values[::2] = _tensions(trajectory)[:, ropes] + PUSH_NOISE * _weights(trajectory.scene)[ropes]
     values[1::2] = tension(halfway)
     return tuple(_pushing(trajectory, grid, values, tension, ropes))
 
@@ -133,9 +137,9 @@ def words_of(links: Sequence[PushingLink], scene: Scene) -> list[str]:
     several = sum(pendulum.count for pendulum in scene.pendulum) > 1
     words = [
         f"link {link.link}{f' of pendulum {link.pendulum}' * several} {link.when}: a rope would be slack there"
-        for link in links[:MOST_LINKS]
+        for link in links[:LINKS_SHOWN]
     ]
-    remaining = len(links) - MOST_LINKS
+    remaining = len(links) - LINKS_SHOWN
     return words + ([f"{counted(remaining, 'more link pushes', 'more links push')}"] if remaining > 0 else [])
 
 
@@ -201,10 +205,11 @@ def _pushing(
     """The links that push, from tensions (G, R) at a grid of times and at any others."""
     pushes = values < 0
     at, column = np.nonzero(pushes[1:] != pushes[:-1])
-    zeros = _zeros(tension, grid[at], grid[at + 1], values[at, column], values[at + 1, column], column)
+    rows = np.arange(len(at))
+    zeros = crossing(lambda times: tension(times)[rows, column], grid[at], grid[at + 1]) if len(at) else grid[at]
     system = trajectory.system
     places = [label[len("theta") :].strip("[]").split(",") for label in system.labels[system.first :]]
-    rounding, links = ZERO * _weights(trajectory.scene), []
+    rounding, links = PUSH_NOISE * _weights(trajectory.scene), []
     for number, link in enumerate(ropes):
         if not pushes[:, number].any():
             continue
@@ -217,26 +222,3 @@ def _pushing(
         pendulum, place = map(int, places[link])
         links.append(PushingLink(pendulum, place, intervals, float(rounding[link] - values[:, number].min())))
     return links
-
-
-def _zeros(
-    tension: Callable[[Floats], Floats], low: Floats, high: Floats, at_low: Floats, at_high: Floats, column: Ints
-) -> Floats:
-    """Zeros of tensions between times at which their signs differ, all at once, by the Illinois method."""
-    low, high, at_low, at_high = (part.copy() for part in (low, high, at_low, at_high))
-    rows, middle, closeness = np.arange(len(low)), low.copy(), CLOSE * np.maximum(np.abs(low), np.abs(high))
-    if not len(low):
-        return middle
-    side = np.zeros(len(low))
-    for _ in range(STEPS):
-        middle = high - at_high * (high - low) / (at_high - at_low)
-        value = tension(middle)[rows, column]
-        upper = np.sign(value) == np.sign(at_high)
-        at_low = np.where(upper & (side > 0), at_low / 2, np.where(upper, at_low, value))
-        at_high = np.where(~upper & (side < 0), at_high / 2, np.where(upper, value, at_high))
-        width = np.where(upper, high - middle, middle - low)
-        low, high = np.where(upper, low, middle), np.where(upper, middle, high)
-        side = np.where(upper, 1.0, -1.0)
-        if np.all((width <= closeness) | (value == 0)):
-            break
-    return middle

@@ -63,22 +63,22 @@ def _sums(pieces: Floats, begin: Ints, end: Ints) -> Floats:
 
 WINDOW, WINDOW_NAME = (0.35875, -0.48829, 0.14128, -0.01168), "Blackman–Harris"
 """Amplitudes of the cosines that add up to the window, of four terms that with the least sidelobes [Harris1978]."""
-PADDING = 8
-"""Length of the transform over that of the signal: zeros in between draw each peak with its own shape."""
+SPECTRUM_PADDING = 8
+"""Format: length of the transform over that of the signal: zeros in between draw each peak with its own shape."""
 BANDWIDTH = 2.72
-"""Width of the window's main lobe 6 dB down, in 2π/T [Harris1978, Table I]."""
+"""Format: width of the window's main lobe 6 dB down, in 2π/T [Harris1978, Table I]."""
 
 
 def power_spectrum(times: Floats, values: Floats) -> tuple[Floats, Floats]:
     """Angular frequencies (rad/s) and the power spectral density of values (unit² s), (F,) each.
 
     A linear trend is removed first, so that a rotating link shows the spectrum of its fluctuations; the four-term
-    Blackman-Harris window keeps the sidelobes of strong lines 92 dB down [Harris1978].  Zeros
-    after the signal interpolate the spectrum at PADDING times as many frequencies; lines closer than `resolution`
-    merge nevertheless.
+    Blackman-Harris window keeps the sidelobes of strong lines 92 dB down [Harris1978].  Zeros after the signal
+    interpolate the spectrum at SPECTRUM_PADDING times as many frequencies; lines closer than `resolution` merge
+    nevertheless.
     """
     step = (times[-1] - times[0]) / (len(times) - 1)
-    count, turn = PADDING * len(times), 2 * np.pi * np.arange(len(times)) / len(times)
+    count, turn = SPECTRUM_PADDING * len(times), 2 * np.pi * np.arange(len(times)) / len(times)
     line = np.vander(np.linspace(-1.0, 1.0, len(times)), 2)
     level = values - line @ np.linalg.lstsq(line, values, rcond=None)[0]
     window = sum(share * np.cos(k * turn) for k, share in enumerate(WINDOW))

@@ -34,9 +34,12 @@ FORMS = {
     LINEAR: "modes in closed form",
     CORRECTED: "modes in closed form, each with the frequency of its amplitude",
 }
-MOST_EVENTS = 10
-FEW_LINKS = 60  # of which Floquet multipliers are computed beside a run
-DRIFT = 1e-3  # largest trusted energy drift over the range of the energies
+EVENTS_SHOWN = 10
+"""Format: events that are told one by one."""
+FLOQUET_LINKS_MAX = 60
+"""Cost: links of which Floquet multipliers are computed beside a run, within a second (benchmarks/modes.py)."""
+DRIFT_MAX = 1e-3
+"""Limit: energy drift over the range of the energies, beyond which the summary trusts no motion."""
 UNITS = {"rad": (degrees(1.0), "deg"), "m": (1.0, "m")}
 """In what coordinates of supports are told, by the unit at the end of their names."""
 IMPLICIT = tuple(method for method in SCIPY if method not in EXPLICIT)
@@ -73,9 +76,9 @@ def _lines(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
         yield "momentum", f"drift {trajectory.momentum_drift():.2g}, {which}"
     if run.form in {"maximal", "spatial"} or (run.form == "hamiltonian" and trajectory.system.spatial):
         yield "constraints", f"drift {trajectory.constraint_drift():.2g} in a step"
-    for happening in trajectory.happenings[:MOST_EVENTS]:
+    for happening in trajectory.happenings[:EVENTS_SHOWN]:
         yield "event", f"{happening.name} at {happening.time:.12g} s"
-    if (remaining := len(trajectory.happenings) - MOST_EVENTS) > 0:
+    if (remaining := len(trajectory.happenings) - EVENTS_SHOWN) > 0:
         yield "", f"and {remaining} more"
 
 
@@ -99,7 +102,7 @@ def _friction(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
 
 
 def _drift(share: float) -> str:
-    trust = "" if share < DRIFT else "; too much to trust this motion: use a tighter tolerance or an accuracy"
+    trust = "" if share < DRIFT_MAX else "; too much to trust this motion: use a tighter tolerance or an accuracy"
     return f"drift {share:.2g} of its range{trust}"
 
 
@@ -157,7 +160,7 @@ def _at(extent: Extent) -> str:
 def _parametric(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
     """Whether small angles grow under a vertical sine, of few links."""
     scene = trajectory.scene
-    if scene.n_links > FEW_LINKS or not scene.is_moved:
+    if scene.n_links > FLOQUET_LINKS_MAX or not scene.is_moved:
         return
     vertical = any(isinstance(motion, SineMotion) and motion.direction == "vertical" for motion in scene.motions)
     if vertical and not refusals(scene, "a Floquet multiplier"):

@@ -9,6 +9,7 @@ where ρ is the residual of the motion in the full equations (`residual`) and e 
 """
 
 from nonlinear.reduction.defect import LARGEST, defect_error
+from nonlinear.reduction.excitation import SAMPLES_PER_PERIOD
 from nonlinear.reduction.modal_coordinates import (
     ModalMotion,
     along_rail,
@@ -26,6 +27,7 @@ __all__ = [
     "CORRECTED",
     "LARGEST",
     "LINEAR",
+    "SAMPLES_PER_PERIOD",
     "USUAL_DEG",
     "ModalMotion",
     "Superposition",

@@ -15,24 +15,25 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import ceil, frexp, inf, pi
+from sys import float_info
 
 import numpy as np
 
 from modal.assembly import Matrices, matrices
 from modal.eigen import is_singular
 from modal.types import Floats
+from nonlinear.integration.timescales import SAMPLES_MAX
+from nonlinear.reduction.excitation import BLOCK, SAMPLES_PER_PERIOD
 from nonlinear.reduction.residual import residual_forces
 from nonlinear.reduction.superposition import Flat, ModalSwing, Superposition
 from nonlinear.system import System, system_of
 
-PER_PERIOD = 16  # samples per period of the fastest significant oscillation
-FEWEST, MOST = 64, 100_000
-LARGEST = 100  # coordinates in one plane above which integration is cheaper
-SHARE = 1e-3  # fraction of the largest acceleration below which an oscillation is negligible
-SAFETY = 1.5  # of 695 trustworthy estimates on random scenes none was below 1/1.2 of the error
-CONTRACTS = 0.5  # second term over the first, above which the series is not trustworthy
-TERMS = 10  # terms of a series in a matrix of norm 1/8
-EPS = float(np.finfo(float).eps)
+LARGEST = 100
+"""Cost: coordinates in one plane above which integration is cheaper (benchmarks/advice.py)."""
+ACCELERATION_SHARE = 1e-3
+"""Tolerance: of the largest acceleration, below which an oscillation is not sampled in each of its periods."""
+DEFECT_SAFETY = 1.5
+"""Tolerance: of 695 trustworthy estimates on random scenes none was below 1/1.2 of the error."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,8 +50,8 @@ class ErrorEstimate:
 
     @property
     def bounds(self) -> Floats:
-        """Upper bounds of the error so far (rad), (T,): SAFETY times the estimate, infinite if not trustworthy."""
-        return np.full(len(self.at), inf) if not self.trustworthy else SAFETY * self.at
+        """Upper bounds of the error so far (rad), (T,): above the estimate, infinite if that is not trustworthy."""
+        return np.full(len(self.at), inf) if not self.trustworthy else DEFECT_SAFETY * self.at
 
     @property
     def error(self) -> float:
@@ -66,8 +67,8 @@ def defect_error(motion: Superposition, duration: float) -> ErrorEstimate | None
     if any(len(plane.start[0]) > LARGEST for plane in motion.planes):
         return None
     plane_matrices = [matrices(plane.scene) for plane in motion.planes]
-    steps = max(FEWEST, ceil(duration * _fastest(motion.planes) / (2 * pi) * PER_PERIOD))
-    if steps > MOST or any(is_singular(linear.M) for linear in plane_matrices):
+    steps = max(BLOCK, ceil(duration * _fastest(motion.planes) / (2 * pi) * SAMPLES_PER_PERIOD))
+    if steps > SAMPLES_MAX or any(is_singular(linear.M) for linear in plane_matrices):
         return None
     times = np.linspace(0.0, duration, steps + 1)
     with np.errstate(all="ignore"):
@@ -87,7 +88,7 @@ def _estimate(motion: Superposition, plane_matrices: list[Matrices], times: Floa
     totals = [e + addition for e, addition in zip(first, second, strict=True)]
     first_angles, second_angles, at = (_largest(parts, on) for parts in (first, second, totals))
     at = np.nan_to_num(np.maximum(at, second_angles) + rounding, nan=np.inf)
-    return ErrorEstimate(times, at, bool(second_angles[-1] <= CONTRACTS * first_angles[-1] + rounding[-1]))
+    return ErrorEstimate(times, at, bool(second_angles[-1] <= first_angles[-1] / 2 + rounding[-1]))
 
 
 def _correction(system: System, motions: list[Floats], answers: list[StepResponse], gaps: list[Floats]) -> list[Floats]:
@@ -105,7 +106,9 @@ def _rounding(motion: Superposition, answers: list[StepResponse], times: Floats,
     radius = 1.0
     if motion.scene.stands:
         radius, size = max(1.0, *(float(np.abs(np.linalg.eigvals(answer.E)).max()) for answer in answers)), pi
-    return np.asarray(EPS * size * (1 + _fastest(motion.planes) * times) * radius ** np.arange(len(times)))
+    return np.asarray(
+        float_info.epsilon * size * (1 + _fastest(motion.planes) * times) * radius ** np.arange(len(times))
+    )
 
 
 def _largest(planes: Sequence[Floats], on: int) -> Floats:
@@ -119,7 +122,12 @@ def _fastest(planes: Sequence[Flat]) -> float:
     swings = [swing for plane in planes for swing in plane.swings]
     weights = [_weight(swing) for swing in swings]
     return max(
-        (abs(s.value) for s, weight in zip(swings, weights, strict=True) if weight >= SHARE * max(weights)), default=0.0
+        (
+            abs(s.value)
+            for s, weight in zip(swings, weights, strict=True)
+            if weight >= ACCELERATION_SHARE * max(weights)
+        ),
+        default=0.0,
     )
 
 
@@ -184,7 +192,7 @@ def _series(A: Floats) -> tuple[Floats, Floats, Floats]:
     """Σ A^k/k!, Σ A^k/(k+1)! and Σ A^k/(k+2)! of a matrix A with norm below 1/8."""
     term = np.eye(len(A))
     grown, hold, ramp = term, term, term / 2
-    for k in range(1, TERMS):
+    for k in range(1, 10):  # the tenth is below rounding
         term = term @ A / k
         grown, hold = grown + term, hold + term / (k + 1)
         ramp = ramp + term / ((k + 1) * (k + 2))

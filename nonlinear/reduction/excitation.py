@@ -24,9 +24,10 @@ from modal.types import Floats, Ints
 from nonlinear.reduction.residual import residual_forces
 from nonlinear.system import Motion, System
 
-BLOCK = 64  # samples between two values of the largest response so far
-THIRD = 3  # the forces have the third harmonic of the motion
-PER_PERIOD = 16  # samples per period of that
+BLOCK = 64
+"""Cost: samples between two values of the largest response so far, the least of any (benchmarks/few_modes.py)."""
+SAMPLES_PER_PERIOD = 16
+"""Tolerance: of the fastest oscillation, between which forces and angles are followed to 1e-4 of them."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -28,11 +28,8 @@ from modal.types import Floats
 from nonlinear.dynamics.forces import cart_force, drag, link_torques, modal_drag, plane_drag
 from nonlinear.dynamics.spatial import generalized_forces, joint_moments
 from nonlinear.dynamics.variational import Variational
-from nonlinear.reduction.two_planes import factors
+from nonlinear.reduction.two_planes import SERIES_ANGLE, factors
 from nonlinear.system import Group, System
-
-TINY = 0.02  # rad, below which k is computed by a series
-FEW = 8  # links of a pendulum up to which its matrix takes less time than passes along it
 
 
 def residual_forces(system: System, planes: list[Floats]) -> list[Floats]:
@@ -74,10 +71,8 @@ def _on_structure(system: System, plane: Floats) -> Floats:
     return equations.momenta(q, turn - equations.derivative(0.0, np.concatenate((q, rate)))[len(q) :])
 
 
-@lru_cache(maxsize=16)
-def _equations_of(system: System) -> Variational:
-    """Its equations, written once for all evaluations."""
-    return Variational(system)
+_equations_of = lru_cache(maxsize=16)(Variational)
+"""The equations of a system, written once for all evaluations."""
 
 
 def _planar(group: Group, deflections: list[Floats], start: Floats, cart_rate: Floats) -> tuple[Floats, Any, Any]:
@@ -107,7 +102,7 @@ def _spatial(group: Group, deflections: list[Floats], start: Floats, cart_rate: 
     p, rate, turn = np.stack(deflections, axis=1)
     theta, sigma = np.hypot(*p), group.block.sigma[..., None]
     s, r = factors(theta)
-    k = np.where(theta < TINY, 1 / 15 - theta**2 / 210, -(s + 3 * r) / np.maximum(theta, TINY) ** 2)
+    k = np.where(theta < SERIES_ANGLE, 1 / 15 - theta**2 / 210, -(s + 3 * r) / np.maximum(theta, SERIES_ANGLE) ** 2)
     h, twice = _dot(p, rate), _dot(rate, rate) + _dot(p, turn)
     flat = s * turn + 2 * r * h * rate + (r * twice + k * h**2) * p
     second = sigma * np.array([*flat, -s * twice - r * h**2])
@@ -124,11 +119,8 @@ def _spatial(group: Group, deflections: list[Floats], start: Floats, cart_rate: 
 
 
 def _inertial(group: Group, second: Any, start: Floats) -> Any:
-    """A_ii u_i'' + b_i a_i + l_i Σ_{j>i} b_j u_j'', (d, n, P, T), in one pass down and one up unless there are few."""
+    """A_ii u_i'' + b_i a_i + l_i Σ_{j>i} b_j u_j'', (d, n, P, T), in one pass down and one up."""
     l, b, A = (values[..., None] for values in (group.block.length, group.block.b, group.block.diagonal))
-    if group.n <= FEW:
-        forces = (group.inertia_matrices @ second.swapaxes(1, 2)).swapaxes(1, 2)
-        return forces + b * start[:, None, None]
     forces, a, pull = A * second, start[:, None], 0.0
     for i in range(group.n):
         forces[:, i] += b[i] * a

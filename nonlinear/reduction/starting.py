@@ -15,7 +15,7 @@ from nonlinear.reduction.modal_coordinates import start_in_mode
 from nonlinear.system import State, has_start, initial_state, of_plane
 
 USUAL_DEG = 5.0
-"""The largest angle of any link."""
+"""Limit: the usual start, which `start` replaces: the largest angle of any link."""
 
 
 @checked

@@ -35,8 +35,8 @@ from nonlinear.reduction.two_planes import join, split
 from nonlinear.system import Motion, State, motion_of
 
 LINEAR, CORRECTED = "linear modes", "corrected modes"
-LEAST = -0.5  # κ a² below which it is too large for a correction
-SPANNED = 1e-6  # largest part of a start outside the span of the modes
+UNSPANNED_MAX = 1e-6
+"""Limit: the largest part of a start outside the span of the modes, beyond which it is refused."""
 INCOMPLETE = "the modes do not span this start: some of them share an eigenvalue and a mode shape"
 
 
@@ -63,7 +63,7 @@ class ModalSwing:
     @property
     def bend(self) -> float:
         """The relative change κ a² of its frequency by its amplitude at the start."""
-        return max(self.kappa * abs(self.amplitude) ** 2, LEAST)
+        return max(self.kappa * abs(self.amplitude) ** 2, -0.5)
 
     def coordinate(self, times: Floats) -> tuple[Any, Any, Any]:
         """Its coordinate z and two time derivatives, (T,), with q = Re φ z."""
@@ -215,5 +215,5 @@ def _drift(scene: Scene, modes: Modes, number: int, q: Floats, v: Floats) -> Mod
 def _validate(parts: list[ModalSwing], q: Floats, v: Floats) -> None:
     linear = [replace(swing, kappa=0.0) for swing in parts]
     missing = np.array([q, v]) - sum(swing.motion(np.zeros(1))[:2] for swing in linear)
-    if not all(np.abs(gap).max() <= SPANNED * max(np.abs(q).max(), np.abs(v).max()) for gap in missing):
+    if not all(np.abs(gap).max() <= UNSPANNED_MAX * max(np.abs(q).max(), np.abs(v).max()) for gap in missing):
         raise ComputationError(INCOMPLETE)

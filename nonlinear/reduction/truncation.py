@@ -4,14 +4,15 @@ The Lagrangian of a plane scene is even about its equilibrium: neglected modes r
 amplitude and act back at the fifth, so a single mode already has the κ of ω(a) = ω (1 + κ a²).  As measured, the
 frequency of the lowest mode of 2 to 10 bobs alone is wrong by 0.006 % at 20°, 0.1 % at 40°, 0.6 % at 60°, with two
 more modes by 0.004 % at 60°; shapes are wrong sooner, by a³.  The truncation error is reported.  The largest error of
-any angle is estimated as SAFETY times the largest distance, so far and within the slowest period to come, to a second
+any angle is estimated as twice the largest distance, so far and within the slowest period to come, to a second
 run at a hundredth of the tolerance (so that it sees the integrator's error too):
 
-- of the whole scene, where that costs at most DEAR times as much as what follows;
-- else in the kept shapes and those that their motion excites (`nonlinear.reduction.excitation`), all but LEFT of the
-  sum of the angles that it gives them, and all that it reaches and that are near enough to grow by themselves: two
-  neglected shapes take energy of two kept ones where ω_s + ω_t = ω_i + ω_j, so ω_s ≤ (1 + 2 NEAR) max ω_i.  The
-  motion that the rest make in answer to the second run is added to the distance.
+- of the whole scene, where that costs at most four times as much as what follows;
+- else in the kept shapes and those that their motion excites (`nonlinear.reduction.excitation`), all but
+  EXCITATION_LEFT of the sum of the angles that it gives them, and all that it reaches and that are near enough to grow
+  by themselves: two neglected shapes take energy of two kept ones where ω_s + ω_t = ω_i + ω_j, so
+  ω_s ≤ (1 + 2 RESONANCE_WIDTH) max ω_i.  The motion that the rest make in answer to the second run is added to the
+  distance.
 
 It grows with time, and is an estimate, not a bound: it assumes that the second run is closer to the whole motion.
 Where the second run does not reach its end nothing is stated, and the run says so.
@@ -48,21 +49,28 @@ from nonlinear.integration import (
     validate_numbers,
     validate_whole,
 )
-from nonlinear.reduction.excitation import PER_PERIOD, THIRD, ExcitedShapes, dominant_shapes, excite
+from nonlinear.integration.arguments import NUMBERS_MAX
+from nonlinear.integration.methods import DOP853_TOLERANCE_MIN
+from nonlinear.reduction.excitation import BLOCK, SAMPLES_PER_PERIOD, ExcitedShapes, dominant_shapes, excite
 from nonlinear.reduction.truncated import Truncated
 from nonlinear.system import State, System, initial_state, system_of, validate_state
 
-SAFETY = 2.0
-NEGLIGIBLE = 1e-8  # fraction of the start's energy that an automatic choice may neglect
-MARGIN = 4  # modes kept beyond those of the start: a twentieth of the error, a quarter more calls
-LEFT = 0.1  # share of the excited angles that the second run may leave out
-NEAR = 0.1  # relative width of a resonance
-REACHED = 1e-13  # angle (rad) below which a shape is moved by rounding alone
-DEAR = 4.0  # cost of the whole scene over that of its excited shapes up to which it is the judge
-CALL, PRODUCT = 100.0, 1e-3  # links, and products of R² numbers, that cost as much as the rest of a derivative
-FEWEST, MOST_LOOKED, MOST_NUMBERS = 200, 20_000, 10_000_000  # times at which two runs are compared, angles at these
-FINER = 100.0  # tolerance of the run over that of its judge
-FINEST = 1e-13  # tolerance of the whole scene as judge, finer than which only compiled series go
+ENERGY_NEGLIGIBLE = 1e-8
+"""Tolerance: of the start's energy, what an automatic choice may neglect: 1e-4 of its angles."""
+EXCITATION_LEFT = 0.1
+"""Tolerance: of the sum of the excited angles, what the second run may leave out."""
+RESONANCE_WIDTH = 0.1
+"""Tolerance: relative width of a resonance."""
+EXCITATION_NOISE = 1e-13
+"""Tolerance: angle (rad) below which a shape is moved by rounding alone."""
+CALL_LINKS = 100.0
+"""Cost: links that take as long as the rest of a derivative (benchmarks/few_modes.py)."""
+PRODUCT_LINKS = 1e-3
+"""Cost: links that take as long as a product of a link with R² numbers (benchmarks/few_modes.py)."""
+LOOKS_MAX = 20_000
+"""Cost: times at which two runs are compared (benchmarks/few_modes.py)."""
+JUDGE_RATIO = 100.0
+"""Tolerance: of the run over that of its judge, which sees the integrator's error too."""
 UNJUDGED = "not judged, for the second run did not reach its end"
 
 
@@ -140,9 +148,9 @@ class Survey(Displayed):
         return int(self.modes.multiplicity[:modes].sum())
 
     def automatic(self) -> int:
-        """Number of lowest modes that contain the start, plus MARGIN."""
-        count = int(np.argmax(self.outside <= NEGLIGIBLE))
-        return min(self.kept[max(count, 1) - 1].mode + MARGIN, len(self.modes))
+        """Number of lowest modes that contain the start, and four: a twentieth of the error, a quarter more calls."""
+        count = int(np.argmax(self.outside <= ENERGY_NEGLIGIBLE))
+        return min(self.kept[max(count, 1) - 1].mode + 4, len(self.modes))
 
     def excitation(self, run: Trajectory, chosen: Ints, look_times: Floats) -> tuple[Ints, ExcitedShapes]:
         """The other shapes, and how far a run in the chosen ones moves each, seen at even `look_times` (s)."""
@@ -155,17 +163,20 @@ class Survey(Displayed):
     def judging(self, run: Trajectory, count: int, look_times: Floats) -> Ints:
         """The shapes of the second run for a run in the first `count`: these, and those that it excites."""
         others, survey = self.excitation(run, np.arange(count), look_times)
-        moves = survey.angles > REACHED
-        is_close = self.swings[others] <= (1 + 2 * NEAR) * self.swings[:count].max()
+        moves = survey.angles > EXCITATION_NOISE
+        is_close = self.swings[others] <= (1 + 2 * RESONANCE_WIDTH) * self.swings[:count].max()
         grows = np.flatnonzero(self.value.real > 0)
-        additions = others[moves & is_close], others[dominant_shapes(np.where(moves, survey.angles, 0.0), LEFT)]
+        additions = (
+            others[moves & is_close],
+            others[dominant_shapes(np.where(moves, survey.angles, 0.0), EXCITATION_LEFT)],
+        )
         return np.unique(np.concatenate((np.arange(count), grows, *additions)))
 
     def cheap(self, judging: Ints) -> bool:
-        """Whether the whole scene costs no more than DEAR times a run in these shapes."""
+        """Whether the whole scene costs no more than four times a run in these shapes."""
         links, fast = self.system.n_links, float(self.swings[judging].max())
-        reduced_cost = fast * (CALL + PRODUCT * links * len(judging) ** 2)
-        return len(judging) == len(self.kept) or float(self.swings.max()) * (CALL + links) <= DEAR * reduced_cost
+        reduced_cost = fast * (CALL_LINKS + PRODUCT_LINKS * links * len(judging) ** 2)
+        return len(judging) == len(self.kept) or float(self.swings.max()) * (CALL_LINKS + links) <= 4 * reduced_cost
 
     def equations(self, chosen: Ints) -> Truncated:
         """The reduced equations in these shapes."""
@@ -241,13 +252,13 @@ def _judge(
     survey: Survey, first: Trajectory, fewer: int, look_times: Floats, report: Callable[[float], object]
 ) -> tuple[Floats, str]:
     """The largest error (rad) of a run in the first shapes so far, (T,), and what it was judged by."""
-    judging, tolerance = survey.judging(first, fewer, look_times), first.run.tolerance / FINER
+    judging, tolerance = survey.judging(first, fewer, look_times), first.run.tolerance / JUDGE_RATIO
     is_full = survey.cheap(judging)
     times = first.times if is_full else np.union1d(first.times, finer := _look_times(survey, judging, first.times))
     try:
         if is_full:
             request = Request(survey.scene, survey.system, survey.start, times, report=report)
-            second = request.run(request.choice(max(tolerance, FINEST)))
+            second = request.run(request.choice(max(tolerance, DOP853_TOLERANCE_MIN)))
         else:
             second = _simulate(survey, judging, times, first.run.method, tolerance, report)
     except SimulationError as error:
@@ -258,18 +269,21 @@ def _judge(
     distances = np.abs(first.motion.links - second.motion.at(np.isin(times, first.times)).links).max(axis=1)
     errors = _within(durations, distances, 2 * np.pi / float(swings[swings > 0].min(initial=np.inf)))
     if is_full:
-        return SAFETY * errors, "judged by the whole scene"
+        return 2 * errors, "judged by the whole scene"
     errors = errors + survey.excitation(second, judging, finer)[1].sum(durations)
-    return SAFETY * errors, f"judged by {len(judging)} shapes, those that they excite"
+    return 2 * errors, f"judged by {len(judging)} shapes, those that they excite"
 
 
 def _look_times(survey: Survey, chosen: Ints, times: Floats) -> Floats:
-    """Even times (s) at which the forces of a motion in the chosen shapes are seen, as far as numbers can be kept."""
-    rate = THIRD * PER_PERIOD * float(survey.swings[chosen].max()) / (2 * np.pi)
-    limit = min(MOST_LOOKED, MOST_NUMBERS // survey.system.n_links)
+    """Even times (s) at which the forces of a motion in the chosen shapes are seen, as far as numbers can be kept.
+
+    Forces have the third harmonic of the motion.
+    """
+    rate = 3 * SAMPLES_PER_PERIOD * float(survey.swings[chosen].max()) / (2 * np.pi)
+    limit = min(LOOKS_MAX, NUMBERS_MAX // survey.system.n_links)
     count = float(times[-1] - times[0]) * rate
     if count < limit:
-        return np.linspace(times[0], times[-1], max(int(np.ceil(count)), FEWEST) + 1)
+        return np.linspace(times[0], times[-1], int(np.ceil(count)) + BLOCK)
     return np.asarray(times[0] + np.arange(limit + 1) / rate)
 
 

@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from modal import pair
 from modal.assembly import (
     Block,
     CartNumbers,
@@ -189,13 +188,6 @@ class Group:
     def static(self) -> Floats:
         """First moment m c (kg m) about the upper joint, (n, P)."""
         return self.block.mass * self.block.centre
-
-    @cached_property
-    def inertia_matrices(self) -> Floats:
-        """Those of every pendulum by itself, with all angles between its links 0, (P, n, n)."""
-        block = self.block
-        rows = pair.inertia_matrix(block.mass, block.length, block.centre, block.inertia)
-        return np.ascontiguousarray(np.array(rows).transpose(2, 0, 1))
 
     @cached_property
     def rest(self) -> Floats:

@@ -30,19 +30,19 @@ from modal.report import Displayed, TextResult, silent
 from modal.scene import Scene, require
 from modal.scene.doors import checked, checked_index
 from modal.types import Floats
-from nonlinear.integration import Trajectory
+from nonlinear.integration import TIGHTEST, Trajectory
+from nonlinear.integration.timescales import SAMPLES_MAX
 from nonlinear.orbits import Branch, at_amplitude, nonlinear_mode
 from nonlinear.postprocessing import LEAST_PERIODS, PushingLink, attention, line, pushing_links
-from nonlinear.reduction import along_rail, modal_motion, start_in_mode
+from nonlinear.reduction import SAMPLES_PER_PERIOD, along_rail, modal_motion, start_in_mode
 from nonlinear.simulation import simulate
 
-PERIODS = 40
-SAMPLES = 16  # per period of the fastest mode, so that its overtones are not aliased
-MOST_SAMPLES = 200_000
-PRECISION = 1e-8  # tolerance of a run over its amplitude
-TIGHTEST, LOOSEST = 1e-15, 1e-10  # limits of that tolerance
-IRREGULAR = 1e-3  # relative error of a frequency beyond which the motion is irregular
-NEWTON = 8
+FREQUENCY_ERROR_MIN = 1e-8
+"""Tolerance: of a run over its amplitude, and so the relative error that a frequency has at least."""
+TOLERANCE_MAX = 1e-10
+"""Tolerance: of a run at large angles."""
+FREQUENCY_ERROR_MAX = 1e-3
+"""Limit: relative error of a frequency beyond which the report calls the motion irregular."""
 
 
 @dataclass(frozen=True)
@@ -64,15 +64,13 @@ class Measurement:
     @property
     def irregular(self) -> bool:
         """Whether the motion has no steady frequency."""
-        return not self.error <= IRREGULAR
+        return not self.error <= FREQUENCY_ERROR_MAX
 
 
-def measure_mode(
-    modes: Modes, number: int, amplitude: float, periods: float = PERIODS, method: str = "auto"
-) -> Measurement:
+def measure_mode(modes: Modes, number: int, amplitude: float, periods: float = 40, method: str = "auto") -> Measurement:
     """One run from rest in the shape of the mode with this index (from 0), its largest angle `amplitude` rad."""
     scene, value, copy = modes.scene, complex(modes.eigenvalue[number]), along_rail(modes, number)[0][0]
-    count = min(MOST_SAMPLES, int(SAMPLES * periods * max(2.0, modes.omega.max() / value.imag)) + 1)
+    count = min(SAMPLES_MAX, int(SAMPLES_PER_PERIOD * periods * max(2.0, modes.omega.max() / value.imag)) + 1)
     kappa = modes[number].kappa
     bend = max(kappa * amplitude**2, -0.5) if isfinite(kappa) else 0.0
     times, clock = sample_times(2 * pi * periods / value.imag, count, bend, 2 * value.real)
@@ -80,7 +78,7 @@ def measure_mode(
         scene.in_plane,
         float(times[-1]),
         method=method,
-        tolerance=float(np.clip(PRECISION * amplitude, TIGHTEST, LOOSEST)),
+        tolerance=float(np.clip(FREQUENCY_ERROR_MIN * amplitude, TIGHTEST, TOLERANCE_MAX)),
         output=times,
         start=start_in_mode(scene, modes, number, copy, amplitude),
     )
@@ -96,7 +94,7 @@ def measure_mode(
     except ComputationError:
         return Measurement(amplitude, amplitude * sqrt(mean_square), nan, inf, nan, outside, pushing)
     omega = spectral_line.omega * (1 + bend * mean_square if value.real else 1.0)
-    error = spectral_line.relative_error + PRECISION
+    error = spectral_line.relative_error + FREQUENCY_ERROR_MIN
     return Measurement(amplitude, amplitude * sqrt(mean_square), omega, error, omega / value.imag - 1, outside, pushing)
 
 
@@ -114,7 +112,7 @@ def sample_times(duration: float, count: int, bend: float, rate: float) -> tuple
         return (times_even := np.linspace(0.0, duration, count)), times_even
     clock = np.linspace(0.0, duration + bend * np.expm1(rate * duration) / rate, count)
     times = clock * (duration / clock[-1])
-    for _ in range(NEWTON):
+    for _ in range(8):
         slow = times + bend * np.expm1(rate * times) / rate - clock
         times = np.clip(times - slow / (1 + bend * np.exp(rate * times)), 0.0, duration)
     times[[0, -1]] = 0.0, duration
@@ -122,16 +120,23 @@ def sample_times(duration: float, count: int, bend: float, rate: float) -> tuple
 
 
 AMPLITUDES_DEG = (1.0, 5.0, 10.0, 30.0)
-CERTAIN = 0.01  # relative error of a shift
-MOST_PERIODS = 100_000
-DECAY, LEAST_SWINGS = 1.5, 1.5 * LEAST_PERIODS  # e-folds of the amplitude in a run; periods before that
+SHIFT_ERROR_MAX = 0.01
+"""Tolerance: relative error of a shift from which κ is extrapolated."""
+DECAY_MAX = 1.5
+"""Tolerance: e-folds of the amplitude in a run, and so many more periods than a line needs, or a mode is skipped."""
 INTERRUPTED = "interrupted"
-GROWS = 1e-9  # Re λ/|λ| of a growing mode, above rounding
-POINTS, SMALLEST = 3, 4  # amplitudes of an extrapolation; orbits of that to rest
-MARGINS = 3.0, 2.0  # of the shift, and of the last difference: how much higher orders may be
-CLOSED = 1e-11  # relative error of the frequency of an orbit
-MOST_LINKS, MARGIN, HALF_TURN = 12, 1.01, 3.1  # of scenes with backbones; how far these go (rad)
-ONE_PERCENT, FARTHEST, ROUNDS = 0.01, 90.0, 3
+GROWTH_NOISE = 1e-9
+"""Tolerance: Re λ/|λ| of a growing mode, above rounding."""
+ORBIT_FREQUENCY_ERROR = 1e-11
+"""Tolerance: relative error of the frequency of an orbit."""
+ORBIT_LINKS_MAX = 12
+"""Cost: links of scenes of which periodic orbits are found beside the runs (benchmarks/orbits.py)."""
+ORBIT_ANGLE_MAX = 3.1
+"""Limit: angle (rad) of an orbit, short of the top."""
+ONE_PERCENT = 0.01
+"""Format: the relative difference whose angle is told."""
+ANGLE_MAX_DEG = 90.0
+"""Limit: angle (deg) beyond which that is not sought, which tables tell as >90."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -139,7 +144,7 @@ class ModeCheck(Displayed):
     """A mode of the table, its measurements, and the angle (deg) at which the table is wrong by 1 %.
 
     `one_percent_deg` is infinite where it lies beyond 90°, NaN where the motion there is irregular.  `backbone` are the
-    periodic orbits of the mode without dampers, in scenes of up to MOST_LINKS links.
+    periodic orbits of the mode without dampers, in scenes of up to ORBIT_LINKS_MAX links.
     """
 
     what = "Mode of the table against simulation"
@@ -160,10 +165,10 @@ class ModeCheck(Displayed):
         """κ (1/rad²) of the smallest periodic orbits and its uncertainty; NaN without any."""
         if not self.backbone or not self.backbone.linear:
             return nan, inf
-        x = self.backbone.amplitude[:SMALLEST] ** 2
-        y = (self.backbone.omega[:SMALLEST] / self.backbone.linear - 1) / x
+        x = self.backbone.amplitude[:4] ** 2
+        y = (self.backbone.omega[:4] / self.backbone.linear - 1) / x
         value, coarser = (float(_at_zero(x[:count]) @ y[:count]) for count in (len(x), len(x) - 1))
-        noise = float(np.abs(_at_zero(x)) @ (CLOSED / x))
+        noise = float(np.abs(_at_zero(x)) @ (ORBIT_FREQUENCY_ERROR / x))
         return (value, abs(value - coarser) + noise) if len(x) > 2 else (nan, inf)
 
     def exact(self, measurement: Measurement) -> float:
@@ -204,7 +209,7 @@ def check(
     numbers: Sequence[int] | None = None,
     amplitudes_deg: Sequence[float] = AMPLITUDES_DEG,
     *,
-    periods: int = PERIODS,
+    periods: int = 40,
     method: str = "auto",
     report: Callable[[float], object] = silent,
 ) -> Check:
@@ -215,7 +220,7 @@ def check(
     `report` is called with the number of modes done.  Modes that do not oscillate for long enough are skipped with a
     reason; after Ctrl-C, so are those not done.
     """
-    checked_index("periods", periods, 1, MOST_PERIODS)
+    checked_index("periods", periods, 1, SAMPLES_MAX)
     require(scene, "a check of modes")
     given_scene, scene = scene, scene.linearizable.lossless.timeless
     modes = natural_modes(scene)
@@ -241,11 +246,11 @@ def _reason(modes: Modes, mode: Mode) -> str:
         return "its frequency is beyond double precision"
     if mode.omega == 0:
         return "a rigid translation does not oscillate"
-    if np.any(modes.eigenvalue.real > GROWS * modes.omega):
+    if np.any(modes.eigenvalue.real > GROWTH_NOISE * modes.omega):
         return "the equilibrium is unstable"
     if not mode.oscillates:
         return "overdamped: it does not oscillate"
-    if _periods_left(mode) < LEAST_SWINGS:
+    if _periods_left(mode) < DECAY_MAX * LEAST_PERIODS:
         return f"it dies out within {_periods_left(mode):.2g} periods"
     copies, shapes = along_rail(modes, mode.number - 1)
     if not copies:
@@ -256,7 +261,7 @@ def _reason(modes: Modes, mode: Mode) -> str:
 
 
 def _periods_left(mode: Mode) -> float:
-    return DECAY / (2 * pi * mode.damping_ratio) if mode.damping_ratio > 0 else inf
+    return DECAY_MAX / (2 * pi * mode.damping_ratio) if mode.damping_ratio > 0 else inf
 
 
 def _check_mode(
@@ -283,10 +288,10 @@ def _check_mode(
 
 def _backbone(scene: Scene, number: int, to: float) -> Branch | None:
     """The periodic orbits of a mode up to a little beyond this largest angle (rad); None where there are none."""
-    if scene.n_links > MOST_LINKS or not 0 < to < HALF_TURN:
+    if scene.n_links > ORBIT_LINKS_MAX or not 0 < to < ORBIT_ANGLE_MAX:
         return None
     try:
-        return nonlinear_mode(scene, number, min(MARGIN * to, HALF_TURN), longest=0.2, locate=False)
+        return nonlinear_mode(scene, number, min(1.01 * to, ORBIT_ANGLE_MAX), longest=0.2, locate=False)
     except (ComputationError, SceneError):
         return None
 
@@ -300,15 +305,15 @@ def limit(
 
     Where periodic orbits are known, `exact` their shift at the angle of a run and `at_rest` their κ with its
     uncertainty, the bound is what the same extrapolation of the orbits misses, and of the runs' distances from them.
-    Elsewhere higher orders are taken to be at most MARGINS times the shift of a single run, or the last difference of
-    the extrapolation, to which come the effects of the errors of the frequencies and of companions: other modes in
+    Elsewhere higher orders are taken to be at most three times the shift of a single run, or twice the last difference
+    of the extrapolation, to which come the effects of the errors of the frequencies and of companions: other modes in
     the motion shift a frequency by about their share of the energy, which is no longer proportional to a² alone.
     """
     certain = sorted(
-        (measurement for measurement in runs if measurement.error < CERTAIN * abs(measurement.shift)),
+        (measurement for measurement in runs if measurement.error < SHIFT_ERROR_MAX * abs(measurement.shift)),
         key=lambda measurement: measurement.effective,
     )
-    pieces = [certain[at : at + POINTS] for at in range(max(1, len(certain) - POINTS + 1))]
+    pieces = [certain[at : at + 3] for at in range(max(1, len(certain) - 2))]
     limits = (
         _extrapolate(piece, np.array([exact(measurement) for measurement in piece]), at_rest)
         for piece in pieces
@@ -324,8 +329,7 @@ def _extrapolate(runs: Sequence[Measurement], exact: Floats, at_rest: tuple[floa
     if np.all(np.isfinite(exact)) and isfinite(at_rest[1]):
         miss, distance = weights @ (exact / x) - at_rest[0], weights @ (y - exact / x)
         return value, float(abs(miss) + abs(distance) + np.abs(weights) @ error + at_rest[1])
-    single, several = MARGINS
-    miss = several * abs(value - float(_at_zero(x[:-1]) @ y[:-1])) if len(x) > 1 else single * value * runs[0].shift
+    miss = 2 * abs(value - float(_at_zero(x[:-1]) @ y[:-1])) if len(x) > 1 else 3 * value * runs[0].shift
     return value, abs(miss) + float(
         np.abs(weights) @ (error + np.abs(y) * [measurement.outside for measurement in runs])
     )
@@ -338,10 +342,10 @@ def _at_zero(x: Floats) -> Floats:
 
 def one_percent(measure_at: Callable[[float], Measurement], guess_deg: float) -> float:
     """The effective largest angle (deg) at which a run deviates by 1 % from the table, near a guess; else infinite."""
-    if not guess_deg <= FARTHEST:
+    if not guess_deg <= ANGLE_MAX_DEG:
         return guess_deg if not isfinite(guess_deg) else inf
     square, points = radians(guess_deg) ** 2, [(0.0, 0.0)]
-    for _ in range(ROUNDS):
+    for _ in range(3):
         measurement = measure_at(sqrt(square))
         if measurement.irregular:
             return nan
@@ -349,7 +353,7 @@ def one_percent(measure_at: Callable[[float], Measurement], guess_deg: float) ->
         (x0, y0), (x1, y1) = points[-2:]
         ratio = (measurement.effective / measurement.amplitude) ** 2
         square = x1 + (ONE_PERCENT - y1) * (x1 - x0) / (y1 - y0)
-        if not 0 < square * ratio <= radians(FARTHEST) ** 2:
+        if not 0 < square * ratio <= radians(ANGLE_MAX_DEG) ** 2:
             return inf
         if abs(square - x1) < 1e-4 * square:
             break

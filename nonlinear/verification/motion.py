@@ -23,8 +23,8 @@ from nonlinear.postprocessing import PushingLink, SpectralLine, lines
 from nonlinear.reduction import ModalMotion, modal_motion
 from nonlinear.verification.modes import pushing_in
 
-MOST_LINES = 3
-STEADY = 1e-2  # relative error of a line above which it is not steady
+LINE_ERROR_MAX = 1e-2
+"""Tolerance: relative error of a line above which it is not steady."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -70,7 +70,7 @@ class Comparison(TextResult):
 
 
 @checked
-def compare(trajectory: Trajectory, numbers: Sequence[int] | None = None, *, count: int = MOST_LINES) -> Comparison:
+def compare(trajectory: Trajectory, numbers: Sequence[int] | None = None, *, count: int = 3) -> Comparison:
     """Project a motion in the plane, sampled evenly, on the modes with these indices (from 0; by default all).
 
     At most `count` lines are sought in every coordinate.  A decaying mode's lines are those of η exp(−Re λ t).
@@ -100,5 +100,5 @@ def _lines(times: Floats, eta: Floats, value: complex, count: int) -> tuple[tupl
         spectrum = lines(times, eta * np.exp(-min(value.real, 0.0) * (times - times[0])), count)
     except ComputationError as error:
         return (), str(error)
-    steady = tuple(peak for peak in spectrum if peak.relative_error < STEADY)
+    steady = tuple(peak for peak in spectrum if peak.relative_error < LINE_ERROR_MAX)
     return steady, "" if steady else "irregular"

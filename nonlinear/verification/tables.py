@@ -26,12 +26,13 @@ from modal.report import (
 from modal.scene import describe, left_out, title_of
 from modal.scene.doors import checked
 from nonlinear.postprocessing import PushingLink, words_of
-from nonlinear.verification.modes import FARTHEST, Check, Measurement, ModeCheck
+from nonlinear.verification.modes import ANGLE_MAX_DEG, Check, Measurement, ModeCheck
 from nonlinear.verification.motion import Comparison, ModeInMotion
 
-BEYOND = 1e-3  # of the error of κ: how far its digits go
-SMALL = 1e-4  # relative difference from which on it is given in per cent
-MOST_SHARES = 4  # modes whose energy is told
+DIGITS_BEYOND = 1e-3
+"""Format: of the error of κ, how far its digits go."""
+PERCENT_MIN = 1e-4
+"""Format: relative difference from which on it is given in per cent."""
 HEADINGS = ("mode", "ω (rad/s)", "largest (°)", "energy", "lines")
 
 
@@ -113,7 +114,7 @@ def check_verdict(check: Check) -> list[str]:
 
 def _off(share: float) -> str:
     """A relative difference, small ones as a power of ten."""
-    return percent(share) if share >= SMALL else f"{share:.1e}"
+    return percent(share) if share >= PERCENT_MIN else f"{share:.1e}"
 
 
 def comparison_verdict(comparison: Comparison) -> list[str]:
@@ -121,11 +122,11 @@ def comparison_verdict(comparison: Comparison) -> list[str]:
     rows = sorted((row for row in comparison.rows if isfinite(row.share)), key=lambda row: -row.share)
     if not rows:
         return ["Nothing moves."]
-    first, *others = rows[:MOST_SHARES]
+    first, *others = rows[:4]
     shares = "".join(f", mode {row.mode.number} {percent(row.share)}" for row in others)
-    rest = "" if len(rows) <= MOST_SHARES else f", {len(rows) - MOST_SHARES} others the rest"
+    rest = "" if len(rows) <= 4 else f", {len(rows) - 4} others the rest"
     sentences = [f"Mode {first.mode.number} holds {percent(first.share)} of the energy{shares}{rest}."]
-    lines = [(row, row.lines[0]) for row in rows[:MOST_SHARES] if row.lines]
+    lines = [(row, row.lines[0]) for row in rows[:4] if row.lines]
     off = [abs(line.omega / row.mode.omega - 1) for row, line in lines if row.mode.omega]
     if off:
         sentences.append(f"The strongest line of each is up to {_off(max(off))} away from the frequency in the table.")
@@ -133,7 +134,7 @@ def comparison_verdict(comparison: Comparison) -> list[str]:
 
 
 def _angle(degree: float) -> str:
-    return f">{FARTHEST:g}" if isinf(degree) or degree > FARTHEST else digits(degree, 0.0, 3)
+    return f">{ANGLE_MAX_DEG:g}" if isinf(degree) or degree > ANGLE_MAX_DEG else digits(degree, 0.0, 3)
 
 
 def _at_most(share: float) -> str:
@@ -222,7 +223,7 @@ MODE = (
     ReportColumn(lambda row: digits(row.mode.omega, row.mode.relative_error_bound, 9), None, "ω (rad/s)"),
     ReportColumn("mode.omega", "omega_rad_per_s"),
     ReportColumn("mode.kappa", "kappa_per_rad2", "κ (1/rad²)", lambda kappa: digits(kappa, 0.0, 5)),
-    ReportColumn(lambda row: digits(row.kappa[0], BEYOND * min(_certain(row), 1.0), 5), None, "measured"),
+    ReportColumn(lambda row: digits(row.kappa[0], DIGITS_BEYOND * min(_certain(row), 1.0), 5), None, "measured"),
     ReportColumn(lambda row: row.kappa[0], "kappa_measured_per_rad2"),
     ReportColumn(lambda row: row.kappa[1], "kappa_measured_error_per_rad2"),
     ReportColumn(_certain, None, "rel. error ≤", _at_most),

@@ -24,7 +24,7 @@ from nonlinear import AppliedForces, initial_state, level_crossing, resume, simu
 from nonlinear import files as recordings
 from nonlinear import load as load_run
 from nonlinear.accuracy import advice_table
-from nonlinear.accuracy.advice import RATIO, Advice, _difference, _with_errors
+from nonlinear.accuracy.advice import TOLERANCE_RATIO, Advice, _difference, _with_errors
 from nonlinear.accuracy.attempts import Attempt, TriedRun
 from nonlinear.integration import Choice, Request, SimulationError, Trajectory
 from nonlinear.reduction import start_in_mode
@@ -264,7 +264,7 @@ def test_two_runs_that_may_be_one_are_no_evidence() -> None:
     scene = load("paper-cart-3")
     attempts = advise(scene, 60.0, 1e-12).attempts
     tolerances = [attempt.tolerance for attempt in attempts if attempt.calls]
-    assert tolerances[0] == pytest.approx(RATIO * tolerances[1])
+    assert tolerances[0] == pytest.approx(TOLERANCE_RATIO * tolerances[1])
     assert all(4 * tight < loose for loose, tight in pairwise(tolerances))
     assert attempts[-1].error == inf
 

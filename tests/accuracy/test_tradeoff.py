@@ -153,7 +153,7 @@ def steps_for_seconds() -> Iterator[None]:
     """
     with usually(uncompiled, nullcontext)(), pytest.MonkeyPatch.context() as patched:
         clock = count()
-        patched.setattr(module, "REPEATS", 1)
+        patched.setattr(module, "perf_counter", count().__next__)
         patched.setattr("nonlinear.accuracy.candidates.perf_counter", lambda: 1e-4 * next(clock))
         yield
 
@@ -266,17 +266,17 @@ def test_a_long_chaotic_run_is_not_computed_beyond_its_horizon(monkeypatch: pyte
 
 
 def test_a_reference_that_takes_too_long_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "PATIENT", 1e-2)
+    monkeypatch.setattr(module, "REFERENCE_PATIENCE", 1e-2)
     with pytest.raises(ComputationError, match=r"the reference was given up after .* use a shorter duration"):
         measure_work_precision(PAPER, 5.0)
 
 
 def test_a_run_that_plainly_takes_too_long_is_given_up_soon(monkeypatch: pytest.MonkeyPatch) -> None:
-    """On a clock that goes on by 1 s at every look, a fifth of the patience is over at the fifth step."""
+    """On a clock that goes on by 1 s at every look, half of the patience is over at the tenth step."""
     clock = count()
     monkeypatch.setattr("nonlinear.accuracy.candidates.perf_counter", lambda: float(next(clock)))
     far, near = (Question(PAPER, in_mode(1, 5.0), np.linspace(0.0, end, 11), patience=20.0) for end in (1e4, 0.1))
-    with pytest.raises(GivenUpError, match=r"given up after 5 s, at .* s of the motion"):
+    with pytest.raises(GivenUpError, match=r"given up after 11 s, at .* s of the motion"):
         Candidate("minimal", "RK45", 1e-6).prepare(far)()
     assert Candidate("minimal", "RK45", 1e-6).prepare(near)().times[-1] == 0.1
 

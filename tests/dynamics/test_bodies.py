@@ -33,7 +33,7 @@ from nonlinear.dynamics import (
 )
 from nonlinear.dynamics.compiled import Compiled
 from nonlinear.dynamics.recursion import RecursiveLink, downward, upward
-from nonlinear.integration import Pace, taylor
+from nonlinear.integration import TIGHTEST, Pace, taylor
 from nonlinear.integration.taylor import TaylorStepper
 from nonlinear.simulation import simulate
 from nonlinear.system import AppliedForces, State, system_of
@@ -277,7 +277,7 @@ def test_no_order_is_a_multiple_of_four() -> None:
     for tolerance in 10.0 ** np.linspace(-16, -3, 200):
         used = taylor.uneven(tolerance)
         assert np.ceil(1 - np.log(used) / 2) % 4
-        assert used == tolerance or used == taylor.TIGHTEST or 0.1 < used / tolerance <= 1
+        assert used in (tolerance, TIGHTEST) or 0.1 < used / tolerance <= 1
 
 
 def test_the_first_step() -> None:

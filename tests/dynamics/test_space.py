@@ -461,7 +461,7 @@ def test_a_run_in_floats_is_the_run_in_numpy(seed: int, monkeypatch: pytest.Monk
     how: dict[str, Any] = {"start": start, "load": push, "tolerance": 1e-8, "output": 23}
     how |= {"breaks": [1.0]} if push else {}
     written, watched = simulate(scene, 1.1, **how), simulate(scene, 1.1, events=[NEVER], **how)
-    monkeypatch.setattr(methods, "LARGEST", 0)
+    monkeypatch.setattr(methods, "FLOATS", 0)
     numbers = simulate(scene, 1.1, **how)
     assert [type(run.equations) for run in (written, watched, numbers)] == [Generated, Generated, Spatial]
     same = numbers.times < 1.0 if push else slice(None)  # floats keep the length of their steps over a break

@@ -15,7 +15,7 @@ from support.fresh import Process
 from modal import Bob, Pendulum, Scene, load
 from nonlinear.dynamics import compiled as kernels
 from nonlinear.integration import choose, readiness, taylor
-from nonlinear.integration.kernels import COMPILING, integrator
+from nonlinear.integration.kernels import COMPILING_SECONDS, integrator
 from nonlinear.integration.methods import offers
 from nonlinear.integration.readiness import (
     LINKING,
@@ -131,7 +131,7 @@ def test_runs_in_a_loop_come_to_take_the_kernel(process: Process, kept: bool) ->
     ((name, share),) = choice.forgone
     assert name == integrator().name
     assert 0.5 < share < 1
-    price = LOADING["numba"] + LINKING["numba"] + (0.0 if kept else COMPILING)
+    price = LOADING["numba"] + LINKING["numba"] + (0.0 if kept else COMPILING_SECONDS)
     lose(choice.forgone, 0.5 * price / share)
     assert not choose(CART, 10.0, 1e-9).compiled
     lose(choice.forgone, 0.5 * price / share)
@@ -186,7 +186,7 @@ def test_compiling_takes_as_long_as_it_took_here_last(process: Process, monkeypa
     process.ready()
     assert series("some equations").compiling == 6.0
     assert series("other equations", 5.0).compiling == 15.0
-    assert integrator().compiling == COMPILING
+    assert integrator().compiling == COMPILING_SECONDS
     assert replace(series("some equations"), package="numba").anew == LOADING["numba"] + 2.0
     for note in process.home.rglob("note_*"):
         note.write_bytes(note.read_bytes()[:-3])
@@ -210,7 +210,7 @@ def test_numba_keeps_the_integrator_where_it_is_looked_for(monkeypatch: pytest.M
 def test_compiling_is_shown_on_a_terminal(
     process: Process, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(readiness, "LATE", 0.0)
+    monkeypatch.setattr(readiness, "PROGRESS_DELAY", 0.0)
     for loaded, kept, terminal in (
         (False, False, True),
         (False, False, False),

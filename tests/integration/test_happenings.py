@@ -13,12 +13,12 @@ from modal import Bob, Cart, Pendulum, Scene, load
 from modal.scene import scene_from
 from nonlinear import Event, SimulationError, level_crossing, simulate, state_at_rest, system_of, turning_point
 from nonlinear.dynamics.compiling import available
-from nonlinear.integration import compiled
-from nonlinear.integration.driver import FIRST, MOST
+from nonlinear.integration import driver
 from nonlinear.integration.floats import FloatStepper
 from nonlinear.integration.method import EXTRA, STAGES
 from nonlinear.integration.methods import Choice
 from nonlinear.integration.run import Request
+from nonlinear.integration.steppers import STEPS_AT_ONCE
 from nonlinear.integration.within import Step
 from nonlinear.system import Motion
 
@@ -63,7 +63,7 @@ def test_compiled_steps_are_not_traced_again(monkeypatch: pytest.MonkeyPatch) ->
     monkeypatch.setattr(Request, "choice", lambda self, tolerance: Choice("minimal", "DOP853", True, ""))
     with uncompiled():
         plain, run = simulate(ONE, 10.0, **kwargs), simulate(ONE, 10.0, events=[event], **kwargs)
-        monkeypatch.setattr(compiled, "NUMBERS", 1000)
+        monkeypatch.setattr(driver, "STEPS_AT_ONCE", 8)
         parts = simulate(ONE, 10.0, events=[event], **kwargs)
     assert run.run.steps == plain.run.steps == usual.run.steps
     assert run.run.calls - plain.run.calls == (STAGES + 1 + EXTRA) * len(run.happenings)
@@ -107,7 +107,7 @@ def test_a_stop_that_never_comes_shows_many_steps_at_once_in_scenes_with_switche
     assert run.complete
     assert (run.run.steps, run.run.calls) == (plain.run.steps, plain.run.calls)
     assert len(run.kicks.time) > 40
-    assert sweeps[0] <= np.log2(MOST / FIRST) + run.run.steps / MOST + 2
+    assert sweeps[0] <= np.log2(STEPS_AT_ONCE / 4) + run.run.steps / STEPS_AT_ONCE + 2
 
 
 @pytest.mark.parametrize(("kind", "angle"), [("friction", -0.05), ("friction", 0.2), ("friction_coefficient", -0.1)])

@@ -79,7 +79,7 @@ def test_scenes_that_differ_in_numbers_alone_share_one_series(monkeypatch: pytes
 
 
 def test_only_so_many_series_are_kept(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(taylor, "MOST_KEPT", 2)
+    monkeypatch.setattr(taylor, "INTEGRATORS_MAX", 2)
     monkeypatch.setattr(readiness, "_ready", set())
     taylor._COMPILED.clear()
     for tolerance in (1e-3, 1e-6, 1e-9):

@@ -13,7 +13,7 @@ from nonlinear import AppliedForces, SimulationError, State, simulate, state_at_
 from nonlinear.accuracy import advice_table
 from nonlinear.dynamics import exactly_symmetric, is_unstable_equilibrium
 from nonlinear.integration import Request, aside, departure, perturb_last_digits
-from nonlinear.integration.twins import ASIDE, GONE
+from nonlinear.integration.twins import DEPARTURE_DISTANCE, TWIN_DISTANCE
 from nonlinear.postprocessing.summary import text
 from nonlinear.simulation import advise, certain
 from nonlinear.system import apart, of_plane
@@ -106,12 +106,12 @@ def test_the_growth_is_that_of_a_finer_run() -> None:
     run = simulate(scene, 8.0, start=start, output=21)
     growth = departure(run)
     assert growth is not None
-    begun = aside(system_of(scene), start, ASIDE)
+    begun = aside(system_of(scene), start, TWIN_DISTANCE)
     beside = simulate(scene, growth.seconds, start=begun, tolerance=1e-12, output=400)
     links = beside.motion.links.reshape(400, 2, 2)
     gone = np.abs(links[:, 0] - links[:, 1]).max(axis=1)
     assert growth.factor == pytest.approx(gone.max() / gone[0], rel=0.1)
-    assert growth.factor * gone[0] == pytest.approx(GONE, rel=0.01)
+    assert growth.factor * gone[0] == pytest.approx(DEPARTURE_DISTANCE, rel=0.01)
     assert growth.words in text(run)
 
 
@@ -137,7 +137,7 @@ def test_what_leaves_the_plane_of_the_rail_is_told() -> None:
 
 
 def test_a_stiff_twin_is_followed_for_a_while_only(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("nonlinear.integration.twins.STEPS", 20)
+    monkeypatch.setattr("nonlinear.integration.twins.TWIN_STEPS_MAX", 20)
     growth = departure(simulate(PAIR, 12.0, start=LEVEL))
     assert growth is not None
     assert 0.0 < growth.seconds < 3.0

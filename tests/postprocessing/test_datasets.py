@@ -78,6 +78,6 @@ def test_without_xarray_its_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> N
 
 def test_a_data_set_that_is_almost_empty_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("xarray")
-    monkeypatch.setattr(datasets, "MOST_NUMBERS", 71)
+    monkeypatch.setattr(datasets, "NUMBERS_MAX", 71)
     with pytest.raises(ComputationError, match="6 × 4 × 3"):
         uneven().to_xarray()

@@ -137,3 +137,10 @@ def test_accelerations_side_by_side_are_those_one_by_one() -> None:
         together, apart = layout.read(slopes), _one_by_one(run, run.motion)
         for part in ("links", "link_rates", "cart_rate", "support_rates"):
             np.testing.assert_allclose(getattr(together, part), getattr(apart, part), rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize(("aside", "pushes"), [(3e-9, True), (3e-10, False)])
+def test_a_push_that_is_rounding_is_none(aside: float, pushes: bool) -> None:
+    """Released so far above the horizontal, a bob is pushed by this part of its weight."""
+    start = state_at_rest(bob(), [90.0 + np.degrees(aside)])
+    assert bool(pushing_links(simulate(bob(), 0.1, start=start))) == pushes

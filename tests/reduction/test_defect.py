@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from math import inf
 
+import mpmath
 import numpy as np
 import pytest
 from scenes import minimal, motion_scene
@@ -13,8 +14,8 @@ from modal import Bob, Cart, Pendulum, Rod, Scene, load, matrices, natural_modes
 from nonlinear.accuracy.references import apart
 from nonlinear.dynamics import Mechanics
 from nonlinear.reduction import defect_error, residual_forces, rest_angles, start_in_mode, superpose
-from nonlinear.reduction.defect import SAFETY, StepResponse, running
-from nonlinear.reduction.two_planes import join, split
+from nonlinear.reduction.defect import DEFECT_SAFETY, StepResponse, running
+from nonlinear.reduction.two_planes import factors, join, split
 from nonlinear.simulation import simulate
 from nonlinear.system import Motion, State, of_plane, system_of, unit_vectors
 
@@ -57,7 +58,7 @@ def against_simulation(scene: Scene, start: State, duration: float) -> None:
         estimate, true = defect_error(form, duration), apart(form(run.times), run.motion).max()
         assert estimate is not None
         assert estimate.trustworthy
-        assert true < estimate.bounds[-1] == SAFETY * estimate.error
+        assert true < estimate.bounds[-1] == DEFECT_SAFETY * estimate.error
         assert true / estimate.error == pytest.approx(1.0, abs=0.15)
         assert true / estimate.bounds[-1] != pytest.approx(1.0, abs=0.15)
 
@@ -200,3 +201,23 @@ def test_a_standing_link_turns_to_the_same_side_in_space() -> None:
     assert np.abs(plane.cart - space.cart).max() < 1e-12
     along, _ = split(in_space(STANDING), of_plane(start))
     assert np.allclose([along.links, along.link_rates], [start.links, start.link_rates], atol=1e-14)
+
+
+def test_the_bound_of_a_closed_form_is_above_its_error_and_near_it() -> None:
+    start = State(np.radians([8.0, 5.0]), np.zeros(2))
+    scene = Scene(gravity=9.81, pendulum=(Pendulum(links=(Bob(mass=1.0, length=1.0, count=2),)),))
+    motion = superpose(scene, start, corrected=True)
+    estimate = defect_error(motion, 5.0)
+    assert estimate is not None
+    run = simulate(scene, 5.0, start=start, tolerance=1e-12)
+    error = np.abs(motion(run.times).links - run.motion.links).max()
+    assert 1.0 < estimate.bounds[-1] / error < 4.0
+
+
+def test_quotients_of_small_angles_keep_their_digits() -> None:
+    """Against mpmath, on either side of where series replace them."""
+    angles = np.geomspace(1e-4, 0.5, 200)
+    with mpmath.workdps(40):
+        exact = [(x * mpmath.cos(x) - mpmath.sin(x)) / x**3 for x in map(mpmath.mpf, angles.tolist())]
+        off = [abs(float(r / value - 1)) for r, value in zip(factors(angles)[1], exact, strict=True)]
+    assert max(off) < 4e-12
