@@ -52,7 +52,8 @@ from nonlinear.system import State, System, system_of
 BAND = 1.5  # ratio of neighbouring frequencies above which they belong to different bands
 ORDER = 6
 MOST, MOST_BANDS = 400, 4
-CHUNK = 2_000_000
+ARRAY_ENTRIES = 2_000_000
+"""Cost: entries of the arrays of what is computed at once; benchmarks/simulation.py."""
 STEP = 1e-6
 TURNS, FAR = 3, 4.0  # iterations for the rate of a band, and its largest ratio to the mean frequency
 NEAR = 0.05  # detuning over 9Ω² below which a resonance is smoothed
@@ -169,7 +170,7 @@ class AveragedEquations(Displayed):
         columns = z.reshape(len(z), -1)
         pace = np.broadcast_to(turning.reshape(len(turning), -1), (len(turning), columns.shape[1]))
         active_columns = np.ones(columns.shape, dtype=bool) if active is None else active.reshape(columns.shape)
-        step = max(1, CHUNK // (self._phases.shape[1] * len(self.shapes)))
+        step = max(1, ARRAY_ENTRIES // (self._phases.shape[1] * len(self.shapes)))
         if step >= columns.shape[1]:
             return self._rates(columns, pace, active_columns, kicking, sliding).reshape(z.shape)
         chunks = [slice(start, start + step) for start in range(0, columns.shape[1], step)]

@@ -27,7 +27,10 @@ from nonlinear.averaging.symmetry import count_copies, exchange, kinds, order_of
 
 FAINT = 1e-3  # fraction of the largest amplitude below which a band counts as at rest
 LEAP = 0.1  # largest Newton step over the largest amplitude: nearly neutral families would cause long ones
-NEWTON, DONE, FREE = 40, 1e-10, 1e-8  # FREE: of ω; slower rates belong to a continuous family of states
+NEWTON_ROUNDS_MAX = 40
+"""Limit: rounds of Newton's method with a limited step, after which nothing is found."""
+DONE = 1e-10
+FREE = 1e-8  # of ω; slower rates belong to a continuous family of states
 GONE = 1e-9  # fraction of the initial amplitudes below which a motion has died out
 FLAT = 1e-4  # fraction of the recovery rate below which an eigenvalue is taken as 0
 WITHIN = 1e-2  # energy outside its row, as a fraction, up to which a motion stays in that row
@@ -157,7 +160,7 @@ def relative_equilibrium(equations: AveragedEquations, z: Complexes) -> Relative
     active = np.isin(equations.band, bands)
     z = np.where(active, z, 0.0)
     turning, threshold = equations.turning(z), GONE * np.abs(z).max()
-    for _ in range(NEWTON):
+    for _ in range(NEWTON_ROUNDS_MAX):
         flow, slope = _linearize(equations, z, turning, bands)
         residual = np.where(active, flow, 0.0)
         if not np.all(np.isfinite(residual)):

@@ -41,7 +41,8 @@ UPRIGHT = {"heave": (0,), "platform": (1,)}  # coordinates that a mirror image l
 MIXED = 1e-8  # of what a sector does, that may be in another one by rounding
 TRIALS, SEED = 3, 7
 SETTLINGS, MORE = 6, 2.0  # stretches of slow flow before Newton's method is given up, and how much longer each is
-FAINT = 1e-3  # rad, below which a motion has died out
+MOTION_ANGLE_MIN = 1e-3
+"""Limit: largest angle (rad) below which a motion "dies out"."""
 WIDE = 0.3  # rad, or in natural units: the size of the trials
 
 
@@ -245,7 +246,7 @@ def averaged_pattern(pattern: Pattern, near_by: AveragedPattern | None = None) -
         raise ComputationError(f"the motion {pattern.name} dies out: its losses exceed what the drives feed")
     for z in _starts(pattern, first, near_by):
         state = relative_equilibrium(first, z)
-        if state is not None and first.largest(state.z) > FAINT:
+        if state is not None and first.largest(state.z) > MOTION_ANGLE_MIN:
             return AveragedPattern(pattern, state, tuple(_block(state, equations) for equations in sector_equations))
     raise ComputationError(f"no steady motion {pattern.name} was found")
 
