@@ -117,14 +117,13 @@ def _pattern(
     means, within = _means(populations, system)
     sign = -1.0 if name == ANTIPHASE else 1.0
     supports = np.eye(system.first + system.n_links)[:, : system.first]
-    bases = [basis for basis in within if basis.size]
-    inside = [
-        Sector(f"within population {number}" if len(bases) > 1 else WITHIN, basis)
-        for number, basis in enumerate(bases, start=1)
-    ]
+    inside = [Sector(WITHIN, basis) for basis in within if basis.size]
+    numbered = inside
+    if len(inside) > 1:
+        numbered = [replace(sector, name=f"within population {k}") for k, sector in enumerate(inside, start=1)]
     basis = np.hstack((supports, *means))
     lead = np.sum([sign**k * mean[:, 0] for k, mean in enumerate(means)], axis=0)
-    common = Pattern(name, scene, representative_scene, populations, system, lead, (Sector(COMMON, basis), *inside))
+    common = Pattern(name, scene, representative_scene, populations, system, lead, (Sector(COMMON, basis), *numbered))
     if len(populations) == 1:
         return replace(common, sectors=(Sector(OWN, basis), *inside))
     G = _exchange(populations, system, means, sign)
