@@ -43,7 +43,7 @@ from nonlinear.sweeps import COMPUTATIONS, Study, Sweep, open_checkpoint, parse_
 from nonlinear.sweeps import files as sweep_files
 from nonlinear.sweeps.measures import RequestedMeasure
 from nonlinear.sweeps.running import DIED
-from nonlinear.sweeps.study import MOST_POINTS, Row
+from nonlinear.sweeps.study import POINTS_MAX, Row
 
 PAPER = load("paper-cart-2")
 G = 9.81
@@ -340,7 +340,7 @@ def test_what_cannot_be_a_study() -> None:
     for texts, words in [
         ([], "1 to 3 variations"),
         (["gravity=1", "support.mass=1", "support.damping=1", "support.stiffness=1"], "1 to 3 variations"),
-        (thousand, f"at most {MOST_POINTS}"),
+        (thousand, f"at most {POINTS_MAX}"),
         (["gravity=1:2:2", "gravity=1:2:2"], "gravity: is varied twice"),
         (["pendulum[*].count=1", "pendulum[1].count=1"], r"pendulum\[1\].count: is varied twice"),
     ]:
